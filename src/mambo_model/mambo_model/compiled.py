@@ -1,0 +1,54 @@
+"""One compiler setting for every numerical function, and a cache that cannot go stale."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import hashlib
+import os
+from pathlib import Path
+from typing import TypeVar
+
+F = TypeVar('F', bound=Callable)
+
+
+def _source_digest() -> str:
+    """
+    Return a short digest of the numerical sources of every installed ``mambo_*`` package.
+
+    numba invalidates a cached function when its own file changes, not when a function that
+    it calls in another file does. A cache folder named after all sources closes that gap.
+    """
+    import importlib.util
+    digest = hashlib.sha256()
+    for name in ('mambo_model', 'mambo_sim', 'mambo_estimation', 'mambo_control',
+                 'mambo_analysis'):
+        spec = importlib.util.find_spec(name)
+        if spec is None or spec.origin is None:
+            continue
+        for path in sorted(Path(spec.origin).parent.rglob('*.py')):
+            if not path.stem.endswith('_node'):
+                digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _cache_root() -> Path:
+    """Return the folder for compiled code: MAMBO_CACHE_DIR, else the user's cache folder."""
+    root = os.environ.get('MAMBO_CACHE_DIR')
+    if root:
+        return Path(root)
+    return Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache') / 'mambo'
+
+
+os.environ.setdefault('NUMBA_CACHE_DIR', str(_cache_root() / f'numba-{_source_digest()}'))
+
+import numba  # noqa: E402 (reads NUMBA_CACHE_DIR while it is imported)
+
+
+def jit(function: F) -> F:
+    """
+    Compile a pure numerical function: cached on disk, IEEE arithmetic (no fastmath).
+
+    Every caller (node, replay, closed loop, Monte Carlo) runs the same compiled code, hence
+    gets the same bits.
+    """
+    return numba.njit(cache=True, error_model='numpy')(function)

@@ -1,0 +1,103 @@
+"""Rigid-body dynamics (3.3), which without drag are (3.1), and their integration."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from .aerodynamics import lumped_drag
+from .compiled import jit
+from .quaternion import (
+    derivative as quaternion_derivative, normalise, Quat, rotate, rotate_inverse)
+from .vector import add, cross, mul, scale, sub, Vec3
+from .vehicle import VehicleValues
+
+
+class State(NamedTuple):
+    """State of the vehicle, or the time derivative of one (every unit divided by s)."""
+
+    rho: Vec3    # (3,) m, inertial NED, position
+    nu: Vec3     # (3,) m/s, body FRD, velocity
+    q: Quat      # (4,) w x y z, body to inertial, unit
+    omega: Vec3  # (3,) rad/s, body FRD, angular velocity
+
+
+@jit
+def derivative(
+    state: State, f: float, tau: Vec3, F_D: Vec3, tau_D: Vec3, vv: VehicleValues,
+) -> State:
+    r"""
+    Return the time derivative of the state (3.3a)-(3.3d).
+
+    .. math:: \dot\rho = q \odot \nu, \quad
+              \dot\nu = -\omega \times \nu + g q^* \odot e_3 - \frac{f}{m} e_3 + \frac{F_D}{m}
+    .. math:: \dot q = \tfrac12 q \otimes \omega, \quad
+              J \dot\omega = (J \omega) \times \omega + \tau + \tau_D
+
+    Parameters
+    ----------
+    state
+        Where to evaluate.
+    f : N
+        Total thrust along -b3.
+    tau, tau_D : (3,) N m, body FRD
+        Torque of the rotors and of the air.
+    F_D : (3,) N, body FRD
+        Force of the air besides thrust.
+    vv
+        Mass, inertia, gravity.
+
+    """
+    weight = rotate_inverse(state.q, (0.0, 0.0, vv.gravity))
+    force = (F_D[0], F_D[1], F_D[2] - f)
+    nu_dot = add(sub(weight, cross(state.omega, state.nu)), scale(1.0 / vv.mass, force))
+    J = vv.inertia
+    torque = add(cross(mul(J, state.omega), state.omega), add(tau, tau_D))
+    return State(
+        rotate(state.q, state.nu), nu_dot, quaternion_derivative(state.q, state.omega),
+        (torque[0] / J[0], torque[1] / J[1], torque[2] / J[2]))
+
+
+@jit
+def add_scaled(state: State, rate: State, h: float) -> State:
+    """Return state + h * rate, element by element; q is not normalised."""
+    q, q_dot = state.q, rate.q
+    return State(
+        add(state.rho, scale(h, rate.rho)), add(state.nu, scale(h, rate.nu)),
+        (q[0] + h * q_dot[0], q[1] + h * q_dot[1], q[2] + h * q_dot[2], q[3] + h * q_dot[3]),
+        add(state.omega, scale(h, rate.omega)))
+
+
+@jit
+def _stage(state: State, f: float, tau: Vec3, vv: VehicleValues) -> State:
+    """Return the derivative with the drag of this state."""
+    return derivative(state, f, tau, lumped_drag(state.nu, f, vv), (0.0, 0.0, 0.0), vv)
+
+
+@jit
+def rk4_step(state: State, f: float, tau: Vec3, h: float, vv: VehicleValues) -> State:
+    """
+    Advance (3.3) by h seconds with the classical Runge-Kutta method, thrust and torque held.
+
+    Drag is evaluated at every stage; q is normalised after the step. Global error O(h^4).
+
+    Parameters
+    ----------
+    state
+        At the start of the step.
+    f, tau : N, (3,) N m body FRD
+        Total thrust along -b3 and torque.
+    h : s
+        Length of the step.
+    vv
+        The vehicle.
+
+    """
+    k1 = _stage(state, f, tau, vv)
+    k2 = _stage(add_scaled(state, k1, 0.5 * h), f, tau, vv)
+    k3 = _stage(add_scaled(state, k2, 0.5 * h), f, tau, vv)
+    k4 = _stage(add_scaled(state, k3, h), f, tau, vv)
+    end = add_scaled(state, k1, h / 6.0)
+    end = add_scaled(end, k2, h / 3.0)
+    end = add_scaled(end, k3, h / 3.0)
+    end = add_scaled(end, k4, h / 6.0)
+    return State(end.rho, end.nu, normalise(end.q), end.omega)

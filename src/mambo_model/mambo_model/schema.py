@@ -1,0 +1,205 @@
+"""
+Parameters that carry their own unit, range and source (no ROS here).
+
+A component's parameters are a frozen dataclass whose fields are made by :func:`quantity`,
+:func:`choice`, :func:`flag`, :func:`text` or :func:`group`. The same declaration becomes ROS
+parameters (``mambo_ros.params``), sections of a scenario file and, through
+:func:`values`, the NamedTuple that compiled code reads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+import dataclasses
+import difflib
+import math
+from typing import Any, TypeVar
+
+P = TypeVar('P')
+
+
+def quantity(default: Any, unit: str, low: float, high: float, source: str) -> Any:
+    """
+    Declare a number (float or int, by its default) or a tuple of floats.
+
+    ``low`` and ``high`` bound the closed valid range, of every element for a tuple.
+    """
+    return dataclasses.field(
+        default=default,
+        metadata={'unit': unit, 'low': low, 'high': high, 'source': source})
+
+
+def choice(default: str, options: tuple[str, ...], source: str) -> Any:
+    """Declare a name out of ``options``; compiled code sees its index."""
+    return dataclasses.field(default=default, metadata={'options': options, 'source': source})
+
+
+def flag(default: bool, source: str) -> Any:
+    """Declare a switch."""
+    return dataclasses.field(default=default, metadata={'flag': True, 'source': source})
+
+
+def text(default: str, source: str) -> Any:
+    """Declare free text, a path or a name; compiled code does not see it."""
+    return dataclasses.field(default=default, metadata={'text': True, 'source': source})
+
+
+def group(params_type: type) -> Any:
+    """Nest another parameter dataclass."""
+    return dataclasses.field(default_factory=params_type, metadata={'group': params_type})
+
+
+class ParameterError(ValueError):
+    """A parameter is unknown, of a wrong type or out of its range; the text names it."""
+
+
+def unknown(name: str, known: Iterable[str]) -> str:
+    """Return what to say of an unknown name: the names it may have meant, or all of them."""
+    known = sorted(known)
+    close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+    if close:
+        return f"{name}: unknown parameter; did you mean {', '.join(close)}?"
+    return f"{name}: unknown parameter; known: {', '.join(known)}"
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _check_field(owner: str, field: dataclasses.Field, value: Any) -> None:
+    meta, name = field.metadata, f'{owner}.{field.name}'
+    if 'options' in meta:
+        if value not in meta['options']:
+            raise ParameterError(f"{name} = {value!r} is not one of {', '.join(meta['options'])}")
+    elif 'flag' in meta:
+        if not isinstance(value, bool):
+            raise ParameterError(f'{name} = {value!r} must be true or false')
+    elif 'text' in meta:
+        if not isinstance(value, str):
+            raise ParameterError(f'{name} = {value!r} must be text')
+    elif 'unit' in meta:
+        default = field.default
+        elements = value if isinstance(default, tuple) else (value,)
+        if isinstance(default, tuple) and (
+                not isinstance(value, tuple) or len(value) != len(default)):
+            raise ParameterError(f'{name} = {value!r} must be {len(default)} numbers')
+        for element in elements:
+            if not _is_number(element) or (
+                    isinstance(default, int) and not isinstance(element, int)):
+                kind = 'a whole number' if isinstance(default, int) else 'a number'
+                raise ParameterError(f'{name} = {value!r} must be {kind}')
+            if not (math.isfinite(element) and meta['low'] <= element <= meta['high']):
+                raise ParameterError(
+                    f'{name} = {value!r} {meta["unit"]} is outside '
+                    f'[{meta["low"]:g}, {meta["high"]:g}]')
+
+
+def check(params: Any) -> None:
+    """
+    Check every field; call it from ``__post_init__``.
+
+    Raises
+    ------
+    ParameterError
+        Naming the field, its value, unit and range.
+
+    """
+    for field in dataclasses.fields(params):
+        if 'group' not in field.metadata:
+            _check_field(type(params).__name__, field, getattr(params, field.name))
+
+
+def walk(params_type: type, prefix: str = '') -> Iterator[tuple[str, dataclasses.Field]]:
+    """Yield (dotted name, field) of every leaf parameter of a dataclass type."""
+    for field in dataclasses.fields(params_type):
+        if 'group' in field.metadata:
+            yield from walk(field.metadata['group'], f'{prefix}{field.name}.')
+        else:
+            yield prefix + field.name, field
+
+
+def flatten(params: Any, prefix: str = '') -> dict[str, Any]:
+    """Return {dotted name: value} of every leaf parameter."""
+    out: dict[str, Any] = {}
+    for field in dataclasses.fields(params):
+        value = getattr(params, field.name)
+        if 'group' in field.metadata:
+            out.update(flatten(value, f'{prefix}{field.name}.'))
+        else:
+            out[prefix + field.name] = value
+    return out
+
+
+def build(params_type: type[P], values: Mapping[str, Any], where: str = '') -> P:
+    """
+    Fill a parameter dataclass from a nested mapping, missing keys keeping their defaults.
+
+    Parameters
+    ----------
+    params_type
+        Dataclass declared with this module.
+    values
+        Nested mapping, or flat with dotted names; lists stand for tuples.
+    where
+        Said in front of an error: the file or section the values came from.
+
+    Raises
+    ------
+    ParameterError
+        For an unknown key (with the known ones), a wrong type or a value out of range.
+
+    """
+    nested: dict[str, Any] = {}
+    for key, value in values.items():
+        head, _, tail = str(key).partition('.')
+        new, old = {tail: value} if tail else value, nested.get(head, {})
+        if head in nested and not (isinstance(new, Mapping) and isinstance(old, Mapping)):
+            section = new if isinstance(old, Mapping) else old
+            raise ParameterError(f'{where}{head} = {section!r} must be a section of parameters')
+        nested[head] = {**old, **new} if isinstance(new, Mapping) else new
+    fields = {field.name: field for field in dataclasses.fields(params_type)}
+    filled: dict[str, Any] = {}
+    for key, value in nested.items():
+        name = f'{where}{key}'
+        if key not in fields:
+            raise ParameterError(f'{where}{unknown(key, fields)}')
+        field = fields[key]
+        if 'group' in field.metadata:
+            if not isinstance(value, Mapping):
+                raise ParameterError(f'{name} = {value!r} must be a section of parameters')
+            filled[key] = build(field.metadata['group'], value, f'{name}.')
+            continue
+        if isinstance(value, list):
+            value = tuple(value)
+        if isinstance(field.default, float) and _is_number(value):
+            value = float(value)
+        elif isinstance(field.default, tuple) and isinstance(value, tuple) and all(
+                map(_is_number, value)):
+            value = tuple(float(element) for element in value)
+        filled[key] = value
+    try:
+        return params_type(**filled)
+    except ParameterError as error:
+        raise ParameterError(f'{where.rstrip(".: ")}: {error}' if where else str(error)) from None
+
+
+def values(params: Any, names: tuple[str, ...]) -> tuple:
+    """
+    Return the named fields as compiled code wants them, in the order of ``names``.
+
+    Names out of a :func:`choice` become their index, switches stay bool, numbers get the type of
+    their default, so that a whole number given for a float compiles nothing anew.
+    """
+    out = []
+    fields = {field.name: field for field in dataclasses.fields(params)}
+    for name in names:
+        value, default = getattr(params, name), fields[name].default
+        options = fields[name].metadata.get('options')
+        if options:
+            value = options.index(value)
+        elif isinstance(default, float):
+            value = float(value)
+        elif isinstance(default, tuple):
+            value = tuple(float(element) for element in value)
+        out.append(value)
+    return tuple(out)

@@ -1,0 +1,100 @@
+"""One function, one result, called alone or inside a compiled loop; a cache that follows."""
+
+import os
+from pathlib import Path
+import shutil
+import struct
+import subprocess
+import sys
+
+from mambo_model import compiled, rigid_body, rotor, trajectory
+from mambo_model.compiled import jit
+from mambo_model.quaternion import to_euler
+from mambo_model.rigid_body import State
+from mambo_model.vehicle import Vehicle
+import pytest
+
+START = State((0.0, 0.0, 0.0), (0.1, -0.2, 0.0), (1.0, 0.0, 0.0, 0.0), (0.3, -0.2, 0.1))
+
+
+@jit
+def one_step(state, t, plan, vv):
+    """Fly the reference's thrust and torque for one step: the whole package in one function."""
+    ref, phase = trajectory.reference_step(t, plan, vv.mass, vv.inertia, vv.gravity)
+    phi, theta, psi = to_euler(state.q)
+    tau = (ref.tau[0] - 1e-4 * phi, ref.tau[1] - 1e-4 * theta, ref.tau[2] - 1e-4 * psi)
+    T1, T2, T3, T4 = rotor.allocate(ref.f, tau, vv)
+    thrust = (
+        rotor.thrust_from_pwm(rotor.limit_pwm(rotor.pwm_from_thrust(T1, vv), vv), vv),
+        rotor.thrust_from_pwm(rotor.limit_pwm(rotor.pwm_from_thrust(T2, vv), vv), vv),
+        rotor.thrust_from_pwm(rotor.limit_pwm(rotor.pwm_from_thrust(T3, vv), vv), vv),
+        rotor.thrust_from_pwm(rotor.limit_pwm(rotor.pwm_from_thrust(T4, vv), vv), vv))
+    f, torque = rotor.mix(thrust, vv)
+    return rigid_body.rk4_step(state, f, torque, 0.005, vv)
+
+
+@jit
+def whole_flight(state, steps, plan, vv):
+    for k in range(steps):
+        state = one_step(state, 0.005 * k, plan, vv)
+    return state
+
+
+def flight_call_by_call(state, steps, plan, vv):
+    for k in range(steps):
+        t = 0.005 * k
+        ref, _ = trajectory.reference_step(t, plan, vv.mass, vv.inertia, vv.gravity)
+        euler = to_euler(state.q)
+        tau = tuple(ref.tau[i] - 1e-4 * euler[i] for i in range(3))
+        pwm = [
+            rotor.limit_pwm(rotor.pwm_from_thrust(T, vv), vv)
+            for T in rotor.allocate(ref.f, tau, vv)]
+        f, torque = rotor.mix(tuple(rotor.thrust_from_pwm(x, vv) for x in pwm), vv)
+        state = rigid_body.rk4_step(state, f, torque, 0.005, vv)
+    return state
+
+
+def bits(state):
+    numbers = [x for vector in state for x in vector]
+    return struct.pack(f'{len(numbers)}d', *numbers)
+
+
+@pytest.mark.parametrize('name', ['figure_3_3', 'circle_fast', 'hand_loop', 'ramp'])
+def test_a_compiled_flight_has_the_bits_of_one_flown_call_by_call(name):
+    plan = trajectory.FlightPlanParams(trajectory=name, landing_time=10.0).values()
+    vv = Vehicle().values()
+    alone, inside = flight_call_by_call(START, 3400, plan, vv), whole_flight(START, 3400, plan, vv)
+    assert bits(inside) == bits(alone)
+    assert bits(inside) != bits(START)
+
+
+def test_whole_numbers_as_parameters_compile_nothing_anew():
+    trajectory.reference_at(1.0, trajectory.FlightPlanParams(), Vehicle())
+    known = len(trajectory.reference_step.signatures)
+    trajectory.reference_at(
+        1, trajectory.FlightPlanParams(start_time=6, scale_rate=1, landing_time=20),
+        Vehicle(drag_coefficient=0))
+    assert len(trajectory.reference_step.signatures) == known
+
+
+def cache_folder(packages, cache):
+    """Return where a new process with these packages keeps its compiled code."""
+    env = {k: v for k, v in os.environ.items() if k != 'NUMBA_CACHE_DIR'}
+    env.update(MAMBO_CACHE_DIR=str(cache), PYTHONPATH=os.pathsep.join(
+        [str(packages), *filter(None, [env.get('PYTHONPATH')])]))
+    code = 'import os, mambo_model.compiled; print(os.environ["NUMBA_CACHE_DIR"])'
+    return subprocess.run(
+        [sys.executable, '-c', code], env=env, check=True, capture_output=True,
+        text=True).stdout.strip()
+
+
+def test_compiled_code_is_kept_where_asked_and_a_changed_source_starts_afresh(tmp_path):
+    source = Path(compiled.__file__).parent
+    for copy in ('same', 'again', 'changed'):
+        shutil.copytree(source, tmp_path / copy / 'mambo_model')
+    with (tmp_path / 'changed' / 'mambo_model' / 'vector.py').open('a') as file:
+        file.write('# one line more\n')
+    same, again, changed = (
+        cache_folder(tmp_path / copy, tmp_path) for copy in ('same', 'again', 'changed'))
+    assert same == again != changed
+    assert same.startswith(f'{tmp_path}{os.sep}numba-')
