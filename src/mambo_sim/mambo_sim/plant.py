@@ -1,0 +1,286 @@
+"""
+The vehicle as it moves: motors, rigid body with drag (3.3) and a flat floor, on a fixed grid.
+
+The motor command is held over a control step; within it (3.3) is integrated with the classical
+Runge-Kutta method. The floor is the plane rho_z = 0 of the inertial NED frame, so that the height
+of the vehicle is h = -rho_z. It supports and stops, it never pushes up: no spring, no jitter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+from mambo_model.aerodynamics import lumped_drag
+from mambo_model.compiled import jit
+from mambo_model.quaternion import (
+    exp_map, from_euler, multiply, normalise, Quat, rotate, rotate_inverse)
+from mambo_model.rigid_body import rk4_step, State
+from mambo_model.rotor import Four, limit_pwm, mix, thrust_from_pwm
+from mambo_model.schema import check, flag, ParameterError, quantity
+from mambo_model.vector import add, norm, scale, sub, Vec3
+from mambo_model.vehicle import VehicleValues
+
+CONTROL_RATE = 200      # Hz, rate at which the motor command changes
+
+FRICTION = 0.6          # Coulomb coefficient of the floor: plastic feet on a hall floor, assumed
+CONTACT_TIME = 0.02     # s, over which feet and airframe spread the blow of a landing, assumed
+RIGHTING_TIME = 0.05    # s, in which a tilted vehicle settles on its feet, assumed
+TIP_OVER = 0.5          # cosine of the tilt beyond which it does not: it lies as it fell
+LEVEL = 1e-4            # sine of the tilt taken for level
+
+_ZERO: Vec3 = (0.0, 0.0, 0.0)
+
+
+class PlantValues(NamedTuple):
+    """A :class:`PlantParams` as compiled code reads it."""
+
+    substeps: int
+    ground: bool
+
+
+class PlantState(NamedTuple):
+    """Everything the plant remembers."""
+
+    body: State
+    thrust: Four  # (4,) N, motors 1 to 4
+    jolt: Vec3    # (3,) m/s^2, body FRD, what the accelerometer still feels of a touch-down
+
+
+@dataclass(frozen=True)
+class PlantParams:
+    """How finely the plant is integrated, whether there is a floor, where the vehicle starts."""
+
+    physics_rate: int = quantity(
+        1000, 'Hz', CONTROL_RATE, 10000, 'design choice: a multiple of the control rate of 200 Hz')
+    ground: bool = flag(True, 'design choice: a floor at rho_z = 0')
+    initial_position: Vec3 = quantity(
+        (0.0, 0.0, 0.0), 'm', -1000.0, 1000.0, 'inertial NED; (3.32a)')
+    initial_euler: Vec3 = quantity(
+        (0.0, 0.0, 0.0), 'rad', -math.pi, math.pi, 'roll, pitch, yaw (2.4); (3.32b)')
+
+    def __post_init__(self) -> None:
+        check(self)
+        if self.physics_rate % CONTROL_RATE:
+            raise ParameterError(
+                f'PlantParams.physics_rate = {self.physics_rate} Hz must be a multiple of '
+                f'{CONTROL_RATE} Hz')
+        if self.ground and self.initial_position[2] > 0.0:
+            raise ParameterError(
+                f'PlantParams.initial_position = {self.initial_position} m is below the floor '
+                'at rho_z = 0: make its third number 0 or negative, or switch ground off')
+
+    def values(self) -> PlantValues:
+        """Return what compiled code reads: steps of the physics in a control step, floor."""
+        return PlantValues(self.physics_rate // CONTROL_RATE, self.ground)
+
+
+def initial(params: PlantParams) -> PlantState:
+    """Return the vehicle at rest at its initial position and attitude, motors stopped (3.32)."""
+    phi, theta, psi = map(float, params.initial_euler)
+    x, y, z = map(float, params.initial_position)
+    body = State((x, y, z), _ZERO, from_euler(phi, theta, psi), _ZERO)
+    return PlantState(body, (0.0, 0.0, 0.0, 0.0), _ZERO)
+
+
+@jit
+def _motor_target(pwm: float, vv: VehicleValues) -> float:
+    """Return the thrust in N one motor tends to; 0, negative and NaN commands stop it."""
+    if not pwm > 0.0:
+        return 0.0
+    return thrust_from_pwm(limit_pwm(pwm, vv), vv)
+
+
+@jit
+def _blend(target: Four, start: Four, weight: float) -> Four:
+    """Return target + weight (start - target), (4,)."""
+    return (
+        target[0] + weight * (start[0] - target[0]), target[1] + weight * (start[1] - target[1]),
+        target[2] + weight * (start[2] - target[2]), target[3] + weight * (start[3] - target[3]))
+
+
+@jit
+def _lag(h: float, time_constant: float) -> tuple[float, float]:
+    """Return the share of a deviation that a lag leaves after h s, and its mean over them."""
+    if time_constant > 0.0:
+        left = math.exp(-h / time_constant)
+        return left, (1.0 - left) * time_constant / h
+    return 0.0, 0.0
+
+
+@jit
+def _free_acceleration(body: State, f: float, vv: VehicleValues) -> Vec3:
+    """Return the acceleration without a floor, (3,) m/s^2 inertial, at a thrust of f N (3.1b)."""
+    drag = lumped_drag(body.nu, f, vv)
+    force = rotate(body.q, (drag[0], drag[1], drag[2] - f))
+    return add((0.0, 0.0, vv.gravity), scale(1.0 / vv.mass, force))
+
+
+@jit
+def _supported(body: State, velocity: Vec3, acceleration: Vec3) -> bool:
+    """
+    Return whether the floor carries the vehicle: it is on it and would go through it.
+
+    Velocity in m/s and acceleration without a floor in m/s^2 are inertial NED. The tolerance of
+    1e-9 m/s is for rounding between body and inertial axes.
+    """
+    return body.rho[2] >= 0.0 and velocity[2] >= -1e-9 and acceleration[2] >= 0.0
+
+
+@jit
+def _slow_down(velocity: Vec3, drop: float) -> Vec3:
+    """Return the horizontal part of a velocity, (3,) m/s, its length less by drop, 0 at least."""
+    speed = math.hypot(velocity[0], velocity[1])
+    if speed <= drop:
+        return (0.0, 0.0, 0.0)
+    left = 1.0 - drop / speed
+    return (left * velocity[0], left * velocity[1], 0.0)
+
+
+@jit
+def _settle(q: Quat, h: float) -> tuple[Quat, Vec3]:
+    """
+    Return attitude after h s on the floor, and the body rate, (3,) rad/s, at which it turned.
+
+    The tilt decays with ``RIGHTING_TIME``; a vehicle beyond ``TIP_OVER`` stays as it lies.
+    """
+    down = rotate_inverse(q, (0.0, 0.0, 1.0))  # e3 in body axes: where b3 has to go
+    if down[2] < TIP_OVER or (down[0] == 0.0 and down[1] == 0.0):
+        return q, (0.0, 0.0, 0.0)
+    if abs(down[0]) < LEVEL and abs(down[1]) < LEVEL:
+        return normalise((q[0], 0.0, 0.0, q[3])), (0.0, 0.0, 0.0)
+    omega = (-down[1] / RIGHTING_TIME, down[0] / RIGHTING_TIME, 0.0)
+    return normalise(multiply(q, exp_map(scale(h, omega)))), omega
+
+
+@jit
+def _rest(body: State, velocity: Vec3, acceleration: Vec3, h: float) -> State:
+    """Advance a vehicle that the floor carries by h s: Coulomb friction, settling on its feet."""
+    pushed = add(velocity, scale(h, acceleration))
+    moved = _slow_down(pushed, FRICTION * acceleration[2] * h)
+    q, omega = _settle(body.q, h)
+    rho = (body.rho[0] + h * moved[0], body.rho[1] + h * moved[1], 0.0)
+    return State(rho, rotate_inverse(q, moved), q, omega)
+
+
+@jit
+def _touch_down(body: State) -> tuple[State, Vec3]:
+    """
+    Return the state after an inelastic blow of the floor, and the change of velocity.
+
+    The part of the velocity into the floor is lost, of the part along it as much as friction
+    takes during the blow. Change of velocity: (3,) m/s, inertial NED.
+    """
+    velocity = rotate(body.q, body.nu)
+    after = velocity
+    if velocity[2] > 0.0:
+        after = _slow_down(velocity, FRICTION * velocity[2])
+    rho = (body.rho[0], body.rho[1], 0.0)
+    return (
+        State(rho, rotate_inverse(body.q, after), body.q, body.omega), sub(after, velocity))
+
+
+@jit
+def _fade(jolt: Vec3, blow: Vec3, q: Quat, dt: float) -> Vec3:
+    """
+    Return what is felt of blows in the next control step, (3,) m/s^2, body FRD.
+
+    Blow: change of velocity in this step, (3,) m/s, inertial NED. Summed over time it is felt in
+    full, spread over ``CONTACT_TIME``.
+    """
+    share = min(1.0, dt / CONTACT_TIME)
+    felt = add(scale(1.0 - share, jolt), scale(share / dt, rotate_inverse(q, blow)))
+    if norm(felt) < 1e-9:
+        return (0.0, 0.0, 0.0)
+    return felt
+
+
+@jit
+def advance(
+    state: PlantState, pwm: Four, dt: float, substeps: int, vv: VehicleValues, ground: bool,
+) -> PlantState:
+    """
+    Advance the plant by one control step, the motor command held.
+
+    Thrust follows the command by a first-order lag, solved exactly; within a step of the physics
+    the body feels its mean. With the floor, the vehicle rests on it, slides to a stop, settles
+    on its feet and takes off when its thrust exceeds its weight.
+
+    Parameters
+    ----------
+    state
+        At the start of the step.
+    pwm : (4,) PWM, motors 1 to 4
+        Cut to the limits of the vehicle; 0, a negative number or NaN stops the motor.
+    dt : s
+        Length of the step, > 0.
+    substeps
+        Runge-Kutta steps in it, >= 1.
+    vv
+        The true vehicle.
+    ground
+        Whether there is a floor at rho_z = 0.
+
+    """
+    h = dt / substeps
+    target = (
+        _motor_target(pwm[0], vv), _motor_target(pwm[1], vv),
+        _motor_target(pwm[2], vv), _motor_target(pwm[3], vv))
+    at_end, on_average = _lag(h, vv.motor_time_constant)
+    body, thrust, blow = state.body, state.thrust, (0.0, 0.0, 0.0)
+    for _ in range(substeps):
+        f, tau = mix(_blend(target, thrust, on_average), vv)
+        thrust = _blend(target, thrust, at_end)
+        if ground and body.rho[2] >= 0.0:
+            velocity, acceleration = rotate(body.q, body.nu), _free_acceleration(body, f, vv)
+            if _supported(body, velocity, acceleration):
+                body = _rest(body, velocity, acceleration, h)
+                continue
+        body = rk4_step(body, f, tau, h, vv)
+        if ground and body.rho[2] > 0.0:
+            body, change = _touch_down(body)
+            blow = add(blow, change)
+    return PlantState(body, thrust, _fade(state.jolt, blow, body.q, dt))
+
+
+@jit
+def specific_force(state: PlantState, vv: VehicleValues, ground: bool) -> Vec3:
+    """
+    Return the acceleration besides gravity, (3,) m/s^2, body FRD: what an accelerometer feels.
+
+    ``(F_D - f e3)/m`` in the air, plus the reaction of the floor on it: (0, 0, -g) at rest and
+    level, 0 in free fall.
+
+    Parameters
+    ----------
+    state
+        Of the plant.
+    vv
+        The true vehicle.
+    ground
+        Whether there is a floor at rho_z = 0.
+
+    """
+    body = state.body
+    f, _ = mix(state.thrust, vv)
+    drag = lumped_drag(body.nu, f, vv)
+    felt = add(scale(1.0 / vv.mass, (drag[0], drag[1], drag[2] - f)), state.jolt)
+    if not (ground and body.rho[2] >= 0.0):
+        return felt
+    velocity, acceleration = rotate(body.q, body.nu), _free_acceleration(body, f, vv)
+    if not _supported(body, velocity, acceleration):
+        return felt
+    return add(felt, rotate_inverse(body.q, _reaction(velocity, acceleration)))
+
+
+@jit
+def _reaction(velocity: Vec3, acceleration: Vec3) -> Vec3:
+    """Return what the floor adds to the free acceleration, (3,) m/s^2, inertial NED."""
+    grip = FRICTION * acceleration[2]
+    speed = math.hypot(velocity[0], velocity[1])
+    if speed > 0.0:
+        return (-grip * velocity[0] / speed, -grip * velocity[1] / speed, -acceleration[2])
+    push = math.hypot(acceleration[0], acceleration[1])
+    hold = 1.0 if push <= grip else grip / push
+    return (-hold * acceleration[0], -hold * acceleration[1], -acceleration[2])

@@ -1,0 +1,276 @@
+r"""
+Optical flow of a flat floor: the projective model (2.17)-(2.20) and the sensor built on it.
+
+The camera looks along b3, its axes are the body axes. An image moves against the vehicle; the
+sensor delivers the rate with the vehicle's sign and without the part due to rotation:
+
+.. math:: flow = -\frac{OF}{f_1} + [-\omega_2, \omega_1] = \frac{[\nu_1, \nu_2]}{Z}, \quad
+          Z = \frac{h}{\cos\phi \cos\theta}
+
+divided by a factor Q(h) that depends on the height, so that ``h Q(h) flow`` is the velocity. The
+other ways in which the sensor may be wrong are switches, zero by default. What belongs to the
+estimator (tilt ignored, velocity not rotated) is not here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+from mambo_model.compiled import jit
+from mambo_model.rigid_body import State
+from mambo_model.schema import check, choice, ParameterError, quantity
+from mambo_model.vector import Vec3
+from numpy.random import Generator
+
+from .sampling import clamp, due, period_ns, STEP, tilt_cosine
+
+Vec2 = tuple[float, float]
+
+DELAY_TICKS = 20  # longest delay of the height, 0.1 s
+
+FACTOR_LAWS = ('linear', 'exponential')
+FACTOR_LINEAR, FACTOR_EXPONENTIAL = range(len(FACTOR_LAWS))
+
+
+@jit
+def project(point: Vec3, f1: float) -> Vec2:
+    """Return where a point, (3,) m in camera axes, Z > 0, is seen, (2,) in units of f1 (2.17)."""
+    return (f1 * point[0] / point[2], f1 * point[1] / point[2])
+
+
+@jit
+def image_flow(point: Vec3, V: Vec3, omega: Vec3, f1: float) -> Vec2:
+    """
+    Return the motion in the image of a point at rest, (2,) units of f1 per s (2.18)-(2.20).
+
+    Parameters
+    ----------
+    point : (3,) m, camera axes (x forward, y right, z along the optical axis)
+        Where the point is, Z > 0.
+    V, omega : (3,) m/s, (3,) rad/s, camera axes
+        Velocity and rate of the camera, not of the point.
+    f1
+        Focal length; the unit of image coordinates (1: tangent of the viewing angle).
+
+    """
+    x, y = project(point, f1)
+    Z = point[2]
+    return (
+        (-f1 * V[0] + x * V[2]) / Z
+        + x * y / f1 * omega[0] - (f1 + x * x / f1) * omega[1] + y * omega[2],
+        (-f1 * V[1] + y * V[2]) / Z
+        + (f1 + y * y / f1) * omega[0] - x * y / f1 * omega[1] - x * omega[2])
+
+
+@jit
+def derotate(of: Vec2, omega: Vec3, f1: float) -> Vec2:
+    """
+    Return the flow with the vehicle's sign and without rotation, (2,) rad/s, at the image centre.
+
+    Times the depth Z it is the body velocity along x and y, which makes (5.2) exact.
+
+    Parameters
+    ----------
+    of : (2,) units of f1 per s
+        Image motion (2.18) of the point on the optical axis.
+    omega : (3,) rad/s
+        Rate of the camera.
+    f1
+        Focal length.
+
+    """
+    return (-of[0] / f1 - omega[1], -of[1] / f1 + omega[0])
+
+
+class FlowValues(NamedTuple):
+    """An :class:`OpticalFlowParams` as compiled code reads it."""
+
+    period: int  # ns
+    noise: float
+    texture: float
+    min_height: float
+    min_cosine: float
+    factor_law: int
+    factor_offset: float
+    factor_slope: float
+    factor_low: float
+    factor_high: float
+    leakage: float
+    nonlinearity: float
+    vertical_coupling: Vec2
+    height_offset: float
+    height_delay: float  # ticks
+
+
+class FlowMemory(NamedTuple):
+    """What the sensor remembers."""
+
+    heights: tuple[float, ...]  # (21,) m, oldest first, the last one now; NaN: unknown
+
+
+class FlowSample(NamedTuple):
+    """What a tick brings."""
+
+    new: bool
+    rate: Vec2    # (2,) rad/s along body x forward, y right, the vehicle's sign; NaN: no value
+    quality: int  # 0 ... 255; 0 if not new
+
+
+START = FlowMemory((math.nan,) * (DELAY_TICKS + 1))
+
+
+@dataclass(frozen=True)
+class OpticalFlowParams:
+    """
+    Rate, noise, factor and switchable errors of the optical flow sensor.
+
+    The letters are those of the hypotheses for the drift of the estimate: A factor over height,
+    B ``height_delay``, H ``height_offset`` (the sensor scales its rate by a height that is
+    late or wrong), D1 ``leakage`` 1 and D2 ``leakage`` -1, E ``vertical_coupling``,
+    F ``nonlinearity``, I a constant factor (``factor_slope`` 0) other than the estimator's.
+    """
+
+    rate: float = quantity(
+        32.0, 'Hz', 1.0, 200.0,
+        'new value each 6.3 steps of 5 ms, mean of 8 free flights of RollingSpiderEdu')
+    noise: float = quantity(
+        0.015, 'rad/s', 0.0, 10.0,
+        'second differences over sqrt(6), robust, of the cleanest of these: 4.1e-4 rad in 28 ms')
+    texture: float = quantity(
+        1.0, '1', 0.01, 1.0, 'design choice: scales quality, divides into the noise')
+    min_height: float = quantity(
+        0.4, 'm', 0.0, 5.0, 'thesis sec. 5.2: no flow below; no value there')
+    max_tilt: float = quantity(1.0, 'rad', 0.1, 1.5, 'assumed; no value beyond')
+    factor_law: str = choice(
+        'linear', FACTOR_LAWS, 'Q = offset + slope h (C.2b), or offset + slope exp(h) (C.2a)')
+    factor_offset: float = quantity(0.92, '1', 0.1, 10.0, '(C.2b); 0.95 in (C.2a)')
+    factor_slope: float = quantity(0.07, '1/m', -1.0, 1.0, '(C.2b); 0.011 (no unit) in (C.2a)')
+    factor_low: float = quantity(0.5, 'm', 0.0, 10.0, 'Q is constant below, thesis sec. 5.4')
+    factor_high: float = quantity(2.5, 'm', 0.0, 20.0, 'Q is constant above, thesis sec. 5.4')
+    leakage: float = quantity(
+        0.0, '1', -2.0, 2.0, 'share of the rotational part of (2.20) left in; unknown')
+    nonlinearity: float = quantity(
+        0.0, 's^2', -10.0, 10.0, 'c of rate (1 + c rate^2), each axis; unknown')
+    vertical_coupling: Vec2 = quantity(
+        (0.0, 0.0), '1', -1.0, 1.0, 'x/f1, y/f1 of (2.19): image centre off the axis; unknown')
+    height_offset: float = quantity(0.0, 'm', -1.0, 1.0, 'unknown')
+    height_delay: float = quantity(0.0, 's', 0.0, DELAY_TICKS * STEP, 'unknown')
+
+    def __post_init__(self) -> None:
+        check(self)
+        if self.factor_low > self.factor_high:
+            raise ParameterError(
+                f'OpticalFlowParams.factor_low = {self.factor_low:g} m must not exceed '
+                f'factor_high = {self.factor_high:g} m')
+        curve = math.exp if self.factor_law == 'exponential' else float
+        lowest = min(
+            self.factor_offset + self.factor_slope * curve(h)
+            for h in (self.factor_low, self.factor_high))
+        if lowest < 0.1:
+            raise ParameterError(
+                f'OpticalFlowParams.factor_slope = {self.factor_slope:g} makes the factor '
+                f'{lowest:.3g} between factor_low and factor_high; it must stay above 0.1')
+
+    def values(self) -> FlowValues:
+        """Return what compiled code reads: period for rate, ticks for delay, cosine for tilt."""
+        return FlowValues(
+            period_ns(self.rate), self.noise, self.texture, self.min_height,
+            math.cos(self.max_tilt), FACTOR_LAWS.index(self.factor_law), self.factor_offset,
+            self.factor_slope, self.factor_low, self.factor_high, self.leakage,
+            self.nonlinearity, self.vertical_coupling, self.height_offset,
+            self.height_delay / STEP)
+
+
+@jit
+def true_factor(height: float, p: FlowValues) -> float:
+    """Return Q(h) of the sensor at a height in m: the velocity is ``h Q(h)`` times its rate."""
+    h = clamp(height, p.factor_low, p.factor_high)
+    if p.factor_law == FACTOR_EXPONENTIAL:
+        return p.factor_offset + p.factor_slope * math.exp(h)
+    return p.factor_offset + p.factor_slope * h
+
+
+@jit
+def deliver(body: State, believed_height: float, p: FlowValues) -> Vec2:
+    """
+    Return what the sensor delivers without noise, (2,) rad/s, body x forward and y right.
+
+    Parameters
+    ----------
+    body
+        True state, above the floor.
+    believed_height : m
+        Height by which the sensor scales its rate: the true one unless it lags or is off.
+    p
+        From :meth:`OpticalFlowParams.values`.
+
+    """
+    nu, omega = body.nu, body.omega
+    h = -body.rho[2]
+    Z = h / tilt_cosine(body.q)
+    x = (nu[0] - p.vertical_coupling[0] * nu[2]) / Z + p.leakage * omega[1]
+    y = (nu[1] - p.vertical_coupling[1] * nu[2]) / Z - p.leakage * omega[0]
+    scaling = believed_height / h / true_factor(h, p)
+    return (
+        scaling * x * (1.0 + p.nonlinearity * x * x), scaling * y * (1.0 + p.nonlinearity * y * y))
+
+
+@jit
+def _delayed_height(memory: FlowMemory, ticks: float) -> float:
+    """
+    Return the height in m some ticks ago, 0 ... 20, linearly between ticks.
+
+    Before the first tick the vehicle counts as where it is now.
+    """
+    whole = int(ticks)
+    late = memory.heights[DELAY_TICKS - whole]
+    early = memory.heights[max(DELAY_TICKS - whole - 1, 0)]
+    if math.isnan(early):
+        return memory.heights[DELAY_TICKS]
+    return late + (ticks - whole) * (early - late)
+
+
+@jit
+def step(
+    memory: FlowMemory, tick: int, body: State, rng: Generator, noise: bool, p: FlowValues,
+) -> tuple[FlowMemory, FlowSample]:
+    """
+    Take a sample if one is due; to be called once per tick.
+
+    Below ``min_height`` and beyond ``max_tilt`` a sample comes with quality 0 and NaN rates.
+
+    Parameters
+    ----------
+    memory
+        Result of the previous call; ``START`` at first.
+    tick : 5 ms
+        Number of the control step.
+    body
+        True state.
+    rng
+        The generator of this sensor.
+    noise
+        False: no noise, and nothing drawn.
+    p
+        From :meth:`OpticalFlowParams.values`.
+
+    """
+    h = -body.rho[2]
+    if p.height_delay > 0.0:
+        memory = FlowMemory(memory.heights[1:] + (h,))
+    if not due(tick, p.period):
+        return memory, FlowSample(False, (math.nan, math.nan), 0)
+    error_x, error_y = 0.0, 0.0
+    if noise:
+        sigma = p.noise / p.texture
+        error_x, error_y = sigma * rng.standard_normal(), sigma * rng.standard_normal()
+    if h < p.min_height or tilt_cosine(body.q) < p.min_cosine:
+        return memory, FlowSample(True, (math.nan, math.nan), 0)
+    believed = h
+    if p.height_delay > 0.0:
+        believed = _delayed_height(memory, p.height_delay)
+    x, y = deliver(body, believed + p.height_offset, p)
+    return memory, FlowSample(
+        True, (x + error_x, y + error_y), int(math.floor(255.0 * p.texture + 0.5)))

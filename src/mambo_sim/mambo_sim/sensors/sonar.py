@@ -1,0 +1,123 @@
+"""
+Downward ultrasonic range: slant distance to the floor along the body z axis.
+
+Defaults are measured on the flights of the vehicle's predecessor with the same toolbox
+(RollingSpiderEdu). There a new value comes each 8 steps of 5 ms, values are whole multiples of
+1.28496 mm (so twelve recordings say to 1e-6), and none lies below 338 of them: nearer than
+0.434 m, on the floor too, the sensor reads that limit or little more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+from mambo_model.compiled import jit
+from mambo_model.rigid_body import State
+from mambo_model.schema import check, ParameterError, quantity
+import numpy as np
+from numpy.random import Generator
+
+from .sampling import clamp, due, period_ns, quantise, tilt_cosine
+
+RESOLUTION = 1.284958e-3  # m
+
+
+class SonarValues(NamedTuple):
+    """A :class:`SonarParams` as compiled code reads it."""
+
+    period: int  # ns
+    noise: float
+    offset: float
+    resolution: float
+    min_range: float
+    max_range: float
+    min_cosine: float
+    outlier_probability: float
+
+
+class SonarSample(NamedTuple):
+    """What a tick brings."""
+
+    new: bool
+    range: float  # m, slant, a float32 number; NaN if not new
+
+
+@dataclass(frozen=True)
+class SonarParams:
+    """
+    Range, rate and noise of the sonar.
+
+    An echo nearer than ``min_range`` reads as from there. There is no echo, hence no sample,
+    from farther than ``max_range`` or at more than ``max_tilt``. An outlier is an echo from
+    anywhere in the range.
+    """
+
+    rate: float = quantity(
+        25.0, 'Hz', 1.0, 200.0, 'new value each 8 steps of 5 ms, median of 12 flights')
+    noise: float = quantity(
+        0.005, 'm', 0.0, 1.0,
+        'second differences over sqrt(6), robust, of the cleanest flight: 0.0054 m')
+    offset: float = quantity(0.0, 'm', -1.0, 1.0, 'design choice: reading minus truth')
+    resolution: float = quantity(RESOLUTION, 'm', 0.0, 0.1, 'all values of 12 flights; 0: none')
+    min_range: float = quantity(
+        338 * RESOLUTION, 'm', 0.0, 2.0, 'smallest value of 7 of 12 flights, 0.434 m')
+    max_range: float = quantity(5.26, 'm', 0.5, 20.0, 'largest value of 12 flights')
+    max_tilt: float = quantity(0.7, 'rad', 0.0, 1.5, 'assumed: beam of 40 degrees each side')
+    outlier_probability: float = quantity(
+        0.0, '1', 0.0, 1.0, 'design choice; 0.01-0.02 in the best two flights, up to 0.45')
+
+    def __post_init__(self) -> None:
+        check(self)
+        if not self.min_range < self.max_range:
+            raise ParameterError(
+                f'SonarParams.min_range = {self.min_range:g} m must be below '
+                f'max_range = {self.max_range:g} m')
+
+    def values(self) -> SonarValues:
+        """Return what compiled code reads: period for rate, cosine for tilt."""
+        return SonarValues(
+            period_ns(self.rate), self.noise, self.offset, self.resolution, self.min_range,
+            self.max_range, math.cos(self.max_tilt), self.outlier_probability)
+
+
+@jit
+def step(
+    tick: int, body: State, rng: Generator, noise: bool, p: SonarValues,
+) -> SonarSample:
+    """
+    Take a sample if one is due: ``h / (cos phi cos theta)``, h = -rho_z.
+
+    The sensor has no memory. It draws the same numbers whether there is an echo or not.
+
+    Parameters
+    ----------
+    tick : 5 ms
+        Number of the control step.
+    body
+        True state.
+    rng
+        The generator of this sensor.
+    noise
+        False: no noise and no outliers, and nothing drawn.
+    p
+        From :meth:`SonarParams.values`.
+
+    """
+    if not due(tick, p.period):
+        return SonarSample(False, math.nan)
+    error, stray, place = 0.0, 1.0, 0.0
+    if noise:
+        error, stray, place = p.noise * rng.standard_normal(), rng.random(), rng.random()
+    cosine = tilt_cosine(body.q)
+    if cosine < p.min_cosine:
+        return SonarSample(False, math.nan)
+    slant = max(-body.rho[2] / cosine, p.min_range)
+    if slant > p.max_range:
+        return SonarSample(False, math.nan)
+    reading = slant + p.offset + error
+    if stray < p.outlier_probability:
+        reading = p.min_range + place * (p.max_range - p.min_range)
+    reading = clamp(quantise(reading, p.resolution), p.min_range, p.max_range)
+    return SonarSample(True, np.float64(np.float32(reading)))

@@ -1,0 +1,162 @@
+"""
+Vehicle and sensors in one compiled step: measure, command, advance.
+
+A tick is a control step of 5 ms. At each tick, exactly once and in this order: :func:`sense` reads
+all sensors at the time ``tick * 5 ms``, then :func:`advance` applies the motor command up to the
+next tick. The motion capture is fed by the truth: see :mod:`mambo_sim.sensors.optitrack`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from mambo_model.compiled import jit
+from mambo_model.rotor import Four, mix
+from mambo_model.schema import check, flag, group, quantity
+from mambo_model.vector import Vec3
+from mambo_model.vehicle import Vehicle, VehicleValues
+import numpy as np
+from numpy.random import Generator
+
+from . import plant
+from .sensors import barometer, imu, optical_flow, sonar
+from .sensors.sampling import STEP
+
+Generators = tuple[Generator, Generator, Generator, Generator, Generator]
+IMU, SONAR, FLOW, BAROMETER, OPTITRACK = range(5)  # order of the generators
+
+
+class SimulatorValues(NamedTuple):
+    """A :class:`SimulatorParams` as compiled code reads it."""
+
+    vehicle: VehicleValues
+    plant: plant.PlantValues
+    imu: imu.ImuValues
+    sonar: sonar.SonarValues
+    optical_flow: optical_flow.FlowValues
+    barometer: barometer.BarometerValues
+    noise: bool
+
+
+class SimulatorState(NamedTuple):
+    """Everything the simulator remembers."""
+
+    plant: plant.PlantState
+    imu: imu.ImuMemory
+    optical_flow: optical_flow.FlowMemory
+    barometer: barometer.BarometerMemory
+
+
+class Samples(NamedTuple):
+    """What the sensors say at a tick; a sensor without a new value says NaN."""
+
+    gyro: Vec3                 # (3,) rad/s, body FRD
+    accel: Vec3                # (3,) m/s^2, body FRD, specific force
+    sonar_new: bool
+    sonar: float               # m, slant range
+    flow_new: bool
+    flow: optical_flow.Vec2    # (2,) rad/s, body x forward and y right, the vehicle's sign
+    flow_quality: int          # 0 ... 255; 0: do not use
+    baro_new: bool
+    pressure: float            # Pa
+
+
+@dataclass(frozen=True)
+class SimulatorParams:
+    """The true vehicle, its sensors, and the seed of all chance."""
+
+    vehicle: Vehicle = group(Vehicle)
+    plant: plant.PlantParams = group(plant.PlantParams)
+    imu: imu.ImuParams = group(imu.ImuParams)
+    sonar: sonar.SonarParams = group(sonar.SonarParams)
+    optical_flow: optical_flow.OpticalFlowParams = group(optical_flow.OpticalFlowParams)
+    barometer: barometer.BarometerParams = group(barometer.BarometerParams)
+    seed: int = quantity(0, '1', 0, 2**31 - 1, 'design choice')
+    noise: bool = flag(True, 'design choice: false switches every random part off')
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def values(self) -> SimulatorValues:
+        """Return what compiled code reads; the seed goes to :func:`generators`."""
+        return SimulatorValues(
+            self.vehicle.values(), self.plant.values(), self.imu.values(), self.sonar.values(),
+            self.optical_flow.values(), self.barometer.values(), self.noise)
+
+
+def initial_state(params: SimulatorParams) -> SimulatorState:
+    """Return the state at tick 0: vehicle at rest, sensors not yet read."""
+    return SimulatorState(
+        plant.initial(params.plant), imu.START, optical_flow.START, barometer.START)
+
+
+def generators(seed: int) -> Generators:
+    """
+    Return one generator for each sensor, in the order IMU, SONAR, FLOW, BAROMETER, OPTITRACK.
+
+    They are stateful: make new ones for each flight.
+    """
+    return tuple(
+        Generator(np.random.PCG64(child)) for child in np.random.SeedSequence(seed).spawn(5))
+
+
+@jit
+def sense(
+    state: SimulatorState, tick: int, rngs: Generators, values: SimulatorValues,
+) -> tuple[SimulatorState, Samples]:
+    """
+    Read all sensors; to be called exactly once per tick, tick by tick from 0.
+
+    Parameters
+    ----------
+    state
+        Before the motor command of this tick.
+    tick : 5 ms
+        Number of the control step.
+    rngs
+        From :func:`generators`; they advance.
+    values
+        From :meth:`SimulatorParams.values`.
+
+    """
+    vv, truth, noise = values.vehicle, state.plant, values.noise
+    body = truth.body
+    f, _ = mix(truth.thrust, vv)
+    force = plant.specific_force(truth, vv, values.plant.ground)
+    imu_memory, inertial = imu.step(
+        state.imu, body.omega, force, f / (vv.mass * vv.gravity), rngs[IMU], noise, values.imu)
+    echo = sonar.step(tick, body, rngs[SONAR], noise, values.sonar)
+    flow_memory, flow = optical_flow.step(
+        state.optical_flow, tick, body, rngs[FLOW], noise, values.optical_flow)
+    baro_memory, air = barometer.step(
+        state.barometer, tick, -body.rho[2], rngs[BAROMETER], noise, values.barometer)
+    samples = Samples(
+        inertial.gyro, inertial.accel, echo.new, echo.range, flow.new, flow.rate, flow.quality,
+        air.new, air.pressure)
+    return SimulatorState(truth, imu_memory, flow_memory, baro_memory), samples
+
+
+@jit
+def advance(
+    state: SimulatorState, pwm: Four, shutdown: bool, values: SimulatorValues,
+) -> SimulatorState:
+    """
+    Advance the vehicle by one tick under a held motor command.
+
+    Parameters
+    ----------
+    state
+        After :func:`sense` of this tick.
+    pwm : (4,) PWM, motors 1 to 4
+        Cut to the limits of the vehicle; 0, a negative number or NaN stops the motor.
+    shutdown
+        True: all motors are stopped, whatever pwm says.
+    values
+        From :meth:`SimulatorParams.values`.
+
+    """
+    command = (0.0, 0.0, 0.0, 0.0) if shutdown else pwm
+    moved = plant.advance(
+        state.plant, command, STEP, values.plant.substeps, values.vehicle, values.plant.ground)
+    return SimulatorState(moved, state.imu, state.optical_flow, state.barometer)
