@@ -1,0 +1,36 @@
+"""Health reports on ``/diagnostics``, stamped with flight time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from .layout import serialize
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+def report(t: int, name: str, level: bytes, message: str, values: Mapping[str, object]) -> bytes:
+    """
+    Serialise one status.
+
+    Parameters
+    ----------
+    t : ns
+        Flight time.
+    name : str
+        Node name.
+    level : bytes
+        ``OK``, ``WARN`` or ``ERROR``.
+    message : str
+        One line for a person.
+    values
+        Numbers behind it.
+
+    """
+    array = DiagnosticArray(status=[DiagnosticStatus(
+        level=level, name=name, message=message,
+        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])])
+    array.header.stamp.sec, array.header.stamp.nanosec = divmod(t, 1_000_000_000)
+    return serialize(array)

@@ -1,0 +1,204 @@
+"""
+CDR codec for messages of fixed layout: the bytes of a message from numbers, without the message.
+
+Building an ``Imu`` field by field and serialising it costs tens of microseconds in Python, five
+hundred times a simulated second. A message whose only variable part is its frame names has a
+constant layout, so that ``struct`` writes and reads it in about one microsecond. The bytes are
+those of the middleware's own serialiser (tested for every layout), plain XCDR1 little endian.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import re
+import struct
+from typing import Any
+
+_FORMATS = {
+    'boolean': ('?', 1), 'octet': ('c', 1), 'uint8': ('B', 1), 'int8': ('b', 1),
+    'uint16': ('H', 2), 'int16': ('h', 2), 'uint32': ('I', 4), 'int32': ('i', 4),
+    'uint64': ('Q', 8), 'int64': ('q', 8), 'float': ('f', 4), 'double': ('d', 8)}
+_ENCAPSULATION = b'\x00\x01\x00\x00'  # XCDR1, little endian
+_SECOND = 1_000_000_000
+
+
+class LayoutError(ValueError):
+    """A message type has no fixed layout, or bytes do not hold the message they should."""
+
+
+def _nested(type_name: str) -> type:
+    """Return the message class of ``package/Name``."""
+    import importlib
+    package, name = type_name.split('/')
+    return getattr(importlib.import_module(f'{package}.msg'), name)
+
+
+def _leaves(msg_type: type, prefix: str = '') -> Iterator[tuple[str, str, int]]:
+    """Yield (dotted name, primitive type or 'string', count) of every leaf in wire order."""
+    for name, kind in msg_type.get_fields_and_field_types().items():
+        array = re.fullmatch(r'(.+)\[(\d+)\]', kind)
+        base, count = (array[1], int(array[2])) if array else (kind, 1)
+        if base in _FORMATS or base == 'string':
+            yield prefix + name, base, count
+        elif '/' in base and not array and '<' not in base:
+            yield from _leaves(_nested(base), f'{prefix}{name}.')
+        else:
+            raise LayoutError(f'{msg_type.__name__}.{prefix}{name}: {kind} has no fixed size')
+
+
+class Layout:
+    """
+    Fixed layout of one message type with given texts.
+
+    Parameters
+    ----------
+    msg_type
+        Message class, of primitives, fixed arrays, nested messages and strings.
+    texts
+        Value of each string field by dotted name with dots as ``__``, for example
+        ``header__frame_id='odom'``; fields not named are empty.
+
+    Attributes
+    ----------
+    slices : dict[str, slice]
+        Where each leaf (dotted name) stands in the flat tuple of numbers.
+    size : int
+        Count of numbers, and of bytes in ``nbytes``.
+
+    Raises
+    ------
+    LayoutError
+        If the type holds sequences.
+
+    """
+
+    def __init__(self, msg_type: type, **texts: str) -> None:
+        wanted = {key.replace('__', '.'): value for key, value in texts.items()}
+        self.msg_type = msg_type
+        self.slices: dict[str, slice] = {}
+        self._texts: list[tuple[int, bytes]] = []
+        form, offset, count = ['<4x'], 0, 0
+        for name, kind, length in _leaves(msg_type):
+            if kind == 'string':
+                data = wanted.pop(name, '').encode() + b'\0'
+                pad = -offset % 4
+                form.append(f'{pad}x{4 + len(data)}x')
+                self._texts.append((4 + offset + pad, struct.pack('<I', len(data)) + data))
+                offset += pad + 4 + len(data)
+                continue
+            code, width = _FORMATS[kind]
+            pad = -offset % width
+            form.append(f'{pad}x{length}{code}')
+            self.slices[name] = slice(count, count + length)
+            offset, count = offset + pad + length * width, count + length
+        if wanted:
+            raise LayoutError(f"{msg_type.__name__} has no text field {', '.join(wanted)}")
+        self.size, self.nbytes = count, 4 + offset
+        self._struct = struct.Struct(''.join(form))
+    def pack(self, *numbers: float) -> bytes:
+        """Return the message's bytes; ``numbers`` are its leaves in the order of the definition."""
+        data = bytearray(self._struct.pack(*numbers))
+        data[:4] = _ENCAPSULATION
+        for start, piece in self._texts:
+            data[start:start + len(piece)] = piece
+        return bytes(data)
+
+    def stamped(self, stamp_ns: int, *numbers: float) -> bytes:
+        """Return :meth:`pack` of a message that begins with a stamp in nanoseconds."""
+        return self.pack(stamp_ns // _SECOND, stamp_ns % _SECOND, *numbers)
+
+    def unpack(self, data: bytes) -> tuple:
+        """
+        Return the flat tuple of numbers of a serialised message.
+
+        Bytes of another layout (other frame names, other byte order) are read through the
+        message class.
+
+        Raises
+        ------
+        LayoutError
+            If the bytes are not a message of this type.
+
+        """
+        if len(data) == self.nbytes and data[:2] == b'\x00\x01' and all(
+                data[start:start + 4] == piece[:4] for start, piece in self._texts):
+            return self._struct.unpack(data)
+        return self._unpack_slowly(data)
+
+    def _unpack_slowly(self, data: bytes) -> tuple:
+        from rclpy.serialization import deserialize_message
+        try:
+            message = deserialize_message(bytes(data), self.msg_type)
+        except Exception as error:
+            raise LayoutError(
+                f'{len(data)} bytes are not a {self.msg_type.__name__}: {error}') from error
+        out: list[Any] = []
+        for name, kind, count in _leaves(self.msg_type):
+            if kind == 'string':
+                continue
+            value = message
+            for part in name.split('.'):
+                value = getattr(value, part)
+            out.extend(value if count > 1 else (value,))
+        return tuple(out)
+
+
+def stamp_ns(data: bytes, offset: int = 0) -> int:
+    """
+    Return the stamp in nanoseconds of any serialised message that begins with one.
+
+    That is every message with a header, ``rosgraph_msgs/Clock`` and ``builtin_interfaces/Time``;
+    ``offset`` bytes further in where something stands before it (4 for the count of a sequence).
+    """
+    order = '<' if data[1] & 1 else '>'
+    seconds, nanoseconds = struct.unpack_from(f'{order}iI', data, 4 + offset)
+    return seconds * _SECOND + nanoseconds
+
+
+class _Writer:
+    """CDR bytes of any message, alignment bytes zero."""
+
+    def __init__(self) -> None:
+        self.data = bytearray(_ENCAPSULATION)
+
+    def align(self, width: int) -> None:
+        self.data.extend(b'\0' * (-(len(self.data) - 4) % width))
+
+    def primitive(self, kind: str, values: Any) -> None:
+        code, width = _FORMATS[kind]
+        self.align(width)
+        self.data += struct.pack(f'<{len(values)}{code}', *values)
+
+    def one(self, kind: str, value: Any) -> None:
+        if kind in _FORMATS:
+            self.primitive(kind, (value,))
+        elif kind == 'string':
+            data = value.encode() + b'\0'
+            self.primitive('uint32', (len(data),))
+            self.data += data
+        else:
+            self.message(value)
+
+    def message(self, message: Any) -> None:
+        for name, kind in message.get_fields_and_field_types().items():
+            value = getattr(message, name)
+            many = re.fullmatch(r'sequence<(.+?)(?:, \d+)?>|(.+)\[\d+\]', kind)
+            if not many:
+                self.one(kind, value)
+                continue
+            if many[1]:
+                self.primitive('uint32', (len(value),))
+            for element in value:
+                self.one(many[1] or many[2], element)
+
+
+def serialize(message: Any) -> bytes:
+    """
+    Serialise any message, slowly, with zeros between the fields.
+
+    The middleware's own serialiser leaves whatever was in memory in the alignment bytes, so that
+    equal messages need not have equal bytes; a flight that is to be identical needs these.
+    """
+    writer = _Writer()
+    writer.message(message)
+    return bytes(writer.data)

@@ -1,0 +1,94 @@
+"""Start of a flight: every expected node is there and every link between them is matched."""
+
+from __future__ import annotations
+
+import time
+
+from mambo_interfaces.msg import NodeLinks
+
+from . import node, topics
+
+_ASK_AGAIN = 5.0  # s of wall time after which a waiting node says what it waits for
+
+
+class Links:
+    """
+    What is known of the nodes of the graph and their links.
+
+    A publisher that sees its own reader knows nothing of the next link, and a volatile message
+    sent before a link is matched is lost. Every node therefore announces its matched links
+    (``NodeLinks``), and the node that owns time starts when none is missing.
+
+    Parameters
+    ----------
+    owner
+        Node that waits.
+    wait_for
+        Names of the expected nodes, separated by commas, relative to the owner's namespace;
+        empty: wait for nobody.
+
+    """
+
+    def __init__(self, owner: node.MamboNode, wait_for: str) -> None:
+        namespace = owner.get_namespace().rstrip('/')
+        self._owner = owner
+        self._expected = [
+            name if name.startswith('/') else f'{namespace}/{name}'
+            for name in map(str.strip, wait_for.split(',')) if name]
+        self._known: dict[str, NodeLinks] = {}
+        owner.create_subscription(
+            topics.LINKS.msg_type, topics.LINKS.name, self.update, node.qos(topics.LINKS, 100))
+
+    def update(self, links: NodeLinks) -> None:
+        """Take what one node announced."""
+        self._known[links.node] = links
+
+    def missing(self) -> str:
+        """Return the first thing that is not there yet as a phrase, empty when all is matched."""
+        absent = [name for name in self._expected if name not in self._known]
+        if absent:
+            return f"node {', '.join(absent)}"
+        if not self._expected:
+            return ''
+        readers: dict[str, int] = {}
+        for links in self._known.values():
+            for topic in links.subscribed:
+                readers[topic] = readers.get(topic, 0) + 1
+        for links in self._known.values():
+            for topic, matched in zip(links.published, links.matched, strict=True):
+                if matched < readers.get(topic, 0):
+                    return (f'{readers[topic] - matched} of {readers[topic]} readers of {topic} '
+                            f'at {links.node}')
+        return ''
+
+    def wait(self, loop: node.Loop, patience: float) -> bool:
+        """
+        Serve the graph until nothing is missing.
+
+        Parameters
+        ----------
+        loop
+            Loop of the waiting node.
+        patience : s
+            Wall time after which to give up.
+
+        Returns
+        -------
+        complete : bool
+            False if patience ended or the loop was stopped.
+
+        """
+        began = said = time.monotonic()
+        while missing := self.missing():
+            loop.once(0.01)
+            loop.turn()
+            now = time.monotonic()
+            if loop.stopping:
+                return False
+            if now - began > patience:
+                self._owner.get_logger().error(f'gave up after {patience:g} s without {missing}')
+                return False
+            if now - said > _ASK_AGAIN:
+                said = now
+                self._owner.get_logger().warning(f'waiting for {missing}')
+        return True

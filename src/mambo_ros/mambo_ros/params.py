@@ -1,0 +1,77 @@
+"""The only bridge between parameter dataclasses and ROS parameters."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+from mambo_model import schema
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import (
+    InvalidParameterTypeException, InvalidParameterValueException, ParameterException)
+from rclpy.node import Node
+
+P = TypeVar('P')
+
+
+def _descriptor(field: Any) -> ParameterDescriptor:
+    """Describe one schema field: unit, range or options, source."""
+    meta, default = field.metadata, field.default
+    about = ParameterDescriptor(read_only=True)
+    if 'unit' in meta:
+        about.description = f'[{meta["unit"]}] source: {meta["source"]}'
+        about.additional_constraints = f'[{meta["low"]:g}, {meta["high"]:g}] {meta["unit"]}'
+        if isinstance(default, float):
+            about.floating_point_range = [
+                FloatingPointRange(from_value=float(meta['low']), to_value=float(meta['high']))]
+        elif isinstance(default, int):
+            about.integer_range = [
+                IntegerRange(from_value=int(meta['low']), to_value=int(meta['high']))]
+    elif 'options' in meta:
+        about.description = f'one of: {", ".join(meta["options"])}; source: {meta["source"]}'
+    else:
+        about.description = f'source: {meta["source"]}'
+    return about
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def declare(node: Node, params_type: type[P]) -> P:
+    """
+    Declare every field of a parameter dataclass, nested ones with dotted names, and fill it.
+
+    A whole number given for a real one is taken as such. Parameters are read only: they are
+    fixed when the node starts.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        Naming the parameter, its value, unit and range, also for a parameter that was given
+        but does not exist.
+
+    """
+    given = {name: parameter.value for name, parameter in node._parameter_overrides.items()}
+    known = dict(schema.walk(params_type))
+    filled: dict[str, Any] = {}
+    for name, field in known.items():
+        value = given.get(name, field.default)
+        if isinstance(field.default, float) and isinstance(value, int) and not isinstance(
+                value, bool):
+            value = float(value)
+        elif isinstance(field.default, tuple) and isinstance(value, (list, tuple)):
+            value = tuple(float(element) if isinstance(element, int) else element
+                          for element in value)
+        filled[name] = value
+    params = schema.build(params_type, filled)
+    for name, field in known.items():
+        try:
+            node.declare_parameter(
+                name, _plain(filled[name]), _descriptor(field), ignore_override=True)
+        except (InvalidParameterTypeException, InvalidParameterValueException,
+                ParameterException) as error:
+            raise schema.ParameterError(f'{name} = {filled[name]!r}: {error}') from None
+    unknown = sorted(name for name in given if not node.has_parameter(name))
+    if unknown:
+        raise schema.ParameterError(schema.unknown(unknown[0], known))
+    return params

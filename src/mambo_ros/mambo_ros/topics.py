@@ -1,0 +1,67 @@
+"""Every topic of the graph in one table: relative name, message type, rate, quality of service."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from mambo_interfaces.msg import (
+    ControllerState, EstimatorState, MotorPwm, NodeLinks, OpticalFlow, Reference, SensorTick)
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import FluidPressure, Imu, Range
+from tf2_msgs.msg import TFMessage
+
+
+@dataclass(frozen=True)
+class Topic:
+    """
+    One topic.
+
+    Attributes
+    ----------
+    name : str
+        Relative to the node's namespace, or absolute.
+    msg_type : type
+        Message class.
+    rate : float
+        Hz by design, 0 for event driven; where a parameter sets it, its default.
+    transient_local : bool
+        Whether late joiners get the last message.
+
+    """
+
+    name: str
+    msg_type: type
+    rate: float
+    transient_local: bool = False
+
+    @property
+    def type_name(self) -> str:
+        """Return the type as ``package/msg/Name``."""
+        package = self.msg_type.__module__.split('.')[0]
+        return f'{package}/msg/{self.msg_type.__name__}'
+
+
+CLOCK = Topic('/clock', Clock, 200.0)
+IMU = Topic('imu/data_raw', Imu, 200.0)
+SONAR = Topic('sonar/range', Range, 22.0)
+OPTICAL_FLOW = Topic('optical_flow', OpticalFlow, 40.0)
+BAROMETER = Topic('barometer/pressure', FluidPressure, 70.0)
+SENSOR_TICK = Topic('sensor_tick', SensorTick, 200.0)
+GROUND_TRUTH = Topic('ground_truth/odom', Odometry, 200.0)
+OPTITRACK = Topic('optitrack/pose', PoseStamped, 120.0)
+ESTIMATE = Topic('estimate/odom', Odometry, 200.0)
+ESTIMATOR_STATE = Topic('estimator/state', EstimatorState, 200.0)
+REFERENCE = Topic('reference', Reference, 200.0)
+CONTROLLER_STATE = Topic('controller/state', ControllerState, 200.0)
+MOTOR_PWM = Topic('motor_pwm', MotorPwm, 200.0)
+LINKS = Topic('graph/links', NodeLinks, 0.0, transient_local=True)
+TF = Topic('/tf', TFMessage, 50.0)
+DIAGNOSTICS = Topic('/diagnostics', DiagnosticArray, 1.0)
+
+RECORDED = (
+    CLOCK, IMU, SONAR, OPTICAL_FLOW, BAROMETER, SENSOR_TICK, GROUND_TRUTH, OPTITRACK, ESTIMATE,
+    ESTIMATOR_STATE, REFERENCE, CONTROLLER_STATE, MOTOR_PWM, TF, DIAGNOSTICS)
+"""What the recorder takes by default: every topic that is a function of the simulated flight."""

@@ -1,0 +1,105 @@
+"""Our bytes are the middleware's bytes, up to alignment bytes that it leaves undefined."""
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import TransformStamped
+from mambo_interfaces.msg import EstimatorState, MotorPwm, OpticalFlow, Reference
+from mambo_ros import topics
+from mambo_ros.layout import Layout, LayoutError, serialize, stamp_ns
+from nav_msgs.msg import Odometry
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import Imu, Range
+from tf2_msgs.msg import TFMessage
+
+FIXED = [topic for topic in topics.RECORDED if topic not in (topics.TF, topics.DIAGNOSTICS)]
+
+
+def numbers(layout, rng):
+    """Return random valid leaf values of a layout."""
+    out = []
+    for name, where in layout.slices.items():
+        width = where.stop - where.start
+        if name.endswith(('phase', 'status', 'reason', 'quality', 'radiation_type', 'saturated',
+                          'shutdown')):
+            out += rng.integers(0, 2, width).tolist()
+        elif name.endswith(('sec', 'imu', 'sonar', 'optical_flow', 'barometer', 'refused',
+                            'invalid_samples')):
+            out += rng.integers(0, 1000, width).tolist()
+        else:
+            out += np.float32(rng.normal(size=width)).astype(float).tolist()
+    return out
+
+
+@pytest.mark.parametrize('topic', FIXED, ids=lambda topic: topic.name)
+def test_the_middleware_reads_what_we_write(topic):
+    texts = {'header__frame_id': 'base_link'} if 'header' in (
+        topic.msg_type.get_fields_and_field_types()) else {}
+    layout = Layout(topic.msg_type, **texts)
+    values = numbers(layout, np.random.default_rng(1))
+    data = layout.pack(*values)
+    message = deserialize_message(data, topic.msg_type)
+    assert len(serialize_message(message)) == len(data) == layout.nbytes
+    assert serialize(message) == data
+    np.testing.assert_array_equal(layout.unpack(data), values)
+    np.testing.assert_array_equal(layout.unpack(serialize_message(message)), values)
+
+
+def test_a_leaf_is_found_by_its_dotted_name():
+    layout = Layout(Imu, header__frame_id='base_link')
+    message = Imu()
+    message.header.frame_id = 'base_link'
+    message.angular_velocity.y = 2.5
+    assert layout.unpack(serialize(message))[layout.slices['angular_velocity.y']] == (2.5,)
+
+
+def test_a_foreign_frame_name_is_read_all_the_same():
+    layout = Layout(Imu, header__frame_id='base_link')
+    message = Imu()
+    message.header.frame_id = 'imu_link_of_another_driver'
+    message.linear_acceleration.z = 9.81
+    values = layout.unpack(serialize_message(message))
+    assert values[layout.slices['linear_acceleration.z']] == (9.81,)
+
+
+def test_a_frame_name_of_equal_length_is_no_obstacle():
+    layout = Layout(Odometry, header__frame_id='odom', child_frame_id='base_link')
+    message = Odometry()
+    message.header.frame_id, message.child_frame_id = 'hall', 'body_link'
+    message.pose.pose.position.x = -3.0
+    assert layout.unpack(serialize(message))[layout.slices['pose.pose.position.x']] == (-3.0,)
+
+
+def test_bytes_of_something_else_are_refused_by_name():
+    with pytest.raises(LayoutError, match='Imu'):
+        Layout(Imu).unpack(b'\x00\x01\x00\x00 too short')
+
+
+def test_a_type_with_sequences_has_no_layout():
+    with pytest.raises(LayoutError, match='transforms'):
+        Layout(TFMessage)
+
+
+def test_an_unknown_text_field_is_named():
+    with pytest.raises(LayoutError, match='frame'):
+        Layout(MotorPwm, frame='x')
+
+
+def test_variable_messages_equal_the_middleware_but_for_alignment():
+    array = DiagnosticArray(status=[
+        DiagnosticStatus(level=b'\x01', name='estimator', message='no flow', hardware_id='m1',
+                         values=[KeyValue(key='a', value='1'), KeyValue(key='bcd', value='')]),
+        DiagnosticStatus()])
+    array.header.frame_id = 'x'
+    for message in (array, TFMessage(transforms=[TransformStamped(), TransformStamped()]),
+                    EstimatorState(), Reference(), OpticalFlow(), Range()):
+        ours, theirs = serialize(message), serialize_message(message)
+        assert len(ours) == len(theirs)
+        assert deserialize_message(ours, type(message)) == message
+
+
+def test_stamp_is_read_from_bytes():
+    message = Imu()
+    message.header.stamp = Time(sec=12, nanosec=345)
+    assert stamp_ns(serialize_message(message)) == 12_000_000_345
