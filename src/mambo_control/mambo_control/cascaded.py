@@ -1,0 +1,203 @@
+"""
+The cascaded controller (3.15)-(3.29) of v.d. Eijnden, from estimate and reference to motor PWM.
+
+Used in the corrected form: q_e* in (3.29), one gain k_p, derivatives of f_d evaluated exactly.
+The result is the same for q and -q, to the last bit. Mass, inertia, gravity, geometry, motor map
+and drag are those the controller believes, and the reference's own thrust and torque are not used:
+they follow from its acceleration and the believed vehicle.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from mambo_model.compiled import jit
+from mambo_model.flatness import Reference
+from mambo_model.quaternion import angle, multiply, Quat, rotate_inverse
+from mambo_model.rigid_body import State
+from mambo_model.rotor import allocate, limit_pwm, pwm_from_thrust
+from mambo_model.trajectory import GROUND, LANDED
+from mambo_model.vector import Vec3
+from mambo_model.vehicle import VehicleValues
+
+from .attitude_law import attitude_error, rate_error, torque
+from .gains import CascadedParams, GainValues
+from .position_law import advance, demand, errors, Memory
+from .safety import REASON_NONE, REASON_REFERENCE, stop_reason, usable
+from .thrust_direction import desired_attitude, desired_direction
+
+__all__ = ['CascadedParams', 'Command', 'initial', 'Law', 'law', 'Memory', 'step', 'stopped']
+
+Four = tuple[float, float, float, float]
+
+
+class Law(NamedTuple):
+    """Every signal of the control law; R is the frame of the reference, D the desired one."""
+
+    f: float  # N, total thrust (3.20)
+    tau: Vec3  # N m, body FRD, torque (3.29)
+    P_dot: Vec3  # m/s, inertial NED, (3.18b)
+    p_dot: Vec3  # m/s^2, inertial NED, (3.18c)
+    U: Vec3  # m/s^2, inertial NED, R_r u of (3.18a), without drag feed-forward
+    f_d: Vec3  # 1, R, (3.21)
+    f_d_dot: Vec3  # 1/s, R
+    f_d_ddot: Vec3  # 1/s^2, R
+    q_d: Quat  # D to R, (3.23)
+    omega_d: Vec3  # rad/s, D, (3.24), zero if so chosen
+    omega_d_dot: Vec3  # rad/s^2, D, zero if so chosen
+    q_e: Quat  # body to D, (3.25)
+    omega_e: Vec3  # rad/s, body, (3.26)
+    rho_e: Vec3  # m, R, (3.15)
+    nu_e: Vec3  # m/s, R, (3.15)
+    position_error: Vec3  # m, inertial NED, R_r rho_e
+    velocity_error: Vec3  # m/s, inertial NED, R_r nu_e
+
+
+class Command(NamedTuple):
+    """
+    Answer to one estimate.
+
+    While the motors are stopped the law is not evaluated: thrusts and torque are 0, errors,
+    virtual input and desired attitude are NaN.
+    """
+
+    pwm: Four  # 0: stopped, else within the limits of the motors; never NaN
+    shutdown: bool
+    reason: int  # one of safety.REASON_*
+    motor_thrust: Four  # N, wanted, before the limits
+    saturated: tuple[bool, bool, bool, bool]  # the motor's PWM was cut
+    thrust: float  # N, (3.20), before the limits
+    torque: Vec3  # N m, body FRD, (3.29), before the limits
+    position_error: Vec3  # m, inertial NED, reference minus estimate
+    velocity_error: Vec3  # m/s, inertial NED, reference minus estimate
+    integral: Vec3  # m, inertial NED, P_e used in this step
+    integral_rate: Vec3  # m/s, inertial NED, p_e used in this step
+    virtual_input: Vec3  # m/s^2, inertial NED, u of (3.18a)
+    attitude_desired: Quat  # q_r q_d: desired body to inertial
+    attitude_error: float  # rad, angle of q_e (3.25)
+    angular_velocity_error: Vec3  # rad/s, body FRD, (3.26)
+
+
+@jit
+def initial() -> Memory:
+    """Return the memory at start: no integral action."""
+    return Memory((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+@jit
+def law(
+    state: State, ref: Reference, memory: Memory, gains: GainValues, vv: VehicleValues,
+) -> Law:
+    """
+    Evaluate (3.15)-(3.29) at one instant.
+
+    Parameters
+    ----------
+    state
+        Estimate, inertial NED and body FRD.
+    ref
+        Feasible reference (3.14).
+    memory
+        Integral action.
+    gains
+        From :meth:`CascadedParams.values`.
+    vv
+        Believed vehicle.
+
+    """
+    position_error, velocity_error = errors(state, ref)
+    wanted = demand(state, ref, memory, position_error, velocity_error, gains, vv)
+    f_d, f_d_dot, f_d_ddot = desired_direction(wanted.n, wanted.n_dot, wanted.n_ddot, ref)
+    q_d, omega_d, omega_d_dot = desired_attitude(f_d, f_d_dot, f_d_ddot, gains)
+    q_e = attitude_error(state.q, ref.q, q_d)
+    omega_e = rate_error(state, ref, q_e, omega_d)
+    tau = torque(state, ref, q_d, omega_d, omega_d_dot, q_e, omega_e, gains, vv)
+    return Law(
+        wanted.f, tau, wanted.P_dot, wanted.p_dot, wanted.U, f_d, f_d_dot, f_d_ddot, q_d,
+        omega_d, omega_d_dot, q_e, omega_e, rotate_inverse(ref.q, position_error),
+        rotate_inverse(ref.q, velocity_error), position_error, velocity_error)
+
+
+@jit
+def stopped(memory: Memory, reason: int) -> Command:
+    """Return the command that stops the motors; a shutdown unless reason is REASON_NONE."""
+    nan3 = (math.nan, math.nan, math.nan)
+    zero4 = (0.0, 0.0, 0.0, 0.0)
+    return Command(
+        zero4, reason != REASON_NONE, reason, zero4, (False, False, False, False), 0.0,
+        (0.0, 0.0, 0.0), nan3, nan3, memory.P, memory.p, nan3,
+        (math.nan, math.nan, math.nan, math.nan), math.nan, nan3)
+
+
+@jit
+def _flying(out: Law, memory: Memory, ref: Reference, vv: VehicleValues) -> Command:
+    T = allocate(out.f, out.tau, vv)
+    x = (pwm_from_thrust(T[0], vv), pwm_from_thrust(T[1], vv),
+         pwm_from_thrust(T[2], vv), pwm_from_thrust(T[3], vv))
+    pwm = (limit_pwm(x[0], vv), limit_pwm(x[1], vv), limit_pwm(x[2], vv), limit_pwm(x[3], vv))
+    saturated = (pwm[0] != x[0], pwm[1] != x[1], pwm[2] != x[2], pwm[3] != x[3])
+    return Command(
+        pwm, False, REASON_NONE, T, saturated, out.f, out.tau, out.position_error,
+        out.velocity_error, memory.P, memory.p, out.U, multiply(ref.q, out.q_d),
+        angle(out.q_e), out.omega_e)
+
+
+@jit
+def step(
+    memory: Memory, state: State, ref: Reference, phase: int, dt: float, gains: GainValues,
+    vv: VehicleValues,
+) -> tuple[Memory, Command]:
+    """
+    Answer one estimate with motor commands and move the integral action to the next one.
+
+    On the ground before take-off and after landing the motors stand still and the integral
+    action is zero. Inputs that cannot be used (not finite, absurdly large, no unit quaternion,
+    an unknown phase, a reference without a thrust direction) and, in flight, tilt or height
+    beyond the limits stop the motors with ``shutdown``; the memory stays as it is. A shutdown
+    is not remembered here but by :mod:`latch`.
+
+    Each motor is cut to its PWM limits on its own, as in the thesis: no axis has priority over
+    another, so that thrust and torque both fall short while a motor saturates.
+
+    Parameters
+    ----------
+    memory
+        Result of the previous call; :func:`initial` at start.
+    state
+        Estimate, inertial NED and body FRD.
+    ref
+        Reference for the time of the estimate.
+    phase
+        Of the flight, 0 GROUND to 4 LANDED of mambo_model.trajectory.
+    dt : s
+        Time to the next call, the control period.
+    gains
+        From :meth:`CascadedParams.values`.
+    vv
+        Believed vehicle.
+
+    Returns
+    -------
+    memory
+        To be passed to the next call.
+    command
+        Valid for one period.
+
+    Raises
+    ------
+    ValueError
+        If ``dt`` is not positive and finite.
+
+    """
+    if not 0.0 < dt < math.inf:
+        raise ValueError('dt of the controller must be positive and finite, in seconds')
+    reason = stop_reason(state, ref, phase, gains)
+    if reason != REASON_NONE:
+        return memory, stopped(memory, reason)
+    if phase == GROUND or phase == LANDED:
+        return initial(), stopped(initial(), REASON_NONE)
+    out = law(state, ref, memory, gains, vv)
+    if not (usable(out.tau) and math.isfinite(out.f)):
+        return memory, stopped(memory, REASON_REFERENCE)
+    return advance(memory, out.position_error, dt, gains), _flying(out, memory, ref, vv)

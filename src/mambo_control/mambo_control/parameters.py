@@ -1,0 +1,32 @@
+"""Parameters of the package's nodes, readable without ROS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mambo_model import schema
+from mambo_model.trajectory import FlightPlanParams
+from mambo_model.vehicle import Vehicle
+
+from .gains import CascadedParams
+
+
+@dataclass(frozen=True)
+class ReferenceNodeParams:
+    """Parameters of ``reference_node``; the vehicle is the one the controller believes in."""
+
+    plan: FlightPlanParams = schema.group(FlightPlanParams)
+    vehicle: Vehicle = schema.group(Vehicle)
+
+
+@dataclass(frozen=True)
+class ControllerNodeParams:
+    """Parameters of ``controller_node``; the vehicle is the one the controller believes in."""
+
+    controller: str = schema.choice('cascaded', ('cascaded',), 'which control law')
+    period: float = schema.quantity(0.005, 's', 0.001, 0.1, '200 Hz, section 4.2')
+    cascaded: CascadedParams = schema.group(CascadedParams)
+    vehicle: Vehicle = schema.group(Vehicle)
+
+    def __post_init__(self) -> None:
+        schema.check(self)
