@@ -1,0 +1,362 @@
+"""
+A rosbag2 directory whose bytes depend on the messages alone (no ROS here).
+
+DDS keeps the order within a topic, not across topics, and knows the wall clock only. Two runs of
+one flight hence reach a recorder in two orders. This writer holds messages back until their
+second of ROS time is surely complete, sorts the second by (log time, topic, arrival within the
+topic) and writes it as one MCAP chunk. Same payloads give the same file, byte for byte; a killed
+recorder loses the open second and the grace after it, nothing before.
+
+Layout as by rosbag2 of Jazzy: ``metadata.yaml`` of version 9 beside ``<name>_0.mcap`` with profile
+``ros2``, cdr messages, ``ros2msg`` schemas, QoS and type hash on each channel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import dataclasses
+import os
+from pathlib import Path
+from typing import Any
+
+from mcap.writer import CompressionType, Writer
+import yaml
+
+from . import message_definition
+
+SECOND = 1_000_000_000  # [ns]
+GRACE = 250_000_000  # [ns] a second is complete once a message this much younger has arrived
+CHUNK_LIMIT = 1 << 20  # [byte] a fuller second is cut into chunks of this size
+INFINITE = (9223372036, 854775807)  # [s], [ns] RMW_DURATION_INFINITE
+NO_TIME = 2**63 - 1  # [ns] starting time that rosbag2 gives to a bag without messages
+RECORDING = {'state': 'recording'}  # custom_data of metadata.yaml while a bag is not closed
+MEDIA_TYPES = {
+    '.yaml': 'application/yaml', '.json': 'application/json', '.txt': 'text/plain',
+    '.md': 'text/markdown'}
+
+
+class BagWriterError(ValueError):
+    """A bag cannot be written as asked; the text says what, where and what to do."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Qos:
+    """
+    Offered quality of service of a topic, in the words of rosbag2.
+
+    Attributes
+    ----------
+    reliability, durability, history
+        As ``rmw`` names them: reliable, best_effort; volatile, transient_local; keep_last,
+        keep_all, unknown.
+    depth
+        Samples kept.
+
+    """
+
+    reliability: str = 'reliable'
+    durability: str = 'volatile'
+    history: str = 'keep_last'
+    depth: int = 10
+
+    def profiles(self) -> list[dict[str, Any]]:
+        """Return the list of one profile that rosbag2 stores."""
+        def infinite() -> dict[str, int]:
+            return {'sec': INFINITE[0], 'nsec': INFINITE[1]}
+        return [{
+            'history': self.history, 'depth': self.depth, 'reliability': self.reliability,
+            'durability': self.durability, 'deadline': infinite(), 'lifespan': infinite(),
+            'liveliness': 'automatic', 'liveliness_lease_duration': infinite(),
+            'avoid_ros_namespace_conventions': False}]
+
+
+RELIABLE = Qos()
+SENSOR_DATA = Qos(reliability='best_effort', depth=5)
+TRANSIENT_LOCAL = Qos(durability='transient_local', depth=1)
+
+
+@dataclasses.dataclass
+class _Topic:
+    """What is known of a declared topic; ``channel`` is set once it is in the file."""
+
+    type_name: str
+    profiles: list[dict[str, Any]]
+    type_hash: str
+    encoding: str
+    schema: bytes
+    schema_encoding: str
+    channel: int = 0
+    order: int = 0
+    received: int = 0
+    written: int = 0
+
+
+class _PlainDumper(yaml.SafeDumper):
+    """Repeats equal parts in full: rosbag2 writes no YAML anchors."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def _dump(data: Any) -> str:
+    return yaml.dump(data, Dumper=_PlainDumper, sort_keys=False, width=1000)
+
+
+class BagWriter:
+    """
+    Write one bag; declare all topics, then write, then close.
+
+    Parameters
+    ----------
+    path
+        Directory of the bag; made here, with missing parents.
+    attachments
+        {file name: text or bytes}, e.g. the scenario; stored at the start of the file, so that a
+        killed bag has them.
+    metadata
+        {record name: {key: text}}, MCAP metadata records, stored at the start likewise.
+    library
+        Name of the writing program in the file's header.
+
+    Attributes
+    ----------
+    late
+        Messages that came after their second had been written; 0 in a sound recording. They are
+        kept, in a later chunk, and the file is then no function of the payloads alone.
+
+    Raises
+    ------
+    BagWriterError
+        If the path exists (a bag is never overwritten) or cannot be made.
+
+    """
+
+    def __init__(
+        self, path: Path | str, attachments: Mapping[str, str | bytes] | None = None,
+        metadata: Mapping[str, Mapping[str, str]] | None = None, library: str = 'mambo',
+    ) -> None:
+        self.path = Path(path)
+        self.late = 0
+        self._topics: dict[str, _Topic] = {}
+        self._pending: list[tuple[int, int, int, int, bytes]] = []
+        self._by_order: list[_Topic] = []
+        self._written_until = -1  # [ns] log times below this are in the file
+        self._newest = -1
+        self._first, self._last = NO_TIME, -1
+        self._closed = False
+        self._stream = self._open()
+        self._writer = Writer(
+            self._stream, chunk_size=CHUNK_LIMIT, compression=CompressionType.ZSTD)
+        self._writer.start(profile='ros2', library=library)
+        for name, values in (metadata or {}).items():
+            self.add_metadata(name, values)
+        for name, data in (attachments or {}).items():
+            self.add_attachment(name, data)
+        self._writer.flush()
+        self._write_yaml(RECORDING)
+
+    def _open(self):
+        """Make the directory and open the data file, refusing what exists."""
+        if os.path.lexists(self.path):
+            raise BagWriterError(
+                f'{self.path} exists: give another name or remove it (a bag is never overwritten)')
+        if self.path.name in ('', '.', '..'):
+            raise BagWriterError(f'{str(self.path)!r} is no name for a bag: give a new directory')
+        self.file = self.path / f'{self.path.name}_0.mcap'
+        try:
+            self.path.mkdir(parents=True)
+            return self.file.open('xb')
+        except OSError as error:
+            raise BagWriterError(f'cannot make the bag {self.path}: {error.strerror}') from error
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Append an MCAP metadata record; no wall-clock facts here, see :meth:`close`."""
+        self._writer.add_metadata(name, {str(key): str(value) for key, value in values.items()})
+
+    def add_attachment(self, name: str, data: str | bytes, media_type: str = '') -> None:
+        """Append a file to the bag; its times are 0, its media type follows from its suffix."""
+        self._writer.add_attachment(
+            0, 0, name,
+            media_type or MEDIA_TYPES.get(Path(name).suffix, 'application/octet-stream'),
+            data.encode() if isinstance(data, str) else bytes(data))
+
+    def add_topic(
+        self, name: str, type_name: str, qos: Qos | list[dict[str, Any]] = RELIABLE, *,
+        schema: bytes | None = None, schema_encoding: str = 'ros2msg',
+        type_hash: str | None = None, encoding: str = 'cdr',
+    ) -> None:
+        """
+        Declare a topic; all of them before the first message, in any order.
+
+        A topic that stays silent is listed with 0 messages, as rosbag2 does.
+
+        Parameters
+        ----------
+        name
+            Absolute topic name.
+        type_name
+            ``package/msg/Name``.
+        qos
+            Offered profile, or rosbag2's list of profiles.
+        schema, schema_encoding, type_hash, encoding
+            Given when a bag is copied; otherwise looked up in the ament prefixes.
+
+        Raises
+        ------
+        BagWriterError
+            For a topic declared twice, a relative name or a declaration after the first message.
+        DefinitionError
+            For a type without definition.
+
+        """
+        if name in self._topics:
+            raise BagWriterError(f'{self.path}: topic {name} is declared twice')
+        if not name.startswith('/') and schema is None:
+            raise BagWriterError(f'{self.path}: topic {name!r} must be absolute (begin with /)')
+        if self._by_order or self._closed:
+            raise BagWriterError(
+                f'{self.path}: topic {name} is declared after the first message')
+        if schema is None:
+            schema = message_definition.full_text(type_name).encode()
+        if type_hash is None:
+            type_hash = message_definition.type_hash(type_name)
+        profiles = qos.profiles() if isinstance(qos, Qos) else qos
+        self._topics[name] = _Topic(
+            type_name, profiles, type_hash, encoding, schema, schema_encoding)
+
+    def write(
+        self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None,
+    ) -> None:
+        """
+        Take one serialised message; it reaches the file once its second is complete.
+
+        Parameters
+        ----------
+        topic
+            A declared topic.
+        data
+            CDR with its 4-byte header, as DDS delivers it.
+        log_time_ns, publish_time_ns
+            ROS time; the publish time defaults to the log time.
+
+        Raises
+        ------
+        BagWriterError
+            For an undeclared topic, a negative time or a closed bag.
+
+        """
+        if not self._by_order:
+            self._register()
+        entry = self._topics.get(topic)
+        if entry is None:
+            raise BagWriterError(
+                f'{self.path}: topic {topic} is not declared; known: {", ".join(self._topics)}')
+        publish = log_time_ns if publish_time_ns is None else publish_time_ns
+        if self._closed or log_time_ns < 0 or publish < 0:
+            why = 'the bag is closed' if self._closed else f'negative time {log_time_ns} ns'
+            raise BagWriterError(f'{self.path}: message on {topic} refused: {why}')
+        if log_time_ns < self._written_until:
+            self.late += 1
+        self._pending.append((log_time_ns, entry.order, entry.received, publish, bytes(data)))
+        entry.received += 1
+        if log_time_ns > self._newest:
+            self._newest = log_time_ns
+            end = (log_time_ns - GRACE) // SECOND * SECOND
+            if end > self._written_until:
+                self._write_until(end)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Return {topic: messages taken so far}."""
+        return {name: topic.received for name, topic in self._topics.items()}
+
+    def _register(self) -> None:
+        """Put schemas and channels into the file, ordered by topic name."""
+        if not self._topics:
+            raise BagWriterError(f'{self.path}: declare topics before the first message')
+        schemas: dict[tuple[str, str, bytes], int] = {}
+        self._topics = dict(sorted(self._topics.items()))
+        for order, (name, topic) in enumerate(self._topics.items()):
+            key = (topic.type_name, topic.schema_encoding, topic.schema)
+            if key not in schemas:
+                schemas[key] = self._writer.register_schema(*key)
+            topic.order = order
+            topic.channel = self._writer.register_channel(
+                name, topic.encoding, schemas[key], {
+                    'offered_qos_profiles': _dump(topic.profiles).rstrip('\n'),
+                    'topic_type_hash': topic.type_hash})
+            self._by_order.append(topic)
+
+    def _write_until(self, end: int) -> None:
+        """Write all whole seconds of ROS time before ``end`` [ns], a chunk each, and flush."""
+        ready = sorted(
+            (message for message in self._pending if message[0] < end), key=lambda m: m[:3])
+        self._pending = [message for message in self._pending if message[0] >= end]
+        second = -1
+        for log_time, order, sequence, publish, data in ready:
+            if log_time // SECOND != second:
+                self._writer.flush()
+                second = log_time // SECOND
+            topic = self._by_order[order]
+            self._writer.add_message(topic.channel, log_time, data, publish, sequence)
+            topic.written += 1
+            self._first = min(self._first, log_time)
+            self._last = max(self._last, log_time)
+        self._writer.flush()
+        self._written_until = end
+
+    def close(self, custom_data: Mapping[str, str] | None = None) -> None:
+        """
+        Write what is pending, the index and the final ``metadata.yaml``; idempotent.
+
+        Parameters
+        ----------
+        custom_data
+            {key: text} for metadata.yaml alone: the place of what differs from run to run, such
+            as the real-time factor. The data file stays a function of the messages.
+
+        """
+        if self._closed:
+            return
+        if not self._by_order and self._topics:
+            self._register()
+        self._write_until(self._newest + 1)
+        self._writer.add_metadata('rosbag2', {'serialized_metadata': _dump(self._information({}))})
+        self._writer.finish()
+        self._stream.close()
+        self._closed = True
+        self._write_yaml(custom_data or {})
+
+    def _information(self, custom_data: Mapping[str, str]) -> dict[str, Any]:
+        """Return the body of metadata.yaml in rosbag2's order of keys."""
+        count = sum(topic.written for topic in self._topics.values())
+        span = {
+            'duration': {'nanoseconds': self._last - self._first if count else 0},
+            'starting_time': {'nanoseconds_since_epoch': self._first}}
+        topics = [
+            {'topic_metadata': {
+                'name': name, 'type': topic.type_name, 'serialization_format': topic.encoding,
+                'offered_qos_profiles': topic.profiles, 'type_description_hash': topic.type_hash},
+             'message_count': topic.written}
+            for name, topic in sorted(self._topics.items())]
+        file_span = {'starting_time': span['starting_time'], 'duration': span['duration']}
+        return {
+            'version': 9, 'storage_identifier': 'mcap', **span, 'message_count': count,
+            'topics_with_message_count': topics, 'compression_format': '',
+            'compression_mode': '', 'relative_file_paths': [self.file.name],
+            'files': [{'path': self.file.name, **file_span, 'message_count': count}],
+            'custom_data': {str(k): str(v) for k, v in custom_data.items()} or None,
+            'ros_distro': 'jazzy'}
+
+    def _write_yaml(self, custom_data: Mapping[str, str]) -> None:
+        """Replace metadata.yaml in one step, so that it is never half written."""
+        text = _dump({'rosbag2_bagfile_information': self._information(custom_data)})
+        temporary = self.path / 'metadata.yaml.part'
+        temporary.write_text(text, encoding='utf-8')
+        os.replace(temporary, self.path / 'metadata.yaml')
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -1,0 +1,47 @@
+"""ROS shell of the mock Optitrack system: ground truth in, poses in ``map`` out."""
+
+from __future__ import annotations
+
+from mambo_model.rigid_body import State
+from mambo_ros import messages, node, topics
+
+from . import simulator
+from .parameters import OptitrackNodeParams
+from .sensors import optitrack
+
+
+class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
+    """
+    Mock motion capture.
+
+    Subscribes ``ground_truth/odom``, publishes ``optitrack/pose`` at its own rate, late by its
+    latency, stamped with the exposure.
+    """
+
+    def __init__(self, **kwargs) -> None:
+        super().__init__('optitrack_node', OptitrackNodeParams, **kwargs)
+        self._values = self.params.optitrack.values()
+        self._rng = simulator.generators(self.params.seed)[4]
+        self._memory = optitrack.START
+        self._before: tuple[int, State] | None = None
+        self._pose = self.say(topics.OPTITRACK)
+        self.hear(topics.GROUND_TRUTH, self._on_truth)
+        still = State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
+        optitrack.step(  # have the compiled step in memory before time starts
+            self._memory, 0, still, 0, still, simulator.generators(0)[4], self._values)
+
+    def _on_truth(self, data: bytes) -> None:
+        t, state = messages.decode_odometry(data)
+        before = self._before or (t, state)
+        if t < before[0] or (t == before[0] and self._before is not None):
+            return
+        self._before = (t, state)
+        self._memory, sample = optitrack.step(
+            self._memory, *before, t, state, self._rng, self._values)
+        if sample.new:
+            self._pose(messages.optitrack(sample.stamp, sample.pose.rho, sample.pose.q))
+
+
+def main(args=None) -> None:
+    """Entry point ``optitrack_node``."""
+    node.main(OptitrackNode, args)

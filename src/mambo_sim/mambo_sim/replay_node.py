@@ -1,0 +1,206 @@
+"""
+Replay: the recorded sensors of a bag, live again, with ``/clock``.
+
+At a chosen rate, or as fast as the estimator answers; nothing is lost either way. The watermark
+of the sensors (``sensor_tick``) comes from the bag, or from the samples themselves where a bag
+has none (real hardware), so that a replayed estimate is the same at every rate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+import time
+
+from mambo_model import schema
+from mambo_ros import layout, links, messages, node, topics
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+import yaml
+
+_SENSORS = (topics.IMU, topics.SONAR, topics.OPTICAL_FLOW, topics.BAROMETER)
+
+
+@dataclass(frozen=True)
+class ReplayNodeParams:
+    """Parameters of ``replay_node``."""
+
+    bag: str = schema.text('', 'rosbag2 directory or .mcap file')
+    rate: float = schema.quantity(
+        0.0, '-', 0.0, 1000.0, 'recorded over wall time, 0: as fast as the estimator answers')
+    also: str = schema.text('', 'more topics of the bag to publish, separated by commas')
+    source_namespace: str = schema.text('/mambo', 'namespace of the recorded topics')
+    wait_for: str = schema.text('', 'names of nodes to wait for, separated by commas')
+    start_patience: float = schema.quantity(
+        300.0, 's', 1.0, 3600.0,
+        'wall time to wait for nodes and links: the first start compiles the numerics')
+    patience: float = schema.quantity(
+        30.0, 's', 1.0, 3600.0, 'wall time without an answer after which to give up')
+
+    def __post_init__(self) -> None:
+        schema.check(self)
+
+
+def bag_files(path: Path) -> list[Path]:
+    """
+    Return the MCAP files of a bag in order.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        If the path holds no MCAP file.
+
+    """
+    if path.is_file():
+        return [path]
+    listing = path / 'metadata.yaml'
+    if listing.is_file():
+        try:
+            names = yaml.safe_load(listing.read_text())['rosbag2_bagfile_information'][
+                'relative_file_paths']
+            files = [path / name for name in names]
+        except (yaml.YAMLError, KeyError, TypeError) as error:
+            raise schema.ParameterError(
+                f'{listing}: not the metadata of a rosbag2 bag ({error})') from None
+    else:
+        files = sorted(path.glob('*.mcap')) if path.is_dir() else []
+    missing = [str(file) for file in files if not file.is_file()]
+    if missing or not files:
+        raise schema.ParameterError(
+            f'{missing[0]}: listed in metadata.yaml but missing' if missing
+            else f'{path}: no bag here; give a rosbag2 directory or an .mcap file')
+    return files
+
+
+def recorded(path: Path, names: set[str]) -> Iterator[tuple[str, str, bytes]]:
+    """
+    Yield (topic, type name, bytes) of the named topics in the order of their log time.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        If a file cannot be read to its end.
+
+    """
+    for file in bag_files(path):
+        try:
+            with file.open('rb') as stream:
+                for kind, channel, message in make_reader(stream).iter_messages(
+                        topics=list(names)):
+                    yield channel.topic, kind.name, message.data
+        except (McapError, OSError, ValueError, EOFError) as error:
+            raise schema.ParameterError(
+                f'{file}: not a readable MCAP file ({error}); try recover on it') from None
+
+
+class ReplayNode(node.MamboNode[ReplayNodeParams]):
+    """Publishes recorded sensors, ``/clock`` and ``sensor_tick``; hears ``estimate/odom``."""
+
+    def __init__(self, **kwargs) -> None:
+        super().__init__('replay_node', ReplayNodeParams, **kwargs)
+        p = self.params
+        known = {topic.name: topic for topic in topics.RECORDED}
+        extra = [name.strip() for name in p.also.split(',') if name.strip()]
+        unknown = [name for name in extra if name not in known]
+        if unknown:
+            raise schema.ParameterError(
+                f"ReplayNodeParams.also: unknown topic {unknown[0]}; known: {', '.join(known)}")
+        self._path = Path(p.bag)
+        bag_files(self._path)
+        self._topics = {}
+        root = p.source_namespace.rstrip('/')
+        for topic in dict.fromkeys((*_SENSORS, topics.SENSOR_TICK, *(known[n] for n in extra))):
+            name = topic.name if topic.name.startswith('/') else f'{root}/{topic.name}'
+            self._topics[name] = (topic, self.say(topic))
+        self._clock = self.say(topics.CLOCK)
+        self._tick = self._topics[f'{root}/{topics.SENSOR_TICK.name}'][1]
+        self._answered = -1
+        self.hear(topics.ESTIMATE, self._on_estimate)
+        self.links = links.Links(self, p.wait_for)
+
+    def _on_estimate(self, data: bytes) -> None:
+        self._answered = max(self._answered, layout.stamp_ns(data))
+
+    def steps(self) -> Iterator[int]:
+        """Publish the bag step by step; yield the stamp in ns after each."""
+        has_ticks = any(
+            name for name, _, _ in recorded(self._path, {self._name(topics.SENSOR_TICK)}))
+        counts = dict.fromkeys(_SENSORS, 0)
+        held: list[tuple] = []  # of the step that is not complete yet
+        now = -1
+        for name, kind, data in recorded(self._path, set(self._topics)):
+            topic, publish = self._topics[name]
+            if kind != topic.type_name:
+                raise schema.ParameterError(
+                    f'{self._path}: {name} has type {kind}, expected {topic.type_name}')
+            t = layout.stamp_ns(data)
+            if topic is topics.IMU and t > now:
+                if held:
+                    yield self._publish_step(now, held, counts, has_ticks)
+                    held = []
+                now = t
+            held.append((topic, publish, data))
+        if held and now >= 0:
+            yield self._publish_step(now, held, counts, has_ticks)
+
+    def _name(self, topic: topics.Topic) -> str:
+        return next(name for name, (entry, _) in self._topics.items() if entry is topic)
+
+    def _publish_step(self, t: int, held: list[tuple], counts: dict, has_ticks: bool) -> int:
+        self._clock(messages.clock(t))
+        for topic, publish, data in held:
+            if topic in counts:
+                counts[topic] += 1
+            publish(data)
+        if not has_ticks:
+            self._tick(messages.sensor_tick(t, *(counts[topic] for topic in _SENSORS)))
+        return t
+
+    def wait_for_answer(self, loop: node.Loop, t: int) -> bool:
+        """Serve the graph until the estimate of ``t`` is there."""
+        began = time.monotonic()
+        while self._answered < t:
+            if not loop.once(0.02) and (
+                    loop.stopping or time.monotonic() - began > self.params.patience):
+                if not loop.stopping:
+                    self.get_logger().error(
+                        f'no estimate/odom for t = {t * 1e-9:.3f} s within '
+                        f'{self.params.patience:g} s')
+                return False
+        return True
+
+
+def replay(player: ReplayNode, loop: node.Loop) -> int:
+    """Play the bag to its end or until stopped; return the exit code."""
+    p, log = player.params, player.get_logger()
+    if not player.links.wait(loop, p.start_patience):
+        return 0 if loop.stopping else 1
+    began, first, t, count = time.monotonic(), None, 0, 0
+    try:
+        for t in player.steps():
+            count += 1
+            first = t if first is None else first
+            if p.rate:
+                while (left := began + (t - first) * 1e-9 / p.rate - time.monotonic()) > 0.0:
+                    loop.once(left)
+                    if loop.stopping:
+                        return 0
+            elif not player.wait_for_answer(loop, t):
+                return 0 if loop.stopping else 1
+    except schema.ParameterError as error:
+        log.error(str(error))
+        return 1
+    if not count:
+        log.error(f'{p.bag}: no sensor messages under {p.source_namespace}')
+        return 1
+    if p.wait_for and not player.wait_for_answer(loop, t):
+        return 1
+    took, span = time.monotonic() - began, (t - first) * 1e-9
+    log.info(f'replayed {span:.3f} s, {count} steps, in {took:.3f} s of wall time')
+    return 0
+
+
+def main(args=None) -> None:
+    """Entry point ``replay_node``."""
+    node.main(ReplayNode, args, replay)

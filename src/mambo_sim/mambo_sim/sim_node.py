@@ -1,0 +1,170 @@
+"""
+The vehicle, its sensors and the time of the graph.
+
+``sim_node`` publishes ``/clock`` and every sensor, and advances the vehicle by one control step
+of 5 ms with the motor command that answers the step. In lockstep it waits for that command as
+long as it takes; in real time it paces the steps to the wall clock and keeps the last command
+when none has come.
+"""
+
+from __future__ import annotations
+
+import time
+
+from mambo_ros import diagnostics, links, messages, node, topics
+
+from . import simulator
+from .parameters import SimNodeParams, STEP_NS
+
+_ASK_AGAIN = 5.0  # s of wall time after which a waiting simulator says what it waits for
+
+
+class SimNode(node.MamboNode[SimNodeParams]):
+    """
+    Simulated Mambo.
+
+    Publishes ``/clock``, ``imu/data_raw``, ``sonar/range``, ``optical_flow``,
+    ``barometer/pressure``, ``sensor_tick``, ``ground_truth/odom`` and ``/diagnostics``;
+    subscribes ``motor_pwm``.
+    """
+
+    def __init__(self, **kwargs) -> None:
+        super().__init__('sim_node', SimNodeParams, **kwargs)
+        p = self.params.simulator
+        self._values = p.values()
+        self._state = simulator.initial_state(p)
+        self._rngs = simulator.generators(p.seed)
+        self._gyro_variance = tuple(sigma ** 2 for sigma in p.imu.gyro_noise)
+        self._accel_variance = tuple(sigma ** 2 for sigma in p.imu.accel_noise)
+        self._counts = [0, 0, 0, 0]
+        self._tick = 0
+        self._pwm, self._shutdown, self._answered = (0.0,) * 4, False, -1
+        self.missed = 0
+        self._clock = self.say(topics.CLOCK)
+        self._imu = self.say(topics.IMU)
+        self._sonar = self.say(topics.SONAR)
+        self._flow = self.say(topics.OPTICAL_FLOW)
+        self._barometer = self.say(topics.BAROMETER)
+        self._truth = self.say(topics.GROUND_TRUTH)
+        self._watermark = self.say(topics.SENSOR_TICK)
+        self._diagnostics = self.say(topics.DIAGNOSTICS)
+        self.hear(topics.MOTOR_PWM, self._on_pwm)
+        self.links = links.Links(self, self.params.wait_for)
+        self._load(p)
+
+    def _load(self, p: simulator.SimulatorParams) -> None:
+        """Have the compiled steps in memory before time starts."""
+        state, _ = simulator.sense(self._state, 0, simulator.generators(p.seed), self._values)
+        simulator.advance(state, self._pwm, self._shutdown, self._values)
+
+    def _on_pwm(self, data: bytes) -> None:
+        t, pwm, shutdown = messages.decode_motor_pwm(data)
+        if t > self._answered:  # a repeated or late answer changes nothing
+            self._answered, self._pwm, self._shutdown = t, pwm, shutdown
+
+    @property
+    def t(self) -> int:
+        """Return the flight time of the current step in ns."""
+        return self._tick * STEP_NS
+
+    @property
+    def answered(self) -> bool:
+        """Return whether the motor command of the current step has come."""
+        return self._answered >= self.t
+
+    def sense(self) -> None:
+        """Publish the clock, every sensor that is due, the truth and the watermark."""
+        t = self.t
+        self._state, s = simulator.sense(self._state, self._tick, self._rngs, self._values)
+        p = self.params.simulator
+        self._clock(messages.clock(t))
+        self._truth(messages.ground_truth(t, self._state.plant.body))
+        counts = self._counts
+        counts[0] += 1
+        self._imu(messages.imu(t, s.gyro, s.accel, self._gyro_variance, self._accel_variance))
+        if s.sonar_new:
+            counts[1] += 1
+            self._sonar(messages.sonar(
+                t, s.sonar, p.sonar.min_range, p.sonar.max_range, 2.0 * p.sonar.max_tilt))
+        if s.flow_new:
+            counts[2] += 1
+            self._flow(messages.optical_flow(t, s.flow, s.flow_quality))
+        if s.baro_new:
+            counts[3] += 1
+            self._barometer(messages.pressure(t, s.pressure, p.barometer.noise ** 2))
+        self._watermark(messages.sensor_tick(t, *counts))
+        if t % 1_000_000_000 == 0:
+            self._report(t)
+
+    def _report(self, t: int) -> None:
+        level = diagnostics.WARN if self.missed else diagnostics.OK
+        self._diagnostics(diagnostics.report(
+            t, self.get_name(), level,
+            f'{self.missed} steps without their motor command' if self.missed else 'flying',
+            {'mode': self.params.mode, 'steps': self._tick, 'missed': self.missed}))
+
+    def advance(self) -> None:
+        """Move the vehicle to the next step with the newest motor command."""
+        self._state = simulator.advance(self._state, self._pwm, self._shutdown, self._values)
+        self._tick += 1
+
+
+def _wait_for_answer(sim: SimNode, loop: node.Loop) -> bool:
+    """Serve the graph until the step's motor command is there (lockstep)."""
+    began = said = time.monotonic()
+    while not sim.answered:
+        if not loop.once(0.02):
+            now = time.monotonic()
+            if loop.stopping:
+                return False
+            if now - began > sim.params.patience:
+                sim.get_logger().error(
+                    f'no motor_pwm for t = {sim.t * 1e-9:.3f} s within {sim.params.patience:g} s')
+                return False
+            if now - said > _ASK_AGAIN:
+                said = now
+                sim.get_logger().warning(f'waiting for motor_pwm of t = {sim.t * 1e-9:.3f} s')
+    return True
+
+
+def _wait_for_deadline(sim: SimNode, loop: node.Loop, deadline: float) -> None:
+    """Serve the graph until the wall clock reaches the next step (real time)."""
+    while (left := deadline - time.monotonic()) > 0.0 and not loop.stopping:
+        loop.once(left)
+    if not sim.answered:
+        loop.once(0.0)
+    if not sim.answered:
+        sim.missed += 1
+
+
+def fly(sim: SimNode, loop: node.Loop) -> int:
+    """Run the simulation to its end or until stopped; return the exit code."""
+    if not sim.links.wait(loop, sim.params.start_patience):
+        return 0 if loop.stopping else 1
+    p, log = sim.params, sim.get_logger()
+    end = round(p.duration * 1e9) if p.duration else None
+    began = said = time.monotonic()
+    lockstep = p.mode == 'lockstep'
+    while not loop.stopping:
+        sim.sense()
+        if lockstep:
+            if not _wait_for_answer(sim, loop):
+                break
+        else:
+            _wait_for_deadline(sim, loop, began + (sim.t + STEP_NS) * 1e-9 / p.speed)
+        now = time.monotonic()
+        if now - said > 1.0:
+            said = now
+            log.info(f't = {sim.t * 1e-9:.2f} s')
+        if end is not None and sim.t >= end:
+            break
+        sim.advance()
+    took = time.monotonic() - began
+    log.info(f'flew {sim.t * 1e-9:.3f} s in {took:.3f} s of wall time, '
+             f'{sim.missed} steps without their motor command')
+    return 0 if loop.stopping or end is None or sim.t >= end else 1
+
+
+def main(args=None) -> None:
+    """Entry point ``sim_node``."""
+    node.main(SimNode, args, fly)
