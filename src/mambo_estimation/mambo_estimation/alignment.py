@@ -1,0 +1,236 @@
+"""
+Start at rest: biases and tilt from the mean of the first samples, and how long rest lasts.
+
+The mean of the gyro is its bias. The mean of the accelerometer is gravity, tilted, plus a bias,
+and cannot tell which: what it reads sideways is split between a floor that slopes and a sensor
+that is off in the ratio of their variances. The thesis's estimator gives all of it to the sensor
+(sec. 5.3.1), the textbook all of it to the tilt; both are limits of this one. A reading too large
+for either is taken for a slope.
+
+If the vehicle moves meanwhile, the means are worthless and the filters start with wide defaults.
+After the alignment the vehicle is known to be still on the floor until something moves: its
+velocity is zero, which keeps the filters from drifting while they wait.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+from mambo_model.compiled import jit
+from mambo_model.quaternion import from_euler, Quat
+from mambo_model.schema import check, quantity, values
+from mambo_model.vector import add, dot, norm, scale, sub, Vec3
+
+COLLECTING, ALIGNED, MOVED = range(3)
+
+
+class AlignmentValues(NamedTuple):
+    """:class:`AlignmentParams` as compiled code reads them."""
+
+    samples: int
+    gyro_bias: Vec3
+    accel_bias: Vec3
+    gyro_spread: float
+    accel_spread: float
+    gyro_limit: float
+    gravity_tolerance: float
+    gyro_bias_floor: float
+    accel_bias_std: float
+    floor_slope_std: float
+    rest_gyro: float
+    rest_accel: float
+    rest_time: float
+    rest_velocity_std: float
+    leave_velocity_std: float
+
+
+@dataclass(frozen=True)
+class AlignmentParams:
+    """When the vehicle counts as being at rest."""
+
+    samples: int = quantity(
+        100, '-', 0, 1000000, 'to average: 0.5 s at 200 Hz; 0: start with the defaults at once')
+    gyro_bias: Vec3 = quantity(
+        (0.0, 0.0, 0.0), 'rad/s', -1.0, 1.0,
+        'body FRD, used where the alignment fails: calibration from elsewhere')
+    accel_bias: Vec3 = quantity(
+        (0.0, 0.0, 0.0), 'm/s^2', -5.0, 5.0,
+        'body FRD, used where the alignment fails: calibration from elsewhere')
+    gyro_spread: float = quantity(
+        0.1, 'rad/s', 0.0, 10.0, 'a sample farther from the first one means movement')
+    accel_spread: float = quantity(
+        0.6, 'm/s^2', 0.0, 100.0, 'a sample farther from the first one means movement')
+    gyro_limit: float = quantity(
+        0.2, 'rad/s', 0.0, 10.0, 'no gyro at rest reads more: turn-on bias')
+    gravity_tolerance: float = quantity(
+        1.5, 'm/s^2', 0.0, 10.0, 'at rest the specific force has the size of gravity, bias aside')
+    gyro_bias_floor: float = quantity(
+        1e-4, 'rad/s', 1e-7, 1.0,
+        'the bias is not known better than this, however long the mean: judgement')
+    accel_bias_std: float = quantity(
+        0.3, 'm/s^2', 1e-6, 5.0,
+        'horizontal accelerometer bias: x axis in calibration values of 11 Rolling Spider flights')
+    floor_slope_std: float = quantity(
+        0.01, 'rad', 0.0, 1.5, 'slope of the floor of a hall: judgement')
+    rest_gyro: float = quantity(
+        0.03, 'rad/s', 0.0, 10.0, 'a smoothed rate farther from its mean ends the rest')
+    rest_accel: float = quantity(
+        0.15, 'm/s^2', 0.0, 100.0, 'a smoothed specific force farther from its mean ends the rest')
+    rest_time: float = quantity(0.1, 's', 1e-3, 10.0, 'time constant of that smoothing')
+    rest_velocity_std: float = quantity(
+        0.01, 'm/s', 1e-6, 1.0, 'how well a velocity of zero is known at rest')
+    leave_velocity_std: float = quantity(
+        0.05, 'm/s', 0.0, 10.0, 'velocity that may have been gained before the rest was ended')
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def values(self) -> AlignmentValues:
+        """Return what compiled code reads."""
+        return AlignmentValues(*values(self, AlignmentValues._fields))
+
+
+class Alignment(NamedTuple):
+    """Memory of the alignment, and afterwards of the rest."""
+
+    count: int         # [-] samples collected
+    first_gyro: Vec3   # (3,) rad/s, body FRD
+    first_accel: Vec3  # (3,) m/s^2, body FRD
+    gyro: Vec3         # (3,) rad/s, sum while collecting, then mean
+    accel: Vec3        # (3,) m/s^2, sum while collecting, then mean
+    spread: float      # rad^2/s^2, sum of squared distances of the gyro from its first sample
+    accel_bias: Vec3   # (3,) m/s^2, body FRD, to be taken off every sample
+    gyro_off: Vec3     # (3,) rad/s, smoothed distance from the mean
+    accel_off: Vec3    # (3,) m/s^2, smoothed distance from the mean
+
+
+class Level(NamedTuple):
+    """What a mean specific force at rest says."""
+
+    q: Quat            # (4,) w x y z, body to inertial, yaw 0
+    accel_bias: Vec3   # (3,) m/s^2, body FRD
+    tilt_std: float    # rad, about each horizontal axis
+
+
+ZERO: Vec3 = (0.0, 0.0, 0.0)
+EMPTY = Alignment(0, ZERO, ZERO, ZERO, ZERO, 0.0, ZERO, ZERO, ZERO)
+
+
+@jit
+def level(mean: Vec3, gravity: float, v: AlignmentValues) -> Level:
+    """
+    Split the mean specific force of a vehicle at rest into tilt and bias.
+
+    The floor pushes up: the body sees -g R^T e_3. Signs by hand: nose up reads positive on x,
+    right side down reads negative on y. The bias along z makes the rest as large as gravity.
+
+    Parameters
+    ----------
+    mean : (3,) m/s^2, body FRD
+    gravity : m/s^2
+    v
+        Deviations of the bias and of the slope of the floor.
+
+    """
+    bias, slope = v.accel_bias_std * v.accel_bias_std, gravity * v.floor_slope_std
+    total = bias + slope * slope
+    share = bias / total
+    if math.hypot(mean[0], mean[1]) > 3.0 * math.sqrt(total):
+        share = 0.0
+    x, y = (1.0 - share) * mean[0], (1.0 - share) * mean[1]
+    z = math.copysign(math.sqrt(max(gravity * gravity - x * x - y * y, 0.0)), mean[2])
+    tilt = math.sqrt((1.0 - share) * bias) / gravity
+    pitch = math.asin(max(-1.0, min(1.0, x / gravity)))
+    return Level(
+        from_euler(math.atan2(-y, -z), pitch, 0.0),
+        (share * mean[0], share * mean[1], mean[2] - z), tilt)
+
+
+@jit
+def gyro_bias_variance(m: Alignment, v: AlignmentValues) -> float:
+    """Return the variance of a mean of the gyro, rad^2/s^2 each axis, from the samples' spread."""
+    off = sub(m.gyro, m.first_gyro)
+    spread = max(m.spread / m.count - dot(off, off), 0.0) / 3.0
+    return spread / m.count + v.gyro_bias_floor * v.gyro_bias_floor
+
+
+@jit
+def collect(
+    m: Alignment, gyro: Vec3, accel: Vec3, gravity: float, v: AlignmentValues,
+) -> tuple[Alignment, int]:
+    """
+    Add a sample of a vehicle at rest.
+
+    Parameters
+    ----------
+    m
+        Memory.
+    gyro : (3,) rad/s, body FRD
+    accel : (3,) m/s^2, body FRD
+        Specific force. Both valid.
+    gravity : m/s^2
+    v
+        Limits.
+
+    Returns
+    -------
+    m
+        To be passed to the next call; with ALIGNED it holds means and accelerometer bias.
+    verdict
+        COLLECTING, ALIGNED or MOVED.
+
+    """
+    if m.count == 0:
+        m = Alignment(0, gyro, accel, ZERO, ZERO, 0.0, ZERO, ZERO, ZERO)
+    off = sub(gyro, m.first_gyro)
+    at_rest = (
+        norm(off) <= v.gyro_spread and norm(sub(accel, m.first_accel)) <= v.accel_spread
+        and norm(gyro) <= v.gyro_limit and abs(norm(accel) - gravity) <= v.gravity_tolerance)
+    if v.samples == 0 or not at_rest:
+        return m, MOVED
+    count, spread = m.count + 1, m.spread + dot(off, off)
+    gyro, accel = add(m.gyro, gyro), add(m.accel, accel)
+    if count < v.samples:
+        return Alignment(
+            count, m.first_gyro, m.first_accel, gyro, accel, spread, ZERO, ZERO,
+            ZERO), COLLECTING
+    gyro, accel = scale(1.0 / count, gyro), scale(1.0 / count, accel)
+    bias = level(accel, gravity, v).accel_bias
+    return Alignment(
+        count, m.first_gyro, m.first_accel, gyro, accel, spread, bias, ZERO, ZERO), ALIGNED
+
+
+@jit
+def fall_back(m: Alignment, v: AlignmentValues) -> Alignment:
+    """Return the memory of an alignment that failed: the accelerometer bias of the parameters."""
+    return Alignment(
+        m.count, m.first_gyro, m.first_accel, m.gyro, m.accel, m.spread, v.accel_bias, ZERO, ZERO)
+
+
+@jit
+def watch(
+    m: Alignment, gyro: Vec3, accel: Vec3, dt: float, v: AlignmentValues,
+) -> tuple[Alignment, bool]:
+    """
+    Tell whether an aligned vehicle is still at rest.
+
+    Parameters
+    ----------
+    m
+        Memory with the means.
+    gyro : (3,) rad/s, body FRD
+    accel : (3,) m/s^2, body FRD
+    dt : s
+    v
+        Limits.
+
+    """
+    part = dt / (v.rest_time + dt)
+    gyro_off = add(m.gyro_off, scale(part, sub(sub(gyro, m.gyro), m.gyro_off)))
+    accel_off = add(m.accel_off, scale(part, sub(sub(accel, m.accel), m.accel_off)))
+    resting = norm(gyro_off) <= v.rest_gyro and norm(accel_off) <= v.rest_accel
+    return Alignment(
+        m.count, m.first_gyro, m.first_accel, m.gyro, m.accel, m.spread, m.accel_bias, gyro_off,
+        accel_off), resting

@@ -1,0 +1,403 @@
+r"""
+Attitude filter: multiplicative Kalman filter of the attitude error and the gyro bias.
+
+Between gravity updates the gyro is integrated. The error is a rotation about inertial axes,
+``q_true = exp(delta) q``, so that with :math:`\delta b` the bias error
+
+.. math:: \dot\delta = -R\,\delta b + noise
+
+and the covariance of delta is the rotation block of the published pose as it stands.
+
+Gravity. In flight the accelerometer does not see gravity: thrust and drag are all it measures,
+and a vehicle that tilts reads nothing sideways. Taking its direction for the vertical would pull
+the tilt to zero while the vehicle flies a circle. What is known is the acceleration,
+:math:`\dot v = R s + g e_3`: over a window of length T the mean specific force, turned to
+inertial axes, must explain the velocity gained in it, which the optical flow measures,
+
+.. math:: r = \frac{v(T) - v(0)}{T} - \frac1T \int_0^T (R s + g e_3)\,dt = -g\,\delta \times e_3
+
+in the two horizontal directions, delta being its mean, whatever forces act and at any
+acceleration (the velocity is turned by the same R: its error cancels that of s but for gravity,
+and the heading drops out).
+Without flow the velocity gained is taken as zero with a wide uncertainty, widened further by the
+excess of the specific force over g and by the rate; at rest it is zero.
+
+Holds (2.14) in its exact form for a constant rate; the thesis only names this filter (sec. 5.1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+from mambo_model.compiled import jit
+from mambo_model.quaternion import exp_map, multiply, normalise, Quat, to_matrix
+from mambo_model.schema import check, quantity, values
+from mambo_model.vector import add, dot, norm, scale, sub, Vec3
+
+from .blocks import (
+    diagonal3, less_outer3, Matrix3, mul3, scale3, sub3, symmetric3, transpose3, Vec2, ZERO3)
+
+
+class AttitudeValues(NamedTuple):
+    """:class:`AttitudeParams` as compiled code reads them."""
+
+    gyro_noise: float
+    held_gyro_noise: float
+    gyro_bias_walk: float
+    initial_tilt_std: float
+    initial_yaw_std: float
+    initial_gyro_bias_std: float
+    rate_noise: float
+    window: float
+    window_velocity_noise: float
+    window_accel_noise: float
+    unaided_acceleration: float
+    unaided_rate_factor: float
+    gate: float
+
+
+@dataclass(frozen=True)
+class AttitudeParams:
+    """Noise and prior knowledge of the attitude filter."""
+
+    gyro_noise: float = quantity(
+        3e-4, 'rad/sqrt(s)', 1e-7, 1.0,
+        'density: 5e-5 in Rolling Spider logs at rest (0.0007 rad/s at 200 Hz), 7e-4 in flight')
+    held_gyro_noise: float = quantity(
+        0.3, 'rad/sqrt(s)', 1e-7, 10.0,
+        'density while a sample is missing: 1 rad/s wrong for 0.1 s')
+    gyro_bias_walk: float = quantity(
+        1e-5, 'rad/s/sqrt(s)', 0.0, 1.0, 'drift of the gyro bias: judgement')
+    initial_tilt_std: float = quantity(
+        0.1, 'rad', 1e-4, 1.5, 'tilt at start where the alignment failed')
+    initial_yaw_std: float = quantity(
+        1e-3, 'rad', 1e-6, 3.2, 'yaw is zero at start by definition')
+    initial_gyro_bias_std: float = quantity(
+        0.03, 'rad/s', 1e-6, 1.0,
+        'bias where the alignment failed: 0.017 in calibration values of 12 Rolling Spider flights')
+    rate_noise: float = quantity(
+        0.02, 'rad/s', 1e-6, 10.0,
+        'of one sample in flight, for the covariance of the body rate: Rolling Spider logs')
+    window: float = quantity(1.0, 's', 0.05, 60.0, 'length of a gravity window: judgement')
+    window_velocity_noise: float = quantity(
+        0.1, 'm/s', 0.0, 10.0,
+        'errors of a velocity by flow beyond its noise: height, delay, rotation; judgement')
+    window_accel_noise: float = quantity(
+        0.03, 'm/s^2', 1e-6, 10.0, 'noise of the mean specific force of a window: judgement')
+    unaided_acceleration: float = quantity(
+        2.0, 'm/s^2', 1e-3, 100.0,
+        'horizontal acceleration, mean over a window, that may go unseen without flow')
+    unaided_rate_factor: float = quantity(
+        5.0, 'm/s', 0.0, 1e3, 'the same per rad/s of body rate: a turning vehicle accelerates')
+    gate: float = quantity(
+        3.0, 'sigma', 1.0, 100.0, 'a larger innovation counts as if it were just so large')
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def values(self) -> AttitudeValues:
+        """Return what compiled code reads."""
+        return AttitudeValues(*values(self, AttitudeValues._fields))
+
+
+class Window(NamedTuple):
+    """One gravity window under way."""
+
+    time: float       # s, since its start
+    gained: Vec3      # (3,) m/s, inertial NED, integral of R s + g e_3
+    turned: float     # rad^2/s, integral of the squared body rate
+    aided: bool       # true: started with a velocity by flow
+    start: Vec2       # (2,) m/s, inertial NED, that velocity
+    variance: float   # m^2/s^2, of each of its components
+
+
+class Attitude(NamedTuple):
+    """Memory of the attitude filter."""
+
+    q: Quat           # (4,) w x y z, body to inertial
+    bias: Vec3        # (3,) rad/s, body FRD, of the gyro
+    P_rr: Matrix3     # (3, 3) rad^2, of delta about inertial axes
+    P_rb: Matrix3     # (3, 3) rad^2/s, of delta and bias error
+    P_bb: Matrix3     # (3, 3) rad^2/s^2, of the bias error
+    hidden: float     # rad, deviation of the tilt that an accelerometer bias hides for ever
+    window: Window
+
+
+NO_WINDOW = Window(0.0, (0.0, 0.0, 0.0), 0.0, False, (0.0, 0.0), 0.0)
+
+
+@jit
+def start(
+    q: Quat, bias: Vec3, tilt_variance: float, bias_variance: float, hidden: float,
+    v: AttitudeValues,
+) -> Attitude:
+    """
+    Return the filter at its start.
+
+    Parameters
+    ----------
+    q : (4,) w x y z
+    bias : (3,) rad/s, body FRD
+    tilt_variance, bias_variance : rad^2, rad^2/s^2
+        About each horizontal axis and of each axis.
+    hidden : rad
+        Deviation of the tilt, about each horizontal axis, that cannot be seen: an accelerometer
+        bias b looks like a tilt of b / g to the alignment and to every gravity window.
+    v
+        Prior of the yaw.
+
+    """
+    yaw = v.initial_yaw_std * v.initial_yaw_std
+    return Attitude(
+        q, bias, diagonal3(tilt_variance, tilt_variance, yaw), ZERO3,
+        diagonal3(bias_variance, bias_variance, bias_variance), hidden, NO_WINDOW)
+
+
+@jit
+def predict(
+    a: Attitude, rate: Vec3, dt: float, held: bool, v: AttitudeValues,
+) -> Attitude:
+    """
+    Integrate the gyro over dt, (2.14) solved exactly for a constant rate.
+
+    Parameters
+    ----------
+    a
+        Memory.
+    rate : (3,) rad/s, body FRD
+        Measured, bias included, mean over the interval.
+    dt : s
+    held : bool
+        The rate is not measured but held: its noise is much larger.
+    v
+        Noise.
+
+    """
+    R = to_matrix(a.q)
+    q = normalise(multiply(a.q, exp_map(scale(dt, sub(rate, a.bias)))))
+    density = v.held_gyro_noise if held else v.gyro_noise
+    noise, walk = density * density * dt, v.gyro_bias_walk * v.gyro_bias_walk * dt
+    turn = scale3(dt, R)
+    to_bias = mul3(turn, a.P_bb)
+    P_rb = sub3(a.P_rb, to_bias)
+    half = sub3(a.P_rr, mul3(turn, transpose3(a.P_rb)))
+    P_rr = sub3(half, mul3(P_rb, transpose3(turn)))
+    P_rr = symmetric3(sub3(P_rr, diagonal3(-noise, -noise, -noise)))
+    P_bb = sub3(a.P_bb, diagonal3(-walk, -walk, -walk))
+    return Attitude(q, a.bias, P_rr, P_rb, P_bb, a.hidden, a.window)
+
+
+@jit
+def accumulate(
+    window: Window, acceleration: Vec3, omega: Vec3, dt: float,
+) -> Window:
+    """
+    Add one step to the gravity window.
+
+    Parameters
+    ----------
+    window
+        Under way.
+    acceleration : (3,) m/s^2, inertial NED
+        R s + g e_3, s as calibrated at start, mean over the step.
+    omega : (3,) rad/s, body FRD
+        Without bias.
+    dt : s
+
+    """
+    return Window(
+        window.time + dt, add(window.gained, scale(dt, acceleration)),
+        window.turned + dt * dot(omega, omega), window.aided, window.start, window.variance)
+
+
+@jit
+def restart(velocity: Vec2, variance: float) -> Window:
+    """Return a window that starts now with a velocity by flow, (2,) m/s inertial NED, m^2/s^2."""
+    return Window(0.0, (0.0, 0.0, 0.0), 0.0, True, velocity, variance)
+
+
+@jit
+def _tilt(residual_x: float, residual_y: float, gravity: float) -> Vec2:
+    """Return the tilt errors about north and east that leave a residual -g delta x e_3."""
+    return (residual_y / gravity, -residual_x / gravity)
+
+
+@jit
+def aided_tilt(
+    window: Window, velocity: Vec2, variance: float, scale_std: float, gravity: float,
+    v: AttitudeValues,
+) -> tuple[Vec2, float]:
+    """
+    Return the mean tilt error that a window between two velocities by flow shows.
+
+    The noise of a velocity enters two windows with opposite signs; it is treated as independent,
+    which only makes the filter too careful.
+
+    Parameters
+    ----------
+    window
+        Started with a velocity, time > 0.
+    velocity : (2,) m/s, inertial NED
+        At its end.
+    variance : m^2/s^2
+        Of each of its components.
+    scale_std : -
+        Uncertain scale of the flow, which scales the velocity gained.
+    gravity : m/s^2
+    v
+        Noise of the mean specific force.
+
+    Returns
+    -------
+    innovation : (2,) rad, inertial axes x and y
+        First two elements of delta.
+    variance : rad^2
+        Of each.
+
+    """
+    x, y = velocity[0] - window.start[0], velocity[1] - window.start[1]
+    T = window.time
+    gained = window.variance + variance + scale_std * scale_std * (x * x + y * y)
+    spread = gained / (T * T) + v.window_accel_noise * v.window_accel_noise
+    return (_tilt((x - window.gained[0]) / T, (y - window.gained[1]) / T, gravity),
+            spread / (gravity * gravity))
+
+
+@jit
+def unaided_tilt(
+    window: Window, resting: bool, gravity: float, v: AttitudeValues,
+) -> tuple[Vec2, float]:
+    """
+    Return the mean tilt error that a window shows if it has gained no velocity.
+
+    Parameters
+    ----------
+    window
+        Under way, time > 0.
+    resting : bool
+        On the floor: it has gained none indeed. Else it may have, the more so the more the
+        specific force exceeds gravity and the faster the vehicle turns.
+    gravity : m/s^2
+    v
+        Uncertainties.
+
+    Returns
+    -------
+    innovation : (2,) rad, inertial axes x and y
+        First two elements of delta.
+    variance : rad^2
+        Of each.
+
+    """
+    mean = scale(1.0 / window.time, window.gained)
+    spread = v.window_accel_noise * v.window_accel_noise
+    if not resting:
+        excess = norm((mean[0], mean[1], mean[2] - gravity)) - gravity
+        turned = window.turned / window.time
+        spread += (
+            v.unaided_acceleration * v.unaided_acceleration + excess * excess
+            + v.unaided_rate_factor * v.unaided_rate_factor * turned)
+    return _tilt(-mean[0], -mean[1], gravity), spread / (gravity * gravity)
+
+
+class _Column(NamedTuple):
+    """Covariance of delta and of the bias error with one measured quantity."""
+
+    r: Vec3
+    b: Vec3
+
+
+@jit
+def _column(a: Attitude, i: int, lever: Vec3) -> _Column:
+    """Return P H^T of a measured element i of delta plus ``lever`` times the bias error."""
+    P = a.P_rb
+    return _Column(
+        add(a.P_rr[i], (dot(P[0], lever), dot(P[1], lever), dot(P[2], lever))),
+        add(P[i], (dot(a.P_bb[0], lever), dot(a.P_bb[1], lever), dot(a.P_bb[2], lever))))
+
+
+@jit
+def update_tilt(
+    a: Attitude, innovation: Vec2, variance: float, length: float, gate: float,
+) -> Attitude:
+    """
+    Correct attitude and gyro bias with the mean tilt error of a window that ends now.
+
+    An error of the bias has turned the tilt during the window: its mean is the tilt now plus half
+    the window times R times that error.
+
+    The gate bends instead of closing: an innovation beyond it is given so much variance that it
+    lies on it. No outlier moves the tilt far, and no filter is locked out for ever.
+
+    Yaw and the gyro bias about body z are not corrected (Schmidt's filter: their covariance stays,
+    that with the rest does not). Gravity tells of them only through small correlations, which
+    errors of the flow on a steadily turning path imitate.
+
+    Parameters
+    ----------
+    a
+        Memory.
+    innovation : (2,) rad, inertial axes x and y
+        First two elements of delta, mean over the window.
+    variance : rad^2
+        Of each.
+    length : s
+        Of the window.
+    gate : sigma
+
+    """
+    R = to_matrix(a.q)
+    lever_0, lever_1 = scale(0.5 * length, R[0]), scale(0.5 * length, R[1])
+    c_0, c_1 = _column(a, 0, lever_0), _column(a, 1, lever_1)
+    s_00 = c_0.r[0] + dot(lever_0, c_0.b) + variance
+    s_01 = c_0.r[1] + dot(lever_1, c_0.b)
+    # The second component freed of what the first one tells.
+    part = s_01 / s_00
+    s_11 = c_1.r[1] + dot(lever_1, c_1.b) + variance - part * s_01
+    r_1, b_1 = sub(c_1.r, scale(part, c_0.r)), sub(c_1.b, scale(part, c_0.b))
+    first, second = innovation[0], innovation[1] - part * innovation[0]
+    bend = max(1.0, (first * first / s_00 + second * second / s_11) / (gate * gate))
+    s_00, s_11 = bend * s_00, bend * s_11
+    turn = add(scale(first / s_00, c_0.r), scale(second / s_11, r_1))
+    shift = add(scale(first / s_00, c_0.b), scale(second / s_11, b_1))
+    q = normalise(multiply(exp_map((turn[0], turn[1], 0.0)), a.q))
+    P_rr = less_outer3(less_outer3(a.P_rr, c_0.r, c_0.r, s_00), r_1, r_1, s_11)
+    P_rb = less_outer3(less_outer3(a.P_rb, c_0.r, c_0.b, s_00), r_1, b_1, s_11)
+    P_bb = less_outer3(less_outer3(a.P_bb, c_0.b, c_0.b, s_00), b_1, b_1, s_11)
+    return Attitude(
+        q, (a.bias[0] + shift[0], a.bias[1] + shift[1], a.bias[2]),
+        symmetric3(_keep_last(P_rr, a.P_rr)), _keep_last(P_rb, a.P_rb),
+        symmetric3(_keep_last(P_bb, a.P_bb)), a.hidden, a.window)
+
+
+@jit
+def _keep_last(A: Matrix3, old: Matrix3) -> Matrix3:
+    """Return A with the element (3, 3) of old."""
+    return (A[0], A[1], (A[2][0], A[2][1], old[2][2]))
+
+
+@jit
+def with_window(a: Attitude, window: Window) -> Attitude:
+    """Return the memory with another gravity window."""
+    return Attitude(a.q, a.bias, a.P_rr, a.P_rb, a.P_bb, a.hidden, window)
+
+
+@jit
+def rotation_covariance(a: Attitude) -> Matrix3:
+    """Return the covariance of delta about inertial axes, (3, 3) rad^2, hidden tilt included."""
+    hidden = a.hidden * a.hidden
+    return sub3(a.P_rr, diagonal3(-hidden, -hidden, 0.0))
+
+
+@jit
+def yaw_std(a: Attitude) -> float:
+    """Return the deviation of the yaw in rad, which nothing observes."""
+    return math.sqrt(a.P_rr[2][2])
+
+
+@jit
+def tilt_variance(a: Attitude) -> float:
+    """Return the larger variance of the attitude about the two horizontal axes, rad^2."""
+    return max(a.P_rr[0][0], a.P_rr[1][1]) + a.hidden * a.hidden

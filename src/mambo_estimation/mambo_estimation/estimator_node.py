@@ -1,0 +1,116 @@
+"""ROS shell of the estimator: sensor messages in, filter step, odometry out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from geometry_msgs.msg import TransformStamped
+from mambo_model import frames, rigid_body
+from mambo_ros import diagnostics, layout, messages, node, topics
+from tf2_msgs.msg import TFMessage
+
+from . import kalman
+from .parameters import EstimatorNodeParams
+from .synchroniser import Step, Synchroniser
+
+_TF_EVERY = 20_000_000  # ns
+_REPORT_EVERY = 1_000_000_000  # ns
+_ZERO3, _ZERO36 = (0.0,) * 3, (0.0,) * 36
+_STATUS = ('aligning', 'dead reckoning: no valid optical flow', 'nominal')
+
+
+def _transform(t: int, parent: str, child: str, state: rigid_body.State | None) -> TransformStamped:
+    out = TransformStamped(child_frame_id=child)
+    out.header.frame_id = parent
+    out.header.stamp.sec, out.header.stamp.nanosec = divmod(t, 1_000_000_000)
+    if state is not None:
+        where, turn = out.transform.translation, out.transform.rotation
+        where.x, where.y, where.z = frames.flip_vector(state.rho)
+        turn.x, turn.y, turn.z, turn.w = frames.wire_quaternion(state.q)
+    return out
+
+
+class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
+    """
+    State estimator.
+
+    Subscribes ``imu/data_raw``, ``sonar/range``, ``optical_flow``, ``barometer/pressure`` and
+    ``sensor_tick`` (or ``ground_truth/odom`` alone where that is the estimator); publishes
+    ``estimate/odom``, ``estimator/state``, ``/tf`` and ``/diagnostics``.
+    """
+
+    def __init__(self, **kwargs) -> None:
+        super().__init__('estimator_node', EstimatorNodeParams, **kwargs)
+        p = self.params
+        self._estimate = self.say(topics.ESTIMATE)
+        self._tf = self.say(topics.TF)
+        if p.estimator == 'ground_truth':
+            self.hear(topics.GROUND_TRUTH, self._on_truth)
+            return
+        self._values = p.kalman.values()
+        self._memory = kalman.initial(p.kalman)
+        kalman.step(  # have the compiled step in memory before time starts
+            self._memory, 0.0, _ZERO3, _ZERO3, 0.0, _ZERO3[:2], 0, 0.0, self._values)
+        watermark = p.synchronise == 'watermark'
+        self._sync = Synchroniser(watermark)
+        self._inner = self.say(topics.ESTIMATOR_STATE)
+        self._diagnostics = self.say(topics.DIAGNOSTICS)
+        self._hear_sensor(topics.SONAR, messages.decode_sonar, self._sync.add_sonar)
+        self._hear_sensor(topics.OPTICAL_FLOW, messages.decode_optical_flow, self._sync.add_flow)
+        self._hear_sensor(topics.BAROMETER, messages.decode_pressure, self._sync.add_pressure)
+        self._hear_sensor(topics.IMU, messages.decode_imu, self._sync.add_imu)
+        if watermark:
+            self._hear_sensor(
+                topics.SENSOR_TICK, messages.decode_sensor_tick, self._sync.add_tick)
+
+    def _hear_sensor(self, topic: topics.Topic, decode: Callable, add: Callable) -> None:
+        """Queue each message of a sensor and run the steps that it completes."""
+        self.hear(topic, lambda data: self._run(add(*decode(data))))
+
+    def _on_truth(self, data: bytes) -> None:
+        t, state = messages.decode_odometry(data)
+        self._estimate(messages.estimate(t, state, _ZERO36, _ZERO36))
+        self._broadcast(t, state)
+
+    def _run(self, steps: list[Step]) -> None:
+        for s in steps:
+            self._memory, estimate = kalman.step(
+                self._memory, s.dt, s.gyro, s.accel, s.sonar, s.flow, s.flow_quality,
+                s.pressure, self._values)
+            if s.last:
+                self._publish(s.t, estimate)
+
+    def _publish(self, t: int, e: kalman.Estimate) -> None:
+        self._estimate(messages.estimate(t, e.state, e.pose_covariance, e.twist_covariance))
+        self._inner(encode_state(t, e, self._sync.invalid))
+        self._broadcast(t, e.state)
+        if t % _REPORT_EVERY == 0:
+            level = diagnostics.OK if e.status == 2 else diagnostics.WARN
+            self._diagnostics(diagnostics.report(
+                t, self.get_name(), level, _STATUS[e.status], {
+                    'height [m]': e.height, 'sonar refused': e.sonar_refused,
+                    'flow refused': e.flow_refused, 'barometer refused': e.barometer_refused,
+                    'invalid samples': e.invalid_samples + self._sync.invalid}))
+
+    def _broadcast(self, t: int, state: rigid_body.State) -> None:
+        if t % _TF_EVERY:
+            return
+        transforms = [_transform(t, messages.ODOM, messages.BASE, state)]
+        if self.params.map_to_odom:
+            transforms.append(_transform(t, messages.MAP, messages.ODOM, None))
+        self._tf(layout.serialize(TFMessage(transforms=transforms)))
+
+
+def encode_state(t: int, e: kalman.Estimate, invalid: int) -> bytes:
+    """Serialise ``EstimatorState`` of one estimate; ``invalid`` adds the synchroniser's count."""
+    return messages.estimator_state(
+        t, e.status, e.height, e.vertical_velocity, e.gyro_bias, e.accel_bias,
+        e.barometer_offset, (e.sonar_innovation, e.sonar_test_ratio),
+        (e.flow_innovation[0], e.flow_innovation[1], e.flow_test_ratio),
+        (e.barometer_innovation, e.barometer_test_ratio),
+        (e.sonar_refused, e.flow_refused, e.barometer_refused), e.invalid_samples + invalid)
+
+
+def main(args=None) -> None:
+    """Entry point ``estimator_node``."""
+    node.main(EstimatorNode, args)

@@ -1,0 +1,480 @@
+r"""
+State estimator of thesis figure 5.1: attitude, altitude, horizontal velocity, position.
+
+One :func:`step` per IMU sample, with the other sensors' samples where they are new. Three filters
+in a row, each taking what the one before it knows:
+
+    gyro, specific force -> attitude -> altitude (sonar, barometer)
+                                     -> velocity and position (optical flow (5.2) with C8)
+    velocity by flow     -> attitude (gravity windows)
+
+Everything is NED and FRD. A step never fails: samples that are not finite are counted and
+ignored, an IMU sample that may not be integrated is replaced by the one before it with much more
+noise, implausible ones are refused by gates that open again (:mod:`.gate`).
+
+Covariances are in the order of ``geometry_msgs``: (x, y, z, rotation about x, y, z), row by row.
+Pose: both blocks in inertial axes, the rotation being delta of ``q_true = exp(delta) q``, as
+``nav_msgs/Odometry`` wants it (fixed axes of the header's frame). Twist: both blocks in body axes
+(child frame). Blocks off the diagonal: position with rotation only by the yaw, which turns the
+path; the filters being separate, the rest is not known and zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+from mambo_model.compiled import jit
+from mambo_model.quaternion import IDENTITY, rotate, rotate_inverse, to_matrix
+from mambo_model.rigid_body import State
+from mambo_model.schema import check, group, quantity
+from mambo_model.vector import add, scale, sub, Vec3
+
+from . import alignment, altitude, attitude, gate, velocity
+from .alignment import Alignment, AlignmentParams, AlignmentValues
+from .altitude import Altitude, AltitudeParams, AltitudeValues
+from .attitude import Attitude, AttitudeParams, AttitudeValues
+from .blocks import Matrix3, Vec2
+from .gate import Gate
+from .measurements import imu, optical_flow
+from .measurements.barometer import BarometerParams, BarometerValues
+from .measurements.imu import ImuParams, ImuValues
+from .measurements.optical_flow import FlowParams, FlowValues
+from .measurements.sonar import SonarParams, SonarValues
+from .velocity import Velocity, VelocityParams, VelocityValues
+
+STATUS_ALIGNING, STATUS_DEAD_RECKONING, STATUS_NOMINAL = range(3)  # as in EstimatorState.msg
+
+
+class EstimatorValues(NamedTuple):
+    """:class:`EstimatorParams` as compiled code reads them."""
+
+    gravity: float
+    max_sonar_age: float
+    max_flow_age: float
+    alignment: AlignmentValues
+    attitude: AttitudeValues
+    altitude: AltitudeValues
+    velocity: VelocityValues
+    imu: ImuValues
+    sonar: SonarValues
+    optical_flow: FlowValues
+    barometer: BarometerValues
+
+
+@dataclass(frozen=True)
+class EstimatorParams:
+    """Parameters of the estimator: one group per filter and per sensor."""
+
+    gravity: float = quantity(9.81, 'm/s^2', 9.7, 9.9, 'standard value; the thesis gives none')
+    max_sonar_age: float = quantity(
+        1.0, 's', 0.01, 1e4, 'without a used range for longer the status is dead reckoning')
+    max_flow_age: float = quantity(
+        0.5, 's', 0.01, 1e4, 'without used flow for longer the status is dead reckoning')
+    alignment: AlignmentParams = group(AlignmentParams)
+    attitude: AttitudeParams = group(AttitudeParams)
+    altitude: AltitudeParams = group(AltitudeParams)
+    velocity: VelocityParams = group(VelocityParams)
+    imu: ImuParams = group(ImuParams)
+    sonar: SonarParams = group(SonarParams)
+    optical_flow: FlowParams = group(FlowParams)
+    barometer: BarometerParams = group(BarometerParams)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def values(self) -> EstimatorValues:
+        """Return what compiled code reads."""
+        return EstimatorValues(
+            float(self.gravity), float(self.max_sonar_age), float(self.max_flow_age),
+            self.alignment.values(), self.attitude.values(), self.altitude.values(),
+            self.velocity.values(), self.imu.values(), self.sonar.values(),
+            self.optical_flow.values(), self.barometer.values())
+
+
+class Counts(NamedTuple):
+    """What was not used, and for how long."""
+
+    invalid: int       # [-] samples of any sensor that could not be read
+    equal: int         # [-] IMU samples in a row equal to the one before
+    sonar_age: float   # s, since a range was used
+    flow_age: float    # s, since a flow sample was used
+
+
+class Gates(NamedTuple):
+    """Memory of the three gates."""
+
+    sonar: Gate
+    flow: Gate
+    barometer: Gate
+
+
+class Memory(NamedTuple):
+    """What the estimator remembers between steps."""
+
+    aligning: bool
+    resting: bool        # aligned, and not moved since
+    alignment: Alignment
+    attitude: Attitude
+    altitude: Altitude
+    velocity: Velocity
+    gates: Gates
+    counts: Counts
+    gyro: Vec3           # (3,) rad/s, body FRD, the last valid sample
+    accel: Vec3          # (3,) m/s^2, body FRD, the last valid sample
+    force: Vec3          # (3,) m/s^2, inertial NED, the same turned at its time
+
+
+class Estimate(NamedTuple):
+    """Result of a step; NED and FRD. Fields as in EstimatorState.msg but for the axes."""
+
+    state: State                           # omega without bias
+    pose_covariance: tuple[float, ...]     # (36,) m, rad: both blocks in inertial axes
+    twist_covariance: tuple[float, ...]    # (36,) m/s, rad/s: both blocks in body axes
+    status: int                            # STATUS_*
+    height: float                          # m, above the floor
+    vertical_velocity: float               # m/s, upward
+    gyro_bias: Vec3                        # (3,) rad/s, body FRD
+    accel_bias: Vec3                       # (3,) m/s^2, body FRD
+    barometer_offset: float                # m, NaN: no pressure used
+    sonar_innovation: float                # m, NaN: no sample, or not valid
+    sonar_test_ratio: float                # -, refused above 1
+    flow_innovation: Vec2                  # (2,) m/s, body FRD x and y
+    flow_test_ratio: float                 # -
+    barometer_innovation: float            # m
+    barometer_test_ratio: float            # -
+    sonar_refused: int
+    flow_refused: int
+    barometer_refused: int
+    invalid_samples: int
+
+
+class Results(NamedTuple):
+    """What the samples of one step did."""
+
+    sonar: altitude.Result
+    flow: velocity.Result
+    barometer: altitude.Result
+
+
+NOTHING = Results(altitude.NOT_COMPARED, velocity.NOT_COMPARED, altitude.NOT_COMPARED)
+ZERO: Vec3 = (0.0, 0.0, 0.0)
+
+
+def initial(params: EstimatorParams) -> Memory:
+    """Return the memory of an estimator that has seen nothing: on the floor, level, yaw 0."""
+    return _start(params.values())
+
+
+@jit
+def _start(v: EstimatorValues) -> Memory:
+    """Return the filters with the wide defaults, collecting samples at rest."""
+    tilt, bias = v.attitude.initial_tilt_std, v.attitude.initial_gyro_bias_std
+    vertical, horizontal = v.altitude.initial_velocity_std, v.velocity.initial_velocity_std
+    hidden = v.alignment.accel_bias_std / v.gravity
+    return Memory(
+        True, False, alignment.EMPTY,
+        attitude.start(
+            IDENTITY, v.alignment.gyro_bias, tilt * tilt, bias * bias, hidden, v.attitude),
+        altitude.start(vertical * vertical, v.altitude.initial_accel_bias_std, v.altitude),
+        velocity.start(horizontal * horizontal, v.velocity.initial_accel_bias_std, v.velocity),
+        Gates(gate.OPEN, gate.OPEN, gate.OPEN), Counts(0, 0, math.inf, math.inf),
+        ZERO, (0.0, 0.0, -v.gravity), (0.0, 0.0, -v.gravity))
+
+
+@jit
+def _is_broken(x: float) -> bool:
+    """Tell whether a sample is infinite; NaN means that there is none."""
+    return math.isinf(x)
+
+
+@jit
+def _count_broken(sonar: float, flow: Vec2, pressure: float) -> int:
+    """Return how many of the three samples cannot be read."""
+    broken = 1 if _is_broken(sonar) else 0
+    half = math.isnan(flow[0]) != math.isnan(flow[1])
+    broken += 1 if half or _is_broken(flow[0]) or _is_broken(flow[1]) else 0
+    return broken + (1 if _is_broken(pressure) else 0)
+
+
+@jit
+def _align(m: Memory, gyro: Vec3, accel: Vec3, v: EstimatorValues) -> Memory:
+    """Collect one valid sample at rest; start the filters when there are enough."""
+    rest, verdict = alignment.collect(m.alignment, gyro, accel, v.gravity, v.alignment)
+    att, alt, vel = m.attitude, m.altitude, m.velocity
+    if verdict == alignment.MOVED:
+        rest = alignment.fall_back(rest, v.alignment)
+    if verdict == alignment.ALIGNED:
+        here = alignment.level(rest.accel, v.gravity, v.alignment)
+        tilt = v.attitude.window_accel_noise / v.gravity
+        bias = alignment.gyro_bias_variance(rest, v.alignment)
+        still = v.alignment.rest_velocity_std * v.alignment.rest_velocity_std
+        att = attitude.start(here.q, rest.gyro, tilt * tilt, bias, here.tilt_std, v.attitude)
+        alt = altitude.start(still, v.altitude.accel_bias_std, v.altitude)
+        vel = velocity.start(still, v.velocity.accel_bias_std, v.velocity)
+    return Memory(
+        verdict == alignment.COLLECTING, verdict == alignment.ALIGNED, rest, att, alt, vel,
+        m.gates, m.counts, gyro, accel, rotate(att.q, sub(accel, rest.accel_bias)))
+
+
+@jit
+def _predict_attitude(
+    att: Attitude, last_gyro: Vec3, gyro: Vec3, last_force: Vec3, accel: Vec3, dt: float,
+    held: bool, gravity: float, v: AttitudeValues,
+) -> tuple[Attitude, Vec3, Vec3]:
+    """
+    Integrate the gyro; return also force now and mean acceleration, (3,) m/s^2, inertial NED.
+
+    ``accel`` is as calibrated at start. The trapezoidal rule takes the mean of two samples.
+    """
+    rate = scale(0.5, add(last_gyro, gyro))
+    att = attitude.predict(att, rate, dt, held, v)
+    force = rotate(att.q, accel)
+    mean = scale(0.5, add(last_force, force))
+    acceleration = (mean[0], mean[1], mean[2] + gravity)
+    window = attitude.NO_WINDOW
+    if not held:
+        window = attitude.accumulate(att.window, acceleration, sub(rate, att.bias), dt)
+    return attitude.with_window(att, window), force, acceleration
+
+
+@jit
+def _rest(
+    m: Alignment, alt: Altitude, vel: Velocity, gyro: Vec3, accel: Vec3, dt: float,
+    v: AlignmentValues,
+) -> tuple[Alignment, bool, Altitude, Velocity]:
+    """Hold the velocity at zero as long as the aligned vehicle has not moved."""
+    m, resting = alignment.watch(m, gyro, accel, dt, v)
+    if resting:
+        still = v.rest_velocity_std * v.rest_velocity_std
+        return m, True, altitude.hold_still(alt, still), velocity.hold_still(vel, still)
+    left = v.leave_velocity_std * v.leave_velocity_std
+    return m, False, altitude.widen(alt, left, 0.0), velocity.widen(vel, left)
+
+
+@jit
+def _use_flow(
+    att: Attitude, alt: Altitude, vel: Velocity, old: Gate, flow: Vec2, quality: int, gyro: Vec3,
+    v: EstimatorValues,
+) -> tuple[Attitude, Velocity, Gate, velocity.Result]:
+    """Use a finite flow sample for the velocity, and for the gravity window."""
+    R, p = to_matrix(att.q), v.optical_flow
+    if not optical_flow.is_valid(alt.height, R[2][2], quality, p):
+        return att, vel, gate.refuse_invalid(old), velocity.NOT_COMPARED
+    nu, std = optical_flow.measured_velocity(flow, alt.height, R[2][2], sub(gyro, att.bias), p)
+    vel, new, result = velocity.update_flow(
+        vel, old, flow, nu, std, alt.height, alt.P.hh, -alt.velocity, R, attitude.yaw_std(att), p,
+        v.velocity)
+    if result.used and not (att.window.aided and att.window.time < v.attitude.window):
+        att = _next_window(
+            att, nu, std, -alt.velocity, R, v.gravity, p.scale_std, v.attitude)
+    return att, vel, new, result
+
+
+@jit
+def _next_window(
+    att: Attitude, nu: Vec2, std: float, v_z: float, R: Matrix3, gravity: float,
+    scale_std: float, v: AttitudeValues,
+) -> Attitude:
+    """Start a gravity window at this velocity by flow, after ending one that flow started."""
+    variance = std * std + v.window_velocity_noise * v.window_velocity_noise
+    if att.window.aided:
+        end = optical_flow.inertial_velocity(nu, v_z, R)
+        tilt, spread = attitude.aided_tilt(att.window, end, variance, scale_std, gravity, v)
+        att = attitude.update_tilt(att, tilt, spread, att.window.time, v.gate)
+        R = to_matrix(att.q)
+    start = optical_flow.inertial_velocity(nu, v_z, R)
+    return attitude.with_window(att, attitude.restart(start, variance))
+
+
+@jit
+def _end_unaided(att: Attitude, resting: bool, gravity: float, v: AttitudeValues) -> Attitude:
+    """End a gravity window that no flow will end: none started it, or none has come since."""
+    length = v.window * (2.0 if att.window.aided else 1.0)
+    if att.window.time < length:
+        return att
+    tilt, spread = attitude.unaided_tilt(att.window, resting, gravity, v)
+    att = attitude.update_tilt(att, tilt, spread, att.window.time, v.gate)
+    return attitude.with_window(att, attitude.NO_WINDOW)
+
+
+@jit
+def _run(
+    m: Memory, counts: Counts, dt: float, gyro: Vec3, accel: Vec3, held: bool, sonar: float,
+    flow: Vec2, quality: int, pressure: float, v: EstimatorValues,
+) -> tuple[Memory, Results]:
+    """Predict, then use every sample there is."""
+    rest, resting = m.alignment, m.resting
+    calibrated = sub(accel, rest.accel_bias)
+    att, force, a = _predict_attitude(
+        m.attitude, m.gyro, gyro, m.force, calibrated, dt, held, v.gravity, v.attitude)
+    R = to_matrix(att.q)
+    b = m.velocity.accel_bias
+    a = sub(a, rotate(att.q, (b[0], b[1], m.altitude.accel_bias)))
+    alt = altitude.predict(
+        m.altitude, -a[2], R[2][2], dt, held, v.barometer.offset_walk, v.altitude)
+    vel = velocity.predict(m.velocity, (a[0], a[1]), R, attitude.yaw_std(att), dt, held, v.velocity)
+    if resting:
+        rest, resting, alt, vel = _rest(rest, alt, vel, gyro, accel, dt, v.alignment)
+    sonar_gate = gate.advance(m.gates.sonar, dt)
+    flow_gate = gate.advance(m.gates.flow, dt)
+    barometer_gate = gate.advance(m.gates.barometer, dt)
+    sonar_age, flow_age = counts.sonar_age + dt, counts.flow_age + dt
+    ranged, weighed = altitude.NOT_COMPARED, altitude.NOT_COMPARED
+    seen = velocity.NOT_COMPARED
+    if math.isfinite(sonar):
+        alt, sonar_gate, ranged = altitude.update_sonar(
+            alt, sonar_gate, sonar, R[2][2], attitude.tilt_variance(att), v.sonar,
+            v.altitude)
+        sonar_age = 0.0 if ranged.used else sonar_age
+    if v.barometer.enabled and math.isfinite(pressure):
+        alt, barometer_gate, weighed = altitude.update_barometer(
+            alt, barometer_gate, pressure, v.barometer)
+    if math.isfinite(flow[0]) and math.isfinite(flow[1]):
+        att, vel, flow_gate, seen = _use_flow(
+            att, alt, vel, flow_gate, flow, quality, gyro, v)
+        flow_age = 0.0 if seen.used else flow_age
+    att = _end_unaided(att, resting, v.gravity, v.attitude)
+    return Memory(
+        False, resting, rest, att, alt, vel, Gates(sonar_gate, flow_gate, barometer_gate),
+        Counts(counts.invalid, counts.equal, sonar_age, flow_age), gyro, accel,
+        force), Results(ranged, seen, weighed)
+
+
+@jit
+def step(
+    memory: Memory, dt: float, gyro: Vec3, accel: Vec3, sonar: float, flow: Vec2,
+    flow_quality: int, pressure: float, values: EstimatorValues,
+) -> tuple[Memory, Estimate]:
+    """
+    Advance the estimator by one IMU sample.
+
+    Parameters
+    ----------
+    memory
+        Result of the previous call, at first :func:`initial`.
+    dt : s
+        Since the previous IMU sample, 0 at the first. A negative one or one that is not finite is
+        counted, and the whole step ignored.
+    gyro : (3,) rad/s, body FRD
+        Bias included.
+    accel : (3,) m/s^2, body FRD
+        Specific force, bias included. Where gyro or accel is not finite or out of range the
+        previous valid sample takes its place, with much more noise.
+    sonar : m
+        New slant range, NaN: none. Infinite: counted as invalid.
+    flow : (2,) rad/s, body FRD
+        New line-of-sight rate along x and y with the sign of the vehicle's motion, NaN: none.
+        Infinite, or only one of them NaN: counted as invalid.
+    flow_quality : 0..255
+        Of the flow, any where there is none.
+    pressure : Pa
+        New static pressure, NaN: none. Infinite: counted as invalid.
+    values
+        ``EstimatorParams.values()``.
+
+    Returns
+    -------
+    memory
+        To be passed to the next call.
+    estimate
+        At the time of the IMU sample.
+
+    """
+    v, m = values, memory
+    if not 0.0 <= dt < math.inf:
+        m = _with_counts(m, 1, m.counts.equal)
+        return m, _estimate(m, NOTHING, v)
+    same = imu.is_equal(gyro, m.gyro) and imu.is_equal(accel, m.accel)
+    equal = m.counts.equal + 1 if same else 0
+    stuck = imu.is_stuck(equal, gyro, v.imu) and not m.aligning and not m.resting
+    valid = imu.is_valid(gyro, accel, v.imu) and not stuck
+    invalid = _count_broken(sonar, flow, pressure)
+    invalid += (0 if valid else 1) + (1 if dt > v.imu.max_gap else 0)
+    if m.aligning:
+        m = _with_counts(m, invalid, equal)
+        if valid:
+            m = _align(m, gyro, accel, v)
+        return m, _estimate(m, NOTHING, v)
+    held = not valid or dt > v.imu.max_interval
+    if not valid:
+        gyro, accel = m.gyro, m.accel
+    counts = Counts(
+        m.counts.invalid + invalid, equal, m.counts.sonar_age, m.counts.flow_age)
+    m, results = _run(
+        m, counts, min(dt, v.imu.max_gap), gyro, accel, held, sonar, flow, flow_quality,
+        pressure, v)
+    return m, _estimate(m, results, v)
+
+
+@jit
+def _with_counts(m: Memory, invalid: int, equal: int) -> Memory:
+    """Return the memory with more invalid samples."""
+    counts = Counts(
+        m.counts.invalid + invalid, equal, m.counts.sonar_age, m.counts.flow_age)
+    return Memory(
+        m.aligning, m.resting, m.alignment, m.attitude, m.altitude, m.velocity, m.gates, counts,
+        m.gyro, m.accel, m.force)
+
+
+@jit
+def _status(m: Memory, v: EstimatorValues) -> int:
+    if m.aligning:
+        return STATUS_ALIGNING
+    if m.counts.sonar_age <= v.max_sonar_age and m.counts.flow_age <= v.max_flow_age:
+        return STATUS_NOMINAL
+    return STATUS_DEAD_RECKONING
+
+
+@jit
+def _state(m: Memory) -> State:
+    alt, vel, q = m.altitude, m.velocity, m.attitude.q
+    omega = ZERO if m.aligning else sub(m.gyro, m.attitude.bias)
+    return State(
+        (vel.position[0], vel.position[1], -alt.height),
+        rotate_inverse(q, (vel.velocity[0], vel.velocity[1], -alt.velocity)), q, omega)
+
+
+@jit
+def _pose_covariance(m: Memory) -> tuple[float, ...]:
+    """Return the (36,) covariance of position and rotation, inertial axes, m and rad."""
+    att, alt, vel = m.attitude, m.altitude, m.velocity
+    P = velocity.position_covariance(vel)
+    r = attitude.rotation_covariance(att)
+    # An error of yaw turns the path; the tilt goes with it as far as it is correlated with yaw.
+    by_yaw = scale(-1.0 / attitude.yaw_std(att), att.P_rr[2])
+    x, y = scale(vel.yaw.p[0], by_yaw), scale(vel.yaw.p[1], by_yaw)
+    return (
+        P[0][0], P[0][1], 0.0, x[0], x[1], x[2], P[1][0], P[1][1], 0.0, y[0], y[1], y[2],
+        0.0, 0.0, alt.P.hh, 0.0, 0.0, 0.0, x[0], y[0], 0.0, r[0][0], r[0][1], r[0][2],
+        x[1], y[1], 0.0, r[1][0], r[1][1], r[1][2], x[2], y[2], 0.0, r[2][0], r[2][1], r[2][2])
+
+
+@jit
+def _twist_covariance(m: Memory, rate_noise: float) -> tuple[float, ...]:
+    """Return the (36,) covariance of velocity and angular velocity, body axes, m/s and rad/s."""
+    att = m.attitude
+    C = velocity.body_velocity_covariance(
+        m.velocity, m.altitude.P.ww, to_matrix(att.q), attitude.yaw_std(att))
+    noise = rate_noise * rate_noise
+    w = att.P_bb
+    return (
+        C[0][0], C[0][1], C[0][2], 0.0, 0.0, 0.0, C[1][0], C[1][1], C[1][2], 0.0, 0.0, 0.0,
+        C[2][0], C[2][1], C[2][2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, w[0][0] + noise, w[0][1],
+        w[0][2], 0.0, 0.0, 0.0, w[1][0], w[1][1] + noise, w[1][2],
+        0.0, 0.0, 0.0, w[2][0], w[2][1], w[2][2] + noise)
+
+
+@jit
+def _estimate(m: Memory, results: Results, v: EstimatorValues) -> Estimate:
+    """Return what the memory says."""
+    alt, b = m.altitude, m.velocity.accel_bias
+    accel_bias = add(m.alignment.accel_bias, (b[0], b[1], alt.accel_bias))
+    return Estimate(
+        _state(m), _pose_covariance(m), _twist_covariance(m, v.attitude.rate_noise), _status(m, v),
+        alt.height, alt.velocity, m.attitude.bias, accel_bias,
+        alt.offset if alt.has_offset else math.nan, results.sonar.innovation,
+        results.sonar.ratio, results.flow.innovation, results.flow.ratio,
+        results.barometer.innovation, results.barometer.ratio, m.gates.sonar.refused,
+        m.gates.flow.refused, m.gates.barometer.refused, m.counts.invalid)

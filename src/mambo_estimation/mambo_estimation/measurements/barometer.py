@@ -1,0 +1,86 @@
+"""
+Barometer: height by static pressure, up to an offset that the altitude filter estimates.
+
+Holds no equation of the thesis; the relation is that of the International Standard Atmosphere
+(ISO 2533) below 11 km.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from mambo_model.compiled import jit
+from mambo_model.schema import check, flag, quantity, values
+
+SEA_LEVEL_PRESSURE = 101325.0  # Pa
+SCALE_HEIGHT = 44330.769       # m, temperature at sea level over its lapse rate
+EXPONENT = 0.19026312          # -, gas constant times lapse rate over gravity
+
+
+class BarometerValues(NamedTuple):
+    """:class:`BarometerParams` as compiled code reads them."""
+
+    enabled: bool
+    noise: float
+    offset_walk: float
+    min_pressure: float
+    max_pressure: float
+    gate: float
+    recovery_time: float
+
+
+@dataclass(frozen=True)
+class BarometerParams:
+    """What the altitude filter believes of the barometer."""
+
+    enabled: bool = flag(False, 'the estimator of thesis sec. 5.1 does not use it')
+    noise: float = quantity(
+        0.4, 'm', 1e-3, 100.0, 'standard deviation of a sample; Rolling Spider at rest: 5 Pa')
+    offset_walk: float = quantity(
+        0.05, 'm/sqrt(s)', 0.0, 10.0, 'weather, doors and rotor wash: judgement')
+    min_pressure: float = quantity(3e4, 'Pa', 1e3, 2e5, 'lower readings are refused')
+    max_pressure: float = quantity(1.2e5, 'Pa', 1e3, 2e5, 'higher readings are refused')
+    gate: float = quantity(4.0, 'sigma', 1.0, 100.0, 'refuses 6e-5 of good samples')
+    recovery_time: float = quantity(
+        1.0, 's', 0.0, 1e4, 'refusals that agree for so long mean that the offset has jumped')
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def values(self) -> BarometerValues:
+        """Return what compiled code reads."""
+        return BarometerValues(*values(self, BarometerValues._fields))
+
+
+@jit
+def is_valid(pressure: float, v: BarometerValues) -> bool:
+    """Tell whether a pressure in Pa may be used; NaN is refused."""
+    return v.min_pressure <= pressure <= v.max_pressure
+
+
+@jit
+def measured_height(pressure: float) -> float:
+    """Return the height in m above the level of 101325 Pa in the standard atmosphere, Pa in."""
+    return SCALE_HEIGHT * (1.0 - (pressure / SEA_LEVEL_PRESSURE) ** EXPONENT)
+
+
+@jit
+def predict(height_by_pressure: float) -> tuple[float, float]:
+    """
+    Return the expected pressure and its derivative: the inverse of :func:`measured_height`.
+
+    Parameters
+    ----------
+    height_by_pressure : m
+        Height above the floor plus the offset.
+
+    Returns
+    -------
+    pressure : Pa
+    by_height : Pa/m
+
+    """
+    base = 1.0 - height_by_pressure / SCALE_HEIGHT
+    pressure = SEA_LEVEL_PRESSURE * base ** (1.0 / EXPONENT)
+    return pressure, -pressure / (EXPONENT * SCALE_HEIGHT * base)

@@ -1,0 +1,148 @@
+"""
+Sonar: slant range along the body's down axis, and the height it means.
+
+With flat ground and body axis b3 at an angle to the vertical, h = range cos(phi) cos(theta)
+(EQUATIONS.md sec. 2, Z of (5.2) read the other way round). Nearer than its shortest range the
+sensor reads that or a little more: such a reading says that the floor is near, not how near.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from mambo_model.compiled import jit
+from mambo_model.schema import check, quantity, values
+
+
+class SonarValues(NamedTuple):
+    """:class:`SonarParams` as compiled code reads them."""
+
+    noise: float
+    min_range: float
+    max_range: float
+    min_tilt_cos: float
+    gate: float
+    recovery_time: float
+
+
+@dataclass(frozen=True)
+class SonarParams:
+    """What the altitude filter believes of the sonar."""
+
+    noise: float = quantity(
+        0.03, 'm', 1e-4, 1.0,
+        'standard deviation of a slant range: 0.005 to 0.1 in Rolling Spider flights')
+    min_range: float = quantity(
+        0.46, 'm', 0.0, 2.0,
+        'shorter readings only say that the floor is nearer: Rolling Spider logs, 0.434 m and more')
+    max_range: float = quantity(
+        4.0, 'm', 0.1, 20.0, 'longer readings are refused; missed echoes read 5 m in those logs')
+    min_tilt_cos: float = quantity(
+        0.7, '-', 0.1, 1.0, 'the beam leaves the floor below the vehicle beyond 45 degrees')
+    gate: float = quantity(5.0, 'sigma', 1.0, 100.0, 'refuses 6e-7 of good samples')
+    recovery_time: float = quantity(
+        0.5, 's', 0.0, 1e4, 'refusals that agree for so long mean that the filter is wrong')
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def values(self) -> SonarValues:
+        """Return what compiled code reads."""
+        return SonarValues(*values(self, SonarValues._fields))
+
+
+@jit
+def is_valid(slant_range: float, tilt_cos: float, v: SonarValues) -> bool:
+    """
+    Tell whether a finite range may be used; NaN is refused.
+
+    Parameters
+    ----------
+    slant_range : m
+        As measured.
+    tilt_cos : -
+        cos(phi) cos(theta), element (3, 3) of the rotation matrix.
+    v
+        Limits.
+
+    """
+    return 0.0 <= slant_range <= v.max_range and tilt_cos >= v.min_tilt_cos
+
+
+@jit
+def is_near(slant_range: float, v: SonarValues) -> bool:
+    """Tell whether a valid range only says that the floor is nearer than the shortest one."""
+    return slant_range < v.min_range
+
+
+@jit
+def nearest_height(height: float, tilt_cos: float, v: SonarValues) -> float:
+    """
+    Return the height next to the predicted one that a near reading allows.
+
+    Parameters
+    ----------
+    height : m
+        Predicted.
+    tilt_cos : -
+        cos(phi) cos(theta).
+    v
+        Shortest range.
+
+    """
+    return min(max(height, 0.0), v.min_range * tilt_cos)
+
+
+@jit
+def predict(height: float, tilt_cos: float) -> tuple[float, float, float]:
+    """
+    Return the expected slant range and its derivatives.
+
+    Parameters
+    ----------
+    height : m
+        Above the floor.
+    tilt_cos : -
+        cos(phi) cos(theta), > 0.
+
+    Returns
+    -------
+    slant_range : m
+    by_height : -
+        d range / d height.
+    by_tilt_cos : m
+        d range / d tilt_cos.
+
+    """
+    return height / tilt_cos, 1.0 / tilt_cos, -height / (tilt_cos * tilt_cos)
+
+
+@jit
+def measured_height(
+    slant_range: float, tilt_cos: float, tilt_variance: float, v: SonarValues,
+) -> tuple[float, float]:
+    """
+    Return the height that a range means, and its variance: range noise and tilt error.
+
+    Parameters
+    ----------
+    slant_range : m
+        As measured, valid.
+    tilt_cos : -
+        cos(phi) cos(theta).
+    tilt_variance : rad^2
+        Of the attitude about a horizontal axis; it matters with the sine of the tilt.
+    v
+        Noise.
+
+    Returns
+    -------
+    height : m
+    variance : m^2
+
+    """
+    tilt_sin_squared = max(0.0, 1.0 - tilt_cos * tilt_cos)
+    noise = v.noise * tilt_cos
+    return (slant_range * tilt_cos,
+            noise * noise + slant_range * slant_range * tilt_sin_squared * tilt_variance)

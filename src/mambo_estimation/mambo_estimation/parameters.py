@@ -1,0 +1,25 @@
+"""Parameters of the package's node, readable without ROS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mambo_model import schema
+
+from .kalman import EstimatorParams
+
+
+@dataclass(frozen=True)
+class EstimatorNodeParams:
+    """Parameters of ``estimator_node``."""
+
+    estimator: str = schema.choice(
+        'kalman', ('kalman', 'ground_truth'), 'which estimator answers the sensors')
+    synchronise: str = schema.choice(
+        'watermark', ('watermark', 'arrival'),
+        'wait for every sample the watermark announces, or use what has arrived (real hardware)')
+    map_to_odom: bool = schema.flag(True, 'publish the identity map to odom on /tf')
+    kalman: EstimatorParams = schema.group(EstimatorParams)
+
+    def __post_init__(self) -> None:
+        schema.check(self)

@@ -1,0 +1,226 @@
+"""Bad data does no harm: of each sensor and of all at once, singly and in long runs."""
+
+import math
+
+from estimation_truth import (
+    circle, DT, estimate, fly, hover, NAN, QUIET, sense, TYPICAL)
+from mambo_estimation import kalman
+from mambo_estimation.kalman import EstimatorParams
+from mambo_estimation.measurements.barometer import BarometerParams
+import numpy as np
+import pytest
+
+PARAMS = EstimatorParams(barometer=BarometerParams(enabled=True))
+TRUTH = fly(circle(), 24.0)
+CLEAN = sense(TRUTH, TYPICAL, seed=11)
+SENSORS = ('gyro', 'accel', 'sonar', 'flow', 'pressure')
+STATE = slice(0, 13 + 72 + 6 + 3)  # state, covariances, biases, status, height, velocity
+
+
+def spoil(name, kind, where, samples=None, rng=None):
+    """Return samples in which the rows ``where`` of one sensor are bad."""
+    s = (samples or CLEAN).copy()
+    rng = rng or np.random.default_rng(1)
+    values = getattr(s, name)
+    seen = where & np.isfinite(values.reshape(len(where), -1)).all(axis=1)
+    if kind == 'nan':
+        values[seen] = NAN
+    elif kind == 'inf':
+        values[seen] = math.inf * rng.choice([-1.0, 1.0], values[seen].shape)
+    elif kind == 'huge':
+        values[seen] = 1e300 * rng.standard_normal(values[seen].shape)
+    elif kind == 'wild':
+        values[seen] += 50.0 * rng.standard_normal(values[seen].shape)
+    elif kind == 'stuck':
+        values[seen] = values[seen][0]
+    elif kind == 'zero':
+        values[seen] = 0.0
+    return s
+
+
+def check(run):
+    """No estimate is ever NaN, no covariance asymmetric or negative."""
+    assert np.isfinite(run.rows[:, STATE]).all()
+    assert np.abs(np.linalg.norm(run.q, axis=1) - 1).max() < 1e-12
+    for P in (run.pose_covariance, run.twist_covariance):
+        assert np.array_equal(P, P.transpose(0, 2, 1))
+        low, high = np.linalg.eigvalsh(P)[:, [0, -1]].T
+        assert (low > -1e-12 * high).all()  # rounding of the eigenvalues themselves
+        assert (np.diagonal(P, axis1=1, axis2=2) > 0).all()
+
+
+def between(start, stop):
+    return (TRUTH.t >= start) & (TRUTH.t < stop)
+
+
+KINDS = ('nan', 'inf', 'huge', 'wild', 'stuck', 'zero')
+
+
+@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize('name', SENSORS)
+def test_two_bad_seconds_of_one_sensor_do_no_lasting_harm(name, kind):
+    run = estimate(spoil(name, kind, between(10.0, 12.0)), PARAMS)
+    check(run)
+    assert np.abs(run.nu - TRUTH.nu)[-600:].max() < 0.25
+    assert np.abs(run.height - TRUTH.height)[-600:].max() < 0.06
+    # a dead gyro loses the attitude it should have measured: the covariance says so
+    error = run.tilt_error(TRUTH)[-600:]
+    std = np.sqrt(run.pose_covariance[-600:, 3, 3] + run.pose_covariance[-600:, 4, 4])
+    assert (error < np.maximum(4 * std, 0.02)).all() or kind in ('wild', 'zero')
+    assert error.max() < 0.15
+
+
+@pytest.mark.parametrize('name', SENSORS)
+@pytest.mark.parametrize('share', [0.02, 0.3])
+@pytest.mark.parametrize('kind', ['nan', 'inf', 'wild'])
+def test_bad_samples_scattered_over_the_flight_do_no_harm(name, share, kind):
+    rng = np.random.default_rng(5)
+    if kind == 'wild' and name in ('gyro', 'accel') or share > 0.1 and name == 'gyro':
+        pytest.skip('no gate can tell a wrong rate or force within its range')
+    run = estimate(spoil(name, kind, rng.random(len(TRUTH.t)) < share), PARAMS)
+    check(run)
+    assert np.abs(run.nu - TRUTH.nu)[1000:].max() < 0.5
+    assert np.abs(run.height - TRUTH.height)[1000:].max() < 0.15
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_everything_bad_at_once_never_gives_nan(seed):
+    rng = np.random.default_rng(seed)
+    s = CLEAN.copy()
+    for _ in range(40):
+        start = rng.uniform(0.0, 23.0)
+        where = between(start, start + rng.exponential(0.5))
+        s = spoil(rng.choice(SENSORS), rng.choice(KINDS), where, s, rng)
+    s.dt[rng.integers(0, len(s.dt), 20)] = rng.choice(
+        [NAN, math.inf, -1.0, 0.0, 1e-12, 0.5, 3.0, 1e9], 20)
+    s.quality[rng.integers(0, len(s.dt), 200)] = 0
+    check(estimate(s, PARAMS))
+
+
+def test_nothing_but_garbage_never_gives_nan():
+    rng = np.random.default_rng(3)
+    n = 4000
+    s = CLEAN.copy()
+    s = type(s)(**{k: v[:n] for k, v in vars(s).items()})
+    for name in SENSORS:
+        values = getattr(s, name)
+        values[:] = rng.choice([NAN, math.inf, -math.inf, 0.0, 1.0, -3.0, 150.0, 1e5, 1e308],
+                               values.shape)
+    check(estimate(s, PARAMS))
+
+
+@pytest.mark.parametrize(('name', 'field'), [
+    ('sonar', 'invalid_samples'), ('flow', 'invalid_samples'), ('pressure', 'invalid_samples'),
+    ('gyro', 'invalid_samples'), ('accel', 'invalid_samples')])
+def test_infinite_samples_are_counted(name, field):
+    where = between(10.0, 11.0)
+    values = getattr(CLEAN, name).reshape(len(where), -1)
+    expected = (where & np.isfinite(values).all(axis=1)).sum()
+    run = estimate(spoil(name, 'inf', where), PARAMS)
+    assert getattr(run, field)[-1] == expected > 10
+
+
+def test_one_axis_of_flow_alone_is_no_sample():
+    s = CLEAN.copy()
+    seen = np.flatnonzero(np.isfinite(s.flow[:, 0]))[400:500]
+    s.flow[seen, 1] = NAN
+    assert estimate(s).invalid_samples[-1] == 100
+
+
+@pytest.mark.parametrize(('name', 'jump', 'field'), [
+    ('sonar', 1.0, 'sonar_refused'), ('flow', 3.0, 'flow_refused'),
+    ('pressure', 300.0, 'barometer_refused')])
+def test_outliers_are_refused_counted_and_change_nothing(name, jump, field):
+    clean, s = estimate(CLEAN, PARAMS), CLEAN.copy()
+    values = getattr(s, name)
+    seen = np.flatnonzero(np.isfinite(values.reshape(len(values), -1)).all(axis=1))
+    hit = seen[seen > 2000][::20]
+    values[hit] += jump
+    run = estimate(s, PARAMS)
+    assert getattr(run, field)[-1] - getattr(clean, field)[-1] == pytest.approx(len(hit), abs=2)
+    assert np.abs(run.rho - clean.rho).max() < 0.05
+    ratio = getattr(run, {'pressure': 'barometer', 'sonar': 'sonar', 'flow': 'flow'}[name]
+                    + '_test_ratio')
+    assert (ratio[hit] > 1).all()
+
+
+def test_flow_without_texture_is_refused():
+    s = CLEAN.copy()
+    s.quality[2000:] = 0
+    run = estimate(s)
+    assert run.status[-1] == kalman.STATUS_DEAD_RECKONING
+    assert run.flow_refused[-1] > 500 and np.isnan(run.flow_test_ratio[2600:]).all()
+
+
+def test_missing_imu_sample_is_bridged_with_the_one_before():
+    s = CLEAN.copy()
+    s.gyro[2400:2404], s.accel[2400:2404] = NAN, NAN
+    run, clean = estimate(s), estimate(CLEAN)
+    assert run.invalid_samples[-1] == 4
+    assert (run.omega[2400:2404] == run.omega[2400] ).all()
+    assert run.tilt_error(TRUTH)[2450] < 0.02
+    assert run.pose_covariance[2404, 3, 3] > clean.pose_covariance[2404, 3, 3]
+
+
+def test_gap_in_time_is_integrated_and_makes_the_estimate_uncertain():
+    s = CLEAN.copy()
+    keep = np.r_[0:2400, 2420:len(s.dt)]  # 0.1 s without any IMU sample
+    s = type(s)(**{k: v[keep] for k, v in vars(s).items()})
+    s.dt[2400] = 21 * DT
+    run, clean = estimate(s), estimate(CLEAN)
+    check(run)
+    assert np.abs(run.rho[2400] - TRUTH.p[2420])[:2].max() < 0.2
+    assert run.twist_covariance[2400, 0, 0] > clean.twist_covariance[2420, 0, 0]
+    assert np.abs(run.nu[-1] - TRUTH.nu[-1]).max() < 0.2
+
+
+@pytest.mark.parametrize('dt', [NAN, math.inf, -math.inf, -0.005])
+def test_step_with_an_impossible_interval_is_ignored_and_counted(dt):
+    values = PARAMS.values()
+    m = estimate(CLEAN, PARAMS).memory
+    sample = ((0.1, 0.2, 0.3), (0.0, 0.0, -9.0), 1.0, (0.3, 0.3), 255, 1e5)
+    after, e = kalman.step(m, dt, *sample, values)
+    assert after == m._replace(counts=m.counts._replace(invalid=m.counts.invalid + 1))
+    assert e.invalid_samples == m.counts.invalid + 1
+
+
+def test_interval_longer_than_the_longest_gap_moves_the_estimate_only_so_far():
+    values = PARAMS.values()
+    m = estimate(CLEAN, PARAMS).memory
+    sample = (m.gyro, m.accel, NAN, (NAN, NAN), 0, NAN)
+    _, far = kalman.step(m, 3600.0, *sample, values)
+    _, gap = kalman.step(m, 1.0, *sample, values)
+    assert far.state == gap.state and far.invalid_samples == gap.invalid_samples + 1
+
+
+def test_stuck_imu_is_noticed_in_flight():
+    run = estimate(spoil('gyro', 'stuck', between(10.0, 12.0), spoil(
+        'accel', 'stuck', between(10.0, 12.0))))
+    stuck = run.invalid_samples[2400 - 1]
+    assert stuck == pytest.approx(400 - 20, abs=1)
+    assert np.degrees(np.sqrt(run.pose_covariance[2399, 3, 3])) > 10
+
+
+def test_sensors_without_noise_in_hover_are_not_taken_for_stuck():
+    run = estimate(sense(fly(hover(), 20.0), QUIET))
+    assert run.invalid_samples[-1] == 0
+
+
+def test_dead_imu_from_the_start_keeps_aligning():
+    s = CLEAN.copy()
+    s.gyro[:], s.accel[:] = NAN, NAN
+    run = estimate(s)
+    check(run)
+    assert (run.status == kalman.STATUS_ALIGNING).all()
+    assert run.invalid_samples[-1] == len(s.dt)
+
+
+def test_estimate_never_jumps_by_more_than_its_covariance_admits():
+    s = CLEAN
+    for name in ('sonar', 'flow'):
+        s = spoil(name, 'nan', between(10.0, 14.0), s)
+    run = estimate(s)
+    jump = np.abs(np.diff(run.rho, axis=0) - run.rho[:-1] * 0)
+    moved = np.abs(TRUTH.v[1:]) * DT
+    std = np.sqrt(np.diagonal(run.pose_covariance, axis1=1, axis2=2)[:-1, :3])
+    assert (jump < 5 * std + 2 * moved + 0.01).all()

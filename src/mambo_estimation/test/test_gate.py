@@ -1,0 +1,62 @@
+"""Gate: refuses outliers, opens for a filter that is wrong, never for a sensor that is stuck."""
+
+from mambo_estimation import gate as g
+import pytest
+
+DT, WIDTH, TIME = 0.04, 4.0, 1.0
+
+
+def run(samples, gate=g.OPEN):
+    """Judge (value, innovation) pairs, variance 1 of each component; return gate and verdicts."""
+    verdicts = []
+    for value, innovation in samples:
+        gate = g.advance(gate, DT)
+        ratio = innovation ** 2 / WIDTH ** 2
+        trial = g.Trial((value, value), (innovation, innovation), 2.0, ratio)
+        gate, verdict = g.judge(gate, trial, WIDTH, TIME)
+        verdicts.append(verdict)
+    return gate, verdicts
+
+
+def test_small_innovations_pass_and_count_nothing():
+    gate, verdicts = run([(0.0, 0.0), (1.0, 3.9), (2.0, -3.9)])
+    assert verdicts == [g.ACCEPT] * 3 and gate.refused == 0
+
+
+def test_an_outlier_is_refused_and_counted():
+    gate, verdicts = run([(0.0, 0.1), (9.0, 9.0), (0.0, 0.1)])
+    assert verdicts == [g.ACCEPT, g.REFUSE, g.ACCEPT] and gate.refused == 1 and gate.streak == 0
+
+
+def test_refusals_that_agree_for_the_recovery_time_reset_the_filter():
+    _, verdicts = run([(9.0 + 0.01 * k, 9.0) for k in range(40)])
+    first = verdicts.index(g.RECOVER)
+    assert first * DT == pytest.approx(TIME, abs=DT)  # age counts from the first refusal
+    assert verdicts[:first] == [g.REFUSE] * first
+
+
+def test_a_stuck_sensor_never_resets_the_filter():
+    gate, verdicts = run([(9.0, 9.0 + 0.01 * k) for k in range(1000)])
+    assert set(verdicts) == {g.REFUSE} and gate.refused == 1000
+
+
+def test_a_stuck_sensor_stays_refused_when_the_filter_becomes_unsure():
+    gate, verdicts = run([(9.0, 9.0), (9.0, 1.0), (9.0, 0.5), (9.1, 0.5)])
+    assert verdicts == [g.REFUSE] * 3 + [g.ACCEPT]
+
+
+def test_outliers_that_disagree_never_reset_the_filter():
+    _, verdicts = run([(float(k), 20.0 if k % 2 else -20.0) for k in range(1000)])
+    assert set(verdicts) == {g.REFUSE}
+
+
+def test_one_good_sample_starts_the_clock_anew():
+    bad = [(9.0 + 0.01 * k, 9.0) for k in range(20)]
+    _, verdicts = run([*bad, (0.0, 0.0), *bad])
+    assert g.RECOVER not in verdicts
+
+
+def test_invalid_samples_are_only_counted():
+    gate, _ = run([(9.0, 9.0)])
+    after = g.refuse_invalid(gate)
+    assert after.refused == gate.refused + 1 and after.streak == gate.streak
