@@ -1,0 +1,171 @@
+"""
+The whole flight in one process: the graph's compiled steps in one compiled loop, no middleware.
+
+Same steps, same order, same numbers as the graph in lockstep, to the last bit (tested): at each
+control step the sensors are read, the estimator and the flight plan answer, the controller
+answers both, the vehicle moves.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from mambo_control import cascaded, latch
+from mambo_control.gains import GainValues
+from mambo_estimation import kalman
+from mambo_model.compiled import jit
+from mambo_model.flatness import body_velocity
+from mambo_model.rigid_body import State
+from mambo_model.trajectory import PlanValues, reference_step
+from mambo_model.vehicle import VehicleValues
+from mambo_sim import simulator
+from mambo_sim.parameters import STEP_NS
+from mambo_sim.sensors import optitrack
+import numpy as np
+from numpy.typing import NDArray
+
+from .scenario import Scenario
+
+Array = NDArray[np.float64]
+
+
+class Recording(NamedTuple):
+    """
+    One flight as arrays, inertial NED and body FRD; row k is the control step at t[k].
+
+    A state row is rho (3) m, nu (3) m/s body, q (4) w x y z, omega (3) rad/s body.
+    """
+
+    t: NDArray[np.int64]  # (n,) ns
+    truth: Array  # (n, 13)
+    estimate: Array  # (n, 13)
+    reference: Array  # (n, 13), with nu = q* (.) v
+    phase: NDArray[np.int64]  # (n,) of the flight plan
+    thrust: Array  # (n,) N, commanded (3.20)
+    pwm: Array  # (n, 4)
+    pose: Array  # (n, 7) Optitrack position and quaternion, NaN where no pose came
+    pose_t: NDArray[np.int64]  # (n,) ns, stamp of the pose
+
+
+class _Settings(NamedTuple):
+    """Everything compiled code reads that does not change during a flight."""
+
+    simulator: simulator.SimulatorValues
+    optitrack: optitrack.OptitrackValues
+    kalman: kalman.EstimatorValues
+    plan: PlanValues
+    gains: GainValues
+    reference_vehicle: VehicleValues
+    controller_vehicle: VehicleValues
+    period: float
+    use_truth: bool
+    sonar_low: float
+    sonar_high: float
+
+
+def _settings(flight: Scenario) -> _Settings:
+    sim, estimator = flight.sim_node.simulator, flight.estimator_node
+    return _Settings(
+        sim.values(), flight.optitrack_node.optitrack.values(), estimator.kalman.values(),
+        flight.reference_node.plan.values(), flight.controller_node.cascaded.values(),
+        flight.reference_node.vehicle.values(), flight.controller_node.vehicle.values(),
+        flight.controller_node.period, estimator.estimator == 'ground_truth',
+        float(np.float32(sim.sonar.min_range)), float(np.float32(sim.sonar.max_range)))
+
+
+def fly(flight: Scenario) -> Recording:
+    """
+    Fly a scenario.
+
+    Parameters
+    ----------
+    flight
+        With a duration; mode, pace and waiting of the graph do not matter here.
+
+    Returns
+    -------
+    recording
+        One row per control step, the first at t = 0, the last at the duration.
+
+    Raises
+    ------
+    ValueError
+        If the scenario has no duration.
+
+    """
+    if not flight.sim_node.duration > 0.0:
+        raise ValueError('the scenario has no duration: set sim_node.duration in seconds')
+    steps = -(-round(flight.sim_node.duration * 1e9) // STEP_NS) + 1
+    out = Recording(
+        np.arange(steps, dtype=np.int64) * STEP_NS, *(np.empty((steps, 13)) for _ in range(3)),
+        np.empty(steps, dtype=np.int64), np.empty(steps), np.empty((steps, 4)),
+        np.full((steps, 7), np.nan), np.zeros(steps, dtype=np.int64))
+    sim = flight.sim_node.simulator
+    mocap_rng = simulator.generators(flight.optitrack_node.seed)[simulator.OPTITRACK]
+    _loop(simulator.initial_state(sim), simulator.generators(sim.seed), mocap_rng,
+          kalman.initial(flight.estimator_node.kalman), _settings(flight), out)
+    return out
+
+
+@jit
+def _store(row: Array, s: State) -> None:
+    for i in range(3):
+        row[i] = s.rho[i]
+        row[3 + i] = s.nu[i]
+        row[10 + i] = s.omega[i]
+    for i in range(4):
+        row[6 + i] = s.q[i]
+
+
+@jit
+def _estimate(
+    memory: kalman.Memory, dt: float, s: simulator.Samples, p: _Settings,
+) -> tuple[kalman.Memory, kalman.Estimate]:
+    """Answer the samples as the estimator node does, who gets them over the wire."""
+    sonar = np.nan
+    if s.sonar_new and p.sonar_low <= s.sonar <= p.sonar_high:
+        sonar = s.sonar
+    flow, quality, pressure = (np.nan, np.nan), 0, np.nan
+    if s.flow_new:
+        flow, quality = s.flow, s.flow_quality
+    if s.baro_new:
+        pressure = s.pressure
+    return kalman.step(memory, dt, s.gyro, s.accel, sonar, flow, quality, pressure, p.kalman)
+
+
+@jit
+def _loop(state, rngs, mocap_rng, memory, p, out):
+    """Fly; every argument as :func:`fly` makes it, ``out`` is filled."""
+    mocap, before = optitrack.START, state.plant.body
+    control, reason = cascaded.initial(), 0
+    last = len(out.t) - 1
+    for k in range(last + 1):
+        t = out.t[k]
+        state, samples = simulator.sense(state, k, rngs, p.simulator)
+        body = state.plant.body
+        t_before = t - STEP_NS if k else t
+        mocap, seen = optitrack.step(mocap, t_before, before, t, body, mocap_rng, p.optitrack)
+        before = body
+        estimated = body
+        if not p.use_truth:
+            memory, estimate = _estimate(memory, (t - t_before) * 1e-9, samples, p)
+            estimated = estimate.state
+        vehicle = p.reference_vehicle
+        ref, phase = reference_step(
+            t * 1e-9, p.plan, vehicle.mass, vehicle.inertia, vehicle.gravity)
+        control, reason, command = latch.step(
+            control, reason, estimated, ref, phase, p.period, p.gains, p.controller_vehicle)
+        _store(out.truth[k], body)
+        _store(out.estimate[k], estimated)
+        _store(out.reference[k], State(ref.rho, body_velocity(ref), ref.q, ref.omega))
+        out.phase[k], out.thrust[k] = phase, command.thrust
+        for i in range(4):
+            out.pwm[k, i] = command.pwm[i]
+        if seen.new:
+            out.pose_t[k] = seen.stamp
+            for i in range(3):
+                out.pose[k, i] = seen.pose.rho[i]
+            for i in range(4):
+                out.pose[k, 3 + i] = seen.pose.q[i]
+        if k < last:
+            state = simulator.advance(state, command.pwm, command.shutdown, p.simulator)

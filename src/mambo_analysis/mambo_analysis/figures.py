@@ -1,0 +1,359 @@
+"""
+Plots of a flight: one function a figure, each drawing what the bag has.
+
+A signal has one colour everywhere: reference blue, estimate red, Optitrack green, flow purple, as
+in the thesis; truth grey, sonar orange, barometer brown, the drone's own estimate teal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
+
+from .bag import Bag
+from .compare import Phases, phases, position_errors
+from .metrics import Floats
+
+COLOURS = {
+    'reference': '#2f7ed8', 'estimate': '#e0403f', 'optitrack': '#2ca25f', 'flow': '#a06cd5',
+    'truth': '#8a8a8a', 'sonar': '#f28e2b', 'barometer': '#a5714f', 'onboard': '#17a2b8',
+    'motor0': '#5b6abf', 'motor1': '#c65b92', 'motor2': '#7f9a3b', 'motor3': '#c9a227'}
+INK, FAINT = '#202124', '#d0d3d6'
+POINTS = 1000  # of a line; more is not seen
+AIR = 1.2 * 9.81  # [Pa/m] for a height by pressure
+STYLE = {
+    'font.size': 10.0, 'font.family': 'DejaVu Sans', 'axes.edgecolor': INK, 'axes.labelcolor': INK,
+    'text.color': INK, 'xtick.color': INK, 'ytick.color': INK, 'axes.grid': True,
+    'grid.color': FAINT, 'grid.linewidth': 0.6, 'axes.spines.top': False,
+    'axes.spines.right': False, 'lines.linewidth': 1.3, 'legend.frameon': False,
+    'legend.fontsize': 9.0, 'axes.titlesize': 10.5, 'axes.titleweight': 'bold',
+    'axes.titlelocation': 'left', 'axes.axisbelow': True, 'svg.fonttype': 'path',
+    'svg.hashsalt': 'mambo'}
+TRACKS = (
+    ('reference', 'reference', 'reference'), ('ground_truth/odom', 'truth', 'ground truth'),
+    ('optitrack/pose', 'optitrack', 'Optitrack'), ('estimate/odom', 'estimate', 'estimate'),
+    ('onboard/odom', 'onboard', 'onboard estimate'))
+"""Topics with a position: topic, colour, label, in the order of drawing."""
+
+
+class Plot(NamedTuple):
+    """A figure that can be drawn."""
+
+    name: str
+    title: str
+    text: str  # what it shows
+    shape: tuple[int, int]  # rows and columns of axes
+    height: float  # inches
+    legend: int  # columns of the legend below all axes, 0: none
+    draw: Callable[[list[Axes], Bag, Phases], None]
+
+
+def _thin(*columns: Floats) -> tuple[Floats, ...]:
+    """Return columns of equal length at no more than ``POINTS`` even instants."""
+    step = max(1, -(-len(columns[0]) // POINTS))
+    return tuple(column[::step] for column in columns)
+
+
+def _envelope(t: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Return a signal at no more than ``POINTS`` instants: least and greatest of each stretch."""
+    size = -(-len(t) // (POINTS // 2))
+    if size <= 2:
+        return t, values
+    whole = len(t) // size * size
+    blocks = values[:whole].reshape(-1, size)
+    low = np.where(np.isnan(blocks), np.inf, blocks).argmin(axis=1)
+    high = np.where(np.isnan(blocks), -np.inf, blocks).argmax(axis=1)
+    chosen = np.sort(np.stack([low, high]), axis=0) + np.arange(len(blocks)) * size
+    index = np.concatenate([chosen.T.reshape(-1), np.arange(whole, len(t))])
+    return t[index], values[index]
+
+
+def _line(
+    ax: Axes, t: Floats, values: Floats, colour: str, label: str | None, **style: Any,
+) -> None:
+    """Draw a signal over time."""
+    ax.plot(*_envelope(t, values), color=COLOURS[colour], label=label, **style)
+
+
+def _mark(axes: list[Axes], parts: Phases) -> None:
+    """Shade the take-off, and the landing."""
+    for ax in axes:
+        low, high = ax.get_xlim()
+        if parts.takeoff_end is not None:
+            ax.axvspan(low, parts.takeoff_end * 1e-9, color=FAINT, alpha=0.35, lw=0, zorder=0)
+        if parts.landing_start is not None:
+            ax.axvspan(parts.landing_start * 1e-9, high, color=FAINT, alpha=0.35, lw=0, zorder=0)
+        ax.set_xlim(low, high)
+    axes[-1].set_xlabel('time [s]')
+
+
+def _span(bag: Bag, axes: list[Axes]) -> None:
+    for ax in axes:
+        ax.set_xlim(bag.start * 1e-9, max(bag.end * 1e-9, bag.start * 1e-9 + 1e-3))
+
+
+def draw_position(axes: list[Axes], bag: Bag, parts: Phases) -> None:
+    """Position by axis, z up."""
+    for topic, colour, label in TRACKS:
+        if topic in bag:
+            t, p = bag[topic].t, bag[topic].position
+            for axis, ax in enumerate(axes):
+                _line(ax, t, p[:, axis], colour, label,
+                      ls='--' if colour == 'reference' else '-',
+                      lw=2.6 if colour == 'truth' else 1.2,
+                      zorder={'reference': 5, 'truth': 1}.get(colour, 3))
+    for ax, name in zip(axes, 'xyz'):
+        ax.set_ylabel(f'{name} [m]')
+    _span(bag, axes)
+    _mark(axes, parts)
+
+
+def _errors(bag: Bag) -> list[tuple[str, str, Floats, Floats]]:
+    """Return (colour, label, t, errors (n, 3)) of what can be compared."""
+    found = []
+    truth = next((name for name in ('ground_truth/odom', 'optitrack/pose') if name in bag), None)
+    if truth and 'reference' in bag:
+        stamps, e = position_errors(bag['reference'], bag[truth])
+        label = 'ground truth' if truth.startswith('ground') else 'Optitrack'
+        found.append(('reference', f'tracking: {label} minus reference', stamps * 1e-9, e))
+    source = next((name for name in ('optitrack/pose', 'ground_truth/odom') if name in bag), None)
+    if source and 'estimate/odom' in bag:
+        stamps, e = position_errors(bag['estimate/odom'], bag[source])
+        label = 'ground truth' if source.startswith('ground') else 'Optitrack'
+        found.append(('estimate', f'estimation: estimate minus {label}', stamps * 1e-9, e))
+    return found
+
+
+def draw_errors(axes: list[Axes], bag: Bag, parts: Phases) -> None:
+    """Size of the position errors."""
+    for colour, label, t, e in _errors(bag):
+        _line(axes[0], t, np.linalg.norm(e, axis=1), colour, label)
+    axes[0].set_ylabel('error [m]')
+    axes[0].set_ylim(bottom=0.0)
+    _span(bag, axes)
+    _mark(axes, parts)
+
+
+def draw_path(axes: list[Axes], bag: Bag, parts: Phases) -> None:
+    """Top view and side view of the path, to scale."""
+    for ax, (across, up) in zip(axes, ((0, 1), (0, 2))):
+        for topic, colour, label in TRACKS:
+            if topic in bag:
+                p = bag[topic].position
+                ax.plot(*_thin(p[:, across], p[:, up]), color=COLOURS[colour],
+                        label=label if ax is axes[0] else None,
+                        ls='--' if colour == 'reference' else '-',
+                        lw=2.6 if colour == 'truth' else 1.1)
+        ax.set_aspect('equal', adjustable='datalim')
+        ax.set_xlabel('x [m]')
+        ax.set_ylabel(f'{"xyz"[up]} [m]')
+    axes[0].set_title('from above')
+    axes[1].set_title('from the side')
+
+
+def draw_motors(axes: list[Axes], bag: Bag, parts: Phases) -> None:
+    """Motor commands, the panels where the motors are seen from above."""
+    motors = bag['motor_pwm']
+    low, high = float(np.nanmin(motors.pwm)), float(np.nanmax(motors.pwm))
+    margin = max(0.05 * (high - low), 1.0)
+    places = ((0, 'front left'), (1, 'front right'), (3, 'rear left'), (2, 'rear right'))
+    for ax, (number, name) in zip(axes, places):
+        _line(ax, motors.t, motors.pwm[:, number], f'motor{number}', None, lw=0.8)
+        ax.set_title(f'{number} {name}', weight='normal', size=9.0)
+        ax.set_ylabel('PWM [-]')
+        ax.set_ylim(low - margin, high + margin)
+    _span(bag, axes)
+    _mark(axes, parts)
+    axes[2].set_xlabel('time [s]')
+
+
+def _dots(ax: Axes, t: Floats, values: Floats, colour: str, label: str) -> None:
+    t, values = _thin(t, values)
+    ax.plot(t, values, ls='none', marker='.', ms=2.5, alpha=0.6, color=COLOURS[colour],
+            label=label, rasterized=True)
+
+
+def draw_height(axes: list[Axes], bag: Bag, parts: Phases) -> None:
+    """Height by each sensor and by the estimate."""
+    ax = axes[0]
+    if 'barometer/pressure' in bag:
+        pressure = bag['barometer/pressure']
+        ground = np.median(pressure.pressure[pressure.t <= pressure.t[0] + 0.5])
+        _dots(ax, pressure.t, (ground - pressure.pressure) / AIR, 'barometer', 'barometer')
+    if 'sonar/range' in bag:
+        sonar = bag['sonar/range']
+        valid = (sonar.range >= sonar.min_range) & (sonar.range <= sonar.max_range)
+        _dots(ax, sonar.t[valid], sonar.range[valid], 'sonar', 'sonar, slant')
+    for topic, colour, label in TRACKS:
+        if topic in bag and colour != 'optitrack':
+            _line(ax, bag[topic].t, bag[topic].position[:, 2], colour, label,
+                  ls='--' if colour == 'reference' else '-')
+    ax.set_ylabel('height [m]')
+    _span(bag, axes)
+    _mark(axes, parts)
+
+
+def draw_flow(axes: list[Axes], bag: Bag, parts: Phases) -> None:
+    """Optical flow on both body axes."""
+    flow = bag['optical_flow']
+    for ax, name, values in zip(axes, ('forward', 'left'), (flow.rate_x, flow.rate_y)):
+        _line(ax, flow.t, values, 'flow', 'optical flow' if ax is axes[0] else None, lw=0.9)
+        ax.set_ylabel(f'{name} [rad/s]')
+    _span(bag, axes)
+    _mark(axes, parts)
+
+
+def _innovations(bag: Bag) -> list[tuple[str, str, Floats, Floats]]:
+    """Return (colour, label, innovation (n,), test ratio (n,)) of each sensor that was used."""
+    state = bag['estimator/state']
+    every = (
+        ('sonar', 'sonar [m]', state.sonar_innovation, state.sonar_test_ratio),
+        ('flow', 'flow x [m/s]', state.flow_innovation[:, 0], state.flow_test_ratio),
+        ('flow', 'flow y [m/s]', state.flow_innovation[:, 1], state.flow_test_ratio),
+        ('barometer', 'barom. [m]', state.barometer_innovation, state.barometer_test_ratio))
+    return [row for row in every if np.isfinite(row[2]).any()]
+
+
+def draw_innovations(axes: list[Axes], bag: Bag, parts: Phases) -> None:
+    """Innovations of the estimator; refused samples are crosses."""
+    t = bag['estimator/state'].t
+    for ax, (colour, label, innovation, ratio) in zip(axes, _innovations(bag)):
+        refused = np.isfinite(innovation) & (ratio > 1.0)
+        taken = np.isfinite(innovation) & ~refused
+        ax.plot(*_thin(t[taken], innovation[taken]), ls='none', marker='.', ms=2.5,
+                color=COLOURS[colour], rasterized=True)
+        ax.plot(t[refused], innovation[refused], ls='none', marker='x', ms=4.0, color=INK)
+        ax.axhline(0.0, color=INK, lw=0.6)
+        ax.set_ylabel(label)
+        ax.set_title(f'{int(refused.sum())} of {int((taken | refused).sum())} refused',
+                     loc='right', weight='normal', size=9.0)
+    _span(bag, axes)
+    _mark(axes, parts)
+
+
+def draw_covariance(axes: list[Axes], bag: Bag, parts: Phases) -> None:
+    """Estimation error inside three standard deviations of the filter."""
+    estimate = bag['estimate/odom']
+    truth = 'ground_truth/odom' if 'ground_truth/odom' in bag else 'optitrack/pose'
+    stamps, e = position_errors(estimate, bag[truth])
+    variance = estimate.pose_covariance[:, [0, 7, 14]]
+    sigma = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
+    t = stamps * 1e-9
+    for axis, ax in enumerate(axes):
+        when, low, high = _thin(t, -3.0 * sigma[:, axis], 3.0 * sigma[:, axis])
+        ax.fill_between(when, low, high, color=COLOURS['estimate'], alpha=0.18, lw=0,
+                        label='three standard deviations' if axis == 0 else None)
+        _line(ax, t, e[:, axis], 'estimate', 'estimate minus '
+              f'{"ground truth" if truth.startswith("ground") else "Optitrack"}'
+              if axis == 0 else None, lw=1.0)
+        ax.set_ylabel(f'{"xyz"[axis]} [m]')
+    _span(bag, axes)
+    _mark(axes, parts)
+
+
+def _has_band(bag: Bag) -> bool:
+    """Return whether there is an estimate with a covariance, and a truth to compare it with."""
+    if 'estimate/odom' not in bag or not any(
+            name in bag for name in ('ground_truth/odom', 'optitrack/pose')):
+        return False
+    return bool(np.any(bag['estimate/odom'].pose_covariance))
+
+
+def plots(bag: Bag) -> list[Plot]:
+    """Return the figures that the bag has data for, in the order of a page."""
+    moves = any(topic in bag for topic, _, _ in TRACKS)
+    innovations = len(_innovations(bag)) if 'estimator/state' in bag else 0
+    every = (
+        (moves, Plot(
+            'position', 'Position',
+            'Position over time on the axes x, y and z (up). Take-off and landing are shaded.',
+            (3, 1), 5.4, 5, draw_position)),
+        (bool(_errors(bag)), Plot(
+            'errors', 'Position errors', 'Length of the position error over time.',
+            (1, 1), 2.6, 2, draw_errors)),
+        (moves, Plot(
+            'path', 'Path', 'The path seen from above and from the side, to scale.',
+            (1, 2), 3.5, 5, draw_path)),
+        ('motor_pwm' in bag, Plot(
+            'motors', 'Motor commands',
+            'PWM commands of the four motors over time, laid out as seen from above.',
+            (2, 2), 3.4, 0, draw_motors)),
+        (moves or 'sonar/range' in bag, Plot(
+            'height', 'Height',
+            'Height over time by sonar, barometer and estimate. Sonar samples outside of its '
+            'limits are left out.', (1, 1), 2.9, 3, draw_height)),
+        ('optical_flow' in bag, Plot(
+            'flow', 'Optical flow', 'Optical flow forward and left over time.',
+            (2, 1), 3.2, 1, draw_flow)),
+        (innovations > 0, Plot(
+            'innovations', 'Innovations of the estimator',
+            'Measurement minus prediction of sonar, optical flow and barometer over time. '
+            'Refused samples are crosses.', (innovations, 1), 0.6 + 1.25 * innovations, 0,
+            draw_innovations)),
+        (_has_band(bag), Plot(
+            'covariance', 'Does the filter know its error?',
+            'Position error of the estimate on each axis, and the band of three standard '
+            'deviations that the filter gives.', (3, 1), 5.0, 2, draw_covariance)))
+    return [plot for wanted, plot in every if wanted]
+
+
+def _paint(figure: Any, plot: Plot, bag: Bag, parts: Phases) -> list[Axes]:
+    """Draw a plot into a figure or a part of one, its legend in a row of its own."""
+    rows, columns = plot.shape
+    row = (plot.height - 0.3) / rows  # inches
+    grid = figure.add_gridspec(
+        rows + (plot.legend > 0), columns, height_ratios=[row] * rows + [0.02] * (plot.legend > 0))
+    axes: list[Axes] = []
+    for place in range(rows * columns):
+        axes.append(figure.add_subplot(
+            grid[place // columns, place % columns],
+            sharex=axes[0] if axes and columns == 1 else None))
+    if columns == 1:
+        for ax in axes[:-1]:
+            ax.tick_params(labelbottom=False)
+    plot.draw(axes, bag, parts)
+    handles, labels = axes[0].get_legend_handles_labels()
+    if plot.legend and handles:
+        below = figure.add_subplot(grid[rows, :])
+        below.axis('off')
+        below.legend(handles, labels, loc='upper center', ncol=plot.legend, borderaxespad=0.0,
+                     handlelength=1.4, columnspacing=1.2)
+    return axes
+
+
+def figure_of(plot: Plot, bag: Bag, width: float = 6.6) -> Figure:
+    """Return one plot as a figure without background, ``width`` inches wide."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(width, plot.height), layout='constrained', facecolor='none')
+        for ax in _paint(figure, plot, bag, phases(bag)):
+            ax.set_facecolor('none')
+    return figure
+
+
+def write_overview(bag: Bag, path: Path, title: str) -> None:
+    """Write all plots of a flight on one white sheet, two columns, as PNG."""
+    columns: list[list[Plot]] = [[], []]
+    for plot in plots(bag):
+        columns[0 if sum(p.height for p in columns[0]) <= sum(p.height for p in columns[1])
+                else 1].append(plot)
+    columns = [column for column in columns if column]
+    height = max((sum(p.height + 0.35 for p in column) for column in columns), default=1.0)
+    with matplotlib.rc_context(STYLE):
+        sheet = Figure(figsize=(6.8 * max(len(columns), 1), height + 0.4), layout='constrained',
+                       facecolor='white')
+        sheet.suptitle(title, x=0.01, ha='left', weight='bold')
+        parts = phases(bag)
+        halves = np.atleast_1d(sheet.subfigures(1, len(columns))) if columns else []
+        for half, column in zip(halves, columns):
+            pieces = np.atleast_1d(half.subfigures(
+                len(column), 1, height_ratios=[p.height + 0.35 for p in column]))
+            for piece, plot in zip(pieces, column):
+                piece.suptitle(plot.title, x=0.02, ha='left', size=10.5, weight='bold')
+                _paint(piece, plot, bag, parts)
+        sheet.savefig(path, dpi=110, metadata={'Software': None})

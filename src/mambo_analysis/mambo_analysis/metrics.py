@@ -1,0 +1,118 @@
+"""Error statistics of vector signals, and signals brought to common instants."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Statistics(NamedTuple):
+    """
+    Statistics of n error vectors with k components.
+
+    Attributes
+    ----------
+    count
+        n, errors with a component that is not finite left out.
+    rms, maximum
+        (k,) of each component, the maximum of its magnitude.
+    rms_total, maximum_total
+        Of the Euclidean norm; ``rms_total`` is the root of the sum of the squared ``rms``.
+
+    """
+
+    count: int
+    rms: tuple[float, ...]
+    maximum: tuple[float, ...]
+    rms_total: float
+    maximum_total: float
+
+
+def statistics(errors: Floats) -> Statistics:
+    """
+    Return the statistics of errors, (n, k) any unit; NaN where there is no error to count.
+
+    Errors with a component that is not finite are left out.
+    """
+    errors = np.asarray(errors, float)
+    good = errors[np.isfinite(errors).all(axis=1)]
+    if not len(good):
+        nothing = (float('nan'),) * errors.shape[1]
+        return Statistics(0, nothing, nothing, float('nan'), float('nan'))
+    squares = good * good
+    norm = squares.sum(axis=1)
+    return Statistics(
+        len(good), tuple(np.sqrt(squares.mean(axis=0)).tolist()),
+        tuple(np.abs(good).max(axis=0).tolist()), float(np.sqrt(norm.mean())),
+        float(np.sqrt(norm.max())))
+
+
+def common(a: Ints, b: Ints) -> tuple[Ints, Ints]:
+    """Return the indices into two arrays of stamps at which both have the same one."""
+    _, in_a, in_b = np.intersect1d(a, b, return_indices=True)
+    return in_a, in_b
+
+
+def interpolate(stamps: Ints, source_stamps: Ints, values: Floats, gap: int) -> Floats:
+    """
+    Interpolate a vector signal linearly by its stamps.
+
+    Parameters
+    ----------
+    stamps : (n,) ns
+        Where values are wanted.
+    source_stamps : (m,) ns
+    values : (m, k)
+    gap : ns
+        Two samples further apart are not connected.
+
+    Returns
+    -------
+    (n, k), NaN outside of the source, in its gaps and if it is empty.
+
+    """
+    values = np.asarray(values, float)
+    out = np.full((len(stamps), values.shape[1]), np.nan)
+    if not len(source_stamps):
+        return out
+    order = np.argsort(source_stamps, kind='stable')
+    times, values = np.asarray(source_stamps)[order], values[order]
+    after = np.searchsorted(times, stamps, side='left')
+    inside = after < len(times)
+    exact = inside & (times[np.minimum(after, len(times) - 1)] == stamps)
+    out[exact] = values[after[exact]]
+    between = np.flatnonzero(inside & ~exact & (after > 0))
+    right = after[between]
+    left = right - 1
+    near = times[right] - times[left] <= gap
+    between, left, right = between[near], left[near], right[near]
+    share = (np.asarray(stamps)[between] - times[left]) / (times[right] - times[left])
+    out[between] = values[left] + share[:, None] * (values[right] - values[left])
+    return out
+
+
+def missing(stamps: Ints, period: float) -> int:
+    """
+    Return how many samples a grid of stamps lacks between its first and last.
+
+    Parameters
+    ----------
+    stamps : (n,) ns
+        In any order; repeated ones count once.
+    period : ns
+        Of the grid; each gap is rounded to a whole number of periods.
+
+    """
+    gaps = np.diff(np.unique(stamps))
+    return int(np.maximum(np.rint(gaps / period) - 1.0, 0.0).sum())
+
+
+def usual_period(stamps: Ints) -> float:
+    """Return the median distance of neighbouring stamps [ns], NaN for fewer than two."""
+    gaps = np.diff(np.unique(stamps))
+    return float(np.median(gaps)) if len(gaps) else float('nan')

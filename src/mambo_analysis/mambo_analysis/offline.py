@@ -1,0 +1,61 @@
+"""
+Offline replay: recorded sensors through the estimator in one process, no middleware.
+
+The estimator's step is the compiled one of the node, the samples are ordered by the same
+watermark, so that the result equals the recorded estimate to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import heapq
+import itertools
+
+from mambo_estimation import kalman
+from mambo_estimation.synchroniser import Step, Synchroniser
+from mambo_ros import messages, topics
+
+from .bag import Bag
+
+
+def steps(bag: Bag) -> Iterator[Step]:
+    """
+    Yield the filter steps of a recorded flight, from a bag that was read with its sensors.
+
+    The bag must have watermarks (``sensor_tick``): every simulated flight and every live replay
+    has them.
+    """
+    sync = Synchroniser()
+    take = {
+        topics.IMU: lambda data: sync.add_imu(*messages.decode_imu(data)),
+        topics.SONAR: lambda data: sync.add_sonar(*messages.decode_sonar(data)),
+        topics.OPTICAL_FLOW: lambda data: sync.add_flow(*messages.decode_optical_flow(data)),
+        topics.BAROMETER: lambda data: sync.add_pressure(*messages.decode_pressure(data)),
+        topics.SENSOR_TICK: lambda data: sync.add_tick(*messages.decode_sensor_tick(data))}
+    streams = [
+        zip(bag[topic.name].log_time.tolist(), itertools.repeat(topic), bag[topic.name].raw)
+        for topic in take if topic.name in bag]
+    for _, topic, data in heapq.merge(*streams, key=lambda entry: entry[0]):
+        yield from take[topic](data)
+
+
+def estimate(
+    bag: Bag, params: kalman.EstimatorParams,
+) -> Iterator[tuple[int, kalman.Estimate]]:
+    """
+    Yield (stamp ns, estimate) of a recorded flight, one for each message of the live estimator.
+
+    Parameters
+    ----------
+    bag
+        As of :func:`steps`.
+    params
+        Of the filter.
+
+    """
+    memory, values = kalman.initial(params), params.values()
+    for s in steps(bag):
+        memory, answer = kalman.step(
+            memory, s.dt, s.gyro, s.accel, s.sonar, s.flow, s.flow_quality, s.pressure, values)
+        if s.last:
+            yield s.t, answer

@@ -1,0 +1,142 @@
+"""
+Save what is readable of a bag whose recorder was killed: ``recover BAG NEW_BAG``.
+
+The source is only read. Everything in front of the damage, and what lies whole behind it, is
+written to a new, properly closed bag with the same topics, types, times and attachments.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+from mambo_sim.bag_writer import BagWriter
+import yaml
+
+from . import mcap_file
+from .bag import bag_files
+from .cli import guard
+from .mcap_file import BagError
+
+OWN_RECORD = 'rosbag2'  # written anew by the writer
+
+
+@dataclasses.dataclass(frozen=True)
+class Recovered:
+    """
+    What was saved.
+
+    Attributes
+    ----------
+    counts
+        {topic: messages}.
+    start, end
+        ns, log times of the first and last message.
+    lost
+        What could not be read, one line each; empty if the source was whole.
+
+    """
+
+    counts: dict[str, int]
+    start: int
+    end: int
+    lost: list[str]
+
+    def __str__(self) -> str:
+        total, span = sum(self.counts.values()), (self.end - self.start) * 1e-9
+        lines = [f'saved {total} messages over {span:.3f} s']
+        lines += [f'  {count:8d}  {topic}' for topic, count in sorted(self.counts.items())]
+        lines += [f'lost: {what}' for what in self.lost]
+        return '\n'.join(lines) if self.lost else '\n'.join(
+            [*lines, 'nothing was lost: the source is whole'])
+
+
+def _profiles(text: str) -> list[dict[str, Any]]:
+    """Return the QoS profiles that a channel carries as YAML; none if they cannot be read."""
+    try:
+        profiles = yaml.safe_load(text)
+    except yaml.YAMLError:
+        return []
+    return profiles if isinstance(profiles, list) else []
+
+
+def _declare(writer: BagWriter, contents: mcap_file.Contents, known: dict[str, bytes]) -> None:
+    """Declare the topics of one file that are not declared yet."""
+    for channel in contents.channels.values():
+        schema = contents.schemas.get(channel.schema_id)
+        definition = schema.data if schema else b''
+        if channel.topic in known:
+            if known[channel.topic] != definition:
+                raise BagError(f'{channel.topic} has two types in one bag; recover file by file')
+            continue
+        known[channel.topic] = definition
+        writer.add_topic(
+            channel.topic, schema.name if schema else '',
+            _profiles(channel.metadata.get('offered_qos_profiles', '')), schema=definition,
+            schema_encoding=schema.encoding if schema else '',
+            type_hash=channel.metadata.get('topic_type_hash', ''),
+            encoding=channel.message_encoding)
+
+
+def recover(source: Path, target: Path) -> Recovered:
+    """
+    Write a new bag of everything readable in a bag or MCAP file.
+
+    Parameters
+    ----------
+    source
+        Directory or MCAP file; not changed.
+    target
+        Directory to make.
+
+    Raises
+    ------
+    BagError
+        If no message can be read.
+    mambo_sim.bag_writer.BagWriterError
+        If the target exists.
+
+    """
+    files, _ = bag_files(source)
+    parts = [mcap_file.scan(file) for file in files]
+    if not any(part.count for part in parts):
+        raise BagError(f'{source}: no message can be read, there is nothing to recover')
+    lost = [f'{file.name}: {what}' for file, part in zip(files, parts) for what in part.lost]
+    metadata = {
+        record.name: record.metadata for part in parts for record in part.metadata
+        if record.name != OWN_RECORD}
+    attachments = {entry.name: entry.data for part in parts for entry in part.attachments}
+    counts: dict[str, int] = {}
+    times: list[int] = []
+    with BagWriter(target, attachments, metadata) as writer:
+        known: dict[str, bytes] = {}
+        for part in parts:
+            _declare(writer, part, known)
+        for topic in known:
+            counts[topic] = 0
+        for part in parts:
+            merged = sorted(
+                ((message, part.channels[number].topic)
+                 for number, messages in part.messages.items() for message in messages),
+                key=lambda entry: entry[0][0])
+            for (log_time, publish_time, data), topic in merged:
+                writer.write(topic, data, log_time, publish_time)
+                counts[topic] += 1
+                times.append(log_time)
+        writer.close({'recovered_from': source.name})
+    return Recovered(counts, min(times), max(times), lost)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``recover``."""
+    parser = argparse.ArgumentParser(prog='recover', description=__doc__.split('\n\n')[0])
+    parser.add_argument('bag', type=Path, help='rosbag2 directory or .mcap file, only read')
+    parser.add_argument('output', type=Path, help='bag to make')
+    options = parser.parse_args(arguments)
+    return guard('recover', lambda: print(recover(options.bag, options.output)))
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,145 @@
+"""
+One flight as data: the parameters of every node of the graph.
+
+A scenario file is a ROS 2 parameter file, so that ``ros2 run <package> <node> --ros-args
+--params-file scenario.yaml`` flies the same thing node by node, and the one-process closed loop
+reads the same text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+from mambo_control.parameters import ControllerNodeParams, ReferenceNodeParams
+from mambo_estimation.parameters import EstimatorNodeParams
+from mambo_model import schema
+from mambo_model.vehicle import preset
+from mambo_sim.parameters import OptitrackNodeParams, SimNodeParams
+import yaml
+
+
+@dataclasses.dataclass(frozen=True)
+class Scenario:
+    """Parameters of the five nodes of a simulated flight, by node name."""
+
+    sim_node: SimNodeParams = schema.group(SimNodeParams)
+    optitrack_node: OptitrackNodeParams = schema.group(OptitrackNodeParams)
+    estimator_node: EstimatorNodeParams = schema.group(EstimatorNodeParams)
+    reference_node: ReferenceNodeParams = schema.group(ReferenceNodeParams)
+    controller_node: ControllerNodeParams = schema.group(ControllerNodeParams)
+
+    @property
+    def seed(self) -> int:
+        """Return the seed of every noise stream."""
+        return self.sim_node.simulator.seed
+
+
+def scenario(
+    trajectory: str = 'circle', estimator: str = 'kalman', controller: str = 'cascaded',
+    duration: float = 40.0, seed: int = 1, vehicle: str = 'identified', believed: str = '',
+    noise: bool = True, land: bool = True, overrides: Mapping[str, Any] | None = None,
+) -> Scenario:
+    """
+    Build a scenario from the choices a person makes.
+
+    Parameters
+    ----------
+    trajectory
+        Name in ``mambo_model.trajectory``.
+    estimator, controller
+        Choices of ``estimator_node`` and ``controller_node``.
+    duration : s
+        Flight time from start to end.
+    seed
+        Of every noise stream.
+    vehicle, believed
+        Presets of ``mambo_model.vehicle``: the true vehicle, and the one that reference and
+        controller believe in (empty: the same).
+    noise
+        Whether sensors have noise and bias.
+    land
+        Whether to descend at the end of ``duration``.
+    overrides
+        {'node.parameter': value}, applied last.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        For an unknown name or a value out of range.
+
+    """
+    true_vehicle = dataclasses.asdict(preset(vehicle))
+    believed_vehicle = dataclasses.asdict(preset(believed or vehicle))
+    sections: dict[str, Any] = {
+        'sim_node': {'duration': float(duration), 'simulator': {
+            'seed': seed, 'noise': noise, 'vehicle': true_vehicle}},
+        'optitrack_node': {'seed': seed, 'optitrack': {'noise': noise}},
+        'estimator_node': {'estimator': estimator},
+        'reference_node': {'vehicle': believed_vehicle, 'plan': {'trajectory': trajectory}},
+        'controller_node': {'controller': controller, 'vehicle': believed_vehicle},
+    }
+    if land:
+        sections['reference_node']['plan']['landing_time'] = landing_time(duration)
+    flat = schema.flatten(schema.build(Scenario, sections))
+    for name, value in (overrides or {}).items():
+        if name not in flat:
+            raise schema.ParameterError(schema.unknown(name, flat))
+        flat[name] = value
+    return schema.build(Scenario, flat)
+
+
+def landing_time(duration: float) -> float:
+    """Return when landing begins [s]; 0 (never) where the flight is too short for it."""
+    before_end = 9.0  # s: blend out 3 s, descent 4 s, rest
+    return duration - before_end if duration >= before_end + 10.0 else 0.0
+
+
+def to_yaml(flight: Scenario, namespace: str = '/mambo') -> str:
+    """Return the scenario as a ROS 2 parameter file."""
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: plain(inner) for key, inner in value.items()}
+        return list(value) if isinstance(value, tuple) else value
+    sections = {
+        f'{namespace}/{field.name}': {
+            'ros__parameters': plain(dataclasses.asdict(getattr(flight, field.name)))}
+        for field in dataclasses.fields(flight)}
+    return yaml.safe_dump(sections, sort_keys=False)
+
+
+def from_yaml(text: str, where: str = 'scenario') -> Scenario:
+    """
+    Read a scenario from a ROS 2 parameter file; what it does not name keeps its default.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        Naming the place for text that is not such a file, an unknown node or parameter, or a
+        value out of range.
+
+    """
+    try:
+        data = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise schema.ParameterError(f'{where}: {error}'.replace('\n', ' ')) from None
+    if not isinstance(data, dict):
+        raise schema.ParameterError(f'{where}: not a ROS 2 parameter file')
+    sections = {}
+    for name, section in data.items():
+        inner = section.get('ros__parameters') if isinstance(section, dict) else None
+        if not isinstance(inner, dict):
+            raise schema.ParameterError(f'{where}: {name} has no ros__parameters section')
+        sections[str(name).rsplit('/', 1)[-1]] = inner
+    return schema.build(Scenario, sections, f'{where}: ')
+
+
+def load(path: Path) -> Scenario:
+    """Read a scenario file; see :func:`from_yaml`."""
+    try:
+        text = Path(path).read_text()
+    except OSError as error:
+        raise schema.ParameterError(f'{path}: {error.strerror}') from None
+    return from_yaml(text, str(path))

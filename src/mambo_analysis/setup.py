@@ -1,0 +1,27 @@
+from setuptools import find_packages, setup
+
+package_name = 'mambo_analysis'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    packages=find_packages(exclude=['test']),
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+    ],
+    install_requires=['setuptools'],
+    extras_require={'test': ['pytest']},
+    zip_safe=False,
+    maintainer='The Mambo developers',
+    maintainer_email='mambo@example.com',
+    description='Bag reading, import, comparison, metrics and figures, without rclpy.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'compare = mambo_analysis.compare:main',
+            'import_minidrone = mambo_analysis.import_minidrone:main',
+            'recover = mambo_analysis.recover:main',
+        ],
+    },
+)
