@@ -1,0 +1,241 @@
+"""
+Fly a scenario in the real graph: every node its own process, everything recorded, then compared.
+
+``./run`` and ``ros2 run mambo_bringup fly`` end here.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+import re
+import sys
+import tempfile
+
+from mambo_analysis import scenario as scenarios
+from mambo_analysis.bag import BagError, read_bag
+from mambo_analysis.compare import compare, table
+from mambo_analysis.page import write_page
+from mambo_control.parameters import ControllerNodeParams
+from mambo_estimation.parameters import EstimatorNodeParams
+from mambo_model import schema
+from mambo_model.trajectory import TRAJECTORIES
+from mambo_model.vehicle import PRESETS
+from tqdm import tqdm
+import yaml
+
+from .domain import Domain
+from .processes import FlightError, Interrupts, NodeProcess, watch
+
+FLIGHT_NODES = (
+    ('mambo_sim', 'optitrack_node'), ('mambo_estimation', 'estimator_node'),
+    ('mambo_control', 'reference_node'), ('mambo_control', 'controller_node'))
+RECORDER = ('mambo_sim', 'recorder_node')
+SIMULATOR = ('mambo_sim', 'sim_node')
+_FLOWN = re.compile(r'flew ([\d.]+) s in ([\d.]+) s of wall time')
+_TIME = re.compile(r't = ([\d.]+) s$')
+
+
+@dataclass
+class Outcome:
+    """What a flight was."""
+
+    bag: Path
+    flown: float  # s of flight time
+    took: float  # s of wall time, from the first to the last step
+    stopped: bool  # by the user
+
+    @property
+    def real_time_factor(self) -> float:
+        """Return flight time over wall time."""
+        return self.flown / self.took if self.took else float('nan')
+
+
+class Progress:
+    """Progress bar of flight time, fed by the simulator's own lines."""
+
+    def __init__(self, duration: float) -> None:
+        self.flown = self.took = 0.0
+        self._bar = tqdm(
+            total=duration, desc='flying', unit='s', disable=None, leave=False,
+            bar_format='{desc} {bar} {n:.1f}/{total:.0f} s of flight, {elapsed} elapsed')
+
+    def line(self, text: str) -> None:
+        """Take one line of the simulator."""
+        if found := _FLOWN.search(text):
+            self.flown, self.took = float(found[1]), float(found[2])
+        elif found := _TIME.search(text):
+            self._bar.update(float(found[1]) - self._bar.n)
+
+    def close(self) -> None:
+        """Take the bar away."""
+        self._bar.close()
+
+
+def _mode(flight: scenarios.Scenario) -> dict[str, object]:
+    """Return the sim_node parameters that belong to the run and not to the experiment."""
+    waited = [name for _, name in (*FLIGHT_NODES, RECORDER)]
+    return {'sim_node.wait_for': ','.join(waited)}
+
+
+def fly(flight: scenarios.Scenario, bag: Path) -> Outcome:
+    """
+    Fly a scenario in the graph and record it.
+
+    Parameters
+    ----------
+    flight
+        Scenario with a duration.
+    bag
+        Directory to make.
+
+    Raises
+    ------
+    FlightError
+        If a node does not start or dies; the bag holds what was flown until then.
+
+    """
+    if bag.exists():
+        raise FlightError(f'{bag} exists: give another --output or remove it')
+    domain = Domain()
+    with tempfile.TemporaryDirectory(prefix='mambo_') as folder, Interrupts() as interrupts:
+        text = scenarios.to_yaml(schema.build(
+            scenarios.Scenario, {**schema.flatten(flight), **_mode(flight)}))
+        file = Path(folder) / 'scenario.yaml'
+        file.write_text(text)
+        progress = Progress(flight.sim_node.duration)
+        arguments = ['--ros-args', '--params-file', str(file)]
+        recording = ['--ros-args', '-p', f'bag:={bag}', '-p', f'scenario:={file}']
+        children: list[NodeProcess] = []
+        try:
+            children.append(NodeProcess(*RECORDER, recording))
+            children += [NodeProcess(*name, arguments) for name in FLIGHT_NODES]
+            children.append(NodeProcess(*SIMULATOR, arguments, progress.line))
+            watch(children, interrupts)
+        finally:
+            progress.close()
+            codes = {child.name: child.end(20.0) for child in reversed(children)}
+        del domain
+    for child in children:
+        if codes[child.name] != 0:
+            raise FlightError(
+                f'{child.name} ended with exit code {codes[child.name]}: {child.complaint()}')
+    return Outcome(bag, progress.flown, progress.took, interrupts.count > 0)
+
+
+def _free(folder: Path, name: str) -> Path:
+    """Return folder/name, numbered where that exists."""
+    path, number = folder / name, 2
+    while path.exists():
+        path, number = folder / f'{name}_{number}', number + 1
+    return path
+
+
+def _overrides(assignments: list[str]) -> dict[str, object]:
+    """Read ``node.parameter=value`` arguments."""
+    out = {}
+    for assignment in assignments:
+        name, equals, value = assignment.partition('=')
+        if not equals:
+            raise schema.ParameterError(f'--set {assignment}: write node.parameter=value')
+        try:
+            out[name.strip()] = yaml.safe_load(value)
+        except yaml.YAMLError:
+            raise schema.ParameterError(f'--set {assignment}: cannot read the value') from None
+    return out
+
+
+def _options(params_type: type, name: str) -> tuple[str, ...]:
+    return dict(schema.walk(params_type))[name].metadata['options']
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command line of ``./run``."""
+    out = argparse.ArgumentParser(
+        prog='run', formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='Fly the simulated Mambo in its ROS 2 graph, record a bag, compare, plot.',
+        epilog='examples:\n'
+               '  ./run                                 the circle (5.3) at 1.5 m\n'
+               '  ./run --trajectory z_sine --seed 7    another flight\n'
+               '  ./run --mode realtime --duration 30   paced to the wall clock\n'
+               '  ./run --set sim_node.simulator.vehicle.drag_coefficient=0.3\n')
+    add = out.add_argument
+    add('--trajectory', default='circle', choices=tuple(TRAJECTORIES), metavar='NAME',
+        help=f"one of: {', '.join(TRAJECTORIES)} (default: circle)")
+    add('--estimator', default='kalman', choices=_options(EstimatorNodeParams, 'estimator'),
+        help='default: kalman')
+    add('--controller', default='cascaded',
+        choices=_options(ControllerNodeParams, 'controller'), help='default: cascaded')
+    add('--duration', type=float, default=40.0, metavar='S',
+        help='flight time in s, landing included where it fits (default: 40)')
+    add('--seed', type=int, default=1, metavar='N', help='of every noise stream (default: 1)')
+    add('--vehicle', default='identified', choices=tuple(PRESETS), metavar='NAME',
+        help=f"true vehicle, one of: {', '.join(PRESETS)} (default: identified)")
+    add('--believed', default='', choices=('', *PRESETS), metavar='NAME',
+        help='vehicle that the controller believes in (default: the true one)')
+    add('--mode', default='lockstep', choices=('lockstep', 'realtime'),
+        help='lockstep: as fast as the machine allows, repeatable to the bit (default)')
+    add('--speed', type=float, default=1.0, metavar='X',
+        help='flight over wall time in realtime mode (default: 1)')
+    add('--no-noise', action='store_true', help='sensors without noise and bias')
+    add('--no-landing', action='store_true', help='stay on the trajectory to the end')
+    add('--set', action='append', default=[], metavar='NODE.PARAMETER=VALUE',
+        help='any parameter of any node, repeatable')
+    add('--output', type=Path, metavar='DIR',
+        help='bag to make (default: a new one under bags/)')
+    add('--no-report', action='store_true', help='record only: no table, no page of plots')
+    return out
+
+
+def _scenario(options: argparse.Namespace) -> scenarios.Scenario:
+    return scenarios.scenario(
+        options.trajectory, options.estimator, options.controller, options.duration, options.seed,
+        options.vehicle, options.believed, not options.no_noise, not options.no_landing,
+        {'sim_node.mode': options.mode, 'sim_node.speed': options.speed,
+         **_overrides(options.set)})
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point of ``./run``."""
+    options = parser().parse_args(arguments)
+    try:
+        flight = _scenario(options)
+        if not flight.sim_node.duration > 0.0:
+            raise schema.ParameterError('--duration must be more than 0 s')
+        bag = options.output or _free(
+            Path('bags'), f'{options.trajectory}_{options.estimator}_seed{options.seed}')
+        outcome = fly(flight, bag.absolute())
+        what = 'stopped by you after' if outcome.stopped else 'flew'
+        print(f'{what} {outcome.flown:.2f} s in {outcome.took:.2f} s of wall time\nbag: {bag}\n')
+        if not options.no_report:
+            print(f'\npage: {report(bag, outcome.real_time_factor)}')
+    except (schema.ParameterError, FlightError, BagError) as error:
+        print(f'run: {error}', file=sys.stderr)
+        sys.exit(2 if isinstance(error, schema.ParameterError) else 1)
+
+
+def report(bag: Path, real_time_factor: float | None = None) -> Path:
+    """
+    Print the table of a flight and write its page of plots into the bag's directory.
+
+    Returns
+    -------
+    Path of the page.
+
+    Raises
+    ------
+    mambo_analysis.bag.BagError
+        If the bag cannot be read.
+
+    """
+    recording = read_bag(bag)
+    result = compare(recording)
+    if real_time_factor is not None:
+        result['real_time_factor'] = real_time_factor
+    print(table(result))
+    return write_page(recording, result, bag)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,150 @@
+"""Child processes of a flight: started together, ended in order, never left behind."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+import ctypes
+import os
+from pathlib import Path
+import signal
+import subprocess
+import threading
+import time
+
+from ament_index_python.packages import get_package_prefix, PackageNotFoundError
+
+_PR_SET_PDEATHSIG = 1
+_LIBC = ctypes.CDLL(None, use_errno=True)
+
+
+class FlightError(RuntimeError):
+    """A flight cannot be flown or went wrong; the text says why in one line."""
+
+
+def executable(package: str, name: str) -> Path:
+    """
+    Return the path of an installed node.
+
+    Raises
+    ------
+    FlightError
+        If it is not installed.
+
+    """
+    try:
+        path = Path(get_package_prefix(package)) / 'lib' / package / name
+    except PackageNotFoundError:
+        path = None
+    if path is None or not path.is_file():
+        raise FlightError(
+            f'{package} {name} is not installed: run colcon build, then source env.bash')
+    return path
+
+
+def _die_with_parent() -> None:
+    """Let the kernel interrupt this process when its parent is gone."""
+    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
+
+
+class NodeProcess:
+    """
+    One node as a process.
+
+    Parameters
+    ----------
+    package, name : str
+        What to start.
+    arguments : list[str]
+        After the executable.
+    on_line : callable
+        Gets each line that the node prints, from a thread.
+
+    """
+
+    def __init__(self, package: str, name: str, arguments: list[str],
+                 on_line: Callable[[str], None] | None = None) -> None:
+        self.name = name
+        self.lines: deque[str] = deque(maxlen=200)
+        self._on_line = on_line
+        self._process = subprocess.Popen(
+            [str(executable(package, name)), *arguments], stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors='replace',
+            start_new_session=True, preexec_fn=_die_with_parent,
+            env={**os.environ, 'PYTHONUNBUFFERED': '1', 'RCUTILS_LOGGING_BUFFERED_STREAM': '0'})
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        for line in self._process.stdout:
+            self.lines.append(line.rstrip())
+            if self._on_line:
+                self._on_line(line.rstrip())
+
+    @property
+    def exit_code(self) -> int | None:
+        """Return the exit code, None while the process runs."""
+        return self._process.poll()
+
+    def interrupt(self) -> None:
+        """Ask the process to finish."""
+        if self.exit_code is None:
+            self._process.send_signal(signal.SIGINT)
+
+    def wait(self, seconds: float) -> int | None:
+        """Wait for the end; return the exit code, None if it has not come."""
+        try:
+            code = self._process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            return None
+        self._reader.join(1.0)
+        return code
+
+    def end(self, seconds: float) -> int:
+        """Interrupt, wait, and kill what does not listen; return the exit code."""
+        self.interrupt()
+        code = self.wait(seconds)
+        if code is None:
+            self._process.kill()
+            code = self._process.wait()
+        return code
+
+    def complaint(self) -> str:
+        """Return the last line that tells what went wrong."""
+        telling = [line for line in self.lines if line.strip() and not line.startswith('  ')]
+        errors = [line for line in telling if 'ERROR' in line or 'Error' in line]
+        return (errors or telling or ['no output'])[-1]
+
+
+class Interrupts:
+    """Counts Ctrl-C and SIGTERM instead of dying by them."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __enter__(self) -> Interrupts:
+        self._before = [
+            (number, signal.signal(number, self._on_signal))
+            for number in (signal.SIGINT, signal.SIGTERM)]
+        return self
+
+    def _on_signal(self, *_) -> None:
+        self.count += 1
+
+    def __exit__(self, *_) -> None:
+        for number, handler in self._before:
+            signal.signal(number, handler)
+
+
+def watch(children: list[NodeProcess], interrupts: Interrupts) -> None:
+    """Wait until the last child, which owns time, has ended, another died or the user stops."""
+    *others, owner = children
+    while owner.exit_code is None:
+        if interrupts.count:
+            owner.interrupt()
+            owner.wait(20.0)
+            return
+        for child in others:
+            if child.exit_code is not None:
+                return
+        time.sleep(0.02)

@@ -1,0 +1,120 @@
+"""
+Replay a bag's sensors through a live estimator node, record its answer, say how it differs.
+
+``ros2 run mambo_bringup replay BAG``: for a simulated flight the answer must be the recorded
+estimate, bit for bit; for an imported flight of a real drone it is compared with the drone's own
+onboard estimate.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+import sys
+import tempfile
+
+from mambo_analysis import scenario as scenarios
+from mambo_analysis.bag import BagError, read_bag
+from mambo_analysis.compare import compare_replay
+from mambo_model import schema
+
+from .domain import Domain
+from .flight import RECORDER
+from .processes import FlightError, Interrupts, NodeProcess, watch
+
+ESTIMATOR = ('mambo_estimation', 'estimator_node')
+PLAYER = ('mambo_sim', 'replay_node')
+_RECORDED = (
+    '/clock,imu/data_raw,sonar/range,optical_flow,barometer/pressure,sensor_tick,estimate/odom,'
+    'estimator/state,/tf,/diagnostics')
+
+
+def replay(bag: Path, output: Path, rate: float = 0.0,
+           estimator_file: Path | None = None) -> None:
+    """
+    Play the sensors of a bag to a live estimator and record what it answers.
+
+    Parameters
+    ----------
+    bag
+        Source.
+    output
+        Bag to make.
+    rate
+        Recorded over wall time; 0: as fast as the estimator answers.
+    estimator_file
+        ROS 2 parameter file of the estimator; default: the one inside the bag, if any.
+
+    Raises
+    ------
+    FlightError
+        If a node does not start, dies or cannot read the bag.
+
+    """
+    if output.exists():
+        raise FlightError(f'{output} exists: give another --output or remove it')
+    domain = Domain()
+    with tempfile.TemporaryDirectory(prefix='mambo_') as folder, Interrupts() as interrupts:
+        file = estimator_file or _recorded_parameters(bag, Path(folder))
+        parameters = ['--params-file', str(file)] if file else []
+        scenario = ['-p', f'scenario:={file}'] if file else []
+        children: list[NodeProcess] = []
+        try:
+            children.append(NodeProcess(*RECORDER, [
+                '--ros-args', '-p', f'bag:={output}', '-p', f'topics:={_RECORDED}', *scenario]))
+            children.append(NodeProcess(*ESTIMATOR, ['--ros-args', *parameters]))
+            children.append(NodeProcess(*PLAYER, [
+                '--ros-args', '-p', f'bag:={bag}', '-p', f'rate:={float(rate)}',
+                '-p', 'wait_for:=estimator_node,recorder_node']))
+            watch(children, interrupts)
+        finally:
+            codes = {child.name: child.end(20.0) for child in reversed(children)}
+        del domain
+    for child in reversed(children):
+        if codes[child.name] != 0:
+            raise FlightError(
+                f'{child.name} ended with exit code {codes[child.name]}: {child.complaint()}')
+
+
+def _recorded_parameters(bag: Path, folder: Path) -> Path | None:
+    """Write the estimator's recorded parameters to a file; None if the bag has none."""
+    text = read_bag(bag, topics=()).attachments.get('scenario.yaml')
+    if text is None:
+        return None
+    flight = scenarios.from_yaml(text, f'scenario.yaml in {bag}')
+    if flight.estimator_node.estimator == 'ground_truth':
+        return None
+    file = folder / 'estimator.yaml'
+    file.write_text(scenarios.to_yaml(flight))
+    return file
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command line."""
+    out = argparse.ArgumentParser(prog='replay', description=__doc__.split('\n\n')[0])
+    out.add_argument('bag', type=Path, help='rosbag2 directory or .mcap file')
+    out.add_argument('--output', type=Path, help='bag to make (default: BAG_replay)')
+    out.add_argument('--rate', type=float, default=0.0, metavar='X',
+                     help='recorded over wall time, 0: as fast as it goes (default)')
+    out.add_argument('--parameters', type=Path, metavar='FILE',
+                     help='ROS 2 parameter file of the estimator (default: that of the bag)')
+    return out
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point ``replay``."""
+    options = parser().parse_args(arguments)
+    output = options.output or options.bag.with_name(f'{options.bag.name}_replay')
+    try:
+        if not 0.0 <= options.rate <= 1000.0:
+            raise FlightError(f'--rate {options.rate:g} must be within 0 to 1000')
+        replay(options.bag.absolute(), output.absolute(), options.rate, options.parameters)
+        print(f'bag: {output}')
+        print(compare_replay(options.bag, output))
+    except (FlightError, BagError, schema.ParameterError) as error:
+        print(f'replay: {error}', file=sys.stderr)
+        sys.exit(1)
+
+
+if __name__ == '__main__':
+    main()

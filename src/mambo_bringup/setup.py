@@ -1,0 +1,31 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package_name = 'mambo_bringup'
+shared = [(f'share/{package_name}/{folder}', sorted(glob(f'{folder}/*.*')))
+          for folder in ('config', 'launch', 'layouts', 'scenarios')]
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    packages=find_packages(exclude=['test']),
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+        *shared,
+    ],
+    install_requires=['setuptools'],
+    extras_require={'test': ['pytest']},
+    zip_safe=False,
+    maintainer='The Mambo developers',
+    maintainer_email='mambo@example.com',
+    description='Launch files, parameters, scenarios and the flight runner of the Mambo twin.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'fly = mambo_bringup.flight:main',
+            'replay = mambo_bringup.replay:main',
+        ],
+    },
+)
