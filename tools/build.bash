@@ -1,0 +1,57 @@
+#!/usr/bin/env bash
+# usage: tools/build.bash
+#
+# Builds the workspace if anything that a build looks at is newer than the last one: package.xml,
+# setup.py, CMake and message files, and the set of launch, parameter and scenario files. Python
+# modules are linked, not copied, so editing them needs no build. Runs in a shell of env.bash.
+set -euo pipefail
+
+root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
+cd -- "$root"
+
+# True if every package was built, successfully, after its last change. colcon leaves the result
+# of each package in a file, so a build by hand counts too.
+up_to_date() {
+    local manifest package result oldest=
+    for manifest in src/*/package.xml; do
+        package=${manifest#src/}; package=${package%/package.xml}
+        result=build/$package/colcon_build.rc
+        [[ -f $result && $(<"$result") == 0 ]] || return 1
+        [[ -n $oldest && ! $result -ot $oldest ]] || oldest=$result
+    done
+    [[ -f install/local_setup.bash ]] || return 1
+    [[ -z $(find src colcon.meta -newer "$oldest" -not -path '*/__pycache__*' \( \
+        -name package.xml -o -name 'setup.*' -o -name CMakeLists.txt -o -name '*.msg' \
+        -o -name colcon.meta -o -type d \( -name launch -o -name config -o -name layouts \
+        -o -name scenarios \) \) -print -quit) ]]
+}
+
+# setuptools quotes an interpreter whose path has a space, which no kernel understands.
+mend_interpreters() {
+    [[ $root == *' '* && -d install ]] || return 0
+    local file
+    for file in install/*/lib/mambo_*/*; do
+        if [[ $(head -c 3 "$file" 2>/dev/null) == '#!"' ]]; then
+            sed -i '1s|.*|#!/usr/bin/env python3|' "$file"
+        fi
+    done
+}
+
+mend_interpreters
+up_to_date && exit 0
+mkdir -p .cache
+exec 9>.cache/build.lock
+if command -v flock >/dev/null; then
+    flock 9
+    up_to_date && exit 0
+fi
+
+echo 'mambo: building the workspace' >&2
+log=.cache/build.log
+colcon build --event-handlers console_direct- console_cohesion+ >"$log" 2>&1 || {
+    sed -n '/^--- stderr/,/^---$/p' "$log" | head -n 40 >&2
+    echo "mambo: the build failed: see $root/$log" >&2
+    exit 1
+}
+mend_interpreters
+echo "mambo: built in $SECONDS s" >&2

