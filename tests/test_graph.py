@@ -1,0 +1,192 @@
+"""The graph as its users run it: real processes, real DDS, real bags."""
+
+import hashlib
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+from mambo_analysis import closed_loop, offline
+from mambo_analysis.bag import read_bag
+from mambo_analysis.scenario import from_yaml, scenario
+from mambo_bringup.flight import fly
+from mambo_bringup.replay import replay
+from mambo_estimation.estimator_node import encode_state
+from mambo_ros import messages, topics
+import numpy as np
+import pytest
+
+SECONDS = 9.0
+STEPS = 1801
+
+
+def flight(seed=3, **choices):
+    return scenario(duration=SECONDS, seed=seed, land=False,
+                    overrides={'sim_node.mode': 'lockstep'}, **choices)
+
+
+@pytest.fixture(scope='session')
+def bag(tmp_path_factory):
+    """Return a recorded lockstep flight: take-off and the blend into the circle."""
+    path = tmp_path_factory.mktemp('graph') / 'first' / 'flight'
+    fly(flight(), path)
+    return path
+
+
+def payloads(bag, topic, namespace='/mambo'):
+    name = topic.name if topic.name.startswith('/') else f'{namespace}/{topic.name}'
+    return read_bag(bag, [name])[name].raw
+
+
+def digest(bag):
+    return [hashlib.sha256(file.read_bytes()).hexdigest() for file in sorted(bag.glob('*'))]
+
+
+def test_two_flights_with_one_seed_have_identical_bags(bag, tmp_path):
+    again = tmp_path / 'flight'
+    fly(flight(), again)
+    for topic in topics.RECORDED:
+        first, second = payloads(bag, topic), payloads(again, topic)
+        assert first and first == second, topic.name
+    assert digest(bag) == digest(again)  # the files themselves, byte for byte
+
+
+def test_another_seed_is_another_flight(bag, tmp_path):
+    other = tmp_path / 'flight'
+    fly(flight(seed=4), other)
+    assert payloads(bag, topics.IMU) != payloads(other, topics.IMU)
+
+
+def test_no_message_is_lost(bag):
+    for topic in topics.RECORDED:
+        if topic.rate == 200.0:
+            assert len(payloads(bag, topic)) == STEPS, topic.name
+    counts = messages.decode_sensor_tick(payloads(bag, topics.SENSOR_TICK)[-1])[1]
+    for topic, count in zip((topics.IMU, topics.SONAR, topics.OPTICAL_FLOW, topics.BAROMETER),
+                            counts, strict=True):
+        assert len(payloads(bag, topic)) == count, topic.name
+    latency, rate = 0.010, 120.0
+    assert len(payloads(bag, topics.OPTITRACK)) == int((SECONDS - latency) * rate) + 1
+
+
+def test_live_replay_gives_the_recorded_estimate_to_the_bit(bag, tmp_path):
+    for rate, name in ((0.0, 'fast'), (4.0, 'paced')):
+        output = tmp_path / name
+        replay(bag, output, rate)
+        for topic in (topics.ESTIMATE, topics.ESTIMATOR_STATE):
+            assert payloads(output, topic) == payloads(bag, topic), (name, topic.name)
+
+
+def test_offline_replay_gives_the_recorded_estimate_to_the_bit(bag):
+    params = flight().estimator_node.kalman
+    answers = list(offline.estimate(read_bag(bag), params))
+    assert [messages.estimate(t, e.state, e.pose_covariance, e.twist_covariance)
+            for t, e in answers] == payloads(bag, topics.ESTIMATE)
+    assert [encode_state(t, e, 0) for t, e in answers] == payloads(bag, topics.ESTIMATOR_STATE)
+
+
+@pytest.mark.parametrize('estimator', ['kalman', 'ground_truth'])
+def test_the_closed_loop_in_one_process_is_the_graph_to_the_bit(bag, tmp_path, estimator):
+    if estimator == 'ground_truth':
+        bag = tmp_path / 'flight'
+        fly(flight(estimator=estimator), bag)
+    alone = closed_loop.fly(flight(estimator=estimator))
+
+    def states(topic):
+        rows = [messages.decode_odometry(data)[1] for data in payloads(bag, topic)]
+        return np.array([[*s.rho, *s.nu, *s.q, *s.omega] for s in rows])
+
+    np.testing.assert_array_equal(alone.truth, states(topics.GROUND_TRUTH))
+    np.testing.assert_array_equal(alone.estimate, states(topics.ESTIMATE))
+    pwm = np.array([messages.decode_motor_pwm(data)[1] for data in payloads(bag, topics.MOTOR_PWM)])
+    np.testing.assert_array_equal(alone.pwm, pwm)
+    poses = [messages.decode_pose(data) for data in payloads(bag, topics.OPTITRACK)]
+    seen = ~np.isnan(alone.pose[:, 0])
+    np.testing.assert_array_equal(alone.pose_t[seen], [t for t, _, _ in poses])
+    np.testing.assert_array_equal(alone.pose[seen], [[*rho, *q] for _, rho, q in poses])
+
+
+def test_the_bag_says_what_was_flown(bag):
+    text = read_bag(bag, topics=()).attachments['scenario.yaml']
+    recorded = from_yaml(text)
+    assert recorded.sim_node.simulator == flight().sim_node.simulator
+    assert recorded.reference_node == flight().reference_node
+
+
+def processes_with(text):
+    """Return the processes whose command line contains a text."""
+    found = []
+    for entry in Path('/proc').iterdir():
+        try:
+            if entry.name.isdigit() and text in (entry / 'cmdline').read_text():
+                found.append(entry.name)
+        except OSError:
+            pass
+    return found
+
+
+def start(*arguments):
+    return subprocess.Popen(
+        [sys.executable, '-m', 'mambo_bringup.flight', *map(str, arguments)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
+def test_ctrl_c_lands_a_closed_bag_and_leaves_no_process(tmp_path):
+    bag = tmp_path / 'stopped'
+    run = start('--duration', 600, '--mode', 'realtime', '--output', bag, '--no-report')
+    limit = time.monotonic() + 60.0
+    while not list(bag.glob('*.mcap')) and time.monotonic() < limit:
+        time.sleep(0.1)
+    time.sleep(6.0)
+    run.send_signal(signal.SIGINT)
+    out, err = run.communicate(timeout=60.0)
+    assert run.returncode == 0, err
+    assert 'stopped by you' in out
+    recording = read_bag(bag)
+    assert len(payloads(bag, topics.IMU)) == len(payloads(bag, topics.MOTOR_PWM)) > 200
+    assert recording.topics
+    assert processes_with(str(bag)) == []
+
+
+def test_a_killed_recorder_ends_the_flight_with_one_line(tmp_path):
+    bag = tmp_path / 'killed'
+    run = start('--duration', 600, '--mode', 'realtime', '--output', bag, '--no-report')
+    limit = time.monotonic() + 60.0
+    while not list(bag.glob('*.mcap')) and time.monotonic() < limit:
+        time.sleep(0.1)
+    time.sleep(3.0)
+    (recorder,) = [pid for pid in processes_with(str(bag))
+                   if 'recorder_node' in Path(f'/proc/{pid}/cmdline').read_text()]
+    os.kill(int(recorder), signal.SIGKILL)
+    _, err = run.communicate(timeout=60.0)
+    assert run.returncode == 1
+    assert err.strip().splitlines()[-1].startswith('run: recorder_node ended')
+    assert processes_with(str(bag)) == []
+
+
+@pytest.mark.parametrize('arguments, complaint', [
+    (['--trajectory', 'loop_the_loop'], 'loop_the_loop'),
+    (['--duration', '-1'], 'duration'),
+    (['--set', 'sim_node.simulator.vehicle.mass=-0.1'], 'mass'),
+    (['--set', 'sim_node.simulator.vehicle.mas=0.1'], 'mass'),
+    (['--set', 'nonsense'], 'node.parameter=value'),
+    (['--seed', '1.5'], 'seed'),
+    (['--believed', 'eagle'], 'eagle'),
+])
+def test_careless_arguments_get_one_clear_line(arguments, complaint):
+    run = start(*arguments)
+    _, err = run.communicate(timeout=60.0)
+    assert run.returncode == 2
+    assert complaint in err.strip().splitlines()[-1]
+    assert 'Traceback' not in err
+
+
+def test_an_existing_output_is_not_touched(tmp_path):
+    keep = tmp_path / 'keep'
+    keep.write_text('mine')
+    run = start('--output', keep)
+    _, err = run.communicate(timeout=60.0)
+    assert run.returncode == 1 and 'exists' in err
+    assert keep.read_text() == 'mine'
