@@ -100,7 +100,7 @@ def test_the_closed_loop_in_one_process_is_the_graph_to_the_bit(bag, tmp_path, e
 
     np.testing.assert_array_equal(alone.truth, states(topics.GROUND_TRUTH))
     np.testing.assert_array_equal(alone.estimate, states(topics.ESTIMATE))
-    pwm = np.array([messages.decode_motor_pwm(data)[1] for data in payloads(bag, topics.MOTOR_PWM)])
+    pwm = [messages.decode_motor_pwm(data)[1] for data in payloads(bag, topics.MOTOR_PWM)]
     np.testing.assert_array_equal(alone.pwm, pwm)
     poses = [messages.decode_pose(data) for data in payloads(bag, topics.OPTITRACK)]
     seen = ~np.isnan(alone.pose[:, 0])

@@ -253,6 +253,10 @@ def draw_covariance(axes: list[Axes], bag: Bag, parts: Phases) -> None:
               f'{"ground truth" if truth.startswith("ground") else "Optitrack"}'
               if axis == 0 else None, lw=1.0)
         ax.set_ylabel(f'{"xyz"[axis]} [m]')
+        known = e[np.isfinite(e[:, axis]), axis], sigma[np.isfinite(sigma[:, axis]), axis]
+        if all(map(len, known)):  # a band that opens for a short while shall not hide the rest
+            ax.set_ylim(*(np.array([-1.2, 1.2]) * max(
+                np.abs(known[0]).max(), 3.0 * np.quantile(known[1], 0.9), 1e-6)))
     _span(bag, axes)
     _mark(axes, parts)
 

@@ -15,8 +15,6 @@ import tempfile
 
 from mambo_analysis import scenario as scenarios
 from mambo_analysis.bag import BagError, read_bag
-from mambo_analysis.compare import compare, table
-from mambo_analysis.page import write_page
 from mambo_control.parameters import ControllerNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model import schema
@@ -229,6 +227,8 @@ def report(bag: Path, real_time_factor: float | None = None) -> Path:
         If the bag cannot be read.
 
     """
+    from mambo_analysis.compare import compare, table
+    from mambo_analysis.page import write_page
     recording = read_bag(bag)
     result = compare(recording)
     if real_time_factor is not None:

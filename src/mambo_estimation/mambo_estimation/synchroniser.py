@@ -116,7 +116,7 @@ class Synchroniser:
             self._received, self._offset, counts, strict=True))
 
     def _take_aiding(self, stream: int, t: int):
-        """Return the newest sample of an aiding stream up to ``t``, counting those it overtakes."""
+        """Return the newest sample of an aiding stream up to ``t``; count those it overtakes."""
         queue, found = self._aiding[stream], None
         while queue and queue[0][0] <= t:
             if found is not None:

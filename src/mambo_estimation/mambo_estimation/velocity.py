@@ -42,6 +42,7 @@ class VelocityValues(NamedTuple):
 
     accel_noise: float
     held_accel_noise: float
+    scale_noise: float
     accel_bias_std: float
     accel_bias_time: float
     initial_accel_bias_std: float
@@ -60,6 +61,10 @@ class VelocityParams:
     held_accel_noise: float = quantity(
         1.0, 'm/s^2/sqrt(Hz)', 1e-6, 100.0,
         'density while a sample is missing: 3 m/s^2 wrong for 0.1 s')
+    scale_noise: float = quantity(
+        0.02, '1/sqrt(Hz)', 0.0, 1.0,
+        'density of the relative error of a velocity by flow that lasts longer than a sample, from '
+        'height and tilt: makes errors on the double-speed circle as large as said')
     accel_bias_std: float = quantity(
         0.1, 'm/s^2', 1e-4, 5.0,
         'bias along body x and y after the alignment, and 0.6 deg of tilt error: judgement')
@@ -135,9 +140,13 @@ def start(velocity_variance: float, accel_bias_std: float, v: VelocityValues) ->
 
 @jit
 def _predict_covariance(
-    P: Covariance, B: Matrix2, dt: float, held: bool, v: VelocityValues,
+    P: Covariance, velocity: Vec2, B: Matrix2, dt: float, held: bool, v: VelocityValues,
 ) -> Covariance:
-    """Return F P F^T + Q, with d acceleration / d bias = -B."""
+    """
+    Return F P F^T + Q, with d acceleration / d bias = -B.
+
+    Q holds noise of the acceleration, of the bias, and of the velocity's scale.
+    """
     keep = math.exp(-dt / v.accel_bias_time)
     density = v.held_accel_noise if held else v.accel_noise
     q = density * density * dt
@@ -151,6 +160,7 @@ def _predict_covariance(
     p_b = sub2(add2(P.pb, scale2(dt, P.vb)), mul2(H, P.bb))
     fresh = (1.0 - keep * keep) * v.accel_bias_std * v.accel_bias_std
     pp = sub2(add2(p_p, scale2(dt, p_v)), mul2_t(p_b, H))
+    pp = add2(pp, scale2(v.scale_noise * v.scale_noise * dt, outer2(velocity, velocity)))
     return Covariance(
         symmetric2(add2(pp, diagonal2(q * dt * dt / 3.0))),
         add2(sub2(p_v, mul2_t(p_b, G)), diagonal2(0.5 * q * dt)), scale2(keep, p_b),
@@ -205,7 +215,7 @@ def predict(
     return Velocity(
         position, (f.velocity[0] + dt * x, f.velocity[1] + dt * y),
         (keep * f.accel_bias[0], keep * f.accel_bias[1]),
-        _predict_covariance(f.P, B, dt, held, v),
+        _predict_covariance(f.P, f.velocity, B, dt, held, v),
         _predict_sensitivity(f.scale, B, (0.0, 0.0), dt, keep),
         _predict_sensitivity(f.slope, B, (0.0, 0.0), dt, keep),
         _predict_sensitivity(f.yaw, B, (yaw_std * y, -yaw_std * x), dt, keep))

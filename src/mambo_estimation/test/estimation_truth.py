@@ -28,11 +28,11 @@ def ramp(t, start, length):
     return x ** 5 * (126 - 420 * x + 540 * x ** 2 - 315 * x ** 3 + 70 * x ** 4)
 
 
-def circle(rate=1.0, radius=1.0, height=1.5):
-    """Take off at 1 s, circle from 5 s on: (5.3) at rate 1."""
+def circle(rate=1.0, radius=1.0, height=1.5, takeoff=1.0):
+    """Take off, circle from 5 s on: (5.3) at rate 1."""
     return lambda t: np.stack([
         radius * ramp(t, 5, 3) * np.cos(rate * t), radius * ramp(t, 5, 3) * np.sin(rate * t),
-        -height * ramp(t, 1, 3)], axis=-1)
+        -height * ramp(t, takeoff, 3)], axis=-1)
 
 
 def vertical_circle(rate=1.0, radius=1.0, height=1.5):

@@ -95,8 +95,9 @@ class Layout:
             raise LayoutError(f"{msg_type.__name__} has no text field {', '.join(wanted)}")
         self.size, self.nbytes = count, 4 + offset
         self._struct = struct.Struct(''.join(form))
+
     def pack(self, *numbers: float) -> bytes:
-        """Return the message's bytes; ``numbers`` are its leaves in the order of the definition."""
+        """Return the message's bytes; ``numbers`` are its leaves in the order of definition."""
         data = bytearray(self._struct.pack(*numbers))
         data[:4] = _ENCAPSULATION
         for start, piece in self._texts:

@@ -29,6 +29,8 @@ class Topic:
         Hz by design, 0 for event driven; where a parameter sets it, its default.
     transient_local : bool
         Whether late joiners get the last message.
+    shared : bool
+        Whether several nodes publish it.
 
     """
 
@@ -36,6 +38,7 @@ class Topic:
     msg_type: type
     rate: float
     transient_local: bool = False
+    shared: bool = False
 
     @property
     def type_name(self) -> str:
@@ -57,9 +60,9 @@ ESTIMATOR_STATE = Topic('estimator/state', EstimatorState, 200.0)
 REFERENCE = Topic('reference', Reference, 200.0)
 CONTROLLER_STATE = Topic('controller/state', ControllerState, 200.0)
 MOTOR_PWM = Topic('motor_pwm', MotorPwm, 200.0)
-LINKS = Topic('graph/links', NodeLinks, 0.0, transient_local=True)
-TF = Topic('/tf', TFMessage, 50.0)
-DIAGNOSTICS = Topic('/diagnostics', DiagnosticArray, 1.0)
+LINKS = Topic('graph/links', NodeLinks, 0.0, transient_local=True, shared=True)
+TF = Topic('/tf', TFMessage, 50.0, shared=True)
+DIAGNOSTICS = Topic('/diagnostics', DiagnosticArray, 1.0, shared=True)
 
 RECORDED = (
     CLOCK, IMU, SONAR, OPTICAL_FLOW, BAROMETER, SENSOR_TICK, GROUND_TRUTH, OPTITRACK, ESTIMATE,

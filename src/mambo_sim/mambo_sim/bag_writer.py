@@ -85,6 +85,7 @@ class _Topic:
     encoding: str
     schema: bytes
     schema_encoding: str
+    shared: bool = False
     channel: int = 0
     order: int = 0
     received: int = 0
@@ -138,7 +139,7 @@ class BagWriter:
         self.path = Path(path)
         self.late = 0
         self._topics: dict[str, _Topic] = {}
-        self._pending: list[tuple[int, int, int, int, bytes]] = []
+        self._pending: list[tuple[int, int, bytes, int, int, bytes]] = []
         self._by_order: list[_Topic] = []
         self._written_until = -1  # [ns] log times below this are in the file
         self._newest = -1
@@ -183,7 +184,7 @@ class BagWriter:
     def add_topic(
         self, name: str, type_name: str, qos: Qos | list[dict[str, Any]] = RELIABLE, *,
         schema: bytes | None = None, schema_encoding: str = 'ros2msg',
-        type_hash: str | None = None, encoding: str = 'cdr',
+        type_hash: str | None = None, encoding: str = 'cdr', shared: bool = False,
     ) -> None:
         """
         Declare a topic; all of them before the first message, in any order.
@@ -198,6 +199,9 @@ class BagWriter:
             ``package/msg/Name``.
         qos
             Offered profile, or rosbag2's list of profiles.
+        shared
+            Whether several nodes publish the topic: messages of one stamp then stand in the order
+            of their bytes, as that of their arrival is chance.
         schema, schema_encoding, type_hash, encoding
             Given when a bag is copied; otherwise looked up in the ament prefixes.
 
@@ -222,7 +226,7 @@ class BagWriter:
             type_hash = message_definition.type_hash(type_name)
         profiles = qos.profiles() if isinstance(qos, Qos) else qos
         self._topics[name] = _Topic(
-            type_name, profiles, type_hash, encoding, schema, schema_encoding)
+            type_name, profiles, type_hash, encoding, schema, schema_encoding, shared)
 
     def write(
         self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None,
@@ -257,7 +261,9 @@ class BagWriter:
             raise BagWriterError(f'{self.path}: message on {topic} refused: {why}')
         if log_time_ns < self._written_until:
             self.late += 1
-        self._pending.append((log_time_ns, entry.order, entry.received, publish, bytes(data)))
+        data = bytes(data)
+        rank = data if entry.shared else b''
+        self._pending.append((log_time_ns, entry.order, rank, entry.received, publish, data))
         entry.received += 1
         if log_time_ns > self._newest:
             self._newest = log_time_ns
@@ -290,15 +296,15 @@ class BagWriter:
     def _write_until(self, end: int) -> None:
         """Write all whole seconds of ROS time before ``end`` [ns], a chunk each, and flush."""
         ready = sorted(
-            (message for message in self._pending if message[0] < end), key=lambda m: m[:3])
+            (message for message in self._pending if message[0] < end), key=lambda m: m[:4])
         self._pending = [message for message in self._pending if message[0] >= end]
         second = -1
-        for log_time, order, sequence, publish, data in ready:
+        for log_time, order, _, _, publish, data in ready:
             if log_time // SECOND != second:
                 self._writer.flush()
                 second = log_time // SECOND
             topic = self._by_order[order]
-            self._writer.add_message(topic.channel, log_time, data, publish, sequence)
+            self._writer.add_message(topic.channel, log_time, data, publish, topic.written)
             topic.written += 1
             self._first = min(self._first, log_time)
             self._last = max(self._last, log_time)

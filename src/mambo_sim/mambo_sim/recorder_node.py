@@ -59,7 +59,8 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
             raise schema.ParameterError(f'RecorderNodeParams.bag: {error}') from None
         for topic in selected:
             name = self.resolve_topic_name(topic.name)
-            self._bag.add_topic(name, topic.type_name, Qos(depth=node.QUEUE))
+            self._bag.add_topic(
+                name, topic.type_name, Qos(depth=node.QUEUE), shared=topic.shared)
             self.hear(topic, self._writer(name, topic))
 
     def _writer(self, name: str, topic: topics.Topic):

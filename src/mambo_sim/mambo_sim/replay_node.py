@@ -136,12 +136,12 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
                     f'{self._path}: {name} has type {kind}, expected {topic.type_name}')
             t = layout.stamp_ns(data)
             if topic is topics.IMU and t > now:
-                if held:
+                if now >= 0:
                     yield self._publish_step(now, held, counts, has_ticks)
                     held = []
                 now = t
             held.append((topic, publish, data))
-        if held and now >= 0:
+        if now >= 0:
             yield self._publish_step(now, held, counts, has_ticks)
 
     def _name(self, topic: topics.Topic) -> str:

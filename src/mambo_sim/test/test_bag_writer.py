@@ -316,3 +316,15 @@ def test_definitions_need_a_sourced_installation(monkeypatch):
     monkeypatch.setenv('AMENT_PREFIX_PATH', '')
     with pytest.raises(message_definition.DefinitionError, match='source ROS'):
         message_definition.full_text('std_msgs/msg/Header')
+
+
+def test_of_several_publishers_on_one_topic_the_order_of_arrival_does_not_matter(tmp_path):
+    files = []
+    for number, order in enumerate(([b'a', b'b', b'c'], [b'c', b'a', b'b'])):
+        bag = BagWriter(tmp_path / str(number) / 'bag')
+        bag.add_topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', shared=True)
+        for data in order:
+            bag.write('/diagnostics', data, 5)
+        bag.close()
+        files.append(bag.file.read_bytes())
+    assert files[0] == files[1]
