@@ -188,7 +188,7 @@ def widen(a: Altitude, ww: float, oo: float) -> Altitude:
 
 @jit
 def _doubt(a: Altitude, squared_error: float, v: AltitudeValues) -> Altitude:
-    """Forget all but the values of height, velocity and bias; the height is off by so much, m^2."""
+    """Forget all but the values of height, velocity, bias; the height is off by so much, m^2."""
     bias = v.initial_accel_bias_std * v.initial_accel_bias_std
     velocity = max(a.P.ww, v.initial_velocity_std * v.initial_velocity_std)
     height = a.P.hh + squared_error

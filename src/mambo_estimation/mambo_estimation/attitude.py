@@ -76,7 +76,7 @@ class AttitudeParams:
         1e-3, 'rad', 1e-6, 3.2, 'yaw is zero at start by definition')
     initial_gyro_bias_std: float = quantity(
         0.03, 'rad/s', 1e-6, 1.0,
-        'bias where the alignment failed: 0.017 in calibration values of 12 Rolling Spider flights')
+        'bias where the alignment failed: 0.017 in calibration of 12 Rolling Spider flights')
     rate_noise: float = quantity(
         0.02, 'rad/s', 1e-6, 10.0,
         'of one sample in flight, for the covariance of the body rate: Rolling Spider logs')

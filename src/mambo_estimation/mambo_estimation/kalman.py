@@ -97,7 +97,7 @@ class Counts(NamedTuple):
     """What was not used, and for how long."""
 
     invalid: int       # [-] samples of any sensor that could not be read
-    equal: int         # [-] IMU samples in a row equal to the one before
+    equal: int         # [-] rates in a row equal to the one before
     sonar_age: float   # s, since a range was used
     flow_age: float    # s, since a flow sample was used
 
@@ -260,7 +260,7 @@ def _use_flow(
 ) -> tuple[Attitude, Velocity, Gate, velocity.Result]:
     """Use a finite flow sample for the velocity, and for the gravity window."""
     R, p = to_matrix(att.q), v.optical_flow
-    if not optical_flow.is_valid(alt.height, R[2][2], quality, p):
+    if not optical_flow.is_valid(flow, alt.height, R[2][2], quality, p):
         return att, vel, gate.refuse_invalid(old), velocity.NOT_COMPARED
     nu, std = optical_flow.measured_velocity(flow, alt.height, R[2][2], sub(gyro, att.bias), p)
     vel, new, result = velocity.update_flow(
@@ -309,12 +309,12 @@ def _run(
     calibrated = sub(accel, rest.accel_bias)
     att, force, a = _predict_attitude(
         m.attitude, m.gyro, gyro, m.force, calibrated, dt, held, v.gravity, v.attitude)
-    R = to_matrix(att.q)
+    R, yaw_std = to_matrix(att.q), attitude.yaw_std(att)
     b = m.velocity.accel_bias
     a = sub(a, rotate(att.q, (b[0], b[1], m.altitude.accel_bias)))
     alt = altitude.predict(
         m.altitude, -a[2], R[2][2], dt, held, v.barometer.offset_walk, v.altitude)
-    vel = velocity.predict(m.velocity, (a[0], a[1]), R, attitude.yaw_std(att), dt, held, v.velocity)
+    vel = velocity.predict(m.velocity, (a[0], a[1]), R, yaw_std, dt, held, v.velocity)
     if resting:
         rest, resting, alt, vel = _rest(rest, alt, vel, gyro, accel, dt, v.alignment)
     sonar_gate = gate.advance(m.gates.sonar, dt)
@@ -325,8 +325,7 @@ def _run(
     seen = velocity.NOT_COMPARED
     if math.isfinite(sonar):
         alt, sonar_gate, ranged = altitude.update_sonar(
-            alt, sonar_gate, sonar, R[2][2], attitude.tilt_variance(att), v.sonar,
-            v.altitude)
+            alt, sonar_gate, sonar, R[2][2], attitude.tilt_variance(att), v.sonar, v.altitude)
         sonar_age = 0.0 if ranged.used else sonar_age
     if v.barometer.enabled and math.isfinite(pressure):
         alt, barometer_gate, weighed = altitude.update_barometer(
@@ -386,8 +385,7 @@ def step(
     if not 0.0 <= dt < math.inf:
         m = _with_counts(m, 1, m.counts.equal)
         return m, _estimate(m, NOTHING, v)
-    same = imu.is_equal(gyro, m.gyro) and imu.is_equal(accel, m.accel)
-    equal = m.counts.equal + 1 if same else 0
+    equal = m.counts.equal + 1 if imu.is_equal(gyro, m.gyro) else 0
     stuck = imu.is_stuck(equal, gyro, v.imu) and not m.aligning and not m.resting
     valid = imu.is_valid(gyro, accel, v.imu) and not stuck
     invalid = _count_broken(sonar, flow, pressure)
@@ -456,7 +454,7 @@ def _twist_covariance(m: Memory, rate_noise: float) -> tuple[float, ...]:
     """Return the (36,) covariance of velocity and angular velocity, body axes, m/s and rad/s."""
     att = m.attitude
     C = velocity.body_velocity_covariance(
-        m.velocity, m.altitude.P.ww, to_matrix(att.q), attitude.yaw_std(att))
+        m.velocity, m.altitude.P.ww, to_matrix(att.q), attitude.rotation_covariance(att))
     noise = rate_noise * rate_noise
     w = att.P_bb
     return (

@@ -63,8 +63,8 @@ class VelocityParams:
         'density while a sample is missing: 3 m/s^2 wrong for 0.1 s')
     scale_noise: float = quantity(
         0.02, '1/sqrt(Hz)', 0.0, 1.0,
-        'density of the relative error of a velocity by flow that lasts longer than a sample, from '
-        'height and tilt: makes errors on the double-speed circle as large as said')
+        'density of the relative error of a velocity by flow that lasts longer than a sample: '
+        'from height and tilt on the double-speed circle, rounded up')
     accel_bias_std: float = quantity(
         0.1, 'm/s^2', 1e-4, 5.0,
         'bias along body x and y after the alignment, and 0.6 deg of tilt error: judgement')
@@ -125,6 +125,7 @@ class Result(NamedTuple):
 
 
 NOT_COMPARED = Result((math.nan, math.nan), math.nan, False)
+MIN_TILT_COS = 0.3  # what a tilt error does to nu_3 is bounded beyond 72 degrees
 INSENSITIVE = Sensitivity((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
 
 
@@ -152,7 +153,6 @@ def _predict_covariance(
     q = density * density * dt
     G, H = scale2(dt, B), scale2(0.5 * dt * dt, B)
     vp, bp, bv = transpose2(P.pv), transpose2(P.pb), transpose2(P.vb)
-    v_p = sub2(vp, mul2(G, bp))
     v_v = sub2(P.vv, mul2(G, bv))
     v_b = sub2(P.vb, mul2(G, P.bb))
     p_p = sub2(add2(P.pp, scale2(dt, vp)), mul2(H, bp))
@@ -387,13 +387,15 @@ def position_covariance(f: Velocity) -> Matrix2:
 
 
 @jit
-def body_velocity_covariance(f: Velocity, v_z_variance: float, R: Matrix3, yaw_std: float) -> (
-        Matrix3):
+def body_velocity_covariance(
+    f: Velocity, v_z_variance: float, R: Matrix3, rotation: Matrix3,
+) -> Matrix3:
     """
     Return the covariance of the velocity in body axes, (3, 3) m^2/s^2.
 
     Flow measures in body axes: of the velocity's dependence on yaw most is undone by turning it
-    back, so the yaw error itself enters here with its sensitivity.
+    back, so the yaw error itself enters here with its sensitivity. nu_3 alone follows from the
+    vertical velocity, in inertial axes, so the tilt error enters it.
 
     Parameters
     ----------
@@ -403,17 +405,20 @@ def body_velocity_covariance(f: Velocity, v_z_variance: float, R: Matrix3, yaw_s
         Of the vertical velocity.
     R : (3, 3)
         Body to inertial.
-    yaw_std : rad
-        Deviation of the yaw error now.
+    rotation : (3, 3) rad^2
+        Covariance of the attitude error about inertial axes.
 
     """
-    yaw = (f.yaw.v[0] - yaw_std * f.velocity[1], f.yaw.v[1] + yaw_std * f.velocity[0])
+    yaw_std, (v_x, v_y) = math.sqrt(rotation[2][2]), f.velocity
+    yaw = (f.yaw.v[0] - yaw_std * v_y, f.yaw.v[1] + yaw_std * v_x)
     C = add2(add2(f.P.vv, outer2(f.scale.v, f.scale.v)),
              add2(outer2(f.slope.v, f.slope.v), outer2(yaw, yaw)))
     x = _turn(C, v_z_variance, R, 0)
     y = _turn(C, v_z_variance, R, 1)
     z = _turn(C, v_z_variance, R, 2)
-    return (x, (x[1], y[1], y[2]), (x[2], y[2], z[2]))
+    tilt = (rotation[0][0] * v_y * v_y - 2.0 * rotation[0][1] * v_x * v_y
+            + rotation[1][1] * v_x * v_x) / max(R[2][2] * R[2][2], MIN_TILT_COS * MIN_TILT_COS)
+    return (x, (x[1], y[1], y[2]), (x[2], y[2], z[2] + tilt))
 
 
 @jit

@@ -2,7 +2,7 @@
 
 import time
 
-from estimation_truth import COLUMNS, circle, estimate, fly, Run, run_rows, sense, TYPICAL
+from estimation_truth import circle, COLUMNS, estimate, fly, Run, run_rows, sense, TYPICAL
 from mambo_estimation import kalman
 from mambo_estimation.kalman import EstimatorParams
 from mambo_estimation.measurements.barometer import BarometerParams

@@ -212,18 +212,22 @@ def test_gyro_bias_that_changes_in_flight_is_recovered_about_the_horizontal_axes
 
 
 def test_vehicle_that_moves_while_aligning_starts_with_the_defaults_and_converges():
-    truth = fly(circle(takeoff=0.1), 30.0)
+    def path(t):  # up within a second, at once
+        height = np.stack([0.0 * t, 0.0 * t, ramp(t, 1.0, 3.0) - ramp(t, 0.05, 0.8)], axis=-1)
+        return circle()(t) + 1.5 * height
+
+    truth = fly(path, 30.0)
     calibrated = EstimatorParams(alignment=AlignmentParams(
         gyro_bias=(0.021, -0.009, 0.016), accel_bias=(0.28, -0.12, 0.35)))
     for params, tilt in ((EstimatorParams(), 2.5), (calibrated, 0.7)):
         run = estimate(sense(truth, TYPICAL, seed=3), params)
         aligning = run.status == kalman.STATUS_ALIGNING
-        assert 20 < aligning.sum() < 200
+        assert 10 < aligning.sum() < 100
         assert np.degrees(np.sqrt(run.pose_covariance[aligning.sum(), 3, 3])) > 5
         # what stays is the accelerometer bias over g: 2 deg, or what calibration left of it
         assert np.degrees(run.tilt_error(truth)[-1]) < tilt
         np.testing.assert_allclose(run.gyro_bias[-1, :2], TYPICAL.gyro_bias[:2], atol=3e-3)
-        assert np.abs(run.nu[-1] - truth.nu[-1]).max() < 0.05
+        assert np.abs(run.nu[-1] - truth.nu[-1]).max() < 0.1  # tilt times speed in nu_3
 
 
 def test_resting_vehicle_does_not_drift():

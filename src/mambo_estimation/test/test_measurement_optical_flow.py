@@ -138,8 +138,13 @@ def test_velocity_must_be_turned_to_inertial_axes_or_a_vertical_circle_drifts():
     (0.39, 1.0, 255), (math.nan, 1.0, 255), (1.5, 0.69, 255), (1.5, math.nan, 255),
     (1.5, 1.0, 0)])
 def test_flow_is_refused_near_the_ground_tilted_or_without_texture(height, cosine, quality):
-    assert not optical_flow.is_valid(height, cosine, quality, V)
-    assert optical_flow.is_valid(0.41, 0.71, 1, V)
+    assert not optical_flow.is_valid((0.1, 0.1), height, cosine, quality, V)
+    assert optical_flow.is_valid((0.1, 0.1), 0.41, 0.71, 1, V)
+
+
+@pytest.mark.parametrize('flow', [(math.nan, 0.0), (0.0, math.inf), (-1e300, 0.0), (0.0, 20.1)])
+def test_impossible_flow_is_refused(flow):
+    assert not optical_flow.is_valid(flow, 1.5, 1.0, 255, V)
 
 
 def test_wrong_parameter_names_itself():

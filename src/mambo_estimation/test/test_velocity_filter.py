@@ -134,7 +134,7 @@ def test_climb_of_a_tilted_vehicle_is_not_taken_for_horizontal_motion():
 
 @jit
 def fly_velocity(f, a, R, yaw_std, nu, std, height, v_z, flow_values, v, ratios):
-    """Run the filter over rows: acceleration without bias, R, body velocity by flow (NaN: none)."""
+    """Run the filter over rows: acceleration, R, body velocity by flow (NaN: none)."""
     g = gate.OPEN
     for k in range(a.shape[0]):
         M = ((R[k, 0, 0], R[k, 0, 1], R[k, 0, 2]), (R[k, 1, 0], R[k, 1, 1], R[k, 1, 2]),
@@ -244,7 +244,7 @@ def test_innovations_are_as_large_as_the_filter_says():
     assert low < total < high
 
 
-def test_position_covariance_grows_between_flow_samples_and_with_the_drift_of_a_vertical_circle():
+def test_position_covariance_grows_between_samples_and_with_the_drift_of_a_vertical_circle():
     data, x0, _ = flight(noise=False, n=6284)  # five periods
     grown = []
     for periods in range(1, 6):
@@ -277,12 +277,13 @@ def test_filter_that_is_wrong_jumps_to_the_flow_and_its_covariance_covers_the_ju
     data, x0, final = flight(4)
     lost = x0.copy()
     lost[2:4] += [3.0, -2.0]  # 30 deviations
-    f, _, g = run(data, filter_at(lost, P0))
+    believes_in_its_factor = FlowParams(scale_std=0.0, slope_std=0.0).values()
+    f, _, g = run(data, filter_at(lost, P0), params=believes_in_its_factor, v=EXACT)
     assert 10 < g.refused < 40
     e = mean(f) - final
     assert np.abs(e[2:4]).max() < 0.2
+    assert np.abs(e[:2]).max() > 0.5  # the position lost meanwhile stays lost, and is known to be
     assert np.abs(e[:2]).max() < 3.5 * math.sqrt(total_covariance(f)[0, 0])
-    assert np.abs(e[:2]).max() > 0.5  # the position it has lost meanwhile stays lost
 
 
 def test_stuck_flow_is_not_followed():
@@ -303,15 +304,31 @@ def test_body_velocity_covariance_is_the_turned_covariance():
     yaw = np.array([*s[2].v, 0.0]) + yaw_std * np.cross([0.0, 0.0, 1.0], [*x[2:4], 0.0])
     total += np.outer(yaw, yaw) * np.outer([1, 1, 0], [1, 1, 0])
     total[2, 2] = 0.01
-    found = velocity.body_velocity_covariance(f, 0.01, rows(R), yaw_std)
-    np.testing.assert_allclose(found, R.T @ total @ R, atol=1e-14)
+    rotation = np.diag([1e-4, 4e-4, yaw_std ** 2])
+    found = np.array(velocity.body_velocity_covariance(f, 0.01, rows(R), rows(rotation)))
+    expected = R.T @ total @ R
+    np.testing.assert_allclose(found.ravel()[:8], expected.ravel()[:8], atol=1e-14)
+    # nu_3 = (v_z - (R nu_xy)_z) / R_33 of a filter off by delta: differences of that by delta
+    nu, eps, by_tilt = R.T @ [*x[2:4], 0.3], 1e-6, []
+
+    def nu_3(delta):
+        turned = Rotation.from_rotvec(delta).as_matrix() @ R
+        return (0.3 - turned[2, :2] @ nu[:2]) / turned[2, 2]
+
+    for i in range(2):
+        d = eps * np.eye(3)[i]
+        by_tilt.append((nu_3(d) - nu_3(-d)) / (2 * eps))
+    more = found[2, 2] - expected[2, 2]
+    # the filter leaves out the climb, v_z delta sin(tilt)
+    assert more == pytest.approx(np.square(by_tilt) @ [1e-4, 4e-4], rel=0.3)
 
 
 def test_unknown_yaw_does_not_make_the_body_velocity_unknown():
     data, x0, _ = flight(noise=False)
     f = run(data, filter_at(x0, P0), yaw_std=0.3)[0]
     inertial = math.sqrt(total_covariance(f)[3, 3])
-    body = velocity.body_velocity_covariance(f, 1e-4, rows(data[1][-1]), 0.3)
+    body = velocity.body_velocity_covariance(
+        f, 1e-4, rows(data[1][-1]), rows(np.diag([0.0, 0.0, 0.09])))
     speed = math.hypot(*f.velocity)
     assert inertial > 0.25 * speed and math.sqrt(body[1][1]) < 0.1 * speed
 

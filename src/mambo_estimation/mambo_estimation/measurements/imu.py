@@ -35,7 +35,7 @@ class ImuParams:
     accel_range: float = quantity(
         160.0, 'm/s^2', 20.0, 1e4, 'no reading beyond: range of common sensors, 16 g')
     stuck_samples: int = quantity(
-        20, '-', 0, 100000, 'in flight, so many equal samples mean a dead sensor; 0: never')
+        20, '-', 0, 100000, 'in flight, so many equal rates mean a dead sensor; 0: never')
     max_interval: float = quantity(
         0.02, 's', 1e-3, 10.0, 'after a longer one samples are missing: noise as if held')
     max_gap: float = quantity(
@@ -80,14 +80,15 @@ def is_equal(a: Vec3, b: Vec3) -> bool:
 @jit
 def is_stuck(equal: int, gyro: Vec3, v: ImuValues) -> bool:
     """
-    Tell whether a sensor that repeats itself counts as dead.
+    Tell whether a sensor that repeats its rate counts as dead.
 
-    A rate of exactly zero does not: a simulated sensor without noise reads it in hover.
+    A rate of exactly zero does not: a simulated sensor without noise reads it in hover. The
+    specific force is not looked at: without noise it is constant on a level circle.
 
     Parameters
     ----------
     equal
-        Samples in a row that equalled the one before, this one included.
+        Rates in a row that equalled the one before, this one included.
     gyro : (3,) rad/s, body FRD
     v
         How many are too many.

@@ -42,6 +42,7 @@ class FlowValues(NamedTuple):
     slope_std: float
     reference_height: float
     min_height: float
+    max_rate: float
     min_tilt_cos: float
     min_quality: int
     gate: float
@@ -71,10 +72,11 @@ class FlowParams:
         0.04, '-', 0.0, 1.0,
         'uncertainty of Q, constant part: 1.06 against 1.025 of (C.2b) at 1.5 m')
     slope_std: float = quantity(
-        0.07, '1/m', 0.0, 1.0, 'uncertainty of dQ/dh over Q: the slope of (C.2b), unknown to (5.2)')
+        0.07, '1/m', 0.0, 1.0, 'uncertainty of dQ/dh over Q: slope of (C.2b), which (5.2) ignores')
     reference_height: float = quantity(
         1.5, 'm', 0.0, 10.0, 'where the uncertain slope leaves the factor unchanged')
     min_height: float = quantity(0.4, 'm', 0.01, 10.0, 'not used below, thesis sec. 5.2')
+    max_rate: float = quantity(20.0, 'rad/s', 0.1, 1e3, 'no camera follows the ground faster')
     min_tilt_cos: float = quantity(0.7, '-', 0.1, 1.0, 'not used beyond 45 degrees of tilt')
     min_quality: int = quantity(1, '-', 0, 255, 'not used below; 0: no texture')
     gate: float = quantity(4.0, 'sigma', 1.0, 100.0, 'refuses 3e-4 of good samples (two axes)')
@@ -123,12 +125,14 @@ def multiplier(height: float, tilt_cos: float, v: FlowValues) -> float:
 
 
 @jit
-def is_valid(height: float, tilt_cos: float, quality: int, v: FlowValues) -> bool:
+def is_valid(flow: Vec2, height: float, tilt_cos: float, quality: int, v: FlowValues) -> bool:
     """
-    Tell whether a finite sample may be used; NaN is refused.
+    Tell whether a sample may be used; NaN is refused.
 
     Parameters
     ----------
+    flow : (2,) rad/s
+        As measured.
     height : m
         Filtered, above the floor.
     tilt_cos : -
@@ -139,7 +143,9 @@ def is_valid(height: float, tilt_cos: float, quality: int, v: FlowValues) -> boo
         Limits.
 
     """
-    return height >= v.min_height and tilt_cos >= v.min_tilt_cos and quality >= v.min_quality
+    return (
+        abs(flow[0]) <= v.max_rate and abs(flow[1]) <= v.max_rate and height >= v.min_height
+        and tilt_cos >= v.min_tilt_cos and quality >= v.min_quality)
 
 
 @jit

@@ -35,7 +35,7 @@ class SonarParams:
         'standard deviation of a slant range: 0.005 to 0.1 in Rolling Spider flights')
     min_range: float = quantity(
         0.46, 'm', 0.0, 2.0,
-        'shorter readings only say that the floor is nearer: Rolling Spider logs, 0.434 m and more')
+        'shorter readings only say that the floor is near: Rolling Spider logs, from 0.434 m')
     max_range: float = quantity(
         4.0, 'm', 0.1, 20.0, 'longer readings are refused; missed echoes read 5 m in those logs')
     min_tilt_cos: float = quantity(
