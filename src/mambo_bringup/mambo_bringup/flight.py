@@ -31,7 +31,8 @@ FLIGHT_NODES = (
     ('mambo_control', 'reference_node'), ('mambo_control', 'controller_node'))
 RECORDER = ('mambo_sim', 'recorder_node')
 SIMULATOR = ('mambo_sim', 'sim_node')
-_FLOWN = re.compile(r'flew ([\d.]+) s in ([\d.]+) s of wall time')
+_FLOWN = re.compile(
+    r'flew ([\d.]+) s in ([\d.]+) s of wall time, (\d+) steps without their motor command')
 _TIME = re.compile(r't = ([\d.]+) s$')
 
 
@@ -42,6 +43,7 @@ class Outcome:
     bag: Path
     flown: float  # s of flight time
     took: float  # s of wall time, from the first to the last step
+    missed: int  # steps that had no motor command in time
     stopped: bool  # by the user
 
     @property
@@ -54,16 +56,17 @@ class Progress:
     """Progress bar of flight time, fed by the simulator's own lines."""
 
     def __init__(self, duration: float) -> None:
-        self.flown = self.took = 0.0
+        self.flown, self.took, self.missed = 0.0, 0.0, 0
         self._bar = tqdm(
-            total=duration, desc='flying', unit='s', disable=None, leave=False,
+            total=duration, desc='starting (compiles once)', disable=None, leave=False,
             bar_format='{desc} {bar} {n:.1f}/{total:.0f} s of flight, {elapsed} elapsed')
 
     def line(self, text: str) -> None:
         """Take one line of the simulator."""
         if found := _FLOWN.search(text):
-            self.flown, self.took = float(found[1]), float(found[2])
+            self.flown, self.took, self.missed = float(found[1]), float(found[2]), int(found[3])
         elif found := _TIME.search(text):
+            self._bar.set_description_str('flying', refresh=False)
             self._bar.update(float(found[1]) - self._bar.n)
 
     def close(self) -> None:
@@ -119,7 +122,8 @@ def fly(flight: scenarios.Scenario, bag: Path) -> Outcome:
         if codes[child.name] != 0:
             raise FlightError(
                 f'{child.name} ended with exit code {codes[child.name]}: {child.complaint()}')
-    return Outcome(bag, progress.flown, progress.took, interrupts.count > 0)
+    return Outcome(
+        bag, progress.flown, progress.took, progress.missed, interrupts.count > 0)
 
 
 def _free(folder: Path, name: str) -> Path:
@@ -205,7 +209,8 @@ def main(arguments: list[str] | None = None) -> None:
             Path('bags'), f'{options.trajectory}_{options.estimator}_seed{options.seed}')
         outcome = fly(flight, bag.absolute())
         what = 'stopped by you after' if outcome.stopped else 'flew'
-        print(f'{what} {outcome.flown:.2f} s in {outcome.took:.2f} s of wall time\nbag: {bag}\n')
+        print(f'{what} {outcome.flown:.2f} s in {outcome.took:.2f} s of wall time, '
+              f'{outcome.missed} steps without their motor command\nbag: {bag}\n')
         if not options.no_report:
             print(f'\npage: {report(bag, outcome.real_time_factor)}')
     except (schema.ParameterError, FlightError, BagError) as error:
