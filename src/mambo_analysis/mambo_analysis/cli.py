@@ -13,16 +13,17 @@ from mambo_sim.message_definition import DefinitionError
 from .mcap_file import BagError
 
 
-def guard(name: str, work: Callable[[], None]) -> int:
+def guard(name: str, work: Callable[[], None], *expected: type[Exception]) -> int:
     """
     Run a tool; return its exit code: 0, or 1 behind one line on stderr that begins with its name.
 
-    Wrong usage ends in argparse, with exit code 2.
+    The errors of bags and parameters become that line, and those ``expected`` besides. Wrong
+    usage ends in argparse, with exit code 2.
     """
     try:
         work()
         sys.stdout.flush()
-    except (BagError, BagWriterError, DefinitionError, ParameterError) as error:
+    except (BagError, BagWriterError, DefinitionError, ParameterError, *expected) as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 1
     except BrokenPipeError:  # the reader of our output, such as head, has gone

@@ -10,27 +10,37 @@ import tempfile
 from .processes import FlightError
 
 _FREE = range(0, 101)  # domains whose ports are free of the ephemeral range on Linux
+_HIGHEST = 232  # the ports of a higher one do not exist
 
 
 class Domain:
     """
-    Claim of a ROS domain for as long as the object lives.
+    Claim of a ROS domain until :meth:`release`, the end of ``with`` or of the object.
 
     ``ROS_DOMAIN_ID`` is taken as it is where the user has set it, else the first domain that no
     other flight of this machine holds. Discovery stays on this machine unless
-    ``ROS_AUTOMATIC_DISCOVERY_RANGE`` says otherwise.
+    ``ROS_AUTOMATIC_DISCOVERY_RANGE`` says otherwise. Both variables are set for the nodes to
+    come, and left as they were at release.
+
+    Attributes
+    ----------
+    number : int
+        The domain.
 
     Raises
     ------
     FlightError
-        If the domain asked for is taken by another flight, or none is free.
+        If the domain asked for does not exist or is taken by another flight, or none is free.
 
     """
 
     def __init__(self) -> None:
+        self._lock = -1
+        self._added: list[str] = []
         asked = os.environ.get('ROS_DOMAIN_ID', '')
-        if asked and not asked.isdigit():
-            raise FlightError(f'ROS_DOMAIN_ID = {asked!r} is not a number')
+        if asked and not (asked.isascii() and asked.isdigit() and int(asked) <= _HIGHEST):
+            raise FlightError(
+                f'ROS_DOMAIN_ID = {asked!r} is not a whole number from 0 to {_HIGHEST}')
         for number in [int(asked)] if asked else _FREE:
             if self._claim(number):
                 self.number = number
@@ -39,21 +49,44 @@ class Domain:
             raise FlightError(
                 f'another flight is under way in ROS domain {asked}: wait, or set ROS_DOMAIN_ID'
                 if asked else 'no free ROS domain: other flights hold all of them')
-        os.environ['ROS_DOMAIN_ID'] = str(self.number)
-        os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        for name, value in (('ROS_DOMAIN_ID', str(self.number)),
+                            ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')):
+            if not os.environ.get(name):
+                os.environ[name] = value
+                self._added.append(name)
 
     def _claim(self, number: int) -> bool:
         path = Path(tempfile.gettempdir()) / f'mambo_domain_{number}.lock'
         try:
-            self._lock = path.open('a')
-            path.chmod(0o666)
-        except PermissionError:
-            pass
+            lock = os.open(path, os.O_RDONLY | os.O_CREAT, 0o666)
+        except PermissionError:  # of another user: Linux lets one open it, but not so as to create
+            try:
+                lock = os.open(path, os.O_RDONLY)
+            except OSError:
+                return False
         except OSError:
             return False
         try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            self._lock.close()
+            os.close(lock)
             return False
+        self._lock = lock
         return True
+
+    def release(self) -> None:
+        """Let others have the domain; what children still use it is up to the caller."""
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
+        while self._added:
+            os.environ.pop(self._added.pop(), None)
+
+    def __enter__(self) -> Domain:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
+    def __del__(self) -> None:
+        self.release()

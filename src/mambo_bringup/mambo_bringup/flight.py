@@ -14,7 +14,8 @@ import sys
 import tempfile
 
 from mambo_analysis import scenario as scenarios
-from mambo_analysis.bag import BagError, read_bag
+from mambo_analysis.bag import read_bag
+from mambo_analysis.cli import guard
 from mambo_control.parameters import ControllerNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model import schema
@@ -205,17 +206,21 @@ def main(arguments: list[str] | None = None) -> None:
         flight = _scenario(options)
         if not flight.sim_node.duration > 0.0:
             raise schema.ParameterError('--duration must be more than 0 s')
-        bag = options.output or _free(
-            Path('bags'), f'{options.trajectory}_{options.estimator}_seed{options.seed}')
-        outcome = fly(flight, bag.absolute())
-        what = 'stopped by you after' if outcome.stopped else 'flew'
-        print(f'{what} {outcome.flown:.2f} s in {outcome.took:.2f} s of wall time, '
-              f'{outcome.missed} steps without their motor command\nbag: {bag}\n')
-        if not options.no_report:
-            print(f'\npage: {report(bag, outcome.real_time_factor)}')
-    except (schema.ParameterError, FlightError, BagError) as error:
+    except schema.ParameterError as error:
         print(f'run: {error}', file=sys.stderr)
-        sys.exit(2 if isinstance(error, schema.ParameterError) else 1)
+        sys.exit(2)
+    sys.exit(guard('run', lambda: _fly_and_report(flight, options), FlightError))
+
+
+def _fly_and_report(flight: scenarios.Scenario, options: argparse.Namespace) -> None:
+    bag = options.output or _free(
+        Path('bags'), f'{options.trajectory}_{options.estimator}_seed{options.seed}')
+    outcome = fly(flight, bag.absolute())
+    what = 'stopped by you after' if outcome.stopped else 'flew'
+    print(f'{what} {outcome.flown:.2f} s in {outcome.took:.2f} s of wall time, '
+          f'{outcome.missed} steps without their motor command\nbag: {bag}\n')
+    if not options.no_report:
+        print(f'\npage: {report(bag, outcome.real_time_factor)}')
 
 
 def report(bag: Path, real_time_factor: float | None = None) -> Path:

@@ -14,9 +14,9 @@ import sys
 import tempfile
 
 from mambo_analysis import scenario as scenarios
-from mambo_analysis.bag import BagError, read_bag
+from mambo_analysis.bag import read_bag
+from mambo_analysis.cli import guard
 from mambo_analysis.compare import compare_replay
-from mambo_model import schema
 
 from .domain import Domain
 from .flight import RECORDER
@@ -105,15 +105,15 @@ def main(arguments: list[str] | None = None) -> None:
     """Entry point ``replay``."""
     options = parser().parse_args(arguments)
     output = options.output or options.bag.with_name(f'{options.bag.name}_replay')
-    try:
-        if not 0.0 <= options.rate <= 1000.0:
-            raise FlightError(f'--rate {options.rate:g} must be within 0 to 1000')
+    if not 0.0 <= options.rate <= 1000.0:
+        print(f'replay: --rate {options.rate:g} must be within 0 to 1000', file=sys.stderr)
+        sys.exit(2)
+
+    def work() -> None:
         replay(options.bag.absolute(), output.absolute(), options.rate, options.parameters)
         print(f'bag: {output}')
         print(compare_replay(options.bag, output))
-    except (FlightError, BagError, schema.ParameterError) as error:
-        print(f'replay: {error}', file=sys.stderr)
-        sys.exit(1)
+    sys.exit(guard('replay', work, FlightError))
 
 
 if __name__ == '__main__':
