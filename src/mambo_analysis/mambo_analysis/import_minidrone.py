@@ -75,6 +75,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 import scipy.io
+import yaml
 
 from . import cdr
 from .cli import guard
@@ -82,6 +83,8 @@ from .mcap_file import BagError
 
 Array = NDArray[np.float64]
 STEP_NS = 5_000_000
+GRAVITY = 9.81  # [m/s^2] as the estimator's
+LARGEST_BIAS = 2.0  # [m/s^2] of an accelerometer, generously
 FLOW_SCALE = 20.0  # [rad/s] per unit, estimParams.pos.opticalFlowToVelocity_gain
 SONAR_RANGE = (0.44, 4.0)  # [m]
 FULL_QUALITY = 255
@@ -296,6 +299,22 @@ def _publish_battery(log: Log, out: _Publisher) -> None:
             current=unknown, charge=unknown, capacity=unknown, design_capacity=unknown)
 
 
+def _estimator_parameters(log: Log) -> dict[str, str]:
+    """
+    Return a ROS 2 parameter file by name that gives the estimator the log's own calibration.
+
+    The log begins when the motors start, its mean at rest before that is in ``sensordataCalib``.
+    Nothing where that mean is no bias: a vehicle that did not stand level.
+    """
+    ax, ay, az, *gyro = log.signals['sensordataCalib_datout'][0][:6].tolist()
+    accel = [ax, ay, az + GRAVITY]
+    if max(map(abs, accel)) > LARGEST_BIAS:
+        return {}
+    alignment = {'samples': 0, 'gyro_bias': gyro, 'accel_bias': accel}
+    return {'scenario.yaml': yaml.safe_dump(
+        {'/mambo/estimator_node': {'ros__parameters': {'kalman': {'alignment': alignment}}}})}
+
+
 def _metadata(log: Log, flow_scale: float) -> dict[str, str]:
     calibration = log.signals['sensordataCalib_datout'][0].tolist()
 
@@ -343,7 +362,8 @@ def import_minidrone(source: Path, target: Path, flow_scale: float = FLOW_SCALE)
     """
     log = read_log(source)
     store = cdr.load_types(TOPICS.values())
-    with BagWriter(target, metadata={'import': _metadata(log, flow_scale)}) as writer:
+    with BagWriter(target, attachments=_estimator_parameters(log),
+                   metadata={'import': _metadata(log, flow_scale)}) as writer:
         for topic, type_name in TOPICS.items():
             writer.add_topic(f'/mambo/{topic}', type_name)
         out = _Publisher(store, writer)

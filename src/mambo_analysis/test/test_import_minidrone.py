@@ -7,6 +7,7 @@ from mambo_analysis.bag import read_bag
 from mambo_analysis.import_minidrone import (
     import_minidrone, main, MOTOR_SIGNS, new_samples, read_log, SIGNALS)
 from mambo_analysis.mcap_file import BagError
+from mambo_analysis.scenario import from_yaml
 from mambo_sim.bag_writer import BagWriterError
 import numpy as np
 import pytest
@@ -279,3 +280,20 @@ def test_wrong_usage_is_exit_code_2(tmp_path):
         with pytest.raises(SystemExit) as usage:
             main(arguments)
         assert usage.value.code == 2
+
+
+@needs_data
+@pytest.mark.parametrize('log', FLIGHTS, ids=lambda log: log.stem)
+def test_the_bag_gives_the_estimator_the_calibration_of_the_log(log, tmp_path):
+    import_minidrone(log, tmp_path / 'bag')
+    bag = read_bag(tmp_path / 'bag', topics=())
+    told = bag.metadata['import']
+    if log.stem.startswith('1a_y_rest'):  # lies on its side: no accelerometer bias but gravity
+        assert 'scenario.yaml' not in bag.attachments
+        return
+    alignment = from_yaml(bag.attachments['scenario.yaml']).estimator_node.kalman.alignment
+    x, y, z = map(float, told['calibration_accel_flu'].split())
+    assert alignment.samples == 0
+    np.testing.assert_allclose(alignment.accel_bias, (x, -y, -z + 9.81), atol=1e-7)  # 9 digits
+    x, y, z = map(float, told['calibration_gyro_flu'].split())
+    np.testing.assert_allclose(alignment.gyro_bias, (x, -y, -z), atol=1e-9)
