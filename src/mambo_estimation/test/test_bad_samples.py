@@ -4,7 +4,7 @@ import math
 
 from estimation_truth import (
     circle, DT, estimate, fly, hover, NAN, QUIET, sense, TYPICAL)
-from mambo_estimation import kalman
+from mambo_estimation import attitude, kalman
 from mambo_estimation.kalman import EstimatorParams
 from mambo_estimation.measurements.barometer import BarometerParams
 import numpy as np
@@ -166,6 +166,14 @@ def test_missing_imu_sample_is_bridged_with_the_one_before():
     assert run.pose_covariance[2404, 3, 3] > clean.pose_covariance[2404, 3, 3]
 
 
+def test_missing_imu_sample_spoils_the_gravity_window_under_way():
+    m = estimate(CLEAN).memory
+    assert m.attitude.window.time > 0
+    nothing = (NAN, (NAN, NAN), 0, NAN, PARAMS.values())
+    after, _ = kalman.step(m, DT, (NAN,) * 3, m.accel, *nothing)
+    assert after.attitude.window == attitude.NO_WINDOW
+
+
 def test_gap_in_time_is_integrated_and_makes_the_estimate_uncertain():
     s = CLEAN.copy()
     keep = np.r_[0:2400, 2420:len(s.dt)]  # 0.1 s without any IMU sample
@@ -175,6 +183,8 @@ def test_gap_in_time_is_integrated_and_makes_the_estimate_uncertain():
     check(run)
     assert np.abs(run.rho[2400] - TRUTH.p[2420])[:2].max() < 0.2
     assert run.twist_covariance[2400, 0, 0] > clean.twist_covariance[2420, 0, 0]
+    turned = run.pose_covariance[2400, 3, 3] - run.pose_covariance[2399, 3, 3]
+    assert turned > 0.9 * PARAMS.attitude.held_gyro_noise ** 2 * 21 * DT
     assert np.abs(run.nu[-1] - TRUTH.nu[-1]).max() < 0.2
 
 

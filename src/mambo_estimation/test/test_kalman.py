@@ -44,15 +44,16 @@ def test_tilt_is_known_to_a_fraction_of_a_degree_while_the_accelerometer_shows_n
     assert rms(error) < bound and error.max() < 1.5 * bound
 
 
-def test_perfect_sensors_give_the_truth():
-    truth = fly(circle(), 30.0)
+@pytest.mark.parametrize('path', [circle(), circle(2.0), vertical_circle(), vertical_circle(2.0)])
+def test_perfect_sensors_give_the_truth(path):
+    truth = fly(path, 30.0)
     run = estimate(sense(truth, QUIET))
     fly_on = in_the_air(truth)
     # height and vertical velocity: 3 cm/s are lost until the rest is left, then found again
     np.testing.assert_allclose(run.rho[fly_on], truth.p[fly_on], atol=0.01)
     np.testing.assert_allclose(run.nu[fly_on], truth.nu[fly_on], atol=0.02)
-    assert run.tilt_error(truth).max() < 1e-4
-    np.testing.assert_allclose(run.omega[fly_on], truth.omega[fly_on], atol=1e-4)
+    assert run.tilt_error(truth).max() < 4e-4
+    np.testing.assert_allclose(run.omega[fly_on], truth.omega[fly_on], atol=2e-4)
 
 
 @pytest.mark.parametrize('name', FLIGHTS)
@@ -89,7 +90,8 @@ def test_level_circle_does_not_drift_with_a_wrong_factor():
 
 def test_rotation_left_in_by_the_sensor_is_taken_out_where_it_is_declared():
     truth = fly(vertical_circle(), 36.0)
-    leaking = sense(truth, Noise(leak=1.0 / 1.06))  # times Q h: the rotation once
+    # times Q h: the rotation once; what is taken out is the rate without the gyro's bias
+    leaking = sense(truth, Noise(leak=1.0 / 1.06, gyro_bias=(0.05, -0.05, 0.0)))
     # EQUATIONS.md sec. 10.3 row D1: -0.320 m per period; the accelerometer, which contradicts,
     # takes a part of it away
     assert -0.32 < per_period(leaking, truth)[0] < -0.28
@@ -134,6 +136,20 @@ def test_published_covariances_are_honest(name):
     # Being too careful (wide tilt, vertical noise of real flights) is allowed, by a factor 5.
     assert 6 * seeds / 5 < nees['pose'] < chi2.ppf(0.9995, 6 * seeds)
     assert 3 * seeds / 5 < nees['velocity'] < chi2.ppf(0.9995, 3 * seeds)
+
+
+def test_an_error_of_the_yaw_turns_the_path_as_the_covariance_says():
+    truth = fly(
+        lambda t: np.stack([4 * ramp(t, 6, 8), 0 * t, -1.5 * ramp(t, 1, 3)], axis=-1), 14.0)
+    samples = sense(truth, QUIET)
+    samples.gyro[150:, 2] += 0.01  # turns right in belief alone
+    run = estimate(samples)
+    position, yaw = (truth.p - run.rho)[-1], run.rotation_error(truth)[-1, 2]
+    P = run.pose_covariance[-1]
+    assert yaw == pytest.approx(-0.01 * 13.25, rel=0.01)
+    assert position[1] < -0.3
+    # the filter expects noise besides a bias, hence more of the error earlier
+    assert P[1, 5] / P[5, 5] * yaw == pytest.approx(position[1], rel=0.25)
 
 
 def test_covariances_are_in_the_axes_that_odometry_wants():
@@ -190,6 +206,15 @@ def test_estimate_is_the_initial_one_while_aligning_and_the_status_follows_the_s
     assert status[1910] == kalman.STATUS_NOMINAL
     std = np.sqrt(run.twist_covariance[:, 0, 0])
     assert std[1900] > 4 * std[1400] > 0 and std[1950] < 2 * std[1400]
+
+
+def test_specific_force_is_integrated_by_the_trapezoidal_rule():
+    m = kalman.initial(EstimatorParams(alignment=AlignmentParams(samples=0)))
+    m = m._replace(aligning=False)
+    nothing = (NAN, (NAN, NAN), 0, NAN, EstimatorParams().values())
+    _, e = kalman.step(m, 0.01, (0.0, 0.0, 0.0), (1.0, 0.0, -11.81), *nothing)
+    assert e.state.nu == pytest.approx((0.005, 0.0, -0.01), abs=1e-15)
+    assert e.state.rho == pytest.approx((0.000025, 0.0, -0.00005), abs=1e-15)
 
 
 def test_gyro_bias_is_that_of_the_first_samples():

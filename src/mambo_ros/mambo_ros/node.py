@@ -35,7 +35,9 @@ QUEUE = 2000
 """Depth of every queue, 10 s of a 200 Hz topic: a slow reader lags, it does not lose."""
 
 _HOUSEKEEPING = 0.02  # s between turns of the ordinary executor
+_AT_ONCE = 100  # messages of one topic before timers and the other topics get their turn
 _QUIET = 0.1  # s without a message after which a stopping node has taken everything
+_REFUSALS = (ParameterError, FileNotFoundError, FileExistsError, _rclpy.RCLError)
 
 
 class _Lean(CallbackGroup):
@@ -174,6 +176,9 @@ class Loop:
         if now >= self._next_turn:
             self._executor.spin_once(timeout_sec=0.0)
             self._next_turn = now + _HOUSEKEEPING
+        if not self._entries:  # an empty wait set cannot wait
+            time.sleep(min(timeout, _HOUSEKEEPING))
+            return False
         wait_set = self._wait_set
         wait_set.clear_entities()
         for handle, _, _ in self._entries:
@@ -182,10 +187,11 @@ class Loop:
         ready = wait_set.get_ready_entities('subscription')
         for handle, msg_type, callback in self._entries:
             if handle.pointer in ready:
-                taken = handle.take_message(msg_type, True)
-                while taken is not None:
-                    callback(taken[0])
+                for _ in range(_AT_ONCE):
                     taken = handle.take_message(msg_type, True)
+                    if taken is None:
+                        break
+                    callback(taken[0])
         return bool(ready)
 
     def run(self) -> None:
@@ -211,13 +217,18 @@ class Loop:
         self._executor.shutdown()
 
 
+def _line(error: BaseException) -> str:
+    """Return what an error says as one line, without places in the sources of ROS."""
+    return ' '.join(str(error).split(', at /')[0].split())
+
+
 def main(node_type: type[MamboNode], args: list[str] | None = None,
          run: Callable[[MamboNode, Loop], int | None] | None = None) -> None:
     """
     Run one node as a process: entry point of every ``*_node``.
 
-    SIGINT and SIGTERM let the node take what has arrived, finish and leave; a wrong parameter
-    ends it with one line and exit code 2.
+    SIGINT and SIGTERM let the node take what has arrived, finish and leave; a wrong parameter or
+    parameter file ends it with one line and exit code 2.
 
     Parameters
     ----------
@@ -229,16 +240,31 @@ def main(node_type: type[MamboNode], args: list[str] | None = None,
         What to do with the node and its loop; returns the exit code. Default: serve messages.
 
     """
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node = node_type()
-    except (ParameterError, FileNotFoundError, FileExistsError) as error:
-        print(f'{node_type.__name__}: {error}', file=sys.stderr)
-        rclpy.try_shutdown()
-        sys.exit(2)
-    loop = Loop(node)
+    loop: Loop | None = None
+    stopped = False
+
+    def stop(*_: Any) -> None:
+        nonlocal stopped
+        stopped = True
+        if loop is None:
+            raise KeyboardInterrupt
+        loop.stop()
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: loop.stop())
+        signal.signal(number, stop)
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        node = node_type()
+        loop = Loop(node)
+    except BaseException as error:  # stopped while numerics compile, the compiler raises anything
+        if not stopped:
+            if not isinstance(error, _REFUSALS):
+                raise
+            print(f'{node_type.__name__}: {_line(error)}', file=sys.stderr)
+        rclpy.try_shutdown()
+        sys.exit(0 if stopped else 2)
+    if stopped:
+        loop.stop()
     code: int | None = 0
     try:
         if run is None:

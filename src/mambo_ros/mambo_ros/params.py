@@ -53,24 +53,15 @@ def declare(node: Node, params_type: type[P]) -> P:
     """
     given = {name: parameter.value for name, parameter in node._parameter_overrides.items()}
     known = dict(schema.walk(params_type))
-    filled: dict[str, Any] = {}
-    for name, field in known.items():
-        value = given.get(name, field.default)
-        if isinstance(field.default, float) and isinstance(value, int) and not isinstance(
-                value, bool):
-            value = float(value)
-        elif isinstance(field.default, tuple) and isinstance(value, (list, tuple)):
-            value = tuple(float(element) if isinstance(element, int) else element
-                          for element in value)
-        filled[name] = value
-    params = schema.build(params_type, filled)
-    for name, field in known.items():
+    params = schema.build(
+        params_type, {name: value for name, value in given.items() if name in known})
+    for name, value in schema.flatten(params).items():
         try:
             node.declare_parameter(
-                name, _plain(filled[name]), _descriptor(field), ignore_override=True)
+                name, _plain(value), _descriptor(known[name]), ignore_override=True)
         except (InvalidParameterTypeException, InvalidParameterValueException,
                 ParameterException) as error:
-            raise schema.ParameterError(f'{name} = {filled[name]!r}: {error}') from None
+            raise schema.ParameterError(f'{name} = {value!r}: {error}') from None
     unknown = sorted(name for name in given if not node.has_parameter(name))
     if unknown:
         raise schema.ParameterError(schema.unknown(unknown[0], known))

@@ -1,0 +1,46 @@
+"""Nodes in this process: made, matched, served by a loop in a thread, and cleared away."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+import threading
+import time
+
+from mambo_ros.node import Loop, MamboNode
+
+PATIENCE = 20.0  # s; what is waited for takes milliseconds on an idle machine
+
+
+def until(condition, what, step=None):
+    """Wait for a condition, doing ``step`` meanwhile."""
+    limit = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < limit, f'waited {PATIENCE:g} s for {what}'
+        if step is None:
+            time.sleep(0.002)
+        else:
+            step()
+
+
+def readers(node: MamboNode, topic) -> int:
+    """Return how many readers are matched to a node's publisher."""
+    name = node.resolve_topic_name(topic.name)
+    return sum(publisher.get_subscription_count() for publisher in node.publishers
+               if publisher.topic_name == name)
+
+
+@contextmanager
+def serving(*nodes):
+    """Serve nodes by one loop in a thread; yield the loop."""
+    loop = Loop(*nodes)
+    thread = threading.Thread(target=loop.run, daemon=True)
+    thread.start()
+    try:
+        yield loop
+    finally:
+        loop.stop()
+        thread.join(PATIENCE)
+        loop.close()
+        for node in nodes:
+            node.destroy_node()
+    assert not thread.is_alive(), 'the loop did not stop'

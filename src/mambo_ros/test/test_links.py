@@ -1,0 +1,188 @@
+"""A flight starts when every node is there and every link between them is matched."""
+
+from dataclasses import dataclass
+import threading
+import time
+
+from mambo_interfaces.msg import NodeLinks
+from mambo_ros import messages, topics
+from mambo_ros.links import Links
+from mambo_ros.node import Loop, MamboNode
+import pytest
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from ros_helpers import PATIENCE, serving, until
+
+pytestmark = pytest.mark.usefixtures('ros')
+IMU, PWM = '/mambo/imu/data_raw', '/mambo/motor_pwm'
+
+
+@dataclass(frozen=True)
+class NoParams:
+    """Nothing to set."""
+
+
+def node(name, says=(), hears=(), **options):
+    made = MamboNode(name, NoParams, **options)
+    for topic in says:
+        made.say(topic)
+    for topic in hears:
+        made.hear(topic, lambda data: None)
+    return made
+
+
+def announced(name, published=(), subscribed=(), matched=()):
+    return NodeLinks(node=name, published=published, subscribed=subscribed, matched=matched)
+
+
+@pytest.fixture
+def links():
+    """Return what a simulator knows that waits for two nodes and has heard of none."""
+    return Links(node('sim', [topics.IMU], [topics.MOTOR_PWM]), 'estimator, controller')
+
+
+def test_nobody_is_waited_for_unless_named():
+    assert Links(node('sim'), '').missing() == ''
+    assert Links(node('sim'), ' , ').missing() == ''
+
+
+def test_missing_nodes_are_named_one_and_all(links):
+    assert links.missing() == 'node /mambo/estimator, /mambo/controller'
+    links.update(announced('/mambo/estimator'))
+    assert links.missing() == 'node /mambo/controller'
+    links.update(announced('/mambo/controller'))
+    assert links.missing() == ''
+
+
+def test_a_node_of_another_namespace_can_be_named():
+    links = Links(node('sim'), '/hall/mocap')
+    assert links.missing() == 'node /hall/mocap'
+    links.update(announced('/hall/mocap'))
+    assert links.missing() == ''
+
+
+def test_names_are_relative_to_the_namespace_of_the_waiting_node():
+    assert Links(node('sim', namespace='two'), 'estimator').missing() == 'node /two/estimator'
+
+
+def test_a_reader_that_a_publisher_has_not_matched_is_counted_and_named(links):
+    links.update(announced('/mambo/estimator', subscribed=[IMU]))
+    links.update(announced('/mambo/controller', subscribed=[IMU], published=[PWM], matched=[0]))
+    links.update(announced('/mambo/sim', published=[IMU], subscribed=[PWM], matched=[1]))
+    assert links.missing() == f'1 of 1 readers of {PWM} at /mambo/controller'
+    links.update(announced('/mambo/controller', subscribed=[IMU], published=[PWM], matched=[1]))
+    assert links.missing() == f'1 of 2 readers of {IMU} at /mambo/sim'
+    links.update(announced('/mambo/sim', published=[IMU], subscribed=[PWM], matched=[2]))
+    assert links.missing() == ''
+
+
+def test_every_publisher_of_a_shared_topic_must_know_every_reader(links):
+    links.update(announced('/mambo/estimator', published=['/tf'], matched=[1]))
+    links.update(announced('/mambo/controller', published=['/tf'], matched=[0]))
+    assert links.missing() == ''  # nobody reads
+    links.update(announced('/mambo/viewer', subscribed=['/tf']))
+    assert links.missing() == '1 of 1 readers of /tf at /mambo/controller'
+
+
+def test_a_topic_without_readers_or_a_foreign_reader_is_no_obstacle(links):
+    links.update(announced('/mambo/estimator', published=[IMU], matched=[3]))
+    links.update(announced('/mambo/controller', subscribed=[PWM]))
+    assert links.missing() == ''
+
+
+FLIGHT = {
+    'sim': ([topics.IMU], [topics.MOTOR_PWM]), 'estimator': ([topics.ESTIMATE], [topics.IMU]),
+    'controller': ([topics.MOTOR_PWM], [topics.ESTIMATE])}
+
+
+def flight(*names):
+    """Return nodes of a small lockstep graph, by default all, the owner of time first."""
+    return [node(name, *FLIGHT[name]) for name in names or FLIGHT]
+
+
+def test_a_complete_graph_proceeds_and_its_first_message_arrives():
+    sim, estimator, controller = flight()
+    heard = []
+    estimator.hear(topics.CLOCK, heard.append)
+    publish = sim.say(topics.CLOCK)
+    links, loop = Links(sim, 'estimator,controller'), Loop(sim)
+    assert links.missing()
+    with serving(estimator, controller):
+        assert links.wait(loop, PATIENCE) is True
+        assert links.missing() == ''
+        publish(messages.clock(5))
+        until(lambda: heard, 'the first message')
+    loop.close()
+    assert [bytes(data) for data in heard] == [messages.clock(5)]
+
+
+def test_patience_ends_and_the_log_says_for_what(monkeypatch):
+    sim, estimator = flight('sim', 'estimator')
+    links, loop, said = Links(sim, 'estimator,controller'), Loop(sim), []
+    monkeypatch.setattr(type(sim.get_logger()), 'error', lambda self, text: said.append(text))
+    with serving(estimator):
+        until(lambda: links.missing() == 'node /mambo/controller', 'the estimator', loop.turn)
+        began = time.monotonic()
+        assert links.wait(loop, 0.2) is False
+        assert 0.2 <= time.monotonic() - began < PATIENCE
+    assert said == ['gave up after 0.2 s without node /mambo/controller']
+    loop.close()
+
+
+def test_a_stopped_loop_waits_no_longer(monkeypatch):
+    (sim,) = flight('sim')
+    links, loop, said = Links(sim, 'estimator,controller'), Loop(sim), []
+    monkeypatch.setattr(type(sim.get_logger()), 'error', lambda self, text: said.append(text))
+    timer = threading.Timer(0.1, loop.stop)
+    timer.start()
+    assert links.wait(loop, PATIENCE) is False
+    assert said == []
+    loop.close()
+
+
+def test_a_waiting_node_says_for_what_every_now_and_then(monkeypatch):
+    monkeypatch.setattr('mambo_ros.links._ASK_AGAIN', 0.05)
+    (sim,) = flight('sim')
+    links, loop, said = Links(sim, 'estimator'), Loop(sim), []
+    monkeypatch.setattr(type(sim.get_logger()), 'warning', lambda self, text: said.append(text))
+    assert links.wait(loop, 0.3) is False
+    assert 1 <= len(said) <= 6 and set(said) == {'waiting for node /mambo/estimator'}
+    loop.close()
+
+
+def test_a_late_joiner_learns_of_the_links_that_were_announced_before():
+    estimator, controller = flight('estimator', 'controller')
+    with serving(estimator, controller):
+        time.sleep(0.3)  # their announcements are over
+        late = node('late')
+        links = Links(late, 'estimator,controller')
+        loop = Loop(late)
+        assert links.wait(loop, PATIENCE) is True
+        loop.close()
+
+
+def test_a_change_of_the_graph_is_announced_again():
+    got, plain = [], Node('plain')
+    plain.create_subscription(NodeLinks, '/mambo/graph/links', got.append, 10)
+    executor = SingleThreadedExecutor()
+    executor.add_node(plain)
+
+    def turn():
+        executor.spin_once(timeout_sec=0.01)
+
+    (sim,) = flight('sim')
+    with serving(sim):
+        until(lambda: got, 'an announcement', turn)
+        first = got[-1]
+        assert (first.node, list(first.published), list(first.subscribed)) == (
+            '/mambo/sim', [IMU], [PWM])
+        assert list(first.matched) == [0]
+        reader = node('reader', hears=[topics.IMU])
+        until(lambda: list(got[-1].matched) == [1], 'the new reader', turn)
+        count = len(got)
+        for _ in range(20):
+            turn()
+        assert len(got) == count  # nothing changed: nothing said
+        reader.destroy_node()
+        until(lambda: list(got[-1].matched) == [0], 'the loss of the reader', turn)
+    executor.shutdown()

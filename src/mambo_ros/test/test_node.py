@@ -1,0 +1,242 @@
+"""The loop that serves a node, and a node as a process."""
+
+from dataclasses import dataclass
+import signal
+import subprocess
+import sys
+import time
+
+from mambo_model import schema
+from mambo_ros import layout, messages, topics
+from mambo_ros.node import Loop, MamboNode, qos
+import pytest
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from ros_helpers import PATIENCE, readers, serving, until
+
+MILLISECOND = 1_000_000  # ns
+
+
+@dataclass(frozen=True)
+class NoParams:
+    """Nothing to set."""
+
+
+def listener(*heard, name='listener'):
+    """Return a node and the list that gets (topic name, stamp) of what it hears."""
+    node, got = MamboNode(name, NoParams), []
+    for topic in heard:
+        node.hear(topic, lambda data, topic=topic: got.append((topic.name, layout.stamp_ns(data))))
+    return node, got
+
+
+def talker(topic, name='talker'):
+    node = MamboNode(name, NoParams)
+    return node, node.say(topic)
+
+
+def test_messages_arrive_all_in_order_and_undecoded(ros):
+    sender, publish = talker(topics.CLOCK)
+    node, got = MamboNode('listener', NoParams), []
+    node.hear(topics.CLOCK, got.append)
+    loop = Loop(node, sender)
+    until(lambda: readers(sender, topics.CLOCK) == 1, 'the link')
+    sent = [messages.clock(t * MILLISECOND) for t in range(1000)]
+    for data in sent:
+        publish(data)
+    until(lambda: len(got) == len(sent), 'the messages', lambda: loop.once(0.1))
+    assert [bytes(data) for data in got] == sent
+    loop.close()
+
+
+def test_one_loop_serves_several_nodes(ros):
+    source, publish = talker(topics.CLOCK)
+    relay, last = MamboNode('relay', NoParams), []
+    forward = relay.say(topics.MOTOR_PWM)
+    relay.hear(topics.CLOCK, lambda data: forward(
+        messages.motor_pwm(layout.stamp_ns(data), (1.0,) * 4, False, 0)))
+    sink = MamboNode('sink', NoParams)
+    sink.hear(topics.MOTOR_PWM, lambda data: last.append(messages.decode_motor_pwm(data)[0]))
+    with serving(source, relay, sink):
+        until(lambda: readers(source, topics.CLOCK) and readers(relay, topics.MOTOR_PWM),
+              'the links')
+        for t in range(10):
+            publish(messages.clock(t))
+        until(lambda: len(last) == 10, 'the end of the chain')
+    assert last == list(range(10))
+
+
+def test_what_has_arrived_is_taken_before_the_loop_stops(ros):
+    sender, publish = talker(topics.CLOCK)
+    node, got = listener(topics.CLOCK)
+    loop = Loop(node)
+    until(lambda: readers(sender, topics.CLOCK) == 1, 'the link')
+    for t in range(500):
+        publish(messages.clock(t))
+    loop.stop()
+    loop.run()
+    assert len(got) == 500
+    loop.close()
+
+
+def test_a_flood_keeps_neither_timers_nor_other_topics_nor_the_end_from_their_turn(ros):
+    flood, others, turns = [], [], []
+    node = MamboNode('node', NoParams)
+    echo, publish = node.say(topics.CLOCK), node.say(topics.MOTOR_PWM)
+
+    def answer(data):  # each message is the cause of the next: the queue is never empty
+        flood.append(1)
+        echo(data)
+    node.hear(topics.CLOCK, answer)
+    node.hear(topics.MOTOR_PWM, others.append)
+    node.create_timer(0.001, lambda: turns.append(len(flood)))
+    with serving(node):
+        until(lambda: readers(node, topics.CLOCK) and readers(node, topics.MOTOR_PWM), 'links')
+        echo(messages.clock(0))
+        until(lambda: len(flood) > 1000, 'the flood')
+        before = len(turns)
+        until(lambda: len(turns) > before + 5, 'the timer')
+        publish(messages.motor_pwm(0, (0.0,) * 4, False, 0))
+        until(lambda: others, 'the other topic')
+    assert turns == sorted(turns) and turns[-1] > turns[0]
+
+
+def test_without_messages_a_loop_waits_and_says_so(ros):
+    for node in (listener(topics.CLOCK)[0], MamboNode('deaf', NoParams)):
+        loop = Loop(node)
+        began = time.monotonic()
+        assert loop.once(0.02) is False
+        # the wait is cut at the turn of timers, and a busy machine adds to it
+        assert 0.01 < time.monotonic() - began < 5.0
+        loop.close()
+
+
+def test_a_node_lives_in_the_namespace_of_the_drone(ros):
+    node, _ = listener(topics.IMU)
+    assert node.get_fully_qualified_name() == '/mambo/listener'
+    assert node.resolve_topic_name(topics.IMU.name) == '/mambo/imu/data_raw'
+    assert node.resolve_topic_name(topics.CLOCK.name) == '/clock'
+    other = MamboNode('other', NoParams, namespace='two')
+    assert other.get_fully_qualified_name() == '/two/other'
+
+
+def test_topics_are_reliable_and_deep_and_links_wait_for_late_joiners():
+    assert qos(topics.IMU).reliability == ReliabilityPolicy.RELIABLE
+    assert qos(topics.IMU).durability == DurabilityPolicy.VOLATILE
+    assert qos(topics.IMU).depth >= 10 * topics.IMU.rate  # 10 s
+    assert qos(topics.LINKS).durability == DurabilityPolicy.TRANSIENT_LOCAL
+
+
+PROGRAM = """
+from dataclasses import dataclass
+import sys
+import time
+
+from mambo_model import schema
+from mambo_ros import messages, node, topics
+
+
+@dataclass(frozen=True)
+class Params:
+    gain: float = schema.quantity(1.0, '1/s', 0.0, 5.0, 'test')
+    loading: float = schema.quantity(0.0, 's', 0.0, 60.0, 'time to start')
+
+    def __post_init__(self):
+        schema.check(self)
+
+
+class Probe(node.MamboNode[Params]):
+    def __init__(self):
+        super().__init__('probe', Params)
+        self.count = 0
+        self.hear(topics.CLOCK, self.on_clock)
+        print('loading', flush=True)
+        for _ in range(round(self.params.loading * 100)):
+            try:
+                time.sleep(0.01)
+            except KeyboardInterrupt:
+                raise RuntimeError('the compiler was disturbed')
+        self.create_timer(0.01, self.ready)
+
+    def ready(self):
+        print('ready', flush=True)
+
+    def on_clock(self, data):
+        self.count += 1
+
+    def finish(self):
+        print('finished with', self.count, flush=True)
+
+
+node.main(Probe, sys.argv)
+"""
+
+
+def start(tmp_path, *arguments):
+    file = tmp_path / 'probe.py'
+    file.write_text(PROGRAM)
+    return subprocess.Popen([sys.executable, str(file), '--ros-args', *arguments], text=True,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def wait_for(process, text):
+    for line in process.stdout:
+        if line.strip() == text:
+            return
+    raise AssertionError(process.communicate())
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_node_in_order(ros, tmp_path, number):
+    process = start(tmp_path)
+    wait_for(process, 'ready')
+    sender, publish = talker(topics.CLOCK)
+    until(lambda: readers(sender, topics.CLOCK) == 1, 'the link')
+    for t in range(300):
+        publish(messages.clock(t))
+    sender.flush()  # all of them are in the other process, taken or not
+    process.send_signal(number)
+    out, err = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, err) == (0, '')
+    assert out.splitlines()[-1] == 'finished with 300'
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_a_node_loads_is_no_error_either(tmp_path, number):
+    process = start(tmp_path, '-p', 'loading:=60.0')
+    wait_for(process, 'loading')
+    process.send_signal(number)
+    out, err = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, out, err) == (0, '', '')
+
+
+@pytest.mark.parametrize('arguments, complaint', [
+    (['-p', 'gain:=7.0'], 'Probe: Params.gain = 7.0 1/s is outside [0, 5]'),
+    (['-p', 'gian:=1.0'], 'Probe: gian: unknown parameter; did you mean gain?'),
+    (['-p', 'gain:=high'], "Probe: Params.gain = 'high' must be a number"),
+    (['--params-file', 'nowhere.yaml'], 'nowhere.yaml'),
+    (['-p', 'nonsense'], 'nonsense'),
+])
+def test_a_wrong_parameter_ends_a_node_with_one_line(tmp_path, arguments, complaint):
+    process = start(tmp_path, *arguments)
+    out, err = process.communicate(timeout=PATIENCE)
+    ours = [line for line in err.splitlines() if '[rcl]' not in line]  # what ROS itself says
+    assert process.returncode == 2
+    assert len(ours) == 1 and complaint in ours[0] and ours[0].startswith('Probe: ')
+    assert out == ''
+
+
+def test_an_error_in_a_node_is_not_taken_for_a_wrong_parameter(tmp_path):
+    process = start(tmp_path)
+    process.kill()
+    process.communicate(timeout=PATIENCE)
+    file = tmp_path / 'probe.py'
+    file.write_text(PROGRAM.replace("print('loading', flush=True)", 'raise TypeError("a bug")'))
+    done = subprocess.run([sys.executable, str(file)], capture_output=True, text=True,
+                          timeout=PATIENCE)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1] == 'TypeError: a bug'
+
+
+def test_a_parameter_error_has_one_line_even_if_its_text_has_more():
+    from mambo_ros.node import _line
+    assert _line(schema.ParameterError('a\n  b, at /project/src/x.c:1')) == 'a b'
