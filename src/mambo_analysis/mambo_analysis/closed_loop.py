@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from mambo_control import cascaded, latch
-from mambo_control.gains import GainValues
-from mambo_estimation import kalman
-from mambo_model.compiled import jit
+from mambo_control import cascaded, latch, toolbox as toolbox_law
+from mambo_estimation import kalman, toolbox
+from mambo_model.compiled import by_type, jit
 from mambo_model.flatness import body_velocity
 from mambo_model.rigid_body import State
 from mambo_model.trajectory import PlanValues, reference_step
@@ -27,6 +26,10 @@ from numpy.typing import NDArray
 from .scenario import Scenario
 
 Array = NDArray[np.float64]
+
+# Which of them is in the compiled loop follows from the types of its arguments: each pair of
+# estimator and controller has a loop of its own, compiled when it is first flown.
+_filter = by_type(8, {kalman.EstimatorValues: kalman.step, toolbox.ToolboxValues: toolbox.step})
 
 
 class Recording(NamedTuple):
@@ -52,9 +55,9 @@ class _Settings(NamedTuple):
 
     simulator: simulator.SimulatorValues
     optitrack: optitrack.OptitrackValues
-    kalman: kalman.EstimatorValues
+    estimator: kalman.EstimatorValues | toolbox.ToolboxValues
     plan: PlanValues
-    gains: GainValues
+    gains: latch.Gains
     reference_vehicle: VehicleValues
     controller_vehicle: VehicleValues
     period: float
@@ -66,8 +69,8 @@ class _Settings(NamedTuple):
 def _settings(flight: Scenario) -> _Settings:
     sim, estimator = flight.sim_node.simulator, flight.estimator_node
     return _Settings(
-        sim.values(), flight.optitrack_node.optitrack.values(), estimator.kalman.values(),
-        flight.reference_node.plan.values(), flight.controller_node.cascaded.values(),
+        sim.values(), flight.optitrack_node.optitrack.values(), estimator.filter.values(),
+        flight.reference_node.plan.values(), flight.controller_node.law.values(),
         flight.reference_node.vehicle.values(), flight.controller_node.vehicle.values(),
         flight.controller_node.period, estimator.estimator == 'ground_truth',
         float(np.float32(sim.sonar.min_range)), float(np.float32(sim.sonar.max_range)))
@@ -103,8 +106,16 @@ def fly(flight: Scenario) -> Recording:
     sim = flight.sim_node.simulator
     mocap_rng = simulator.generators(flight.optitrack_node.seed)[simulator.OPTITRACK]
     _loop(simulator.initial_state(sim), simulator.generators(sim.seed), mocap_rng,
-          kalman.initial(flight.estimator_node.kalman), _settings(flight), out)
+          *_memories(flight), _settings(flight), out)
     return out
+
+
+def _memories(flight: Scenario) -> tuple:
+    """Return the memories of estimator and controller before the flight."""
+    estimator, controller = flight.estimator_node, flight.controller_node
+    chosen = toolbox if estimator.estimator == 'toolbox' else kalman
+    law = toolbox_law if controller.controller == 'toolbox' else cascaded
+    return chosen.initial(estimator.filter), law.initial()
 
 
 @jit
@@ -119,8 +130,8 @@ def _store(row: Array, s: State) -> None:
 
 @jit
 def _estimate(
-    memory: kalman.Memory, dt: float, s: simulator.Samples, p: _Settings,
-) -> tuple[kalman.Memory, kalman.Estimate]:
+    memory: kalman.Memory | toolbox.Memory, dt: float, s: simulator.Samples, p: _Settings,
+) -> tuple[kalman.Memory | toolbox.Memory, kalman.Estimate]:
     """Answer the samples as the estimator node does, who gets them over the wire."""
     sonar = np.nan
     if s.sonar_new and p.sonar_low <= s.sonar <= p.sonar_high:
@@ -130,14 +141,13 @@ def _estimate(
         flow, quality = s.flow, s.flow_quality
     if s.baro_new:
         pressure = s.pressure
-    return kalman.step(memory, dt, s.gyro, s.accel, sonar, flow, quality, pressure, p.kalman)
+    return _filter(memory, dt, s.gyro, s.accel, sonar, flow, quality, pressure, p.estimator)
 
 
 @jit
-def _loop(state, rngs, mocap_rng, memory, p, out):
+def _loop(state, rngs, mocap_rng, memory, control, p, out):
     """Fly; every argument as :func:`fly` makes it, ``out`` is filled."""
-    mocap, before = optitrack.START, state.plant.body
-    control, reason = cascaded.initial(), 0
+    mocap, before, reason = optitrack.START, state.plant.body, 0
     last = len(out.t) - 1
     for k in range(last + 1):
         t = out.t[k]

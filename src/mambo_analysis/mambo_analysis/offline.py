@@ -16,6 +16,7 @@ from mambo_estimation.synchroniser import Step, Synchroniser
 from mambo_ros import messages, topics
 
 from .bag import Bag
+from .mcap_file import BagError
 
 
 def steps(bag: Bag) -> Iterator[Step]:
@@ -24,7 +25,17 @@ def steps(bag: Bag) -> Iterator[Step]:
 
     The bag must have watermarks (``sensor_tick``): every simulated flight and every live replay
     has them.
+
+    Raises
+    ------
+    mambo_analysis.bag.BagError
+        If it has none.
+
     """
+    if topics.SENSOR_TICK.name not in bag:
+        raise BagError(
+            f'{bag.path}: no {bag.name(topics.SENSOR_TICK.name)}; record a live replay of the bag '
+            'and take that')
     sync = Synchroniser()
     take = {
         topics.IMU: lambda data: sync.add_imu(*messages.decode_imu(data)),

@@ -8,9 +8,10 @@ reads the same text.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 import dataclasses
 from pathlib import Path
+import re
 from typing import Any
 
 from mambo_control.parameters import ControllerNodeParams, ReferenceNodeParams
@@ -83,12 +84,16 @@ def scenario(
     }
     if land:
         sections['reference_node']['plan']['landing_time'] = landing_time(duration)
-    flat = schema.flatten(schema.build(Scenario, sections))
-    for name, value in (overrides or {}).items():
+    return override(schema.build(Scenario, sections), overrides or {})
+
+
+def override(flight: Scenario, values: Mapping[str, Any]) -> Scenario:
+    """Return a scenario with other values, {'node.parameter': value}; errors as its own."""
+    flat = schema.flatten(flight)
+    for name in values:
         if name not in flat:
             raise schema.ParameterError(schema.unknown(name, flat))
-        flat[name] = value
-    return schema.build(Scenario, flat)
+    return schema.build(Scenario, {**flat, **values})
 
 
 def landing_time(duration: float) -> float:
@@ -110,6 +115,71 @@ def to_yaml(flight: Scenario, namespace: str = '/mambo') -> str:
     return yaml.safe_dump(sections, sort_keys=False)
 
 
+def commented_yaml(flight: Scenario, namespace: str = '/mambo') -> str:
+    """
+    Return the scenario as a ROS 2 parameter file that explains itself.
+
+    The same values as :func:`to_yaml`, each with its unit, range and source beside it.
+    """
+    lines = [
+        '# Every parameter of a flight, a ROS 2 parameter file: [unit] lowest..highest, source.',
+        '# What is left out keeps its default.']
+    for field in dataclasses.fields(flight):
+        lines += [f'{namespace}/{field.name}:', '  ros__parameters:']
+        lines += _commented(getattr(flight, field.name), '    ')
+    return '\n'.join(lines) + '\n'
+
+
+def _commented(params: Any, indent: str) -> Iterator[str]:
+    """Yield the lines of one section."""
+    for field in dataclasses.fields(params):
+        value = getattr(params, field.name)
+        if 'group' in field.metadata:
+            yield f'{indent}{field.name}:'
+            yield from _commented(value, indent + '  ')
+            continue
+        plain = list(value) if isinstance(value, tuple) else value
+        # in brackets, as a scalar of its own has an end marker
+        written = yaml.safe_dump([plain], default_flow_style=True, width=1000)[1:-2]
+        yield f'{f"{indent}{field.name}: {written}":<47} # {_comment(field.metadata)}'
+
+
+def _comment(meta: Mapping[str, Any]) -> str:
+    """Return what a parameter's declaration says of it."""
+    if 'unit' in meta:
+        low, high = (
+            str(x) if isinstance(x, int) else f'{x:g}' for x in (meta['low'], meta['high']))
+        return f"[{meta['unit']}] {low}..{high}, {meta['source']}"
+    if 'options' in meta:
+        return f"{' | '.join(meta['options'])}, {meta['source']}"
+    return f"true | false, {meta['source']}" if 'flag' in meta else meta['source']
+
+
+class _Loader(yaml.SafeLoader):
+    """Reads 1e-3 as a number, as ROS does; YAML 1.1 wants 1.0e-3."""
+
+
+_Loader.add_implicit_resolver(
+    'tag:yaml.org,2002:float', re.compile(r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$'),
+    list('-+.0123456789'))
+
+
+def read_value(text: str) -> Any:
+    """
+    Return a value or a whole document written in YAML.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        In one line, if the text is not YAML.
+
+    """
+    try:
+        return yaml.load(text, _Loader)  # a safe one
+    except yaml.YAMLError as error:
+        raise schema.ParameterError(' '.join(str(error).split())) from None
+
+
 def from_yaml(text: str, where: str = 'scenario') -> Scenario:
     """
     Read a scenario from a ROS 2 parameter file; what it does not name keeps its default.
@@ -122,17 +192,20 @@ def from_yaml(text: str, where: str = 'scenario') -> Scenario:
 
     """
     try:
-        data = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise schema.ParameterError(f'{where}: {error}'.replace('\n', ' ')) from None
+        data = read_value(text)
+    except schema.ParameterError as error:
+        raise schema.ParameterError(f'{where}: {error}') from None
     if not isinstance(data, dict):
         raise schema.ParameterError(f'{where}: not a ROS 2 parameter file')
-    sections = {}
+    sections: dict[str, dict] = {}
     for name, section in data.items():
         inner = section.get('ros__parameters') if isinstance(section, dict) else None
         if not isinstance(inner, dict):
             raise schema.ParameterError(f'{where}: {name} has no ros__parameters section')
-        sections[str(name).rsplit('/', 1)[-1]] = inner
+        node = str(name).rsplit('/', 1)[-1]
+        if node in sections:
+            raise schema.ParameterError(f'{where}: {name} is the second section of {node}')
+        sections[node] = inner
     return schema.build(Scenario, sections, f'{where}: ')
 
 
@@ -142,4 +215,6 @@ def load(path: Path) -> Scenario:
         text = Path(path).read_text()
     except OSError as error:
         raise schema.ParameterError(f'{path}: {error.strerror}') from None
+    except UnicodeDecodeError:
+        raise schema.ParameterError(f'{path}: not a text file') from None
     return from_yaml(text, str(path))

@@ -22,7 +22,6 @@ from mambo_model import schema
 from mambo_model.trajectory import TRAJECTORIES
 from mambo_model.vehicle import PRESETS
 from tqdm import tqdm
-import yaml
 
 from .domain import Domain
 from .processes import FlightError, Interrupts, NodeProcess, watch
@@ -75,7 +74,7 @@ class Progress:
         self._bar.close()
 
 
-def _mode(flight: scenarios.Scenario) -> dict[str, object]:
+def _mode() -> dict[str, object]:
     """Return the sim_node parameters that belong to the run and not to the experiment."""
     waited = [name for _, name in (*FLIGHT_NODES, RECORDER)]
     return {'sim_node.wait_for': ','.join(waited)}
@@ -102,8 +101,7 @@ def fly(flight: scenarios.Scenario, bag: Path) -> Outcome:
         raise FlightError(f'{bag} exists: give another --output or remove it')
     domain = Domain()
     with tempfile.TemporaryDirectory(prefix='mambo_') as folder, Interrupts() as interrupts:
-        text = scenarios.to_yaml(schema.build(
-            scenarios.Scenario, {**schema.flatten(flight), **_mode(flight)}))
+        text = scenarios.commented_yaml(scenarios.override(flight, _mode()))
         file = Path(folder) / 'scenario.yaml'
         file.write_text(text)
         progress = Progress(flight.sim_node.duration)
@@ -143,8 +141,8 @@ def _overrides(assignments: list[str]) -> dict[str, object]:
         if not equals:
             raise schema.ParameterError(f'--set {assignment}: write node.parameter=value')
         try:
-            out[name.strip()] = yaml.safe_load(value)
-        except yaml.YAMLError:
+            out[name.strip()] = scenarios.read_value(value)
+        except schema.ParameterError:
             raise schema.ParameterError(f'--set {assignment}: cannot read the value') from None
     return out
 

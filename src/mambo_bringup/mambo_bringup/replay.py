@@ -24,7 +24,7 @@ from .processes import FlightError, Interrupts, NodeProcess, watch
 
 ESTIMATOR = ('mambo_estimation', 'estimator_node')
 PLAYER = ('mambo_sim', 'replay_node')
-_RECORDED = (
+RECORDED = (
     '/clock,imu/data_raw,sonar/range,optical_flow,barometer/pressure,sensor_tick,estimate/odom,'
     'estimator/state,/tf,/diagnostics')
 
@@ -61,7 +61,7 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
         children: list[NodeProcess] = []
         try:
             children.append(NodeProcess(*RECORDER, [
-                '--ros-args', '-p', f'bag:={output}', '-p', f'topics:={_RECORDED}', *scenario]))
+                '--ros-args', '-p', f'bag:={output}', '-p', f'topics:={RECORDED}', *scenario]))
             children.append(NodeProcess(*ESTIMATOR, ['--ros-args', *parameters]))
             children.append(NodeProcess(*PLAYER, [
                 '--ros-args', '-p', f'bag:={bag}', '-p', f'rate:={float(rate)}',

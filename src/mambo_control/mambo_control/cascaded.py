@@ -27,9 +27,12 @@ from .position_law import advance, demand, errors, Memory
 from .safety import REASON_NONE, REASON_REFERENCE, stop_reason, usable
 from .thrust_direction import desired_attitude, desired_direction
 
-__all__ = ['CascadedParams', 'Command', 'initial', 'Law', 'law', 'Memory', 'step', 'stopped']
+__all__ = [
+    'CascadedParams', 'Command', 'initial', 'Law', 'law', 'Memory', 'motors', 'no_thrust', 'step',
+    'stopped']
 
 Four = tuple[float, float, float, float]
+Cut = tuple[bool, bool, bool, bool]
 
 
 class Law(NamedTuple):
@@ -66,7 +69,7 @@ class Command(NamedTuple):
     shutdown: bool
     reason: int  # one of safety.REASON_*
     motor_thrust: Four  # N, wanted, before the limits
-    saturated: tuple[bool, bool, bool, bool]  # the motor's PWM was cut
+    saturated: Cut  # the motor's PWM was cut
     thrust: float  # N, (3.20), before the limits
     torque: Vec3  # N m, body FRD, (3.29), before the limits
     position_error: Vec3  # m, inertial NED, reference minus estimate
@@ -120,23 +123,44 @@ def law(
 
 
 @jit
-def stopped(memory: Memory, reason: int) -> Command:
-    """Return the command that stops the motors; a shutdown unless reason is REASON_NONE."""
+def no_thrust(reason: int, integral: Vec3, integral_rate: Vec3) -> Command:
+    """Return the command that stops the motors of any controller; the last two as they are."""
     nan3 = (math.nan, math.nan, math.nan)
     zero4 = (0.0, 0.0, 0.0, 0.0)
     return Command(
         zero4, reason != REASON_NONE, reason, zero4, (False, False, False, False), 0.0,
-        (0.0, 0.0, 0.0), nan3, nan3, memory.P, memory.p, nan3,
+        (0.0, 0.0, 0.0), nan3, nan3, integral, integral_rate, nan3,
         (math.nan, math.nan, math.nan, math.nan), math.nan, nan3)
 
 
 @jit
-def _flying(out: Law, memory: Memory, ref: Reference, vv: VehicleValues) -> Command:
-    T = allocate(out.f, out.tau, vv)
+def stopped(memory: Memory, reason: int) -> Command:
+    """Return the command that stops the motors; a shutdown unless reason is REASON_NONE."""
+    return no_thrust(reason, memory.P, memory.p)
+
+
+@jit
+def motors(f: float, tau: Vec3, vv: VehicleValues) -> tuple[Four, Four, Cut]:
+    """
+    Return what the motors are told for a thrust f in N and a torque tau in N m, body FRD.
+
+    Returns
+    -------
+    thrust : (4,) N, wanted
+    pwm : (4,) within the limits of the motors
+    saturated : (4,) whether the PWM was cut
+
+    """
+    T = allocate(f, tau, vv)
     x = (pwm_from_thrust(T[0], vv), pwm_from_thrust(T[1], vv),
          pwm_from_thrust(T[2], vv), pwm_from_thrust(T[3], vv))
     pwm = (limit_pwm(x[0], vv), limit_pwm(x[1], vv), limit_pwm(x[2], vv), limit_pwm(x[3], vv))
-    saturated = (pwm[0] != x[0], pwm[1] != x[1], pwm[2] != x[2], pwm[3] != x[3])
+    return T, pwm, (pwm[0] != x[0], pwm[1] != x[1], pwm[2] != x[2], pwm[3] != x[3])
+
+
+@jit
+def _flying(out: Law, memory: Memory, ref: Reference, vv: VehicleValues) -> Command:
+    T, pwm, saturated = motors(out.f, out.tau, vv)
     return Command(
         pwm, False, REASON_NONE, T, saturated, out.f, out.tau, out.position_error,
         out.velocity_error, memory.P, memory.p, out.U, multiply(ref.q, out.q_d),

@@ -7,18 +7,19 @@ from mambo_model.rigid_body import State
 from mambo_model.trajectory import GROUND
 from mambo_ros import diagnostics, messages, node, topics
 
-from . import cascaded, latch
+from . import cascaded, latch, toolbox
 from .parameters import ControllerNodeParams
 from .safety import REASON_NONE
 
 _KEEP = 400  # references and estimates kept while the other one is missing, 2 s
 _REPORT_EVERY = 1_000_000_000  # ns
+_LAWS = {'cascaded': cascaded, 'toolbox': toolbox}
 _REASONS = ('flying', 'tilt limit', 'height limit', 'estimate unusable', 'reference unusable')
 
 
 class ControllerNode(node.MamboNode[ControllerNodeParams]):
     """
-    Cascaded controller.
+    Controller.
 
     Subscribes ``estimate/odom`` and ``reference``; answers each pair of equal stamps with
     ``motor_pwm`` and ``controller/state``. A shutdown stays until the node is started again.
@@ -27,8 +28,8 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
     def __init__(self, **kwargs) -> None:
         super().__init__('controller_node', ControllerNodeParams, **kwargs)
         p = self.params
-        self._gains, self._vehicle = p.cascaded.values(), p.vehicle.values()
-        self._memory, self._reason = cascaded.initial(), REASON_NONE
+        self._gains, self._vehicle = p.law.values(), p.vehicle.values()
+        self._memory, self._reason = _LAWS[p.controller].initial(), REASON_NONE
         self._states: dict[int, State] = {}
         self._references: dict[int, tuple] = {}
         self._last = -1

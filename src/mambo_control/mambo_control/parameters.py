@@ -9,6 +9,7 @@ from mambo_model.trajectory import FlightPlanParams
 from mambo_model.vehicle import Vehicle
 
 from .gains import CascadedParams
+from .toolbox import ToolboxControllerParams
 
 
 @dataclass(frozen=True)
@@ -23,10 +24,16 @@ class ReferenceNodeParams:
 class ControllerNodeParams:
     """Parameters of ``controller_node``; the vehicle is the one the controller believes in."""
 
-    controller: str = schema.choice('cascaded', ('cascaded',), 'which control law')
+    controller: str = schema.choice('cascaded', ('cascaded', 'toolbox'), 'which control law')
     period: float = schema.quantity(0.005, 's', 0.001, 0.1, '200 Hz, section 4.2')
     cascaded: CascadedParams = schema.group(CascadedParams)
+    toolbox: ToolboxControllerParams = schema.group(ToolboxControllerParams)
     vehicle: Vehicle = schema.group(Vehicle)
 
     def __post_init__(self) -> None:
         schema.check(self)
+
+    @property
+    def law(self) -> CascadedParams | ToolboxControllerParams:
+        """Return the parameters of the chosen control law."""
+        return getattr(self, self.controller)

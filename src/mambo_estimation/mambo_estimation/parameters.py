@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from mambo_model import schema
 
 from .kalman import EstimatorParams
+from .toolbox import ToolboxEstimatorParams
 
 
 @dataclass(frozen=True)
@@ -14,12 +15,18 @@ class EstimatorNodeParams:
     """Parameters of ``estimator_node``."""
 
     estimator: str = schema.choice(
-        'kalman', ('kalman', 'ground_truth'), 'which estimator answers the sensors')
+        'kalman', ('kalman', 'toolbox', 'ground_truth'), 'which estimator answers the sensors')
     synchronise: str = schema.choice(
         'watermark', ('watermark', 'arrival'),
         'wait for every sample the watermark announces, or use what has arrived (real hardware)')
     map_to_odom: bool = schema.flag(True, 'publish the identity map to odom on /tf')
     kalman: EstimatorParams = schema.group(EstimatorParams)
+    toolbox: ToolboxEstimatorParams = schema.group(ToolboxEstimatorParams)
 
     def __post_init__(self) -> None:
         schema.check(self)
+
+    @property
+    def filter(self) -> EstimatorParams | ToolboxEstimatorParams:
+        """Return the parameters of the chosen filter; with the ground truth, one not used."""
+        return self.toolbox if self.estimator == 'toolbox' else self.kalman

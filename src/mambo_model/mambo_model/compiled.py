@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import hashlib
 import os
 from pathlib import Path
@@ -42,6 +42,7 @@ def _cache_root() -> Path:
 os.environ.setdefault('NUMBA_CACHE_DIR', str(_cache_root() / f'numba-{_source_digest()}'))
 
 import numba  # noqa: E402 (reads NUMBA_CACHE_DIR while it is imported)
+from numba.extending import overload  # noqa: E402
 
 
 def jit(function: F) -> F:
@@ -52,3 +53,29 @@ def jit(function: F) -> F:
     gets the same bits.
     """
     return numba.njit(cache=True, error_model='numpy')(function)
+
+
+def by_type(position: int, functions: Mapping[type, Callable]) -> Callable:
+    """
+    Return one function for several: which one is called depends on the type of one argument.
+
+    For compiled code alone, where the choice is made while it is compiled: it costs nothing, and
+    what is not chosen is not compiled.
+
+    Parameters
+    ----------
+    position
+        Of the argument that decides, from 0.
+    functions
+        Compiled function for each NamedTuple that this argument may be.
+
+    """
+    def chosen(*arguments):
+        raise TypeError('only compiled code can call this')
+
+    @overload(chosen)
+    def _choose(*arguments):
+        found = functions.get(getattr(arguments[position], 'instance_class', None))
+        return found and (lambda *arguments: found(*arguments))
+
+    return chosen

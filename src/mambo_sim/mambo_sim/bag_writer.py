@@ -17,8 +17,9 @@ from collections.abc import Mapping
 import dataclasses
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
+from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 import yaml
 
@@ -122,8 +123,8 @@ class BagWriter:
     Attributes
     ----------
     late
-        Messages that came after their second had been written; 0 in a sound recording. They are
-        kept, in a later chunk, and the file is then no function of the payloads alone.
+        Messages that came after their second had been written, as a recorder that stalls gets
+        them. They are kept, in a later chunk, until :meth:`close` puts the file in order.
 
     Raises
     ------
@@ -145,16 +146,26 @@ class BagWriter:
         self._newest = -1
         self._first, self._last = NO_TIME, -1
         self._closed = False
+        self._library = library
+        self._extras: list[tuple[str, tuple]] = []  # method and arguments of metadata, attachments
         self._stream = self._open()
-        self._writer = Writer(
-            self._stream, chunk_size=CHUNK_LIMIT, compression=CompressionType.ZSTD)
-        self._writer.start(profile='ros2', library=library)
+        self._writer = self._begin(self._stream)
         for name, values in (metadata or {}).items():
             self.add_metadata(name, values)
         for name, data in (attachments or {}).items():
             self.add_attachment(name, data)
         self._writer.flush()
         self._write_yaml(RECORDING)
+
+    def _begin(self, stream: BinaryIO) -> Writer:
+        """Begin a data file."""
+        writer = Writer(stream, chunk_size=CHUNK_LIMIT, compression=CompressionType.ZSTD)
+        writer.start(profile='ros2', library=self._library)
+        return writer
+
+    def _add_extra(self, method: str, *arguments: Any) -> None:
+        self._extras.append((method, arguments))
+        getattr(self._writer, method)(*arguments)
 
     def _open(self):
         """Make the directory and open the data file, refusing what exists."""
@@ -172,12 +183,13 @@ class BagWriter:
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Append an MCAP metadata record; no wall-clock facts here, see :meth:`close`."""
-        self._writer.add_metadata(name, {str(key): str(value) for key, value in values.items()})
+        self._add_extra(
+            'add_metadata', name, {str(key): str(value) for key, value in values.items()})
 
     def add_attachment(self, name: str, data: str | bytes, media_type: str = '') -> None:
         """Append a file to the bag; its times are 0, its media type follows from its suffix."""
-        self._writer.add_attachment(
-            0, 0, name,
+        self._add_extra(
+            'add_attachment', 0, 0, name,
             media_type or MEDIA_TYPES.get(Path(name).suffix, 'application/octet-stream'),
             data.encode() if isinstance(data, str) else bytes(data))
 
@@ -326,12 +338,41 @@ class BagWriter:
             return
         if not self._by_order and self._topics:
             self._register()
-        self._write_until(self._newest + 1)
-        self._writer.add_metadata('rosbag2', {'serialized_metadata': _dump(self._information({}))})
-        self._writer.finish()
-        self._stream.close()
+        self._finish()
+        if self.late:
+            self._put_in_order()
         self._closed = True
         self._write_yaml(custom_data or {})
+
+    def _finish(self) -> None:
+        """Write what is pending and the index; nothing in the file depends on its own name."""
+        self._write_until(self._newest + 1)
+        nameless = {**self._information({}), 'relative_file_paths': [], 'files': []}
+        self._writer.add_metadata('rosbag2', {'serialized_metadata': _dump(nameless)})
+        self._writer.finish()
+        self._stream.close()
+
+    def _put_in_order(self) -> None:
+        """Write the data file anew as if no message had been late."""
+        with self.file.open('rb') as stream:
+            for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
+                topic = self._topics[channel.topic]
+                rank = message.data if topic.shared else b''
+                self._pending.append((
+                    message.log_time, topic.order, rank, message.sequence, message.publish_time,
+                    message.data))
+        for topic in self._by_order:
+            topic.written = 0
+        self._by_order, self._written_until = [], -1
+        ordered = self.file.with_suffix('.part')
+        self._stream = ordered.open('wb')
+        self._writer = self._begin(self._stream)
+        for method, arguments in self._extras:
+            getattr(self._writer, method)(*arguments)
+        self._writer.flush()
+        self._register()
+        self._finish()
+        os.replace(ordered, self.file)
 
     def _information(self, custom_data: Mapping[str, str]) -> dict[str, Any]:
         """Return the body of metadata.yaml in rosbag2's order of keys."""

@@ -75,9 +75,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
     def finish(self) -> None:
         """Close the bag and say what is in it."""
         self._bag.close()
-        if self._bag.late:
-            self.get_logger().warning(f'{self._bag.late} messages came too late to be in order')
-        self.get_logger().info(f'closed {self.params.bag}')
+        self.get_logger().info(f'closed {self.params.bag}, {self._bag.late} late messages')
 
 
 def main(args=None) -> None:

@@ -233,6 +233,17 @@ def test_a_late_message_is_kept_and_counted(tmp_path, store):
         assert reader.message_count == len(messages) + 1
 
 
+def test_a_recorder_that_stalls_leaves_the_file_of_one_that_does_not(tmp_path, store):
+    messages = payloads(store, 6.0)
+    slow = max(TYPES)  # arrives after everything else, seconds late
+    stalled = sorted(messages, key=lambda message: message[0] == slow)
+    sound, late = write(tmp_path / 'sound', messages), write(tmp_path / 'late', stalled)
+    assert sound.late == 0 < late.late
+    assert data_file(tmp_path / 'sound').read_bytes() == data_file(tmp_path / 'late').read_bytes()
+    assert sorted(file.name for file in (tmp_path / 'late').iterdir()) == [
+        'late_0.mcap', 'metadata.yaml']
+
+
 def test_seconds_are_whole_chunks_and_nothing_is_written_before_the_grace(tmp_path, store):
     path = tmp_path / 'flight'
     writer = BagWriter(path)

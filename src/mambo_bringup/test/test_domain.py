@@ -1,0 +1,145 @@
+"""One flight per ROS domain, whoever flies it."""
+
+import gc
+import os
+import subprocess
+import sys
+import tempfile
+
+from mambo_bringup import domain
+from mambo_bringup.domain import Domain
+from mambo_bringup.processes import FlightError
+import pytest
+
+VARIABLES = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE')
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path, monkeypatch):
+    """Keep the claims of these tests apart from flights under way."""
+    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
+    for name in VARIABLES:
+        monkeypatch.setenv(name, '')  # so that it is put back whatever a test does
+
+
+def test_the_domain_of_the_user_is_taken_as_it_is(monkeypatch):
+    monkeypatch.setenv('ROS_DOMAIN_ID', '42')
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET')
+    with Domain() as claimed:
+        assert claimed.number == 42
+    assert [os.environ[name] for name in VARIABLES] == ['42', 'SUBNET']
+
+
+def test_a_second_flight_in_the_domain_of_the_user_is_refused_with_one_line(monkeypatch):
+    monkeypatch.setenv('ROS_DOMAIN_ID', '42')
+    with Domain():
+        with pytest.raises(FlightError) as refusal:
+            Domain()
+    assert str(refusal.value) == (
+        'another flight is under way in ROS domain 42: wait, or set ROS_DOMAIN_ID')
+
+
+def test_without_a_choice_the_first_free_domain_is_taken(monkeypatch):
+    first = Domain()
+    monkeypatch.setenv('ROS_DOMAIN_ID', '')  # as another terminal has it
+    second = Domain()
+    assert (first.number, second.number) == (0, 1)
+    assert os.environ['ROS_DOMAIN_ID'] == '1'
+    first.release()
+    monkeypatch.setenv('ROS_DOMAIN_ID', '')
+    assert Domain().number == 0
+    assert second.number == 1
+
+
+def test_discovery_stays_on_this_machine_unless_the_user_says_otherwise():
+    with Domain():
+        assert os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
+
+
+def test_a_domain_is_free_again_and_the_environment_as_it_was_at_the_end(monkeypatch):
+    for name in VARIABLES:
+        monkeypatch.delenv(name)
+    for _ in range(3):
+        with Domain() as claimed:
+            assert claimed.number == 0
+            assert os.environ['ROS_DOMAIN_ID'] == '0'
+        assert not any(name in os.environ for name in VARIABLES)
+
+
+def test_an_object_that_is_gone_holds_nothing(monkeypatch):
+    monkeypatch.setenv('ROS_DOMAIN_ID', '7')
+    claimed = Domain()
+    del claimed
+    gc.collect()
+    assert Domain().number == 7
+
+
+def test_the_claim_of_a_killed_flight_is_gone_with_it(monkeypatch, tmp_path):
+    monkeypatch.setenv('ROS_DOMAIN_ID', '7')
+    holder = subprocess.Popen(
+        [sys.executable, '-c', 'import time\nfrom mambo_bringup.domain import Domain\n'
+         'claimed = Domain()\nprint(claimed.number, flush=True)\ntime.sleep(60)'],
+        env={**os.environ, 'TMPDIR': str(tmp_path)}, stdout=subprocess.PIPE, text=True)
+    assert holder.stdout.readline() == '7\n'
+    with pytest.raises(FlightError, match='ROS domain 7'):
+        Domain()
+    holder.kill()
+    holder.communicate()
+    assert Domain().number == 7
+
+
+def test_children_do_not_inherit_the_claim(monkeypatch):
+    monkeypatch.setenv('ROS_DOMAIN_ID', '7')
+    with Domain():
+        child = subprocess.Popen(['sleep', '60'], close_fds=False)
+    try:
+        assert Domain().number == 7
+    finally:
+        child.kill()
+        child.wait()
+
+
+@pytest.mark.parametrize('nonsense', ['one', '-1', '1.5', '0x1', '233', '99999999', ' 1', '²'])
+def test_a_domain_that_cannot_be_is_refused_with_one_line(monkeypatch, nonsense):
+    monkeypatch.setenv('ROS_DOMAIN_ID', nonsense)
+    with pytest.raises(FlightError) as refusal:
+        Domain()
+    assert str(refusal.value) == (
+        f'ROS_DOMAIN_ID = {nonsense!r} is not a whole number from 0 to 232')
+
+
+def test_all_domains_taken_is_said(monkeypatch):
+    monkeypatch.setattr(domain, '_FREE', range(2))
+    claims = []
+    for _ in range(2):
+        claims.append(Domain())
+        monkeypatch.setenv('ROS_DOMAIN_ID', '')
+    with pytest.raises(FlightError) as refusal:
+        Domain()
+    assert str(refusal.value) == 'no free ROS domain: other flights hold all of them'
+
+
+def deny(monkeypatch, is_denied):
+    really_open = os.open
+
+    def guarded(path, flags, *rest, **options):
+        if str(path).endswith('.lock') and is_denied(path, flags):
+            raise PermissionError(13, 'Permission denied', str(path))
+        return really_open(path, flags, *rest, **options)
+    monkeypatch.setattr(os, 'open', guarded)
+
+
+def test_the_file_of_another_user_can_be_locked_though_not_created(monkeypatch, tmp_path):
+    # in a sticky folder Linux denies O_CREAT on what another user has created
+    (tmp_path / 'mambo_domain_0.lock').touch()
+    deny(monkeypatch, lambda path, flags: flags & os.O_CREAT)
+    claimed = Domain()
+    assert claimed.number == 0
+    monkeypatch.setenv('ROS_DOMAIN_ID', '0')
+    with pytest.raises(FlightError, match='ROS domain 0'):
+        Domain()
+
+
+def test_a_domain_whose_file_cannot_be_opened_is_passed_over(monkeypatch):
+    deny(monkeypatch, lambda path, flags: '_0.lock' in str(path) or '_1.lock' in str(path))
+    assert Domain().number == 2

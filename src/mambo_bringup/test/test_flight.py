@@ -1,0 +1,252 @@
+"""The flight runner: its command line, the file it hands to the nodes, what it makes of them."""
+
+import dataclasses
+import signal
+import subprocess
+import sys
+import time
+
+from mambo_analysis.scenario import (
+    commented_yaml, from_yaml, landing_time, override, scenario, Scenario, to_yaml)
+from mambo_bringup import flight, processes
+from mambo_bringup.processes import FlightError
+from mambo_control.parameters import ControllerNodeParams
+from mambo_estimation.parameters import EstimatorNodeParams
+from mambo_model import schema
+from mambo_model.trajectory import TRAJECTORIES
+from mambo_model.vehicle import preset, PRESETS
+from mambo_ros.node import MamboNode
+import pytest
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+
+PATIENCE = 30.0  # s
+
+
+def options(params_type, name):
+    return dict(schema.walk(params_type))[name].metadata['options']
+
+
+def run(*arguments):
+    """Return the scenario and bag that a command line would fly, or SystemExit."""
+    seen = []
+
+    def fly(scenario, bag):
+        seen.append((scenario, bag))
+        raise FlightError('far enough')
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as end:
+        patch.setattr(flight, 'fly', fly)
+        flight.main(list(arguments))
+    if not seen:
+        raise end.value
+    return seen[0]
+
+
+def test_without_arguments_the_circle_is_flown_in_lockstep():
+    flown, bag = run()
+    assert flown == scenario(overrides={'sim_node.mode': 'lockstep'})
+    assert flown.reference_node.plan.trajectory == 'circle'
+    assert flown.sim_node.duration == 40.0 and flown.seed == 1
+    assert bag.is_absolute() and bag.parent.name == 'bags'
+
+
+def test_arguments_choose_trajectory_estimator_seed_vehicle_and_pace():
+    flown, _ = run('--trajectory', 'z_sine', '--estimator', 'ground_truth', '--seed', '7',
+                   '--duration', '30', '--vehicle', 'toolbox', '--believed', 'frictionless',
+                   '--mode', 'realtime', '--speed', '2', '--no-noise')
+    assert flown.reference_node.plan.trajectory == 'z_sine'
+    assert flown.reference_node.plan.landing_time == landing_time(30.0) == 21.0
+    assert flown.estimator_node.estimator == 'ground_truth'
+    assert flown.seed == flown.optitrack_node.seed == 7
+    assert flown.sim_node.simulator.vehicle == preset('toolbox')
+    assert flown.controller_node.vehicle == flown.reference_node.vehicle == preset('frictionless')
+    assert (flown.sim_node.mode, flown.sim_node.speed) == ('realtime', 2.0)
+    assert not flown.sim_node.simulator.noise
+
+
+def test_no_landing_is_no_landing():
+    assert run('--no-landing')[0].reference_node.plan.landing_time == 0.0
+    assert run()[0].reference_node.plan.landing_time == 31.0
+
+
+@pytest.mark.parametrize('assignment, value', [
+    ('sim_node.simulator.vehicle.mass=0.07', 0.07), ('sim_node.simulator.vehicle.mass=1', 1.0),
+    ('sim_node.simulator.vehicle.inertia=[1.0e-4, 1.0e-4, 2.0e-4]', (1e-4, 1e-4, 2e-4)),
+    ('sim_node.simulator.vehicle.inertia=[1e-4, 1e-4, 2e-4]', (1e-4, 1e-4, 2e-4)),
+    ('sim_node.simulator.barometer.noise=1e-3', 0.001),
+    ('sim_node.simulator.noise=false', False), ('sim_node.simulator.seed=12', 12),
+    ('controller_node.cascaded.derivatives=no_rates', 'no_rates'),
+    ('reference_node.plan.landing_time=20', 20.0), ('sim_node.speed = 3', 3.0)])
+def test_set_takes_any_parameter(assignment, value):
+    name = assignment.partition('=')[0].strip()
+    assert schema.flatten(run('--set', assignment)[0])[name] == value
+
+
+def test_set_can_be_repeated_and_comes_last():
+    flown, _ = run('--seed', '3', '--set', 'optitrack_node.seed=4', '--set', 'sim_node.speed=5')
+    assert (flown.seed, flown.optitrack_node.seed, flown.sim_node.speed) == (3, 4, 5.0)
+
+
+@pytest.mark.parametrize('arguments, complaint', [
+    (['--set', 'nonsense'], 'node.parameter=value'),
+    (['--set', 'sim_node.simulator.vehicle.mass'], 'node.parameter=value'),
+    (['--set', 'sim_node.simulator.vehicle.mass=[0.1'], '--set sim_node.simulator.vehicle.mass'),
+    (['--set', 'sim_node.simulator.vehicle.mass=heavy'], "mass = 'heavy' must be a number"),
+    (['--set', 'sim_node.simulator.vehicle.mass='], 'mass = None must be a number'),
+    (['--set', 'sim_node.simulator.vehicle.mas=1'], 'did you mean'),
+    (['--set', 'sim_node.simulator.noise=0'], 'must be true or false'),
+    (['--set', 'sim_node.simulator.seed=1.5'], 'must be a whole number'),
+    (['--duration', '0'], 'duration'), (['--duration', 'nan'], 'duration'),
+    (['--seed', '-1'], 'seed = -1')])
+def test_a_wrong_value_gets_one_line_and_exit_code_2(capsys, arguments, complaint):
+    with pytest.raises(SystemExit) as end:
+        run(*arguments)
+    out, err = capsys.readouterr()
+    assert end.value.code == 2 and out == ''
+    assert err.startswith('run: ') and complaint in err and len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize('arguments', [
+    ['--trajectory', 'loop'], ['--estimator', 'guess'], ['--controller', 'pid'],
+    ['--vehicle', 'eagle'], ['--believed', 'eagle'], ['--mode', 'slow'], ['--duration', 'long'],
+    ['--seed', '1.5'], ['--speed', 'fast'], ['--unknown'], ['bag']])
+def test_a_wrong_argument_is_usage_and_exit_code_2(capsys, arguments):
+    with pytest.raises(SystemExit) as end:
+        run(*arguments)
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert end.value.code == 2
+    assert last.startswith('run: error: ') and arguments[-1] in last
+
+
+def test_help_names_every_choice(capsys):
+    with pytest.raises(SystemExit) as end:
+        flight.main(['--help'])
+    text = ' '.join(capsys.readouterr().out.split())
+    assert end.value.code == 0
+    for name in (*TRAJECTORIES, *PRESETS, *options(EstimatorNodeParams, 'estimator'),
+                 *options(ControllerNodeParams, 'controller'), 'lockstep', 'realtime'):
+        assert name in text.replace('{', ' ').replace('}', ' ').replace(',', ' ').split(), name
+
+
+def test_the_runner_starts_what_the_scenario_has_parameters_for():
+    names = {name for _, name in (*flight.FLIGHT_NODES, flight.SIMULATOR)}
+    assert names == {field.name for field in dataclasses.fields(Scenario)}
+
+
+@pytest.mark.parametrize('write', [to_yaml, commented_yaml])
+def test_every_node_reads_from_the_file_what_was_written(tmp_path, write):
+    flown = override(scenario(), {
+        'sim_node.wait_for': 'one,two', 'sim_node.simulator.vehicle.power_a': 1 / 3e4,
+        'sim_node.simulator.vehicle.inertia': (1e-6, 1 / 3e3, 2e-5), 'sim_node.speed': 2,
+        'estimator_node.map_to_odom': False})
+    file = tmp_path / 'scenario.yaml'
+    file.write_text(write(flown))
+    rclpy.init(args=['--ros-args', '--params-file', str(file)],
+               signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        for field in dataclasses.fields(Scenario):
+            node = MamboNode(field.name, field.metadata['group'])
+            assert node.params == getattr(flown, field.name), field.name
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+
+
+NODES = [name for _, name in (*flight.FLIGHT_NODES, flight.RECORDER, flight.SIMULATOR)]
+STAND_IN = """#!/usr/bin/env python3
+import pathlib, shutil, signal, sys, time
+signal.signal(signal.SIGINT, lambda *_: sys.exit(0))
+here = pathlib.Path(__file__)
+shutil.copy(here, here.parent / f'{here.name}.up')
+while len(list(here.parent.glob('*.up'))) < NODES:
+    time.sleep(0.01)
+""".replace('NODES', str(len(NODES)))
+QUIET = 'while True:\n    time.sleep(0.01)\n'
+FLEW = """
+print('[INFO] [1.0] [mambo.sim_node]: flew 3.000 s in 1.500 s of wall time, '
+      '2 steps without their motor command')
+"""
+COPY = "shutil.copy(sys.argv[-1], f'{here}.yaml')\n"
+
+
+@pytest.fixture
+def graph(tmp_path, monkeypatch):
+    """Return what replaces installed nodes by other programs; they begin when all are up."""
+    monkeypatch.setattr(processes, 'executable', lambda package, name: tmp_path / name)
+    monkeypatch.delenv('ROS_DOMAIN_ID', raising=False)
+
+    def replace(**programs):
+        for name in NODES:
+            (tmp_path / name).write_text(STAND_IN + programs.get(name, QUIET))
+            (tmp_path / name).chmod(0o755)
+    return replace
+
+
+def short():
+    return scenario(duration=3.0, overrides={'sim_node.mode': 'lockstep'})
+
+
+def test_what_the_simulator_says_is_the_outcome(graph, tmp_path):
+    graph(sim_node=FLEW)
+    outcome = flight.fly(short(), tmp_path / 'bag')
+    assert (outcome.bag, outcome.flown, outcome.took) == (tmp_path / 'bag', 3.0, 1.5)
+    assert outcome.real_time_factor == 2.0 and not outcome.stopped
+
+
+def test_every_node_gets_the_scenario_and_the_simulator_waits_for_all(graph, tmp_path):
+    graph(sim_node=COPY + FLEW, controller_node=COPY + QUIET)
+    flight.fly(short(), tmp_path / 'bag')
+    for name in ('sim_node', 'controller_node'):
+        given = from_yaml((tmp_path / f'{name}.yaml').read_text())
+        assert set(given.sim_node.wait_for.split(',')) == set(NODES) - {'sim_node'}
+        assert override(given, {'sim_node.wait_for': ''}) == short()
+
+
+@pytest.mark.parametrize('name', ['sim_node', 'estimator_node', 'recorder_node'])
+def test_a_node_that_dies_ends_the_flight_and_is_named_with_its_complaint(graph, tmp_path, name):
+    graph(**{name: 'raise ValueError("out of paint")'})
+    with pytest.raises(FlightError) as error:
+        flight.fly(short(), tmp_path / 'bag')
+    assert str(error.value) == f'{name} ended with exit code 1: ValueError: out of paint'
+
+
+def test_a_missing_node_ends_the_flight_before_it_begins(tmp_path, monkeypatch):
+    monkeypatch.delenv('ROS_DOMAIN_ID', raising=False)
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
+    with pytest.raises(FlightError, match='recorder_node is not installed'):
+        flight.fly(short(), tmp_path / 'bag')
+
+
+def test_an_existing_bag_is_never_touched(graph, tmp_path):
+    graph()
+    (tmp_path / 'bag').mkdir()
+    with pytest.raises(FlightError, match='bag exists: give another --output or remove it'):
+        flight.fly(short(), tmp_path / 'bag')
+
+
+def test_a_bag_gets_a_name_that_is_free(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run()[1] == tmp_path / 'bags/circle_kalman_seed1'
+    (tmp_path / 'bags/circle_kalman_seed1').mkdir(parents=True)
+    assert run()[1] == tmp_path / 'bags/circle_kalman_seed1_2'
+    (tmp_path / 'bags/circle_kalman_seed1_2').mkdir()
+    assert run()[1] == tmp_path / 'bags/circle_kalman_seed1_3'
+    assert run('--output', 'mine')[1] == tmp_path / 'mine'
+
+
+def test_an_interrupt_of_the_runner_ends_every_node_in_order(graph, tmp_path):
+    graph()
+    runner = subprocess.Popen([sys.executable, '-c', f"""
+import pathlib
+from mambo_bringup import flight, processes
+from mambo_analysis.scenario import scenario
+folder = pathlib.Path({str(tmp_path)!r})
+processes.executable = lambda package, name: folder / name
+print(flight.fly(scenario(duration=3.0), folder / 'bag').stopped)
+"""], stdout=subprocess.PIPE, text=True)
+    limit = time.monotonic() + PATIENCE
+    while len(list(tmp_path.glob('*.up'))) < len(NODES) and time.monotonic() < limit:
+        time.sleep(0.01)
+    runner.send_signal(signal.SIGINT)
+    out, _ = runner.communicate(timeout=PATIENCE)
+    assert (runner.returncode, out) == (0, 'True\n')

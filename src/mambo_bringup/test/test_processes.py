@@ -1,0 +1,203 @@
+"""Nodes as children: started, watched, ended in order, never left behind."""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+from mambo_bringup import processes
+from mambo_bringup.processes import executable, FlightError, Interrupts, NodeProcess, watch
+import pytest
+
+PATIENCE = 20.0  # s; what is waited for takes a fraction of a second on an idle machine
+OBEDIENT = """
+import signal, sys, time
+def leave(*_):
+    print('asked to leave', flush=True)
+    sys.exit(0)
+signal.signal(signal.SIGINT, leave)
+print('up', *sys.argv[1:], flush=True)
+while True:
+    time.sleep(0.01)
+"""
+DEAF = OBEDIENT.replace('sys.exit(0)', 'pass')
+
+
+def until(condition, what):
+    limit = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < limit, f'waited {PATIENCE:g} s for {what}'
+        time.sleep(0.01)
+
+
+def script(path, text):
+    path.write_text(f'#!/usr/bin/env python3\n{text}')
+    path.chmod(0o755)
+    return path
+
+
+def alive(pid):
+    """Return whether a process runs; a zombie does not."""
+    try:
+        return Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()[0] != 'Z'
+    except OSError:
+        return False
+
+
+@pytest.fixture
+def start(tmp_path, monkeypatch):
+    """Return what starts a program as if it were an installed node."""
+    monkeypatch.setattr(processes, 'executable', lambda package, name: tmp_path / name)
+    started = []
+
+    def begin(text, *arguments, name='node', on_line=None):
+        script(tmp_path / name, text)
+        started.append(NodeProcess('some_package', name, list(arguments), on_line))
+        return started[-1]
+    yield begin
+    for process in started:
+        process.end(0.0)
+
+
+@pytest.mark.parametrize('package, name', [
+    ('mambo_nowhere', 'sim_node'), ('mambo_sim', 'no_such_node')])
+def test_what_is_not_installed_is_named_in_one_line(package, name):
+    with pytest.raises(FlightError) as refusal:
+        executable(package, name)
+    assert str(refusal.value) == (
+        f'{package} {name} is not installed: run colcon build, then source env.bash')
+
+
+def test_an_installed_node_is_found(tmp_path, monkeypatch):
+    (tmp_path / 'share/ament_index/resource_index/packages').mkdir(parents=True)
+    (tmp_path / 'share/ament_index/resource_index/packages/here').write_text('')
+    (tmp_path / 'lib/here').mkdir(parents=True)
+    wanted = script(tmp_path / 'lib/here/node', '')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
+    assert executable('here', 'node') == wanted
+    with pytest.raises(FlightError, match='here other is not installed'):
+        executable('here', 'other')
+
+
+def test_a_node_is_asked_to_leave_and_leaves(start):
+    heard = []
+    process = start(OBEDIENT, '--flag', 'x', on_line=heard.append)
+    assert process.exit_code is None
+    until(lambda: heard == ['up --flag x'], 'the first line')
+    assert process.end(PATIENCE) == 0
+    assert list(process.lines) == heard == ['up --flag x', 'asked to leave']
+    assert process.exit_code == 0
+
+
+def test_a_node_that_does_not_listen_is_killed(start):
+    process = start(DEAF)
+    until(lambda: process.lines, 'the first line')
+    began = time.monotonic()
+    assert process.end(0.3) == -signal.SIGKILL
+    assert time.monotonic() - began < PATIENCE
+    assert not alive(process._process.pid)
+
+
+def test_to_end_what_has_ended_keeps_its_exit_code(start):
+    process = start('raise SystemExit(3)')
+    assert process.wait(PATIENCE) == 3
+    process.interrupt()
+    assert process.end(0.0) == 3
+
+
+def test_waiting_can_be_in_vain(start):
+    process = start(OBEDIENT)
+    assert process.wait(0.05) is None
+
+
+def test_an_interrupt_of_the_terminal_does_not_reach_the_nodes(start):
+    process = start(OBEDIENT)
+    until(lambda: process.lines, 'the first line')
+    assert os.getpgid(process._process.pid) != os.getpgid(0)
+
+
+@pytest.mark.parametrize('lines, telling', [
+    ([], 'no output'),
+    (['all is well', ''], 'all is well'),
+    (['[ERROR] [1.0] [sim]: no motor_pwm', '[INFO] [2.0] [sim]: flew 3 s'],
+     '[ERROR] [1.0] [sim]: no motor_pwm'),
+    (['Traceback (most recent call last):', '  File "x.py", line 1', '    raise ValueError("a")',
+      'ValueError: a'], 'ValueError: a'),
+    (['ValueError: a', '', 'During handling of the above exception, another occurred:',
+      'KeyError: b'], 'KeyError: b'),
+    (['SimNode: vehicle: Vehicle.mass = -1.0 kg is outside [0.01, 1]'],
+     'SimNode: vehicle: Vehicle.mass = -1.0 kg is outside [0.01, 1]'),
+])
+def test_the_complaint_is_the_line_that_tells_most(start, lines, telling):
+    process = start(f'for line in {lines!r}:\n    print(line)')
+    process.wait(PATIENCE)
+    assert process.complaint() == telling
+
+
+def test_bytes_that_are_no_text_do_not_stop_the_reading(start):
+    process = start('import os\nos.write(1, b"\\xff\\nError: seen\\n")')
+    process.wait(PATIENCE)
+    assert process.complaint() == 'Error: seen'
+
+
+def test_only_the_last_lines_are_kept(start):
+    process = start('for i in range(1000):\n    print(i)')
+    process.wait(PATIENCE)
+    assert list(process.lines) == [str(i) for i in range(800, 1000)]
+
+
+def test_the_flight_is_over_when_the_owner_of_time_has_ended(start):
+    other = start(OBEDIENT, name='other')
+    owner = start('pass', name='owner')
+    watch([other, owner], Interrupts())
+    assert owner.exit_code == 0 and other.exit_code is None
+
+
+def test_the_flight_is_over_when_another_node_dies(start):
+    other = start('raise SystemExit(1)', name='other')
+    owner = start(OBEDIENT, name='owner')
+    watch([other, owner], Interrupts())
+    assert other.exit_code == 1 and owner.exit_code is None
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_flight_lets_the_owner_of_time_end_first(start, number):
+    other, owner = start(OBEDIENT, name='other'), start(OBEDIENT, name='owner')
+    until(lambda: owner.lines and other.lines, 'both nodes')
+    with Interrupts() as interrupts:
+        os.kill(os.getpid(), number)
+        watch([other, owner], interrupts)
+    assert interrupts.count == 1
+    assert owner.exit_code == 0 and other.exit_code is None
+
+
+def test_signals_mean_afterwards_what_they_meant_before():
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    with Interrupts():
+        assert signal.getsignal(signal.SIGINT) != before[0]
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+
+
+def test_children_end_in_order_when_their_parent_is_killed(tmp_path):
+    log = tmp_path / 'log'
+    script(tmp_path / 'node', OBEDIENT.replace(
+        "print('asked to leave', flush=True)", f"open({str(log)!r}, 'w').write('left')"))
+    parent = subprocess.Popen(
+        [sys.executable, '-c', f"""
+import pathlib, time
+from mambo_bringup import processes
+processes.executable = lambda package, name: pathlib.Path({str(tmp_path / 'node')!r})
+child = processes.NodeProcess('some_package', 'node', [])
+while not child.lines:
+    time.sleep(0.01)
+print(child._process.pid, flush=True)
+time.sleep({PATIENCE})
+"""], stdout=subprocess.PIPE, text=True)
+    pid = int(parent.stdout.readline())
+    assert alive(pid)
+    parent.kill()
+    parent.communicate(timeout=PATIENCE)
+    until(lambda: not alive(pid), 'the end of the child')
+    assert log.read_text() == 'left'  # it was asked, not killed
