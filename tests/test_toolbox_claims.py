@@ -1,8 +1,8 @@
 """
 What the thesis complains of in the support package's estimator and controller, flown again.
 
-Figures 4.3, 4.4 and 5.3 to 5.7, with sensor noise. The true vehicle is the identified one, reference
-and controller believe the package's 63 g and linear motor map, as in the thesis's first flights.
+Figures 4.3, 4.4 and 5.3 to 5.7, with sensor noise. The true vehicle is the identified one,
+reference and controller believe the package's 63 g and linear motor map, as in the first flights.
 Chapter 4 flies the package's controller, chapter 5 the cascaded one. The thesis gives no numbers
 for these figures: the numbers here are predicted by hand, from the flow's factor h Q(h) above all.
 """
@@ -59,11 +59,13 @@ def factor(height):
 
 
 def harmonic(flight, x):
-    """Return the complex amplitude at 1 rad/s of the last two periods, a drift taken out."""
+    """Return the complex amplitude at 1 rad/s of the last two periods beside offset and drift."""
     t = seconds(flight)
     last = t > t[-1] - 4 * math.pi
     t, x = t[last], x[last]
-    return 2 * np.mean((x - np.polyval(np.polyfit(t, x, 1), t)) * np.exp(-1j * t))
+    waves = np.stack([np.cos(t), -np.sin(t), np.ones_like(t), t], axis=1)
+    cosine, sine = np.linalg.lstsq(waves, x, rcond=None)[0][:2]
+    return cosine + 1j * sine
 
 
 def lag(flight, axis):
@@ -152,11 +154,12 @@ def test_figure_4_4_the_vehicle_drifts_away_and_the_estimate_does_not(seed):
     assert np.abs(per_period(flight.estimate[:, :2])).max() < 0.02
     drift = per_period(flight.truth[:, :2])
     assert np.hypot(*drift) > 1.0
-    # the flow multiplied by h Q(h) at last, rotated with the estimated attitude; 0.03 m: noise
+    # The flow multiplied by h Q(h) at last, rotated with the estimated attitude. It is 50 ms late
+    # (40 ms the filter, the rest the hold): 0.05 rad of 1.1 m.
     nu = flight.estimate[:, 3:6].copy()
     nu[:, :2] *= factor(-flight.truth[:, Z])[:, None]
     v = Rotation.from_quat(np.roll(flight.estimate[:, 6:10], -1, axis=1)).apply(nu)
-    assert drift == pytest.approx(per_period(np.cumsum(v, axis=0) * DT)[:2], abs=0.04)
+    assert drift == pytest.approx(per_period(np.cumsum(v, axis=0) * DT)[:2], abs=0.06)
     # into the net of a hall of 4 m within 20 s
     away = np.hypot(*flight.truth[:, :2].T)
     assert seconds(flight)[np.argmax(away > 2.0)] < 20.0
@@ -212,13 +215,15 @@ def test_figures_5_6_and_5_7_the_estimate_is_the_integrated_flow_and_the_truth_i
     estimate, seen, true = (
         rows[since, Y] - rows[since, Y][0]
         for rows in (flight.estimate, np.insert(flow, 2, 0.0, axis=1), flight.truth))
-    assert rms(estimate - seen) < 0.02 * np.ptp(seen)
+    # late by the 40 ms of the filter at 0.73 m/s: 2 cm
+    assert rms(estimate - seen) < 0.02
     assert rms(true - estimate) > 5 * rms(estimate - seen)
-    # one factor does it: what is left of the difference is a drift by noise of centimetres
-    scale = true @ estimate / (estimate @ estimate)
+    # One factor does it, an offset of the first turn aside: what is left is a drift by noise.
+    parts = np.stack([estimate, np.ones_like(estimate)], axis=1)
+    (scale, offset), *_ = np.linalg.lstsq(parts, true, rcond=None)
     height = -flight.truth[since, Z].mean()
-    assert scale == pytest.approx(factor(height), rel=0.04)  # of which the drift 2 %
-    assert rms(true - scale * estimate) < 0.3 * rms(true - estimate)
+    assert scale == pytest.approx(factor(height), rel=0.015)  # as for Figure 5.4
+    assert rms(true - scale * estimate - offset) < 0.2 * rms(true - estimate)
 
 
 @pytest.mark.parametrize('seed', SEEDS)
@@ -229,15 +234,12 @@ def test_figure_5_6_while_it_ascends_the_estimate_is_not_the_integrated_flow(see
     choices = {'controller': 'cascaded', 'overrides': walk}
     flight = flown('y_sine', seed, **choices)
     flow = integrated(sensors(setting('y_sine', seed, **choices), flight).flow)
-    apart = flight.estimate[:, :2] - flow
-    low = -flight.truth[:, Z] < 0.4
-    assert (flow[low & (seconds(flight) < 3.0)] == 0.0).all()
-    ascent, second = seconds(flight) < 4.0, round(1.0 / DT)
-    lost = np.hypot(*np.ptp(apart[ascent], axis=0))
-    # later in any second, with the walk grown to six times as much against the flow
-    later = max(np.hypot(*np.ptp(apart[k:k + second], axis=0))
-                for k in range(1200, len(apart) - second, second))
-    assert lost > 0.03 and lost > later
+    low = (-flight.truth[:, Z] < 0.4) & (seconds(flight) < 3.0)
+    assert (flow[low] == 0.0).all()
+    apart, turn = flight.estimate[:, :2] - flow, round(2 * math.pi / DT)
+    first, second = apart[1200:1200 + turn].mean(axis=0), apart[1200 + turn:][:turn].mean(axis=0)
+    assert np.hypot(*first) > 0.02  # until 6 s; afterwards nothing is added in a whole turn
+    assert np.hypot(*(second - first)) < 0.5 * np.hypot(*first)
 
 
 @pytest.mark.parametrize(('law', 'wanted'), [

@@ -81,7 +81,7 @@ def test_the_circle_is_smaller_and_later_than_its_reference_as_drag_makes_it():
     last = recording.t >= recording.t[-1] - round(4.0 * math.pi * 1e9) + 5_000_000  # two turns
     flown, wanted = (rows[last, 0] + 1j * rows[last, 1]
                      for rows in (recording.truth, recording.reference))
-    # thesis section 6.3, drag by the thrust of one rotor: half a unit of the last digit, and the end of take-off
+    # thesis section 6.3, drag by the thrust of one rotor: half a unit of the last digit stated
     assert np.abs(wanted) == pytest.approx(1.0, abs=1e-12)
     turn = np.mean(flown * wanted.conj())
     assert abs(turn) == pytest.approx(0.784, abs=6e-4)

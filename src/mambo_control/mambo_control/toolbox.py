@@ -86,7 +86,8 @@ class ToolboxControllerParams:
         'pitch of the reference; the package takes the position where they are zero')
     position_gain: float = quantity(0.24, 'rad/m', 0.0, 5.0, _PACKAGE)
     position_damping: float = quantity(0.1, 'rad s/m', 0.0, 5.0, _PACKAGE)
-    position_limit: float = quantity(3.0, 'm', 0.0, 100.0, 'support package: larger errors are cut')
+    position_limit: float = quantity(
+        3.0, 'm', 0.0, 100.0, 'support package: larger errors are cut')
     tilt_limit: float = quantity(
         math.radians(60.0), 'rad', 0.0, math.pi, 'shutdown beyond; pi: never (judgement)')
     height_min: float = quantity(-1.0, 'm', -1000.0, 0.0, 'shutdown below (judgement)')

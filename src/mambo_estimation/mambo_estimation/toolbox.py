@@ -116,14 +116,14 @@ class ToolboxEstimatorParams:
     attitude_weight: float = quantity(
         0.001, '-', 0.0, 1.0, 'support package: of the accelerometer in one step')
     attitude_tolerance: float = quantity(
-        0.002, '-', 0.0, 1.0, 'support package: the specific force is so near to gravity, relative')
+        0.002, '-', 0.0, 1.0, 'support package: the specific force is so near gravity, relative')
     height_gain: float = quantity(
         0.026241, '-', 0.0, 1.0, _KALMAN + 'Q = 0.0005 m^2/s^2 per step, R = 0.1 m^2')
     climb_gain: float = quantity(0.069777, '1/s', 0.0, 100.0, 'the same')
     sonar_min: float = quantity(0.44, 'm', 0.0, 5.0, 'support package: not used below')
     sonar_max: float = quantity(10.0, 'm', 0.0, 100.0, 'not used above: no sonar sees so far')
     sonar_gate: float = quantity(
-        0.3, 'm', 0.01, 100.0, 'support package: a range farther from the estimate is not used ...')
+        0.3, 'm', 0.01, 100.0, 'support package: a range farther from the estimate is unused ...')
     sonar_far: float = quantity(
         0.4, 'm', 0.0, 100.0, 'support package: ... unless the smoothed range is so far from it')
     pressure_far: float = quantity(
