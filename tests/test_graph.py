@@ -35,6 +35,17 @@ def bag(tmp_path_factory):
     return path
 
 
+PACKAGE = {'estimator': 'toolbox', 'controller': 'toolbox', 'believed': 'toolbox'}
+
+
+@pytest.fixture(scope='session')
+def package_bag(tmp_path_factory):
+    """Return the same flight with the support package's estimator, controller and belief."""
+    path = tmp_path_factory.mktemp('graph') / 'package' / 'flight'
+    fly(flight(**PACKAGE), path)
+    return path
+
+
 def payloads(bag, topic, namespace='/mambo'):
     name = topic.name if topic.name.startswith('/') else f'{namespace}/{topic.name}'
     return read_bag(bag, [name])[name].raw
@@ -79,20 +90,25 @@ def test_live_replay_gives_the_recorded_estimate_to_the_bit(bag, tmp_path):
             assert payloads(output, topic) == payloads(bag, topic), (name, topic.name)
 
 
-def test_offline_replay_gives_the_recorded_estimate_to_the_bit(bag):
-    params = flight().estimator_node.kalman
-    answers = list(offline.estimate(read_bag(bag), params))
+@pytest.mark.parametrize('choices', [{}, PACKAGE], ids=['default', 'package'])
+def test_offline_replay_gives_the_recorded_estimate_to_the_bit(bag, package_bag, choices):
+    bag = package_bag if choices else bag
+    answers = list(offline.estimate(read_bag(bag), flight(**choices).estimator_node.filter))
     assert [messages.estimate(t, e.state, e.pose_covariance, e.twist_covariance)
             for t, e in answers] == payloads(bag, topics.ESTIMATE)
     assert [encode_state(t, e, 0) for t, e in answers] == payloads(bag, topics.ESTIMATOR_STATE)
 
 
-@pytest.mark.parametrize('estimator', ['kalman', 'ground_truth'])
-def test_the_closed_loop_in_one_process_is_the_graph_to_the_bit(bag, tmp_path, estimator):
-    if estimator == 'ground_truth':
+@pytest.mark.parametrize(
+    'choices', [{}, PACKAGE, {'estimator': 'ground_truth'}], ids=['default', 'package', 'truth'])
+def test_the_closed_loop_in_one_process_is_the_graph_to_the_bit(
+        bag, package_bag, tmp_path, choices):
+    if choices == PACKAGE:
+        bag = package_bag
+    elif choices:
         bag = tmp_path / 'flight'
-        fly(flight(estimator=estimator), bag)
-    alone = closed_loop.fly(flight(estimator=estimator))
+        fly(flight(**choices), bag)
+    alone = closed_loop.fly(flight(**choices))
 
     def states(topic):
         rows = [messages.decode_odometry(data)[1] for data in payloads(bag, topic)]

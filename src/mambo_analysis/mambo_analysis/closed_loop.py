@@ -10,9 +10,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from mambo_control import cascaded, latch, toolbox as toolbox_law
-from mambo_estimation import kalman, toolbox
-from mambo_model.compiled import by_type, jit
+from mambo_control import latch
+from mambo_estimation import filters
+from mambo_estimation.kalman import Estimate
+from mambo_model.compiled import jit
 from mambo_model.flatness import body_velocity
 from mambo_model.rigid_body import State
 from mambo_model.trajectory import PlanValues, reference_step
@@ -26,10 +27,6 @@ from numpy.typing import NDArray
 from .scenario import Scenario
 
 Array = NDArray[np.float64]
-
-# Which of them is in the compiled loop follows from the types of its arguments: each pair of
-# estimator and controller has a loop of its own, compiled when it is first flown.
-_filter = by_type(8, {kalman.EstimatorValues: kalman.step, toolbox.ToolboxValues: toolbox.step})
 
 
 class Recording(NamedTuple):
@@ -55,7 +52,7 @@ class _Settings(NamedTuple):
 
     simulator: simulator.SimulatorValues
     optitrack: optitrack.OptitrackValues
-    estimator: kalman.EstimatorValues | toolbox.ToolboxValues
+    estimator: filters.Values
     plan: PlanValues
     gains: latch.Gains
     reference_vehicle: VehicleValues
@@ -106,16 +103,9 @@ def fly(flight: Scenario) -> Recording:
     sim = flight.sim_node.simulator
     mocap_rng = simulator.generators(flight.optitrack_node.seed)[simulator.OPTITRACK]
     _loop(simulator.initial_state(sim), simulator.generators(sim.seed), mocap_rng,
-          *_memories(flight), _settings(flight), out)
+          filters.initial(flight.estimator_node.filter), latch.initial(flight.controller_node.law),
+          _settings(flight), out)
     return out
-
-
-def _memories(flight: Scenario) -> tuple:
-    """Return the memories of estimator and controller before the flight."""
-    estimator, controller = flight.estimator_node, flight.controller_node
-    chosen = toolbox if estimator.estimator == 'toolbox' else kalman
-    law = toolbox_law if controller.controller == 'toolbox' else cascaded
-    return chosen.initial(estimator.filter), law.initial()
 
 
 @jit
@@ -130,8 +120,8 @@ def _store(row: Array, s: State) -> None:
 
 @jit
 def _estimate(
-    memory: kalman.Memory | toolbox.Memory, dt: float, s: simulator.Samples, p: _Settings,
-) -> tuple[kalman.Memory | toolbox.Memory, kalman.Estimate]:
+    memory: filters.Memory, dt: float, s: simulator.Samples, p: _Settings,
+) -> tuple[filters.Memory, Estimate]:
     """Answer the samples as the estimator node does, who gets them over the wire."""
     sonar = np.nan
     if s.sonar_new and p.sonar_low <= s.sonar <= p.sonar_high:
@@ -141,12 +131,18 @@ def _estimate(
         flow, quality = s.flow, s.flow_quality
     if s.baro_new:
         pressure = s.pressure
-    return _filter(memory, dt, s.gyro, s.accel, sonar, flow, quality, pressure, p.estimator)
+    return filters.step(
+        memory, dt, s.gyro, s.accel, sonar, flow, quality, pressure, p.estimator)
 
 
 @jit
 def _loop(state, rngs, mocap_rng, memory, control, p, out):
-    """Fly; every argument as :func:`fly` makes it, ``out`` is filled."""
+    """
+    Fly; every argument as :func:`fly` makes it, ``out`` is filled.
+
+    The types of ``memory``, ``control`` and ``p`` say which estimator and which controller: each
+    pair has a loop of its own, compiled when it is first flown.
+    """
     mocap, before, reason = optitrack.START, state.plant.body, 0
     last = len(out.t) - 1
     for k in range(last + 1):

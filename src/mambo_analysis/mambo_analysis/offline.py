@@ -11,7 +11,8 @@ from collections.abc import Iterator
 import heapq
 import itertools
 
-from mambo_estimation import kalman
+from mambo_estimation import filters
+from mambo_estimation.kalman import Estimate
 from mambo_estimation.synchroniser import Step, Synchroniser
 from mambo_ros import messages, topics
 
@@ -51,8 +52,8 @@ def steps(bag: Bag) -> Iterator[Step]:
 
 
 def estimate(
-    bag: Bag, params: kalman.EstimatorParams,
-) -> Iterator[tuple[int, kalman.Estimate]]:
+    bag: Bag, params: filters.Params,
+) -> Iterator[tuple[int, Estimate]]:
     """
     Yield (stamp ns, estimate) of a recorded flight, one for each message of the live estimator.
 
@@ -61,12 +62,12 @@ def estimate(
     bag
         As of :func:`steps`.
     params
-        Of the filter.
+        Of the estimator, which they choose by their type.
 
     """
-    memory, values = kalman.initial(params), params.values()
+    memory, values = filters.initial(params), params.values()
     for s in steps(bag):
-        memory, answer = kalman.step(
+        memory, answer = filters.step(
             memory, s.dt, s.gyro, s.accel, s.sonar, s.flow, s.flow_quality, s.pressure, values)
         if s.last:
             yield s.t, answer

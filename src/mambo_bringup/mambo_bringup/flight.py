@@ -10,6 +10,7 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 import re
+import signal
 import sys
 import tempfile
 
@@ -99,8 +100,8 @@ def fly(flight: scenarios.Scenario, bag: Path) -> Outcome:
     """
     if bag.exists():
         raise FlightError(f'{bag} exists: give another --output or remove it')
-    domain = Domain()
-    with tempfile.TemporaryDirectory(prefix='mambo_') as folder, Interrupts() as interrupts:
+    with (Domain(), tempfile.TemporaryDirectory(prefix='mambo_') as folder,
+          Interrupts() as interrupts):
         text = scenarios.commented_yaml(scenarios.override(flight, _mode()))
         file = Path(folder) / 'scenario.yaml'
         file.write_text(text)
@@ -115,10 +116,13 @@ def fly(flight: scenarios.Scenario, bag: Path) -> Outcome:
             watch(children, interrupts)
         finally:
             progress.close()
+            failed = [child for child in children if child.exit_code]
+            for child in children[1:]:  # all at once; the recorder, when they have left
+                child.interrupt()
             codes = {child.name: child.end(20.0) for child in reversed(children)}
-        del domain
-    for child in children:
-        if codes[child.name] != 0:
+    for child in [*failed, *children]:  # the cause before its consequences
+        # a node that is interrupted while Python still loads it ends by the signal
+        if codes[child.name] not in (0, -signal.SIGINT):
             raise FlightError(
                 f'{child.name} ended with exit code {codes[child.name]}: {child.complaint()}')
     return Outcome(

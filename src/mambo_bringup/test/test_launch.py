@@ -3,6 +3,7 @@
 import ast
 import importlib.util
 from pathlib import Path
+import tempfile
 
 from mambo_analysis.bag import BagError
 from mambo_analysis.scenario import from_yaml, load, override, scenario, Scenario, to_yaml
@@ -46,6 +47,12 @@ def arguments(name, **given):
 
 def flight(**given):
     return flight_plan(arguments('flight.launch.py', **given))
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path_factory, monkeypatch):
+    """Have the folders that a launch clears up at its end where pytest does."""
+    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path_factory.mktemp('launch')))
 
 
 @pytest.fixture

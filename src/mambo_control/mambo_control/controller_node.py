@@ -7,13 +7,12 @@ from mambo_model.rigid_body import State
 from mambo_model.trajectory import GROUND
 from mambo_ros import diagnostics, messages, node, topics
 
-from . import cascaded, latch, toolbox
+from . import cascaded, latch
 from .parameters import ControllerNodeParams
 from .safety import REASON_NONE
 
 _KEEP = 400  # references and estimates kept while the other one is missing, 2 s
 _REPORT_EVERY = 1_000_000_000  # ns
-_LAWS = {'cascaded': cascaded, 'toolbox': toolbox}
 _REASONS = ('flying', 'tilt limit', 'height limit', 'estimate unusable', 'reference unusable')
 
 
@@ -29,7 +28,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         super().__init__('controller_node', ControllerNodeParams, **kwargs)
         p = self.params
         self._gains, self._vehicle = p.law.values(), p.vehicle.values()
-        self._memory, self._reason = _LAWS[p.controller].initial(), REASON_NONE
+        self._memory, self._reason = latch.initial(p.law), REASON_NONE
         self._states: dict[int, State] = {}
         self._references: dict[int, tuple] = {}
         self._last = -1

@@ -13,15 +13,21 @@ from mambo_model.vehicle import VehicleValues
 
 from . import cascaded, toolbox
 from .cascaded import Command
-from .gains import GainValues
+from .gains import CascadedParams, GainValues
 from .safety import REASON_NONE
-from .toolbox import ToolboxGainValues
+from .toolbox import ToolboxControllerParams, ToolboxGainValues
 
 Memory = cascaded.Memory | toolbox.Memory
 Gains = GainValues | ToolboxGainValues
+Params = CascadedParams | ToolboxControllerParams
 
 _answer = by_type(5, {GainValues: cascaded.step, ToolboxGainValues: toolbox.step})
 _stopped = by_type(0, {cascaded.Memory: cascaded.stopped, toolbox.Memory: toolbox.stopped})
+
+
+def initial(params: Params) -> Memory:
+    """Return the memory at start of the controller that has such parameters."""
+    return (toolbox if isinstance(params, ToolboxControllerParams) else cascaded).initial()
 
 
 @jit

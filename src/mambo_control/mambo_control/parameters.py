@@ -9,6 +9,7 @@ from mambo_model.trajectory import FlightPlanParams
 from mambo_model.vehicle import Vehicle
 
 from .gains import CascadedParams
+from .latch import Params
 from .toolbox import ToolboxControllerParams
 
 
@@ -34,6 +35,6 @@ class ControllerNodeParams:
         schema.check(self)
 
     @property
-    def law(self) -> CascadedParams | ToolboxControllerParams:
+    def law(self) -> Params:
         """Return the parameters of the chosen control law."""
         return getattr(self, self.controller)

@@ -9,14 +9,13 @@ from mambo_model import frames, rigid_body
 from mambo_ros import diagnostics, layout, messages, node, topics
 from tf2_msgs.msg import TFMessage
 
-from . import kalman, toolbox
+from . import filters, kalman
 from .parameters import EstimatorNodeParams
 from .synchroniser import Step, Synchroniser
 
 _TF_EVERY = 20_000_000  # ns
 _REPORT_EVERY = 1_000_000_000  # ns
 _ZERO3, _ZERO36 = (0.0,) * 3, (0.0,) * 36
-_FILTERS = {'kalman': kalman, 'toolbox': toolbox}
 _STATUS = ('aligning', 'dead reckoning: no valid optical flow', 'nominal')
 
 
@@ -50,10 +49,9 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         if p.estimator == 'ground_truth':
             self.hear(topics.GROUND_TRUTH, self._on_truth)
             return
-        chosen = _FILTERS[p.estimator]
-        self._step, self._values = chosen.step, p.filter.values()
-        self._memory = chosen.initial(p.filter)
-        self._step(  # have it in memory before time starts
+        self._values = p.filter.values()
+        self._memory = filters.initial(p.filter)
+        filters.step(  # have the compiled step in memory before time starts
             self._memory, 0.0, _ZERO3, _ZERO3, 0.0, _ZERO3[:2], 0, 0.0, self._values)
         watermark = p.synchronise == 'watermark'
         self._sync = Synchroniser(watermark)
@@ -78,7 +76,7 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
 
     def _run(self, steps: list[Step]) -> None:
         for s in steps:
-            self._memory, estimate = self._step(
+            self._memory, estimate = filters.step(
                 self._memory, s.dt, s.gyro, s.accel, s.sonar, s.flow, s.flow_quality,
                 s.pressure, self._values)
             if s.last:

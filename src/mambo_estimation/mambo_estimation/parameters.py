@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from mambo_model import schema
 
+from .filters import Params
 from .kalman import EstimatorParams
 from .toolbox import ToolboxEstimatorParams
 
@@ -27,6 +28,6 @@ class EstimatorNodeParams:
         schema.check(self)
 
     @property
-    def filter(self) -> EstimatorParams | ToolboxEstimatorParams:
+    def filter(self) -> Params:
         """Return the parameters of the chosen filter; with the ground truth, one not used."""
         return self.toolbox if self.estimator == 'toolbox' else self.kalman

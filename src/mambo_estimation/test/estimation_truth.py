@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from mambo_estimation import kalman, toolbox
-from mambo_model.compiled import by_type, jit
+from mambo_estimation import filters, kalman
+from mambo_model.compiled import jit
 import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
@@ -20,9 +20,6 @@ from scipy.spatial.transform import Rotation
 G = 9.81
 DT = 0.005
 NAN = float('nan')
-
-FILTERS = {kalman.EstimatorParams: kalman, toolbox.ToolboxEstimatorParams: toolbox}
-_step = by_type(8, {kalman.EstimatorValues: kalman.step, toolbox.ToolboxValues: toolbox.step})
 
 
 def ramp(t, start, length):
@@ -231,7 +228,7 @@ def _store(row, e):
 def run_rows(memory, dt, gyro, accel, sonar, flow, quality, pressure, values, out):
     """Run the estimator over all samples in one compiled loop; rows of ``out`` are estimates."""
     for k in range(dt.shape[0]):
-        memory, e = _step(
+        memory, e = filters.step(
             memory, dt[k], (gyro[k, 0], gyro[k, 1], gyro[k, 2]),
             (accel[k, 0], accel[k, 1], accel[k, 2]), sonar[k], (flow[k, 0], flow[k, 1]),
             quality[k], pressure[k], values)
@@ -282,6 +279,6 @@ def estimate(samples, params=None, memory=None):
     s = samples
     out = np.empty((len(s.dt), COLUMNS))
     memory = run_rows(
-        memory or FILTERS[type(params)].initial(params), s.dt, s.gyro, s.accel, s.sonar, s.flow,
+        memory or filters.initial(params), s.dt, s.gyro, s.accel, s.sonar, s.flow,
         s.quality.astype(np.int64), s.pressure, params.values(), out)
     return Run(out, memory)

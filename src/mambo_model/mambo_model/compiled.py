@@ -59,19 +59,24 @@ def by_type(position: int, functions: Mapping[type, Callable]) -> Callable:
     """
     Return one function for several: which one is called depends on the type of one argument.
 
-    For compiled code alone, where the choice is made while it is compiled: it costs nothing, and
-    what is not chosen is not compiled.
+    In compiled code the choice is made while it is compiled: it costs nothing, and what is not
+    chosen is not compiled. An argument of another type is a TypeError, in compiled code at
+    compile time.
 
     Parameters
     ----------
     position
         Of the argument that decides, from 0.
     functions
-        Compiled function for each NamedTuple that this argument may be.
+        Function for each type of this argument; for compiled code compiled ones, for NamedTuples.
 
     """
     def chosen(*arguments):
-        raise TypeError('only compiled code can call this')
+        kind = type(arguments[position])
+        if kind not in functions:
+            known = ', '.join(sorted(one.__name__ for one in functions))
+            raise TypeError(f'argument {position} is {kind.__name__}; known: {known}')
+        return functions[kind](*arguments)
 
     @overload(chosen)
     def _choose(*arguments):

@@ -6,12 +6,14 @@ import shutil
 import struct
 import subprocess
 import sys
+from typing import NamedTuple
 
 from mambo_model import compiled, rigid_body, rotor, trajectory
-from mambo_model.compiled import jit
+from mambo_model.compiled import by_type, jit
 from mambo_model.quaternion import to_euler
 from mambo_model.rigid_body import State
 from mambo_model.vehicle import Vehicle
+from numba.core.errors import TypingError
 import pytest
 
 START = State((0.0, 0.0, 0.0), (0.1, -0.2, 0.0), (1.0, 0.0, 0.0, 0.0), (0.3, -0.2, 0.1))
@@ -98,3 +100,43 @@ def test_compiled_code_is_kept_where_asked_and_a_changed_source_starts_afresh(tm
         cache_folder(tmp_path / copy, tmp_path) for copy in ('same', 'again', 'changed'))
     assert same == again != changed
     assert same.startswith(f'{tmp_path}{os.sep}numba-')
+
+
+class Apple(NamedTuple):
+    weight: float
+
+
+class Pear(NamedTuple):
+    weight: float
+    rows: int
+
+
+@jit
+def of_apple(scale, fruit):
+    return scale * fruit.weight
+
+
+@jit
+def of_pear(scale, fruit):
+    return -scale * fruit.weight
+
+
+of_fruit = by_type(1, {Apple: of_apple, Pear: of_pear})
+
+
+@jit
+def twice(fruit):
+    return of_fruit(2.0, fruit)
+
+
+def test_the_type_of_an_argument_chooses_the_function_compiled_or_not():
+    for fruit, wanted in ((Apple(3.0), 6.0), (Pear(4.0, 1), -8.0)):
+        assert of_fruit(2.0, fruit) == twice(fruit) == wanted
+    assert len(of_pear.signatures) == 1  # what is not chosen is not compiled
+
+
+def test_a_type_without_a_function_is_said_by_name():
+    with pytest.raises(TypeError, match='argument 1 is int; known: Apple, Pear'):
+        of_fruit(2.0, 3)
+    with pytest.raises(TypingError):
+        twice(State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3))
