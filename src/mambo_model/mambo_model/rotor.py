@@ -1,15 +1,20 @@
 """
 Motors and mixer: PWM to thrust and back (4.5)-(4.7), thrusts to force and torque (3.2), (4.4).
 
+And what the thesis saw or left out: thrust that fades, the speed and angular momentum of rotors.
+
 Motors 1 to 4 are front left, front right, rear right, rear left; 1 and 3 turn clockwise seen from
 above. The inverse of (3.2) takes [f, roll, pitch, yaw]; (4.4) as printed takes other columns.
 """
 
 from __future__ import annotations
 
+import math
+
 from .compiled import jit
 from .vector import Vec3
 from .vehicle import THRUST_LINEAR, VehicleValues
+from .vehicle_options import FadeValues, RotorValues
 
 Four = tuple[float, float, float, float]
 
@@ -78,3 +83,44 @@ def allocate(f: float, tau: Vec3, vv: VehicleValues) -> Four:
         quarter - roll + pitch + yaw,
         quarter - roll - pitch - yaw,
         quarter + roll - pitch + yaw)
+
+
+@jit
+def faded(lost: float, pwm: float, dt: float, p: FadeValues) -> float:
+    """
+    Return the share of its thrust that a motor has lost after dt s, in [0, 1).
+
+    Above the command ``p.pwm`` it tends to ``p.loss``, below to 0, both with the time constant
+    (thesis sec. 4.4.2; NaN counts as below).
+
+    Parameters
+    ----------
+    lost
+        Share lost before.
+    pwm : PWM
+        Command, held.
+    dt : s
+    p
+        Threshold, final loss, time constant.
+
+    """
+    end = p.loss if pwm > p.pwm else 0.0
+    return end + (lost - end) * math.exp(-dt / p.time_constant)
+
+
+@jit
+def rotor_speed(thrust: float, rotor: RotorValues) -> float:
+    """Return Omega of T = k Omega^2 in rad/s, of one rotor away from the floor; T in N."""
+    return math.sqrt(max(thrust, 0.0) / rotor.speed_coefficient)
+
+
+@jit
+def rotor_momentum(thrust: Four, rotor: RotorValues) -> float:
+    """
+    Return the angular momentum of the four rotors about b3, in N m s, from thrusts (4,) N.
+
+    Seen from above, 1 and 3 turn clockwise, which is positive about the downward b3.
+    """
+    return rotor.inertia * (
+        rotor_speed(thrust[0], rotor) - rotor_speed(thrust[1], rotor)
+        + rotor_speed(thrust[2], rotor) - rotor_speed(thrust[3], rotor))

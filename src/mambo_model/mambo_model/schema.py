@@ -66,7 +66,16 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def _check_field(owner: str, field: dataclasses.Field, value: Any) -> None:
+def check_field(owner: str, field: dataclasses.Field, value: Any) -> None:
+    """
+    Check one value against the declaration of its field.
+
+    Raises
+    ------
+    ParameterError
+        Naming it as a field of ``owner``, with its value, unit and range.
+
+    """
     meta, name = field.metadata, f'{owner}.{field.name}'
     if 'options' in meta:
         if value not in meta['options']:
@@ -106,7 +115,7 @@ def check(params: Any) -> None:
     """
     for field in dataclasses.fields(params):
         if 'group' not in field.metadata:
-            _check_field(type(params).__name__, field, getattr(params, field.name))
+            check_field(type(params).__name__, field, getattr(params, field.name))
 
 
 def walk(params_type: type, prefix: str = '') -> Iterator[tuple[str, dataclasses.Field]]:

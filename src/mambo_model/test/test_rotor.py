@@ -4,6 +4,7 @@ import math
 
 from mambo_model import rotor
 from mambo_model.vehicle import preset, Vehicle
+from mambo_model.vehicle_options import FadeParams
 import numpy as np
 import pytest
 
@@ -115,3 +116,31 @@ def test_allocation_is_the_printed_inverse_with_its_columns_and_sign_put_right(s
     f, t1, t2, t3 = np.random.default_rng(seed).normal(size=4).tolist()
     np.testing.assert_allclose(
         rotor.allocate(f, (t1, t2, t3), vv), -printed @ [-f, t3, t2, t1], rtol=0.0, atol=1e-12)
+
+
+FADE = FadeParams(enabled=True).values()
+
+
+def test_thrust_fades_exponentially_above_350_and_comes_back_below():
+    lost = 0.0
+    for k in range(1, 401):
+        lost = rotor.faded(lost, 351.0, 0.005, FADE)
+        assert lost == pytest.approx(0.07 * (1.0 - math.exp(-0.005 * k / 2.0)), rel=1e-11)
+    for command in (350.0, 0.0, -1.0, math.nan):
+        assert rotor.faded(lost, command, 2.0, FADE) == pytest.approx(lost / math.e, rel=1e-14)
+
+
+def test_fading_bends_the_map_that_a_thrust_test_finds():
+    # commands of 0.1 ... 1.2 N through the linear map, the thrust read when it has faded: known
+    # to turn the exponent from 1.47 to 1.44 and the factor from 4.29e-5 to 4.9e-5
+    force = np.arange(1, 13) * 0.1
+    pwm = 1530.72681 * force / 4.0
+    thrust = [
+        (1.0 - rotor.faded(0.0, x, 60.0, FADE)) * rotor.thrust_from_pwm(x, POWER)
+        for x in pwm.tolist()]
+    b, log_a = np.polyfit(np.log(pwm), np.log(thrust), 1)
+    assert b == pytest.approx(1.44, abs=0.005)
+    assert math.exp(log_a) == pytest.approx(4.9e-5, rel=0.02)
+    low = pwm < 350.0
+    b, _ = np.polyfit(np.log(pwm[low]), np.log(np.array(thrust)[low]), 1)
+    assert b == pytest.approx(1.47, abs=1e-12)

@@ -4,6 +4,9 @@ The vehicle as it moves: motors, rigid body with drag (3.3) and a flat floor, on
 The motor command is held over a control step; within it (3.3) is integrated with the classical
 Runge-Kutta method. The floor is the plane rho_z = 0 of the inertial NED frame, so that the height
 of the vehicle is h = -rho_z. It supports and stops, it never pushes up: no spring, no jitter.
+
+A vehicle without options (None) has what the thesis has: motor map, (3.2), (3.13). None is a type
+of its own, so that code for options is neither compiled nor asked for then.
 """
 
 from __future__ import annotations
@@ -12,15 +15,18 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from mambo_model import forces
 from mambo_model.aerodynamics import lumped_drag
+from mambo_model.battery import supply
 from mambo_model.compiled import jit
 from mambo_model.quaternion import (
     exp_map, from_euler, multiply, normalise, Quat, rotate, rotate_inverse)
 from mambo_model.rigid_body import rk4_step, State
-from mambo_model.rotor import Four, limit_pwm, mix, thrust_from_pwm
+from mambo_model.rotor import faded, Four, limit_pwm, mix, thrust_from_pwm
 from mambo_model.schema import check, flag, ParameterError, quantity
 from mambo_model.vector import add, norm, scale, sub, Vec3
 from mambo_model.vehicle import VehicleValues
+from mambo_model.vehicle_options import OptionValues
 
 CONTROL_RATE = 200      # Hz, rate at which the motor command changes
 
@@ -44,8 +50,10 @@ class PlantState(NamedTuple):
     """Everything the plant remembers."""
 
     body: State
-    thrust: Four  # (4,) N, motors 1 to 4
+    thrust: Four  # (4,) N, motors 1 to 4, as if far from the floor; rotor speeds follow from it
     jolt: Vec3    # (3,) m/s^2, body FRD, what the accelerometer still feels of a touch-down
+    lost: Four = (0.0, 0.0, 0.0, 0.0)  # (4,) share of thrust that each motor lost to fading
+    charge: float = 0.0                # A s, drawn from the battery
 
 
 @dataclass(frozen=True)
@@ -85,11 +93,52 @@ def initial(params: PlantParams) -> PlantState:
 
 
 @jit
-def _motor_target(pwm: float, vv: VehicleValues) -> float:
-    """Return the thrust in N one motor tends to; 0, negative and NaN commands stop it."""
+def _motor_target(pwm: float, sag: float, vv: VehicleValues) -> float:
+    """
+    Return the thrust in N one motor tends to; 0, negative and NaN commands stop it.
+
+    Sag is the voltage over that of the motor map.
+    """
     if not pwm > 0.0:
         return 0.0
-    return thrust_from_pwm(limit_pwm(pwm, vv), vv)
+    return thrust_from_pwm(sag * limit_pwm(pwm, vv), vv)
+
+
+@jit
+def _targets(pwm: Four, sag: float, vv: VehicleValues) -> Four:
+    """Return the thrusts in N that the motors tend to."""
+    return (
+        _motor_target(pwm[0], sag, vv), _motor_target(pwm[1], sag, vv),
+        _motor_target(pwm[2], sag, vv), _motor_target(pwm[3], sag, vv))
+
+
+@jit
+def _supply(
+    state: PlantState, pwm: Four, dt: float, vv: VehicleValues, options: OptionValues | None,
+) -> tuple[Four, Four, float]:
+    """
+    Return the thrusts in N that the motors tend to, and what changes slowly at the end of dt s.
+
+    That is the shares of thrust lost to fading and the charge in A s drawn from the battery;
+    during the step they stay as they are.
+    """
+    if options is None:
+        return _targets(pwm, 1.0, vv), state.lost, state.charge
+    sag, charge, lost = 1.0, state.charge, state.lost
+    if options.battery.enabled:
+        voltage, current = supply(charge, state.thrust, options)
+        sag = voltage / options.battery.reference_voltage
+        charge += dt * current
+    t = _targets(pwm, sag, vv)
+    target = (
+        (1.0 - lost[0]) * t[0], (1.0 - lost[1]) * t[1],
+        (1.0 - lost[2]) * t[2], (1.0 - lost[3]) * t[3])
+    p = options.fade
+    if p.enabled:
+        lost = (
+            faded(lost[0], pwm[0], dt, p), faded(lost[1], pwm[1], dt, p),
+            faded(lost[2], pwm[2], dt, p), faded(lost[3], pwm[3], dt, p))
+    return target, lost, charge
 
 
 @jit
@@ -110,11 +159,36 @@ def _lag(h: float, time_constant: float) -> tuple[float, float]:
 
 
 @jit
-def _free_acceleration(body: State, f: float, vv: VehicleValues) -> Vec3:
-    """Return the acceleration without a floor, (3,) m/s^2 inertial, at a thrust of f N (3.1b)."""
-    drag = lumped_drag(body.nu, f, vv)
-    force = rotate(body.q, (drag[0], drag[1], drag[2] - f))
-    return add((0.0, 0.0, vv.gravity), scale(1.0 / vv.mass, force))
+def _air(
+    body: State, thrust: Four, vv: VehicleValues, ground: bool, options: OptionValues | None,
+) -> Vec3:
+    """Return thrust and drag together, (3,) N, body FRD, at thrusts of (4,) N off the floor."""
+    if options is None:
+        f, _ = mix(thrust, vv)
+        drag = lumped_drag(body.nu, f, vv)
+    else:
+        rotors = forces.Rotors(thrust, 0.0, 0.0)  # their torques are no force
+        f, _, drag = forces.forces(body, rotors, vv, options, ground)
+    return (drag[0], drag[1], drag[2] - f)
+
+
+@jit
+def _free_acceleration(body: State, air: Vec3, vv: VehicleValues) -> Vec3:
+    """Return the acceleration without a floor, (3,) m/s^2 inertial, by a force in N (3.1b)."""
+    return add((0.0, 0.0, vv.gravity), scale(1.0 / vv.mass, rotate(body.q, air)))
+
+
+@jit
+def _fly(
+    body: State, mean: Four, before: Four, after: Four, h: float, vv: VehicleValues, ground: bool,
+    options: OptionValues | None,
+) -> State:
+    """Advance a vehicle in the air by h s; thrusts in N: mean, at the start and at the end."""
+    if options is None:
+        f, tau = mix(mean, vv)
+        return rk4_step(body, f, tau, h, vv)
+    rotors = forces.rotors_in_step(mean, before, after, h, options)
+    return forces.rk4_step(body, rotors, h, vv, options, ground)
 
 
 @jit
@@ -199,6 +273,7 @@ def _fade(jolt: Vec3, blow: Vec3, q: Quat, dt: float) -> Vec3:
 @jit
 def advance(
     state: PlantState, pwm: Four, dt: float, substeps: int, vv: VehicleValues, ground: bool,
+    options: OptionValues | None = None,
 ) -> PlantState:
     """
     Advance the plant by one control step, the motor command held.
@@ -221,31 +296,34 @@ def advance(
         The true vehicle.
     ground
         Whether there is a floor at rho_z = 0.
+    options
+        Of the true vehicle; without any: none.
 
     """
     h = dt / substeps
-    target = (
-        _motor_target(pwm[0], vv), _motor_target(pwm[1], vv),
-        _motor_target(pwm[2], vv), _motor_target(pwm[3], vv))
+    target, lost, charge = _supply(state, pwm, dt, vv, options)
     at_end, on_average = _lag(h, vv.motor_time_constant)
     body, thrust, blow = state.body, state.thrust, (0.0, 0.0, 0.0)
     for _ in range(substeps):
-        f, tau = mix(_blend(target, thrust, on_average), vv)
+        before, mean = thrust, _blend(target, thrust, on_average)
         thrust = _blend(target, thrust, at_end)
         if ground and body.rho[2] >= 0.0:
-            velocity, acceleration = rotate(body.q, body.nu), _free_acceleration(body, f, vv)
+            velocity, air = rotate(body.q, body.nu), _air(body, mean, vv, ground, options)
+            acceleration = _free_acceleration(body, air, vv)
             if _supported(body, velocity, acceleration):
                 body = _rest(body, velocity, acceleration, h)
                 continue
-        body = rk4_step(body, f, tau, h, vv)
+        body = _fly(body, mean, before, thrust, h, vv, ground, options)
         if ground and body.rho[2] > 0.0:
             body, change = _touch_down(body)
             blow = add(blow, change)
-    return PlantState(body, thrust, _fade(state.jolt, blow, body.q, dt))
+    return PlantState(body, thrust, _fade(state.jolt, blow, body.q, dt), lost, charge)
 
 
 @jit
-def specific_force(state: PlantState, vv: VehicleValues, ground: bool) -> Vec3:
+def specific_force(
+    state: PlantState, vv: VehicleValues, ground: bool, options: OptionValues | None = None,
+) -> Vec3:
     """
     Return the acceleration besides gravity, (3,) m/s^2, body FRD: what an accelerometer feels.
 
@@ -260,15 +338,16 @@ def specific_force(state: PlantState, vv: VehicleValues, ground: bool) -> Vec3:
         The true vehicle.
     ground
         Whether there is a floor at rho_z = 0.
+    options
+        Of the true vehicle; without any: none.
 
     """
     body = state.body
-    f, _ = mix(state.thrust, vv)
-    drag = lumped_drag(body.nu, f, vv)
-    felt = add(scale(1.0 / vv.mass, (drag[0], drag[1], drag[2] - f)), state.jolt)
+    air = _air(body, state.thrust, vv, ground, options)
+    felt = add(scale(1.0 / vv.mass, air), state.jolt)
     if not (ground and body.rho[2] >= 0.0):
         return felt
-    velocity, acceleration = rotate(body.q, body.nu), _free_acceleration(body, f, vv)
+    velocity, acceleration = rotate(body.q, body.nu), _free_acceleration(body, air, vv)
     if not _supported(body, velocity, acceleration):
         return felt
     return add(felt, rotate_inverse(body.q, _reaction(velocity, acceleration)))

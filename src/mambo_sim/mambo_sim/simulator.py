@@ -16,6 +16,7 @@ from mambo_model.rotor import Four, mix
 from mambo_model.schema import check, flag, group, quantity
 from mambo_model.vector import Vec3
 from mambo_model.vehicle import Vehicle, VehicleValues
+from mambo_model.vehicle_options import OptionValues
 import numpy as np
 from numpy.random import Generator
 
@@ -37,6 +38,7 @@ class SimulatorValues(NamedTuple):
     optical_flow: optical_flow.FlowValues
     barometer: barometer.BarometerValues
     noise: bool
+    options: OptionValues | None  # of the vehicle
 
 
 class SimulatorState(NamedTuple):
@@ -82,7 +84,8 @@ class SimulatorParams:
         """Return what compiled code reads; the seed goes to :func:`generators`."""
         return SimulatorValues(
             self.vehicle.values(), self.plant.values(), self.imu.values(), self.sonar.values(),
-            self.optical_flow.values(), self.barometer.values(), self.noise)
+            self.optical_flow.values(), self.barometer.values(), self.noise,
+            self.vehicle.options())
 
 
 def initial_state(params: SimulatorParams) -> SimulatorState:
@@ -123,7 +126,7 @@ def sense(
     vv, truth, noise = values.vehicle, state.plant, values.noise
     body = truth.body
     f, _ = mix(truth.thrust, vv)
-    force = plant.specific_force(truth, vv, values.plant.ground)
+    force = plant.specific_force(truth, vv, values.plant.ground, values.options)
     imu_memory, inertial = imu.step(
         state.imu, body.omega, force, f / (vv.mass * vv.gravity), rngs[IMU], noise, values.imu)
     echo = sonar.step(tick, body, rngs[SONAR], noise, values.sonar)
@@ -158,5 +161,6 @@ def advance(
     """
     command = (0.0, 0.0, 0.0, 0.0) if shutdown else pwm
     moved = plant.advance(
-        state.plant, command, STEP, values.plant.substeps, values.vehicle, values.plant.ground)
+        state.plant, command, STEP, values.plant.substeps, values.vehicle, values.plant.ground,
+        values.options)
     return SimulatorState(moved, state.imu, state.optical_flow, state.barometer)

@@ -6,7 +6,9 @@ import math
 from mambo_model import schema
 from mambo_model.compiled import jit
 from mambo_model.vehicle import Vehicle
-from mambo_sim import simulator
+from mambo_model.vehicle_options import (
+    BatteryParams, DragParams, FadeParams, GroundEffectParams, RotorParams)
+from mambo_sim import plant, simulator
 from mambo_sim.plant import PlantParams
 from mambo_sim.sensors.imu import ImuParams
 from mambo_sim.sensors.sonar import SonarParams
@@ -14,6 +16,13 @@ from mambo_sim.simulator import advance, generators, initial_state, sense, Simul
 import numpy as np
 import pytest
 
+OPTIONS = Vehicle(
+    drag_reading='none', motor_time_constant=0.05,
+    drag=DragParams(
+        blade_flapping=True, induced=True, translational=True, profile='blade_element',
+        parasitic=True),
+    rotor=RotorParams(torques=True), ground_effect=GroundEffectParams(enabled=True),
+    fade=FadeParams(enabled=True, pwm=270.0), battery=BatteryParams(enabled=True))
 HOVER_PWM = (0.068 * 9.81 / 4 / 4.29e-5) ** (1 / 1.47)
 
 
@@ -62,12 +71,37 @@ def python_loop(params, ticks, seed=None, commands=command):
 
 @pytest.mark.parametrize('params', [
     SimulatorParams(seed=3), SimulatorParams(noise=False),
-    SimulatorParams(vehicle=Vehicle(motor_time_constant=0.03))])
+    SimulatorParams(vehicle=Vehicle(motor_time_constant=0.03)), SimulatorParams(vehicle=OPTIONS)])
 def test_compiled_alone_equals_compiled_in_a_loop_to_the_bit(params):
     alone = python_loop(params, 600)
     inside = compiled_loop(initial_state(params), 600, generators(params.seed), params.values())
     assert alone.tobytes() == inside.tobytes()
     assert alone[-1, 15] < -0.5 and (alone[:, 11] == 255).any()  # it flew, it saw
+
+
+def test_options_of_the_vehicle_reach_motors_and_accelerometer():
+    lagging = Vehicle(motor_time_constant=OPTIONS.motor_time_constant)
+    base, other = (
+        python_loop(SimulatorParams(noise=False, vehicle=v), 200) for v in (lagging, OPTIONS))
+    assert (other[-1, 13:20] != base[-1, 13:20]).all()
+    # a cushion of air and a full battery lift off with more
+    airborne = np.flatnonzero(base[:, 15] < 0.0)[0] + 1
+    assert other[airborne, 5] < base[airborne, 5] - 0.5
+    params = SimulatorParams(
+        noise=False, vehicle=OPTIONS, imu=ImuParams(accel_resolution=0.0),
+        plant=PlantParams(initial_position=(0.0, 0.0, -0.05), initial_euler=(0.3, 0.0, 0.0)))
+    values, rngs, state = params.values(), generators(0), initial_state(params)
+    for tick in range(30):
+        state, samples = sense(state, tick, rngs, values)
+        before, state = state, advance(state, (290.0,) * 4, False, values)
+    felt, body = np.array(samples.accel), before.plant.body
+    without = plant.specific_force(before.plant, values.vehicle, True)
+    assert felt[2] < without[2] - 0.05  # ground effect on the rotors
+    # parts of k_c = 0.22, of the lift; and what the hub's turning makes of the flapping discs
+    speeds = np.sqrt(np.array(before.plant.thrust) / 4.74e-8)
+    lean = -26.4 * body.omega[0] / speeds.mean()
+    assert felt[1] == pytest.approx(felt[2] * (0.055 * body.nu[1] - lean), rel=0.01)
+    assert abs(felt[1]) > 0.05
 
 
 def test_one_seed_one_flight():

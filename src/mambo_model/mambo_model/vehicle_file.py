@@ -1,0 +1,198 @@
+"""
+Parameters as a file for people: each value with its unit and where it comes from.
+
+YAML. Unlike a scenario, which is what one flight ran with, such a file is an account of a vehicle.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any, NamedTuple, NoReturn, TypeVar
+
+import yaml
+
+from .mass_properties import Point
+from .schema import build, check_field, flatten, ParameterError, unknown, walk
+
+P = TypeVar('P')
+
+MARKER = {'mass': ('kg', 1), 'position': ('m', 3)}  # unit, how many numbers
+LIMITS = {'mass': (0.0, 0.1), 'position': (-1.0, 1.0)}
+
+
+class Text(NamedTuple):
+    """A word of the file, and file and line it stands in."""
+
+    value: str
+    where: str
+
+
+class Content(NamedTuple):
+    """What a file says."""
+
+    base: Text | None
+    values: dict[str, Any]  # by dotted name
+    markers: list[Point]
+
+
+class _Reader:
+    """Walks the nodes of one file and knows where they are."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def where(self, node: yaml.Node) -> str:
+        return f'{self.path}:{node.start_mark.line + 1}'
+
+    def fail(self, node: yaml.Node, key: str, reason: str) -> NoReturn:
+        raise ParameterError(f'{self.where(node)}: {key}: {reason}')
+
+    def mapping(self, node: yaml.Node, name: str) -> dict[str, tuple[yaml.Node, yaml.Node]]:
+        """Return {key: (its node, the node of its value)}; a key may stand there once."""
+        if not isinstance(node, yaml.MappingNode):
+            self.fail(node, name, 'must hold names and values')
+        out: dict[str, tuple[yaml.Node, yaml.Node]] = {}
+        for key, value in node.value:
+            word = self.text(key, name)
+            if word in out:
+                self.fail(key, word, 'stands there twice')
+            out[word] = (key, value)
+        return out
+
+    def text(self, node: yaml.Node, name: str) -> str:
+        if not isinstance(node, yaml.ScalarNode) or not node.value.strip():
+            self.fail(node, name, 'must be text')
+        return node.value
+
+    def number(self, node: yaml.Node, name: str) -> float:
+        """Return a number; YAML takes 1e-4 for text, people do not."""
+        word = self.text(node, name)
+        try:
+            return float(word)
+        except ValueError:
+            self.fail(node, name, f'{word!r} is not a number')
+
+    def numbers(self, node: yaml.Node, name: str, count: int) -> tuple[float, ...]:
+        if not isinstance(node, yaml.SequenceNode) or len(node.value) != count:
+            self.fail(node, name, f'must be {count} numbers: [...]')
+        return tuple(self.number(element, name) for element in node.value)
+
+    def entry(self, name: str, key: yaml.Node, node: yaml.Node, unit: str | None) -> yaml.Node:
+        """Return the node of the value of ``name: {value, unit, source}``."""
+        parts = self.mapping(node, name)
+        wanted = ('value', 'source') if unit is None else ('value', 'unit', 'source')
+        for part, (at, _) in parts.items():
+            if part not in wanted:
+                self.fail(at, name, f'has {part!r}; it takes {", ".join(wanted)}')
+        for part in wanted:
+            if part not in parts:
+                self.fail(key, name, f'has no {part}; it takes {", ".join(wanted)}')
+        self.text(parts['source'][1], f'{name}: source')
+        if unit is not None and self.text(parts['unit'][1], name) != unit:
+            self.fail(parts['unit'][1], name, f'is in {unit}, not in {parts["unit"][1].value}')
+        return parts['value'][1]
+
+    def value(self, name: str, field: dataclasses.Field, key: yaml.Node, node: yaml.Node) -> Any:
+        """Return a checked value of a field of the schema."""
+        at = self.entry(name, key, node, field.metadata.get('unit'))
+        if isinstance(field.default, tuple):
+            out: Any = self.numbers(at, name, len(field.default))
+        elif 'unit' in field.metadata:
+            out = self.number(at, name)
+        elif 'flag' in field.metadata:
+            words = {'true': True, 'false': False}
+            out = words.get(self.text(at, name), at.value)
+        else:
+            out = self.text(at, name)
+        try:
+            check_field('.'.join(['vehicle', *name.split('.')[:-1]]), field, out)
+        except ParameterError as error:
+            raise ParameterError(f'{self.where(at)}: {error}') from None
+        return out
+
+    def section(
+        self, node: yaml.Node, prefix: str, fields: dict[str, dataclasses.Field],
+    ) -> dict[str, Any]:
+        """Return {dotted name: value} of everything below a node."""
+        out = {}
+        for part, (key, below) in self.mapping(node, prefix.rstrip('.')).items():
+            name = f'{prefix}{part}'
+            if name in fields:
+                out[name] = self.value(name, fields[name], key, below)
+            elif any(known.startswith(f'{name}.') for known in fields):
+                out.update(self.section(below, f'{name}.', fields))
+            else:
+                raise ParameterError(f'{self.where(key)}: {unknown(name, fields)}')
+        return out
+
+    def marker(self, node: yaml.Node) -> Point:
+        parts = self.mapping(node, 'markers')
+        if set(parts) != set(MARKER):
+            self.fail(node, 'markers', f'each takes {" and ".join(MARKER)}')
+        out: list[Any] = []
+        for name, (unit, count) in MARKER.items():
+            key, (low, high) = f'markers: {name}', LIMITS[name]
+            at = self.entry(key, *parts[name], unit)
+            given = self.numbers(at, key, count) if count > 1 else (self.number(at, key),)
+            if not all(low <= number <= high for number in given):
+                self.fail(at, key, f'is outside [{low:g}, {high:g}] {unit}')
+            out.append(given if count > 1 else given[0])
+        return tuple(out)
+
+
+def read(path: Path, params_type: type) -> Content:
+    """
+    Read a file.
+
+    Parameters
+    ----------
+    path
+        YAML: ``description``, ``base``, ``markers`` and values, see ``vehicle.load``.
+    params_type
+        Parameter dataclass whose names, units and ranges the values have.
+
+    Raises
+    ------
+    ParameterError
+        Naming file, line and key of anything that is not as it should be.
+
+    """
+    try:
+        root = yaml.compose(path.read_text(encoding='utf-8'), yaml.SafeLoader)
+    except OSError as error:
+        raise ParameterError(f'{path}: {error.strerror}') from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ParameterError(f'{path}: {" ".join(str(error).split())}') from None
+    reader = _Reader(path)
+    if not isinstance(root, yaml.MappingNode):
+        raise ParameterError(f'{path}: holds no names and values')
+    keys = reader.mapping(root, 'file')
+    if 'description' not in keys:
+        raise ParameterError(f'{path}: has no description')
+    reader.text(keys['description'][1], 'description')
+    base, markers = None, []
+    if 'base' in keys:
+        node = keys['base'][1]
+        base = Text(reader.text(node, 'base'), f'{reader.where(node)}: base')
+    if 'markers' in keys:
+        node = keys['markers'][1]
+        if not isinstance(node, yaml.SequenceNode):
+            reader.fail(node, 'markers', 'must be a list')
+        markers = [reader.marker(marker) for marker in node.value]
+    root.value = [pair for pair in root.value if pair[0].value not in (
+        'description', 'base', 'markers')]
+    return Content(base, reader.section(root, '', dict(walk(params_type))), markers)
+
+
+def replace(params: P, values: dict[str, Any]) -> P:
+    """
+    Return parameters with other values under some dotted names.
+
+    Raises
+    ------
+    ParameterError
+        If the values contradict each other.
+
+    """
+    return build(type(params), {**flatten(params), **values})
