@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from mambo_control import latch
 from mambo_estimation import filters
-from mambo_estimation.kalman import Estimate
+from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model.compiled import jit
 from mambo_model.flatness import body_velocity
 from mambo_model.rigid_body import State
@@ -45,6 +45,10 @@ class Recording(NamedTuple):
     pwm: Array  # (n, 4)
     pose: Array  # (n, 7) Optitrack position and quaternion, NaN where no pose came
     pose_t: NDArray[np.int64]  # (n,) ns, stamp of the pose
+    imu: Array  # (n, 6) gyro rad/s and specific force m/s^2
+    sonar: Array  # (n,) m, slant range as published; this and the next two NaN without a sample
+    flow: Array  # (n, 3) rad/s, the vehicle's sign; quality 0 ... 255
+    pressure: Array  # (n,) Pa
 
 
 class _Settings(NamedTuple):
@@ -99,13 +103,46 @@ def fly(flight: Scenario) -> Recording:
     out = Recording(
         np.arange(steps, dtype=np.int64) * STEP_NS, *(np.empty((steps, 13)) for _ in range(3)),
         np.empty(steps, dtype=np.int64), np.empty(steps), np.empty((steps, 4)),
-        np.full((steps, 7), np.nan), np.zeros(steps, dtype=np.int64))
+        np.full((steps, 7), np.nan), np.zeros(steps, dtype=np.int64), np.empty((steps, 6)),
+        np.empty(steps), np.empty((steps, 3)), np.empty(steps))
     sim = flight.sim_node.simulator
     mocap_rng = simulator.generators(flight.optitrack_node.seed)[simulator.OPTITRACK]
     _loop(simulator.initial_state(sim), simulator.generators(sim.seed), mocap_rng,
           filters.initial(flight.estimator_node.filter), latch.initial(flight.controller_node.law),
           _settings(flight), out)
     return out
+
+
+def estimate_again(recording: Recording, node: EstimatorNodeParams) -> Array:
+    """
+    Return what another estimator makes of the samples of a flight, (n, 13) states.
+
+    As appendix C does with other flow factors; the vehicle flies on what it flew on.
+
+    Parameters
+    ----------
+    recording
+        Of :func:`fly`.
+    node
+        The other estimator, not ``ground_truth``.
+
+    """
+    out = np.empty_like(recording.estimate)
+    _replay(filters.initial(node.filter), node.filter.values(), recording, out)
+    return out
+
+
+@jit
+def _replay(memory, values, r, out):
+    """Fill ``out`` with the states that an estimator makes of a recording's samples."""
+    for k in range(len(r.t)):
+        i, f = r.imu[k], r.flow[k]
+        quality = 0 if np.isnan(f[2]) else int(f[2])
+        dt = (r.t[k] - r.t[max(k - 1, 0)]) * 1e-9
+        memory, estimate = filters.step(
+            memory, dt, (i[0], i[1], i[2]), (i[3], i[4], i[5]), r.sonar[k], (f[0], f[1]), quality,
+            r.pressure[k], values)
+        _store(out[k], estimate.state)
 
 
 @jit
@@ -118,21 +155,34 @@ def _store(row: Array, s: State) -> None:
         row[6 + i] = s.q[i]
 
 
+class _Heard(NamedTuple):
+    """Samples as the estimator node has them, who gets them over the wire; NaN: none."""
+
+    sonar: float
+    flow: tuple[float, float]
+    flow_quality: int
+    pressure: float
+
+
 @jit
-def _estimate(
-    memory: filters.Memory, dt: float, s: simulator.Samples, p: _Settings,
-) -> tuple[filters.Memory, Estimate]:
-    """Answer the samples as the estimator node does, who gets them over the wire."""
-    sonar = np.nan
+def _hear(s: simulator.Samples, p: _Settings) -> _Heard:
+    sonar, flow, quality, pressure = np.nan, (np.nan, np.nan), 0, np.nan
     if s.sonar_new and p.sonar_low <= s.sonar <= p.sonar_high:
         sonar = s.sonar
-    flow, quality, pressure = (np.nan, np.nan), 0, np.nan
     if s.flow_new:
         flow, quality = s.flow, s.flow_quality
     if s.baro_new:
         pressure = s.pressure
-    return filters.step(
-        memory, dt, s.gyro, s.accel, sonar, flow, quality, pressure, p.estimator)
+    return _Heard(sonar, flow, quality, pressure)
+
+
+@jit
+def _store_samples(out: Recording, k: int, s: simulator.Samples, heard: _Heard) -> None:
+    for i in range(3):
+        out.imu[k, i], out.imu[k, 3 + i] = s.gyro[i], s.accel[i]
+    out.sonar[k], out.pressure[k] = heard.sonar, heard.pressure
+    out.flow[k, 0], out.flow[k, 1] = heard.flow
+    out.flow[k, 2] = heard.flow_quality if s.flow_new else np.nan
 
 
 @jit
@@ -152,9 +202,12 @@ def _loop(state, rngs, mocap_rng, memory, control, p, out):
         t_before = t - STEP_NS if k else t
         mocap, seen = optitrack.step(mocap, t_before, before, t, body, mocap_rng, p.optitrack)
         before = body
-        estimated = body
+        estimated, heard = body, _hear(samples, p)
+        _store_samples(out, k, samples, heard)
         if not p.use_truth:
-            memory, estimate = _estimate(memory, (t - t_before) * 1e-9, samples, p)
+            memory, estimate = filters.step(
+                memory, (t - t_before) * 1e-9, samples.gyro, samples.accel, heard.sonar,
+                heard.flow, heard.flow_quality, heard.pressure, p.estimator)
             estimated = estimate.state
         vehicle = p.reference_vehicle
         ref, phase = reference_step(

@@ -2,7 +2,7 @@
 
 import math
 
-from mambo_analysis.closed_loop import fly
+from mambo_analysis.closed_loop import estimate_again, fly
 from mambo_analysis.scenario import override, scenario, Scenario
 from mambo_model.quaternion import rotate
 from mambo_model.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
@@ -26,6 +26,12 @@ def assert_same(one, two):
         np.testing.assert_array_equal(a, b, err_msg=name)  # NaN equals NaN here
 
 
+def flown(recording):
+    """Return a recording without what sensors and cameras say."""
+    return recording._replace(**dict.fromkeys(
+        ('pose', 'imu', 'sonar', 'flow', 'pressure'), recording.truth))
+
+
 @pytest.fixture(scope='module')
 def flight():
     """Return the default flight: circle, seed 1, 40 s with a landing."""
@@ -47,7 +53,7 @@ def test_another_seed_is_another_flight(flight):
 def test_with_the_true_state_only_the_cameras_depend_on_the_seed():
     one, two = (
         fly(scenario(estimator='ground_truth', duration=8.0, seed=seed)) for seed in (1, 2))
-    assert_same(one._replace(pose=one.truth), two._replace(pose=two.truth))
+    assert_same(flown(one), flown(two))
     seen = ~np.isnan(one.pose[:, 0])
     assert (one.pose[seen] != two.pose[seen]).all()
     np.testing.assert_array_equal(one.estimate, one.truth)
@@ -162,3 +168,30 @@ def test_a_wrong_factor_of_the_flow_makes_the_world_as_much_too_large(constant):
     believed, flown = (abs(np.mean((rows[late, 0] + 1j * rows[late, 1]) * wanted))
                        for rows in (recording.estimate, recording.truth))
     assert believed / flown == pytest.approx(constant / true_factor, rel=0.005)  # height +-1 cm
+
+
+def test_the_samples_of_a_flight_through_its_own_estimator_give_its_estimate(flight):
+    again = estimate_again(flight, scenario().estimator_node)
+    np.testing.assert_array_equal(again, flight.estimate)
+
+
+def test_another_factor_over_the_same_samples_is_another_path(flight):
+    other = estimate_again(flight, scenario(overrides={
+        'estimator_node.kalman.optical_flow.constant': 1.3}).estimator_node)
+    late = between(flight, 10.0, 30.0)
+    sizes = [np.hypot(*(rows[late, :2] - rows[late, :2].mean(axis=0)).T).mean()
+             for rows in (other, flight.estimate)]
+    assert sizes[0] / sizes[1] == pytest.approx(1.3 / 1.06, rel=0.01)  # gates, accelerometer
+
+
+def test_samples_are_what_the_sensors_said(flight):
+    t, hover = seconds(flight), between(flight, 12.0, 30.0)
+    assert np.isfinite(flight.imu).all()
+    rates = (flight.sonar, 25.0), (flight.flow[:, 0], 32.0), (flight.pressure, 70.0)
+    for samples, rate in rates:
+        seen = np.isfinite(samples[hover]).sum()
+        assert seen / np.ptp(t[hover]) == pytest.approx(rate, rel=0.01)
+    assert np.nanmean(flight.sonar[hover]) == pytest.approx(1.5, abs=0.02)  # and 0.4 % of slant
+    at_rest = flight.imu[between(flight, 0.0, 0.9), 5].mean()  # -9.81 m/s^2 and the bias
+    # a tilt of 5 degrees asks for 0.05 m/s^2 more; the bias walks a little
+    assert flight.imu[hover, 5].mean() - at_rest == pytest.approx(-0.05, abs=0.03)

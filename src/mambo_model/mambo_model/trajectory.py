@@ -87,7 +87,8 @@ TRAJECTORIES: dict[str, Trajectory] = {
         'Fig. C.4-C.6', (0.0, 0.0, -1.5), (1.0, 0.0, 1.0), phase=(_COSINE, 0.0, _UP)),
 }
 
-TAKEOFFS = ('smooth', 'none')
+TAKEOFFS = ('smooth', 'step', 'none')
+SMOOTH, STEP, NONE = range(len(TAKEOFFS))
 
 
 class PlanValues(NamedTuple):
@@ -101,7 +102,7 @@ class PlanValues(NamedTuple):
     step: Vec3           # (3,) m
     turn_time: float     # s of path time at the middle of turning round; inf: never
     time_scale: float    # path seconds per second
-    smooth: bool
+    takeoff: int
     takeoff_time: float  # s
     climb_duration: float
     start_time: float
@@ -115,13 +116,15 @@ class FlightPlanParams:
     Which trajectory is flown, and how it is reached and left.
 
     ``takeoff`` smooth: on the ground until ``takeoff_time``, a climb above the origin, then the
-    trajectory from its own time 0 at ``start_time``, blended in. ``takeoff`` none: the reference
+    trajectory from its own time 0 at ``start_time``, blended in. ``takeoff`` step: as the drone of
+    the thesis flew, without climb and blend; the reference jumps to the hover point at
+    ``takeoff_time`` and to the trajectory at ``start_time``. ``takeoff`` none: the reference
     is the trajectory from t = 0, as in the thesis's simulations. A landing blends the trajectory
     out and then descends, with the same two durations. A step happens at ``start_time``.
     """
 
     trajectory: str = choice('circle', tuple(TRAJECTORIES), 'thesis chapters 3 to 6, appendix C')
-    takeoff: str = choice('smooth', TAKEOFFS, 'none: as in thesis sec. 3.4')
+    takeoff: str = choice('smooth', TAKEOFFS, 'none: thesis sec. 3.4; step: sec. 4.3, 5.2')
     takeoff_time: float = quantity(1.0, 's', 0.0, 600.0, 'design choice: motors start')
     climb_duration: float = quantity(3.0, 's', 0.5, 60.0, 'design choice')
     start_time: float = quantity(5.0, 's', 0.0, 600.0, 'thesis sec. 4.3, 5.2')
@@ -130,11 +133,19 @@ class FlightPlanParams:
     scale_amplitude: float = quantity(
         1.0, '1', 0.0, 5.0, 'design choice: size of the motion about the hover point')
     scale_rate: float = quantity(1.0, '1', 0.05, 5.0, 'design choice: speed along the path')
+    height: float = quantity(
+        0.0, 'm', 0.0, 100.0, 'of the hover point, thesis sec. 5.4; 0: that of the trajectory')
 
     def __post_init__(self) -> None:
         check(self)
         _check_order(self)
         _check_vertical(self)
+
+    @property
+    def hover(self) -> Vec3:
+        """Return the point where the trajectory is joined and left, (3,) m, inertial NED."""
+        x, y, z = TRAJECTORIES[self.trajectory].offset
+        return (x, y, -float(self.height) if self.height > 0.0 else z)
 
     def values(self) -> PlanValues:
         """Return what compiled code reads: the trajectory resolved and scaled, times in s."""
@@ -146,24 +157,25 @@ class FlightPlanParams:
             'scale_amplitude', 'scale_rate',
             'takeoff_time', 'climb_duration', 'start_time', 'blend_duration'))
         return PlanValues(
-            path.offset, scale(size, path.amplitude), path.rate, path.phase,
+            self.hover, scale(size, path.amplitude), path.rate, path.phase,
             scale(size, path.slope), scale(size, path.step), turn_time, time_scale,
-            self.takeoff == 'smooth', *times, landing if landing > 0.0 else math.inf)
+            TAKEOFFS.index(self.takeoff), *times, landing if landing > 0.0 else math.inf)
 
 
 def _check_order(plan: FlightPlanParams) -> None:
     """Raise ParameterError if one manoeuvre begins before the one before it has ended."""
-    smooth = plan.takeoff == 'smooth'
-    climbed = plan.takeoff_time + plan.climb_duration
-    if smooth and plan.start_time < climbed:
+    climbed, until = plan.takeoff_time, 'takeoff_time'
+    if plan.takeoff == 'smooth':
+        climbed, until = climbed + plan.climb_duration, 'takeoff_time + climb_duration'
+    if plan.takeoff != 'none' and plan.start_time < climbed:
         raise ParameterError(
             f'FlightPlanParams.start_time = {plan.start_time:g} s is before the climb ends, '
-            f'takeoff_time + climb_duration = {climbed:g} s')
+            f'{until} = {climbed:g} s')
     joined, what = 0.0, ''
-    if smooth:
+    if plan.takeoff == 'smooth':
         joined = plan.start_time + plan.blend_duration
         what = 'the trajectory is reached, start_time + blend_duration'
-    elif any(TRAJECTORIES[plan.trajectory].step):
+    elif plan.takeoff == 'step' or any(TRAJECTORIES[plan.trajectory].step):
         joined, what = plan.start_time, 'the step, start_time'
     if 0.0 < plan.landing_time < joined:
         raise ParameterError(
@@ -174,7 +186,7 @@ def _check_order(plan: FlightPlanParams) -> None:
 def _check_vertical(plan: FlightPlanParams) -> None:
     """Raise ParameterError if the plan meets the ground or falls faster than 9 m/s^2."""
     path = TRAJECTORIES[plan.trajectory]
-    height, depth = -path.offset[2], plan.scale_amplitude * path.amplitude[2]
+    height, depth = -plan.hover[2], plan.scale_amplitude * path.amplitude[2]
     if depth >= height:
         raise ParameterError(
             f'FlightPlanParams.scale_amplitude = {plan.scale_amplitude:g} takes {plan.trajectory} '
@@ -290,9 +302,9 @@ def _axis(p: Jet, slope: float, amplitude: float, rate: float, phase: float) -> 
 def _phase(t: float, plan: PlanValues) -> int:
     """Return the phase of the flight at t in s, one of GROUND ... LANDED."""
     leave = plan.landing_time + plan.blend_duration
-    if plan.smooth and t < plan.takeoff_time:
+    if plan.takeoff != NONE and t < plan.takeoff_time:
         return GROUND
-    if plan.smooth and t < plan.start_time:
+    if plan.takeoff != NONE and t < plan.start_time:
         return TAKEOFF
     if t < leave:
         return TRACK
@@ -305,9 +317,12 @@ def _phase(t: float, plan: PlanValues) -> int:
 def _weights(t: float, plan: PlanValues) -> tuple[Jet, Jet, Jet]:
     """Return the weights of hover point, periodic motion and step at t in s."""
     climb, join = _ONE, _ONE
-    if plan.smooth:
+    if plan.takeoff == SMOOTH:
         climb = _rise(t, plan.takeoff_time, plan.climb_duration)
         join = _rise(t, plan.start_time, plan.blend_duration)
+    elif plan.takeoff == STEP:
+        climb = _ONE if t >= plan.takeoff_time else _ZERO
+        join = _ONE if t >= plan.start_time else _ZERO
     step = _ONE if t >= plan.start_time else _ZERO
     if t >= plan.landing_time:
         leave = _fall(t, plan.landing_time, plan.blend_duration)
@@ -343,7 +358,7 @@ def flat_output(
 
     """
     u, w, g = _weights(t, plan)
-    p = _path_time(t - plan.start_time if plan.smooth else t, plan)
+    p = _path_time(t - plan.start_time if plan.takeoff != NONE else t, plan)
     A, F = plan.amplitude, plan.phase
     x = _product(w, _axis(p, plan.slope[0], A[0], plan.rate, F[0]))
     y = _product(w, _axis(p, plan.slope[1], A[1], plan.rate, F[1]))

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import yaml
 
 from .mass_properties import Point
-from .schema import build, check_field, flatten, ParameterError, unknown, walk
+from .schema import build, flatten, ParameterError, unknown, walk
+from .yaml_nodes import Reader
 
 P = TypeVar('P')
 
@@ -36,47 +37,8 @@ class Content(NamedTuple):
     markers: list[Point]
 
 
-class _Reader:
-    """Walks the nodes of one file and knows where they are."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def where(self, node: yaml.Node) -> str:
-        return f'{self.path}:{node.start_mark.line + 1}'
-
-    def fail(self, node: yaml.Node, key: str, reason: str) -> NoReturn:
-        raise ParameterError(f'{self.where(node)}: {key}: {reason}')
-
-    def mapping(self, node: yaml.Node, name: str) -> dict[str, tuple[yaml.Node, yaml.Node]]:
-        """Return {key: (its node, the node of its value)}; a key may stand there once."""
-        if not isinstance(node, yaml.MappingNode):
-            self.fail(node, name, 'must hold names and values')
-        out: dict[str, tuple[yaml.Node, yaml.Node]] = {}
-        for key, value in node.value:
-            word = self.text(key, name)
-            if word in out:
-                self.fail(key, word, 'stands there twice')
-            out[word] = (key, value)
-        return out
-
-    def text(self, node: yaml.Node, name: str) -> str:
-        if not isinstance(node, yaml.ScalarNode) or not node.value.strip():
-            self.fail(node, name, 'must be text')
-        return node.value
-
-    def number(self, node: yaml.Node, name: str) -> float:
-        """Return a number; YAML takes 1e-4 for text, people do not."""
-        word = self.text(node, name)
-        try:
-            return float(word)
-        except ValueError:
-            self.fail(node, name, f'{word!r} is not a number')
-
-    def numbers(self, node: yaml.Node, name: str, count: int) -> tuple[float, ...]:
-        if not isinstance(node, yaml.SequenceNode) or len(node.value) != count:
-            self.fail(node, name, f'must be {count} numbers: [...]')
-        return tuple(self.number(element, name) for element in node.value)
+class _Reader(Reader):
+    """Reads values that stand with their unit and their source."""
 
     def entry(self, name: str, key: yaml.Node, node: yaml.Node, unit: str | None) -> yaml.Node:
         """Return the node of the value of ``name: {value, unit, source}``."""
@@ -96,20 +58,7 @@ class _Reader:
     def value(self, name: str, field: dataclasses.Field, key: yaml.Node, node: yaml.Node) -> Any:
         """Return a checked value of a field of the schema."""
         at = self.entry(name, key, node, field.metadata.get('unit'))
-        if isinstance(field.default, tuple):
-            out: Any = self.numbers(at, name, len(field.default))
-        elif 'unit' in field.metadata:
-            out = self.number(at, name)
-        elif 'flag' in field.metadata:
-            words = {'true': True, 'false': False}
-            out = words.get(self.text(at, name), at.value)
-        else:
-            out = self.text(at, name)
-        try:
-            check_field('.'.join(['vehicle', *name.split('.')[:-1]]), field, out)
-        except ParameterError as error:
-            raise ParameterError(f'{self.where(at)}: {error}') from None
-        return out
+        return self.leaf('.'.join(['vehicle', *name.split('.')[:-1]]), name, field, at)
 
     def section(
         self, node: yaml.Node, prefix: str, fields: dict[str, dataclasses.Field],
@@ -158,15 +107,8 @@ def read(path: Path, params_type: type) -> Content:
         Naming file, line and key of anything that is not as it should be.
 
     """
-    try:
-        root = yaml.compose(path.read_text(encoding='utf-8'), yaml.SafeLoader)
-    except OSError as error:
-        raise ParameterError(f'{path}: {error.strerror}') from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ParameterError(f'{path}: {" ".join(str(error).split())}') from None
     reader = _Reader(path)
-    if not isinstance(root, yaml.MappingNode):
-        raise ParameterError(f'{path}: holds no names and values')
+    root = reader.root()
     keys = reader.mapping(root, 'file')
     if 'description' not in keys:
         raise ParameterError(f'{path}: has no description')

@@ -163,6 +163,30 @@ def test_scaling_changes_size_and_speed_of_the_motion(name):
             tr.flat_output(t, slow)[0], PRINTED[name](0.5 * t), rtol=0.0, atol=1e-14)
 
 
+@pytest.mark.parametrize('name', tr.TRAJECTORIES)
+def test_a_takeoff_in_a_step_jumps_to_the_hover_point_and_then_to_the_trajectory(name):
+    values, height = plan(name, takeoff='step'), -PRINTED[name](0.0)[2]
+    for t, phase, where in (
+            (0.999, tr.GROUND, (0.0, 0.0, 0.0)), (1.0, tr.TAKEOFF, (0.0, 0.0, -height)),
+            (4.999, tr.TAKEOFF, (0.0, 0.0, -height))):
+        got = tr.flat_output(t, values)
+        assert got[5] == phase and got[0] == pytest.approx(where, abs=1e-15)
+        np.testing.assert_array_equal(got[1:5], 0.0)
+    for t in (5.0, 6.3, 11.0):
+        rho, *_, phase = tr.flat_output(t, values)
+        wanted = PRINTED[name](t if name == 'step' else t - 5.0)
+        assert phase == tr.TRACK and rho == pytest.approx(wanted, abs=1e-14)
+
+
+@pytest.mark.parametrize('takeoff', tr.TAKEOFFS)
+def test_a_height_moves_the_trajectory_as_a_whole(takeoff):
+    as_printed, high = (plan('circle_rising', takeoff=takeoff, height=h) for h in (0.0, 2.5))
+    for t in (9.0, 12.5):
+        low, up = (tr.flat_output(t, values) for values in (as_printed, high))
+        np.testing.assert_allclose(up[0], np.subtract(low[0], (0.0, 0.0, 1.0)), atol=1e-14)
+        assert up[1:] == low[1:]
+
+
 @pytest.mark.parametrize('name', EVERY)
 def test_derivatives_scale_with_powers_of_the_rate(name):
     values, h = plan(name, scale_rate=0.7, scale_amplitude=0.8, landing_time=25.0), 1e-5
@@ -191,7 +215,9 @@ def test_blend_rises_smoothly_from_zero_to_one():
 
 @pytest.mark.parametrize(('values', 'message'), [
     ({'trajectory': 'spiral'}, r"FlightPlanParams.trajectory = 'spiral' is not one of hover, st"),
-    ({'takeoff': 'jump'}, r"FlightPlanParams.takeoff = 'jump' is not one of smooth, none"),
+    ({'takeoff': 'jump'}, r"FlightPlanParams.takeoff = 'jump' is not one of smooth, step, none"),
+    ({'takeoff': 'step', 'start_time': 0.5}, r'start_time = 0.5 s is .* takeoff_time = 1 s'),
+    ({'trajectory': 'z_sine', 'height': 0.9}, r'to the ground: 1 m of motion about 0.9 m'),
     ({'climb_duration': 0.0}, r'FlightPlanParams.climb_duration = 0.0 s is outside \[0.5, 60\]'),
     ({'start_time': 3.0}, r'start_time = 3 s is before the climb ends, .* = 4 s'),
     ({'landing_time': 7.0}, r'landing_time = 7 s is before the trajectory is reached, .* = 8 s'),

@@ -14,13 +14,14 @@ from typing import NamedTuple
 from mambo_model.compiled import jit
 from mambo_model.rotor import Four, mix
 from mambo_model.schema import check, flag, group, quantity
+from mambo_model.trajectory import PlanValues
 from mambo_model.vector import Vec3
 from mambo_model.vehicle import Vehicle, VehicleValues
 from mambo_model.vehicle_options import OptionValues
 import numpy as np
 from numpy.random import Generator
 
-from . import plant
+from . import hand, plant
 from .sensors import barometer, imu, optical_flow, sonar
 from .sensors.sampling import STEP
 
@@ -39,6 +40,7 @@ class SimulatorValues(NamedTuple):
     barometer: barometer.BarometerValues
     noise: bool
     options: OptionValues | None  # of the vehicle
+    hand: PlanValues | None  # that carries the vehicle
 
 
 class SimulatorState(NamedTuple):
@@ -75,6 +77,7 @@ class SimulatorParams:
     optical_flow: optical_flow.OpticalFlowParams = group(optical_flow.OpticalFlowParams)
     barometer: barometer.BarometerParams = group(barometer.BarometerParams)
     seed: int = quantity(0, '1', 0, 2**31 - 1, 'design choice')
+    hand: hand.HandParams = group(hand.HandParams)
     noise: bool = flag(True, 'design choice: false switches every random part off')
 
     def __post_init__(self) -> None:
@@ -85,7 +88,7 @@ class SimulatorParams:
         return SimulatorValues(
             self.vehicle.values(), self.plant.values(), self.imu.values(), self.sonar.values(),
             self.optical_flow.values(), self.barometer.values(), self.noise,
-            self.vehicle.options())
+            self.vehicle.options(), self.hand.values())
 
 
 def initial_state(params: SimulatorParams) -> SimulatorState:
@@ -102,6 +105,19 @@ def generators(seed: int) -> Generators:
     """
     return tuple(
         Generator(np.random.PCG64(child)) for child in np.random.SeedSequence(seed).spawn(5))
+
+
+@jit
+def _motion(
+    truth: plant.PlantState, t: float, path: PlanValues | None, values: SimulatorValues,
+) -> tuple[plant.PlantState, Vec3]:
+    """Return the plant, where a hand has it if one carries it, and its specific force."""
+    vv = values.vehicle
+    if path is None:
+        return truth, plant.specific_force(truth, vv, values.plant.ground, values.options)
+    body, force = hand.carry(t, path, vv.gravity)
+    stopped = (0.0, 0.0, 0.0, 0.0)
+    return plant.PlantState(body, stopped, (0.0, 0.0, 0.0), truth.lost, truth.charge), force
 
 
 @jit
@@ -123,10 +139,10 @@ def sense(
         From :meth:`SimulatorParams.values`.
 
     """
-    vv, truth, noise = values.vehicle, state.plant, values.noise
+    vv, noise = values.vehicle, values.noise
+    truth, force = _motion(state.plant, tick * STEP, values.hand, values)
     body = truth.body
     f, _ = mix(truth.thrust, vv)
-    force = plant.specific_force(truth, vv, values.plant.ground, values.options)
     imu_memory, inertial = imu.step(
         state.imu, body.omega, force, f / (vv.mass * vv.gravity), rngs[IMU], noise, values.imu)
     echo = sonar.step(tick, body, rngs[SONAR], noise, values.sonar)
