@@ -17,7 +17,7 @@ from typing import Any
 from mambo_control.parameters import ControllerNodeParams, ReferenceNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model import schema
-from mambo_model.vehicle import preset
+from mambo_model.vehicle import find
 from mambo_sim.parameters import OptitrackNodeParams, SimNodeParams
 import yaml
 
@@ -42,6 +42,7 @@ def scenario(
     trajectory: str = 'circle', estimator: str = 'kalman', controller: str = 'cascaded',
     duration: float = 40.0, seed: int = 1, vehicle: str = 'identified', believed: str = '',
     noise: bool = True, land: bool = True, overrides: Mapping[str, Any] | None = None,
+    carried: bool = False, folder: Path = Path(),
 ) -> Scenario:
     """
     Build a scenario from the choices a person makes.
@@ -57,7 +58,7 @@ def scenario(
     seed
         Of every noise stream.
     vehicle, believed
-        Presets of ``mambo_model.vehicle``: the true vehicle, and the one that reference and
+        Known vehicles or vehicle files: the true vehicle, and the one that reference and
         controller believe in (empty: the same).
     noise
         Whether sensors have noise and bias.
@@ -65,6 +66,10 @@ def scenario(
         Whether to descend at the end of ``duration``.
     overrides
         {'node.parameter': value}, applied last.
+    carried
+        Whether a hand carries the vehicle along the trajectory, level.
+    folder
+        What paths of vehicle files are relative to.
 
     Raises
     ------
@@ -72,8 +77,8 @@ def scenario(
         For an unknown name or a value out of range.
 
     """
-    true_vehicle = dataclasses.asdict(preset(vehicle))
-    believed_vehicle = dataclasses.asdict(preset(believed or vehicle))
+    true_vehicle = dataclasses.asdict(find(vehicle, folder))
+    believed_vehicle = dataclasses.asdict(find(believed or vehicle, folder))
     sections: dict[str, Any] = {
         'sim_node': {'duration': float(duration), 'simulator': {
             'seed': seed, 'noise': noise, 'vehicle': true_vehicle}},
@@ -84,7 +89,16 @@ def scenario(
     }
     if land:
         sections['reference_node']['plan']['landing_time'] = landing_time(duration)
-    return override(schema.build(Scenario, sections), overrides or {})
+    flight = override(schema.build(Scenario, sections), overrides or {})
+    return by_hand(flight) if carried else flight
+
+
+def by_hand(flight: Scenario) -> Scenario:
+    """Return the scenario with a hand that carries the vehicle along the reference."""
+    plan = schema.flatten(flight.reference_node.plan)
+    return override(flight, {
+        'sim_node.simulator.hand.enabled': True,
+        **{f'sim_node.simulator.hand.plan.{name}': value for name, value in plan.items()}})
 
 
 def override(flight: Scenario, values: Mapping[str, Any]) -> Scenario:

@@ -14,7 +14,7 @@ import signal
 import sys
 import tempfile
 
-from mambo_analysis import scenario as scenarios
+from mambo_analysis import scenario as scenarios, scenario_file
 from mambo_analysis.bag import read_bag
 from mambo_analysis.cli import guard
 from mambo_control.parameters import ControllerNodeParams
@@ -163,28 +163,37 @@ def parser() -> argparse.ArgumentParser:
         epilog='examples:\n'
                '  ./run                                 the circle (5.3) at 1.5 m\n'
                '  ./run --trajectory z_sine --seed 7    another flight\n'
+               '  ./run --scenario fig_5_11             an experiment of the thesis\n'
                '  ./run --mode realtime --duration 30   paced to the wall clock\n'
                '  ./run --set sim_node.simulator.vehicle.drag_coefficient=0.3\n')
     add = out.add_argument
-    add('--trajectory', default='circle', choices=tuple(TRAJECTORIES), metavar='NAME',
+    add('--scenario', metavar='NAME',
+        help='an experiment: a name of --list-scenarios, NAME/FLIGHT for one of its flights, or '
+        'a file; the choices below replace its own')
+    add('--list-scenarios', action='store_true', help='print the experiments and end')
+    add('--print-scenario', action='store_true',
+        help='print every parameter with unit, range and source and end')
+    add('--trajectory', choices=tuple(TRAJECTORIES), metavar='NAME',
         help=f"one of: {', '.join(TRAJECTORIES)} (default: circle)")
-    add('--estimator', default='kalman', choices=_options(EstimatorNodeParams, 'estimator'),
+    add('--estimator', choices=_options(EstimatorNodeParams, 'estimator'),
         help='default: kalman')
-    add('--controller', default='cascaded',
-        choices=_options(ControllerNodeParams, 'controller'), help='default: cascaded')
-    add('--duration', type=float, default=40.0, metavar='S',
+    add('--controller', choices=_options(ControllerNodeParams, 'controller'),
+        help='default: cascaded')
+    add('--duration', type=float, metavar='S',
         help='flight time in s, landing included where it fits (default: 40)')
-    add('--seed', type=int, default=1, metavar='N', help='of every noise stream (default: 1)')
-    add('--vehicle', default='identified', choices=tuple(PRESETS), metavar='NAME',
-        help=f"true vehicle, one of: {', '.join(PRESETS)} (default: identified)")
-    add('--believed', default='', choices=('', *PRESETS), metavar='NAME',
+    add('--seed', type=int, metavar='N', help='of every noise stream (default: 1)')
+    add('--vehicle', metavar='NAME',
+        help=f"true vehicle, one of: {', '.join(PRESETS)}, or a file (default: identified)")
+    add('--believed', metavar='NAME',
         help='vehicle that the controller believes in (default: the true one)')
     add('--mode', default='lockstep', choices=('lockstep', 'realtime'),
         help='lockstep: as fast as the machine allows, repeatable to the bit (default)')
     add('--speed', type=float, default=1.0, metavar='X',
         help='flight over wall time in realtime mode (default: 1)')
-    add('--no-noise', action='store_true', help='sensors without noise and bias')
-    add('--no-landing', action='store_true', help='stay on the trajectory to the end')
+    add('--no-noise', dest='noise', action='store_false', default=None,
+        help='sensors without noise and bias')
+    add('--no-landing', dest='landing', action='store_false', default=None,
+        help='stay on the trajectory to the end')
     add('--set', action='append', default=[], metavar='NODE.PARAMETER=VALUE',
         help='any parameter of any node, repeatable')
     add('--output', type=Path, metavar='DIR',
@@ -193,30 +202,54 @@ def parser() -> argparse.ArgumentParser:
     return out
 
 
-def _scenario(options: argparse.Namespace) -> scenarios.Scenario:
-    return scenarios.scenario(
-        options.trajectory, options.estimator, options.controller, options.duration, options.seed,
-        options.vehicle, options.believed, not options.no_noise, not options.no_landing,
-        {'sim_node.mode': options.mode, 'sim_node.speed': options.speed,
-         **_overrides(options.set)})
+def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
+    """Return name and scenario of the flight that the command line asks for."""
+    given = {
+        name: scenario_file.Place(value, f'--{name}') for name in scenario_file.FIELDS
+        if (value := getattr(options, name, None)) is not None}
+    if options.scenario:
+        name, flight = scenario_file.load(options.scenario, given)
+    else:
+        flight = scenario_file.from_settings(given)
+        plan, estimator = flight.reference_node.plan, flight.estimator_node.estimator
+        name = f'{plan.trajectory}_{estimator}'
+    flight = scenarios.override(flight, {
+        'sim_node.mode': options.mode, 'sim_node.speed': options.speed, **_overrides(options.set)})
+    if not flight.sim_node.duration > 0.0:
+        raise schema.ParameterError(f'{name}: sim_node.duration must be more than 0 s')
+    return f'{name}_seed{flight.seed}', flight
+
+
+def _list_scenarios() -> None:
+    """Print every experiment with its flights."""
+    for name in scenario_file.names():
+        experiment = scenario_file.read(scenario_file.find(name))
+        print(f'{name:<10} {experiment.title}')
+        for flight in filter(None, experiment.flights):
+            print(f'{"":<10}   {name}/{flight}')
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point of ``./run``."""
     options = parser().parse_args(arguments)
     try:
-        flight = _scenario(options)
-        if not flight.sim_node.duration > 0.0:
-            raise schema.ParameterError('--duration must be more than 0 s')
+        if options.list_scenarios:
+            _list_scenarios()
+            sys.exit()
+        name, flight = _scenario(options)
     except schema.ParameterError as error:
         print(f'run: {error}', file=sys.stderr)
         sys.exit(2)
-    sys.exit(guard('run', lambda: _fly_and_report(flight, options), FlightError))
+    if options.print_scenario:
+        print(scenarios.commented_yaml(flight), end='')
+        sys.exit()
+    sys.exit(guard('run', lambda: _fly_and_report(name, flight, options), FlightError))
 
 
-def _fly_and_report(flight: scenarios.Scenario, options: argparse.Namespace) -> None:
-    bag = options.output or _free(
-        Path('bags'), f'{options.trajectory}_{options.estimator}_seed{options.seed}')
+def _fly_and_report(
+    name: str, flight: scenarios.Scenario, options: argparse.Namespace,
+) -> None:
+    bag = options.output or _free(Path('bags'), name)
     outcome = fly(flight, bag.absolute())
     what = 'stopped by you after' if outcome.stopped else 'flew'
     print(f'{what} {outcome.flown:.2f} s in {outcome.took:.2f} s of wall time, '

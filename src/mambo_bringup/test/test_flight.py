@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 
+from mambo_analysis import scenario_file
 from mambo_analysis.scenario import (
     commented_yaml, from_yaml, landing_time, override, scenario, Scenario, to_yaml)
 from mambo_bringup import flight, processes
@@ -69,6 +70,34 @@ def test_no_landing_is_no_landing():
     assert run()[0].reference_node.plan.landing_time == 31.0
 
 
+def test_a_scenario_is_flown_by_its_name_and_other_arguments_replace_its_choices():
+    flown, bag = run('--scenario', 'fig_6_1/simulation', '--seed', '4', '--mode', 'realtime')
+    name, wanted = scenario_file.load('fig_6_1/simulation', {
+        'seed': scenario_file.Place(4, '--seed')})
+    assert flown == override(wanted, {'sim_node.mode': 'realtime'})
+    assert flown.sim_node.simulator.vehicle == preset('frictionless') and flown.seed == 4
+    assert bag.name == f'{name}_seed4' == 'fig_6_1_simulation_seed4'
+
+
+def test_scenarios_are_listed_with_their_flights(capsys):
+    with pytest.raises(SystemExit) as end:
+        flight.main(['--list-scenarios'])
+    text = capsys.readouterr().out
+    assert not end.value.code
+    for name in scenario_file.names():
+        assert f'\n{name} ' in f'\n{text}'
+    assert 'fig_6_1/simulation' in text and 'rises and falls' in text
+
+
+def test_a_printed_scenario_can_be_flown(capsys, tmp_path):
+    with pytest.raises(SystemExit) as end:
+        flight.main(['--scenario', 'fig_5_11', '--seed', '8', '--print-scenario'])
+    file = tmp_path / 'printed.yaml'
+    file.write_text(capsys.readouterr().out)
+    assert not end.value.code
+    assert run('--scenario', str(file))[0] == run('--scenario', 'fig_5_11', '--seed', '8')[0]
+
+
 @pytest.mark.parametrize('assignment, value', [
     ('sim_node.simulator.vehicle.mass=0.07', 0.07), ('sim_node.simulator.vehicle.mass=1', 1.0),
     ('sim_node.simulator.vehicle.inertia=[1.0e-4, 1.0e-4, 2.0e-4]', (1e-4, 1e-4, 2e-4)),
@@ -97,7 +126,10 @@ def test_set_can_be_repeated_and_comes_last():
     (['--set', 'sim_node.simulator.noise=0'], 'must be true or false'),
     (['--set', 'sim_node.simulator.seed=1.5'], 'must be a whole number'),
     (['--duration', '0'], 'duration'), (['--duration', 'nan'], 'duration'),
-    (['--seed', '-1'], 'seed = -1')])
+    (['--seed', '-1'], 'seed = -1'), (['--vehicle', 'eagle'], "--vehicle: vehicle 'eagle' is un"),
+    (['--believed', 'eagle'], 'known: crazyflie'), (['--vehicle', 'no.yaml'], 'No such file'),
+    (['--scenario', 'fig_1_1'], 'one of fig_3_3'), (['--scenario', 'no.yaml'], 'No such file'),
+    (['--scenario', 'fig_6_1/third'], 'experiment_old_map')])
 def test_a_wrong_value_gets_one_line_and_exit_code_2(capsys, arguments, complaint):
     with pytest.raises(SystemExit) as end:
         run(*arguments)
@@ -108,7 +140,7 @@ def test_a_wrong_value_gets_one_line_and_exit_code_2(capsys, arguments, complain
 
 @pytest.mark.parametrize('arguments', [
     ['--trajectory', 'loop'], ['--estimator', 'guess'], ['--controller', 'pid'],
-    ['--vehicle', 'eagle'], ['--believed', 'eagle'], ['--mode', 'slow'], ['--duration', 'long'],
+    ['--mode', 'slow'], ['--duration', 'long'],
     ['--seed', '1.5'], ['--speed', 'fast'], ['--unknown'], ['bag']])
 def test_a_wrong_argument_is_usage_and_exit_code_2(capsys, arguments):
     with pytest.raises(SystemExit) as end:

@@ -239,3 +239,23 @@ def preset(name: str) -> Vehicle:
     if name not in PRESETS:
         raise ParameterError(_unknown(name))
     return PRESETS[name]
+
+
+def find(name: str, folder: Path = Path()) -> Vehicle:
+    """
+    Return a known vehicle, or that of a file.
+
+    Parameters
+    ----------
+    name
+        As for :func:`preset`, or a path that ends in ``.yaml``, as for :func:`load`.
+    folder
+        What a path is relative to.
+
+    Raises
+    ------
+    ParameterError
+        As these two.
+
+    """
+    return load(folder / name) if Path(name).suffix in ('.yaml', '.yml') else preset(name)

@@ -37,8 +37,11 @@ class Reader:
             root = yaml.compose(self.path.read_text(encoding='utf-8'), yaml.SafeLoader)
         except OSError as error:
             raise ParameterError(f'{self.path}: {error.strerror}') from None
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise ParameterError(f'{self.path}: {" ".join(str(error).split())}') from None
+        except yaml.MarkedYAMLError as error:
+            line = error.problem_mark.line + 1
+            raise ParameterError(f'{self.path}:{line}: no YAML: {error.problem}') from None
+        except (yaml.YAMLError, UnicodeDecodeError):
+            raise ParameterError(f'{self.path}: not a text file') from None
         if not isinstance(root, yaml.MappingNode):
             raise ParameterError(f'{self.path}: holds no names and values')
         return root
