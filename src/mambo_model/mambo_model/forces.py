@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from .aerodynamics import ground_effect, lumped_drag, parasitic_drag, rotor_drag
 from .compiled import jit
-from .quaternion import normalise, Quat, rotate_inverse
-from .rigid_body import add_scaled, derivative, State
+from .quaternion import Quat, rotate_inverse
+from .rigid_body import add_scaled, controlled, derivative, finished, State
 from .rotor import Four, mix, rotor_momentum, rotor_speed
 from .vector import add, Vec3
 from .vehicle import VehicleValues
@@ -151,6 +151,7 @@ def forces(
 @jit
 def rk4_step(
     state: State, rotors: Rotors, h: float, vv: VehicleValues, options: OptionValues, floor: bool,
+    norm_gain: float | None = None,
 ) -> State:
     """
     Advance (3.3) by h seconds as ``rigid_body.rk4_step`` does, with every force of this module.
@@ -167,12 +168,15 @@ def rk4_step(
         The vehicle.
     floor
         Whether there is one at rho_z = 0.
+    norm_gain : 1/s
+        As there.
 
     """
     end = at = state
     for i in range(4):
         f, tau, F_D = forces(at, rotors, vv, options, floor)
         rate = derivative(at, f, tau, F_D, (0.0, 0.0, 0.0), vv)
+        rate = controlled(rate, at.q, norm_gain)
         end = add_scaled(end, rate, h / PARTS[i])
         at = add_scaled(state, rate, STAGES[i] * h)
-    return State(end.rho, end.nu, normalise(end.q), end.omega)
+    return finished(end, norm_gain)

@@ -7,9 +7,11 @@ from typing import NamedTuple
 from .aerodynamics import lumped_drag
 from .compiled import jit
 from .quaternion import (
-    derivative as quaternion_derivative, normalise, Quat, rotate, rotate_inverse)
+    derivative as quaternion_derivative, norm_control, normalise, Quat, rotate, rotate_inverse)
 from .vector import add, cross, mul, scale, sub, Vec3
 from .vehicle import VehicleValues
+
+NORM_LIMIT = 1.39  # h k up to which (2.16) is stable under the classical Runge-Kutta method
 
 
 class State(NamedTuple):
@@ -68,17 +70,42 @@ def add_scaled(state: State, rate: State, h: float) -> State:
 
 
 @jit
-def _stage(state: State, f: float, tau: Vec3, vv: VehicleValues) -> State:
-    """Return the derivative with the drag of this state."""
-    return derivative(state, f, tau, lumped_drag(state.nu, f, vv), (0.0, 0.0, 0.0), vv)
+def controlled(rate: State, q: Quat, norm_gain: float | None) -> State:
+    """Return a derivative whose q_dot has the control of the norm (2.16), with a gain in 1/s."""
+    if norm_gain is None:
+        return rate
+    a, b = rate.q, norm_control(q, norm_gain)
+    return State(
+        rate.rho, rate.nu, (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]), rate.omega)
 
 
 @jit
-def rk4_step(state: State, f: float, tau: Vec3, h: float, vv: VehicleValues) -> State:
+def finished(state: State, norm_gain: float | None) -> State:
+    """Return the state at the end of a step, normalised unless the norm is controlled."""
+    if norm_gain is None:
+        return State(state.rho, state.nu, normalise(state.q), state.omega)
+    return state
+
+
+@jit
+def _stage(
+    state: State, f: float, tau: Vec3, vv: VehicleValues, norm_gain: float | None,
+) -> State:
+    """Return the derivative with the drag of this state."""
+    drag = lumped_drag(state.nu, f, vv)
+    return controlled(
+        derivative(state, f, tau, drag, (0.0, 0.0, 0.0), vv), state.q, norm_gain)
+
+
+@jit
+def rk4_step(
+    state: State, f: float, tau: Vec3, h: float, vv: VehicleValues,
+    norm_gain: float | None = None,
+) -> State:
     """
     Advance (3.3) by h seconds with the classical Runge-Kutta method, thrust and torque held.
 
-    Drag is evaluated at every stage; q is normalised after the step. Global error O(h^4).
+    Drag is evaluated at every stage. Global error O(h^4).
 
     Parameters
     ----------
@@ -90,14 +117,17 @@ def rk4_step(state: State, f: float, tau: Vec3, h: float, vv: VehicleValues) -> 
         Length of the step.
     vv
         The vehicle.
+    norm_gain : 1/s
+        None: q is normalised after the step. Else the gain k of (2.16), stable for h k up to
+        :data:`NORM_LIMIT`; 0 lets the norm drift.
 
     """
-    k1 = _stage(state, f, tau, vv)
-    k2 = _stage(add_scaled(state, k1, 0.5 * h), f, tau, vv)
-    k3 = _stage(add_scaled(state, k2, 0.5 * h), f, tau, vv)
-    k4 = _stage(add_scaled(state, k3, h), f, tau, vv)
+    k1 = _stage(state, f, tau, vv, norm_gain)
+    k2 = _stage(add_scaled(state, k1, 0.5 * h), f, tau, vv, norm_gain)
+    k3 = _stage(add_scaled(state, k2, 0.5 * h), f, tau, vv, norm_gain)
+    k4 = _stage(add_scaled(state, k3, h), f, tau, vv, norm_gain)
     end = add_scaled(state, k1, h / 6.0)
     end = add_scaled(end, k2, h / 3.0)
     end = add_scaled(end, k3, h / 3.0)
     end = add_scaled(end, k4, h / 6.0)
-    return State(end.rho, end.nu, normalise(end.q), end.omega)
+    return finished(end, norm_gain)

@@ -21,14 +21,15 @@ from mambo_model.battery import supply
 from mambo_model.compiled import jit
 from mambo_model.quaternion import (
     exp_map, from_euler, multiply, normalise, Quat, rotate, rotate_inverse)
-from mambo_model.rigid_body import rk4_step, State
+from mambo_model.rigid_body import NORM_LIMIT, rk4_step, State
 from mambo_model.rotor import faded, Four, limit_pwm, mix, thrust_from_pwm
-from mambo_model.schema import check, flag, ParameterError, quantity
+from mambo_model.schema import check, choice, flag, ParameterError, quantity
 from mambo_model.vector import add, norm, scale, sub, Vec3
 from mambo_model.vehicle import VehicleValues
 from mambo_model.vehicle_options import OptionValues
 
 CONTROL_RATE = 200      # Hz, rate at which the motor command changes
+NORMS = ('normalise', 'control', 'free')
 
 FRICTION = 0.6          # Coulomb coefficient of the floor: plastic feet on a hall floor, assumed
 CONTACT_TIME = 0.02     # s, over which feet and airframe spread the blow of a landing, assumed
@@ -44,6 +45,7 @@ class PlantValues(NamedTuple):
 
     substeps: int
     ground: bool
+    norm_gain: float | None  # 1/s
 
 
 class PlantState(NamedTuple):
@@ -67,9 +69,17 @@ class PlantParams:
         (0.0, 0.0, 0.0), 'm', -1000.0, 1000.0, 'inertial NED; (3.32a)')
     initial_euler: Vec3 = quantity(
         (0.0, 0.0, 0.0), 'rad', -math.pi, math.pi, 'roll, pitch, yaw (2.4); (3.32b)')
+    norm: str = choice(
+        'normalise', NORMS, 'length of q: set to 1 after each step, controlled (2.16), or free')
+    norm_gain: float = quantity(
+        250.0, '1/s', 0.0, 1e4, 'k of (2.16); a quarter of the rate of the physics')
 
     def __post_init__(self) -> None:
         check(self)
+        if self.norm == 'control' and self.norm_gain >= NORM_LIMIT * self.physics_rate:
+            raise ParameterError(
+                f'PlantParams.norm_gain = {self.norm_gain:g} 1/s is not stable: it must be below '
+                f'{NORM_LIMIT} times the physics_rate of {self.physics_rate} Hz')
         if self.physics_rate % CONTROL_RATE:
             raise ParameterError(
                 f'PlantParams.physics_rate = {self.physics_rate} Hz must be a multiple of '
@@ -80,8 +90,9 @@ class PlantParams:
                 'at rho_z = 0: make its third number 0 or negative, or switch ground off')
 
     def values(self) -> PlantValues:
-        """Return what compiled code reads: steps of the physics in a control step, floor."""
-        return PlantValues(self.physics_rate // CONTROL_RATE, self.ground)
+        """Return what compiled code reads; without a gain the length is set to 1."""
+        gain = {'normalise': None, 'control': float(self.norm_gain), 'free': 0.0}[self.norm]
+        return PlantValues(self.physics_rate // CONTROL_RATE, self.ground, gain)
 
 
 def initial(params: PlantParams) -> PlantState:
@@ -181,14 +192,14 @@ def _free_acceleration(body: State, air: Vec3, vv: VehicleValues) -> Vec3:
 @jit
 def _fly(
     body: State, mean: Four, before: Four, after: Four, h: float, vv: VehicleValues, ground: bool,
-    options: OptionValues | None,
+    options: OptionValues | None, norm_gain: float | None,
 ) -> State:
     """Advance a vehicle in the air by h s; thrusts in N: mean, at the start and at the end."""
     if options is None:
         f, tau = mix(mean, vv)
-        return rk4_step(body, f, tau, h, vv)
+        return rk4_step(body, f, tau, h, vv, norm_gain)
     rotors = forces.rotors_in_step(mean, before, after, h, options)
-    return forces.rk4_step(body, rotors, h, vv, options, ground)
+    return forces.rk4_step(body, rotors, h, vv, options, ground, norm_gain)
 
 
 @jit
@@ -273,7 +284,7 @@ def _fade(jolt: Vec3, blow: Vec3, q: Quat, dt: float) -> Vec3:
 @jit
 def advance(
     state: PlantState, pwm: Four, dt: float, substeps: int, vv: VehicleValues, ground: bool,
-    options: OptionValues | None = None,
+    options: OptionValues | None = None, norm_gain: float | None = None,
 ) -> PlantState:
     """
     Advance the plant by one control step, the motor command held.
@@ -298,6 +309,8 @@ def advance(
         Whether there is a floor at rho_z = 0.
     options
         Of the true vehicle; without any: none.
+    norm_gain : 1/s
+        Of the control of the quaternion's norm (2.16); without: its norm is set to 1.
 
     """
     h = dt / substeps
@@ -313,7 +326,7 @@ def advance(
             if _supported(body, velocity, acceleration):
                 body = _rest(body, velocity, acceleration, h)
                 continue
-        body = _fly(body, mean, before, thrust, h, vv, ground, options)
+        body = _fly(body, mean, before, thrust, h, vv, ground, options, norm_gain)
         if ground and body.rho[2] > 0.0:
             body, change = _touch_down(body)
             blow = add(blow, change)

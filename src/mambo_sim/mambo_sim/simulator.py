@@ -178,5 +178,5 @@ def advance(
     command = (0.0, 0.0, 0.0, 0.0) if shutdown else pwm
     moved = plant.advance(
         state.plant, command, STEP, values.plant.substeps, values.vehicle, values.plant.ground,
-        values.options)
+        values.options, values.plant.norm_gain)
     return SimulatorState(moved, state.imu, state.optical_flow, state.barometer)

@@ -211,3 +211,35 @@ def test_starts_where_it_is_told():
     assert state.body.q == pytest.approx((w, x, y, z), abs=1e-15)
     assert PlantParams(physics_rate=10000).values().substeps == 50
     assert dataclasses.replace(params, ground=False, initial_position=(0.0, 0.0, 1.0))
+
+
+def lengths(norm, gain=250.0, omega=(12.0, -16.0, 0.0), seconds=2.0):
+    """Return |q|^2 of a body that tumbles, at 20 rad/s by default, after each control step."""
+    params = plant.PlantParams(norm=norm, norm_gain=gain, ground=False)
+    values, state = params.values(), plant.initial(params)
+    spinning = state.body._replace(omega=omega, q=(1.0001, 0.0, 0.0, 0.0))
+    state = state._replace(body=spinning)
+    out = []
+    for _ in range(round(seconds / 0.005)):
+        state = plant.advance(
+            state, (0.0,) * 4, 0.005, values.substeps, Vehicle().values(), values.ground, None,
+            values.norm_gain)
+        out.append(sum(x * x for x in state.body.q))
+    return np.array(out)
+
+
+def test_the_length_of_the_quaternion_is_set_controlled_or_left_free():
+    assert np.abs(lengths('normalise') - 1.0).max() < 1e-15
+    controlled = lengths('control')
+    # n - 1 shrinks as exp(-2 k t) (2.15); the method is of order 4, a few times (h w)^4 = 1.6e-7
+    assert controlled[0] - 1.0 == pytest.approx(2e-4 * np.exp(-2 * 250.0 * 0.005), abs=1e-6)
+    assert np.abs(controlled[-1] - 1.0) < 1e-6
+    # RK4 alone keeps what it was given, but for (h w / 2)^6 / 72 a step of 1 ms
+    assert lengths('free') == pytest.approx(1.0001**2, abs=1e-7)
+
+
+def test_a_gain_beyond_its_limit_of_stability_is_refused():
+    still = lengths('control', 1380.0, (0.0, 0.0, 0.0))
+    assert np.abs(still[-1] - 1.0) < 1e-6 < np.abs(still[0] - 1.0)
+    with pytest.raises(ParameterError, match=r'norm_gain = 1400 1/s is not stable: .* 1.39 times'):
+        plant.PlantParams(norm='control', norm_gain=1400.0)
