@@ -23,6 +23,7 @@ setup(
             'compare = mambo_analysis.compare:main',
             'import_minidrone = mambo_analysis.import_minidrone:main',
             'recover = mambo_analysis.recover:main',
+            'reproduce = mambo_analysis.reproduce:main',
         ],
     },
 )
