@@ -124,6 +124,31 @@ def test_the_closed_loop_in_one_process_is_the_graph_to_the_bit(
     np.testing.assert_array_equal(alone.pose[seen], [[*rho, *q] for _, rho, q in poses])
 
 
+def test_cameras_that_lose_the_body_say_so_and_publish_no_pose(tmp_path):
+    bag = tmp_path / 'flight'
+    cameras = {'frame_loss': 0.05, 'markers.layout': 'symmetric', 'markers.occlusion': 0.5}
+    flown = scenario(duration=4.0, seed=3, land=False, overrides={
+        'sim_node.mode': 'lockstep',
+        **{f'optitrack_node.optitrack.{name}': value for name, value in cameras.items()}})
+    fly(flown, bag)
+    alone = closed_loop.fly(flown)
+    seen = ~np.isnan(alone.pose[:, 0])
+    assert 100 < seen.sum() < 300  # of 479
+    poses = [messages.decode_pose(data) for data in payloads(bag, topics.OPTITRACK)]
+    np.testing.assert_array_equal(alone.pose_t[seen], [t for t, _, _ in poses])
+    np.testing.assert_array_equal(alone.pose[seen], [[*rho, *q] for _, rho, q in poses])
+    np.testing.assert_array_equal(alone.truth, closed_loop.fly(flight(duration=4.0)).truth)
+    reports = [status for data in payloads(bag, topics.DIAGNOSTICS)
+               for status in deserialize_message(data, DiagnosticArray).status
+               if status.name == 'optitrack_node']
+    assert len(reports) == 5  # 0 to 4 s
+    numbers = {entry.key: int(entry.value) for entry in reports[-1].values}
+    assert numbers['frames'] == 481 and numbers['lost frames'] > 100 < 481 - len(poses)
+    assert {status.message for status in reports} <= {'tracking', 'body lost'}
+    for status in reports:
+        assert (status.level == DiagnosticStatus.OK) is (status.message == 'tracking')
+
+
 def test_the_bag_says_what_was_flown(bag):
     text = read_bag(bag, topics=()).attachments['scenario.yaml']
     recorded = from_yaml(text)
