@@ -35,7 +35,7 @@ def test_markers_are_where_the_vehicle_file_has_them():
 
 def test_no_two_pairs_of_markers_are_as_far_apart():
     apart = sorted(math.dist(a, b) for a, b in itertools.combinations(MarkerParams().five(), 2))
-    # what tells markers apart: more than six times their noise, as a distance errs by sqrt(2) of it
+    # what tells markers apart: six times what a distance errs by, sqrt(2) of their noise
     assert np.diff(apart).min() > 6 * math.sqrt(2) * MarkerParams().noise
 
 

@@ -188,8 +188,9 @@ def test_every_frame_draws_as_many_numbers_whatever_it_shows(model):
     assert ends[0] == ends[1]
 
 
-@pytest.mark.parametrize('changes', [{'rate': 240.0}, {'latency': 0.06}, {'stamp': 'never'}, {'model': 'guess'},
-                                     {'frame_loss': 0.6}, {'loss_length': 0.5}])
+@pytest.mark.parametrize('changes', [
+    {'rate': 240.0}, {'latency': 0.06}, {'stamp': 'never'}, {'model': 'guess'},
+    {'frame_loss': 0.6}, {'loss_length': 0.5}])
 def test_what_cannot_be_is_refused_by_name(changes):
     with pytest.raises(ParameterError, match=next(iter(changes))):
         OptitrackParams(**changes)

@@ -1,4 +1,4 @@
-"""Fit of a body to points: scipy's answer, exact points, textbook covariance, no false attitude."""
+"""Fit of a body to points: scipy's answer, exact points, textbook noise, no false attitude."""
 
 import itertools
 
@@ -126,6 +126,7 @@ def test_noise_of_the_pose_is_that_of_the_textbook(used):
     for samples, expected in ((turns, attitude),
                               (shifts, s**2 / n * np.eye(3) + skew @ attitude @ skew.T)):
         scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
-        np.testing.assert_allclose(np.cov(np.array(samples).T) / scale, expected / scale, atol=0.05)
+        found = np.cov(np.array(samples).T)
+        np.testing.assert_allclose(found / scale, expected / scale, atol=0.05)
         assert (np.abs(np.mean(samples, axis=0)) < 5 * np.sqrt(np.diag(expected) / count)).all()
     assert np.mean(squares) == pytest.approx(s**2 * (3 * n - 6), rel=0.05)

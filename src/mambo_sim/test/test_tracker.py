@@ -75,7 +75,7 @@ def test_a_moving_body_is_followed_with_three_markers_of_either_layout(params):
     # from rest to 6 m/s (50 mm a frame) and 10 rad/s: farther a frame than half way to the next
     # marker, so that it takes the velocity; which three markers are seen changes all the time
     rng, p = np.random.default_rng(3), params.values(PERIOD)
-    triples = [used for used in itertools.combinations(range(5), 3)]
+    triples = list(itertools.combinations(range(5), 3))
     track = None
     for k in range(400):
         t = k * PERIOD * 1e-9

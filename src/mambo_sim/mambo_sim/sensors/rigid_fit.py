@@ -1,4 +1,4 @@
-"""
+r"""
 The rigid motion that best carries the markers of a body onto the points that cameras see.
 
 Least squares with unit quaternions, B. K. P. Horn 1987 ("Closed-form solution of absolute
@@ -6,12 +6,12 @@ orientation using unit quaternions", JOSA A 4(4)). With positions taken from the
 ``S = sum a b^T`` over pairs of marker a and point b, the attitude is the eigenvector of the largest
 eigenvalue of a symmetric 4 by 4 matrix N of trace 0. That eigenvalue is found by Newton's method on
 
-.. math:: l^4 - 2 |S|^2 l^2 - 8 \\det(S) l + \\det(N) = 0
+.. math:: l^4 - 2 |S|^2 l^2 - 8 \det(S) l + \det(N) = 0
 
 from the bound ``sum (|a|^2 + |b|^2) / 2``: all roots are real and the start lies above them, so
 every step comes nearer from above and none can reach another root. The eigenvector is a column of
 the adjugate of ``N - l I``. Nothing is inverted, so half a turn is as good as any other attitude.
-"""
+r"""
 
 from __future__ import annotations
 
