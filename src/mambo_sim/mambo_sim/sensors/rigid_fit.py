@@ -3,15 +3,16 @@ The rigid motion that best carries the markers of a body onto the points that ca
 
 Least squares with unit quaternions, B. K. P. Horn 1987 ("Closed-form solution of absolute
 orientation using unit quaternions", JOSA A 4(4)). With positions taken from their centroids and
-``S = sum a b^T`` over pairs of marker a and point b, the attitude is the eigenvector of the largest
-eigenvalue of a symmetric 4 by 4 matrix N of trace 0. That eigenvalue is found by Newton's method on
+``S = sum a b^T`` over pairs of marker a and point b, the attitude is the eigenvector of the
+largest eigenvalue of a symmetric 4 by 4 matrix N of trace 0. That eigenvalue is found by Newton's
+method on
 
 .. math:: l^4 - 2 |S|^2 l^2 - 8 \det(S) l + \det(N) = 0
 
 from the bound ``sum (|a|^2 + |b|^2) / 2``: all roots are real and the start lies above them, so
 every step comes nearer from above and none can reach another root. The eigenvector is a column of
 the adjugate of ``N - l I``. Nothing is inverted, so half a turn is as good as any other attitude.
-r"""
+"""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.quaternion import Matrix3, Matrix4, norm, normalise, Quat, rotate
+from mambo_model.quaternion import Matrix3, Matrix4, normalise, Quat, rotate
 from mambo_model.vector import add, dot, scale, sub, Vec3
 
 COUNT = 5  # markers of the body
@@ -112,19 +113,26 @@ def _largest_root(S: Matrix3, N: Matrix4) -> tuple[float, float]:
 
 
 @jit
-def _eigenvector(N: Matrix4, root: float) -> Quat:
-    """Return the unit eigenvector of a single eigenvalue, by the longest adjugate column."""
+def _eigenvector(N: Matrix4, root: float, slope: float) -> Quat:
+    """
+    Return the unit eigenvector v of a single eigenvalue with the slope there.
+
+    The adjugate of ``N - root I`` is ``-slope v v^T``. A unit vector has a component with a square
+    of a quarter or more: the column of the first that does is taken.
+    """
     a = (N[0][0] - root, N[0][1], N[0][2], N[0][3])
     b = (N[1][0], N[1][1] - root, N[1][2], N[1][3])
     c = (N[2][0], N[2][1], N[2][2] - root, N[2][3])
     d = (N[3][0], N[3][1], N[3][2], N[3][3] - root)
-    best = _cofactors(b, c, d, 1.0)
-    length = norm(best)
-    for column in (_cofactors(a, c, d, -1.0), _cofactors(a, b, d, 1.0),
-                   _cofactors(a, b, c, -1.0)):
-        if norm(column) > length:
-            best, length = column, norm(column)
-    return normalise(best)
+    enough = 0.2499 * slope
+    column = _cofactors(b, c, d, 1.0)
+    if abs(column[0]) < enough:
+        column = _cofactors(a, c, d, -1.0)
+        if abs(column[1]) < enough:
+            column = _cofactors(a, b, d, 1.0)
+            if abs(column[2]) < enough:
+                column = _cofactors(a, b, c, -1.0)
+    return normalise(column)
 
 
 @jit
@@ -168,7 +176,7 @@ def fit(markers: Five, points: Five, labels: Labels) -> Fit:
     root, slope = _largest_root(S, N)
     if not slope > LINE * root * root * root:
         return NO_FIT
-    q = _eigenvector(N, root)
+    q = _eigenvector(N, root, slope)
     rho = sub(middle, rotate(q, centre))
     square = farthest = 0.0
     for i in range(COUNT):
