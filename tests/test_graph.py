@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from mambo_analysis import closed_loop, offline
 from mambo_analysis.bag import read_bag
 from mambo_analysis.scenario import from_yaml, scenario
@@ -17,6 +18,7 @@ from mambo_estimation.estimator_node import encode_state
 from mambo_ros import messages, topics
 import numpy as np
 import pytest
+from rclpy.serialization import deserialize_message
 
 SECONDS = 9.0
 STEPS = 1801
@@ -122,6 +124,34 @@ def test_the_closed_loop_in_one_process_is_the_graph_to_the_bit(
     seen = ~np.isnan(alone.pose[:, 0])
     np.testing.assert_array_equal(alone.pose_t[seen], [t for t, _, _ in poses])
     np.testing.assert_array_equal(alone.pose[seen], [[*rho, *q] for _, rho, q in poses])
+
+
+def test_cameras_that_lose_the_body_say_so_and_publish_no_pose(tmp_path):
+    bag = tmp_path / 'flight'
+    cameras = {'frame_loss': 0.05, 'markers.layout': 'symmetric', 'markers.occlusion': 0.5}
+    flown = scenario(duration=4.0, seed=3, land=False, overrides={
+        'sim_node.mode': 'lockstep',
+        **{f'optitrack_node.optitrack.{name}': value for name, value in cameras.items()}})
+    fly(flown, bag)
+    alone = closed_loop.fly(flown)
+    seen = ~np.isnan(alone.pose[:, 0])
+    assert 100 < seen.sum() < 300  # of 479
+    poses = [messages.decode_pose(data) for data in payloads(bag, topics.OPTITRACK)]
+    np.testing.assert_array_equal(alone.pose_t[seen], [t for t, _, _ in poses])
+    np.testing.assert_array_equal(alone.pose[seen], [[*rho, *q] for _, rho, q in poses])
+    undisturbed = closed_loop.fly(scenario(duration=4.0, seed=3, land=False))
+    np.testing.assert_array_equal(alone.truth, undisturbed.truth)  # nobody flies by the cameras
+    reports = [status for data in payloads(bag, topics.DIAGNOSTICS)
+               for status in deserialize_message(data, DiagnosticArray).status
+               if status.name == 'optitrack_node']
+    assert len(reports) == 5  # 0 to 4 s
+    numbers = {entry.key: int(entry.value) for entry in reports[-1].values}
+    assert numbers['frames'] == 481 and numbers['lost frames'] > 100
+    under_way = numbers['frames'] - sum(numbers[x] for x in ('lost frames', 'dropped frames'))
+    assert 0 <= under_way - len(poses) <= 2  # 10 ms of latency
+    assert {status.message for status in reports} <= {'tracking', 'body lost'}
+    for status in reports:
+        assert (status.level == DiagnosticStatus.OK) is (status.message == 'tracking')
 
 
 def test_the_bag_says_what_was_flown(bag):

@@ -8,11 +8,16 @@ import functools
 import json
 from pathlib import Path
 
+from mambo_model.rigid_body import State
+from mambo_ros.messages import decode_pose
+from mambo_sim.sensors import optitrack
 from mambo_sim.sensors.barometer import BarometerParams
 from mambo_sim.sensors.imu import ImuParams
+from mambo_sim.sensors.markers import MarkerParams
 from mambo_sim.sensors.optical_flow import OpticalFlowParams
 from mambo_sim.sensors.optitrack import OptitrackParams
 from mambo_sim.sensors.sonar import RESOLUTION, SonarParams
+from mcap.reader import make_reader
 import numpy as np
 import pytest
 from scipy.io import loadmat
@@ -188,3 +193,56 @@ def test_attitude_noise_of_the_motion_capture():
             x = np.array([np.nan if v is None else v for v in mocap[axis]], float)
             sigmas.append(second_difference_sigma(x[np.isfinite(x)]))
     assert OptitrackParams().attitude_noise == pytest.approx(np.median(sigmas), rel=0.35)
+
+
+def test_markers_give_the_attitude_noise_of_the_motion_capture():
+    # in body axes, first order: s^2 (sum |a|^2 I - a a^T)^-1 with a from the centroid
+    params = MarkerParams()
+    a = np.array(params.five()) - np.mean(params.five(), axis=0)
+    attitude = params.noise * np.sqrt(np.diag(np.linalg.inv((a**2).sum() * np.eye(3) - a.T @ a)))
+    assert np.median(attitude) == pytest.approx(OptitrackParams().attitude_noise, rel=0.1)
+
+
+def test_position_noise_of_the_motion_capture_lies_between_two_halls():
+    sigmas = []
+    for path in sorted((DATA / 'crazyflie_optitrack').glob('*.json')):
+        mocap = json.loads(path.read_text()).get('mocap')
+        sigmas += [second_difference_sigma(np.array(mocap[axis])) for axis in 'xyz' if mocap]
+    _, places = hall()
+    large = np.median([second_difference_sigma(x) for x in places.T])
+    # centroid of five markers; a pose away from it has a little more
+    assert np.median(sigmas) < MarkerParams().noise / np.sqrt(5) < large < 0.001
+
+
+@functools.cache
+def hall():
+    """Return stamps in s and positions (n, 3) of 198 s of poses of a motion capture."""
+    path = DATA / 'mcap_bags' / 'cub_stabilize_2025_11_13.mcap'
+    with path.open('rb') as file:
+        poses = [decode_pose(message.data) for _, _, message
+                 in make_reader(file).iter_messages(topics=['/cub1/pose'])]
+    return np.array([t for t, _, _ in poses]) * 1e-9, np.array([rho for _, rho, _ in poses])
+
+
+def rows_of_lost_poses(stamps, period):
+    """Return how many poses are missing at each place where some are."""
+    missing = np.round(np.diff(stamps) / period).astype(int) - 1
+    return missing[missing > 0]
+
+
+def test_poses_are_lost_as_often_as_in_a_hall():
+    stamps, _ = hall()
+    rows = rows_of_lost_poses(stamps, np.median(np.diff(stamps)))
+    share = rows.sum() / (len(stamps) + rows.sum())
+    assert share == pytest.approx(0.005, rel=0.05) and (np.diff(stamps) > 0.02).sum() == 33
+    assert OptitrackParams().loss_length == pytest.approx(rows.mean(), rel=0.1)
+    params = OptitrackParams(rate=99.7, frame_loss=share, noise=True)
+    p, rng, memory, out = params.values(), np.random.default_rng(3), optitrack.START, []
+    still = State((0.0, 0.0, -1.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
+    for tick in range(1, 198 * 200):
+        memory, sample = optitrack.step(
+            memory, (tick - 1) * 5_000_000, still, tick * 5_000_000, still, rng, p)
+        if sample.new:
+            out.append(sample.stamp * 1e-9)
+    mocked = rows_of_lost_poses(np.array(out), 1.0 / 99.7)
+    assert len(mocked) == pytest.approx(len(rows), abs=4 * np.sqrt(len(rows)))  # 50 by chance
