@@ -16,8 +16,9 @@ from .claim import Claim, Result, verdict
 COMMAND = 'ros2 run mambo_analysis reproduce'
 LEAD = (
     'Every figure of the thesis whose data a simulation can make, its claim in our words, and '
-    'what the simulated drone showed. Ranges are over five seeds of the sensor noise. "Wanted" is '
-    'the number of the thesis or of its audit where there is one; else it says what the claim needs.')
+    'what the simulated drone showed. Ranges are over five seeds of the sensor noise. "Wanted" '
+    'is the number of the thesis or of its audit where there is one; else it says what the '
+    'claim needs.')
 
 
 class Examined(NamedTuple):
