@@ -208,6 +208,17 @@ def test_barometer_noise_resolution_and_walk():
     assert params.offset == pytest.approx(np.std(calm), rel=0.35)
 
 
+def test_propellers_on_the_floor_do_not_show_in_the_pressure():
+    change = []
+    for f in free_flights().values():
+        turning = np.abs(f['motors_refout']).mean(axis=1) > 100
+        floor = (f['Z'] > -0.12) & turning & (np.arange(len(turning)) < 600)
+        change.append(f['prsb'][floor].mean() - f['sensordataCalib_datout'][-1][6])
+    error = np.std(change, ddof=1) / np.sqrt(len(change))
+    assert len(change) == 8 and error < 0.7
+    assert abs(np.mean(change)) < 2 * error
+
+
 def test_attitude_noise_of_the_motion_capture():
     sigmas = []
     for path in sorted((DATA / 'crazyflie_optitrack').glob('*.json')):

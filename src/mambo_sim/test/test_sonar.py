@@ -113,6 +113,15 @@ def test_missing_echoes_are_as_many_as_asked_for():
     assert all(s.new for s in read(above(1.0), params, False, ticks=100))
 
 
+def test_what_goes_wrong_excludes_each_other():
+    samples = read(above(1.0), dataclasses.replace(
+        FINE, noise=0.0, outlier_probability=0.2, multipath_probability=0.3, multipath_excess=0.5,
+        dropout_probability=0.4), True, ticks=20000)
+    right = [s.new and abs(s.range - 1.0) < 1e-6 for s in samples]
+    assert np.mean(right) == pytest.approx(0.1, rel=0.09)  # standard error 2.1 %
+    assert np.mean([not s.new for s in samples]) == pytest.approx(0.4, rel=0.04)
+
+
 def test_draws_do_not_depend_on_where_the_vehicle_is():
     near = read(above(1.0), noise=True, ticks=9)[-1].range
     rng, p = np.random.default_rng(0), FINE.values()

@@ -148,6 +148,8 @@ def random_walk(x: Floats, rate: float) -> Interval:
     power = dst(np.diff(means), type=1, norm='ortho')**2
     roots = 2.0 - 2.0 * np.cos(np.pi * np.arange(1, n) / n)
     unit = float(power.mean())
+    if unit == 0.0:  # the means are all the same: there is nothing but resolution
+        return Interval(0.0, 0.0, 0.0)
     power = power / unit
 
     def misfit(q: float) -> float:
