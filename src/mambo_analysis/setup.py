@@ -21,6 +21,7 @@ setup(
     entry_points={
         'console_scripts': [
             'compare = mambo_analysis.compare:main',
+            'identify_sensors = mambo_analysis.identify.sensors:main',
             'import_minidrone = mambo_analysis.import_minidrone:main',
             'recover = mambo_analysis.recover:main',
             'reproduce = mambo_analysis.reproduce:main',

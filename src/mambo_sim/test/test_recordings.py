@@ -2,6 +2,8 @@
 Defaults of the sensors, measured again on the recordings they come from.
 
 Rolling Spider bench and flights: the Mambo's predecessor with the same toolbox, every 5 ms.
+``ros2 run mambo_analysis identify_sensors FILES`` measures the same with intervals, by other code:
+docs/sensors.md lists the results.
 """
 
 import functools
@@ -80,7 +82,7 @@ def test_vibration_in_free_flight():
     accel, gyro = [], []
     for f in free_flights().values():
         air = in_the_air(f)
-        for out, names in ((accel, ('ddxb', 'ddyb', 'ddzb')), (gyro, ('pb', 'qb', 'rb'))):
+        for out, names in ((accel, ('ddxb', 'ddyb', 'ddzb')), (gyro, ('pa', 'qa', 'ra'))):
             high = sosfiltfilt(sos, np.c_[tuple(f[n] for n in names)], axis=0)[air]
             out.append(1.4826 * np.median(np.abs(high), axis=0))
     assert len(accel) == 8
@@ -114,6 +116,24 @@ def test_biases_and_their_walk():
     rms = np.sqrt((change[3:6]**2).mean())
     assert params.gyro_walk == pytest.approx(rms / np.sqrt(468), rel=0.1)
     assert params.accel_walk == pytest.approx(abs(change[2]) / np.sqrt(468), rel=0.1)
+
+
+def test_bias_of_a_drone_from_flight_to_flight():
+    calibration = {n: f['sensordataCalib_datout'][-1] for n, f in flights().items()}
+    series = [np.array([c for n, c in calibration.items() if n.startswith(start)])
+              for start in ('p9', 'RSdata__2017', 'data_5b')]
+    assert [len(one) for one in series] == [3, 2, 3]
+    squares = sum(((one - one.mean(axis=0))**2).sum(axis=0) for one in series)
+    spread = np.sqrt(squares / (8 - 3))  # three means are taken out
+    np.testing.assert_allclose(ImuParams().gyro_turn_on, spread[3:6], rtol=0.03)
+    np.testing.assert_allclose(ImuParams().accel_turn_on, spread[2], rtol=0.03)
+
+
+def test_filtered_rates_are_not_taken_for_the_gyro():
+    for f in free_flights().values():
+        raw, onboard = (np.diff(f[name]).std() for name in ('ra', 'rb'))
+        assert onboard < 0.8 * raw
+        assert np.diff(f['pb']).std() == pytest.approx(np.diff(f['pa']).std(), rel=0.01)
 
 
 def test_sonar_interval_resolution_limits_and_noise():
@@ -154,6 +174,14 @@ def test_flow_interval_and_noise():
         assert params.noise == pytest.approx(sigma, rel=0.1)
 
 
+def test_flow_pauses_after_every_15_values():
+    for f in flights().values():
+        gaps = np.diff(new_values(f['opticalFlow_datout'][:, :2]))
+        pauses = np.flatnonzero(gaps >= 12)
+        assert np.median(np.diff(pauses)) == OpticalFlowParams().burst
+        assert 0.085 <= np.median(gaps[pauses]) / 200 <= 0.13
+
+
 def test_flow_signal_holds_no_whole_rotation():
     slopes = []
     for f in free_flights().values():
@@ -183,6 +211,17 @@ def test_barometer_noise_resolution_and_walk():
     calm = [c for n, f in flights().items() if n.startswith('p9')
             for c in [f['sensordataCalib_datout'][-1][6]]]
     assert params.offset == pytest.approx(np.std(calm), rel=0.35)
+
+
+def test_propellers_on_the_floor_do_not_show_in_the_pressure():
+    change = []
+    for f in free_flights().values():
+        turning = np.abs(f['motors_refout']).mean(axis=1) > 100
+        floor = (f['Z'] > -0.12) & turning & (np.arange(len(turning)) < 600)
+        change.append(f['prsb'][floor].mean() - f['sensordataCalib_datout'][-1][6])
+    error = np.std(change, ddof=1) / np.sqrt(len(change))
+    assert len(change) == 8 and error < 0.7
+    assert abs(np.mean(change)) < 2 * error
 
 
 def test_attitude_noise_of_the_motion_capture():
