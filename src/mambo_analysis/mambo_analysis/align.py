@@ -489,8 +489,8 @@ def flight_by_height(times: ArrayLike, height: ArrayLike, hold: float = 0.3) -> 
     Find take-off and landing in a height.
 
     In the air is what exceeds half of the rise, for ``hold`` s or more; from there the flight is
-    followed back and forth to where the vehicle stood (within ``SETTLED`` or a tenth of the rise
-    of the lowest height on that side, for ``hold`` s): the two places may differ in height.
+    followed back and forth to within ``SETTLED`` (or a tenth of the rise) of where the vehicle
+    stood on that side, for ``hold`` s or more: the two places may differ in height.
 
     Parameters
     ----------
@@ -511,12 +511,13 @@ def flight_by_height(times: ArrayLike, height: ArrayLike, hold: float = 0.3) -> 
     if rise < LEAST_RISE:
         raise AlignError(f'the vehicle never leaves the ground: it rises {rise:.3f} m')
     first, last = _ends(t, z > ground + 0.5 * rise, hold)
-    near = min(SETTLED, 0.1 * rise)
 
     def standing(part: slice) -> Floats:
         times, level = t[part], z[part]
-        times = times[level <= level.min() + near] if len(level) else times
-        return times if len(times) and times[-1] - times[0] >= hold else times[:0]
+        low = level <= level.min() + min(0.05, 0.2 * rise) if len(level) else level > 0.0
+        if not low.any() or np.ptp(times[low]) < hold:
+            return times[:0]
+        return times[level <= np.median(level[low]) + min(SETTLED, 0.1 * rise)]
 
     before, after = standing(slice(0, first)), standing(slice(last + 1, None))
     return Flight(float(before[-1]) if len(before) else None,

@@ -148,11 +148,25 @@ def read_foreign(path: Path) -> Foreign:
     """
     files = _sqlite_files(path)
     if files:
-        return _read_sqlite(path, files)
-    files, _ = bag_files(path)
-    bag = read_bag(path)
-    return Foreign(dict(bag.topics), {name: bag[name] for name in bag.topics if name in bag},
-                   _checksum(files))
+        found = _read_sqlite(path, files)
+    else:
+        files, _ = bag_files(path)
+        bag = read_bag(path)
+        found = Foreign(dict(bag.topics), {
+            name: bag[name] for name in bag.topics if name in bag}, _checksum(files))
+    faults = [_fault(messages) for messages in found.messages.values()]
+    if faults and all(faults):
+        raise BagError(faults[0])
+    return found
+
+
+def _fault(messages: Messages) -> str:
+    """Return why a topic's messages cannot be read, by the first; empty if they can."""
+    try:
+        next(messages.objects())
+    except BagError as error:
+        return str(error)
+    return ''
 
 
 def _table(path: Path, bag: Foreign) -> list[str]:
@@ -165,7 +179,10 @@ def _table(path: Path, bag: Foreign) -> list[str]:
         span = (times[-1] - times[0]) / SECOND if len(times) > 1 else 0.0
         rate = f'{(len(times) - 1) / span:.1f}' if span > 0.0 else '-'
         lines.append(f'  {name:<{width}}  {len(times):8d}  {rate:>6}  {kind}')
-        if could_become(kind):
+        fault = _fault(bag.messages[name]) if name in bag.messages else ''
+        if fault:
+            lines.append(f'  {"":<{width}}  cannot be read: {fault}')
+        elif could_become(kind):
             lines.append(f'  {"":<{width}}  could be {", ".join(could_become(kind))}')
     return lines
 

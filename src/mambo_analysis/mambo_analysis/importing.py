@@ -1,4 +1,4 @@
-"""What the importers share: a source file read once, messages built, a bag that says its origin."""
+"""What the importers share: a source read once, messages, a bag that says where it came from."""
 
 from __future__ import annotations
 
