@@ -35,6 +35,7 @@ GRID = (1e-3, 0.02)  # [s] finest and coarsest common grid
 GAP = 5.0  # [-] periods; samples further apart than this are not connected
 LEAST_QUALITY = 0.6  # [-] correlation below which two signals are not of one motion
 RIVAL = 1.3  # [-] how much more unexplained variance the second best lag must leave
+UNEXPLAINED = 1e-3  # [-] part of the variance that is never counted as explained there
 SETTLED_OFFSET = 1e-6  # [s] change of the offset that ends the fit
 LEAST_RISE = 0.1  # [m] a flight is at least this high
 SETTLED = 0.02  # [m] above the ground a vehicle still stands
@@ -168,7 +169,8 @@ def _peak(lags: Floats, r: Floats, step: float, shift: float,
     rest = np.concatenate([np.arange(left), np.arange(right, len(r))])
     if len(rest):
         rival = int(rest[np.argmax(r[rest])])
-        if 1.0 - r[rival] ** 2 < RIVAL * (1.0 - r[best] ** 2) and r[rival] > 0.0:
+        unexplained = 1.0 - r[[rival, best]] ** 2 + UNEXPLAINED
+        if unexplained[0] < RIVAL * unexplained[1] and r[rival] > 0.0:
             raise AlignError(
                 f'the signals repeat: offsets of {offsets[best]:.3f} s and {offsets[rival]:.3f} s '
                 f'fit alike (correlation {r[best]:.3f} and {r[rival]:.3f}); give limits')
@@ -409,8 +411,8 @@ def registration(a: ArrayLike, b: ArrayLike) -> Registration:
     Raises
     ------
     AlignError
-        For fewer than two instants, or a path too small against what is left to give a yaw
-        (standard error beyond 0.1 rad).
+        For fewer than two instants, or paths whose correlation is below ``LEAST_QUALITY`` or
+        that give a yaw with a standard error beyond 0.1 rad.
 
     """
     a, b = np.asarray(a, float), np.asarray(b, float)
@@ -426,7 +428,8 @@ def registration(a: ArrayLike, b: ArrayLike) -> Registration:
     left = pa - Rotation.from_euler('z', yaw).as_matrix()[:2, :2].dot(pb.T).T
     noise = float((left * left).sum()) / max(2 * len(a) - 3, 1)
     sigma = math.sqrt(noise / spread) if spread > 0.0 else math.inf
-    if not sigma < 0.1:
+    likeness = math.hypot(along, across) / math.sqrt(spread * float((pa * pa).sum()) or math.inf)
+    if likeness < LEAST_QUALITY or sigma > 0.1:
         raise AlignError(
             'the paths are too small or too different to give a yaw; give it, or equalise at an '
             'instant')
@@ -589,8 +592,8 @@ def find_flight(bag: Bag) -> Flight:
     """
     Find take-off and landing of a bag from the best signal that it has.
 
-    In this order: height of ``ground_truth/odom``, ``optitrack/pose``, ``sonar/range``,
-    ``estimate/odom`` or ``onboard/odom``; mean of ``motor_pwm``; ``imu/data_raw``.
+    In this order: height of ``ground_truth/odom``, ``optitrack/pose``, ``estimate/odom``,
+    ``onboard/odom`` or ``sonar/range``; mean of ``motor_pwm``; ``imu/data_raw``.
 
     Returns
     -------
@@ -606,9 +609,8 @@ def find_flight(bag: Bag) -> Flight:
         return flight_by_height(bag[topic].t, bag[topic].position[:, 2])
 
     ways = {
-        'ground_truth/odom': height, 'optitrack/pose': height,
-        'sonar/range': lambda topic: flight_by_height(*_sonar(bag)),
-        'estimate/odom': height, 'onboard/odom': height,
+        'ground_truth/odom': height, 'optitrack/pose': height, 'estimate/odom': height,
+        'onboard/odom': height, 'sonar/range': lambda topic: flight_by_height(*_sonar(bag)),
         'motor_pwm': lambda topic: flight_by_thrust(bag[topic].t, bag[topic].pwm.mean(axis=1)),
         'imu/data_raw': lambda topic: flight_by_acceleration(
             bag[topic].t, bag[topic].acceleration)}

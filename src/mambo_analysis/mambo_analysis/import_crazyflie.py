@@ -2,10 +2,11 @@
 Crazyflie flights with motion capture as bags: ``import_crazyflie LOG.json OUT``.
 
 A log is ``{drone: {name: {time, data}}, mocap: {time, x, y, z, yaw, pitch, roll}}``, as the
-flight client of the course AE 483 of the University of Illinois writes it from a Crazyflie 2.x with
-flow deck. Everything is z up and FLU already (``controller_ae483.c``; yaw, pitch, roll are
-intrinsic z, y, x). Times are the drone's, since it was switched on; the parts of one instant come
-in several packets some ms apart, each possibly lost.
+flight client of the course AE 483 of the University of Illinois writes it from a Crazyflie 2.x
+with flow deck and a motion capture, Qualisys there. Everything is z up and FLU already
+(``controller_ae483.c``; yaw, pitch, roll are intrinsic z, y, x). Times are the drone's, since it
+was switched on; the parts of one instant come in several packets some ms apart, each possibly
+lost.
 
 Inertial sensors
     ``w_*`` is the gyro in rad/s. ``a_z`` is g times the accelerometer, the specific force: at
@@ -21,8 +22,9 @@ Optical flow
     each 10 ms (``flowdeck_v1v2.c``): 488 counts per radian. That is ``optical_flow`` here; the
     course takes the former 30 pixels over 4.2 deg, 409. Regression on v / h and w of the three
     flights that move (motion capture and range) gives 600 to 700 counts per radian, the flow 30
-    to 50 ms behind: ``--counts-per-radian`` sets another value. Rotation is not compensated. The firmware
-    keeps the last counts while the sensor sees no motion: only new pairs are published.
+    to 50 ms behind: ``--counts-per-radian`` sets another value. Rotation is not compensated. The
+    firmware keeps the last counts while the sensor sees no motion (a fifth of the logged pairs
+    of 5 counts or more repeat): only new pairs are published.
 
 Range
     ``r`` is the VL53L1x, metres along the body's -z, each 40 ms, held between: new values are
