@@ -250,19 +250,23 @@ def _publish_onboard(log: Log, out: Publisher) -> None:
                         **out.odometry(out.pose(row[:3], q), row[6:9], row[9:]))
     if log.has(*goal):
         t = log.drone['p_x_des'][0]
-        for stamp, row in zip(stamps_ns(t).tolist(), _held(log, t, goal).tolist()):
+        for stamp, row in zip(stamps_ns(t).tolist(), _nearest(log, t, goal).tolist()):
             if all(map(math.isfinite, row)):
                 out.publish('onboard/reference', stamp, 'odom',
                             pose=out.pose(row, (0.0, 0.0, 0.0, 1.0)))
 
 
-def _held(log: Log, times: Floats, names: tuple[str, ...]) -> Floats:
-    """Return what each signal was last at times, (n, k); NaN before it began."""
+def _nearest(log: Log, times: Floats, names: tuple[str, ...]) -> Floats:
+    """Return signals that jump at times, (n, k): the nearest sample within ``GAP``, else NaN."""
     out = np.full((len(times), len(names)), math.nan)
     for column, name in enumerate(names):
         t, v = log.drone[name]
-        index = np.searchsorted(t, times + 0.5 * GAP, side='right') - 1
-        out[index >= 0, column] = v[index[index >= 0]]
+        after = np.clip(np.searchsorted(t, times), 1, max(len(t) - 1, 1))
+        after = np.minimum(after, len(t) - 1)
+        before = np.maximum(after - 1, 0)
+        index = np.where(times - t[before] < t[after] - times, before, after)
+        near = np.abs(t[index] - times) <= GAP
+        out[near, column] = v[index[near]]
     return out
 
 
