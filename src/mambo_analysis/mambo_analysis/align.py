@@ -29,6 +29,7 @@ from scipy.spatial.transform import Rotation
 
 from .bag import Bag, Messages
 from .mcap_file import BagError
+from .metrics import interpolate, usual_period
 
 Floats = NDArray[np.float64]
 GRID = (1e-3, 0.02)  # [s] finest and coarsest common grid
@@ -364,6 +365,29 @@ def pose_offset(
     if not sound:
         raise AlignError('; '.join(f'{name}: {text}' for name, text in sorted(found.items())))
     return min(sound, key=lambda offset: offset.sigma), found
+
+
+def matched(a: Messages, b: Messages, offset: float = 0.0) -> tuple[Floats, Floats, Floats]:
+    """
+    Return the positions of two recordings at the stamps of the first.
+
+    Parameters
+    ----------
+    a, b
+        Messages with position.
+    offset : s
+        To add to the stamps of b, as found by :func:`pose_offset`.
+
+    Returns
+    -------
+    Times (n,) s; positions of a and of b, (n, 3) m, those of b interpolated, NaN outside of it
+    and in gaps of more than three of its periods.
+
+    """
+    stamps = b.stamp + round(offset * 1e9)
+    period = usual_period(stamps)
+    gap = 0 if math.isnan(period) else round(3.5 * period)
+    return a.t, a.position, interpolate(a.stamp, stamps, b.position, gap)
 
 
 class Registration(NamedTuple):

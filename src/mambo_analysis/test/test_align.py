@@ -3,7 +3,7 @@
 from mambo_analysis import align
 from mambo_analysis.align import (
     AlignError, equalised, find_flight, flight_by_acceleration, flight_by_height,
-    flight_by_thrust, pose_offset, registration, time_offset)
+    flight_by_thrust, matched, pose_offset, registration, time_offset)
 from mambo_analysis.bag import read_bag
 import numpy as np
 import pytest
@@ -129,6 +129,12 @@ def test_two_pose_recordings_in_different_frames(tmp_path):
         assert offset.offset == pytest.approx(-3.0, abs=0.002)
     with pytest.raises(AlignError, match='height: .*speed: .*yaw_rate: '):
         pose_offset(a, b, limits=(50.0, 51.0))
+    times, pa, pb = matched(a, b, best.offset)
+    found = registration(pa, pb)
+    assert found.yaw == pytest.approx(-1.1, abs=1e-3)
+    inside = (times > 2.1) & (times < 29.9)
+    np.testing.assert_allclose(found.apply(pb[inside]), pa[inside], atol=0.005)
+    assert np.isnan(pb[0]).all()  # b begins later
 
 
 def test_yaw_and_translation_are_recovered():
