@@ -303,6 +303,34 @@ def _rate(times: Floats, values: Floats, smooth: float = 0.05) -> tuple[Floats, 
     return times[edge], gaussian_filter1d(even, smooth / step, axis=0, order=1)[edge] / step
 
 
+def body_rates(
+    times: ArrayLike, orientation: ArrayLike, smooth: float = 0.02,
+) -> tuple[Floats, Floats]:
+    """
+    Return the angular velocity of a recorded attitude, to compare with a gyro.
+
+    Parameters
+    ----------
+    times : (n,) s
+        At a steady rate but for gaps, which are left out.
+    orientation : (n, 4)
+        x y z w, body to world.
+    smooth : s
+        Width of the Gaussian that takes the noise of the difference away.
+
+    Returns
+    -------
+    Times (m,) s in the middle of the intervals; body rates (m, 3) rad/s.
+
+    """
+    t, turns = np.asarray(times, float), Rotation.from_quat(orientation)
+    steps, period = np.diff(t), float(np.median(np.diff(t)))
+    rates = (turns[:-1].inv() * turns[1:]).as_rotvec() / steps[:, None]
+    rates = gaussian_filter1d(rates, smooth / period, axis=0)
+    whole = steps <= GAP * period
+    return (0.5 * (t[:-1] + t[1:]))[whole], rates[whole]
+
+
 def pose_signals(poses: Messages) -> dict[str, tuple[Floats, Floats]]:
     """
     Return what of a recorded pose does not depend on where its frame lies.

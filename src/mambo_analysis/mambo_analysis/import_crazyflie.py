@@ -37,7 +37,8 @@ Motors
 Motion capture
     ``optitrack/pose`` is the marker deck, some cm above the range sensor. Its clock has another
     zero, found by bringing the range onto z (:mod:`mambo_analysis.align`). The range is itself
-    10 to 25 ms behind the gyro, and so is a pose stamped that way. NaN is marker loss: no pose.
+    10 to 25 ms behind the gyro, and so is a pose stamped that way; ``--mocap-offset gyro`` takes
+    the gyro instead. NaN is marker loss: no pose.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from .align import AlignError, Offset, time_offset
+from .align import AlignError, body_rates, Offset, time_offset
 from .cli import guard
 from .import_minidrone import new_samples
 from .importing import provenance, Publisher, read_source, report, Source, stamps_ns
@@ -65,6 +66,7 @@ COUNTS_PER_RADIAN = 10.0 * 35.0 / 0.71674
 FLOW_PERIOD = 0.01  # [s] over which a count is taken
 FULL_QUALITY = 255
 RANGE_LIMITS = (0.01, 4.0)  # [m] VL53L1x
+NEAR = 0.08  # [s] how far the gyro's offset may be from the range's
 GAP = 0.05  # [s] over which the parts of one instant are interpolated
 MOTORS = ('m_4', 'm_1', 'm_2', 'm_3')
 """In the order of (3.2): front left, front right, rear right, rear left."""
@@ -187,12 +189,43 @@ def mocap_offset(log: Log) -> Offset:
         If range and height do not determine it.
 
     """
+    if not len(log.mocap):
+        raise AlignError('there is no motion capture in the log')
     if not log.has('r'):
         raise AlignError('there is no range (ae483log.r) to align with')
     t, r = log.drone['r']
     new = new_samples(r)
     new = new[r[new] > 0.0]
     return time_offset(t[new], r[new], log.mocap[:, 0], log.mocap[:, 3])
+
+
+def gyro_offset(log: Log, near: float) -> Offset:
+    """
+    Return the same by the gyro, which is not behind, from among the offsets near another.
+
+    Of the three axes the one with the highest correlation. Real flights leave it at 0.73 to 0.86,
+    and the axes then differ by up to 10 ms, more than their standard errors say.
+
+    Raises
+    ------
+    AlignError
+        If no axis determines it.
+
+    """
+    names = ('w_x', 'w_y', 'w_z')
+    if not log.has(*names):
+        raise AlignError('there is no gyro (ae483log.w_x, w_y, w_z) to align with')
+    times, rates = body_rates(log.mocap[:, 0], np.array(_attitude(log.mocap[:, 4:])))
+    found, reasons = [], []
+    for axis, name in enumerate(names):
+        try:
+            found.append(time_offset(*log.drone[name], times, rates[:, axis],
+                                     limits=(near - NEAR, near + NEAR)))
+        except AlignError as error:
+            reasons.append(f'{name}: {error}')
+    if not found:
+        raise AlignError('; '.join(reasons))
+    return max(found, key=lambda offset: offset.quality)
 
 
 def _publish_imu(log: Log, out: Publisher, level: bool) -> None:
@@ -289,18 +322,21 @@ def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, 
     """Return the offset of the motion capture, None to leave it out, and what to say of it."""
     if asked == 'none' or not len(log.mocap):
         return None, {'mocap': 'none in the log' if asked != 'none' else 'left out'}
-    if asked != 'auto':
+    if asked not in ('auto', 'gyro'):
         return float(asked), {'mocap_offset_s': float(asked), 'mocap_offset_from': 'given'}
     try:
         found = mocap_offset(log)
+        height = float(np.median(log.mocap[:, 3]))
+        bias = found.bias + (found.factor - 1.0) * height
+        if asked == 'gyro':
+            found = gyro_offset(log, found.offset)
     except AlignError as error:
         raise BagError(f'{path}: the motion capture cannot be aligned: {error}; give '
                        '--mocap-offset SECONDS, or none to leave it out') from None
-    height = float(np.median(log.mocap[:, 3]))
     return found.offset, {
         'mocap_offset_s': found.offset, 'mocap_offset_sigma_s': found.sigma,
-        'mocap_offset_from': 'range against z', 'mocap_offset_correlation': found.quality,
-        'range_minus_mocap_z_m': found.bias + (found.factor - 1.0) * height}
+        'mocap_offset_from': 'gyro' if asked == 'gyro' else 'range against z',
+        'mocap_offset_correlation': found.quality, 'range_minus_mocap_z_m': bias}
 
 
 def import_crazyflie(
@@ -320,7 +356,7 @@ def import_crazyflie(
         Counts of the flow sensor per radian.
     mocap
         What to add to the clock of the motion capture, s; ``auto``: found by the range;
-        ``none``: leave the motion capture out.
+        ``gyro``: by the gyro; ``none``: leave the motion capture out.
     level
         Whether the horizontal accelerations, not in the log, are 0 instead of NaN.
 
@@ -354,8 +390,8 @@ def import_crazyflie(
 
 
 def _offset(text: str) -> str:
-    if text not in ('auto', 'none') and not math.isfinite(float(text)):
-        raise argparse.ArgumentTypeError(f'{text} is neither auto, none nor seconds')
+    if text not in ('auto', 'gyro', 'none') and not math.isfinite(float(text)):
+        raise argparse.ArgumentTypeError(f'{text} is neither auto, gyro, none nor seconds')
     return text
 
 
@@ -375,7 +411,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--counts-per-radian', type=_counts, default=COUNTS_PER_RADIAN,
                         metavar='N', help='of the flow sensor (default: %(default).4g)')
     parser.add_argument('--mocap-offset', type=_offset, default='auto', metavar='SECONDS',
-                        help='to add to its clock; auto: by the range; none: leave it out')
+                        help='to add to its clock; auto: by the range, gyro: by the gyro, none: '
+                             'leave it out (default: %(default)s)')
     parser.add_argument('--level', action='store_true',
                         help='take the horizontal accelerations, not in the log, for 0')
     options = parser.parse_args(arguments)
