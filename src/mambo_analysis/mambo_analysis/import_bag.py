@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping
+from contextlib import closing
 import dataclasses
 import hashlib
 import math
@@ -113,7 +114,8 @@ def _read_sqlite(path: Path, files: list[Path]) -> Foreign:
         if not file.is_file():
             raise BagError(f'{file}: there is no such file')
         try:
-            with sqlite3.connect(f'{file.resolve().as_uri()}?mode=ro', uri=True) as database:
+            with closing(sqlite3.connect(
+                    f'{file.resolve().as_uri()}?mode=ro', uri=True)) as database:
                 names = {}
                 for number, name, kind, form in database.execute(
                         'SELECT id, name, type, serialization_format FROM topics'):
@@ -127,7 +129,7 @@ def _read_sqlite(path: Path, files: list[Path]) -> Foreign:
                 for number, time, data in database.execute(
                         'SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id'):
                     raw.setdefault(names[number], []).append((time, time, bytes(data)))
-        except (sqlite3.Error, KeyError) as error:
+        except (sqlite3.Error, KeyError, TypeError, ValueError) as error:
             raise BagError(f'{file}: no rosbag2 file, or damaged ({error})') from None
     if not raw:
         raise BagError(f'{path}: the bag holds no messages')
@@ -264,6 +266,9 @@ def _converted(
         out = (_copied(store, wanted, message) if kind == wanted
                else _as_pose(store, kind, message))
         stamp = out.header.stamp.sec * SECOND + out.header.stamp.nanosec
+        if stamp < 0 or not 0 <= log_time < 2**63:
+            raise BagError(f'{messages.topic}: a message of the impossible time '
+                           f'{stamp if stamp < 0 else log_time} ns')
         if stamp == 0:
             tally.unstamped += 1
             stamp = log_time

@@ -122,7 +122,7 @@ def _series(path: Path, name: str, times: Any, data: Any) -> tuple[Floats, Float
     """Return one signal, checked."""
     try:
         t, v = np.asarray(times, float), np.asarray(data, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise BagError(f'{path}: {name} holds what is no number') from None
     if t.ndim != 1 or t.shape != v.shape:
         raise BagError(f'{path}: {name} has {t.size} times and {v.size} values')
@@ -323,6 +323,9 @@ def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, 
     if asked == 'none' or not len(log.mocap):
         return None, {'mocap': 'none in the log' if asked != 'none' else 'left out'}
     if asked not in ('auto', 'gyro'):
+        if (log.mocap[:, 0] + float(asked) < 0.0).all():
+            raise BagError(f'{path}: with --mocap-offset {asked} all of the motion capture is '
+                           f'before the drone began (its clock shows {log.mocap[0, 0]:.3f} s)')
         return float(asked), {'mocap_offset_s': float(asked), 'mocap_offset_from': 'given'}
     try:
         found = mocap_offset(log)

@@ -67,6 +67,8 @@ import argparse
 import dataclasses
 from io import BytesIO
 import math
+import multiprocessing
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 import warnings
@@ -133,19 +135,41 @@ class Log:
         return np.stack([self.signals[name] for name in names], axis=1)
 
 
-def _variables(path: Path, content: bytes) -> dict[str, Any]:
-    """Return the variables of a mat file's content."""
-    if content[:10].startswith(b'MATLAB 7.3'):
-        raise BagError(f'{path}: a mat file of version 7.3; save it with -v7 in MATLAB first')
-    if not content:
-        raise BagError(f'{path}: the file is empty')
+def _load(answer: Connection, content: bytes) -> None:
+    """Send the variables of a mat file's content, or why there are none; of foreign ones names."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter('ignore', scipy.io.matlab.MatReadWarning)
-            return scipy.io.loadmat(BytesIO(content), simplify_cells=True)
-    except Exception as error:  # the parser of damaged or foreign bytes raises anything
-        reason = str(error).split('\n')[0] or type(error).__name__
-        raise BagError(f'{path}: not a readable mat file ({reason})') from None
+            warnings.simplefilter('ignore')
+            found = scipy.io.loadmat(BytesIO(content), simplify_cells=True)
+        answer.send({name: value if name.startswith('rt_') else None
+                     for name, value in found.items()})
+    except BaseException as error:  # the parser of damaged or foreign bytes raises anything
+        answer.send(str(error).split('\n')[0] or type(error).__name__)
+
+
+def _variables(path: Path, content: bytes) -> dict[str, Any]:
+    """
+    Return the variables of a mat file's content.
+
+    In a process of its own: scipy's parser of compiled code can die of damaged bytes.
+    """
+    if content[:10].startswith(b'MATLAB 7.3'):
+        raise BagError(f'{path}: a mat file of version 7.3; save it with -v7 in MATLAB first')
+    context = multiprocessing.get_context('fork')
+    answer, question = context.Pipe(duplex=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore', DeprecationWarning)  # the child touches no other thread
+        process = context.Process(target=_load, args=(question, content))
+        process.start()
+    question.close()
+    try:
+        found = answer.recv()
+    except EOFError:
+        found = 'the parser died of it'
+    process.join()
+    if isinstance(found, str):
+        raise BagError(f'{path}: not a readable mat file ({found})')
+    return found
 
 
 def _toolbox(path: Path, variables: dict[str, Any]) -> dict[str, Any]:

@@ -152,6 +152,8 @@ def _numbers(path: Path, rows: list[list[str]], line: int, columns: list[int]) -
             out.append([float(row[c]) if row[c].strip() else math.nan for c in columns])
         except ValueError:
             raise BagError(f'{path}: line {number} holds what is no number') from None
+        if any(map(math.isinf, out[-1])):
+            raise BagError(f'{path}: line {number} holds what is no number')
     if not out:
         raise BagError(f'{path}: no frames, only a header')
     return np.array(out)

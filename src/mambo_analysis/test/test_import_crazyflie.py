@@ -136,6 +136,8 @@ def test_options(tmp_path, made):
     np.testing.assert_allclose(rates, COUNTS_PER_RADIAN / 409.26)
     assert main([str(source), str(tmp_path / 'b'), '--mocap-offset', 'none']) == 0
     assert 'optitrack/pose' not in read_bag(tmp_path / 'b')
+    assert main([str(source), str(tmp_path / 'c'), '--mocap-offset', '-5000']) == 1
+    assert not (tmp_path / 'c').exists()  # all poses before the drone's time 0
 
 
 def test_the_gyro_can_give_the_clock(tmp_path):

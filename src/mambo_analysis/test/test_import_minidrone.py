@@ -1,6 +1,7 @@
 """The importer on real logs, on a made one with known numbers, and on what is no log."""
 
 import hashlib
+import os
 from pathlib import Path
 
 from mambo_analysis.bag import read_bag
@@ -239,6 +240,11 @@ def test_what_is_no_log_is_named_in_one_line(tmp_path, capsys):
     refuse(tmp_path / 'half.mat', tmp_path, capsys, 'no minidrone log')
     scipy.io.savemat(tmp_path / 'odd.mat', {'rt_yout': {'time': np.arange(3), 'signals': 5.0}})
     refuse(tmp_path / 'odd.mat', tmp_path, capsys, 'not built as a minidrone log')
+
+
+def test_a_file_that_kills_the_parser_is_refused_like_any_other(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(scipy.io, 'loadmat', lambda *_, **__: os.abort())
+    refuse(save(tmp_path / 'log.mat'), tmp_path, capsys, 'the parser died of it')
 
 
 def test_a_log_cut_off_anywhere_is_refused(tmp_path, capsys):

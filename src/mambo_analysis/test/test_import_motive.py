@@ -190,6 +190,7 @@ def swap(old, new, count=1):
     (swap('\n5,0.041667', '\n5,0.025000'), 'times do not increase after frame 4'),
     (swap('\n5,0.041667', '\n5,'), 'a frame has no number or no time'),
     (swap('9.000000', 'nine'), None), (swap('1.000000', 'one'), 'what is no number'),
+    (swap('1.000000', 'inf'), 'what is no number'),
     (swap('Rigid Body,', 'Bone,', 99), 'no rigid body; export with rigid bodies'),
     (swap('Rotation,', 'Turning,', 4), 'lacks the columns Rotation X')])
 def test_what_is_no_sound_take_is_named_in_one_line(tmp_path, capsys, change, text):
