@@ -10,7 +10,7 @@ lost.
 
 Inertial sensors
     ``w_*`` is the gyro in rad/s. ``a_z`` is g times the accelerometer, the specific force: at
-    rest it reads +9.810 m/s^2 (three logs), in flight it averages 9.77 to 9.83. The horizontal
+    rest it reads +9.810 m/s^2 (three logs), in flight it averages 9.75 to 9.83. The horizontal
     accelerations were not logged: they are NaN, or 0 with ``--level``: what a rotorcraft feels
     there is drag alone. ``imu/data_raw`` stands at the packets of ``w_x``; what came in another
     packet is interpolated there.
