@@ -31,7 +31,7 @@ class Flight(NamedTuple):
         return -self.rho[:, 2]
 
     def touch_down(self, since):
-        """Return (speed m/s, tilt rad) with which the vehicle first meets the floor after a time."""
+        """Return speed m/s and tilt rad at the first contact with the floor after a time."""
         air = np.flatnonzero((self.t >= since) & (self.height > 0.0))
         if not len(air):
             return 0.0, 0.0
@@ -44,7 +44,7 @@ def fly(flight, spoil=lambda t, phase, *inputs: inputs):
     """
     Fly a scenario; ``spoil(t, phase, state, spread, ref)`` returns the last three as they arrive.
 
-    A reference without a number in it is missing.
+    Ends early when the vehicle is at rest after a shutdown.
     """
     sim, believed = flight.sim_node.simulator, flight.controller_node
     values, rngs, p = sim.values(), simulator.generators(sim.seed), closed_loop._settings(flight)
@@ -74,5 +74,7 @@ def fly(flight, spoil=lambda t, phase, *inputs: inputs):
         rows.append((
             t, body.rho, rotate(body.q, body.nu), np.arccos(min(down, 1.0)), command.pwm,
             control.stage, command.reason, command.shutdown, spread))
+        if command.shutdown and body.rho[2] >= 0.0 and body.nu == (0.0, 0.0, 0.0):
+            break
         state = simulator.advance(state, command.pwm, command.shutdown, values)
     return Flight(*(np.array(column) for column in zip(*rows, strict=True)))

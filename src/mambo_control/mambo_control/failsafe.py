@@ -197,7 +197,8 @@ def initial(params: controllers.Params) -> Memory:
     control = controllers.initial(params)
     return Memory(
         control, FLYING, REASON_NONE, 0.0, 0.0, 0.0, _REST, _POINT, trajectory.GROUND,
-        Shown(0.0, 0.0), Descent(_ZERO, _ZERO, 0.0, 0.0, 0.0), controllers.stopped(control, REASON_NONE))
+        Shown(0.0, 0.0), Descent(_ZERO, _ZERO, 0.0, 0.0, 0.0),
+        controllers.stopped(control, REASON_NONE))
 
 
 @jit
