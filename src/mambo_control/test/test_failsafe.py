@@ -283,6 +283,17 @@ def test_blind_the_vehicle_weighs_what_the_flight_has_shown(law, share):
     assert 0.5 < speeds[0] < 1.4
 
 
+def test_weight_is_not_mistaken_for_acceleration():
+    one, state = Controller(), hovering(2.0)
+    for _ in range(60):  # 0.3 s of climbing ever faster
+        command = one.answer(state, reference((0.0, 0.0, -3.0)))
+        state = moved(state, command)
+    assert rotate(state.q, state.nu)[2] < -0.4
+    lift, pull = one.memory.shown
+    # the acceleration of a step is felt in the next one, and of the first step none is known
+    assert lift / pull == pytest.approx(MAMBO.mass, rel=0.02)
+
+
 def test_what_is_seen_on_the_floor_or_garbled_shows_no_weight():
     p = failsafe.FailsafeParams(thrust_deficit=0.0).values()
     assert failsafe.lighter(failsafe.Shown(0.0, 0.0), p, MAMBO) == MAMBO
