@@ -95,8 +95,8 @@ def test_offline_replay_gives_the_recorded_estimate_to_the_bit(bag, package_bag,
     bag = package_bag if choices else bag
     answers = list(offline.estimate(read_bag(bag), flight(**choices).estimator_node.filter))
     assert [messages.estimate(t, e.state, e.pose_covariance, e.twist_covariance)
-            for t, e in answers] == payloads(bag, topics.ESTIMATE)
-    assert [encode_state(t, e, 0) for t, e in answers] == payloads(bag, topics.ESTIMATOR_STATE)
+            for t, e, _ in answers] == payloads(bag, topics.ESTIMATE)
+    assert [encode_state(*answer) for answer in answers] == payloads(bag, topics.ESTIMATOR_STATE)
 
 
 @pytest.mark.parametrize(

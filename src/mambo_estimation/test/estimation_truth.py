@@ -222,6 +222,15 @@ def _store(row, e):
               float(e.barometer_refused), float(e.invalid_samples)):
         row[k] = x
         k += 1
+    for i in e.health.health:
+        row[k] = float(i)
+        k += 1
+    for x in e.health.age:
+        row[k] = x
+        k += 1
+    for i in e.health.not_finite:
+        row[k] = float(i)
+        k += 1
 
 
 @jit
@@ -247,7 +256,8 @@ class Run:
             'vertical_velocity': 1, 'barometer_offset': 1, 'sonar_innovation': 1,
             'sonar_test_ratio': 1, 'flow_innovation': 2, 'flow_test_ratio': 1,
             'barometer_innovation': 1, 'barometer_test_ratio': 1, 'sonar_refused': 1,
-            'flow_refused': 1, 'barometer_refused': 1, 'invalid_samples': 1}
+            'flow_refused': 1, 'barometer_refused': 1, 'invalid_samples': 1, 'health': 5,
+            'age': 5, 'not_finite': 5}
         k = 0
         for name, size in sizes.items():
             column = rows[:, k:k + size]
@@ -270,7 +280,7 @@ class Run:
         return np.linalg.norm(np.cross(a, b), axis=1)
 
 
-COLUMNS = 13 + 2 * 36 + 6 + 15
+COLUMNS = 13 + 2 * 36 + 6 + 15 + 15
 
 
 def estimate(samples, params=None, memory=None):

@@ -25,7 +25,7 @@ def numbers(layout, rng):
                           'shutdown')):
             out += rng.integers(0, 2, width).tolist()
         elif name.endswith(('sec', 'imu', 'sonar', 'optical_flow', 'barometer', 'refused',
-                            'invalid_samples')):
+                            'invalid_samples', 'health', 'not_finite', 'dropped')):
             out += rng.integers(0, 1000, width).tolist()
         else:
             out += np.float32(rng.normal(size=width)).astype(float).tolist()
