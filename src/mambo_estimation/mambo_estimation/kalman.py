@@ -232,7 +232,7 @@ def _align(m: Memory, gyro: Vec3, accel: Vec3, v: EstimatorValues) -> Memory:
 @jit
 def _predict_attitude(
     att: Attitude, last_gyro: Vec3, gyro: Vec3, last_force: Vec3, accel: Vec3, dt: float,
-    held: bool, gravity: float, v: AttitudeValues,
+    held: bool, force_held: bool, gravity: float, v: AttitudeValues,
 ) -> tuple[Attitude, Vec3, Vec3]:
     """
     Integrate the gyro; return also force now and mean acceleration, (3,) m/s^2, inertial NED.
@@ -245,7 +245,7 @@ def _predict_attitude(
     mean = scale(0.5, add(last_force, force))
     acceleration = (mean[0], mean[1], mean[2] + gravity)
     window = attitude.NO_WINDOW
-    if not held:
+    if not (held or force_held):
         window = attitude.accumulate(att.window, acceleration, sub(rate, att.bias), dt)
     return attitude.with_window(att, window), force, acceleration
 
@@ -312,20 +312,21 @@ def _end_unaided(att: Attitude, resting: bool, gravity: float, v: AttitudeValues
 
 @jit
 def _run(
-    m: Memory, counts: Counts, dt: float, gyro: Vec3, accel: Vec3, held: bool, sonar: float,
-    flow: Vec2, quality: int, pressure: float, v: EstimatorValues,
+    m: Memory, counts: Counts, dt: float, gyro: Vec3, accel: Vec3, held: tuple[bool, bool],
+    sonar: float, flow: Vec2, quality: int, pressure: float, v: EstimatorValues,
 ) -> tuple[Memory, Results]:
-    """Predict, then use every sample there is."""
+    """Predict, with rates and forces that may be held, then use every sample there is."""
     rest, resting = m.alignment, m.resting
     calibrated = sub(accel, rest.accel_bias)
     att, force, a = _predict_attitude(
-        m.attitude, m.gyro, gyro, m.force, calibrated, dt, held, v.gravity, v.attitude)
+        m.attitude, m.gyro, gyro, m.force, calibrated, dt, held[0], held[1], v.gravity,
+        v.attitude)
     R, yaw_std = to_matrix(att.q), attitude.yaw_std(att)
     b = m.velocity.accel_bias
     a = sub(a, rotate(att.q, (b[0], b[1], m.altitude.accel_bias)))
     alt = altitude.predict(
-        m.altitude, -a[2], R[2][2], dt, held, v.barometer.offset_walk, v.altitude)
-    vel = velocity.predict(m.velocity, (a[0], a[1]), R, yaw_std, dt, held, v.velocity)
+        m.altitude, -a[2], R[2][2], dt, held[1], v.barometer.offset_walk, v.altitude)
+    vel = velocity.predict(m.velocity, (a[0], a[1]), R, yaw_std, dt, held[1], v.velocity)
     if resting:
         rest, resting, alt, vel = _rest(rest, alt, vel, gyro, accel, dt, v.alignment)
     sonar_gate = gate.advance(m.gates.sonar, dt)
@@ -370,8 +371,8 @@ def step(
     gyro : (3,) rad/s, body FRD
         Bias included.
     accel : (3,) m/s^2, body FRD
-        Specific force, bias included. Where gyro or accel is not finite or out of range the
-        previous valid sample takes its place, with much more noise.
+        Specific force, bias included. Where gyro or accel is not finite, out of range, stuck or
+        wild another takes its place, with much more noise.
     sonar : m
         New slant range, NaN: none. Infinite: counted as invalid.
     flow : (2,) rad/s, body FRD
@@ -409,16 +410,38 @@ def step(
         m = _with_sensors(
             m, _observe(m, NOTHING, dt, gyro, accel, sonar, flow, pressure, usable, stuck, v))
         return m, _estimate(m, NOTHING, v)
-    held = not valid or dt > v.imu.max_interval
+    late = dt > v.imu.max_interval
+    held = (late or not usable[0], late or not valid)
+    gyro_used, accel_used = _bridged(m, dt, gyro, accel, usable, v)
     counts = Counts(
         m.counts.invalid + invalid, equal, m.counts.sonar_age, m.counts.flow_age)
     m, results = _run(
-        m, counts, min(dt, v.imu.max_gap), gyro if valid else m.gyro,
-        accel if valid else m.accel, held, math.nan if stuck[2] else sonar,
-        NONE2 if stuck[3] else flow, flow_quality, math.nan if stuck[4] else pressure, v)
+        m, counts, min(dt, v.imu.max_gap), gyro_used, accel_used, held,
+        math.nan if stuck[2] else sonar, NONE2 if stuck[3] else flow, flow_quality,
+        math.nan if stuck[4] else pressure, v)
     m = _with_sensors(
         m, _observe(m, results, dt, gyro, accel, sonar, flow, pressure, usable, stuck, v))
     return m, _estimate(m, results, v)
+
+
+@jit
+def _bridged(
+    m: Memory, dt: float, gyro: Vec3, accel: Vec3, usable: tuple[bool, bool], v: EstimatorValues,
+) -> tuple[Vec3, Vec3]:
+    """
+    Return what is integrated for an inertial sample, which may not be usable.
+
+    That is the sample before; but where a sensor reads anything, so did that one, and no rate and
+    the force of hover are nearer to the truth.
+    """
+    s, p = m.sensors, v.imu
+    if not usable[0]:
+        wild = health.roughness(s.gyro, gyro, dt) > p.gyro_roughness * p.gyro_roughness
+        gyro = m.attitude.bias if wild else m.gyro
+    if not usable[1]:
+        wild = health.roughness(s.accel, accel, dt) > p.accel_roughness * p.accel_roughness
+        accel = add(m.alignment.accel_bias, (0.0, 0.0, -v.gravity)) if wild else m.accel
+    return gyro, accel
 
 
 @jit

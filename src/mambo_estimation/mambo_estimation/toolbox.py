@@ -358,14 +358,16 @@ def _rise(
     Acceleration ``up`` in m/s^2; new range in m and pressure in Pa, NaN: none.
     """
     height, climb = a.height + dt * a.climb, a.climb + dt * up
-    new = 0.0 <= sonar <= v.sonar_max
+    new = math.isfinite(sonar)
     held, age = (sonar, 0.0) if new else (a.range, a.age + dt)
     by_pressure = a.by_pressure
     if v.min_pressure <= pressure <= v.max_pressure and rest.pressures > 0:
         by_pressure = _smoothed(
             by_pressure, (rest.pressure - pressure) * v.metre_per_pascal, dt, v)
-    a = Altitude(height, climb, held, age, a.used_age + dt, a.refused,
-                 _smoothed(a.smooth_range, held, dt, v), by_pressure)
+    smooth = a.smooth_range
+    if not abs(held) > v.sonar_max:  # so far sees no sonar: it would take minutes to forget
+        smooth = _smoothed(smooth, held, dt, v)
+    a = Altitude(height, climb, held, age, a.used_age + dt, a.refused, smooth, by_pressure)
     innovation, used_age, refused = held - height, a.used_age, a.refused
     if _is_range(a, height, v):
         height, climb = height + v.height_gain * innovation, climb + v.climb_gain * innovation

@@ -292,3 +292,28 @@ def estimate(samples, params=None, memory=None):
         memory or filters.initial(params), s.dt, s.gyro, s.accel, s.sonar, s.flow,
         s.quality.astype(np.int64), s.pressure, params.values(), out)
     return Run(out, memory)
+
+
+@jit
+def run_prior(memory, dt, gyro, accel, sonar, flow, quality, pressure, values, out, prior):
+    """As :func:`run_rows`; rows of ``prior`` are the estimates without the aiding samples."""
+    for k in range(dt.shape[0]):
+        inertial = ((gyro[k, 0], gyro[k, 1], gyro[k, 2]), (accel[k, 0], accel[k, 1], accel[k, 2]))
+        _, e = filters.step(
+            memory, dt[k], inertial[0], inertial[1], NAN, (NAN, NAN), 0, NAN, values)
+        _store(prior[k], e)
+        memory, e = filters.step(
+            memory, dt[k], inertial[0], inertial[1], sonar[k], (flow[k, 0], flow[k, 1]),
+            quality[k], pressure[k], values)
+        _store(out[k], e)
+    return memory
+
+
+def estimate_with_prior(samples, params):
+    """Return the :class:`Run` over the samples, and that of each step without aiding samples."""
+    s = samples
+    out, prior = np.empty((len(s.dt), COLUMNS)), np.empty((len(s.dt), COLUMNS))
+    memory = run_prior(
+        filters.initial(params), s.dt, s.gyro, s.accel, s.sonar, s.flow,
+        s.quality.astype(np.int64), s.pressure, params.values(), out, prior)
+    return Run(out, memory), Run(prior, memory)
