@@ -5,8 +5,9 @@ A measurement is refused where its squared innovation exceeds the squared gate t
 If refusals of one sensor go on for ``recovery_time``, it may be the filter that is wrong: where
 the refused samples agree with each other, one innovation being within a gate of the one before,
 the verdict is RECOVER: the caller widens the doubts of the filter, and the next sample is
-accepted. Outliers do not agree with each other. A sensor that repeats a refused value to the bit is stuck: it is refused until the
-value changes, even if the filter has meanwhile become unsure enough to believe it.
+accepted. Outliers do not agree with each other. A sensor that repeats a refused value to the bit
+is stuck: it is refused until the value changes, even if the filter has meanwhile become unsure
+enough to believe it.
 
 Holds no equation of the thesis, whose filters have no gate.
 """
