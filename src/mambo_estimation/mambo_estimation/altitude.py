@@ -241,7 +241,7 @@ def update_sonar(
     variance = a.P.hh + noise
     ratio = squared / (v.gate * v.gate * variance)
     gate, verdict = judge(
-        gate, _trial(slant_range, innovation, variance, ratio), v.gate, v.recovery_time)
+        gate, _trial(slant_range, innovation, 2.0 * noise, ratio), v.gate, v.recovery_time)
     if verdict == RECOVER:
         a = _doubt(a, squared, va)
     if verdict != ACCEPT:

@@ -137,7 +137,7 @@ def observe(
         trouble = OUT_OF_REACH
     elif came:
         trouble = IMPLAUSIBLE if finite else NOT_FINITE
-        trouble = STUCK if stuck else trouble
+        trouble = STUCK if stuck and finite else trouble
     age = 0.0 if used or not in_reach else s.age + dt
     silence = 0.0 if came or not in_reach else s.silence + dt
     if not came:

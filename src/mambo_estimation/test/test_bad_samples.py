@@ -306,14 +306,24 @@ def test_the_estimator_says_which_sensor_is_ill_and_when_it_is_well_again(name, 
     assert np.isin(run.health[between(5.0, 10.0)], health.GOOD).all()
     if (name, kind) not in UNKNOWN:
         assert (run.health[known, which] == sick(name, kind)).all()
-    # an attitude that is lost makes good flow implausible, so does a height by a wild echo that
-    # lay within the gate
-    if name not in ('gyro', 'accel') and (name, kind) != ('sonar', 'wild'):
+    if name not in ('gyro', 'accel'):  # an attitude that is lost makes good flow implausible
         others = [k for k in range(5) if k != which]
         assert (run.health[between(5.0, 24.0)][:, others] <= health.OUT_OF_REACH).all()
     assert (run.health[between(13.2, 24.0), which] == health.GOOD).all()
     if (name, kind) != ('gyro', 'wild'):  # which loses the attitude for longer
         assert (run.health[between(14.0, 24.0)] == health.GOOD).all()
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_a_sonar_that_reads_anything_within_its_range_moves_the_height_little(seed):
+    s, rng = CLEAN.copy(), np.random.default_rng(seed)
+    seen = between(10.0, 12.0) & np.isfinite(s.sonar)
+    s.sonar[seen] = rng.uniform(0.434, 4.0, seen.sum())
+    run = estimate(s, EstimatorParams())
+    # three echoes may fit before the sonar is doubted, each off by the gate of 0.16 m at most
+    assert np.abs(run.height - TRUTH.height)[between(10.0, 24.0)].max() < 0.5
+    assert np.abs(run.nu - TRUTH.nu)[between(14.0, 24.0)].max() < 0.25
+    assert run.health[between(11.9, 12.0), health.SONAR].min() == health.IMPLAUSIBLE
 
 
 @pytest.mark.parametrize('seed', range(4))
