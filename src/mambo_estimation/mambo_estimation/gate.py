@@ -8,7 +8,7 @@ the verdict is RECOVER: the caller widens the doubts of the filter, and the next
 accepted. Outliers do not agree with each other. A sensor that repeats a refused value to the bit
 is stuck: it is refused until the value changes, even if the filter has meanwhile become unsure
 enough to believe it. A sensor most of whose samples are refused is not believed where one happens
-to fit, until several in a row do.
+to fit, until several do that agree with each other.
 
 Holds no equation of the thesis, whose filters have no gate.
 """
@@ -100,13 +100,13 @@ def judge(gate: Gate, trial: Trial, width: float, recovery_time: float) -> tuple
     value, innovation = trial.value, trial.innovation
     changed = value[0] != gate.first[0] or value[1] != gate.first[1]
     varied = gate.varied or changed
-    if trial.ratio <= 1.0 and (gate.streak == 0 or varied):
-        fits = accept(gate)
-        if gate.doubt < DISTRUST:
-            return fits, ACCEPT
-        return Gate(gate.refused + 1, 0, 0.0, value, innovation, False, fits.doubt), REFUSE
     x, y = innovation[0] - gate.innovation[0], innovation[1] - gate.innovation[1]
     agrees = x * x + y * y <= width * width * trial.variance
+    if trial.ratio <= 1.0 and (gate.streak == 0 or varied):
+        if gate.doubt < DISTRUST:
+            return accept(gate), ACCEPT
+        doubt = gate.doubt - 1 if agrees else gate.doubt
+        return Gate(gate.refused + 1, 0, 0.0, value, innovation, False, doubt), REFUSE
     doubt = min(MOST_DOUBT, gate.doubt + 1)
     if gate.streak == 0 or not agrees:
         return Gate(gate.refused + 1, 1, 0.0, value, innovation, False, doubt), REFUSE

@@ -25,7 +25,9 @@ from numpy.random import Generator
 
 from .sensors.sampling import STEP
 
-KINDS = ('none', 'nan', 'inf', 'stuck', 'wild', 'missing', 'late', 'repeated', 'out_of_order')
+# Not nan and inf: a ROS parameter file would take them for numbers.
+KINDS = ('none', 'not_a_number', 'infinite', 'stuck', 'wild', 'missing', 'late', 'repeated',
+         'out_of_order')
 NONE, NAN, INF, STUCK, WILD, MISSING, LATE, REPEATED, OUT_OF_ORDER = range(len(KINDS))
 READINGS = KINDS[:MISSING]                # what happens to a value
 DELIVERIES = ('none', *KINDS[MISSING:])   # what happens to a message

@@ -51,7 +51,7 @@ def test_without_faults_nothing_is_asked_and_nothing_is_drawn():
 
 
 @pytest.mark.parametrize('name', FIELDS)
-@pytest.mark.parametrize('kind', ['nan', 'inf', 'stuck', 'wild'])
+@pytest.mark.parametrize('kind', ['not_a_number', 'infinite', 'stuck', 'wild'])
 def test_a_bad_reading_is_in_its_window_and_in_no_other_sensor(name, kind):
     last = None
     for tick, (clean, bad) in enumerate(zip(CLEAN, samples(faulty(**{name: kind})))):
@@ -61,9 +61,9 @@ def test_a_bad_reading_is_in_its_window_and_in_no_other_sensor(name, kind):
                 np.testing.assert_array_equal(x, y)
                 if other == name and NEW[name](clean):
                     last = x
-            elif kind == 'nan':
+            elif kind == 'not_a_number':
                 assert np.isnan(y).all()
-            elif kind == 'inf':
+            elif kind == 'infinite':
                 assert np.isinf(y).all()
             elif kind == 'stuck':
                 np.testing.assert_array_equal(y, last)
@@ -92,7 +92,7 @@ def test_out_of_order_samples_are_held_until_after_the_next():
 
 
 def test_a_share_strikes_some_samples_and_the_seed_says_which():
-    params = faulty(gyro='nan')
+    params = faulty(gyro='not_a_number')
     some = replace(params, faults=replace(
         params.faults, gyro=replace(params.faults.gyro, share=0.5)))
     bad = [math.isnan(s.gyro[0]) for s in samples(some)]
@@ -125,16 +125,16 @@ def test_the_outbox_does_to_the_messages_what_their_fates_say(fates, sent):
 
 
 @pytest.mark.parametrize('values, complaint', [
-    ({'faults': {'sonar': {'kind': 'broken'}}}, 'not one of none, nan'),
-    ({'faults': {'gyro': {'kind': 'late'}}}, 'not one of none, nan, inf, stuck, wild'),
-    ({'faults': {'imu': {'kind': 'nan'}}}, 'not one of none, missing'),
+    ({'faults': {'sonar': {'kind': 'broken'}}}, 'not one of none, not_a_number'),
+    ({'faults': {'gyro': {'kind': 'late'}}}, 'not one of none, not_a_number, infinite, stuck, wild'),
+    ({'faults': {'imu': {'kind': 'wild'}}}, 'not one of none, missing'),
     ({'faults': {'sonar': {'share': 1.5}}}, r'outside \[0, 1\]'),
     ({'faults': {'sonar': {'delay': 0.0}}}, 'outside'),
-    ({'faults': {'lidar': {'kind': 'nan'}}}, 'unknown parameter')])
+    ({'faults': {'lidar': {'kind': 'wild'}}}, 'unknown parameter')])
 def test_a_fault_that_cannot_be_is_refused_by_name(values, complaint):
     with pytest.raises(schema.ParameterError, match=complaint):
         schema.build(SimulatorParams, values)
 
 
 def test_the_window_is_in_whole_ticks():
-    assert FaultParams(kind='nan', start=1.0, duration=0.5).values()[1:3] == (200, 300)
+    assert FaultParams(kind='wild', start=1.0, duration=0.5).values()[1:3] == (200, 300)
