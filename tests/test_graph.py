@@ -52,7 +52,8 @@ def fault(sensor, kind, start, duration, **more):
 
 
 FAULTS = {
-    **fault('gyro', 'not_a_number', 5.0, 3.0, share=0.1), **fault('accel', 'infinite', 5.0, 3.0, share=0.1),
+    **fault('gyro', 'not_a_number', 5.0, 3.0, share=0.1),
+    **fault('accel', 'infinite', 5.0, 3.0, share=0.1),
     **fault('imu', 'late', 4.0, 3.0, share=0.05, delay=0.03),
     **fault('sonar', 'late', 5.5, 1.0, delay=0.1),
     **fault('optical_flow', 'out_of_order', 5.0, 2.0, share=0.5),

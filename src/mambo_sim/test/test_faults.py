@@ -126,7 +126,8 @@ def test_the_outbox_does_to_the_messages_what_their_fates_say(fates, sent):
 
 @pytest.mark.parametrize('values, complaint', [
     ({'faults': {'sonar': {'kind': 'broken'}}}, 'not one of none, not_a_number'),
-    ({'faults': {'gyro': {'kind': 'late'}}}, 'not one of none, not_a_number, infinite, stuck, wild'),
+    ({'faults': {'gyro': {'kind': 'late'}}},
+     'not one of none, not_a_number, infinite, stuck, wild'),
     ({'faults': {'imu': {'kind': 'wild'}}}, 'not one of none, missing'),
     ({'faults': {'sonar': {'share': 1.5}}}, r'outside \[0, 1\]'),
     ({'faults': {'sonar': {'delay': 0.0}}}, 'outside'),
