@@ -8,15 +8,19 @@ import subprocess
 import sys
 import time
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from mambo_analysis import closed_loop, offline
 from mambo_analysis.bag import read_bag
-from mambo_analysis.scenario import from_yaml, scenario
-from mambo_bringup.flight import fly
+from mambo_analysis.scenario import from_yaml, override, scenario, to_yaml
+from mambo_bringup.domain import Domain
+from mambo_bringup.flight import FLIGHT_NODES, fly, RECORDER, SIMULATOR
+from mambo_bringup.processes import NodeProcess
 from mambo_bringup.replay import replay
 from mambo_estimation.estimator_node import encode_state
 from mambo_ros import layout, messages, topics
 import numpy as np
 import pytest
+from rclpy.serialization import deserialize_message
 
 SECONDS = 9.0
 STEPS = 1801
@@ -190,6 +194,34 @@ def test_diagnostics_name_the_bad_sensor(faulty_bag):
     assert 'optical flow: ' in said[6][1] and 'barometer: ' in said[4][1]
 
 
+def test_cameras_that_lose_the_body_say_so_and_publish_no_pose(tmp_path):
+    bag = tmp_path / 'flight'
+    cameras = {'frame_loss': 0.05, 'markers.layout': 'symmetric', 'markers.occlusion': 0.5}
+    flown = scenario(duration=4.0, seed=3, land=False, overrides={
+        'sim_node.mode': 'lockstep',
+        **{f'optitrack_node.optitrack.{name}': value for name, value in cameras.items()}})
+    fly(flown, bag)
+    alone = closed_loop.fly(flown)
+    seen = ~np.isnan(alone.pose[:, 0])
+    assert 100 < seen.sum() < 300  # of 479
+    poses = [messages.decode_pose(data) for data in payloads(bag, topics.OPTITRACK)]
+    np.testing.assert_array_equal(alone.pose_t[seen], [t for t, _, _ in poses])
+    np.testing.assert_array_equal(alone.pose[seen], [[*rho, *q] for _, rho, q in poses])
+    undisturbed = closed_loop.fly(scenario(duration=4.0, seed=3, land=False))
+    np.testing.assert_array_equal(alone.truth, undisturbed.truth)  # nobody flies by the cameras
+    reports = [status for data in payloads(bag, topics.DIAGNOSTICS)
+               for status in deserialize_message(data, DiagnosticArray).status
+               if status.name == 'optitrack_node']
+    assert len(reports) == 5  # 0 to 4 s
+    numbers = {entry.key: int(entry.value) for entry in reports[-1].values}
+    assert numbers['frames'] == 481 and numbers['lost frames'] > 100
+    under_way = numbers['frames'] - sum(numbers[x] for x in ('lost frames', 'dropped frames'))
+    assert 0 <= under_way - len(poses) <= 2  # 10 ms of latency
+    assert {status.message for status in reports} <= {'tracking', 'body lost'}
+    for status in reports:
+        assert (status.level == DiagnosticStatus.OK) is (status.message == 'tracking')
+
+
 def test_the_bag_says_what_was_flown(bag):
     text = read_bag(bag, topics=()).attachments['scenario.yaml']
     recorded = from_yaml(text)
@@ -272,3 +304,37 @@ def test_an_existing_output_is_not_touched(tmp_path):
     _, err = run.communicate(timeout=60.0)
     assert run.returncode == 1 and 'exists' in err
     assert keep.read_text() == 'mine'
+
+
+@pytest.mark.parametrize('mode', ['realtime', 'lockstep'])
+@pytest.mark.parametrize('lost', ['reference_node', 'estimator_node'])
+def test_a_node_that_is_gone_in_flight_lands_the_vehicle(tmp_path, mode, lost):
+    bag, file = tmp_path / 'flight', tmp_path / 'scenario.yaml'
+    names = [name for _, name in (*FLIGHT_NODES, RECORDER)]
+    file.write_text(to_yaml(override(scenario(duration=16.0, land=False), {
+        'sim_node.mode': mode, 'sim_node.speed': 2.0, 'sim_node.wait_for': ','.join(names)})))
+    arguments, said = ['--ros-args', '--params-file', str(file)], []
+    with Domain():
+        children = {RECORDER[1]: NodeProcess(*RECORDER, ['--ros-args', '-p', f'bag:={bag}'])}
+        for package, name in FLIGHT_NODES:
+            children[name] = NodeProcess(package, name, arguments)
+        try:
+            sim = NodeProcess(*SIMULATOR, arguments, said.append)
+            limit = time.monotonic() + 300.0
+            while not any(' t = ' in line for line in said) and time.monotonic() < limit:
+                time.sleep(0.01)
+            time.sleep(1.5)  # at least 3 s of flight, or 5 s and less than 16 in lockstep
+            children[lost].end(20.0)
+            code = sim.wait(60.0)
+        finally:
+            codes = {name: child.end(20.0) for name, child in reversed(children.items())}
+            sim.end(20.0)
+    assert code == 0, said  # flown to its end, in lockstep too
+    assert set(codes.values()) == {0}
+    answers = [messages.decode_motor_pwm(data) for data in payloads(bag, topics.MOTOR_PWM)]
+    assert answers[-1][1:] == ((0.0,) * 4, True)
+    truth = [messages.decode_odometry(data)[1] for data in payloads(bag, topics.GROUND_TRUTH)]
+    assert min(state.rho[2] for state in truth) < -0.3  # it was up
+    assert truth[-1].rho[2] >= 0.0 and np.abs(truth[-1].nu).max() == 0.0
+    if mode == 'lockstep':
+        assert [t for t, _, _ in answers] == [5_000_000 * k for k in range(3201)]

@@ -197,6 +197,11 @@ def _load(path: Path, before: tuple[Path, ...]) -> Vehicle:
         raise ParameterError(f'{path}: {error}') from None
 
 
+def markers(name: str) -> list[Point]:
+    """Return mass in kg and position in m of each marker that a vehicle of the folder names."""
+    return vehicle_file.read(FOLDER / f'{name}.yaml', Vehicle).markers
+
+
 class _Presets(Mapping[str, Vehicle]):
     """The vehicles in the folder, by the names of their files; a file is read when asked for."""
 

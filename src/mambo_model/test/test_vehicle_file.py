@@ -99,8 +99,8 @@ def test_what_is_wrong_is_named_with_file_line_and_key(file, text, line, message
 @pytest.mark.parametrize('text, message', [
     ('', 'holds no names and values'),
     ('- 1\n', 'holds no names and values'),
-    ('mass: [\n', 'line 2'),
-    ('a: 1\n---\nb: 2\n', 'single document'),
+    ('mass: [\n', ':2: no YAML'),
+    ('a: 1\n---\nb: 2\n', ':2: no YAML: but found another document'),
     (MASS, 'has no description'),
     (HEAD + 'pwm_max: {value: 5, unit: PWM, source: x}\n', 'pwm_min = 10 PWM must be below'),
     (HEAD + 'markers:\n  - {mass: {value: 0.002, unit: kg, source: x}, '
@@ -109,7 +109,7 @@ def test_what_is_wrong_with_the_whole_is_named_with_the_file(file, text, message
     path = file(text)
     with pytest.raises(ParameterError, match=message) as error:
         vehicle.load(path)
-    assert str(error.value).startswith(f'{path}: ')
+    assert str(error.value).startswith(f'{path}:')
     assert '\n' not in str(error.value)
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from mambo_model.rigid_body import State
-from mambo_ros import messages, node, topics
+from mambo_ros import diagnostics, messages, node, topics
 
 from . import simulator
 from .parameters import OptitrackNodeParams
 from .sensors import optitrack
+
+_REPORT_EVERY = 1_000_000_000  # ns
 
 
 class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
@@ -15,7 +17,8 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
     Mock motion capture.
 
     Subscribes ``ground_truth/odom``, publishes ``optitrack/pose`` at its own rate, late by its
-    latency, stamped with the exposure.
+    latency, stamped with the exposure, and ``/diagnostics``. A body that is not tracked has no
+    pose: nothing is published.
     """
 
     def __init__(self, **kwargs) -> None:
@@ -25,6 +28,7 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
         self._memory = optitrack.START
         self._before: tuple[int, State] | None = None
         self._pose = self.say(topics.OPTITRACK)
+        self._diagnostics = self.say(topics.DIAGNOSTICS)
         self.hear(topics.GROUND_TRUTH, self._on_truth)
         still = State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
         optitrack.step(  # have the compiled step in memory before time starts
@@ -40,6 +44,17 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
             self._memory, *before, t, state, self._rng, self._values)
         if sample.new:
             self._pose(messages.optitrack(sample.stamp, sample.pose.rho, sample.pose.q))
+        if t % _REPORT_EVERY == 0:
+            self._report(t)
+
+    def _report(self, t: int) -> None:
+        memory = self._memory
+        tracked = memory.track.tracked
+        self._diagnostics(diagnostics.report(
+            t, self.get_name(), diagnostics.OK if tracked else diagnostics.WARN,
+            'tracking' if tracked else 'body lost', {
+                'visible markers': sum(memory.seen), 'frames': memory.counts.frames,
+                'lost frames': memory.counts.lost, 'dropped frames': memory.counts.dropped}))
 
 
 def main(args=None) -> None:

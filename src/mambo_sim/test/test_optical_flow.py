@@ -6,7 +6,7 @@ import math
 from mambo_model.quaternion import from_euler
 from mambo_model.rigid_body import State
 from mambo_model.schema import ParameterError
-from mambo_sim.sensors import optical_flow
+from mambo_sim.sensors import optical_flow, sampling
 from mambo_sim.sensors.optical_flow import derotate, image_flow, OpticalFlowParams, project
 import numpy as np
 import pytest
@@ -169,6 +169,60 @@ def test_only_new_values_are_delivered_at_32_hertz():
     assert len(ticks) == 320 and set(np.diff(ticks)) == {6, 7}
 
 
+def run(params, ticks, body=moving, noise=False):
+    p, rng, memory, out = params.values(), np.random.default_rng(0), optical_flow.START, []
+    for tick in range(ticks):
+        memory, sample = optical_flow.step(memory, tick, body(tick), rng, noise, p)
+        out.append(sample)
+    return out
+
+
+def test_pauses_come_after_each_burst():
+    samples = run(OpticalFlowParams(rate=40.0, burst=4, pause=0.1), 400, lambda k: moving())
+    ticks = [k for k, s in enumerate(samples) if s.new]
+    assert ticks[:9] == [0, 5, 10, 15, 35, 40, 45, 50, 70]
+    assert set(np.diff(ticks)) == {5, 20}
+
+
+@pytest.mark.parametrize('rate', [200.0, 32.0, 70.0])
+@pytest.mark.parametrize('burst', [1, 7, 15])
+def test_without_a_pause_bursts_are_no_bursts(rate, burst):
+    period = sampling.period_ns(rate)
+    for tick in range(3000):
+        assert sampling.due_in_bursts(tick, period, burst, period) == sampling.due(tick, period)
+
+
+@pytest.mark.parametrize('latency', [0.005, 0.05, 0.12, 0.15])
+def test_latency_is_a_pure_delay_of_what_was_seen(latency):
+    def body(tick):
+        return moving(1.5, (1.5 * tick, -3.0 * tick, 0.0))
+
+    late = round(latency / 0.005)
+    samples = run(dataclasses.replace(EXACT, latency=latency), 60, body)
+    for tick, sample in enumerate(samples):
+        assert sample.new
+        if tick < late:
+            assert sample.quality == 0 and np.isnan(sample.rate).all()
+        else:
+            assert sample.rate == pytest.approx((tick - late, -2.0 * (tick - late)))
+
+
+def test_latency_keeps_what_the_camera_did_not_see():
+    samples = run(dataclasses.replace(EXACT, latency=0.05), 60,
+                  lambda k: moving(0.1 if k < 20 else 1.5, (1.5, 0.0, 0.0)))
+    assert [s.quality for s in samples] == [0] * 30 + [255] * 30
+
+
+def test_measurements_fail_as_often_as_the_texture_says():
+    for texture, share in ((1.0, 0.1), (0.5, 0.35)):
+        params = dataclasses.replace(EXACT, dropout=0.1, texture_dropout=0.5, texture=texture)
+        samples = run(params, 10000, lambda k: moving(), noise=True)
+        failed = [s for s in samples if s.quality == 0]
+        assert len(failed) / 10000 == pytest.approx(share, rel=0.12)  # 4 standard errors
+        assert all(s.new and np.isnan(s.rate).all() for s in failed)
+        assert not any(s.quality == 0 for s in run(params, 100, lambda k: moving()))
+
+
 def test_draws_do_not_depend_on_where_the_vehicle_is():
     p = EXACT.values()
     first, second = np.random.default_rng(1), np.random.default_rng(1)
@@ -180,7 +234,7 @@ def test_draws_do_not_depend_on_where_the_vehicle_is():
 @pytest.mark.parametrize('changes, message', [
     ({'factor_slope': -0.5}, 'factor_slope'), ({'factor_low': 3.0}, 'factor_low'),
     ({'factor_law': 'cubic'}, 'factor_law'), ({'rate': 201.0}, 'rate'),
-    ({'height_delay': 0.2}, 'height_delay')])
+    ({'height_delay': 0.2}, 'height_delay'), ({'latency': 0.2}, 'latency')])
 def test_bad_parameters_name_themselves(changes, message):
     with pytest.raises(ParameterError, match=message):
         OpticalFlowParams(**changes)

@@ -2,17 +2,24 @@
 Defaults of the sensors, measured again on the recordings they come from.
 
 Rolling Spider bench and flights: the Mambo's predecessor with the same toolbox, every 5 ms.
+``ros2 run mambo_analysis identify_sensors FILES`` measures the same with intervals, by other code:
+docs/sensors.md lists the results.
 """
 
 import functools
 import json
 from pathlib import Path
 
+from mambo_model.rigid_body import State
+from mambo_ros.messages import decode_pose
+from mambo_sim.sensors import optitrack
 from mambo_sim.sensors.barometer import BarometerParams
 from mambo_sim.sensors.imu import ImuParams
+from mambo_sim.sensors.markers import MarkerParams
 from mambo_sim.sensors.optical_flow import OpticalFlowParams
 from mambo_sim.sensors.optitrack import OptitrackParams
 from mambo_sim.sensors.sonar import RESOLUTION, SonarParams
+from mcap.reader import make_reader
 import numpy as np
 import pytest
 from scipy.io import loadmat
@@ -75,7 +82,7 @@ def test_vibration_in_free_flight():
     accel, gyro = [], []
     for f in free_flights().values():
         air = in_the_air(f)
-        for out, names in ((accel, ('ddxb', 'ddyb', 'ddzb')), (gyro, ('pb', 'qb', 'rb'))):
+        for out, names in ((accel, ('ddxb', 'ddyb', 'ddzb')), (gyro, ('pa', 'qa', 'ra'))):
             high = sosfiltfilt(sos, np.c_[tuple(f[n] for n in names)], axis=0)[air]
             out.append(1.4826 * np.median(np.abs(high), axis=0))
     assert len(accel) == 8
@@ -109,6 +116,24 @@ def test_biases_and_their_walk():
     rms = np.sqrt((change[3:6]**2).mean())
     assert params.gyro_walk == pytest.approx(rms / np.sqrt(468), rel=0.1)
     assert params.accel_walk == pytest.approx(abs(change[2]) / np.sqrt(468), rel=0.1)
+
+
+def test_bias_of_a_drone_from_flight_to_flight():
+    calibration = {n: f['sensordataCalib_datout'][-1] for n, f in flights().items()}
+    series = [np.array([c for n, c in calibration.items() if n.startswith(start)])
+              for start in ('p9', 'RSdata__2017', 'data_5b')]
+    assert [len(one) for one in series] == [3, 2, 3]
+    squares = sum(((one - one.mean(axis=0))**2).sum(axis=0) for one in series)
+    spread = np.sqrt(squares / (8 - 3))  # three means are taken out
+    np.testing.assert_allclose(ImuParams().gyro_turn_on, spread[3:6], rtol=0.03)
+    np.testing.assert_allclose(ImuParams().accel_turn_on, spread[2], rtol=0.03)
+
+
+def test_filtered_rates_are_not_taken_for_the_gyro():
+    for f in free_flights().values():
+        raw, onboard = (np.diff(f[name]).std() for name in ('ra', 'rb'))
+        assert onboard < 0.8 * raw
+        assert np.diff(f['pb']).std() == pytest.approx(np.diff(f['pa']).std(), rel=0.01)
 
 
 def test_sonar_interval_resolution_limits_and_noise():
@@ -149,6 +174,14 @@ def test_flow_interval_and_noise():
         assert params.noise == pytest.approx(sigma, rel=0.1)
 
 
+def test_flow_pauses_after_every_15_values():
+    for f in flights().values():
+        gaps = np.diff(new_values(f['opticalFlow_datout'][:, :2]))
+        pauses = np.flatnonzero(gaps >= 12)
+        assert np.median(np.diff(pauses)) == OpticalFlowParams().burst
+        assert 0.085 <= np.median(gaps[pauses]) / 200 <= 0.13
+
+
 def test_flow_signal_holds_no_whole_rotation():
     slopes = []
     for f in free_flights().values():
@@ -180,6 +213,17 @@ def test_barometer_noise_resolution_and_walk():
     assert params.offset == pytest.approx(np.std(calm), rel=0.35)
 
 
+def test_propellers_on_the_floor_do_not_show_in_the_pressure():
+    change = []
+    for f in free_flights().values():
+        turning = np.abs(f['motors_refout']).mean(axis=1) > 100
+        floor = (f['Z'] > -0.12) & turning & (np.arange(len(turning)) < 600)
+        change.append(f['prsb'][floor].mean() - f['sensordataCalib_datout'][-1][6])
+    error = np.std(change, ddof=1) / np.sqrt(len(change))
+    assert len(change) == 8 and error < 0.7
+    assert abs(np.mean(change)) < 2 * error
+
+
 def test_attitude_noise_of_the_motion_capture():
     sigmas = []
     for path in sorted((DATA / 'crazyflie_optitrack').glob('*.json')):
@@ -188,3 +232,56 @@ def test_attitude_noise_of_the_motion_capture():
             x = np.array([np.nan if v is None else v for v in mocap[axis]], float)
             sigmas.append(second_difference_sigma(x[np.isfinite(x)]))
     assert OptitrackParams().attitude_noise == pytest.approx(np.median(sigmas), rel=0.35)
+
+
+def test_markers_give_the_attitude_noise_of_the_motion_capture():
+    # in body axes, first order: s^2 (sum |a|^2 I - a a^T)^-1 with a from the centroid
+    params = MarkerParams()
+    a = np.array(params.five()) - np.mean(params.five(), axis=0)
+    attitude = params.noise * np.sqrt(np.diag(np.linalg.inv((a**2).sum() * np.eye(3) - a.T @ a)))
+    assert np.median(attitude) == pytest.approx(OptitrackParams().attitude_noise, rel=0.1)
+
+
+def test_position_noise_of_the_motion_capture_lies_between_two_halls():
+    sigmas = []
+    for path in sorted((DATA / 'crazyflie_optitrack').glob('*.json')):
+        mocap = json.loads(path.read_text()).get('mocap')
+        sigmas += [second_difference_sigma(np.array(mocap[axis])) for axis in 'xyz' if mocap]
+    _, places = hall()
+    large = np.median([second_difference_sigma(x) for x in places.T])
+    # centroid of five markers; a pose away from it has a little more
+    assert np.median(sigmas) < MarkerParams().noise / np.sqrt(5) < large < 0.001
+
+
+@functools.cache
+def hall():
+    """Return stamps in s and positions (n, 3) of 198 s of poses of a motion capture."""
+    path = DATA / 'mcap_bags' / 'cub_stabilize_2025_11_13.mcap'
+    with path.open('rb') as file:
+        poses = [decode_pose(message.data) for _, _, message
+                 in make_reader(file).iter_messages(topics=['/cub1/pose'])]
+    return np.array([t for t, _, _ in poses]) * 1e-9, np.array([rho for _, rho, _ in poses])
+
+
+def rows_of_lost_poses(stamps, period):
+    """Return how many poses are missing at each place where some are."""
+    missing = np.round(np.diff(stamps) / period).astype(int) - 1
+    return missing[missing > 0]
+
+
+def test_poses_are_lost_as_often_as_in_a_hall():
+    stamps, _ = hall()
+    rows = rows_of_lost_poses(stamps, np.median(np.diff(stamps)))
+    share = rows.sum() / (len(stamps) + rows.sum())
+    assert share == pytest.approx(0.005, rel=0.05) and (np.diff(stamps) > 0.02).sum() == 33
+    assert OptitrackParams().loss_length == pytest.approx(rows.mean(), rel=0.1)
+    params = OptitrackParams(rate=99.7, frame_loss=share, noise=True)
+    p, rng, memory, out = params.values(), np.random.default_rng(3), optitrack.START, []
+    still = State((0.0, 0.0, -1.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
+    for tick in range(1, 198 * 200):
+        memory, sample = optitrack.step(
+            memory, (tick - 1) * 5_000_000, still, tick * 5_000_000, still, rng, p)
+        if sample.new:
+            out.append(sample.stamp * 1e-9)
+    mocked = rows_of_lost_poses(np.array(out), 1.0 / 99.7)
+    assert len(mocked) == pytest.approx(len(rows), abs=4 * np.sqrt(len(rows)))  # 50 by chance

@@ -11,6 +11,7 @@ from mambo_model.vehicle_options import (
 from mambo_sim import plant, simulator
 from mambo_sim.plant import PlantParams
 from mambo_sim.sensors.imu import ImuParams
+from mambo_sim.sensors.optical_flow import OpticalFlowParams
 from mambo_sim.sensors.sonar import SonarParams
 from mambo_sim.simulator import advance, generators, initial_state, sense, SimulatorParams
 import numpy as np
@@ -23,6 +24,12 @@ OPTIONS = Vehicle(
         parasitic=True),
     rotor=RotorParams(torques=True), ground_effect=GroundEffectParams(enabled=True),
     fade=FadeParams(enabled=True, pwm=270.0), battery=BatteryParams(enabled=True))
+DEFECTS = SimulatorParams(
+    imu=ImuParams(drone=3, gyro_warm_up=(0.01, 0.0, -0.01), warm_up_time=1.0),
+    sonar=SonarParams(
+        outlier_probability=0.05, multipath_probability=0.1, dropout_probability=0.1),
+    optical_flow=OpticalFlowParams(
+        pause=0.115, dropout=0.1, latency=0.12, height_delay=0.05))
 HOVER_PWM = (0.068 * 9.81 / 4 / 4.29e-5) ** (1 / 1.47)
 
 
@@ -71,7 +78,8 @@ def python_loop(params, ticks, seed=None, commands=command):
 
 @pytest.mark.parametrize('params', [
     SimulatorParams(seed=3), SimulatorParams(noise=False),
-    SimulatorParams(vehicle=Vehicle(motor_time_constant=0.03)), SimulatorParams(vehicle=OPTIONS)])
+    SimulatorParams(vehicle=Vehicle(motor_time_constant=0.03)), SimulatorParams(vehicle=OPTIONS),
+    DEFECTS])
 def test_compiled_alone_equals_compiled_in_a_loop_to_the_bit(params):
     alone = python_loop(params, 600)
     inside = compiled_loop(initial_state(params), 600, generators(params.seed), params.values())

@@ -85,6 +85,43 @@ def test_outliers_come_as_often_as_asked_for_from_the_whole_range():
     assert strays.min() < 0.5 and strays.max() > 5.2 and 0.43 < values.min()
 
 
+def test_late_echoes_come_as_often_as_asked_for_from_beyond_the_floor():
+    values = np.array([s.range for s in read(above(1.0), dataclasses.replace(
+        FINE, noise=0.001, multipath_probability=0.1, multipath_excess=0.8), True, ticks=20000)])
+    late = values[values > 1.005]
+    # share: 2000 of 20000, standard error 2.1 %; uniform from 1.0 to 2.6 m
+    assert len(late) / 20000 == pytest.approx(0.1 * (1 - 0.005 / 1.6), rel=0.09)
+    assert np.mean(late) == pytest.approx(1.8, abs=0.04) and 2.55 < late.max() < 2.61
+    assert values.min() > 0.99
+
+
+def test_a_late_echo_from_beyond_the_range_is_none():
+    samples = read(above(3.0), dataclasses.replace(
+        FINE, multipath_probability=1.0, multipath_excess=0.75), True, ticks=4000)
+    heard = [s.range for s in samples if s.new]
+    assert len(heard) / 4000 == pytest.approx(2.26 / 4.5, rel=0.07) and max(heard) < 5.261
+
+
+def test_missing_echoes_are_as_many_as_asked_for():
+    params = dataclasses.replace(FINE, dropout_probability=0.2)
+    samples = read(above(1.0), params, True, ticks=20000)
+    missing = [s for s in samples if not s.new]
+    assert len(missing) / 20000 == pytest.approx(0.2, rel=0.06)  # standard error 1.4 %
+    assert all(math.isnan(s.range) for s in missing)
+    heard = [s.range for s in read(above(1.0), FINE, True, ticks=20000)]
+    assert all(s.range == value for s, value in zip(samples, heard) if s.new)
+    assert all(s.new for s in read(above(1.0), params, False, ticks=100))
+
+
+def test_what_goes_wrong_excludes_each_other():
+    samples = read(above(1.0), dataclasses.replace(
+        FINE, noise=0.0, outlier_probability=0.2, multipath_probability=0.3, multipath_excess=0.5,
+        dropout_probability=0.4), True, ticks=20000)
+    right = [s.new and abs(s.range - 1.0) < 1e-6 for s in samples]
+    assert np.mean(right) == pytest.approx(0.1, rel=0.09)  # standard error 2.1 %
+    assert np.mean([not s.new for s in samples]) == pytest.approx(0.4, rel=0.04)
+
+
 def test_draws_do_not_depend_on_where_the_vehicle_is():
     near = read(above(1.0), noise=True, ticks=9)[-1].range
     rng, p = np.random.default_rng(0), FINE.values()
@@ -96,5 +133,7 @@ def test_draws_do_not_depend_on_where_the_vehicle_is():
 def test_bad_limits_name_themselves():
     with pytest.raises(ParameterError, match='min_range'):
         SonarParams(min_range=1.0, max_range=0.6)
+    with pytest.raises(ParameterError, match='sum to 1.2'):
+        SonarParams(outlier_probability=0.5, multipath_probability=0.4, dropout_probability=0.3)
     with pytest.raises(ParameterError, match='SonarParams.rate'):
         SonarParams(rate=400.0)

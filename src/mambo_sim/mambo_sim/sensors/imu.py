@@ -4,7 +4,8 @@ Inertial measurement unit: body rate and specific force with noise, biases and r
 The accelerometer measures ``(F_D - f e3)/m`` in body axes (plus the reaction of the floor), not an
 acceleration in the inertial frame. Defaults are measured on the vehicle's predecessor with the
 same toolbox (RollingSpiderEdu): ``noisedata.mat`` at rest, the calibration values and the free
-flights with propellers (``RSdata*``, ``p9_trial*``, ``square_1``).
+flights with propellers (``RSdata*``, ``p9_trial*``, ``square_1``). docs/sensors.md lists them with
+the command that measures them.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import NamedTuple
 from mambo_model.compiled import jit
 from mambo_model.schema import check, quantity, values
 from mambo_model.vector import add, mul, scale, sub, Vec3
+import numpy as np
 from numpy.random import Generator
 
 from .sampling import clamp, quantise, STEP
@@ -28,8 +30,13 @@ class ImuValues(NamedTuple):
     accel_noise: Vec3
     gyro_vibration: Vec3
     accel_vibration: Vec3
-    gyro_bias: Vec3
+    gyro_constant: Vec3  # of the drone, the same in every flight
+    accel_constant: Vec3
+    gyro_bias: Vec3      # standard deviation of what is drawn at turn-on
     accel_bias: Vec3
+    gyro_warm_up: Vec3
+    accel_warm_up: Vec3
+    warming: float       # share of the remaining warm-up in one sample
     gyro_walk: float
     accel_walk: float
     gyro_resolution: float
@@ -44,6 +51,7 @@ class ImuMemory(NamedTuple):
     started: bool
     gyro_bias: Vec3   # (3,) rad/s, body FRD
     accel_bias: Vec3  # (3,) m/s^2, body FRD
+    warmth: float     # 1, share of the warm-up that has passed
     gyro_draw: Vec3   # (3,) 1
     accel_draw: Vec3  # (3,) 1
 
@@ -56,7 +64,7 @@ class ImuSample(NamedTuple):
 
 
 _ZERO: Vec3 = (0.0, 0.0, 0.0)
-START = ImuMemory(False, _ZERO, _ZERO, _ZERO, _ZERO)
+START = ImuMemory(False, _ZERO, _ZERO, 0.0, _ZERO, _ZERO)
 
 
 @dataclass(frozen=True)
@@ -67,7 +75,12 @@ class ImuParams:
     ``*_noise`` is white, at rest. ``*_vibration`` is what the turning propellers add, for a thrust
     equal to the weight and proportional to thrust: the difference of successive white draws, as
     the measured spectrum lies above 20 Hz and is some 25 times lower below 10 Hz than that of
-    white noise of the same size. ``*_bias`` is drawn once a flight and then walks.
+    white noise of the same size.
+
+    The bias is that of the drone plus what changes when it is turned on; then it walks, and warms
+    up as ``*_warm_up (1 - exp(-t/warm_up_time))``. ``drone`` is a serial number: one number, one
+    constant bias, drawn with ``*_bias``, to which each flight adds ``*_turn_on``. Drone 0 is
+    another one in each flight: all of ``*_bias`` is drawn anew.
     """
 
     gyro_noise: Vec3 = quantity(
@@ -76,14 +89,28 @@ class ImuParams:
     accel_noise: Vec3 = quantity(
         (0.0165, 0.0153, 0.0216), 'm/s^2', 0.0, 10.0, 'standard deviation of noisedata.mat')
     gyro_vibration: Vec3 = quantity(
-        (0.013, 0.012, 0.036), 'rad/s', 0.0, 10.0,
-        'median of 8 free flights, above 15 Hz, in the air at mean PWM 180 to 350')
+        (0.013, 0.012, 0.052), 'rad/s', 0.0, 10.0,
+        'median of 8 free flights, above 15 Hz, in the air at mean PWM 180 to 350 '
+        '(identify_sensors)')
     accel_vibration: Vec3 = quantity((1.1, 1.1, 1.3), 'm/s^2', 0.0, 100.0, 'as gyro_vibration')
     gyro_bias: Vec3 = quantity(
         (0.016, 0.018, 0.016), 'rad/s', 0.0, 1.0, 'rms of the calibration values of 12 flights')
     accel_bias: Vec3 = quantity(
         (0.3, 0.15, 0.4), 'm/s^2', 0.0, 5.0,
         'calibration values of 11 flights less gravity; x and y hold the slope of the floor too')
+    drone: int = quantity(
+        0, '1', 0, 2**31 - 1, 'design choice: serial number; 0: another drone in each flight')
+    gyro_turn_on: Vec3 = quantity(
+        (0.0026, 0.0020, 0.0019), 'rad/s', 0.0, 1.0,
+        'calibration values of 8 flights in three series, less the mean of each series, pooled')
+    accel_turn_on: Vec3 = quantity(
+        (0.076, 0.076, 0.076), 'm/s^2', 0.0, 5.0,
+        'z as gyro_turn_on; x and y, where the slope of the floor cannot be told, as z')
+    gyro_warm_up: Vec3 = quantity(
+        (0.0, 0.0, 0.0), 'rad/s', -1.0, 1.0,
+        'design choice; the recordings of 18 s at most cannot tell; 0: no warm-up')
+    accel_warm_up: Vec3 = quantity((0.0, 0.0, 0.0), 'm/s^2', -5.0, 5.0, 'as gyro_warm_up')
+    warm_up_time: float = quantity(60.0, 's', 0.1, 3600.0, 'assumed: time constant')
     gyro_walk: float = quantity(
         1.5e-5, 'rad/s/sqrt(s)', 0.0, 0.01,
         'calibration values of two flights 468 s apart: rms change 3.3e-4 rad/s')
@@ -102,7 +129,19 @@ class ImuParams:
 
     def values(self) -> ImuValues:
         """Return what compiled code reads."""
-        return ImuValues(*values(self, ImuValues._fields))
+        gyro, accel = _ZERO, _ZERO
+        gyro_drawn, accel_drawn = self.gyro_bias, self.accel_bias
+        if self.drone > 0:
+            draw = np.random.default_rng(self.drone).standard_normal((2, 3)).tolist()
+            gyro, accel = mul(self.gyro_bias, (*draw[0],)), mul(self.accel_bias, (*draw[1],))
+            gyro_drawn, accel_drawn = self.gyro_turn_on, self.accel_turn_on
+        plain = ('gyro_noise', 'accel_noise', 'gyro_vibration', 'accel_vibration')
+        limits = ('gyro_walk', 'accel_walk', 'gyro_resolution', 'accel_resolution', 'gyro_range',
+                  'accel_range')
+        return ImuValues(
+            *values(self, plain), gyro, accel, gyro_drawn, accel_drawn,
+            *values(self, ('gyro_warm_up', 'accel_warm_up')),
+            -math.expm1(-STEP / self.warm_up_time), *values(self, limits))
 
 
 @jit
@@ -137,8 +176,8 @@ def _drift(memory: ImuMemory, rng: Generator, p: ImuValues) -> tuple[Vec3, Vec3]
     """Return the biases of this sample, gyro and accelerometer, drawn at the first one."""
     if not memory.started:
         return (
-            _vary((0.0, 0.0, 0.0), p.gyro_bias, 1.0, _draw(rng)),
-            _vary((0.0, 0.0, 0.0), p.accel_bias, 1.0, _draw(rng)))
+            _vary(p.gyro_constant, p.gyro_bias, 1.0, _draw(rng)),
+            _vary(p.accel_constant, p.accel_bias, 1.0, _draw(rng)))
     ones = (1.0, 1.0, 1.0)
     k = math.sqrt(STEP)
     return (
@@ -177,13 +216,17 @@ def step(
             _read(omega, p.gyro_resolution, p.gyro_range),
             _read(force, p.accel_resolution, p.accel_range))
     gyro_bias, accel_bias = _drift(memory, rng, p)
-    gyro = _vary(add(omega, gyro_bias), p.gyro_noise, 1.0, _draw(rng))
-    accel = _vary(add(force, accel_bias), p.accel_noise, 1.0, _draw(rng))
+    warm = memory.warmth
+    gyro = add(add(omega, gyro_bias), scale(warm, p.gyro_warm_up))
+    accel = add(add(force, accel_bias), scale(warm, p.accel_warm_up))
+    gyro = _vary(gyro, p.gyro_noise, 1.0, _draw(rng))
+    accel = _vary(accel, p.accel_noise, 1.0, _draw(rng))
     gyro_draw, accel_draw = _draw(rng), _draw(rng)
     gyro = _shake(gyro, p.gyro_vibration, load, gyro_draw, memory.gyro_draw)
     accel = _shake(accel, p.accel_vibration, load, accel_draw, memory.accel_draw)
     return (
-        ImuMemory(True, gyro_bias, accel_bias, gyro_draw, accel_draw),
+        ImuMemory(
+            True, gyro_bias, accel_bias, warm + p.warming * (1.0 - warm), gyro_draw, accel_draw),
         ImuSample(
             _read(gyro, p.gyro_resolution, p.gyro_range),
             _read(accel, p.accel_resolution, p.accel_range)))

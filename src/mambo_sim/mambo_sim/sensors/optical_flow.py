@@ -24,11 +24,11 @@ from mambo_model.schema import check, choice, ParameterError, quantity
 from mambo_model.vector import Vec3
 from numpy.random import Generator
 
-from .sampling import clamp, due, period_ns, STEP, tilt_cosine
+from .sampling import clamp, due_in_bursts, period_ns, STEP, tilt_cosine
 
 Vec2 = tuple[float, float]
 
-DELAY_TICKS = 20  # longest delay of the height, 0.1 s
+DELAY_TICKS = 30  # longest delay, 0.15 s
 
 FACTOR_LAWS = ('linear', 'exponential')
 FACTOR_LINEAR, FACTOR_EXPONENTIAL = range(len(FACTOR_LAWS))
@@ -88,8 +88,12 @@ class FlowValues(NamedTuple):
     """An :class:`OpticalFlowParams` as compiled code reads it."""
 
     period: int  # ns
+    burst: int
+    pause: int  # ns
     noise: float
     texture: float
+    dropout: float
+    latency: int  # ticks
     min_height: float
     min_cosine: float
     factor_law: int
@@ -107,7 +111,9 @@ class FlowValues(NamedTuple):
 class FlowMemory(NamedTuple):
     """What the sensor remembers."""
 
-    heights: tuple[float, ...]  # (21,) m, oldest first, the last one now; NaN: unknown
+    heights: tuple[float, ...]  # (31,) m, oldest first, the last one now; NaN: unknown
+    x: tuple[float, ...]        # (31,) rad/s, what was seen, as heights; NaN: nothing
+    y: tuple[float, ...]
 
 
 class FlowSample(NamedTuple):
@@ -118,7 +124,8 @@ class FlowSample(NamedTuple):
     quality: int  # 0 ... 255; 0 if not new
 
 
-START = FlowMemory((math.nan,) * (DELAY_TICKS + 1))
+_UNKNOWN = (math.nan,) * (DELAY_TICKS + 1)
+START = FlowMemory(_UNKNOWN, _UNKNOWN, _UNKNOWN)
 
 
 @dataclass(frozen=True)
@@ -138,8 +145,23 @@ class OpticalFlowParams:
     noise: float = quantity(
         0.015, 'rad/s', 0.0, 10.0,
         'second differences over sqrt(6), robust, of the cleanest of these: 4.1e-4 rad in 28 ms')
+    burst: int = quantity(
+        15, '1', 1, 1000,
+        'values from pause to pause, median of each of 12 recordings (identify_sensors)')
+    pause: float = quantity(
+        0.0, 's', 0.0, 10.0,
+        'design choice: 0, none; medians of 12 recordings 0.085 to 0.13 s (identify_sensors)')
     texture: float = quantity(
         1.0, '1', 0.01, 1.0, 'design choice: scales quality, divides into the noise')
+    dropout: float = quantity(
+        0.0, '1', 0.0, 1.0, 'failed measurements, quality 0; none but at the start of recordings')
+    texture_dropout: float = quantity(
+        0.0, '1', 0.0, 1.0,
+        'times 1 - texture: more failures; none in 18 s over a bad texture (data_5b_badtexture)')
+    latency: float = quantity(
+        0.0, 's', 0.0, DELAY_TICKS * STEP,
+        'whole steps of 5 ms; design choice, as that of the Mambo is unknown; 0.12 s in the '
+        'flights of its predecessor (identify_sensors)')
     min_height: float = quantity(
         0.4, 'm', 0.0, 5.0, 'thesis sec. 5.2: no flow below; no value there')
     max_tilt: float = quantity(1.0, 'rad', 0.1, 1.5, 'assumed; no value beyond')
@@ -175,8 +197,11 @@ class OpticalFlowParams:
 
     def values(self) -> FlowValues:
         """Return what compiled code reads: period for rate, ticks for delay, cosine for tilt."""
+        period = period_ns(self.rate)
         return FlowValues(
-            period_ns(self.rate), self.noise, self.texture, self.min_height,
+            period, self.burst, max(round(self.pause * 1e9), period), self.noise, self.texture,
+            min(self.dropout + self.texture_dropout * (1.0 - self.texture), 1.0),
+            round(self.latency / STEP), self.min_height,
             math.cos(self.max_tilt), FACTOR_LAWS.index(self.factor_law), self.factor_offset,
             self.factor_slope, self.factor_low, self.factor_high, self.leakage,
             self.nonlinearity, self.vertical_coupling, self.height_offset,
@@ -220,7 +245,7 @@ def deliver(body: State, believed_height: float, p: FlowValues) -> Vec2:
 @jit
 def _delayed_height(memory: FlowMemory, ticks: float) -> float:
     """
-    Return the height in m some ticks ago, 0 ... 20, linearly between ticks.
+    Return the height in m some ticks ago, 0 ... 30, linearly between ticks.
 
     Before the first tick the vehicle counts as where it is now.
     """
@@ -233,13 +258,26 @@ def _delayed_height(memory: FlowMemory, ticks: float) -> float:
 
 
 @jit
+def _see(memory: FlowMemory, body: State, p: FlowValues) -> Vec2:
+    """Return what the camera sees now, (2,) rad/s; NaN near the floor or tilted too far."""
+    h = -body.rho[2]
+    if h < p.min_height or tilt_cosine(body.q) < p.min_cosine:
+        return (math.nan, math.nan)
+    believed = h
+    if p.height_delay > 0.0:
+        believed = _delayed_height(memory, p.height_delay)
+    return deliver(body, believed + p.height_offset, p)
+
+
+@jit
 def step(
     memory: FlowMemory, tick: int, body: State, rng: Generator, noise: bool, p: FlowValues,
 ) -> tuple[FlowMemory, FlowSample]:
     """
     Take a sample if one is due; to be called once per tick.
 
-    Below ``min_height`` and beyond ``max_tilt`` a sample comes with quality 0 and NaN rates.
+    Below ``min_height``, beyond ``max_tilt`` and where the measurement fails, a sample comes with
+    quality 0 and NaN rates.
 
     Parameters
     ----------
@@ -252,25 +290,29 @@ def step(
     rng
         The generator of this sensor.
     noise
-        False: no noise, and nothing drawn.
+        False: no noise, no failures, and nothing drawn.
     p
         From :meth:`OpticalFlowParams.values`.
 
     """
-    h = -body.rho[2]
     if p.height_delay > 0.0:
-        memory = FlowMemory(memory.heights[1:] + (h,))
-    if not due(tick, p.period):
+        memory = FlowMemory(memory.heights[1:] + (-body.rho[2],), memory.x, memory.y)
+    if p.latency > 0:
+        x, y = _see(memory, body, p)
+        memory = FlowMemory(memory.heights, memory.x[1:] + (x,), memory.y[1:] + (y,))
+    if not due_in_bursts(tick, p.period, p.burst, p.pause):
         return memory, FlowSample(False, (math.nan, math.nan), 0)
-    error_x, error_y = 0.0, 0.0
+    error_x, error_y, failed = 0.0, 0.0, False
     if noise:
         sigma = p.noise / p.texture
         error_x, error_y = sigma * rng.standard_normal(), sigma * rng.standard_normal()
-    if h < p.min_height or tilt_cosine(body.q) < p.min_cosine:
+        if p.dropout > 0.0:
+            failed = rng.random() < p.dropout
+    if p.latency > 0:
+        x, y = memory.x[DELAY_TICKS - p.latency], memory.y[DELAY_TICKS - p.latency]
+    else:
+        x, y = _see(memory, body, p)
+    if failed or math.isnan(x):
         return memory, FlowSample(True, (math.nan, math.nan), 0)
-    believed = h
-    if p.height_delay > 0.0:
-        believed = _delayed_height(memory, p.height_delay)
-    x, y = deliver(body, believed + p.height_offset, p)
     return memory, FlowSample(
         True, (x + error_x, y + error_y), int(math.floor(255.0 * p.texture + 0.5)))

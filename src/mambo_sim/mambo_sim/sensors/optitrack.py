@@ -1,6 +1,11 @@
 """
 Mock of an Optitrack system: the true pose seen by cameras of their own rate, noise and latency.
 
+What makes a pose of a frame is a choice: five markers that are seen one by one, told apart and
+fitted (:mod:`.markers`, :mod:`.tracker`, :mod:`.rigid_fit`), or the true pose with white noise. A
+body that is not found has no pose; ROS drivers of Optitrack then publish nothing (mocap_optitrack,
+vrpn_client_ros), and so does this.
+
 Frames are exposed at whole multiples of the period, whatever the ticks of the simulation; the
 truth in between is interpolated between two stamped samples of it. What comes out is a function
 of these stamps, never of when they arrive, so a node fed by messages and a closed loop in one
@@ -15,13 +20,17 @@ from typing import NamedTuple
 from mambo_model.compiled import jit
 from mambo_model.quaternion import exp_map, multiply, normalise, Quat
 from mambo_model.rigid_body import State
-from mambo_model.schema import check, choice, flag, quantity
+from mambo_model.schema import check, choice, flag, group, quantity
 from mambo_model.vector import add, scale, sub, Vec3
 from numpy.random import Generator
 
+from . import markers, tracker
 from .sampling import period_ns
 
 QUEUE = 11  # poses under way at most: 50 ms of latency at 200 Hz, and one
+
+MODELS = ('markers', 'pose')
+MODEL_MARKERS, MODEL_POSE = range(len(MODELS))
 
 STAMPS = ('exposure', 'arrival')
 STAMP_EXPOSURE, STAMP_ARRIVAL = range(len(STAMPS))
@@ -33,9 +42,13 @@ class OptitrackValues(NamedTuple):
     period: int   # ns
     latency: int  # ns
     stamp: int
+    model: int
     position_noise: float
     attitude_noise: float
+    lose: float     # probability from a frame that arrives to one that does not
+    recover: float  # and back
     noise: bool
+    markers: markers.MarkerValues
 
 
 class Pose(NamedTuple):
@@ -46,11 +59,23 @@ class Pose(NamedTuple):
     q: Quat        # (4,) w x y z, body to inertial, unit
 
 
+class Counts(NamedTuple):
+    """What became of the frames so far."""
+
+    frames: int   # exposed
+    lost: int     # the body was not found
+    dropped: int  # the body was found, its pose did not arrive
+
+
 class OptitrackMemory(NamedTuple):
-    """Poses under way: the last ``pending`` of the queue, oldest first."""
+    """Poses under way: the last ``pending`` of the queue, oldest first; and how it goes on."""
 
     pending: int
     queue: tuple[Pose, ...]
+    counts: Counts
+    seen: markers.Seen    # which markers the last frame showed
+    dropping: bool        # the last frame did not arrive
+    track: tracker.Track
 
 
 class OptitrackSample(NamedTuple):
@@ -62,31 +87,50 @@ class OptitrackSample(NamedTuple):
 
 
 _NOWHERE = Pose(0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-START = OptitrackMemory(0, (_NOWHERE,) * QUEUE)
+START = OptitrackMemory(
+    0, (_NOWHERE,) * QUEUE, Counts(0, 0, 0), markers.ALL, False,
+    tracker.Track(False, 0, _NOWHERE.rho, _NOWHERE.q, (0.0, 0.0, 0.0)))
 
 
 @dataclass(frozen=True)
 class OptitrackParams:
-    """Rate, latency and noise of the motion capture."""
+    """
+    Rate, latency, losses on the way and noise of the motion capture.
+
+    Position and attitude noise are those of the model ``pose``; with ``markers`` they follow from
+    the noise of the markers.
+    """
 
     rate: float = quantity(120.0, 'Hz', 1.0, 200.0, 'usual camera rate; at most one pose a step')
-    latency: float = quantity(0.01, 's', 0.0, 0.05, 'assumed: exposure to delivery')
+    latency: float = quantity(
+        0.01, 's', 0.0, 0.05,
+        'assumed: exposure to delivery; 5.4 ms of it in the cameras of a recorded Motive 2.1')
     stamp: str = choice('exposure', STAMPS, 'design choice: what the stamp of a pose tells')
+    model: str = choice('markers', MODELS, 'design choice: what a pose is made of')
     position_noise: float = quantity(
         0.0003, 'm', 0.0, 0.1, 'each axis; error up to 1 mm, thesis sec. 5.2')
     attitude_noise: float = quantity(
         0.001, 'rad', 0.0, 0.5,
         'each axis; second differences over sqrt(6) of Crazyflie flights under Optitrack')
+    frame_loss: float = quantity(
+        0.0, '1', 0.0, 0.5,
+        'design choice: share of poses that do not arrive; 0.005 in 198 s of a recorded hall')
+    loss_length: float = quantity(
+        2.0, '1', 1.0, 1000.0, 'mean number of poses lost in a row, 2.06 in that recording')
     noise: bool = flag(True, 'design choice: false switches every random part off')
+    markers: markers.MarkerParams = group(markers.MarkerParams)
 
     def __post_init__(self) -> None:
         check(self)
 
     def values(self) -> OptitrackValues:
-        """Return what compiled code reads: whole ns for rate and latency, index for stamp."""
+        """Return what compiled code reads: whole ns for times, indices, chances per frame."""
+        period, loss = period_ns(self.rate), self.frame_loss
         return OptitrackValues(
-            period_ns(self.rate), round(self.latency * 1e9), STAMPS.index(self.stamp),
-            self.position_noise, self.attitude_noise, self.noise)
+            period, round(self.latency * 1e9), STAMPS.index(self.stamp), MODELS.index(self.model),
+            float(self.position_noise), float(self.attitude_noise),
+            loss / ((1.0 - loss) * self.loss_length), 1.0 / self.loss_length, self.noise,
+            self.markers.values(period))
 
 
 @jit
@@ -107,16 +151,41 @@ def interpolate(before: State, after: State, share: float) -> tuple[Vec3, Quat]:
 
 
 @jit
-def _see(
-    exposure: int, rho: Vec3, q: Quat, rng: Generator, p: OptitrackValues,
-) -> Pose:
+def _noisy(rho: Vec3, q: Quat, rng: Generator, p: OptitrackValues) -> tuple[Vec3, Quat]:
     """Return the pose with noise: position in inertial axes, rotation in body axes."""
     if not p.noise:
-        return Pose(exposure, rho, q)
+        return rho, q
     s, r = p.position_noise, p.attitude_noise
     shift = (s * rng.standard_normal(), s * rng.standard_normal(), s * rng.standard_normal())
     turn = (r * rng.standard_normal(), r * rng.standard_normal(), r * rng.standard_normal())
-    return Pose(exposure, add(rho, shift), normalise(multiply(q, exp_map(turn))))
+    return add(rho, shift), normalise(multiply(q, exp_map(turn)))
+
+
+@jit
+def _expose(
+    memory: OptitrackMemory, exposure: int, rho: Vec3, q: Quat, rng: Generator,
+    p: OptitrackValues,
+) -> OptitrackMemory:
+    """Take a frame of a true pose and send what was found in it on its way."""
+    pending, queue, counts, seen, dropping, track = memory
+    if p.model == MODEL_POSE:
+        place, attitude = _noisy(rho, q, rng, p)
+        track = tracker.define(exposure, place, attitude)
+    else:
+        if counts.frames == 0:
+            track = tracker.define(exposure, rho, q)
+        points, seen = markers.reconstruct(seen, rho, q, rng, p.noise, p.markers)
+        track = tracker.step(track, exposure, points, seen, p.markers)
+    if p.noise:
+        chance = rng.random()
+        dropping = chance >= p.recover if dropping else chance < p.lose
+    if track.tracked and not dropping:
+        queue = queue[1:] + (Pose(exposure, track.rho, track.q),)
+        pending = min(pending + 1, QUEUE)
+    counts = Counts(
+        counts.frames + 1, counts.lost + (not track.tracked),
+        counts.dropped + (track.tracked and dropping))
+    return OptitrackMemory(pending, queue, counts, seen, dropping, track)
 
 
 @jit
@@ -130,7 +199,7 @@ def step(
     Frames fall into the interval after ``before_ns`` up to ``now_ns``. For the first sample of
     the truth give it twice, then the sample before and the one now. Samples should be at most one
     period apart: of several frames in an interval only the last is seen, as when a camera drops
-    frames.
+    frames. Each frame draws the same number of random numbers, whatever it shows.
 
     Parameters
     ----------
@@ -153,18 +222,18 @@ def step(
         At most one pose: exposed at least the latency ago.
 
     """
-    pending, queue = memory.pending, memory.queue
     exposure = now_ns // p.period * p.period
     first = before_ns == now_ns
     if exposure > before_ns or (first and exposure == now_ns):
         share = 1.0 if first else (exposure - before_ns) / (now_ns - before_ns)
         rho, q = interpolate(before, now, share)
-        queue = queue[1:] + (_see(exposure, rho, q, rng, p),)
-        pending = min(pending + 1, QUEUE)
+        memory = _expose(memory, exposure, rho, q, rng, p)
+    pending, queue, counts, seen, dropping, track = memory
     if pending > 0:
         oldest = queue[QUEUE - pending]
         arrival = oldest.exposure + p.latency
         if arrival <= now_ns:
             stamp = arrival if p.stamp == STAMP_ARRIVAL else oldest.exposure
-            return OptitrackMemory(pending - 1, queue), OptitrackSample(True, stamp, oldest)
-    return OptitrackMemory(pending, queue), OptitrackSample(False, 0, queue[QUEUE - 1])
+            memory = OptitrackMemory(pending - 1, queue, counts, seen, dropping, track)
+            return memory, OptitrackSample(True, stamp, oldest)
+    return memory, OptitrackSample(False, 0, queue[QUEUE - 1])

@@ -37,6 +37,31 @@ def due(tick: int, period: int) -> bool:
 
 
 @jit
+def due_in_bursts(tick: int, period: int, burst: int, pause: int) -> bool:
+    """
+    Return whether a sample falls to a tick, as :func:`due`, of a sensor that pauses.
+
+    Parameters
+    ----------
+    tick : 5 ms
+        Number of the control step, from 0.
+    period : ns
+        Between the samples of a burst, at least ``STEP_NS``.
+    burst
+        Samples in a burst.
+    pause : ns
+        From the last sample of a burst to the first of the next, at least the period; equal to
+        it: no pause, the same ticks as :func:`due`.
+
+    """
+    now = tick * STEP_NS
+    before = now - STEP_NS
+    cycle = (burst - 1) * period + pause
+    count = now // cycle * burst + min(now % cycle // period, burst - 1)
+    return count != before // cycle * burst + min(before % cycle // period, burst - 1)
+
+
+@jit
 def quantise(x: float, resolution: float) -> float:
     """Return x rounded to a multiple of the resolution, same unit; 0 leaves x as it is."""
     if resolution > 0.0:

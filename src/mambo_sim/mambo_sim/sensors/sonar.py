@@ -35,6 +35,9 @@ class SonarValues(NamedTuple):
     max_range: float
     min_cosine: float
     outlier_probability: float
+    multipath_probability: float
+    multipath_excess: float
+    dropout_probability: float
 
 
 class SonarSample(NamedTuple):
@@ -51,7 +54,8 @@ class SonarParams:
 
     An echo nearer than ``min_range`` reads as from there. There is no echo, hence no sample,
     from farther than ``max_range`` or at more than ``max_tilt``. An outlier is an echo from
-    anywhere in the range.
+    anywhere in the range, a multi-path one comes late: the true range times 1 to
+    ``1 + 2 multipath_excess``. A dropout is a missing echo.
     """
 
     rate: float = quantity(
@@ -66,7 +70,16 @@ class SonarParams:
     max_range: float = quantity(5.26, 'm', 0.5, 20.0, 'largest value of 12 flights')
     max_tilt: float = quantity(0.7, 'rad', 0.0, 1.5, 'assumed: beam of 40 degrees each side')
     outlier_probability: float = quantity(
-        0.0, '1', 0.0, 1.0, 'design choice; 0.01-0.02 in the best two flights, up to 0.45')
+        0.0, '1', 0.0, 1.0,
+        'design choice; outliers of any kind (identify_sensors): 0.011 and 0.021 in the best two '
+        'of 8 free flights, 0.12 of all their values, up to 0.25')
+    multipath_probability: float = quantity(
+        0.0, '1', 0.0, 1.0, 'design choice; 0.72 of the outliers are late (identify_sensors)')
+    multipath_excess: float = quantity(
+        0.75, '1', 0.0, 5.0, 'median of late outliers in 10 recordings (identify_sensors)')
+    dropout_probability: float = quantity(
+        0.0, '1', 0.0, 1.0,
+        'design choice; 0.0028 of the values in 8 free flights read 0 (identify_sensors)')
 
     def __post_init__(self) -> None:
         check(self)
@@ -74,12 +87,19 @@ class SonarParams:
             raise ParameterError(
                 f'SonarParams.min_range = {self.min_range:g} m must be below '
                 f'max_range = {self.max_range:g} m')
+        chances = (
+            self.outlier_probability, self.multipath_probability, self.dropout_probability)
+        if sum(chances) > 1.0:
+            raise ParameterError(
+                'SonarParams.outlier_probability, multipath_probability and dropout_probability '
+                f'sum to {sum(chances):g}; at most 1 of each sample can go wrong')
 
     def values(self) -> SonarValues:
         """Return what compiled code reads: period for rate, cosine for tilt."""
         return SonarValues(
             period_ns(self.rate), self.noise, self.offset, self.resolution, self.min_range,
-            self.max_range, math.cos(self.max_tilt), self.outlier_probability)
+            self.max_range, math.cos(self.max_tilt), self.outlier_probability,
+            self.multipath_probability, self.multipath_excess, self.dropout_probability)
 
 
 @jit
@@ -100,7 +120,7 @@ def step(
     rng
         The generator of this sensor.
     noise
-        False: no noise and no outliers, and nothing drawn.
+        False: no noise, outliers or dropouts, and nothing drawn.
     p
         From :meth:`SonarParams.values`.
 
@@ -117,7 +137,14 @@ def step(
     if slant > p.max_range:
         return SonarSample(False, math.nan)
     reading = slant + p.offset + error
+    late = p.outlier_probability + p.multipath_probability
     if stray < p.outlier_probability:
         reading = p.min_range + place * (p.max_range - p.min_range)
+    elif stray < late:
+        reading += 2.0 * p.multipath_excess * place * slant
+        if reading > p.max_range:
+            return SonarSample(False, math.nan)
+    elif stray < late + p.dropout_probability:
+        return SonarSample(False, math.nan)
     reading = clamp(quantise(reading, p.resolution), p.min_range, p.max_range)
     return SonarSample(True, np.float64(np.float32(reading)))

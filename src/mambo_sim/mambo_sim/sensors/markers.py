@@ -1,0 +1,162 @@
+"""
+Five markers on the body, and the points that cameras reconstruct of them.
+
+Each point is a marker's true position with white noise; a marker is hidden at times, as when the
+body itself or too few cameras stand between: a two-state Markov process of its own, looked at when
+a frame is exposed. Which point is which marker the cameras do not know: see
+:mod:`mambo_sim.sensors.tracker`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import itertools
+import math
+from typing import NamedTuple
+
+from mambo_model import vehicle
+from mambo_model.compiled import jit
+from mambo_model.quaternion import Quat, rotate
+from mambo_model.schema import check, choice, ParameterError, quantity
+from mambo_model.vector import add, Vec3
+import numpy as np
+from numpy.random import Generator
+
+from .rigid_fit import COUNT, Five
+
+LAYOUTS = ('asymmetric', 'symmetric')
+NARROW = 0.01  # m, standard deviation of markers across their line below which they are on one
+
+Seen = tuple[bool, bool, bool, bool, bool]
+ALL: Seen = (True,) * COUNT
+
+
+class MarkerValues(NamedTuple):
+    """A :class:`MarkerParams` as compiled code reads it."""
+
+    positions: Five
+    noise: float
+    hide: float       # probability from one frame to the next
+    show: float
+    min_markers: int
+    deflection: float
+    gate: float       # m, half the least distance between two markers
+
+
+def file_positions() -> tuple[float, ...]:
+    """Return the positions in ``vehicles/identified_markers.yaml``, (15,) m, body FRD."""
+    return tuple(x for _, at in vehicle.markers('identified_markers') for x in at)
+
+
+@dataclass(frozen=True)
+class MarkerParams:
+    """
+    Where the markers are, how well they are seen, and how strict the tracker is.
+
+    ``positions`` are x, y, z of one marker after the other. The symmetric layout puts the first
+    four at their mean distances from the axes and the fifth on the axis: half a turn of yaw then
+    looks like none, and a tracker that loses the body cannot know which it finds again.
+    """
+
+    layout: str = choice('asymmetric', LAYOUTS, 'design choice; symmetric as in thesis sec. 5.3')
+    positions: tuple[float, ...] = quantity(
+        file_positions(), 'm', -1.0, 1.0,
+        'body FRD, vehicles/identified_markers.yaml: four corners and the top')
+    noise: float = quantity(
+        0.0001, 'm', 0.0, 0.01,
+        'each axis; what gives the attitude noise of Crazyflie flights under Optitrack')
+    occlusion: float = quantity(
+        0.0, '1', 0.0, 0.9, 'design choice: share of time that each marker is hidden')
+    occlusion_time: float = quantity(
+        0.1, 's', 0.001, 60.0, 'assumed: mean time that a marker stays hidden')
+    min_markers: int = quantity(3, '1', 3, COUNT, 'visible markers that a pose takes')
+    deflection: float = quantity(
+        0.003, 'm', 0.0001, 0.05,
+        'assumed: how far a point may be from its marker; deflection in Motive')
+
+    def __post_init__(self) -> None:
+        check(self)
+        five = np.array(self.five())
+        if np.linalg.svd(five - five.mean(axis=0))[1][1] < NARROW * math.sqrt(COUNT):
+            raise ParameterError(
+                'MarkerParams.positions lie on a line: they tell no attitude, spread them')
+        if not self.gate() > 2.0 * self.deflection:
+            raise ParameterError(
+                f'MarkerParams.positions: two markers are {2000.0 * self.gate():.3g} mm apart, '
+                f'which takes a deflection below {500.0 * self.gate():.3g} mm, '
+                f'not {1000.0 * self.deflection:.3g} mm')
+
+    def five(self) -> Five:
+        """Return the positions of the layout, (5, 3) m, body FRD."""
+        x = [float(number) for number in self.positions]
+        five = tuple((x[i], x[i + 1], x[i + 2]) for i in range(0, 3 * COUNT, 3))
+        if self.layout == 'asymmetric':
+            return five
+        corners = np.array(five[:4])
+        mean = np.abs(corners[:, :2]).mean(axis=0).tolist()
+        height = corners[:, 2].mean().item()
+        return (*((math.copysign(mean[0], a[0]), math.copysign(mean[1], a[1]), height)
+                  for a in five[:4]), (0.0, 0.0, five[4][2]))
+
+    def gate(self) -> float:
+        """Return half the least distance between two markers, in m."""
+        return 0.5 * min(math.dist(a, b) for a, b in itertools.combinations(self.five(), 2))
+
+    def values(self, period: int) -> MarkerValues:
+        """
+        Return what compiled code reads, for frames a period of ns apart.
+
+        A marker that is hidden for a share s of the time, for a mean time T each, changes with
+        the rates 1/T and s/(1 - s)/T; between frames their sum decays exponentially.
+        """
+        s = self.occlusion
+        change = -math.expm1(-period * 1e-9 / (self.occlusion_time * (1.0 - s)))
+        return MarkerValues(
+            self.five(), float(self.noise), s * change, (1.0 - s) * change, self.min_markers,
+            float(self.deflection), self.gate())
+
+
+@jit
+def _see(
+    at: Vec3, seen: bool, rho: Vec3, q: Quat, rng: Generator, p: MarkerValues,
+) -> tuple[Vec3, bool]:
+    """Return the point of one marker and whether it is visible; draws four numbers."""
+    s = p.noise
+    error = (s * rng.standard_normal(), s * rng.standard_normal(), s * rng.standard_normal())
+    chance = rng.random()
+    return add(add(rho, rotate(q, at)), error), chance >= p.hide if seen else chance < p.show
+
+
+@jit
+def reconstruct(
+    seen: Seen, rho: Vec3, q: Quat, rng: Generator, noise: bool, p: MarkerValues,
+) -> tuple[Five, Seen]:
+    """
+    Expose one frame: return the points of all markers, and which of them are visible.
+
+    Parameters
+    ----------
+    seen : (5,)
+        Which markers were visible in the frame before, ``ALL`` at first.
+    rho : (3,) m, inertial NED
+    q : (4,) unit, body to inertial
+        The true pose.
+    rng
+        Twenty numbers are drawn, whatever is visible.
+    noise
+        False: exact points, all visible, nothing drawn.
+    p
+        From :meth:`MarkerParams.values`.
+
+    """
+    a, b, c, d, e = p.positions
+    if not noise:
+        return (
+            add(rho, rotate(q, a)), add(rho, rotate(q, b)), add(rho, rotate(q, c)),
+            add(rho, rotate(q, d)), add(rho, rotate(q, e))), ALL
+    point_a, seen_a = _see(a, seen[0], rho, q, rng, p)
+    point_b, seen_b = _see(b, seen[1], rho, q, rng, p)
+    point_c, seen_c = _see(c, seen[2], rho, q, rng, p)
+    point_d, seen_d = _see(d, seen[3], rho, q, rng, p)
+    point_e, seen_e = _see(e, seen[4], rho, q, rng, p)
+    return (point_a, point_b, point_c, point_d, point_e), (seen_a, seen_b, seen_c, seen_d, seen_e)
