@@ -17,7 +17,7 @@ from mambo_bringup.flight import FLIGHT_NODES, fly, RECORDER, SIMULATOR
 from mambo_bringup.processes import NodeProcess
 from mambo_bringup.replay import replay
 from mambo_estimation.estimator_node import encode_state
-from mambo_ros import messages, topics
+from mambo_ros import layout, messages, topics
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message
@@ -26,9 +26,9 @@ SECONDS = 9.0
 STEPS = 1801
 
 
-def flight(seed=3, **choices):
+def flight(seed=3, more=None, **choices):
     return scenario(duration=SECONDS, seed=seed, land=False,
-                    overrides={'sim_node.mode': 'lockstep'}, **choices)
+                    overrides={'sim_node.mode': 'lockstep', **(more or {})}, **choices)
 
 
 @pytest.fixture(scope='session')
@@ -47,6 +47,28 @@ def package_bag(tmp_path_factory):
     """Return the same flight with the support package's estimator, controller and belief."""
     path = tmp_path_factory.mktemp('graph') / 'package' / 'flight'
     fly(flight(**PACKAGE), path)
+    return path
+
+
+def fault(sensor, kind, start, duration, **more):
+    values = {'kind': kind, 'start': start, 'duration': duration, **more}
+    return {f'sim_node.simulator.faults.{sensor}.{key}': value for key, value in values.items()}
+
+
+FAULTS = {
+    **fault('gyro', 'not_a_number', 5.0, 3.0, share=0.1),
+    **fault('accel', 'infinite', 5.0, 3.0, share=0.1),
+    **fault('imu', 'late', 4.0, 3.0, share=0.05, delay=0.03),
+    **fault('sonar', 'late', 5.5, 1.0, delay=0.1),
+    **fault('optical_flow', 'out_of_order', 5.0, 2.0, share=0.5),
+    **fault('barometer', 'repeated', 2.0, 5.0)}
+
+
+@pytest.fixture(scope='session')
+def faulty_bag(tmp_path_factory):
+    """Return the same flight with faults of every sensor at once."""
+    path = tmp_path_factory.mktemp('graph') / 'faulty' / 'flight'
+    fly(flight(more=FAULTS), path)
     return path
 
 
@@ -99,8 +121,8 @@ def test_offline_replay_gives_the_recorded_estimate_to_the_bit(bag, package_bag,
     bag = package_bag if choices else bag
     answers = list(offline.estimate(read_bag(bag), flight(**choices).estimator_node.filter))
     assert [messages.estimate(t, e.state, e.pose_covariance, e.twist_covariance)
-            for t, e in answers] == payloads(bag, topics.ESTIMATE)
-    assert [encode_state(t, e, 0) for t, e in answers] == payloads(bag, topics.ESTIMATOR_STATE)
+            for t, e, _ in answers] == payloads(bag, topics.ESTIMATE)
+    assert [encode_state(*answer) for answer in answers] == payloads(bag, topics.ESTIMATOR_STATE)
 
 
 @pytest.mark.parametrize(
@@ -126,6 +148,50 @@ def test_the_closed_loop_in_one_process_is_the_graph_to_the_bit(
     seen = ~np.isnan(alone.pose[:, 0])
     np.testing.assert_array_equal(alone.pose_t[seen], [t for t, _, _ in poses])
     np.testing.assert_array_equal(alone.pose[seen], [[*rho, *q] for _, rho, q in poses])
+
+
+def test_bad_samples_really_travel_and_the_bag_keeps_their_order(faulty_bag):
+    def stamps(topic):
+        return np.array([layout.stamp_ns(data) for data in payloads(faulty_bag, topic)])
+
+    late = np.diff(stamps(topics.IMU))
+    assert (late < 0).sum() > 10
+    assert (np.diff(stamps(topics.OPTICAL_FLOW)) < 0).sum() > 5
+    assert (np.diff(stamps(topics.BAROMETER)) == 0).sum() == 350  # 5 s at 70 Hz, each twice
+    tick = {layout.stamp_ns(data): messages.decode_sensor_tick(data)[1][1]
+            for data in payloads(faulty_bag, topics.SENSOR_TICK)}
+    assert tick[5_595_000_000] == tick[5_495_000_000]  # what is 0.1 s late is not there yet
+    assert tick[6_595_000_000] - tick[5_595_000_000] == 27  # 25, and the first two in time again
+
+
+def test_with_bad_samples_closed_loop_and_replays_are_the_graph_to_the_bit(faulty_bag, tmp_path):
+    alone = closed_loop.fly(flight(more=FAULTS))
+    estimates = payloads(faulty_bag, topics.ESTIMATE)
+    states = [messages.decode_odometry(data)[1] for data in estimates]
+    np.testing.assert_array_equal(
+        alone.estimate, [[*s.rho, *s.nu, *s.q, *s.omega] for s in states])
+    assert np.isfinite(alone.estimate).all()
+    inner = payloads(faulty_bag, topics.ESTIMATOR_STATE)
+    answers = list(offline.estimate(read_bag(faulty_bag), flight().estimator_node.filter))
+    assert [encode_state(*answer) for answer in answers] == inner
+    np.testing.assert_array_equal(alone.health, [e.health.health for _, e, _ in answers])
+    dropped = answers[-1][2]
+    assert dropped[1] == 25 and dropped[3] == 350 and min(dropped) > 0
+    replay(faulty_bag, tmp_path / 'replay', 0.0)
+    assert payloads(tmp_path / 'replay', topics.ESTIMATE) == estimates
+    assert payloads(tmp_path / 'replay', topics.ESTIMATOR_STATE) == inner
+
+
+def test_diagnostics_name_the_bad_sensor(faulty_bag):
+    said = {}
+    for message in read_bag(faulty_bag, ['/diagnostics'])['/diagnostics'].objects():
+        for status in message.status:
+            if status.name == 'estimator_node':
+                said[message.header.stamp.sec] = (status.level, status.message)
+    assert said[1][1].startswith('dead reckoning') and ';' not in said[1][1]
+    assert 'sonar: ' in said[6][1] and 'samples late, repeated or out of order' in said[6][1]
+    assert 'accelerometer: ' in said[6][1] and 'samples not finite' in said[6][1]
+    assert 'optical flow: ' in said[6][1] and 'barometer: ' in said[4][1]
 
 
 def test_cameras_that_lose_the_body_say_so_and_publish_no_pose(tmp_path):

@@ -12,13 +12,16 @@ from typing import NamedTuple
 
 from mambo_control import controllers, failsafe
 from mambo_estimation import filters
+from mambo_estimation.kalman import Estimate
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model.compiled import jit
 from mambo_model.flatness import body_velocity
 from mambo_model.rigid_body import State
 from mambo_model.trajectory import PlanValues, reference_step
+from mambo_model.vector import Vec3
 from mambo_model.vehicle import VehicleValues
 from mambo_sim import simulator
+from mambo_sim.faults import in_time
 from mambo_sim.parameters import STEP_NS
 from mambo_sim.sensors import optitrack
 import numpy as np
@@ -49,6 +52,10 @@ class Recording(NamedTuple):
     sonar: Array  # (n,) m, slant range as published; this and the next two NaN without a sample
     flow: Array  # (n, 3) rad/s, the vehicle's sign; quality 0 ... 255
     pressure: Array  # (n,) Pa
+    status: NDArray[np.int64]  # (n,) of the estimator; this and the rest zero of the ground truth
+    health: NDArray[np.int64]  # (n, 5) of each sensor, mambo_estimation.health
+    pose_variance: Array  # (n, 6) m^2 and rad^2, inertial axes, that the estimator states
+    twist_variance: Array  # (n, 6) m^2/s^2 and rad^2/s^2, body axes, likewise
 
 
 class _Settings(NamedTuple):
@@ -106,7 +113,8 @@ def fly(flight: Scenario) -> Recording:
         np.arange(steps, dtype=np.int64) * STEP_NS, *(np.empty((steps, 13)) for _ in range(3)),
         np.empty(steps, dtype=np.int64), np.empty(steps), np.empty((steps, 4)),
         np.full((steps, 7), np.nan), np.zeros(steps, dtype=np.int64), np.empty((steps, 6)),
-        np.empty(steps), np.empty((steps, 3)), np.empty(steps))
+        np.empty(steps), np.empty((steps, 3)), np.empty(steps), np.zeros(steps, dtype=np.int64),
+        np.zeros((steps, 5), dtype=np.int64), np.zeros((steps, 6)), np.zeros((steps, 6)))
     sim = flight.sim_node.simulator
     mocap_rng = simulator.generators(flight.optitrack_node.seed)[simulator.OPTITRACK]
     _loop(simulator.initial_state(sim), simulator.generators(sim.seed), mocap_rng,
@@ -161,6 +169,8 @@ def _store(row: Array, s: State) -> None:
 class _Heard(NamedTuple):
     """Samples as the estimator node has them, who gets them over the wire; NaN: none."""
 
+    gyro: Vec3
+    accel: Vec3
     sonar: float
     flow: tuple[float, float]
     flow_quality: int
@@ -169,23 +179,36 @@ class _Heard(NamedTuple):
 
 @jit
 def _hear(s: simulator.Samples, p: _Settings) -> _Heard:
+    gyro, accel = s.gyro, s.accel
+    if not in_time(s.fates.imu):
+        gyro, accel = (np.nan, np.nan, np.nan), (np.nan, np.nan, np.nan)
     sonar, flow, quality, pressure = np.nan, (np.nan, np.nan), 0, np.nan
-    if s.sonar_new and p.sonar_low <= s.sonar <= p.sonar_high:
+    if s.sonar_new and in_time(s.fates.sonar) and p.sonar_low <= s.sonar <= p.sonar_high:
         sonar = s.sonar
-    if s.flow_new:
+    if s.flow_new and in_time(s.fates.flow):
         flow, quality = s.flow, s.flow_quality
-    if s.baro_new:
+    if s.baro_new and in_time(s.fates.barometer):
         pressure = s.pressure
-    return _Heard(sonar, flow, quality, pressure)
+    return _Heard(gyro, accel, sonar, flow, quality, pressure)
 
 
 @jit
 def _store_samples(out: Recording, k: int, s: simulator.Samples, heard: _Heard) -> None:
     for i in range(3):
-        out.imu[k, i], out.imu[k, 3 + i] = s.gyro[i], s.accel[i]
+        out.imu[k, i], out.imu[k, 3 + i] = heard.gyro[i], heard.accel[i]
     out.sonar[k], out.pressure[k] = heard.sonar, heard.pressure
     out.flow[k, 0], out.flow[k, 1] = heard.flow
     out.flow[k, 2] = heard.flow_quality if s.flow_new else np.nan
+
+
+@jit
+def _store_health(out: Recording, k: int, e: Estimate) -> None:
+    out.status[k] = e.status
+    for i in range(5):
+        out.health[k, i] = e.health.health[i]
+    for i in range(6):
+        out.pose_variance[k, i] = e.pose_covariance[7 * i]
+        out.twist_variance[k, i] = e.twist_covariance[7 * i]
 
 
 @jit
@@ -209,9 +232,10 @@ def _loop(state, rngs, mocap_rng, memory, control, p, out):
         _store_samples(out, k, samples, heard)
         if not p.use_truth:
             memory, estimate = filters.step(
-                memory, (t - t_before) * 1e-9, samples.gyro, samples.accel, heard.sonar,
-                heard.flow, heard.flow_quality, heard.pressure, p.estimator)
+                memory, (t - t_before) * 1e-9, heard.gyro, heard.accel, heard.sonar, heard.flow,
+                heard.flow_quality, heard.pressure, p.estimator)
             estimated = estimate.state
+            _store_health(out, k, estimate)
             pose, twist = estimate.pose_covariance, estimate.twist_covariance
             spread = failsafe.Spread(
                 max(pose[0], pose[7]), pose[14], max(twist[0], twist[7]))

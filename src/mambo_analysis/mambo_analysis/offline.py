@@ -53,9 +53,9 @@ def steps(bag: Bag) -> Iterator[Step]:
 
 def estimate(
     bag: Bag, params: filters.Params,
-) -> Iterator[tuple[int, Estimate]]:
+) -> Iterator[tuple[int, Estimate, tuple[int, ...]]]:
     """
-    Yield (stamp ns, estimate) of a recorded flight, one for each message of the live estimator.
+    Yield (stamp ns, estimate, samples dropped so far) for each message of the live estimator.
 
     Parameters
     ----------
@@ -70,4 +70,4 @@ def estimate(
         memory, answer = filters.step(
             memory, s.dt, s.gyro, s.accel, s.sonar, s.flow, s.flow_quality, s.pressure, values)
         if s.last:
-            yield s.t, answer
+            yield s.t, answer, s.dropped

@@ -87,6 +87,10 @@ def scenario(
         'reference_node': {'vehicle': believed_vehicle, 'plan': {'trajectory': trajectory}},
         'controller_node': {'controller': controller, 'vehicle': believed_vehicle},
     }
+    if not noise:  # a sensor without noise may repeat itself
+        sections['estimator_node']['kalman'] = {
+            sensor: {'stuck_samples': 0}
+            for sensor in ('imu', 'sonar', 'optical_flow', 'barometer')}
     if land:
         sections['reference_node']['plan']['landing_time'] = landing_time(duration)
     flight = override(schema.build(Scenario, sections), overrides or {})

@@ -20,7 +20,7 @@ from typing import NamedTuple
 from mambo_model.compiled import jit
 from mambo_model.schema import check, quantity, values
 
-from .gate import accept, Gate, judge, RECOVER, REFUSE, refuse_invalid, Trial
+from .gate import ACCEPT, accept, Gate, judge, RECOVER, refuse_invalid, Trial
 from .measurements import barometer, sonar
 from .measurements.barometer import BarometerValues
 from .measurements.sonar import SonarValues
@@ -212,8 +212,8 @@ def update_sonar(
 
     A reading below the shortest range corrects only where the predicted height is not between
     the floor and that range, and then to the nearer of the two. After refusals for the recovery
-    time the filter is reset to its doubts at the start, the height widened by the innovation, and
-    jumps to the sonar.
+    time the filter is reset to its doubts at the start, the height widened by the innovation; the
+    next sample then moves it, by no more than the covariance has admitted before.
 
     Parameters
     ----------
@@ -241,11 +241,11 @@ def update_sonar(
     variance = a.P.hh + noise
     ratio = squared / (v.gate * v.gate * variance)
     gate, verdict = judge(
-        gate, _trial(slant_range, innovation, variance, ratio), v.gate, v.recovery_time)
-    if verdict == REFUSE:
-        return a, gate, Result(innovation, ratio, False)
+        gate, _trial(slant_range, innovation, 2.0 * noise, ratio), v.gate, v.recovery_time)
     if verdict == RECOVER:
         a = _doubt(a, squared, va)
+    if verdict != ACCEPT:
+        return a, gate, Result(innovation, ratio, False)
     P = a.P
     a = _correct(a, (P.hh, P.hw, P.hb, P.ho), innovation, P.hh + noise)
     return a, gate, Result(innovation, ratio, True)
@@ -282,10 +282,10 @@ def update_barometer(
     ratio = innovation * innovation / (v.gate * v.gate * variance)
     gate, verdict = judge(
         gate, _trial(pressure, innovation, variance, ratio), v.gate, v.recovery_time)
-    if verdict == REFUSE:
-        return a, gate, Result(innovation, ratio, False)
     if verdict == RECOVER:
         a = widen(a, 0.0, innovation * innovation)
+    if verdict != ACCEPT:
+        return a, gate, Result(innovation, ratio, False)
     P = a.P
     column = (P.hh + P.ho, P.hw + P.wo, P.hb + P.bo, P.ho + P.oo)
     a = _correct(a, column, innovation, column[0] + column[3] + noise)

@@ -9,14 +9,14 @@ from mambo_model import frames, rigid_body
 from mambo_ros import diagnostics, layout, messages, node, topics
 from tf2_msgs.msg import TFMessage
 
-from . import filters, kalman
+from . import filters, health, kalman
 from .parameters import EstimatorNodeParams
 from .synchroniser import Step, Synchroniser
 
 _TF_EVERY = 20_000_000  # ns
 _REPORT_EVERY = 1_000_000_000  # ns
 _ZERO3, _ZERO36 = (0.0,) * 3, (0.0,) * 36
-_STATUS = ('aligning', 'dead reckoning: no valid optical flow', 'nominal')
+_STATUS = ('aligning', 'dead reckoning', 'nominal')
 
 
 def _transform(
@@ -55,6 +55,7 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
             self._memory, 0.0, _ZERO3, _ZERO3, 0.0, _ZERO3[:2], 0, 0.0, self._values)
         watermark = p.synchronise == 'watermark'
         self._sync = Synchroniser(watermark)
+        self._next_report, self._reported = 0, (0,) * 9
         self._inner = self.say(topics.ESTIMATOR_STATE)
         self._diagnostics = self.say(topics.DIAGNOSTICS)
         self._hear_sensor(topics.SONAR, messages.decode_sonar, self._sync.add_sonar)
@@ -80,19 +81,34 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
                 self._memory, s.dt, s.gyro, s.accel, s.sonar, s.flow, s.flow_quality,
                 s.pressure, self._values)
             if s.last:
-                self._publish(s.t, estimate)
+                self._publish(s.t, estimate, s.dropped)
 
-    def _publish(self, t: int, e: kalman.Estimate) -> None:
+    def _publish(self, t: int, e: kalman.Estimate, dropped: tuple[int, ...]) -> None:
         self._estimate(messages.estimate(t, e.state, e.pose_covariance, e.twist_covariance))
-        self._inner(encode_state(t, e, self._sync.invalid))
+        self._inner(encode_state(t, e, dropped))
         self._broadcast(t, e.state)
-        if t % _REPORT_EVERY == 0:
-            level = diagnostics.OK if e.status == 2 else diagnostics.WARN
-            self._diagnostics(diagnostics.report(
-                t, self.get_name(), level, _STATUS[e.status], {
-                    'height [m]': e.height, 'sonar refused': e.sonar_refused,
-                    'flow refused': e.flow_refused, 'barometer refused': e.barometer_refused,
-                    'invalid samples': e.invalid_samples + self._sync.invalid}))
+        if t >= self._next_report:
+            self._next_report = (t // _REPORT_EVERY + 1) * _REPORT_EVERY
+            self._report(t, e, dropped)
+
+    def _report(self, t: int, e: kalman.Estimate, dropped: tuple[int, ...]) -> None:
+        """Say on ``/diagnostics`` how the estimator and each sensor are."""
+        counts = e.health.not_finite + dropped
+        new = tuple(now - before for now, before in zip(counts, self._reported, strict=True))
+        self._reported = counts
+        complaints = health.complaints(e.health, new[:5], new[5:])
+        level = diagnostics.OK if e.status == 2 and not complaints else diagnostics.WARN
+        if e.status == kalman.STATUS_DEAD_RECKONING and complaints:
+            level = diagnostics.ERROR
+        numbers = {
+            'height [m]': e.height, 'sonar refused': e.sonar_refused,
+            'flow refused': e.flow_refused, 'barometer refused': e.barometer_refused,
+            'invalid samples': e.invalid_samples + sum(dropped)}
+        ages = {f'{name} age [s]': age
+                for name, age in zip(health.NAMES, e.health.age, strict=True)}
+        self._diagnostics(diagnostics.report(
+            t, self.get_name(), level, '; '.join((_STATUS[e.status], *complaints)),
+            {**numbers, **ages}))
 
     def _broadcast(self, t: int, state: rigid_body.State) -> None:
         if t % _TF_EVERY:
@@ -103,14 +119,15 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         self._tf(layout.serialize(TFMessage(transforms=transforms)))
 
 
-def encode_state(t: int, e: kalman.Estimate, invalid: int) -> bytes:
-    """Serialise ``EstimatorState`` of one estimate; ``invalid`` adds the synchroniser's count."""
+def encode_state(t: int, e: kalman.Estimate, dropped: tuple[int, ...]) -> bytes:
+    """Serialise ``EstimatorState`` of one estimate and what the synchroniser dropped."""
     return messages.estimator_state(
         t, e.status, e.height, e.vertical_velocity, e.gyro_bias, e.accel_bias,
         e.barometer_offset, (e.sonar_innovation, e.sonar_test_ratio),
         (e.flow_innovation[0], e.flow_innovation[1], e.flow_test_ratio),
         (e.barometer_innovation, e.barometer_test_ratio),
-        (e.sonar_refused, e.flow_refused, e.barometer_refused), e.invalid_samples + invalid)
+        (e.sonar_refused, e.flow_refused, e.barometer_refused), e.invalid_samples + sum(dropped),
+        *e.health, dropped)
 
 
 def main(args=None) -> None:

@@ -4,9 +4,11 @@ Innovation gate with a way out of being wrong for ever.
 A measurement is refused where its squared innovation exceeds the squared gate times its variance.
 If refusals of one sensor go on for ``recovery_time``, it may be the filter that is wrong: where
 the refused samples agree with each other, one innovation being within a gate of the one before,
-the verdict is RECOVER, and the caller resets the filter to the sensor. Outliers do not agree with
-each other. A sensor that repeats a refused value to the bit is stuck: it is refused until the
-value changes, even if the filter has meanwhile become unsure enough to believe it.
+the verdict is RECOVER: the caller widens the doubts of the filter, and the next sample is
+accepted. Outliers do not agree with each other. A sensor that repeats a refused value to the bit
+is stuck: it is refused until the value changes, even if the filter has meanwhile become unsure
+enough to believe it. A sensor most of whose samples are refused is not believed where one happens
+to fit, until several do that agree with each other.
 
 Holds no equation of the thesis, whose filters have no gate.
 """
@@ -20,6 +22,8 @@ from mambo_model.compiled import jit
 from .blocks import Vec2
 
 ACCEPT, REFUSE, RECOVER = range(3)
+DISTRUST = 4     # refused samples more than fitting ones, from which on a fitting one is refused
+MOST_DOUBT = 8   # of them that are remembered
 
 
 class Gate(NamedTuple):
@@ -31,9 +35,10 @@ class Gate(NamedTuple):
     first: Vec2       # unit of the sensor, the first of them
     innovation: Vec2  # unit of the innovation, that of the last of them
     varied: bool      # true: one of them differed from the first
+    doubt: int        # [-] samples refused more than fitted lately, 0 ... MOST_DOUBT
 
 
-OPEN = Gate(0, 0, 0.0, (0.0, 0.0), (0.0, 0.0), False)
+OPEN = Gate(0, 0, 0.0, (0.0, 0.0), (0.0, 0.0), False, 0)
 
 
 class Trial(NamedTuple):
@@ -41,7 +46,7 @@ class Trial(NamedTuple):
 
     value: Vec2          # unit of the sensor, as it came
     innovation: Vec2     # unit of the innovation
-    variance: float      # the same squared, of the innovation, summed over its components
+    variance: float      # the same squared, of what successive ones may differ by, summed
     ratio: float         # -, squared innovation over variance times squared gate
 
 
@@ -49,20 +54,23 @@ class Trial(NamedTuple):
 def advance(gate: Gate, dt: float) -> Gate:
     """Return the gate dt seconds later."""
     age = gate.age + dt if gate.streak > 0 else 0.0
-    return Gate(gate.refused, gate.streak, age, gate.first, gate.innovation, gate.varied)
+    return Gate(
+        gate.refused, gate.streak, age, gate.first, gate.innovation, gate.varied, gate.doubt)
 
 
 @jit
 def refuse_invalid(gate: Gate) -> Gate:
     """Return the gate after a sample outside the validity of its model, which it only counts."""
     return Gate(
-        gate.refused + 1, gate.streak, gate.age, gate.first, gate.innovation, gate.varied)
+        gate.refused + 1, gate.streak, gate.age, gate.first, gate.innovation, gate.varied,
+        min(MOST_DOUBT, gate.doubt + 1))
 
 
 @jit
 def accept(gate: Gate) -> Gate:
     """Return the gate after a sample that was used."""
-    return Gate(gate.refused, 0, 0.0, gate.first, gate.innovation, False)
+    doubt = max(0, gate.doubt - 1)
+    return Gate(gate.refused, 0, 0.0, gate.first, gate.innovation, False, doubt)
 
 
 @jit
@@ -92,13 +100,18 @@ def judge(gate: Gate, trial: Trial, width: float, recovery_time: float) -> tuple
     value, innovation = trial.value, trial.innovation
     changed = value[0] != gate.first[0] or value[1] != gate.first[1]
     varied = gate.varied or changed
-    if trial.ratio <= 1.0 and (gate.streak == 0 or varied):
-        return accept(gate), ACCEPT
     x, y = innovation[0] - gate.innovation[0], innovation[1] - gate.innovation[1]
     agrees = x * x + y * y <= width * width * trial.variance
+    if trial.ratio <= 1.0 and (gate.streak == 0 or varied):
+        if gate.doubt < DISTRUST:
+            return accept(gate), ACCEPT
+        doubt = gate.doubt - 1 if agrees else gate.doubt
+        return Gate(gate.refused + 1, 0, 0.0, value, innovation, False, doubt), REFUSE
+    doubt = min(MOST_DOUBT, gate.doubt + 1)
     if gate.streak == 0 or not agrees:
-        return Gate(gate.refused + 1, 1, 0.0, value, innovation, False), REFUSE
+        return Gate(gate.refused + 1, 1, 0.0, value, innovation, False, doubt), REFUSE
     if varied and gate.age >= recovery_time:
-        return accept(gate), RECOVER
+        return Gate(gate.refused, 0, 0.0, gate.first, innovation, False, 0), RECOVER
     return Gate(
-        gate.refused + 1, gate.streak + 1, gate.age, gate.first, innovation, varied), REFUSE
+        gate.refused + 1, gate.streak + 1, gate.age, gate.first, innovation, varied,
+        doubt), REFUSE

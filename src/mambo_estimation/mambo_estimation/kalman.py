@@ -31,13 +31,14 @@ from mambo_model.rigid_body import State
 from mambo_model.schema import check, group, quantity
 from mambo_model.vector import add, scale, sub, Vec3
 
-from . import alignment, altitude, attitude, gate, velocity
+from . import alignment, altitude, attitude, gate, health, velocity
 from .alignment import Alignment, AlignmentParams, AlignmentValues
 from .altitude import Altitude, AltitudeParams, AltitudeValues
 from .attitude import Attitude, AttitudeParams, AttitudeValues
 from .blocks import Matrix3, Vec2
 from .gate import Gate
-from .measurements import imu, optical_flow
+from .health import Health, Limits, observe, Sensors
+from .measurements import barometer, imu, optical_flow
 from .measurements.barometer import BarometerParams, BarometerValues
 from .measurements.imu import ImuParams, ImuValues
 from .measurements.optical_flow import FlowParams, FlowValues
@@ -61,6 +62,7 @@ class EstimatorValues(NamedTuple):
     sonar: SonarValues
     optical_flow: FlowValues
     barometer: BarometerValues
+    limits: Limits
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,10 @@ class EstimatorParams:
         1.0, 's', 0.01, 1e4, 'without a used range for longer the status is dead reckoning')
     max_flow_age: float = quantity(
         0.5, 's', 0.01, 1e4, 'without used flow for longer the status is dead reckoning')
+    max_imu_age: float = quantity(
+        0.1, 's', 0.005, 1e4, 'without used inertial samples for longer their sensor is ill')
+    max_barometer_age: float = quantity(
+        1.0, 's', 0.01, 1e4, 'without plausible pressure for longer the barometer is ill')
     alignment: AlignmentParams = group(AlignmentParams)
     attitude: AttitudeParams = group(AttitudeParams)
     altitude: AltitudeParams = group(AltitudeParams)
@@ -90,7 +96,9 @@ class EstimatorParams:
             float(self.gravity), float(self.max_sonar_age), float(self.max_flow_age),
             self.alignment.values(), self.attitude.values(), self.altitude.values(),
             self.velocity.values(), self.imu.values(), self.sonar.values(),
-            self.optical_flow.values(), self.barometer.values())
+            self.optical_flow.values(), self.barometer.values(),
+            Limits(float(self.max_imu_age), float(self.max_sonar_age), float(self.max_flow_age),
+                   float(self.max_barometer_age)))
 
 
 class Counts(NamedTuple):
@@ -124,6 +132,7 @@ class Memory(NamedTuple):
     gyro: Vec3           # (3,) rad/s, body FRD, the last valid sample
     accel: Vec3          # (3,) m/s^2, body FRD, the last valid sample
     force: Vec3          # (3,) m/s^2, inertial NED, the same turned at its time
+    sensors: Sensors
 
 
 class Estimate(NamedTuple):
@@ -148,6 +157,7 @@ class Estimate(NamedTuple):
     flow_refused: int
     barometer_refused: int
     invalid_samples: int
+    health: Health
 
 
 class Results(NamedTuple):
@@ -160,6 +170,7 @@ class Results(NamedTuple):
 
 NOTHING = Results(altitude.NOT_COMPARED, velocity.NOT_COMPARED, altitude.NOT_COMPARED)
 ZERO: Vec3 = (0.0, 0.0, 0.0)
+NONE2: Vec2 = (math.nan, math.nan)
 
 
 def initial(params: EstimatorParams) -> Memory:
@@ -180,7 +191,7 @@ def _start(v: EstimatorValues) -> Memory:
         altitude.start(vertical * vertical, v.altitude.initial_accel_bias_std, v.altitude),
         velocity.start(horizontal * horizontal, v.velocity.initial_accel_bias_std, v.velocity),
         Gates(gate.OPEN, gate.OPEN, gate.OPEN), Counts(0, 0, math.inf, math.inf),
-        ZERO, (0.0, 0.0, -v.gravity), (0.0, 0.0, -v.gravity))
+        ZERO, (0.0, 0.0, -v.gravity), (0.0, 0.0, -v.gravity), health.START)
 
 
 @jit
@@ -215,13 +226,13 @@ def _align(m: Memory, gyro: Vec3, accel: Vec3, v: EstimatorValues) -> Memory:
         vel = velocity.start(still, v.velocity.accel_bias_std, v.velocity)
     return Memory(
         verdict == alignment.COLLECTING, verdict == alignment.ALIGNED, rest, att, alt, vel,
-        m.gates, m.counts, gyro, accel, rotate(att.q, sub(accel, rest.accel_bias)))
+        m.gates, m.counts, gyro, accel, rotate(att.q, sub(accel, rest.accel_bias)), m.sensors)
 
 
 @jit
 def _predict_attitude(
     att: Attitude, last_gyro: Vec3, gyro: Vec3, last_force: Vec3, accel: Vec3, dt: float,
-    held: bool, gravity: float, v: AttitudeValues,
+    held: bool, force_held: bool, gravity: float, v: AttitudeValues,
 ) -> tuple[Attitude, Vec3, Vec3]:
     """
     Integrate the gyro; return also force now and mean acceleration, (3,) m/s^2, inertial NED.
@@ -234,7 +245,7 @@ def _predict_attitude(
     mean = scale(0.5, add(last_force, force))
     acceleration = (mean[0], mean[1], mean[2] + gravity)
     window = attitude.NO_WINDOW
-    if not held:
+    if not (held or force_held):
         window = attitude.accumulate(att.window, acceleration, sub(rate, att.bias), dt)
     return attitude.with_window(att, window), force, acceleration
 
@@ -301,20 +312,21 @@ def _end_unaided(att: Attitude, resting: bool, gravity: float, v: AttitudeValues
 
 @jit
 def _run(
-    m: Memory, counts: Counts, dt: float, gyro: Vec3, accel: Vec3, held: bool, sonar: float,
-    flow: Vec2, quality: int, pressure: float, v: EstimatorValues,
+    m: Memory, counts: Counts, dt: float, gyro: Vec3, accel: Vec3, held: tuple[bool, bool],
+    sonar: float, flow: Vec2, quality: int, pressure: float, v: EstimatorValues,
 ) -> tuple[Memory, Results]:
-    """Predict, then use every sample there is."""
+    """Predict, with rates and forces that may be held, then use every sample there is."""
     rest, resting = m.alignment, m.resting
     calibrated = sub(accel, rest.accel_bias)
     att, force, a = _predict_attitude(
-        m.attitude, m.gyro, gyro, m.force, calibrated, dt, held, v.gravity, v.attitude)
+        m.attitude, m.gyro, gyro, m.force, calibrated, dt, held[0], held[1], v.gravity,
+        v.attitude)
     R, yaw_std = to_matrix(att.q), attitude.yaw_std(att)
     b = m.velocity.accel_bias
     a = sub(a, rotate(att.q, (b[0], b[1], m.altitude.accel_bias)))
     alt = altitude.predict(
-        m.altitude, -a[2], R[2][2], dt, held, v.barometer.offset_walk, v.altitude)
-    vel = velocity.predict(m.velocity, (a[0], a[1]), R, yaw_std, dt, held, v.velocity)
+        m.altitude, -a[2], R[2][2], dt, held[1], v.barometer.offset_walk, v.altitude)
+    vel = velocity.predict(m.velocity, (a[0], a[1]), R, yaw_std, dt, held[1], v.velocity)
     if resting:
         rest, resting, alt, vel = _rest(rest, alt, vel, gyro, accel, dt, v.alignment)
     sonar_gate = gate.advance(m.gates.sonar, dt)
@@ -338,7 +350,7 @@ def _run(
     return Memory(
         False, resting, rest, att, alt, vel, Gates(sonar_gate, flow_gate, barometer_gate),
         Counts(counts.invalid, counts.equal, sonar_age, flow_age), gyro, accel,
-        force), Results(ranged, seen, weighed)
+        force, m.sensors), Results(ranged, seen, weighed)
 
 
 @jit
@@ -359,8 +371,8 @@ def step(
     gyro : (3,) rad/s, body FRD
         Bias included.
     accel : (3,) m/s^2, body FRD
-        Specific force, bias included. Where gyro or accel is not finite or out of range the
-        previous valid sample takes its place, with much more noise.
+        Specific force, bias included. Where gyro or accel is not finite, out of range, stuck or
+        wild another takes its place, with much more noise.
     sonar : m
         New slant range, NaN: none. Infinite: counted as invalid.
     flow : (2,) rad/s, body FRD
@@ -385,25 +397,119 @@ def step(
     if not 0.0 <= dt < math.inf:
         m = _with_counts(m, 1, m.counts.equal)
         return m, _estimate(m, NOTHING, v)
-    equal = m.counts.equal + 1 if imu.is_equal(gyro, m.gyro) else 0
-    stuck = imu.is_stuck(equal, gyro, v.imu) and not m.aligning and not m.resting
-    valid = imu.is_valid(gyro, accel, v.imu) and not stuck
+    sensors, equal = m.sensors, m.counts.equal + 1 if imu.is_equal(gyro, m.gyro) else 0
+    stuck = _stuck(m, equal, gyro, accel, sonar, flow, pressure, v)
+    usable = _usable(sensors, dt, gyro, accel, stuck, v.imu)
+    valid = usable[0] and usable[1]
     invalid = _count_broken(sonar, flow, pressure)
     invalid += (0 if valid else 1) + (1 if dt > v.imu.max_gap else 0)
     if m.aligning:
         m = _with_counts(m, invalid, equal)
         if valid:
             m = _align(m, gyro, accel, v)
+        m = _with_sensors(
+            m, _observe(m, NOTHING, dt, gyro, accel, sonar, flow, pressure, usable, stuck, v))
         return m, _estimate(m, NOTHING, v)
-    held = not valid or dt > v.imu.max_interval
-    if not valid:
-        gyro, accel = m.gyro, m.accel
+    late = dt > v.imu.max_interval
+    held = (late or not usable[0], late or not valid)
+    gyro_used, accel_used = _bridged(m, dt, gyro, accel, usable, v)
     counts = Counts(
         m.counts.invalid + invalid, equal, m.counts.sonar_age, m.counts.flow_age)
     m, results = _run(
-        m, counts, min(dt, v.imu.max_gap), gyro, accel, held, sonar, flow, flow_quality,
-        pressure, v)
+        m, counts, min(dt, v.imu.max_gap), gyro_used, accel_used, held,
+        math.nan if stuck[2] else sonar, NONE2 if stuck[3] else flow, flow_quality,
+        math.nan if stuck[4] else pressure, v)
+    m = _with_sensors(
+        m, _observe(m, results, dt, gyro, accel, sonar, flow, pressure, usable, stuck, v))
     return m, _estimate(m, results, v)
+
+
+@jit
+def _bridged(
+    m: Memory, dt: float, gyro: Vec3, accel: Vec3, usable: tuple[bool, bool], v: EstimatorValues,
+) -> tuple[Vec3, Vec3]:
+    """
+    Return what is integrated for an inertial sample, which may not be usable.
+
+    That is the sample before; but where a sensor reads anything, so did that one, and no rate and
+    the force of hover are nearer to the truth.
+    """
+    s, p = m.sensors, v.imu
+    if not usable[0]:
+        wild = health.roughness(s.gyro, gyro, dt) > p.gyro_roughness * p.gyro_roughness
+        gyro = m.attitude.bias if wild else m.gyro
+    if not usable[1]:
+        wild = health.roughness(s.accel, accel, dt) > p.accel_roughness * p.accel_roughness
+        accel = add(m.alignment.accel_bias, (0.0, 0.0, -v.gravity)) if wild else m.accel
+    return gyro, accel
+
+
+@jit
+def _stuck(
+    m: Memory, equal: int, gyro: Vec3, accel: Vec3, sonar: float, flow: Vec2, pressure: float,
+    v: EstimatorValues,
+) -> tuple[bool, bool, bool, bool, bool]:
+    """
+    Tell of each sensor whether it repeats itself for too long, in the order of ``health.NAMES``.
+
+    Only in flight: on the floor and without noise all may rest, hence also where the gyro does.
+    """
+    s = m.sensors
+    if m.aligning or m.resting:
+        return (False, False, False, False, False)
+    turning = imu.is_stuck(equal, gyro, v.imu)
+    alive = equal < v.imu.stuck_samples and v.imu.stuck_samples > 0
+    forces = health.repeats(s.accel, accel) if alive else 0
+    ranges = health.repeats(s.sonar, (sonar, sonar, sonar)) if alive else 0
+    flows = health.repeats(s.flow, (flow[0], flow[1], flow[1])) if alive else 0
+    pressures = health.repeats(s.barometer, (pressure, pressure, pressure)) if alive else 0
+    moving = flow[0] != 0.0 or flow[1] != 0.0
+    return (
+        turning, forces >= v.imu.stuck_samples > 0,
+        ranges >= v.sonar.stuck_samples > 0 and sonar >= v.sonar.min_range,
+        flows >= v.optical_flow.stuck_samples > 0 and moving,
+        pressures >= v.barometer.stuck_samples > 0)
+
+
+@jit
+def _usable(
+    s: Sensors, dt: float, gyro: Vec3, accel: Vec3, stuck: tuple[bool, bool, bool, bool, bool],
+    p: ImuValues,
+) -> tuple[bool, bool]:
+    """Tell of gyro and accelerometer whether their samples may be integrated."""
+    return (
+        imu.is_within(gyro, p.gyro_range) and not stuck[0]
+        and health.roughness(s.gyro, gyro, dt) <= p.gyro_roughness * p.gyro_roughness,
+        imu.is_within(accel, p.accel_range) and not stuck[1]
+        and health.roughness(s.accel, accel, dt) <= p.accel_roughness * p.accel_roughness)
+
+
+@jit
+def _observe(
+    m: Memory, results: Results, dt: float, gyro: Vec3, accel: Vec3, sonar: float, flow: Vec2,
+    pressure: float, usable: tuple[bool, bool], stuck: tuple[bool, bool, bool, bool, bool],
+    v: EstimatorValues,
+) -> Sensors:
+    """Return what is known of the sensors after a step; nothing is asked of them at rest."""
+    s, cosine, height = m.sensors, to_matrix(m.attitude.q)[2][2], m.altitude.height
+    came = not (health.is_none(gyro) and health.is_none(accel))
+    ranged, weighed = results.sonar.used, results.barometer.used
+    if m.aligning:
+        ranged = math.isfinite(sonar)
+    if m.aligning or not v.barometer.enabled:
+        weighed = barometer.is_valid(pressure, v.barometer) and not stuck[4]
+    see = height >= v.optical_flow.min_height and cosine >= v.optical_flow.min_tilt_cos
+    hear = height <= v.sonar.max_range * cosine and cosine >= v.sonar.min_tilt_cos
+    return Sensors(
+        observe(s.gyro, dt, gyro, came, usable[0], stuck[0], True),
+        observe(s.accel, dt, accel, came, usable[1], stuck[1], True),
+        observe(s.sonar, dt, (sonar, sonar, sonar), not math.isnan(sonar), ranged, stuck[2],
+                hear),
+        observe(s.flow, dt, (flow[0], flow[1], flow[1]),
+                not (math.isnan(flow[0]) and math.isnan(flow[1])), results.flow.used, stuck[3],
+                see and not m.aligning),
+        observe(s.barometer, dt, (pressure, pressure, pressure), not math.isnan(pressure),
+                weighed, stuck[4], True))
 
 
 @jit
@@ -413,7 +519,14 @@ def _with_counts(m: Memory, invalid: int, equal: int) -> Memory:
         m.counts.invalid + invalid, equal, m.counts.sonar_age, m.counts.flow_age)
     return Memory(
         m.aligning, m.resting, m.alignment, m.attitude, m.altitude, m.velocity, m.gates, counts,
-        m.gyro, m.accel, m.force)
+        m.gyro, m.accel, m.force, m.sensors)
+
+
+@jit
+def _with_sensors(m: Memory, sensors: Sensors) -> Memory:
+    return Memory(
+        m.aligning, m.resting, m.alignment, m.attitude, m.altitude, m.velocity, m.gates, m.counts,
+        m.gyro, m.accel, m.force, sensors)
 
 
 @jit
@@ -475,4 +588,5 @@ def _estimate(m: Memory, results: Results, v: EstimatorValues) -> Estimate:
         alt.offset if alt.has_offset else math.nan, results.sonar.innovation,
         results.sonar.ratio, results.flow.innovation, results.flow.ratio,
         results.barometer.innovation, results.barometer.ratio, m.gates.sonar.refused,
-        m.gates.flow.refused, m.gates.barometer.refused, m.counts.invalid)
+        m.gates.flow.refused, m.gates.barometer.refused, m.counts.invalid,
+        health.report(m.sensors, v.limits))

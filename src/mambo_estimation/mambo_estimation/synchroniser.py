@@ -2,8 +2,9 @@
 Sensor samples in any order of arrival become one ordered sequence of filter steps.
 
 DDS keeps the order within a topic only. The watermark (``SensorTick``) says how many samples of
-each topic exist up to its stamp; a step is released when all of them are there. What the filter
-computes is therefore a function of stamped data: in a live graph, in a replay and offline.
+each topic were published up to its stamp; a step is released when all of them are there, and
+uses no other. What the filter computes is therefore a function of stamped data: in a live graph,
+in a replay and offline, also where samples are late, repeated or out of order.
 """
 
 from __future__ import annotations
@@ -29,6 +30,10 @@ class Step(NamedTuple):
     flow_quality: int  # 0..255
     pressure: float  # Pa
     last: bool  # whether it is the last step of its tick
+    dropped: tuple[int, int, int, int]  # samples left out since start: IMU, sonar, flow, pressure
+
+
+_LATENCY = 50_000_000  # ns, by which a sample of a driver without watermark may be late
 
 
 class Synchroniser:
@@ -41,54 +46,41 @@ class Synchroniser:
         True: a step waits for all samples that ``add_tick`` announces. False (a sensor driver
         that sends no watermark): an IMU sample is a step with what has arrived by then.
 
-    Attributes
-    ----------
-    invalid : int
-        Samples that could not be used: repeated or out of order within their stream, or
-        overtaken by a newer one of the same sensor within one step.
+    A sample is dropped where it is late (older than the step before the one that is told of it),
+    not newer than one before it on its stream, or overtaken within one step.
 
     """
 
     def __init__(self, watermark: bool = True) -> None:
-        self.invalid = 0
         self._watermark = watermark
-        self._imu: deque[tuple[int, Vec3, Vec3]] = deque()
-        self._aiding: tuple[deque, deque, deque] = (deque(), deque(), deque())
+        self._arrived: tuple[deque, ...] = tuple(deque() for _ in range(4))  # not yet announced
+        self._ready: tuple[deque, ...] = tuple(deque() for _ in range(4))
         self._newest = [-1, -1, -1, -1]
         self._received = [0, 0, 0, 0]
+        self._dropped = [0, 0, 0, 0]
         self._ticks: deque[tuple[int, tuple[int, int, int, int]]] = deque()
         self._offset: tuple[int, ...] | None = None
         self._last_t: int | None = None
 
-    def _accept(self, stream: int, t: int) -> bool:
-        self._received[stream] += 1
-        if t <= self._newest[stream]:
-            self.invalid += 1
-            return False
-        self._newest[stream] = t
-        return True
-
     def add_imu(self, t: int, gyro: Vec3, accel: Vec3) -> list[Step]:
         """Queue an IMU sample (ns, rad/s, m/s^2, body FRD)."""
-        if self._accept(0, t):
-            self._imu.append((t, gyro, accel))
-        return self._completed() if self._watermark else self._release(t, guaranteed=False)
+        return self._add(0, t, (gyro, accel))
 
     def add_sonar(self, t: int, distance: float) -> list[Step]:
         """Queue a slant range (ns, m)."""
-        return self._add_aiding(1, t, distance)
+        return self._add(1, t, distance)
 
     def add_flow(self, t: int, flow: tuple[float, float], quality: int) -> list[Step]:
         """Queue optical flow (ns, rad/s body FRD, 0..255)."""
-        return self._add_aiding(2, t, (flow, quality))
+        return self._add(2, t, (flow, quality))
 
     def add_pressure(self, t: int, pressure: float) -> list[Step]:
         """Queue a pressure (ns, Pa)."""
-        return self._add_aiding(3, t, pressure)
+        return self._add(3, t, pressure)
 
     def add_tick(self, t: int, counts: tuple[int, int, int, int]) -> list[Step]:
         """
-        Queue the watermark: ``counts`` samples of each stream exist up to ``t``.
+        Queue the watermark: ``counts`` samples of each stream were published up to ``t``.
 
         A consumer that joins a running flight takes what it has seen by its first watermark as
         complete.
@@ -99,44 +91,63 @@ class Synchroniser:
         self._ticks.append((t, counts))
         return self._completed()
 
-    def _add_aiding(self, stream: int, t: int, sample: object) -> list[Step]:
-        if self._accept(stream, t):
-            self._aiding[stream - 1].append((t, sample))
-        return self._completed()
+    def _add(self, stream: int, t: int, sample: object) -> list[Step]:
+        self._received[stream] += 1
+        self._arrived[stream].append((t, sample))
+        if self._watermark:
+            return self._completed()
+        return self._release(t, self._received) if stream == 0 else []
 
     def _completed(self) -> list[Step]:
         """Return every step whose data are complete."""
         out: list[Step] = []
-        while self._ticks and self._complete(self._ticks[0][1]):
-            out += self._release(self._ticks.popleft()[0], guaranteed=True)
+        while self._ticks:
+            t, counts = self._ticks[0]
+            due = [count - offset for count, offset in zip(counts, self._offset, strict=True)]
+            if any(received < count for received, count in zip(self._received, due, strict=True)):
+                break
+            self._ticks.popleft()
+            out += self._release(t, due)
         return out
 
-    def _complete(self, counts: tuple[int, int, int, int]) -> bool:
-        return all(received + offset >= count for received, offset, count in zip(
-            self._received, self._offset, counts, strict=True))
+    def _admit(self, stream: int, due: int) -> None:
+        """Make the first ``due`` samples of a stream ready; drop those that come too late."""
+        arrived, last = self._arrived[stream], self._last_t
+        if last is not None and not self._watermark and stream:
+            last -= _LATENCY
+        for _ in range(due - self._received[stream] + len(arrived)):
+            t, sample = arrived.popleft()
+            if t <= self._newest[stream] or last is not None and t <= last:
+                self._dropped[stream] += 1
+            else:
+                self._ready[stream].append((t, sample))
+            self._newest[stream] = max(self._newest[stream], t)
 
-    def _take_aiding(self, stream: int, t: int):
-        """Return the newest sample of an aiding stream up to ``t``; count those it overtakes."""
-        queue, found = self._aiding[stream], None
+    def _take(self, stream: int, t: int):
+        """Return the newest sample of an aiding stream up to ``t``; drop those it overtakes."""
+        queue, found = self._ready[stream], None
         while queue and queue[0][0] <= t:
             if found is not None:
-                self.invalid += 1
+                self._dropped[stream] += 1
             found = queue.popleft()[1]
         return found
 
-    def _release(self, t: int, guaranteed: bool) -> list[Step]:
-        """Return the steps up to a stamp, with one at the stamp itself where ``guaranteed``."""
-        samples, out = [], []
-        while self._imu and self._imu[0][0] <= t:
-            samples.append(self._imu.popleft())
-        if guaranteed and (not samples or samples[-1][0] < t):
-            samples.append((t, NAN3, NAN3))  # the sensor skipped this step: the filter bridges it
-        for i, (stamp, gyro, accel) in enumerate(samples):
-            sonar, flow, pressure = (self._take_aiding(k, stamp) for k in range(3))
+    def _release(self, t: int, due: list[int]) -> list[Step]:
+        """Return the steps up to a stamp; with a watermark there is one at the stamp itself."""
+        for stream in range(4):
+            self._admit(stream, due[stream])
+        queue, samples, out = self._ready[0], [], []
+        while queue and queue[0][0] <= t:
+            samples.append(queue.popleft())
+        if self._watermark and (not samples or samples[-1][0] < t):
+            samples.append((t, (NAN3, NAN3)))  # the sensor skipped this step: it is bridged
+        for i, (stamp, (gyro, accel)) in enumerate(samples):
+            sonar, flow, pressure = (self._take(k, stamp) for k in (1, 2, 3))
             dt = 0.0 if self._last_t is None else (stamp - self._last_t) * 1e-9
             self._last_t = stamp
             out.append(Step(
                 stamp, dt, gyro, accel, NAN if sonar is None else sonar,
                 NAN2 if flow is None else flow[0], 0 if flow is None else flow[1],
-                NAN if pressure is None else pressure, i == len(samples) - 1))
+                NAN if pressure is None else pressure, i == len(samples) - 1,
+                tuple(self._dropped)))
         return out

@@ -34,7 +34,9 @@ from mambo_model.rigid_body import State
 from mambo_model.schema import check, quantity, values
 from mambo_model.vector import add, dot, norm, scale, sub, Vec3
 
+from . import health
 from .blocks import Matrix3, Vec2
+from .health import Limits, observe, Sensors
 from .kalman import Estimate, STATUS_ALIGNING, STATUS_DEAD_RECKONING, STATUS_NOMINAL
 
 __all__ = ['Estimate', 'initial', 'Memory', 'step', 'ToolboxEstimatorParams', 'ToolboxValues']
@@ -93,6 +95,9 @@ class ToolboxValues(NamedTuple):
     flow_calm_rate: float
     acceleration_gain: float
     low_acceleration_gain: float
+    min_pressure: float
+    max_pressure: float
+    limits: Limits
 
 
 @dataclass(frozen=True)
@@ -150,13 +155,22 @@ class ToolboxEstimatorParams:
     low_acceleration_gain: float = quantity(
         1.0, '-', 0.0, 1.0, 'the same where the height is too low for flow: thesis sec. 5.2, '
         'integrated simply; 0 in the support package of 2018')
+    min_pressure: float = quantity(3e4, 'Pa', 1e3, 2e5, 'no reading below')
+    max_pressure: float = quantity(1.2e5, 'Pa', 1e3, 2e5, 'no reading above')
+    max_imu_age: float = quantity(
+        0.1, 's', 0.005, 1e4, 'without used inertial samples for longer their sensor is ill')
+    max_barometer_age: float = quantity(
+        1.0, 's', 0.01, 1e4, 'without plausible pressure for longer the barometer is ill')
 
     def __post_init__(self) -> None:
         check(self)
 
     def values(self) -> ToolboxValues:
         """Return what compiled code reads."""
-        return ToolboxValues(*values(self, ToolboxValues._fields))
+        return ToolboxValues(
+            *values(self, ToolboxValues._fields[:-1]),
+            Limits(float(self.max_imu_age), float(self.max_sonar_age), float(self.max_flow_age),
+                   float(self.max_barometer_age)))
 
 
 class Rest(NamedTuple):
@@ -204,6 +218,7 @@ class Memory(NamedTuple):
     altitude: Altitude
     velocity: Velocity
     invalid: int         # samples of any sensor that could not be read
+    sensors: Sensors
 
 
 class Seen(NamedTuple):
@@ -232,7 +247,7 @@ def _start(v: ToolboxValues) -> Memory:
     return Memory(
         Rest(0, ZERO, ZERO, 0, 0.0), ZERO, g, (g, g, g, g, g, g), ZERO,
         Altitude(0.0, 0.0, math.nan, math.inf, math.inf, 0, math.nan, math.nan),
-        Velocity((0.0, 0.0), (0.0, 0.0), NAN2, math.inf, math.inf, 0), 0)
+        Velocity((0.0, 0.0), (0.0, 0.0), NAN2, math.inf, math.inf, 0), 0, health.START)
 
 
 @jit
@@ -262,7 +277,7 @@ def _calibrate(
 ) -> Rest:
     """Take one sample at rest into the means; gravity is not part of the bias."""
     n, pressures, p = r.count + 1, r.pressures, r.pressure
-    if math.isfinite(pressure):
+    if v.min_pressure <= pressure <= v.max_pressure:
         pressures += 1
         p += (pressure - p) / pressures
     force = (accel[0], accel[1], accel[2] + v.gravity)
@@ -310,7 +325,7 @@ def turned(euler: Vec3, omega: Vec3, force: Vec3, dt: float, v: ToolboxValues) -
     psi += dt * psi_dot
     if abs(norm(force) - v.gravity) < v.attitude_tolerance * v.gravity:
         w = v.attitude_weight
-        phi = (1.0 - w) * phi + w * math.atan(force[1] / force[2])
+        phi = (1.0 - w) * phi + w * (math.atan(force[1] / force[2]) if force[2] != 0.0 else 0.0)
         theta = (1.0 - w) * theta + w * math.asin(min(1.0, max(-1.0, force[0] / v.gravity)))
     return (phi, theta, psi)
 
@@ -346,11 +361,13 @@ def _rise(
     new = math.isfinite(sonar)
     held, age = (sonar, 0.0) if new else (a.range, a.age + dt)
     by_pressure = a.by_pressure
-    if math.isfinite(pressure) and rest.pressures > 0:
+    if v.min_pressure <= pressure <= v.max_pressure and rest.pressures > 0:
         by_pressure = _smoothed(
             by_pressure, (rest.pressure - pressure) * v.metre_per_pascal, dt, v)
-    a = Altitude(height, climb, held, age, a.used_age + dt, a.refused,
-                 _smoothed(a.smooth_range, held, dt, v), by_pressure)
+    smooth = a.smooth_range
+    if not abs(held) > v.sonar_max:  # so far sees no sonar: it would take minutes to forget
+        smooth = _smoothed(smooth, held, dt, v)
+    a = Altitude(height, climb, held, age, a.used_age + dt, a.refused, smooth, by_pressure)
     innovation, used_age, refused = held - height, a.used_age, a.refused
     if _is_range(a, height, v):
         height, climb = height + v.height_gain * innovation, climb + v.climb_gain * innovation
@@ -438,7 +455,7 @@ def _run(
     vel, flow_innovation, flow_ratio = _move(
         m.velocity, alt, euler, omega, to_matrix(q), force, dt, flow, quality, v)
     return (
-        Memory(m.rest, gyro, accel, window, euler, alt, vel, invalid),
+        Memory(m.rest, gyro, accel, window, euler, alt, vel, invalid, m.sensors),
         Seen(sonar_innovation, sonar_ratio, flow_innovation, flow_ratio))
 
 
@@ -485,22 +502,53 @@ def step(
     v, m = values, memory
     if not 0.0 <= dt < math.inf:
         m = Memory(m.rest, m.gyro, m.accel, m.window, m.euler, m.altitude, m.velocity,
-                   m.invalid + 1)
+                   m.invalid + 1, m.sensors)
         return m, _estimate(m, NOTHING, v)
-    valid = _within(gyro, v.gyro_range) and _within(accel, v.accel_range)
+    usable = (_within(gyro, v.gyro_range), _within(accel, v.accel_range))
+    valid, resting = usable[0] and usable[1], m.rest.count < v.calibration_samples
+    sensors = _observe(m, dt, gyro, accel, sonar, flow, pressure, usable, resting, v)
     invalid = m.invalid + _count_broken(sonar, flow, pressure)
     invalid += (0 if valid else 1) + (1 if dt > v.max_gap else 0)
-    if m.rest.count < v.calibration_samples:
+    if resting:
         rest = m.rest
         if valid:
             rest = _calibrate(rest, gyro, accel, pressure, v)
-        m = Memory(rest, m.gyro, m.accel, m.window, m.euler, m.altitude, m.velocity, invalid)
+        m = Memory(rest, m.gyro, m.accel, m.window, m.euler, m.altitude, m.velocity, invalid,
+                   sensors)
         return m, _estimate(m, NOTHING, v)
-    if not valid:
-        gyro, accel = m.gyro, m.accel
+    m = Memory(m.rest, m.gyro, m.accel, m.window, m.euler, m.altitude, m.velocity, invalid,
+               sensors)
     m, seen = _run(
-        m, min(dt, v.max_gap), gyro, accel, sonar, flow, flow_quality, pressure, invalid, v)
+        m, min(dt, v.max_gap), gyro if valid else m.gyro, accel if valid else m.accel, sonar,
+        flow, flow_quality, pressure, invalid, v)
     return m, _estimate(m, seen, v)
+
+
+@jit
+def _observe(
+    m: Memory, dt: float, gyro: Vec3, accel: Vec3, sonar: float, flow: Vec2, pressure: float,
+    usable: tuple[bool, bool], resting: bool, v: ToolboxValues,
+) -> Sensors:
+    """
+    Return what is known of the sensors; range and flow count as used where they may be.
+
+    The package looks for no stuck sensor, and nor does this.
+    """
+    s, a, nu = m.sensors, m.altitude, m.velocity.nu
+    came = not (health.is_none(gyro) and health.is_none(accel))
+    near = abs(sonar - a.height) <= v.sonar_gate or resting or a.height < v.sonar_min
+    x, y = v.flow_to_velocity * flow[0] - nu[0], v.flow_to_velocity * flow[1] - nu[1]
+    seen = abs(x) <= v.flow_gate and abs(y) <= v.flow_gate
+    see = a.height >= v.flow_min_height and not resting
+    return Sensors(
+        observe(s.gyro, dt, gyro, came, usable[0], False, True),
+        observe(s.accel, dt, accel, came, usable[1], False, True),
+        observe(s.sonar, dt, (sonar, sonar, sonar), not math.isnan(sonar),
+                near and 0.0 <= sonar <= v.sonar_max, False, True),
+        observe(s.flow, dt, (flow[0], flow[1], flow[1]),
+                not (math.isnan(flow[0]) and math.isnan(flow[1])), seen, False, see),
+        observe(s.barometer, dt, (pressure, pressure, pressure), not math.isnan(pressure),
+                v.min_pressure <= pressure <= v.max_pressure, False, True))
 
 
 @jit
@@ -525,4 +573,4 @@ def _estimate(m: Memory, seen: Seen, v: ToolboxValues) -> Estimate:
         state, UNKNOWN, UNKNOWN, status, alt.height, alt.climb, m.rest.gyro_bias,
         m.rest.accel_bias, math.nan, seen.sonar_innovation, seen.sonar_ratio,
         seen.flow_innovation, seen.flow_ratio, math.nan, math.nan, alt.refused, vel.refused, 0,
-        m.invalid)
+        m.invalid, health.report(m.sensors, v.limits))

@@ -32,7 +32,7 @@ from mambo_model.vector import Vec3
 from .blocks import (
     add2, apply2, diagonal2, inverse2, Matrix2, Matrix3, mul2, mul2_t, outer2, scale2, sub2,
     symmetric2, transpose2, Vec2, ZERO2)
-from .gate import Gate, judge, RECOVER, REFUSE, Trial
+from .gate import ACCEPT, Gate, judge, RECOVER, Trial
 from .measurements import optical_flow
 from .measurements.optical_flow import FlowValues
 
@@ -293,7 +293,8 @@ def update_flow(
 
     The gain ignores the consider parameters, gate and covariance do not. After refusals for the
     recovery time the velocity is reset to its doubts at the start and widened by the innovation,
-    the position by the way it has gone wrong since, and the filter jumps to the flow.
+    the position by the way it has gone wrong since; the next sample then moves the filter, by no
+    more than the covariance has admitted before.
 
     Parameters
     ----------
@@ -335,12 +336,10 @@ def update_flow(
     age = gate.age
     trial = Trial(flow, innovation, total[0][0] + total[1][1], ratio)
     gate, verdict = judge(gate, trial, v.gate, v.recovery_time)
-    if verdict == REFUSE:
-        return f, gate, Result(innovation, ratio, False)
     if verdict == RECOVER:
-        noise = sub2(S, mul2_t(mul2(M, f.P.vv), M))
         f = _doubt(f, innovation, age, vv)
-        S = add2(noise, mul2_t(mul2(M, f.P.vv), M))
+    if verdict != ACCEPT:
+        return f, gate, Result(innovation, ratio, False)
     return (_correct(f, M, innovation, symmetric2(S), scale, slope, yaw), gate,
             Result(innovation, ratio, True))
 

@@ -222,6 +222,15 @@ def _store(row, e):
               float(e.barometer_refused), float(e.invalid_samples)):
         row[k] = x
         k += 1
+    for i in e.health.health:
+        row[k] = float(i)
+        k += 1
+    for x in e.health.age:
+        row[k] = x
+        k += 1
+    for i in e.health.not_finite:
+        row[k] = float(i)
+        k += 1
 
 
 @jit
@@ -247,7 +256,8 @@ class Run:
             'vertical_velocity': 1, 'barometer_offset': 1, 'sonar_innovation': 1,
             'sonar_test_ratio': 1, 'flow_innovation': 2, 'flow_test_ratio': 1,
             'barometer_innovation': 1, 'barometer_test_ratio': 1, 'sonar_refused': 1,
-            'flow_refused': 1, 'barometer_refused': 1, 'invalid_samples': 1}
+            'flow_refused': 1, 'barometer_refused': 1, 'invalid_samples': 1, 'health': 5,
+            'age': 5, 'not_finite': 5}
         k = 0
         for name, size in sizes.items():
             column = rows[:, k:k + size]
@@ -270,7 +280,7 @@ class Run:
         return np.linalg.norm(np.cross(a, b), axis=1)
 
 
-COLUMNS = 13 + 2 * 36 + 6 + 15
+COLUMNS = 13 + 2 * 36 + 6 + 15 + 15
 
 
 def estimate(samples, params=None, memory=None):
@@ -282,3 +292,28 @@ def estimate(samples, params=None, memory=None):
         memory or filters.initial(params), s.dt, s.gyro, s.accel, s.sonar, s.flow,
         s.quality.astype(np.int64), s.pressure, params.values(), out)
     return Run(out, memory)
+
+
+@jit
+def run_prior(memory, dt, gyro, accel, sonar, flow, quality, pressure, values, out, prior):
+    """As :func:`run_rows`; rows of ``prior`` are the estimates without the aiding samples."""
+    for k in range(dt.shape[0]):
+        inertial = ((gyro[k, 0], gyro[k, 1], gyro[k, 2]), (accel[k, 0], accel[k, 1], accel[k, 2]))
+        _, e = filters.step(
+            memory, dt[k], inertial[0], inertial[1], NAN, (NAN, NAN), 0, NAN, values)
+        _store(prior[k], e)
+        memory, e = filters.step(
+            memory, dt[k], inertial[0], inertial[1], sonar[k], (flow[k, 0], flow[k, 1]),
+            quality[k], pressure[k], values)
+        _store(out[k], e)
+    return memory
+
+
+def estimate_with_prior(samples, params):
+    """Return the :class:`Run` over the samples, and that of each step without aiding samples."""
+    s = samples
+    out, prior = np.empty((len(s.dt), COLUMNS)), np.empty((len(s.dt), COLUMNS))
+    memory = run_prior(
+        filters.initial(params), s.dt, s.gyro, s.accel, s.sonar, s.flow,
+        s.quality.astype(np.int64), s.pressure, params.values(), out, prior)
+    return Run(out, memory), Run(prior, memory)

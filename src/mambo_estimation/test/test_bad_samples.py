@@ -3,8 +3,8 @@
 import math
 
 from estimation_truth import (
-    circle, DT, estimate, fly, hover, NAN, QUIET, sense, TYPICAL)
-from mambo_estimation import attitude, kalman
+    circle, DT, estimate, estimate_with_prior, fly, hover, NAN, QUIET, sense, TYPICAL)
+from mambo_estimation import attitude, health, kalman
 from mambo_estimation.kalman import EstimatorParams
 from mambo_estimation.measurements.barometer import BarometerParams
 import numpy as np
@@ -237,3 +237,154 @@ def test_estimate_never_jumps_by_more_than_its_covariance_admits():
     moved = np.abs(TRUTH.v[1:]) * DT
     std = np.sqrt(np.diagonal(run.pose_covariance, axis1=1, axis2=2)[:-1, :3])
     assert (jump < 5 * std + 2 * moved + 0.01).all()
+
+
+def corrections(samples):
+    """
+    Return by how many deviations the aiding samples move position, velocity and attitude.
+
+    What a step would have said without them is the prediction; the deviation is that of its
+    covariance, along each inertial axis.
+    """
+    run, prior = estimate_with_prior(samples, PARAMS)
+    check(run)
+    R, axes = prior.R.as_matrix(), np.arange(3)
+    in_body = prior.twist_covariance[:, :3, :3]
+    velocity = np.einsum('nij,njk,nlk->nil', R, in_body, R)[:, axes, axes]
+    pose = np.diagonal(prior.pose_covariance, axis1=1, axis2=2)
+    turned = (run.R * prior.R.inv()).as_rotvec()
+    moved = (run.rho - prior.rho, run.R.apply(run.nu) - prior.R.apply(prior.nu), turned)
+    variances = (pose[:, :3], velocity, pose[:, 3:])
+    return run, [np.abs(x) / np.sqrt(v) for x, v in zip(moved, variances, strict=True)]
+
+
+WIDEST = 5.0  # sigma: the widest gate, of the sonar; a gain never exceeds one
+
+
+@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize('name', SENSORS)
+def test_no_sample_moves_the_estimate_by_more_than_its_covariance_admits(name, kind):
+    _, ratios = corrections(spoil(name, kind, between(10.0, 12.0)))
+    for what, ratio in zip(('position', 'velocity', 'attitude'), ratios, strict=True):
+        assert ratio.max() <= WIDEST, (what, ratio.max())
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_nor_do_samples_of_all_sensors_bad_at_once(seed):
+    rng, s = np.random.default_rng(seed), CLEAN.copy()
+    for _ in range(12):
+        start = rng.uniform(2.0, 22.0)
+        where = between(start, start + rng.exponential(1.0))
+        s = spoil(rng.choice(SENSORS), rng.choice(KINDS), where, s, rng)
+    _, ratios = corrections(s)
+    assert max(ratio.max() for ratio in ratios) <= WIDEST
+
+
+ILL = {
+    'nan': health.MISSING, 'inf': health.NOT_FINITE, 'huge': health.IMPLAUSIBLE,
+    'wild': health.IMPLAUSIBLE, 'stuck': health.STUCK, 'zero': health.IMPLAUSIBLE}
+# s: limit of the age, twenty (flow: eight) samples to know a stuck one, and one sample
+KNOWN_AFTER = {'gyro': 0.22, 'accel': 0.22, 'sonar': 1.95, 'flow': 0.75, 'pressure': 1.35}
+# A rate of zero is what a perfect gyro reads in hover; some wild pressures lie within its noise.
+UNKNOWN = {('gyro', 'zero'), ('pressure', 'wild')}
+
+
+def sick(name, kind):
+    """Return what is to be said of a sensor."""
+    if name in ('gyro', 'accel') and kind == 'nan':
+        return health.NOT_FINITE  # the other half of the message is there
+    if kind == 'zero' and name in ('accel', 'pressure'):
+        return health.STUCK
+    return ILL[kind]
+
+
+@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize('name', SENSORS)
+def test_the_estimator_says_which_sensor_is_ill_and_when_it_is_well_again(name, kind):
+    run = estimate(spoil(name, kind, between(10.0, 12.0)), PARAMS)
+    which, known = SENSORS.index(name), between(10.0 + KNOWN_AFTER[name], 12.0)
+    assert np.isin(run.health[between(5.0, 10.0)], health.GOOD).all()
+    if (name, kind) not in UNKNOWN:
+        assert (run.health[known, which] == sick(name, kind)).all()
+    if name not in ('gyro', 'accel'):  # an attitude that is lost makes good flow implausible
+        others = [k for k in range(5) if k != which]
+        assert (run.health[between(5.0, 24.0)][:, others] <= health.OUT_OF_REACH).all()
+    assert (run.health[between(13.2, 24.0), which] == health.GOOD).all()
+    if (name, kind) != ('gyro', 'wild'):  # which loses the attitude for longer
+        assert (run.health[between(14.0, 24.0)] == health.GOOD).all()
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_a_sonar_that_reads_anything_within_its_range_moves_the_height_little(seed):
+    s, rng = CLEAN.copy(), np.random.default_rng(seed)
+    seen = between(10.0, 12.0) & np.isfinite(s.sonar)
+    s.sonar[seen] = rng.uniform(0.434, 4.0, seen.sum())
+    run = estimate(s, EstimatorParams())
+    # three echoes may fit before the sonar is doubted, each off by the gate of 0.16 m at most
+    assert np.abs(run.height - TRUTH.height)[between(10.0, 24.0)].max() < 0.5
+    assert np.abs(run.nu - TRUTH.nu)[between(14.0, 24.0)].max() < 0.25
+    assert run.health[between(11.9, 12.0), health.SONAR].min() == health.IMPLAUSIBLE
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_a_clean_flight_raises_no_alarm(seed):
+    run = estimate(sense(TRUTH, TYPICAL, seed=seed), PARAMS)
+    assert (run.health <= health.OUT_OF_REACH).all()
+    assert (run.health[:, [0, 1, 2, 4]] == health.GOOD).all()
+    assert (run.not_finite == 0).all()
+
+
+def test_flow_is_expected_only_where_the_floor_is_far_enough():
+    run = estimate(CLEAN, PARAMS)
+    low = run.height < PARAMS.optical_flow.min_height - 0.05
+    assert (run.health[low, health.OPTICAL_FLOW] == health.OUT_OF_REACH).all()
+    assert (run.health[between(5.0, 24.0), health.OPTICAL_FLOW] == health.GOOD).all()
+
+
+def test_a_sensor_that_never_speaks_is_missing():
+    s = CLEAN.copy()
+    s.sonar[:] = NAN
+    run = estimate(s, PARAMS)
+    assert (run.health[between(1.1, 24.0), health.SONAR] == health.MISSING).all()
+    assert run.age[-1, health.SONAR] == pytest.approx(TRUTH.t[-1], abs=0.01)
+
+
+def test_inertial_samples_that_do_not_come_are_missing_and_counted_of_both_halves():
+    s = spoil('accel', 'nan', between(10.0, 12.0), spoil('gyro', 'nan', between(10.0, 12.0)))
+    run = estimate(s, PARAMS)
+    assert (run.health[between(10.2, 12.0)][:, :2] == health.MISSING).all()
+    assert (run.not_finite[-1] == 0).all()
+
+
+def test_single_outliers_are_no_illness():
+    s = CLEAN.copy()
+    seen = np.flatnonzero(np.isfinite(s.sonar))
+    s.sonar[seen[::10]] += 2.0
+    run = estimate(s, PARAMS)
+    assert (run.health[:, health.SONAR] == health.GOOD).all() and run.sonar_refused[-1] > 30
+
+
+@pytest.mark.parametrize('kind', ['nan', 'stuck'])
+def test_the_covariance_grows_while_a_sensor_is_lost(kind):
+    clean = estimate(CLEAN, PARAMS)
+    last = np.flatnonzero(between(0.0, 14.0))[-1]
+    for name, axis in (('flow', 0), ('flow', 1), ('sonar', 2)):
+        # the barometer alone holds the height to its own noise: without it
+        params = PARAMS if name == 'flow' else EstimatorParams()
+        run = estimate(spoil(name, kind, between(10.0, 14.0)), params)
+        for P, Q in ((run.pose_covariance, clean.pose_covariance),
+                     (run.twist_covariance, clean.twist_covariance)):
+            assert P[last, axis, axis] > 4.0 * Q[last, axis, axis]
+
+
+@pytest.mark.parametrize('h, new, lost, said', [
+    (((0,) * 5, (0.0,) * 5, (0,) * 5), (0,) * 5, (0,) * 4, []),
+    (((0, 0, 5, 1, 0), (0.0, 0.0, 2.04, 3.0, 0.0), (0,) * 5), (0,) * 5, (0,) * 4,
+     ['sonar stuck for 2.0 s']),
+    (((0, 0, 0, 2, 0), (0.0, 0.0, 0.0, 3.1, 0.0), (0,) * 5), (0,) * 5, (0,) * 4,
+     ['no optical flow for 3.1 s']),
+    (((3, 0, 0, 0, 4), (0.5, 0.0, 0.0, 0.0, 1.5), (0,) * 5), (12, 0, 0, 0, 0), (0, 7, 0, 0),
+     ['gyro not finite for 0.5 s', 'barometer implausible for 1.5 s',
+      'gyro: 12 samples not finite', 'sonar: 7 samples late, repeated or out of order'])])
+def test_complaints_name_the_sensor_and_its_trouble(h, new, lost, said):
+    assert health.complaints(health.Health(*h), new, lost) == said

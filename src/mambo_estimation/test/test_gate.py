@@ -60,3 +60,16 @@ def test_invalid_samples_are_only_counted():
     gate, _ = run([(9.0, 9.0)])
     after = g.refuse_invalid(gate)
     assert after.refused == gate.refused + 1 and after.streak == gate.streak
+
+
+def test_a_sensor_that_is_mostly_refused_is_not_believed_where_a_sample_fits():
+    wild = [(9.0, 9.0), (-9.0, -20.0), (20.0, 20.0), (-30.0, -30.0)]
+    _, verdicts = run([*wild, *wild, (0.0, 0.1), *wild, (0.0, 0.1)])
+    assert set(verdicts) == {g.REFUSE}
+
+
+def test_it_is_believed_again_after_several_that_fit_and_agree():
+    wild = [(30.0 * (-1) ** k + k, 30.0 * (-1) ** k) for k in range(20)]
+    _, verdicts = run([*wild, *[(0.01 * k, 0.1) for k in range(10)]])
+    again = g.MOST_DOUBT - g.DISTRUST + 2  # the first of them does not agree with the last one
+    assert verdicts[20:] == [g.REFUSE] * again + [g.ACCEPT] * (10 - again)

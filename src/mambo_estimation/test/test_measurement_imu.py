@@ -15,9 +15,9 @@ def test_sample_with_one_impossible_number_is_refused(bad, axis):
     def spoil(x):
         return tuple(bad if i == axis else value for i, value in enumerate(x))
 
-    assert not imu.is_valid(spoil(RATE), FORCE, V)
-    assert not imu.is_valid(RATE, spoil(FORCE), V)
-    assert imu.is_valid(RATE, FORCE, V)
+    assert not imu.is_within(spoil(RATE), V.gyro_range)
+    assert not imu.is_within(spoil(FORCE), V.accel_range)
+    assert imu.is_within(RATE, V.gyro_range) and imu.is_within(FORCE, V.accel_range)
 
 
 def test_sensor_that_repeats_a_rate_is_stuck_after_twenty_samples():

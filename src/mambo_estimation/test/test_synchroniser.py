@@ -56,7 +56,7 @@ def test_any_interleaving_gives_the_same_steps():
         order = in_sequence(streams)
         random.Random(seed).shuffle(order)
         got, sync = play(order, streams)
-        assert same(got, want) and sync.invalid == 0
+        assert same(got, want) and got[-1].dropped == (0, 0, 0, 0)
 
 
 def test_a_step_waits_for_the_sample_that_the_watermark_announces():
@@ -88,7 +88,7 @@ def test_repeated_and_out_of_order_samples_are_counted_and_left_out():
         sync.add_imu(t, G, A)
     steps = sync.add_tick(10 * MS, (5, 0, 0, 0))
     assert [step.t for step in steps] == [0, 5 * MS, 10 * MS]
-    assert sync.invalid == 2
+    assert steps[-1].dropped == (2, 0, 0, 0)
 
 
 def test_a_missing_imu_sample_leaves_a_step_without_measurement():
@@ -122,4 +122,45 @@ def test_of_two_samples_in_one_step_the_newer_wins():
     sync.add_sonar(1 * MS, 1.0)
     sync.add_sonar(2 * MS, 2.0)
     sync.add_imu(5 * MS, G, A)
-    assert sync.add_tick(5 * MS, (2, 2, 0, 0))[-1].sonar == 2.0 and sync.invalid == 1
+    step = sync.add_tick(5 * MS, (2, 2, 0, 0))[-1]
+    assert step.sonar == 2.0 and step.dropped == (0, 1, 0, 0)
+
+
+def test_a_late_sample_is_dropped_whenever_it_arrives():
+    calls = [
+        ('add_imu', 0, G, A), ('add_tick', 0, (1, 0, 0, 0)), ('add_imu', 5 * MS, G, A),
+        ('add_tick', 5 * MS, (2, 0, 0, 0)), ('add_sonar', 0, 1.0), ('add_imu', 10 * MS, G, A),
+        ('add_tick', 10 * MS, (3, 1, 0, 0))]
+    sonar = calls.pop(4)
+    for place in range(len(calls) + 1):  # overtaking ticks that do not announce it, or overtaken
+        sync, steps = Synchroniser(), []
+        for call, *arguments in calls[:place] + [sonar] + calls[place:]:
+            steps += getattr(sync, call)(*arguments)
+        assert [step.t for step in steps] == [0, 5 * MS, 10 * MS]
+        assert all(math.isnan(step.sonar) for step in steps)
+        assert [step.dropped for step in steps] == [(0,) * 4, (0,) * 4, (0, 1, 0, 0)]
+
+
+def test_a_late_inertial_sample_never_turns_time_back():
+    sync = Synchroniser()
+    steps = sync.add_imu(0, G, A) + sync.add_tick(0, (1, 0, 0, 0))
+    steps += sync.add_tick(5 * MS, (1, 0, 0, 0))  # that of 5 ms is on its way
+    steps += sync.add_imu(5 * MS, G, A) + sync.add_imu(10 * MS, G, A)
+    steps += sync.add_tick(10 * MS, (3, 0, 0, 0))
+    assert [step.t for step in steps] == [0, 5 * MS, 10 * MS]
+    assert [step.dt for step in steps] == [0.0, 5 * MS * 1e-9, 5 * MS * 1e-9]
+    assert steps[-1].dropped == (1, 0, 0, 0) and math.isnan(steps[1].gyro[0])
+
+
+def test_without_watermark_a_driver_may_be_a_little_late():
+    sync = Synchroniser(watermark=False)
+    for t in (0, 5 * MS, 10 * MS, 15 * MS, 100 * MS):
+        sync.add_imu(t, G, A)
+    sync.add_sonar(60 * MS, 1.0)
+    (step,) = sync.add_imu(105 * MS, G, A)
+    assert step.sonar == 1.0 and step.dropped == (0, 0, 0, 0)
+    sync.add_sonar(54 * MS, 2.0)
+    sync.add_pressure(54 * MS, 1e5)
+    (step,) = sync.add_imu(110 * MS, G, A)
+    assert math.isnan(step.sonar) and math.isnan(step.pressure)
+    assert step.dropped == (0, 1, 0, 1)

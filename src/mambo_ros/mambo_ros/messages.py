@@ -233,7 +233,8 @@ def estimator_state(t: int, status: int, height: float, vertical_velocity: float
                     gyro_bias: Vec3, accel_bias: Vec3, barometer_offset: float,
                     sonar: tuple[float, float], flow: tuple[float, float, float],
                     barometer: tuple[float, float], refused: tuple[int, int, int],
-                    invalid: int) -> bytes:
+                    invalid: int, health: tuple[int, ...], age: tuple[float, ...],
+                    not_finite: tuple[int, ...], dropped: tuple[int, ...]) -> bytes:
     """
     Encode the estimator's inner state.
 
@@ -249,11 +250,16 @@ def estimator_state(t: int, status: int, height: float, vertical_velocity: float
     flow : (innovation forward m/s, innovation right m/s, test ratio)
     refused : counts of sonar, flow, barometer
     invalid : count
+    health : (5,) ``EstimatorState.HEALTH_*`` of gyro, accelerometer, sonar, flow, barometer
+    age : (5,) s
+    not_finite : (5,) counts
+    dropped : (4,) counts of IMU, sonar, flow, barometer
 
     """
     return _ESTIMATOR.stamped(
         t, status, height, vertical_velocity, *flip_vector(gyro_bias), *flip_vector(accel_bias),
-        barometer_offset, *sonar, flow[0], -flow[1], flow[2], *barometer, *refused, invalid)
+        barometer_offset, *sonar, flow[0], -flow[1], flow[2], *barometer, *refused, invalid,
+        *health, *age, *not_finite, *dropped)
 
 
 def controller_state(t: int, position_error: Vec3, velocity_error: Vec3, integral: Vec3,

@@ -22,10 +22,10 @@ def numbers(layout, rng):
     for name, where in layout.slices.items():
         width = where.stop - where.start
         if name.endswith(('phase', 'status', 'reason', 'quality', 'radiation_type', 'saturated',
-                          'shutdown')):
+                          'shutdown', 'health')):
             out += rng.integers(0, 2, width).tolist()
         elif name.endswith(('sec', 'imu', 'sonar', 'optical_flow', 'barometer', 'refused',
-                            'invalid_samples')):
+                            'invalid_samples', 'not_finite', 'dropped')):
             out += rng.integers(0, 1000, width).tolist()
         else:
             out += np.float32(rng.normal(size=width)).astype(float).tolist()

@@ -72,7 +72,8 @@ def estimator_state(**fields):
     values = {
         'status': 2, 'height': 1.5, 'vertical_velocity': 0.1, 'gyro_bias': ZERO3,
         'accel_bias': ZERO3, 'barometer_offset': 0.0, 'sonar': (0.0, 0.0),
-        'flow': (0.0, 0.0, 0.0), 'barometer': (0.0, 0.0), 'refused': (0, 0, 0), 'invalid': 0}
+        'flow': (0.0, 0.0, 0.0), 'barometer': (0.0, 0.0), 'refused': (0, 0, 0), 'invalid': 0,
+        'health': (0,) * 5, 'age': (0.0,) * 5, 'not_finite': (0,) * 5, 'dropped': (0,) * 4}
     return read(messages.estimator_state(T, **{**values, **fields}), EstimatorState)
 
 
@@ -242,6 +243,17 @@ def test_heights_of_the_estimator_are_positive_up_inside_too():
     assert (message.barometer_innovation, message.barometer_test_ratio) == (0.03, 0.04)
     assert (message.sonar_refused, message.flow_refused, message.barometer_refused) == (5, 6, 7)
     assert (message.invalid_samples, message.status) == (8, EstimatorState.STATUS_NOMINAL)
+
+
+def test_health_of_the_sensors_keeps_its_order():
+    message = estimator_state(
+        health=(0, 1, 2, 3, 5), age=(0.0, 0.5, 1.0, math.inf, 2.0), not_finite=(1, 2, 3, 4, 5),
+        dropped=(6, 7, 8, 9))
+    assert list(message.health) == [0, 1, 2, 3, 5]
+    assert message.health[EstimatorState.BAROMETER] == EstimatorState.HEALTH_STUCK
+    assert message.health[EstimatorState.SONAR] == EstimatorState.HEALTH_MISSING
+    assert list(message.age) == [0.0, 0.5, 1.0, math.inf, 2.0]
+    assert list(message.not_finite) == [1, 2, 3, 4, 5] and list(message.dropped) == [6, 7, 8, 9]
 
 
 @pytest.mark.parametrize('name', [

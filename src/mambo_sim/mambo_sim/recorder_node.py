@@ -2,7 +2,8 @@
 Recorder: every topic of the flight, undecoded, into one bag.
 
 Log and publish time are the stamp inside the message, never the wall clock, so that a simulated
-flight has the same bag whenever and however fast it is flown.
+flight has the same bag whenever and however fast it is flown. A message older than one before it
+on its topic (a sensor that is out of order) gets the time of that one: the order stays.
 """
 
 from __future__ import annotations
@@ -66,10 +67,12 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
     def _writer(self, name: str, topic: topics.Topic):
         """Return the callback that writes one topic."""
         offset = _TF_STAMP if topic is topics.TF else 0
-        write = self._bag.write
+        write, newest = self._bag.write, 0
 
         def take(data: bytes) -> None:
-            write(name, data, layout.stamp_ns(data, offset))
+            nonlocal newest
+            newest = max(newest, layout.stamp_ns(data, offset))
+            write(name, data, newest)
         return take
 
     def finish(self) -> None:

@@ -14,6 +14,7 @@ import time
 from mambo_ros import diagnostics, links, messages, node, topics
 
 from . import simulator
+from .faults import FaultParams, Outbox
 from .parameters import SimNodeParams, STEP_NS
 
 _ASK_AGAIN = 5.0  # s of wall time after which a waiting simulator says what it waits for
@@ -36,23 +37,26 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._rngs = simulator.generators(p.seed)
         self._gyro_variance = tuple(sigma ** 2 for sigma in p.imu.gyro_noise)
         self._accel_variance = tuple(sigma ** 2 for sigma in p.imu.accel_noise)
-        self._counts = [0, 0, 0, 0]
         self._tick = 0
         self._pwm, self._shutdown, self._answered = (0.0,) * 4, False, -1
         self._heard = 0.0  # s of wall time
         self.missed = 0
         self.starved = -1  # ns, when the watchdog stopped the motors; -1: it has not
         self._clock = self.say(topics.CLOCK)
-        self._imu = self.say(topics.IMU)
-        self._sonar = self.say(topics.SONAR)
-        self._flow = self.say(topics.OPTICAL_FLOW)
-        self._barometer = self.say(topics.BAROMETER)
+        f = p.faults
+        self._imu = self._outbox(topics.IMU, f.imu)
+        self._sonar = self._outbox(topics.SONAR, f.sonar)
+        self._flow = self._outbox(topics.OPTICAL_FLOW, f.optical_flow)
+        self._barometer = self._outbox(topics.BAROMETER, f.barometer)
         self._truth = self.say(topics.GROUND_TRUTH)
         self._watermark = self.say(topics.SENSOR_TICK)
         self._diagnostics = self.say(topics.DIAGNOSTICS)
         self.hear(topics.MOTOR_PWM, self._on_pwm)
         self.links = links.Links(self, self.params.wait_for)
         self._load(p)
+
+    def _outbox(self, topic: topics.Topic, fault: FaultParams) -> Outbox:
+        return Outbox(self.say(topic), fault.values().delay)
 
     def _load(self, p: simulator.SimulatorParams) -> None:
         """Have the compiled steps in memory before time starts."""
@@ -82,20 +86,23 @@ class SimNode(node.MamboNode[SimNodeParams]):
         p = self.params.simulator
         self._clock(messages.clock(t))
         self._truth(messages.ground_truth(t, self._state.plant.body))
-        counts = self._counts
-        counts[0] += 1
-        self._imu(messages.imu(t, s.gyro, s.accel, self._gyro_variance, self._accel_variance))
+        streams = (self._imu, self._sonar, self._flow, self._barometer)
+        for stream in streams:
+            stream.catch_up(self._tick)
+        self._imu.put(self._tick, messages.imu(
+            t, s.gyro, s.accel, self._gyro_variance, self._accel_variance), s.fates.imu)
         if s.sonar_new:
-            counts[1] += 1
-            self._sonar(messages.sonar(
-                t, s.sonar, p.sonar.min_range, p.sonar.max_range, 2.0 * p.sonar.max_tilt))
+            self._sonar.put(self._tick, messages.sonar(
+                t, s.sonar, p.sonar.min_range, p.sonar.max_range, 2.0 * p.sonar.max_tilt),
+                s.fates.sonar)
         if s.flow_new:
-            counts[2] += 1
-            self._flow(messages.optical_flow(t, s.flow, s.flow_quality))
+            self._flow.put(
+                self._tick, messages.optical_flow(t, s.flow, s.flow_quality), s.fates.flow)
         if s.baro_new:
-            counts[3] += 1
-            self._barometer(messages.pressure(t, s.pressure, p.barometer.noise ** 2))
-        self._watermark(messages.sensor_tick(t, *counts))
+            self._barometer.put(
+                self._tick, messages.pressure(t, s.pressure, p.barometer.noise ** 2),
+                s.fates.barometer)
+        self._watermark(messages.sensor_tick(t, *(stream.count for stream in streams)))
         if t % 1_000_000_000 == 0:
             self._report(t)
 

@@ -21,12 +21,12 @@ from mambo_model.vehicle_options import OptionValues
 import numpy as np
 from numpy.random import Generator
 
-from . import hand, plant
+from . import faults, hand, plant
 from .sensors import barometer, imu, optical_flow, sonar
 from .sensors.sampling import STEP
 
-Generators = tuple[Generator, Generator, Generator, Generator, Generator]
-IMU, SONAR, FLOW, BAROMETER, OPTITRACK = range(5)  # order of the generators
+Generators = tuple[Generator, Generator, Generator, Generator, Generator, Generator]
+IMU, SONAR, FLOW, BAROMETER, OPTITRACK, FAULTS = range(6)  # order of the generators
 
 
 class SimulatorValues(NamedTuple):
@@ -41,6 +41,7 @@ class SimulatorValues(NamedTuple):
     noise: bool
     options: OptionValues | None  # of the vehicle
     hand: PlanValues | None  # that carries the vehicle
+    faults: faults.FaultsValues | None
 
 
 class SimulatorState(NamedTuple):
@@ -50,6 +51,16 @@ class SimulatorState(NamedTuple):
     imu: imu.ImuMemory
     optical_flow: optical_flow.FlowMemory
     barometer: barometer.BarometerMemory
+    faults: faults.FaultMemory | None = None
+
+
+class Fates(NamedTuple):
+    """What becomes of the samples on their way to the estimator, ``faults.FATE_*``."""
+
+    imu: int
+    sonar: int
+    flow: int
+    barometer: int
 
 
 class Samples(NamedTuple):
@@ -64,6 +75,10 @@ class Samples(NamedTuple):
     flow_quality: int          # 0 ... 255; 0: do not use
     baro_new: bool
     pressure: float            # Pa
+    fates: Fates
+
+
+IN_TIME = Fates(faults.FATE_SENT, faults.FATE_SENT, faults.FATE_SENT, faults.FATE_SENT)
 
 
 @dataclass(frozen=True)
@@ -76,6 +91,7 @@ class SimulatorParams:
     sonar: sonar.SonarParams = group(sonar.SonarParams)
     optical_flow: optical_flow.OpticalFlowParams = group(optical_flow.OpticalFlowParams)
     barometer: barometer.BarometerParams = group(barometer.BarometerParams)
+    faults: faults.FaultsParams = group(faults.FaultsParams)
     seed: int = quantity(0, '1', 0, 2**31 - 1, 'design choice')
     hand: hand.HandParams = group(hand.HandParams)
     noise: bool = flag(True, 'design choice: false switches every random part off')
@@ -88,23 +104,24 @@ class SimulatorParams:
         return SimulatorValues(
             self.vehicle.values(), self.plant.values(), self.imu.values(), self.sonar.values(),
             self.optical_flow.values(), self.barometer.values(), self.noise,
-            self.vehicle.options(), self.hand.values())
+            self.vehicle.options(), self.hand.values(), self.faults.values())
 
 
 def initial_state(params: SimulatorParams) -> SimulatorState:
     """Return the state at tick 0: vehicle at rest, sensors not yet read."""
     return SimulatorState(
-        plant.initial(params.plant), imu.START, optical_flow.START, barometer.START)
+        plant.initial(params.plant), imu.START, optical_flow.START, barometer.START,
+        None if params.faults.values() is None else faults.START)
 
 
 def generators(seed: int) -> Generators:
     """
-    Return one generator for each sensor, in the order IMU, SONAR, FLOW, BAROMETER, OPTITRACK.
+    Return one generator for each sensor and one for faults: IMU, SONAR, FLOW, BAROMETER, ...
 
     They are stateful: make new ones for each flight.
     """
     return tuple(
-        Generator(np.random.PCG64(child)) for child in np.random.SeedSequence(seed).spawn(5))
+        Generator(np.random.PCG64(child)) for child in np.random.SeedSequence(seed).spawn(6))
 
 
 @jit
@@ -152,8 +169,44 @@ def sense(
         state.barometer, tick, -body.rho[2], rngs[BAROMETER], noise, values.barometer)
     samples = Samples(
         inertial.gyro, inertial.accel, echo.new, echo.range, flow.new, flow.rate, flow.quality,
-        air.new, air.pressure)
-    return SimulatorState(truth, imu_memory, flow_memory, baro_memory), samples
+        air.new, air.pressure, IN_TIME)
+    fault_memory, samples = _spoil(state.faults, tick, samples, rngs[FAULTS], values.faults)
+    return SimulatorState(truth, imu_memory, flow_memory, baro_memory, fault_memory), samples
+
+
+@jit
+def _spoil(
+    memory: faults.FaultMemory | None, tick: int, s: Samples, rng: Generator,
+    p: faults.FaultsValues | None,
+) -> tuple[faults.FaultMemory | None, Samples]:
+    """Return the samples as faults leave them, and their fates."""
+    if p is None:
+        return memory, s
+    gyro, last_gyro = faults.vector(s.gyro, memory.gyro, tick, rng, p.gyro, faults.GYRO_SPAN)
+    accel, last_accel = faults.vector(
+        s.accel, memory.accel, tick, rng, p.accel, faults.ACCEL_SPAN)
+    sonar, last_sonar = s.sonar, memory.sonar
+    if s.sonar_new:
+        sonar, last_sonar = faults.scalar(
+            s.sonar, memory.sonar, tick, rng, p.sonar, faults.SONAR_SPAN)
+        sonar = faults.narrow(sonar)
+    flow, last_flow = (s.flow[0], s.flow[1], s.flow_quality), memory.flow
+    if s.flow_new:
+        flow, last_flow = faults.flow(flow, memory.flow, tick, rng, p.optical_flow)
+    pressure, last_pressure = s.pressure, memory.pressure
+    if s.baro_new:
+        pressure, last_pressure = faults.scalar(
+            s.pressure, memory.pressure, tick, rng, p.barometer, faults.PRESSURE_SPAN)
+    held = memory.held
+    imu_fate, imu_held = faults.fate(True, held[0], tick, rng, p.imu)
+    sonar_fate, sonar_held = faults.fate(s.sonar_new, held[1], tick, rng, p.sonar)
+    flow_fate, flow_held = faults.fate(s.flow_new, held[2], tick, rng, p.optical_flow)
+    baro_fate, baro_held = faults.fate(s.baro_new, held[3], tick, rng, p.barometer)
+    return faults.FaultMemory(
+        last_gyro, last_accel, last_sonar, last_flow, last_pressure,
+        (imu_held, sonar_held, flow_held, baro_held)), Samples(
+        gyro, accel, s.sonar_new, sonar, s.flow_new, (flow[0], flow[1]), flow[2], s.baro_new,
+        pressure, Fates(imu_fate, sonar_fate, flow_fate, baro_fate))
 
 
 @jit
@@ -179,4 +232,5 @@ def advance(
     moved = plant.advance(
         state.plant, command, STEP, values.plant.substeps, values.vehicle, values.plant.ground,
         values.options, values.plant.norm_gain)
-    return SimulatorState(moved, state.imu, state.optical_flow, state.barometer)
+    return SimulatorState(
+        moved, state.imu, state.optical_flow, state.barometer, state.faults)

@@ -203,10 +203,16 @@ def test_rates_of_all_sensors_over_ten_seconds():
 
 
 def test_generators_are_the_children_of_one_seed_sequence():
-    children = np.random.SeedSequence(42).spawn(5)
+    children = np.random.SeedSequence(42).spawn(6)
     for rng, child in zip(generators(42), children, strict=True):
         assert rng.random() == np.random.Generator(np.random.PCG64(child)).random()
-    assert simulator.OPTITRACK == 4
+    assert (simulator.OPTITRACK, simulator.FAULTS) == (4, 5)
+
+
+def test_the_generator_of_faults_leaves_the_streams_of_the_sensors_as_they_were():
+    alone = np.random.SeedSequence(42).spawn(5)
+    for rng, child in zip(generators(42)[:5], alone, strict=True):
+        assert rng.random() == np.random.Generator(np.random.PCG64(child)).random()
 
 
 def test_parameters_nest_and_name_themselves():

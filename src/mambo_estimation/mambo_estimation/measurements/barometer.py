@@ -28,6 +28,7 @@ class BarometerValues(NamedTuple):
     max_pressure: float
     gate: float
     recovery_time: float
+    stuck_samples: int
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,8 @@ class BarometerParams:
     gate: float = quantity(4.0, 'sigma', 1.0, 100.0, 'refuses 6e-5 of good samples')
     recovery_time: float = quantity(
         1.0, 's', 0.0, 1e4, 'refusals that agree for so long mean that the offset has jumped')
+    stuck_samples: int = quantity(
+        20, '-', 0, 100000, 'in flight, so many equal pressures mean a dead sensor; 0: never')
 
     def __post_init__(self) -> None:
         check(self)

@@ -24,6 +24,8 @@ class ImuValues(NamedTuple):
     stuck_samples: int
     max_interval: float
     max_gap: float
+    gyro_roughness: float
+    accel_roughness: float
 
 
 @dataclass(frozen=True)
@@ -35,11 +37,19 @@ class ImuParams:
     accel_range: float = quantity(
         160.0, 'm/s^2', 20.0, 1e4, 'no reading beyond: range of common sensors, 16 g')
     stuck_samples: int = quantity(
-        20, '-', 0, 100000, 'in flight, so many equal rates mean a dead sensor; 0: never')
+        20, '-', 0, 100000,
+        'in flight, so many equal rates or forces mean a dead sensor; 0: never')
     max_interval: float = quantity(
         0.02, 's', 1e-3, 10.0, 'after a longer one samples are missing: noise as if held')
     max_gap: float = quantity(
         1.0, 's', 0.01, 100.0, 'a longer interval is integrated only so far, and counted')
+    gyro_roughness: float = quantity(
+        10.0, 'rad/s', 0.1, 1e3,
+        'a larger rms change from sample to sample is no motion: the motors can turn the Mambo by '
+        '2.5 rad/s in 5 ms')
+    accel_roughness: float = quantity(
+        30.0, 'm/s^2', 1.0, 1e4,
+        'likewise: 2 to 8 by vibration, 25 by a hard landing, 55 where anything is read')
 
     def __post_init__(self) -> None:
         check(self)
@@ -50,25 +60,9 @@ class ImuParams:
 
 
 @jit
-def _within(x: Vec3, limit: float) -> bool:
+def is_within(x: Vec3, limit: float) -> bool:
+    """Tell whether a sample may be read: every number at most ``limit``; NaN is refused."""
     return abs(x[0]) <= limit and abs(x[1]) <= limit and abs(x[2]) <= limit
-
-
-@jit
-def is_valid(gyro: Vec3, accel: Vec3, v: ImuValues) -> bool:
-    """
-    Tell whether a sample may be integrated; NaN and infinity are refused.
-
-    Parameters
-    ----------
-    gyro : (3,) rad/s, body FRD
-    accel : (3,) m/s^2, body FRD
-        Specific force.
-    v
-        Ranges.
-
-    """
-    return _within(gyro, v.gyro_range) and _within(accel, v.accel_range)
 
 
 @jit
@@ -80,10 +74,9 @@ def is_equal(a: Vec3, b: Vec3) -> bool:
 @jit
 def is_stuck(equal: int, gyro: Vec3, v: ImuValues) -> bool:
     """
-    Tell whether a sensor that repeats its rate counts as dead.
+    Tell whether a gyro that repeats its rate counts as dead.
 
-    A rate of exactly zero does not: a simulated sensor without noise reads it in hover. The
-    specific force is not looked at: without noise it is constant on a level circle.
+    A rate of exactly zero does not: a simulated sensor without noise reads it in hover.
 
     Parameters
     ----------

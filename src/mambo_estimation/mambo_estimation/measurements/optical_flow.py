@@ -47,6 +47,7 @@ class FlowValues(NamedTuple):
     min_quality: int
     gate: float
     recovery_time: float
+    stuck_samples: int
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,8 @@ class FlowParams:
     gate: float = quantity(4.0, 'sigma', 1.0, 100.0, 'refuses 3e-4 of good samples (two axes)')
     recovery_time: float = quantity(
         0.5, 's', 0.0, 1e4, 'refusals that agree for so long mean that the filter is wrong')
+    stuck_samples: int = quantity(
+        8, '-', 0, 100000, 'so many equal rates but zero mean a dead sensor; 0: never')
 
     def __post_init__(self) -> None:
         check(self)

@@ -24,6 +24,7 @@ class SonarValues(NamedTuple):
     min_tilt_cos: float
     gate: float
     recovery_time: float
+    stuck_samples: int
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,8 @@ class SonarParams:
     gate: float = quantity(5.0, 'sigma', 1.0, 100.0, 'refuses 6e-7 of good samples')
     recovery_time: float = quantity(
         0.5, 's', 0.0, 1e4, 'refusals that agree for so long mean that the filter is wrong')
+    stuck_samples: int = quantity(
+        20, '-', 0, 100000, 'in flight, so many equal ranges mean a dead sensor; 0: never')
 
     def __post_init__(self) -> None:
         check(self)

@@ -1,0 +1,199 @@
+"""
+Health of the sensors: which of them the filters use now, and what is wrong with the others.
+
+A sensor is in good health as long as one of its samples has been used lately; single outliers are
+counted elsewhere and are no illness. Where it cannot measure by its nature (flow on the floor)
+nothing is expected of it. Holds no equation of the thesis.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from mambo_model.compiled import jit
+from mambo_model.vector import Vec3
+
+GYRO, ACCELEROMETER, SONAR, OPTICAL_FLOW, BAROMETER = range(5)  # as in EstimatorState.msg
+GOOD, OUT_OF_REACH, MISSING, NOT_FINITE, IMPLAUSIBLE, STUCK = range(6)  # likewise
+
+NAMES = ('gyro', 'accelerometer', 'sonar', 'optical flow', 'barometer')
+ROUGH_TIME = 0.05  # s, over which the roughness of a signal is averaged
+
+
+class Sensor(NamedTuple):
+    """What is remembered of one sensor."""
+
+    trouble: int       # why its last sample was not used, GOOD: it was
+    age: float         # s, since a sample was used or the sensor out of reach
+    silence: float     # s, likewise since a sample came
+    equal: int         # [-] samples in a row that were equal to the one before
+    value: Vec3        # unit of the sensor, its last sample; one of less numbers repeats them
+    roughness: float   # the same squared, mean square of its differences from sample to sample
+    not_finite: int    # [-] samples since start
+
+
+class Sensors(NamedTuple):
+    """All of them, in the order of ``NAMES``."""
+
+    gyro: Sensor
+    accel: Sensor
+    sonar: Sensor
+    flow: Sensor
+    barometer: Sensor
+
+
+class Health(NamedTuple):
+    """What is said of them, (5,) each, in the order of ``NAMES``."""
+
+    health: tuple[int, int, int, int, int]            # GOOD, ...
+    age: tuple[float, float, float, float, float]     # s, as of Sensor
+    not_finite: tuple[int, int, int, int, int]        # [-] samples since start
+
+
+class Limits(NamedTuple):
+    """How old the last sample that was used may be, s."""
+
+    imu: float
+    sonar: float
+    flow: float
+    barometer: float
+
+
+NEW = Sensor(GOOD, 0.0, 0.0, 0, (math.nan, math.nan, math.nan), 0.0, 0)
+START = Sensors(NEW, NEW, NEW, NEW, NEW)
+
+
+@jit
+def is_none(x: Vec3) -> bool:
+    """Tell whether all numbers are NaN: there is no sample."""
+    return math.isnan(x[0]) and math.isnan(x[1]) and math.isnan(x[2])
+
+
+@jit
+def is_finite(x: Vec3) -> bool:
+    """Tell whether all numbers are finite."""
+    return math.isfinite(x[0]) and math.isfinite(x[1]) and math.isfinite(x[2])
+
+
+@jit
+def repeats(s: Sensor, value: Vec3) -> int:
+    """Return how many samples in a row have equalled the one before, with this one."""
+    x = s.value
+    same = value[0] == x[0] and value[1] == x[1] and value[2] == x[2]
+    return s.equal + 1 if same else 0
+
+
+@jit
+def roughness(s: Sensor, value: Vec3, dt: float) -> float:
+    """
+    Return the mean square difference of successive samples, with this one; 0 if none can be had.
+
+    Parameters
+    ----------
+    s
+        Of the samples before.
+    value : (3,) unit of the sensor
+        New.
+    dt : s
+        Since the one before.
+
+    """
+    old, weight = s.value, min(1.0, dt / ROUGH_TIME)
+    x, y, z = value[0] - old[0], value[1] - old[1], value[2] - old[2]
+    rough = (1.0 - weight) * s.roughness + weight * (x * x + y * y + z * z)
+    return rough if math.isfinite(rough) else 0.0
+
+
+@jit
+def observe(
+    s: Sensor, dt: float, value: Vec3, came: bool, used: bool, stuck: bool, in_reach: bool,
+) -> Sensor:
+    """
+    Return what is known of a sensor after a step.
+
+    Parameters
+    ----------
+    s
+        Before the step.
+    dt : s
+        Its length.
+    value : (3,) unit of the sensor
+        New sample.
+    came
+        Whether there is one.
+    used
+        Whether the filters used it.
+    stuck
+        Whether it counts as a repetition of the one before.
+    in_reach
+        Whether the sensor can measure where the vehicle is believed to be.
+
+    """
+    trouble, finite = s.trouble, is_finite(value)
+    if used:
+        trouble = GOOD
+    elif not in_reach:
+        trouble = OUT_OF_REACH
+    elif came:
+        trouble = IMPLAUSIBLE if finite else NOT_FINITE
+        trouble = STUCK if stuck and finite else trouble
+    age = 0.0 if used or not in_reach else s.age + dt
+    silence = 0.0 if came or not in_reach else s.silence + dt
+    if not came:
+        return Sensor(trouble, age, silence, s.equal, s.value, s.roughness, s.not_finite)
+    return Sensor(
+        trouble, age, silence, repeats(s, value), value, roughness(s, value, dt),
+        s.not_finite + (0 if finite else 1))
+
+
+@jit
+def _state(s: Sensor, limit: float) -> int:
+    """Return the health of a sensor whose samples should be used at least each ``limit`` s."""
+    if s.trouble == OUT_OF_REACH:
+        return OUT_OF_REACH
+    if s.age <= limit:
+        return GOOD
+    return MISSING if s.silence > limit or s.trouble == GOOD else s.trouble
+
+
+@jit
+def report(s: Sensors, p: Limits) -> Health:
+    """Return what is said of all sensors."""
+    return Health(
+        (_state(s.gyro, p.imu), _state(s.accel, p.imu), _state(s.sonar, p.sonar),
+         _state(s.flow, p.flow), _state(s.barometer, p.barometer)),
+        (s.gyro.age, s.accel.age, s.sonar.age, s.flow.age, s.barometer.age),
+        (s.gyro.not_finite, s.accel.not_finite, s.sonar.not_finite, s.flow.not_finite,
+         s.barometer.not_finite))
+
+
+_TROUBLES = {
+    MISSING: 'no {name} for {age:.1f} s', NOT_FINITE: '{name} not finite for {age:.1f} s',
+    IMPLAUSIBLE: '{name} implausible for {age:.1f} s', STUCK: '{name} stuck for {age:.1f} s'}
+
+
+def complaints(
+    h: Health, not_finite: tuple[int, ...], dropped: tuple[int, ...],
+) -> list[str]:
+    """
+    Return what a person should know of the sensors, one text each; none where all is well.
+
+    Parameters
+    ----------
+    h
+        Of now.
+    not_finite : (5,)
+        New samples that were not finite.
+    dropped : (4,)
+        New samples of IMU, sonar, flow and barometer that were late, repeated or out of order.
+
+    """
+    out = [
+        _TROUBLES[state].format(name=name, age=age)
+        for name, state, age in zip(NAMES, h.health, h.age, strict=True) if state in _TROUBLES]
+    out += [f'{name}: {count} samples not finite'
+            for name, count in zip(NAMES, not_finite, strict=True) if count]
+    out += [f'{name}: {count} samples late, repeated or out of order'
+            for name, count in zip(('imu', *NAMES[SONAR:]), dropped, strict=True) if count]
+    return out

@@ -1,0 +1,285 @@
+"""
+Faults of the sensors, between sensing and delivery: wrong readings, and samples lost on the way.
+
+A reading may be NaN, infinite, stuck at the one before or wild; a sample may be missing, late,
+repeated or out of order. Each sensor has one kind of its own, in a window of time, of all samples
+or of a share of them. The simulator without faults (None) neither asks nor draws.
+
+What the estimator gets of a sample is its fate: one that is late or out of order reaches it after
+the step it belongs to. :class:`Outbox` does to the messages what the fate says.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+from mambo_model.compiled import jit
+from mambo_model.schema import check, choice, group, quantity
+from mambo_model.vector import Vec3
+import numpy as np
+from numpy.random import Generator
+
+from .sensors.sampling import STEP
+
+# Not nan and inf: a ROS parameter file would take them for numbers.
+KINDS = ('none', 'not_a_number', 'infinite', 'stuck', 'wild', 'missing', 'late', 'repeated',
+         'out_of_order')
+NONE, NAN, INF, STUCK, WILD, MISSING, LATE, REPEATED, OUT_OF_ORDER = range(len(KINDS))
+READINGS = KINDS[:MISSING]                # what happens to a value
+DELIVERIES = ('none', *KINDS[MISSING:])   # what happens to a message
+
+# Fate of a sample: published in time, never, some time later, twice, after the next one.
+FATE_SENT, FATE_LOST, FATE_LATE, FATE_TWICE, FATE_HELD = range(5)
+
+# Wild readings are spread evenly over what common sensors can read.
+GYRO_SPAN = (-34.9, 34.9)      # rad/s, 2000 deg/s
+ACCEL_SPAN = (-39.2, 39.2)     # m/s^2, 4 g
+SONAR_SPAN = (0.434, 5.26)     # m, limits of the recordings
+FLOW_SPAN = (-5.0, 5.0)        # rad/s
+PRESSURE_SPAN = (9e4, 1.1e5)   # Pa
+
+_NEW, _SOURCE = 'design choice', 'what goes wrong with it'
+
+
+class FaultValues(NamedTuple):
+    """A :class:`FaultParams` as compiled code reads it."""
+
+    kind: int
+    start: int  # ticks
+    end: int    # ticks
+    share: float
+    delay: int  # ticks
+
+
+@dataclass(frozen=True)
+class FaultParams:
+    """One fault of one sensor."""
+
+    kind: str = choice('none', KINDS, _SOURCE)
+    start: float = quantity(10.0, 's', 0.0, 86400.0, _NEW)
+    duration: float = quantity(2.0, 's', 0.0, 86400.0, _NEW)
+    share: float = quantity(1.0, '1', 0.0, 1.0, 'design choice: of the samples in this time')
+    delay: float = quantity(0.1, 's', STEP, 1.0, 'design choice: of late samples')
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def values(self) -> FaultValues:
+        """Return what compiled code reads."""
+        return FaultValues(
+            KINDS.index(self.kind), round(self.start / STEP),
+            round((self.start + self.duration) / STEP), float(self.share),
+            max(1, round(self.delay / STEP)))
+
+
+@dataclass(frozen=True)
+class ReadingFaultParams(FaultParams):
+    """A fault of the readings of one half of the inertial sensors."""
+
+    kind: str = choice('none', READINGS, _SOURCE)
+
+
+@dataclass(frozen=True)
+class DeliveryFaultParams(FaultParams):
+    """A fault of the delivery of the inertial sensors, whose two halves are one message."""
+
+    kind: str = choice('none', DELIVERIES, _SOURCE)
+
+
+class FaultsValues(NamedTuple):
+    """A :class:`FaultsParams` as compiled code reads it."""
+
+    gyro: FaultValues
+    accel: FaultValues
+    imu: FaultValues
+    sonar: FaultValues
+    optical_flow: FaultValues
+    barometer: FaultValues
+
+
+@dataclass(frozen=True)
+class FaultsParams:
+    """Faults of all sensors."""
+
+    gyro: ReadingFaultParams = group(ReadingFaultParams)
+    accel: ReadingFaultParams = group(ReadingFaultParams)
+    imu: DeliveryFaultParams = group(DeliveryFaultParams)
+    sonar: FaultParams = group(FaultParams)
+    optical_flow: FaultParams = group(FaultParams)
+    barometer: FaultParams = group(FaultParams)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def values(self) -> FaultsValues | None:
+        """Return what compiled code reads; None where nothing is to go wrong."""
+        out = FaultsValues(*(getattr(self, name).values() for name in FaultsValues._fields))
+        return out if any(fault.kind != NONE for fault in out) else None
+
+
+class FaultMemory(NamedTuple):
+    """The last readings without fault, and which streams hold a sample back."""
+
+    gyro: Vec3                       # (3,) rad/s, body FRD
+    accel: Vec3                      # (3,) m/s^2, body FRD
+    sonar: float                     # m
+    flow: tuple[float, float, int]   # rad/s, body x forward and y right, quality
+    pressure: float                  # Pa
+    held: tuple[bool, bool, bool, bool]  # imu, sonar, optical flow, barometer
+
+
+START = FaultMemory(
+    (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), math.nan, (math.nan, math.nan, 0), math.nan,
+    (False, False, False, False))
+
+
+@jit
+def _strikes(tick: int, rng: Generator, p: FaultValues) -> bool:
+    """Return whether the fault strikes the sample of this tick."""
+    if p.kind == NONE or not p.start <= tick < p.end:
+        return False
+    return p.share >= 1.0 or rng.random() < p.share
+
+
+@jit
+def _wild(rng: Generator, span: tuple[float, float]) -> float:
+    """Return a number anywhere in a span, unit of the span."""
+    return span[0] + rng.random() * (span[1] - span[0])
+
+
+@jit
+def _reading(
+    value: float, last: float, kind: int, rng: Generator, span: tuple[float, float],
+) -> float:
+    """Return what a sensor that is struck reads, unit of the value."""
+    if kind == NAN:
+        return math.nan
+    if kind == INF:
+        return math.inf
+    if kind == STUCK:
+        return last
+    if kind == WILD:
+        return _wild(rng, span)
+    return value
+
+
+@jit
+def vector(
+    value: Vec3, last: Vec3, tick: int, rng: Generator, p: FaultValues,
+    span: tuple[float, float],
+) -> tuple[Vec3, Vec3]:
+    """Return what a sensor of three axes reads, and its last reading without fault, (3,)."""
+    if not _strikes(tick, rng, p):
+        return value, value
+    return (_reading(value[0], last[0], p.kind, rng, span),
+            _reading(value[1], last[1], p.kind, rng, span),
+            _reading(value[2], last[2], p.kind, rng, span)), last
+
+
+@jit
+def _is_reading(p: FaultValues) -> bool:
+    return NONE < p.kind < MISSING
+
+
+@jit
+def scalar(
+    value: float, last: float, tick: int, rng: Generator, p: FaultValues,
+    span: tuple[float, float],
+) -> tuple[float, float]:
+    """Return what a sensor of one value reads, and its last reading without fault."""
+    if not (_is_reading(p) and _strikes(tick, rng, p)):
+        return value, value
+    return _reading(value, last, p.kind, rng, span), last
+
+
+@jit
+def flow(
+    value: tuple[float, float, int], last: tuple[float, float, int], tick: int, rng: Generator,
+    p: FaultValues,
+) -> tuple[tuple[float, float, int], tuple[float, float, int]]:
+    """Return what the flow sensor reads with its quality, and its last without fault."""
+    if not (_is_reading(p) and _strikes(tick, rng, p)):
+        return value, value
+    x = _reading(value[0], last[0], p.kind, rng, FLOW_SPAN)
+    y = _reading(value[1], last[1], p.kind, rng, FLOW_SPAN)
+    return (x, y, last[2] if p.kind == STUCK else value[2]), last
+
+
+@jit
+def fate(new: bool, held: bool, tick: int, rng: Generator, p: FaultValues) -> tuple[int, bool]:
+    """Return the fate of a sample, and whether the stream now holds one back."""
+    if not new:
+        return FATE_LOST, held
+    if p.kind < MISSING or held or not _strikes(tick, rng, p):
+        return FATE_SENT, False
+    if p.kind == MISSING:
+        return FATE_LOST, False
+    if p.kind == LATE:
+        return FATE_LATE, False
+    if p.kind == REPEATED:
+        return FATE_TWICE, False
+    return FATE_HELD, True
+
+
+@jit
+def in_time(what: int) -> bool:
+    """Return whether a sample of this fate reaches the estimator in its step."""
+    return what == FATE_SENT or what == FATE_TWICE
+
+
+@jit
+def narrow(x: float) -> float:
+    """Return x as the message of the sonar carries it, a float32 number."""
+    return np.float64(np.float32(x))
+
+
+class Outbox:
+    """
+    The way of one sensor's messages to its topic, as their fates say.
+
+    Parameters
+    ----------
+    publish
+        Takes the bytes of a message.
+    delay : ticks
+        Of late messages.
+
+    Attributes
+    ----------
+    count : int
+        Messages published since the start.
+
+    """
+
+    def __init__(self, publish: Callable[[bytes], None], delay: int = 1) -> None:
+        self.count = 0
+        self._publish, self._delay = publish, delay
+        self._late: deque[tuple[int, bytes]] = deque()
+        self._held: bytes | None = None
+
+    def _send(self, data: bytes) -> None:
+        self.count += 1
+        self._publish(data)
+
+    def catch_up(self, tick: int) -> None:
+        """Publish the late messages that arrive at a tick; to be called before :meth:`put`."""
+        while self._late and self._late[0][0] <= tick:
+            self._send(self._late.popleft()[1])
+
+    def put(self, tick: int, data: bytes, what: int) -> None:
+        """Publish the message of a tick, or not, or keep it for later."""
+        if what == FATE_LATE:
+            self._late.append((tick + self._delay, data))
+        elif what == FATE_HELD:
+            self._held = data
+        elif what != FATE_LOST:
+            self._send(data)
+            if what == FATE_TWICE:
+                self._send(data)
+            if self._held is not None:
+                self._send(self._held)
+                self._held = None
