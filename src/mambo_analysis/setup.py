@@ -22,7 +22,10 @@ setup(
         'console_scripts': [
             'compare = mambo_analysis.compare:main',
             'identify_sensors = mambo_analysis.identify.sensors:main',
+            'import_bag = mambo_analysis.import_bag:main',
+            'import_crazyflie = mambo_analysis.import_crazyflie:main',
             'import_minidrone = mambo_analysis.import_minidrone:main',
+            'import_motive = mambo_analysis.import_motive:main',
             'recover = mambo_analysis.recover:main',
             'reproduce = mambo_analysis.reproduce:main',
         ],

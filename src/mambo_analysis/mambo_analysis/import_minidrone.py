@@ -1,6 +1,9 @@
 """
 Flight logs of Parrot minidrones as bags: ``import_minidrone LOG.mat OUT``.
 
+Two kinds are read. The logs of Simulink models on a Mambo are in :mod:`.package_log`; the rest
+of this text is about those of the educational toolbox.
+
 A log is ``rt_yout`` of the educational toolbox (RollingSpiderEdu, ``rsedu_control.c``): 29 signals
 at 200 Hz in NED/FRD, among them raw sensors, motor commands and the drone's own estimate. Slow
 sensors are held between their samples; only samples with a new value become messages. A new
@@ -62,24 +65,26 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import hashlib
 from io import BytesIO
 import math
+import multiprocessing
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
+import warnings
 
 from mambo_model.frames import flip_vector, wire_quaternion
 from mambo_model.quaternion import from_euler
 from mambo_sim.bag_writer import BagWriter
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.typesys.store import Typestore
 import scipy.io
 import yaml
 
-from . import cdr
 from .cli import guard
+from .importing import provenance, Publisher, read_source, report
 from .mcap_file import BagError
+from .package_log import is_package_log, PackageLog, publish, read_package_log
 
 Array = NDArray[np.float64]
 STEP_NS = 5_000_000
@@ -102,7 +107,6 @@ TOPICS = {
     'motor_pwm': 'mambo_interfaces/msg/MotorPwm', 'onboard/odom': 'nav_msgs/msg/Odometry',
     'onboard/reference': 'geometry_msgs/msg/PoseStamped',
     'battery': 'sensor_msgs/msg/BatteryState'}
-PACKAGES = {'Header': 'std_msgs', 'Time': 'builtin_interfaces'}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,17 +135,45 @@ class Log:
         return np.stack([self.signals[name] for name in names], axis=1)
 
 
-def _load(path: Path, content: bytes) -> Any:
-    """Return rt_yout of a mat file's content."""
+def _load(answer: Connection, content: bytes) -> None:
+    """Send the variables of a mat file's content, or why there are none; of foreign ones names."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')
+            found = scipy.io.loadmat(BytesIO(content), simplify_cells=True)
+        answer.send({name: value if name.startswith('rt_') else None
+                     for name, value in found.items()})
+    except BaseException as error:  # the parser of damaged or foreign bytes raises anything
+        answer.send(str(error).split('\n')[0] or type(error).__name__)
+
+
+def _variables(path: Path, content: bytes) -> dict[str, Any]:
+    """
+    Return the variables of a mat file's content.
+
+    In a process of its own: scipy's parser of compiled code can die of damaged bytes.
+    """
     if content[:10].startswith(b'MATLAB 7.3'):
         raise BagError(f'{path}: a mat file of version 7.3; save it with -v7 in MATLAB first')
-    if not content:
-        raise BagError(f'{path}: the file is empty')
+    context = multiprocessing.get_context('fork')
+    answer, question = context.Pipe(duplex=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore', DeprecationWarning)  # the child touches no other thread
+        process = context.Process(target=_load, args=(question, content))
+        process.start()
+    question.close()
     try:
-        variables = scipy.io.loadmat(BytesIO(content), simplify_cells=True)
-    except Exception as error:  # the parser of damaged or foreign bytes raises anything
-        reason = str(error).split('\n')[0] or type(error).__name__
-        raise BagError(f'{path}: not a readable mat file ({reason})') from None
+        found = answer.recv()
+    except EOFError:
+        found = 'the parser died of it'
+    process.join()
+    if isinstance(found, str):
+        raise BagError(f'{path}: not a readable mat file ({found})')
+    return found
+
+
+def _toolbox(path: Path, variables: dict[str, Any]) -> dict[str, Any]:
+    """Return rt_yout of the variables of a mat file."""
     found = variables.get('rt_yout')
     if not isinstance(found, dict) or not {'time', 'signals'} <= set(found):
         names = ', '.join(name for name in variables if not name.startswith('__')) or 'nothing'
@@ -179,9 +211,9 @@ def _checked(path: Path, found: dict[str, Any]) -> dict[str, Array]:
     return signals
 
 
-def read_log(path: Path) -> Log:
+def read_log(path: Path) -> Log | PackageLog:
     """
-    Read a minidrone log.
+    Read a minidrone log, of the educational toolbox or of a Simulink model.
 
     Raises
     ------
@@ -190,46 +222,17 @@ def read_log(path: Path) -> Log:
         malformed.
 
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise BagError(f'{path}: cannot be read ({error.strerror})') from None
-    signals = _checked(path, _load(path, content))
-    return Log(signals, path.name, hashlib.sha256(content).hexdigest())
+    source = read_source(path)
+    variables = _variables(path, source.content)
+    if is_package_log(variables):
+        return read_package_log(path, variables)
+    return Log(_checked(path, _toolbox(path, variables)), path.name, source.sha256)
 
 
 def new_samples(values: Array) -> NDArray[np.int64]:
     """Return the steps at which a held signal, (n,) or (n, k), takes a new value; never step 0."""
     changed = np.diff(values.reshape(len(values), -1), axis=0) != 0.0
     return np.flatnonzero(changed.any(axis=1)) + 1
-
-
-class _Publisher:
-    """Builds messages of one bag."""
-
-    def __init__(self, store: Typestore, writer: BagWriter) -> None:
-        self._store, self._writer = store, writer
-
-    def make(self, name: str, *values: Any) -> Any:
-        """Return a message of a common package with all its values."""
-        return self._store.types[f'{PACKAGES.get(name, "geometry_msgs")}/msg/{name}'](*values)
-
-    def header(self, step: int, frame: str = '') -> Any:
-        """Return a header stamped with a step of the log."""
-        sec, nanosec = divmod(step * STEP_NS, 1_000_000_000)
-        return self.make('Header', self.make('Time', sec, nanosec), frame)
-
-    def pose(self, position: Any, quaternion: Any) -> Any:
-        """Return a pose from wire axes, x y z and x y z w."""
-        return self.make(
-            'Pose', self.make('Point', *position), self.make('Quaternion', *quaternion))
-
-    def publish(self, topic: str, step: int, frame: str, **fields: Any) -> None:
-        """Write a message whose other fields are 0."""
-        name = TOPICS[topic]
-        message = cdr.zero(self._store, name, header=self.header(step, frame), **fields)
-        self._writer.write(
-            f'/mambo/{topic}', bytes(self._store.serialize_cdr(message, name)), step * STEP_NS)
 
 
 def _flip(vectors: Array) -> list[list[float]]:
@@ -243,33 +246,30 @@ def _attitudes(yaw_pitch_roll: Array) -> list[tuple[float, ...]]:
             for yaw, pitch, roll in yaw_pitch_roll.tolist()]
 
 
-def _publish_imu(log: Log, out: _Publisher) -> None:
-    unknown = np.array([-1.0] + [0.0] * 8)  # REP-145: no orientation
-    none = out.make('Quaternion', 0.0, 0.0, 0.0, 1.0)
+def _publish_imu(log: Log, out: Publisher) -> None:
     accel, gyro = _flip(log.columns('ddxb', 'ddyb', 'ddzb')), _flip(log.columns('pa', 'qa', 'ra'))
     for step, (a, w) in enumerate(zip(accel, gyro)):
-        out.publish(
-            'imu/data_raw', step, 'base_link', orientation=none, orientation_covariance=unknown,
-            angular_velocity=out.make('Vector3', *w), linear_acceleration=out.make('Vector3', *a))
+        out.publish('imu/data_raw', step * STEP_NS, 'base_link', **out.imu(w, a))
 
 
-def _publish_slow_sensors(log: Log, out: _Publisher, flow_scale: float) -> None:
+def _publish_slow_sensors(log: Log, out: Publisher, flow_scale: float) -> None:
     sonar = log.signals['altitude_sonarb']
     for step in new_samples(sonar).tolist():
-        out.publish('sonar/range', step, 'base_link', radiation_type=0, min_range=SONAR_RANGE[0],
-                    max_range=SONAR_RANGE[1], range=float(sonar[step]))
+        out.publish('sonar/range', step * STEP_NS, 'base_link', radiation_type=0,
+                    min_range=SONAR_RANGE[0], max_range=SONAR_RANGE[1], range=float(sonar[step]))
     flow = log.signals['opticalFlow_datout']
     for step in new_samples(flow[:, :2]).tolist():
         x, y, _ = flip_vector((*(flow_scale * flow[step, :2]).tolist(), 0.0))
         if x or y:
-            out.publish('optical_flow', step, 'base_link', rate_x=x, rate_y=y,
+            out.publish('optical_flow', step * STEP_NS, 'base_link', rate_x=x, rate_y=y,
                         quality=FULL_QUALITY)
     pressure = log.signals['prsb']
     for step in new_samples(pressure).tolist():
-        out.publish('barometer/pressure', step, 'base_link', fluid_pressure=float(pressure[step]))
+        out.publish('barometer/pressure', step * STEP_NS, 'base_link',
+                    fluid_pressure=float(pressure[step]))
 
 
-def _publish_onboard(log: Log, out: _Publisher) -> None:
+def _publish_onboard(log: Log, out: Publisher) -> None:
     motors = np.abs(log.signals['motors_refout'])
     position = _flip(log.columns('X', 'Y', 'Z'))
     attitude = _attitudes(log.columns('yaw', 'pitch', 'roll'))
@@ -277,24 +277,20 @@ def _publish_onboard(log: Log, out: _Publisher) -> None:
     omega = _flip(log.columns('pb', 'qb', 'rb'))
     goal = log.signals['pose_refout']
     goals, headings = _flip(goal[:, :3]), _attitudes(goal[:, 3:])
-    make, no_covariance = out.make, np.zeros(36)
     for step in range(len(log)):
-        out.publish('motor_pwm', step, '', pwm=motors[step])
+        out.publish('motor_pwm', step * STEP_NS, '', pwm=motors[step])
         out.publish(
-            'onboard/odom', step, 'odom', child_frame_id='base_link',
-            pose=make('PoseWithCovariance', out.pose(position[step], attitude[step]),
-                      no_covariance),
-            twist=make('TwistWithCovariance', make(
-                'Twist', make('Vector3', *velocity[step]), make('Vector3', *omega[step])),
-                no_covariance))
-        out.publish('onboard/reference', step, 'odom', pose=out.pose(goals[step], headings[step]))
+            'onboard/odom', step * STEP_NS, 'odom',
+            **out.odometry(out.pose(position[step], attitude[step]), velocity[step], omega[step]))
+        out.publish('onboard/reference', step * STEP_NS, 'odom',
+                    pose=out.pose(goals[step], headings[step]))
 
 
-def _publish_battery(log: Log, out: _Publisher) -> None:
+def _publish_battery(log: Log, out: Publisher) -> None:
     battery, unknown = log.signals['batteryStatus_datout'], math.nan
     for step in [0, *new_samples(battery).tolist()]:
         out.publish(
-            'battery', step, '', voltage=float(battery[step, 0]),
+            'battery', step * STEP_NS, '', voltage=float(battery[step, 0]),
             percentage=float(battery[step, 1]) / 100.0, present=True, temperature=unknown,
             current=unknown, charge=unknown, capacity=unknown, design_capacity=unknown)
 
@@ -315,24 +311,21 @@ def _estimator_parameters(log: Log) -> dict[str, str]:
         {'/mambo/estimator_node': {'ros__parameters': {'kalman': {'alignment': alignment}}}})}
 
 
-def _metadata(log: Log, flow_scale: float) -> dict[str, str]:
+def _metadata(log: Log, flow_scale: float) -> dict[str, dict[str, str]]:
     calibration = log.signals['sensordataCalib_datout'][0].tolist()
 
     def text(*values: float) -> str:
         return ' '.join(f'{value:.9g}' for value in values)
 
-    return {
-        'source_file': log.name, 'source_sha256': log.sha256,
-        'importer': 'mambo_analysis.import_minidrone', 'source_kind': 'Parrot minidrone rt_yout',
-        'steps': str(len(log)), 'step_seconds': '0.005',
-        'flow_scale_rad_per_s': text(flow_scale),
+    return provenance(log.name, log.sha256, 'import_minidrone', 'Parrot minidrone rt_yout', {
+        'steps': len(log), 'step_seconds': '0.005', 'flow_scale_rad_per_s': flow_scale,
         'flow_stamps': 'as logged, some 0.09 s behind the motion',
         'sonar_valid_m': text(*SONAR_RANGE),
         'calibration_accel_flu': text(*flip_vector(tuple(calibration[:3]))),
         'calibration_gyro_flu': text(*flip_vector(tuple(calibration[3:6]))),
         'calibration_pressure_pa': text(calibration[6]),
         'calibration_note': 'mean at rest before the flight; subtracted by the onboard estimator, '
-                            'which takes the ground for level; not subtracted in this bag'}
+                            'which takes the ground for level; not subtracted in this bag'})
 
 
 def import_minidrone(source: Path, target: Path, flow_scale: float = FLOW_SCALE) -> dict[str, int]:
@@ -361,16 +354,25 @@ def import_minidrone(source: Path, target: Path, flow_scale: float = FLOW_SCALE)
 
     """
     log = read_log(source)
-    store = cdr.load_types(TOPICS.values())
+    if isinstance(log, PackageLog):
+        return _import_package(source, target, log)
     with BagWriter(target, attachments=_estimator_parameters(log),
-                   metadata={'import': _metadata(log, flow_scale)}) as writer:
-        for topic, type_name in TOPICS.items():
-            writer.add_topic(f'/mambo/{topic}', type_name)
-        out = _Publisher(store, writer)
+                   metadata=_metadata(log, flow_scale)) as writer:
+        out = Publisher(writer, TOPICS)
         _publish_imu(log, out)
         _publish_slow_sensors(log, out, flow_scale)
         _publish_onboard(log, out)
         _publish_battery(log, out)
+        return writer.counts
+
+
+def _import_package(source: Path, target: Path, log: PackageLog) -> dict[str, int]:
+    """Write a bag from the log of a Simulink model."""
+    record = provenance(
+        source.name, read_source(source).sha256, 'import_minidrone', 'RSdata.mat of Simulink',
+        {'ignored': ' '.join(log.ignored) or 'nothing'})
+    with BagWriter(target, metadata=record) as writer:
+        publish(log, Publisher(writer, log.topics))
         return writer.counts
 
 
@@ -385,7 +387,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Entry point ``import_minidrone``."""
     parser = argparse.ArgumentParser(
         prog='import_minidrone', description=__doc__.strip().split('\n')[0])
-    parser.add_argument('log', type=Path, help='mat file of a flight (rt_yout)')
+    parser.add_argument('log', type=Path, help='mat file of a flight')
     parser.add_argument('output', type=Path, help='bag to make')
     parser.add_argument('--flow-scale', type=_scale, default=FLOW_SCALE, metavar='RAD_PER_S',
                         help='rad/s for a logged optical flow of 1 (default: %(default)g)')
@@ -393,9 +395,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     def work() -> None:
         counts = import_minidrone(options.log, options.output, options.flow_scale)
-        print(f'imported {options.log.name} into {options.output}')
-        for topic, count in counts.items():
-            print(f'  {count:6d}  {topic}')
+        report(options.log, options.output, counts)
 
     return guard('import_minidrone', work)
 

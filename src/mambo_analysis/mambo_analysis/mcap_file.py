@@ -9,6 +9,7 @@ milliseconds; the records themselves are parsed by the ``mcap`` library.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 import dataclasses
 from io import BytesIO
 from pathlib import Path
@@ -144,7 +145,8 @@ class _Scanner:
         """Take the definitions that a closed file repeats, in case their chunk is damaged."""
         for opcode, start, end in _records(data, len(MAGIC)):
             if end <= len(data) and opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self.definition(opcode, data[start:end])
+                with suppress(Exception):  # of damaged bytes; reading in order says what is lost
+                    self.definition(opcode, data[start:end])
 
     def record(self, opcode: int, body: bytes) -> None:
         """Take a record of the top level."""

@@ -1,6 +1,7 @@
 """The importer on real logs, on a made one with known numbers, and on what is no log."""
 
 import hashlib
+import os
 from pathlib import Path
 
 from mambo_analysis.bag import read_bag
@@ -241,6 +242,11 @@ def test_what_is_no_log_is_named_in_one_line(tmp_path, capsys):
     refuse(tmp_path / 'odd.mat', tmp_path, capsys, 'not built as a minidrone log')
 
 
+def test_a_file_that_kills_the_parser_is_refused_like_any_other(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(scipy.io, 'loadmat', lambda *_, **__: os.abort())
+    refuse(save(tmp_path / 'log.mat'), tmp_path, capsys, 'the parser died of it')
+
+
 def test_a_log_cut_off_anywhere_is_refused(tmp_path, capsys):
     content = save(tmp_path / 'whole.mat').read_bytes()
     for share in (0.01, 0.3, 0.6, 0.9, 0.999):
@@ -297,3 +303,78 @@ def test_the_bag_gives_the_estimator_the_calibration_of_the_log(log, tmp_path):
     np.testing.assert_allclose(alignment.accel_bias, (x, -y, -z + 9.81), atol=1e-7)  # 9 digits
     x, y, z = map(float, told['calibration_gyro_flu'].split())
     np.testing.assert_allclose(alignment.gyro_bias, (x, -y, -z), atol=1e-9)
+
+
+def package(path, **change):
+    """Write an RSdata.mat as the support package of Simulink does; None takes a variable out."""
+    t = np.arange(N) * 0.005
+
+    def block(values, time=t):
+        return {'time': time, 'signals': {'values': values, 'dimensions': values.shape[1],
+                                          'label': ''}, 'blockName': ''}
+
+    motors = np.tile(np.array(MOTOR_SIGNS) * [210.0, 220.0, 230.0, 240.0], (N, 1))
+    estimate = np.tile(np.arange(1.0, 18.0) / 10.0, (N, 1))  # 17 columns were seen, 12 are known
+    late = slice(N - 100, N)  # rt_yout holds the last steps alone
+    outputs = np.array(
+        [('flightControlSystem/Actuators', motors[late]),
+         ('flightControlSystem/Flag', np.zeros(100))],
+        dtype=[('blockName', object), ('values', object)])
+    variables = {
+        'rt_tout': t, 'rt_yout': {'time': t[late], 'signals': outputs},
+        'rt_estimatedStates': block(estimate),
+        'rt_sensor': block(np.tile([0.1, 0.2, -9.7, 0.01, 0.02, 0.03], (N, 1))),
+        'rt_References': block(np.tile([1.0, 2.0, -1.1, 0.5, 0.0, 0.0], (N, 1))),
+        'rt_state': block(np.ones((N, 1))), 'gain': 3.0}
+    variables.update(change)
+    scipy.io.savemat(path, {name: value for name, value in variables.items()
+                            if value is not None})
+    return path, block
+
+
+def test_the_log_of_a_simulink_model_on_a_mambo(tmp_path):
+    source, _ = package(tmp_path / 'RSdata.mat')
+    assert main([str(source), str(tmp_path / 'bag')]) == 0
+    bag = read_bag(tmp_path / 'bag')
+    odometry = bag['onboard/odom']
+    np.testing.assert_allclose(odometry.position[0], [0.1, -0.2, -0.3])
+    half = Rotation.from_euler('x', np.pi)
+    expected = half * Rotation.from_euler('ZYX', [0.4, 0.5, 0.6]) * half.inv()
+    assert (Rotation.from_quat(odometry.orientation[0]) * expected.inv()).magnitude() < 1e-12
+    np.testing.assert_allclose(odometry.velocity[0], [0.7, -0.8, -0.9])
+    np.testing.assert_allclose(odometry.angular_velocity[0], [1.0, -1.1, -1.2])
+    np.testing.assert_array_equal(odometry.stamp, np.arange(N) * 5_000_000)
+    motors = bag['motor_pwm']
+    assert len(motors) == 100 and motors.stamp[0] == (N - 100) * 5_000_000
+    np.testing.assert_array_equal(motors.pwm[0], [210.0, 220.0, 230.0, 240.0])
+    np.testing.assert_array_equal(bag['imu/data_raw'].acceleration[0], [0.1, -0.2, 9.7])
+    np.testing.assert_array_equal(bag['imu/data_raw'].angular_velocity[0], [0.01, -0.02, -0.03])
+    np.testing.assert_array_equal(bag['onboard/reference'].position[0], [1.0, -2.0, 1.1])
+    record = bag.metadata['import']
+    assert record['ignored'] == 'rt_state'
+    assert record['source_sha256'] == hashlib.sha256(source.read_bytes()).hexdigest()
+
+
+def test_the_other_names_of_the_package_s_blocks(tmp_path):
+    _, block = package(tmp_path / 'unused.mat')
+    motors = block(np.tile(np.array(MOTOR_SIGNS) * 300.0, (N, 1)))
+    source, _ = package(
+        tmp_path / 'RSdata.mat', rt_yout=None, rt_estimatedStates=None, rt_sensor=None,
+        rt_References=None, rt_motor=motors, rt_estim=block(np.ones((N, 12))))
+    counts = import_minidrone(source, tmp_path / 'bag')
+    assert counts == {'/mambo/motor_pwm': N, '/mambo/onboard/odom': N}
+
+
+def test_malformed_simulink_logs_are_named(tmp_path, capsys):
+    _, block = package(tmp_path / 'unused.mat')
+    nothing = {'rt_yout': None, 'rt_estimatedStates': None, 'rt_sensor': None,
+               'rt_References': None}
+    for change, text in (
+            (nothing, 'without a variable whose meaning is known'),
+            ({'rt_sensor': block(np.ones((N, 3)))}, 'rt_sensor has the shape (400, 3)'),
+            ({'rt_sensor': np.ones(3)}, 'rt_sensor is no structure with time'),
+            ({'rt_sensor': block(np.ones((N, 6)), np.arange(N) * 0.006)}, 'are not 5 ms'),
+            ({'rt_sensor': block(np.full((N, 6), np.nan))}, 'rt_sensor has values that are not'),
+            ({'rt_motor': block(np.ones((N, 4)))}, 'not the signs + - + -')):
+        source, _ = package(tmp_path / 'bad.mat', **change)
+        refuse(source, tmp_path, capsys, text)

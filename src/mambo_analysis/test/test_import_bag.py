@@ -1,0 +1,321 @@
+"""Foreign bags, made and real: what is mapped arrives unchanged, what does not fit is refused."""
+
+from pathlib import Path
+import sqlite3
+
+from mambo_analysis import cdr
+from mambo_analysis.bag import read_bag
+from mambo_analysis.import_bag import import_bag, main, TARGETS
+from mambo_sim.bag_writer import BagWriter
+import numpy as np
+import pytest
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+import yaml
+
+DATA = Path(__file__).resolve().parents[4] / 'shared' / 'data' / 'mcap_bags'
+needs_data = pytest.mark.skipif(
+    not DATA.exists(), reason='foreign bags are not beside the repo (../shared/data)')
+N, SECOND = 50, 10**9
+EPOCH = 1_763_073_169 * SECOND  # ns, stamps of a real clock
+STORE = get_typestore(Stores.ROS2_JAZZY)
+TYPES = {
+    '/vrpn/mambo/pose': 'geometry_msgs/msg/PoseStamped',
+    '/amcl': 'geometry_msgs/msg/PoseWithCovarianceStamped',
+    '/vicon/mambo': 'geometry_msgs/msg/TransformStamped', '/odom': 'nav_msgs/msg/Odometry',
+    '/imu': 'sensor_msgs/msg/Imu', '/range': 'sensor_msgs/msg/Range',
+    '/pressure': 'sensor_msgs/msg/FluidPressure', '/chatter': 'std_msgs/msg/String'}
+
+
+def make(name, **fields):
+    return cdr.zero(STORE, name, **fields)
+
+
+def header(i, frame='world'):
+    sec, nanosec = divmod(EPOCH + i * 10_000_000, SECOND)
+    return make('std_msgs/msg/Header', frame_id=frame,
+                stamp=make('builtin_interfaces/msg/Time', sec=sec, nanosec=nanosec))
+
+
+def pose(i):
+    return make('geometry_msgs/msg/Pose',
+                position=make('geometry_msgs/msg/Point', x=0.1 * i, y=-0.2 * i, z=1.0),
+                orientation=make('geometry_msgs/msg/Quaternion', x=0.0, y=0.0, z=0.6, w=0.8))
+
+
+def message(name, i):
+    """Return message i of a type, a moving vehicle."""
+    if name == 'std_msgs/msg/String':
+        return make(name, data=f'hello {i}')
+    fields = {'header': header(i)}
+    if name.endswith('/PoseStamped'):
+        fields['pose'] = pose(i)
+    elif name.endswith(('PoseWithCovarianceStamped', 'Odometry')):
+        fields['pose'] = make('geometry_msgs/msg/PoseWithCovariance', pose=pose(i),
+                              covariance=np.arange(36.0))
+    elif name.endswith('TransformStamped'):
+        p = pose(i)
+        fields['transform'] = make(
+            'geometry_msgs/msg/Transform', rotation=p.orientation,
+            translation=make('geometry_msgs/msg/Vector3', x=p.position.x, y=p.position.y,
+                             z=p.position.z))
+    elif name.endswith('Imu'):
+        fields['linear_acceleration'] = make('geometry_msgs/msg/Vector3', x=0.1, y=0.2, z=9.7)
+    elif name.endswith('Range'):
+        fields.update(range=1.5, min_range=0.25, max_range=4.0)
+    else:
+        fields['fluid_pressure'] = 1e5 + i
+    return make(name, **fields)
+
+
+def raw(name, i, change=None):
+    out = message(name, i)
+    if change:
+        change(i, out)
+    return bytes(STORE.serialize_cdr(out, name))
+
+
+def foreign(path, topics=TYPES, change=None, step=10_000_000):
+    """Write a bag as a foreign recorder would: log times 3 ms behind the stamps."""
+    with BagWriter(path) as writer:
+        for topic, name in topics.items():
+            text = STORE.generate_msgdef(name)[0].encode()
+            writer.add_topic(topic, name, schema=text, type_hash='')
+        for i in range(N):
+            for topic, name in topics.items():
+                writer.write(topic, raw(name, i, change), EPOCH + i * step + 3_000_000)
+    return path
+
+
+def sqlite_bag(path, topics=TYPES, form='cdr', listing=True):
+    """Write a bag of the storage sqlite3, as rosbag2 did by default before Iron."""
+    path.mkdir()
+    file = path / f'{path.name}_0.db3'
+    with sqlite3.connect(file) as database:
+        database.execute('CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type '
+                         'TEXT NOT NULL, serialization_format TEXT NOT NULL, '
+                         'offered_qos_profiles TEXT NOT NULL)')
+        database.execute('CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT '
+                         'NULL, timestamp INTEGER NOT NULL, data BLOB NOT NULL)')
+        for number, (topic, name) in enumerate(topics.items(), 1):
+            database.execute('INSERT INTO topics VALUES (?, ?, ?, ?, ?)',
+                             (number, topic, name, form, ''))
+            database.executemany(
+                'INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)',
+                [(number, EPOCH + i * 10_000_000 + 3_000_000, raw(name, i)) for i in range(N)])
+    if listing:
+        (path / 'metadata.yaml').write_text(yaml.safe_dump({'rosbag2_bagfile_information': {
+            'version': 5, 'storage_identifier': 'sqlite3', 'compression_mode': '',
+            'relative_file_paths': [file.name]}}))
+    return path
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    return foreign(tmp_path_factory.mktemp('foreign') / 'theirs')
+
+
+ALL = {'/vrpn/mambo/pose': 'optitrack/pose', '/odom': 'onboard/odom', '/imu': 'imu/data_raw',
+       '/range': 'sonar/range', '/pressure': 'barometer/pressure'}
+
+
+def check_all(path):
+    ours = read_bag(path)
+    assert ours.namespace == '/mambo' and len(ours.topics) == len(ALL)
+    for topic in ALL.values():
+        np.testing.assert_array_equal(ours[topic].stamp, EPOCH + 10_000_000 * np.arange(N))
+        np.testing.assert_array_equal(ours[topic].log_time - ours[topic].stamp, 3_000_000)
+        assert set(ours[topic]['header.frame_id']) == {'world'}
+    i = np.arange(N)
+    np.testing.assert_allclose(ours['optitrack/pose'].position,
+                               np.column_stack([0.1 * i, -0.2 * i, np.ones(N)]))
+    np.testing.assert_array_equal(ours['onboard/odom'].pose_covariance[3], np.arange(36.0))
+    np.testing.assert_array_equal(ours['imu/data_raw'].acceleration[0], [0.1, 0.2, 9.7])
+    assert ours['sonar/range'].range[0] == 1.5
+    np.testing.assert_array_equal(ours['barometer/pressure'].pressure, 1e5 + i)
+
+
+def test_mapped_topics_arrive_with_their_headers_and_values(bag, tmp_path):
+    counts, _ = import_bag(bag, tmp_path / 'dir', ALL)
+    assert set(counts.values()) == {N}
+    check_all(tmp_path / 'dir')
+    import_bag(bag / 'theirs_0.mcap', tmp_path / 'file', ALL)  # one file without its directory
+    check_all(tmp_path / 'file')
+
+
+def test_sqlite_bags_are_read_too(tmp_path):
+    source = sqlite_bag(tmp_path / 'old')
+    before = (source / 'old_0.db3').read_bytes()
+    import_bag(source, tmp_path / 'dir', ALL)
+    check_all(tmp_path / 'dir')
+    import_bag(source / 'old_0.db3', tmp_path / 'file', ALL)
+    check_all(tmp_path / 'file')
+    import_bag(sqlite_bag(tmp_path / 'bare', listing=False), tmp_path / 'bare_out', ALL)
+    check_all(tmp_path / 'bare_out')
+    assert (source / 'old_0.db3').read_bytes() == before
+    assert sorted(p.name for p in source.iterdir()) == ['metadata.yaml', 'old_0.db3']
+
+
+@pytest.mark.parametrize('theirs', ['/vrpn/mambo/pose', '/amcl', '/vicon/mambo', '/odom'])
+def test_a_pose_is_taken_from_whatever_holds_one(bag, tmp_path, theirs):
+    import_bag(bag, tmp_path / 'bag', {theirs: 'optitrack/pose'})
+    poses = read_bag(tmp_path / 'bag')['optitrack/pose']
+    assert poses.type_name == 'geometry_msgs/msg/PoseStamped'
+    np.testing.assert_allclose(poses.position[10], [1.0, -2.0, 1.0])
+    np.testing.assert_array_equal(poses.orientation[10], [0.0, 0.0, 0.6, 0.8])
+
+
+def test_a_definition_of_an_older_distribution_is_brought_up_to_date(tmp_path):
+    name = 'sensor_msgs/msg/Range'
+    text = ('std_msgs/Header header\nuint8 radiation_type\nfloat32 field_of_view\n'
+            'float32 min_range\nfloat32 max_range\nfloat32 range\n')  # Humble has no variance
+    full = text + '=' * 80 + '\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\n' \
+        'string frame_id\n' + '=' * 80 + '\nMSG: builtin_interfaces/Time\nint32 sec\n' \
+        'uint32 nanosec\n'
+    old = get_typestore(Stores.EMPTY)
+    old.register(get_types_from_msg(full, name))
+    with BagWriter(tmp_path / 'humble') as writer:
+        writer.add_topic('/range', name, schema=full.encode(), type_hash='')
+        for i in range(3):
+            new = message(name, i)
+            fields = {key: getattr(new, key) for key, _ in old.fielddefs[name][1]}
+            out = cdr.zero(old, name, **fields)
+            writer.write('/range', bytes(old.serialize_cdr(out, name)), EPOCH + i)
+    import_bag(tmp_path / 'humble', tmp_path / 'bag', {'/range': 'sonar/range'})
+    ours = read_bag(tmp_path / 'bag')['sonar/range']
+    assert ours.range.tolist() == [1.5] * 3 and ours.variance.tolist() == [0.0] * 3
+
+
+def test_a_lost_body_gives_no_pose_and_is_counted(tmp_path, capsys):
+    def change(i, out):
+        if i % 10 == 3:
+            out.pose.position.x = float('nan')
+        if i % 10 == 4:
+            out.pose.orientation.z = out.pose.orientation.w = 0.0
+
+    source = foreign(tmp_path / 'theirs', {'/p': TYPES['/vrpn/mambo/pose']}, change)
+    assert main([str(source), str(tmp_path / 'bag'), '--map', '/p:=optitrack/pose']) == 0
+    assert 'lost optitrack/pose: 10' in capsys.readouterr().out
+    ours = read_bag(tmp_path / 'bag')
+    assert len(ours['optitrack/pose']) == 40
+    assert ours.metadata['import']['lost optitrack/pose'] == '10'
+
+    def never(i, out):
+        out.pose.position.x = float('nan')
+
+    source = foreign(tmp_path / 'nan', {'/p': TYPES['/vrpn/mambo/pose']}, never)
+    refuse(source, tmp_path, capsys, 'the body is lost throughout', '/p:=optitrack/pose')
+
+
+def test_stamps_that_are_missing_or_run_backwards_are_told(tmp_path, capsys):
+    def change(i, out):
+        if i == 5:
+            out.header.stamp = header(2).stamp
+        if i >= 40:
+            out.header.stamp = make('builtin_interfaces/msg/Time')
+
+    source = foreign(tmp_path / 'theirs', {'/imu': TYPES['/imu']}, change)
+    assert main([str(source), str(tmp_path / 'bag'), '--map', '/imu:=imu/data_raw']) == 0
+    out = capsys.readouterr().out
+    assert 'unstamped imu/data_raw: 10' in out and 'backwards imu/data_raw: 1' in out
+    imu = read_bag(tmp_path / 'bag')['imu/data_raw']
+    np.testing.assert_array_equal(imu.stamp[40:], imu.log_time[40:])
+
+
+def test_the_list_says_what_each_topic_could_become(bag, capsys):
+    assert main([str(bag)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    row = next(i for i, line in enumerate(lines) if '/vicon/mambo' in line)
+    assert 'geometry_msgs/msg/TransformStamped' in lines[row] and ' 50 ' in lines[row]
+    assert 'could be optitrack/pose, onboard/reference' in lines[row + 1]
+    assert 'could be imu/data_raw' in '\n'.join(lines)
+    assert len(TARGETS) == 12
+
+
+def test_the_bag_says_where_it_came_from(bag, tmp_path):
+    import_bag(bag, tmp_path / 'bag', {'/imu': 'imu/data_raw'})
+    record = read_bag(tmp_path / 'bag').metadata['import']
+    assert record['source_file'] == 'theirs' and len(record['source_sha256']) == 64
+    assert record['map imu/data_raw'] == '/imu (sensor_msgs/msg/Imu)'
+
+
+def refuse(path, tmp_path, capsys, text, *maps):
+    arguments = [str(path), str(tmp_path / 'out')]
+    for entry in maps:
+        arguments += ['--map', entry]
+    assert main(arguments) == 1
+    error = capsys.readouterr().err
+    assert error.startswith('import_bag: ') and error.count('\n') == 1, error
+    assert text in error
+    assert not (tmp_path / 'out').exists()
+
+
+@pytest.mark.parametrize('maps,text', [
+    (['/nothing:=imu/data_raw'], 'no topic /nothing; it has /amcl, '),
+    (['/imu:=imu'], 'imu is not one of our topics: optitrack/pose'),
+    (['/imu:=optitrack/pose'], '/imu is a sensor_msgs/msg/Imu, which cannot become'),
+    (['/vrpn/mambo/pose:=onboard/odom'], 'which cannot become onboard/odom'),
+    (['/amcl:=optitrack/pose', '/odom:=optitrack/pose'], 'optitrack/pose is mapped to twice'),
+    (['/odom:=onboard/odom', '/odom:=estimate/odom'], 'a topic is mapped twice')])
+def test_a_map_that_does_not_fit_is_refused(bag, tmp_path, capsys, maps, text):
+    refuse(bag, tmp_path, capsys, text, *maps)
+
+
+def test_what_is_no_sound_bag_is_named_in_one_line(bag, tmp_path, capsys):
+    entry = '/imu:=imu/data_raw'
+    refuse(tmp_path / 'none', tmp_path, capsys, 'there is no such bag', entry)
+    (tmp_path / 'empty.mcap').touch()
+    refuse(tmp_path / 'empty.mcap', tmp_path, capsys, 'the file is empty', entry)
+    (tmp_path / 'text.mcap').write_text('hello ' * 99)
+    refuse(tmp_path / 'text.mcap', tmp_path, capsys, 'not an MCAP file', entry)
+    whole = (bag / 'theirs_0.mcap').read_bytes()
+    (tmp_path / 'cut.mcap').write_bytes(whole[:len(whole) // 2])
+    refuse(tmp_path / 'cut.mcap', tmp_path, capsys, 'save what is readable with', entry)
+    at = whole.rindex(b'sensor_msgs/msg/Imu')  # in what the end of the file repeats
+    (tmp_path / 'end.mcap').write_bytes(whole[:at] + b'\xff' + whole[at + 1:])
+    refuse(tmp_path / 'end.mcap', tmp_path, capsys, 'save what is readable with', entry)
+    (tmp_path / 'text.db3').write_text('hello ' * 99)
+    refuse(tmp_path / 'text.db3', tmp_path, capsys, 'no rosbag2 file, or damaged', entry)
+    (tmp_path / 'empty.db3').touch()
+    refuse(tmp_path / 'empty.db3', tmp_path, capsys, 'no rosbag2 file, or damaged', entry)
+    refuse(tmp_path / 'none.db3', tmp_path, capsys, 'there is no such', entry)
+    whole = (sqlite_bag(tmp_path / 'good') / 'good_0.db3').read_bytes()
+    (tmp_path / 'cut.db3').write_bytes(whole[:len(whole) // 2])
+    refuse(tmp_path / 'cut.db3', tmp_path, capsys, 'no rosbag2 file, or damaged', entry)
+    nothing = sqlite_bag(tmp_path / 'nothing', {})
+    refuse(nothing, tmp_path, capsys, 'holds no messages', entry)
+    other = sqlite_bag(tmp_path / 'other', form='protobuf')
+    refuse(other, tmp_path, capsys, "encoded as 'protobuf', only cdr is read", entry)
+
+
+def test_an_existing_bag_is_never_overwritten_and_wrong_usage_is_exit_code_2(
+        bag, tmp_path, capsys):
+    (tmp_path / 'out').mkdir()
+    assert main([str(bag), str(tmp_path / 'out'), '--map', '/imu:=imu/data_raw']) == 1
+    assert 'exists: give another name' in capsys.readouterr().err
+    for arguments in ([], [str(bag), 'out', '--map', '/imu'], [str(bag), '--map', '/a:=b']):
+        with pytest.raises(SystemExit) as usage:
+            main(arguments)
+        assert usage.value.code == 2
+
+
+@needs_data
+def test_a_real_recording_of_motion_capture(tmp_path):
+    source = DATA / 'cub_stabilize_2025_11_13.mcap'
+    counts, _ = import_bag(source, tmp_path / 'bag', {'/cub1/pose': 'optitrack/pose'})
+    assert counts == {'/mambo/optitrack/pose': 19703}
+    ours, theirs = read_bag(tmp_path / 'bag')['optitrack/pose'], read_bag(source)['/cub1/pose']
+    for field in ('stamp', 'log_time', 'position', 'orientation'):
+        np.testing.assert_array_equal(getattr(ours, field), getattr(theirs, field))
+    assert (np.diff(ours.t) > 0.02).sum() == 33
+
+
+@needs_data
+def test_the_test_bags_of_rosbag2(capsys):
+    folder = DATA / 'rosbag2_tests'
+    for path in sorted(folder.iterdir()):
+        expected = 1 if path.name == 'wrong_rmw_test' else 0
+        assert main([str(path)]) == expected, path
+        captured = capsys.readouterr()
+        assert captured.err.count('\n') == expected
+    assert main([str(folder / 'wrong_rmw_test')]) == 1
+    assert "encoded as 'wrong_format', only cdr is read" in capsys.readouterr().err
