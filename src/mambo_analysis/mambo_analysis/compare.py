@@ -323,15 +323,19 @@ def _reference(a: Bag, b: Bag, alignment: Alignment) -> str | None:
     """Say whether two flights had one reference; None if one of them has none."""
     if a is b or 'reference' not in a or 'reference' not in b:
         return None
-    try:
-        ours = alignment.moved(motion.read(a, 'reference'))
-        error = pair.motions(ours, motion.read(b, 'reference'))[0].error
-    except BagError:
+    apart = []
+    for offset in (0, alignment.offset):  # on their own clocks, and on one
+        try:
+            ours = motion.read(a, 'reference').moved(offset, 0.0, np.zeros(3))
+            error = pair.motions(ours, motion.read(b, 'reference'))[0].error
+            apart.append(float(np.nanmax(np.linalg.norm(error, axis=1))))
+        except BagError:
+            continue
+    if not apart:
         return 'the references have no time in common'
-    apart = float(np.nanmax(np.linalg.norm(error, axis=1)))
-    if apart < 1e-6:
+    if min(apart) < 1e-6:
         return 'both flew the same reference'
-    return f'the flights had different references, up to {apart:.3f} m apart'
+    return f'the flights had different references, up to {min(apart):.3f} m apart'
 
 
 def _differences(a: Bag, b: Bag) -> list[list[Any]]:

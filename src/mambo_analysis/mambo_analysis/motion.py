@@ -172,6 +172,8 @@ def choose(bag: Bag, topic: str | None, other: Bag, other_topic: str | None) -> 
     """
     Return the topic of a bag to compare: the one asked for, else the best that both bags have.
 
+    Where ``other`` is the same bag it is another topic than ``other_topic``.
+
     Raises
     ------
     BagError
@@ -180,12 +182,12 @@ def choose(bag: Bag, topic: str | None, other: Bag, other_topic: str | None) -> 
     """
     if topic is not None:
         return topic
-    here = candidates(bag)
+    here = [name for name in candidates(bag) if other is not bag or name != other_topic]
     if not here:
         raise BagError(
             f'{bag.path}: no topic with a motion (Odometry or PoseStamped); it has '
             f'{", ".join(sorted(bag.topics)) or "none"}')
-    if other_topic is None:
+    if other_topic is None and other is not bag:
         both = [name for name in here if name in other]
         return both[0] if both else here[0]
     return other_topic if other_topic in here else here[0]

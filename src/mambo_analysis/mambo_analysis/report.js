@@ -139,7 +139,7 @@
       return here.p.map((c, k) => c + length * d[k]);
     };
     if (!here) return [[], [], [], []];
-    const arms = CROSS.map((v) => (v ? along(v, arm * 0.7) : [null, null, null]));
+    const arms = CROSS.map((v) => (v ? along(v, arm) : [null, null, null]));
     const axes = DIRECTIONS.map(([v]) => (here.known ? [here.p, along(v, 2.2 * arm)] : []));
     return [arms, ...axes];
   }
@@ -155,7 +155,8 @@
     }
     const traces = replay.tracks.map((track) => ({ type: 'scatter3d', mode: 'lines',
       name: track.name, x: track.x, y: track.y, z: track.z, hoverinfo: 'name',
-      line: { color: colour(track.colour), width: track.colour === 'reference' ? 2 : 4,
+      opacity: 0.55,
+      line: { color: colour(track.colour), width: track.colour === 'reference' ? 2 : 3,
         dash: track.colour === 'reference' ? 'dot' : 'solid' } }));
     replay.vehicles.forEach((vehicle) => {
       body(vehicle, now).forEach((points, part) => {
@@ -173,7 +174,8 @@
     Plotly.react(scene, traces, { ...base(), margin: { l: 0, r: 0, t: 0, b: 0 },
       uirevision: 'kept', legend: { orientation: 'h', x: 0, y: 1, yanchor: 'top' },
       scene: { aspectmode: 'data', xaxis: side('x [m]', 0), yaxis: side('y [m]', 1),
-        zaxis: side('z [m]', 2), camera: { eye: { x: 1.35, y: -1.35, z: 0.75 },
+        zaxis: side('z [m]', 2), camera: {
+          eye: narrow() ? { x: 1.7, y: -1.7, z: 0.95 } : { x: 1.35, y: -1.35, z: 0.75 },
           center: { x: 0, y: 0, z: -0.1 } } } }, config);
   }
 

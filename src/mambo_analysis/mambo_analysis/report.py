@@ -72,7 +72,7 @@ def _line(
     name: str, colour: str, stamps: Ints, values: Floats, digits: int, dash: str = 'solid',
 ) -> dict[str, Any]:
     t, y = _thin(stamps * 1e-9, values)
-    return {'name': name, 'colour': colour, 'dash': dash, 't': _numbers(t, 3),
+    return {'name': escape(name), 'colour': colour, 'dash': dash, 't': _numbers(t, 3),
             'y': _numbers(y, digits)}
 
 
@@ -80,8 +80,8 @@ def _figure(
     name: str, title: str, text: str, panels: Sequence[tuple[str, list[dict[str, Any]]]],
 ) -> dict[str, Any]:
     """Return a figure of panels (label of the axis, lines) above each other."""
-    return {'id': name.replace(': ', '-').strip().replace(' ', '-').lower(), 'title': title, 'text': text,
-            'panels': [{'label': label, 'lines': lines} for label, lines in panels]}
+    return {'id': name.replace(': ', '-').replace(' ', '-').lower(), 'title': title,
+            'text': text, 'panels': [{'label': label, 'lines': lines} for label, lines in panels]}
 
 
 def _figures(
@@ -93,7 +93,7 @@ def _figures(
         digits = DIGITS.get(q.unit, 4)
         panels = []
         for axis, label in enumerate(q.axes):
-            lines = [_line(f'{other.name}', 'reference', other.stamps, other.position[:, axis],
+            lines = [_line(other.name, 'reference', other.stamps, other.position[:, axis],
                            digits, 'dot') for other in others.get(q.name, ())]
             panels.append((f'{label} [{q.unit}]', [
                 *lines, _line(theirs, 'b', q.stamps, q.b[:, axis], digits),
@@ -132,12 +132,12 @@ def _replay(
     out: dict[str, Any] = {'t': _numbers(grid * 1e-9, 3), 'tracks': [], 'vehicles': []}
     for label, colour, track in tracks:
         step = max(1, len(track.stamps) // POINTS)
-        out['tracks'].append({'name': label, 'colour': colour, **{
+        out['tracks'].append({'name': escape(label), 'colour': colour, **{
             axis: _numbers(track.position[::step, i], 4) for i, axis in enumerate('xyz')}})
     for label, colour, vehicle in vehicles:
         there = vehicle.at(grid)
         out['vehicles'].append({
-            'name': label, 'colour': colour,
+            'name': escape(label), 'colour': colour,
             'p': [_numbers(row, 4) for row in there.position],
             'q': [_numbers(row, 4) for row in there.quaternion]})
     return out
