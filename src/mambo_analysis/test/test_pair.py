@@ -194,6 +194,16 @@ def test_numbers_as_table_csv_and_json_agree(tmp_path, monkeypatch, capsys):
     assert float(lines[0]['final_drift']) == row['drift_total']
 
 
+def test_a_topic_is_a_data_frame_with_the_stamp_as_index(tmp_path):
+    bag = flown(tmp_path / 'a', seconds=1.0)
+    frame = bag['estimate/odom'].to_pandas()
+    assert frame.index.name == 't' and frame.index[0] == 10.0
+    np.testing.assert_array_equal(
+        frame[[f'pose.pose.position.{axis}' for axis in 'xyz']], bag['estimate/odom'].position)
+    assert frame['pose.covariance[35]'].eq(0.0).all()
+    assert set(frame['child_frame_id']) == {'base_link'}
+
+
 def test_a_turn_that_neither_path_nor_attitude_tells_is_said():
     stamps = np.arange(10) * STEP
     still = motion.Motion('x', stamps, np.zeros((10, 3)), np.full((10, 4), np.nan))
