@@ -11,8 +11,10 @@ import time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from mambo_analysis import closed_loop, offline
 from mambo_analysis.bag import read_bag
-from mambo_analysis.scenario import from_yaml, scenario
-from mambo_bringup.flight import fly
+from mambo_analysis.scenario import from_yaml, override, scenario, to_yaml
+from mambo_bringup.domain import Domain
+from mambo_bringup.flight import FLIGHT_NODES, fly, RECORDER, SIMULATOR
+from mambo_bringup.processes import NodeProcess
 from mambo_bringup.replay import replay
 from mambo_estimation.estimator_node import encode_state
 from mambo_ros import messages, topics
@@ -236,3 +238,37 @@ def test_an_existing_output_is_not_touched(tmp_path):
     _, err = run.communicate(timeout=60.0)
     assert run.returncode == 1 and 'exists' in err
     assert keep.read_text() == 'mine'
+
+
+@pytest.mark.parametrize('mode', ['realtime', 'lockstep'])
+@pytest.mark.parametrize('lost', ['reference_node', 'estimator_node'])
+def test_a_node_that_is_gone_in_flight_lands_the_vehicle(tmp_path, mode, lost):
+    bag, file = tmp_path / 'flight', tmp_path / 'scenario.yaml'
+    names = [name for _, name in (*FLIGHT_NODES, RECORDER)]
+    file.write_text(to_yaml(override(scenario(duration=16.0, land=False), {
+        'sim_node.mode': mode, 'sim_node.speed': 2.0, 'sim_node.wait_for': ','.join(names)})))
+    arguments, said = ['--ros-args', '--params-file', str(file)], []
+    with Domain():
+        children = {RECORDER[1]: NodeProcess(*RECORDER, ['--ros-args', '-p', f'bag:={bag}'])}
+        for package, name in FLIGHT_NODES:
+            children[name] = NodeProcess(package, name, arguments)
+        try:
+            sim = NodeProcess(*SIMULATOR, arguments, said.append)
+            limit = time.monotonic() + 300.0
+            while not any(' t = ' in line for line in said) and time.monotonic() < limit:
+                time.sleep(0.01)
+            time.sleep(1.5)  # at least 3 s of flight, or 5 s and less than 16 in lockstep
+            children[lost].end(20.0)
+            code = sim.wait(60.0)
+        finally:
+            codes = {name: child.end(20.0) for name, child in reversed(children.items())}
+            sim.end(20.0)
+    assert code == 0, said  # flown to its end, in lockstep too
+    assert set(codes.values()) == {0}
+    answers = [messages.decode_motor_pwm(data) for data in payloads(bag, topics.MOTOR_PWM)]
+    assert answers[-1][1:] == ((0.0,) * 4, True)
+    truth = [messages.decode_odometry(data)[1] for data in payloads(bag, topics.GROUND_TRUTH)]
+    assert min(state.rho[2] for state in truth) < -0.3  # it was up
+    assert truth[-1].rho[2] >= 0.0 and np.abs(truth[-1].nu).max() == 0.0
+    if mode == 'lockstep':
+        assert [t for t, _, _ in answers] == [5_000_000 * k for k in range(3201)]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from mambo_control import latch
+from mambo_control import controllers, failsafe
 from mambo_estimation import filters
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model.compiled import jit
@@ -58,7 +58,8 @@ class _Settings(NamedTuple):
     optitrack: optitrack.OptitrackValues
     estimator: filters.Values
     plan: PlanValues
-    gains: latch.Gains
+    gains: controllers.Gains
+    failsafe: failsafe.FailsafeValues
     reference_vehicle: VehicleValues
     controller_vehicle: VehicleValues
     period: float
@@ -72,6 +73,7 @@ def _settings(flight: Scenario) -> _Settings:
     return _Settings(
         sim.values(), flight.optitrack_node.optitrack.values(), estimator.filter.values(),
         flight.reference_node.plan.values(), flight.controller_node.law.values(),
+        flight.controller_node.failsafe.values(),
         flight.reference_node.vehicle.values(), flight.controller_node.vehicle.values(),
         flight.controller_node.period, estimator.estimator == 'ground_truth',
         float(np.float32(sim.sonar.min_range)), float(np.float32(sim.sonar.max_range)))
@@ -108,7 +110,8 @@ def fly(flight: Scenario) -> Recording:
     sim = flight.sim_node.simulator
     mocap_rng = simulator.generators(flight.optitrack_node.seed)[simulator.OPTITRACK]
     _loop(simulator.initial_state(sim), simulator.generators(sim.seed), mocap_rng,
-          filters.initial(flight.estimator_node.filter), latch.initial(flight.controller_node.law),
+          filters.initial(flight.estimator_node.filter),
+          failsafe.initial(flight.controller_node.law),
           _settings(flight), out)
     return out
 
@@ -193,7 +196,7 @@ def _loop(state, rngs, mocap_rng, memory, control, p, out):
     The types of ``memory``, ``control`` and ``p`` say which estimator and which controller: each
     pair has a loop of its own, compiled when it is first flown.
     """
-    mocap, before, reason = optitrack.START, state.plant.body, 0
+    mocap, before = optitrack.START, state.plant.body
     last = len(out.t) - 1
     for k in range(last + 1):
         t = out.t[k]
@@ -202,18 +205,22 @@ def _loop(state, rngs, mocap_rng, memory, control, p, out):
         t_before = t - STEP_NS if k else t
         mocap, seen = optitrack.step(mocap, t_before, before, t, body, mocap_rng, p.optitrack)
         before = body
-        estimated, heard = body, _hear(samples, p)
+        estimated, spread, heard = body, failsafe.EXACT, _hear(samples, p)
         _store_samples(out, k, samples, heard)
         if not p.use_truth:
             memory, estimate = filters.step(
                 memory, (t - t_before) * 1e-9, samples.gyro, samples.accel, heard.sonar,
                 heard.flow, heard.flow_quality, heard.pressure, p.estimator)
             estimated = estimate.state
+            pose, twist = estimate.pose_covariance, estimate.twist_covariance
+            spread = failsafe.Spread(
+                max(pose[0], pose[7]), pose[14], max(twist[0], twist[7]))
         vehicle = p.reference_vehicle
         ref, phase = reference_step(
             t * 1e-9, p.plan, vehicle.mass, vehicle.inertia, vehicle.gravity)
-        control, reason, command = latch.step(
-            control, reason, estimated, ref, phase, p.period, p.gains, p.controller_vehicle)
+        control, command = failsafe.step(
+            control, estimated, spread, ref, phase, p.period, p.gains, p.failsafe,
+            p.controller_vehicle)
         _store(out.truth[k], body)
         _store(out.estimate[k], estimated)
         _store(out.reference[k], State(ref.rho, body_velocity(ref), ref.q, ref.omega))

@@ -179,7 +179,7 @@ def step(
     action is zero. Inputs that cannot be used (not finite, absurdly large, no unit quaternion,
     an unknown phase, a reference without a thrust direction) and, in flight, tilt or height
     beyond the limits stop the motors with ``shutdown``; the memory stays as it is. A shutdown
-    is not remembered here but by :mod:`latch`.
+    is not remembered here but by :mod:`failsafe`.
 
     Each motor is cut to its PWM limits on its own, as in the thesis: no axis has priority over
     another, so that thrust and torque both fall short while a motor saturates.

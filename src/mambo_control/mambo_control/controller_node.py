@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from mambo_model.flatness import from_flat_output
 from mambo_model.rigid_body import State
-from mambo_model.trajectory import GROUND
 from mambo_ros import diagnostics, messages, node, topics
 
-from . import cascaded, latch
+from . import cascaded, failsafe
+from .failsafe import NO_REFERENCE, NO_STATE, Spread
 from .parameters import ControllerNodeParams
-from .safety import REASON_NONE
 
-_KEEP = 400  # references and estimates kept while the other one is missing, 2 s
 _REPORT_EVERY = 1_000_000_000  # ns
-_REASONS = ('flying', 'tilt limit', 'height limit', 'estimate unusable', 'reference unusable')
+_LOOK_EVERY = 0.05  # s
+_STAGES = (
+    'flying', 'holding', 'landing', 'descending blind', 'motors shut down')
+_REASONS = (
+    '', 'tilt limit', 'height limit', 'estimate lost or unusable',
+    'reference lost or unusable', 'crash')
+_LEVELS = (diagnostics.OK, diagnostics.WARN, *(diagnostics.ERROR,) * 3)
+_NO_ESTIMATE = (NO_STATE, failsafe.EXACT)
 
 
 class ControllerNode(node.MamboNode[ControllerNodeParams]):
@@ -21,65 +25,89 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
     Controller.
 
     Subscribes ``estimate/odom`` and ``reference``; answers each pair of equal stamps with
-    ``motor_pwm`` and ``controller/state``. A shutdown stays until the node is started again.
+    ``motor_pwm`` and ``controller/state``. Where one of a pair is missing and the other stream is
+    ``patience`` ahead, or nobody publishes the missing stream any more, the other one is answered
+    without it, as :mod:`failsafe` says. A shutdown stays until the node is started again.
     """
 
     def __init__(self, **kwargs) -> None:
         super().__init__('controller_node', ControllerNodeParams, **kwargs)
         p = self.params
         self._gains, self._vehicle = p.law.values(), p.vehicle.values()
-        self._memory, self._reason = latch.initial(p.law), REASON_NONE
-        self._states: dict[int, State] = {}
+        self._limits = p.failsafe.values()
+        self._memory = failsafe.initial(p.law)
+        self._patience = round(p.patience * 1e9)
+        self._estimates: dict[int, tuple[State, Spread]] = {}
         self._references: dict[int, tuple] = {}
         self._last = -1
-        self._load()
+        self._gone = (False, False)  # nobody publishes estimates, references any more
+        self._told = failsafe.FLYING
+        failsafe.step(  # have the compiled step in memory before time starts
+            self._memory, *_NO_ESTIMATE, NO_REFERENCE, 0, p.period, self._gains, self._limits,
+            self._vehicle)
         self._pwm = self.say(topics.MOTOR_PWM)
         self._inner = self.say(topics.CONTROLLER_STATE)
         self._diagnostics = self.say(topics.DIAGNOSTICS)
         self.hear(topics.REFERENCE, self._on_reference)
         self.hear(topics.ESTIMATE, self._on_estimate)
-
-    def _load(self) -> None:
-        """Have the compiled step in memory before time starts."""
-        zero, v = (0.0, 0.0, 0.0), self._vehicle
-        latch.step(
-            self._memory, self._reason, State(zero, zero, (1.0, 0.0, 0.0, 0.0), zero),
-            from_flat_output(zero, zero, zero, zero, zero, v.mass, v.inertia, v.gravity),
-            GROUND, self.params.period, self._gains, v)
+        self.create_timer(_LOOK_EVERY, self._look)
 
     def _on_estimate(self, data: bytes) -> None:
-        t, state = messages.decode_odometry(data)
-        self._pair(t, self._states, state)
+        t, state, variances = messages.decode_estimate(data)
+        self._pair(
+            t, self._estimates, (state, Spread(*variances)), self._references, self._gone[1])
 
     def _on_reference(self, data: bytes) -> None:
         t, reference, phase = messages.decode_reference(data)
-        self._pair(t, self._references, (reference, phase))
+        self._pair(t, self._references, (reference, phase), self._estimates, self._gone[0])
 
-    def _pair(self, t: int, mine: dict, value) -> None:
-        """Keep a message until its partner of the same stamp is there, then answer."""
+    def _pair(self, t: int, mine: dict, value: tuple, other: dict, gone: bool) -> None:
+        """Keep a message until its partner of the same stamp is there or overdue; answer."""
         if t <= self._last:
             return
         mine[t] = value
-        if t in self._states and t in self._references:
-            self._last = t
-            self._answer(t, self._states[t], *self._references[t])
-            for store in (self._states, self._references):
-                for old in [stamp for stamp in store if stamp <= t]:
-                    del store[old]
-        elif len(mine) > _KEEP:
-            del mine[min(mine)]
+        if t in other:
+            self._answer(t)
+        else:
+            overdue = t if gone else t - self._patience
+            for stamp in sorted(s for s in mine if s <= overdue):
+                self._answer(stamp)
 
-    def _answer(self, t: int, state: State, reference, phase: int) -> None:
-        self._memory, self._reason, c = latch.step(
-            self._memory, self._reason, state, reference, phase, self.params.period, self._gains,
-            self._vehicle)
+    def _look(self) -> None:
+        """See who still publishes, and answer what waits for a stream that nobody does."""
+        begun = self._last >= 0  # before that, nobody may have been found yet
+        self._gone = (begun and not self.count_publishers(topics.ESTIMATE.name),
+                      begun and not self.count_publishers(topics.REFERENCE.name))
+        for waiting, gone in zip((self._references, self._estimates), self._gone, strict=True):
+            for stamp in sorted(waiting) if gone else ():
+                self._answer(stamp)
+
+    def _answer(self, t: int) -> None:
+        """Answer a stamp with what there is of it, and forget all up to it."""
+        self._last = t
+        estimate = self._estimates.get(t, _NO_ESTIMATE)
+        reference, phase = self._references.get(t, (NO_REFERENCE, 0))
+        self._memory, c = failsafe.step(
+            self._memory, *estimate, reference, phase, self.params.period, self._gains,
+            self._limits, self._vehicle)
+        for store in (self._estimates, self._references):
+            for old in [stamp for stamp in store if stamp <= t]:
+                del store[old]
         self._pwm(messages.motor_pwm(t, c.pwm, c.shutdown, c.reason))
         self._inner(encode_state(t, c))
-        if t % _REPORT_EVERY == 0:
-            self._diagnostics(diagnostics.report(
-                t, self.get_name(), diagnostics.ERROR if c.shutdown else diagnostics.OK,
-                f'motors shut down: {_REASONS[c.reason]}' if c.shutdown else _REASONS[0],
-                {'thrust [N]': c.thrust, 'phase': phase}))
+        if t % _REPORT_EVERY == 0 or self._memory.stage != self._told:
+            self._report(t, c)
+
+    def _report(self, t: int, c: cascaded.Command) -> None:
+        m = self._memory
+        stage, why = _STAGES[m.stage], _REASONS[m.reason]
+        line = f'{stage}: {why}' if why else stage
+        if m.stage != self._told and m.stage > failsafe.HOLDING:
+            self.get_logger().warning(f't = {t * 1e-9:.3f} s: {line}')
+        self._told = m.stage
+        self._diagnostics(diagnostics.report(
+            t, self.get_name(), _LEVELS[m.stage], line,
+            {'thrust [N]': c.thrust, 'phase': m.phase, 'stage': stage}))
 
 
 def encode_state(t: int, c: cascaded.Command) -> bytes:

@@ -8,8 +8,9 @@ from mambo_model import schema
 from mambo_model.trajectory import FlightPlanParams
 from mambo_model.vehicle import Vehicle
 
+from .controllers import Params
+from .failsafe import FailsafeParams
 from .gains import CascadedParams
-from .latch import Params
 from .toolbox import ToolboxControllerParams
 
 
@@ -27,8 +28,12 @@ class ControllerNodeParams:
 
     controller: str = schema.choice('cascaded', ('cascaded', 'toolbox'), 'which control law')
     period: float = schema.quantity(0.005, 's', 0.001, 0.1, '200 Hz, section 4.2')
+    patience: float = schema.quantity(
+        0.1, 's', 0.0, 10.0, 'an estimate or a reference is missing when the other stream is '
+        'ahead by so much stamped time (judgement)')
     cascaded: CascadedParams = schema.group(CascadedParams)
     toolbox: ToolboxControllerParams = schema.group(ToolboxControllerParams)
+    failsafe: FailsafeParams = schema.group(FailsafeParams)
     vehicle: Vehicle = schema.group(Vehicle)
 
     def __post_init__(self) -> None:

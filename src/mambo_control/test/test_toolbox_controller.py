@@ -2,7 +2,7 @@
 
 import math
 
-from mambo_control import latch, safety, toolbox
+from mambo_control import safety, toolbox
 from mambo_control.toolbox import Memory, step, ToolboxControllerParams
 from mambo_model import rigid_body
 from mambo_model.aerodynamics import lumped_drag
@@ -297,20 +297,6 @@ def test_tilt_and_height_beyond_the_limits_stop_the_motors_in_flight_only(state,
 def test_impossible_period_is_refused(dt):
     with pytest.raises(ValueError, match='dt of the controller'):
         step(toolbox.initial(), still(), reference(), TRACK, dt, GAINS, MAMBO)
-
-
-def test_shutdown_stays():
-    bad = still(rho=(math.nan, 0.0, 0.0))
-    args = reference(), TRACK, DT, GAINS, MAMBO
-    memory, reason, command = latch.step(toolbox.initial(), safety.REASON_NONE, still(), *args)
-    assert command == answer(still())[1]._replace(
-        integral=command.integral, integral_rate=command.integral_rate,
-        virtual_input=command.virtual_input)
-    memory, reason, command = latch.step(memory, reason, bad, *args)
-    assert command.shutdown and reason == safety.REASON_ESTIMATE
-    memory, reason, command = latch.step(memory, reason, still(), *args)
-    assert command.shutdown and command.pwm == (0.0,) * 4
-    assert command.reason == reason == safety.REASON_ESTIMATE
 
 
 def test_one_step_has_the_same_bits_alone_and_in_a_compiled_loop():

@@ -27,7 +27,7 @@ _ONE: Jet = (1.0, 0.0, 0.0, 0.0, 0.0)
 _ZERO: Jet = (0.0, 0.0, 0.0, 0.0, 0.0)
 _ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 
-_BLEND_SPEED = 630.0 / 4.0**4            # largest first derivative of the blend
+BLEND_SPEED = 630.0 / 4.0**4            # largest first derivative of the blend
 _BLEND_ACCELERATION = 2520.0 * (3.0 / 14.0)**3 / math.sqrt(7.0)  # largest second one
 _BLEND_HALF = 63.0 / 1024.0              # integral of the blend over its first half
 
@@ -193,9 +193,9 @@ def _check_vertical(plan: FlightPlanParams) -> None:
             f'to the ground: {depth:g} m of motion about {height:g} m')
     blends = plan.takeoff == 'smooth' or plan.landing_time > 0.0
     rate, T = path.rate * plan.scale_rate, plan.blend_duration
-    extra = 2.0 * _BLEND_SPEED * rate * plan.scale_rate / TURN_DURATION if path.loops else 0.0
+    extra = 2.0 * BLEND_SPEED * rate * plan.scale_rate / TURN_DURATION if path.loops else 0.0
     if blends:
-        extra = max(extra, 2.0 * _BLEND_SPEED * rate / T + _BLEND_ACCELERATION / T**2)
+        extra = max(extra, 2.0 * BLEND_SPEED * rate / T + _BLEND_ACCELERATION / T**2)
     track = depth * (rate**2 + extra)
     climb = height * _BLEND_ACCELERATION / plan.climb_duration**2 if blends else 0.0
     for name, value, remedy in (
@@ -230,7 +230,7 @@ def blend(x: float) -> Jet:
 
 
 @jit
-def _blend_integral(x: float) -> float:
+def blend_integral(x: float) -> float:
     """Return the integral of the blend from 0 to x."""
     if x <= 0.0:
         return 0.0
@@ -276,7 +276,7 @@ def _path_time(t: float, plan: PlanValues) -> Jet:
     b = blend(x)
     h = k / TURN_DURATION
     return (
-        p - 2.0 * TURN_DURATION * _blend_integral(x),
+        p - 2.0 * TURN_DURATION * blend_integral(x),
         k * (1.0 - 2.0 * b[0]),
         -2.0 * k * h * b[1],
         -2.0 * k * h * h * b[2],

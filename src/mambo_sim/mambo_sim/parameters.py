@@ -26,6 +26,10 @@ class SimNodeParams:
         'wall time to wait for nodes and links: the first start compiles the numerics')
     patience: float = schema.quantity(
         30.0, 's', 1.0, 3600.0, 'wall time without an answer after which to give up (lockstep)')
+    motor_timeout: float = schema.quantity(
+        0.5, 's', 0.0, 3600.0,
+        'wall time without a motor command after which turning motors stop, as a watchdog in the '
+        'firmware does it; 0: never (realtime)')
     simulator: SimulatorParams = schema.group(SimulatorParams)
 
     def __post_init__(self) -> None:

@@ -4,7 +4,7 @@ The vehicle, its sensors and the time of the graph.
 ``sim_node`` publishes ``/clock`` and every sensor, and advances the vehicle by one control step
 of 5 ms with the motor command that answers the step. In lockstep it waits for that command as
 long as it takes; in real time it paces the steps to the wall clock and keeps the last command
-when none has come.
+when none has come, until its watchdog stops the motors.
 """
 
 from __future__ import annotations
@@ -39,7 +39,9 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._counts = [0, 0, 0, 0]
         self._tick = 0
         self._pwm, self._shutdown, self._answered = (0.0,) * 4, False, -1
+        self._heard = 0.0  # s of wall time
         self.missed = 0
+        self.starved = -1  # ns, when the watchdog stopped the motors; -1: it has not
         self._clock = self.say(topics.CLOCK)
         self._imu = self.say(topics.IMU)
         self._sonar = self.say(topics.SONAR)
@@ -61,6 +63,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
         t, pwm, shutdown = messages.decode_motor_pwm(data)
         if t > self._answered:  # a repeated or late answer changes nothing
             self._answered, self._pwm, self._shutdown = t, pwm, shutdown
+            self._heard = time.monotonic()
 
     @property
     def t(self) -> int:
@@ -97,15 +100,39 @@ class SimNode(node.MamboNode[SimNodeParams]):
             self._report(t)
 
     def _report(self, t: int) -> None:
-        level = diagnostics.WARN if self.missed else diagnostics.OK
+        level, line = diagnostics.OK, 'flying'
+        if self.missed:
+            level, line = diagnostics.WARN, f'{self.missed} steps without their motor command'
+        if self.starved >= 0:
+            level, line = diagnostics.ERROR, (
+                f'motors stopped at t = {self.starved * 1e-9:.3f} s: no motor command for '
+                f'{self.params.motor_timeout:g} s')
         self._diagnostics(diagnostics.report(
-            t, self.get_name(), level,
-            f'{self.missed} steps without their motor command' if self.missed else 'flying',
+            t, self.get_name(), level, line,
             {'mode': self.params.mode, 'steps': self._tick, 'missed': self.missed}))
+
+    def watch(self, now: float) -> None:
+        """
+        Stop the motors for good when they turn and no command has come for too long.
+
+        Parameters
+        ----------
+        now : s
+            Wall time, of ``time.monotonic``.
+
+        """
+        limit, silent = self.params.motor_timeout, now - self._heard
+        turning = not self._shutdown and any(x > 0.0 for x in self._pwm)
+        if self.starved < 0 and turning and 0.0 < limit < silent:
+            self.starved = self.t
+            self.get_logger().error(
+                f'no motor_pwm for {limit:g} s: motors stopped at t = {self.t * 1e-9:.3f} s')
+            self._report(self.t)
 
     def advance(self) -> None:
         """Move the vehicle to the next step with the newest motor command."""
-        self._state = simulator.advance(self._state, self._pwm, self._shutdown, self._values)
+        stop = self._shutdown or self.starved >= 0
+        self._state = simulator.advance(self._state, self._pwm, stop, self._values)
         self._tick += 1
 
 
@@ -135,6 +162,7 @@ def _wait_for_deadline(sim: SimNode, loop: node.Loop, deadline: float) -> None:
         loop.once(0.0)
     if not sim.answered:
         sim.missed += 1
+        sim.watch(time.monotonic())
 
 
 def fly(sim: SimNode, loop: node.Loop) -> int:

@@ -1,0 +1,495 @@
+"""
+What the controller does when its estimate or its reference is lost: hold, land, stop.
+
+One step per control period; whatever goes in, each motor gets 0 or a PWM within its limits. What
+is missing comes in as NaN. The vehicle is in one of five stages:
+
+================  =============================================  ================================
+stage             when                                           what the control law gets
+================  =============================================  ================================
+FLYING            estimate and reference are good                both of them
+HOLDING           either is lost, not longer than ``hold``       the last reference; a prediction
+LANDING           lost for longer, attitude and height known,    a descent of its own
+                  or the law cannot follow its reference
+DESCENDING_BLIND  attitude or height lost for longer             its own descent, a prediction, a
+                                                                 vehicle believed to be lighter
+STOPPED           touched down; a limit exceeded; a crash; lost  nothing: the motors stand still
+                  for longer before take-off or after landing
+================  =============================================  ================================
+
+HOLDING goes back to FLYING. A landing is final: a reference that comes back is not followed, as
+nobody has said where it leads; attitude and height that come back turn DESCENDING_BLIND into
+LANDING. STOPPED stays until the controller is started again.
+
+**Prediction.** The believed vehicle (3.3) flown on from the last state with the last PWM. Each of
+attitude, height and horizontal motion that the estimate still knows takes the place of the
+predicted one. Height and horizontal motion are known as long as their variances, which an
+estimator publishes, are within limits; an estimator that publishes none (zeros) is believed.
+
+**Descent.** From position, velocity and yaw at its begin the velocity blends to
+``descent_speed`` straight down within ``deceleration``, four times continuously differentiable,
+and goes on into the floor. It ends when the vehicle near the floor has ceased to sink, or when
+the reference is ``depth`` under the floor.
+
+**Blind.** Nothing bounds an open-loop descent: (3.13) has no drag along the thrust, hence there
+is no terminal speed, and an error of thrust or mass of 1 % is 0.1 m/s^2. Two things help. The
+mass is the one that the flight has shown: lift over gravity minus vertical acceleration, both
+averaged over ``SHOWN_TIME`` above ``near_floor``, the believed mass until then. And the vehicle
+is taken to be lighter still, by ``thrust_deficit`` d: the true one gains d g t downwards on the
+prediction and is on the floor before it, which ends the descent. From rest at height h it touches
+down at sqrt(v^2 + 2 d g (h + v T/2)), v being ``descent_speed`` and T the time that taking it up
+takes: 0.95 m/s from 1.5 m. With more lift than 1 + d times what is assumed a vehicle would not
+come down; with less it comes down faster.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+from mambo_model import trajectory
+from mambo_model.compiled import jit
+from mambo_model.flatness import from_flat_output_yaw, Reference
+from mambo_model.quaternion import IDENTITY, rotate, rotate_inverse, to_euler
+from mambo_model.rigid_body import rk4_step, State
+from mambo_model.rotor import mix, thrust_from_pwm
+from mambo_model.schema import check, quantity, values
+from mambo_model.vector import add, dot, norm, scale, sub, Vec3
+from mambo_model.vehicle import VehicleValues
+
+from . import controllers
+from .cascaded import Command
+from .safety import (
+    is_attitude, LARGEST, REASON_CRASH, REASON_ESTIMATE, REASON_NONE, REASON_REFERENCE, usable,
+    usable_reference)
+
+FLYING, HOLDING, LANDING, DESCENDING_BLIND, STOPPED = range(5)
+
+SHORTEST_BLEND = 0.5  # s, in which a descent takes up its speed
+SETTLING = 0.5  # s after that, before a vehicle that does not sink counts as being on the floor
+TOUCHED = 0.1  # s for which it must not sink
+SHOWN_TIME = 2.0  # s
+MOST_WRONG = (0.5, 1.5)  # mass shown over mass believed
+LEAST_THRUST = 0.1  # m/s^2 along the attitude of a reference that can be followed
+_ZERO: Vec3 = (0.0, 0.0, 0.0)
+_NAN3: Vec3 = (math.nan, math.nan, math.nan)
+_NAN4 = (math.nan, math.nan, math.nan, math.nan)
+
+
+class Spread(NamedTuple):
+    """Variances of an estimate, 0 where its estimator publishes none."""
+
+    position: float  # m^2, horizontal, the larger one
+    height: float  # m^2
+    velocity: float  # m^2/s^2, along body x and y, the larger one
+
+
+EXACT = Spread(0.0, 0.0, 0.0)
+NO_STATE = State(_NAN3, _NAN3, _NAN4, _NAN3)  # in place of an estimate that has not come
+NO_REFERENCE = Reference(
+    _NAN3, _NAN3, _NAN3, _NAN3, _NAN3, _NAN4, _NAN3, _NAN3, math.nan, _NAN3)
+_REST = State(_ZERO, _ZERO, IDENTITY, _ZERO)
+_POINT = Reference(_ZERO, _ZERO, _ZERO, _ZERO, _ZERO, IDENTITY, _ZERO, _ZERO, 0.0, _ZERO)
+
+
+class FailsafeValues(NamedTuple):
+    """What compiled code reads of :class:`FailsafeParams`; units as there."""
+
+    hold: float
+    descent_speed: float
+    deceleration: float
+    near_floor: float
+    depth: float
+    position_std: float
+    height_std: float
+    velocity_std: float
+    rate_limit: float
+    attitude_error_limit: float
+    velocity_error_limit: float
+    crash_time: float
+    thrust_deficit: float
+
+
+@dataclass(frozen=True)
+class FailsafeParams:
+    """How long a loss is borne, how the vehicle lands after it, and what is a crash."""
+
+    hold: float = quantity(
+        0.1, 's', 0.0, 10.0, 'a loss that is not longer is bridged (judgement)')
+    descent_speed: float = quantity(0.5, 'm/s', 0.1, 3.0, 'of a landing (judgement)')
+    deceleration: float = quantity(
+        2.0, 'm/s^2', 0.1, 5.0, 'largest one on the way to the descent speed (judgement)')
+    near_floor: float = quantity(
+        0.5, 'm', 0.0, 1000.0, 'below this height a vehicle that does not sink has touched '
+        'down; sonar and flow are blind below 0.43 m (judgement)')
+    depth: float = quantity(
+        0.5, 'm', 0.0, 1000.0, 'under the floor where a landing ends anyway (judgement)')
+    thrust_deficit: float = quantity(
+        0.02, '-', 0.0, 0.5, 'share of the weight not lifted while descending blind (judgement)')
+    position_std: float = quantity(
+        1000.0, 'm', 0.001, 1e6, 'horizontal position is lost beyond: odometry always drifts')
+    height_std: float = quantity(1.0, 'm', 0.001, 1e6, 'height is lost beyond (judgement)')
+    velocity_std: float = quantity(
+        1.0, 'm/s', 0.001, 1e6, 'horizontal motion is lost beyond (judgement)')
+    rate_limit: float = quantity(
+        25.0, 'rad/s', 1.0, 1e6, 'crash: tumbling; the gyroscope ends at 35 (judgement)')
+    attitude_error_limit: float = quantity(
+        1.5, 'rad', 0.1, 4.0, 'crash: not as demanded; above pi: never (judgement)')
+    velocity_error_limit: float = quantity(
+        6.0, 'm/s', 0.1, 1e6, 'crash: velocity far from what is asked for; the firmware '
+        'for minidrones allows as much between estimate and optical flow')
+    crash_time: float = quantity(
+        0.25, 's', 0.0, 10.0, 'for which any of these limits must be exceeded (judgement)')
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def values(self) -> FailsafeValues:
+        """Return the values that compiled code takes."""
+        return FailsafeValues(*values(self, FailsafeValues._fields))
+
+
+class Descent(NamedTuple):
+    """Where a descent began, inertial NED, and how far it is."""
+
+    rho: Vec3  # m
+    v: Vec3  # m/s
+    yaw: float  # rad
+    time: float  # s since its begin
+    still: float  # s for which the vehicle has not sunk
+
+
+class Shown(NamedTuple):
+    """Averages above ``near_floor``, filling from zero: what the vehicle weighs."""
+
+    lift: float  # N, vertical part of the commanded thrust
+    pull: float  # m/s^2, gravity minus vertical acceleration
+
+
+class Memory(NamedTuple):
+    """What is passed from step to step."""
+
+    control: controllers.Memory
+    stage: int
+    reason: int  # one of safety.REASON_*: why the stage is not FLYING
+    estimate_lost: float  # s
+    reference_lost: float  # s
+    crash: float  # s for which a limit of a crash has been exceeded
+    state: State  # the last one the law got
+    ref: Reference  # the last good one
+    phase: int  # of the flight plan, the last good one
+    shown: Shown
+    descent: Descent
+    command: Command  # the last one
+
+
+class Known(NamedTuple):
+    """Which parts of an estimate can be used."""
+
+    attitude: bool
+    vertical: bool
+    horizontal: bool
+
+
+def initial(params: controllers.Params) -> Memory:
+    """Return the memory at start of the controller that has such parameters."""
+    control = controllers.initial(params)
+    return Memory(
+        control, FLYING, REASON_NONE, 0.0, 0.0, 0.0, _REST, _POINT, trajectory.GROUND,
+        Shown(0.0, 0.0), Descent(_ZERO, _ZERO, 0.0, 0.0, 0.0),
+        controllers.stopped(control, REASON_NONE))
+
+
+@jit
+def in_flight(phase: int) -> bool:
+    """Tell whether the motors turn in a phase of the flight plan."""
+    return trajectory.GROUND < phase < trajectory.LANDED
+
+
+@jit
+def known(state: State, spread: Spread, aloft: bool, p: FailsafeValues) -> Known:
+    """Tell what of an estimate can be used; variances count in flight only."""
+    attitude = is_attitude(state.q) and usable(state.omega)
+    moving = attitude and usable(state.nu)
+    vertical = moving and abs(state.rho[2]) <= LARGEST
+    horizontal = moving and abs(state.rho[0]) <= LARGEST and abs(state.rho[1]) <= LARGEST
+    if aloft:
+        vertical = vertical and spread.height <= p.height_std * p.height_std
+        horizontal = (
+            horizontal and spread.position <= p.position_std * p.position_std
+            and spread.velocity <= p.velocity_std * p.velocity_std)
+    return Known(attitude, vertical, horizontal)
+
+
+@jit
+def followable(ref: Reference, phase: int, gravity: float) -> bool:
+    """Tell whether a reference of a phase can be followed: numbers, phase, a thrust (3.14b)."""
+    if not usable_reference(ref) or phase < trajectory.GROUND or phase > trajectory.LANDED:
+        return False
+    thrust = sub((0.0, 0.0, gravity), ref.a)  # m/s^2
+    return dot(rotate(ref.q, (0.0, 0.0, 1.0)), thrust) > LEAST_THRUST
+
+
+@jit
+def predicted(memory: Memory, dt: float, vv: VehicleValues) -> State:
+    """Return the last state dt s later by (3.3); with all motors stopped it stays as it is."""
+    x = memory.command.pwm
+    f, tau = mix((thrust_from_pwm(x[0], vv), thrust_from_pwm(x[1], vv),
+                  thrust_from_pwm(x[2], vv), thrust_from_pwm(x[3], vv)), vv)
+    if f == 0.0:
+        return memory.state
+    return rk4_step(memory.state, f, tau, dt, vv)
+
+
+@jit
+def _observed(memory: Memory, state: State, thrust: float, dt: float, p: FailsafeValues,
+              gravity: float) -> Shown:
+    """Return what one more step has shown of the weight, with a thrust in N."""
+    if -state.rho[2] <= p.near_floor:
+        return memory.shown
+    lift, pull = memory.shown
+    before, now = rotate(memory.state.q, memory.state.nu)[2], rotate(state.q, state.nu)[2]
+    share = dt / (SHOWN_TIME + dt)
+    upright = rotate(state.q, (0.0, 0.0, 1.0))[2]
+    return Shown(
+        lift + share * (thrust * upright - lift),
+        pull + share * (gravity - (now - before) / dt - pull))
+
+
+@jit
+def lighter(shown: Shown, p: FailsafeValues, vv: VehicleValues) -> VehicleValues:
+    """Return the vehicle that descends blind: its mass as shown so far, less the deficit."""
+    rest = max(0.0, vv.gravity - shown.pull)  # not shown yet: as believed
+    mass = (shown.lift + rest * vv.mass) / (shown.pull + rest)
+    mass = min(max(mass, MOST_WRONG[0] * vv.mass), MOST_WRONG[1] * vv.mass)
+    return VehicleValues(
+        (1.0 - p.thrust_deficit) * mass, vv.inertia, vv.gravity, vv.arm, vv.yaw_ratio,
+        vv.thrust_map, vv.linear_gain, vv.power_a, vv.power_b, vv.pwm_min, vv.pwm_max,
+        vv.motor_time_constant, vv.drag_reading, vv.drag_coefficient)
+
+
+@jit
+def completed(state: State, have: Known, ahead: State) -> State:
+    """Return the estimate with what is not known of it taken from a prediction."""
+    if not have.attitude:
+        return ahead
+    rho, v = ahead.rho, rotate(ahead.q, ahead.nu)
+    seen = rotate(state.q, state.nu)
+    if have.horizontal:
+        rho, v = (state.rho[0], state.rho[1], rho[2]), (seen[0], seen[1], v[2])
+    if have.vertical:
+        rho, v = (rho[0], rho[1], state.rho[2]), (v[0], v[1], seen[2])
+    return State(rho, rotate_inverse(state.q, v), state.q, state.omega)
+
+
+@jit
+def blend_duration(d: Descent, p: FailsafeValues) -> float:
+    """Return the time in s in which a descent takes up its speed."""
+    change = norm(sub((0.0, 0.0, p.descent_speed), d.v))
+    return max(SHORTEST_BLEND, trajectory.BLEND_SPEED * change / p.deceleration)
+
+
+@jit
+def descent_reference(d: Descent, p: FailsafeValues, vv: VehicleValues) -> Reference:
+    """Return the feasible reference (3.14) of a descent at its time, yaw kept."""
+    T = blend_duration(d, p)
+    x, h = d.time / T, 1.0 / T
+    b = trajectory.blend(x)
+    change = sub((0.0, 0.0, p.descent_speed), d.v)
+    return from_flat_output_yaw(
+        add(d.rho, add(scale(d.time, d.v), scale(T * trajectory.blend_integral(x), change))),
+        add(d.v, scale(b[0], change)), scale(h * b[1], change), scale(h * h * b[2], change),
+        scale(h * h * h * b[3], change), d.yaw, 0.0, 0.0, vv.mass, vv.inertia, vv.gravity)
+
+
+@jit
+def _begin(state: State) -> Descent:
+    """Return a descent that begins at a state."""
+    return Descent(state.rho, rotate(state.q, state.nu), to_euler(state.q)[2], 0.0, 0.0)
+
+
+@jit
+def _touched(state: State, d: Descent, ref: Reference, blind: bool, dt: float,
+             p: FailsafeValues) -> tuple[bool, float]:
+    """Return whether a descent is over, and for how long in s the vehicle has not sunk."""
+    if blind:
+        return state.rho[2] >= 0.0, 0.0
+    sinking = rotate(state.q, state.nu)[2] >= 0.5 * p.descent_speed
+    still = 0.0
+    if (not sinking and -state.rho[2] <= p.near_floor
+            and d.time >= blend_duration(d, p) + SETTLING):
+        still = d.still + dt
+    return still > TOUCHED or ref.rho[2] > p.depth, still
+
+
+@jit
+def _crashing(state: State, command: Command, p: FailsafeValues) -> bool:
+    """Tell whether a limit of a crash is exceeded; the NaN of a law that rests exceeds none."""
+    return (norm(state.omega) > p.rate_limit or command.attitude_error > p.attitude_error_limit
+            or norm(command.velocity_error) > p.velocity_error_limit)
+
+
+@jit
+def _next_stage(
+    memory: Memory, have: Known, estimate_lost: float, reference_lost: float, aloft: bool,
+    hold: float,
+) -> tuple[int, int]:
+    """Return the stage and its reason by what is lost, for how long in s, borne for hold s."""
+    landable = have.attitude and have.vertical
+    if memory.stage == LANDING or memory.stage == DESCENDING_BLIND:
+        if landable:
+            return LANDING, memory.reason
+        if estimate_lost > hold:
+            return DESCENDING_BLIND, REASON_ESTIMATE
+        return memory.stage, memory.reason
+    if estimate_lost > hold or reference_lost > hold:
+        reason = REASON_ESTIMATE if estimate_lost > hold else REASON_REFERENCE
+        if not aloft:
+            return STOPPED, reason
+        return LANDING if landable or reason == REASON_REFERENCE else DESCENDING_BLIND, reason
+    if estimate_lost > 0.0:
+        return HOLDING, REASON_ESTIMATE
+    if reference_lost > 0.0:
+        return HOLDING, REASON_REFERENCE
+    return FLYING, REASON_NONE
+
+
+@jit
+def _with_reason(c: Command, reason: int) -> Command:
+    """Return a command that tells why the vehicle does not follow its plan."""
+    return Command(
+        c.pwm, c.shutdown, reason, c.motor_thrust, c.saturated, c.thrust, c.torque,
+        c.position_error, c.velocity_error, c.integral, c.integral_rate, c.virtual_input,
+        c.attitude_desired, c.attitude_error, c.angular_velocity_error)
+
+
+@jit
+def _stop(memory: Memory, reason: int) -> tuple[Memory, Command]:
+    """Stop the motors for good."""
+    command = controllers.stopped(memory.control, reason)
+    return Memory(
+        memory.control, STOPPED, reason, memory.estimate_lost, memory.reference_lost,
+        memory.crash, memory.state, memory.ref, memory.phase, memory.shown, memory.descent,
+        command), command
+
+
+@jit
+def _descend(
+    memory: Memory, stage: int, reason: int, state: State, dt: float,
+    gains: controllers.Gains, p: FailsafeValues, vv: VehicleValues,
+) -> tuple[Memory, Command]:
+    """Answer in LANDING or DESCENDING_BLIND, with a state that is complete."""
+    d = memory.descent if stage == memory.stage else _begin(state)
+    blind = stage == DESCENDING_BLIND
+    vehicle = lighter(memory.shown, p, vv) if blind else vv
+    ref = descent_reference(d, p, vehicle)
+    over, still = _touched(state, d, ref, blind, dt, p)
+    if over:
+        return _stop(memory, reason)
+    control, command = controllers.answer(
+        memory.control, state, ref, trajectory.LANDING, dt, gains, vehicle)
+    if command.reason != REASON_NONE:
+        return _stop(memory, command.reason)
+    crash = memory.crash + dt if not blind and _crashing(state, command, p) else 0.0
+    if crash > p.crash_time:
+        return _stop(memory, REASON_CRASH)
+    command = _with_reason(command, reason)
+    return Memory(
+        control, stage, reason, memory.estimate_lost, memory.reference_lost, crash, state,
+        memory.ref, memory.phase, memory.shown, Descent(d.rho, d.v, d.yaw, d.time + dt, still),
+        command), command
+
+
+@jit
+def _follow(
+    memory: Memory, stage: int, reason: int, state: State, dt: float,
+    gains: controllers.Gains, p: FailsafeValues, vv: VehicleValues,
+) -> tuple[Memory, Command]:
+    """Answer in FLYING or HOLDING, with a state that is complete and the last reference."""
+    control, command = controllers.answer(
+        memory.control, state, memory.ref, memory.phase, dt, gains, vv)
+    if command.reason == REASON_REFERENCE:
+        return _descend(memory, LANDING, REASON_REFERENCE, state, dt, gains, p, vv)
+    if command.reason != REASON_NONE:
+        return _stop(memory, command.reason)
+    crash = memory.crash + dt if _crashing(state, command, p) else 0.0
+    if crash > p.crash_time:
+        return _stop(memory, REASON_CRASH)
+    shown = memory.shown
+    if stage == FLYING:
+        shown = _observed(memory, state, command.thrust, dt, p, vv.gravity)
+    command = _with_reason(command, reason)
+    return Memory(
+        control, stage, reason, memory.estimate_lost, memory.reference_lost, crash, state,
+        memory.ref, memory.phase, shown, memory.descent, command), command
+
+
+@jit
+def step(
+    memory: Memory, state: State, spread: Spread, ref: Reference, phase: int, dt: float,
+    gains: controllers.Gains, p: FailsafeValues, vv: VehicleValues,
+) -> tuple[Memory, Command]:
+    """
+    Answer one estimate and one reference, any of which may be missing or unusable.
+
+    Parameters
+    ----------
+    memory
+        Result of the previous call; :func:`initial` at start.
+    state
+        Estimate; ``NO_STATE`` where it is missing.
+    spread
+        Its variances.
+    ref
+        Reference for the time of the estimate; ``NO_REFERENCE`` where it is missing.
+    phase
+        Of the flight, 0 GROUND to 4 LANDED of mambo_model.trajectory.
+    dt : s
+        Time to the next call, the control period.
+    gains
+        Of the control law; their type says which one it is.
+    p
+        From :meth:`FailsafeParams.values`.
+    vv
+        Believed vehicle.
+
+    Returns
+    -------
+    memory
+        To be passed to the next call; ``stage`` and ``reason`` say how it flies.
+    command
+        Valid for one period. Its reason without a shutdown says why the vehicle holds or lands.
+
+    Raises
+    ------
+    ValueError
+        If ``dt`` is not positive and finite.
+
+    """
+    if not 0.0 < dt < math.inf:
+        raise ValueError('dt of the controller must be positive and finite, in seconds')
+    if memory.stage == STOPPED:
+        return _stop(memory, memory.reason)
+    followed = followable(ref, phase, vv.gravity)
+    if not followed:
+        ref, phase = memory.ref, memory.phase
+    aloft = in_flight(phase) or memory.stage > HOLDING
+    have = known(state, spread, aloft, p)
+    complete = have.attitude and have.vertical and have.horizontal
+    estimate_lost = 0.0 if complete else memory.estimate_lost + dt
+    reference_lost = 0.0 if followed else memory.reference_lost + dt
+    hold = p.hold + 0.5 * dt  # whole steps, whatever their sum is rounded to
+    stage, reason = _next_stage(memory, have, estimate_lost, reference_lost, aloft, hold)
+    if not complete:
+        blind = memory.stage == DESCENDING_BLIND
+        vehicle = lighter(memory.shown, p, vv) if blind else vv
+        state = completed(state, have, predicted(memory, dt, vehicle))
+    memory = Memory(
+        memory.control, memory.stage, memory.reason, estimate_lost, reference_lost, memory.crash,
+        memory.state, ref, phase, memory.shown, memory.descent, memory.command)
+    if stage == STOPPED:
+        return _stop(memory, reason)
+    if stage == LANDING or stage == DESCENDING_BLIND:
+        return _descend(memory, stage, reason, state, dt, gains, p, vv)
+    return _follow(memory, stage, reason, state, dt, gains, p, vv)

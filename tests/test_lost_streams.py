@@ -1,0 +1,156 @@
+"""A controller or a vehicle that hears nothing more: nodes in this process, without a graph."""
+
+import math
+
+from mambo_control import failsafe
+from mambo_control.controller_node import ControllerNode
+from mambo_model import trajectory
+from mambo_model.flatness import from_flat_output
+from mambo_model.rigid_body import State
+from mambo_model.vehicle import Vehicle
+from mambo_ros import messages
+from mambo_sim.sim_node import SimNode
+import pytest
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+MAMBO, ZERO, STEP = Vehicle(), (0.0, 0.0, 0.0), 5_000_000
+HOVERING = State((0.0, 0.0, -1.5), ZERO, (1.0, 0.0, 0.0, 0.0), ZERO)
+POINT = from_flat_output(
+    (0.0, 0.0, -1.5), ZERO, ZERO, ZERO, ZERO, MAMBO.mass, MAMBO.inertia, MAMBO.gravity)
+
+
+@pytest.fixture
+def ros():
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    yield
+    rclpy.try_shutdown()
+
+
+class Controller:
+    """A controller node whose ears and mouth are this test's."""
+
+    def __init__(self):
+        self.node = ControllerNode()
+        self.answers = []
+        self.node._pwm = self.answers.append
+        self.node.count_publishers = lambda topic: topic in self.publish
+        self.publish = {'estimate/odom', 'reference'}
+
+    def estimate(self, k, variance=0.0):
+        covariance = (variance,) * 36
+        self.node._on_estimate(messages.estimate(k * STEP, HOVERING, covariance, covariance))
+
+    def reference(self, k):
+        self.node._on_reference(messages.reference(k * STEP, POINT, trajectory.TRACK))
+
+    @property
+    def stamps(self):
+        return [messages.decode_motor_pwm(data)[0] // STEP for data in self.answers]
+
+
+@pytest.fixture
+def controller(ros):
+    one = Controller()
+    yield one
+    one.node.destroy_node()
+
+
+def test_a_pair_is_answered_whichever_comes_first(controller):
+    controller.estimate(0)
+    assert controller.stamps == []
+    controller.reference(0)
+    controller.reference(1)
+    controller.estimate(1)
+    controller.estimate(1)  # said twice
+    controller.reference(0)  # and late
+    assert controller.stamps == [0, 1]
+
+
+@pytest.mark.parametrize('still', ['estimate', 'reference'])
+def test_a_stream_that_is_ahead_by_the_patience_is_answered_alone(controller, still):
+    controller.estimate(0)
+    controller.reference(0)
+    for k in range(1, 100):
+        getattr(controller, still)(k)
+    # 0.1 s of patience are 20 steps: 79 is as old as that when 99 comes
+    assert controller.stamps == list(range(80))
+    assert controller.node._memory.stage == (
+        failsafe.LANDING if still == 'estimate' else failsafe.DESCENDING_BLIND)
+    pwm, shutdown = messages.decode_motor_pwm(controller.answers[-1])[1:]
+    assert not shutdown and all(MAMBO.pwm_min <= x <= MAMBO.pwm_max for x in pwm)
+
+
+def test_a_single_gap_is_answered_when_it_is_overdue_and_no_later_pair_has_come(controller):
+    for k in range(5):
+        controller.estimate(k)
+        if k != 2:
+            controller.reference(k)
+    assert controller.stamps == [0, 1, 3, 4]
+    assert controller.node._memory.stage == failsafe.FLYING
+
+
+def test_a_stream_that_nobody_publishes_any_more_is_not_waited_for(controller):
+    controller.reference(0)
+    controller.publish = {'reference'}
+    controller.node._look()
+    assert controller.stamps == []  # nobody has been there yet
+    controller.estimate(0)
+    controller.reference(1)
+    assert controller.stamps == [0]
+    controller.node._look()
+    assert controller.stamps == [0, 1]
+    controller.reference(2)  # at once from now on: a simulator in lockstep waits for it
+    assert controller.stamps == [0, 1, 2]
+    controller.publish = {'estimate/odom', 'reference'}
+    controller.node._look()
+    controller.reference(3)
+    assert controller.stamps == [0, 1, 2]
+
+
+def test_variances_of_the_message_reach_the_failsafe(controller):
+    for k in range(30):
+        controller.estimate(k, 1e9 if k else 0.0)
+        controller.reference(k)
+    assert controller.node._memory.stage == failsafe.DESCENDING_BLIND
+
+
+class TestWatchdog:
+    """Motors that turn stop when no command comes."""
+
+    @pytest.fixture
+    def sim(self, ros):
+        node = SimNode(parameter_overrides=[
+            Parameter('mode', value='realtime'), Parameter('motor_timeout', value=0.5)])
+        node._sent, node._diagnostics = [], lambda data: node._sent.append(data)
+        yield node
+        node.destroy_node()
+
+    def command(self, sim, pwm, shutdown=False):
+        sim._on_pwm(messages.motor_pwm(sim.t, (pwm,) * 4, shutdown, 0))
+        return sim._heard
+
+    def rise(self, sim, steps):
+        for _ in range(steps):
+            sim.advance()
+        return -sim._state.plant.body.rho[2]
+
+    def test_it_stops_turning_motors_for_good_and_says_so(self, sim):
+        heard = self.command(sim, 400.0)
+        assert self.rise(sim, 100) > 0.5
+        sim.watch(heard + 0.49)
+        assert sim.starved == -1 and not sim._sent
+        sim.watch(heard + 0.51)
+        assert sim.starved == sim.t == 100 * STEP
+        assert b'motors stopped at t = 0.500 s: no motor command for 0.5 s' in sim._sent[0]
+        self.command(sim, 400.0)
+        assert self.rise(sim, 400) == 0.0  # fallen
+        sim.watch(math.inf)
+        assert len(sim._sent) == 1
+
+    @pytest.mark.parametrize('pwm, shutdown', [(0.0, False), (400.0, True)])
+    def test_motors_that_stand_still_are_left_alone(self, sim, pwm, shutdown):
+        heard = self.command(sim, pwm, shutdown)
+        sim.watch(heard + 100.0)
+        assert sim.starved == -1
