@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from pathlib import Path
 import re
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ import yaml
 
 from . import cdr, mcap_file
 from .mcap_file import BagError
+
+if TYPE_CHECKING:
+    import pandas
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -184,6 +187,45 @@ class Messages:
     def t(self) -> Floats:
         """Return the stamps, (n,) s."""
         return self.stamp * 1e-9
+
+    def _leaves(self, path: str = '') -> Iterator[str]:
+        """Yield the paths of all fields that are no messages themselves."""
+        store = self._decode()
+        names = self._parts(path) if path else [
+            name for name, _ in store.fielddefs[self.type_name][1]]
+        if names is None:
+            yield path
+            return
+        for name in names:
+            yield from self._leaves(f'{path}.{name}' if path else name)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """
+        Return the messages as a table: one row each, one column a number or text.
+
+        The index is the stamp [s], named ``t``; columns are dotted paths such as
+        ``pose.pose.position.x``, items of arrays ``pwm[0]``. The stamp itself is no column.
+
+        Raises
+        ------
+        BagError
+            If pandas is not installed.
+
+        """
+        try:
+            import pandas
+        except ImportError:
+            raise BagError('to_pandas needs pandas: python3 -m pip install pandas') from None
+        columns: dict[str, Any] = {}
+        for path in self._leaves():
+            if path.startswith(('header.stamp.', 'clock.')):
+                continue
+            values = self[path]
+            if values.ndim == 1:
+                columns[path] = values
+            else:
+                columns |= {f'{path}[{i}]': values[:, i] for i in range(values.shape[1])}
+        return pandas.DataFrame(columns, index=pandas.Index(self.t, name='t'))
 
     def constant(self, name: str) -> int | float | str | bool:
         """Return a constant of the message type, for example ``PHASE_TRACK``."""

@@ -1,16 +1,18 @@
 """
-The table of a flight: ``compare BAG``.
+The errors of a flight, ``compare BAG``, and one flight against another, ``compare A B``.
 
 For a flight with a reference: tracking error (ground truth, or Optitrack without it, minus
 reference) and estimation error (estimate minus Optitrack), before and after the end of the
 take-off. For an imported flight: the estimate against the drone's own. For any: messages, rates
 and losses of each topic.
+
+For two bags, or two topics of one: A minus B, see :func:`compare_bags`.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Collection
 import json
 import math
 from pathlib import Path
@@ -19,10 +21,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from . import metrics
+from . import metrics, motion, pair, tables
 from .bag import Bag, BagError, Messages, read_bag
 from .cli import guard
 from .metrics import Floats, Ints
+from .pair import Alignment, Comparison, Quantity
+from .phases import found, Phases, phases
+from .tables import table
 
 STEP = 5_000_000  # [ns] of the 200 Hz topics
 STEADY = (
@@ -43,117 +48,47 @@ TYPES = {
     'estimator/state': 'mambo_interfaces/msg/EstimatorState',
     'reference': 'mambo_interfaces/msg/Reference', 'motor_pwm': 'mambo_interfaces/msg/MotorPwm'}
 """Types of the topics that are compared and drawn."""
-BLEND = 3.0  # [s] to the trajectory where the bag does not say how long it takes
 
 
-class Phases(NamedTuple):
-    """Stamps [ns] that part a flight; None where the bag does not tell."""
-
-    takeoff_end: int | None
-    landing_start: int | None
-    text: str  # how the take-off ended
-
-
-def _plan(content: Any) -> dict[str, float]:
-    """Return the mapping inside a scenario that holds ``blend_duration``, or an empty one."""
-    if isinstance(content, dict):
-        if isinstance(content.get('blend_duration'), (int, float)):
-            return content
-        for inner in content.values():
-            if found := _plan(inner):
-                return found
-    return {}
+def _between(
+    bag: Bag, topic: str, other: str, title: str, parts: Phases, notes: list[str],
+) -> Comparison | None:
+    """Compare two topics of one bag; None, and a note, where they have nothing in common."""
+    try:
+        a, b = motion.read(bag, topic), motion.read(bag, other)
+        return Comparison(
+            f'{title}: {a.name} minus {b.name}', (a.name, b.name), tuple(pair.motions(a, b)),
+            parts)
+    except BagError as error:
+        notes.append(f'no {title}: {error}')
+        return None
 
 
-def phases(bag: Bag) -> Phases:
-    """Return when take-off ends and landing begins, by the phases of the reference."""
-    if 'reference' not in bag:
-        return Phases(None, None, '')
-    reference = bag['reference']
-    phase, stamps = reference.phase, reference.stamp
-    track = phase == reference.constant('PHASE_TRACK')
-    landing = np.isin(
-        phase, (reference.constant('PHASE_LANDING'), reference.constant('PHASE_LANDED')))
-    landing &= stamps > (stamps[track][0] if track.any() else -1)
-    landing_start = int(stamps[landing][0]) if landing.any() else None
-    if not track.any():
-        return Phases(None, landing_start, 'the trajectory is never reached')
-    begin = int(stamps[track][0])
-    if track[0]:
-        return Phases(begin, landing_start, 'no take-off, on the trajectory from the start')
-    blend = _plan(bag.scenario).get('blend_duration')
-    seconds = BLEND if blend is None else float(blend)
-    return Phases(
-        begin + round(seconds * 1e9), landing_start,
-        f'phase TRACK from {begin * 1e-9:.2f} s and {seconds:g} s of blend'
-        f'{" (assumed, the bag does not tell)" if blend is None else ""}')
-
-
-def _row(name: str, stamps: Ints, errors: Floats, begin: int | None, end: int | None,
-         ) -> dict[str, Any]:
-    """Return the statistics of one part of a flight, begin <= stamp < end."""
-    inside = np.ones(len(stamps), bool)
-    if begin is not None:
-        inside &= stamps >= begin
-    if end is not None:
-        inside &= stamps < end
-    s = metrics.statistics(errors[inside])
-    return {'part': name, 'count': s.count, 'rms': list(s.rms), 'rms_total': s.rms_total,
-            'maximum': list(s.maximum), 'maximum_total': s.maximum_total}
-
-
-def _section(
-    title: str, unit: str, axes: tuple[str, ...], stamps: Ints, errors: Floats, parts: Phases,
-) -> dict[str, Any]:
-    """Return an error signal as rows: whole flight, take-off, after it, landing."""
-    rows = [_row('whole flight', stamps, errors, None, None)]
-    if parts.takeoff_end is not None:
-        rows.append(_row('take-off', stamps, errors, None, parts.takeoff_end))
-        rows.append(_row('after take-off', stamps, errors, parts.takeoff_end, parts.landing_start))
-        if parts.landing_start is not None:
-            rows.append(_row('landing', stamps, errors, parts.landing_start, None))
-    return {'title': title, 'unit': unit, 'axes': list(axes),
-            'rows': [row for row in rows if row['count']] or rows[:1]}
-
-
-XYZ = ('x', 'y', 'z')
-
-
-def position_errors(signal: Messages, truth: Messages) -> tuple[Ints, Floats]:
+def within(bag: Bag, parts: Phases, notes: list[str]) -> list[Comparison]:
     """
-    Return stamps (n,) ns and position errors (n, 3) m of a signal, at its own stamps.
+    Return what a bag says about its own errors: tracking and estimation, where it has both sides.
 
-    The truth is interpolated by its stamps, not over gaps of more than three of its periods and
-    not beyond its ends: NaN there.
+    What it lacks is appended to the notes.
     """
-    gap = metrics.usual_period(truth.stamp)
-    gap = STEP if math.isnan(gap) else gap
-    there = metrics.interpolate(signal.stamp, truth.stamp, truth.position, round(3.5 * gap))
-    return signal.stamp, signal.position - there
-
-
-def _tracking(bag: Bag, parts: Phases, notes: list[str]) -> list[dict[str, Any]]:
-    source = next((name for name in ('ground_truth/odom', 'optitrack/pose') if name in bag), None)
-    if 'reference' not in bag or source is None:
+    truth = next((name for name in motion.TRUTH if name in bag), None)
+    measured = next((name for name in reversed(motion.TRUTH) if name in bag), None)
+    imported = 'onboard/odom' in bag
+    out = []
+    if 'reference' in bag and truth is not None:
+        out.append(_between(bag, truth, 'reference', 'tracking error', parts, notes))
+    elif not imported or 'reference' in bag:
         notes.append('no tracking error: it needs reference and ground_truth/odom or '
                      'optitrack/pose')
-        return []
-    stamps, errors = position_errors(bag['reference'], bag[source])
-    return [_section(
-        f'tracking error: {source} minus reference', 'm', XYZ, stamps, errors, parts)]
-
-
-def _estimation(bag: Bag, parts: Phases, notes: list[str]) -> list[dict[str, Any]]:
     if 'estimate/odom' not in bag:
-        notes.append('no estimate/odom in the bag')
-        return []
-    sections = [
-        _section(f'estimation error: estimate/odom minus {source}', 'm', XYZ,
-                 *position_errors(bag['estimate/odom'], bag[source]), parts)
-        for source in ('optitrack/pose', 'ground_truth/odom') if source in bag]
-    if not sections and 'onboard/odom' not in bag:
+        notes.append(
+            'an imported flight without estimate/odom: let the estimator fly it with '
+            f'ros2 run mambo_bringup replay {bag.path}' if imported
+            else 'no estimate/odom in the bag')
+    elif measured is not None:
+        out.append(_between(bag, 'estimate/odom', measured, 'estimation error', parts, notes))
+    elif not imported:
         notes.append('no estimation error: it needs optitrack/pose or ground_truth/odom')
-    return sections[:1]
+    return [comparison for comparison in out if comparison is not None]
 
 
 class Aligned(NamedTuple):
@@ -199,13 +134,15 @@ def _against_onboard(
     notes.append(
         f'against onboard/odom: position and yaw made equal at {aligned.stamps[0] * 1e-9:.3f} s '
         f'(turned by {aligned.yaw:.2f} deg); an onboard estimate is no ground truth')
-    what = 'estimate/odom minus onboard/odom'
+    rpy = ('roll', 'pitch', 'yaw')
     return [
-        _section(f'position, {what}', 'm', XYZ, aligned.stamps, aligned.position, parts),
-        _section(f'velocity in body axes, {what}', 'm/s', XYZ, aligned.stamps, aligned.velocity,
-                 parts),
-        _section(f'attitude, {what}', 'deg', ('roll', 'pitch', 'yaw'), aligned.stamps,
-                 aligned.attitude, parts)]
+        pair.section(
+            Quantity(name, unit, axes, aligned.stamps, errors, np.full(errors.shape, np.nan),
+                     errors), f'{name}, estimate/odom minus onboard/odom', parts)
+        for name, unit, axes, errors in (
+            ('position', 'm', pair.XYZ, aligned.position),
+            ('velocity in body axes', 'm/s', pair.XYZ, aligned.velocity),
+            ('attitude', 'deg', rpy, aligned.attitude))]
 
 
 def _lost(bag: Bag, topic: str, messages: Messages) -> int | None:
@@ -288,14 +225,9 @@ def compare(bag: Bag) -> dict[str, Any]:
     """
     check_types(bag)
     parts, notes = phases(bag), []
-    imported = 'onboard/odom' in bag
-    errors = [] if imported and 'reference' not in bag else _tracking(bag, parts, notes)
-    if imported and 'estimate/odom' not in bag:
-        notes.append('an imported flight without estimate/odom: let the estimator fly it with '
-                     f'ros2 run mambo_bringup replay {bag.path}')
-    else:
-        errors += _estimation(bag, parts, notes)
-    if imported and 'estimate/odom' in bag:
+    errors = [pair.section(comparison['position'], comparison.title, parts)
+              for comparison in within(bag, parts, notes)]
+    if 'onboard/odom' in bag and 'estimate/odom' in bag:
         errors += _against_onboard(bag['estimate/odom'], bag['onboard/odom'], parts, notes)
     return {
         'bag': bag.path.name, 'duration': (bag.end - bag.start) * 1e-9,
@@ -307,47 +239,6 @@ def compare(bag: Bag) -> dict[str, Any]:
 
 def _seconds(stamp: int | None) -> float | None:
     return None if stamp is None else stamp * 1e-9
-
-
-def _errors_table(section: Mapping[str, Any]) -> list[str]:
-    axes, unit = section['axes'], section['unit']
-    head = ''.join(f'{axis:>9}' for axis in (*axes, 'total'))
-    lines = [section['title'], f'{f"RMS [{unit}]":<18}{head}{"max":>9}{"samples":>9}']
-    for row in section['rows']:
-        if not row['count']:
-            lines.append(f'  {row["part"]:<16}  nothing to compare')
-            continue
-        numbers = ''.join(
-            f'{value:9.4f}' for value in (*row['rms'], row['rms_total'], row['maximum_total']))
-        lines.append(f'  {row["part"]:<16}{numbers}{row["count"]:9d}')
-    return lines
-
-
-def table(result: Mapping[str, Any]) -> str:
-    """Return the result of :func:`compare` as plain text of at most 80 columns where it can."""
-    head = f'{result["bag"]}: {result["duration"]:.2f} s'
-    if result['real_time_factor'] is not None:
-        head += f', real-time factor {result["real_time_factor"]:.2f}'
-    if result['source']:
-        head += f', imported from {result["source"]}'
-    lines = [head]
-    if result['takeoff_end'] is not None:
-        lines.append(f'take-off ends at {result["takeoff_end"]:.2f} s: {result["takeoff"]}')
-    elif result['takeoff']:
-        lines.append(result['takeoff'])
-    if result['landing_start'] is not None:
-        lines.append(f'landing begins at {result["landing_start"]:.2f} s')
-    for section in result['errors']:
-        lines += ['', *_errors_table(section)]
-    width = max([len(entry['topic']) for entry in result['topics']] + [10])
-    lines += ['', f'{"topic":<{width}}{"messages":>10}{"Hz":>9}{"lost":>7}']
-    for entry in result['topics']:
-        rate = '-' if entry['rate'] is None else f'{entry["rate"]:.1f}'
-        lost = '-' if entry['lost'] is None else str(entry['lost'])
-        lines.append(f'{entry["topic"]:<{width}}{entry["messages"]:>10}{rate:>9}{lost:>7}')
-    if result['notes']:
-        lines += ['', *(f'note: {note}' for note in result['notes'])]
-    return '\n'.join(lines)
 
 
 def _identical(recorded: Messages, replayed: Messages) -> list[str]:
@@ -400,17 +291,138 @@ def compare_replay(source: Path, replayed: Path) -> str:
         lines += _identical(origin['estimate/odom'], estimate)
     for name in ('optitrack/pose', 'ground_truth/odom'):
         if name in origin:
-            sections.append(_section(
-                f'estimation error: replayed estimate/odom minus {name}', 'm', XYZ,
-                *position_errors(estimate, origin[name]), parts))
+            answered = pair.motions(motion.read(answer, 'estimate/odom'),
+                                    motion.read(origin, name))
+            sections.append(pair.section(
+                answered[0], f'estimation error: replayed estimate/odom minus {name}', parts))
             break
     if 'onboard/odom' in origin:
         sections += _against_onboard(estimate, origin['onboard/odom'], parts, notes)
     for section in sections:
-        lines += ['', *_errors_table(section)]
+        lines += ['', *tables.section(section)]
     if not lines:
         notes.append(f'{source.name} has nothing to compare the estimate with')
     return '\n'.join([*lines, '', *(f'note: {note}' for note in notes)]).strip('\n')
+
+
+def _is_simulated(bag: Bag) -> bool:
+    """Return whether a bag is of our simulator, whose clock and frame are those of all others."""
+    return 'sensor_tick' in bag and 'ground_truth/odom' in bag
+
+
+def _parts(a: Bag, b: Bag, ours: motion.Motion, theirs: motion.Motion, offset: int) -> Phases:
+    """Return the parts of the flight on B's clock: recorded by B or A, else found in a height."""
+    for recorded, moved in ((phases(b), 0), (phases(a), offset)):
+        if recorded.takeoff_end is not None:
+            return recorded.moved(moved)
+    seen = found(theirs)
+    return seen if seen.takeoff_end is not None else found(ours)
+
+
+def _reference(a: Bag, b: Bag, alignment: Alignment) -> str | None:
+    """Say whether two flights had one reference; None if one of them has none."""
+    if a is b or 'reference' not in a or 'reference' not in b:
+        return None
+    apart = []
+    for offset in (0, alignment.offset):  # on their own clocks, and on one
+        try:
+            ours = motion.read(a, 'reference').moved(offset, 0.0, np.zeros(3))
+            error = pair.motions(ours, motion.read(b, 'reference'))[0].error
+            apart.append(float(np.nanmax(np.linalg.norm(error, axis=1))))
+        except BagError:
+            continue
+    if not apart:
+        return 'the references have no time in common'
+    if min(apart) < 1e-6:
+        return 'both flew the same reference'
+    return f'the flights had different references, up to {min(apart):.3f} m apart'
+
+
+def _differences(a: Bag, b: Bag) -> list[list[Any]]:
+    """Return (parameter, value in A, value in B) for all that differ between two scenarios."""
+    def flat(content: Any, name: str = '') -> dict[str, Any]:
+        if not isinstance(content, dict):
+            return {name: content}
+        return {key: value for inner, section in content.items() for key, value in flat(
+            section, name if inner == 'ros__parameters'
+            else f'{name}.{inner}' if name else inner.rsplit('/', 1)[-1]).items()}
+    if a.scenario is None or b.scenario is None:
+        return []
+    ours, theirs = flat(a.scenario), flat(b.scenario)
+    return [[name, ours.get(name), theirs.get(name)] for name in {**ours, **theirs}
+            if ours.get(name) != theirs.get(name)]
+
+
+def compare_bags(
+    a: Bag, b: Bag | None = None, a_topic: str | None = None, b_topic: str | None = None,
+    what: Collection[str] | None = None, equal_at: float | None = None,
+) -> tuple[dict[str, Any], Comparison, Alignment]:
+    """
+    Compare two flights, or two topics of one: A minus B, on the clock and in the frame of B.
+
+    Parameters
+    ----------
+    a, b
+        Simulation and experiment, say; without ``b`` both topics are of ``a``.
+    a_topic, b_topic
+        Odometry or PoseStamped; default: the best that both have, of ground truth, Optitrack,
+        estimate and the drone's own estimate, in this order.
+    what
+        To be made equal first, of ``pair.WHAT``; default: nothing for two simulated flights or
+        two topics of one bag, everything otherwise.
+    equal_at : s
+        After take-off: the positions are made equal there, as in section 5.4.
+
+    Returns
+    -------
+    result
+        ``bags``, ``compared`` (topics), ``duration`` [s] in common, ``alignment``,
+        ``takeoff_end`` [s], ``landing_start`` [s], ``takeoff``, ``errors``
+        (:func:`mambo_analysis.pair.section`, one a quantity), ``differences`` of the
+        scenarios (parameter, A, B) and ``notes``. Plain numbers, lists and texts.
+    comparison, alignment
+        The signals behind it.
+
+    Raises
+    ------
+    BagError
+        If a topic lacks or holds no motion, or the two have nothing in common.
+
+    """
+    other = a if b is None else b
+    ours = motion.read(a, motion.choose(a, a_topic, other, b_topic))
+    theirs = motion.read(other, motion.choose(other, b_topic, a, a_topic))
+    if other is a and ours.name == theirs.name:
+        raise BagError(f'{a.path}: {ours.name} with itself; name another --a-topic or --b-topic')
+    if what is None:
+        what = () if b is None or _is_simulated(a) and _is_simulated(b) else pair.WHAT
+    begin = None
+    if equal_at is not None:
+        start = _parts(a, other, ours, theirs, 0) if other is a else _parts(
+            other, other, theirs, theirs, 0)
+        if start.liftoff is None:
+            raise BagError(f'--equal-at counts from take-off: {start.text or "none is recorded"}')
+        begin = start.liftoff * 1e-9 + equal_at
+    alignment = pair.aligned(ours, theirs, what, begin)
+    ours = alignment.moved(ours)
+    parts = _parts(a, other, ours, theirs, alignment.offset)
+    quantities = pair.motions(ours, theirs)
+    if other is not a:
+        quantities += pair.commands(a, other, alignment.offset)
+    comparison = Comparison(
+        f'{ours.name} of A minus {theirs.name} of B', (f'A: {ours.name}', f'B: {theirs.name}'),
+        tuple(quantities), parts)
+    notes = [alignment.text, _reference(a, other, alignment),
+             *(f'no {name}: only compared where both tell it'
+               for name in ('velocity', 'attitude') if name not in {q.name for q in quantities})]
+    there = quantities[0].stamps[np.isfinite(quantities[0].error).all(axis=1)]
+    return {
+        'bags': [a.path.name, other.path.name], 'compared': [ours.name, theirs.name],
+        'duration': float(there[-1] - there[0]) * 1e-9, 'alignment': alignment._asdict(),
+        'takeoff_end': _seconds(parts.takeoff_end), 'landing_start': _seconds(parts.landing_start),
+        'takeoff': parts.text, 'errors': comparison.sections(),
+        'differences': _differences(a, other), 'notes': [note for note in notes if note],
+    }, comparison, alignment
 
 
 def _plain(value: Any) -> Any:
@@ -422,29 +434,87 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def parser() -> argparse.ArgumentParser:
+    """Return the command line of ``compare``."""
+    out = argparse.ArgumentParser(
+        prog='compare', formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='Print the errors of a flight, or of flight A against flight B; write them '
+                    'as a page, CSV or JSON.',
+        epilog='examples:\n'
+               '  compare FLIGHT                          tracking and estimation error\n'
+               '  compare SIMULATION EXPERIMENT --html report.html\n'
+               '  compare A B --a-topic estimate/odom --align time,yaw --equal-at 6\n'
+               '  compare FLIGHT --a-topic estimate/odom --b-topic ground_truth/odom\n')
+    add = out.add_argument
+    add('bag', type=Path, metavar='A', help='rosbag2 directory or .mcap file')
+    add('other', type=Path, metavar='B', nargs='?', help='the bag to compare with')
+    add('--html', type=Path, metavar='FILE', help='write a report with plots and the flight, one '
+        'file that needs no network')
+    add('--csv', type=Path, metavar='FILE', help='write the numbers, one a line')
+    add('--json', action='store_true', help='print numbers as JSON, no table')
+    add('--out', type=Path, metavar='DIR',
+        help='write flight.png and index.html of one bag into this directory')
+    add('--a-topic', metavar='TOPIC', help='of A, an Odometry or a PoseStamped (default: the '
+        'best that both have of ground_truth/odom, optitrack/pose, estimate/odom, onboard/odom)')
+    add('--b-topic', metavar='TOPIC', help='of B, or of A without B')
+    add('--align', metavar='LIST', help='what of A is made equal to B first: '
+        f'{",".join(pair.WHAT)} (default: all, nothing for simulated flights and for one bag)')
+    add('--no-align', action='store_true', help='take clocks and frames as they are')
+    add('--equal-at', type=float, metavar='S',
+        help='make the positions equal S seconds after take-off (section 5.4)')
+    add('--namespace', help='of the drone, if a bag has several')
+    return out
+
+
+def _what(options: argparse.Namespace) -> Collection[str] | None:
+    """Return what is to be aligned; BagError for anything unknown."""
+    if options.no_align and (options.align or options.equal_at is not None):
+        raise BagError('--no-align contradicts --align and --equal-at: give one of them')
+    if options.no_align or options.align is None:
+        return () if options.no_align else None
+    what = {name.strip() for name in options.align.split(',')}
+    if unknown := sorted(what - set(pair.WHAT)):
+        raise BagError(
+            f'--align {options.align}: {unknown[0]!r} is none of {", ".join(pair.WHAT)}')
+    return what
+
+
+def _work(options: argparse.Namespace) -> None:
+    bag = read_bag(options.bag, namespace=options.namespace)
+    what = _what(options)
+    is_pair = options.other is not None or options.a_topic or options.b_topic
+    if is_pair:
+        other = read_bag(options.other, namespace=options.namespace) if options.other else None
+        if options.out:
+            raise BagError('--out writes the page of one bag; for two give --html FILE')
+        result, comparison, alignment = compare_bags(
+            bag, other, options.a_topic, options.b_topic, what, options.equal_at)
+    else:
+        if what or options.equal_at is not None:
+            raise BagError('--align and --equal-at need two bags or two topics')
+        result = compare(bag)
+    print(json.dumps(_plain(result), indent=2, allow_nan=False) if options.json
+          else table(result))
+    written = []
+    if options.csv:
+        written.append(tables.write_csv(result, options.csv))
+    if options.html:
+        from . import report
+        written.append(
+            report.write(options.html, report.of_two(bag, other, result, comparison, alignment)
+                         if is_pair else report.of_one(bag, result)))
+    if options.out:
+        from .page import write_page
+        written.append(write_page(bag, result, options.out))
+    if not options.json:
+        for path in written:
+            print(f'\n{"page" if path.suffix == ".html" else "numbers"}: {path}')
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Entry point ``compare``."""
-    parser = argparse.ArgumentParser(
-        prog='compare', description='Print the table of a flight; with --out, write its page.')
-    parser.add_argument('bag', type=Path, help='rosbag2 directory or .mcap file')
-    parser.add_argument('--out', type=Path, metavar='DIR',
-                        help='write flight.png and index.html into this directory')
-    parser.add_argument('--json', action='store_true', help='print numbers as JSON, no table')
-    parser.add_argument('--namespace', help='of the drone, if the bag has several')
-    options = parser.parse_args(arguments)
-
-    def work() -> None:
-        bag = read_bag(options.bag, namespace=options.namespace)
-        result = compare(bag)
-        print(json.dumps(_plain(result), indent=2, allow_nan=False) if options.json
-              else table(result))
-        if options.out:
-            from .page import write_page
-            written = write_page(bag, result, options.out)
-            if not options.json:
-                print(f'\npage: {written}')
-
-    return guard('compare', work)
+    options = parser().parse_args(arguments)
+    return guard('compare', lambda: _work(options))
 
 
 if __name__ == '__main__':

@@ -17,8 +17,9 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from .bag import Bag
-from .compare import Phases, phases, position_errors
 from .metrics import Floats
+from .motion import position_errors
+from .phases import Phases, phases
 
 COLOURS = {
     'reference': '#2f7ed8', 'estimate': '#e0403f', 'optitrack': '#2ca25f', 'flow': '#a06cd5',

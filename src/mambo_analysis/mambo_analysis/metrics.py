@@ -116,3 +116,82 @@ def usual_period(stamps: Ints) -> float:
     """Return the median distance of neighbouring stamps [ns], NaN for fewer than two."""
     gaps = np.diff(np.unique(stamps))
     return float(np.median(gaps)) if len(gaps) else float('nan')
+
+
+def running_rms(stamps: Ints, errors: Floats) -> Floats:
+    """
+    Return the RMS of the length of an error from its first sample up to each, (n,).
+
+    Parameters
+    ----------
+    stamps : (n,) ns
+        In order; every error counts with the time until the next, so that a rate that changes
+        halfway does not weigh one half more.
+    errors : (n, k)
+        NaN: not counted, the value before it is held.
+
+    """
+    squares = (np.asarray(errors, float) ** 2).sum(axis=1)
+    good = np.isfinite(squares)
+    lasts = np.diff(stamps, append=stamps[-1:]).astype(float)
+    if len(lasts) > 1:
+        lasts[-1] = lasts[-2]
+    weight = np.where(good, np.maximum(lasts, 1.0), 0.0)
+    summed, weights = np.cumsum(np.where(good, squares, 0.0) * weight), np.cumsum(weight)
+    return np.sqrt(np.divide(
+        summed, weights, out=np.full(len(weights), np.nan), where=weights > 0.0))
+
+
+def drift(errors: Floats) -> Floats:
+    """Return the last error with finite components, (k,); NaN without any."""
+    errors = np.asarray(errors, float)
+    good = np.flatnonzero(np.isfinite(errors).all(axis=1))
+    return errors[good[-1]] if len(good) else np.full(errors.shape[1], np.nan)
+
+
+def resampled(stamps: Ints, values: Floats, period: int, gap: int) -> tuple[Ints, Floats]:
+    """Return a signal on whole multiples of a period [ns], as :func:`interpolate` does."""
+    if not len(stamps):
+        return np.empty(0, np.int64), np.empty((0, np.shape(values)[1]))
+    grid = np.arange(-(-int(np.min(stamps)) // period), int(np.max(stamps)) // period + 1) * period
+    return grid, interpolate(grid, stamps, values, gap)
+
+
+def delay(a: Floats, b: Floats, period: float, longest: float = 1.0) -> float:
+    """
+    Return by how much one signal is behind another [s], positive: ``a`` is later.
+
+    The shift of ``b`` that leaves the least variance of the difference, between samples by a
+    parabola through the three least.
+
+    Parameters
+    ----------
+    a, b : (n,)
+        At the same instants.
+    period : s
+        Between samples.
+    longest : s
+        The longest delay looked for, either way.
+
+    Returns
+    -------
+    NaN where the signals do not tell: fewer samples than four times the longest delay, no
+    motion, less than 0.9 of it explained by the other signal, or least at the end of the search.
+
+    """
+    lags = round(longest / period)
+    if len(a) < 4 * lags or not (np.isfinite(a).any() and np.isfinite(b).any()):
+        return float('nan')
+    middle = a[lags:len(a) - lags]
+    whole = np.isfinite(middle)
+    windows = np.lib.stride_tricks.sliding_window_view(b, len(middle))[::-1]
+    whole &= np.isfinite(windows).all(axis=0) if not np.isfinite(b).all() else True
+    if whole.sum() < 2 * lags or np.ptp(middle[whole]) == 0.0:
+        return float('nan')
+    left = np.array([np.var(middle[whole] - window[whole]) for window in windows])
+    best = int(left.argmin())
+    if best in (0, len(left) - 1) or left[best] > 0.1 * np.var(middle[whole]):
+        return float('nan')
+    before, here, after = left[best - 1:best + 2]
+    bend = before - 2.0 * here + after
+    return (best - lags + (0.5 * (before - after) / bend if bend > 0.0 else 0.0)) * period

@@ -1,0 +1,252 @@
+"""Two recordings of a flight, or two topics of one, quantity by quantity: A minus B."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+import dataclasses
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from . import align, metrics, motion
+from .bag import Bag, BagError
+from .metrics import Floats, Ints
+from .motion import Motion
+from .phases import Phases
+
+XYZ = ('x', 'y', 'z')
+GRID = 10_000_000  # [ns] between the samples that a delay is looked for in
+
+
+WHAT = ('time', 'position', 'yaw')
+"""What of two recordings can be made equal before they are compared."""
+
+
+class Alignment(NamedTuple):
+    """What brings A onto B: an offset of its clock [ns], a turn [rad] and a shift [m]."""
+
+    offset: int = 0
+    turn: float = 0.0
+    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    text: str = 'not aligned: clocks and frames are taken as they are'
+
+    def moved(self, a: Motion) -> Motion:
+        """Return a motion of A as B's clock and frame have it."""
+        return a.moved(self.offset, self.turn, np.array(self.shift))
+
+
+def aligned(
+    a: Motion, b: Motion, what: Collection[str] = WHAT, equal_at: float | None = None,
+) -> Alignment:
+    """
+    Return what brings A onto B.
+
+    Parameters
+    ----------
+    a, b
+    what
+        Of ``WHAT``: ``time`` by correlation, ``yaw`` by the paths, or by the attitudes where the
+        paths are too small; ``position`` by the mean shift.
+    equal_at : s
+        On B's clock: the positions are made equal there and not on average (section 5.4).
+
+    Raises
+    ------
+    BagError
+        If the two have no time in common, do not move alike, or say nothing at ``equal_at``.
+
+    """
+    parts, offset = [], 0
+    if 'time' in what:
+        found, _ = align.pose_offset(b, a)
+        offset = round(found.offset * 1e9)
+        parts.append(f'clock moved by {found.offset:+.4f} s (standard error '
+                     f'{found.sigma * 1e3:.1f} ms)')
+    here = a.moved(offset, 0.0, np.zeros(3))
+    there = b.at(here.stamps)
+    if not np.isfinite(there.position).any():
+        raise BagError(f'{_apart(here, b)}; --align time finds the offset of the clocks')
+    turn = 0.0
+    if 'yaw' in what:
+        turn, how = _turn(here, there)
+        parts.append(f'turned by {math.degrees(turn):+.2f} deg ({how})')
+    p = here.moved(0, turn, np.zeros(3)).position
+    shift = np.zeros(3)
+    if equal_at is not None:
+        shift = align.equalised(here.t, there.position, p, equal_at).translation
+        parts.append(f'moved by {_metres(shift)}, positions equal at {equal_at:.2f} s')
+    elif 'position' in what:
+        shift = np.nanmean(there.position - p, axis=0)
+        parts.append(f'moved by {_metres(shift)}, positions equal on average')
+    return Alignment(offset, turn, (float(shift[0]), float(shift[1]), float(shift[2])),
+                     f'A aligned with B: {"; ".join(parts)}' if parts else Alignment().text)
+
+
+def _metres(shift: Floats) -> str:
+    return '({:+.3f}, {:+.3f}, {:+.3f}) m'.format(*shift)
+
+
+def _turn(a: Motion, b: Motion) -> tuple[float, str]:
+    """Return the turn about the vertical [rad] of A onto B at its stamps, and how it was found."""
+    try:
+        return align.registration(b.position, a.position).yaw, 'by the paths'
+    except align.AlignError as error:
+        difference = np.radians(
+            motion.angles(b.quaternion)[:, 2] - motion.angles(a.quaternion)[:, 2])
+        difference = difference[np.isfinite(difference)]
+        if not len(difference):
+            raise BagError(f'no yaw found: {error}; take yaw out of --align') from None
+        return float(np.angle(np.exp(1j * difference).mean())), 'by the attitudes'
+
+
+def _apart(a: Motion, b: Motion) -> str:
+    spans = ', '.join(f'{m.name} from {m.t[0]:.3f} s to {m.t[-1]:.3f} s' for m in (a, b))
+    return f'nothing to compare, no time in common: {spans}'
+
+
+class Quantity(NamedTuple):
+    """
+    One quantity of both at the stamps of A.
+
+    Attributes
+    ----------
+    name, unit
+    axes
+        Names of the k components.
+    stamps : (n,) ns
+    a, b, error : (n, k)
+        NaN where one of them says nothing. The error is ``a - b``, of an attitude the rotation
+        vector from B to A in the axes of B's body, whose length is the angle between them.
+
+    """
+
+    name: str
+    unit: str
+    axes: tuple[str, ...]
+    stamps: Ints
+    a: Floats
+    b: Floats
+    error: Floats
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """A comparison: what, and the quantities that both sides have."""
+
+    title: str
+    labels: tuple[str, str]
+    quantities: tuple[Quantity, ...]
+    phases: Phases
+
+    def __getitem__(self, name: str) -> Quantity:
+        """Return a quantity by its name; KeyError if it was not compared."""
+        for quantity in self.quantities:
+            if quantity.name == name:
+                return quantity
+        raise KeyError(name)
+
+    def sections(self) -> list[dict[str, Any]]:
+        """Return the statistics of every quantity, see :func:`section`."""
+        return [section(quantity, self.title, self.phases) for quantity in self.quantities]
+
+
+def motions(a: Motion, b: Motion) -> list[Quantity]:
+    """
+    Compare two motions: position, and velocity and attitude where both tell it.
+
+    Raises
+    ------
+    BagError
+        If they have no time in common.
+
+    """
+    other = b.at(a.stamps)
+    if not np.isfinite(other.position).any():
+        raise BagError(_apart(a, b))
+    out = [Quantity('position', 'm', XYZ, a.stamps, a.position, other.position,
+                    a.position - other.position)]
+    if a.velocity is not None and other.velocity is not None:
+        out.append(Quantity('velocity', 'm/s', XYZ, a.stamps, a.velocity, other.velocity,
+                            a.velocity - other.velocity))
+    back = other.quaternion * np.array([-1.0, -1.0, -1.0, 1.0])
+    error = np.degrees(motion.rotation_vectors(motion.product(back, a.quaternion)))
+    if np.isfinite(error).any():
+        ours, theirs = motion.angles(a.quaternion), motion.angles(other.quaternion)
+        gap = np.nanmedian(ours - theirs, axis=0)
+        theirs = theirs + 360.0 * np.round(np.where(np.isfinite(gap), gap, 0.0) / 360.0)
+        out.append(Quantity(
+            'attitude', 'deg', ('roll', 'pitch', 'yaw'), a.stamps, ours, theirs, error))
+    return out
+
+
+def _series(bag: Bag, topic: str, field: str) -> tuple[Ints, Floats] | None:
+    """Return the stamps and the values (n, k) of a field; None if the bag has no such."""
+    if topic not in bag:
+        return None
+    try:
+        values = np.asarray(bag[topic][field], float)
+    except (BagError, KeyError, ValueError):
+        return None
+    stamps, first = np.unique(bag[topic].stamp, return_index=True)
+    return stamps, values.reshape(len(bag[topic]), -1)[first]
+
+
+def commands(a: Bag, b: Bag, offset: int) -> list[Quantity]:
+    """Compare the motor commands and the commanded thrust where both bags have them."""
+    out = []
+    for name, unit, topic, field, axes in (
+            ('PWM', '-', 'motor_pwm', 'pwm', ('motor 0', 'motor 1', 'motor 2', 'motor 3')),
+            ('thrust', 'N', 'controller/state', 'thrust', ('thrust',))):
+        ours, theirs = _series(a, topic, field), _series(b, topic, field)
+        if ours is None or theirs is None or ours[1].shape[1] != len(axes) != theirs[1].shape[1]:
+            continue
+        stamps, period = ours[0] + offset, metrics.usual_period(theirs[0])
+        there = metrics.interpolate(
+            stamps, *theirs, 0 if math.isnan(period) else round(3.5 * period))
+        if np.isfinite(there).any():
+            out.append(Quantity(name, unit, axes, stamps, ours[1], there, ours[1] - there))
+    return out
+
+
+def _row(name: str, stamps: Ints, errors: Floats) -> dict[str, Any]:
+    s, drift = metrics.statistics(errors), metrics.drift(errors)
+    return {'part': name, 'count': s.count, 'rms': list(s.rms), 'rms_total': s.rms_total,
+            'maximum': list(s.maximum), 'maximum_total': s.maximum_total,
+            'drift': drift.tolist(), 'drift_total': float(np.linalg.norm(drift))}
+
+
+def _delays(quantity: Quantity, inside: np.ndarray) -> list[float | None]:
+    """Return by how much A is behind B on each axis [s]; None where they do not tell."""
+    stamps = quantity.stamps[inside]
+    period = metrics.usual_period(stamps)
+    if math.isnan(period):
+        return [None] * len(quantity.axes)
+    both = np.concatenate([quantity.a[inside], quantity.b[inside]], axis=1)
+    _, even = metrics.resampled(stamps, both, GRID, max(round(3.5 * period), GRID))
+    k = len(quantity.axes)
+    found = [metrics.delay(even[:, i], even[:, k + i], GRID * 1e-9) for i in range(k)]
+    return [None if math.isnan(value) else value for value in found]
+
+
+def section(quantity: Quantity, title: str, phases: Phases) -> dict[str, Any]:
+    """
+    Return the statistics of a quantity: one row a part of the flight.
+
+    ``quantity``, ``title``, ``unit``, ``axes`` and ``rows``, each of ``part``, ``count``,
+    ``rms``, ``maximum``, ``drift`` (the last error) and ``delay`` [s] by axis, and
+    ``rms_total``, ``maximum_total`` and ``drift_total`` of the length.
+    """
+    rows = []
+    for name, begin, end in phases.parts():
+        inside = np.ones(len(quantity.stamps), bool)
+        if begin is not None:
+            inside &= quantity.stamps >= begin
+        if end is not None:
+            inside &= quantity.stamps < end
+        row = _row(name, quantity.stamps[inside], quantity.error[inside])
+        if row['count'] or not rows:
+            row['delay'] = _delays(quantity, inside)
+            rows.append(row)
+    return {'quantity': quantity.name, 'title': title, 'unit': quantity.unit,
+            'axes': list(quantity.axes), 'rows': rows}

@@ -1,0 +1,304 @@
+'use strict';
+// Draws the figures and the replay from the JSON of the page, in the colours of the page.
+(() => {
+  const data = JSON.parse(document.getElementById('data').textContent);
+  const { replay } = data;
+  const colour = (name) =>
+    getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  const dark = window.matchMedia('(prefers-color-scheme: dark)');
+  const config = { displaylogo: false, displayModeBar: false };
+  const fit = new ResizeObserver((entries) => entries.forEach(({ target }) => {
+    if (target.querySelector('.main-svg')) Plotly.Plots.resize(target);
+  }));
+  const narrow = () => window.innerWidth <= 700;
+
+  function base() {
+    return {
+      font: { family: 'system-ui, "Helvetica Neue", Arial, sans-serif', size: 12,
+        color: colour('ink') },
+      paper_bgcolor: 'rgba(0,0,0,0)', plot_bgcolor: 'rgba(0,0,0,0)',
+      hoverlabel: { bgcolor: colour('paper'), bordercolor: colour('line'),
+        font: { color: colour('ink') } },
+    };
+  }
+  const axis = (title) => ({
+    title: { text: title, standoff: 6 }, gridcolor: colour('line'), zeroline: false,
+    linecolor: colour('soft'), tickcolor: colour('soft'), automargin: true, nticks: 7,
+  });
+
+  // ---------------------------------------------------------------- figures over time
+
+  function draw(figure) {
+    const box = document.getElementById(figure.id).querySelector('.plot');
+    const n = figure.panels.length;
+    const traces = [];
+    const named = new Set();
+    const layout = { ...base(), margin: { l: 64, r: 8, t: 8, b: 44 }, hovermode: 'x unified',
+      dragmode: narrow() ? false : 'zoom', legend: { orientation: 'h', x: 0, y: 1, yref: 'container',
+        yanchor: 'top', traceorder: 'reversed' }, shapes: [] };
+    layout.margin.t = 34;
+    figure.panels.forEach((panel, i) => {
+      const k = i ? i + 1 : '';
+      panel.lines.forEach((line) => {
+        traces.push({ type: 'scatter', mode: 'lines', name: line.name, legendgroup: line.name,
+          showlegend: !named.has(line.name) && (n === 1 || line.colour !== 'ink' || i === n - 1),
+          x: line.t, y: line.y, xaxis: 'x', yaxis: `y${k}`, connectgaps: false,
+          hovertemplate: '%{y}', line: { color: colour(line.colour), dash: line.dash,
+            width: line.colour === 'b' ? 2.4 : 1.4 } });
+        if (traces[traces.length - 1].showlegend) named.add(line.name);
+      });
+      const gap = 0.035;
+      const height = (1 - gap * (n - 1)) / n;
+      const top = 1 - i * (height + gap);
+      layout[`yaxis${k}`] = { ...axis(panel.label), domain: [Math.max(0, top - height), top],
+        nticks: 5 };
+    });
+    layout.xaxis = { ...axis('time [s]'), anchor: `y${n > 1 ? n : ''}`, domain: [0, 1],
+      range: [replay.t[0], replay.t[replay.t.length - 1]] };
+    figure.shade.forEach(([from, to]) => layout.shapes.push({ type: 'rect', xref: 'x',
+      yref: 'paper', x0: from, x1: to, y0: 0, y1: 1, layer: 'below', line: { width: 0 },
+      fillcolor: colour('shade'), opacity: 0.8 }));
+    Plotly.react(box, traces, layout, config);
+    if (!box.dataset.live) {
+      box.dataset.live = 'yes';
+      fit.observe(box);
+      box.on('plotly_relayout', (change) => follow(box, change));
+      box.on('plotly_click', (event) => seek(event.points[0].x));
+    }
+  }
+
+  let following = false;
+  function follow(box, change) { // the others take the stretch of time of the one zoomed into
+    if (following) return;
+    const whole = [replay.t[0], replay.t[replay.t.length - 1]];
+    const range = change['xaxis.autorange'] ? whole
+      : [change['xaxis.range[0]'], change['xaxis.range[1]']];
+    if (range[0] === undefined) return;
+    following = true;
+    Promise.all([...document.querySelectorAll('.plot[data-live]')]
+      .map((other) => (other === box && range !== whole ? null
+        : Plotly.relayout(other, { 'xaxis.range': [...range] }))))
+      .finally(() => { following = false; });
+  }
+
+  // ---------------------------------------------------------------- replay
+
+  const scene = document.getElementById('scene');
+  const flat = document.getElementById('flat');
+  const hasWebGL = (() => {
+    try { return Boolean(document.createElement('canvas').getContext('webgl')); } catch (e) {
+      return false;
+    }
+  })();
+  const extent = (() => { // of all paths: least and greatest of each axis, never flat
+    const out = ['x', 'y', 'z'].map((a) => {
+      let low = Infinity; let high = -Infinity;
+      replay.tracks.forEach((track) => track[a].forEach((v) => {
+        if (v !== null) { low = Math.min(low, v); high = Math.max(high, v); }
+      }));
+      return [low, high];
+    });
+    out[2][0] = Math.min(out[2][0], 0);
+    const size = Math.max(...out.map(([low, high]) => high - low), 0.5);
+    return out.map(([low, high]) => {
+      const margin = Math.max(0.08 * size, 0.5 * (0.3 * size - (high - low)));
+      return [low - margin, high + margin];
+    });
+  })();
+  const span = Math.max(...extent.map(([low, high]) => high - low));
+  const arm = 0.045 * span;
+
+  function turn([x, y, z, w], v) { // body to world
+    const t = [2 * (y * v[2] - z * v[1]), 2 * (z * v[0] - x * v[2]), 2 * (x * v[1] - y * v[0])];
+    return [v[0] + w * t[0] + y * t[2] - z * t[1], v[1] + w * t[1] + z * t[0] - x * t[2],
+      v[2] + w * t[2] + x * t[1] - y * t[0]];
+  }
+
+  function pose(vehicle, at) { // between two frames; null where there is none
+    const i = Math.min(Math.floor(at), replay.t.length - 1);
+    const j = Math.min(i + 1, replay.t.length - 1);
+    const share = at - i;
+    if (vehicle.p[i][0] === null || vehicle.p[j][0] === null) return null;
+    const p = vehicle.p[i].map((v, k) => v + share * (vehicle.p[j][k] - v));
+    let q = vehicle.q[i];
+    if (q[0] !== null && vehicle.q[j][0] !== null) {
+      q = q.map((v, k) => v + share * (vehicle.q[j][k] - v));
+      const norm = Math.hypot(...q) || 1;
+      q = q.map((v) => v / norm);
+    } else q = [0, 0, 0, 1];
+    return { p, q, known: vehicle.q[i][0] !== null };
+  }
+
+  const DIRECTIONS = [[[1, 0, 0], 'b'], [[0, 1, 0], 'third'], [[0, 0, 1], 'a']];
+  const CROSS = [[1, 1, 0], [-1, -1, 0], null, [1, -1, 0], [-1, 1, 0]]; // the arms
+
+  function body(vehicle, at) { // lines of a vehicle: arms, then its three axes
+    const here = pose(vehicle, at);
+    const along = (v, length) => {
+      const d = turn(here.q, v);
+      return here.p.map((c, k) => c + length * d[k]);
+    };
+    if (!here) return [[], [], [], []];
+    const arms = CROSS.map((v) => (v ? along(v, arm) : [null, null, null]));
+    const axes = DIRECTIONS.map(([v]) => (here.known ? [here.p, along(v, 2.2 * arm)] : []));
+    return [arms, ...axes];
+  }
+
+  const columns = (points) => [0, 1, 2].map((k) => points.map((p) => p[k]));
+
+  function drawScene() {
+    if (!hasWebGL) {
+      scene.innerHTML = '<p class="hint">This browser has no WebGL, so the flight is shown from '
+        + 'above and from the side only.</p>';
+      scene.style.height = 'auto';
+      return;
+    }
+    const traces = replay.tracks.map((track) => ({ type: 'scatter3d', mode: 'lines',
+      name: track.name, x: track.x, y: track.y, z: track.z, hoverinfo: 'name',
+      opacity: 0.55,
+      line: { color: colour(track.colour), width: track.colour === 'reference' ? 2 : 3,
+        dash: track.colour === 'reference' ? 'dot' : 'solid' } }));
+    replay.vehicles.forEach((vehicle) => {
+      body(vehicle, now).forEach((points, part) => {
+        const [x, y, z] = columns(points);
+        traces.push({ type: 'scatter3d', mode: part ? 'lines' : 'lines+markers', x, y, z,
+          name: vehicle.name, showlegend: false, hoverinfo: 'skip', connectgaps: false,
+          marker: { size: 4, color: colour(vehicle.colour) },
+          line: { color: colour(part ? DIRECTIONS[part - 1][1] : vehicle.colour),
+            width: part ? 5 : 8 } });
+      });
+    });
+    const side = (title, k) => ({ title: { text: title, font: { size: 12 } }, range: extent[k],
+      gridcolor: colour('line'), zerolinecolor: colour('line'), showbackground: k === 2,
+      backgroundcolor: colour('card'), color: colour('soft'), nticks: 6, showspikes: false });
+    Plotly.react(scene, traces, { ...base(), margin: { l: 0, r: 0, t: 0, b: 0 },
+      uirevision: 'kept', legend: { orientation: 'h', x: 0, y: 1, yanchor: 'top' },
+      scene: { aspectmode: 'data', xaxis: side('x [m]', 0), yaxis: side('y [m]', 1),
+        zaxis: side('z [m]', 2), camera: {
+          eye: narrow() ? { x: 1.7, y: -1.7, z: 0.95 } : { x: 1.35, y: -1.35, z: 0.75 },
+          center: { x: 0, y: 0, z: -0.1 } } } }, config);
+  }
+
+  function drawFlat() {
+    const traces = [];
+    [['x', 'y', ''], ['x', 'z', '2']].forEach(([across, up, k]) => {
+      replay.tracks.forEach((track) => traces.push({ type: 'scatter', mode: 'lines',
+        name: track.name, showlegend: !hasWebGL && !k, x: track[across], y: track[up],
+        xaxis: `x${k}`, yaxis: `y${k}`, hoverinfo: 'name',
+        line: { color: colour(track.colour), width: track.colour === 'b' ? 2.2 : 1.3,
+          dash: track.colour === 'reference' ? 'dot' : 'solid' } }));
+    });
+    replay.vehicles.forEach((vehicle) => ['', '2'].forEach((k) => traces.push({ type: 'scatter',
+      mode: 'markers', x: [], y: [], xaxis: `x${k}`, yaxis: `y${k}`, showlegend: false,
+      hoverinfo: 'skip', name: vehicle.name, marker: { size: 11, color: colour(vehicle.colour),
+        line: { color: colour('paper'), width: 1.5 } } })));
+    const heights = [extent[1][1] - extent[1][0], extent[2][1] - extent[2][0]];
+    const cut = Math.min(0.7, Math.max(0.3, heights[1] / (heights[0] + heights[1])));
+    Plotly.react(flat, traces, { ...base(), margin: { l: 56, r: 8, t: hasWebGL ? 24 : 56, b: 44 },
+      legend: { orientation: 'h', x: 0, y: 1.06, yanchor: 'bottom' }, dragmode: false,
+      xaxis: { ...axis(''), range: extent[0], domain: [0, 1], anchor: 'y' },
+      yaxis: { ...axis('y [m]'), range: extent[1], scaleanchor: 'x', constrain: 'domain',
+        domain: [cut + 0.08, 1] },
+      xaxis2: { ...axis('x [m]'), range: extent[0], matches: 'x', anchor: 'y2' },
+      yaxis2: { ...axis('z [m]'), range: extent[2], scaleanchor: 'x2', constrain: 'domain',
+        domain: [0, cut - 0.04] },
+      annotations: [['from above', 1], ['from the side', cut - 0.04]].map(([text, y]) => ({ text,
+        x: 1, y, xref: 'paper', yref: 'paper', xanchor: 'right', yanchor: 'bottom',
+        showarrow: false, font: { color: colour('soft') } })) }, config);
+    showFlat();
+  }
+
+  function showFlat() {
+    const first = 2 * replay.tracks.length;
+    const x = []; const y = []; const which = [];
+    replay.vehicles.forEach((vehicle, i) => {
+      const here = pose(vehicle, now);
+      [1, 2].forEach((up, k) => {
+        x.push(here ? [here.p[0]] : []);
+        y.push(here ? [here.p[up]] : []);
+        which.push(first + 2 * i + k);
+      });
+    });
+    Plotly.restyle(flat, { x, y }, which);
+  }
+
+  function showScene() {
+    const first = replay.tracks.length;
+    const parts = replay.vehicles.flatMap((vehicle) => body(vehicle, now)).map(columns);
+    Plotly.restyle(scene, { x: parts.map((p) => p[0]), y: parts.map((p) => p[1]),
+      z: parts.map((p) => p[2]) }, parts.map((_, i) => first + i));
+  }
+
+  const play = document.getElementById('play');
+  const slider = document.getElementById('when');
+  const clock = document.getElementById('clock');
+  const speed = document.getElementById('speed');
+  const last = replay.t.length - 1;
+  const rate = last / Math.max(replay.t[last] - replay.t[0], 1e-9); // frames in a second
+  let now = 0; // in frames
+  let playing = false;
+
+  function show() {
+    slider.value = now;
+    clock.value = `${(replay.t[0] + now / rate).toFixed(2)} s`;
+    if (hasWebGL) showScene();
+    showFlat();
+  }
+  function seek(seconds) {
+    now = Math.min(last, Math.max(0, (seconds - replay.t[0]) * rate));
+    show();
+  }
+  function run(on) {
+    playing = on;
+    play.textContent = on ? '❚❚' : '▶';
+    play.setAttribute('aria-label', on ? 'pause' : 'play');
+    if (!on) return;
+    if (now >= last) now = 0;
+    let before = performance.now();
+    const step = (when) => {
+      if (!playing) return;
+      if (when - before >= 30) {
+        now = Math.min(last, now + (when - before) * 1e-3 * rate * Number(speed.value));
+        before = when;
+        show();
+        if (now >= last) { run(false); return; }
+      }
+      requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
+  }
+  slider.max = last;
+  slider.addEventListener('input', () => { now = Number(slider.value); show(); });
+  play.addEventListener('click', () => run(!playing));
+
+  // ---------------------------------------------------------------- when to draw
+
+  const waiting = new Map();
+  const observer = new IntersectionObserver((entries) => entries.forEach((entry) => {
+    if (!entry.isIntersecting || !waiting.has(entry.target)) return;
+    observer.unobserve(entry.target);
+    draw(waiting.get(entry.target));
+    waiting.delete(entry.target);
+  }), { rootMargin: '600px' });
+  data.figures.forEach((figure) => {
+    const box = document.getElementById(figure.id);
+    box.querySelector('.plot').style.setProperty('--panels', figure.panels.length);
+    waiting.set(box, figure);
+    observer.observe(box);
+  });
+  function rest() { waiting.forEach((figure) => draw(figure)); waiting.clear(); }
+  drawScene();
+  drawFlat();
+  [scene, flat].forEach((box) => fit.observe(box));
+  now = Math.round(0.4 * last);
+  show();
+  window.addEventListener('beforeprint', rest);
+  dark.addEventListener('change', () => {
+    drawScene();
+    drawFlat();
+    data.figures.forEach((figure) => {
+      if (!waiting.has(document.getElementById(figure.id))) draw(figure);
+    });
+  });
+  document.documentElement.dataset.ready = hasWebGL ? 'webgl' : 'flat';
+})();

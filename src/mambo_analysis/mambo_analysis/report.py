@@ -1,0 +1,370 @@
+"""
+A comparison as one HTML file: numbers, plots to look into, and the flight to watch again.
+
+The file needs no network: plotly.js is inside, and a content security policy forbids it to load
+anything else. ``report.js`` draws what :func:`of_one` and :func:`of_two` say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from importlib.resources import files
+import json
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from plotly.offline import get_plotlyjs
+
+from . import metrics, motion, tables
+from .bag import Bag, BagError
+from .compare import within
+from .metrics import Floats, Ints
+from .motion import Motion
+from .pair import Alignment, Comparison, Quantity
+from .phases import Phases, phases
+
+POINTS = 1200  # of a line; more is not seen
+FRAME = 40_000_000  # [ns] between the frames of the replay, which is smooth in between
+FRAMES = 3000  # at most; a longer flight has fewer in a second
+POLICY = ("default-src 'none'; script-src 'unsafe-inline' blob:; style-src 'unsafe-inline'; "
+          'img-src data: blob:')
+DIGITS = {'m': 4, 'm/s': 4, 'deg': 3, '-': 2, 'N': 5, 's': 3}
+
+
+class Report(NamedTuple):
+    """What a page shows; the parts that ``report.js`` draws are plain lists and texts."""
+
+    title: str
+    lead: str
+    cards: list[tuple[str, str, str]]  # (name, number, what it is)
+    notes: list[str]
+    sections: list[Mapping[str, Any]]  # of compare
+    differences: list[list[Any]]  # (parameter, A, B)
+    details: list[tuple[str, str]]  # (name, text)
+    replay: dict[str, Any]
+    figures: list[dict[str, Any]]
+
+
+def _numbers(values: Floats, digits: int) -> list[float | None]:
+    """Return numbers for JSON, rounded, None where there is none."""
+    return [None if not math.isfinite(value) else round(value, digits)
+            for value in np.asarray(values, float).tolist()]
+
+
+def _thin(t: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Return a signal at no more than ``POINTS`` instants: least and greatest of each stretch."""
+    size = -(-len(t) // (POINTS // 2))
+    if size <= 2:
+        return t, values
+    whole = len(t) // size * size
+    blocks = values[:whole].reshape(-1, size)
+    low = np.where(np.isnan(blocks), np.inf, blocks).argmin(axis=1)
+    high = np.where(np.isnan(blocks), -np.inf, blocks).argmax(axis=1)
+    chosen = np.sort(np.stack([low, high]), axis=0) + np.arange(len(blocks)) * size
+    index = np.concatenate([chosen.T.reshape(-1), np.arange(whole, len(t))])
+    return t[index], values[index]
+
+
+def _line(
+    name: str, colour: str, stamps: Ints, values: Floats, digits: int, dash: str = 'solid',
+) -> dict[str, Any]:
+    t, y = _thin(stamps * 1e-9, values)
+    return {'name': escape(name), 'colour': colour, 'dash': dash, 't': _numbers(t, 3),
+            'y': _numbers(y, digits)}
+
+
+def _figure(
+    name: str, title: str, text: str, panels: Sequence[tuple[str, list[dict[str, Any]]]],
+) -> dict[str, Any]:
+    """Return a figure of panels (label of the axis, lines) above each other."""
+    return {'id': name.replace(': ', '-').replace(' ', '-').lower(), 'title': title,
+            'text': text, 'panels': [{'label': label, 'lines': lines} for label, lines in panels]}
+
+
+def _figures(
+    comparison: Comparison, name: str, others: Mapping[str, Sequence[Motion]],
+) -> list[dict[str, Any]]:
+    """Return two figures a quantity: both sides by axis, and their difference."""
+    out, (ours, theirs) = [], comparison.labels
+    for q in comparison.quantities:
+        digits = DIGITS.get(q.unit, 4)
+        panels = []
+        for axis, label in enumerate(q.axes):
+            lines = [_line(other.name, 'reference', other.stamps, other.position[:, axis],
+                           digits, 'dot') for other in others.get(q.name, ())]
+            panels.append((f'{label} [{q.unit}]', [
+                *lines, _line(theirs, 'b', q.stamps, q.b[:, axis], digits),
+                _line(ours, 'a', q.stamps, q.a[:, axis], digits, 'dash')]))
+        out.append(_figure(
+            f'{name} {q.name}', f'{name}{q.name}'[:1].upper() + f'{name}{q.name}'[1:],
+            f'{ours} and {theirs} by axis.', panels))
+        out.append(_error_figure(q, name, f'{ours} minus {theirs}', digits))
+    return out
+
+
+def _error_figure(q: Quantity, name: str, what: str, digits: int) -> dict[str, Any]:
+    label = 'angle' if q.name == 'attitude' else 'length'
+    panels = []
+    if len(q.axes) == 3:
+        panels = [(f'Δ{axis} [{q.unit}]', [
+            _line(f'{axis} error', 'ink', q.stamps, q.error[:, i], digits)])
+            for i, axis in enumerate(q.axes)]
+    length = np.linalg.norm(q.error, axis=1)
+    panels.append((f'{label} [{q.unit}]', [
+        _line(f'{label} of the error', 'ink', q.stamps, length, digits),
+        _line('running RMS', 'running', q.stamps, metrics.running_rms(q.stamps, q.error),
+              digits)]))
+    title = f'{name}{q.name} error'
+    return _figure(title, title[:1].upper() + title[1:],
+                   f'{what}, its {label}, and the RMS up to each instant.', panels)
+
+
+def _replay(
+    tracks: Sequence[tuple[str, str, Motion]], vehicles: Sequence[tuple[str, str, Motion]],
+) -> dict[str, Any]:
+    """Return the paths, and the vehicles on a grid of time; (label, colour, motion) of each."""
+    begin = min(int(m.stamps[0]) for _, _, m in vehicles)
+    end = max(int(m.stamps[-1]) for _, _, m in vehicles)
+    grid = begin + np.arange(0, end - begin + 1, max(FRAME, -(-(end - begin) // FRAMES)))
+    out: dict[str, Any] = {'t': _numbers(grid * 1e-9, 3), 'tracks': [], 'vehicles': []}
+    for label, colour, track in tracks:
+        step = max(1, len(track.stamps) // POINTS)
+        out['tracks'].append({'name': escape(label), 'colour': colour, **{
+            axis: _numbers(track.position[::step, i], 4) for i, axis in enumerate('xyz')}})
+    for label, colour, vehicle in vehicles:
+        there = vehicle.at(grid)
+        out['vehicles'].append({
+            'name': escape(label), 'colour': colour,
+            'p': [_numbers(row, 4) for row in there.position],
+            'q': [_numbers(row, 4) for row in there.quaternion]})
+    return out
+
+
+def _cards(sections: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:
+    """Return the main numbers: of the position, and the RMS of velocity and attitude."""
+    out: list[tuple[str, str, str]] = []
+    for entry in sections:
+        row, unit = tables.main_row(entry), entry['unit']
+        if not row['count']:
+            continue
+        where = row['part']
+        if entry['quantity'] == 'position' and not out:
+            out = [('position RMS', f'{row["rms_total"]:.3f} m', where),
+                   ('largest', f'{row["maximum_total"]:.3f} m', where),
+                   ('final drift', f'{entry["rows"][0]["drift_total"]:.3f} m', 'at the end')]
+            delays = [value for value in row['delay'] if value is not None]
+            if delays:
+                out.append(('delay', f'{1e3 * float(np.median(delays)):.0f} ms',
+                            'of A behind B' if np.median(delays) >= 0 else 'A is ahead of B'))
+        elif entry['quantity'] in ('velocity', 'attitude') and len(out) < 6:
+            unit = '°' if unit == 'deg' else f' {unit}'
+            out.append((f'{entry["quantity"]} RMS', f'{row["rms_total"]:.2f}{unit}', where))
+    return out
+
+
+def _shade(parts: Phases, report: Report) -> Report:
+    """Add the take-off and landing to the figures, to be shaded."""
+    begin, end = report.replay['t'][0], report.replay['t'][-1]
+    shade = []
+    if parts.takeoff_end is not None:
+        shade.append([begin, parts.takeoff_end * 1e-9])
+    if parts.landing_start is not None:
+        shade.append([parts.landing_start * 1e-9, end])
+    return report._replace(figures=[{**figure, 'shade': shade} for figure in report.figures])
+
+
+def _details(*bags: Bag) -> list[tuple[str, str]]:
+    """Return what bags say about themselves: metadata and scenario."""
+    out = []
+    for bag in bags:
+        for name, values in sorted(bag.metadata.items()):
+            if name != 'rosbag2':
+                out.append((f'{bag.path.name}: {name}', '\n'.join(
+                    f'{key}: {value}' for key, value in values.items())))
+        scenario = bag.attachments.get('scenario.yaml')
+        if isinstance(scenario, str):
+            out.append((f'{bag.path.name}: scenario.yaml', scenario))
+    return out
+
+
+def of_two(
+    a: Bag, b: Bag | None, result: Mapping[str, Any], comparison: Comparison,
+    alignment: Alignment,
+) -> Report:
+    """Return the report of :func:`mambo_analysis.compare.compare_bags`."""
+    other = a if b is None else b
+    names = [f'{letter}: {bag}' for letter, bag in zip('AB', result['bags'])]
+    ours = alignment.moved(motion.read(a, result['compared'][0]))
+    theirs = motion.read(other, result['compared'][1])
+    references = [motion.read(other, 'reference')] if 'reference' in other else []
+    title = f'{result["bags"][0]} against {result["bags"][1]}'
+    if other is a:
+        title = f'{result["bags"][0]}: {ours.name} against {theirs.name}'
+        names = [f'{letter}: {m.name}' for letter, m in zip('AB', (ours, theirs))]
+    named = Comparison(comparison.title, (names[0], names[1]), comparison.quantities,
+                       comparison.phases)
+    vehicles = [(names[0], 'a', ours), (names[1], 'b', theirs)]
+    tracks = [('reference', 'reference', m) for m in references] + vehicles[::-1]
+    lead = (f'A, {ours.name} of {result["bags"][0]}, minus B, {theirs.name} of '
+            f'{result["bags"][1]}: {result["duration"]:.2f} s in common.')
+    return _shade(comparison.phases, Report(
+        title, lead, _cards(result['errors']), [*_flight_parts(result), *result['notes']],
+        [{**entry, 'title': f'{entry["quantity"]}, A minus B'} for entry in result['errors']],
+        result['differences'], _details(a) if other is a else _details(a, other),
+        _replay(tracks, vehicles), _figures(named, '', {'position': references})))
+
+
+def _flight_parts(result: Mapping[str, Any]) -> list[str]:
+    out = []
+    if result['takeoff_end'] is not None:
+        out.append(f'take-off ends at {result["takeoff_end"]:.2f} s ({result["takeoff"]})')
+    elif result['takeoff']:
+        out.append(result['takeoff'])
+    if result['landing_start'] is not None:
+        out.append(f'landing begins at {result["landing_start"]:.2f} s')
+    return out
+
+
+def of_one(bag: Bag, result: Mapping[str, Any]) -> Report:
+    """
+    Return the report of :func:`mambo_analysis.compare.compare`.
+
+    Raises
+    ------
+    BagError
+        If nothing in the bag tells a motion.
+
+    """
+    parts = phases(bag)
+    comparisons = within(bag, parts, [])[::-1]  # the estimate first
+    topics = motion.candidates(bag)
+    moving = []
+    for name in topics:
+        try:
+            moving.append(motion.read(bag, name))
+        except BagError:  # too few samples to draw
+            continue
+    if not moving:
+        raise BagError(f'{bag.path}: nothing to show, no topic with a motion '
+                       '(Odometry or PoseStamped) of two samples or more')
+    references = [motion.read(bag, 'reference')] if 'reference' in bag else []
+    by_name = {m.name: m for m in (*moving, *references)}
+    main = comparisons[0].labels if comparisons else (moving[0].name,)
+    vehicles = [(name, colour, by_name[name]) for name, colour in zip(main, 'ab')]
+    tracks = [(m.name, 'reference' if m.name == 'reference' else 'third', m)
+              for m in by_name.values() if m.name not in main]
+    figures, sections = [], []
+    names = [f'{comparison.title.split()[0]}: ' for comparison in comparisons]
+    for comparison, name in zip(comparisons, names):
+        figures += _figures(comparison, name, {
+            'position': references} if 'reference' not in comparison.labels else {})
+        sections += [{**entry, 'title': f'{entry["quantity"]}: {comparison.title}'}
+                     for entry in comparison.sections()]
+    facts = [] if result['real_time_factor'] is None else [
+        f'real-time factor {result["real_time_factor"]:.2f}']
+    facts += [f'imported from {result["source"]}'] if result['source'] else []
+    lead = f'{result["duration"]:.2f} s of flight; {comparisons[0].title}.' if comparisons \
+        else f'{result["duration"]:.2f} s of flight.'
+    return _shade(parts, Report(
+        result['bag'], lead, _cards(comparisons[0].sections() if comparisons else []),
+        [*facts, *_flight_parts(result), *result['notes']], sections, [], _details(bag),
+        _replay([*tracks, *vehicles[::-1]], vehicles), figures))
+
+
+def _cell(value: Any) -> str:
+    return f'<td>{escape(str(value))}</td>'
+
+
+def _table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    cells = ''.join(f'<th scope="col">{escape(name)}</th>' for name in head)
+    body = ''.join(f'<tr>{"".join(map(_cell, row))}</tr>' for row in rows)
+    return (f'<div class="scroll"><table><caption>{escape(caption)}</caption>'
+            f'<thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div>')
+
+
+def _section_table(entry: Mapping[str, Any]) -> str:
+    digits = DIGITS.get(entry['unit'], 4)
+    axes = entry['axes']
+    head = ['part', *(f'RMS {axis}' for axis in axes), 'RMS', 'largest', 'final drift',
+            *(f'delay {axis} [s]' for axis in axes), 'samples']
+    rows = [[row['part'], *(f'{value:.{digits}f}' for value in (
+        *row['rms'], row['rms_total'], row['maximum_total'], row['drift_total'])),
+        *('–' if value is None else f'{value:.3f}' for value in row['delay']),
+        str(row['count'])] for row in entry['rows'] if row['count']]
+    return _table(f'{entry["title"]} [{entry["unit"]}]', head, rows)
+
+
+def _figure_html(figure: Mapping[str, Any]) -> str:
+    return (f'<figure id="{figure["id"]}"><figcaption><b>{escape(figure["title"])}</b> '
+            f'{escape(figure["text"])}</figcaption>'
+            f'<div class="plot" data-panels="{len(figure["panels"])}" role="img" '
+            f'aria-label="{escape(figure["title"] + ": " + figure["text"], quote=True)}"></div>'
+            '</figure>')
+
+
+_REPLAY = """
+<section id="replay"><h2>The flight</h2>
+<div class="views"><div id="scene" role="img" aria-label="Path in three dimensions"></div>
+<div id="flat" role="img" aria-label="Path from above and from the side, to scale"></div></div>
+<div class="player"><button id="play" type="button" aria-label="play">▶</button>
+<input id="when" type="range" min="0" max="1" step="any" value="0" aria-label="time of flight">
+<output id="clock">0.00 s</output>
+<select id="speed" aria-label="speed"><option value="0.25">¼×</option><option value="1" selected>1×
+</option><option value="4">4×</option><option value="16">16×</option></select></div>
+<p class="hint">Body axes: <span class="x">forward</span>, <span class="y">left</span>,
+<span class="z">up</span>, drawn larger than the vehicle. Drag to turn, scroll or pinch to come
+closer; a click into a plot below moves the vehicle to that time.</p></section>
+"""
+
+
+def html(report: Report) -> str:
+    """Return the page."""
+    here = files('mambo_analysis')
+    style = here.joinpath('report.css').read_text(encoding='utf-8')
+    script = here.joinpath('report.js').read_text(encoding='utf-8')
+    data = json.dumps({'replay': report.replay, 'figures': report.figures}, allow_nan=False,
+                      separators=(',', ':')).replace('</', '<\\/')
+    cards = ''.join(
+        f'<div class="card"><dt>{escape(name)}</dt><dd>{escape(number)}</dd>'
+        f'<dd class="what">{escape(what)}</dd></div>' for name, number, what in report.cards)
+    notes = ''.join(f'<li>{escape(note)}</li>' for note in report.notes)
+    pages = ''.join(map(_figure_html, report.figures))
+    differ = _table('Parameters that differ', ['parameter', 'A', 'B'], [
+        [name, *('–' if value is None else str(value) for value in values)]
+        for name, *values in report.differences]) if report.differences else ''
+    details = ''.join(f'<details><summary>{escape(name)}</summary><pre>{escape(text)}</pre>'
+                      '</details>' for name, text in report.details)
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f'<title>{escape(report.title)}</title><style>{style}</style></head><body>'
+        f'<header><h1>{escape(report.title)}</h1><p>{escape(report.lead)}</p>'
+        f'<dl class="cards">{cards}</dl></header>{_REPLAY}'
+        f'<section id="plots"><h2>Signals and differences</h2><p class="hint">Take-off and '
+        'landing are shaded. Zooming in time zooms every plot; a double click shows all again.</p>'
+        f'<div class="figures">{pages}</div></section>'
+        f'<section id="numbers"><h2>Numbers</h2>{"".join(map(_section_table, report.sections))}'
+        f'{differ}</section><section id="notes"><h2>What was compared</h2><ul>{notes}</ul>'
+        f'{details}</section><script id="data" type="application/json">{data}</script>'
+        f'<script>{get_plotlyjs()}</script><script>{script}</script></body></html>\n')
+
+
+def write(path: Path, report: Report) -> Path:
+    """
+    Write the page.
+
+    Raises
+    ------
+    BagError
+        If the file cannot be written.
+
+    """
+    try:
+        path.write_text(html(report), encoding='utf-8')
+    except OSError as error:
+        raise BagError(f'{path}: cannot write the page ({error.strerror})') from None
+    return path

@@ -1,0 +1,19 @@
+"""The scripts of examples/ run as they stand, on the flight of the repository."""
+
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+EXAMPLES = sorted((Path(__file__).parents[1] / 'examples').glob('*.py'))
+SAYS = {'plot_a_bag': 'picture: circle_short.png', 'compare_two_bags': 'report: report.html'}
+
+
+@pytest.mark.parametrize('script', EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_runs_and_writes_what_it_says(script, tmp_path):
+    done = subprocess.run([sys.executable, script], cwd=tmp_path, text=True, capture_output=True)
+    assert done.returncode == 0, done.stderr
+    if script.stem in SAYS:
+        assert SAYS[script.stem] in done.stdout
+        assert (tmp_path / SAYS[script.stem].split(': ')[1]).stat().st_size > 10_000
