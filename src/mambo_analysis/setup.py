@@ -21,6 +21,7 @@ setup(
     entry_points={
         'console_scripts': [
             'compare = mambo_analysis.compare:main',
+            'identify_drag = mambo_analysis.identify.drag:main',
             'identify_inertia = mambo_analysis.identify.inertia:main',
             'identify_sensors = mambo_analysis.identify.sensors:main',
             'identify_thrust = mambo_analysis.identify.thrust:main',

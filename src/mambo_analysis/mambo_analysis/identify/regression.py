@@ -211,7 +211,7 @@ class _Problem:
 def fit(
     model: Model, data: Floats, start: Sequence[float], low: Sequence[float],
     high: Sequence[float], names: Sequence[str], nuisance: Floats | None = None,
-    step: float | None = None,
+    step: float | None = None, colour: bool = True, tolerance: float = 1e-7,
 ) -> Fit:
     """
     Fit a model to recorded channels.
@@ -230,6 +230,10 @@ def fit(
         Terms of every channel whose amount is fitted too, an unknown offset and drift say.
     step
         Relative step of the differences that make J; default: of rounding.
+    colour
+        Whether to whiten; without, intervals are those of independent residuals.
+    tolerance
+        Relative change of theta that ends the search.
 
     Raises
     ------
@@ -243,13 +247,13 @@ def fit(
     if freedom < 1:
         raise IdentifyError(
             f'{data.size} samples are too few for {data.size - freedom} unknowns')
-    for number in range(PASSES):
+    for number in range(PASSES if colour else 1):
         problem.set(problem.whiten if not number else _whitener(problem.unexplained(theta)))
         if number > 1 and all(len(a) == 0 for a in problem.whiten.coefficients):
             break
         found = optimize.least_squares(
             problem.residual, theta, bounds=(low, high), x_scale='jac', diff_step=step,
-            xtol=1e-10, ftol=1e-10, gtol=1e-10)
+            xtol=tolerance, ftol=1e-2 * tolerance, gtol=1e-2 * tolerance)
         theta = found.x
     freedom -= sum(map(len, problem.whiten.coefficients))
     return Fit(
