@@ -22,6 +22,7 @@ setup(
         'console_scripts': [
             'compare = mambo_analysis.compare:main',
             'identify_drag = mambo_analysis.identify.drag:main',
+            'identify_flow = mambo_analysis.identify.flow:main',
             'identify_inertia = mambo_analysis.identify.inertia:main',
             'identify_sensors = mambo_analysis.identify.sensors:main',
             'identify_thrust = mambo_analysis.identify.thrust:main',

@@ -13,7 +13,6 @@ them the interval is wider by as much.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple

@@ -290,12 +290,13 @@ def check_columns(columns: dict[str, Floats], least: int) -> None:
     for name, column in columns.items():
         if len(column) != length:
             raise IdentifyError(f'{name} has {len(column)} samples, not {length} as the others')
+    if length < max(least, 1):
+        raise IdentifyError(f'{length} samples, at least {max(least, 1)} are needed')
+    for name, column in columns.items():
         bad = int(np.count_nonzero(~np.isfinite(column).reshape(length, -1).all(axis=1)))
         if bad:
             raise IdentifyError(
                 f'{name} is not finite in {bad} of {length} samples: leave them out')
-    if length < least:
-        raise IdentifyError(f'{length} samples, at least {least} are needed')
 
 
 def check_times(t: Floats) -> None:
