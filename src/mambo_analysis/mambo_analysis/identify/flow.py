@@ -183,21 +183,25 @@ def _matrix(q: Floats) -> Floats:
 def _draw(data: Samples, found: dict[str, Factor]) -> Callable[[Figure], None]:
     colours = dict(zip(LAWS, ('#8a8a8a', '#2f7ed8', '#e0403f')))
 
+    best = found[min(found, key=lambda law: found[law].fit.rms)]
+
     def draw(figure: Figure) -> None:
         above, below = figure.subplots(2, 1)
         fine = np.linspace(data.height.min(), data.height.max(), 50)
-        geometric = data.velocity / data.depth[:, None]
+        geometric, bias = data.velocity / data.depth[:, None], np.array(best.bias)
         edges = np.quantile(data.height, np.linspace(0.0, 1.0, 11))
         for low, high in zip(edges, edges[1:]):
             here = (data.height >= low) & (data.height <= high)
-            x, y = geometric[here].ravel(), data.flow[here].ravel()
-            above.plot(data.height[here].mean(), (x @ x) / (x @ y), 'o', color='#a06cd5')
+            x, y = geometric[here].ravel(), (data.flow - bias)[here].ravel()
+            Q = (x @ x) / (x @ y)
+            error = 1.96 * Q * Q * best.fit.rms / np.sqrt(x @ x)
+            if error < 0.2:  # else there is hardly a motion at this height
+                above.errorbar(data.height[here].mean(), Q, error, fmt='o', color='#a06cd5')
         for law, one in found.items():
             above.plot(fine, one.at(fine, law), color=colours[law], label=law)
         above.set_xlabel('height [m]')
         above.set_ylabel('Q')
         above.legend()
-        best = found[min(found, key=lambda law: found[law].fit.rms)]
         for j, axis in enumerate('xy'):
             below.plot(data.t, best.fit.residual[:, j], '.', ms=3, label=axis)
         below.set_xlabel('time [s]')
