@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from . import regression, report
 from .. import closed_loop, metrics
 from ..scenario import from_yaml, load, override, Scenario
-from . import regression, report
 from .regression import IdentifyError, LEVEL, Value
 
 Floats = NDArray[np.float64]

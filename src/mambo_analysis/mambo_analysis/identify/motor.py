@@ -29,8 +29,8 @@ from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import metrics
 from . import regression, report
+from .. import metrics
 from .regression import IdentifyError, Value
 
 Floats = NDArray[np.float64]
