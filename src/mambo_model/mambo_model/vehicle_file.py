@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 import yaml
 
 from .mass_properties import Point
-from .schema import build, flatten, ParameterError, unknown, walk
+from .schema import build, check_field, flatten, ParameterError, unknown, walk
 from .yaml_nodes import Reader
 
 P = TypeVar('P')
