@@ -4,9 +4,11 @@ import math
 from pathlib import Path
 
 from interval_checks import assert_covers
-from mambo_analysis.identify.flow import fit_factor, main, Samples, samples
+from mambo_analysis import closed_loop
+from mambo_analysis.identify.flow import (
+    fit_factor, from_recording, main, Samples, samples)
 from mambo_analysis.identify.regression import IdentifyError
-from mambo_analysis.scenario import load
+from mambo_analysis.scenario import load, scenario
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -81,6 +83,15 @@ def test_intervals_cover_over_60_seeds():
     assert_covers(0.07, [one.slope for one in found])
     data = [measured('constant', seed, vertical=0.0) for seed in range(60)]
     assert_covers(1.06, [fit_factor(one).offset for one in data])
+
+
+def test_a_flight_with_all_its_sensors_shows_the_factor():
+    data = from_recording(closed_loop.fly(scenario(
+        'vertical_circle_large', duration=25.0, land=False, seed=3)), start=3.0)
+    found = fit_factor(data, 'linear')
+    np.testing.assert_allclose(found.at(np.array([0.8, 1.5, 2.2]), 'linear'),
+                               LAWS['linear'](np.array([0.8, 1.5, 2.2])), rtol=0.03)  # 5 % asked
+    assert found.slope.low <= 0.07 <= found.slope.high
 
 
 def test_floor_and_missing_frames_are_taken_into_account():

@@ -221,9 +221,11 @@ def _draw(found: Drag, part: Part) -> Callable[[Figure], None]:
     return draw
 
 
-def read(path: Path, file: Path | None, namespace: str | None) -> tuple[Track, Scenario]:
+def read(
+    path: Path, file: Path | None, shift: float, namespace: str | None,
+) -> tuple[Track, Scenario]:
     """
-    Return track and scenario of a bag.
+    Return track, its stamps shifted by some s, and scenario of a bag.
 
     Raises
     ------
@@ -243,7 +245,7 @@ def read(path: Path, file: Path | None, namespace: str | None) -> tuple[Track, S
     pose = bag['optitrack/pose']
     seen = np.isfinite(pose.position).all(axis=1)
     position = np.array([flip_vector(tuple(p)) for p in pose.position[seen].tolist()])
-    return Track(pose.stamp[seen], position.reshape(-1, 3)), flight
+    return Track(pose.stamp[seen] + round(shift * 1e9), position.reshape(-1, 3)), flight
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -254,13 +256,16 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--part', choices=tuple(PARTS), default='horizontal', help='k_c or k_z')
     parser.add_argument('--scenario', type=Path, metavar='FILE',
                         help='what was flown; default: that in the bag')
+    parser.add_argument('--shift', type=float, default=0.0,
+                        help='s, added to the stamps of Optitrack if its clock is another')
     parser.add_argument('--start', type=float, help='s, compare from here; default: in the air')
     parser.add_argument('--end', type=float, help='s, compare to here; default: landing')
     parser.add_argument('--namespace', help='of the drone, if the bag has several')
     options = parser.parse_args(arguments)
 
     def work() -> report.Report:
-        track, flight = read(options.bag, options.scenario, options.namespace)
+        track, flight = read(
+            options.bag, options.scenario, options.shift, options.namespace)
         found = fit_drag(track, flight, options.part, options.start, options.end)
         part, value = PARTS[options.part], found.coefficient
         source = (f'identify_drag, {options.bag.name}, 95 %: {value.low:.4g} to {value.high:.4g}; '

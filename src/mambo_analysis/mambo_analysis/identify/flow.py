@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 import yaml
 
 from . import regression, report
+from ..closed_loop import Recording
 from .regression import IdentifyError, Value
 
 Floats = NDArray[np.float64]
@@ -173,6 +174,16 @@ def samples(
     return Samples(table[:, 0], table[:, 1:3], table[:, 3:5], table[:, 5], table[:, 6])
 
 
+def from_recording(
+    recording: Recording, start: float = -np.inf, end: float = np.inf,
+) -> Samples:
+    """Return the samples of a simulated flight against its Optitrack; start and end in s."""
+    sensed, seen = recording.flow[:, 2] > 0.0, np.isfinite(recording.pose).all(axis=1)
+    return samples(
+        recording.t[sensed] * 1e-9, recording.flow[sensed, :2], recording.pose_t[seen] * 1e-9,
+        recording.pose[seen, :3], recording.pose[seen, 3:], start=start, end=end)
+
+
 def _matrix(q: Floats) -> Floats:
     """Return R, (3, 3), of a unit quaternion w x y z."""
     w, v = q[0], q[1:]
@@ -223,9 +234,9 @@ def _estimator_file(found: dict[str, Factor], best: str) -> str:
 
 
 def read(
-    path: Path, floor: float, start: float, end: float, namespace: str | None,
+    path: Path, floor: float, start: float, end: float, shift: float, namespace: str | None,
 ) -> Samples:
-    """Return the samples of a bag with ``optical_flow`` and ``optitrack/pose``."""
+    """Return the samples of a bag with ``optical_flow`` and ``optitrack/pose``; shift in s."""
     bag = report.open_bag(path, ('optical_flow', 'optitrack/pose'), namespace)
     flow, pose = bag['optical_flow'], bag['optitrack/pose']
     seen = np.isfinite(pose.position).all(axis=1)
@@ -236,7 +247,7 @@ def read(
         flow['rate_x'].tolist(), flow['rate_y'].tolist())]
     sensed = np.where((flow['quality'] > 0)[:, None], np.array(sensed), np.nan)
     return samples(
-        flow.t - begin, sensed, pose.t[seen] - begin, np.array(position).reshape(-1, 3),
+        flow.t - begin, sensed, pose.t[seen] - begin + shift, np.array(position).reshape(-1, 3),
         np.array(q).reshape(-1, 4), floor, start, end)
 
 
@@ -270,13 +281,16 @@ def main(arguments: list[str] | None = None) -> int:
         'identify_flow', 'Factor of the optical flow from Optitrack, (5.2) and (C.2).')
     parser.add_argument('bag', type=Path, help='with optical_flow and optitrack/pose')
     parser.add_argument('--floor', type=float, default=0.0, help='m, its height for Optitrack')
+    parser.add_argument('--shift', type=float, default=0.0,
+                        help='s, added to the stamps of Optitrack if its clock is another')
     parser.add_argument('--start', type=float, default=-np.inf, help='s, leave out what is before')
     parser.add_argument('--end', type=float, default=np.inf, help='s, leave out what is after')
     parser.add_argument('--namespace', help='of the drone, if the bag has several')
     options = parser.parse_args(arguments)
 
     def work() -> report.Report:
-        data = read(options.bag, options.floor, options.start, options.end, options.namespace)
+        data = read(options.bag, options.floor, options.start, options.end, options.shift,
+                    options.namespace)
         return _report(options.bag, data)
     return report.run('identify_flow', options, work)
 

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from . import regression, report
 from .. import metrics
+from ..closed_loop import Recording
 from .regression import IdentifyError, Value
 
 Floats = NDArray[np.float64]
@@ -180,6 +181,15 @@ def in_flight(t: Floats, pwm: Floats, vehicle: Vehicle, rest: float = 0.5) -> ND
         out[first:end] = True
         out &= (t >= t[first] + rest) & (t <= t[end - 1] - rest)
     return out
+
+
+def from_recording(
+    recording: Recording, vehicle: Vehicle,
+) -> tuple[Floats, Floats, Floats]:
+    """Return times s, commands and acceleration of a simulated flight, of the steps in the air."""
+    t = recording.t * 1e-9
+    air = in_flight(t, recording.pwm, vehicle)
+    return t[air], recording.pwm[air], recording.imu[air, 5]
 
 
 def _draw(found: Motor) -> Callable[[Figure], None]:
