@@ -76,6 +76,23 @@ def test_a_factor_over_height_comes_back(law, offset, slope):
     assert fit_factor(data).fit.rms > found.fit.rms
 
 
+def test_rotation_left_in_the_flow_is_told_from_the_motion():
+    data = measured('linear')
+    R = attitude(data.t)
+    step = 1e-4
+    omega = (R.inv() * attitude(data.t + step)).as_rotvec() / step  # body axes
+    np.testing.assert_allclose(data.rotation[:, 0], omega[:, 1], atol=2e-3)
+    np.testing.assert_allclose(data.rotation[:, 1], -omega[:, 0], atol=2e-3)
+    leaky = data._replace(
+        flow=data.flow + 0.4 * np.stack([omega[:, 1], -omega[:, 0]], axis=1))
+    found = fit_factor(leaky, 'linear', leak=True)
+    assert found.leak.low <= 0.4 <= found.leak.high
+    assert found.leak.value == pytest.approx(0.4, abs=0.03)
+    assert found.slope.low <= 0.07 <= found.slope.high
+    assert found.fit.rms < fit_factor(leaky, 'linear').fit.rms
+    assert fit_factor(data).leak is None
+
+
 def test_intervals_cover_over_60_seeds():
     data = [measured('linear', seed) for seed in range(60)]
     found = [fit_factor(one, 'linear') for one in data]
@@ -117,6 +134,7 @@ def change(**columns):
      'flow is not finite in 1 of'),
     (change(flow=lambda d: np.zeros_like(d.flow)), 'constant', 'flow is constant'),
     (change(flow=lambda d: np.rad2deg(d.flow)), 'constant', 'it must be in rad/s'),
+    (change(flow=lambda d: -d.flow), 'constant', "with the vehicle's sign"),
     (change(velocity=lambda d: 0.01 * d.velocity), 'constant', 'shows no factor'),
     (change(depth=lambda d: -d.depth), 'constant', 'is the floor where z is 0'),
     (change(height=lambda d: 1.5 + 0.0 * d.height), 'linear', 'heights differ by 0.00 m'),
@@ -138,7 +156,7 @@ def test_the_command_reads_a_bag_and_writes_parameters_of_the_estimator(tmp_path
 
 
 @pytest.mark.parametrize('options, message', [
-    (['--start', '100'], '0 samples, at least 100'),
+    (['--leak', '--start', '100'], '0 samples, at least 100'),
     (['--floor', '2'], '0 samples, at least 100'),
     (['--namespace', 'other'], 'nothing in the namespace /other')])
 def test_wrong_use_is_one_line(capsys, options, message):

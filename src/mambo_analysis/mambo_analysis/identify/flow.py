@@ -6,8 +6,9 @@ sensor's; for a body velocity :math:`\nu` over a depth :math:`Z = h/(\cos\phi \c
 
 .. math:: flow = \frac{\nu_{xy}}{Z\,Q(h)} + noise.
 
-Each axis may have an offset. The velocity is the slope of a parabola through the positions
-around a sample, in inertial axes, turned into body axes.
+Each axis may have an offset, and a share of the rotation :math:`(\omega_2, -\omega_1)` may be in
+the flow. The velocity is the slope of a parabola through the positions around a sample, in
+inertial axes, turned into body axes.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ WINDOW = 0.12          # s, of positions for a velocity: leaves 3e-4 of a motion
 LEAST = 100            # samples of the flow
 LOWEST = 0.4           # m, no flow below (sec. 5.2)
 SPREAD = 0.2           # m, of the heights for a slope
-SLOWEST = 0.02         # m/s, rms, of a motion that shows a factor
+SLOWEST = 0.1          # m/s, rms, of a motion that shows a factor
 
 
 class Samples(NamedTuple):
@@ -44,6 +45,7 @@ class Samples(NamedTuple):
     velocity: Floats  # (n, 2) m/s, nu_1 and nu_2
     height: Floats    # (n,) m, above the floor
     depth: Floats     # (n,) m, Z
+    rotation: Floats  # (n, 2) rad/s, omega_2 and -omega_1: what a sensor without gyro adds
 
 
 class Factor(NamedTuple):
@@ -52,6 +54,7 @@ class Factor(NamedTuple):
     offset: Value         # 1
     slope: Value | None   # 1/m of (C.2b); 1 of (C.2a), times exp(h); None: a constant
     bias: tuple[float, float]  # rad/s, of the flow
+    leak: Value | None     # 1, share of the rotation in the flow; None: taken for 0
     fit: regression.Fit
 
     def at(self, height: Floats | float, law: str) -> Floats:
@@ -67,7 +70,7 @@ def _shape(height: Floats, law: str) -> Floats:
     return height if law == 'linear' else np.zeros_like(height)
 
 
-def fit_factor(samples: Samples, law: str = 'constant') -> Factor:
+def fit_factor(samples: Samples, law: str = 'constant', leak: bool = False) -> Factor:
     """
     Fit the factor of the flow.
 
@@ -77,6 +80,8 @@ def fit_factor(samples: Samples, law: str = 'constant') -> Factor:
         Of a flight that moves; for a slope, at different heights.
     law
         ``constant``, ``linear`` Q = offset + slope h, or ``exponential`` offset + slope exp(h).
+    leak
+        Whether to fit the share of the rotation in the flow.
 
     Raises
     ------
@@ -95,27 +100,33 @@ def fit_factor(samples: Samples, law: str = 'constant') -> Factor:
     shape = _shape(samples.height, law)
     middle = float(shape.mean())
 
-    def model(theta: Floats) -> Floats:
-        Q = theta[0] + (theta[1] * (shape - middle) if len(theta) > 1 else 0.0)
-        return geometric / np.reshape(Q, (-1, 1))
     count = 1 if law == 'constant' else 2
     reach = 0.9 / max(float(np.abs(shape - middle).max()), 1e-9)  # keeps Q above 0 near Q = 1
+
+    def model(theta: Floats) -> Floats:
+        Q = theta[0] + (theta[1] * (shape - middle) if count > 1 else 0.0)
+        out = geometric / np.reshape(Q, (-1, 1))
+        return out + theta[-1] * samples.rotation if leak else out
     found = regression.fit(
-        model, samples.flow, [1.0, 0.0][:count], [0.2, -reach][:count], [5.0, reach][:count],
-        ['offset', 'slope'], np.ones((len(shape), 1)))
+        model, samples.flow, [1.0, 0.0][:count] + [0.0] * leak,
+        [0.2, -reach][:count] + [-5.0] * leak, [5.0, reach][:count] + [5.0] * leak,
+        ['offset', 'slope'][:count] + ['share of the rotation'] * leak, np.ones((len(shape), 1)))
     bias = (samples.flow - found.residual - model(found.theta)).mean(axis=0)
+    share = found.value(count, '1') if leak else None
     if count == 1:
-        return Factor(found.value(0, '1'), None, tuple(bias.tolist()), found)
-    turn = np.array([[1.0, -middle], [0.0, 1.0]])  # back to an offset at shape 0
+        return Factor(found.value(0, '1'), None, tuple(bias.tolist()), share, found)
+    turn = np.eye(count + leak)  # back to an offset at shape 0
+    turn[0, 1] = -middle
     found = found._replace(
         theta=turn @ found.theta, covariance=turn @ found.covariance @ turn.T)
     unit = '1/m' if law == 'linear' else '1'
-    return Factor(found.value(0, '1'), found.value(1, unit), tuple(bias.tolist()), found)
+    return Factor(
+        found.value(0, '1'), found.value(1, unit), tuple(bias.tolist()), share, found)
 
 
 def _check(samples: Samples) -> None:
     regression.check_columns(
-        dict(zip(('time', 'flow', 'velocity', 'height', 'depth'), samples)), LEAST)
+        dict(zip(('time', 'flow', 'velocity', 'height', 'depth', 'rotation'), samples)), LEAST)
     regression.check_times(samples.t)
     if not np.ptp(samples.flow) > 0.0:
         raise IdentifyError('the flow is constant: the camera sees nothing')
@@ -124,8 +135,8 @@ def _check(samples: Samples) -> None:
     size = float(np.sqrt(np.mean(samples.velocity ** 2)))
     if size < SLOWEST:
         raise IdentifyError(f'a motion of {size:.3f} m/s shows no factor: fly a circle or a sine')
-    ratio = float(np.sqrt(np.mean(samples.flow ** 2))
-                  / np.sqrt(np.mean((samples.velocity / samples.depth[:, None]) ** 2)))
+    geometric = samples.velocity / samples.depth[:, None]
+    ratio = float(np.sum(samples.flow * geometric) / np.sum(geometric ** 2))
     if not 0.2 < ratio < 5.0:
         raise IdentifyError(
             f'the flow is {ratio:.3g} times velocity over height: it must be in rad/s, with the '
@@ -169,9 +180,19 @@ def samples(
         R = _matrix(q[near][np.argmin(np.abs(dt))])
         height = -float(curve[0, 2]) - floor
         if height >= LOWEST:
-            rows.append((t, *sensed, *(R.T @ curve[1])[:2], height, height / R[2, 2]))
-    table = np.array(rows).reshape(-1, 7)
-    return Samples(table[:, 0], table[:, 1:3], table[:, 3:5], table[:, 5], table[:, 6])
+            w = _rate(q[near], dt)
+            rows.append(
+                (t, *sensed, *(R.T @ curve[1])[:2], height, height / R[2, 2], w[1], -w[0]))
+    c = np.array(rows).reshape(-1, 9)
+    return Samples(c[:, 0], c[:, 1:3], c[:, 3:5], c[:, 5], c[:, 6], c[:, 7:])
+
+
+def _rate(q: Floats, dt: Floats) -> Floats:
+    """Return the body rate by (2.14), (3,) rad/s, of attitudes (n, 4) around one, at dt (n,) s."""
+    same = np.where(q @ q[0] < 0.0, -1.0, 1.0)[:, None] * q
+    (w, *v), (w_dot, *v_dot) = np.polynomial.polynomial.polyfit(dt, same, 2)[:2]
+    v, v_dot = np.array(v), np.array(v_dot)
+    return 2.0 * (w * v_dot - w_dot * v - np.cross(v, v_dot))
 
 
 def from_recording(
@@ -199,7 +220,8 @@ def _draw(data: Samples, found: dict[str, Factor]) -> Callable[[Figure], None]:
     def draw(figure: Figure) -> None:
         above, below = figure.subplots(2, 1)
         fine = np.linspace(data.height.min(), data.height.max(), 50)
-        geometric, bias = data.velocity / data.depth[:, None], np.array(best.bias)
+        geometric = data.velocity / data.depth[:, None]
+        bias = np.array(best.bias) + (best.leak.value * data.rotation if best.leak else 0.0)
         edges = np.quantile(data.height, np.linspace(0.0, 1.0, 11))
         for low, high in zip(edges, edges[1:]):
             here = (data.height >= low) & (data.height <= high)
@@ -229,6 +251,8 @@ def _estimator_file(found: dict[str, Factor], best: str) -> str:
                  'linear_slope': found['linear'].slope.value,
                  'exponential_offset': found['exponential'].offset.value,
                  'exponential_gain': found['exponential'].slope.value}
+    if found[best].leak:
+        flow['rotation_leak'] = found[best].leak.value
     parameters = {'ros__parameters': {'kalman': {'optical_flow': flow}}}
     return yaml.safe_dump({'/mambo/estimator_node': parameters}, sort_keys=False)
 
@@ -251,9 +275,9 @@ def read(
         np.array(q).reshape(-1, 4), floor, start, end)
 
 
-def _report(path: Path, data: Samples) -> report.Report:
+def _report(path: Path, data: Samples, leak: bool) -> report.Report:
     laws = LAWS if len(data.t) and np.ptp(data.height) >= SPREAD else LAWS[:1]
-    found = {law: fit_factor(data, law) for law in laws}
+    found = {law: fit_factor(data, law, leak) for law in laws}
     values = {'Q constant': found['constant'].offset}
     notes = ['flow is no part of a vehicle: estimator.yaml is for the estimator']
     best = 'constant'
@@ -265,6 +289,8 @@ def _report(path: Path, data: Samples) -> report.Report:
             values |= {f'Q {law}, offset': found[law].offset, f'Q {law}, slope': found[law].slope}
     else:
         notes.append(f'heights differ by less than {SPREAD:g} m: no law of the height')
+    if leak:
+        values['share of the rotation'] = found[best].leak
     facts = {
         'law of the estimator': best, 'samples': len(data.t),
         'heights [m]': f'{data.height.min():.2f} .. {data.height.max():.2f}',
@@ -282,7 +308,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('bag', type=Path, help='with optical_flow and optitrack/pose')
     parser.add_argument('--floor', type=float, default=0.0, help='m, its height for Optitrack')
     parser.add_argument('--shift', type=float, default=0.0,
-                        help='s, added to the stamps of Optitrack if its clock is another')
+                        help='s, added to the stamps of Optitrack: another clock, or a late flow')
+    parser.add_argument('--leak', action='store_true',
+                        help='fit the share of the rotation in the flow, for sensors without gyro')
     parser.add_argument('--start', type=float, default=-np.inf, help='s, leave out what is before')
     parser.add_argument('--end', type=float, default=np.inf, help='s, leave out what is after')
     parser.add_argument('--namespace', help='of the drone, if the bag has several')
@@ -291,7 +319,7 @@ def main(arguments: list[str] | None = None) -> int:
     def work() -> report.Report:
         data = read(options.bag, options.floor, options.start, options.end, options.shift,
                     options.namespace)
-        return _report(options.bag, data)
+        return _report(options.bag, data, options.leak)
     return report.run('identify_flow', options, work)
 
 
