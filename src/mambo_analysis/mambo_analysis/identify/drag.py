@@ -37,6 +37,7 @@ LEAST = 100            # positions
 VEHICLE = 'sim_node.simulator.vehicle'
 GUESSES = (0.0, 0.1, 0.3, 1.0)  # s/m, of which the best begins the search
 FLIGHTS = 20           # with noise
+STEEP = 1e-2           # relative change for a slope: gates of the filters roughen smaller ones
 LARGEST = 2.0          # s/m: a vehicle that loses its speed in 0.2 s does not fly a circle
 
 
@@ -143,7 +144,7 @@ def fit_drag(
     rest = [_rms(_without(terms, measured - model(np.array([guess])))) for guess in GUESSES]
     found = regression.fit(
         model, measured, [max(GUESSES[int(np.argmin(rest))], 1e-3)], [0.0], [LARGEST],
-        [what.symbol], terms, step=1e-3, colour=False, tolerance=1e-5)
+        [what.symbol], terms, step=STEEP, colour=False, tolerance=1e-5)
     value = _interval(found, flight, what, rows, terms, model)
     if value.half > 0.5 * LARGEST:
         raise IdentifyError(f'this flight does not show {what.symbol}: {what.cure}')
