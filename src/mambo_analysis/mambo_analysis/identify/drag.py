@@ -37,7 +37,7 @@ LEAST = 100            # positions
 VEHICLE = 'sim_node.simulator.vehicle'
 GUESSES = (0.0, 0.1, 0.3, 1.0)  # s/m, of which the best begins the search
 FLIGHTS = 20           # with noise
-STEEP = 1e-2           # relative change for a slope: gates of the filters roughen smaller ones
+STEEP = 4e-3           # s/m, for a slope: gates of the filters roughen smaller changes
 LARGEST = 2.0          # s/m: a vehicle that loses its speed in 0.2 s does not fly a circle
 
 
@@ -134,17 +134,17 @@ def fit_drag(
             f'{int(seen.sum())} positions to compare, at least {LEAST} are needed: '
             f'{len(rows)} steps of 50 ms, {len(track.t)} poses')
     rows, measured, t = rows[seen], measured[seen], at[seen] * 1e-9
-
     axes = list(what.axes)
     terms = np.stack([np.ones(len(t)), (t - t.mean()) / np.ptp(t)], axis=1)
 
-    def model(theta: Floats) -> Floats:
-        flown = closed_loop.fly(override(silent, {f'{VEHICLE}.{what.name}': float(theta[0])}))
+    def model(theta: Floats) -> Floats:  # of 1 + k, whose relative steps are steps of k at k = 0
+        k = float(theta[0]) - 1.0
+        flown = closed_loop.fly(override(silent, {f'{VEHICLE}.{what.name}': k}))
         return flown.truth[rows][:, axes]
-    rest = [_rms(_without(terms, measured - model(np.array([guess])))) for guess in GUESSES]
+    rest = [_rms(_without(terms, measured - model(np.array([1.0 + guess])))) for guess in GUESSES]
     found = regression.fit(
-        model, measured, [max(GUESSES[int(np.argmin(rest))], 1e-3)], [0.0], [LARGEST],
-        [what.symbol], terms, step=STEEP, colour=False, tolerance=1e-5)
+        model, measured, [1.0 + max(GUESSES[int(np.argmin(rest))], STEEP)], [1.0],
+        [1.0 + LARGEST], [what.symbol], terms, step=STEEP, colour=False, tolerance=1e-5)
     value = _interval(found, flight, what, rows, terms, model)
     if value.half > 0.5 * LARGEST:
         raise IdentifyError(f'this flight does not show {what.symbol}: {what.cure}')
@@ -165,10 +165,9 @@ def _interval(
     model: Callable[[Floats], Floats],
 ) -> Value:
     """Return the coefficient with its interval, from flights with noise and other seeds."""
-    k, axes = float(found.theta[0]), list(part.axes)
-    step = max(1e-3, 1e-2 * k)
-    clean = model(np.array([k]))
-    slope = _without(terms, (model(np.array([k + step])) - clean) / step)
+    k, axes = float(found.theta[0]) - 1.0, list(part.axes)
+    clean = model(np.array([1.0 + k]))
+    slope = _without(terms, (model(np.array([1.0 + k + STEEP])) - clean) / STEEP)
     errors, left = [], []
     for number in range(FLIGHTS):
         seed = (flight.seed + 1_000_003 * (number + 1)) % 2 ** 31
