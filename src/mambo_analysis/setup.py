@@ -21,7 +21,12 @@ setup(
     entry_points={
         'console_scripts': [
             'compare = mambo_analysis.compare:main',
+            'identify_drag = mambo_analysis.identify.drag:main',
+            'identify_flow = mambo_analysis.identify.flow:main',
+            'identify_inertia = mambo_analysis.identify.inertia:main',
+            'identify_motor = mambo_analysis.identify.motor:main',
             'identify_sensors = mambo_analysis.identify.sensors:main',
+            'identify_thrust = mambo_analysis.identify.thrust:main',
             'import_bag = mambo_analysis.import_bag:main',
             'import_crazyflie = mambo_analysis.import_crazyflie:main',
             'import_minidrone = mambo_analysis.import_minidrone:main',

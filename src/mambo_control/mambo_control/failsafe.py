@@ -266,7 +266,8 @@ def lighter(shown: Shown, p: FailsafeValues, vv: VehicleValues) -> VehicleValues
     return VehicleValues(
         (1.0 - p.thrust_deficit) * mass, vv.inertia, vv.gravity, vv.arm, vv.yaw_ratio,
         vv.thrust_map, vv.linear_gain, vv.power_a, vv.power_b, vv.pwm_min, vv.pwm_max,
-        vv.motor_time_constant, vv.drag_reading, vv.drag_coefficient)
+        vv.motor_time_constant, vv.drag_reading, vv.drag_coefficient,
+        vv.vertical_drag_coefficient)
 
 
 @jit

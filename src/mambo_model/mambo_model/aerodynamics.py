@@ -292,11 +292,12 @@ def lumped_drag(nu: Vec3, f: float, vv: VehicleValues) -> Vec3:
     Parameters
     ----------
     nu : (3,) m/s, body FRD
-        Velocity; only its first two components meet drag, K_c = diag(k_c, k_c, 0).
+        Velocity; K_c = diag(k_c, k_c, k_z), where print has no k_z.
     f : N
         Total thrust of the four rotors.
     vv
         Vehicle; ``drag_reading`` tells what T is: f/4, f, 1 (k_c in kg/s) or the mass (1/s).
+        k_z is ``vertical_drag_coefficient``, 0 by default.
 
     """
     if vv.drag_reading == DRAG_PER_ROTOR:
@@ -310,6 +311,8 @@ def lumped_drag(nu: Vec3, f: float, vv: VehicleValues) -> Vec3:
     else:
         t = 0.0
     k = -t * vv.drag_coefficient
+    if vv.vertical_drag_coefficient > 0.0:
+        return (k * nu[0], k * nu[1], -t * vv.vertical_drag_coefficient * nu[2])
     return (k * nu[0], k * nu[1], 0.0)
 
 

@@ -48,6 +48,7 @@ class VehicleValues(NamedTuple):
     motor_time_constant: float
     drag_reading: int
     drag_coefficient: float
+    vertical_drag_coefficient: float
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,9 @@ class Vehicle:
     drag_coefficient: float = quantity(
         0.22, 's/m', 0.0, 10.0,
         'k_c, thesis sec. 6.3; kg/s under the reading force, 1/s under acceleration')
+    vertical_drag_coefficient: float = quantity(
+        0.0, 's/m', 0.0, 10.0,
+        'as drag_coefficient, along b3; (3.13) has none, chapter 7 asks for it')
     air_density: float = quantity(
         1.184, 'kg/m^3', 0.1, 2.0, 'air of 25 deg C at sea level: toolbox of the Rolling Spider')
     rotor: RotorParams = group(RotorParams)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 import yaml
 
 from .mass_properties import Point
-from .schema import build, flatten, ParameterError, unknown, walk
+from .schema import build, check_field, flatten, ParameterError, unknown, walk
 from .yaml_nodes import Reader
 
 P = TypeVar('P')
@@ -138,3 +138,67 @@ def replace(params: P, values: dict[str, Any]) -> P:
 
     """
     return build(type(params), {**flatten(params), **values})
+
+
+def _scalar(value: Any) -> str:
+    """Return a value as YAML writes it; numbers so that they read back to the bit."""
+    if isinstance(value, tuple):
+        return f'[{", ".join(map(_scalar, value))}]'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (int, float)):
+        return repr(value)
+    return yaml.safe_dump([value], default_flow_style=True, width=10 ** 6)[1:-2]
+
+
+def _lines(tree: dict[str, Any], indent: str) -> list[str]:
+    """Return the lines of a section; a leaf is its finished text."""
+    out = []
+    for key, below in tree.items():
+        if isinstance(below, dict):
+            out += [f'{indent}{key}:', *_lines(below, indent + '  ')]
+        else:
+            out.append(f'{indent}{key}: {below}')
+    return out
+
+
+def to_text(
+    description: str, base: str, values: dict[str, tuple[Any, str]], params_type: type,
+) -> str:
+    """
+    Return a file that :func:`read` reads.
+
+    Parameters
+    ----------
+    description
+        What it is, one line.
+    base
+        Name of the vehicle it starts from.
+    values
+        {dotted name: (value, source)}; what is not named is that of the base.
+    params_type
+        Parameter dataclass whose names, units and ranges the values have.
+
+    Raises
+    ------
+    ParameterError
+        Naming a value that is unknown or out of range.
+
+    """
+    fields, tree = dict(walk(params_type)), {}
+    for name, (value, source) in values.items():
+        if name not in fields:
+            raise ParameterError(unknown(name, fields))
+        check_field('.'.join(['vehicle', *name.split('.')[:-1]]), fields[name], value)
+        unit = fields[name].metadata.get('unit')
+        parts = [f'value: {_scalar(value)}', f'source: {_scalar(" ".join(source.split()))}']
+        if unit is not None:
+            parts.insert(1, f'unit: {_scalar(unit)}')
+        *sections, last = name.split('.')
+        below = tree
+        for section in sections:
+            below = below.setdefault(section, {})
+        below[last] = f'{{{", ".join(parts)}}}'
+    return '\n'.join([
+        f'description: {_scalar(" ".join(description.split()))}', f'base: {_scalar(base)}', '',
+        *_lines(tree, '')]) + '\n'

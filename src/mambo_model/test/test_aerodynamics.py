@@ -58,3 +58,14 @@ def test_thrust_of_one_rotor_equals_a_quarter_of_the_coefficient_with_total_thru
     one = values('per_rotor_thrust')
     assert lumped_drag((0.3, -0.8, 0.1), 0.7, one) == pytest.approx(
         lumped_drag((0.3, -0.8, 0.1), 0.7, quarter), rel=1e-15)
+
+
+@pytest.mark.parametrize('reading', DRAG_READINGS)
+def test_vertical_drag_opposes_climb_and_descent_and_leaves_the_rest_to_the_bit(reading):
+    nu, f, vv = (0.5, -2.0, 3.0), 0.7, values(reading)
+    with_k_z = Vehicle(drag_reading=reading, vertical_drag_coefficient=0.11).values()
+    F_D = lumped_drag(nu, f, with_k_z)
+    assert F_D[:2] == lumped_drag(nu, f, vv)[:2]
+    # half of k_c = 0.22: half the force at the same speed
+    assert F_D[2] == pytest.approx(0.5 * lumped_drag((3.0, 0.0, 0.0), f, vv)[0], rel=1e-15)
+    assert lumped_drag((0.0, 0.0, -3.0), f, with_k_z)[2] == -F_D[2]

@@ -2,8 +2,8 @@
 
 import dataclasses
 
-from mambo_model import vehicle
-from mambo_model.schema import ParameterError
+from mambo_model import vehicle, vehicle_file
+from mambo_model.schema import flatten, ParameterError
 import pytest
 
 HEAD = 'description: a test\nbase: identified\n\n'  # the next line is line 4
@@ -133,3 +133,33 @@ def test_files_that_start_from_each_other_are_refused(file, tmp_path, monkeypatc
     monkeypatch.setattr(vehicle, 'PRESETS', vehicle._Presets(tmp_path))
     with pytest.raises(ParameterError, match='a.yaml: base: vehicles that start from each other'):
         vehicle.preset('a')
+
+
+def test_a_written_file_reads_back_to_the_bit(file):
+    third = dataclasses.replace(
+        vehicle.preset('toolbox'), mass=0.1 / 3.0, inertia=(1e-4 / 3.0, 7e-5, 1.5e-4),
+        thrust_map='power', vertical_drag_coefficient=2.0 ** -30,
+        drag=dataclasses.replace(vehicle.Vehicle().drag, induced=True, profile='linear'),
+        battery=dataclasses.replace(vehicle.Vehicle().battery, capacity=0.55))
+    values = {name: (value, 'a "source", with: signs {}#\n and lines')
+              for name, value in flatten(third).items()}
+    text = vehicle_file.to_text('mine: #1', 'identified', values, vehicle.Vehicle)
+    assert vehicle.load(file(text)) == third
+
+
+def test_a_written_file_names_only_what_changes(file):
+    text = vehicle_file.to_text(
+        'lighter', 'toolbox', {'mass': (0.06, 'scale')}, vehicle.Vehicle)
+    assert text == ('description: lighter\nbase: toolbox\n\n'
+                    'mass: {value: 0.06, unit: kg, source: scale}\n')
+    assert vehicle.load(file(text)) == dataclasses.replace(vehicle.preset('toolbox'), mass=0.06)
+
+
+@pytest.mark.parametrize('name, value, message', [
+    ('mas', 0.06, 'mas: unknown parameter; did you mean'),
+    ('mass', 60.0, r'vehicle.mass = 60.0 kg is outside'),
+    ('mass', float('nan'), 'vehicle.mass = nan kg is outside'),
+    ('thrust_map', 'cubic', 'is not one of linear, power')])
+def test_nothing_is_written_that_could_not_be_read(name, value, message):
+    with pytest.raises(ParameterError, match=message):
+        vehicle_file.to_text('x', 'toolbox', {name: (value, 'x')}, vehicle.Vehicle)

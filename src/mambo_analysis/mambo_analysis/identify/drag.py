@@ -1,0 +1,288 @@
+"""
+Drag by flying the simulation again until it moves as the flight did (section 6.3, chapter 7).
+
+The whole loop is flown, the estimator included, without noise, and only the drag of the true
+vehicle changes; positions are those of Optitrack. An offset and a steady drift of every axis are
+left to the estimator.
+
+What is left is the path of a vehicle that follows its estimate, hence no noise that one record
+could describe. The interval is therefore that of simulated flights with noise, of other seeds,
+each fitted like the real one (a parametric bootstrap); where the flight leaves more than any of
+them the interval is wider by as much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from mambo_model.frames import flip_vector
+from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from . import regression, report
+from .. import closed_loop, metrics
+from ..scenario import from_yaml, load, override, Scenario
+from .regression import IdentifyError, LEVEL, Value
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+STEP = 10              # control steps of 5 ms between two compared positions: 20 Hz
+GAP = 50_000_000       # ns, over which poses are connected
+LEAST = 100            # positions
+VEHICLE = 'sim_node.simulator.vehicle'
+GUESSES = (0.0, 0.1, 0.3, 1.0)  # s/m, of which the best begins the search
+FLIGHTS = 20           # with noise
+STEEP = 4e-3           # s/m, for a slope: gates of the filters roughen smaller changes
+LARGEST = 2.0          # s/m: a vehicle that loses its speed in 0.2 s does not fly a circle
+
+
+METHOD = ('interval of 95 %: spread of fits to 20 simulated flights with noise (parametric '
+          'bootstrap), wider where the flight leaves more than any of them, Student t')
+
+
+class Part(NamedTuple):
+    """A coefficient and the axes that show it."""
+
+    name: str               # in Vehicle
+    symbol: str
+    axes: tuple[int, ...]   # of the inertial frame
+    cure: str               # if a flight does not show it
+
+
+PARTS = {
+    'horizontal': Part(
+        'drag_coefficient', 'k_c', (0, 1), 'fly a circle or a sine, at 1 m/s or more'),
+    'vertical': Part(
+        'vertical_drag_coefficient', 'k_z', (2,), 'fly up and down, z_sine say')}
+
+
+class Track(NamedTuple):
+    """Positions of a motion capture in the clock of the flight."""
+
+    t: Ints           # (n,) ns, rising, from the start of the flight
+    position: Floats  # (n, 3) m, inertial NED
+
+
+class Drag(NamedTuple):
+    """A coefficient, and the flights with and without it."""
+
+    coefficient: Value      # s/m
+    t: Floats               # (m,) s
+    measured: Floats        # (m, k) m, of the axes of the part
+    simulated: Floats       # (m, k) m, as fitted, with offset and drift
+    without: float          # m, rms of what is left with a coefficient of 0
+    fit: regression.Fit
+
+
+def from_recording(recording: closed_loop.Recording) -> Track:
+    """Return the track of a simulated flight, from its Optitrack."""
+    seen = np.isfinite(recording.pose[:, 0])
+    return Track(recording.pose_t[seen], recording.pose[seen, :3])
+
+
+def window(flight: Scenario) -> tuple[float, float]:
+    """Return from when to when a flight is in the air, s: after take-off, before landing."""
+    plan = flight.reference_node.plan
+    end = plan.landing_time if plan.landing_time > 0.0 else flight.sim_node.duration
+    return plan.takeoff_time + 0.5, end
+
+
+def _silent(flight: Scenario) -> Scenario:
+    """Return a flight whose sensors have no noise."""
+    return override(flight, {
+        'sim_node.simulator.noise': False, 'optitrack_node.optitrack.noise': False})
+
+
+def fit_drag(
+    track: Track, flight: Scenario, part: str = 'horizontal', start: float | None = None,
+    end: float | None = None,
+) -> Drag:
+    """
+    Fit a coefficient of the lumped drag to a flight.
+
+    Parameters
+    ----------
+    track
+        Where the vehicle was.
+    flight
+        What it flew, and with which vehicle otherwise; its own coefficient does not matter.
+    part
+        ``horizontal``, k_c of (3.13), or ``vertical``, k_z.
+    start, end : s
+        What of the flight to compare; default: :func:`window`.
+
+    Raises
+    ------
+    IdentifyError
+        For a track that is no flight, too short, or shows no drag.
+
+    """
+    what, silent = PARTS[part], _silent(flight)
+    default = window(flight)
+    rows = _rows(track, flight, default[0] if start is None else start,
+                 default[1] if end is None else end)
+    at = rows * closed_loop.STEP_NS
+    measured = metrics.interpolate(at, track.t, track.position[:, list(what.axes)], GAP)
+    seen = np.isfinite(measured).all(axis=1)
+    if seen.sum() < LEAST:
+        raise IdentifyError(
+            f'{int(seen.sum())} positions to compare, at least {LEAST} are needed: '
+            f'{len(rows)} steps of 50 ms, {len(track.t)} poses')
+    rows, measured, t = rows[seen], measured[seen], at[seen] * 1e-9
+    axes = list(what.axes)
+    terms = np.stack([np.ones(len(t)), (t - t.mean()) / np.ptp(t)], axis=1)
+
+    def model(theta: Floats) -> Floats:  # of 1 + k, whose relative steps are steps of k at k = 0
+        k = float(theta[0]) - 1.0
+        flown = closed_loop.fly(override(silent, {f'{VEHICLE}.{what.name}': k}))
+        return flown.truth[rows][:, axes]
+    rest = [_rms(_without(terms, measured - model(np.array([1.0 + guess])))) for guess in GUESSES]
+    found = regression.fit(
+        model, measured, [1.0 + max(GUESSES[int(np.argmin(rest))], STEEP)], [1.0],
+        [1.0 + LARGEST], [what.symbol], terms, step=STEEP, colour=False, tolerance=1e-5)
+    value = _interval(found, flight, what, rows, terms, model)
+    if value.half > 0.5 * LARGEST:
+        raise IdentifyError(f'this flight does not show {what.symbol}: {what.cure}')
+    return Drag(value, t, measured, measured - found.residual, rest[0], found)
+
+
+def _without(terms: Floats, x: Floats) -> Floats:
+    """Return x (m, k) without what terms (m, q) explain of it."""
+    return x - terms @ np.linalg.lstsq(terms, x)[0]
+
+
+def _rms(x: Floats) -> float:
+    return float(np.sqrt(np.mean(x ** 2)))
+
+
+def _interval(
+    found: regression.Fit, flight: Scenario, part: Part, rows: Ints, terms: Floats,
+    model: Callable[[Floats], Floats],
+) -> Value:
+    """Return the coefficient with its interval, from flights with noise and other seeds."""
+    k, axes = float(found.theta[0]) - 1.0, list(part.axes)
+    clean = model(np.array([1.0 + k]))
+    slope = _without(terms, (model(np.array([1.0 + k + STEEP])) - clean) / STEEP)
+    errors, left = [], []
+    for number in range(FLIGHTS):
+        seed = (flight.seed + 1_000_003 * (number + 1)) % 2 ** 31
+        noisy = closed_loop.fly(override(flight, {
+            f'{VEHICLE}.{part.name}': k, 'sim_node.simulator.seed': seed,
+            'optitrack_node.seed': seed}))
+        track = from_recording(noisy)
+        seen = metrics.interpolate(
+            rows * closed_loop.STEP_NS, track.t, track.position[:, axes], GAP)
+        seen = np.where(np.isfinite(seen), seen, noisy.truth[rows][:, axes])
+        error = _without(terms, seen - clean)
+        errors.append(float(np.sum(slope * error) / np.sum(slope ** 2)))
+        left.append(_rms(error - errors[-1] * slope))
+    wider = max(1.0, found.rms / max(*left, 1e-12))
+    quantile = float(stats.t.ppf(0.5 + 0.5 * LEVEL, FLIGHTS - 1))
+    half = max(found.half(0), quantile * wider * float(np.sqrt(np.mean(np.square(errors)))))
+    return Value(k, max(0.0, k - half), k + half, 's/m')
+
+
+def _rows(track: Track, flight: Scenario, start: float, end: float) -> Ints:
+    """Return the control steps to compare, (m,)."""
+    if not flight.sim_node.duration > 0.0:
+        raise IdentifyError('the scenario has no duration: set sim_node.duration in seconds')
+    if flight.reference_node.plan.trajectory == 'hover':
+        raise IdentifyError('a hover shows no drag: fly a circle, or up and down')
+    regression.check_columns({'time': track.t, 'position': track.position}, 2)
+    regression.check_times(track.t * 1e-9)
+    if not np.ptp(track.position, axis=0).max() > 0.05:
+        raise IdentifyError('the vehicle stays where it is: this is no flight')
+    first, last = (round(x * 1e9 / closed_loop.STEP_NS) for x in (
+        start, min(end, flight.sim_node.duration)))
+    if last <= first:
+        raise IdentifyError(f'nothing to compare between {start:g} and {end:g} s')
+    return np.arange(max(first, 0), last + 1, STEP, dtype=np.int64)
+
+
+def _draw(found: Drag, part: Part) -> Callable[[Figure], None]:
+    names = [('x', 'y', 'z')[axis] for axis in part.axes]
+
+    def draw(figure: Figure) -> None:
+        rows = figure.subplots(2, len(names), sharex=True, squeeze=False)
+        for j, name in enumerate(names):
+            above, below = rows[:, j]
+            above.plot(found.t, found.measured[:, j], color='#2ca25f', label='Optitrack')
+            above.plot(found.t, found.simulated[:, j], color='#2f7ed8', lw=1, label='simulation')
+            above.set_title(f'{name} [m], NED')
+            below.plot(found.t, 100.0 * found.fit.residual[:, j], color='#e0403f', lw=0.8)
+            below.set_title('residual [cm]')
+            below.set_xlabel('time [s]')
+        rows[0, 0].legend()
+    return draw
+
+
+def read(
+    path: Path, file: Path | None, shift: float, namespace: str | None,
+) -> tuple[Track, Scenario]:
+    """
+    Return track, its stamps shifted by some s, and scenario of a bag.
+
+    Raises
+    ------
+    IdentifyError, mambo_analysis.bag.BagError, mambo_model.schema.ParameterError
+        In one line, for what is missing.
+
+    """
+    bag = report.open_bag(path, ('optitrack/pose',), namespace)
+    if file is None:
+        text = bag.attachments.get('scenario.yaml')
+        if not isinstance(text, str):
+            raise IdentifyError(
+                f'{path}: no scenario in the bag; say what was flown with --scenario FILE')
+        flight = from_yaml(text, f'{path}: scenario.yaml')
+    else:
+        flight = load(file)
+    pose = bag['optitrack/pose']
+    seen = np.isfinite(pose.position).all(axis=1)
+    position = np.array([flip_vector(tuple(p)) for p in pose.position[seen].tolist()])
+    return Track(pose.stamp[seen] + round(shift * 1e9), position.reshape(-1, 3)), flight
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``identify_drag``."""
+    parser = report.parser(
+        'identify_drag', 'Lumped drag by fitting the closed-loop simulation to a flight.')
+    parser.add_argument('bag', type=Path, help='with optitrack/pose')
+    parser.add_argument('--part', choices=tuple(PARTS), default='horizontal', help='k_c or k_z')
+    parser.add_argument('--scenario', type=Path, metavar='FILE',
+                        help='what was flown; default: that in the bag')
+    parser.add_argument('--shift', type=float, default=0.0,
+                        help='s, added to the stamps of Optitrack if its clock is another')
+    parser.add_argument('--start', type=float, help='s, compare from here; default: in the air')
+    parser.add_argument('--end', type=float, help='s, compare to here; default: landing')
+    parser.add_argument('--namespace', help='of the drone, if the bag has several')
+    options = parser.parse_args(arguments)
+
+    def work() -> report.Report:
+        track, flight = read(
+            options.bag, options.scenario, options.shift, options.namespace)
+        found = fit_drag(track, flight, options.part, options.start, options.end)
+        part, value = PARTS[options.part], found.coefficient
+        source = (f'identify_drag, {options.bag.name}, 95 %: {value.low:.4g} to {value.high:.4g}; '
+                  f'reading {flight.sim_node.simulator.vehicle.drag_reading}')
+        reading = flight.sim_node.simulator.vehicle.drag_reading
+        return report.Report(
+            f'{options.part} drag of {options.bag.name}', {part.symbol: value},
+            {'rms residual [m]': found.fit.rms, 'rms without it [m]': found.without,
+             'positions': len(found.t),
+             'drag reading': reading},
+            ['all else is as the scenario says: a wrong flow factor moves the circle too; '
+             'identify it first'],
+            {'drag_reading': (reading, 'as the scenario of the flight'),
+             part.name: (value.value, source)},
+            _draw(found, part), method=METHOD)
+    return report.run('identify_drag', options, work)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

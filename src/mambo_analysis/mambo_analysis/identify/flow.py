@@ -1,0 +1,327 @@
+r"""
+Factor of the optical flow from a motion capture: a constant (5.2), a function of height (C.2).
+
+What the sensor says is fitted, not the velocity that follows from it, as the noise is the
+sensor's; for a body velocity :math:`\nu` over a depth :math:`Z = h/(\cos\phi \cos\theta)`
+
+.. math:: flow = \frac{\nu_{xy}}{Z\,Q(h)} + noise.
+
+Each axis may have an offset, and a share of the rotation :math:`(\omega_2, -\omega_1)` may be in
+the flow. The velocity is the slope of a parabola through the positions around a sample, in
+inertial axes, turned into body axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from mambo_model.frames import body_quaternion, flip_vector
+from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import NDArray
+import yaml
+
+from . import regression, report
+from ..closed_loop import Recording
+from .regression import IdentifyError, Value
+
+Floats = NDArray[np.float64]
+
+LAWS = ('constant', 'linear', 'exponential')
+WINDOW = 0.12          # s, of positions for a velocity: leaves 3e-4 of a motion of 2 rad/s
+LEAST = 100            # samples of the flow
+LOWEST = 0.4           # m, no flow below (sec. 5.2)
+SPREAD = 0.2           # m, of the heights for a slope
+SLOWEST = 0.1          # m/s, rms, of a motion that shows a factor
+
+
+class Samples(NamedTuple):
+    """Flow and what it should have been, body FRD."""
+
+    t: Floats         # (n,) s
+    flow: Floats      # (n, 2) rad/s, the vehicle's sign, without rotation
+    velocity: Floats  # (n, 2) m/s, nu_1 and nu_2
+    height: Floats    # (n,) m, above the floor
+    depth: Floats     # (n,) m, Z
+    rotation: Floats  # (n, 2) rad/s, omega_2 and -omega_1: what a sensor without gyro adds
+
+
+class Factor(NamedTuple):
+    """One law for the factor."""
+
+    offset: Value         # 1
+    slope: Value | None   # 1/m of (C.2b); 1 of (C.2a), times exp(h); None: a constant
+    bias: tuple[float, float]  # rad/s, of the flow
+    leak: Value | None     # 1, share of the rotation in the flow; None: taken for 0
+    fit: regression.Fit
+
+    def at(self, height: Floats | float, law: str) -> Floats:
+        """Return Q at heights in m."""
+        slope = self.slope.value if self.slope else 0.0
+        return self.offset.value + slope * _shape(np.asarray(height, float), law)
+
+
+def _shape(height: Floats, law: str) -> Floats:
+    """Return what the slope of a law is multiplied with."""
+    if law == 'exponential':
+        return np.exp(height)
+    return height if law == 'linear' else np.zeros_like(height)
+
+
+def fit_factor(samples: Samples, law: str = 'constant', leak: bool = False) -> Factor:
+    """
+    Fit the factor of the flow.
+
+    Parameters
+    ----------
+    samples
+        Of a flight that moves; for a slope, at different heights.
+    law
+        ``constant``, ``linear`` Q = offset + slope h, or ``exponential`` offset + slope exp(h).
+    leak
+        Whether to fit the share of the rotation in the flow.
+
+    Raises
+    ------
+    IdentifyError
+        For samples that show no factor, in one line.
+
+    """
+    if law not in LAWS:
+        raise IdentifyError(f'law {law!r} is not one of {", ".join(LAWS)}')
+    _check(samples)
+    if law != 'constant' and np.ptp(samples.height) < SPREAD:
+        raise IdentifyError(
+            f'heights differ by {np.ptp(samples.height):.2f} m: a law of the height needs '
+            f'{SPREAD:g} m')
+    geometric = samples.velocity / samples.depth[:, None]
+    shape = _shape(samples.height, law)
+    middle = float(shape.mean())
+
+    count = 1 if law == 'constant' else 2
+    reach = 0.9 / max(float(np.abs(shape - middle).max()), 1e-9)  # keeps Q above 0 near Q = 1
+
+    def model(theta: Floats) -> Floats:
+        Q = theta[0] + (theta[1] * (shape - middle) if count > 1 else 0.0)
+        out = geometric / np.reshape(Q, (-1, 1))
+        return out + theta[-1] * samples.rotation if leak else out
+    found = regression.fit(
+        model, samples.flow, [1.0, 0.0][:count] + [0.0] * leak,
+        [0.2, -reach][:count] + [-5.0] * leak, [5.0, reach][:count] + [5.0] * leak,
+        ['offset', 'slope'][:count] + ['share of the rotation'] * leak, np.ones((len(shape), 1)))
+    bias = (samples.flow - found.residual - model(found.theta)).mean(axis=0)
+    share = found.value(count, '1') if leak else None
+    if count == 1:
+        return Factor(found.value(0, '1'), None, tuple(bias.tolist()), share, found)
+    turn = np.eye(count + leak)  # back to an offset at shape 0
+    turn[0, 1] = -middle
+    found = found._replace(
+        theta=turn @ found.theta, covariance=turn @ found.covariance @ turn.T)
+    unit = '1/m' if law == 'linear' else '1'
+    return Factor(
+        found.value(0, '1'), found.value(1, unit), tuple(bias.tolist()), share, found)
+
+
+def _check(samples: Samples) -> None:
+    regression.check_columns(
+        dict(zip(('time', 'flow', 'velocity', 'height', 'depth', 'rotation'), samples)), LEAST)
+    regression.check_times(samples.t)
+    if not np.ptp(samples.flow) > 0.0:
+        raise IdentifyError('the flow is constant: the camera sees nothing')
+    if not (samples.depth > 0.0).all():
+        raise IdentifyError('the height is 0 or below: is the floor where z is 0?')
+    size = float(np.sqrt(np.mean(samples.velocity ** 2)))
+    if size < SLOWEST:
+        raise IdentifyError(f'a motion of {size:.3f} m/s shows no factor: fly a circle or a sine')
+    geometric = samples.velocity / samples.depth[:, None]
+    ratio = float(np.sum(samples.flow * geometric) / np.sum(geometric ** 2))
+    if not 0.2 < ratio < 5.0:
+        raise IdentifyError(
+            f'the flow is {ratio:.3g} times velocity over height: it must be in rad/s, with the '
+            "vehicle's sign and without rotation")
+
+
+def samples(
+    t_flow: Floats, flow: Floats, t_pose: Floats, position: Floats, q: Floats, floor: float = 0.0,
+    start: float = -np.inf, end: float = np.inf,
+) -> Samples:
+    """
+    Return flow samples with the motion that a motion capture saw around each.
+
+    Parameters
+    ----------
+    t_flow : (n,) s
+        In the middle of what a sample averages.
+    flow : (n, 2) rad/s, body FRD
+        Not finite: no value, left out.
+    t_pose : (m,) s
+        In the same clock.
+    position : (m, 3) m, inertial NED
+    q : (m, 4)
+        Attitude w x y z, body to inertial.
+    floor : m
+        Height of the floor in the frame of the positions.
+    start, end : s
+        What is before and after is left out.
+
+    """
+    regression.check_columns({'time of the pose': t_pose, 'position': position, 'q': q}, 10)
+    regression.check_times(t_pose)
+    good = np.isfinite(flow).all(axis=1) & (t_flow >= start) & (t_flow <= end)
+    rows = []
+    for t, sensed in zip(t_flow[good], flow[good]):
+        near = slice(*np.searchsorted(t_pose, (t - 0.5 * WINDOW, t + 0.5 * WINDOW)))
+        dt = t_pose[near] - t
+        if len(dt) < 5 or dt[0] > -0.25 * WINDOW or dt[-1] < 0.25 * WINDOW:
+            continue  # poses are missing here
+        curve = np.polynomial.polynomial.polyfit(dt, position[near], 2)
+        R = _matrix(q[near][np.argmin(np.abs(dt))])
+        height = -float(curve[0, 2]) - floor
+        if height >= LOWEST:
+            w = _rate(q[near], dt)
+            rows.append(
+                (t, *sensed, *(R.T @ curve[1])[:2], height, height / R[2, 2], w[1], -w[0]))
+    c = np.array(rows).reshape(-1, 9)
+    return Samples(c[:, 0], c[:, 1:3], c[:, 3:5], c[:, 5], c[:, 6], c[:, 7:])
+
+
+def _rate(q: Floats, dt: Floats) -> Floats:
+    """Return the body rate by (2.14), (3,) rad/s, of attitudes (n, 4) around one, at dt (n,) s."""
+    same = np.where(q @ q[0] < 0.0, -1.0, 1.0)[:, None] * q
+    (w, *v), (w_dot, *v_dot) = np.polynomial.polynomial.polyfit(dt, same, 2)[:2]
+    v, v_dot = np.array(v), np.array(v_dot)
+    return 2.0 * (w * v_dot - w_dot * v - np.cross(v, v_dot))
+
+
+def from_recording(
+    recording: Recording, start: float = -np.inf, end: float = np.inf,
+) -> Samples:
+    """Return the samples of a simulated flight against its Optitrack; start and end in s."""
+    sensed, seen = recording.flow[:, 2] > 0.0, np.isfinite(recording.pose).all(axis=1)
+    return samples(
+        recording.t[sensed] * 1e-9, recording.flow[sensed, :2], recording.pose_t[seen] * 1e-9,
+        recording.pose[seen, :3], recording.pose[seen, 3:], start=start, end=end)
+
+
+def _matrix(q: Floats) -> Floats:
+    """Return R, (3, 3), of a unit quaternion w x y z."""
+    w, v = q[0], q[1:]
+    S = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    return (w * w - v @ v) * np.eye(3) + 2.0 * np.outer(v, v) + 2.0 * w * S
+
+
+def _draw(data: Samples, found: dict[str, Factor]) -> Callable[[Figure], None]:
+    colours = dict(zip(LAWS, ('#8a8a8a', '#2f7ed8', '#e0403f')))
+
+    best = found[min(found, key=lambda law: found[law].fit.rms)]
+
+    def draw(figure: Figure) -> None:
+        above, below = figure.subplots(2, 1)
+        fine = np.linspace(data.height.min(), data.height.max(), 50)
+        geometric = data.velocity / data.depth[:, None]
+        bias = np.array(best.bias) + (best.leak.value * data.rotation if best.leak else 0.0)
+        edges = np.quantile(data.height, np.linspace(0.0, 1.0, 11))
+        for low, high in zip(edges, edges[1:]):
+            here = (data.height >= low) & (data.height <= high)
+            x, y = geometric[here].ravel(), (data.flow - bias)[here].ravel()
+            Q = (x @ x) / (x @ y)
+            error = 1.96 * Q * Q * best.fit.rms / np.sqrt(x @ x)
+            if error < 0.2:  # else there is hardly a motion at this height
+                above.errorbar(data.height[here].mean(), Q, error, fmt='o', color='#a06cd5')
+        for law, one in found.items():
+            above.plot(fine, one.at(fine, law), color=colours[law], label=law)
+        above.set_xlabel('height [m]')
+        above.set_ylabel('Q')
+        above.legend()
+        for j, axis in enumerate('xy'):
+            below.plot(data.t, best.fit.residual[:, j], '.', ms=3, label=axis)
+        below.set_xlabel('time [s]')
+        below.set_ylabel('residual of the flow [rad/s]')
+        below.legend()
+    return draw
+
+
+def _estimator_file(found: dict[str, Factor], best: str) -> str:
+    """Return the factor as a ROS 2 parameter file of the estimator."""
+    flow: dict = {'factor': best, 'constant': found['constant'].offset.value}
+    if 'linear' in found:
+        flow |= {'linear_offset': found['linear'].offset.value,
+                 'linear_slope': found['linear'].slope.value,
+                 'exponential_offset': found['exponential'].offset.value,
+                 'exponential_gain': found['exponential'].slope.value}
+    if found[best].leak:
+        flow['rotation_leak'] = found[best].leak.value
+    parameters = {'ros__parameters': {'kalman': {'optical_flow': flow}}}
+    return yaml.safe_dump({'/mambo/estimator_node': parameters}, sort_keys=False)
+
+
+def read(
+    path: Path, floor: float, start: float, end: float, shift: float, namespace: str | None,
+) -> Samples:
+    """Return the samples of a bag with ``optical_flow`` and ``optitrack/pose``; shift in s."""
+    bag = report.open_bag(path, ('optical_flow', 'optitrack/pose'), namespace)
+    flow, pose = bag['optical_flow'], bag['optitrack/pose']
+    seen = np.isfinite(pose.position).all(axis=1)
+    begin = min(pose.t[0], flow.t[0])
+    position = [flip_vector(tuple(p)) for p in pose.position[seen].tolist()]
+    q = [body_quaternion(*x) for x in pose.orientation[seen].tolist()]
+    sensed = [flip_vector((x, y, 0.0))[:2] for x, y in zip(
+        flow['rate_x'].tolist(), flow['rate_y'].tolist())]
+    sensed = np.where((flow['quality'] > 0)[:, None], np.array(sensed), np.nan)
+    return samples(
+        flow.t - begin, sensed, pose.t[seen] - begin + shift, np.array(position).reshape(-1, 3),
+        np.array(q).reshape(-1, 4), floor, start, end)
+
+
+def _report(path: Path, data: Samples, leak: bool) -> report.Report:
+    laws = LAWS if len(data.t) and np.ptp(data.height) >= SPREAD else LAWS[:1]
+    found = {law: fit_factor(data, law, leak) for law in laws}
+    values = {'Q constant': found['constant'].offset}
+    notes = ['flow is no part of a vehicle: estimator.yaml is for the estimator']
+    best = 'constant'
+    if len(found) > 1:
+        slope = found['linear'].slope
+        best = 'constant' if slope.low <= 0.0 <= slope.high else min(
+            LAWS[1:], key=lambda law: found[law].fit.rms)
+        for law in LAWS[1:]:
+            values |= {f'Q {law}, offset': found[law].offset, f'Q {law}, slope': found[law].slope}
+    else:
+        notes.append(f'heights differ by less than {SPREAD:g} m: no law of the height')
+    if leak:
+        values['share of the rotation'] = found[best].leak
+    facts = {
+        'law of the estimator': best, 'samples': len(data.t),
+        'heights [m]': f'{data.height.min():.2f} .. {data.height.max():.2f}',
+        'offset of the flow [rad/s]': '{:.4f}, {:.4f}'.format(*found[best].bias)}
+    facts |= {f'rms residual, {law} [rad/s]': one.fit.rms for law, one in found.items()}
+    return report.Report(
+        f'flow factor of {path.name}', values, facts, notes, {}, _draw(data, found),
+        {'estimator.yaml': _estimator_file(found, best)})
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``identify_flow``."""
+    parser = report.parser(
+        'identify_flow', 'Factor of the optical flow from Optitrack, (5.2) and (C.2).')
+    parser.add_argument('bag', type=Path, help='with optical_flow and optitrack/pose')
+    parser.add_argument('--floor', type=float, default=0.0, help='m, its height for Optitrack')
+    parser.add_argument('--shift', type=float, default=0.0,
+                        help='s, added to the stamps of Optitrack: another clock, or a late flow')
+    parser.add_argument('--leak', action='store_true',
+                        help='fit the share of the rotation in the flow, for sensors without gyro')
+    parser.add_argument('--start', type=float, default=-np.inf, help='s, leave out what is before')
+    parser.add_argument('--end', type=float, default=np.inf, help='s, leave out what is after')
+    parser.add_argument('--namespace', help='of the drone, if the bag has several')
+    options = parser.parse_args(arguments)
+
+    def work() -> report.Report:
+        data = read(options.bag, options.floor, options.start, options.end, options.shift,
+                    options.namespace)
+        return _report(options.bag, data, options.leak)
+    return report.run('identify_flow', options, work)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,281 @@
+"""
+Moment of inertia from the gyroscope of a swinging body, (4.2)-(4.3).
+
+On two wires it swings about the vertical; ``--rig physical`` about a horizontal axis beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from mambo_model import bifilar
+from mambo_model.vehicle import preset
+from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import NDArray
+
+from . import columns, regression, report
+from .regression import IdentifyError, Value
+
+Floats = NDArray[np.float64]
+
+LEAST_SWINGS = 2.0   # in a recording
+LARGEST = 2.8        # rad, of a swing: beyond is no pendulum but deg/s taken for rad/s
+COHERENT = 0.01      # of the rate: a coloured residual beyond is an error of the model
+NAMES = ('frequency', 'quadratic damping', 'linear damping', 'first angle', 'first rate')
+AXES = ('x', 'y', 'z')
+
+
+class Geometry(NamedTuple):
+    """Of the rig; the errors are those of one standard deviation."""
+
+    mass: float               # kg
+    separation: float         # m, D between the wires, or from a horizontal axis to the centre
+    length: float = 0.0       # m, h of the wires; 0: a horizontal axis
+    gravity: float = 9.81     # m/s^2
+    mass_error: float = 0.0   # kg
+    separation_error: float = 0.0  # m
+    length_error: float = 0.0  # m
+
+    def inertia(self, frequency: float) -> float:
+        """Return J in kg m^2 for a frequency in rad/s."""
+        if self.length > 0.0:
+            return bifilar.inertia(
+                frequency, self.mass, self.gravity, self.separation, self.length)
+        return bifilar.physical_inertia(frequency, self.mass, self.gravity, self.separation)
+
+
+class Inertia(NamedTuple):
+    """What a swing tells; J, K_D and C only with a geometry."""
+
+    frequency: Value         # rad/s, of small swings without damping
+    quadratic: Value         # 1/rad, K_D/J
+    linear: Value            # 1/s, C/J
+    amplitude: float         # rad, largest
+    J: Value | None          # kg m^2
+    K_D: Value | None        # kg m^2
+    C: Value | None          # kg m^2/s
+    bias: float              # rad/s, of the gyroscope
+    fit: regression.Fit
+
+
+def _start(t: Floats, rate: Floats) -> tuple[float, float]:
+    """Return angular frequency and amplitude of the rate, as a first guess."""
+    steady = rate - rate.mean()
+    grid = np.linspace(t[0], t[-1], len(t))
+    even = np.interp(grid, t, steady) * np.hanning(len(t))
+    power = np.abs(np.fft.rfft(even, 8 * len(t)))
+    frequency = 2.0 * np.pi * np.fft.rfftfreq(8 * len(t), grid[1] - grid[0])[np.argmax(power)]
+    return float(frequency), float(np.abs(steady).max())
+
+
+def _check(t: Floats, rate: Floats) -> tuple[float, float]:
+    """Return the first guess of data that can be a swing."""
+    regression.check_columns({'time': t, 'gyro': rate}, 50)
+    regression.check_times(t)
+    if not np.ptp(rate) > 0.0:
+        raise IdentifyError('the gyro is constant: nothing swings')
+    frequency, top = _start(t, rate)
+    swings = frequency * (t[-1] - t[0]) / (2.0 * np.pi)
+    if swings < LEAST_SWINGS:
+        raise IdentifyError(
+            f'{swings:.1f} swings in {t[-1] - t[0]:.1f} s, at least {LEAST_SWINGS:g} are needed')
+    if top / frequency > LARGEST:
+        raise IdentifyError(
+            f'a rate of {top:.3g} at {frequency:.3g} rad/s would be a swing of '
+            f'{top / frequency:.1f} rad: is the gyro in deg/s? then give --unit deg/s')
+    return frequency, top
+
+
+def fit_swing(t: Floats, rate: Floats, geometry: Geometry | None = None) -> Inertia:
+    """
+    Fit (4.2) to a gyroscope, least squares (4.3) on the logarithms of frequency and damping.
+
+    Parameters
+    ----------
+    t : (n,) s
+        Rising; nearly even.
+    rate : (n,) rad/s
+        About the axis of the swing, with any constant bias.
+    geometry
+        None: frequency and damping only, of a pendulum whose D/h is small.
+
+    Raises
+    ------
+    IdentifyError
+        For data that are no swing, in one line.
+
+    """
+    t, rate = np.asarray(t, float), np.asarray(rate, float)
+    frequency, top = _check(t, rate)
+    ratio = geometry.separation / geometry.length if geometry and geometry.length > 0.0 else 0.0
+    if ratio >= 1.0:
+        raise IdentifyError('wires further apart than long: D must be below h')
+
+    def model(theta: Floats) -> Floats:
+        w, quadratic, linear = np.exp(theta[:3]).tolist()
+        swing = bifilar.Swing(w, quadratic, linear, ratio)
+        return bifilar.swing(t, float(theta[3]), float(theta[4]), swing)[:, None]
+    first = float(rate[0] - rate.mean())
+    angle = np.sqrt(max(top * top - first * first, 0.0)) / frequency
+    rising = np.mean(np.diff(rate[:max(3, len(t) // 200)])) > 0.0
+    w, low, high = np.log(frequency), np.log(1e-6), np.log(1e2)
+    found = regression.fit(
+        model, rate[:, None],
+        [w, np.log(0.02), np.log(0.02 * frequency), -angle if rising else angle, first],
+        [w - 0.5, low, low, -LARGEST, -2.0 * top], [w + 0.5, high, high, LARGEST, 2.0 * top],
+        NAMES, np.ones((len(t), 1)))
+    return _result(found, rate, geometry, model(found.theta)[:, 0])
+
+
+def _result(
+    found: regression.Fit, rate: Floats, geometry: Geometry | None, model: Floats,
+) -> Inertia:
+    frequency = found.positive(0, 'rad/s')
+    J = K_D = C = None
+    if geometry:
+        J = _inertia(frequency, geometry)
+        if not J.value > 0.0:
+            raise IdentifyError(
+                f'J = {J.value:.3g} kg m^2: the geometry does not fit {frequency.value:.4g} rad/s')
+        K_D, C = (_times(found, i, J, unit) for i, unit in ((1, 'kg m^2'), (2, 'kg m^2/s')))
+    bias = float(np.mean(rate - found.residual[:, 0] - model))
+    top = float(np.abs(model).max()) / frequency.value
+    return Inertia(
+        frequency, found.positive(1, '1/rad'), found.positive(2, '1/s'), top, J, K_D, C, bias,
+        found)
+
+
+def _inertia(frequency: Value, g: Geometry) -> Value:
+    """Return J with the errors of frequency and geometry, which are independent."""
+    J, squares = g.inertia(frequency.value), 0.0
+    for changed, share in (
+            (g._replace(mass=g.mass + g.mass_error), 1.96),
+            (g._replace(separation=g.separation + g.separation_error), 1.96),
+            (g._replace(length=g.length + g.length_error), 1.96)):
+        squares += (share * (changed.inertia(frequency.value) - J)) ** 2
+    squares += (g.inertia(frequency.value + frequency.half) - J) ** 2
+    half = float(np.sqrt(squares))
+    return Value(J, J - half, J + half, 'kg m^2')
+
+
+def _times(found: regression.Fit, i: int, J: Value, unit: str) -> Value:
+    """Return J times a damping that was fitted as its logarithm."""
+    damping = found.positive(i, unit)
+    return Value(*(J.value * x for x in damping[:3]), unit)
+
+
+def _draw(t: Floats, rate: Floats, found: Inertia) -> Callable[[Figure], None]:
+    def draw(figure: Figure) -> None:
+        above, below = figure.subplots(2, 1, sharex=True)
+        above.plot(t, rate, '.', ms=2, color='#8a8a8a', label='gyro')
+        above.plot(t, rate - found.fit.residual[:, 0], color='#e0403f', lw=1, label='(4.2)')
+        above.set_ylabel('rate [rad/s]')
+        above.legend(loc='upper right')
+        below.plot(t, found.fit.residual[:, 0], '.', ms=2, color='#2f7ed8')
+        below.set_ylabel('residual [rad/s]')
+        below.set_xlabel('time [s]')
+    return draw
+
+
+def _report(options: argparse.Namespace, t: Floats, rate: Floats, found: Inertia) -> report.Report:
+    values = {'omega_0': found.frequency, 'K_D/J': found.quadratic, 'C/J': found.linear}
+    facts = {
+        'largest swing [rad]': found.amplitude, 'gyro bias [rad/s]': found.bias,
+        'rms residual [rad/s]': found.fit.rms, 'samples': len(t),
+        'order of the residual': found.fit.order[0]}
+    changed: dict = {}
+    notes = []
+    if found.fit.rms > COHERENT * float(np.std(rate)) and found.fit.order[0]:
+        notes.append('what is left swings too: (4.2) is not all that acts on this rig')
+    name = f'J_{options.axis}{options.axis}'
+    if found.J is None:
+        notes.append('without the geometry of the rig there is no moment of inertia')
+        if options.rig == 'physical' and options.mass:
+            length = options.gravity / found.frequency.value ** 2
+            facts['J at most [kg m^2]'] = 0.25 * options.mass * length ** 2
+            notes.append('whatever the distance of the axis, J is at most m (g/omega_0^2)^2/4')
+    else:
+        values = {name: found.J, 'K_D': found.K_D, 'C': found.C, **values}
+        moments = list(preset(options.base).inertia)
+        moments[AXES.index(options.axis)] = found.J.value
+        source = (f'{name} by {options.rig} pendulum, {options.file.name}, 95 %: '
+                  f'{found.J.low:.4g} to {found.J.high:.4g}; others as {options.base}')
+        changed = {'inertia': (tuple(moments), source)}
+        if not (options.separation_error or options.length_error or options.mass_error):
+            notes.append(
+                'the interval holds no error of the geometry: 1 % of D is 2 % of J, 1 % of h or '
+                'mass 1 % (--separation-error, --length-error, --mass-error)')
+    return report.Report(
+        f'swing about body {options.axis} of {options.file.name}', values, facts, notes, changed,
+        _draw(t, rate, found))
+
+
+def _data(options: argparse.Namespace) -> tuple[Floats, Floats]:
+    """Return times s and rates rad/s that the options name."""
+    path, factor = options.file, np.pi / 180.0 if options.unit == 'deg/s' else 1.0
+    if report.is_bag(path):
+        imu = report.open_bag(path, ('imu/data_raw',), options.namespace)['imu/data_raw']
+        t, rate = imu.t - imu.t[0], imu.angular_velocity[:, AXES.index(options.axis)]
+    else:
+        table = columns.read(path)
+        own, rate = columns.column(table, options.column or f'gyro.{options.axis}', path)
+        t = columns.times(own, table, options.time, options.rate, len(rate), path)
+    regression.check_columns({'time': t, 'gyro': rate}, 1)
+    kept = (t >= options.start) & (t <= options.end)
+    return t[kept], factor * rate[kept]
+
+
+def _geometry(options: argparse.Namespace) -> Geometry | None:
+    if options.separation is None:
+        return None
+    length = options.length or 0.0
+    if options.rig == 'bifilar' and not length > 0.0:
+        raise IdentifyError('a bifilar pendulum needs --length, of its wires in m')
+    if options.mass is None:
+        raise IdentifyError('the moment of inertia needs --mass in kg')
+    for name in ('separation', 'mass'):
+        if not getattr(options, name) > 0.0:
+            raise IdentifyError(f'--{name} must be above 0')
+    return Geometry(
+        options.mass, options.separation, length if options.rig == 'bifilar' else 0.0,
+        options.gravity, options.mass_error, options.separation_error, options.length_error)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``identify_inertia``."""
+    parser = report.parser(
+        'identify_inertia', 'Moment of inertia from the gyro of a pendulum, (4.2)-(4.3).')
+    parser.add_argument('file', type=Path, help='bag with imu/data_raw, or .csv, .mat, .json')
+    parser.add_argument('--axis', choices=AXES, default='z', help='of the body, that is vertical')
+    parser.add_argument('--column', help='with the rate; default: gyro.AXIS')
+    parser.add_argument('--time', default='t', help='column with the time in s')
+    parser.add_argument('--rate', type=float, default=0.0, help='Hz, if there are no times')
+    parser.add_argument('--unit', choices=('rad/s', 'deg/s'), default='rad/s')
+    parser.add_argument('--start', type=float, default=0.0, help='s, drop what is before')
+    parser.add_argument('--end', type=float, default=np.inf, help='s, drop what is after')
+    parser.add_argument('--rig', choices=('bifilar', 'physical'), default='bifilar',
+                        help='two wires, or a horizontal axis beside the body')
+    parser.add_argument('--separation', type=float, metavar='D',
+                        help='m between the wires; physical: from the axis to the centre of mass')
+    parser.add_argument('--length', type=float, metavar='H', help='m, of the wires')
+    parser.add_argument('--mass', type=float, help='kg')
+    parser.add_argument('--gravity', type=float, default=9.81, help='m/s^2')
+    for name, unit in (('separation', 'm'), ('length', 'm'), ('mass', 'kg')):
+        parser.add_argument(f'--{name}-error', type=float, default=0.0,
+                            help=f'{unit}, standard deviation')
+    parser.add_argument('--namespace', help='of the drone, if a bag has several')
+    options = parser.parse_args(arguments)
+
+    def work() -> report.Report:
+        geometry = _geometry(options)
+        t, rate = _data(options)
+        return _report(options, t, rate, fit_swing(t, rate, geometry))
+    return report.run('identify_inertia', options, work)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

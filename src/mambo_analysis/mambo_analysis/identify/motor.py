@@ -1,0 +1,252 @@
+r"""
+Lag of the motors: how the accelerometer along b3 follows the commands.
+
+Thrust of a motor follows its map (4.5) by a first-order lag, exact over a step in which the
+command is held,
+
+.. math:: T_{k+1} = T(X_k) + e^{-\Delta t/\tau} (T_k - T(X_k)), \quad a_3 = -\sum T/m .
+
+The size of the thrust and an offset of the accelerometer are fitted along. A delay between
+command and motor counts as lag, as the response to small commands does not tell them apart.
+What is fitted is the share of a deviation that a usual step leaves: it is 0 without a lag, where
+the time constant itself would have no effect.
+
+Propellers shake an accelerometer above 20 Hz, a hundred times as much as below. Data and model are
+therefore compared as means over 0.1 s, in which the shaking is gone and the lag is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from mambo_model.compiled import jit
+from mambo_model.frames import flip_vector
+from mambo_model.rotor import limit_pwm, thrust_from_pwm
+from mambo_model.vehicle import preset, Vehicle, VehicleValues
+from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import NDArray
+
+from . import regression, report
+from .. import metrics
+from ..closed_loop import Recording
+from .regression import IdentifyError, Value
+
+Floats = NDArray[np.float64]
+
+BLOCK = 10        # control steps from mean to mean
+LEAST = 800       # control steps
+LONGEST = 0.5     # s
+STILL = 0.02      # m/s^2, rms of the predicted thrust over mass: below, nothing is asked of motors
+LANDED = 0.5      # of the weight: commands below are no flight
+GUESS = 0.03      # s
+
+
+class Motor(NamedTuple):
+    """A lag, and what else the accelerometer tells of the thrust."""
+
+    time_constant: Value  # s
+    gain: Value           # 1, thrust over mass, over that of the vehicle
+    offset: float         # m/s^2, of the accelerometer
+    without: float        # m/s^2, rms of what is left with no lag
+    t: Floats             # (m,) s, of the means that were compared
+    measured: Floats      # (m,) m/s^2
+    fit: regression.Fit
+
+
+@jit
+def lagged(steps: Floats, pwm: Floats, left: float, vv: VehicleValues) -> Floats:
+    """
+    Return the total thrust, (n,) N, at the beginning of every control step.
+
+    Parameters
+    ----------
+    steps : (n,)
+        Length of each step over that of a usual one.
+    pwm : (n, 4)
+        Commands, held over the step.
+    left
+        Share of a deviation that is left after a usual step, exp(-dt/tau), 0 without lag.
+    vv
+        Motor map.
+
+    """
+    out, T = np.empty(len(steps)), np.zeros(4)
+    for k in range(len(steps)):
+        share, total = left ** steps[k], 0.0
+        for j in range(4):
+            target = thrust_from_pwm(limit_pwm(pwm[k, j], vv), vv) if pwm[k, j] > 0.0 else 0.0
+            if k == 0:
+                T[j] = target
+            total += T[j]
+            T[j] = target + share * (T[j] - target)
+        out[k] = total
+    return out
+
+
+def fit_motor(t: Floats, pwm: Floats, acceleration: Floats, vehicle: Vehicle) -> Motor:
+    """
+    Fit the lag of the motors to a flight.
+
+    Parameters
+    ----------
+    t : (n,) s
+        Of the control steps, nearly even.
+    pwm : (n, 4)
+        Commands of each step.
+    acceleration : (n,) m/s^2
+        Specific force along b3 (down) at its beginning: -g in hover.
+    vehicle
+        Motor map and mass; its own lag does not matter.
+
+    Raises
+    ------
+    IdentifyError
+        For data that show no lag, in one line.
+
+    """
+    regression.check_columns({'time': t, 'pwm': pwm, 'acceleration': acceleration}, LEAST)
+    regression.check_times(t)
+    vv, dt = vehicle.values(), float(np.median(np.diff(t)))
+    steps = np.append(np.diff(t) / dt, 1.0)
+
+    def predicted(left: float) -> Floats:
+        return -lagged(steps, pwm, left, vv) / vehicle.mass
+    _check(predicted(0.0), acceleration, vehicle.gravity)
+
+    def model(theta: Floats) -> Floats:
+        return means(theta[1] * predicted(float(theta[0]) - 1.0))[:, None]
+    measured = means(acceleration)
+    found = regression.fit(
+        model, measured[:, None], [1.0 + np.exp(-dt / GUESS), 1.0], [1.0, 0.2],
+        [1.0 + np.exp(-dt / LONGEST), 5.0], ['lag', 'gain'], np.ones((len(measured), 1)),
+        step=1e-4)
+    value = Value(*(_time_constant(x - 1.0, dt) for x in found.value(0, '1')[:3]), 's')
+    if not value.half < 0.5 * LONGEST:
+        raise IdentifyError('this flight does not show the lag: fly one with quick commands')
+    offset = float(np.mean(measured - found.residual[:, 0] - model(found.theta)[:, 0]))
+    rest = measured - means(found.theta[1] * predicted(0.0)) - offset
+    return Motor(
+        value, found.value(1, '1'), offset, float(np.std(rest)), means(t), measured, found)
+
+
+def means(x: Floats) -> Floats:
+    """Return means of x (n,), every ``BLOCK`` samples, under a triangle of twice that width."""
+    box = np.full(BLOCK, 1.0 / BLOCK)
+    return np.convolve(x, np.convolve(box, box), 'valid')[::BLOCK]
+
+
+def _time_constant(left: float, dt: float) -> float:
+    """Return tau of left = exp(-dt/tau) in s."""
+    if left >= 1.0:
+        return float('inf')
+    return -dt / float(np.log(left)) if left > 0.0 else 0.0
+
+
+def _check(predicted: Floats, acceleration: Floats, gravity: float) -> None:
+    if not np.std(predicted) > STILL:
+        raise IdentifyError(
+            f'the commands ask for changes of {np.std(predicted):.3g} m/s^2: constant commands '
+            'show no lag')
+    if not 0.3 < -acceleration.mean() / gravity < 3.0:
+        raise IdentifyError(
+            f'the mean acceleration along b3 is {acceleration.mean():.3g} m/s^2, not near '
+            f'{-gravity:g}: it must be in m/s^2, down, and that of a flight')
+
+
+def in_flight(t: Floats, pwm: Floats, vehicle: Vehicle, rest: float = 0.5) -> NDArray[np.bool_]:
+    """
+    Return which control steps are in the air: the longest part with thrust, less its ends.
+
+    Parameters
+    ----------
+    t : (n,) s
+    pwm : (n, 4)
+    vehicle
+        Whose weight says how much thrust a flight needs.
+    rest : s
+        At either end that is left out, of the blow of the floor.
+
+    """
+    vv = vehicle.values()
+    thrust = lagged(np.full(len(t), 1.0), np.ascontiguousarray(pwm), 0.0, vv)
+    up = np.append(thrust[1:] > LANDED * vehicle.mass * vehicle.gravity, False)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], up.astype(int), [0]))))
+    parts = edges.reshape(-1, 2)
+    out = np.zeros(len(t), bool)
+    if len(parts):
+        first, end = parts[np.argmax(parts[:, 1] - parts[:, 0])]
+        out[first:end] = True
+        out &= (t >= t[first] + rest) & (t <= t[end - 1] - rest)
+    return out
+
+
+def from_recording(
+    recording: Recording, vehicle: Vehicle,
+) -> tuple[Floats, Floats, Floats]:
+    """Return times s, commands and acceleration of a simulated flight, of the steps in the air."""
+    t = recording.t * 1e-9
+    air = in_flight(t, recording.pwm, vehicle)
+    return t[air], recording.pwm[air], recording.imu[air, 5]
+
+
+def _draw(found: Motor) -> Callable[[Figure], None]:
+    def draw(figure: Figure) -> None:
+        above, below = figure.subplots(2, 1, sharex=True)
+        above.plot(found.t, found.measured, color='#8a8a8a', label='accelerometer')
+        above.plot(found.t, found.measured - found.fit.residual[:, 0], color='#e0403f', lw=1,
+                   label='commands, lagged')
+        above.set_ylabel('specific force along b3 [m/s^2]')
+        above.legend()
+        below.plot(found.t, found.fit.residual[:, 0], color='#2f7ed8', lw=0.6)
+        below.set_ylabel('residual [m/s^2]')
+        below.set_xlabel('time [s]')
+    return draw
+
+
+def read(path: Path, vehicle: Vehicle, namespace: str | None) -> tuple[Floats, Floats, Floats]:
+    """Return times s, commands and acceleration of a bag, of the steps in the air."""
+    bag = report.open_bag(path, ('imu/data_raw', 'motor_pwm'), namespace)
+    imu, motors = bag['imu/data_raw'], bag['motor_pwm']
+    here, there = metrics.common(imu.stamp, motors.stamp)
+    if len(here) < LEAST:
+        raise IdentifyError(
+            f'{path}: {len(here)} commands with the stamp of an IMU sample, at least {LEAST} are '
+            'needed')
+    t = imu.stamp[here] * 1e-9
+    pwm = np.ascontiguousarray(motors['pwm'][there], float)
+    down = np.array([flip_vector(tuple(a))[2] for a in imu.acceleration[here].tolist()])
+    air = in_flight(t, pwm, vehicle)
+    return t[air], pwm[air], down[air]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``identify_motor``."""
+    parser = report.parser(
+        'identify_motor', 'Lag of the motors from commands and accelerometer of a flight.')
+    parser.add_argument('bag', type=Path, help='with imu/data_raw and motor_pwm')
+    parser.add_argument('--namespace', help='of the drone, if the bag has several')
+    options = parser.parse_args(arguments)
+
+    def work() -> report.Report:
+        vehicle = preset(options.base)
+        t, pwm, acceleration = read(options.bag, vehicle, options.namespace)
+        found = fit_motor(t, pwm, acceleration, vehicle)
+        value = found.time_constant
+        source = (f'identify_motor, {options.bag.name}, 95 %: {value.low:.4g} to '
+                  f'{value.high:.4g}')
+        return report.Report(
+            f'lag of the motors of {options.bag.name}',
+            {'time constant': value, 'thrust over that of the map': found.gain},
+            {'accelerometer offset [m/s^2]': found.offset,
+             'rms residual [m/s^2]': found.fit.rms, 'rms without lag [m/s^2]': found.without,
+             'samples': len(t), 'order of the residual': found.fit.order[0]},
+            ['a delay of the commands counts as lag'],
+            {'motor_time_constant': (value.value, source)}, _draw(found))
+    return report.run('identify_motor', options, work)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

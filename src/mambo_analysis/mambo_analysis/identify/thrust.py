@@ -1,0 +1,169 @@
+"""
+Motor map from a bench: thrust of one motor over its command, (4.5)-(4.7).
+
+A power law T = a X^b by least squares on logarithms (4.6), which weighs every reading by its own
+size, and the line X = c T through the origin.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from . import columns, regression, report
+from .regression import IdentifyError, LEVEL, Value
+
+Floats = NDArray[np.float64]
+
+METHOD = 'intervals of 95 %: least squares of independent readings, Student t'
+THESIS = (4.29e-5, 1.47)  # a [N] and b of (4.5), sec. 4.4.2
+
+
+class Thrust(NamedTuple):
+    """Both maps, and what of the readings they are from."""
+
+    gain: Value          # PWM/N, X = gain T
+    a: Value             # N
+    b: Value             # 1
+    correlation: float   # of ln a with b: report them together
+    linear_rms: float    # 1, of ln(T gain / X)
+    power_rms: float     # 1, of ln(T / (a X^b))
+    used: NDArray[np.bool_]  # (n,)
+
+    @property
+    def better(self) -> str:
+        """Return the map that a vehicle needs: the line, unless the power is surely not 1."""
+        return 'linear' if self.b.low <= 1.0 <= self.b.high else 'power'
+
+
+def fit_thrust(pwm: Floats, thrust: Floats, largest: float = np.inf) -> Thrust:
+    """
+    Fit both motor maps to a bench, readings being independent.
+
+    Parameters
+    ----------
+    pwm : (n,)
+        Commands; readings at 0 or below are no measurement and left out.
+    thrust : (n,) N
+        Of one motor.
+    largest
+        Commands above it are left out: there thrust fades (sec. 4.4.2).
+
+    Raises
+    ------
+    IdentifyError
+        For readings that are no motor map, in one line.
+
+    """
+    pwm, thrust = np.asarray(pwm, float), np.asarray(thrust, float)
+    regression.check_columns({'command': pwm, 'thrust': thrust}, 1)
+    used = (pwm > 0.0) & (pwm <= largest)
+    X, T = pwm[used], thrust[used]
+    if len(X) < 4:
+        raise IdentifyError(f'{len(X)} readings of {len(pwm)} can be used, at least 4 are needed')
+    if len(np.unique(X)) < 3:
+        raise IdentifyError('the command is nearly constant: give at least 3 different ones')
+    if not (T > 0.0).all():
+        raise IdentifyError(
+            f'the thrust at command {X[T <= 0.0][0]:g} is {T[T <= 0.0][0]:g} N: a motor that '
+            'runs pushes; check sign and zero of the scale')
+    gain = float(X @ T / (T @ T))
+    spread = float(np.sqrt(np.sum((X - gain * T) ** 2) / (len(X) - 1) / (T @ T)))
+    half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, len(X) - 1)) * spread
+    A = np.stack([np.ones(len(X)), np.log(X)], axis=1)
+    (log_a, b), *_ = np.linalg.lstsq(A, np.log(T))
+    rest = np.log(T) - A @ (log_a, b)
+    covariance = float(rest @ rest) / (len(X) - 2) * np.linalg.inv(A.T @ A)
+    sd = np.sqrt(np.diag(covariance)) * stats.t.ppf(0.5 + 0.5 * LEVEL, len(X) - 2)
+    return Thrust(
+        Value(gain, gain - half, gain + half, 'PWM/N'),
+        Value(*(float(np.exp(log_a + d)) for d in (0.0, -sd[0], sd[0])), 'N'),
+        Value(float(b), float(b - sd[1]), float(b + sd[1]), '1'),
+        float(covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])),
+        float(np.sqrt(np.mean(np.log(T * gain / X) ** 2))),
+        float(np.sqrt(np.mean(rest ** 2))), used)
+
+
+def _draw(pwm: Floats, thrust: Floats, found: Thrust) -> Callable[[Figure], None]:
+    X, T = pwm[found.used], thrust[found.used]
+    fine = np.linspace(X.min(), X.max(), 200)
+
+    def draw(figure: Figure) -> None:
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+        above.plot(pwm[~found.used], thrust[~found.used], 'x', color='#8a8a8a', label='left out')
+        above.plot(X, T, '.', color='#8a8a8a', label='bench')
+        above.plot(fine, found.a.value * fine ** found.b.value, color='#2ca25f', label='a X^b')
+        above.plot(fine, fine / found.gain.value, color='#2f7ed8', label='linear')
+        above.plot(fine, THESIS[0] * fine ** THESIS[1], ':', color='#e0403f',
+                   label='thesis, Mambo')
+        above.set_ylabel('thrust of one motor [N]')
+        above.legend()
+        for model, colour in ((found.a.value * X ** found.b.value, '#2ca25f'),
+                              (X / found.gain.value, '#2f7ed8')):
+            below.plot(X, 100.0 * (T / model - 1.0), '.', color=colour)
+        below.axhline(0.0, color='#8a8a8a', lw=0.5)
+        below.set_ylabel('residual [%]')
+        below.set_xlabel('command [PWM]')
+    return draw
+
+
+def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> report.Report:
+    found = fit_thrust(pwm, thrust, options.max_pwm)
+    source = f'identify_thrust, {options.file.name}'
+    changed = {
+        'thrust_map': (found.better, f'{source}: is 1 in the interval of b?'),
+        'linear_gain': (found.gain.value, f'{source}, 95 %: {found.gain.low:.6g} to '
+                                          f'{found.gain.high:.6g}'),
+        'power_a': (found.a.value, f'{source}, 95 %: {found.a.low:.4g} to {found.a.high:.4g}'),
+        'power_b': (found.b.value, f'{source}, 95 %: {found.b.low:.4g} to {found.b.high:.4g}')}
+    middle = float(np.exp(np.mean(np.log(pwm[found.used]))))
+    share = found.a.value * middle ** found.b.value / (THESIS[0] * middle ** THESIS[1])
+    facts = {
+        'correlation of ln a and b': found.correlation,
+        'rms residual of the power law [%]': 100.0 * found.power_rms,
+        'rms residual of the line [%]': 100.0 * found.linear_rms,
+        'readings used': f'{int(found.used.sum())} of {len(pwm)}',
+        'map of the vehicle': found.better,
+        'b minus that of the thesis': found.b.value - THESIS[1],
+        f'thrust over that of the thesis at {middle:.0f}': share}
+    notes = ['a and b belong together: neither is known as well as their map']
+    return report.Report(
+        f'motor map of {options.file.name}',
+        {'linear gain': found.gain, 'a': found.a, 'b': found.b}, facts, notes, changed,
+        _draw(pwm, thrust, found), method=METHOD)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``identify_thrust``."""
+    parser = report.parser(
+        'identify_thrust', 'Motor map from commands and thrusts of a bench, (4.5)-(4.7).')
+    parser.add_argument('file', type=Path, help='.csv, .mat or .json')
+    parser.add_argument('--command', default='pwm', help='column with the commands')
+    parser.add_argument('--thrust', default='thrust', help='column with what the scale says')
+    parser.add_argument('--unit', choices=('N', 'g'), default='N', help='of that column')
+    parser.add_argument('--motors', type=int, default=1, help='that the scale carries together')
+    parser.add_argument('--gravity', type=float, default=9.81, help='m/s^2, for grams')
+    parser.add_argument('--max-pwm', type=float, default=np.inf,
+                        help='leave out what is above: there thrust fades (350 in the thesis)')
+    options = parser.parse_args(arguments)
+
+    def work() -> report.Report:
+        if options.motors < 1:
+            raise IdentifyError('--motors must be 1 or more')
+        table = columns.read(options.file)
+        _, pwm = columns.column(table, options.command, options.file)
+        _, thrust = columns.column(table, options.thrust, options.file)
+        factor = options.gravity / 1000.0 if options.unit == 'g' else 1.0
+        return _report(options, pwm, factor / options.motors * thrust)
+    return report.run('identify_thrust', options, work)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())
