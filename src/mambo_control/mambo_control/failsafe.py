@@ -83,6 +83,8 @@ class Spread(NamedTuple):
     position: float  # m^2, horizontal, the larger one
     height: float  # m^2
     velocity: float  # m^2/s^2, along body x and y, the larger one
+    tilt: float = 0.0  # rad^2, about horizontal axes, the larger one
+    rate: float = 0.0  # rad^2/s^2, of the body rate, the largest one
 
 
 EXACT = Spread(0.0, 0.0, 0.0)
@@ -104,6 +106,8 @@ class FailsafeValues(NamedTuple):
     position_std: float
     height_std: float
     velocity_std: float
+    tilt_std: float
+    rate_std: float
     rate_limit: float
     attitude_error_limit: float
     velocity_error_limit: float
@@ -132,6 +136,11 @@ class FailsafeParams:
     height_std: float = quantity(1.0, 'm', 0.001, 1e6, 'height is lost beyond (judgement)')
     velocity_std: float = quantity(
         1.0, 'm/s', 0.001, 1e6, 'horizontal motion is lost beyond (judgement)')
+    tilt_std: float = quantity(
+        0.5, 'rad', 0.001, 10.0, 'attitude is lost beyond (judgement)')
+    rate_std: float = quantity(
+        1.0, 'rad/s', 0.001, 1e6,
+        'attitude is lost beyond, as after 50 ms without a gyro (judgement)')
     rate_limit: float = quantity(
         25.0, 'rad/s', 1.0, 1e6, 'crash: tumbling; the gyroscope ends at 35 (judgement)')
     attitude_error_limit: float = quantity(
@@ -211,6 +220,9 @@ def in_flight(phase: int) -> bool:
 def known(state: State, spread: Spread, aloft: bool, p: FailsafeValues) -> Known:
     """Tell what of an estimate can be used; variances count in flight only."""
     attitude = is_attitude(state.q) and usable(state.omega)
+    if aloft:
+        attitude = (attitude and spread.tilt <= p.tilt_std * p.tilt_std
+                    and spread.rate <= p.rate_std * p.rate_std)
     moving = attitude and usable(state.nu)
     vertical = moving and abs(state.rho[2]) <= LARGEST
     horizontal = moving and abs(state.rho[0]) <= LARGEST and abs(state.rho[1]) <= LARGEST

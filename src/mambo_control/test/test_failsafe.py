@@ -81,6 +81,8 @@ def test_with_good_inputs_the_answer_is_that_of_the_law_alone(law, module, param
     ({'spread': Spread(0.0, 0.0, 1.1)}, safety.REASON_ESTIMATE),
     ({'spread': Spread(0.0, 1.1, 0.0)}, safety.REASON_ESTIMATE),
     ({'spread': Spread(math.nan, 0.0, 0.0)}, safety.REASON_ESTIMATE),
+    ({'spread': Spread(0.0, 0.0, 0.0, 0.3, 0.0)}, safety.REASON_ESTIMATE),
+    ({'spread': Spread(0.0, 0.0, 0.0, 0.0, 1.1)}, safety.REASON_ESTIMATE),
     ({'phase': 5}, safety.REASON_REFERENCE)])
 def test_a_short_loss_is_bridged_and_says_why(law, lost, reason):
     one = Controller(law)
@@ -100,7 +102,9 @@ def test_a_short_loss_is_bridged_and_says_why(law, lost, reason):
     ({'state': NO_STATE, 'ref': NO_REFERENCE}, DESCENDING_BLIND, safety.REASON_ESTIMATE),
     ({'spread': Spread(0.0, 0.0, 1.1)}, LANDING, safety.REASON_ESTIMATE),
     ({'spread': Spread(1e7, 0.0, 0.0)}, LANDING, safety.REASON_ESTIMATE),
-    ({'spread': Spread(0.0, 1.1, 0.0)}, DESCENDING_BLIND, safety.REASON_ESTIMATE)])
+    ({'spread': Spread(0.0, 1.1, 0.0)}, DESCENDING_BLIND, safety.REASON_ESTIMATE),
+    ({'spread': Spread(0.0, 0.0, 0.0, 0.3, 0.0)}, DESCENDING_BLIND, safety.REASON_ESTIMATE),
+    ({'spread': Spread(0.0, 0.0, 0.0, 0.0, 1.1)}, DESCENDING_BLIND, safety.REASON_ESTIMATE)])
 def test_a_longer_loss_lands_and_a_return_of_the_reference_does_not_end_that(
         law, lost, stage, reason):
     one = Controller(law)

@@ -50,6 +50,7 @@ class AttitudeValues(NamedTuple):
     initial_yaw_std: float
     initial_gyro_bias_std: float
     rate_noise: float
+    lost_rate_growth: float
     window: float
     window_velocity_noise: float
     window_accel_noise: float
@@ -80,6 +81,9 @@ class AttitudeParams:
     rate_noise: float = quantity(
         0.02, 'rad/s', 1e-6, 10.0,
         'of one sample in flight, for the covariance of the body rate: Rolling Spider logs')
+    lost_rate_growth: float = quantity(
+        20.0, 'rad/s^2', 0.0, 1e4,
+        'how fast the body rate becomes unknown without a gyro: a fifth of what the motors can do')
     window: float = quantity(1.0, 's', 0.05, 60.0, 'length of a gravity window: judgement')
     window_velocity_noise: float = quantity(
         0.1, 'm/s', 0.0, 10.0,

@@ -563,12 +563,13 @@ def _pose_covariance(m: Memory) -> tuple[float, ...]:
 
 
 @jit
-def _twist_covariance(m: Memory, rate_noise: float) -> tuple[float, ...]:
+def _twist_covariance(m: Memory, v: attitude.AttitudeValues) -> tuple[float, ...]:
     """Return the (36,) covariance of velocity and angular velocity, body axes, m/s and rad/s."""
     att = m.attitude
     C = velocity.body_velocity_covariance(
         m.velocity, m.altitude.P.ww, to_matrix(att.q), attitude.rotation_covariance(att))
-    noise = rate_noise * rate_noise
+    unknown = v.lost_rate_growth * m.sensors.gyro.age
+    noise = v.rate_noise * v.rate_noise + unknown * unknown
     w = att.P_bb
     return (
         C[0][0], C[0][1], C[0][2], 0.0, 0.0, 0.0, C[1][0], C[1][1], C[1][2], 0.0, 0.0, 0.0,
@@ -583,7 +584,7 @@ def _estimate(m: Memory, results: Results, v: EstimatorValues) -> Estimate:
     alt, b = m.altitude, m.velocity.accel_bias
     accel_bias = add(m.alignment.accel_bias, (b[0], b[1], alt.accel_bias))
     return Estimate(
-        _state(m), _pose_covariance(m), _twist_covariance(m, v.attitude.rate_noise), _status(m, v),
+        _state(m), _pose_covariance(m), _twist_covariance(m, v.attitude), _status(m, v),
         alt.height, alt.velocity, m.attitude.bias, accel_bias,
         alt.offset if alt.has_offset else math.nan, results.sonar.innovation,
         results.sonar.ratio, results.flow.innovation, results.flow.ratio,

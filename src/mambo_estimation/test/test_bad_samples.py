@@ -388,3 +388,15 @@ def test_the_covariance_grows_while_a_sensor_is_lost(kind):
       'gyro: 12 samples not finite', 'sonar: 7 samples late, repeated or out of order'])])
 def test_complaints_name_the_sensor_and_its_trouble(h, new, lost, said):
     assert health.complaints(health.Health(*h), new, lost) == said
+
+
+def test_without_a_gyro_the_body_rate_becomes_unknown():
+    bad = spoil('gyro', 'nan', between(10.0, 10.5))
+    variance = estimate(bad, PARAMS).twist_covariance[:, 3, 3]
+    t, clean = TRUTH.t, estimate(CLEAN, PARAMS).twist_covariance[:, 3, 3]
+    during = (t > 10.0) & (t < 10.5)
+    # 20 rad/s^2 times its age
+    np.testing.assert_allclose(
+        np.sqrt(variance[during]), 20.0 * (t[during] - 10.0 + DT), rtol=0.01, atol=0.03)
+    np.testing.assert_array_equal(variance[t < 10.0], clean[t < 10.0])
+    assert variance[t > 10.55].max() < 0.01

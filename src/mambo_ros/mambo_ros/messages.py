@@ -170,19 +170,21 @@ def decode_odometry(data: bytes) -> tuple[int, State]:
         flip_vector(n[48:51]))
 
 
-def decode_estimate(data: bytes) -> tuple[int, State, Vec3]:
+def decode_estimate(data: bytes) -> tuple[int, State, tuple[float, ...]]:
     """
     Return (stamp ns, state, variances) of ``nav_msgs/Odometry``.
 
     Variances: of the horizontal position m^2, of the height m^2, of the velocity along body x
-    and y m^2/s^2; the larger one where there are two. Axes that only change their sign between
-    wire and inside keep their variances.
+    and y m^2/s^2, of the tilt rad^2, of the body rate rad^2/s^2; the largest of several. Axes
+    that only change their sign between wire and inside keep their variances.
     """
     n = _ESTIMATE.unpack(data)
     x, y, z, w = n[5:9]
     return _stamp(n), State(
         flip_vector(n[2:5]), flip_vector(n[45:48]), body_quaternion(x, y, z, w),
-        flip_vector(n[48:51])), (_larger(n[9], n[16]), n[23], _larger(n[51], n[58]))
+        flip_vector(n[48:51])), (
+            _larger(n[9], n[16]), n[23], _larger(n[51], n[58]), _larger(n[30], n[37]),
+            _larger(_larger(n[72], n[79]), n[86]))
 
 
 def _larger(a: float, b: float) -> float:

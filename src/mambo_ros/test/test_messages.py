@@ -128,6 +128,18 @@ def test_covariances_turn_with_their_axes():
     assert message.pose.covariance[x_and_z] == -pose[0, 2]  # further forward and higher
 
 
+def test_the_variances_of_an_estimate_come_back():
+    rng = np.random.default_rng(2)
+    pose, twist = np.diag(rng.random(6)), np.diag(rng.random(6))
+    for _ in range(2):  # the larger one counts, whichever it is
+        data = messages.estimate(
+            T, state(), tuple(pose.reshape(-1)), tuple(twist.reshape(-1)))
+        p, w = np.diag(pose), np.diag(twist)
+        assert messages.decode_estimate(data)[2] == (
+            max(p[0], p[1]), p[2], max(w[0], w[1]), max(p[3], p[4]), max(w[3:]))
+        pose, twist = pose[::-1, ::-1], twist[::-1, ::-1]
+
+
 def test_an_imu_at_rest_reads_gravity_upward_and_no_orientation():
     message = read(messages.imu(
         T, (0.1, 0.2, 0.3), (0.0, 0.5, -9.81), (1e-4, 2e-4, 3e-4), (0.01, 0.02, 0.03)), Imu)
