@@ -50,47 +50,6 @@ TYPES = {
 """Types of the topics that are compared and drawn."""
 
 
-def _between(
-    bag: Bag, topic: str, other: str, title: str, parts: Phases, notes: list[str],
-) -> Comparison | None:
-    """Compare two topics of one bag; None, and a note, where they have nothing in common."""
-    try:
-        a, b = motion.read(bag, topic), motion.read(bag, other)
-        return Comparison(
-            f'{title}: {a.name} minus {b.name}', (a.name, b.name), tuple(pair.motions(a, b)),
-            parts)
-    except BagError as error:
-        notes.append(f'no {title}: {error}')
-        return None
-
-
-def within(bag: Bag, parts: Phases, notes: list[str]) -> list[Comparison]:
-    """
-    Return what a bag says about its own errors: tracking and estimation, where it has both sides.
-
-    What it lacks is appended to the notes.
-    """
-    truth = next((name for name in motion.TRUTH if name in bag), None)
-    measured = next((name for name in reversed(motion.TRUTH) if name in bag), None)
-    imported = 'onboard/odom' in bag
-    out = []
-    if 'reference' in bag and truth is not None:
-        out.append(_between(bag, truth, 'reference', 'tracking error', parts, notes))
-    elif not imported or 'reference' in bag:
-        notes.append('no tracking error: it needs reference and ground_truth/odom or '
-                     'optitrack/pose')
-    if 'estimate/odom' not in bag:
-        notes.append(
-            'an imported flight without estimate/odom: let the estimator fly it with '
-            f'ros2 run mambo_bringup replay {bag.path}' if imported
-            else 'no estimate/odom in the bag')
-    elif measured is not None:
-        out.append(_between(bag, 'estimate/odom', measured, 'estimation error', parts, notes))
-    elif not imported:
-        notes.append('no estimation error: it needs optitrack/pose or ground_truth/odom')
-    return [comparison for comparison in out if comparison is not None]
-
-
 class Aligned(NamedTuple):
     """Two odometries at common stamps, the first turned and moved onto the start of the other."""
 
@@ -226,7 +185,7 @@ def compare(bag: Bag) -> dict[str, Any]:
     check_types(bag)
     parts, notes = phases(bag), []
     errors = [pair.section(comparison['position'], comparison.title, parts)
-              for comparison in within(bag, parts, notes)]
+              for comparison in pair.within(bag, parts, notes)]
     if 'onboard/odom' in bag and 'estimate/odom' in bag:
         errors += _against_onboard(bag['estimate/odom'], bag['onboard/odom'], parts, notes)
     return {

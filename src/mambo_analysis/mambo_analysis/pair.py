@@ -250,3 +250,44 @@ def section(quantity: Quantity, title: str, phases: Phases) -> dict[str, Any]:
             rows.append(row)
     return {'quantity': quantity.name, 'title': title, 'unit': quantity.unit,
             'axes': list(quantity.axes), 'rows': rows}
+
+
+def _between(
+    bag: Bag, topic: str, other: str, title: str, parts: Phases, notes: list[str],
+) -> Comparison | None:
+    """Compare two topics of one bag; None, and a note, where they have nothing in common."""
+    try:
+        a, b = motion.read(bag, topic), motion.read(bag, other)
+        return Comparison(
+            f'{title}: {a.name} minus {b.name}', (a.name, b.name), tuple(motions(a, b)),
+            parts)
+    except BagError as error:
+        notes.append(f'no {title}: {error}')
+        return None
+
+
+def within(bag: Bag, parts: Phases, notes: list[str]) -> list[Comparison]:
+    """
+    Return what a bag says about its own errors: tracking and estimation, where it has both sides.
+
+    What it lacks is appended to the notes.
+    """
+    truth = next((name for name in motion.TRUTH if name in bag), None)
+    measured = next((name for name in reversed(motion.TRUTH) if name in bag), None)
+    imported = 'onboard/odom' in bag
+    out = []
+    if 'reference' in bag and truth is not None:
+        out.append(_between(bag, truth, 'reference', 'tracking error', parts, notes))
+    elif not imported or 'reference' in bag:
+        notes.append('no tracking error: it needs reference and ground_truth/odom or '
+                     'optitrack/pose')
+    if 'estimate/odom' not in bag:
+        notes.append(
+            'an imported flight without estimate/odom: let the estimator fly it with '
+            f'ros2 run mambo_bringup replay {bag.path}' if imported
+            else 'no estimate/odom in the bag')
+    elif measured is not None:
+        out.append(_between(bag, 'estimate/odom', measured, 'estimation error', parts, notes))
+    elif not imported:
+        notes.append('no estimation error: it needs optitrack/pose or ground_truth/odom')
+    return [comparison for comparison in out if comparison is not None]

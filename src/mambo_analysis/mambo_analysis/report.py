@@ -20,10 +20,9 @@ from plotly.offline import get_plotlyjs
 
 from . import metrics, motion, tables
 from .bag import Bag, BagError
-from .compare import within
 from .metrics import Floats, Ints
 from .motion import Motion
-from .pair import Alignment, Comparison, Quantity
+from .pair import Alignment, Comparison, Quantity, within
 from .phases import Phases, phases
 
 POINTS = 1200  # of a line; more is not seen
