@@ -1,0 +1,85 @@
+"""The lists of mutants fit the files they break; ./mutants runs them, no test does."""
+
+import ast
+import builtins
+from pathlib import Path
+import sys
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / 'tools'))
+import mutants  # noqa: E402 (a script of tools/, not a package)
+
+TARGETS = mutants.load()
+EACH = [(target, mutant) for target in TARGETS for mutant in target.mutants]
+
+
+def meaning(source):
+    """Return what a source does, docstrings and comments aside, and the names it looks up."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        documented = isinstance(node, ast.ClassDef | ast.FunctionDef | ast.Module)
+        if documented and ast.get_docstring(node):
+            node.body[0] = ast.Pass()
+    names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    return ast.dump(tree), names
+
+
+@pytest.mark.parametrize('target', TARGETS, ids=lambda target: target.name)
+def test_a_file_has_ten_different_mutants_and_tests_to_kill_them(target):
+    source = target.source.read_text()
+    broken = {mutants.mutated(source, mutant, target.name) for mutant in target.mutants}
+    assert len(broken) == len(target.mutants) == 10
+    assert len({mutant.what for mutant in target.mutants}) == 10
+    for test in mutants.tests_of(target, target.tests + target.without):
+        file, _, name = test.partition('::')
+        assert f'def {name}' in (ROOT / file).read_text()
+
+
+@pytest.mark.parametrize(
+    'target, mutant', EACH, ids=[f'{target.name}: {mutant.what}' for target, mutant in EACH])
+def test_a_mutant_still_is_a_program_that_does_something_else(target, mutant):
+    source = target.source.read_text()
+    before, known = meaning(source)
+    after, names = meaning(mutants.mutated(source, mutant, target.name))
+    assert after != before
+    assert names <= known | set(dir(builtins))  # else any test would notice
+
+
+def test_every_file_with_an_equation_has_mutants():
+    rest = {'__init__', 'compiled', 'parameters', 'schema', 'vector', 'vehicle', 'vehicle_file',
+            'vehicle_options', 'yaml_nodes'}  # no equation, or one of the whole vehicle's data
+    model = {path.stem for path in (ROOT / 'src/mambo_model/mambo_model').glob('*.py')}
+    assert {Path(target.path).stem for target in TARGETS
+            if target.package == 'mambo_model'} == model - rest
+
+
+def test_the_report_is_that_of_the_lists():
+    text = mutants.REPORT.read_text()
+    head, *parts = text.split('\n## ')
+    assert [part.split(':')[0] for part in parts] == [target.name for target in TARGETS]
+    for target, part in zip(TARGETS, parts):
+        for mutant in target.mutants:
+            assert f'| {mutant.what} |' in part, target.name
+    assert 'survived' not in ''.join(parts)
+
+
+def test_a_list_that_no_longer_fits_is_refused_by_name():
+    mutant = mutants.Mutant('sign', 'a - b', 'a + b')
+    assert mutants.mutated('c = a - b', mutant, 'x.py') == 'c = a + b'
+    for source, times in (('c = a', 0), ('c = a - b\nd = a - b', 2)):
+        message = f'x.py: sign: "a - b" is there {times} times'
+        with pytest.raises(mutants.MutantError, match=message):
+            mutants.mutated(source, mutant, 'x.py')
+
+
+def test_files_are_chosen_by_any_end_of_their_name():
+    def chosen(*names):
+        return [target.name for target in mutants.choose(TARGETS, list(names))]
+
+    assert chosen('rotor') == chosen('mambo_model/rotor.py') == ['mambo_model/rotor.py']
+    assert len(chosen('toolbox')) == 2
+    assert len(chosen()) == len(TARGETS)
+    with pytest.raises(mutants.MutantError, match='motor: no such file'):
+        chosen('motor')
