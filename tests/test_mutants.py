@@ -27,11 +27,11 @@ def meaning(source):
 
 
 @pytest.mark.parametrize('target', TARGETS, ids=lambda target: target.name)
-def test_a_file_has_ten_different_mutants_and_tests_to_kill_them(target):
+def test_a_file_has_ten_or_more_different_mutants_and_tests_to_kill_them(target):
     source = target.source.read_text()
     broken = {mutants.mutated(source, mutant, target.name) for mutant in target.mutants}
-    assert len(broken) == len(target.mutants) == 10
-    assert len({mutant.what for mutant in target.mutants}) == 10
+    assert len(broken) == len({mutant.what for mutant in target.mutants}) >= 10
+    assert len(broken) == len(target.mutants)
     for test in mutants.tests_of(target, target.tests + target.without):
         file, _, name = test.partition('::')
         assert f'def {name}' in (ROOT / file).read_text()

@@ -8,7 +8,7 @@ from mambo_model import rigid_body
 from mambo_model.aerodynamics import lumped_drag
 from mambo_model.compiled import jit
 from mambo_model.flatness import from_flat_output
-from mambo_model.quaternion import from_euler, to_euler
+from mambo_model.quaternion import from_euler, rotate_inverse, to_euler
 from mambo_model.rigid_body import State
 from mambo_model.rotor import mix, thrust_from_pwm
 from mambo_model.schema import ParameterError
@@ -99,6 +99,15 @@ def test_yaw_turns_the_short_way(yaw, wanted):
     _, command = answer(still(q=from_euler(0.0, 0.0, yaw)), ref)
     turn = (wanted - yaw + math.pi) % (2 * math.pi) - math.pi
     assert command.torque[2] == pytest.approx(0.004 * turn)
+
+
+@pytest.mark.parametrize('yaw', [0.5 * math.pi, -0.7, 3.0])
+def test_position_error_is_seen_from_the_nose_whatever_the_heading(yaw):
+    q = from_euler(0.0, 0.0, yaw)
+    _, command = answer(still(rho=(-0.2, 0.1, -1.5), q=q), reference(q=q))
+    ahead, right, _ = rotate_inverse(q, (0.2, -0.1, 0.0))
+    assert command.torque == pytest.approx(
+        (0.01 * 0.24 * right, -0.013 * 0.24 * ahead, 0.0), abs=1e-15)
 
 
 def test_velocity_is_damped_although_the_reference_moves_as_fast():

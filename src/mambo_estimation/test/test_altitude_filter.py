@@ -98,6 +98,8 @@ def test_barometer_update_is_the_textbook_filter(seed):
     assert result.innovation == pytest.approx(0.3, abs=1e-8)
     np.testing.assert_allclose(mean(after), x, rtol=1e-8)  # height by pressure and back: 1e-9 m
     np.testing.assert_allclose(matrix(after.P), expected, atol=1e-12)
+    S = P[0, 0] + 2 * P[0, 3] + P[3, 3] + BARO.noise ** 2
+    assert result.ratio == pytest.approx(0.09 / S / BARO.gate ** 2, rel=1e-6)
 
 
 def test_first_pressure_sets_the_offset_and_its_correlation_with_the_height():

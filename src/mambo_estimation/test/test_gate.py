@@ -73,3 +73,25 @@ def test_it_is_believed_again_after_several_that_fit_and_agree():
     _, verdicts = run([*wild, *[(0.01 * k, 0.1) for k in range(10)]])
     again = g.MOST_DOUBT - g.DISTRUST + 2  # the first of them does not agree with the last one
     assert verdicts[20:] == [g.REFUSE] * again + [g.ACCEPT] * (10 - again)
+
+
+@pytest.mark.parametrize('deviation', [0.5, 1.0, 3.0])
+@pytest.mark.parametrize(('x', 'y', 'agrees'), [
+    (3.99, 3.99, True), (4.01, 4.01, False), (5.6, 0.0, True), (5.7, 0.0, False),
+    (0.0, -5.6, True), (0.0, -5.7, False)])
+def test_refused_samples_agree_within_the_gate_over_both_components(deviation, x, y, agrees):
+    # the limit: x^2 + y^2 = 4^2 times the sum of both variances
+    gate, far = g.OPEN, 100.0 * deviation
+    for k, innovation in enumerate([(far, far), (far + x * deviation, far + y * deviation)]):
+        trial = g.Trial((float(k), 0.0), innovation, 2.0 * deviation ** 2, 99.0)
+        gate, verdict = g.judge(gate, trial, WIDTH, TIME)
+        assert verdict == g.REFUSE
+    assert gate.streak == (2 if agrees else 1)
+
+
+def test_one_sample_that_fits_takes_back_one_of_the_doubts():
+    wild, fits = [(9.0, 9.0), (-9.0, -20.0), (20.0, 20.0)], (0.0, 0.1)
+    _, verdicts = run([*wild, fits, (-30.0, -30.0), fits])
+    assert verdicts[3] == verdicts[5] == g.ACCEPT  # three doubts, then two and one more
+    _, verdicts = run([*wild, fits, (-30.0, -30.0), (40.0, 40.0), fits])
+    assert verdicts[3] == g.ACCEPT and verdicts[6] == g.REFUSE  # two and two more

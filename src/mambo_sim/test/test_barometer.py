@@ -27,6 +27,12 @@ def test_pressure_is_that_of_the_standard_table(height, pressure):
     assert pressure_at(height, 101325.0) == pytest.approx(pressure, abs=2.0)  # table: geopotential
 
 
+def test_pressure_is_that_of_the_floor_times_the_same_share_in_any_weather():
+    share = pressure_at(300.0, 101325.0) / 101325.0
+    assert pressure_at(0.0, 98000.0) == 98000.0
+    assert pressure_at(300.0, 98000.0) == pytest.approx(98000.0 * share, rel=1e-14)
+
+
 def test_a_metre_up_is_12_pascal_less():
     low, high = (record(FINE, 1, height=h)[0].pressure for h in (0.0, 1.0))
     assert high - low == pytest.approx(-12.01, abs=0.01)  # -rho g, 1.225 kg/m^3

@@ -156,9 +156,13 @@ def test_values_are_multiples_of_the_resolution_nearest_to_the_truth():
 
 
 def test_values_end_at_the_measuring_range():
-    gyro, accel = record(QUIET, 1, omega=(100.0, -100.0, 0.0), force=(0.0, 50.0, -50.0))
-    assert gyro[0] == pytest.approx([np.radians(2000), -np.radians(2000), 0.0])
-    assert accel[0] == pytest.approx([0.0, 4 * 9.80665, -4 * 9.80665])
+    omega, force = (100.0, -100.0, 0.0), (0.0, 50.0, -50.0)
+    (gyro,), (accel,) = record(QUIET, 1, omega=omega, force=force)
+    quiet = imu.step(
+        imu.START, omega, force, 0.0, np.random.default_rng(0), False, QUIET.values())[1]
+    for sample in (gyro, accel), quiet:
+        assert sample[0] == pytest.approx([np.radians(2000), -np.radians(2000), 0.0])
+        assert sample[1] == pytest.approx([0.0, 4 * 9.80665, -4 * 9.80665])
 
 
 def test_draws_are_those_of_numpy():
