@@ -80,6 +80,7 @@ def test_files_are_chosen_by_any_end_of_their_name():
 
     assert chosen('rotor') == chosen('mambo_model/rotor.py') == ['mambo_model/rotor.py']
     assert len(chosen('toolbox')) == 2
+    assert all(name.startswith('mambo_sim/') for name in chosen('mambo_sim', 'sensors/imu'))
     assert len(chosen()) == len(TARGETS)
     with pytest.raises(mutants.MutantError, match='motor: no such file'):
         chosen('motor')

@@ -35,10 +35,10 @@ mutant that no test kills shows an equation that no test holds. The errors are l
 `tests/mutants/`; `tests/test_mutants.py` checks that each still fits its file. This page is
 written by
 
-    ./mutants --write                # all of them, about {minutes} minutes on one idle core
-    ./mutants rotor --write          # those of one file, whose table it replaces
+    ./mutants --write                # all of them
+    ./mutants mambo_sim --write      # those of a package or of a file, ./mutants rotor
 
-without `--write` they only run; the exit code is 1 if one survives.
+Without `--write` they only run. The exit code is 1 if one survives.
 """
 SERVER = multiprocessing.get_context('forkserver')  # has imported what every test imports
 SERVER.set_forkserver_preload(['numba', 'numpy', 'pytest', 'scipy.spatial.transform'])
@@ -101,11 +101,12 @@ def load() -> list[Target]:
 
 
 def choose(targets: list[Target], names: list[str]) -> list[Target]:
-    """Return the targets of these names: ``rotor``, ``sensors/sonar``, ``mambo_sim/plant``."""
+    """Return the targets of these names: ``mambo_sim``, ``sensors/sonar``, ``mambo_sim/plant``."""
     chosen = []
     for name in names:
         end = '/' + name.removesuffix('.py') + '.py'
-        found = [target for target in targets if ('/' + target.name).endswith(end)]
+        found = [target for target in targets
+                 if name == target.package or ('/' + target.name).endswith(end)]
         if not found:
             raise MutantError(f'{name}: no such file in tests/mutants; there are '
                               + ' '.join(target.name for target in targets))
@@ -224,24 +225,22 @@ def section(target: Target, outcomes: list[Outcome]) -> str:
         *rows)) + '\n'
 
 
-def write(targets: list[Target], results: dict[str, list[Outcome]], seconds: float) -> None:
+def write(targets: list[Target], results: dict[str, list[Outcome]]) -> None:
     """Write the report: tables of this run, those of other files as they were."""
-    text = REPORT.read_text() if REPORT.exists() else HEAD.format(minutes='?')
-    head, *old = text.split('\n## ')
-    tables = {part.split(':')[0]: '## ' + part.rstrip('\n') + '\n' for part in old}
+    text = REPORT.read_text() if REPORT.exists() else HEAD
+    tables = {part.split(':')[0]: '## ' + part.rstrip('\n') + '\n'
+              for part in text.split('\n## ')[1:]}
     for target in targets:
         if target.name in results:
             tables[target.name] = section(target, results[target.name])
-    if len(results) == len(targets):
-        head = HEAD.format(minutes=max(1, round(seconds / 60.0)))
-    names = [target.name for target in targets if target.name in tables]
-    REPORT.write_text('\n'.join([head.rstrip('\n') + '\n', *(tables[name] for name in names)]))
+    known = [tables[target.name] for target in targets if target.name in tables]
+    REPORT.write_text('\n'.join([HEAD, *known]))
 
 
 def main() -> int:
     """Run the command; return its exit code."""
     parser = argparse.ArgumentParser(prog='mutants', description=__doc__.split('\n\n')[0].strip())
-    parser.add_argument('files', nargs='*', help='rotor, sensors/sonar, mambo_sim/plant; all')
+    parser.add_argument('files', nargs='*', help='rotor, sensors/sonar, mambo_sim; all')
     parser.add_argument('--jobs', type=int, default=1, help='how many at a time (1)')
     parser.add_argument('--write', action='store_true', help='write the tables to docs/mutants.md')
     options = parser.parse_args()
@@ -264,7 +263,7 @@ def main() -> int:
         pool.shutdown(cancel_futures=True)
     seconds = time.monotonic() - began
     if options.write:
-        write(targets, results, seconds)
+        write(targets, results)
     outcomes = [outcome for one in results.values() for outcome in one]
     killed = sum(bool(outcome.killer) for outcome in outcomes)
     print(f'\n{killed} of {len(outcomes)} killed, {len(outcomes) - killed} survived, '

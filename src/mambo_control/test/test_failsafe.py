@@ -298,6 +298,14 @@ def test_weight_is_not_mistaken_for_acceleration():
     assert lift / pull == pytest.approx(MAMBO.mass, rel=0.02)
 
 
+def test_the_vertical_part_of_the_thrust_is_what_carries_the_weight():
+    one = Controller()
+    command = one.answer(hovering(2.0)._replace(q=from_euler(0.3, -0.2, 1.0)))
+    share = DT / (failsafe.SHOWN_TIME + DT)  # of one step in the average
+    upright = math.cos(0.3) * math.cos(-0.2)
+    assert one.memory.shown.lift == pytest.approx(share * command.thrust * upright, rel=1e-12)
+
+
 def test_what_is_seen_on_the_floor_or_garbled_shows_no_weight():
     p = failsafe.FailsafeParams(thrust_deficit=0.0).values()
     assert failsafe.lighter(failsafe.Shown(0.0, 0.0), p, MAMBO) == MAMBO
