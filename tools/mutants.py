@@ -182,7 +182,9 @@ def try_source(target: Target, source: str, limit: float) -> Outcome:
         process.start()
         there.close()
         ended = here.poll(limit)
-        process.kill() if not ended else process.join()
+        if not ended:
+            process.kill()
+        process.join()
         if not ended:
             return Outcome(f'no end within {limit:.0f} s', time.monotonic() - began)
         try:
