@@ -1,5 +1,6 @@
 """
-Fly a scenario in the real graph: every node its own process, everything recorded, then compared.
+Fly a scenario in the real graph: every node its own process, or all of them composed in one,
+everything recorded, then compared.
 
 ``./run`` and ``ros2 run mambo_bringup fly`` end here.
 """
@@ -7,7 +8,9 @@ Fly a scenario in the real graph: every node its own process, everything recorde
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+import json
 from pathlib import Path
 import re
 import signal
@@ -32,6 +35,7 @@ FLIGHT_NODES = (
     ('mambo_control', 'reference_node'), ('mambo_control', 'controller_node'))
 RECORDER = ('mambo_sim', 'recorder_node')
 SIMULATOR = ('mambo_sim', 'sim_node')
+COMPOSED = ('mambo_bringup', 'composed_node')
 _FLOWN = re.compile(
     r'flew ([\d.]+) s in ([\d.]+) s of wall time, (\d+) steps without their motor command')
 _TIME = re.compile(r't = ([\d.]+) s$')
@@ -81,7 +85,23 @@ def _mode() -> dict[str, object]:
     return {'sim_node.wait_for': ','.join(waited)}
 
 
-def fly(flight: scenarios.Scenario, bag: Path) -> Outcome:
+def _start(file: Path, bag: Path, composed: bool,
+           on_line: Callable[[str], None]) -> Iterator[NodeProcess]:
+    """Start the processes of a flight, the one that owns time last; yield each as it starts."""
+    flown = ['--ros-args', '--params-file', str(file)]
+    if composed:
+        recorder = file.with_name('recorder.yaml')
+        recorder.write_text(json.dumps({'/mambo/recorder_node': {  # which is YAML
+            'ros__parameters': {'bag': str(bag), 'scenario': str(file)}}}))
+        yield NodeProcess(*COMPOSED, [*flown, '--params-file', str(recorder)], on_line)
+        return
+    yield NodeProcess(*RECORDER, ['--ros-args', '-p', f'bag:={bag}', '-p', f'scenario:={file}'])
+    for node in FLIGHT_NODES:
+        yield NodeProcess(*node, flown)
+    yield NodeProcess(*SIMULATOR, flown, on_line)
+
+
+def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False) -> Outcome:
     """
     Fly a scenario in the graph and record it.
 
@@ -91,6 +111,8 @@ def fly(flight: scenarios.Scenario, bag: Path) -> Outcome:
         Scenario with a duration.
     bag
         Directory to make.
+    composed
+        All nodes in one process instead of one each: the same bag, sooner.
 
     Raises
     ------
@@ -106,13 +128,9 @@ def fly(flight: scenarios.Scenario, bag: Path) -> Outcome:
         file = Path(folder) / 'scenario.yaml'
         file.write_text(text)
         progress = Progress(flight.sim_node.duration)
-        arguments = ['--ros-args', '--params-file', str(file)]
-        recording = ['--ros-args', '-p', f'bag:={bag}', '-p', f'scenario:={file}']
         children: list[NodeProcess] = []
         try:
-            children.append(NodeProcess(*RECORDER, recording))
-            children += [NodeProcess(*name, arguments) for name in FLIGHT_NODES]
-            children.append(NodeProcess(*SIMULATOR, arguments, progress.line))
+            children.extend(_start(file, bag, composed, progress.line))
             watch(children, interrupts)
         finally:
             progress.close()
@@ -164,6 +182,7 @@ def parser() -> argparse.ArgumentParser:
                '  ./run                                 the circle (5.3) at 1.5 m\n'
                '  ./run --trajectory z_sine --seed 7    another flight\n'
                '  ./run --scenario fig_5_11             an experiment of the thesis\n'
+               '  ./run --composed                      all nodes in one process\n'
                '  ./run --mode realtime --duration 30   paced to the wall clock\n'
                '  ./run --set sim_node.simulator.vehicle.drag_coefficient=0.3\n')
     add = out.add_argument
@@ -190,6 +209,8 @@ def parser() -> argparse.ArgumentParser:
         help='lockstep: as fast as the machine allows, repeatable to the bit (default)')
     add('--speed', type=float, default=1.0, metavar='X',
         help='flight over wall time in realtime mode (default: 1)')
+    add('--composed', action='store_true',
+        help='all nodes in one process: the same bag, sooner')
     add('--no-noise', dest='noise', action='store_false', default=None,
         help='sensors without noise and bias')
     add('--no-landing', dest='landing', action='store_false', default=None,
@@ -250,7 +271,7 @@ def _fly_and_report(
     name: str, flight: scenarios.Scenario, options: argparse.Namespace,
 ) -> None:
     bag = options.output or _free(Path('bags'), name)
-    outcome = fly(flight, bag.absolute())
+    outcome = fly(flight, bag.absolute(), options.composed)
     what = 'stopped by you after' if outcome.stopped else 'flew'
     print(f'{what} {outcome.flown:.2f} s in {outcome.took:.2f} s of wall time, '
           f'{outcome.missed} steps without their motor command\nbag: {bag}\n')
