@@ -58,17 +58,19 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         self._next_report, self._reported = 0, (0,) * 9
         self._inner = self.say(topics.ESTIMATOR_STATE)
         self._diagnostics = self.say(topics.DIAGNOSTICS)
-        self._hear_sensor(topics.SONAR, messages.decode_sonar, self._sync.add_sonar)
-        self._hear_sensor(topics.OPTICAL_FLOW, messages.decode_optical_flow, self._sync.add_flow)
-        self._hear_sensor(topics.BAROMETER, messages.decode_pressure, self._sync.add_pressure)
-        self._hear_sensor(topics.IMU, messages.decode_imu, self._sync.add_imu)
-        if watermark:
+        sync = self._sync
+        self._hear_sensor(topics.SONAR, messages.decode_sonar, sync.add_sonar)
+        self._hear_sensor(topics.OPTICAL_FLOW, messages.decode_optical_flow, sync.add_flow)
+        self._hear_sensor(topics.BAROMETER, messages.decode_pressure, sync.add_pressure)
+        self._hear_sensor(topics.IMU, messages.decode_imu, sync.add_imu, prompt=not watermark)
+        if watermark:  # the last message of a step: nothing can be done before it
             self._hear_sensor(
-                topics.SENSOR_TICK, messages.decode_sensor_tick, self._sync.add_tick)
+                topics.SENSOR_TICK, messages.decode_sensor_tick, sync.add_tick, prompt=True)
 
-    def _hear_sensor(self, topic: topics.Topic, decode: Callable, add: Callable) -> None:
+    def _hear_sensor(self, topic: topics.Topic, decode: Callable, add: Callable,
+                     prompt: bool = False) -> None:
         """Queue each message of a sensor and run the steps that it completes."""
-        self.hear(topic, lambda data: self._run(add(*decode(data))))
+        self.hear(topic, lambda data: self._run(add(*decode(data))), prompt)
 
     def _on_truth(self, data: bytes) -> None:
         t, state = messages.decode_odometry(data)

@@ -39,7 +39,9 @@ P = TypeVar('P')
 QUEUE = 2000
 """Depth of every queue, 10 s of a 200 Hz topic: a slow reader lags, it does not lose."""
 
-_HOUSEKEEPING = 0.02  # s between turns of the ordinary executor
+_HOUSEKEEPING = 0.02  # s, the longest wait at once
+_TURN = 0.05  # s between turns of the ordinary executor, each of which costs most of a step
+_LAZY = 0.005  # s between looks at topics that need not be prompt
 _AT_ONCE = 100  # messages of one topic before timers and the other topics get their turn
 _QUIET = 0.1  # s without a message after which a stopping node has taken everything
 _REFUSALS = (ParameterError, FileNotFoundError, FileExistsError, _rclpy.RCLError)
@@ -105,11 +107,12 @@ class Voice:
 
 
 class Ear(NamedTuple):
-    """What a node hears: the topic, its resolved name, and what takes each message."""
+    """What a node hears."""
 
     topic: topics.Topic
-    name: str
+    name: str  # resolved
     take: Callable[[bytes], None]
+    prompt: bool
 
 
 class MamboNode(Node, Generic[P]):
@@ -150,9 +153,23 @@ class MamboNode(Node, Generic[P]):
         self.said.append(voice)
         return voice
 
-    def hear(self, topic: topics.Topic, callback: Callable[[bytes], None]) -> None:
-        """Have ``callback`` get each serialised message of a topic, in order, from the loop on."""
-        self.heard.append(Ear(topic, self.resolve_topic_name(topic.name), callback))
+    def hear(self, topic: topics.Topic, callback: Callable[[bytes], None],
+             prompt: bool = True) -> None:
+        """
+        Have ``callback`` get each serialised message of a topic, in order, from the loop on.
+
+        Parameters
+        ----------
+        topic
+            What to hear.
+        callback
+            Gets the bytes.
+        prompt
+            Whether the process wakes up for a message; otherwise it is taken together with the
+            next prompt one, or some milliseconds later.
+
+        """
+        self.heard.append(Ear(topic, self.resolve_topic_name(topic.name), callback, prompt))
 
     def subscribe(self, ear: Ear) -> Subscription:
         """Subscribe at the middleware what is to be heard."""
@@ -204,15 +221,17 @@ class Loop:
             self._executor.add_node(node)
             for voice in node.said:
                 voice.queue = self._queue
-        subscriptions = [
-            (node.subscribe(ear), ear.take)
-            for node in nodes for ear in node.heard if not self._near(ear)]
-        self._entries = [(subscription.handle, subscription.msg_type, callback)
-                         for subscription, callback in subscriptions]
+        far = [(node, ear) for node in nodes for ear in node.heard if not self._near(ear)]
+        far.sort(key=lambda pair: pair[1].prompt)  # when a prompt one wakes, the others are first
+        self._entries = [(node.subscribe(ear).handle, ear.topic.msg_type, ear.take)
+                         for node, ear in far]
+        self._prompt = [
+            entry for entry, (_, ear) in zip(self._entries, far, strict=True) if ear.prompt]
+        self._longest = _HOUSEKEEPING if len(self._prompt) == len(far) else _LAZY
         self._context = rclpy.get_default_context()
         with self._context.handle:
             self._wait_set = _rclpy.WaitSet(
-                len(self._entries), 0, 0, 0, 0, 0, self._context.handle)
+                len(self._prompt), 0, 0, 0, 0, 0, self._context.handle)
         self._next_turn = 0.0
 
     def _near(self, ear: Ear) -> bool:
@@ -246,7 +265,7 @@ class Loop:
         turn = now >= self._next_turn
         if turn:
             self.turn()
-            self._next_turn = now + _HOUSEKEEPING
+            self._next_turn = now + _TURN
         queue = self._queue
         handled = bool(queue)
         for _ in range(_AT_ONCE):
@@ -256,27 +275,31 @@ class Loop:
             take(data)
         if handled and not turn:
             return True
-        return self._take(0.0 if handled else min(timeout, _HOUSEKEEPING)) or handled
+        self._wait(0.0 if handled else min(timeout, self._longest))
+        return self._take() or handled
 
-    def _take(self, timeout: float) -> bool:
-        """Wait for messages of the middleware and handle them; return whether there were any."""
-        if not self._entries:  # an empty wait set cannot wait
+    def _wait(self, timeout: float) -> None:
+        """Wait for a prompt message of the middleware."""
+        if not self._prompt:  # an empty wait set cannot wait
             time.sleep(timeout)
-            return False
+            return
         wait_set = self._wait_set
         wait_set.clear_entities()
-        for handle, _, _ in self._entries:
+        for handle, _, _ in self._prompt:
             wait_set.add_subscription(handle)
         wait_set.wait(int(timeout * 1e9))
-        ready = wait_set.get_ready_entities('subscription')
+
+    def _take(self) -> bool:
+        """Handle what the middleware has; return whether there was anything."""
+        handled = False
         for handle, msg_type, callback in self._entries:
-            if handle.pointer in ready:
-                for _ in range(_AT_ONCE):
-                    taken = handle.take_message(msg_type, True)
-                    if taken is None:
-                        break
-                    callback(taken[0])
-        return bool(ready)
+            for _ in range(_AT_ONCE):
+                taken = handle.take_message(msg_type, True)
+                if taken is None:
+                    break
+                callback(taken[0])
+                handled = True
+        return handled
 
     def run(self) -> None:
         """Handle messages until :meth:`stop`, then what has arrived by then."""

@@ -29,7 +29,7 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
         self._before: tuple[int, State] | None = None
         self._pose = self.say(topics.OPTITRACK)
         self._diagnostics = self.say(topics.DIAGNOSTICS)
-        self.hear(topics.GROUND_TRUTH, self._on_truth)
+        self.hear(topics.GROUND_TRUTH, self._on_truth, prompt=False)
         still = State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
         optitrack.step(  # have the compiled step in memory before time starts
             self._memory, 0, still, 0, still, simulator.generators(0)[4], self._values)

@@ -80,12 +80,11 @@ class SimNode(node.MamboNode[SimNodeParams]):
         return self._answered >= self.t
 
     def sense(self) -> None:
-        """Publish the clock, every sensor that is due, the truth and the watermark."""
+        """Publish the clock, every sensor that is due, the watermark and the truth."""
         t = self.t
         self._state, s = simulator.sense(self._state, self._tick, self._rngs, self._values)
         p = self.params.simulator
         self._clock(messages.clock(t))
-        self._truth(messages.ground_truth(t, self._state.plant.body))
         streams = (self._imu, self._sonar, self._flow, self._barometer)
         for stream in streams:
             stream.catch_up(self._tick)
@@ -103,6 +102,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
                 self._tick, messages.pressure(t, s.pressure, p.barometer.noise ** 2),
                 s.fates.barometer)
         self._watermark(messages.sensor_tick(t, *(stream.count for stream in streams)))
+        self._truth(messages.ground_truth(t, self._state.plant.body))
         if t % 1_000_000_000 == 0:
             self._report(t)
 
