@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from geometry_msgs.msg import TransformStamped
 from mambo_model import frames, rigid_body
+from mambo_model.compiled import hold, jit
 from mambo_ros import diagnostics, layout, messages, node, topics
 from tf2_msgs.msg import TFMessage
 
@@ -32,6 +33,14 @@ def _transform(
     return out
 
 
+@jit
+def _step(held, dt, gyro, accel, sonar, flow, flow_quality, pressure):
+    """Take the samples of one step; return the estimate."""
+    held.memory, estimate = filters.step(
+        held.memory, dt, gyro, accel, sonar, flow, flow_quality, pressure, held.values)
+    return estimate
+
+
 class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
     """
     State estimator.
@@ -49,10 +58,10 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         if p.estimator == 'ground_truth':
             self.hear(topics.GROUND_TRUTH, self._on_truth)
             return
-        self._values = p.filter.values()
-        self._memory = filters.initial(p.filter)
-        filters.step(  # have the compiled step in memory before time starts
-            self._memory, 0.0, _ZERO3, _ZERO3, 0.0, _ZERO3[:2], 0, 0.0, self._values)
+        self._held = hold(filters.initial(p.filter), None, p.filter.values())
+        _step(  # have the compiled step in memory before time starts
+            self._held, 0.0, _ZERO3, _ZERO3, 0.0, _ZERO3[:2], 0, 0.0)
+        self._held = hold(filters.initial(p.filter), None, p.filter.values())
         watermark = p.synchronise == 'watermark'
         self._sync = Synchroniser(watermark)
         self._next_report, self._reported = 0, (0,) * 9
@@ -79,9 +88,8 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
 
     def _run(self, steps: list[Step]) -> None:
         for s in steps:
-            self._memory, estimate = filters.step(
-                self._memory, s.dt, s.gyro, s.accel, s.sonar, s.flow, s.flow_quality,
-                s.pressure, self._values)
+            estimate = _step(
+                self._held, s.dt, s.gyro, s.accel, s.sonar, s.flow, s.flow_quality, s.pressure)
             if s.last:
                 self._publish(s.t, estimate, s.dropped)
 

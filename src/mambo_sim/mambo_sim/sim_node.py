@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 
+from mambo_model.compiled import Held, hold, jit
 from mambo_ros import diagnostics, links, messages, node, topics
 
 from . import simulator
@@ -18,6 +19,19 @@ from .faults import FaultParams, Outbox
 from .parameters import SimNodeParams, STEP_NS
 
 _ASK_AGAIN = 5.0  # s of wall time after which a waiting simulator says what it waits for
+
+
+@jit
+def _sense(held, tick):
+    """Read all sensors; return what they say and the true state."""
+    held.memory, samples = simulator.sense(held.memory, tick, held.rng, held.values)
+    return samples, held.memory.plant.body
+
+
+@jit
+def _advance(held, pwm, shutdown):
+    """Advance the vehicle by one tick."""
+    held.memory = simulator.advance(held.memory, pwm, shutdown, held.values)
 
 
 class SimNode(node.MamboNode[SimNodeParams]):
@@ -32,9 +46,6 @@ class SimNode(node.MamboNode[SimNodeParams]):
     def __init__(self, **kwargs) -> None:
         super().__init__('sim_node', SimNodeParams, **kwargs)
         p = self.params.simulator
-        self._values = p.values()
-        self._state = simulator.initial_state(p)
-        self._rngs = simulator.generators(p.seed)
         self._gyro_variance = tuple(sigma ** 2 for sigma in p.imu.gyro_noise)
         self._accel_variance = tuple(sigma ** 2 for sigma in p.imu.accel_noise)
         self._tick = 0
@@ -53,15 +64,18 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._diagnostics = self.say(topics.DIAGNOSTICS)
         self.hear(topics.MOTOR_PWM, self._on_pwm)
         self.links = links.Links(self, self.params.wait_for)
-        self._load(p)
+        self._held = self._begin()
+        _sense(self._held, 0)  # have the compiled steps in memory before time starts
+        _advance(self._held, self._pwm, self._shutdown)
+        self._held = self._begin()
 
     def _outbox(self, topic: topics.Topic, fault: FaultParams) -> Outbox:
         return Outbox(self.say(topic), fault.values().delay)
 
-    def _load(self, p: simulator.SimulatorParams) -> None:
-        """Have the compiled steps in memory before time starts."""
-        state, _ = simulator.sense(self._state, 0, simulator.generators(p.seed), self._values)
-        simulator.advance(state, self._pwm, self._shutdown, self._values)
+    def _begin(self) -> Held:
+        """Return the simulator at its start."""
+        p = self.params.simulator
+        return hold(simulator.initial_state(p), simulator.generators(p.seed), p.values())
 
     def _on_pwm(self, data: bytes) -> None:
         t, pwm, shutdown = messages.decode_motor_pwm(data)
@@ -82,7 +96,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
     def sense(self) -> None:
         """Publish the clock, every sensor that is due, the watermark and the truth."""
         t = self.t
-        self._state, s = simulator.sense(self._state, self._tick, self._rngs, self._values)
+        s, body = _sense(self._held, self._tick)
         p = self.params.simulator
         self._clock(messages.clock(t))
         streams = (self._imu, self._sonar, self._flow, self._barometer)
@@ -102,7 +116,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
                 self._tick, messages.pressure(t, s.pressure, p.barometer.noise ** 2),
                 s.fates.barometer)
         self._watermark(messages.sensor_tick(t, *(stream.count for stream in streams)))
-        self._truth(messages.ground_truth(t, self._state.plant.body))
+        self._truth(messages.ground_truth(t, body))
         if t % 1_000_000_000 == 0:
             self._report(t)
 
@@ -139,7 +153,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
     def advance(self) -> None:
         """Move the vehicle to the next step with the newest motor command."""
         stop = self._shutdown or self.starved >= 0
-        self._state = simulator.advance(self._state, self._pwm, stop, self._values)
+        _advance(self._held, self._pwm, stop)
         self._tick += 1
 
 
