@@ -15,6 +15,7 @@ from mambo_model.compiled import Held, hold, jit
 from mambo_ros import diagnostics, links, messages, node, topics
 
 from . import simulator
+from .delays import Delays
 from .faults import FaultParams, Outbox
 from .parameters import SimNodeParams, STEP_NS
 
@@ -51,6 +52,8 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._tick = 0
         self._pwm, self._shutdown, self._answered = (0.0,) * 4, False, -1
         self._heard = 0.0  # s of wall time
+        self._sensed = 0.0  # s of wall time
+        self.delays = Delays()  # from IMU sample to motor command
         self.missed = 0
         self.starved = -1  # ns, when the watchdog stopped the motors; -1: it has not
         self._clock = self.say(topics.CLOCK)
@@ -82,6 +85,8 @@ class SimNode(node.MamboNode[SimNodeParams]):
         if t > self._answered:  # a repeated or late answer changes nothing
             self._answered, self._pwm, self._shutdown = t, pwm, shutdown
             self._heard = time.monotonic()
+            if t == self.t:
+                self.delays.add(self._heard - self._sensed)
 
     @property
     def t(self) -> int:
@@ -102,6 +107,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
         streams = (self._imu, self._sonar, self._flow, self._barometer)
         for stream in streams:
             stream.catch_up(self._tick)
+        self._sensed = time.monotonic()
         self._imu.put(self._tick, messages.imu(
             t, s.gyro, s.accel, self._gyro_variance, self._accel_variance), s.fates.imu)
         if s.sonar_new:
@@ -128,9 +134,11 @@ class SimNode(node.MamboNode[SimNodeParams]):
             level, line = diagnostics.ERROR, (
                 f'motors stopped at t = {self.starved * 1e-9:.3f} s: no motor command for '
                 f'{self.params.motor_timeout:g} s')
-        self._diagnostics(diagnostics.report(
-            t, self.get_name(), level, line,
-            {'mode': self.params.mode, 'steps': self._tick, 'missed': self.missed}))
+        numbers = {'mode': self.params.mode, 'steps': self._tick, 'missed': self.missed}
+        if self.params.mode == 'realtime':  # a wall time has no place in a repeatable flight
+            numbers |= {f'IMU to motor command, {name} [ms]': value
+                        for name, value in self.delays.values().items()}
+        self._diagnostics(diagnostics.report(t, self.get_name(), level, line, numbers))
 
     def watch(self, now: float) -> None:
         """
@@ -211,6 +219,8 @@ def fly(sim: SimNode, loop: node.Loop) -> int:
     took = time.monotonic() - began
     log.info(f'flew {sim.t * 1e-9:.3f} s in {took:.3f} s of wall time, '
              f'{sim.missed} steps without their motor command')
+    delay = ', '.join(f'{name} {value} ms' for name, value in sim.delays.values().items())
+    log.info(f'IMU sample to motor command: {delay} of {sim.delays.count} steps')
     return 0 if loop.stopping or end is None or sim.t >= end else 1
 
 
