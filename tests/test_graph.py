@@ -13,7 +13,7 @@ from mambo_analysis import closed_loop, offline
 from mambo_analysis.bag import read_bag
 from mambo_analysis.scenario import from_yaml, override, scenario, to_yaml
 from mambo_bringup.domain import Domain
-from mambo_bringup.flight import FLIGHT_NODES, fly, RECORDER, SIMULATOR
+from mambo_bringup.flight import COMPOSED, FLIGHT_NODES, fly, RECORDER, SIMULATOR
 from mambo_bringup.processes import NodeProcess
 from mambo_bringup.replay import replay
 from mambo_estimation.estimator_node import encode_state
@@ -88,6 +88,34 @@ def test_two_flights_with_one_seed_have_identical_bags(bag, tmp_path):
         first, second = payloads(bag, topic), payloads(again, topic)
         assert first and first == second, topic.name
     assert digest(bag) == digest(again)  # the files themselves, byte for byte
+
+
+def test_nodes_composed_in_one_process_record_the_same_file(bag, tmp_path):
+    composed = tmp_path / 'composed'
+    fly(flight(), composed, composed=True)
+    for topic in topics.RECORDED:
+        assert payloads(composed, topic) == payloads(bag, topic), topic.name
+    assert digest(composed) == digest(bag)
+
+
+def test_a_recorder_outside_hears_all_that_composed_nodes_say(bag, tmp_path):
+    inside, outside, file = (tmp_path / name for name in ('inside', 'outside', 'scenario.yaml'))
+    file.write_text(to_yaml(override(flight(), {
+        'sim_node.wait_for': 'recorder_node,estimator_node,controller_node,stranger'})))
+    recording = tmp_path / 'recorder.yaml'
+    recording.write_text(f'/mambo/recorder_node: {{ros__parameters: {{bag: {inside}}}}}')
+    with Domain():
+        recorder = NodeProcess(*RECORDER, [
+            '--ros-args', '-r', '__node:=stranger', '-p', f'bag:={outside}'])
+        composed = NodeProcess(*COMPOSED, [
+            '--ros-args', '--params-file', str(file), '--params-file', str(recording)])
+        try:
+            assert composed.wait(300.0) == 0, composed.lines
+        finally:
+            codes = composed.end(20.0), recorder.end(20.0)
+    assert codes == (0, 0)
+    for topic in topics.RECORDED:
+        assert payloads(outside, topic) == payloads(inside, topic) == payloads(bag, topic)
 
 
 def test_another_seed_is_another_flight(bag, tmp_path):
@@ -247,9 +275,10 @@ def start(*arguments):
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
-def test_ctrl_c_lands_a_closed_bag_and_leaves_no_process(tmp_path):
+@pytest.mark.parametrize('how', [[], ['--composed']], ids=['separate', 'composed'])
+def test_ctrl_c_lands_a_closed_bag_and_leaves_no_process(tmp_path, how):
     bag = tmp_path / 'stopped'
-    run = start('--duration', 600, '--mode', 'realtime', '--output', bag, '--no-report')
+    run = start('--duration', 600, '--mode', 'realtime', '--output', bag, '--no-report', *how)
     limit = time.monotonic() + 60.0
     while not list(bag.glob('*.mcap')) and time.monotonic() < limit:
         time.sleep(0.1)

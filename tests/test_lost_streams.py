@@ -5,6 +5,7 @@ import math
 from mambo_control import failsafe
 from mambo_control.controller_node import ControllerNode
 from mambo_model import trajectory
+from mambo_model.compiled import memory_of
 from mambo_model.flatness import from_flat_output
 from mambo_model.rigid_body import State
 from mambo_model.vehicle import Vehicle
@@ -76,7 +77,7 @@ def test_a_stream_that_is_ahead_by_the_patience_is_answered_alone(controller, st
         getattr(controller, still)(k)
     # 0.1 s of patience are 20 steps: 79 is as old as that when 99 comes
     assert controller.stamps == list(range(80))
-    assert controller.node._memory.stage == (
+    assert controller.node.stage == (
         failsafe.LANDING if still == 'estimate' else failsafe.DESCENDING_BLIND)
     pwm, shutdown = messages.decode_motor_pwm(controller.answers[-1])[1:]
     assert not shutdown and all(MAMBO.pwm_min <= x <= MAMBO.pwm_max for x in pwm)
@@ -88,7 +89,7 @@ def test_a_single_gap_is_answered_when_it_is_overdue_and_no_later_pair_has_come(
         if k != 2:
             controller.reference(k)
     assert controller.stamps == [0, 1, 3, 4]
-    assert controller.node._memory.stage == failsafe.FLYING
+    assert controller.node.stage == failsafe.FLYING
 
 
 def test_a_stream_that_nobody_publishes_any_more_is_not_waited_for(controller):
@@ -113,7 +114,7 @@ def test_variances_of_the_message_reach_the_failsafe(controller):
     for k in range(30):
         controller.estimate(k, 1e9 if k else 0.0)
         controller.reference(k)
-    assert controller.node._memory.stage == failsafe.DESCENDING_BLIND
+    assert controller.node.stage == failsafe.DESCENDING_BLIND
 
 
 class TestWatchdog:
@@ -134,7 +135,7 @@ class TestWatchdog:
     def rise(self, sim, steps):
         for _ in range(steps):
             sim.advance()
-        return -sim._state.plant.body.rho[2]
+        return -memory_of(sim._held).plant.body.rho[2]
 
     def test_it_stops_turning_motors_for_good_and_says_so(self, sim):
         heard = self.command(sim, 400.0)

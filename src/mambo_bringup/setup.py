@@ -24,6 +24,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
+            'composed_node = mambo_bringup.composed_node:main',
             'fly = mambo_bringup.flight:main',
             'replay = mambo_bringup.replay:main',
         ],

@@ -1,5 +1,6 @@
 """
-Fly a scenario in the real graph: every node its own process, everything recorded, then compared.
+Fly a scenario in the real graph: every node its own process, or all of them composed in one,
+everything recorded, then compared.
 
 ``./run`` and ``ros2 run mambo_bringup fly`` end here.
 """
@@ -7,7 +8,9 @@ Fly a scenario in the real graph: every node its own process, everything recorde
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+import json
 from pathlib import Path
 import re
 import signal
@@ -32,8 +35,12 @@ FLIGHT_NODES = (
     ('mambo_control', 'reference_node'), ('mambo_control', 'controller_node'))
 RECORDER = ('mambo_sim', 'recorder_node')
 SIMULATOR = ('mambo_sim', 'sim_node')
+COMPOSED = ('mambo_bringup', 'composed_node')
+NAMESPACE = '/mambo'
+_ORDER = {RECORDER[1]: 0, SIMULATOR[1]: 2, COMPOSED[1]: 2}  # those that own time are the last
 _FLOWN = re.compile(
     r'flew ([\d.]+) s in ([\d.]+) s of wall time, (\d+) steps without their motor command')
+_DELAY = re.compile(r'IMU sample to motor command: .*')
 _TIME = re.compile(r't = ([\d.]+) s$')
 
 
@@ -45,6 +52,7 @@ class Outcome:
     flown: float  # s of flight time
     took: float  # s of wall time, from the first to the last step
     missed: int  # steps that had no motor command in time
+    delay: str  # wall time from IMU sample to motor command, one line
     stopped: bool  # by the user
 
     @property
@@ -56,16 +64,19 @@ class Outcome:
 class Progress:
     """Progress bar of flight time, fed by the simulator's own lines."""
 
-    def __init__(self, duration: float) -> None:
-        self.flown, self.took, self.missed = 0.0, 0.0, 0
+    def __init__(self, duration: float, shown: bool = True) -> None:
+        self.flown, self.took, self.missed, self.delay = 0.0, 0.0, 0, ''
         self._bar = tqdm(
-            total=duration, desc='starting (compiles once)', disable=None, leave=False,
+            total=duration, desc='starting (compiles once)', leave=False,
+            disable=None if shown else True,
             bar_format='{desc} {bar} {n:.1f}/{total:.0f} s of flight, {elapsed} elapsed')
 
     def line(self, text: str) -> None:
         """Take one line of the simulator."""
         if found := _FLOWN.search(text):
             self.flown, self.took, self.missed = float(found[1]), float(found[2]), int(found[3])
+        elif found := _DELAY.search(text):
+            self.delay = found[0]
         elif found := _TIME.search(text):
             self._bar.set_description_str('flying', refresh=False)
             self._bar.update(float(found[1]) - self._bar.n)
@@ -81,7 +92,28 @@ def _mode() -> dict[str, object]:
     return {'sim_node.wait_for': ','.join(waited)}
 
 
-def fly(flight: scenarios.Scenario, bag: Path) -> Outcome:
+def _start(file: Path, bag: Path, composed: bool, namespace: str,
+           on_line: Callable[[str], None]) -> Iterator[NodeProcess]:
+    """Start the processes of a drone; yield each as it starts."""
+    arguments = ['--ros-args']
+    if namespace != NAMESPACE:  # one of several: its own time, frames and health
+        arguments += ['-r', f'__ns:={namespace}']
+        for topic in ('clock', 'tf', 'diagnostics'):
+            arguments += ['-r', f'/{topic}:={topic}']
+    flown = [*arguments, '--params-file', str(file)]
+    if composed:
+        recorder = file.with_name(f'recorder_{file.name}')
+        recorder.write_text(json.dumps({f'{namespace}/recorder_node': {  # which is YAML
+            'ros__parameters': {'bag': str(bag), 'scenario': str(file)}}}))
+        yield NodeProcess(*COMPOSED, [*flown, '--params-file', str(recorder)], on_line)
+        return
+    yield NodeProcess(*RECORDER, [*arguments, '-p', f'bag:={bag}', '-p', f'scenario:={file}'])
+    for node in FLIGHT_NODES:
+        yield NodeProcess(*node, flown)
+    yield NodeProcess(*SIMULATOR, flown, on_line)
+
+
+def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False) -> Outcome:
     """
     Fly a scenario in the graph and record it.
 
@@ -91,6 +123,8 @@ def fly(flight: scenarios.Scenario, bag: Path) -> Outcome:
         Scenario with a duration.
     bag
         Directory to make.
+    composed
+        All nodes in one process instead of one each: the same bag, sooner.
 
     Raises
     ------
@@ -98,35 +132,64 @@ def fly(flight: scenarios.Scenario, bag: Path) -> Outcome:
         If a node does not start or dies; the bag holds what was flown until then.
 
     """
-    if bag.exists():
-        raise FlightError(f'{bag} exists: give another --output or remove it')
+    return fly_several({NAMESPACE: flight}, {NAMESPACE: bag}, composed)[0]
+
+
+def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Path],
+                composed: bool = False) -> list[Outcome]:
+    """
+    Fly drones side by side, each by its own clock, and record each in its own bag.
+
+    Parameters
+    ----------
+    flights, bags
+        By the namespace of the drone; further as :func:`fly`.
+    composed
+        One process for each drone instead of one for each node.
+
+    Raises
+    ------
+    FlightError
+        If a node does not start or dies; the bags hold what was flown until then.
+
+    """
+    for bag in bags.values():
+        if bag.exists():
+            raise FlightError(f'{bag} exists: give another --output or remove it')
     with (Domain(), tempfile.TemporaryDirectory(prefix='mambo_') as folder,
           Interrupts() as interrupts):
-        text = scenarios.commented_yaml(scenarios.override(flight, _mode()))
-        file = Path(folder) / 'scenario.yaml'
-        file.write_text(text)
-        progress = Progress(flight.sim_node.duration)
-        arguments = ['--ros-args', '--params-file', str(file)]
-        recording = ['--ros-args', '-p', f'bag:={bag}', '-p', f'scenario:={file}']
+        progress: list[Progress] = []
         children: list[NodeProcess] = []
         try:
-            children.append(NodeProcess(*RECORDER, recording))
-            children += [NodeProcess(*name, arguments) for name in FLIGHT_NODES]
-            children.append(NodeProcess(*SIMULATOR, arguments, progress.line))
-            watch(children, interrupts)
+            for number, (namespace, flight) in enumerate(flights.items()):
+                file = Path(folder) / f'scenario{number or ""}.yaml'
+                file.write_text(scenarios.commented_yaml(
+                    scenarios.override(flight, _mode()), namespace))
+                progress.append(Progress(flight.sim_node.duration, shown=not number))
+                children.extend(_start(
+                    file, bags[namespace], composed, namespace, progress[-1].line))
+            children.sort(key=lambda child: _ORDER.get(child.name, 1))
+            watch(children, interrupts, len(flights))
         finally:
-            progress.close()
-            failed = [child for child in children if child.exit_code]
-            for child in children[1:]:  # all at once; the recorder, when they have left
-                child.interrupt()
-            codes = {child.name: child.end(20.0) for child in reversed(children)}
-    for child in [*failed, *children]:  # the cause before its consequences
+            codes = _end(children)
+            for bar in progress:
+                bar.close()
+    for child, code in codes:  # the cause before its consequences
         # a node that is interrupted while Python still loads it ends by the signal
-        if codes[child.name] not in (0, -signal.SIGINT):
-            raise FlightError(
-                f'{child.name} ended with exit code {codes[child.name]}: {child.complaint()}')
-    return Outcome(
-        bag, progress.flown, progress.took, progress.missed, interrupts.count > 0)
+        if code not in (0, -signal.SIGINT):
+            raise FlightError(f'{child.name} ended with exit code {code}: {child.complaint()}')
+    return [Outcome(bag, p.flown, p.took, p.missed, p.delay, interrupts.count > 0)
+            for bag, p in zip(bags.values(), progress, strict=True)]
+
+
+def _end(children: list[NodeProcess]) -> list[tuple[NodeProcess, int]]:
+    """End all processes, recorders when the others have left; return those that failed first."""
+    failed = [child for child in children if child.exit_code]
+    for child in children:
+        if child.name != RECORDER[1]:
+            child.interrupt()
+    codes = {id(child): child.end(20.0) for child in reversed(children)}
+    return [(child, codes[id(child)]) for child in [*failed, *children]]
 
 
 def _free(folder: Path, name: str) -> Path:
@@ -164,6 +227,8 @@ def parser() -> argparse.ArgumentParser:
                '  ./run                                 the circle (5.3) at 1.5 m\n'
                '  ./run --trajectory z_sine --seed 7    another flight\n'
                '  ./run --scenario fig_5_11             an experiment of the thesis\n'
+               '  ./run --composed                      all nodes in one process\n'
+               '  ./run --composed --drones 4           four drones, a process each\n'
                '  ./run --mode realtime --duration 30   paced to the wall clock\n'
                '  ./run --set sim_node.simulator.vehicle.drag_coefficient=0.3\n')
     add = out.add_argument
@@ -190,6 +255,11 @@ def parser() -> argparse.ArgumentParser:
         help='lockstep: as fast as the machine allows, repeatable to the bit (default)')
     add('--speed', type=float, default=1.0, metavar='X',
         help='flight over wall time in realtime mode (default: 1)')
+    add('--composed', action='store_true',
+        help='all nodes of a drone in one process: the same bag, sooner')
+    add('--drones', type=int, default=1, metavar='N',
+        help='drones side by side, in namespaces /mambo1 to /mamboN, with seeds from --seed on, '
+        'each by its own clock, in its own bag (default: 1)')
     add('--no-noise', dest='noise', action='store_false', default=None,
         help='sensors without noise and bias')
     add('--no-landing', dest='landing', action='store_false', default=None,
@@ -215,6 +285,8 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
         name = f'{plan.trajectory}_{estimator}'
     flight = scenarios.override(flight, {
         'sim_node.mode': options.mode, 'sim_node.speed': options.speed, **_overrides(options.set)})
+    if not 1 <= options.drones <= 16:
+        raise schema.ParameterError(f'--drones {options.drones} must be within 1 to 16')
     if not flight.sim_node.duration > 0.0:
         raise schema.ParameterError(f'{name}: sim_node.duration must be more than 0 s')
     return f'{name}_seed{flight.seed}', flight
@@ -250,11 +322,34 @@ def _fly_and_report(
     name: str, flight: scenarios.Scenario, options: argparse.Namespace,
 ) -> None:
     bag = options.output or _free(Path('bags'), name)
-    outcome = fly(flight, bag.absolute())
+    if options.drones == 1:
+        _tell(fly(flight, bag.absolute(), options.composed), bag, options.no_report)
+        return
+    spaces = [f'{NAMESPACE}{number + 1}' for number in range(options.drones)]
+    bags = {space: bag / space.strip('/') for space in spaces}
+    flights = {space: _reseeded(flight, flight.seed + number)
+               for number, space in enumerate(spaces)}
+    outcomes = fly_several(
+        flights, {space: path.absolute() for space, path in bags.items()}, options.composed)
+    for space, outcome in zip(spaces, outcomes, strict=True):
+        print(f'{space}:')
+        _tell(outcome, bags[space], options.no_report)
+
+
+def _reseeded(flight: scenarios.Scenario, seed: int) -> scenarios.Scenario:
+    return scenarios.override(
+        flight, {'sim_node.simulator.seed': seed, 'optitrack_node.seed': seed})
+
+
+def _tell(outcome: Outcome, bag: Path, no_report: bool) -> None:
+    """Print what a flight was."""
     what = 'stopped by you after' if outcome.stopped else 'flew'
     print(f'{what} {outcome.flown:.2f} s in {outcome.took:.2f} s of wall time, '
-          f'{outcome.missed} steps without their motor command\nbag: {bag}\n')
-    if not options.no_report:
+          f'{outcome.missed} steps without their motor command')
+    if outcome.delay:
+        print(outcome.delay)
+    print(f'bag: {bag}\n')
+    if not no_report:
         print(f'\npage: {report(bag, outcome.real_time_factor)}')
 
 

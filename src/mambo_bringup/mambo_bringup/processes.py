@@ -136,15 +136,17 @@ class Interrupts:
             signal.signal(number, handler)
 
 
-def watch(children: list[NodeProcess], interrupts: Interrupts) -> None:
-    """Wait until the last child, which owns time, has ended, another died or the user stops."""
-    *others, owner = children
-    while owner.exit_code is None:
+def watch(children: list[NodeProcess], interrupts: Interrupts, owners: int = 1) -> None:
+    """Wait until the last children, which own time, have ended, one died or the user stops."""
+    others, last = children[:-owners], children[-owners:]
+    while any(owner.exit_code is None for owner in last):
         if interrupts.count:
-            owner.interrupt()
-            owner.wait(20.0)
+            for owner in last:
+                owner.interrupt()
+            for owner in last:
+                owner.wait(20.0)
             return
-        for child in others:
-            if child.exit_code is not None:
-                return
+        if any(child.exit_code is not None for child in others) or any(
+                owner.exit_code for owner in last):
+            return
         time.sleep(0.02)

@@ -32,7 +32,7 @@ def run(*arguments):
     """Return the scenario and bag that a command line would fly, or SystemExit."""
     seen = []
 
-    def fly(scenario, bag):
+    def fly(scenario, bag, composed):
         seen.append((scenario, bag))
         raise FlightError('far enough')
     with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as end:
@@ -197,6 +197,7 @@ QUIET = 'while True:\n    time.sleep(0.01)\n'
 FLEW = """
 print('[INFO] [1.0] [mambo.sim_node]: flew 3.000 s in 1.500 s of wall time, '
       '2 steps without their motor command')
+print('[INFO] [1.0] [mambo.sim_node]: IMU sample to motor command: p50 1.00 ms')
 """
 COPY = "shutil.copy(sys.argv[-1], f'{here}.yaml')\n"
 
@@ -223,6 +224,8 @@ def test_what_the_simulator_says_is_the_outcome(graph, tmp_path):
     outcome = flight.fly(short(), tmp_path / 'bag')
     assert (outcome.bag, outcome.flown, outcome.took) == (tmp_path / 'bag', 3.0, 1.5)
     assert outcome.real_time_factor == 2.0 and not outcome.stopped
+    assert outcome.missed == 2
+    assert outcome.delay == 'IMU sample to motor command: p50 1.00 ms'
 
 
 def test_every_node_gets_the_scenario_and_the_simulator_waits_for_all(graph, tmp_path):

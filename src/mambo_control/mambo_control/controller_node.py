@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mambo_model.compiled import Held, hold, jit
 from mambo_model.rigid_body import State
 from mambo_ros import diagnostics, messages, node, topics
 
@@ -20,6 +21,15 @@ _LEVELS = (diagnostics.OK, diagnostics.WARN, *(diagnostics.ERROR,) * 3)
 _NO_ESTIMATE = (NO_STATE, failsafe.EXACT)
 
 
+@jit
+def _step(held, state, spread, ref, phase):
+    """Answer one pair; return the command, and stage, reason and phase after it."""
+    dt, gains, limits, vehicle = held.values
+    held.memory, command = failsafe.step(
+        held.memory, state, spread, ref, phase, dt, gains, limits, vehicle)
+    return command, held.memory.stage, held.memory.reason, held.memory.phase
+
+
 class ControllerNode(node.MamboNode[ControllerNodeParams]):
     """
     Controller.
@@ -33,24 +43,28 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
     def __init__(self, **kwargs) -> None:
         super().__init__('controller_node', ControllerNodeParams, **kwargs)
         p = self.params
-        self._gains, self._vehicle = p.law.values(), p.vehicle.values()
-        self._limits = p.failsafe.values()
-        self._memory = failsafe.initial(p.law)
+        self.stage = failsafe.FLYING
         self._patience = round(p.patience * 1e9)
         self._estimates: dict[int, tuple[State, Spread]] = {}
         self._references: dict[int, tuple] = {}
         self._last = -1
         self._gone = (False, False)  # nobody publishes estimates, references any more
         self._told = failsafe.FLYING
-        failsafe.step(  # have the compiled step in memory before time starts
-            self._memory, *_NO_ESTIMATE, NO_REFERENCE, 0, p.period, self._gains, self._limits,
-            self._vehicle)
+        self._held = self._begin()
+        _step(self._held, *_NO_ESTIMATE, NO_REFERENCE, 0)  # in memory before time starts
+        self._held = self._begin()
         self._pwm = self.say(topics.MOTOR_PWM)
         self._inner = self.say(topics.CONTROLLER_STATE)
         self._diagnostics = self.say(topics.DIAGNOSTICS)
         self.hear(topics.REFERENCE, self._on_reference)
         self.hear(topics.ESTIMATE, self._on_estimate)
         self.create_timer(_LOOK_EVERY, self._look)
+
+    def _begin(self) -> Held:
+        """Return the controller at its start."""
+        p = self.params
+        return hold(failsafe.initial(p.law), None, (
+            p.period, p.law.values(), p.failsafe.values(), p.vehicle.values()))
 
     def _on_estimate(self, data: bytes) -> None:
         t, state, variances = messages.decode_estimate(data)
@@ -87,27 +101,24 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self._last = t
         estimate = self._estimates.get(t, _NO_ESTIMATE)
         reference, phase = self._references.get(t, (NO_REFERENCE, 0))
-        self._memory, c = failsafe.step(
-            self._memory, *estimate, reference, phase, self.params.period, self._gains,
-            self._limits, self._vehicle)
+        c, self.stage, reason, phase = _step(self._held, *estimate, reference, phase)
         for store in (self._estimates, self._references):
             for old in [stamp for stamp in store if stamp <= t]:
                 del store[old]
         self._pwm(messages.motor_pwm(t, c.pwm, c.shutdown, c.reason))
         self._inner(encode_state(t, c))
-        if t % _REPORT_EVERY == 0 or self._memory.stage != self._told:
-            self._report(t, c)
+        if t % _REPORT_EVERY == 0 or self.stage != self._told:
+            self._report(t, c.thrust, reason, phase)
 
-    def _report(self, t: int, c: cascaded.Command) -> None:
-        m = self._memory
-        stage, why = _STAGES[m.stage], _REASONS[m.reason]
+    def _report(self, t: int, thrust: float, reason: int, phase: int) -> None:
+        stage, why = _STAGES[self.stage], _REASONS[reason]
         line = f'{stage}: {why}' if why else stage
-        if m.stage != self._told and m.stage > failsafe.HOLDING:
+        if self.stage != self._told and self.stage > failsafe.HOLDING:
             self.get_logger().warning(f't = {t * 1e-9:.3f} s: {line}')
-        self._told = m.stage
+        self._told = self.stage
         self._diagnostics(diagnostics.report(
-            t, self.get_name(), _LEVELS[m.stage], line,
-            {'thrust [N]': c.thrust, 'phase': m.phase, 'stage': stage}))
+            t, self.get_name(), _LEVELS[self.stage], line,
+            {'thrust [N]': thrust, 'phase': phase, 'stage': stage}))
 
 
 def encode_state(t: int, c: cascaded.Command) -> bytes:

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 from mambo_model import trajectory
+from mambo_model.compiled import hold, jit
 from mambo_model.flatness import Reference
 from mambo_ros import layout, messages, node, topics
 
 from .parameters import ReferenceNodeParams
+
+
+@jit
+def _step(held, t):
+    """Return the reference at t in s and the phase."""
+    plan, vv = held.values
+    return trajectory.reference_step(t, plan, vv.mass, vv.inertia, vv.gravity)
 
 
 class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
@@ -14,8 +22,8 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
 
     def __init__(self, **kwargs) -> None:
         super().__init__('reference_node', ReferenceNodeParams, **kwargs)
-        self._plan = self.params.plan.values()
-        self._vehicle = self.params.vehicle.values()
+        p = self.params
+        self._held = hold(None, None, (p.plan.values(), p.vehicle.values()))
         self._last = -1
         self._reference = self.say(topics.REFERENCE)
         self.hear(topics.CLOCK, self._on_clock)
@@ -29,9 +37,7 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
         self._reference(messages.reference(t, *self._evaluate(t)))
 
     def _evaluate(self, t: int) -> tuple[Reference, int]:
-        vehicle = self._vehicle
-        return trajectory.reference_step(
-            t * 1e-9, self._plan, vehicle.mass, vehicle.inertia, vehicle.gravity)
+        return _step(self._held, t * 1e-9)
 
 
 def main(args=None) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from geometry_msgs.msg import TransformStamped
 from mambo_model import frames, rigid_body
+from mambo_model.compiled import hold, jit
 from mambo_ros import diagnostics, layout, messages, node, topics
 from tf2_msgs.msg import TFMessage
 
@@ -32,6 +33,14 @@ def _transform(
     return out
 
 
+@jit
+def _step(held, dt, gyro, accel, sonar, flow, flow_quality, pressure):
+    """Take the samples of one step; return the estimate."""
+    held.memory, estimate = filters.step(
+        held.memory, dt, gyro, accel, sonar, flow, flow_quality, pressure, held.values)
+    return estimate
+
+
 class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
     """
     State estimator.
@@ -49,26 +58,28 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         if p.estimator == 'ground_truth':
             self.hear(topics.GROUND_TRUTH, self._on_truth)
             return
-        self._values = p.filter.values()
-        self._memory = filters.initial(p.filter)
-        filters.step(  # have the compiled step in memory before time starts
-            self._memory, 0.0, _ZERO3, _ZERO3, 0.0, _ZERO3[:2], 0, 0.0, self._values)
+        self._held = hold(filters.initial(p.filter), None, p.filter.values())
+        _step(  # have the compiled step in memory before time starts
+            self._held, 0.0, _ZERO3, _ZERO3, 0.0, _ZERO3[:2], 0, 0.0)
+        self._held = hold(filters.initial(p.filter), None, p.filter.values())
         watermark = p.synchronise == 'watermark'
         self._sync = Synchroniser(watermark)
         self._next_report, self._reported = 0, (0,) * 9
         self._inner = self.say(topics.ESTIMATOR_STATE)
         self._diagnostics = self.say(topics.DIAGNOSTICS)
-        self._hear_sensor(topics.SONAR, messages.decode_sonar, self._sync.add_sonar)
-        self._hear_sensor(topics.OPTICAL_FLOW, messages.decode_optical_flow, self._sync.add_flow)
-        self._hear_sensor(topics.BAROMETER, messages.decode_pressure, self._sync.add_pressure)
-        self._hear_sensor(topics.IMU, messages.decode_imu, self._sync.add_imu)
-        if watermark:
+        sync = self._sync
+        self._hear_sensor(topics.SONAR, messages.decode_sonar, sync.add_sonar)
+        self._hear_sensor(topics.OPTICAL_FLOW, messages.decode_optical_flow, sync.add_flow)
+        self._hear_sensor(topics.BAROMETER, messages.decode_pressure, sync.add_pressure)
+        self._hear_sensor(topics.IMU, messages.decode_imu, sync.add_imu, prompt=not watermark)
+        if watermark:  # the last message of a step: nothing can be done before it
             self._hear_sensor(
-                topics.SENSOR_TICK, messages.decode_sensor_tick, self._sync.add_tick)
+                topics.SENSOR_TICK, messages.decode_sensor_tick, sync.add_tick, prompt=True)
 
-    def _hear_sensor(self, topic: topics.Topic, decode: Callable, add: Callable) -> None:
+    def _hear_sensor(self, topic: topics.Topic, decode: Callable, add: Callable,
+                     prompt: bool = False) -> None:
         """Queue each message of a sensor and run the steps that it completes."""
-        self.hear(topic, lambda data: self._run(add(*decode(data))))
+        self.hear(topic, lambda data: self._run(add(*decode(data))), prompt)
 
     def _on_truth(self, data: bytes) -> None:
         t, state = messages.decode_odometry(data)
@@ -77,9 +88,8 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
 
     def _run(self, steps: list[Step]) -> None:
         for s in steps:
-            self._memory, estimate = filters.step(
-                self._memory, s.dt, s.gyro, s.accel, s.sonar, s.flow, s.flow_quality,
-                s.pressure, self._values)
+            estimate = _step(
+                self._held, s.dt, s.gyro, s.accel, s.sonar, s.flow, s.flow_quality, s.pressure)
             if s.last:
                 self._publish(s.t, estimate, s.dropped)
 

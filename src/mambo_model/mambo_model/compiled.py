@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 import hashlib
 import os
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 F = TypeVar('F', bound=Callable)
 
@@ -42,6 +42,7 @@ def _cache_root() -> Path:
 os.environ.setdefault('NUMBA_CACHE_DIR', str(_cache_root() / f'numba-{_source_digest()}'))
 
 import numba  # noqa: E402 (reads NUMBA_CACHE_DIR while it is imported)
+from numba.experimental import structref  # noqa: E402
 from numba.extending import overload  # noqa: E402
 
 
@@ -53,6 +54,55 @@ def jit(function: F) -> F:
     gets the same bits.
     """
     return numba.njit(cache=True, error_model='numpy')(function)
+
+
+class _Held(structref.StructRefProxy):
+    """What a component keeps between its steps; see :func:`hold`."""
+
+
+class _Fields:
+    """The same in an interpreter that does not compile."""
+
+    def __init__(self, memory: Any, rng: Any, values: Any) -> None:
+        self.memory, self.rng, self.values = memory, rng, values
+
+
+@structref.register
+class _HeldType(numba.types.StructRef):
+    """Type of what is held in compiled code."""
+
+
+structref.define_proxy(_Held, _HeldType, ['memory', 'rng', 'values'])
+Held = _Fields if numba.config.DISABLE_JIT else _Held
+
+
+@jit
+def hold(memory, rng, values):
+    """
+    Return what a component keeps between its steps, kept where compiled code has it.
+
+    Arguments from Python are taken apart number by number at each call, which takes ten times as
+    long as a step of the simulator. A process that steps for ever holds what does not change
+    hands, and gives its compiled step the holder alone: ``held.memory``, ``held.rng`` and
+    ``held.values`` are read there, and ``held.memory`` is set.
+
+    Parameters
+    ----------
+    memory
+        Result of the previous step.
+    rng
+        Generator or generators, None where there is no chance.
+    values
+        Parameters.
+
+    """
+    return Held(memory, rng, values)
+
+
+@jit
+def memory_of(held):
+    """Return the memory of a holder to Python."""
+    return held.memory
 
 
 def by_type(position: int, functions: Mapping[type, Callable]) -> Callable:

@@ -10,10 +10,14 @@ Holds no equation of the thesis.
 from __future__ import annotations
 
 from collections.abc import Sequence
-import math
 
 from .quaternion import Quat
 from .vector import Vec3
+
+
+_KEPT = {size * size: tuple(
+    (i % 3 == 0) == (j % 3 == 0) for i in range(size) for j in range(size)) for size in (3, 6)}
+# by count: which numbers of a covariance keep their sign, those of x with x and of y, z with y, z
 
 
 def flip_vector(v: Vec3) -> Vec3:
@@ -56,10 +60,8 @@ def flip_covariance(covariance: Sequence[float]) -> tuple[float, ...]:
         If there are neither 9 nor 36 numbers.
 
     """
-    size = math.isqrt(len(covariance))
     if len(covariance) not in (9, 36):
         raise ValueError(
             f'covariance has {len(covariance)} numbers; it must have 9 (3x3) or 36 (6x6)')
-    return tuple(
-        float(c) if (i // size % 3 == 0) == (i % size % 3 == 0) else -float(c)
-        for i, c in enumerate(covariance))
+    kept = _KEPT[len(covariance)]
+    return tuple([c if keep else -c for keep, c in zip(kept, map(float, covariance), strict=True)])

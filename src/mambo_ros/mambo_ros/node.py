@@ -3,17 +3,22 @@ The node that every node of the graph extends, and the loop that runs it.
 
 ``rclpy``'s executor rebuilds its wait set and makes a task for every message, which costs most
 of a simulated step. Messages of the graph instead go through one wait set built once
-(:func:`spin`); timers, parameters and services keep their turn in an ordinary executor every
+(:class:`Loop`); timers, parameters and services keep their turn in an ordinary executor every
 few milliseconds. Messages are published and taken as bytes (``mambo_ros.messages``).
+
+Nodes that share a loop hand each other their messages directly, and the middleware gets only
+what somebody outside reads.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
+import gc
 import signal
 import sys
 import time
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from mambo_interfaces.msg import NodeLinks
 from mambo_model.schema import ParameterError
@@ -34,14 +39,16 @@ P = TypeVar('P')
 QUEUE = 2000
 """Depth of every queue, 10 s of a 200 Hz topic: a slow reader lags, it does not lose."""
 
-_HOUSEKEEPING = 0.02  # s between turns of the ordinary executor
+_HOUSEKEEPING = 0.02  # s, the longest wait at once
+_TURN = 0.05  # s between turns of the ordinary executor, each of which costs most of a step
+_LAZY = 0.005  # s between looks at topics that need not be prompt
 _AT_ONCE = 100  # messages of one topic before timers and the other topics get their turn
 _QUIET = 0.1  # s without a message after which a stopping node has taken everything
 _REFUSALS = (ParameterError, FileNotFoundError, FileExistsError, _rclpy.RCLError)
 
 
 class _Lean(CallbackGroup):
-    """Entities that only :func:`spin` serves: the ordinary executor passes them over."""
+    """Entities that only :class:`Loop` serves: the ordinary executor passes them over."""
 
     def can_execute(self, entity: Any) -> bool:
         """Refuse."""
@@ -61,6 +68,51 @@ def qos(topic: topics.Topic, depth: int = QUEUE) -> QoSProfile:
                   else DurabilityPolicy.VOLATILE)
     return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth,
                       reliability=ReliabilityPolicy.RELIABLE, durability=durability)
+
+
+class Voice:
+    """
+    What a node says on one topic.
+
+    Attributes
+    ----------
+    publisher
+        Of the middleware; its readers are in other loops.
+    near
+        Callbacks of the readers in the same loop.
+    shared : bool
+        Whether nodes of other processes say the topic too.
+
+    """
+
+    def __init__(self, publisher: Publisher, shared: bool) -> None:
+        self.publisher, self.shared = publisher, shared
+        self.near: list[Callable[[bytes], None]] = []
+        self.queue: deque[tuple[Callable[[bytes], None], bytes]] = deque()
+        self._publish = publisher.handle.publish_raw
+
+    def __call__(self, data: bytes) -> None:
+        """Publish a serialised message."""
+        if self.near:
+            for take in self.near:
+                self.queue.append((take, data))
+            if not self.publisher.handle.get_subscription_count():
+                return
+        self._publish(data)
+
+    @property
+    def matched(self) -> int:
+        """Return how many readers the next message reaches."""
+        return len(self.near) + self.publisher.get_subscription_count()
+
+
+class Ear(NamedTuple):
+    """What a node hears."""
+
+    topic: topics.Topic
+    name: str  # resolved
+    take: Callable[[bytes], None]
+    prompt: bool
 
 
 class MamboNode(Node, Generic[P]):
@@ -87,50 +139,71 @@ class MamboNode(Node, Generic[P]):
         kwargs.setdefault('namespace', 'mambo')
         super().__init__(name, **kwargs)
         self.params = params.declare(self, params_type)
-        self.heard: list[tuple[Subscription, Callable[[bytes], None]]] = []
+        self.said: list[Voice] = []
+        self.heard: list[Ear] = []
         self._lean = _Lean()
-        self._said: list[Publisher] = []
         self._matched: list[int] | None = None
         self._links = self.create_publisher(
             topics.LINKS.msg_type, topics.LINKS.name, qos(topics.LINKS, 1))
-        self.create_timer(_HOUSEKEEPING, self._announce)
 
-    def say(self, topic: topics.Topic) -> Callable[[bytes], None]:
-        """Advertise a topic; return the function that publishes serialised messages on it."""
-        publisher = self.create_publisher(topic.msg_type, topic.name, qos(topic))
-        self._said.append(publisher)
-        return publisher.publish
+    def say(self, topic: topics.Topic) -> Voice:
+        """Advertise a topic; return what publishes serialised messages on it when called."""
+        voice = Voice(
+            self.create_publisher(topic.msg_type, topic.name, qos(topic)), topic.shared)
+        self.said.append(voice)
+        return voice
 
-    def hear(self, topic: topics.Topic, callback: Callable[[bytes], None]) -> None:
-        """Subscribe a topic; ``callback`` gets each serialised message, in order."""
-        subscription = self.create_subscription(
-            topic.msg_type, topic.name, callback, qos(topic), callback_group=self._lean, raw=True)
-        self.heard.append((subscription, callback))
+    def hear(self, topic: topics.Topic, callback: Callable[[bytes], None],
+             prompt: bool = True) -> None:
+        """
+        Have ``callback`` get each serialised message of a topic, in order, from the loop on.
+
+        Parameters
+        ----------
+        topic
+            What to hear.
+        callback
+            Gets the bytes.
+        prompt
+            Whether the process wakes up for a message; otherwise it is taken together with the
+            next prompt one, or some milliseconds later.
+
+        """
+        self.heard.append(Ear(topic, self.resolve_topic_name(topic.name), callback, prompt))
+
+    def subscribe(self, ear: Ear) -> Subscription:
+        """Subscribe at the middleware what is to be heard."""
+        return self.create_subscription(
+            ear.topic.msg_type, ear.name, ear.take, qos(ear.topic), callback_group=self._lean,
+            raw=True)
 
     def finish(self) -> None:
         """Do what is left after the last message; called once while the graph still works."""
 
-    def _announce(self) -> None:
+    def announce(self) -> None:
         """Tell the graph which links of this node are matched, when that has changed."""
-        matched = [publisher.get_subscription_count() for publisher in self._said]
+        matched = [voice.matched for voice in self.said]
         if matched == self._matched:
             return
         self._matched = matched
         self._links.publish(NodeLinks(
-            node=self.get_fully_qualified_name(),
-            subscribed=[subscription.topic_name for subscription, _ in self.heard],
-            published=[publisher.topic_name for publisher in self._said], matched=matched))
+            node=self.get_fully_qualified_name(), subscribed=[ear.name for ear in self.heard],
+            published=[voice.publisher.topic_name for voice in self.said], matched=matched))
 
     def flush(self, seconds: float = 2.0) -> None:
         """Wait until every reader has acknowledged what this node published."""
         limit = rclpy.duration.Duration(seconds=seconds)
-        for publisher in self._said:
-            publisher.wait_for_all_acked(limit)
+        for voice in self.said:
+            voice.publisher.wait_for_all_acked(limit)
 
 
 class Loop:
     """
-    The wait set of some nodes of one process.
+    What runs some nodes of one process: their wait set, and the queue between them.
+
+    A topic that a node of the loop says is heard from there by the others, in the order in which
+    everything was said; at the middleware they subscribe only topics that nobody in the loop
+    says, and shared ones, which nodes elsewhere say too.
 
     Attributes
     ----------
@@ -141,17 +214,33 @@ class Loop:
 
     def __init__(self, *nodes: MamboNode) -> None:
         self.stopping = False
+        self._nodes = nodes
         self._executor = SingleThreadedExecutor()
+        self._queue: deque[tuple[Callable[[bytes], None], bytes]] = deque()
         for node in nodes:
             self._executor.add_node(node)
-        self._entries = [
-            (subscription.handle, subscription.msg_type, callback)
-            for node in nodes for subscription, callback in node.heard]
+            for voice in node.said:
+                voice.queue = self._queue
+        far = [(node, ear) for node in nodes for ear in node.heard if not self._near(ear)]
+        far.sort(key=lambda pair: pair[1].prompt)  # when a prompt one wakes, the others are first
+        self._entries = [(node.subscribe(ear).handle, ear.topic.msg_type, ear.take)
+                         for node, ear in far]
+        self._prompt = [
+            entry for entry, (_, ear) in zip(self._entries, far, strict=True) if ear.prompt]
+        self._longest = _HOUSEKEEPING if len(self._prompt) == len(far) else _LAZY
         self._context = rclpy.get_default_context()
         with self._context.handle:
             self._wait_set = _rclpy.WaitSet(
-                len(self._entries), 0, 0, 0, 0, 0, self._context.handle)
+                len(self._prompt), 0, 0, 0, 0, 0, self._context.handle)
         self._next_turn = 0.0
+
+    def _near(self, ear: Ear) -> bool:
+        """Join an ear to the voices of this loop; return whether there are any."""
+        voices = [voice for node in self._nodes for voice in node.said
+                  if voice.publisher.topic_name == ear.name and not voice.shared]
+        for voice in voices:
+            voice.near.append(ear.take)
+        return bool(voices)
 
     def stop(self) -> None:
         """Ask :meth:`run` to return."""
@@ -173,26 +262,44 @@ class Loop:
 
         """
         now = time.monotonic()
-        if now >= self._next_turn:
-            self._executor.spin_once(timeout_sec=0.0)
-            self._next_turn = now + _HOUSEKEEPING
-        if not self._entries:  # an empty wait set cannot wait
-            time.sleep(min(timeout, _HOUSEKEEPING))
-            return False
+        turn = now >= self._next_turn
+        if turn:
+            self.turn()
+            self._next_turn = now + _TURN
+        queue = self._queue
+        handled = bool(queue)
+        for _ in range(_AT_ONCE):
+            if not queue:
+                break
+            take, data = queue.popleft()
+            take(data)
+        if handled and not turn:
+            return True
+        self._wait(0.0 if handled else min(timeout, self._longest))
+        return self._take() or handled
+
+    def _wait(self, timeout: float) -> None:
+        """Wait for a prompt message of the middleware."""
+        if not self._prompt:  # an empty wait set cannot wait
+            time.sleep(timeout)
+            return
         wait_set = self._wait_set
         wait_set.clear_entities()
-        for handle, _, _ in self._entries:
+        for handle, _, _ in self._prompt:
             wait_set.add_subscription(handle)
-        wait_set.wait(int(min(timeout, _HOUSEKEEPING) * 1e9))
-        ready = wait_set.get_ready_entities('subscription')
+        wait_set.wait(int(timeout * 1e9))
+
+    def _take(self) -> bool:
+        """Handle what the middleware has; return whether there was anything."""
+        handled = False
         for handle, msg_type, callback in self._entries:
-            if handle.pointer in ready:
-                for _ in range(_AT_ONCE):
-                    taken = handle.take_message(msg_type, True)
-                    if taken is None:
-                        break
-                    callback(taken[0])
-        return bool(ready)
+            for _ in range(_AT_ONCE):
+                taken = handle.take_message(msg_type, True)
+                if taken is None:
+                    break
+                callback(taken[0])
+                handled = True
+        return handled
 
     def run(self) -> None:
         """Handle messages until :meth:`stop`, then what has arrived by then."""
@@ -209,7 +316,9 @@ class Loop:
                 quiet_since = time.monotonic()
 
     def turn(self) -> None:
-        """Give timers, parameters and services their turn."""
+        """Announce links; give timers, parameters and services their turn."""
+        for node in self._nodes:
+            node.announce()
         self._executor.spin_once(timeout_sec=0.0)
 
     def close(self) -> None:
@@ -223,25 +332,33 @@ def _line(error: BaseException) -> str:
 
 
 def main(node_type: type[MamboNode], args: list[str] | None = None,
-         run: Callable[[MamboNode, Loop], int | None] | None = None) -> None:
-    """
-    Run one node as a process: entry point of every ``*_node``.
+         run: Callable[[Any, Loop], int | None] | None = None) -> None:
+    """Run one node as a process, as :func:`compose`: entry point of every ``*_node``."""
+    compose((node_type,), args, run)
 
-    SIGINT and SIGTERM let the node take what has arrived, finish and leave; a wrong parameter or
-    parameter file ends it with one line and exit code 2.
+
+def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None,
+            run: Callable[[Any, Loop], int | None] | None = None) -> None:
+    """
+    Run nodes as one process.
+
+    SIGINT and SIGTERM let the nodes take what has arrived, finish and leave; a wrong parameter or
+    parameter file ends them with one line and exit code 2.
 
     Parameters
     ----------
-    node_type
-        Class of the node.
+    node_types
+        Classes of the nodes.
     args
         Command line, default ``sys.argv``.
     run
-        What to do with the node and its loop; returns the exit code. Default: serve messages.
+        What to do with the last node and the loop; returns the exit code. Default: serve
+        messages.
 
     """
     loop: Loop | None = None
     stopped = False
+    nodes: list[MamboNode] = []
 
     def stop(*_: Any) -> None:
         nonlocal stopped
@@ -254,27 +371,39 @@ def main(node_type: type[MamboNode], args: list[str] | None = None,
         signal.signal(number, stop)
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        node = node_type()
-        loop = Loop(node)
+        for node_type in node_types:
+            nodes.append(node_type())
+        loop = Loop(*nodes)
     except BaseException as error:  # stopped while numerics compile, the compiler raises anything
         if not stopped:
             if not isinstance(error, _REFUSALS):
                 raise
-            print(f'{node_type.__name__}: {_line(error)}', file=sys.stderr)
+            print(f'{node_types[len(nodes)].__name__}: {_line(error)}', file=sys.stderr)
         rclpy.try_shutdown()
         sys.exit(0 if stopped else 2)
     if stopped:
         loop.stop()
+    sys.exit(_serve(nodes, loop, run) or 0)
+
+
+def _serve(nodes: list[MamboNode], loop: Loop,
+           run: Callable[[Any, Loop], int | None] | None) -> int | None:
+    """Run nodes to their end in order; return the exit code."""
     code: int | None = 0
+    gc.freeze()  # what is loaded stays: the collector need not look at it while time runs
     try:
         if run is None:
             loop.run()
         else:
-            code = run(node, loop)
-        node.finish()
-        node.flush()
+            code = run(nodes[-1], loop)
+        if len(nodes) > 1:
+            loop.drain()
     finally:
+        for node in nodes:
+            node.finish()
+            node.flush()
         loop.close()
-        node.destroy_node()
+        for node in nodes:
+            node.destroy_node()
         rclpy.try_shutdown()
-    sys.exit(code or 0)
+    return code

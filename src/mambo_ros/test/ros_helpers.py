@@ -23,10 +23,9 @@ def until(condition, what, step=None):
 
 
 def readers(node: MamboNode, topic) -> int:
-    """Return how many readers are matched to a node's publisher."""
+    """Return how many readers what a node says on a topic reaches."""
     name = node.resolve_topic_name(topic.name)
-    return sum(publisher.get_subscription_count() for publisher in node.publishers
-               if publisher.topic_name == name)
+    return sum(voice.matched for voice in node.said if voice.publisher.topic_name == name)
 
 
 @contextmanager

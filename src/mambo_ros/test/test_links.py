@@ -116,6 +116,16 @@ def test_a_complete_graph_proceeds_and_its_first_message_arrives():
     assert [bytes(data) for data in heard] == [messages.clock(5)]
 
 
+def test_links_between_nodes_of_one_loop_count_as_others_do():
+    sim, estimator, controller = flight()
+    links, loop = Links(sim, 'estimator,controller'), Loop(sim, controller)
+    with serving(estimator):
+        assert links.wait(loop, PATIENCE) is True
+    loop.close()
+    assert [voice.matched for voice in controller.said] == [1]  # the simulator, in the loop
+    assert not controller.said[0].publisher.get_subscription_count()
+
+
 def test_patience_ends_and_the_log_says_for_what(monkeypatch):
     sim, estimator = flight('sim', 'estimator')
     links, loop, said = Links(sim, 'estimator,controller'), Loop(sim), []
@@ -178,11 +188,13 @@ def test_a_change_of_the_graph_is_announced_again():
             '/mambo/sim', [IMU], [PWM])
         assert list(first.matched) == [0]
         reader = node('reader', hears=[topics.IMU])
+        loop = Loop(reader)
         until(lambda: list(got[-1].matched) == [1], 'the new reader', turn)
         count = len(got)
         for _ in range(20):
             turn()
         assert len(got) == count  # nothing changed: nothing said
+        loop.close()
         reader.destroy_node()
         until(lambda: list(got[-1].matched) == [0], 'the loss of the reader', turn)
     executor.shutdown()

@@ -6,12 +6,14 @@ import subprocess
 import sys
 import time
 
+from geometry_msgs.msg import TransformStamped
 from mambo_model import schema
 from mambo_ros import layout, messages, topics
 from mambo_ros.node import Loop, MamboNode, qos
 import pytest
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from ros_helpers import PATIENCE, readers, serving, until
+from tf2_msgs.msg import TFMessage
 
 MILLISECOND = 1_000_000  # ns
 
@@ -34,17 +36,70 @@ def talker(topic, name='talker'):
     return node, node.say(topic)
 
 
-def test_messages_arrive_all_in_order_and_undecoded(ros):
+@pytest.mark.parametrize('together', [False, True])
+def test_messages_arrive_all_in_order_and_undecoded(ros, together):
     sender, publish = talker(topics.CLOCK)
     node, got = MamboNode('listener', NoParams), []
     node.hear(topics.CLOCK, got.append)
-    loop = Loop(node, sender)
+    loop = Loop(node, sender) if together else Loop(node)
     until(lambda: readers(sender, topics.CLOCK) == 1, 'the link')
     sent = [messages.clock(t * MILLISECOND) for t in range(1000)]
     for data in sent:
         publish(data)
     until(lambda: len(got) == len(sent), 'the messages', lambda: loop.once(0.1))
     assert [bytes(data) for data in got] == sent
+    loop.close()
+
+
+def test_nodes_of_one_loop_hear_everything_in_the_order_in_which_it_was_said(ros):
+    sender, clock = talker(topics.CLOCK)
+    pwm = sender.say(topics.MOTOR_PWM)
+    first, got = listener(topics.MOTOR_PWM, topics.CLOCK, name='first')
+    second = MamboNode('second', NoParams)
+    second.hear(topics.CLOCK, lambda data: got.append(('second', layout.stamp_ns(data))))
+    loop = Loop(second, first, sender)
+    for t in (1, 2):
+        clock(messages.clock(t))
+        pwm(messages.motor_pwm(t, (0.0,) * 4, False, 0))
+    assert got == []  # nobody is called while somebody speaks
+    assert loop.once(0.0) is True
+    assert got == [('second', 1), ('/clock', 1), ('motor_pwm', 1),
+                   ('second', 2), ('/clock', 2), ('motor_pwm', 2)]
+    assert loop.once(0.0) is False
+    loop.close()
+
+
+def test_the_middleware_gets_what_nodes_of_one_loop_say_as_soon_as_somebody_else_reads(ros):
+    sender, publish = talker(topics.CLOCK)
+    near, heard_near = listener(topics.CLOCK, name='near')
+    loop = Loop(near, sender)
+    until(lambda: readers(sender, topics.CLOCK) == 1, 'the link')
+    assert not sender.said[0].publisher.get_subscription_count()
+    publish(messages.clock(1))
+    far, heard_far = listener(topics.CLOCK, name='far')
+    with serving(far):
+        until(lambda: readers(sender, topics.CLOCK) == 2, 'the reader outside')
+        publish(messages.clock(2))
+        until(lambda: heard_far, 'the message outside')
+    publish(messages.clock(3))
+    until(lambda: len(heard_near) == 3, 'the messages inside', lambda: loop.once(0.1))
+    assert heard_near == [('/clock', 1), ('/clock', 2), ('/clock', 3)]
+    assert heard_far == [('/clock', 2)]
+    loop.close()
+
+
+def test_a_topic_that_many_say_is_heard_once_from_inside_and_from_outside(ros):
+    sender, publish = talker(topics.TF, 'inside')
+    node, got = MamboNode('listener', NoParams), []
+    node.hear(topics.TF, lambda data: got.append(bytes(data)))
+    loop, (stranger, tell) = Loop(node, sender), talker(topics.TF, 'outside')
+    until(lambda: readers(sender, topics.TF) == readers(stranger, topics.TF) == 1, 'the links')
+    transforms = [layout.serialize(TFMessage(transforms=[TransformStamped()] * n)) for n in (1, 2)]
+    publish(transforms[0])
+    tell(transforms[1])
+    until(lambda: len(got) >= 2, 'both', lambda: loop.once(0.1))
+    loop.drain()
+    assert sorted(got) == sorted(transforms)
     loop.close()
 
 

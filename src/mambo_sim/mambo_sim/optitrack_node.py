@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mambo_model.compiled import Held, hold, jit, memory_of
 from mambo_model.rigid_body import State
 from mambo_ros import diagnostics, messages, node, topics
 
@@ -10,6 +11,16 @@ from .parameters import OptitrackNodeParams
 from .sensors import optitrack
 
 _REPORT_EVERY = 1_000_000_000  # ns
+
+
+@jit
+def _step(held, t, state):
+    """Take the next sample of the truth; return what the cameras say."""
+    memory, before_t, before = held.memory
+    memory, sample = optitrack.step(
+        memory, before_t, before, t, state, held.rng, held.values)
+    held.memory = (memory, t, state)
+    return sample
 
 
 class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
@@ -23,32 +34,36 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
 
     def __init__(self, **kwargs) -> None:
         super().__init__('optitrack_node', OptitrackNodeParams, **kwargs)
-        self._values = self.params.optitrack.values()
-        self._rng = simulator.generators(self.params.seed)[4]
-        self._memory = optitrack.START
-        self._before: tuple[int, State] | None = None
+        self._last = -1
+        still = State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
+        self._held = self._begin(0, still)
+        _step(self._held, 0, still)  # have the compiled steps in memory before time starts
+        memory_of(self._held)
         self._pose = self.say(topics.OPTITRACK)
         self._diagnostics = self.say(topics.DIAGNOSTICS)
-        self.hear(topics.GROUND_TRUTH, self._on_truth)
-        still = State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
-        optitrack.step(  # have the compiled step in memory before time starts
-            self._memory, 0, still, 0, still, simulator.generators(0)[4], self._values)
+        self.hear(topics.GROUND_TRUTH, self._on_truth, prompt=False)
+
+    def _begin(self, t: int, state: State) -> Held:
+        """Return the cameras before their first sample of the truth."""
+        p = self.params
+        rng = simulator.generators(p.seed)[4]
+        return hold((optitrack.START, t, state), rng, p.optitrack.values())
 
     def _on_truth(self, data: bytes) -> None:
         t, state = messages.decode_odometry(data)
-        before = self._before or (t, state)
-        if t < before[0] or (t == before[0] and self._before is not None):
+        if t <= self._last:
             return
-        self._before = (t, state)
-        self._memory, sample = optitrack.step(
-            self._memory, *before, t, state, self._rng, self._values)
+        if self._last < 0:
+            self._held = self._begin(t, state)
+        self._last = t
+        sample = _step(self._held, t, state)
         if sample.new:
             self._pose(messages.optitrack(sample.stamp, sample.pose.rho, sample.pose.q))
         if t % _REPORT_EVERY == 0:
             self._report(t)
 
     def _report(self, t: int) -> None:
-        memory = self._memory
+        memory = memory_of(self._held)[0]
         tracked = memory.track.tracked
         self._diagnostics(diagnostics.report(
             t, self.get_name(), diagnostics.OK if tracked else diagnostics.WARN,

@@ -62,7 +62,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
             name = self.resolve_topic_name(topic.name)
             self._bag.add_topic(
                 name, topic.type_name, Qos(depth=node.QUEUE), shared=topic.shared)
-            self.hear(topic, self._writer(name, topic))
+            self.hear(topic, self._writer(name, topic), prompt=False)
 
     def _writer(self, name: str, topic: topics.Topic):
         """Return the callback that writes one topic."""

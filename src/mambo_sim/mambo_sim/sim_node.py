@@ -11,13 +11,28 @@ from __future__ import annotations
 
 import time
 
+from mambo_model.compiled import Held, hold, jit
 from mambo_ros import diagnostics, links, messages, node, topics
 
 from . import simulator
+from .delays import Delays
 from .faults import FaultParams, Outbox
 from .parameters import SimNodeParams, STEP_NS
 
 _ASK_AGAIN = 5.0  # s of wall time after which a waiting simulator says what it waits for
+
+
+@jit
+def _sense(held, tick):
+    """Read all sensors; return what they say and the true state."""
+    held.memory, samples = simulator.sense(held.memory, tick, held.rng, held.values)
+    return samples, held.memory.plant.body
+
+
+@jit
+def _advance(held, pwm, shutdown):
+    """Advance the vehicle by one tick."""
+    held.memory = simulator.advance(held.memory, pwm, shutdown, held.values)
 
 
 class SimNode(node.MamboNode[SimNodeParams]):
@@ -32,14 +47,13 @@ class SimNode(node.MamboNode[SimNodeParams]):
     def __init__(self, **kwargs) -> None:
         super().__init__('sim_node', SimNodeParams, **kwargs)
         p = self.params.simulator
-        self._values = p.values()
-        self._state = simulator.initial_state(p)
-        self._rngs = simulator.generators(p.seed)
         self._gyro_variance = tuple(sigma ** 2 for sigma in p.imu.gyro_noise)
         self._accel_variance = tuple(sigma ** 2 for sigma in p.imu.accel_noise)
         self._tick = 0
         self._pwm, self._shutdown, self._answered = (0.0,) * 4, False, -1
         self._heard = 0.0  # s of wall time
+        self._sensed = 0.0  # s of wall time
+        self.delays = Delays()  # from IMU sample to motor command
         self.missed = 0
         self.starved = -1  # ns, when the watchdog stopped the motors; -1: it has not
         self._clock = self.say(topics.CLOCK)
@@ -53,21 +67,26 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._diagnostics = self.say(topics.DIAGNOSTICS)
         self.hear(topics.MOTOR_PWM, self._on_pwm)
         self.links = links.Links(self, self.params.wait_for)
-        self._load(p)
+        self._held = self._begin()
+        _sense(self._held, 0)  # have the compiled steps in memory before time starts
+        _advance(self._held, self._pwm, self._shutdown)
+        self._held = self._begin()
 
     def _outbox(self, topic: topics.Topic, fault: FaultParams) -> Outbox:
         return Outbox(self.say(topic), fault.values().delay)
 
-    def _load(self, p: simulator.SimulatorParams) -> None:
-        """Have the compiled steps in memory before time starts."""
-        state, _ = simulator.sense(self._state, 0, simulator.generators(p.seed), self._values)
-        simulator.advance(state, self._pwm, self._shutdown, self._values)
+    def _begin(self) -> Held:
+        """Return the simulator at its start."""
+        p = self.params.simulator
+        return hold(simulator.initial_state(p), simulator.generators(p.seed), p.values())
 
     def _on_pwm(self, data: bytes) -> None:
         t, pwm, shutdown = messages.decode_motor_pwm(data)
         if t > self._answered:  # a repeated or late answer changes nothing
             self._answered, self._pwm, self._shutdown = t, pwm, shutdown
             self._heard = time.monotonic()
+            if t == self.t:
+                self.delays.add(self._heard - self._sensed)
 
     @property
     def t(self) -> int:
@@ -80,15 +99,15 @@ class SimNode(node.MamboNode[SimNodeParams]):
         return self._answered >= self.t
 
     def sense(self) -> None:
-        """Publish the clock, every sensor that is due, the truth and the watermark."""
+        """Publish the clock, every sensor that is due, the watermark and the truth."""
         t = self.t
-        self._state, s = simulator.sense(self._state, self._tick, self._rngs, self._values)
+        s, body = _sense(self._held, self._tick)
         p = self.params.simulator
         self._clock(messages.clock(t))
-        self._truth(messages.ground_truth(t, self._state.plant.body))
         streams = (self._imu, self._sonar, self._flow, self._barometer)
         for stream in streams:
             stream.catch_up(self._tick)
+        self._sensed = time.monotonic()
         self._imu.put(self._tick, messages.imu(
             t, s.gyro, s.accel, self._gyro_variance, self._accel_variance), s.fates.imu)
         if s.sonar_new:
@@ -103,6 +122,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
                 self._tick, messages.pressure(t, s.pressure, p.barometer.noise ** 2),
                 s.fates.barometer)
         self._watermark(messages.sensor_tick(t, *(stream.count for stream in streams)))
+        self._truth(messages.ground_truth(t, body))
         if t % 1_000_000_000 == 0:
             self._report(t)
 
@@ -114,9 +134,11 @@ class SimNode(node.MamboNode[SimNodeParams]):
             level, line = diagnostics.ERROR, (
                 f'motors stopped at t = {self.starved * 1e-9:.3f} s: no motor command for '
                 f'{self.params.motor_timeout:g} s')
-        self._diagnostics(diagnostics.report(
-            t, self.get_name(), level, line,
-            {'mode': self.params.mode, 'steps': self._tick, 'missed': self.missed}))
+        numbers = {'mode': self.params.mode, 'steps': self._tick, 'missed': self.missed}
+        if self.params.mode == 'realtime':  # a wall time has no place in a repeatable flight
+            numbers |= {f'IMU to motor command, {name} [ms]': value
+                        for name, value in self.delays.values().items()}
+        self._diagnostics(diagnostics.report(t, self.get_name(), level, line, numbers))
 
     def watch(self, now: float) -> None:
         """
@@ -139,7 +161,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
     def advance(self) -> None:
         """Move the vehicle to the next step with the newest motor command."""
         stop = self._shutdown or self.starved >= 0
-        self._state = simulator.advance(self._state, self._pwm, stop, self._values)
+        _advance(self._held, self._pwm, stop)
         self._tick += 1
 
 
@@ -197,6 +219,8 @@ def fly(sim: SimNode, loop: node.Loop) -> int:
     took = time.monotonic() - began
     log.info(f'flew {sim.t * 1e-9:.3f} s in {took:.3f} s of wall time, '
              f'{sim.missed} steps without their motor command')
+    delay = ', '.join(f'{name} {value} ms' for name, value in sim.delays.values().items())
+    log.info(f'IMU sample to motor command: {delay} of {sim.delays.count} steps')
     return 0 if loop.stopping or end is None or sim.t >= end else 1
 
 

@@ -1,0 +1,25 @@
+"""
+Every node of a flight in one process, for speed: the same topics, the same bag.
+
+Nodes hand each other their messages directly; who subscribes from another process gets them from
+the middleware as ever. Parameters of a node stand in its section of a parameter file.
+"""
+
+from __future__ import annotations
+
+from mambo_control.controller_node import ControllerNode
+from mambo_control.reference_node import ReferenceNode
+from mambo_estimation.estimator_node import EstimatorNode
+from mambo_ros import node
+from mambo_sim import sim_node
+from mambo_sim.optitrack_node import OptitrackNode
+from mambo_sim.recorder_node import RecorderNode
+
+NODES = (
+    RecorderNode, OptitrackNode, EstimatorNode, ReferenceNode, ControllerNode, sim_node.SimNode)
+"""The node that owns time is the last."""
+
+
+def main(args=None) -> None:
+    """Entry point ``composed_node``."""
+    node.compose(NODES, args, sim_node.fly)
