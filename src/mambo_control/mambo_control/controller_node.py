@@ -11,11 +11,6 @@ from .parameters import ControllerNodeParams
 
 _REPORT_EVERY = 1_000_000_000  # ns
 _LOOK_EVERY = 0.05  # s
-_STAGES = (
-    'flying', 'holding', 'landing', 'descending blind', 'motors shut down')
-_REASONS = (
-    '', 'tilt limit', 'height limit', 'estimate lost or unusable',
-    'reference lost or unusable', 'crash')
 _LEVELS = (diagnostics.OK, diagnostics.WARN, *(diagnostics.ERROR,) * 3)
 _NO_ESTIMATE = (NO_STATE, failsafe.EXACT)
 
@@ -100,8 +95,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
 
     def _report(self, t: int, c: cascaded.Command) -> None:
         m = self._memory
-        stage, why = _STAGES[m.stage], _REASONS[m.reason]
-        line = f'{stage}: {why}' if why else stage
+        stage, line = failsafe.STAGES[m.stage], failsafe.said(m.stage, m.reason)
         if m.stage != self._told and m.stage > failsafe.HOLDING:
             self.get_logger().warning(f't = {t * 1e-9:.3f} s: {line}')
         self._told = m.stage

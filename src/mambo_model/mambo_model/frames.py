@@ -61,5 +61,5 @@ def flip_covariance(covariance: Sequence[float]) -> tuple[float, ...]:
         raise ValueError(
             f'covariance has {len(covariance)} numbers; it must have 9 (3x3) or 36 (6x6)')
     return tuple(
-        float(c) if (i // size % 3 == 0) == (i % size % 3 == 0) else -float(c)
+        1.0 * c if (i // size % 3 == 0) == (i % size % 3 == 0) else -(1.0 * c)
         for i, c in enumerate(covariance))

@@ -31,8 +31,7 @@ from . import params, topics
 
 P = TypeVar('P')
 
-QUEUE = 2000
-"""Depth of every queue, 10 s of a 200 Hz topic: a slow reader lags, it does not lose."""
+QUEUE = topics.QUEUE
 
 _HOUSEKEEPING = 0.02  # s between turns of the ordinary executor
 _AT_ONCE = 100  # messages of one topic before timers and the other topics get their turn
