@@ -9,7 +9,7 @@ import sys
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from mambo_analysis import closed_loop, offline
+from mambo_analysis import closed_loop, flight_bag, offline
 from mambo_analysis.bag import read_bag
 from mambo_analysis.scenario import from_yaml, override, scenario, to_yaml
 from mambo_bringup.domain import Domain
@@ -162,7 +162,7 @@ def test_the_closed_loop_in_one_process_is_the_graph_to_the_bit(
     elif choices:
         bag = tmp_path / 'flight'
         fly(flight(**choices), bag)
-    alone = closed_loop.fly(flight(**choices))
+    alone = closed_loop.fly(flight(**choices), inner=True)
 
     def states(topic):
         rows = [messages.decode_odometry(data)[1] for data in payloads(bag, topic)]
@@ -176,6 +176,13 @@ def test_the_closed_loop_in_one_process_is_the_graph_to_the_bit(
     seen = ~np.isnan(alone.pose[:, 0])
     np.testing.assert_array_equal(alone.pose_t[seen], [t for t, _, _ in poses])
     np.testing.assert_array_equal(alone.pose[seen], [[*rho, *q] for _, rho, q in poses])
+    # and so is its bag, the file itself byte for byte, as soon as it holds the same scenario text
+    same = tmp_path / 'same'
+    recorded = from_yaml(read_bag(bag, topics=()).attachments['scenario.yaml'])
+    flight_bag.write(same, recorded, alone)
+    for topic in topics.RECORDED:
+        assert payloads(same, topic) == payloads(bag, topic), topic.name
+    assert digest(same) == digest(bag)
 
 
 def test_bad_samples_really_travel_and_the_bag_keeps_their_order(faulty_bag):
@@ -229,7 +236,9 @@ def test_cameras_that_lose_the_body_say_so_and_publish_no_pose(tmp_path):
         'sim_node.mode': 'lockstep',
         **{f'optitrack_node.optitrack.{name}': value for name, value in cameras.items()}})
     fly(flown, bag)
-    alone = closed_loop.fly(flown)
+    alone = closed_loop.fly(flown, inner=True)
+    flight_bag.write(tmp_path / 'alone', flown, alone)
+    assert payloads(tmp_path / 'alone', topics.DIAGNOSTICS) == payloads(bag, topics.DIAGNOSTICS)
     seen = ~np.isnan(alone.pose[:, 0])
     assert 100 < seen.sum() < 300  # of 479
     poses = [messages.decode_pose(data) for data in payloads(bag, topics.OPTITRACK)]

@@ -21,6 +21,7 @@ setup(
     entry_points={
         'console_scripts': [
             'compare = mambo_analysis.compare:main',
+            'fly = mambo_analysis.fly:main',
             'identify_drag = mambo_analysis.identify.drag:main',
             'identify_flow = mambo_analysis.identify.flow:main',
             'identify_inertia = mambo_analysis.identify.inertia:main',
@@ -33,6 +34,7 @@ setup(
             'import_motive = mambo_analysis.import_motive:main',
             'recover = mambo_analysis.recover:main',
             'reproduce = mambo_analysis.reproduce:main',
+            'sweep = mambo_analysis.sweep.command:main',
         ],
     },
 )

@@ -32,6 +32,19 @@ from .scenario import Scenario
 Array = NDArray[np.float64]
 
 
+class Inner(NamedTuple):
+    """What only a bag needs, row k at t[k]; vectors inertial NED or body FRD."""
+
+    sonar: Array  # (n,) m, as published, also where it sees nothing; NaN without a sample
+    plan: Array  # (n, 19) of the reference: v, a, j, s, omega_dot, f, tau
+    pose_covariance: Array  # (n, 36); zeros where nothing estimates
+    twist_covariance: Array  # (n, 36)
+    estimator: Array  # (n, 36) of the estimate, in the order of messages.estimator_state
+    controller: Array  # (n, 35) of the command, in the order of messages.controller_state
+    health: Array  # (n, 8) failsafe: stage, reason; motion capture: tracked, visible markers,
+    # frames, lost, dropped; failsafe: phase
+
+
 class Recording(NamedTuple):
     """
     One flight as arrays, inertial NED and body FRD; row k is the control step at t[k].
@@ -56,6 +69,9 @@ class Recording(NamedTuple):
     health: NDArray[np.int64]  # (n, 5) of each sensor, mambo_estimation.health
     pose_variance: Array  # (n, 6) m^2 and rad^2, inertial axes, that the estimator states
     twist_variance: Array  # (n, 6) m^2/s^2 and rad^2/s^2, body axes, likewise
+    stopped: NDArray[np.bool_]  # (n,) motors shut down
+    reason: NDArray[np.int64]  # (n,) safety.REASON_* of the command
+    inner: Inner | None  # None is a type of its own: a loop that does not store this
 
 
 class _Settings(NamedTuple):
@@ -86,7 +102,7 @@ def _settings(flight: Scenario) -> _Settings:
         float(np.float32(sim.sonar.min_range)), float(np.float32(sim.sonar.max_range)))
 
 
-def fly(flight: Scenario) -> Recording:
+def fly(flight: Scenario, inner: bool = False) -> Recording:
     """
     Fly a scenario.
 
@@ -94,6 +110,8 @@ def fly(flight: Scenario) -> Recording:
     ----------
     flight
         With a duration; mode, pace and waiting of the graph do not matter here.
+    inner
+        Whether to record what only a bag needs.
 
     Returns
     -------
@@ -106,15 +124,15 @@ def fly(flight: Scenario) -> Recording:
         If the scenario has no duration.
 
     """
-    if not flight.sim_node.duration > 0.0:
-        raise ValueError('the scenario has no duration: set sim_node.duration in seconds')
-    steps = -(-round(flight.sim_node.duration * 1e9) // STEP_NS) + 1
+    steps = step_count(flight)
     out = Recording(
         np.arange(steps, dtype=np.int64) * STEP_NS, *(np.empty((steps, 13)) for _ in range(3)),
         np.empty(steps, dtype=np.int64), np.empty(steps), np.empty((steps, 4)),
         np.full((steps, 7), np.nan), np.zeros(steps, dtype=np.int64), np.empty((steps, 6)),
         np.empty(steps), np.empty((steps, 3)), np.empty(steps), np.zeros(steps, dtype=np.int64),
-        np.zeros((steps, 5), dtype=np.int64), np.zeros((steps, 6)), np.zeros((steps, 6)))
+        np.zeros((steps, 5), dtype=np.int64), np.zeros((steps, 6)), np.zeros((steps, 6)),
+        np.zeros(steps, dtype=np.bool_), np.zeros(steps, dtype=np.int64),
+        _inner(steps) if inner else None)
     sim = flight.sim_node.simulator
     mocap_rng = simulator.generators(flight.optitrack_node.seed)[simulator.OPTITRACK]
     _loop(simulator.initial_state(sim), simulator.generators(sim.seed), mocap_rng,
@@ -122,6 +140,26 @@ def fly(flight: Scenario) -> Recording:
           failsafe.initial(flight.controller_node.law),
           _settings(flight), out)
     return out
+
+
+def step_count(flight: Scenario) -> int:
+    """
+    Return how many control steps a flight has, the first at t = 0, the last at its duration.
+
+    Raises
+    ------
+    ValueError
+        If the scenario has no duration.
+
+    """
+    if not flight.sim_node.duration > 0.0:
+        raise ValueError('the scenario has no duration: set sim_node.duration in seconds')
+    return -(-round(flight.sim_node.duration * 1e9) // STEP_NS) + 1
+
+
+def _inner(steps: int) -> Inner:
+    return Inner(np.full(steps, np.nan), *(
+        np.zeros((steps, width)) for width in (19, 36, 36, 36, 35, 8)))
 
 
 def estimate_again(recording: Recording, node: EstimatorNodeParams) -> Array:
@@ -212,6 +250,63 @@ def _store_health(out: Recording, k: int, e: Estimate) -> None:
 
 
 @jit
+def _put(row: Array, start: int, v: Vec3) -> int:
+    """Write a vector into a row; return where the next one begins."""
+    row[start], row[start + 1], row[start + 2] = v
+    return start + 3
+
+
+@jit
+def _store_estimate(inner, k, e):
+    """Store what a bag says of an estimate besides its state."""
+    if inner is None:
+        return
+    for i in range(36):
+        inner.pose_covariance[k, i] = e.pose_covariance[i]
+        inner.twist_covariance[k, i] = e.twist_covariance[i]
+    row = inner.estimator[k]
+    row[0], row[1], row[2] = e.status, e.height, e.vertical_velocity
+    at = _put(row, _put(row, 3, e.gyro_bias), e.accel_bias)
+    row[at], row[at + 1], row[at + 2] = (
+        e.barometer_offset, e.sonar_innovation, e.sonar_test_ratio)
+    row[12], row[13], row[14] = e.flow_innovation[0], e.flow_innovation[1], e.flow_test_ratio
+    row[15], row[16] = e.barometer_innovation, e.barometer_test_ratio
+    row[17], row[18], row[19] = e.sonar_refused, e.flow_refused, e.barometer_refused
+    row[20] = e.invalid_samples
+    for i in range(5):
+        row[21 + i], row[26 + i] = e.health.health[i], e.health.age[i]
+        row[31 + i] = e.health.not_finite[i]
+
+
+@jit
+def _store_inner(inner, k, s, ref, c, control, mocap):
+    """Store what a bag says of samples, reference, command and the health of the nodes."""
+    if inner is None:
+        return
+    if s.sonar_new:
+        inner.sonar[k] = s.sonar
+    row = inner.plan[k]
+    at = _put(row, _put(row, _put(row, _put(row, 0, ref.v), ref.a), ref.j), ref.s)
+    at = _put(row, at, ref.omega_dot)
+    row[at] = ref.f
+    _put(row, at + 1, ref.tau)
+    row = inner.controller[k]
+    at = _put(row, _put(row, 0, c.position_error), c.velocity_error)
+    at = _put(row, _put(row, _put(row, at, c.integral), c.integral_rate), c.virtual_input)
+    row[19], row[23] = c.attitude_error, c.thrust
+    _put(row, _put(row, 20, c.angular_velocity_error) + 1, c.torque)
+    for i in range(4):
+        row[at + i], row[27 + i], row[31 + i] = (
+            c.attitude_desired[i], c.motor_thrust[i], c.saturated[i])
+    row, seen = inner.health[k], mocap.seen
+    row[0], row[1], row[2] = control.stage, control.reason, mocap.track.tracked
+    for i in range(len(seen)):
+        row[3] += seen[i]
+    row[7] = control.phase
+    row[4], row[5], row[6] = mocap.counts.frames, mocap.counts.lost, mocap.counts.dropped
+
+
+@jit
 def _loop(state, rngs, mocap_rng, memory, control, p, out):
     """
     Fly; every argument as :func:`fly` makes it, ``out`` is filled.
@@ -236,6 +331,7 @@ def _loop(state, rngs, mocap_rng, memory, control, p, out):
                 heard.flow_quality, heard.pressure, p.estimator)
             estimated = estimate.state
             _store_health(out, k, estimate)
+            _store_estimate(out.inner, k, estimate)
             pose, twist = estimate.pose_covariance, estimate.twist_covariance
             spread = failsafe.Spread(
                 max(pose[0], pose[7]), pose[14], max(twist[0], twist[7]),
@@ -249,7 +345,9 @@ def _loop(state, rngs, mocap_rng, memory, control, p, out):
         _store(out.truth[k], body)
         _store(out.estimate[k], estimated)
         _store(out.reference[k], State(ref.rho, body_velocity(ref), ref.q, ref.omega))
+        _store_inner(out.inner, k, samples, ref, command, control, mocap)
         out.phase[k], out.thrust[k] = phase, command.thrust
+        out.stopped[k], out.reason[k] = command.shutdown, command.reason
         for i in range(4):
             out.pwm[k, i] = command.pwm[i]
         if seen.new:

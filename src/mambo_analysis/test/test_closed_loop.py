@@ -42,6 +42,12 @@ def test_a_flight_can_be_repeated_to_the_bit(flight):
     assert_same(flight, fly(scenario()))
 
 
+def test_recording_more_for_a_bag_changes_nothing(flight):
+    more = fly(scenario(), inner=True)
+    assert flight.inner is None and more.inner is not None
+    assert_same(flight, more._replace(inner=None))
+
+
 def test_another_seed_is_another_flight(flight):
     other = fly(scenario(seed=2))
     airborne = between(flight, 4.0, 31.0)

@@ -12,11 +12,6 @@ from .parameters import ControllerNodeParams
 
 _REPORT_EVERY = 1_000_000_000  # ns
 _LOOK_EVERY = 0.05  # s
-_STAGES = (
-    'flying', 'holding', 'landing', 'descending blind', 'motors shut down')
-_REASONS = (
-    '', 'tilt limit', 'height limit', 'estimate lost or unusable',
-    'reference lost or unusable', 'crash')
 _LEVELS = (diagnostics.OK, diagnostics.WARN, *(diagnostics.ERROR,) * 3)
 _NO_ESTIMATE = (NO_STATE, failsafe.EXACT)
 
@@ -111,8 +106,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
             self._report(t, c.thrust, reason, phase)
 
     def _report(self, t: int, thrust: float, reason: int, phase: int) -> None:
-        stage, why = _STAGES[self.stage], _REASONS[reason]
-        line = f'{stage}: {why}' if why else stage
+        stage, line = failsafe.STAGES[self.stage], failsafe.said(self.stage, reason)
         if self.stage != self._told and self.stage > failsafe.HOLDING:
             self.get_logger().warning(f't = {t * 1e-9:.3f} s: {line}')
         self._told = self.stage

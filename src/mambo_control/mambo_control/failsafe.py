@@ -65,6 +65,10 @@ from .safety import (
     usable_reference)
 
 FLYING, HOLDING, LANDING, DESCENDING_BLIND, STOPPED = range(5)
+STAGES = ('flying', 'holding', 'landing', 'descending blind', 'motors shut down')
+REASONS = (
+    '', 'tilt limit', 'height limit', 'estimate lost or unusable',
+    'reference lost or unusable', 'crash')
 
 SHORTEST_BLEND = 0.5  # s, in which a descent takes up its speed
 SETTLING = 0.5  # s after that, before a vehicle that does not sink counts as being on the floor
@@ -208,6 +212,11 @@ def initial(params: controllers.Params) -> Memory:
         control, FLYING, REASON_NONE, 0.0, 0.0, 0.0, _REST, _POINT, trajectory.GROUND,
         Shown(0.0, 0.0), Descent(_ZERO, _ZERO, 0.0, 0.0, 0.0),
         controllers.stopped(control, REASON_NONE))
+
+
+def said(stage: int, reason: int) -> str:
+    """Return what to say of a stage and its reason."""
+    return f'{STAGES[stage]}: {REASONS[reason]}' if reason else STAGES[stage]
 
 
 @jit

@@ -10,14 +10,13 @@ from mambo_model.compiled import hold, jit
 from mambo_ros import diagnostics, layout, messages, node, topics
 from tf2_msgs.msg import TFMessage
 
-from . import filters, health, kalman
+from . import filters, kalman, report
 from .parameters import EstimatorNodeParams
 from .synchroniser import Step, Synchroniser
 
 _TF_EVERY = 20_000_000  # ns
 _REPORT_EVERY = 1_000_000_000  # ns
 _ZERO3, _ZERO36 = (0.0,) * 3, (0.0,) * 36
-_STATUS = ('aligning', 'dead reckoning', 'nominal')
 
 
 def _transform(
@@ -106,19 +105,11 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         counts = e.health.not_finite + dropped
         new = tuple(now - before for now, before in zip(counts, self._reported, strict=True))
         self._reported = counts
-        complaints = health.complaints(e.health, new[:5], new[5:])
-        level = diagnostics.OK if e.status == 2 and not complaints else diagnostics.WARN
-        if e.status == kalman.STATUS_DEAD_RECKONING and complaints:
-            level = diagnostics.ERROR
-        numbers = {
-            'height [m]': e.height, 'sonar refused': e.sonar_refused,
-            'flow refused': e.flow_refused, 'barometer refused': e.barometer_refused,
-            'invalid samples': e.invalid_samples + sum(dropped)}
-        ages = {f'{name} age [s]': age
-                for name, age in zip(health.NAMES, e.health.age, strict=True)}
+        level, line, numbers = report.told(
+            e.status, e.height, (e.sonar_refused, e.flow_refused, e.barometer_refused),
+            e.invalid_samples + sum(dropped), e.health, new[:5], new[5:])
         self._diagnostics(diagnostics.report(
-            t, self.get_name(), level, '; '.join((_STATUS[e.status], *complaints)),
-            {**numbers, **ages}))
+            t, self.get_name(), diagnostics.LEVELS[level], line, numbers))
 
     def _broadcast(self, t: int, state: rigid_body.State) -> None:
         if t % _TF_EVERY:

@@ -46,6 +46,7 @@ from .measurements.sonar import SonarParams, SonarValues
 from .velocity import Velocity, VelocityParams, VelocityValues
 
 STATUS_ALIGNING, STATUS_DEAD_RECKONING, STATUS_NOMINAL = range(3)  # as in EstimatorState.msg
+STATUS = ('aligning', 'dead reckoning', 'nominal')
 
 
 class EstimatorValues(NamedTuple):

@@ -12,7 +12,8 @@ from __future__ import annotations
 import math
 
 from .compiled import jit
-from .vector import add, norm, Vec3
+from .quaternion import Quat, rotate_inverse
+from .vector import add, norm, sub, Vec3
 from .vehicle import (
     DRAG_ACCELERATION, DRAG_FORCE, DRAG_PER_ROTOR, DRAG_TOTAL, VehicleValues)
 from .vehicle_options import (
@@ -282,6 +283,25 @@ def lumped_coefficient(k_I: float, k_T1: float, k_p: float, A_1c: float) -> floa
 
     """
     return 4.0 * (k_I + k_T1 + k_p + A_1c)
+
+
+@jit
+def through_air(nu: Vec3, q: Quat, wind: Vec3 | None) -> Vec3:
+    """
+    Return the velocity relative to the air, (3,) m/s, body FRD: the one that meets drag.
+
+    Parameters
+    ----------
+    nu : (3,) m/s, body FRD
+    q
+        Attitude.
+    wind : (3,) m/s, inertial NED
+        Velocity of the air; None: it is still.
+
+    """
+    if wind is None:
+        return nu
+    return sub(nu, rotate_inverse(q, wind))
 
 
 @jit

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 F = TypeVar('F', bound=Callable)
 
 
-def _source_digest() -> str:
+def source_digest() -> str:
     """
     Return a short digest of the numerical sources of every installed ``mambo_*`` package.
 
@@ -39,7 +39,7 @@ def _cache_root() -> Path:
     return Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache') / 'mambo'
 
 
-os.environ.setdefault('NUMBA_CACHE_DIR', str(_cache_root() / f'numba-{_source_digest()}'))
+os.environ.setdefault('NUMBA_CACHE_DIR', str(_cache_root() / f'numba-{source_digest()}'))
 
 import numba  # noqa: E402 (reads NUMBA_CACHE_DIR while it is imported)
 from numba.experimental import structref  # noqa: E402
@@ -118,7 +118,8 @@ def by_type(position: int, functions: Mapping[type, Callable]) -> Callable:
     position
         Of the argument that decides, from 0.
     functions
-        Function for each type of this argument; for compiled code compiled ones, for NamedTuples.
+        Function for each type of this argument, NamedTuples and ``type(None)``; for compiled
+        code compiled ones.
 
     """
     def chosen(*arguments):
@@ -130,7 +131,11 @@ def by_type(position: int, functions: Mapping[type, Callable]) -> Callable:
 
     @overload(chosen)
     def _choose(*arguments):
-        found = functions.get(getattr(arguments[position], 'instance_class', None))
+        kind = arguments[position]
+        if isinstance(kind, numba.types.NoneType):
+            found = functions.get(type(None))
+        else:
+            found = functions.get(getattr(kind, 'instance_class', None))
         return found and (lambda *arguments: found(*arguments))
 
     return chosen

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .aerodynamics import ground_effect, lumped_drag, parasitic_drag, rotor_drag
+from .aerodynamics import ground_effect, lumped_drag, parasitic_drag, rotor_drag, through_air
 from .compiled import jit
 from .quaternion import Quat, rotate_inverse
 from .rigid_body import add_scaled, controlled, derivative, finished, State
@@ -94,7 +94,7 @@ def drag(
     Parameters
     ----------
     nu, omega : (3,) m/s, rad/s, body FRD
-        Of the vehicle.
+        Of the vehicle, nu relative to the air.
     thrust, lifts : (4,) N
         Far from the floor, which says how fast the rotors turn, and where they are.
     vv, options
@@ -113,6 +113,7 @@ def drag(
 @jit
 def forces(
     body: State, rotors: Rotors, vv: VehicleValues, options: OptionValues, floor: bool,
+    wind: Vec3 | None = None,
 ) -> Forces:
     r"""
     Return thrust, torque and drag on a vehicle.
@@ -134,6 +135,8 @@ def forces(
         The vehicle.
     floor
         Whether there is one at rho_z = 0.
+    wind : (3,) m/s, inertial NED
+        Velocity of the air; None: it is still.
 
     """
     lifts = rotors.thrust
@@ -142,7 +145,8 @@ def forces(
         lifts = lift(rotors.thrust, body.rho, body.q, vv.arm, options)
         f, (roll, pitch, _) = mix(lifts, vv)
         tau = (roll, pitch, tau[2])
-    F_D = drag(body.nu, body.omega, rotors.thrust, lifts, vv, options)
+    nu = through_air(body.nu, body.q, wind)
+    F_D = drag(nu, body.omega, rotors.thrust, lifts, vv, options)
     h, omega = rotors.momentum, body.omega
     spin = (-omega[1] * h, omega[0] * h, -rotors.momentum_rate)
     return Forces(f, add(tau, spin), F_D)
@@ -151,7 +155,7 @@ def forces(
 @jit
 def rk4_step(
     state: State, rotors: Rotors, h: float, vv: VehicleValues, options: OptionValues, floor: bool,
-    norm_gain: float | None = None,
+    norm_gain: float | None = None, wind: Vec3 | None = None,
 ) -> State:
     """
     Advance (3.3) by h seconds as ``rigid_body.rk4_step`` does, with every force of this module.
@@ -168,13 +172,13 @@ def rk4_step(
         The vehicle.
     floor
         Whether there is one at rho_z = 0.
-    norm_gain : 1/s
+    norm_gain, wind
         As there.
 
     """
     end = at = state
     for i in range(4):
-        f, tau, F_D = forces(at, rotors, vv, options, floor)
+        f, tau, F_D = forces(at, rotors, vv, options, floor, wind)
         rate = derivative(at, f, tau, F_D, (0.0, 0.0, 0.0), vv)
         rate = controlled(rate, at.q, norm_gain)
         end = add_scaled(end, rate, h / PARTS[i])

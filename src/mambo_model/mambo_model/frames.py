@@ -64,4 +64,5 @@ def flip_covariance(covariance: Sequence[float]) -> tuple[float, ...]:
         raise ValueError(
             f'covariance has {len(covariance)} numbers; it must have 9 (3x3) or 36 (6x6)')
     kept = _KEPT[len(covariance)]
-    return tuple([c if keep else -c for keep, c in zip(kept, map(float, covariance), strict=True)])
+    return tuple([
+        1.0 * c if keep else -(1.0 * c) for keep, c in zip(kept, covariance, strict=True)])

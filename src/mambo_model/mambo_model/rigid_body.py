@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .aerodynamics import lumped_drag
+from .aerodynamics import lumped_drag, through_air
 from .compiled import jit
 from .quaternion import (
     derivative as quaternion_derivative, norm_control, normalise, Quat, rotate, rotate_inverse)
@@ -90,9 +90,10 @@ def finished(state: State, norm_gain: float | None) -> State:
 @jit
 def _stage(
     state: State, f: float, tau: Vec3, vv: VehicleValues, norm_gain: float | None,
+    wind: Vec3 | None,
 ) -> State:
     """Return the derivative with the drag of this state."""
-    drag = lumped_drag(state.nu, f, vv)
+    drag = lumped_drag(through_air(state.nu, state.q, wind), f, vv)
     return controlled(
         derivative(state, f, tau, drag, (0.0, 0.0, 0.0), vv), state.q, norm_gain)
 
@@ -100,7 +101,7 @@ def _stage(
 @jit
 def rk4_step(
     state: State, f: float, tau: Vec3, h: float, vv: VehicleValues,
-    norm_gain: float | None = None,
+    norm_gain: float | None = None, wind: Vec3 | None = None,
 ) -> State:
     """
     Advance (3.3) by h seconds with the classical Runge-Kutta method, thrust and torque held.
@@ -120,12 +121,14 @@ def rk4_step(
     norm_gain : 1/s
         None: q is normalised after the step. Else the gain k of (2.16), stable for h k up to
         :data:`NORM_LIMIT`; 0 lets the norm drift.
+    wind : (3,) m/s, inertial NED
+        Velocity of the air; None: it is still.
 
     """
-    k1 = _stage(state, f, tau, vv, norm_gain)
-    k2 = _stage(add_scaled(state, k1, 0.5 * h), f, tau, vv, norm_gain)
-    k3 = _stage(add_scaled(state, k2, 0.5 * h), f, tau, vv, norm_gain)
-    k4 = _stage(add_scaled(state, k3, h), f, tau, vv, norm_gain)
+    k1 = _stage(state, f, tau, vv, norm_gain, wind)
+    k2 = _stage(add_scaled(state, k1, 0.5 * h), f, tau, vv, norm_gain, wind)
+    k3 = _stage(add_scaled(state, k2, 0.5 * h), f, tau, vv, norm_gain, wind)
+    k4 = _stage(add_scaled(state, k3, h), f, tau, vv, norm_gain, wind)
     end = add_scaled(state, k1, h / 6.0)
     end = add_scaled(end, k2, h / 3.0)
     end = add_scaled(end, k3, h / 3.0)

@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from .layout import serialize
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+LEVELS = (OK, WARN, ERROR)
 
 
 def report(t: int, name: str, level: bytes, message: str, values: Mapping[str, object]) -> bytes:

@@ -15,6 +15,9 @@ import re
 import struct
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 _FORMATS = {
     'boolean': ('?', 1), 'octet': ('c', 1), 'uint8': ('B', 1), 'int8': ('b', 1),
     'uint16': ('H', 2), 'int16': ('h', 2), 'uint32': ('I', 4), 'int32': ('i', 4),
@@ -81,6 +84,7 @@ class Layout:
         self.slices: dict[str, slice] = {}
         self._texts: list[tuple[int, bytes]] = []
         self._others: list[Layout] = []  # of the same type with other texts that came
+        self._places: list[tuple[int, str, int]] = []  # offset, type and count of each leaf
         form, offset, count = ['<4x'], 0, 0
         for name, kind, length in _leaves(msg_type):
             if kind == 'string':
@@ -93,6 +97,7 @@ class Layout:
             code, width = _FORMATS[kind]
             pad = -offset % width
             form.append(f'{pad}x{length}{code}')
+            self._places.append((4 + offset + pad, f'<{code}', length))
             self.slices[name] = slice(count, count + length)
             offset, count = offset + pad + length * width, count + length
         if wanted:
@@ -109,8 +114,39 @@ class Layout:
             data[start:start + len(piece)] = piece
         return bytes(data + self._filling)
 
-    def stamped(self, stamp_ns: int, *numbers: float) -> bytes:
-        """Return :meth:`pack` of a message that begins with a stamp in nanoseconds."""
+    def rows(self, *numbers: Any) -> NDArray[np.uint8]:
+        """
+        Return the bytes of n messages at once, (n, nbytes).
+
+        Parameters
+        ----------
+        numbers
+            As for :meth:`pack`, each a number for all of them or an array of (n,); one of them
+            at least.
+
+        """
+        count = max(np.size(number) for number in numbers)
+        out = np.zeros((count, self.nbytes), dtype=np.uint8)
+        out[:, :4] = np.frombuffer(_ENCAPSULATION, dtype=np.uint8)
+        for start, piece in self._texts:
+            out[:, start:start + len(piece)] = np.frombuffer(piece, dtype=np.uint8)
+        left = iter(numbers)
+        for offset, kind, length in self._places:
+            kind = np.dtype(kind)
+            leaf = np.ndarray(
+                (count, length), kind, out, offset, (self.nbytes, kind.itemsize))
+            for column in range(length):
+                leaf[:, column] = next(left)
+        return out
+
+    def stamped(self, stamp_ns: Any, *numbers: Any) -> Any:
+        """
+        Return :meth:`pack` of a message that begins with a stamp in nanoseconds.
+
+        An array of (n,) stamps, with arrays of numbers, gives :meth:`rows`.
+        """
+        if isinstance(stamp_ns, np.ndarray):
+            return self.rows(stamp_ns // _SECOND, stamp_ns % _SECOND, *numbers)
         return self.pack(stamp_ns // _SECOND, stamp_ns % _SECOND, *numbers)
 
     def unpack(self, data: bytes) -> tuple:

@@ -36,8 +36,7 @@ from . import params, topics
 
 P = TypeVar('P')
 
-QUEUE = 2000
-"""Depth of every queue, 10 s of a 200 Hz topic: a slow reader lags, it does not lose."""
+QUEUE = topics.QUEUE
 
 _HOUSEKEEPING = 0.02  # s, the longest wait at once
 _TURN = 0.05  # s between turns of the ordinary executor, each of which costs most of a step

@@ -13,6 +13,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, Imu, Range
 from tf2_msgs.msg import TFMessage
 
+QUEUE = 2000
+"""Depth of every queue, 10 s of a 200 Hz topic: a slow reader lags, it does not lose."""
+
 
 @dataclass(frozen=True)
 class Topic:

@@ -128,3 +128,19 @@ def test_stamp_is_read_from_bytes():
     message = Imu()
     message.header.stamp = Time(sec=12, nanosec=345)
     assert stamp_ns(serialize_message(message)) == 12_000_000_345
+
+
+@pytest.mark.parametrize('topic', FIXED, ids=lambda topic: topic.name)
+def test_many_messages_at_once_are_those_one_by_one(topic):
+    texts = {'header__frame_id': 'odom'} if 'header' in (
+        topic.msg_type.get_fields_and_field_types()) else {}
+    layout = Layout(topic.msg_type, **texts)
+    values = [numbers(layout, np.random.default_rng(seed)) for seed in range(5)]
+    columns = [np.array(column) for column in zip(*values)]
+    columns[-1] = values[0][-1]  # a number stands for all messages
+    rows = layout.rows(*columns)
+    assert [row.tobytes() for row in rows] == [
+        layout.pack(*row[:-1], values[0][-1]) for row in values]
+    stamps = np.array([7, 1_500_000_000])
+    assert [row.tobytes() for row in layout.stamped(stamps, *values[0][2:])] == [
+        layout.stamped(stamp, *values[0][2:]) for stamp in stamps.tolist()]

@@ -20,10 +20,12 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
+import numpy as np
+from numpy.typing import NDArray
 import yaml
 
 from . import message_definition
+from .mcap_writer import McapWriter, records
 
 SECOND = 1_000_000_000  # [ns]
 GRACE = 250_000_000  # [ns] a second is complete once a message this much younger has arrived
@@ -157,9 +159,9 @@ class BagWriter:
         self._writer.flush()
         self._write_yaml(RECORDING)
 
-    def _begin(self, stream: BinaryIO) -> Writer:
+    def _begin(self, stream: BinaryIO) -> McapWriter:
         """Begin a data file."""
-        writer = Writer(stream, chunk_size=CHUNK_LIMIT, compression=CompressionType.ZSTD)
+        writer = McapWriter(stream, CHUNK_LIMIT)
         writer.start(profile='ros2', library=self._library)
         return writer
 
@@ -282,6 +284,56 @@ class BagWriter:
             end = (log_time_ns - GRACE) // SECOND * SECOND
             if end > self._written_until:
                 self._write_until(end)
+
+    def write_all(
+        self, messages: Mapping[str, tuple[NDArray[np.int64], list[NDArray[np.uint8]]]],
+    ) -> None:
+        """
+        Write all messages of a bag at once; the file is the one that :meth:`write` makes of them.
+
+        Parameters
+        ----------
+        messages
+            {topic: (log times in ns, (n,) rising; messages as blocks of (k, size) bytes, those
+            of one block of one size, n in all)}.
+
+        Raises
+        ------
+        BagWriterError
+            If the bag has messages, or for an undeclared topic.
+
+        """
+        if not self._by_order:
+            self._register()
+        if self._newest >= 0 or self._closed or not messages.keys() <= self._topics.keys():
+            raise BagWriterError(
+                f'{self.path}: a whole flight goes into an empty bag, with its topics declared')
+        pieces: list[bytes] = []  # not views: 100 000 of those keep the garbage collector busy
+        times, orders = [], []
+        for name, (stamps, blocks) in sorted(messages.items()):
+            topic = self._topics[name]
+            done = 0
+            for block in blocks:
+                part = records(topic.channel, stamps[done:done + len(block)], done, block)
+                flat, size = part.tobytes(), part.shape[1]
+                pieces += [flat[i:i + size] for i in range(0, len(flat), size)]
+                done += len(block)
+            topic.received = topic.written = done
+            times.append(stamps)
+            orders.append(np.full(done, topic.order))
+        if not pieces:
+            return
+        log_times, order = np.concatenate(times), np.concatenate(orders)
+        ranks = np.lexsort((order, log_times))  # stable: within a topic as they came
+        log_times, order = log_times[ranks], order[ranks]
+        channels = np.array([topic.channel for topic in self._by_order])[order]
+        cuts = np.flatnonzero(np.diff(log_times // SECOND)) + 1
+        for part in np.split(np.arange(len(ranks)), cuts):
+            self._writer.flush()
+            self._writer.add_records(
+                channels[part], log_times[part], [pieces[i] for i in ranks[part].tolist()])
+        self._first, self._last = int(log_times[0]), int(log_times[-1])
+        self._newest, self._written_until = self._last, self._last + 1
 
     @property
     def counts(self) -> dict[str, int]:

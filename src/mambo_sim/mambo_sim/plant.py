@@ -16,7 +16,7 @@ import math
 from typing import NamedTuple
 
 from mambo_model import forces
-from mambo_model.aerodynamics import lumped_drag
+from mambo_model.aerodynamics import lumped_drag, through_air
 from mambo_model.battery import supply
 from mambo_model.compiled import jit
 from mambo_model.quaternion import (
@@ -172,14 +172,15 @@ def _lag(h: float, time_constant: float) -> tuple[float, float]:
 @jit
 def _air(
     body: State, thrust: Four, vv: VehicleValues, ground: bool, options: OptionValues | None,
+    wind: Vec3 | None,
 ) -> Vec3:
     """Return thrust and drag together, (3,) N, body FRD, at thrusts of (4,) N off the floor."""
     if options is None:
         f, _ = mix(thrust, vv)
-        drag = lumped_drag(body.nu, f, vv)
+        drag = lumped_drag(through_air(body.nu, body.q, wind), f, vv)
     else:
         rotors = forces.Rotors(thrust, 0.0, 0.0)  # their torques are no force
-        f, _, drag = forces.forces(body, rotors, vv, options, ground)
+        f, _, drag = forces.forces(body, rotors, vv, options, ground, wind)
     return (drag[0], drag[1], drag[2] - f)
 
 
@@ -192,14 +193,14 @@ def _free_acceleration(body: State, air: Vec3, vv: VehicleValues) -> Vec3:
 @jit
 def _fly(
     body: State, mean: Four, before: Four, after: Four, h: float, vv: VehicleValues, ground: bool,
-    options: OptionValues | None, norm_gain: float | None,
+    options: OptionValues | None, norm_gain: float | None, wind: Vec3 | None,
 ) -> State:
     """Advance a vehicle in the air by h s; thrusts in N: mean, at the start and at the end."""
     if options is None:
         f, tau = mix(mean, vv)
-        return rk4_step(body, f, tau, h, vv, norm_gain)
+        return rk4_step(body, f, tau, h, vv, norm_gain, wind)
     rotors = forces.rotors_in_step(mean, before, after, h, options)
-    return forces.rk4_step(body, rotors, h, vv, options, ground, norm_gain)
+    return forces.rk4_step(body, rotors, h, vv, options, ground, norm_gain, wind)
 
 
 @jit
@@ -285,6 +286,7 @@ def _fade(jolt: Vec3, blow: Vec3, q: Quat, dt: float) -> Vec3:
 def advance(
     state: PlantState, pwm: Four, dt: float, substeps: int, vv: VehicleValues, ground: bool,
     options: OptionValues | None = None, norm_gain: float | None = None,
+    wind: Vec3 | None = None,
 ) -> PlantState:
     """
     Advance the plant by one control step, the motor command held.
@@ -311,6 +313,8 @@ def advance(
         Of the true vehicle; without any: none.
     norm_gain : 1/s
         Of the control of the quaternion's norm (2.16); without: its norm is set to 1.
+    wind : (3,) m/s, inertial NED
+        Velocity of the air during the step; without: it is still.
 
     """
     h = dt / substeps
@@ -321,12 +325,12 @@ def advance(
         before, mean = thrust, _blend(target, thrust, on_average)
         thrust = _blend(target, thrust, at_end)
         if ground and body.rho[2] >= 0.0:
-            velocity, air = rotate(body.q, body.nu), _air(body, mean, vv, ground, options)
+            velocity, air = rotate(body.q, body.nu), _air(body, mean, vv, ground, options, wind)
             acceleration = _free_acceleration(body, air, vv)
             if _supported(body, velocity, acceleration):
                 body = _rest(body, velocity, acceleration, h)
                 continue
-        body = _fly(body, mean, before, thrust, h, vv, ground, options, norm_gain)
+        body = _fly(body, mean, before, thrust, h, vv, ground, options, norm_gain, wind)
         if ground and body.rho[2] > 0.0:
             body, change = _touch_down(body)
             blow = add(blow, change)
@@ -336,6 +340,7 @@ def advance(
 @jit
 def specific_force(
     state: PlantState, vv: VehicleValues, ground: bool, options: OptionValues | None = None,
+    wind: Vec3 | None = None,
 ) -> Vec3:
     """
     Return the acceleration besides gravity, (3,) m/s^2, body FRD: what an accelerometer feels.
@@ -353,10 +358,12 @@ def specific_force(
         Whether there is a floor at rho_z = 0.
     options
         Of the true vehicle; without any: none.
+    wind : (3,) m/s, inertial NED
+        Velocity of the air; without: it is still.
 
     """
     body = state.body
-    air = _air(body, state.thrust, vv, ground, options)
+    air = _air(body, state.thrust, vv, ground, options, wind)
     felt = add(scale(1.0 / vv.mass, air), state.jolt)
     if not (ground and body.rho[2] >= 0.0):
         return felt

@@ -21,12 +21,13 @@ from mambo_model.vehicle_options import OptionValues
 import numpy as np
 from numpy.random import Generator
 
-from . import faults, hand, plant
+from . import faults, hand, plant, wind
 from .sensors import barometer, imu, optical_flow, sonar
 from .sensors.sampling import STEP
 
-Generators = tuple[Generator, Generator, Generator, Generator, Generator, Generator]
-IMU, SONAR, FLOW, BAROMETER, OPTITRACK, FAULTS = range(6)  # order of the generators
+Generators = tuple[
+    Generator, Generator, Generator, Generator, Generator, Generator, Generator]
+IMU, SONAR, FLOW, BAROMETER, OPTITRACK, FAULTS, WIND = range(7)  # order of the generators
 
 
 class SimulatorValues(NamedTuple):
@@ -42,6 +43,7 @@ class SimulatorValues(NamedTuple):
     options: OptionValues | None  # of the vehicle
     hand: PlanValues | None  # that carries the vehicle
     faults: faults.FaultsValues | None
+    wind: wind.WindValues | None  # None: still air
 
 
 class SimulatorState(NamedTuple):
@@ -52,6 +54,7 @@ class SimulatorState(NamedTuple):
     optical_flow: optical_flow.FlowMemory
     barometer: barometer.BarometerMemory
     faults: faults.FaultMemory | None = None
+    wind: wind.WindMemory | None = None
 
 
 class Fates(NamedTuple):
@@ -94,6 +97,7 @@ class SimulatorParams:
     faults: faults.FaultsParams = group(faults.FaultsParams)
     seed: int = quantity(0, '1', 0, 2**31 - 1, 'design choice')
     hand: hand.HandParams = group(hand.HandParams)
+    wind: wind.WindParams = group(wind.WindParams)
     noise: bool = flag(True, 'design choice: false switches every random part off')
 
     def __post_init__(self) -> None:
@@ -104,34 +108,36 @@ class SimulatorParams:
         return SimulatorValues(
             self.vehicle.values(), self.plant.values(), self.imu.values(), self.sonar.values(),
             self.optical_flow.values(), self.barometer.values(), self.noise,
-            self.vehicle.options(), self.hand.values(), self.faults.values())
+            self.vehicle.options(), self.hand.values(), self.faults.values(),
+            self.wind.values())
 
 
 def initial_state(params: SimulatorParams) -> SimulatorState:
     """Return the state at tick 0: vehicle at rest, sensors not yet read."""
     return SimulatorState(
         plant.initial(params.plant), imu.START, optical_flow.START, barometer.START,
-        None if params.faults.values() is None else faults.START)
+        None if params.faults.values() is None else faults.START, wind.initial(params.wind))
 
 
 def generators(seed: int) -> Generators:
     """
-    Return one generator for each sensor and one for faults: IMU, SONAR, FLOW, BAROMETER, ...
+    Return one generator for each sensor, the faults and the wind: IMU, SONAR, ..., WIND.
 
     They are stateful: make new ones for each flight.
     """
     return tuple(
-        Generator(np.random.PCG64(child)) for child in np.random.SeedSequence(seed).spawn(6))
+        Generator(np.random.PCG64(child)) for child in np.random.SeedSequence(seed).spawn(7))
 
 
 @jit
 def _motion(
-    truth: plant.PlantState, t: float, path: PlanValues | None, values: SimulatorValues,
+    truth: plant.PlantState, t: float, path: PlanValues | None, air: Vec3 | None,
+    values: SimulatorValues,
 ) -> tuple[plant.PlantState, Vec3]:
     """Return the plant, where a hand has it if one carries it, and its specific force."""
     vv = values.vehicle
     if path is None:
-        return truth, plant.specific_force(truth, vv, values.plant.ground, values.options)
+        return truth, plant.specific_force(truth, vv, values.plant.ground, values.options, air)
     body, force = hand.carry(t, path, vv.gravity)
     stopped = (0.0, 0.0, 0.0, 0.0)
     return plant.PlantState(body, stopped, (0.0, 0.0, 0.0), truth.lost, truth.charge), force
@@ -157,7 +163,9 @@ def sense(
 
     """
     vv, noise = values.vehicle, values.noise
-    truth, force = _motion(state.plant, tick * STEP, values.hand, values)
+    blowing = wind.step(state.wind, tick, rngs[WIND], noise, values.wind)
+    truth, force = _motion(
+        state.plant, tick * STEP, values.hand, wind.air_velocity(blowing), values)
     body = truth.body
     f, _ = mix(truth.thrust, vv)
     imu_memory, inertial = imu.step(
@@ -171,7 +179,8 @@ def sense(
         inertial.gyro, inertial.accel, echo.new, echo.range, flow.new, flow.rate, flow.quality,
         air.new, air.pressure, IN_TIME)
     fault_memory, samples = _spoil(state.faults, tick, samples, rngs[FAULTS], values.faults)
-    return SimulatorState(truth, imu_memory, flow_memory, baro_memory, fault_memory), samples
+    return SimulatorState(
+        truth, imu_memory, flow_memory, baro_memory, fault_memory, blowing), samples
 
 
 @jit
@@ -231,6 +240,6 @@ def advance(
     command = (0.0, 0.0, 0.0, 0.0) if shutdown else pwm
     moved = plant.advance(
         state.plant, command, STEP, values.plant.substeps, values.vehicle, values.plant.ground,
-        values.options, values.plant.norm_gain)
+        values.options, values.plant.norm_gain, wind.air_velocity(state.wind))
     return SimulatorState(
-        moved, state.imu, state.optical_flow, state.barometer, state.faults)
+        moved, state.imu, state.optical_flow, state.barometer, state.faults, state.wind)

@@ -339,3 +339,40 @@ def test_of_several_publishers_on_one_topic_the_order_of_arrival_does_not_matter
         bag.close()
         files.append(bag.file.read_bytes())
     assert files[0] == files[1]
+
+
+def blocks(messages):
+    """Return messages as a whole flight is given: {topic: (stamps, blocks of bytes)}."""
+    out = {}
+    for topic in TYPES:
+        mine = [(ns, data) for name, data, ns in messages if name == topic]
+        out[topic] = (np.array([ns for ns, _ in mine]), [
+            np.frombuffer(data, np.uint8)[None] for _, data in mine])
+    return out
+
+
+def test_a_whole_flight_at_once_gives_the_file_of_its_messages(tmp_path, store):
+    messages = payloads(store)
+    write(tmp_path / 'one', messages)
+    many = BagWriter(tmp_path / 'many')
+    for topic, name in TYPES.items():
+        many.add_topic(topic, name)
+    many.write_all(blocks(messages))
+    many.close()
+    assert many.counts == {topic: sum(m[0] == topic for m in messages) for topic in TYPES}
+    assert data_file(tmp_path / 'many').read_bytes() == data_file(tmp_path / 'one').read_bytes()
+    one, two = (yaml.safe_load((tmp_path / name / 'metadata.yaml').read_text().replace(
+        f'{name}_0', 'x')) for name in ('one', 'many'))
+    assert one == two
+
+
+def test_a_whole_flight_goes_into_an_empty_bag_with_its_topics(tmp_path, store):
+    messages = payloads(store, 0.1)
+    bag = BagWriter(tmp_path / 'bag')
+    for topic, name in TYPES.items():
+        bag.add_topic(topic, name)
+    with pytest.raises(BagWriterError, match='empty bag'):
+        bag.write_all({'/other': (np.array([0]), [np.zeros((1, 4), np.uint8)])})
+    bag.write_all(blocks(messages))
+    with pytest.raises(BagWriterError, match='empty bag'):
+        bag.write_all(blocks(messages))

@@ -203,7 +203,7 @@ def test_rates_of_all_sensors_over_ten_seconds():
 
 
 def test_generators_are_the_children_of_one_seed_sequence():
-    children = np.random.SeedSequence(42).spawn(6)
+    children = np.random.SeedSequence(42).spawn(7)
     for rng, child in zip(generators(42), children, strict=True):
         assert rng.random() == np.random.Generator(np.random.PCG64(child)).random()
     assert (simulator.OPTITRACK, simulator.FAULTS) == (4, 5)

@@ -1,0 +1,302 @@
+"""
+Sweep files: which flights, as a table of parameters.
+
+    title: Mass and wind
+    scenario: fig_5_10          # an experiment, experiment/flight, or a scenario file
+    design: random              # or grid
+    samples: 100
+    seed: 7                     # of the draws; that of a flight is a parameter like others
+    vary:
+      seed: {range: [1, 100]}
+      vehicle: [identified, toolbox]
+      sim_node.simulator.vehicle.mass: {normal: [0.068, 0.001]}
+      sim_node.simulator.wind:
+        velocity: [[0, 0, 0], [1, 0, 0]]
+        gust_time: {uniform: [0.5, 2.0]}
+
+Under ``vary`` stand choices of a scenario file (vehicle, trajectory, seed, ...) and parameters of
+any node, each with one value, a list, ``range: [first, last]`` of whole numbers or ``range:
+[first, last, count]``, ``uniform: [low, high]`` or ``normal: [mean, standard deviation]``. A grid
+crosses lists and ranges and draws distributions ``samples`` times at each of its points; a random
+design has ``samples`` flights and draws everything. Draws depend on ``seed``, the name of the
+parameter and the number of the draw alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+import dataclasses
+import itertools
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mambo_model import schema
+from mambo_model.yaml_nodes import Reader
+import numpy as np
+import yaml
+
+from .. import scenario as scenarios, scenario_file
+from ..scenario_file import FIELDS, LEAVES, Place
+
+DISTRIBUTIONS = ('normal', 'range', 'uniform')
+MOST = 10_000_000  # flights
+_SEEDS = ('sim_node.simulator.seed', 'optitrack_node.seed')
+
+
+@dataclasses.dataclass(frozen=True)
+class _Head:
+    """What a sweep file says besides ``vary``."""
+
+    title: str = schema.text('', 'in one line what is varied')
+    scenario: str = schema.text('', 'what is flown; empty: the default circle')
+    design: str = schema.choice('grid', ('grid', 'random'), 'how values are combined')
+    samples: int = schema.quantity(1, 'flights', 1, MOST, 'draws of each distribution')
+    seed: int = schema.quantity(0, '1', 0, 2**31 - 1, 'of the draws')
+
+
+HEAD = {field.name: field for field in dataclasses.fields(_Head)}
+
+
+class Axis(NamedTuple):
+    """What one parameter gets: values, or a distribution."""
+
+    name: str
+    where: str  # file and line
+    field: dataclasses.Field
+    values: tuple[Any, ...]  # empty for a distribution
+    kind: str  # 'values', 'uniform' or 'normal'
+    first: Any = None  # low or mean
+    second: Any = None  # high or standard deviation
+
+
+class Sweep(NamedTuple):
+    """A sweep as read: flight i has the values ``rows[i]``, in the order of ``axes``."""
+
+    path: Path
+    head: _Head
+    axes: tuple[Axis, ...]
+    rows: list[tuple[Any, ...]]
+
+
+class _Reader(Reader):
+    """Reads a sweep file."""
+
+    def axes(self, node: yaml.Node, prefix: str = '') -> Iterator[Axis]:
+        """Yield what is under ``vary``; names may be dotted or nested."""
+        for part, (key, below) in self.mapping(node, prefix.rstrip('.') or 'vary').items():
+            name = f'{prefix}{part}'
+            field = LEAVES.get(name) or (None if prefix else FIELDS.get(name))
+            if field is not None:
+                yield self.axis(name, field, below)
+            elif any(known.startswith(f'{name}.') for known in LEAVES):
+                yield from self.axes(below, f'{name}.')
+            else:
+                known = LEAVES if '.' in name else [*FIELDS, *LEAVES]
+                raise schema.ParameterError(f'{self.where(key)}: {schema.unknown(name, known)}')
+
+    def axis(self, name: str, field: dataclasses.Field, node: yaml.Node) -> Axis:
+        """Return one of them."""
+        def leaf(below: yaml.Node) -> Any:
+            return self.leaf(name.rpartition('.')[0] or 'Scenario', name, field, below)
+        if isinstance(node, yaml.MappingNode):
+            return self.spread(name, field, node)
+        many = isinstance(node, yaml.SequenceNode)
+        if many and isinstance(field.default, tuple):  # one vector, or a list of vectors
+            many = all(isinstance(below, yaml.SequenceNode) for below in node.value)
+        if many and not node.value:
+            self.fail(node, name, 'is an empty list')
+        values = tuple(map(leaf, node.value)) if many else (leaf(node),)
+        return Axis(name, self.where(node), field, values, 'values')
+
+    def spread(self, name: str, field: dataclasses.Field, node: yaml.Node) -> Axis:
+        """Return a range or a distribution."""
+        keys = self.mapping(node, name)
+        if len(keys) != 1 or next(iter(keys)) not in DISTRIBUTIONS:
+            self.fail(node, name, f'must have one of {", ".join(DISTRIBUTIONS)}')
+        if 'unit' not in field.metadata:
+            self.fail(node, name, 'is no number: give a list')
+        (kind, (_, below)), = keys.items()
+        if kind == 'range':
+            values = self.range(name, field, below)
+            for value in values:
+                self.check(name, field, value, self.where(below))
+            return Axis(name, self.where(below), field, values, 'values')
+        if not isinstance(below, yaml.SequenceNode) or len(below.value) != 2:
+            self.fail(below, name, f'{kind} must be two values: [...]')
+        if isinstance(field.default, tuple):
+            first, second = (
+                np.array(self.numbers(one, name, len(field.default))) for one in below.value)
+        else:
+            first, second = (self.number(one, name) for one in below.value)
+        if kind == 'uniform' and np.any(np.greater(first, second)):
+            self.fail(below, name, 'uniform must be [low, high]')
+        if kind == 'normal' and np.any(np.less(second, 0.0)):
+            self.fail(below, name, 'normal must be [mean, standard deviation], the latter >= 0')
+        return Axis(name, self.where(below), field, (), kind, first, second)
+
+    def range(self, name: str, field: dataclasses.Field, node: yaml.Node) -> tuple[Any, ...]:
+        """Return evenly spaced values, both ends among them."""
+        whole = isinstance(field.default, int)
+        if (not isinstance(node, yaml.SequenceNode) or len(node.value) not in (2, 3)
+                or isinstance(field.default, tuple)):
+            self.fail(node, name, 'range must be [first, last] or [first, last, count]')
+        numbers = [self.number(one, name) for one in node.value]
+        if len(numbers) == 2:
+            numbers.append(numbers[1] - numbers[0] + 1.0)
+            if not whole:
+                self.fail(node, name, 'range of a fraction must be [first, last, count]')
+        first, last, count = numbers
+        if not (count.is_integer() and 1 <= count <= MOST):
+            self.fail(node, name, f'range of {count:g} values')
+        values = np.linspace(first, last, int(count)).tolist()
+        if whole and not all(value.is_integer() for value in values):
+            self.fail(node, name, 'range must have whole numbers')
+        return tuple(int(value) if whole else value for value in values)
+
+    def check(self, name: str, field: dataclasses.Field, value: Any, where: str) -> None:
+        """Refuse a value outside of its declaration, with the place it comes from."""
+        try:
+            schema.check_field(name.rpartition('.')[0] or 'Scenario', field, value)
+        except schema.ParameterError as error:
+            raise schema.ParameterError(f'{where}: {error}') from None
+
+
+def _draw(axis: Axis, seed: int, count: int) -> list[Any]:
+    """Return so many draws of a parameter; the first ones are the same for any count."""
+    sequence = np.random.SeedSequence(seed, spawn_key=tuple(axis.name.encode()))
+    rng = np.random.Generator(np.random.PCG64(sequence))
+    if axis.kind == 'values':
+        return [axis.values[int(u * len(axis.values))] for u in rng.random(count)]
+    shape = (count, *np.shape(axis.first))
+    if axis.kind == 'uniform':
+        drawn = axis.first + (np.subtract(axis.second, axis.first)) * rng.random(shape)
+    else:
+        drawn = axis.first + np.multiply(axis.second, rng.standard_normal(shape))
+    if isinstance(axis.field.default, int):
+        return np.rint(drawn).astype(int).tolist()
+    return [tuple(row) for row in drawn.tolist()] if drawn.ndim > 1 else drawn.tolist()
+
+
+def _table(axes: tuple[Axis, ...], head: _Head, reader: _Reader) -> list[tuple[Any, ...]]:
+    """Return the values of each flight."""
+    drawn = [axis for axis in axes if head.design == 'random' or axis.kind != 'values']
+    crossed = [axis for axis in axes if axis not in drawn]
+    repeats = head.samples if drawn else 1
+    count = repeats
+    for axis in crossed:
+        count *= len(axis.values)
+    if count > MOST:
+        raise schema.ParameterError(f'{reader.path}: {count} flights are more than {MOST}')
+    grid = itertools.product(*(axis.values for axis in crossed))
+    columns = {axis.name: column for axis, column in zip(
+        crossed, zip(*(point for point in grid for _ in range(repeats))))}
+    for axis in drawn:
+        columns[axis.name] = _draw(axis, head.seed, count)
+        for value in columns[axis.name] if axis.kind != 'values' else ():
+            reader.check(axis.name, axis.field, value, f'{axis.where}: drawn')
+    return list(zip(*(columns[axis.name] for axis in axes))) or [()]
+
+
+def read(path: Path) -> Sweep:
+    """
+    Read a sweep file.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        Naming file, line and key of what is unknown, mistyped or out of range.
+
+    """
+    reader = _Reader(Path(path))
+    keys = reader.mapping(reader.root(), 'file')
+    said, axes = {}, ()
+    for name, (key, node) in keys.items():
+        if name == 'vary':
+            axes = tuple(reader.axes(node))
+        elif name in HEAD:
+            said[name] = reader.leaf('Sweep', name, HEAD[name], node)
+        else:
+            raise schema.ParameterError(
+                f'{reader.where(key)}: {schema.unknown(name, [*HEAD, "vary"])}')
+    names = [axis.name for axis in axes]
+    for axis in axes:
+        if names.count(axis.name) > 1:
+            raise schema.ParameterError(f'{axis.where}: {axis.name}: stands there twice')
+    head = _Head(**said)
+    if head.design == 'random' and 'samples' not in said:
+        raise schema.ParameterError(f'{path}: samples: missing; a random design needs it')
+    return Sweep(Path(path), head, axes, _table(axes, head, reader))
+
+
+def _replaced(params: Any, values: Mapping[str, Any]) -> Any:
+    """Return parameters with other values of the right types, {dotted name: value}."""
+    own: dict[str, Any] = {}
+    below: dict[str, dict[str, Any]] = {}
+    for name, value in values.items():
+        head, _, tail = name.partition('.')
+        if tail:
+            below.setdefault(head, {})[tail] = value
+        else:
+            own[head] = value
+    for head, inner in below.items():
+        own[head] = _replaced(getattr(params, head), inner)
+    return dataclasses.replace(params, **own)
+
+
+class Flights:
+    """The scenarios of a sweep, made one by one; those that differ in parameters share a base."""
+
+    def __init__(self, sweep: Sweep) -> None:
+        self.sweep = sweep
+        self.bases: dict[tuple[Any, ...], scenarios.Scenario] = {}
+
+    def _base(self, settings: dict[str, Place]) -> scenarios.Scenario:
+        key = tuple(place.value for place in settings.values())
+        if key not in self.bases:
+            name = self.sweep.head.scenario
+            if not name:
+                self.bases[key] = scenario_file.from_settings(settings)
+            else:
+                if '.yaml' in name or '.yml' in name:
+                    name = str(self.sweep.path.parent / name)
+                self.bases[key] = scenario_file.load(name, settings)[1]
+        return self.bases[key]
+
+    def __getitem__(self, number: int) -> scenarios.Scenario:
+        """
+        Return the scenario of one flight.
+
+        Raises
+        ------
+        mambo_model.schema.ParameterError
+            If its values contradict each other; with the place of one that the error names.
+
+        """
+        settings, parameters = {}, {}
+        for axis, value in zip(self.sweep.axes, self.sweep.rows[number]):
+            if axis.name == 'seed':
+                parameters.update(dict.fromkeys(_SEEDS, value))
+            elif axis.name in FIELDS:
+                if isinstance(value, str) and value.endswith(('.yaml', '.yml')):
+                    value = str((self.sweep.path.parent / value).absolute())
+                settings[axis.name] = Place(value, axis.where)
+            else:
+                parameters[axis.name] = value
+        try:
+            flight = _replaced(self._base(settings), parameters)
+        except schema.ParameterError as error:
+            raise self._located(error, number) from None
+        if not flight.sim_node.duration > 0.0:
+            raise schema.ParameterError(
+                f'{self.sweep.path}: sim_node.duration: must be more than 0 s')
+        return flight
+
+    def _located(self, error: schema.ParameterError, number: int) -> schema.ParameterError:
+        """Return an error with the place of a parameter that it names."""
+        text = str(error)
+        for axis in self.sweep.axes:
+            if text.startswith(axis.where):
+                return error
+            if axis.name.rpartition('.')[2] in text:
+                return schema.ParameterError(f'{axis.where}: flight {number}: {text}')
+        return schema.ParameterError(f'{self.sweep.path}: flight {number}: {text}')

@@ -1,0 +1,152 @@
+"""The result of a sweep: rows as they come in a journal, all of them in the end as Parquet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from mambo_model.compiled import source_digest
+import pyarrow as pa
+import pyarrow.parquet as parquet
+
+from .. import scenario as scenarios
+from .design import Flights, Sweep
+
+
+class SweepError(ValueError):
+    """A sweep cannot go on; the text says why and what to do."""
+
+
+def parameters(sweep: Sweep, number: int) -> dict[str, Any]:
+    """Return the varied parameters of a flight by column, a vector as name.0, name.1, ..."""
+    out: dict[str, Any] = {}
+    for axis, value in zip(sweep.axes, sweep.rows[number]):
+        if isinstance(value, tuple):
+            out.update({f'{axis.name}.{i}': element for i, element in enumerate(value)})
+        else:
+            out[axis.name] = float(value) if isinstance(axis.field.default, float) else value
+    return out
+
+
+def digest(flights: Flights, ideal: bool) -> str:
+    """Return what a result depends on, in short: flights, sensors or none, the numerics."""
+    out = hashlib.sha256(f'{ideal} {source_digest()}'.encode())
+    out.update(repr([axis.name for axis in flights.sweep.axes]).encode())
+    for row in flights.sweep.rows:
+        out.update(repr(row).encode())
+    for base in flights.bases.values():
+        out.update(scenarios.to_yaml(base).encode())
+    return out.hexdigest()
+
+
+class Journal:
+    """
+    Finished rows on disk, in any order, one line of JSON each.
+
+    Parameters
+    ----------
+    path
+        Of the file; made or gone on with.
+    head
+        The :func:`digest` of the sweep.
+
+    Attributes
+    ----------
+    rows : dict[int, dict]
+        What is finished, by the number of the flight.
+
+    Raises
+    ------
+    SweepError
+        If the file is of another sweep or cannot be written.
+
+    """
+
+    def __init__(self, path: Path, head: str) -> None:
+        self.path = path
+        self.rows: dict[int, dict[str, Any]] = {}
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            good = self._read(head) if path.exists() else 0
+            self._stream = path.open('ab')
+            self._stream.truncate(good)  # a line that was cut off by the interruption
+            if not good:
+                self._write({'sweep': head})
+        except OSError as error:
+            raise SweepError(f'{path}: {error.strerror}') from None
+
+    def _read(self, head: str) -> int:
+        """Take the finished rows; return the length in bytes of what is whole."""
+        good = 0
+        for number, line in enumerate(self.path.read_bytes().splitlines(keepends=True)):
+            try:
+                row = json.loads(line) if line.endswith(b'\n') else None
+            except ValueError:
+                row = None
+            if not isinstance(row, dict):
+                break
+            if number == 0 and row.get('sweep') != head:
+                raise SweepError(
+                    f'{self.path}: begun by another sweep file or another version of the '
+                    'software: remove it, or give another --out')
+            if number:
+                self.rows[row.pop('flight')] = row
+            good += len(line)
+        return good
+
+    def _write(self, row: Mapping[str, Any]) -> None:
+        self._stream.write(json.dumps(row).encode() + b'\n')  # NaN and every bit of a float kept
+        self._stream.flush()
+
+    def add(self, number: int, row: dict[str, Any]) -> None:
+        """Keep a finished row."""
+        self.rows[number] = row
+        self._write({'flight': number, **row})
+
+    def close(self) -> None:
+        """Close the file; the rows stay in it."""
+        self._stream.close()
+
+    def remove(self) -> None:
+        """Close and remove the file: the result has everything."""
+        self.close()
+        self.path.unlink()
+
+
+def columns(sweep: Sweep, rows: Mapping[int, Mapping[str, Any]]) -> dict[str, list[Any]]:
+    """Return the tidy table: a row for each flight, parameters first, then what came of it."""
+    out: dict[str, list[Any]] = {'flight': list(range(len(sweep.rows)))}
+    for number in out['flight']:
+        for name, value in {**parameters(sweep, number), **rows[number]}.items():
+            out.setdefault(name, []).append(value)
+    return out
+
+
+def write(path: Path, data: Mapping[str, Sequence[Any]], title: str) -> None:
+    """
+    Write a table as Parquet, in one step.
+
+    Raises
+    ------
+    SweepError
+        If the file cannot be written.
+
+    """
+    table = pa.table({name: pa.array(values) for name, values in data.items()})
+    table = table.replace_schema_metadata({'title': title})
+    part = path.with_name(f'{path.name}.part')
+    try:
+        parquet.write_table(table, part, compression='zstd')
+        os.replace(part, path)
+    except OSError as error:
+        raise SweepError(f'{path}: {error.strerror or error}') from None
+
+
+def batches(numbers: Sequence[int], size: int) -> Iterator[Sequence[int]]:
+    """Yield the numbers in batches of a size."""
+    for start in range(0, len(numbers), size):
+        yield numbers[start:start + size]
