@@ -116,7 +116,7 @@ class Layout:
 
     def rows(self, *numbers: Any) -> NDArray[np.uint8]:
         """
-        Return the bytes of n messages at once, (n, nbytes).
+        Return the bytes of n messages at once, each row as :meth:`pack` returns one.
 
         Parameters
         ----------
@@ -126,7 +126,8 @@ class Layout:
 
         """
         count = max(np.size(number) for number in numbers)
-        out = np.zeros((count, self.nbytes), dtype=np.uint8)
+        width = self.nbytes + len(self._filling)
+        out = np.zeros((count, width), dtype=np.uint8)
         out[:, :4] = np.frombuffer(_ENCAPSULATION, dtype=np.uint8)
         for start, piece in self._texts:
             out[:, start:start + len(piece)] = np.frombuffer(piece, dtype=np.uint8)
@@ -134,7 +135,7 @@ class Layout:
         for offset, kind, length in self._places:
             kind = np.dtype(kind)
             leaf = np.ndarray(
-                (count, length), kind, out, offset, (self.nbytes, kind.itemsize))
+                (count, length), kind, out, offset, (width, kind.itemsize))
             for column in range(length):
                 leaf[:, column] = next(left)
         return out
