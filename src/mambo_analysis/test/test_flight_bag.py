@@ -44,7 +44,7 @@ def test_its_sensors_through_the_estimator_give_its_estimate(bag):
     found = read_bag(bag)
     node = scenario_file.load(str(bag.parent / 'short.yaml'))[1].estimator_node
     again = [messages.estimate(t, e.state, e.pose_covariance, e.twist_covariance)
-             for t, e in estimate(found, node.filter)]
+             for t, e, *_ in estimate(found, node.filter)]
     assert again == found[topics.ESTIMATE.name].raw
 
 
@@ -64,3 +64,13 @@ def test_an_existing_bag_is_not_touched(bag, capsys):
         fly.main(['fig_5_10', '--out', str(bag)])
     assert end.value.code == 1 and 'exists' in capsys.readouterr().err
     assert sorted((path.name, path.read_bytes()) for path in bag.iterdir()) == before
+
+
+def test_a_flight_with_ill_sensors_is_left_to_the_graph(tmp_path, capsys):
+    file = tmp_path / 'ill.yaml'
+    file.write_text(SCENARIO + 'parameters:\n  sim_node.simulator.faults.sonar.kind: late\n')
+    with pytest.raises(SystemExit) as end:
+        fly.main([str(file), '--out', str(tmp_path / 'bag')])
+    error = capsys.readouterr().err
+    assert end.value.code == 1 and error.count('\n') == 1 and 'faults' in error
+    assert not (tmp_path / 'bag').exists()
