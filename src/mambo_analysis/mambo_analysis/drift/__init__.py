@@ -1,1 +1,1 @@
-"""Why the position drifts where the height varies: mechanisms, what they predict, what flights say."""
+"""Why the position drifts where the height varies: mechanisms, and what flights say."""

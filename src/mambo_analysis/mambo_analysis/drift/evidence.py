@@ -1,8 +1,8 @@
 r"""
 Which mechanisms flights support: every one alone and every two together, compared by evidence.
 
-A model is the equation of :mod:`mambo_analysis.drift.mechanisms` with the scale and the
-parameters of one or two mechanisms free. What it leaves of the flow is taken as a stationary
+A model is the equation of :mod:`mambo_analysis.drift.mechanisms` with the scale, a small delay
+and the parameters of one or two mechanisms free. What it leaves of the flow is a stationary
 autoregressive process, whose coefficients come from the model with everything free; whitened by
 them, the residuals count as independent. With a normal prior on every parameter (its width is in
 ``PARAMETERS``) the evidence is that of Laplace,
@@ -117,8 +117,14 @@ class Evidence:
 
     def residuals(self, values: dict[str, float]) -> list[Array]:
         """Return flow minus that of a model, (n, 2) rad/s of each flight."""
-        lag = values.get('height_lag', 0.0)
-        return [f.flow - flow(f.track, f.height_before(lag), values) for f in self.flights]
+        lag, late = values.get('height_lag', 0.0), values.get('late', 0.0)
+        out = []
+        for f in self.flights:
+            exact = flow(f.track, f.height_before(lag), values)
+            if late:
+                exact = exact - late * np.gradient(exact, f.track.t, axis=0)
+            out.append(f.flow - exact)
+        return out
 
     def _noise(self) -> Noise:
         """Return the noise that the model with everything free leaves."""
@@ -135,7 +141,8 @@ class Evidence:
         if self.window is None:
             kernel = np.r_[1.0, -self.noise.coefficients]
             return np.concatenate([
-                lfilter(kernel, [1.0], r, axis=0)[ORDER:].ravel() for r in left]) / self.noise.sigma
+                lfilter(kernel, [1.0], r, axis=0)[ORDER:].ravel() / self.noise.sigma
+                for r in left])
         out = []
         for f, r, windows in zip(self.flights, left, self.windows, strict=True):
             Z, t = f.track.depth, f.track.t
@@ -147,11 +154,14 @@ class Evidence:
                 out.append(moved[rows].sum(axis=0) / spread)
         return np.concatenate(out)
 
-    def fit(self, model: Model) -> Fit:
-        """Return the most probable values of a model and its evidence."""
-        names = ['scale', *(n for letter in model for n in MECHANISMS[letter].parameters)]
+    def fit(self, model: Model, known: Fit | None = None) -> Fit:
+        """Return the most probable values of a model; ``known``, if any, is its prior."""
+        names = ['scale', 'late', *(n for letter in model for n in MECHANISMS[letter].parameters)]
         widths = np.array([self.scale[1], *(PARAMETERS[name].width for name in names[1:])])
         middle = np.array([self.scale[0]] + [0.0] * (len(names) - 1))
+        if known is not None:
+            middle = np.array([known.values[name] for name in names])
+            widths = np.array([known.sigmas[name] for name in names])
         theta = middle.copy()
 
         def left(x: Array) -> Array:
@@ -240,7 +250,8 @@ def separating(a: Fit, b: Fit, noise: Noise, window: float | None = None) -> dic
     """
     Return by how much 30 s of each experiment would tell two models apart, as ln of the odds.
 
-    What one model predicts is fitted by the other one; the smaller of both ways.
+    What one model predicts is fitted by the other one, within what the flights so far left open
+    of its values; the smaller of both ways.
 
     Parameters
     ----------
@@ -266,6 +277,9 @@ def separating(a: Fit, b: Fit, noise: Noise, window: float | None = None) -> dic
         for truth, other in ((a, b), (b, a)):
             before = still.height_before(truth.values.get('height_lag', 0.0))
             flown = still._replace(flow=flow(still.track, before, truth.values))
-            odds.append(0.5 * Evidence([flown], window, noise).fit(other.model).chi_square)
+            fit = Evidence([flown], window, noise).fit(other.model, other)
+            moved = sum(((value - other.values[name]) / other.sigmas[name])**2
+                        for name, value in fit.values.items())
+            odds.append(0.5 * (fit.chi_square + moved))
         out[name] = min(odds)
     return out

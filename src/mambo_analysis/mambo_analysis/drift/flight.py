@@ -23,6 +23,7 @@ from ..bag import read_bag
 from ..closed_loop import Recording
 from ..identify.recording import read_sensors, Stream
 from ..mcap_file import BagError
+from .mechanisms import level_part
 from .paths import Array, Track
 
 SMOOTH = 0.13        # s, of the local cubic
@@ -30,7 +31,7 @@ MIN_HEIGHT = 0.45    # m: the sensor says nothing below 0.4 m
 MIN_COSINE = 0.7     # of the tilt, as the estimator wants
 MIN_SAMPLES = 100
 GAP = 3.5            # periods over which two poses are not connected
-LAGS = np.arange(-0.05, 0.1501, 0.0025)  # s
+LAGS = np.arange(-0.02, 0.1501, 0.0025)  # s
 
 
 class Flight(NamedTuple):
@@ -93,7 +94,7 @@ def smoothed(poses: Poses) -> Smooth:
     """
     period = float(np.median(np.diff(poses.t))) if len(poses.t) > 1 else 1.0
     if len(poses.t) * period < 1.0 or len(poses.t) < 30:
-        raise BagError(f'{len(poses.t)} poses of Optitrack: at least 1 s and 30 of them are needed')
+        raise BagError(f'{len(poses.t)} poses of Optitrack: 1 s and 30 of them are needed')
     t = np.arange(poses.t[0], poses.t[-1], period)
     raw = np.column_stack([np.interp(t, poses.t, column) for column in poses.position.T])
     width = max(2 * round(0.5 * SMOOTH / period) + 1, 5)
@@ -178,18 +179,24 @@ def assemble(
 
 def flow_lag(poses: Poses, flow: Stream, gyro: Stream | None, name: str,
              min_height: float = MIN_HEIGHT) -> float:
-    """Return by how much the flow is behind the motion, s: where the motion explains most."""
+    """
+    Return by how much the flow is behind the motion, s: where the motion explains most of it.
+
+    Its factor is free to vary with the height, rotation may be left in.
+    """
     left = []
     for lag in LAGS:
         f = assemble(name, poses, flow, gyro, float(lag), min_height=min_height)
-        omega, track = f.track.omega, f.track
-        a = np.concatenate([track.nu[:, :2] / track.depth[:, None],
-                            np.column_stack([omega[:, 1], -omega[:, 0]])]).T.reshape(2, 2, -1)
-        parts = np.stack([a[:, 0].ravel(), a[:, 1].ravel(), np.repeat([1.0, 0.0], a.shape[2]),
-                          np.repeat([0.0, 1.0], a.shape[2])], axis=1)
-        seen = f.flow.T.ravel()
-        best = np.linalg.lstsq(parts, seen, rcond=None)[0]
-        left.append(float(np.mean((seen - parts @ best)**2)))
+        omega, nu, Z = f.track.omega, f.track.nu[:, :2], f.track.depth[:, None]
+        rotation = np.column_stack([omega[:, 1], -omega[:, 0]])
+        unexplained = 0.0
+        for axis in range(2):
+            parts = np.column_stack([
+                nu[:, axis] / Z[:, 0], nu[:, axis], nu[:, axis] / Z[:, 0]**2, rotation[:, axis],
+                (level_part(f.track) / Z)[:, axis], np.ones(len(nu))])
+            best = np.linalg.lstsq(parts, f.flow[:, axis], rcond=None)[0]
+            unexplained += float(np.mean((f.flow[:, axis] - parts @ best)**2))
+        left.append(unexplained)
     k = int(np.clip(np.argmin(left), 1, len(left) - 2))
     before, here, after = left[k - 1:k + 2]
     bend = before - 2.0 * here + after

@@ -143,7 +143,8 @@ def _run(options: argparse.Namespace) -> None:
               f'velocity of Optitrack {f.velocity_noise:.4f} m/s')
     print(f'noise of the flow {evidence.noise.sigma:.4f} rad/s, of its slow part '
           f'{evidence.noise.long_run:.4f} rad/s\n\n{table(fits)}\n')
-    said = [line for line in (sentence(fits), advice(fits, evidence.noise, options.window)) if line]
+    said = [sentence(fits), advice(fits, evidence.noise, options.window)]
+    said = [line for line in said if line]
     print('\n'.join(said))
     try:
         if options.json:

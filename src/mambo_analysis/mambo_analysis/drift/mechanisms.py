@@ -50,6 +50,7 @@ class Mechanism(NamedTuple):
 
 PARAMETERS = {p.name: p for p in (
     Parameter('scale', '1', 0.3),
+    Parameter('late', 's', 0.005),
     Parameter('slope', '1/m', 0.1),
     Parameter('gain', '1', 0.015),
     Parameter('height_offset', 'm', 0.15),

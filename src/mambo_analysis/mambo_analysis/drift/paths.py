@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from mambo_model.trajectory import Trajectory, TRAJECTORIES
+from mambo_model.trajectory import TRAJECTORIES, Trajectory
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
