@@ -21,8 +21,10 @@ setup(
     entry_points={
         'console_scripts': [
             'compare = mambo_analysis.compare:main',
+            'drift_experiments = mambo_analysis.drift.experiments:main',
             'fly = mambo_analysis.fly:main',
             'identify_drag = mambo_analysis.identify.drag:main',
+            'identify_drift = mambo_analysis.drift.identify_drift:main',
             'identify_flow = mambo_analysis.identify.flow:main',
             'identify_inertia = mambo_analysis.identify.inertia:main',
             'identify_motor = mambo_analysis.identify.motor:main',

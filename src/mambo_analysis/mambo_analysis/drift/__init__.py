@@ -1,0 +1,1 @@
+"""Why the position drifts where the height varies: mechanisms, and what flights say."""

@@ -1,0 +1,298 @@
+"""
+A flight as evidence: at each sample of the optical flow, what Optitrack says of the motion.
+
+Velocity is the derivative of the local cubic of :func:`scipy.signal.savgol_filter` over about
+0.13 s, which does not shift in time; angular rate is that of the gyro, its bias taken from
+Optitrack, or else Optitrack's own.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from mambo_model.frames import flip_vector
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_coeffs, savgol_filter
+from scipy.spatial.transform import Rotation, Slerp
+
+from .. import motion
+from ..align import body_rates
+from ..bag import read_bag
+from ..closed_loop import Recording
+from ..identify.recording import read_sensors, Stream
+from ..mcap_file import BagError
+from .mechanisms import level_part
+from .paths import Array, Track
+
+SMOOTH = 0.13        # s, of the local cubic
+MIN_HEIGHT = 0.45    # m: the sensor says nothing below 0.4 m
+MIN_COSINE = 0.7     # of the tilt, as the estimator wants
+MIN_SAMPLES = 100
+GAP = 3.5            # periods over which two poses are not connected
+LAGS = np.arange(-0.02, 0.1501, 0.0025)  # s
+
+
+class Flight(NamedTuple):
+    """
+    Flow and true motion of one flight.
+
+    Attributes
+    ----------
+    name
+        Of the bag.
+    track : n instants
+        True motion at the samples of the flow, in time order.
+    flow : (n, 2) rad/s, body x forward and y right
+        Flow, or what an estimate would need as flow.
+    heights : (m, 2) s, m
+        Height over time, finer than the track, for what lags.
+    velocity_noise : m/s
+        Standard deviation of a component of the velocity, from what the local cubic leaves.
+
+    """
+
+    name: str
+    track: Track
+    flow: Array
+    heights: Array
+    velocity_noise: float
+
+    def height_before(self, lag: float) -> Array:
+        """Return the height some seconds earlier, (n,) m."""
+        return np.interp(self.track.t - lag, *self.heights.T) if lag else self.track.height
+
+
+class Poses(NamedTuple):
+    """Poses of the vehicle, inertial NED and body FRD, at rising times."""
+
+    t: Array          # (n,) s
+    position: Array   # (n, 3) m
+    rotation: Rotation
+
+
+class Smooth(NamedTuple):
+    """Poses on an even grid, with their velocity; runs without gaps."""
+
+    t: Array         # (n,) s
+    position: Array  # (n, 3) m
+    velocity: Array  # (n, 3) m/s
+    known: NDArray[np.bool_]
+    noise: float     # m/s
+
+
+def smoothed(poses: Poses) -> Smooth:
+    """
+    Return poses on an even grid with their velocity.
+
+    Raises
+    ------
+    BagError
+        If they are fewer than a second's.
+
+    """
+    period = float(np.median(np.diff(poses.t))) if len(poses.t) > 1 else 1.0
+    if len(poses.t) * period < 1.0 or len(poses.t) < 30:
+        raise BagError(f'{len(poses.t)} poses of Optitrack: 1 s and 30 of them are needed')
+    t = np.arange(poses.t[0], poses.t[-1], period)
+    raw = np.column_stack([np.interp(t, poses.t, column) for column in poses.position.T])
+    width = max(2 * round(0.5 * SMOOTH / period) + 1, 5)
+    position, velocity = (savgol_filter(raw, width, 3, deriv=d, delta=period, axis=0)
+                          for d in (0, 1))
+    middle, slope = (savgol_coeffs(width, 3, deriv=d, delta=period) for d in (0, 1))
+    left = np.median(np.abs(raw - position)) / 0.6745
+    single = left / np.sqrt(max(1.0 - middle[width // 2], 1e-3))
+    noise = float(single * np.linalg.norm(slope))
+    after = np.clip(np.searchsorted(poses.t, t), 1, len(poses.t) - 1)
+    bad = poses.t[after] - poses.t[after - 1] > GAP * period
+    known = np.convolve(bad, np.ones(width), 'same') < 0.5
+    known[:width // 2] = known[len(known) - width // 2:] = False
+    return Smooth(t, position, velocity, known, noise)
+
+
+def _rates(poses: Poses, gyro: Stream | None) -> tuple[Array, Array]:
+    """Return times and angular rates, (n, 3) rad/s body: of the gyro without bias, if there."""
+    t, seen = body_rates(poses.t, poses.rotation.as_quat())
+    if gyro is None or len(gyro.t) < 2:
+        return t, seen
+    at = np.column_stack([np.interp(t, gyro.t, column) for column in gyro.values.T])
+    return gyro.t, gyro.values - np.median(at - seen, axis=0)
+
+
+def assemble(
+    name: str, poses: Poses, flow: Stream, gyro: Stream | None = None, lag: float = 0.0,
+    height: Stream | None = None, min_height: float = MIN_HEIGHT,
+) -> Flight:
+    """
+    Put a flight together.
+
+    Parameters
+    ----------
+    name
+        For messages.
+    poses
+        Of Optitrack.
+    flow : values (n, 2) rad/s, body FRD; NaN: no value
+    gyro : values (m, 3) rad/s, body FRD
+    lag : s
+        The flow is that of the motion so much earlier than its stamp.
+    height : values (k,) m
+        Height above the floor; None: -z of Optitrack.
+    min_height : m
+        Samples below are left out.
+
+    Raises
+    ------
+    BagError
+        If fewer than ``MIN_SAMPLES`` samples of the flow have a pose.
+
+    """
+    grid = smoothed(poses)
+    seen = np.isfinite(flow.values).all(axis=1)
+    t, values = flow.t[seen] - lag, flow.values[seen]
+    heights = np.column_stack([grid.t, -grid.position[:, 2]])
+    if height is not None:
+        heard = np.isfinite(height.values)
+        heights = np.column_stack([height.t[heard], height.values[heard]])
+    inside = (t > max(grid.t[0], poses.t[0])) & (t < min(grid.t[-1], poses.t[-1]))
+    t, values = t[inside], values[inside]
+    known = np.interp(t, grid.t, grid.known) > 0.99
+    t, values = t[known], values[known]
+    if len(t) < MIN_SAMPLES:
+        raise BagError(f'{name}: {len(t)} samples of optical flow have a pose of Optitrack beside '
+                       f'them; {MIN_SAMPLES} are needed')
+
+    def at(times: Array, columns: Array) -> Array:
+        return np.column_stack([np.interp(t, times, column) for column in columns.T])
+
+    position = at(grid.t, grid.position)
+    position[:, 2] = -np.interp(t, *heights.T)
+    track = Track(t, position, at(grid.t, grid.velocity),
+                  Slerp(poses.t, poses.rotation)(t).as_matrix(), at(*_rates(poses, gyro)))
+    flying = (track.height > min_height) & (track.R[:, 2, 2] > MIN_COSINE)
+    if flying.sum() < MIN_SAMPLES:
+        raise BagError(f'{name}: {flying.sum()} samples of optical flow above {min_height:g} m; '
+                       f'{MIN_SAMPLES} are needed')
+    return Flight(name, track.part(flying), values[flying], heights, grid.noise)
+
+
+def flow_lag(poses: Poses, flow: Stream, gyro: Stream | None, name: str,
+             min_height: float = MIN_HEIGHT) -> float:
+    """
+    Return by how much the flow is behind the motion, s: where the motion explains most of it.
+
+    Its factor is free to vary with the height, rotation may be left in.
+    """
+    left = []
+    for lag in LAGS:
+        f = assemble(name, poses, flow, gyro, float(lag), min_height=min_height)
+        omega, nu, Z = f.track.omega, f.track.nu[:, :2], f.track.depth[:, None]
+        rotation = np.column_stack([omega[:, 1], -omega[:, 0]])
+        unexplained = 0.0
+        for axis in range(2):
+            parts = np.column_stack([
+                nu[:, axis] / Z[:, 0], nu[:, axis], nu[:, axis] / Z[:, 0]**2, rotation[:, axis],
+                (level_part(f.track) / Z)[:, axis], np.ones(len(nu))])
+            best = np.linalg.lstsq(parts, f.flow[:, axis], rcond=None)[0]
+            unexplained += float(np.mean((f.flow[:, axis] - parts @ best)**2))
+        left.append(unexplained)
+    k = int(np.clip(np.argmin(left), 1, len(left) - 2))
+    before, here, after = left[k - 1:k + 2]
+    bend = before - 2.0 * here + after
+    return float(LAGS[k] + (0.5 * (before - after) / bend if bend > 0.0 else 0.0) * 0.0025)
+
+
+def from_recording(name: str, r: Recording, begin: float = 8.0) -> Flight:
+    """Return a flight of :func:`mambo_analysis.closed_loop.fly`, from a time in s on."""
+    t = r.t * 1e-9
+    on = t >= begin
+    posed = on & np.isfinite(r.pose[:, 0])
+    w, x, y, z = r.pose[posed, 3:].T
+    poses = Poses(r.pose_t[posed] * 1e-9, r.pose[posed, :3],
+                  Rotation.from_quat(np.column_stack([x, y, z, w])))
+    new = on & (r.flow[:, 2] > 0.0)
+    return assemble(name, poses, Stream(t[new], r.flow[new, :2]), Stream(t[on], r.imu[on, :3]))
+
+
+def from_estimate(flight: Flight, t: Array, position: Array) -> Flight:
+    """
+    Return a flight whose flow is the one that an estimate of the position stands for.
+
+    The velocity of the estimate is turned back to the body with the attitude of Optitrack and
+    divided by the depth: a perfect flow if (5.2) was applied without error.
+
+    Parameters
+    ----------
+    flight
+        What Optitrack says.
+    t, position : (m,) s, (m, 3) m, inertial NED
+        Of the estimate, its axes those of Optitrack.
+
+    """
+    level = Rotation.from_quat(np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)))
+    grid = smoothed(Poses(t, position, level))
+    inside = (flight.track.t > grid.t[0]) & (flight.track.t < grid.t[-1])
+    track = flight.track.part(inside)
+    velocity = np.column_stack([np.interp(track.t, grid.t, v) for v in grid.velocity.T[:2]])
+    return flight._replace(track=track, flow=flow_of(track, velocity))
+
+
+def flow_of(track: Track, velocity: Array) -> Array:
+    """Return the flow, (n, 2) rad/s, of which (5.2) makes a horizontal velocity, (n, 2) m/s."""
+    inertial = np.column_stack([velocity, track.velocity[:, 2]])
+    return np.einsum('nji,nj->ni', track.R, inertial)[:, :2] / track.depth[:, None]
+
+
+def read(path: Path, namespace: str | None = None, lag: float | None = None,
+         height: str = 'optitrack', min_height: float = MIN_HEIGHT,
+         estimate: str | None = None) -> tuple[Flight, float]:
+    """
+    Read a bag as evidence; return it and by how much its flow is behind, s.
+
+    Parameters
+    ----------
+    path, namespace
+        See :func:`mambo_analysis.bag.read_bag`.
+    lag : s
+        None: found.
+    height
+        ``optitrack`` or ``sonar``, whose slant range is taken for the depth Z.
+    min_height : m
+        Samples below are left out.
+    estimate
+        Topic of an estimate to be judged in place of the flow.
+
+    Raises
+    ------
+    BagError
+        If there is no flow or no Optitrack, or too little of them.
+
+    """
+    topics = ('optitrack/pose', *([estimate] if estimate else []))
+    bag, sensors = read_bag(path, topics, namespace), read_sensors(path, namespace)
+    if sensors.flow is None or 'optitrack/pose' not in bag:
+        lacks = 'optical_flow' if sensors.flow is None else 'optitrack/pose'
+        raise BagError(f'{path}: no {lacks} in it: flow and Optitrack are both needed')
+    seen = motion.read(bag, 'optitrack/pose')
+    good = np.isfinite(seen.quaternion).all(axis=1)
+    if not good.any():
+        raise BagError(f'{path}: optitrack/pose has no attitude')
+    x, y, z, w = seen.quaternion[good].T
+    position = np.column_stack(flip_vector(tuple(seen.position[good].T)))
+    poses = Poses(seen.t[good], position, Rotation.from_quat(np.column_stack([x, -y, -z, w])))
+    if lag is None:
+        lag = flow_lag(poses, sensors.flow, sensors.gyro, path.name, min_height)
+    ranged = None
+    if height == 'sonar':
+        if sensors.sonar is None:
+            raise BagError(f'{path}: no sonar/range in it; take --height optitrack')
+        upright = poses.rotation.as_matrix()[:, 2, 2]
+        cosine = np.interp(sensors.sonar.t, poses.t, upright)
+        ranged = Stream(sensors.sonar.t, sensors.sonar.values * cosine)
+    found = assemble(path.name, poses, sensors.flow, sensors.gyro, lag, ranged, min_height)
+    if estimate:
+        told = motion.read(bag, estimate)
+        found = from_estimate(
+            found, told.t, np.column_stack(flip_vector(tuple(told.position.T))))
+    return found, lag

@@ -1,0 +1,138 @@
+r"""
+What may be wrong with the optical flow, as one equation with one parameter for each mechanism.
+
+.. math:: f = \frac{h(t - \tau) + \delta}{h\, Q(h)} x (1 + c x^2), \qquad
+          x = \frac{\nu_{xy} - k \nu_3 - \lambda l}{Z^*} + \kappa [\omega_2, -\omega_1]
+
+with all parameters but the scale 0 where nothing is wrong: that of the simulated sensor
+(:mod:`mambo_sim.sensors.optical_flow`), and besides what an estimator does wrong when it makes a
+velocity of the flow, as if the flow had it: ``l`` is what turning to level axes adds to the
+velocity (C2), ``Z*`` is between Z and h (C1), and a velocity filter without the Coriolis term
+adds ``omega x nu / L`` (G). So the same equation serves for raw flow and for an estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from .paths import Array, Track
+
+REFERENCE_HEIGHT = 1.5  # m, where the scale is that of Q(h)
+
+
+class Parameter(NamedTuple):
+    """
+    A parameter of the equation.
+
+    Attributes
+    ----------
+    name, unit
+    width
+        Standard deviation of what it may be, about 0 (the scale: about 1), before any flight.
+
+    """
+
+    name: str
+    unit: str
+    width: float
+
+
+class Mechanism(NamedTuple):
+    """A way to be wrong: its letter, what it is, and its parameters."""
+
+    letter: str
+    says: str
+    parameters: tuple[str, ...]
+
+
+PARAMETERS = {p.name: p for p in (
+    Parameter('scale', '1', 0.3),
+    Parameter('late', 's', 0.005),
+    Parameter('slope', '1/m', 0.1),
+    Parameter('gain', '1', 0.015),
+    Parameter('height_offset', 'm', 0.15),
+    Parameter('height_lag', 's', 0.1),
+    Parameter('tilt_ignored', '1', 1.0),
+    Parameter('frame', '1', 1.0),
+    Parameter('leakage', '1', 1.0),
+    Parameter('coupling_x', '1', 0.05),
+    Parameter('coupling_y', '1', 0.05),
+    Parameter('cubic', 's^2', 0.1),
+    Parameter('coriolis', 's', 0.5),
+)}
+
+MECHANISMS = {m.letter: m for m in (
+    Mechanism('A', 'factor rises with height, linear', ('slope',)),
+    Mechanism('A3', 'factor rises with height, exponential', ('gain',)),
+    Mechanism('H', 'height offset', ('height_offset',)),
+    Mechanism('B', 'height lags', ('height_lag',)),
+    Mechanism('C1', 'tilt ignored in Z', ('tilt_ignored',)),
+    Mechanism('C2', 'flow velocity not turned to inertial axes', ('frame',)),
+    Mechanism('D', 'rotational flow left in (+) or removed twice (-)', ('leakage',)),
+    Mechanism('E', 'vertical speed couples in', ('coupling_x', 'coupling_y')),
+    Mechanism('F', 'flow not linear', ('cubic',)),
+    Mechanism('G', 'Coriolis term missing in the velocity filter', ('coriolis',)),
+)}
+"""I, a constant error of the scale, is part of every model."""
+
+
+def factor(height: Array, scale: float, slope: float, gain: float) -> Array:
+    """Return Q(h), (n,): (C.2b) and (C.2a) about its value at 1.5 m."""
+    return scale * (1.0 + slope * (height - REFERENCE_HEIGHT)
+                    + gain * (np.exp(height) - np.exp(REFERENCE_HEIGHT)))
+
+
+def level_part(track: Track) -> Array:
+    """
+    Return what turning a body velocity to level axes adds to it, (n, 2) m/s.
+
+    To first order ``nu_3`` times the tilt; the heading of the body stays.
+    """
+    forward = track.R[:, :2, 0] / np.linalg.norm(track.R[:, :2, 0], axis=1, keepdims=True)
+    vx, vy = track.velocity[:, 0], track.velocity[:, 1]
+    along = forward[:, 0] * vx + forward[:, 1] * vy
+    across = -forward[:, 1] * vx + forward[:, 0] * vy
+    return np.column_stack([along, across]) - track.nu[:, :2]
+
+
+def flow(track: Track, height: Array, values: Mapping[str, float]) -> Array:
+    """
+    Return the flow that a motion gives, (n, 2) rad/s, body x forward and y right.
+
+    Parameters
+    ----------
+    track
+        True motion.
+    height : (n,) m
+        The height as it was ``height_lag`` earlier.
+    values
+        {parameter: value}; what is missing is 0, the scale 1.
+
+    """
+    p = {name: values.get(name, 0.0) for name in PARAMETERS}
+    nu, omega, h = track.nu, track.omega, track.height
+    wrong = np.outer(nu[:, 2], [p['coupling_x'], p['coupling_y']])
+    if p['frame']:
+        wrong += p['frame'] * level_part(track)
+    if p['coriolis']:
+        wrong -= p['coriolis'] * np.cross(omega, nu)[:, :2]
+    rotation = np.column_stack([omega[:, 1], -omega[:, 0]])
+    x = (nu[:, :2] - wrong) / track.depth[:, None] + p['leakage'] * rotation
+    Q = factor(h, values.get('scale', 1.0), p['slope'], p['gain'])
+    scaling = (height + p['height_offset']) / (h * Q)
+    if p['tilt_ignored']:
+        scaling *= 1.0 + p['tilt_ignored'] * (track.R[:, 2, 2] - 1.0)
+    return scaling[:, None] * x * (1.0 + p['cubic'] * x * x)
+
+
+def dead_reckoned(track: Track, flow_rates: Array, scale: float = 1.0) -> Array:
+    """
+    Return the horizontal velocity (5.2) that flow says, (n, 2) m/s inertial.
+
+    Height, attitude and vertical body velocity are the true ones.
+    """
+    body = np.column_stack([scale * track.depth[:, None] * flow_rates, track.nu[:, 2]])
+    return np.einsum('nij,nj->ni', track.R, body)[:, :2]
