@@ -13,7 +13,7 @@ from mambo_analysis import closed_loop, flight_bag, offline
 from mambo_analysis.bag import read_bag
 from mambo_analysis.scenario import from_yaml, override, scenario, to_yaml
 from mambo_bringup.domain import Domain
-from mambo_bringup.flight import COMPOSED, FLIGHT_NODES, fly, RECORDER, SIMULATOR
+from mambo_bringup.flight import COMPOSED, FLIGHT_NODES, fly, fly_several, RECORDER, SIMULATOR
 from mambo_bringup.processes import NodeProcess
 from mambo_bringup.replay import replay
 from mambo_estimation.estimator_node import encode_state
@@ -100,8 +100,8 @@ def test_nodes_composed_in_one_process_record_the_same_file(bag, tmp_path):
 
 def test_a_recorder_outside_hears_all_that_composed_nodes_say(bag, tmp_path):
     inside, outside, file = (tmp_path / name for name in ('inside', 'outside', 'scenario.yaml'))
-    file.write_text(to_yaml(override(flight(), {
-        'sim_node.wait_for': 'recorder_node,estimator_node,controller_node,stranger'})))
+    names = [*(name for _, name in (*FLIGHT_NODES, RECORDER)), 'stranger']
+    file.write_text(to_yaml(override(flight(), {'sim_node.wait_for': ','.join(names)})))
     recording = tmp_path / 'recorder.yaml'
     recording.write_text(f'/mambo/recorder_node: {{ros__parameters: {{bag: {inside}}}}}')
     with Domain():
@@ -116,6 +116,20 @@ def test_a_recorder_outside_hears_all_that_composed_nodes_say(bag, tmp_path):
     assert codes == (0, 0)
     for topic in topics.RECORDED:
         assert payloads(outside, topic) == payloads(inside, topic) == payloads(bag, topic)
+
+
+def test_drones_side_by_side_fly_as_if_alone(bag, tmp_path):
+    spaces = ('/mambo1', '/mambo2')
+    bags = {space: tmp_path / space[1:] for space in spaces}
+    outcomes = fly_several(dict(zip(spaces, (flight(), flight(seed=4)), strict=True)), bags)
+    assert [(o.bag, o.flown, o.missed) for o in outcomes] == [
+        (path, SECONDS, 0) for path in bags.values()]
+    alike = (topics.CLOCK, topics.REFERENCE, topics.SENSOR_TICK)
+    for topic in topics.RECORDED:
+        name = topic.name.strip('/')
+        one, two = (read_bag(bags[space])[f'{space}/{name}'].raw for space in spaces)
+        assert one == payloads(bag, topic), name
+        assert len(two) and (two != one or topic in alike), name
 
 
 def test_another_seed_is_another_flight(bag, tmp_path):
@@ -326,6 +340,7 @@ def test_a_killed_recorder_ends_the_flight_with_one_line(tmp_path):
     (['--set', 'nonsense'], 'node.parameter=value'),
     (['--seed', '1.5'], 'seed'),
     (['--believed', 'eagle'], 'eagle'),
+    (['--drones', '0'], '--drones 0 must be within 1 to 16'),
 ])
 def test_careless_arguments_get_one_clear_line(arguments, complaint):
     run = start(*arguments)

@@ -9,11 +9,12 @@ import sys
 from typing import NamedTuple
 
 from mambo_model import compiled, rigid_body, rotor, trajectory
-from mambo_model.compiled import by_type, jit
+from mambo_model.compiled import by_type, hold, jit, memory_of
 from mambo_model.quaternion import to_euler
 from mambo_model.rigid_body import State
 from mambo_model.vehicle import Vehicle
 from numba.core.errors import TypingError
+import numpy as np
 import pytest
 
 START = State((0.0, 0.0, 0.0), (0.1, -0.2, 0.0), (1.0, 0.0, 0.0, 0.0), (0.3, -0.2, 0.1))
@@ -56,6 +57,17 @@ def flight_call_by_call(state, steps, plan, vv):
     return state
 
 
+@jit
+def held_step(held, t):
+    plan, vv = held.values
+    held.memory = one_step(held.memory, t, plan, vv)
+
+
+@jit
+def draw(held):
+    return held.rng.standard_normal()
+
+
 def bits(state):
     numbers = [x for vector in state for x in vector]
     return struct.pack(f'{len(numbers)}d', *numbers)
@@ -68,6 +80,24 @@ def test_a_compiled_flight_has_the_bits_of_one_flown_call_by_call(name):
     alone, inside = flight_call_by_call(START, 3400, plan, vv), whole_flight(START, 3400, plan, vv)
     assert bits(inside) == bits(alone)
     assert bits(inside) != bits(START)
+
+
+def test_what_is_held_moves_with_the_same_bits_and_apart_from_others():
+    plan = trajectory.FlightPlanParams(trajectory='circle', takeoff='none').values()
+    vv = Vehicle().values()
+    flown, still = (hold(START, None, (plan, vv)) for _ in range(2))
+    for k in range(200):
+        held_step(flown, 0.005 * k)
+    assert bits(memory_of(flown)) == bits(flight_call_by_call(START, 200, plan, vv))
+    assert memory_of(still) == START
+
+
+def test_generators_that_are_held_are_those_of_the_caller():
+    rng, same = (np.random.Generator(np.random.PCG64(7)) for _ in range(2))
+    held = hold(0.0, rng, None)
+    drawn = [draw(held) for _ in range(5)]
+    assert drawn == [same.standard_normal() for _ in range(5)]
+    assert rng.standard_normal() == same.standard_normal()
 
 
 def test_whole_numbers_as_parameters_compile_nothing_anew():

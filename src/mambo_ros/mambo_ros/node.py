@@ -261,8 +261,7 @@ class Loop:
 
         """
         now = time.monotonic()
-        turn = now >= self._next_turn
-        if turn:
+        if now >= self._next_turn:
             self.turn()
             self._next_turn = now + _TURN
         queue = self._queue
@@ -272,9 +271,8 @@ class Loop:
                 break
             take, data = queue.popleft()
             take(data)
-        if handled and not turn:
-            return True
-        self._wait(0.0 if handled else min(timeout, self._longest))
+        if not handled:
+            self._wait(min(timeout, self._longest))
         return self._take() or handled
 
     def _wait(self, timeout: float) -> None:
