@@ -1,0 +1,1 @@
+"""How fast it is: everything that ``./bench`` runs side by side."""

@@ -1,0 +1,203 @@
+"""
+Where the time of a control step goes: the closed loop with one part at a time left out.
+
+A part that is left out answers from a tape of the same flight, so that all the others work on
+exactly what they work on in the whole flight; what is saved is what the part costs.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from mambo_analysis import closed_loop
+from mambo_analysis.scenario import Scenario
+from mambo_control import failsafe
+from mambo_estimation import filters
+from mambo_model.compiled import jit
+from mambo_model.flatness import Reference
+from mambo_model.rigid_body import State
+from mambo_model.trajectory import reference_step
+from mambo_sim import simulator
+from mambo_sim.parameters import STEP_NS
+from mambo_sim.plant import PlantState
+from mambo_sim.sensors import optitrack
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+PARTS = ('plant', 'sensors', 'motion capture', 'estimator', 'reference', 'controller', 'recording')
+PLANT, SENSORS, MOCAP, ESTIMATOR, REFERENCE, CONTROLLER, RECORDING = (
+    1 << i for i in range(len(PARTS)))
+ALL = (1 << len(PARTS)) - 1
+
+
+class Tape(NamedTuple):
+    """What every part answered, row k at control step k."""
+
+    plant: Array      # (n, 20) body, thrust, jolt
+    samples: Array    # (n, 11) gyro, accel, sonar, flow (2), quality, pressure
+    estimate: Array   # (n, 18) state and its spread
+    reference: Array  # (n, 33) with the phase
+    command: Array    # (n, 5) PWM, shutdown
+
+
+class Mind(NamedTuple):
+    """Everything that the flight remembers from step to step."""
+
+    state: simulator.SimulatorState
+    mocap: optitrack.OptitrackMemory
+    before: State
+    memory: filters.Memory
+    control: failsafe.Memory
+
+
+class Chance(NamedTuple):
+    """Generators of the flight."""
+
+    sensors: simulator.Generators
+    mocap: np.random.Generator
+
+
+def begin(flight: Scenario) -> tuple[Mind, Chance]:
+    """Return memories and generators at the start of a flight."""
+    sim = flight.sim_node.simulator
+    state = simulator.initial_state(sim)
+    return Mind(
+        state, optitrack.START, state.plant.body, filters.initial(flight.estimator_node.filter),
+        failsafe.initial(flight.controller_node.law)), Chance(
+        simulator.generators(sim.seed),
+        simulator.generators(flight.optitrack_node.seed)[simulator.OPTITRACK])
+
+
+def tape(steps: int) -> Tape:
+    """Return an empty tape."""
+    return Tape(*(np.zeros((steps, width)) for width in (20, 11, 18, 33, 5)))
+
+
+@jit
+def _put(row, start, values):
+    """Write a tuple into a row; return where the next one begins."""
+    for i in range(len(values)):
+        row[start + i] = values[i]
+    return start + len(values)
+
+
+@jit
+def _three(row, i):
+    return (row[i], row[i + 1], row[i + 2])
+
+
+@jit
+def _four(row, i):
+    return (row[i], row[i + 1], row[i + 2], row[i + 3])
+
+
+@jit
+def _state(row):
+    return State(_three(row, 0), _three(row, 3), _four(row, 6), _three(row, 10))
+
+
+@jit
+def _put_state(row, s):
+    return _put(row, _put(row, _put(row, _put(row, 0, s.rho), s.nu), s.q), s.omega)
+
+
+@jit
+def _reference(row):
+    return Reference(
+        _three(row, 0), _three(row, 3), _three(row, 6), _three(row, 9), _three(row, 12),
+        _four(row, 15), _three(row, 19), _three(row, 22), row[25], _three(row, 26))
+
+
+@jit
+def _put_reference(row, ref):
+    at = _put(row, _put(row, 0, ref.rho), ref.v)
+    at = _put(row, _put(row, _put(row, at, ref.a), ref.j), ref.s)
+    at = _put(row, _put(row, _put(row, at, ref.q), ref.omega), ref.omega_dot)
+    row[at] = ref.f
+    _put(row, at + 1, ref.tau)
+
+
+@jit
+def _heard(row):
+    return closed_loop._Heard(
+        _three(row, 0), _three(row, 3), row[6], (row[7], row[8]), int(row[9]), row[10])
+
+
+@jit
+def _put_heard(row, h):
+    at = _put(row, _put(row, 0, h.gyro), h.accel)
+    row[at] = h.sonar
+    _put(row, at + 1, h.flow)
+    row[at + 3], row[at + 4] = h.flow_quality, h.pressure
+
+
+@jit
+def fly(mind, chance, p, tape, start, stop, parts):
+    """
+    Fly control steps ``start`` up to ``stop``; a part whose bit is not set plays its tape.
+
+    Returns the memories at the end, for the next piece, and a sum that needs every answer.
+    """
+    state, mocap, before, memory, control = mind
+    total = 0.0
+    for k in range(start, stop):
+        t = k * STEP_NS
+        if not parts & PLANT:
+            row = tape.plant[k]
+            plant = PlantState(_state(row), _four(row, 13), _three(row, 17), state.plant.lost,
+                               state.plant.charge)
+            state = simulator.SimulatorState(
+                plant, state.imu, state.optical_flow, state.barometer, state.faults)
+        body = state.plant.body
+        if parts & RECORDING:
+            row = tape.plant[k]
+            _put(row, _put(row, _put_state(row, body), state.plant.thrust), state.plant.jolt)
+        if parts & SENSORS:
+            state, samples = simulator.sense(state, k, chance.sensors, p.simulator)
+            heard = closed_loop._hear(samples, p)
+        else:
+            heard = _heard(tape.samples[k])
+        t_before = t - STEP_NS if k else t
+        if parts & MOCAP:
+            mocap, seen = optitrack.step(
+                mocap, t_before, before, t, body, chance.mocap, p.optitrack)
+            total += seen.pose.rho[0]
+        before = body
+        estimated, spread = body, failsafe.EXACT
+        if parts & ESTIMATOR:
+            memory, estimate = filters.step(
+                memory, (t - t_before) * 1e-9, heard.gyro, heard.accel, heard.sonar, heard.flow,
+                heard.flow_quality, heard.pressure, p.estimator)
+            pose, twist = estimate.pose_covariance, estimate.twist_covariance
+            estimated, spread = estimate.state, failsafe.Spread(
+                max(pose[0], pose[7]), pose[14], max(twist[0], twist[7]),
+                max(pose[21], pose[28]), max(twist[21], twist[28], twist[35]))
+        else:
+            row = tape.estimate[k]
+            estimated, spread = _state(row), failsafe.Spread(
+                row[13], row[14], row[15], row[16], row[17])
+        vehicle = p.reference_vehicle
+        if parts & REFERENCE:
+            ref, phase = reference_step(
+                t * 1e-9, p.plan, vehicle.mass, vehicle.inertia, vehicle.gravity)
+        else:
+            ref, phase = _reference(tape.reference[k]), int(tape.reference[k, 32])
+        if parts & CONTROLLER:
+            control, command = failsafe.step(
+                control, estimated, spread, ref, phase, p.period, p.gains, p.failsafe,
+                p.controller_vehicle)
+            pwm, shutdown = command.pwm, command.shutdown
+        else:
+            row = tape.command[k]
+            pwm, shutdown = _four(row, 0), row[4] > 0.0
+        if parts & RECORDING:
+            _put_heard(tape.samples[k], heard)
+            _put(tape.estimate[k], _put_state(tape.estimate[k], estimated), spread)
+            _put_reference(tape.reference[k], ref)
+            tape.reference[k, 32], tape.command[k, 4] = phase, shutdown
+            _put(tape.command[k], 0, pwm)
+        total += pwm[0] + heard.gyro[0] + estimated.rho[0] + ref.rho[0]
+        if parts & PLANT:
+            state = simulator.advance(state, pwm, shutdown, p.simulator)
+    return Mind(state, mocap, before, memory, control), total
