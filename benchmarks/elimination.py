@@ -133,6 +133,27 @@ def _put_heard(row, h):
 
 
 @jit
+def _played(state, row):
+    """Return the simulator with its vehicle as on the tape."""
+    plant = PlantState(
+        _state(row), _four(row, 13), _three(row, 17), state.plant.lost, state.plant.charge)
+    return simulator.SimulatorState(
+        plant, state.imu, state.optical_flow, state.barometer, state.faults, state.wind)
+
+
+@jit
+def _record(tape, k, truth, heard, estimated, spread, ref, phase, pwm, shutdown):
+    """Write what every part answered."""
+    row = tape.plant[k]
+    _put(row, _put(row, _put_state(row, truth.body), truth.thrust), truth.jolt)
+    _put_heard(tape.samples[k], heard)
+    _put(tape.estimate[k], _put_state(tape.estimate[k], estimated), spread)
+    _put_reference(tape.reference[k], ref)
+    tape.reference[k, 32], tape.command[k, 4] = phase, shutdown
+    _put(tape.command[k], 0, pwm)
+
+
+@jit
 def fly(mind, chance, p, tape, start, stop, parts):
     """
     Fly control steps ``start`` up to ``stop``; a part whose bit is not set plays its tape.
@@ -144,15 +165,8 @@ def fly(mind, chance, p, tape, start, stop, parts):
     for k in range(start, stop):
         t = k * STEP_NS
         if not parts & PLANT:
-            row = tape.plant[k]
-            plant = PlantState(_state(row), _four(row, 13), _three(row, 17), state.plant.lost,
-                               state.plant.charge)
-            state = simulator.SimulatorState(
-                plant, state.imu, state.optical_flow, state.barometer, state.faults)
+            state = _played(state, tape.plant[k])
         body = state.plant.body
-        if parts & RECORDING:
-            row = tape.plant[k]
-            _put(row, _put(row, _put_state(row, body), state.plant.thrust), state.plant.jolt)
         if parts & SENSORS:
             state, samples = simulator.sense(state, k, chance.sensors, p.simulator)
             heard = closed_loop._hear(samples, p)
@@ -192,11 +206,8 @@ def fly(mind, chance, p, tape, start, stop, parts):
             row = tape.command[k]
             pwm, shutdown = _four(row, 0), row[4] > 0.0
         if parts & RECORDING:
-            _put_heard(tape.samples[k], heard)
-            _put(tape.estimate[k], _put_state(tape.estimate[k], estimated), spread)
-            _put_reference(tape.reference[k], ref)
-            tape.reference[k, 32], tape.command[k, 4] = phase, shutdown
-            _put(tape.command[k], 0, pwm)
+            _record(
+                tape, k, state.plant, heard, estimated, spread, ref, phase, pwm, shutdown)
         total += pwm[0] + heard.gyro[0] + estimated.rho[0] + ref.rho[0]
         if parts & PLANT:
             state = simulator.advance(state, pwm, shutdown, p.simulator)

@@ -21,6 +21,7 @@ from .measure import Contender, Gap, timed
 
 TICK = os.sysconf('SC_CLK_TCK')  # 1/s, of CPU time in /proc
 NODE = re.compile(r'(\w+_node)$')
+DELAY = re.compile(r'(?P<median>[\d.]+) ms.*?(?P<p99>[\d.]+) ms.*?(?P<most>[\d.]+) ms')
 
 
 class Children:
@@ -62,22 +63,25 @@ class Children:
             self.memory[name] = int(peak[1]) / 1024.0
 
 
-def _fly(bag: Path, seconds: float) -> tuple[flight.Outcome, Children, float]:
+def _fly(
+    bag: Path, seconds: float, composed: bool = False, mode: str = 'lockstep',
+) -> tuple[flight.Outcome, Children, float]:
     """Fly the circle in the graph; return outcome, nodes, wall time in s from start to end."""
     shutil.rmtree(bag, ignore_errors=True)
+    flown = scenario.scenario(duration=seconds, overrides={'sim_node.mode': mode})
     began = time.perf_counter()
     try:
         with Children() as nodes:
-            outcome = flight.fly(scenario.scenario(duration=seconds), bag)
+            outcome = flight.fly(flown, bag, composed)
     except FlightError as error:
         raise Gap(str(error)) from None
     return outcome, nodes, time.perf_counter() - began
 
 
-def _measure(folder: Path, seconds: float) -> dict[str, float]:
+def _measure(folder: Path, seconds: float, composed: bool, mode: str) -> dict[str, float]:
     """Fly one second and a whole flight: the difference is what a second costs, without start."""
-    _, first, start = _fly(folder / 'first_second', 1.0)
-    outcome, nodes, _ = _fly(folder / 'flight', seconds)
+    _, first, start = _fly(folder / 'first_second', 1.0, composed, mode)
+    outcome, nodes, _ = _fly(folder / 'flight', seconds, composed, mode)
     lost = sum(entry['lost'] or 0 for entry in compare(read_bag(outcome.bag))['topics'])
     out = {'factor': outcome.real_time_factor, 'start': start,
            'missed': float(outcome.missed), 'lost': float(lost),
@@ -86,6 +90,9 @@ def _measure(folder: Path, seconds: float) -> dict[str, float]:
         out[f'cpu {name}'] = (nodes.cpu[name] - first.cpu.get(name, 0.0)) / (seconds - 1.0)
         out[f'memory {name}'] = nodes.memory[name]
     out['cpu'] = sum(value for name, value in out.items() if name.startswith('cpu '))
+    delays = DELAY.search(outcome.delay)
+    if delays:
+        out.update({f'delay {name}': float(found) for name, found in delays.groupdict().items()})
     return out
 
 
@@ -123,7 +130,7 @@ def _live(folder: Path, bag: Path, seconds: float) -> dict[str, float]:
 
 
 def contenders(quick: bool, folder: Path) -> list[Contender]:
-    """Return the graph as separate processes, and its bag replayed offline and live."""
+    """Return the graph in its forms, and its bag replayed offline and live."""
     seconds = 10.0 if quick else 40.0
 
     def bag() -> Path:
@@ -134,19 +141,25 @@ def contenders(quick: bool, folder: Path) -> list[Contender]:
 
     def prepare_live() -> None:
         bag()
+    def graph(name: str, title: str, composed: bool, mode: str, factor: float,
+              most: dict[str, float]) -> Contender:
+        return Contender(
+            'graph', name, title, lambda: _measure(folder, seconds, composed, mode),
+            lambda: _warm(folder, composed), '', {'factor': factor}, {'lost': 0.0, **most})
+    start = {'start': 2.0, 'memory': 250.0}
     return [
-        Contender('graph', 'graph_separate', 'every node a process, all topics recorded',
-                  lambda: _measure(folder, seconds), lambda: _warm(folder),
-                  {'factor': 5.0},
-                  {'start': 2.0, 'memory': 250.0, 'lost': 0.0, 'missed': 0.0}),
+        graph('graph_separate', 'every node a process', False, 'lockstep', 5.0, start),
+        graph('graph_composed', 'composed in one process', True, 'lockstep', 10.0, start),
+        graph('graph_realtime', 'every node a process, real time', False, 'realtime', 0.99,
+              {'cpu': 1.0, 'missed': 0.0}),
         Contender('replay', 'replay_offline', 'offline: bag read, estimated again, compared',
                   lambda: timed(seconds, lambda: _offline(bag())), prepare_offline,
-                  {'factor': 500.0}),
+                  at_least={'factor': 500.0}),
         Contender('replay', 'replay_live', 'live: start of three nodes to closed bag',
                   lambda: _live(folder, bag(), seconds), prepare_live,
                   at_most={'lost': 0.0, 'different': 0.0})]
 
 
-def _warm(folder: Path) -> None:
+def _warm(folder: Path, composed: bool) -> None:
     """Compile what the nodes need."""
-    _fly(folder / 'first_second', 1.0)
+    _fly(folder / 'first_second', 1.0, composed)

@@ -87,8 +87,8 @@ def contenders(quick: bool, folder: Path) -> list[Contender]:
         geometric.fly(geometric.START, gains, vv, np.empty((steps, 3)))
 
     return [  # the plant first: the check of the other flies it too
-        Contender('reference', 'reference_numba', 'the same flight by the plant of `mambo_sim`',
-                  lambda: timed(seconds, ours), ours),
-        Contender('reference', 'reference_c', 'C reference (`gcc -O2`): physics at 1 kHz, SO(3) '
-                  'controller at 200 Hz', lambda: timed(seconds, lambda: made['fly'](steps, False)),
-                  prepare)]
+        Contender('reference', 'reference_numba', 'the same flight by `mambo_sim`',
+                  lambda: timed(seconds, ours), ours, 'its plant, and the same controller'),
+        Contender('reference', 'reference_c', 'C reference',
+                  lambda: timed(seconds, lambda: made['fly'](steps, False)), prepare,
+                  '`gcc -O2`, Runge-Kutta steps at 1 kHz, SO(3) controller at 200 Hz')]

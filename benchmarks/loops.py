@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+import shutil
 
-from mambo_analysis import closed_loop, scenario
-from mambo_control import failsafe
-from mambo_model.compiled import jit
-from mambo_model.trajectory import reference_step
-from mambo_sim import plant
-from mambo_sim.parameters import STEP_NS
+from mambo_analysis import closed_loop, flight_bag, monte_carlo, scenario
 import numpy as np
 
 from . import elimination
@@ -21,51 +17,41 @@ STEPS = round(DURATION / 0.005) + 1
 IDLE = 2000  # control steps in a piece of an idle flight
 
 
-@jit
-def _without_sensors(state, control, p, steps):
-    """Fly on the true state; return a sum that needs every command."""
-    vehicle, total = p.reference_vehicle, 0.0
-    for k in range(steps):
-        ref, phase = reference_step(
-            k * STEP_NS * 1e-9, p.plan, vehicle.mass, vehicle.inertia, vehicle.gravity)
-        control, command = failsafe.step(
-            control, state.body, failsafe.EXACT, ref, phase, p.period, p.gains, p.failsafe,
-            p.controller_vehicle)
-        sim = p.simulator
-        state = plant.advance(
-            state, command.pwm, STEP_NS * 1e-9, sim.plant.substeps, sim.vehicle,
-            sim.plant.ground, sim.options, sim.plant.norm_gain)
-        total += command.pwm[0]
-    return total
-
-
-def _flights(quick: bool) -> list[Contender]:
-    """Return whole flights: with all sensors, with the other stack, without sensors."""
+def _flights(quick: bool, folder: Path) -> list[Contender]:
+    """Return whole flights: without sensors, with all, with the other stack, with a bag."""
     often = 2 if quick else 10
 
     def whole(flight: scenario.Scenario) -> None:
         closed_loop.fly(flight)
 
-    def ideal(flight: scenario.Scenario) -> None:
-        _without_sensors(
-            plant.initial(flight.sim_node.simulator.plant),
-            failsafe.initial(flight.controller_node.law), closed_loop._settings(flight), STEPS)
+    def with_bag(flight: scenario.Scenario) -> None:
+        shutil.rmtree(folder / 'in_one_process', ignore_errors=True)
+        recording = closed_loop.fly(flight, inner=True)
+        flight_bag.write(folder / 'in_one_process', flight, recording)
 
-    def contender(name, title, fly, flight, wanted):
+    def ideal(flight: scenario.Scenario) -> None:
+        list(monte_carlo.fly_many([flight]))
+
+    def contender(name, title, detail, fly, flight, factor):
         return Contender(
             'closed_loop', name, title,
             lambda: timed(often * DURATION, lambda: [fly(flight) for _ in range(often)]),
-            lambda: fly(flight), wanted)
+            lambda: fly(flight), detail, {'factor': factor})
     default = scenario.scenario(duration=DURATION)
     toolbox = scenario.scenario(estimator='toolbox', controller='toolbox', duration=DURATION)
     return [
-        contender('closed_loop', 'closed loop: physics at 1 kHz, all sensors with noise, motion '
-                  'capture, Kalman filters, cascaded controller, all recorded', whole, default,
-                  {'factor': 500.0}),
-        contender('closed_loop_toolbox', 'closed loop with estimator and controller of the '
-                  'support package', whole, toolbox, {'factor': 500.0}),
-        contender('closed_loop_ideal', 'closed loop without sensors: plant, flight plan, cascaded '
-                  'controller, failsafe', ideal, default, {'factor': 2000.0})]
+        contender('closed_loop_ideal', 'without sensors',
+                  'plant, flight plan, cascaded controller and failsafe, as sweeps fly it',
+                  ideal, default, 2000.0),
+        contender('closed_loop', 'closed loop',
+                  'all sensors with noise, motion capture, Kalman filters, cascaded controller, '
+                  'all recorded as arrays', whole, default, 500.0),
+        contender('closed_loop_toolbox', 'closed loop, support package',
+                  'the same with estimator and controller of the support package', whole,
+                  toolbox, 500.0),
+        contender('closed_loop_bag', 'closed loop with bag',
+                  'the closed loop, then its bag with all topics of the graph', with_bag, default,
+                  100.0)]
 
 
 @cache
@@ -109,7 +95,7 @@ def _profile(quick: bool) -> list[Contender]:
 
 def _waiting(where: str) -> scenario.Scenario:
     """Return a flight that waits on the floor without noise: before take-off or after landing."""
-    overrides = {'ground': {'reference_node.plan.takeoff_time': 600.0,
+    overrides = {'ground': {'reference_node.plan.takeoff_time': 590.0,
                             'reference_node.plan.start_time': 600.0},
                  'landed': {'reference_node.plan.landing_time': 12.0}}[where]
     return scenario.scenario(
@@ -163,4 +149,4 @@ def _idle(quick: bool) -> list[Contender]:
 
 def contenders(quick: bool, folder: Path) -> list[Contender]:
     """Return everything that is measured in this process."""
-    return [*_flights(quick), *_profile(quick), *_idle(quick)]
+    return [*_flights(quick, folder), *_profile(quick), *_idle(quick)]

@@ -31,6 +31,8 @@ class Contender:
         Measures once: {quantity: value}.
     prepare
         Loads and compiles, before the first measurement; returns what else is worth a note.
+    detail
+        Of the row, below its table.
     at_least, at_most
         {quantity: bound} that is wanted of the median.
 
@@ -41,6 +43,7 @@ class Contender:
     title: str
     run: Callable[[], dict[str, float]]
     prepare: Callable[[], str | None] = lambda: None
+    detail: str = ''
     at_least: dict[str, float] = field(default_factory=dict)
     at_most: dict[str, float] = field(default_factory=dict)
 

@@ -14,10 +14,11 @@ from .measure import Result
 TRIED = Path(__file__).with_name('tried.md')
 RATE = 1000.0  # Hz, of the physics
 UNITS = {
-    'factor': 'times real time', 'start': 's to fly the first second, from nothing to a closed bag',
-    'memory': 'MB, the largest node', 'lost': 'messages lost', 'missed': 'steps without command',
-    'different': 'replays that differ', 'slowdown': 'slowdown', 'subnormal': 'subnormal numbers'}
-ORDER = ('reference_c', 'reference_numba')  # then as they come
+    'factor': 'times real time', 'start': 'first second [s]', 'memory': 'largest node [MB]',
+    'lost': 'messages lost', 'missed': 'steps missed', 'cpu': 'CPU s per s of flight',
+    'different': 'replays that differ', 'slowdown': 'late over early',
+    'subnormal': 'subnormal numbers'}
+ORDER = ('reference_c', 'reference_numba')  # then the others as they come
 
 
 def number(value: float) -> str:
@@ -57,6 +58,11 @@ def ratio(result: Result, base: Result | None) -> np.ndarray:
     return np.array([a['cpu_factor'] / b['cpu_factor'] for a, b in pairs])
 
 
+def missing(rows: list[Result]) -> str:
+    """Return a line for each row that was not measured, and why."""
+    return ''.join(f'\n\n**Not measured: {r.contender.title}.** {r.gap}.' for r in rows if r.gap)
+
+
 def _side_by_side(results: list[Result]) -> str:
     by_name = {result.contender.name: result for result in results}
     rows = sorted((r for r in results if r.contender.group in (
@@ -67,35 +73,41 @@ def _side_by_side(results: list[Result]) -> str:
     peer = by_name.get('rotorpy_fastest')
     table = []
     for r in rows:
-        title = r.contender.title + (f'; **not measured: {r.gap}**' if r.gap else '')
         table.append((
-            title, spread(r.values('factor')), spread(r.values('cpu_factor')),
+            r.contender.title, spread(r.values('factor')), spread(r.values('cpu_factor')),
             number(r.median('cpu_factor') * RATE * 1e-6), *(
                 number(float(np.median(q))) if len(q := ratio(r, base)) else '-'
-                for base in (by_name.get('reference_c'), peer)), number(r.preparation)))
-    notes = ''.join(f'\n\n{r.contender.title}: {r.note}.' for r in rows if r.note)
+                for base in (by_name.get('reference_c'), peer)),
+            number(r.preparation) if r.preparation > 0.01 else '-'))
+    notes = ''.join(
+        f'- {r.contender.title}: {"; ".join(filter(None, (r.contender.detail, r.note)))}\n'
+        for r in rows if r.contender.detail)
     return ('## One drone on a circle of 1 m, one core\n\n' + markdown(
-        ('', 'times real time', 'the same per CPU second', 'million ms of flight per CPU s',
-         'over C', 'over RotorPy at its fastest', 'first call [s]'), table)
-        + '\n\nA millisecond of flight is a step of the physics where that is 1 kHz, with its share '
-        'of everything else. Ratios are medians of those within one repetition, in CPU time.'
-        + notes + '\n')
+        ('', 'times real time', 'per CPU second', 'million drone-steps per CPU s', 'of C',
+         'of RotorPy', 'first call [s]'), table) + missing(rows)
+        + '\n\nA drone-step is a millisecond of flight: a step of the physics where that is '
+        '1 kHz, with its share of all else. Ratios, to the C reference and to RotorPy at its '
+        'fastest, are medians of those within one repetition, in CPU time. The first call '
+        'compiles or loads and is in no other number.\n\n' + notes)
 
 
 def _graph(results: list[Result]) -> str:
     rows = [r for r in results if r.contender.group == 'graph']
     if not rows:
         return ''
-    text = '## The graph of ROS 2 nodes, in lockstep, recording every topic\n\n' + markdown(
+    text = '## The graph of ROS 2 nodes, every topic recorded\n\n' + markdown(
         ('', 'times real time', 'first second [s]', 'CPU s per s of flight', 'largest node [MB]',
-         'all [MB]', 'messages lost'),
-        [(r.contender.title + (f'; **not measured: {r.gap}**' if r.gap else ''),
-          spread(r.values('factor')), spread(r.values('start')), number(r.median('cpu')),
-          number(r.median('memory')), number(r.median('memory_all')), number(r.median('lost')))
-         for r in rows]) + (
+         'all [MB]', 'messages lost', 'steps missed'),
+        [(r.contender.title, spread(r.values('factor')), spread(r.values('start')),
+          number(r.median('cpu')), number(r.median('memory')), number(r.median('memory_all')),
+          number(r.median('lost')), number(r.median('missed'))) for r in rows]) + missing(rows) + (
         '\n\nFirst second: from starting the processes to a closed bag of one second of flight, '
         'compiled code in the cache.\n')
     for r in rows:
+        delays = [number(r.median(f'delay {name}')) for name in ('median', 'p99', 'most')]
+        if r.contender.name == 'graph_realtime' and r.samples:
+            text += ('\nIn real time, from an IMU sample to its motor command: median '
+                     f'{delays[0]} ms, p99 {delays[1]} ms, longest {delays[2]} ms.\n')
         names = sorted({name.removeprefix('cpu ') for sample in r.samples for name in sample
                         if name.startswith('cpu ')})
         if names:
@@ -108,11 +120,10 @@ def _graph(results: list[Result]) -> str:
 
 def _replay(results: list[Result]) -> str:
     rows = [r for r in results if r.contender.group == 'replay']
-    return rows and '## Replay of a bag\n\n' + markdown(
+    return '' if not rows else '## Replay of a bag\n\n' + markdown(
         ('', 'times real time', 'estimates lost', 'differ'),
-        [(r.contender.title + (f'; **not measured: {r.gap}**' if r.gap else ''),
-          spread(r.values('factor')), number(r.median('lost')), number(r.median('different')))
-         for r in rows]) + '\n'
+        [(r.contender.title, spread(r.values('factor')), number(r.median('lost')),
+          number(r.median('different'))) for r in rows]) + missing(rows) + '\n'
 
 
 def _profile(results: list[Result]) -> str:
@@ -136,10 +147,10 @@ def _profile(results: list[Result]) -> str:
 
 def _idle(results: list[Result]) -> str:
     rows = [r for r in results if r.contender.group == 'idle']
-    return rows and '## Idle states\n\n' + markdown(
+    return '' if not rows else '## Idle states\n\n' + markdown(
         ('nine minutes without noise', 'time of a step, late over early', 'subnormal numbers'),
         [(r.contender.title, spread(r.values('slowdown')), number(r.median('subnormal')))
-         for r in rows]) + (
+         for r in rows]) + missing(rows) + (
         '\n\nStates that decay without noise could end in subnormal numbers, which are slow.\n')
 
 
@@ -147,15 +158,15 @@ def _wanted(results: list[Result]) -> str:
     rows = [(r.contender.title, UNITS[name], bound, number(r.median(name)),
              '-' if not r.samples else 'yes' if kept else '**no**')
             for r in results for name, bound, kept in r.wanted()]
-    return rows and '## Wanted and got\n\n' + markdown(
+    return '' if not rows else '## Wanted and got\n\n' + markdown(
         ('', 'what', 'wanted', 'got', 'kept'), rows) + '\n'
 
 
 def text(results: list[Result], machine: dict[str, Any], repetitions: int) -> str:
     """Return the page."""
     head = (
-        '# Performance\n\nWritten by `./bench`, which measures it again. Medians (least - most) of '
-        f'{repetitions} repetitions, in turn.\n\n'
+        '# Performance\n\nWritten by `./bench`, which measures it again. Medians (least - most) '
+        f'of {repetitions} repetitions, in turn.\n\n'
         + '\n'.join(f'- {name}: {value}' for name, value in machine.items()) + '\n')
     profile = _profile(results)
     if profile:

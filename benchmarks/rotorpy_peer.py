@@ -18,7 +18,7 @@ FLIGHT = Path(__file__).with_name('rotorpy_flight.py')
 RADIUS = (0.7, 1.1)  # m, of the circle that it flies: else it did not follow
 # one thread: arrays of three numbers gain nothing from more; the paths of ROS do not belong there
 LEFT_OUT = ('PYTHONPATH', 'PYTHONHOME', 'LD_LIBRARY_PATH', 'VIRTUAL_ENV')
-THREADS = {name: '1' for name in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS')}
+THREADS = dict.fromkeys(('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'), '1')
 
 
 def environment() -> dict[str, str]:
@@ -85,20 +85,22 @@ def contenders(quick: bool, folder: Path) -> list[Contender]:
         name: values[name] for name in ('mass', 'inertia', 'arm', 'yaw_ratio',
                                         'drag_coefficient')}}
 
-    def contender(name: str, title: str, method: str, step: float,
+    def contender(name: str, title: str, detail: str, method: str, step: float,
                   with_sensors: bool = False) -> Contender:
         steps = {'first_step': step, 'max_step': step}
         setting = {**asked, 'method': method, 'step': steps, 'environment': with_sensors}
-        return Contender('rotorpy', name, title, lambda: fly(install(at), setting), prepare)
+        return Contender(
+            'rotorpy', name, title, lambda: fly(install(at), setting), prepare, detail)
 
     def prepare() -> None:
         install(at)
     return [
-        contender('rotorpy_same_rates', 'RotorPy, SE3 controller at 200 Hz, RK45 at 1 kHz, '
-                  'no sensors', 'RK45', 0.001),
-        contender('rotorpy_fastest', 'RotorPy at its fastest: one step of RK23 for each of the '
-                  'controller, no sensors', 'RK23', 0.005),
-        contender('rotorpy_sensors', "RotorPy's own loop at 200 Hz: IMU and motion capture with "
-                  'noise, no estimator, one step of RK23 each', 'RK23', 0.005, True)]
-
-
+        contender('rotorpy_same_rates', 'RotorPy, same rates',
+                  'no sensors; SE3 controller at 200 Hz, steps of RK45 at 1 kHz, a call of its '
+                  'integrator for each step of the controller', 'RK45', 0.001),
+        contender('rotorpy_fastest', 'RotorPy, fastest',
+                  'no sensors; one step of RK23 for each of the controller at 200 Hz',
+                  'RK23', 0.005),
+        contender('rotorpy_sensors', 'RotorPy with sensors',
+                  'its own loop at 200 Hz, with IMU and motion capture with noise, no estimator; '
+                  'one step of RK23 each', 'RK23', 0.005, True)]

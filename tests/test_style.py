@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 FILES = [
-    file for folder in ('examples', 'src', 'tests', 'tools')
+    file for folder in ('benchmarks', 'examples', 'src', 'tests', 'tools')
     for file in sorted((ROOT / folder).rglob('*.py'))
 ] + [ROOT / 'conftest.py', ROOT / 'tools/ros2']
 SOURCES = [file for file in FILES if file.parent.name not in ('test', 'tests')]
