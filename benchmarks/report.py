@@ -16,8 +16,7 @@ RATE = 1000.0  # Hz, of the physics
 UNITS = {
     'factor': 'times real time', 'start': 'first second [s]', 'memory': 'largest node [MB]',
     'lost': 'messages lost', 'missed': 'steps missed', 'cpu': 'CPU s per s of flight',
-    'different': 'replays that differ', 'slowdown': 'late over early',
-    'subnormal': 'subnormal numbers'}
+    'different': 'replays that differ', 'slowdown': 'late over early'}
 ORDER = ('reference_c', 'reference_numba')  # then the others as they come
 
 
