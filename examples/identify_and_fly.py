@@ -25,7 +25,8 @@ def make_bench(path: Path) -> None:
     mambo, rng = preset('identified'), np.random.default_rng(1)
     pwm = np.repeat(np.arange(50.0, 351.0, 25.0), 5)
     force = mambo.power_a * pwm ** mambo.power_b * (1.0 + 0.02 * rng.standard_normal(len(pwm)))
-    np.savetxt(path, np.column_stack([pwm, force]), delimiter=',', header='pwm,thrust', comments='')
+    np.savetxt(path, np.column_stack([pwm, force]), delimiter=',', header='pwm,thrust',
+               comments='')
 
 
 def sag(believed: str) -> float:

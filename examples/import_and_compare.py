@@ -40,7 +40,8 @@ def export(bag: Bag, path: Path) -> None:
     t = poses.t - BEGAN
     (x, y, z), (qx, qy, qz, qw) = poses.position.T, poses.orientation.T
     rows = np.column_stack([np.round(t * 120.0), t, qx, qz, -qy, qw, x, z, -y])[t >= 0.0]
-    lines = (f'{int(frame)},' + ','.join(f'{value:.6f}' for value in rest) for frame, *rest in rows)
+    lines = (f'{int(frame)},' + ','.join(f'{value:.6f}' for value in rest)
+             for frame, *rest in rows)
     path.write_text(HEAD + '\n'.join(lines) + '\n', encoding='utf-8')
 
 

@@ -389,7 +389,8 @@ def import_crazyflie(
     record = provenance(source.name, file.sha256, 'import_crazyflie', 'Crazyflie JSON log', {
         'counts_per_radian': counts_per_radian, 'flow_period_s': FLOW_PERIOD,
         'flow_rotation': 'not compensated', 'horizontal_acceleration': '0' if level else 'NaN',
-        'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535', 'mocap_frames_lost': log.lost, **told})
+        'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535',
+        'mocap_frames_lost': log.lost, **told})
     with BagWriter(target, metadata=record) as writer:
         out = Publisher(writer, TOPICS)
         _publish_imu(log, out, level)

@@ -125,7 +125,8 @@ def hall(data: Path, _: Path) -> list[Table]:
         ('duration [s]', float(t[-1] - t[0]), ''), ('rate [Hz]', 1.0 / period, mock.rate),
         ('gaps of a lost pose or more', float((lost > 0).sum()), ''),
         ('gaps over 20 ms', float((steps > 0.02).sum()), ''),
-        ('poses lost [%]', 100.0 * float(lost.sum() / (lost.sum() + len(t))), 100.0 * mock.frame_loss),
+        ('poses lost [%]', 100.0 * float(lost.sum() / (lost.sum() + len(t))),
+         100.0 * mock.frame_loss),
         ('mean poses in a gap', float(lost[lost > 0].mean()), mock.loss_length),
         ('longest gap [s]', float(steps.max()), '')])]
 

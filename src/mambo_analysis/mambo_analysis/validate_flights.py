@@ -212,7 +212,8 @@ def told(found: Identified) -> EstimatorParams:
     """Return the estimator of a drone whose sensors are known so."""
     p = EstimatorParams()
     return replace(
-        p, imu=replace(p.imu, max_interval=GAP), sonar=replace(p.sonar, min_range=NEAREST, noise=found.range_noise),
+        p, imu=replace(p.imu, max_interval=GAP),
+        sonar=replace(p.sonar, min_range=NEAREST, noise=found.range_noise),
         optical_flow=replace(
             p.optical_flow, min_height=DECK, constant=found.factor.offset.value,
             rotation_leak=found.factor.leak.value, noise=found.factor.fit.rms),
