@@ -1,6 +1,7 @@
 """The scripts of examples/ run as they stand, on the flight of the repository."""
 
 from pathlib import Path
+import re
 import subprocess
 import sys
 
@@ -8,6 +9,8 @@ import pytest
 
 EXAMPLES = sorted((Path(__file__).parents[1] / 'examples').glob('*.py'))
 SAYS = {'plot_a_bag': 'picture: circle_short.png', 'compare_two_bags': 'report: report.html'}
+FINDS = {'import_and_compare': (r'began (\S+) s into', 2.5, 0.02),  # the estimate lags by 9, 22 ms
+         'identify_and_fly': (r'identify_thrust.yaml: (\S+) m below', 0.0, 0.01)}
 
 
 @pytest.mark.parametrize('script', EXAMPLES, ids=lambda path: path.stem)
@@ -17,3 +20,6 @@ def test_an_example_runs_and_writes_what_it_says(script, tmp_path):
     if script.stem in SAYS:
         assert SAYS[script.stem] in done.stdout
         assert (tmp_path / SAYS[script.stem].split(': ')[1]).stat().st_size > 10_000
+    if script.stem in FINDS:
+        pattern, value, tolerance = FINDS[script.stem]
+        assert float(re.search(pattern, done.stdout)[1]) == pytest.approx(value, abs=tolerance)

@@ -37,6 +37,7 @@ setup(
             'recover = mambo_analysis.recover:main',
             'reproduce = mambo_analysis.reproduce:main',
             'sweep = mambo_analysis.sweep.command:main',
+            'validate_recordings = mambo_analysis.validate:main',
         ],
     },
 )

@@ -24,7 +24,9 @@ Optical flow
     flights that move (motion capture and range) gives 600 to 700 counts per radian, the flow 30
     to 50 ms behind: ``--counts-per-radian`` sets another value. Rotation is not compensated. The
     firmware keeps the last counts while the sensor sees no motion (a fifth of the logged pairs
-    of 5 counts or more repeat): only new pairs are published.
+    of 5 counts or more repeat): only new pairs are published, or with ``--repeated-flow zero``
+    the repeated ones too, as 0. What is left out is the slow part: with zeros two flights give
+    404 and 416 counts per radian, the course's 409 (docs/real_recordings.md).
 
 Range
     ``r`` is the VL53L1x, metres along the body's -z, each 40 ms, held between: new values are
@@ -242,7 +244,9 @@ def _publish_imu(log: Log, out: Publisher, level: bool) -> None:
         out.publish('imu/data_raw', stamp, 'base_link', **out.imu(w, (aside, aside, a)))
 
 
-def _publish_sensors(log: Log, out: Publisher, counts_per_radian: float) -> None:
+def _publish_sensors(
+    log: Log, out: Publisher, counts_per_radian: float, repeated_flow: str,
+) -> None:
     if log.has('r'):
         t, r = log.drone['r']
         stamps = stamps_ns(t).tolist()
@@ -255,9 +259,11 @@ def _publish_sensors(log: Log, out: Publisher, counts_per_radian: float) -> None
         t = log.drone['n_x'][0]
         counts, stamps = log.at(t, 'n_x', 'n_y'), stamps_ns(t).tolist()
         rates = counts / (FLOW_PERIOD * counts_per_radian)
-        known = np.isfinite(rates).all(axis=1)
-        for i in new_samples(counts).tolist():
-            if known[i]:
+        known, new = np.isfinite(rates).all(axis=1), np.zeros(len(t), bool)
+        new[new_samples(counts)] = True
+        rates[known & ~new] = 0.0
+        for i in range(len(t)):
+            if known[i] and (new[i] or repeated_flow == 'zero'):
                 out.publish('optical_flow', stamps[i], 'base_link', rate_x=float(rates[i, 0]),
                             rate_y=float(rates[i, 1]), integration_time=FLOW_PERIOD,
                             quality=FULL_QUALITY)
@@ -344,7 +350,7 @@ def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, 
 
 def import_crazyflie(
     source: Path, target: Path, counts_per_radian: float = COUNTS_PER_RADIAN,
-    mocap: str = 'auto', level: bool = False,
+    mocap: str = 'auto', level: bool = False, repeated_flow: str = 'leave',
 ) -> tuple[dict[str, int], dict[str, str]]:
     """
     Write a bag from a Crazyflie log.
@@ -362,6 +368,8 @@ def import_crazyflie(
         ``gyro``: by the gyro; ``none``: leave the motion capture out.
     level
         Whether the horizontal accelerations, not in the log, are 0 instead of NaN.
+    repeated_flow
+        ``leave`` out counts that repeat, or take them for ``zero``: the sensor saw no motion.
 
     Returns
     -------
@@ -381,11 +389,12 @@ def import_crazyflie(
     record = provenance(source.name, file.sha256, 'import_crazyflie', 'Crazyflie JSON log', {
         'counts_per_radian': counts_per_radian, 'flow_period_s': FLOW_PERIOD,
         'flow_rotation': 'not compensated', 'horizontal_acceleration': '0' if level else 'NaN',
-        'motor_pwm_unit': 'counts, 0 to 65535', 'mocap_frames_lost': log.lost, **told})
+        'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535',
+        'mocap_frames_lost': log.lost, **told})
     with BagWriter(target, metadata=record) as writer:
         out = Publisher(writer, TOPICS)
         _publish_imu(log, out, level)
-        _publish_sensors(log, out, counts_per_radian)
+        _publish_sensors(log, out, counts_per_radian, repeated_flow)
         _publish_onboard(log, out)
         if offset is not None:
             _publish_mocap(log, out, offset)
@@ -418,12 +427,15 @@ def main(arguments: list[str] | None = None) -> int:
                              'leave it out (default: %(default)s)')
     parser.add_argument('--level', action='store_true',
                         help='take the horizontal accelerations, not in the log, for 0')
+    parser.add_argument('--repeated-flow', choices=('leave', 'zero'), default='leave',
+                        help='counts that repeat: leave them out, or take them for zero, the '
+                             'sensor having seen no motion (default: %(default)s)')
     options = parser.parse_args(arguments)
 
     def work() -> None:
         counts, told = import_crazyflie(
             options.log, options.output, options.counts_per_radian, options.mocap_offset,
-            options.level)
+            options.level, options.repeated_flow)
         notes = [f'{key}: {told[key]}' for key in told if key.startswith(('mocap', 'range'))]
         report(options.log, options.output, counts, *notes)
 

@@ -14,30 +14,29 @@ import itertools
 from mambo_estimation import filters
 from mambo_estimation.kalman import Estimate
 from mambo_estimation.synchroniser import Step, Synchroniser
-from mambo_ros import messages, topics
+from mambo_ros import layout, messages, topics
 
 from .bag import Bag
-from .mcap_file import BagError
+
+SENSORS = (topics.IMU, topics.SONAR, topics.OPTICAL_FLOW, topics.BAROMETER)
+"""In the order of the watermark."""
 
 
 def steps(bag: Bag) -> Iterator[Step]:
     """
-    Yield the filter steps of a recorded flight, from a bag that was read with its sensors.
+    Yield the filter steps of a flight, from a bag that was read with its sensors.
 
-    The bag must have watermarks (``sensor_tick``): every simulated flight and every live replay
-    has them.
+    Where a bag has no watermark (``sensor_tick``), as one of real hardware, it gets those of
+    ``replay_node``: what is recorded before the next inertial sample is there at the one before.
 
     Raises
     ------
     mambo_analysis.bag.BagError
-        If it has none.
+        If it has no inertial samples.
 
     """
-    if topics.SENSOR_TICK.name not in bag:
-        raise BagError(
-            f'{bag.path}: no {bag.name(topics.SENSOR_TICK.name)}; record a live replay of the bag '
-            'and take that')
-    sync = Synchroniser()
+    bag.messages(topics.IMU.name)
+    sync, counts = Synchroniser(), dict.fromkeys(SENSORS, 0)
     take = {
         topics.IMU: lambda data: sync.add_imu(*messages.decode_imu(data)),
         topics.SONAR: lambda data: sync.add_sonar(*messages.decode_sonar(data)),
@@ -47,8 +46,17 @@ def steps(bag: Bag) -> Iterator[Step]:
     streams = [
         zip(bag[topic.name].log_time.tolist(), itertools.repeat(topic), bag[topic.name].raw)
         for topic in take if topic.name in bag]
+    has_ticks, now = topics.SENSOR_TICK.name in bag, -1
     for _, topic, data in heapq.merge(*streams, key=lambda entry: entry[0]):
+        if topic is topics.IMU and not has_ticks and (t := layout.stamp_ns(data)) > now:
+            if now >= 0:
+                yield from sync.add_tick(now, tuple(counts.values()))
+            now = t
+        if topic in counts:
+            counts[topic] += 1
         yield from take[topic](data)
+    if now >= 0:
+        yield from sync.add_tick(now, tuple(counts.values()))
 
 
 def estimate(

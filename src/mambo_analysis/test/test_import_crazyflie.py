@@ -85,6 +85,15 @@ def test_counts_become_rates_by_the_firmware_s_constants(made):
     assert (np.diff(pairs, axis=0) != 0.0).any(axis=1).all()  # held pairs are not repeated
 
 
+def test_counts_that_repeat_are_zero_where_asked(made, tmp_path):
+    import_crazyflie(save(tmp_path / 'made.json'), tmp_path / 'zero', repeated_flow='zero')
+    flow, new = read_bag(tmp_path / 'zero')['optical_flow'], made['optical_flow']
+    assert len(flow) == 2000  # every logged instant
+    first = np.isin(flow.stamp, new.stamp)
+    assert (flow.rate_x[first] == new.rate_x).all() and (flow.rate_y[first] == new.rate_y).all()
+    assert not flow.rate_x[~first].any() and not flow.rate_y[~first].any()
+
+
 def test_only_new_ranges_are_published(made):
     sonar = made['sonar/range']
     assert np.diff(sonar.range).all() and set(sonar.radiation_type) == {1}

@@ -151,8 +151,14 @@ def test_a_sample_that_the_bag_has_lost_is_bridged_as_by_the_live_estimator(tmp_
     assert_same(offline.estimate(bag, PARAMS), bridged[:-1])
 
 
-def test_without_watermarks_there_is_one_line(tmp_path, samples):
-    bag = write(tmp_path / 'bag', samples[:5], SENSORS)
-    with pytest.raises(BagError, match=r'bag: no /mambo/sensor_tick; record a live replay') as why:
+def test_without_watermarks_it_is_as_if_replayed(tmp_path, samples):
+    bag = write(tmp_path / 'bag', samples, SENSORS)
+    assert_same(offline.estimate(bag, PARAMS), by_hand(samples))
+
+
+def test_without_inertial_samples_there_is_one_line(tmp_path, samples):
+    ranges = [(t, {topics.SONAR: 1.0}) for t, _ in samples[:5]]
+    bag = write(tmp_path / 'bag', ranges, (topics.SONAR,))
+    with pytest.raises(BagError, match='imu/data_raw') as why:
         list(offline.estimate(bag, PARAMS))
     assert '\n' not in str(why.value)

@@ -70,7 +70,9 @@ def _shape(height: Floats, law: str) -> Floats:
     return height if law == 'linear' else np.zeros_like(height)
 
 
-def fit_factor(samples: Samples, law: str = 'constant', leak: bool = False) -> Factor:
+def fit_factor(
+    samples: Samples, law: str = 'constant', leak: bool = False, slowest: float = SLOWEST,
+) -> Factor:
     """
     Fit the factor of the flow.
 
@@ -82,6 +84,8 @@ def fit_factor(samples: Samples, law: str = 'constant', leak: bool = False) -> F
         ``constant``, ``linear`` Q = offset + slope h, or ``exponential`` offset + slope exp(h).
     leak
         Whether to fit the share of the rotation in the flow.
+    slowest : m/s
+        A slower motion, rms, is refused.
 
     Raises
     ------
@@ -91,7 +95,7 @@ def fit_factor(samples: Samples, law: str = 'constant', leak: bool = False) -> F
     """
     if law not in LAWS:
         raise IdentifyError(f'law {law!r} is not one of {", ".join(LAWS)}')
-    _check(samples)
+    _check(samples, slowest)
     if law != 'constant' and np.ptp(samples.height) < SPREAD:
         raise IdentifyError(
             f'heights differ by {np.ptp(samples.height):.2f} m: a law of the height needs '
@@ -124,7 +128,7 @@ def fit_factor(samples: Samples, law: str = 'constant', leak: bool = False) -> F
         found.value(0, '1'), found.value(1, unit), tuple(bias.tolist()), share, found)
 
 
-def _check(samples: Samples) -> None:
+def _check(samples: Samples, slowest: float) -> None:
     regression.check_columns(
         dict(zip(('time', 'flow', 'velocity', 'height', 'depth', 'rotation'), samples)), LEAST)
     regression.check_times(samples.t)
@@ -133,7 +137,7 @@ def _check(samples: Samples) -> None:
     if not (samples.depth > 0.0).all():
         raise IdentifyError('the height is 0 or below: is the floor where z is 0?')
     size = float(np.sqrt(np.mean(samples.velocity ** 2)))
-    if size < SLOWEST:
+    if size < slowest:
         raise IdentifyError(f'a motion of {size:.3f} m/s shows no factor: fly a circle or a sine')
     geometric = samples.velocity / samples.depth[:, None]
     ratio = float(np.sum(samples.flow * geometric) / np.sum(geometric ** 2))
@@ -145,7 +149,7 @@ def _check(samples: Samples) -> None:
 
 def samples(
     t_flow: Floats, flow: Floats, t_pose: Floats, position: Floats, q: Floats, floor: float = 0.0,
-    start: float = -np.inf, end: float = np.inf,
+    start: float = -np.inf, end: float = np.inf, lowest: float = LOWEST,
 ) -> Samples:
     """
     Return flow samples with the motion that a motion capture saw around each.
@@ -165,6 +169,8 @@ def samples(
         Height of the floor in the frame of the positions.
     start, end : s
         What is before and after is left out.
+    lowest : m
+        Lower samples are left out.
 
     """
     regression.check_columns({'time of the pose': t_pose, 'position': position, 'q': q}, 10)
@@ -179,7 +185,7 @@ def samples(
         curve = np.polynomial.polynomial.polyfit(dt, position[near], 2)
         R = _matrix(q[near][np.argmin(np.abs(dt))])
         height = -float(curve[0, 2]) - floor
-        if height >= LOWEST:
+        if height >= lowest:
             w = _rate(q[near], dt)
             rows.append(
                 (t, *sensed, *(R.T @ curve[1])[:2], height, height / R[2, 2], w[1], -w[0]))
@@ -259,6 +265,7 @@ def _estimator_file(found: dict[str, Factor], best: str) -> str:
 
 def read(
     path: Path, floor: float, start: float, end: float, shift: float, namespace: str | None,
+    lowest: float = LOWEST,
 ) -> Samples:
     """Return the samples of a bag with ``optical_flow`` and ``optitrack/pose``; shift in s."""
     bag = report.open_bag(path, ('optical_flow', 'optitrack/pose'), namespace)
@@ -272,12 +279,12 @@ def read(
     sensed = np.where((flow['quality'] > 0)[:, None], np.array(sensed), np.nan)
     return samples(
         flow.t - begin, sensed, pose.t[seen] - begin + shift, np.array(position).reshape(-1, 3),
-        np.array(q).reshape(-1, 4), floor, start, end)
+        np.array(q).reshape(-1, 4), floor, start, end, lowest)
 
 
-def _report(path: Path, data: Samples, leak: bool) -> report.Report:
+def _report(path: Path, data: Samples, leak: bool, slowest: float) -> report.Report:
     laws = LAWS if len(data.t) and np.ptp(data.height) >= SPREAD else LAWS[:1]
-    found = {law: fit_factor(data, law, leak) for law in laws}
+    found = {law: fit_factor(data, law, leak, slowest) for law in laws}
     values = {'Q constant': found['constant'].offset}
     notes = ['flow is no part of a vehicle: estimator.yaml is for the estimator']
     best = 'constant'
@@ -311,6 +318,10 @@ def main(arguments: list[str] | None = None) -> int:
                         help='s, added to the stamps of Optitrack: another clock, or a late flow')
     parser.add_argument('--leak', action='store_true',
                         help='fit the share of the rotation in the flow, for sensors without gyro')
+    parser.add_argument('--lowest', type=float, default=LOWEST,
+                        help='m, leave out what is lower (default: %(default)g)')
+    parser.add_argument('--slowest', type=float, default=SLOWEST,
+                        help='m/s, refuse a slower motion, rms (default: %(default)g)')
     parser.add_argument('--start', type=float, default=-np.inf, help='s, leave out what is before')
     parser.add_argument('--end', type=float, default=np.inf, help='s, leave out what is after')
     parser.add_argument('--namespace', help='of the drone, if the bag has several')
@@ -318,8 +329,8 @@ def main(arguments: list[str] | None = None) -> int:
 
     def work() -> report.Report:
         data = read(options.bag, options.floor, options.start, options.end, options.shift,
-                    options.namespace)
-        return _report(options.bag, data, options.leak)
+                    options.namespace, options.lowest)
+        return _report(options.bag, data, options.leak, options.slowest)
     return report.run('identify_flow', options, work)
 
 
