@@ -197,9 +197,9 @@ def _doubt(a: Altitude, squared_error: float, v: AltitudeValues) -> Altitude:
 
 
 @jit
-def _trial(value: float, innovation: float, variance: float, ratio: float) -> Trial:
-    """Return a scalar sample before its gate, as two components."""
-    return Trial((value, value), (innovation, innovation), 2.0 * variance, ratio)
+def _trial(value: float, compared: float, variance: float, ratio: float) -> Trial:
+    """Return a scalar sample before its gate, and what of it is to agree with the next one."""
+    return Trial((value, value), (compared, compared), 2.0 * variance, ratio)
 
 
 @jit
@@ -211,9 +211,10 @@ def update_sonar(
     Correct with a range of the sonar.
 
     A reading below the shortest range corrects only where the predicted height is not between
-    the floor and that range, and then to the nearer of the two. After refusals for the recovery
-    time the filter is reset to its doubts at the start, the height widened by the innovation; the
-    next sample then moves it, by no more than the covariance has admitted before.
+    the floor and that range, and then to the nearer of the two. Refused heights that agree with
+    each other (their innovations do not where the filter has a wrong velocity) are believed after
+    the recovery time: the filter is reset to its doubts at the start, the height widened by the
+    innovation; the next sample then moves it, by no more than the covariance has admitted before.
 
     Parameters
     ----------
@@ -241,7 +242,7 @@ def update_sonar(
     variance = a.P.hh + noise
     ratio = squared / (v.gate * v.gate * variance)
     gate, verdict = judge(
-        gate, _trial(slant_range, innovation, 2.0 * noise, ratio), v.gate, v.recovery_time)
+        gate, _trial(slant_range, measured, 2.0 * noise, ratio), v.gate, v.recovery_time)
     if verdict == RECOVER:
         a = _doubt(a, squared, va)
     if verdict != ACCEPT:
