@@ -4,11 +4,11 @@ Innovation gate with a way out of being wrong for ever.
 A measurement is refused where its squared innovation exceeds the squared gate times its variance.
 If refusals of one sensor go on for ``recovery_time``, it may be the filter that is wrong: where
 the refused samples agree with each other, one innovation (of the sonar: one height) being within
-a gate of the one before, the verdict is RECOVER: the caller widens the doubts of the filter, and the next sample is
-accepted. Outliers do not agree with each other. A sensor that repeats a refused value to the bit
-is stuck: it is refused until the value changes, even if the filter has meanwhile become unsure
-enough to believe it. A sensor most of whose samples are refused is not believed where one happens
-to fit, until several do that agree with each other.
+a gate of the one before, the verdict is RECOVER: the caller widens the doubts of the filter, and
+the next sample is accepted. Outliers do not agree with each other. A sensor that repeats a refused
+value to the bit is stuck: it is refused until the value changes, even if the filter has meanwhile
+become unsure enough to believe it. A sensor most of whose samples are refused is not believed
+where one happens to fit, until several do that agree with each other.
 
 Holds no equation of the thesis, whose filters have no gate.
 """

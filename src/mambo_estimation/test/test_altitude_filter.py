@@ -207,6 +207,16 @@ def test_step_of_the_floor_is_followed_after_the_recovery_time():
     assert (out[:, 3] > 0).all()
 
 
+@pytest.mark.parametrize('velocity', [-15.0, 15.0])
+def test_a_velocity_that_is_far_off_comes_back_to_the_sonar(velocity):
+    truth, up, c, ranges, start = simulate(1)
+    out, _ = run(up, c, ranges, start._replace(velocity=velocity))
+    # refused for half a second, as the height runs away by 0.6 m from range to range
+    assert np.abs(out[90, 0] - truth[90, 0]) > 5.0
+    assert np.abs(out[600:, 0] - truth[600:, 0]).max() < 0.15
+    assert np.abs(out[2000:, 1] - truth[2000:, 1]).max() < 0.5
+
+
 def test_stuck_sonar_is_not_followed():
     truth, up, c, ranges, start = simulate(1)
     seen = np.flatnonzero(~np.isnan(ranges))
