@@ -187,10 +187,15 @@ def widen(a: Altitude, ww: float, oo: float) -> Altitude:
 
 
 @jit
-def _doubt(a: Altitude, squared_error: float, v: AltitudeValues) -> Altitude:
-    """Forget all but the values of height, velocity, bias; the height is off by so much, m^2."""
+def _doubt(a: Altitude, squared_error: float, time: float, v: AltitudeValues) -> Altitude:
+    """
+    Forget all but the values of height, velocity, bias; the height is off by so much, m^2.
+
+    It may have become so within ``time`` s by a velocity that is as wrong as that takes.
+    """
     bias = v.initial_accel_bias_std * v.initial_accel_bias_std
     velocity = max(a.P.ww, v.initial_velocity_std * v.initial_velocity_std)
+    velocity += squared_error / max(time, 0.1) ** 2
     height = a.P.hh + squared_error
     P = Covariance(height, 0.0, 0.0, 0.0, velocity, 0.0, 0.0, bias, 0.0, a.P.oo + height)
     return Altitude(a.height, a.velocity, a.accel_bias, a.offset, a.has_offset, P)
@@ -244,7 +249,7 @@ def update_sonar(
     gate, verdict = judge(
         gate, _trial(slant_range, measured, 2.0 * noise, ratio), v.gate, v.recovery_time)
     if verdict == RECOVER:
-        a = _doubt(a, squared, va)
+        a = _doubt(a, squared, v.recovery_time, va)
     if verdict != ACCEPT:
         return a, gate, Result(innovation, ratio, False)
     P = a.P
