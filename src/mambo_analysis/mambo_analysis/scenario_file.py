@@ -136,10 +136,11 @@ class _Reader(Reader):
 
 
 def names() -> list[str]:
-    """Return the names of the scenarios that come with the package, figures in their order."""
-    def order(name: str) -> list[tuple[bool, int, str]]:
-        return [(not part.isdigit(), int(part) if part.isdigit() else 0, part)
-                for part in name.split('_')]
+    """Return the names of the scenarios that come with the package, figures first and in order."""
+    def order(name: str) -> tuple[bool, list[tuple[bool, int, str]]]:
+        return not name.startswith('fig_'), [
+            (not part.isdigit(), int(part) if part.isdigit() else 0, part)
+            for part in name.split('_')]
     return sorted((path.stem for path in FOLDER.glob('*.yaml')), key=order)
 
 

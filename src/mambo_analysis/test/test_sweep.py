@@ -275,7 +275,7 @@ def test_without_dask_one_line_says_what_to_install(short, tmp_path, capsys, mon
     assert 'requirements/dask.txt' in error and error.count('\n') == 1
 
 
-LONG = SHORT.replace('2.5', '20').replace('samples: 5', 'samples: 100')
+LONG = SHORT.replace('2.5', '20').replace('samples: 5', 'samples: 600')
 
 
 def start(path, out, *options):

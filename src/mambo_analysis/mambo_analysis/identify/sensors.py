@@ -127,12 +127,13 @@ def resolution(x: Array) -> Interval | None:
         return None
     step, reach = float(np.median(gaps[gaps < 1.5 * gaps.min()])), min(8, len(gaps))
     while True:
-        part = levels[:reach + 1] - levels[0]
-        steps = np.round(part / step)
-        if not steps.any():
-            return None
-        (step, offset), residuals, *_ = np.linalg.lstsq(
-            np.c_[steps, np.ones(len(part))], part, rcond=None)
+        part, offset = levels[:reach + 1] - levels[0], 0.0
+        for _ in range(4):  # the offset found decides what lies half-way between two steps
+            steps = np.round((part - offset) / step)
+            if not steps.any():
+                return None
+            step, offset = np.linalg.lstsq(
+                np.c_[steps, np.ones(len(part))], part, rcond=None)[0]
         error = np.sqrt(((part - offset - step * steps)**2).mean())
         if error > 0.1 * step:  # 0.29 of a step if the values lie anywhere
             return None
