@@ -65,13 +65,19 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
             self.hear(topic, self._writer(name, topic), prompt=False)
 
     def _writer(self, name: str, topic: topics.Topic):
-        """Return the callback that writes one topic."""
+        """
+        Return the callback that writes one topic.
+
+        A late message of one publisher stays behind the one it came after; of several publishers
+        the order of arrival is chance, and the stamp alone counts.
+        """
         offset = _TF_STAMP if topic is topics.TF else 0
-        write, newest = self._bag.write, 0
+        write, shared, newest = self._bag.write, topic.shared, 0
 
         def take(data: bytes) -> None:
             nonlocal newest
-            newest = max(newest, layout.stamp_ns(data, offset))
+            stamp = layout.stamp_ns(data, offset)
+            newest = stamp if shared else max(newest, stamp)
             write(name, data, newest)
         return take
 
