@@ -35,6 +35,8 @@ class Contender:
         Of the row, below its table.
     at_least, at_most
         {quantity: bound} that is wanted of the median.
+    once
+        Whether one repetition is enough, as it is long.
 
     """
 
@@ -46,6 +48,7 @@ class Contender:
     detail: str = ''
     at_least: dict[str, float] = field(default_factory=dict)
     at_most: dict[str, float] = field(default_factory=dict)
+    once: bool = False
 
 
 @dataclass
@@ -118,7 +121,7 @@ def measure(
         result.preparation = time.perf_counter() - began
     for number in range(repetitions):
         for result in results:
-            if result.gap:
+            if result.gap or (number and result.contender.once):
                 continue
             say(f'repetition {number + 1} of {repetitions}: {result.contender.name}')
             try:

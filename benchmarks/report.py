@@ -16,7 +16,8 @@ RATE = 1000.0  # Hz, of the physics
 UNITS = {
     'factor': 'times real time', 'start': 'first second [s]', 'memory': 'largest node [MB]',
     'lost': 'messages lost', 'missed': 'steps missed', 'cpu': 'CPU s per s of flight',
-    'different': 'replays that differ', 'slowdown': 'late over early'}
+    'different': 'replays that differ', 'slowdown': 'late over early',
+    'steps': 'million drone-steps/s'}
 ORDER = ('reference_c', 'reference_numba')  # then the others as they come
 
 
@@ -88,6 +89,17 @@ def _side_by_side(results: list[Result]) -> str:
         '1 kHz, with its share of all else. Ratios, to the C reference and to RotorPy at its '
         'fastest, are medians of those within one repetition, in CPU time. The first call '
         'compiles or loads and is in no other number.\n\n' + notes)
+
+
+def _sweep(results: list[Result]) -> str:
+    rows = [r for r in results if r.contender.group == 'sweep']
+    return '' if not rows else '## Sweeps over seeds in wind\n\n' + markdown(
+        ('', 'million drone-steps/s', 'times real time', 'with the start of the processes',
+         'a few flights [s]'),
+        [(r.contender.title, spread(r.values('steps')), number(r.median('factor')),
+          number(r.median('all')), number(r.median('start'))) for r in rows]) + missing(rows) + (
+        '\n\nWall time, metrics of each flight included. The first two columns are what a '
+        'flight more costs, as the start of processes is there once.\n')
 
 
 def _graph(results: list[Result]) -> str:
@@ -170,8 +182,8 @@ def text(results: list[Result], machine: dict[str, Any], repetitions: int) -> st
     profile = _profile(results)
     if profile:
         profile += '\nWhat was tried, and what it gave:\n\n' + TRIED.read_text()
-    sections = (head, _side_by_side(results), _graph(results), _replay(results), profile,
-                _idle(results), _wanted(results))
+    sections = (head, _side_by_side(results), _sweep(results), _graph(results), _replay(results),
+                profile, _idle(results), _wanted(results))
     return '\n'.join(filter(None, sections))
 
 

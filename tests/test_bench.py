@@ -4,7 +4,8 @@ import math
 import re
 import shutil
 
-from benchmarks import __main__ as command, geometric, in_c, loops, measure, report, rotorpy_peer
+from benchmarks import (
+    __main__ as command, geometric, in_c, loops, measure, report, rotorpy_peer, sweeping)
 from mambo_model.vehicle import Vehicle
 import numpy as np
 import pytest
@@ -128,3 +129,24 @@ def test_every_group_has_its_rows(tmp_path):
     assert len(names) == len(set(names))
     assert {c.group for c in command.chosen([], True, tmp_path)} == set(command.GROUPS)
     assert [c.name for c in command.chosen(['reference_c'], True, tmp_path)] == ['reference_c']
+
+
+def test_what_is_long_is_measured_once():
+    calls = []
+
+    def run():
+        calls.append(1)
+        return {'factor': 1.0}
+    result, = measured(contender('long', run, once=True))
+    assert len(calls) == len(result.samples) == 1
+
+
+@pytest.mark.parametrize('ideal', [True, False], ids=['ideal', 'sensors'])
+def test_a_sweep_costs_what_more_flights_take(ideal, tmp_path, monkeypatch):
+    taken = {2: (1.5, 80.0), 6: (1.9, 240.0)}  # flights: wall time, time in the air
+    monkeypatch.setattr(
+        sweeping, '_took', lambda folder, flights, chosen, workers: taken[flights])
+    found = sweeping._measure(tmp_path, 2, 6, ideal, 1)
+    assert found['factor'] == pytest.approx(160.0 / 0.4)
+    assert found['steps'] == pytest.approx(0.4)
+    assert found['all'] == pytest.approx(240.0 / 1.9)

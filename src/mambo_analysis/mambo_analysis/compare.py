@@ -29,10 +29,11 @@ from .pair import Alignment, Comparison, Quantity
 from .phases import found, Phases, phases
 from .tables import table
 
-STEP = 5_000_000  # [ns] of the 200 Hz topics
 STEADY = (
     'imu/data_raw', 'sensor_tick', 'ground_truth/odom', 'estimate/odom', 'estimator/state',
-    'reference', 'controller/state', 'motor_pwm', 'onboard/odom', 'onboard/reference')
+    'reference', 'controller/state', 'motor_pwm', 'onboard/odom', 'onboard/reference',
+    'optitrack/pose')
+"""Topics of one period, whichever it is: the usual distance of their own stamps."""
 COUNTED = {
     'imu/data_raw': 'imu', 'sonar/range': 'sonar', 'optical_flow': 'optical_flow',
     'barometer/pressure': 'barometer'}
@@ -112,8 +113,6 @@ def _lost(bag: Bag, topic: str, messages: Messages) -> int | None:
         have = int((messages.stamp <= tick.stamp[last]).sum())
         return max(int(tick[COUNTED[topic]][last]) - have, 0)
     if topic in STEADY:
-        return metrics.missing(messages.stamp, STEP)
-    if topic == 'optitrack/pose':
         period = metrics.usual_period(messages.stamp)
         return 0 if math.isnan(period) else metrics.missing(messages.stamp, period)
     return None

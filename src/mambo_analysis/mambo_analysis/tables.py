@@ -63,8 +63,9 @@ def _of_two(result: Mapping[str, Any]) -> str:
         every = [(name, *('-' if value is None else str(value) for value in values))
                  for name, *values in result['differences']]
         width = max(len(name) for name, _, _ in every[:SHOWN])
-        lines += ['', f'{"parameters that differ":<{width}}{"A":>14}{"B":>14}']
-        lines += [f'{name:<{width}}{ours:>14}{theirs:>14}' for name, ours, theirs in every[:SHOWN]]
+        lines += ['', f'{"parameters that differ":<{width}}  {"A":>14}  {"B":>14}']
+        lines += [
+            f'{name:<{width}}  {ours:>14}  {theirs:>14}' for name, ours, theirs in every[:SHOWN]]
         if len(every) > SHOWN:
             lines.append(f'and {len(every) - SHOWN} more, see --json')
     return '\n'.join([*lines, '', *(f'note: {note}' for note in result['notes'])]).rstrip()

@@ -86,6 +86,15 @@ def test_lost_messages_are_counted_by_what_tells_of_them(result):
     assert rates['/mambo/optitrack/pose'] == pytest.approx(120.0, rel=0.01)
 
 
+def test_losses_of_a_drone_with_another_rate_are_counted_by_its_own_period(tmp_path):
+    maker = Maker(tmp_path / 'b', ('imu/data_raw',))
+    for step in (0, 1, 2, 3, 6, 7, 8):  # of 10 ms
+        maker.write('imu/data_raw', 2 * step * STEP)
+    maker.writer.close()
+    result = compare(read_bag(tmp_path / 'b', namespace='/mambo'))
+    assert {e['topic']: e['lost'] for e in result['topics']}['/mambo/imu/data_raw'] == 2
+
+
 def test_samples_behind_the_last_watermark_do_not_hide_lost_ones(tmp_path):
     maker = Maker(tmp_path / 'b', ('sonar/range', 'sensor_tick'))
     for step in (0, 2, 3, 5):
