@@ -24,6 +24,7 @@ Floats = NDArray[np.float64]
 
 LEAST_SWINGS = 2.0   # in a recording
 LARGEST = 2.8        # rad, of a swing: beyond is no pendulum but deg/s taken for rad/s
+EXPLAINED = 0.5      # least part of the power of the gyro that a swing of (4.2) has to explain
 COHERENT = 0.01      # of the rate: a coloured residual beyond is an error of the model
 NAMES = ('frequency', 'quadratic damping', 'linear damping', 'first angle', 'first rate')
 AXES = ('x', 'y', 'z')
@@ -128,7 +129,13 @@ def fit_swing(t: Floats, rate: Floats, geometry: Geometry | None = None) -> Iner
         [w, np.log(0.02), np.log(0.02 * frequency), -angle if rising else angle, first],
         [w - 0.5, low, low, -LARGEST, -2.0 * top], [w + 0.5, high, high, LARGEST, 2.0 * top],
         NAMES, np.ones((len(t), 1)))
-    return _result(found, rate, geometry, model(found.theta)[:, 0])
+    shown = model(found.theta)[:, 0]
+    explained = 1.0 - float(np.var(rate - shown) / np.var(rate))
+    if explained < EXPLAINED:
+        raise IdentifyError(
+            f'no swing that decays: (4.2) explains {100.0 * explained:.0f} % of the gyro; give '
+            '--start and --end of the swing, and its --axis')
+    return _result(found, rate, geometry, shown)
 
 
 def _result(
