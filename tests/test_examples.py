@@ -8,7 +8,8 @@ import sys
 import pytest
 
 EXAMPLES = sorted((Path(__file__).parents[1] / 'examples').glob('*.py'))
-SAYS = {'plot_a_bag': 'picture: circle_short.png', 'compare_two_bags': 'report: report.html'}
+SAYS = {'plot_a_bag': 'picture: circle_short.png', 'compare_two_bags': 'report: report.html',
+        'sweep_and_look': 'picture: flights.png'}
 FINDS = {'import_and_compare': (r'began (\S+) s into', 2.5, 0.02),  # the estimate lags by 9, 22 ms
          'identify_and_fly': (r'identify_thrust.yaml: (\S+) m below', 0.0, 0.01)}
 
