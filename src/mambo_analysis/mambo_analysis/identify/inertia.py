@@ -133,8 +133,8 @@ def fit_swing(t: Floats, rate: Floats, geometry: Geometry | None = None) -> Iner
     explained = 1.0 - float(np.var(rate - shown) / np.var(rate))
     if explained < EXPLAINED:
         raise IdentifyError(
-            f'no swing that decays: (4.2) explains {100.0 * max(explained, 0.0):.0f} % of the gyro; give '
-            '--start and --end of the swing, and its --axis')
+            f'no swing that decays: (4.2) explains {100.0 * max(explained, 0.0):.0f} % of the '
+            'gyro; give --start and --end of the swing, and its --axis')
     return _result(found, rate, geometry, shown)
 
 
