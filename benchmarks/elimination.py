@@ -183,10 +183,8 @@ def fly(mind, chance, p, tape, start, stop, parts):
             memory, estimate = filters.step(
                 memory, (t - t_before) * 1e-9, heard.gyro, heard.accel, heard.sonar, heard.flow,
                 heard.flow_quality, heard.pressure, p.estimator)
-            pose, twist = estimate.pose_covariance, estimate.twist_covariance
-            estimated, spread = estimate.state, failsafe.Spread(
-                max(pose[0], pose[7]), pose[14], max(twist[0], twist[7]),
-                max(pose[21], pose[28]), max(twist[21], twist[28], twist[35]))
+            estimated, spread = estimate.state, failsafe.spread_of(
+                estimate.pose_covariance, estimate.twist_covariance)
         else:
             row = tape.estimate[k]
             estimated, spread = _state(row), failsafe.Spread(

@@ -63,10 +63,8 @@ def fly(flight, spoil=lambda t, phase, *inputs: inputs):
             memory, e = filters.step(
                 memory, 5_000_000 * 1e-9 if k else 0.0, s.gyro, s.accel, h.sonar, h.flow,
                 h.flow_quality, h.pressure, p.estimator)
-            estimated, pose, twist = e.state, e.pose_covariance, e.twist_covariance
-            spread = failsafe.Spread(
-                max(pose[0], pose[7]), pose[14], max(twist[0], twist[7]),
-                max(pose[21], pose[28]), max(twist[21], twist[28], twist[35]))
+            estimated = e.state
+            spread = failsafe.spread_of(e.pose_covariance, e.twist_covariance)
         ref, phase = reference_step(t, plan, vv.mass, vv.inertia, vv.gravity)
         control, command = failsafe.step(
             control, *spoil(t, phase, estimated, spread, ref), phase, *settings)

@@ -332,10 +332,7 @@ def _loop(state, rngs, mocap_rng, memory, control, p, out):
             estimated = estimate.state
             _store_health(out, k, estimate)
             _store_estimate(out.inner, k, estimate)
-            pose, twist = estimate.pose_covariance, estimate.twist_covariance
-            spread = failsafe.Spread(
-                max(pose[0], pose[7]), pose[14], max(twist[0], twist[7]),
-                max(pose[21], pose[28]), max(twist[21], twist[28], twist[35]))
+            spread = failsafe.spread_of(estimate.pose_covariance, estimate.twist_covariance)
         vehicle = p.reference_vehicle
         ref, phase = reference_step(
             t * 1e-9, p.plan, vehicle.mass, vehicle.inertia, vehicle.gravity)

@@ -76,6 +76,7 @@ TOUCHED = 0.1  # s for which it must not sink
 SHOWN_TIME = 2.0  # s
 MOST_WRONG = (0.5, 1.5)  # mass shown over mass believed
 LEAST_THRUST = 0.1  # m/s^2 along the attitude of a reference that can be followed
+Covariance = tuple[float, ...]
 _ZERO: Vec3 = (0.0, 0.0, 0.0)
 _NAN3: Vec3 = (math.nan, math.nan, math.nan)
 _NAN4 = (math.nan, math.nan, math.nan, math.nan)
@@ -89,6 +90,14 @@ class Spread(NamedTuple):
     velocity: float  # m^2/s^2, along body x and y, the larger one
     tilt: float = 0.0  # rad^2, about horizontal axes, the larger one
     rate: float = 0.0  # rad^2/s^2, of the body rate, the largest one
+
+
+@jit
+def spread_of(pose: Covariance, twist: Covariance) -> Spread:
+    """Return the variances in the (6, 6) covariances, row by row, of an estimate's odometry."""
+    return Spread(
+        max(pose[0], pose[7]), pose[14], max(twist[0], twist[7]),
+        max(pose[21], pose[28]), max(twist[21], twist[28], twist[35]))
 
 
 EXACT = Spread(0.0, 0.0, 0.0)

@@ -74,6 +74,15 @@ def test_with_good_inputs_the_answer_is_that_of_the_law_alone(law, module, param
         state = moved(state, got)
 
 
+def test_of_the_variances_of_an_estimate_the_largest_of_a_kind_counts():
+    rng = np.random.default_rng(2)
+    for _ in range(20):  # any of them may be it
+        pose, twist = rng.random((2, 6, 6))
+        p, w = np.diag(pose), np.diag(twist)
+        assert failsafe.spread_of(tuple(pose.ravel()), tuple(twist.ravel())) == (
+            p[:2].max(), p[2], w[:2].max(), p[3:5].max(), w[3:].max())
+
+
 @pytest.mark.parametrize('law', LAWS)
 @pytest.mark.parametrize(('lost', 'reason'), [
     ({'state': NO_STATE}, safety.REASON_ESTIMATE),
