@@ -120,7 +120,7 @@ def _put_reference(row, ref):
 
 @jit
 def _heard(row):
-    return closed_loop._Heard(
+    return closed_loop.Heard(
         _three(row, 0), _three(row, 3), row[6], (row[7], row[8]), int(row[9]), row[10])
 
 
@@ -169,7 +169,7 @@ def fly(mind, chance, p, tape, start, stop, parts):
         body = state.plant.body
         if parts & SENSORS:
             state, samples = simulator.sense(state, k, chance.sensors, p.simulator)
-            heard = closed_loop._hear(samples, p)
+            heard = closed_loop.hear(samples, p)
         else:
             heard = _heard(tape.samples[k])
         t_before = t - STEP_NS if k else t

@@ -61,7 +61,7 @@ def _taped() -> tuple[scenario.Scenario, elimination.Tape]:
     tape = elimination.tape(STEPS)
     mind, chance = elimination.begin(flight)
     elimination.fly(
-        mind, chance, closed_loop._settings(flight), tape, 0, STEPS, elimination.ALL)
+        mind, chance, closed_loop.settings(flight), tape, 0, STEPS, elimination.ALL)
     known = closed_loop.fly(flight)
     if not (np.array_equal(tape.plant[:, :13], known.truth)
             and np.array_equal(tape.command[:, :4], known.pwm)):
@@ -75,7 +75,7 @@ def _profile(quick: bool) -> list[Contender]:
 
     def run(parts: int) -> dict[str, float]:
         flight, tape = _taped()
-        settings = closed_loop._settings(flight)
+        settings = closed_loop.settings(flight)
         starts = [elimination.begin(flight) for _ in range(often)]
 
         def work() -> None:
@@ -105,7 +105,7 @@ def _waiting(where: str) -> scenario.Scenario:
 def idle(where: str, seconds: float) -> tuple[list[float], elimination.Mind]:
     """Wait so long; return the CPU time in s of each piece of ``IDLE`` steps, and the memories."""
     flight = _waiting(where)
-    settings, tape = closed_loop._settings(flight), elimination.tape(IDLE)
+    settings, tape = closed_loop.settings(flight), elimination.tape(IDLE)
     mind, chance = elimination.begin(flight)
     everything, took = elimination.ALL & ~elimination.RECORDING, []
 

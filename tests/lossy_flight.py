@@ -47,7 +47,7 @@ def fly(flight, spoil=lambda t, phase, *inputs: inputs):
     Ends early when the vehicle is at rest after a shutdown.
     """
     sim, believed = flight.sim_node.simulator, flight.controller_node
-    values, rngs, p = sim.values(), simulator.generators(sim.seed), closed_loop._settings(flight)
+    values, rngs, p = sim.values(), simulator.generators(sim.seed), closed_loop.settings(flight)
     state, estimator = simulator.initial_state(sim), flight.estimator_node
     truth = estimator.estimator == 'ground_truth'
     memory = None if truth else filters.initial(estimator.filter)
@@ -59,7 +59,7 @@ def fly(flight, spoil=lambda t, phase, *inputs: inputs):
         state, s = simulator.sense(state, k, rngs, values)
         estimated, spread = state.plant.body, failsafe.EXACT
         if not truth:
-            h = closed_loop._hear(s, p)
+            h = closed_loop.hear(s, p)
             memory, e = filters.step(
                 memory, 5_000_000 * 1e-9 if k else 0.0, s.gyro, s.accel, h.sonar, h.flow,
                 h.flow_quality, h.pressure, p.estimator)

@@ -74,7 +74,7 @@ class Recording(NamedTuple):
     inner: Inner | None  # None is a type of its own: a loop that does not store this
 
 
-class _Settings(NamedTuple):
+class Settings(NamedTuple):
     """Everything compiled code reads that does not change during a flight."""
 
     simulator: simulator.SimulatorValues
@@ -91,9 +91,10 @@ class _Settings(NamedTuple):
     sonar_high: float
 
 
-def _settings(flight: Scenario) -> _Settings:
+def settings(flight: Scenario) -> Settings:
+    """Return what compiled code reads of a scenario."""
     sim, estimator = flight.sim_node.simulator, flight.estimator_node
-    return _Settings(
+    return Settings(
         sim.values(), flight.optitrack_node.optitrack.values(), estimator.filter.values(),
         flight.reference_node.plan.values(), flight.controller_node.law.values(),
         flight.controller_node.failsafe.values(),
@@ -138,7 +139,7 @@ def fly(flight: Scenario, inner: bool = False) -> Recording:
     _loop(simulator.initial_state(sim), simulator.generators(sim.seed), mocap_rng,
           filters.initial(flight.estimator_node.filter),
           failsafe.initial(flight.controller_node.law),
-          _settings(flight), out)
+          settings(flight), out)
     return out
 
 
@@ -204,8 +205,8 @@ def _store(row: Array, s: State) -> None:
         row[6 + i] = s.q[i]
 
 
-class _Heard(NamedTuple):
-    """Samples as the estimator node has them, who gets them over the wire; NaN: none."""
+class Heard(NamedTuple):
+    """Samples of a control step as the estimator node has them from the wire; NaN: none."""
 
     gyro: Vec3
     accel: Vec3
@@ -216,7 +217,8 @@ class _Heard(NamedTuple):
 
 
 @jit
-def _hear(s: simulator.Samples, p: _Settings) -> _Heard:
+def hear(s: simulator.Samples, p: Settings) -> Heard:
+    """Return of a control step's samples those that arrive in time and say something."""
     gyro, accel = s.gyro, s.accel
     if not in_time(s.fates.imu):
         gyro, accel = (np.nan, np.nan, np.nan), (np.nan, np.nan, np.nan)
@@ -227,11 +229,11 @@ def _hear(s: simulator.Samples, p: _Settings) -> _Heard:
         flow, quality = s.flow, s.flow_quality
     if s.baro_new and in_time(s.fates.barometer):
         pressure = s.pressure
-    return _Heard(gyro, accel, sonar, flow, quality, pressure)
+    return Heard(gyro, accel, sonar, flow, quality, pressure)
 
 
 @jit
-def _store_samples(out: Recording, k: int, s: simulator.Samples, heard: _Heard) -> None:
+def _store_samples(out: Recording, k: int, s: simulator.Samples, heard: Heard) -> None:
     for i in range(3):
         out.imu[k, i], out.imu[k, 3 + i] = heard.gyro[i], heard.accel[i]
     out.sonar[k], out.pressure[k] = heard.sonar, heard.pressure
@@ -323,7 +325,7 @@ def _loop(state, rngs, mocap_rng, memory, control, p, out):
         t_before = t - STEP_NS if k else t
         mocap, seen = optitrack.step(mocap, t_before, before, t, body, mocap_rng, p.optitrack)
         before = body
-        estimated, spread, heard = body, failsafe.EXACT, _hear(samples, p)
+        estimated, spread, heard = body, failsafe.EXACT, hear(samples, p)
         _store_samples(out, k, samples, heard)
         if not p.use_truth:
             memory, estimate = filters.step(
