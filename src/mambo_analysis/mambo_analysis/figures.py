@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
+from . import metrics
 from .bag import Bag
 from .metrics import Floats
 from .motion import position_errors
@@ -61,25 +62,11 @@ def _thin(*columns: Floats) -> tuple[Floats, ...]:
     return tuple(column[::step] for column in columns)
 
 
-def _envelope(t: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return a signal at no more than ``POINTS`` instants: least and greatest of each stretch."""
-    size = -(-len(t) // (POINTS // 2))
-    if size <= 2:
-        return t, values
-    whole = len(t) // size * size
-    blocks = values[:whole].reshape(-1, size)
-    low = np.where(np.isnan(blocks), np.inf, blocks).argmin(axis=1)
-    high = np.where(np.isnan(blocks), -np.inf, blocks).argmax(axis=1)
-    chosen = np.sort(np.stack([low, high]), axis=0) + np.arange(len(blocks)) * size
-    index = np.concatenate([chosen.T.reshape(-1), np.arange(whole, len(t))])
-    return t[index], values[index]
-
-
 def _line(
     ax: Axes, t: Floats, values: Floats, colour: str, label: str | None, **style: Any,
 ) -> None:
     """Draw a signal over time."""
-    ax.plot(*_envelope(t, values), color=COLOURS[colour], label=label, **style)
+    ax.plot(*metrics.envelope(t, values, POINTS), color=COLOURS[colour], label=label, **style)
 
 
 def _mark(axes: list[Axes], parts: Phases) -> None:

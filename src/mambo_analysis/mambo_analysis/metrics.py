@@ -118,6 +118,30 @@ def usual_period(stamps: Ints) -> float:
     return float(np.median(gaps)) if len(gaps) else float('nan')
 
 
+def envelope(t: Floats, values: Floats, points: int) -> tuple[Floats, Floats]:
+    """
+    Return a signal at fewer instants that is drawn the same: least and greatest of each stretch.
+
+    Parameters
+    ----------
+    t, values : (n,)
+        NaN: no value; a stretch of nothing else keeps one.
+    points
+        How many instants, give or take the last stretch; a signal of so few stays as it is.
+
+    """
+    size = -(-len(t) // (points // 2))
+    if size <= 2:
+        return t, values
+    whole = len(t) // size * size
+    blocks = values[:whole].reshape(-1, size)
+    low = np.where(np.isnan(blocks), np.inf, blocks).argmin(axis=1)
+    high = np.where(np.isnan(blocks), -np.inf, blocks).argmax(axis=1)
+    chosen = np.sort(np.stack([low, high]), axis=0) + np.arange(len(blocks)) * size
+    index = np.concatenate([chosen.T.reshape(-1), np.arange(whole, len(t))])
+    return t[index], values[index]
+
+
 def running_rms(stamps: Ints, errors: Floats) -> Floats:
     """
     Return the RMS of the length of an error from its first sample up to each, (n,).

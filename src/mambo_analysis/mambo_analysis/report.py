@@ -53,24 +53,10 @@ def _numbers(values: Floats, digits: int) -> list[float | None]:
             for value in np.asarray(values, float).tolist()]
 
 
-def _thin(t: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return a signal at no more than ``POINTS`` instants: least and greatest of each stretch."""
-    size = -(-len(t) // (POINTS // 2))
-    if size <= 2:
-        return t, values
-    whole = len(t) // size * size
-    blocks = values[:whole].reshape(-1, size)
-    low = np.where(np.isnan(blocks), np.inf, blocks).argmin(axis=1)
-    high = np.where(np.isnan(blocks), -np.inf, blocks).argmax(axis=1)
-    chosen = np.sort(np.stack([low, high]), axis=0) + np.arange(len(blocks)) * size
-    index = np.concatenate([chosen.T.reshape(-1), np.arange(whole, len(t))])
-    return t[index], values[index]
-
-
 def _line(
     name: str, colour: str, stamps: Ints, values: Floats, digits: int, dash: str = 'solid',
 ) -> dict[str, Any]:
-    t, y = _thin(stamps * 1e-9, values)
+    t, y = metrics.envelope(stamps * 1e-9, values, POINTS)
     return {'name': escape(name), 'colour': colour, 'dash': dash, 't': _numbers(t, 3),
             'y': _numbers(y, digits)}
 
