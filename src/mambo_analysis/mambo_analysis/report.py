@@ -196,21 +196,10 @@ def of_two(
     lead = (f'A, {ours.name} of {result["bags"][0]}, minus B, {theirs.name} of '
             f'{result["bags"][1]}: {result["duration"]:.2f} s in common.')
     return _shade(comparison.phases, Report(
-        title, lead, _cards(result['errors']), [*_flight_parts(result), *result['notes']],
+        title, lead, _cards(result['errors']), [*tables.times(result), *result['notes']],
         [{**entry, 'title': f'{entry["quantity"]}, A minus B'} for entry in result['errors']],
         result['differences'], _details(a) if other is a else _details(a, other),
         _replay(tracks, vehicles), _figures(named, '', {'position': references})))
-
-
-def _flight_parts(result: Mapping[str, Any]) -> list[str]:
-    out = []
-    if result['takeoff_end'] is not None:
-        out.append(f'take-off ends at {result["takeoff_end"]:.2f} s ({result["takeoff"]})')
-    elif result['takeoff']:
-        out.append(result['takeoff'])
-    if result['landing_start'] is not None:
-        out.append(f'landing begins at {result["landing_start"]:.2f} s')
-    return out
 
 
 def of_one(bag: Bag, result: Mapping[str, Any]) -> Report:
@@ -255,7 +244,7 @@ def of_one(bag: Bag, result: Mapping[str, Any]) -> Report:
         else f'{result["duration"]:.2f} s of flight.'
     return _shade(parts, Report(
         result['bag'], lead, _cards(comparisons[0].sections() if comparisons else []),
-        [*facts, *_flight_parts(result), *result['notes']], sections, [], _details(bag),
+        [*facts, *tables.times(result), *result['notes']], sections, [], _details(bag),
         _replay([*tracks, *vehicles[::-1]], vehicles), figures))
 
 

@@ -42,7 +42,8 @@ def section(entry: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _times(result: Mapping[str, Any]) -> list[str]:
+def times(result: Mapping[str, Any]) -> list[str]:
+    """Return what is known of take-off and landing, a line each."""
     lines = []
     if result['takeoff_end'] is not None:
         lines.append(f'take-off ends at {result["takeoff_end"]:.2f} s: {result["takeoff"]}')
@@ -56,7 +57,7 @@ def _times(result: Mapping[str, Any]) -> list[str]:
 def _of_two(result: Mapping[str, Any]) -> str:
     lines = [f'{letter}: {bag}, {topic}' for letter, bag, topic in zip(
         'AB', result['bags'], result['compared'])]
-    lines += [f'{result["duration"]:.2f} s in common', *_times(result)]
+    lines += [f'{result["duration"]:.2f} s in common', *times(result)]
     for entry in result['errors']:
         lines += ['', *section({**entry, 'title': f'{entry["quantity"]}: A minus B'})]
     if result['differences']:
@@ -80,7 +81,7 @@ def table(result: Mapping[str, Any]) -> str:
         head += f', real-time factor {result["real_time_factor"]:.2f}'
     if result['source']:
         head += f', imported from {result["source"]}'
-    lines = [head, *_times(result)]
+    lines = [head, *times(result)]
     for entry in result['errors']:
         lines += ['', *section(entry)]
     width = max([len(entry['topic']) for entry in result['topics']] + [10])
