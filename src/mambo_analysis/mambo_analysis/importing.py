@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from rosbags.typesys.store import Typestore
 
 from . import cdr
-from .mcap_file import BagError
+from .mcap_file import BagError, read_file
 
 NAMESPACE = '/mambo'
 SECOND = 1_000_000_000
@@ -37,12 +37,7 @@ class Source(NamedTuple):
 
 def read_source(path: Path) -> Source:
     """Return a file's content and checksum; BagError if it cannot be read or is empty."""
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise BagError(f'{path}: cannot be read ({error.strerror})') from None
-    if not content:
-        raise BagError(f'{path}: the file is empty')
+    content = read_file(path)
     return Source(path, content, hashlib.sha256(content).hexdigest())
 
 

@@ -64,6 +64,17 @@ class Contents:
     lost: list[str] = dataclasses.field(default_factory=list)
 
 
+def read_file(path: Path) -> bytes:
+    """Return a file's content; BagError if it cannot be read or is empty."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise BagError(f'{path}: cannot be read ({error.strerror})') from None
+    if not data:
+        raise BagError(f'{path}: the file is empty, nothing was recorded')
+    return data
+
+
 def _stream(data: bytes) -> ReadDataStream:
     return ReadDataStream(BytesIO(data))
 
@@ -187,12 +198,7 @@ def scan(path: Path, is_wanted: Callable[[str], bool] = lambda topic: True) -> C
         listed in ``lost``, and what surrounds it is kept.
 
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise BagError(f'{path}: cannot be read ({error.strerror})') from None
-    if not data:
-        raise BagError(f'{path}: the file is empty, nothing was recorded')
+    data = read_file(path)
     if not data.startswith(MAGIC):
         raise BagError(f'{path}: not an MCAP file; give a rosbag2 directory or an .mcap file')
     scanner = _Scanner(is_wanted)
