@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mambo_model.frames import body_quaternion, flip_vector
+from mambo_model.quaternion import to_matrix
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
@@ -183,7 +184,7 @@ def samples(
         if len(dt) < 5 or dt[0] > -0.25 * WINDOW or dt[-1] < 0.25 * WINDOW:
             continue  # poses are missing here
         curve = np.polynomial.polynomial.polyfit(dt, position[near], 2)
-        R = _matrix(q[near][np.argmin(np.abs(dt))])
+        R = np.array(to_matrix(tuple(q[near][np.argmin(np.abs(dt))].tolist())))
         height = -float(curve[0, 2]) - floor
         if height >= lowest:
             w = _rate(q[near], dt)
@@ -209,13 +210,6 @@ def from_recording(
     return samples(
         recording.t[sensed] * 1e-9, recording.flow[sensed, :2], recording.pose_t[seen] * 1e-9,
         recording.pose[seen, :3], recording.pose[seen, 3:], start=start, end=end)
-
-
-def _matrix(q: Floats) -> Floats:
-    """Return R, (3, 3), of a unit quaternion w x y z."""
-    w, v = q[0], q[1:]
-    S = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-    return (w * w - v @ v) * np.eye(3) + 2.0 * np.outer(v, v) + 2.0 * w * S
 
 
 def _draw(data: Samples, found: dict[str, Factor]) -> Callable[[Figure], None]:
