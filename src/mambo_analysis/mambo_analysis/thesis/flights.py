@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import closed_loop, scenario_file
+from .. import closed_loop, metrics, scenario_file
 from ..scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -105,8 +105,9 @@ def rms(x: Array) -> float:
 
 
 def running_rms(x: Array) -> Array:
-    """Return the root mean square up to each row, as the thesis plots it beside a position."""
-    return np.sqrt(np.cumsum(np.square(x), axis=0) / np.arange(1, len(x) + 1)[:, None])
+    """Return the RMS of each column up to each row, as the thesis plots it beside a position."""
+    rows = np.arange(len(x))
+    return np.stack([metrics.running_rms(rows, column[:, None]) for column in x.T], axis=1)
 
 
 def harmonic(t: Array, x: Array, rate: float = 1.0, turns: int = 2) -> complex:
