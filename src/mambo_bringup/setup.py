@@ -3,8 +3,6 @@ from glob import glob
 from setuptools import find_packages, setup
 
 package_name = 'mambo_bringup'
-shared = [(f'share/{package_name}/{folder}', sorted(glob(f'{folder}/*.*')))
-          for folder in ('config', 'launch', 'layouts', 'scenarios')]
 
 setup(
     name=package_name,
@@ -13,7 +11,7 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
-        *shared,
+        (f'share/{package_name}/launch', sorted(glob('launch/*.*'))),
     ],
     install_requires=['setuptools'],
     extras_require={'test': ['pytest']},

@@ -67,7 +67,7 @@ def bag(tmp_path):
 
 def test_ros_2_launch_finds_them():
     assert [file.name for file in FILES] == list(PLANS)
-    assert "'launch'" in (SRC / 'mambo_bringup/setup.py').read_text()
+    assert "share/{package_name}/launch'" in (SRC / 'mambo_bringup/setup.py').read_text()
 
 
 @pytest.mark.parametrize('file', FILES, ids=lambda file: file.name)
