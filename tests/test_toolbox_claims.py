@@ -9,48 +9,24 @@ for these figures: the numbers here are predicted by hand, from the flow's facto
 
 from functools import cache
 import math
-from typing import NamedTuple
 
-from mambo_analysis.closed_loop import fly, Recording
 from mambo_analysis.scenario import scenario
-from mambo_model.compiled import jit
-from mambo_sim import simulator
+from mambo_analysis.thesis.chapter_4 import lag
+from mambo_analysis.thesis.flights import drift, Flight, harmonic, rms, STEP, X, Y, Z
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-DT = 0.005
 SEEDS = (1, 2, 3)
-X, Y, Z = range(3)
+LATE = 12.0  # s
 
 
 @cache
-def setting(trajectory, seed, estimator='toolbox', controller='toolbox', believed='toolbox',
-            overrides=()):
-    return scenario(trajectory, estimator, controller, 40.0, seed, believed=believed, land=False,
-                    overrides=dict(overrides))
-
-
-@cache
-def flown(*arguments, **choices) -> Recording:
-    return fly(setting(*arguments, **choices))
-
-
-def seconds(flight):
-    return flight.t * 1e-9
-
-
-def late(flight, start=12.0):
-    return seconds(flight) > start
-
-
-def rms(x):
-    return np.sqrt(np.mean(np.square(x), axis=0))
-
-
-def error(flight):
-    """Return estimate minus truth, (n, 3) m."""
-    return (flight.estimate - flight.truth)[:, :3]
+def flown(trajectory, seed, estimator='toolbox', controller='toolbox', believed='toolbox',
+          overrides=()):
+    return Flight(scenario(
+        trajectory, estimator, controller, 40.0, seed, believed=believed, land=False,
+        overrides=dict(overrides)))
 
 
 def factor(height):
@@ -58,80 +34,24 @@ def factor(height):
     return height * (0.92 + 0.07 * height)
 
 
-def harmonic(flight, x):
-    """Return the complex amplitude at 1 rad/s of the last two periods beside offset and drift."""
-    t = seconds(flight)
-    last = t > t[-1] - 4 * math.pi
-    t, x = t[last], x[last]
-    waves = np.stack([np.cos(t), -np.sin(t), np.ones_like(t), t], axis=1)
-    cosine, sine = np.linalg.lstsq(waves, x, rcond=None)[0][:2]
-    return cosine + 1j * sine
-
-
-def lag(flight, axis):
-    """Return how far the estimate is behind the reference, degrees at 1 rad/s."""
-    got, wanted = (harmonic(flight, rows[:, axis]) for rows in (flight.estimate, flight.reference))
-    return -math.degrees(np.angle(got / wanted))
-
-
-def per_period(x):
-    return (x[-1] - x[-1 - round(8 * math.pi / DT)]) / 4
-
-
-class Sensors(NamedTuple):
-    """What the sensors of a flight said, (n, 3) and (n, 2), NaN: no flow."""
-
-    accel: np.ndarray
-    flow: np.ndarray
-
-
-@jit
-def read(state, rngs, pwm, values, out):
-    for k in range(len(pwm)):
-        state, s = simulator.sense(state, k, rngs, values)
-        for i in range(3):
-            out[k, i], out[k, 3 + i] = state.plant.body.rho[i], s.accel[i]
-        out[k, 6], out[k, 7] = s.flow[0], s.flow[1]
-        command = (pwm[k, 0], pwm[k, 1], pwm[k, 2], pwm[k, 3])
-        state = simulator.advance(state, command, False, values)
-
-
-def sensors(params, flight):
-    """Fly the recorded motor commands once more and listen."""
-    sim = params.sim_node.simulator
-    out = np.empty((len(flight.t), 8))
-    read(simulator.initial_state(sim), simulator.generators(sim.seed), flight.pwm, sim.values(),
-         out)
-    np.testing.assert_array_equal(out[:, :3], flight.truth[:, :3])
-    return Sensors(out[:, 3:6], out[:, 6:])
-
-
-def integrated(flow):
-    """Return the integral of the flow, each sample held until the next, (n, 2) 'm'."""
-    seen = np.isfinite(flow[:, 0])
-    newest = np.maximum.accumulate(np.where(seen, np.arange(len(flow)), -1))
-    held = np.where(newest[:, None] >= 0, flow[newest], 0.0)
-    return np.cumsum(held, axis=0) * DT
-
-
 @pytest.mark.parametrize('seed', SEEDS)
 def test_figure_4_3_the_reference_height_is_not_reached_and_x_and_y_look_normal(seed):
     flight = flown('step', seed)
-    off = (flight.estimate - flight.reference)[late(flight), :3]
+    off = (flight.estimate - flight.reference)[flight.after(LATE)]
     # command for hover 4 * 276.66 / 1530.73 = 0.7229 N; believed 0.063 * 9.81 N; gain 0.8 N/m.
     # 2 mm: the bias of the accelerometer left by the calibration moves the climb by 1 mm/s
     assert off[:, Z].mean() == pytest.approx((0.7229 - 0.6180) / 0.8, abs=0.002)
-    assert rms(error(flight)[late(flight), Z]) < 0.005  # it is there indeed, not an estimate
+    assert rms(flight.error[flight.after(LATE), Z]) < 0.005  # it is there indeed, not an estimate
     # by the estimate, that is; the attitude is wrong by 0.1 to 0.2 degrees, over 0.24 rad/m 1 cm
-    assert rms(off[:, :2]).max() < 0.02
+    assert max(map(rms, off[:, :2].T)) < 0.02
     x = flight.estimate[:, X]
-    assert 1.0 < x.max() < 1.35 and abs(x[seconds(flight) < 5.0]).max() < 0.02
+    assert 1.0 < x.max() < 1.35 and abs(x[flight.t < 5.0]).max() < 0.02
 
 
 @pytest.mark.parametrize('seed', SEEDS)
 def test_figure_4_3_the_vehicle_travels_more_than_the_metre_asked_for(seed):
     flight = flown('step', seed)
-    moved = flight.truth[late(flight), X].mean() - flight.truth[seconds(flight) < 5.0, X][-1]
+    moved = flight.truth[flight.after(LATE), X].mean() - flight.truth[flight.t < 5.0, X][-1]
     assert moved > 1.25
     # the estimate's metre times h Q at 1.37 m; 7 %: it sinks while it accelerates, and wanders
     assert moved == pytest.approx(factor(1.37), rel=0.07)
@@ -151,39 +71,40 @@ def test_figure_4_4_x_and_y_lag(seed):
 @pytest.mark.parametrize('seed', SEEDS)
 def test_figure_4_4_the_vehicle_drifts_away_and_the_estimate_does_not(seed):
     flight = flown('default_circle', seed)
-    assert np.abs(per_period(flight.estimate[:, :2])).max() < 0.02
-    drift = per_period(flight.truth[:, :2])
-    assert np.hypot(*drift) > 1.0
+    assert np.abs(drift(flight.estimate[:, :2])).max() < 0.02
+    drifts = drift(flight.truth[:, :2])
+    assert np.hypot(*drifts) > 1.0
     # The flow multiplied by h Q(h) at last, rotated with the estimated attitude. It is 50 ms late
     # (40 ms the filter, the rest the hold): 0.05 rad of 1.1 m.
-    nu = flight.estimate[:, 3:6].copy()
+    rows = flight.recording.estimate
+    nu = rows[:, 3:6].copy()
     nu[:, :2] *= factor(-flight.truth[:, Z])[:, None]
-    v = Rotation.from_quat(np.roll(flight.estimate[:, 6:10], -1, axis=1)).apply(nu)
-    assert drift == pytest.approx(per_period(np.cumsum(v, axis=0) * DT)[:2], abs=0.06)
+    v = Rotation.from_quat(np.roll(rows[:, 6:10], -1, axis=1)).apply(nu)
+    assert drifts == pytest.approx(drift(np.cumsum(v, axis=0) * STEP)[:2], abs=0.06)
     # into the net of a hall of 4 m within 20 s
     away = np.hypot(*flight.truth[:, :2].T)
-    assert seconds(flight)[np.argmax(away > 2.0)] < 20.0
+    assert flight.t[np.argmax(away > 2.0)] < 20.0
     assert np.hypot(*flight.estimate[:, :2].T).max() < 1.0
 
 
 @pytest.mark.parametrize('seed', SEEDS)
 def test_figure_5_3_hovering_the_height_is_good_and_x_and_y_are_not(seed):
     flight = flown('hover', seed, controller='cascaded')
-    assert rms(error(flight)[late(flight), Z]) < 0.004
-    horizontal = np.hypot(*error(flight)[late(flight), :2].T)
-    assert rms(horizontal) > 4 * rms(error(flight)[late(flight), Z])
+    assert rms(flight.error[flight.after(LATE), Z]) < 0.004
+    horizontal = np.hypot(*flight.error[flight.after(LATE), :2].T)
+    assert rms(horizontal) > 4 * rms(flight.error[flight.after(LATE), Z])
     # The estimate says that it stands still. What is reproduced is centimetres: the take-off of
     # the simulation is clean (see the floor that slopes in test_toolbox_estimator).
-    assert rms(flight.estimate[late(flight), :2]).max() < 0.01
+    assert max(map(rms, flight.estimate[flight.after(LATE), :2].T)) < 0.01
     assert 0.01 < np.hypot(*flight.truth[:, :2].T).max() < 0.1
 
 
 @pytest.mark.parametrize('seed', SEEDS)
 def test_figure_5_4_on_a_sine_the_height_is_good_and_the_amplitude_is_not(seed):
     flight = flown('y_sine', seed, controller='cascaded')
-    assert rms(error(flight)[late(flight), Z]) < 0.01
-    got, true = (abs(harmonic(flight, rows[:, Y])) for rows in (flight.estimate, flight.truth))
-    height = -flight.truth[late(flight), Z].mean()
+    assert rms(flight.error[flight.after(LATE), Z]) < 0.01
+    got, true = (abs(harmonic(flight.t, rows[:, Y])) for rows in (flight.estimate, flight.truth))
+    height = -flight.truth[flight.after(LATE), Z].mean()
     # 1.5 %: noise of the flow, slant, height that swings by 2 cm
     assert true / got == pytest.approx(factor(height), rel=0.015)
     assert true / got > 1.25 and true - got > 0.2
@@ -192,26 +113,24 @@ def test_figure_5_4_on_a_sine_the_height_is_good_and_the_amplitude_is_not(seed):
 @pytest.mark.parametrize('seed', SEEDS)
 def test_figure_5_5_the_integrated_accelerometer_drifts_and_explains_nothing(seed):
     flight = flown('y_sine', seed, controller='cascaded')
-    t, y = seconds(flight), sensors(
-        setting('y_sine', seed, controller='cascaded'), flight).accel[:, Y]
-    velocity = np.cumsum(y - y[:100].mean()) * DT  # calibrated by the first half second
-    drift = np.polyfit(t, velocity, 1)
+    t, y = flight.t, flight.recording.imu[:, 3 + Y]
+    velocity = np.cumsum(y - y[:100].mean()) * STEP  # calibrated by the first half second
+    trend = np.polyfit(t, velocity, 1)
     # noise 0.0153 m/s^2 over 100 samples 1.5 mm/s^2, walk of the bias 0.36 mm/s^2/sqrt(s)
-    assert 2e-4 < abs(drift[0]) < 6e-3
-    true = np.gradient(flight.truth[:, Y], DT)
-    on = late(flight)
+    assert 2e-4 < abs(trend[0]) < 6e-3
+    true = np.gradient(flight.truth[:, Y], STEP)
+    on = flight.after(LATE)
     # thrust is not felt sideways, drag is: minus 0.54 1/s times y, a quarter period off
     assert abs(np.corrcoef(velocity[on], true[on])[0, 1]) < 0.05
-    position = np.cumsum(velocity - np.polyval(drift, t)) * DT
+    position = np.cumsum(velocity - np.polyval(trend, t)) * STEP
     assert np.ptp(position[on]) > 1.0
-    assert abs(np.corrcoef(position[on], error(flight)[on, Y])[0, 1]) < 0.25
+    assert abs(np.corrcoef(position[on], flight.error[on, Y])[0, 1]) < 0.25
 
 
 @pytest.mark.parametrize('seed', SEEDS)
 def test_figures_5_6_and_5_7_the_estimate_is_the_integrated_flow_and_the_truth_is_larger(seed):
     flight = flown('y_sine', seed, controller='cascaded')
-    flow = integrated(sensors(setting('y_sine', seed, controller='cascaded'), flight).flow)
-    since = seconds(flight) >= 6.0
+    flow, since = flight.integrated_flow(), flight.after(6.0)
     estimate, seen, true = (
         rows[since, Y] - rows[since, Y][0]
         for rows in (flight.estimate, np.insert(flow, 2, 0.0, axis=1), flight.truth))
@@ -231,12 +150,11 @@ def test_figure_5_6_while_it_ascends_the_estimate_is_not_the_integrated_flow(see
     # Below 0.4 m there is no flow and the accelerometer is integrated. In the simulation it is
     # calibrated well; let it walk by some 0.1 m/s^2 between calibration and take-off.
     walk = (('sim_node.simulator.imu.accel_walk', 0.1),)
-    choices = {'controller': 'cascaded', 'overrides': walk}
-    flight = flown('y_sine', seed, **choices)
-    flow = integrated(sensors(setting('y_sine', seed, **choices), flight).flow)
-    low = (-flight.truth[:, Z] < 0.4) & (seconds(flight) < 3.0)
+    flight = flown('y_sine', seed, controller='cascaded', overrides=walk)
+    flow = flight.integrated_flow()
+    low = (-flight.truth[:, Z] < 0.4) & (flight.t < 3.0)
     assert (flow[low] == 0.0).all()
-    apart, turn = flight.estimate[:, :2] - flow, round(2 * math.pi / DT)
+    apart, turn = flight.estimate[:, :2] - flow, round(2 * math.pi / STEP)
     first, second = apart[1200:1200 + turn].mean(axis=0), apart[1200 + turn:][:turn].mean(axis=0)
     assert np.hypot(*first) > 0.02  # until 6 s; afterwards nothing is added in a whole turn
     assert np.hypot(*(second - first)) < 0.5 * np.hypot(*first)
@@ -248,5 +166,5 @@ def test_figure_5_6_while_it_ascends_the_estimate_is_not_the_integrated_flow(see
 def test_flow_times_height_takes_the_error_away_up_to_the_factor_q(law, wanted):
     flight = flown('y_sine', 1, 'kalman', 'cascaded', 'identified', (
         ('estimator_node.kalman.optical_flow.factor', law),))
-    got, true = (harmonic(flight, rows[:, Y]) for rows in (flight.estimate, flight.truth))
+    got, true = (harmonic(flight.t, rows[:, Y]) for rows in (flight.estimate, flight.truth))
     assert abs(got / true) == pytest.approx(wanted, rel=0.015)  # as for Figure 5.4
