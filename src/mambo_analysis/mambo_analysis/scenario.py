@@ -12,12 +12,13 @@ from collections.abc import Iterator, Mapping
 import dataclasses
 from pathlib import Path
 import re
-from typing import Any
+from typing import Any, NamedTuple
 
 from mambo_control.parameters import ControllerNodeParams, ReferenceNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model import schema
 from mambo_model.vehicle import find
+from mambo_model.yaml_nodes import Reader
 from mambo_sim.parameters import OptitrackNodeParams, SimNodeParams
 import yaml
 
@@ -36,6 +37,10 @@ class Scenario:
     def seed(self) -> int:
         """Return the seed of every noise stream."""
         return self.sim_node.simulator.seed
+
+
+NODES = tuple(field.name for field in dataclasses.fields(Scenario))
+LEAVES = dict(schema.walk(Scenario))
 
 
 def scenario(
@@ -198,6 +203,66 @@ def read_value(text: str) -> Any:
         raise schema.ParameterError(' '.join(str(error).split())) from None
 
 
+class Place(NamedTuple):
+    """A value and the file and line it comes from."""
+
+    value: Any
+    where: str
+
+
+class ParameterReader(Reader):
+    """Reads parameters of the nodes of a flight."""
+
+    def parameters(self, node: yaml.Node, prefix: str) -> Iterator[tuple[str, Place]]:
+        """Yield (node.parameter, value and place) of everything below a node."""
+        for part, (key, below) in self.mapping(node, prefix.rstrip('.') or 'parameters').items():
+            name = f'{prefix}{part}'
+            if name in LEAVES:
+                owner = name.rpartition('.')[0]
+                yield name, Place(self.leaf(owner, name, LEAVES[name], below), self.where(below))
+            elif any(known.startswith(f'{name}.') for known in LEAVES):
+                yield from self.parameters(below, f'{name}.')
+            else:
+                raise schema.ParameterError(f'{self.where(key)}: {schema.unknown(name, LEAVES)}')
+
+    def ros_parameters(self, keys: Mapping[str, tuple[yaml.Node, yaml.Node]]) -> dict[str, Place]:
+        """Return {node.parameter: value and place} of a ROS 2 parameter file."""
+        parameters: dict[str, Place] = {}
+        for name, (key, section) in keys.items():
+            inner = self.mapping(section, name)
+            if list(inner) != ['ros__parameters']:
+                self.fail(key, name, 'must hold ros__parameters and nothing else')
+            node = name.rpartition('/')[2]
+            if any(known.startswith(f'{node}.') for known in parameters):
+                self.fail(key, name, f'is the second section of {node}')
+            if node not in NODES:
+                self.fail(key, name, f'is no node of a flight; it has {", ".join(NODES)}')
+            parameters.update(self.parameters(inner['ros__parameters'][1], f'{node}.'))
+        return parameters
+
+
+def from_parameters(path: Path | str, parameters: Mapping[str, Place]) -> Scenario:
+    """Return the scenario of parameters out of a file; what is not among them is default."""
+    try:
+        return override(Scenario(), {name: place.value for name, place in parameters.items()})
+    except schema.ParameterError as error:
+        raise located(path, parameters, error) from None
+
+
+def located(
+    path: Path | str, places: Mapping[str, Place], error: schema.ParameterError,
+) -> schema.ParameterError:
+    """Return an error of values that contradict each other, with the place of one it names."""
+    text = str(error)
+    words = re.findall(r'\w+', text)
+    for name, place in places.items():
+        if name.rpartition('.')[2] in words or (
+                isinstance(place.value, str) and place.value and place.value in text):
+            key = '' if place.where.startswith('--') else f'{name}: '
+            return schema.ParameterError(f'{place.where}: {key}{text}')
+    return schema.ParameterError(f'{path}: {text}')
+
+
 def from_yaml(text: str, where: str = 'scenario') -> Scenario:
     """
     Read a scenario from a ROS 2 parameter file; what it does not name keeps its default.
@@ -205,34 +270,16 @@ def from_yaml(text: str, where: str = 'scenario') -> Scenario:
     Raises
     ------
     mambo_model.schema.ParameterError
-        Naming the place for text that is not such a file, an unknown node or parameter, or a
+        Naming line and key for text that is not such a file, an unknown node or parameter, or a
         value out of range.
 
     """
-    try:
-        data = read_value(text)
-    except schema.ParameterError as error:
-        raise schema.ParameterError(f'{where}: {error}') from None
-    if not isinstance(data, dict):
-        raise schema.ParameterError(f'{where}: not a ROS 2 parameter file')
-    sections: dict[str, dict] = {}
-    for name, section in data.items():
-        inner = section.get('ros__parameters') if isinstance(section, dict) else None
-        if not isinstance(inner, dict):
-            raise schema.ParameterError(f'{where}: {name} has no ros__parameters section')
-        node = str(name).rsplit('/', 1)[-1]
-        if node in sections:
-            raise schema.ParameterError(f'{where}: {name} is the second section of {node}')
-        sections[node] = inner
-    return schema.build(Scenario, sections, f'{where}: ')
+    reader = ParameterReader(where)
+    return from_parameters(where, reader.ros_parameters(
+        reader.mapping(reader.parse(text), 'file')))
 
 
 def load(path: Path) -> Scenario:
-    """Read a scenario file; see :func:`from_yaml`."""
-    try:
-        text = Path(path).read_text()
-    except OSError as error:
-        raise schema.ParameterError(f'{path}: {error.strerror}') from None
-    except UnicodeDecodeError:
-        raise schema.ParameterError(f'{path}: not a text file') from None
-    return from_yaml(text, str(path))
+    """Read a ROS 2 parameter file as :func:`from_yaml`."""
+    reader = ParameterReader(path)
+    return from_parameters(path, reader.ros_parameters(reader.mapping(reader.root(), 'file')))

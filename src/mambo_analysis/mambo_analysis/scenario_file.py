@@ -18,23 +18,22 @@ holds any parameter of any node. A ROS 2 parameter file is read too.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 import dataclasses
 from pathlib import Path
 import re
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from mambo_control.parameters import ControllerNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model import schema
 from mambo_model.trajectory import TAKEOFFS, TRAJECTORIES
-from mambo_model.yaml_nodes import Reader
 import yaml
 
 from . import scenario as scenarios
+from .scenario import ParameterReader, Place
 
 FOLDER = Path(__file__).with_name('scenarios')
-LEAVES = dict(schema.walk(scenarios.Scenario))
 
 
 def _options(params_type: type, name: str) -> tuple[str, ...]:
@@ -66,13 +65,6 @@ class Settings:
 FIELDS = {field.name: field for field in dataclasses.fields(Settings)}
 
 
-class Place(NamedTuple):
-    """A value and the file and line it comes from."""
-
-    value: Any
-    where: str
-
-
 class Experiment(NamedTuple):
     """A scenario file: its flights by name, in its order; the only one has the name ''."""
 
@@ -88,13 +80,15 @@ class _Layer(NamedTuple):
     parameters: dict[str, Place]
 
     def over(self, base: _Layer) -> _Layer:
+        """Return what holds where this part has the last word."""
         return _Layer({**base.settings, **self.settings}, {**base.parameters, **self.parameters})
 
 
-class _Reader(Reader):
+class _Reader(ParameterReader):
     """Reads the parts of a scenario file."""
 
     def layer(self, keys: Mapping[str, tuple[yaml.Node, yaml.Node]]) -> _Layer:
+        """Read what a file says of all its flights, or of one."""
         settings, parameters = {}, {}
         for name, (key, node) in keys.items():
             if name == 'parameters':
@@ -106,33 +100,6 @@ class _Reader(Reader):
                 raise schema.ParameterError(
                     f'{self.where(key)}: {schema.unknown(name, [*FIELDS, "parameters"])}')
         return _Layer(settings, parameters)
-
-    def parameters(self, node: yaml.Node, prefix: str) -> Iterator[tuple[str, Place]]:
-        """Yield (node.parameter, value and place) of everything below a node."""
-        for part, (key, below) in self.mapping(node, prefix.rstrip('.') or 'parameters').items():
-            name = f'{prefix}{part}'
-            if name in LEAVES:
-                owner = name.rpartition('.')[0]
-                yield name, Place(self.leaf(owner, name, LEAVES[name], below), self.where(below))
-            elif any(known.startswith(f'{name}.') for known in LEAVES):
-                yield from self.parameters(below, f'{name}.')
-            else:
-                raise schema.ParameterError(f'{self.where(key)}: {schema.unknown(name, LEAVES)}')
-
-    def ros_parameters(self, keys: Mapping[str, tuple[yaml.Node, yaml.Node]]) -> _Layer:
-        """Read a ROS 2 parameter file."""
-        parameters: dict[str, Place] = {}
-        for name, (key, section) in keys.items():
-            inner = self.mapping(section, name)
-            if list(inner) != ['ros__parameters']:
-                self.fail(key, name, 'must hold ros__parameters and nothing else')
-            node = name.rpartition('/')[2]
-            if any(known.startswith(f'{node}.') for known in parameters):
-                self.fail(key, name, f'is the second section of {node}')
-            if not any(known.startswith(f'{node}.') for known in LEAVES):
-                self.fail(key, name, 'is no node of a flight')
-            parameters.update(self.parameters(inner['ros__parameters'][1], f'{node}.'))
-        return _Layer({}, parameters)
 
 
 def names() -> list[str]:
@@ -191,7 +158,7 @@ def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
         if over:
             raise schema.ParameterError(
                 f'{path}: a ROS 2 parameter file stands alone; not with {", ".join(over)}')
-        flights = {'': _from_parameters(path, reader.ros_parameters(keys))}
+        flights = {'': scenarios.from_parameters(path, reader.ros_parameters(keys))}
         return Experiment(Path(path).stem, '', flights)
     if 'title' not in keys:
         raise schema.ParameterError(f'{path}: title: missing; say in one line what is flown')
@@ -258,24 +225,5 @@ def _build(path: Path, layer: _Layer) -> scenarios.Scenario:
                 **{name: place.value for name, place in layer.parameters.items()}},
             s.carried, path.parent)
     except schema.ParameterError as error:
-        raise _located(path, layer, error) from None
-
-
-def _from_parameters(path: Path, layer: _Layer) -> scenarios.Scenario:
-    try:
-        return scenarios.override(scenarios.Scenario(), {
-            name: place.value for name, place in layer.parameters.items()})
-    except schema.ParameterError as error:
-        raise _located(path, layer, error) from None
-
-
-def _located(path: Path, layer: _Layer, error: schema.ParameterError) -> schema.ParameterError:
-    """Return an error of values that contradict each other, with the place of one it names."""
-    text = str(error)
-    words = re.findall(r'\w+', text)
-    for name, place in (*layer.settings.items(), *layer.parameters.items()):
-        if name.rpartition('.')[2] in words or (
-                isinstance(place.value, str) and place.value and place.value in text):
-            key = '' if place.where.startswith('--') else f'{name}: '
-            return schema.ParameterError(f'{place.where}: {key}{text}')
-    return schema.ParameterError(f'{path}: {text}')
+        raise scenarios.located(
+            path, {**layer.settings, **layer.parameters}, error) from None

@@ -14,18 +14,18 @@ import yaml
 
 from .schema import check_field, ParameterError
 
-WORDS = {'true': True, 'false': False}
+WORDS = yaml.SafeLoader.bool_values  # true and false, and the other words of YAML 1.1
 
 
 class Reader:
-    """Walks the nodes of one file and knows where they are."""
+    """Walks the nodes of one file, or of a text with a name, and knows where they are."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path | str) -> None:
         self.path = path
 
     def root(self) -> yaml.MappingNode:
         """
-        Return the outermost node.
+        Return the outermost node of the file.
 
         Raises
         ------
@@ -34,13 +34,20 @@ class Reader:
 
         """
         try:
-            root = yaml.compose(self.path.read_text(encoding='utf-8'), yaml.SafeLoader)
+            return self.parse(Path(self.path).read_text(encoding='utf-8'))
         except OSError as error:
             raise ParameterError(f'{self.path}: {error.strerror}') from None
+        except UnicodeDecodeError:
+            raise ParameterError(f'{self.path}: not a text file') from None
+
+    def parse(self, text: str) -> yaml.MappingNode:
+        """Return the outermost node of a text; errors as those of :meth:`root`."""
+        try:
+            root = yaml.compose(text, yaml.SafeLoader)
         except yaml.MarkedYAMLError as error:
             line = error.problem_mark.line + 1
             raise ParameterError(f'{self.path}:{line}: no YAML: {error.problem}') from None
-        except (yaml.YAMLError, UnicodeDecodeError):
+        except yaml.YAMLError:
             raise ParameterError(f'{self.path}: not a text file') from None
         if not isinstance(root, yaml.MappingNode):
             raise ParameterError(f'{self.path}: holds no names and values')
@@ -96,7 +103,7 @@ class Reader:
         elif 'unit' in field.metadata:
             out = self.number(node, name)
         elif 'flag' in field.metadata:
-            out = WORDS.get(self.text(node, name), node.value)
+            out = WORDS.get(self.text(node, name).lower(), node.value)
         elif isinstance(node, yaml.ScalarNode) and 'text' in field.metadata:
             out = node.value
         else:

@@ -36,7 +36,8 @@ import numpy as np
 import yaml
 
 from .. import scenario as scenarios, scenario_file
-from ..scenario_file import FIELDS, LEAVES, Place
+from ..scenario import LEAVES, Place
+from ..scenario_file import FIELDS
 
 DISTRIBUTIONS = ('normal', 'range', 'uniform')
 MOST = 10_000_000  # flights
