@@ -80,6 +80,7 @@ def could_become(type_name: str) -> list[str]:
 
 
 def _checksum(files: list[Path]) -> str:
+    """Return the SHA-256 of files, one after the other, as hex digits."""
     sha = hashlib.sha256()
     for file in files:
         sha.update(file.read_bytes())
@@ -219,6 +220,7 @@ def _copied(store: Typestore, type_name: str, message: Any) -> Any:
 
 
 def _inner(message: Any, path: str) -> Any:
+    """Return a field of a field: the attributes of a dotted path."""
     for name in path.split('.'):
         message = getattr(message, name)
     return message
@@ -331,6 +333,7 @@ def import_bag(
 
 
 def _map(text: str) -> tuple[str, str]:
+    """Return the two names of an argument ``THEIRS:=OURS``."""
     theirs, found, ours = text.partition(':=')
     if not (theirs and found and ours):
         raise argparse.ArgumentTypeError(f'{text} is not of the form /their/topic:=ours')

@@ -37,6 +37,7 @@ FOLDER = Path(__file__).with_name('scenarios')
 
 
 def _options(params_type: type, name: str) -> tuple[str, ...]:
+    """Return what a parameter of a node may be."""
     return dict(schema.walk(params_type))[name].metadata['options']
 
 

@@ -123,6 +123,7 @@ def by_type(position: int, functions: Mapping[type, Callable]) -> Callable:
 
     """
     def chosen(*arguments):
+        """Choose when called from Python."""
         kind = type(arguments[position])
         if kind not in functions:
             known = ', '.join(sorted(one.__name__ for one in functions))
@@ -131,6 +132,7 @@ def by_type(position: int, functions: Mapping[type, Callable]) -> Callable:
 
     @overload(chosen)
     def _choose(*arguments):
+        """Choose while compiling."""
         kind = arguments[position]
         if isinstance(kind, numba.types.NoneType):
             found = functions.get(type(None))

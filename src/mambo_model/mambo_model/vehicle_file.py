@@ -76,6 +76,7 @@ class _Reader(Reader):
         return out
 
     def marker(self, node: yaml.Node) -> Point:
+        """Return one marker: mass kg and position m."""
         parts = self.mapping(node, 'markers')
         if set(parts) != set(MARKER):
             self.fail(node, 'markers', f'each takes {" and ".join(MARKER)}')

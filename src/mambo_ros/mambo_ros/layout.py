@@ -174,6 +174,7 @@ class Layout:
             data[start:start + 4] == piece[:4] for start, piece in self._texts)
 
     def _unpack_slowly(self, data: bytes) -> tuple:
+        """Unpack bytes of another layout by the middleware; remember theirs for the next."""
         from rclpy.serialization import deserialize_message
         try:
             message = deserialize_message(bytes(data), self.msg_type)
@@ -214,14 +215,17 @@ class _Writer:
         self.data = bytearray(_ENCAPSULATION)
 
     def align(self, width: int) -> None:
+        """Fill up with zeros to a multiple of so many bytes."""
         self.data.extend(b'\0' * (-(len(self.data) - 4) % width))
 
     def primitive(self, kind: str, values: Any) -> None:
+        """Write numbers of a kind."""
         code, width = _FORMATS[kind]
         self.align(width)
         self.data += struct.pack(f'<{len(values)}{code}', *values)
 
     def one(self, kind: str, value: Any) -> None:
+        """Write a value of any kind."""
         if kind in _FORMATS:
             self.primitive(kind, (value,))
         elif kind == 'string':
@@ -232,6 +236,7 @@ class _Writer:
             self.message(value)
 
     def message(self, message: Any) -> None:
+        """Write the fields of a message."""
         for name, kind in message.get_fields_and_field_types().items():
             value = getattr(message, name)
             many = re.fullmatch(r'sequence<(.+?)(?:, \d+)?>|(.+)\[\d+\]', kind)

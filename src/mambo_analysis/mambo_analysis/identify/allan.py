@@ -155,6 +155,7 @@ def random_walk(x: Floats, rate: float) -> Interval:
     def misfit(q: float) -> float:
         """Return -2 log likelihood of a walk, at the white noise that suits it best."""
         def of_noise(log_r: float) -> float:
+            """Return it at one white noise."""
             variance = q * (1.0 - roots / 6.0) + np.exp(log_r) * roots
             return float(np.log(variance).sum() + (power / variance).sum())
 

@@ -50,6 +50,7 @@ def read(path: Path) -> Table:
 
 
 def _csv(path: Path) -> Table:
+    """Return the columns of a file with names in its first row; an empty field is NaN."""
     with path.open(newline='', encoding='utf-8-sig') as file:
         rows = [row for row in csv.reader(file) if row]
     if not rows:
@@ -87,9 +88,11 @@ def _gather(name: str, value: Any, table: Table) -> None:
 
 
 def _json(path: Path) -> Table:
+    """Return the columns of all objects with ``time`` and ``data``, wherever they are."""
     table: Table = {}
 
     def walk(name: str, value: Any) -> None:
+        """Add the columns below one name."""
         if not isinstance(value, dict):
             return
         if 'data' in value and 'time' in value:

@@ -138,6 +138,7 @@ def fit_drag(
     terms = np.stack([np.ones(len(t)), (t - t.mean()) / np.ptp(t)], axis=1)
 
     def model(theta: Floats) -> Floats:  # of 1 + k, whose relative steps are steps of k at k = 0
+        """Return where the vehicle with this drag is, (m, k) m."""
         k = float(theta[0]) - 1.0
         flown = closed_loop.fly(override(silent, {f'{VEHICLE}.{what.name}': k}))
         return flown.truth[rows][:, axes]

@@ -109,6 +109,7 @@ def fit_factor(
     reach = 0.9 / max(float(np.abs(shape - middle).max()), 1e-9)  # keeps Q above 0 near Q = 1
 
     def model(theta: Floats) -> Floats:
+        """Return the flow by offset, slope and share of the rotation, (n, 2) rad/s."""
         Q = theta[0] + (theta[1] * (shape - middle) if count > 1 else 0.0)
         out = geometric / np.reshape(Q, (-1, 1))
         return out + theta[-1] * samples.rotation if leak else out
@@ -130,6 +131,7 @@ def fit_factor(
 
 
 def _check(samples: Samples, slowest: float) -> None:
+    """Refuse samples that show no factor or are not in their units."""
     regression.check_columns(
         dict(zip(('time', 'flow', 'velocity', 'height', 'depth', 'rotation'), samples)), LEAST)
     regression.check_times(samples.t)
@@ -277,6 +279,7 @@ def read(
 
 
 def _report(path: Path, data: Samples, leak: bool, slowest: float) -> report.Report:
+    """Return the factor by every law that the heights can tell apart."""
     laws = LAWS if len(data.t) and np.ptp(data.height) >= SPREAD else LAWS[:1]
     found = {law: fit_factor(data, law, leak, slowest) for law in laws}
     values = {'Q constant': found['constant'].offset}

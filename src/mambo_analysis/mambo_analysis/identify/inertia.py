@@ -117,6 +117,7 @@ def fit_swing(t: Floats, rate: Floats, geometry: Geometry | None = None) -> Iner
         raise IdentifyError('wires further apart than long: D must be below h')
 
     def model(theta: Floats) -> Floats:
+        """Return a rate, (n, 1) rad/s; theta: logarithms, angle and rate at the start."""
         w, quadratic, linear = np.exp(theta[:3]).tolist()
         swing = bifilar.Swing(w, quadratic, linear, ratio)
         return bifilar.swing(t, float(theta[3]), float(theta[4]), swing)[:, None]
@@ -237,6 +238,7 @@ def _data(options: argparse.Namespace) -> tuple[Floats, Floats]:
 
 
 def _geometry(options: argparse.Namespace) -> Geometry | None:
+    """Return the rig of the command line, None if nothing is said of it."""
     if options.separation is None:
         return None
     length = options.length or 0.0

@@ -113,10 +113,12 @@ def fit_motor(t: Floats, pwm: Floats, acceleration: Floats, vehicle: Vehicle) ->
     steps = np.append(np.diff(t) / dt, 1.0)
 
     def predicted(left: float) -> Floats:
+        """Return the acceleration of motors with this lag, (n,) m/s^2."""
         return -lagged(steps, pwm, left, vv) / vehicle.mass
     _check(predicted(0.0), acceleration, vehicle.gravity)
 
     def model(theta: Floats) -> Floats:
+        """Return means of the acceleration by lag (1 + what is left after a sample) and gain."""
         return means(theta[1] * predicted(float(theta[0]) - 1.0))[:, None]
     measured = means(acceleration)
     found = regression.fit(
@@ -146,6 +148,7 @@ def _time_constant(left: float, dt: float) -> float:
 
 
 def _check(predicted: Floats, acceleration: Floats, gravity: float) -> None:
+    """Refuse a flight that shows no lag or is not in its units."""
     if not np.std(predicted) > STILL:
         raise IdentifyError(
             f'the commands ask for changes of {np.std(predicted):.3g} m/s^2: constant commands '

@@ -109,6 +109,7 @@ def _stream(bag: Bag, topic: str, read: Callable) -> Stream | None:
 
 
 def _bag(path: Path, namespace: str | None) -> Recording:
+    """Return what a bag holds of sensors and commands, in FRD."""
     bag = read_bag(path, TOPICS, namespace)
 
     def flow(m):

@@ -191,6 +191,7 @@ class _Problem:
         return white.ravel()
 
     def set(self, whiten: _Whitener) -> None:
+        """Whiten otherwise from here on."""
         self.whiten = whiten
         self.bases = self._bases()
 

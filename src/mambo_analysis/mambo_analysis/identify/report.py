@@ -99,6 +99,7 @@ def write(name: str, report: Report, folder: Path, base: str) -> list[Path]:
 def run(name: str, options: argparse.Namespace, work: Callable[[], Report]) -> int:
     """Do the work of a command, print and write its report; return the exit code."""
     def whole() -> None:
+        """Check the base; work, print and write."""
         if options.base not in PRESETS:
             raise ParameterError(
                 f'--base: vehicle {options.base!r} is unknown; known: {", ".join(PRESETS)}')

@@ -360,6 +360,7 @@ def inertial_velocity(recording: Recording) -> Array:
     slow = butter(1, 0.1, 'high', fs=1.0 / step, output='sos')
 
     def integral(x: Array) -> Array:
+        """Return the integral over time, without what is slower than 0.1 Hz."""
         return cumulative_trapezoid(sosfiltfilt(slow, x, axis=0), dx=step, axis=0, initial=0.0)
 
     angle = integral(recording.gyro.values)
@@ -429,10 +430,12 @@ def flow_latency(recording: Recording) -> tuple[Interval, float, Array] | None:
     widths = np.array([high - low for low, high in LATENCY_BANDS])
 
     def rest(keep: NDArray[np.int64]) -> Array:
+        """Return the share of the flow that the motion does not explain, in these stretches."""
         cross, left, right = sums[..., keep].sum(axis=-1)
         return 1.0 - np.maximum(cross, 0.0)**2 / (left * right)
 
     def misfit(keep: NDArray[np.int64]) -> Array:
+        """Return the logarithm of the misfit at each lag."""
         weight = widths[None, :, None] / widths.sum() / 2.0
         return (weight * np.log(rest(keep))).sum(axis=(0, 1))
 
