@@ -141,6 +141,8 @@ def test_what_is_wrong_is_named_by_file_line_and_key(file, line, message):
     ('', 'holds no names and values'), ('- a\n', 'holds no names and values'),
     ('seed: 1\n', 'title: missing'), ('a\x00b', 'not a text file'),
     ('/mambo/sim_node:\n  ros__parameters:\n    durtion: 3\n', ':3: sim_node.durtion: unknown'),
+    ('/mambo/reference_node:\n  ros__parameters: {plan: {start_time: 2}}\n',
+     ':2: reference_node.plan.start_time: .* is before the climb ends'),
     ('/mambo/odd_node:\n  ros__parameters: {}\n', ':1: /mambo/odd_node: is no node of a flight'),
     ('/mambo/sim_node: {duration: 3}\n', ':1: /mambo/sim_node: must hold ros__parameters'),
 ])
