@@ -11,8 +11,7 @@ from functools import cache
 import math
 
 from mambo_analysis.scenario import scenario
-from mambo_analysis.thesis.chapter_4 import lag
-from mambo_analysis.thesis.flights import drift, Flight, harmonic, rms, STEP, X, Y, Z
+from mambo_analysis.thesis.flights import drift, Flight, harmonic, lag, rms, STEP, X, Y, Z
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 
 from mambo_model import bifilar
@@ -14,7 +13,7 @@ from ..identify.inertia import fit_swing, Geometry
 from ..identify.thrust import fit_thrust
 from .claim import at_least, at_most, claim, near, Result
 from .drawing import lines, positions, sheet
-from .flights import drift, Flight, harmonic, rms, seeds, X, Y, Z
+from .flights import drift, lag, rms, seeds, X, Y, Z
 
 HOVER_COMMAND = 4.0 * (0.068 * 9.81 / 4.0 / 4.29e-5)**(1.0 / 1.47) / 1530.72681  # N, linear map
 
@@ -39,13 +38,6 @@ def figure_4_3() -> Result:
         at_most('estimated x and y about the reference, RMS', wobble, 0.02, 'm'),
         near('largest estimated x after the step', peak, 1.2, 0.15, 'm'),
     ], positions({'reference': (first.t, first.reference), 'IMU': (first.t, first.estimate)}))
-
-
-def lag(flight: Flight, axis: int) -> float:
-    """Return how far the estimate is behind the reference in degrees at 1 rad/s."""
-    got, wanted = (
-        harmonic(flight.t, rows[:, axis]) for rows in (flight.estimate, flight.reference))
-    return -math.degrees(cmath.phase(got / wanted))
 
 
 @claim('4.4', 'x and y lag; the drone drifts away until it flies into the net, while the estimate '

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import functools
 import math
 
@@ -117,6 +118,13 @@ def harmonic(t: Array, x: Array, rate: float = 1.0, turns: int = 2) -> complex:
     waves = np.stack([np.cos(rate * t), -np.sin(rate * t), np.ones_like(t), t], axis=1)
     cosine, sine = np.linalg.lstsq(waves, x, rcond=None)[0][:2]
     return complex(cosine, sine)
+
+
+def lag(flight: Flight, axis: int) -> float:
+    """Return how far the estimate is behind the reference in degrees at 1 rad/s."""
+    got, wanted = (
+        harmonic(flight.t, rows[:, axis]) for rows in (flight.estimate, flight.reference))
+    return -math.degrees(cmath.phase(got / wanted))
 
 
 def drift(x: Array, rate: float = 1.0, turns: int = 4) -> Array:
