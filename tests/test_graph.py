@@ -336,7 +336,7 @@ def test_a_killed_recorder_ends_the_flight_with_one_line(tmp_path):
         time.sleep(0.1)
     time.sleep(3.0)
     (recorder,) = [pid for pid in processes_with(str(bag))
-                   if 'recorder_node' in Path(f'/proc/{pid}/cmdline').read_text()]
+                   if Path(f'/proc/{pid}/comm').read_text() == 'recorder_node\n']
     os.kill(int(recorder), signal.SIGKILL)
     _, err = run.communicate(timeout=60.0)
     assert run.returncode == 1

@@ -1,6 +1,7 @@
 """A controller or a vehicle that hears nothing more: nodes in this process, without a graph."""
 
 import math
+from types import SimpleNamespace
 
 from mambo_control import failsafe
 from mambo_control.controller_node import ControllerNode
@@ -10,6 +11,7 @@ from mambo_model.flatness import from_flat_output
 from mambo_model.rigid_body import State
 from mambo_model.vehicle import Vehicle
 from mambo_ros import messages
+from mambo_sim import sim_node
 from mambo_sim.sim_node import SimNode
 import pytest
 import rclpy
@@ -155,3 +157,43 @@ class TestWatchdog:
         heard = self.command(sim, pwm, shutdown)
         sim.watch(heard + 100.0)
         assert sim.starved == -1
+
+
+class TestPace:
+    """Steps in real time, on a machine that is busy elsewhere now and then."""
+
+    @pytest.fixture
+    def fly(self, monkeypatch):
+        """Return what paces one step, with a clock that the waiting for messages moves."""
+        def pace(sensed, deadline, answer, stalled=0.0):
+            sim = SimpleNamespace(
+                sensed=sensed, answered=False, missed=0, params=SimpleNamespace(speed=1.0),
+                now=sensed, watch=lambda now: None)
+
+            def once(timeout):
+                nonlocal stalled
+                if stalled:
+                    sim.now, stalled = sim.now + stalled, 0.0
+                    return
+                after = sim.now + timeout + 1e-9  # a wait is never too short
+                sim.now = min(after, answer) if sim.now < answer else after
+                sim.answered = sim.now >= answer
+            monkeypatch.setattr(sim_node.time, 'monotonic', lambda: sim.now)
+            sim_node._wait_for_deadline(sim, SimpleNamespace(stopping=False, once=once), deadline)
+            return sim.now, sim.missed
+        return pace
+
+    def test_a_step_in_time_lasts_until_the_next_one_is_due(self, fly):
+        assert fly(sensed=1.0, deadline=1.005, answer=1.001) == (pytest.approx(1.005), 0)
+
+    def test_an_answer_after_the_next_step_is_due_is_missed(self, fly):
+        assert fly(sensed=1.0, deadline=1.005, answer=1.006) == (pytest.approx(1.005), 1)
+
+    def test_a_step_that_began_late_ends_with_its_answer(self, fly):
+        assert fly(sensed=1.1, deadline=1.005, answer=1.101) == (1.101, 0)
+
+    def test_a_late_step_too_waits_a_period_and_no_longer(self, fly):
+        assert fly(sensed=1.1, deadline=1.005, answer=1.2) == (pytest.approx(1.105), 1)
+
+    def test_an_answer_that_came_while_the_simulator_slept_is_not_missed(self, fly):
+        assert fly(sensed=1.0, deadline=1.005, answer=1.001, stalled=0.5) == (pytest.approx(1.5), 0)

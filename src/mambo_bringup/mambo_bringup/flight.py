@@ -28,7 +28,7 @@ from mambo_model.vehicle import PRESETS
 from tqdm import tqdm
 
 from .domain import Domain
-from .processes import FlightError, Interrupts, NodeProcess, watch
+from .processes import FlightError, Interrupts, load, NodeProcess, watch
 
 FLIGHT_NODES = (
     ('mambo_sim', 'optitrack_node'), ('mambo_estimation', 'estimator_node'),
@@ -41,6 +41,8 @@ _ORDER = {RECORDER[1]: 0, SIMULATOR[1]: 2, COMPOSED[1]: 2}  # those that own tim
 _FLOWN = re.compile(
     r'flew ([\d.]+) s in ([\d.]+) s of wall time, (\d+) steps without their motor command')
 _DELAY = re.compile(r'IMU sample to motor command: .*')
+_USED = re.compile(r'used ([\d.]+) s of CPU and (\d+) MB')
+_PACED = re.compile(r'flying in realtime mode$')
 _TIME = re.compile(r't = ([\d.]+) s$')
 
 
@@ -54,11 +56,20 @@ class Outcome:
     missed: int  # steps that had no motor command in time
     delay: str  # wall time from IMU sample to motor command, one line
     stopped: bool  # by the user
+    used: dict[str, tuple[float, int]]  # by node: s of CPU, MB of memory at most
 
     @property
     def real_time_factor(self) -> float:
         """Return flight time over wall time."""
         return self.flown / self.took if self.took else float('nan')
+
+    def spent(self) -> str:
+        """Return what the nodes used as one line, those with most first."""
+        cpu = {name.removesuffix('_node'): seconds / self.took
+               for name, (seconds, _) in self.used.items()}
+        nodes = ', '.join(f'{name} {cpu[name]:.2f}' for name in sorted(cpu, key=cpu.get)[::-1])
+        memory = max(memory for _, memory in self.used.values())
+        return f'CPU: {sum(cpu.values()):.2f} cores: {nodes}; memory: {memory} MB at most'
 
 
 class Progress:
@@ -160,14 +171,18 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
           Interrupts() as interrupts):
         progress: list[Progress] = []
         children: list[NodeProcess] = []
+        crews: list[list[NodeProcess]] = []  # of each drone
         try:
             for number, (namespace, flight) in enumerate(flights.items()):
                 file = Path(folder) / f'scenario{number or ""}.yaml'
                 file.write_text(scenarios.commented_yaml(
                     scenarios.override(flight, _mode()), namespace))
                 progress.append(Progress(flight.sim_node.duration, shown=not number))
+                before = len(children)
                 children.extend(_start(
-                    file, bags[namespace], composed, namespace, progress[-1].line))
+                    file, bags[namespace], composed, namespace,
+                    _listener(progress[-1], children)))
+                crews.append(children[before:])
             children.sort(key=lambda child: _ORDER.get(child.name, 1))
             watch(children, interrupts, len(flights))
         finally:
@@ -178,8 +193,24 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
         # a node that is interrupted while Python still loads it ends by the signal
         if code not in (0, -signal.SIGINT):
             raise FlightError(f'{child.name} ended with exit code {code}: {child.complaint()}')
-    return [Outcome(bag, p.flown, p.took, p.missed, p.delay, interrupts.count > 0)
-            for bag, p in zip(bags.values(), progress, strict=True)]
+    return [Outcome(bag, p.flown, p.took, p.missed, p.delay, interrupts.count > 0, _used(crew))
+            for bag, p, crew in zip(bags.values(), progress, crews, strict=True)]
+
+
+def _listener(progress: Progress, children: list[NodeProcess]) -> Callable[[str], None]:
+    """Return what hears a simulator: once time is real, all hurry who must answer in time."""
+    def hear(text: str) -> None:
+        progress.line(text)
+        for child in children if _PACED.search(text) else ():
+            if child.name != RECORDER[1]:
+                child.hurry()
+    return hear
+
+
+def _used(crew: list[NodeProcess]) -> dict[str, tuple[float, int]]:
+    """Return what nodes said at their end that they had used."""
+    said = {child.name: _USED.search('\n'.join(child.lines)) for child in crew}
+    return {name: (float(found[1]), int(found[2])) for name, found in said.items() if found}
 
 
 def _end(children: list[NodeProcess]) -> list[tuple[NodeProcess, int]]:
@@ -322,6 +353,7 @@ def _fly_and_report(
     name: str, flight: scenarios.Scenario, options: argparse.Namespace,
 ) -> None:
     bag = options.output or _free(Path('bags'), name)
+    load('.'.join(node) for node in (COMPOSED, *FLIGHT_NODES, RECORDER, SIMULATOR))
     if options.drones == 1:
         _tell(fly(flight, bag.absolute(), options.composed), bag, options.no_report)
         return
@@ -348,6 +380,8 @@ def _tell(outcome: Outcome, bag: Path, no_report: bool) -> None:
           f'{outcome.missed} steps without their motor command')
     if outcome.delay:
         print(outcome.delay)
+    if outcome.used and outcome.took:
+        print(outcome.spent())
     print(f'bag: {bag}\n')
     if not no_report:
         print(f'\npage: {report(bag, outcome.real_time_factor)}')

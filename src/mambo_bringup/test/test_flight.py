@@ -228,6 +228,28 @@ def test_what_the_simulator_says_is_the_outcome(graph, tmp_path):
     assert outcome.delay == 'IMU sample to motor command: p50 1.00 ms'
 
 
+def test_what_nodes_used_is_told_in_cores_the_greediest_first(graph, tmp_path):
+    graph(sim_node=FLEW + "print('used 0.60 s of CPU and 120 MB')",
+          estimator_node="signal.signal(signal.SIGINT, lambda *_: sys.exit(print("
+                         "'used 0.90 s of CPU and 90 MB')))\n" + QUIET)
+    outcome = flight.fly(short(), tmp_path / 'bag')
+    assert outcome.used == {'sim_node': (0.6, 120), 'estimator_node': (0.9, 90)}
+    assert outcome.spent() == (
+        'CPU: 1.00 cores: estimator 0.60, sim 0.40; memory: 120 MB at most')  # in 1.5 s
+
+
+def test_when_time_is_real_all_but_the_recorder_go_before_others(graph, tmp_path, monkeypatch):
+    hurried = []
+    monkeypatch.setattr(
+        processes.NodeProcess, 'hurry', lambda process: hurried.append(process.name))
+    graph(sim_node="print('[INFO] [1.0] [mambo.sim_node]: flying in lockstep mode')" + FLEW)
+    flight.fly(short(), tmp_path / 'first')
+    assert not hurried
+    graph(sim_node="print('[INFO] [1.0] [mambo.sim_node]: flying in realtime mode')" + FLEW)
+    flight.fly(short(), tmp_path / 'second')
+    assert sorted(hurried) == sorted(set(NODES) - {'recorder_node'})
+
+
 def test_every_node_gets_the_scenario_and_the_simulator_waits_for_all(graph, tmp_path):
     graph(sim_node=COPY + FLEW, controller_node=COPY + QUIET)
     flight.fly(short(), tmp_path / 'bag')

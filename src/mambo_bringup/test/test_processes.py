@@ -136,6 +136,19 @@ def test_the_complaint_is_the_line_that_tells_most(start, lines, telling):
     assert process.complaint() == telling
 
 
+def test_a_node_in_a_hurry_goes_before_others(start):
+    process = start(OBEDIENT)
+    try:
+        os.sched_setscheduler(process._process.pid, os.SCHED_RR, os.sched_param(1))
+        os.sched_setscheduler(process._process.pid, os.SCHED_OTHER, os.sched_param(0))
+    except PermissionError:
+        pytest.skip('this user may not ask for it')
+    process.hurry()
+    assert os.sched_getscheduler(process._process.pid) == os.SCHED_RR
+    process.end(PATIENCE)
+    process.hurry()  # too late, and no harm
+
+
 def test_bytes_that_are_no_text_do_not_stop_the_reading(start):
     process = start('import os\nos.write(1, b"\\xff\\nError: seen\\n")')
     process.wait(PATIENCE)
@@ -201,3 +214,55 @@ time.sleep({PATIENCE})
     parent.communicate(timeout=PATIENCE)
     until(lambda: not alive(pid), 'the end of the child')
     assert log.read_text() == 'left'  # it was asked, not killed
+
+
+NODE = """
+import os, signal, sys
+def main():
+    print('up', *sys.argv, os.getsid(0) == os.getpid(), os.environ['PYTHONUNBUFFERED'])
+    print('complaint', file=sys.stderr)
+    if 'leave' in sys.argv:
+        sys.exit(3)
+    signal.signal(signal.SIGINT, lambda *_: sys.exit(0))
+    print('ready')
+    while True:
+        signal.pause()
+"""
+COPIES = """
+import pathlib, sys
+{before}
+from mambo_bringup.processes import load, NodeProcess
+load(['loaded.some_node'])
+(pathlib.Path(sys.path[0]) / 'loaded/some_node.py').unlink()
+first, second = (NodeProcess('loaded', 'some_node', [word]) for word in ('stay', 'leave'))
+print(second.wait(20.0), list(second.lines))
+while len(first.lines) < 3:
+    pass
+print(pathlib.Path(f'/proc/{{first._process.pid}}/comm').read_text().strip())
+print(first.end(20.0), first.end(20.0), first.lines[-1])
+third = NodeProcess('loaded', 'some_node', ['stay'])
+third._process.kill()
+print(third.end(20.0))
+"""
+
+
+def copies(folder, before=''):
+    (folder / 'loaded').mkdir()
+    (folder / 'loaded/__init__.py').write_text('')
+    (folder / 'loaded/some_node.py').write_text(NODE)
+    (folder / 'run.py').write_text(COPIES.format(before=before))
+    return subprocess.run(
+        [sys.executable, folder / 'run.py'], text=True, capture_output=True, timeout=3 * PATIENCE)
+
+
+def test_a_node_that_is_loaded_begins_as_a_copy_and_ends_like_any_other(tmp_path):
+    done = copies(tmp_path)
+    assert done.stdout.splitlines() == [
+        "3 ['up some_node leave True 1', 'complaint']", 'some_node', '0 0 ready', '-9'
+    ], done.stderr
+
+
+def test_a_process_that_has_ros_is_not_copied(tmp_path):
+    done = copies(tmp_path, 'import rclpy')
+    assert done.returncode == 1
+    assert 'loaded some_node is not installed' in done.stderr

@@ -52,7 +52,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._tick = 0
         self._pwm, self._shutdown, self._answered = (0.0,) * 4, False, -1
         self._heard = 0.0  # s of wall time
-        self._sensed = 0.0  # s of wall time
+        self.sensed = 0.0  # s of wall time, of the newest IMU sample
         self.delays = Delays()  # from IMU sample to motor command
         self.missed = 0
         self.starved = -1  # ns, when the watchdog stopped the motors; -1: it has not
@@ -86,7 +86,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
             self._answered, self._pwm, self._shutdown = t, pwm, shutdown
             self._heard = time.monotonic()
             if t == self.t:
-                self.delays.add(self._heard - self._sensed)
+                self.delays.add(self._heard - self.sensed)
 
     @property
     def t(self) -> int:
@@ -107,7 +107,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
         streams = (self._imu, self._sonar, self._flow, self._barometer)
         for stream in streams:
             stream.catch_up(self._tick)
-        self._sensed = time.monotonic()
+        self.sensed = time.monotonic()
         self._imu.put(self._tick, messages.imu(
             t, s.gyro, s.accel, self._gyro_variance, self._accel_variance), s.fates.imu)
         if s.sonar_new:
@@ -184,8 +184,17 @@ def _wait_for_answer(sim: SimNode, loop: node.Loop) -> bool:
 
 
 def _wait_for_deadline(sim: SimNode, loop: node.Loop, deadline: float) -> None:
-    """Serve the graph until the wall clock reaches the next step (real time)."""
-    while (left := deadline - time.monotonic()) > 0.0 and not loop.stopping:
+    """
+    Serve the graph until the wall clock reaches the next step (real time).
+
+    A step that began late, as the machine was busy elsewhere, still leaves its period for the
+    answer; once that has come it makes up for the delay.
+    """
+    overdue = max(deadline, sim.sensed + STEP_NS * 1e-9 / sim.params.speed)
+    while not loop.stopping:
+        left = (deadline if sim.answered else overdue) - time.monotonic()
+        if left <= 0.0:
+            break
         loop.once(left)
     if not sim.answered:
         loop.once(0.0)
@@ -199,6 +208,7 @@ def fly(sim: SimNode, loop: node.Loop) -> int:
     if not sim.links.wait(loop, sim.params.start_patience):
         return 0 if loop.stopping else 1
     p, log = sim.params, sim.get_logger()
+    log.info(f'flying in {p.mode} mode')  # the first line takes ten times as long as a step
     end = round(p.duration * 1e9) if p.duration else None
     began = said = time.monotonic()
     lockstep = p.mode == 'lockstep'
