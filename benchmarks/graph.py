@@ -3,37 +3,39 @@
 from __future__ import annotations
 
 from functools import cache
-import os
 from pathlib import Path
 import re
 import shutil
+import subprocess
+import sys
 import threading
 import time
 
 from mambo_analysis import offline, scenario
 from mambo_analysis.bag import Bag, read_bag
 from mambo_analysis.compare import compare, table
-from mambo_bringup import flight, replay
+from mambo_bringup import replay
 from mambo_bringup.processes import FlightError
 import numpy as np
 
 from .measure import Contender, Gap, timed
 
-TICK = os.sysconf('SC_CLK_TCK')  # 1/s, of CPU time in /proc
-NODE = re.compile(r'(\w+_node)$')
-DELAY = re.compile(r'(?P<median>[\d.]+) ms.*?(?P<p99>[\d.]+) ms.*?(?P<most>[\d.]+) ms')
+NODE = re.compile(r'(\w+) ([\d.]+)')
+FLOWN = re.compile(
+    r'flew (?P<flown>[\d.]+) s in (?P<took>[\d.]+) s of wall time, (?P<missed>\d+) steps')
+DELAY = re.compile(r'p50 (?P<median>[\d.]+) ms, p99 (?P<p99>[\d.]+) ms, max (?P<most>[\d.]+) ms')
+SPENT = re.compile(r'CPU: [\d.]+ cores: (?P<nodes>.*); memory: (?P<memory>\d+) MB')
 
 
-class Children:
-    """CPU time and largest memory of the nodes that this process starts, while it is open."""
+class Memory:
+    """Most memory of a process and its children together; shared memory counts once."""
 
-    def __init__(self) -> None:
-        self.cpu: dict[str, float] = {}  # s
-        self.memory: dict[str, float] = {}  # MB
-        self._end = threading.Event()
+    def __init__(self, pid: int) -> None:
+        self.most = 0.0  # MB
+        self._pid, self._end = pid, threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
-    def __enter__(self) -> Children:
+    def __enter__(self) -> Memory:
         self._thread.start()
         return self
 
@@ -42,64 +44,71 @@ class Children:
         self._thread.join()
 
     def _watch(self) -> None:
-        while not self._end.wait(0.05):
-            for process in Path('/proc').glob('[0-9]*'):
-                try:
-                    self._look(process)
-                except (OSError, IndexError):  # it has just ended
-                    continue
-
-    def _look(self, process: Path) -> None:
-        fields = (process / 'stat').read_text().rpartition(')')[2].split()
-        if int(fields[1]) != os.getpid():
-            return
-        words = (process / 'cmdline').read_text().split('\0')
-        name = next((found[1] for word in words[:3] if (found := NODE.search(word))), None)
-        if name is None:
-            return
-        self.cpu[name] = (int(fields[11]) + int(fields[12])) / TICK
-        peak = re.search(r'VmHWM:\s+(\d+) kB', (process / 'status').read_text())
-        if peak:
-            self.memory[name] = int(peak[1]) / 1024.0
+        own = Path(f'/proc/{self._pid}/task/{self._pid}/children')
+        while not self._end.wait(0.2):
+            try:
+                processes = [str(self._pid), *own.read_text().split()]
+                self.most = max(self.most, sum(map(_share, processes)))
+            except OSError:  # one of them has just ended
+                continue
 
 
-def _fly(
-    bag: Path, seconds: float, composed: bool = False, mode: str = 'lockstep',
-) -> tuple[flight.Outcome, Children, float]:
-    """Fly the circle in the graph; return outcome, nodes, wall time in s from start to end."""
+def _share(pid: str) -> float:
+    """Return the proportional share of a process in its memory in MB."""
+    found = re.search(r'^Pss:\s+(\d+) kB', Path(f'/proc/{pid}/smaps_rollup').read_text(), re.M)
+    return int(found[1]) / 1024.0
+
+
+def _run(
+    bag: Path, seconds: float, composed: bool = False, mode: str = 'lockstep', drones: int = 1,
+) -> tuple[str, float, float]:
+    """Fly the circle with ./run; return what it says, wall time in s and memory in MB."""
     shutil.rmtree(bag, ignore_errors=True)
-    flown = scenario.scenario(duration=seconds, overrides={'sim_node.mode': mode})
     began = time.perf_counter()
-    try:
-        with Children() as nodes:
-            outcome = flight.fly(flown, bag, composed)
-    except FlightError as error:
-        raise Gap(str(error)) from None
-    return outcome, nodes, time.perf_counter() - began
+    run = subprocess.Popen(
+        [sys.executable, '-m', 'mambo_bringup.flight', '--no-report', '--output', bag,
+         '--duration', str(seconds), '--mode', mode, '--drones', str(drones),
+         *(['--composed'] if composed else [])],
+        text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    with Memory(run.pid) as memory:
+        said, complaint = run.communicate()
+    if run.returncode:
+        raise Gap((complaint.strip().splitlines() or ['./run failed'])[-1])
+    return said, time.perf_counter() - began, memory.most
 
 
-def _measure(folder: Path, seconds: float, composed: bool, mode: str) -> dict[str, float]:
-    """Fly one second and a whole flight: the difference is what a second costs, without start."""
-    _, first, start = _fly(folder / 'first_second', 1.0, composed, mode)
-    outcome, nodes, _ = _fly(folder / 'flight', seconds, composed, mode)
-    lost = sum(entry['lost'] or 0 for entry in compare(read_bag(outcome.bag))['topics'])
-    out = {'factor': outcome.real_time_factor, 'start': start,
-           'missed': float(outcome.missed), 'lost': float(lost),
-           'memory': max(nodes.memory.values()), 'memory_all': sum(nodes.memory.values())}
-    for name in nodes.cpu:
-        out[f'cpu {name}'] = (nodes.cpu[name] - first.cpu.get(name, 0.0)) / (seconds - 1.0)
-        out[f'memory {name}'] = nodes.memory[name]
+def _measure(
+    folder: Path, seconds: float, composed: bool, mode: str, drones: int,
+) -> dict[str, float]:
+    """Fly one second and a whole flight."""
+    start = _run(folder / 'first_second', 1.0, composed, mode, drones)[1]
+    said, _, memory = _run(folder / 'flight', seconds, composed, mode, drones)
+    flown, spent = list(FLOWN.finditer(said)), list(SPENT.finditer(said))
+    took = max(float(one['took']) for one in flown)
+    out = {'factor': float(flown[0]['flown']) / took, 'start': start,
+           'missed': sum(float(one['missed']) for one in flown),
+           'lost': float(sum(map(_lost, (folder / 'flight').rglob('*.mcap')))),
+           'memory': max(float(one['memory']) for one in spent), 'memory_all': memory}
+    for one, drone in zip(spent, flown):
+        for name, cores in NODE.findall(one['nodes']):
+            seconds_of_cpu = float(cores) * float(drone['took']) / float(drone['flown'])
+            out[f'cpu {name}'] = out.get(f'cpu {name}', 0.0) + seconds_of_cpu
     out['cpu'] = sum(value for name, value in out.items() if name.startswith('cpu '))
-    delays = DELAY.search(outcome.delay)
-    if delays:
+    if delays := DELAY.search(said):
         out.update({f'delay {name}': float(found) for name, found in delays.groupdict().items()})
     return out
+
+
+def _lost(bag: Path) -> int:
+    """Return how many messages a bag lacks."""
+    return sum(entry['lost'] or 0 for entry in compare(read_bag(bag))['topics'])
 
 
 @cache
 def _recorded(folder: Path, seconds: float) -> Path:
     """Return a bag of the graph, flown once."""
-    return _fly(folder / 'recorded', seconds)[0].bag
+    _run(folder / 'recorded', seconds)
+    return folder / 'recorded'
 
 
 def _offline(bag: Path) -> Bag:
@@ -141,17 +150,26 @@ def contenders(quick: bool, folder: Path) -> list[Contender]:
 
     def prepare_live() -> None:
         bag()
-    def graph(name: str, title: str, composed: bool, mode: str, factor: float,
-              most: dict[str, float]) -> Contender:
+
+    def graph(name: str, title: str, composed: bool, mode: str, drones: int = 1,
+              least: float = 0.0, **most: float) -> Contender:
         return Contender(
-            'graph', name, title, lambda: _measure(folder, seconds, composed, mode),
-            lambda: _warm(folder, composed), '', {'factor': factor}, {'lost': 0.0, **most})
-    start = {'start': 2.0, 'memory': 250.0}
+            'graph', name, title, lambda: _measure(folder, seconds, composed, mode, drones),
+            lambda: _warm(folder, composed), '', {'factor': least} if least else {},
+            {'lost': 0.0, **most})
     return [
-        graph('graph_separate', 'every node a process', False, 'lockstep', 5.0, start),
-        graph('graph_composed', 'composed in one process', True, 'lockstep', 10.0, start),
-        graph('graph_realtime', 'every node a process, real time', False, 'realtime', 0.99,
-              {'cpu': 1.0, 'missed': 0.0}),
+        graph('graph_separate', 'every node a process', False, 'lockstep', 1, 5.0,
+              start=2.0, memory=250.0),
+        graph('graph_composed', 'composed in one process', True, 'lockstep', 1, 10.0,
+              start=2.0, memory=250.0),
+        graph('graph_realtime', 'every node a process, real time', False, 'realtime', 1, 0.99,
+              cpu=1.0, missed=0.0),
+        graph('graph_realtime_composed', 'composed, real time', True, 'realtime', 1, 0.99,
+              cpu=1.0, missed=0.0),
+        *(graph(f'graph_{how}_{drones}', f'{drones} drones, {title}', how == 'composed',
+                'lockstep', drones)
+          for how, title in (('separate', 'every node a process'),
+                             ('composed', 'a process each')) for drones in (2, 4)),
         Contender('replay', 'replay_offline', 'offline: bag read, estimated again, compared',
                   lambda: timed(seconds, lambda: _offline(bag())), prepare_offline,
                   at_least={'factor': 500.0}),
@@ -162,4 +180,4 @@ def contenders(quick: bool, folder: Path) -> list[Contender]:
 
 def _warm(folder: Path, composed: bool) -> None:
     """Compile what the nodes need."""
-    _fly(folder / 'first_second', 1.0, composed)
+    _run(folder / 'first_second', 1.0, composed)

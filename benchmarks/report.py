@@ -112,20 +112,19 @@ def _graph(results: list[Result]) -> str:
         [(r.contender.title, spread(r.values('factor')), spread(r.values('start')),
           number(r.median('cpu')), number(r.median('memory')), number(r.median('memory_all')),
           number(r.median('lost')), number(r.median('missed'))) for r in rows]) + missing(rows) + (
-        '\n\nFirst second: from starting the processes to a closed bag of one second of flight, '
-        'compiled code in the cache.\n')
+        '\n\nFirst second: from `./run` to a closed bag of one second of flight, compiled code in '
+        'the cache. All: of `./run` and its nodes together, shared memory counted once.\n')
     for r in rows:
         delays = [number(r.median(f'delay {name}')) for name in ('median', 'p99', 'most')]
-        if r.contender.name == 'graph_realtime' and r.samples:
+        if r.contender.name.startswith('graph_realtime') and r.samples:
             text += ('\nIn real time, from an IMU sample to its motor command: median '
                      f'{delays[0]} ms, p99 {delays[1]} ms, longest {delays[2]} ms.\n')
         names = sorted({name.removeprefix('cpu ') for sample in r.samples for name in sample
                         if name.startswith('cpu ')})
         if names:
             text += f'\n{r.contender.title}:\n\n' + markdown(
-                ('process', 'CPU s per s of flight', 'memory [MB]'),
-                [(name, number(r.median(f'cpu {name}')), number(r.median(f'memory {name}')))
-                 for name in names]) + '\n'
+                ('process', 'CPU s per s of flight'),
+                [(name, number(r.median(f'cpu {name}'))) for name in names]) + '\n'
     return text
 
 

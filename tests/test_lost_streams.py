@@ -196,4 +196,4 @@ class TestPace:
         assert fly(sensed=1.1, deadline=1.005, answer=1.2) == (pytest.approx(1.105), 1)
 
     def test_an_answer_that_came_while_the_simulator_slept_is_not_missed(self, fly):
-        assert fly(sensed=1.0, deadline=1.005, answer=1.001, stalled=0.5) == (pytest.approx(1.5), 0)
+        assert fly(1.0, deadline=1.005, answer=1.001, stalled=0.5) == (pytest.approx(1.5), 0)

@@ -69,7 +69,9 @@ def load(modules: Iterable[str]) -> None:
     for module in modules:
         import_module(module)
         _LOADED.add(module)
-    compiled.hold(None, None, None)  # what numba loads for its first function
+    sys.modules['scipy.linalg.cython_blas'] = None  # our compiled code has no linear algebra
+    compiled.hold(None, None, None)  # what numba loads for its first function, without scipy's
+    del sys.modules['scipy.linalg.cython_blas']
     gc.collect()
     gc.freeze()  # nor does the collector touch what the copies share
 

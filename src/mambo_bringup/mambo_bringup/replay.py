@@ -20,7 +20,7 @@ from mambo_analysis.compare import compare_replay
 
 from .domain import Domain
 from .flight import RECORDER
-from .processes import FlightError, Interrupts, NodeProcess, watch
+from .processes import FlightError, Interrupts, load, NodeProcess, watch
 
 ESTIMATOR = ('mambo_estimation', 'estimator_node')
 PLAYER = ('mambo_sim', 'replay_node')
@@ -110,6 +110,7 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(2)
 
     def work() -> None:
+        load('.'.join(node) for node in (RECORDER, ESTIMATOR, PLAYER))
         replay(options.bag.absolute(), output.absolute(), options.rate, options.parameters)
         print(f'bag: {output}')
         print(compare_replay(options.bag, output))
