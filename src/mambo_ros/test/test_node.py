@@ -1,6 +1,7 @@
 """The loop that serves a node, and a node as a process."""
 
 from dataclasses import dataclass
+import re
 import signal
 import subprocess
 import sys
@@ -225,6 +226,41 @@ class Probe(node.MamboNode[Params]):
 node.main(Probe, sys.argv)
 """
 
+TALKER = """
+from dataclasses import dataclass
+import time
+from mambo_ros import messages, node, topics
+
+
+@dataclass(frozen=True)
+class Params:
+    pass
+
+
+class Talker(node.MamboNode[Params]):
+    def __init__(self):
+        super().__init__('talker', Params)
+        self.clock = self.say(topics.CLOCK)
+
+
+def talk(talker, loop):
+    while not talker.clock.matched:
+        loop.once(0.01)
+    for turn in range(3):
+        for t in range(100):
+            talker.clock(messages.clock(t))
+        began = time.monotonic()
+        talker.flush()
+        print(time.monotonic() - began, end=' ')
+    print(flush=True)
+    while time.process_time() < busy + 0.3:
+        pass
+
+
+busy = time.process_time()
+node.main(Talker, [], talk)
+"""
+
 
 def start(tmp_path, *arguments):
     file = tmp_path / 'probe.py'
@@ -252,7 +288,23 @@ def test_a_signal_ends_a_node_in_order(ros, tmp_path, number):
     process.send_signal(number)
     out, err = process.communicate(timeout=PATIENCE)
     assert (process.returncode, err) == (0, '')
-    assert out.splitlines()[-1] == 'finished with 300'
+    assert out.splitlines()[-2] == 'finished with 300'
+
+
+def test_a_node_that_leaves_soon_knows_that_all_it_said_has_arrived(ros, tmp_path):
+    """A quarter of the 3 s after which Fast DDS by itself asks what has arrived."""
+    file = tmp_path / 'talker.py'
+    file.write_text(TALKER)
+    node, got = listener(topics.CLOCK)
+    with serving(node):
+        done = subprocess.run(
+            [sys.executable, str(file)], text=True, capture_output=True, timeout=2 * PATIENCE)
+    assert done.returncode == 0, done.stderr
+    assert len(got) == 300
+    first, last = done.stdout.splitlines()
+    assert max(map(float, first.split())) < 0.75
+    used = re.fullmatch(r'used ([\d.]+) s of CPU and (\d+) MB', last)
+    assert 0.3 <= float(used[1]) < PATIENCE and 20 < int(used[2]) < 1000
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
