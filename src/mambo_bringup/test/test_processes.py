@@ -217,12 +217,14 @@ time.sleep({PATIENCE})
 
 
 NODE = """
-import os, signal, sys
+import os, signal, sys, time
 def main():
     print('up', *sys.argv, os.getsid(0) == os.getpid(), os.environ['PYTHONUNBUFFERED'])
     print('complaint', file=sys.stderr)
     if 'leave' in sys.argv:
         sys.exit(3)
+    if 'load' in sys.argv:
+        time.sleep(60.0)
     signal.signal(signal.SIGINT, lambda *_: sys.exit(0))
     print('ready')
     while True:
@@ -231,7 +233,7 @@ def main():
 COPIES = """
 import pathlib, sys
 {before}
-from mambo_bringup.processes import load, NodeProcess
+from mambo_bringup.processes import Interrupts, load, NodeProcess
 load(['loaded.some_node'])
 (pathlib.Path(sys.path[0]) / 'loaded/some_node.py').unlink()
 first, second = (NodeProcess('loaded', 'some_node', [word]) for word in ('stay', 'leave'))
@@ -243,6 +245,11 @@ print(first.end(20.0), first.end(20.0), first.lines[-1])
 third = NodeProcess('loaded', 'some_node', ['stay'])
 third._process.kill()
 print(third.end(20.0))
+with Interrupts():
+    fourth = NodeProcess('loaded', 'some_node', ['load'])
+while not fourth.lines:
+    pass
+print(fourth.end(20.0))
 """
 
 
@@ -258,7 +265,7 @@ def copies(folder, before=''):
 def test_a_node_that_is_loaded_begins_as_a_copy_and_ends_like_any_other(tmp_path):
     done = copies(tmp_path)
     assert done.stdout.splitlines() == [
-        "3 ['up some_node leave True 1', 'complaint']", 'some_node', '0 0 ready', '-9'
+        "3 ['up some_node leave True 1', 'complaint']", 'some_node', '0 0 ready', '-9', '-2'
     ], done.stderr
 
 

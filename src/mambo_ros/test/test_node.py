@@ -244,6 +244,7 @@ class Talker(node.MamboNode[Params]):
 
 
 def talk(talker, loop):
+    busy = time.process_time()
     while not talker.clock.matched:
         loop.once(0.01)
     for turn in range(3):
@@ -257,7 +258,6 @@ def talk(talker, loop):
         pass
 
 
-busy = time.process_time()
 node.main(Talker, [], talk)
 """
 
