@@ -44,6 +44,7 @@ QUEUE = topics.QUEUE
 _HOUSEKEEPING = 0.02  # s, the longest wait at once
 _TURN = 0.05  # s between turns of the ordinary executor, each of which costs most of a step
 _LAZY = 0.005  # s between looks at topics that need not be prompt
+_SOON = 0.0003  # s, within which what belongs to a prompt message follows it
 _AT_ONCE = 100  # messages of one topic before timers and the other topics get their turn
 _QUIET = 0.1  # s without a message after which a stopping node has taken everything
 _PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'  # of the user, or ours
@@ -231,6 +232,8 @@ class Loop:
         self._prompt = [
             entry for entry, (_, ear) in zip(self._entries, far, strict=True) if ear.prompt]
         self._longest = _HOUSEKEEPING if len(self._prompt) == len(far) else _LAZY
+        self._mixed = 0 < len(self._prompt) < len(far)
+        self._stirred = False
         self._context = rclpy.get_default_context()
         with self._context.handle:
             self._wait_set = _rclpy.WaitSet(
@@ -275,9 +278,11 @@ class Loop:
                 break
             take, data = queue.popleft()
             take(data)
-        if not handled:
-            self._wait(min(timeout, self._longest))
-        return self._take() or handled
+        if not handled:  # topics are not in order: a prompt message may overtake a lazy one
+            self._wait(min(timeout, _SOON if self._stirred else self._longest))
+        taken = self._take()
+        self._stirred = taken and self._mixed
+        return taken or handled
 
     def _wait(self, timeout: float) -> None:
         """Wait for a prompt message of the middleware."""

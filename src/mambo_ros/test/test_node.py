@@ -156,6 +156,22 @@ def test_a_flood_keeps_neither_timers_nor_other_topics_nor_the_end_from_their_tu
     assert turns == sorted(turns) and turns[-1] > turns[0]
 
 
+def test_what_a_prompt_message_overtook_is_looked_for_soon(ros, monkeypatch):
+    sender, publish = talker(topics.MOTOR_PWM)
+    node, got = listener(topics.MOTOR_PWM)
+    node.hear(topics.CLOCK, got.append, prompt=False)
+    loop, waits = Loop(node), []
+    until(lambda: readers(sender, topics.MOTOR_PWM) == 1, 'the link')
+    wait = loop._wait
+    monkeypatch.setattr(loop, '_wait', lambda timeout: waits.append(timeout) or wait(timeout))
+    publish(messages.motor_pwm(0, (0.0,) * 4, False, 0))
+    until(lambda: got, 'the message', lambda: loop.once(0.1))
+    loop.once(0.1)
+    loop.once(0.1)
+    assert waits[-2:] == [0.0003, 0.005]
+    loop.close()
+
+
 def test_without_messages_a_loop_waits_and_says_so(ros):
     for node in (listener(topics.CLOCK)[0], MamboNode('deaf', NoParams)):
         loop = Loop(node)
