@@ -10,14 +10,13 @@ import sys
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from mambo_analysis import closed_loop, flight_bag, offline
+from mambo_analysis import closed_loop, estimate, flight_bag, offline
 from mambo_analysis.bag import read_bag
 from mambo_analysis.scenario import from_yaml, override, scenario, to_yaml
 from mambo_bringup.domain import Domain
 from mambo_bringup.flight import COMPOSED, FLIGHT_NODES, fly, fly_several, RECORDER, SIMULATOR
 from mambo_bringup.processes import NodeProcess
 from mambo_bringup.replay import replay
-from mambo_estimation.estimator_node import encode_state
 from mambo_ros import layout, messages, topics
 import numpy as np
 import pytest
@@ -173,10 +172,9 @@ def test_live_replay_gives_the_recorded_estimate_to_the_bit(bag, tmp_path):
 @pytest.mark.parametrize('choices', [{}, PACKAGE], ids=['default', 'package'])
 def test_offline_replay_gives_the_recorded_estimate_to_the_bit(bag, package_bag, choices):
     bag = package_bag if choices else bag
-    answers = list(offline.estimate(read_bag(bag), flight(**choices).estimator_node.filter))
-    assert [messages.estimate(t, e.state, e.pose_covariance, e.twist_covariance)
-            for t, e, _ in answers] == payloads(bag, topics.ESTIMATE)
-    assert [encode_state(*answer) for answer in answers] == payloads(bag, topics.ESTIMATOR_STATE)
+    found = offline.estimate(read_bag(bag), flight(**choices).estimator_node.filter)
+    for topic, table in estimate.messages(found).items():
+        assert table.tobytes() == b''.join(payloads(bag, topic)), topic.name
 
 
 @pytest.mark.parametrize(
@@ -233,10 +231,11 @@ def test_with_bad_samples_closed_loop_and_replays_are_the_graph_to_the_bit(fault
         alone.estimate, [[*s.rho, *s.nu, *s.q, *s.omega] for s in states])
     assert np.isfinite(alone.estimate).all()
     inner = payloads(faulty_bag, topics.ESTIMATOR_STATE)
-    answers = list(offline.estimate(read_bag(faulty_bag), flight().estimator_node.filter))
-    assert [encode_state(*answer) for answer in answers] == inner
-    np.testing.assert_array_equal(alone.health, [e.health.health for _, e, _ in answers])
-    dropped = answers[-1][2]
+    found = offline.estimate(read_bag(faulty_bag), flight().estimator_node.filter)
+    assert estimate.messages(found)[topics.ESTIMATOR_STATE].tobytes() == b''.join(inner)
+    assert estimate.messages(found)[topics.ESTIMATE].tobytes() == b''.join(estimates)
+    np.testing.assert_array_equal(alone.health, found.estimator[:, 21:26])
+    dropped = found.dropped[-1].tolist()
     assert dropped[1] == 25 and dropped[3] == 350 and min(dropped) > 0
     replay(faulty_bag, tmp_path / 'replay', 0.0)
     assert payloads(tmp_path / 'replay', topics.ESTIMATE) == estimates

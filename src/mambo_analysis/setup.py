@@ -22,6 +22,7 @@ setup(
         'console_scripts': [
             'compare = mambo_analysis.compare:main',
             'drift_experiments = mambo_analysis.drift.experiments:main',
+            'estimate = mambo_analysis.estimate:main',
             'fly = mambo_analysis.fly:main',
             'identify_drag = mambo_analysis.identify.drag:main',
             'identify_drift = mambo_analysis.drift.identify_drift:main',

@@ -8,10 +8,12 @@ namespace of the drone, or absolute. A topic is decoded when it is first asked f
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from functools import cache, cached_property
 from pathlib import Path
 import re
 from typing import Any, TYPE_CHECKING
 
+from mambo_model.yaml_nodes import Loader
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys import get_types_from_idl, get_types_from_msg, get_typestore, Stores
@@ -19,7 +21,7 @@ from rosbags.typesys.store import Typestore
 import yaml
 
 from . import cdr, mcap_file
-from .mcap_file import BagError
+from .mcap_file import BagError, Batch
 
 if TYPE_CHECKING:
     import pandas
@@ -56,23 +58,40 @@ class Messages:
     """
 
     def __init__(
-        self, topic: str, type_name: str, store: Typestore | BagError,
-        messages: list[tuple[int, int, bytes]],
+        self, topic: str, type_name: str, store: Typestore | BagError, batches: list[Batch],
     ) -> None:
-        ordered = sorted(messages, key=lambda message: message[0])
         self.topic, self.type_name = topic, type_name
-        self.log_time: Ints = np.array([message[0] for message in ordered], np.int64)
-        self.publish_time: Ints = np.array([message[1] for message in ordered], np.int64)
-        self.raw = [message[2] for message in ordered]
+        nothing = np.empty(0, np.int64)
+        log_times = np.concatenate([nothing, *(batch.log_time for batch in batches)])
+        self._order = np.argsort(log_times, kind='stable')
+        self.log_time: Ints = log_times[self._order]
+        self.publish_time: Ints = np.concatenate(
+            [nothing, *(batch.publish_time for batch in batches)])[self._order]
+        self._batches = batches
         self._store = store
-        self._table: NDArray[np.uint8] | None = None
         self._columns: dict[str, cdr.Column] = {}
         self._objects: list[Any] | None = None
         self._cache: dict[str, NDArray[Any]] = {}
         self._is_decoded = False
 
     def __len__(self) -> int:
-        return len(self.raw)
+        return len(self.log_time)
+
+    @cached_property
+    def raw(self) -> list[bytes]:
+        """Return the bytes of each message."""
+        payloads = [data for batch in self._batches for _, _, data in batch]
+        return [payloads[i] for i in self._order.tolist()]
+
+    @cached_property
+    def table(self) -> NDArray[np.uint8] | None:
+        """Return the bytes of all messages, (n, size); None where they differ in length."""
+        tables = [batch.data for batch in self._batches]
+        sizes = {table.shape[1] if isinstance(table, np.ndarray) else 0 for table in tables}
+        if len(sizes) != 1 or 0 in sizes:
+            return None
+        table = np.concatenate(tables) if len(tables) > 1 else tables[0]
+        return table if (np.diff(self._order) == 1).all() else table[self._order]
 
     def _decode(self) -> Typestore:
         """Find the layout once, or fall back to one object per message; return the types."""
@@ -80,9 +99,9 @@ class Messages:
             raise self._store
         if not self._is_decoded:
             try:
-                if not self.raw:
+                if self.table is None:
                     raise cdr.NoLayout
-                self._table, self._columns = cdr.layout(self._store, self.type_name, self.raw)
+                self._columns = cdr.layout(self._store, self.type_name, self.table)
             except (cdr.NoLayout, KeyError, IndexError):
                 self._objects = list(self.objects())
             self._is_decoded = True
@@ -116,8 +135,8 @@ class Messages:
         return self._cache[path]
 
     def _field(self, path: str) -> NDArray[Any]:
-        if path in self._columns and self._table is not None:
-            return cdr.take(self._table, self._columns[path])
+        if path in self._columns and self.table is not None:
+            return cdr.take(self.table, self._columns[path])
         parts = self._parts(path)
         if parts is None:
             return self._gather(path)
@@ -262,6 +281,11 @@ class Bag:
         self.custom_data: dict[str, str] = {}
         self._messages: dict[str, Messages] = {}
 
+    def add(self, messages: Messages) -> None:
+        """Take the messages of a topic."""
+        self.topics[messages.topic] = messages.type_name
+        self._messages[messages.topic] = messages
+
     def name(self, topic: str) -> str:
         """Return the absolute name of a topic."""
         if topic in self.topics:
@@ -293,11 +317,11 @@ class Bag:
         """Return the latest log time, ns; 0 without messages."""
         return max((int(m.log_time[-1]) for m in self._messages.values() if len(m)), default=0)
 
-    @property
+    @cached_property
     def scenario(self) -> dict[str, Any] | None:
         """Return the attached ``scenario.yaml``; None if there is none or it is no mapping."""
         try:
-            content = yaml.safe_load(self.attachments.get('scenario.yaml', ''))
+            content = yaml.load(self.attachments.get('scenario.yaml', ''), Loader)
         except yaml.YAMLError:
             return None
         return content if isinstance(content, dict) else None
@@ -309,7 +333,8 @@ def _listing(path: Path) -> dict[str, Any]:
     if not file.is_file():
         return {}
     try:
-        content = yaml.safe_load(file.read_text(encoding='utf-8'))['rosbag2_bagfile_information']
+        content = yaml.load(file.read_text(encoding='utf-8'), Loader)[
+            'rosbag2_bagfile_information']
         files = content['relative_file_paths']
         if not isinstance(files, list) or not all(isinstance(name, str) for name in files):
             raise TypeError('relative_file_paths is no list of names')
@@ -370,16 +395,20 @@ def _types(schema: Any, encoding: str, where: str) -> Typestore | BagError:
         return BagError(
             f'{where}: schema of kind {schema.encoding!r}, only ros2msg and ros2idl are read')
     try:
-        text, name = schema.data.decode(), type_name(schema.name)
-        store = get_typestore(Stores.EMPTY)
-        store.register(
-            get_types_from_msg(text, name) if schema.encoding == 'ros2msg'
-            else get_types_from_idl(text))
-        if name not in store.fielddefs:
-            raise ValueError(f'it does not define {name}')
+        return _parsed(schema.data, schema.encoding, type_name(schema.name))
     except Exception as error:  # the parser of a foreign schema raises anything
         reason = str(error).split('\n')[0]
         return BagError(f'{where}: the schema of {schema.name} cannot be read ({reason})')
+
+
+@cache
+def _parsed(data: bytes, encoding: str, name: str) -> Typestore:
+    """Return the types of a schema; what the parser raises, and ValueError for another's."""
+    store, text = get_typestore(Stores.EMPTY), data.decode()
+    store.register(
+        get_types_from_msg(text, name) if encoding == 'ros2msg' else get_types_from_idl(text))
+    if name not in store.fielddefs:
+        raise ValueError(f'it does not define {name}')
     return store
 
 
@@ -450,8 +479,8 @@ def _assemble(
     bag = Bag(path)
     bag.custom_data = {
         str(key): str(value) for key, value in (listing.get('custom_data') or {}).items()}
-    gathered: dict[str, list[tuple[int, int, bytes]]] = {}
-    stores: dict[str, Typestore | BagError] = {}
+    gathered: dict[str, list[Batch]] = {}
+    schemas: dict[str, tuple[mcap_file.Schema | None, str]] = {}
     for file, content in parts:
         for record in content.metadata:
             bag.metadata.setdefault(record.name, {}).update(record.metadata)
@@ -464,16 +493,15 @@ def _assemble(
                 raise BagError(
                     f'{file}: {channel.topic} is both {bag.topics[channel.topic]} and {kind}')
             gathered.setdefault(channel.topic, []).extend(content.messages[number])
-            if channel.topic not in stores:
-                stores[channel.topic] = _types(
-                    schema, channel.message_encoding, f'{path}: {channel.topic}')
+            schemas.setdefault(channel.topic, (schema, channel.message_encoding))
     if not any(content.count for _, content in parts):
         raise BagError(f'{path}: the bag holds no messages')
     bag.namespace = _namespace(bag.topics, path, namespace)
     wanted = None if topics is None else {bag.name(topic) for topic in topics}
-    for topic, messages in gathered.items():
+    for topic, batches in gathered.items():
         if wanted is None or topic in wanted:
-            bag._messages[topic] = Messages(topic, bag.topics[topic], stores[topic], messages)
+            bag.add(Messages(
+                topic, bag.topics[topic], _types(*schemas[topic], f'{path}: {topic}'), batches))
     return bag
 
 

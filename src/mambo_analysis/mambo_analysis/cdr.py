@@ -121,8 +121,8 @@ class _Walk:
 
 
 def layout(
-    store: Typestore, type_name: str, messages: list[bytes],
-) -> tuple[NDArray[np.uint8], dict[str, Column]]:
+    store: Typestore, type_name: str, table: NDArray[np.uint8],
+) -> dict[str, Column]:
     """
     Find the common layout of a topic's messages.
 
@@ -132,34 +132,32 @@ def layout(
         Types of the bag.
     type_name
         Type of the messages.
-    messages
-        CDR, at least one.
+    table : (n, size)
+        CDR messages of one length, at least one.
 
     Returns
     -------
-    (n, size) bytes; column of each field by dotted path.
+    Column of each field by dotted path.
 
     Raises
     ------
     NoLayout
-        If any message differs in length, header or in the length of a string or sequence.
+        If any message differs in header or in the length of a string or sequence.
 
     """
-    first = messages[0]
+    first = table[0].tobytes()
     walk = _Walk(store, first)
     if first[:2] != HEADER[:2]:
         raise NoLayout
     walk.message(type_name)
-    size = len(first)
-    if not walk.is_whole() or set(map(len, messages)) != {size}:
+    if not walk.is_whole():
         raise NoLayout
-    table = np.frombuffer(b''.join(messages), np.uint8).reshape(-1, size)
     same = (table[:, :2] == table[0, :2]).all()
     for offset in walk.lengths:
         same = same and bool((table[:, offset:offset + 4] == table[0, offset:offset + 4]).all())
     if not same:
         raise NoLayout
-    return table, walk.columns
+    return walk.columns
 
 
 def trimmed(store: Typestore, type_name: str, data: bytes) -> bytes:

@@ -13,7 +13,6 @@ from typing import NamedTuple
 from mambo_control import controllers, failsafe
 from mambo_estimation import filters
 from mambo_estimation.kalman import Estimate
-from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model.compiled import jit
 from mambo_model.flatness import body_velocity
 from mambo_model.rigid_body import State
@@ -163,40 +162,9 @@ def _inner(steps: int) -> Inner:
         np.zeros((steps, width)) for width in (19, 36, 36, 36, 35, 8)))
 
 
-def estimate_again(recording: Recording, node: EstimatorNodeParams) -> Array:
-    """
-    Return what another estimator makes of the samples of a flight, (n, 13) states.
-
-    As appendix C does with other flow factors; the vehicle flies on what it flew on.
-
-    Parameters
-    ----------
-    recording
-        Of :func:`fly`.
-    node
-        The other estimator, not ``ground_truth``.
-
-    """
-    out = np.empty_like(recording.estimate)
-    _replay(filters.initial(node.filter), node.filter.values(), recording, out)
-    return out
-
-
 @jit
-def _replay(memory, values, r, out):
-    """Fill ``out`` with the states that an estimator makes of a recording's samples."""
-    for k in range(len(r.t)):
-        i, f = r.imu[k], r.flow[k]
-        quality = 0 if np.isnan(f[2]) else int(f[2])
-        dt = (r.t[k] - r.t[max(k - 1, 0)]) * 1e-9
-        memory, estimate = filters.step(
-            memory, dt, (i[0], i[1], i[2]), (i[3], i[4], i[5]), r.sonar[k], (f[0], f[1]), quality,
-            r.pressure[k], values)
-        _store(out[k], estimate.state)
-
-
-@jit
-def _store(row: Array, s: State) -> None:
+def store_state(row: Array, s: State) -> None:
+    """Store a state in a row of 13 numbers."""
     for i in range(3):
         row[i] = s.rho[i]
         row[3 + i] = s.nu[i]
@@ -259,7 +227,7 @@ def _put(row: Array, start: int, v: Vec3) -> int:
 
 
 @jit
-def _store_estimate(inner, k, e):
+def store_estimate(inner, k, e):
     """Store what a bag says of an estimate besides its state."""
     if inner is None:
         return
@@ -333,7 +301,7 @@ def _loop(state, rngs, mocap_rng, memory, control, p, out):
                 heard.flow_quality, heard.pressure, p.estimator)
             estimated = estimate.state
             _store_health(out, k, estimate)
-            _store_estimate(out.inner, k, estimate)
+            store_estimate(out.inner, k, estimate)
             spread = failsafe.spread_of(estimate.pose_covariance, estimate.twist_covariance)
         vehicle = p.reference_vehicle
         ref, phase = reference_step(
@@ -341,9 +309,9 @@ def _loop(state, rngs, mocap_rng, memory, control, p, out):
         control, command = failsafe.step(
             control, estimated, spread, ref, phase, p.period, p.gains, p.failsafe,
             p.controller_vehicle)
-        _store(out.truth[k], body)
-        _store(out.estimate[k], estimated)
-        _store(out.reference[k], State(ref.rho, body_velocity(ref), ref.q, ref.omega))
+        store_state(out.truth[k], body)
+        store_state(out.estimate[k], estimated)
+        store_state(out.reference[k], State(ref.rho, body_velocity(ref), ref.q, ref.omega))
         _store_inner(out.inner, k, samples, ref, command, control, mocap)
         out.phase[k], out.thrust[k] = phase, command.thrust
         out.stopped[k], out.reason[k] = command.shutdown, command.reason

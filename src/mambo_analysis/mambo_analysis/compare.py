@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from . import metrics, motion, pair, tables
@@ -199,31 +200,39 @@ def _seconds(stamp: int | None) -> float | None:
     return None if stamp is None else stamp * 1e-9
 
 
+def _rows(table: NDArray, index: Ints) -> NDArray:
+    """Return rows of a table, without a copy where it is all of them."""
+    return table if np.array_equal(index, np.arange(len(table))) else table[index]
+
+
 def _identical(recorded: Messages, replayed: Messages) -> list[str]:
     """Say how a replayed estimate differs from the recorded one, payload by payload."""
     here, there = metrics.common(recorded.stamp, replayed.stamp)
-    equal = sum(recorded.raw[i] == replayed.raw[j] for i, j in zip(here, there))
-    lines = [f'estimate/odom: {equal} of {len(recorded)} recorded messages answered bit for bit, '
-             f'{len(replayed)} replayed']
-    if equal < len(here):
-        different = [(i, j) for i, j in zip(here, there) if recorded.raw[i] != replayed.raw[j]]
-        first = recorded.stamp[different[0][0]] * 1e-9
+    a, b = recorded.table, replayed.table
+    if a is not None and b is not None and a.shape[1] == b.shape[1]:
+        same = (_rows(a, here) == _rows(b, there)).all(axis=1)
+    else:
+        same = np.array(
+            [recorded.raw[i] == replayed.raw[j] for i, j in zip(here, there)], bool)
+    lines = [f'estimate/odom: {same.sum()} of {len(recorded)} recorded messages answered '
+             f'bit for bit, {len(replayed)} replayed']
+    if not same.all():
+        first = recorded.stamp[here[~same][0]] * 1e-9
         apart = np.linalg.norm(
-            recorded.position[[i for i, _ in different]]
-            - replayed.position[[j for _, j in different]], axis=1).max()
+            recorded.position[here[~same]] - replayed.position[there[~same]], axis=1).max()
         lines.append(f'first difference at {first:.3f} s, largest {apart:.3g} m')
     return lines
 
 
-def compare_replay(source: Path, replayed: Path) -> str:
+def compare_replay(origin: Bag, answer: Bag) -> str:
     """
     Compare a replayed estimate with what the source bag holds.
 
     Parameters
     ----------
-    source
+    origin
         Bag whose sensors were replayed.
-    replayed
+    answer
         Bag with the estimate that answered.
 
     Returns
@@ -234,14 +243,13 @@ def compare_replay(source: Path, replayed: Path) -> str:
     Raises
     ------
     BagError
-        If a bag cannot be read or the replay holds no estimate.
+        If the replay holds no estimate, or a topic has another type than in ``TYPES``.
 
     """
-    origin, answer = read_bag(source), read_bag(replayed)
     for bag in (origin, answer):
         check_types(bag)
     if 'estimate/odom' not in answer:
-        raise BagError(f'{replayed}: no estimate/odom, the estimator did not answer')
+        raise BagError(f'{answer.path}: no estimate/odom, the estimator did not answer')
     estimate, parts, lines = answer['estimate/odom'], phases(origin), []
     notes: list[str] = []
     sections = []
@@ -249,17 +257,17 @@ def compare_replay(source: Path, replayed: Path) -> str:
         lines += _identical(origin['estimate/odom'], estimate)
     for name in ('optitrack/pose', 'ground_truth/odom'):
         if name in origin:
-            answered = pair.motions(motion.read(answer, 'estimate/odom'),
-                                    motion.read(origin, name))
+            error = pair.positions(
+                motion.read(answer, 'estimate/odom'), motion.read(origin, name))
             sections.append(pair.section(
-                answered[0], f'estimation error: replayed estimate/odom minus {name}', parts))
+                error, f'estimation error: replayed estimate/odom minus {name}', parts))
             break
     if 'onboard/odom' in origin:
         sections += _against_onboard(estimate, origin['onboard/odom'], parts, notes)
     for section in sections:
         lines += ['', *tables.section(section)]
     if not lines:
-        notes.append(f'{source.name} has nothing to compare the estimate with')
+        notes.append(f'{origin.path.name} has nothing to compare the estimate with')
     return '\n'.join([*lines, '', *(f'note: {note}' for note in notes)]).strip('\n')
 
 

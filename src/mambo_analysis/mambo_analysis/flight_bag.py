@@ -75,16 +75,28 @@ def _sensors(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Str
     yield topics.SENSOR_TICK, _block(r.t, messages.sensor_tick(r.t, *counts))
 
 
+def estimate(t: NDArray[np.int64], states: NDArray, inner: Any) -> NDArray[np.uint8]:
+    """Encode estimates, rows of states and covariances as :class:`closed_loop.Inner` has them."""
+    return messages.estimate(
+        t, _state(states), _columns(inner.pose_covariance), _columns(inner.twist_covariance))
+
+
+def estimator_state(
+    t: NDArray[np.int64], inner: Any, dropped: tuple[Any, ...] = (0, 0, 0, 0),
+) -> NDArray[np.uint8]:
+    """Encode what an estimator says of itself, likewise, and what the synchroniser dropped."""
+    *before, invalid, health, age, not_finite = _vectors(
+        inner.estimator, 1, 1, 1, 3, 3, 1, 2, 3, 2, 3, 1, 5, 5, 5)
+    return messages.estimator_state(
+        t, *before, invalid + sum(dropped), health, age, not_finite, dropped)
+
+
 def _laws(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Stream]]:
     """Yield what estimator, reference and controller publish."""
     inner = r.inner
-    yield topics.ESTIMATE, _block(r.t, messages.estimate(
-        r.t, _state(r.estimate), _columns(inner.pose_covariance),
-        _columns(inner.twist_covariance)))
+    yield topics.ESTIMATE, _block(r.t, estimate(r.t, r.estimate, inner))
     if flight.estimator_node.estimator != 'ground_truth':
-        yield topics.ESTIMATOR_STATE, _block(r.t, messages.estimator_state(
-            r.t, *_vectors(inner.estimator, 1, 1, 1, 3, 3, 1, 2, 3, 2, 3, 1, 5, 5, 5),
-            (0, 0, 0, 0)))
+        yield topics.ESTIMATOR_STATE, _block(r.t, estimator_state(r.t, inner))
     rho, _, q, omega = _state(r.reference)
     v, a, j, s, omega_dot, f, tau = _vectors(inner.plan, 3, 3, 3, 3, 3, 1, 3)
     yield topics.REFERENCE, _block(r.t, messages.reference(

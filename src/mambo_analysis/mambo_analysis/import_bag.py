@@ -31,7 +31,7 @@ from . import cdr
 from .bag import bag_files, Messages, read_bag
 from .cli import guard
 from .importing import NAMESPACE, provenance, report, SECOND
-from .mcap_file import BagError
+from .mcap_file import BagError, Batch
 
 ODOMETRY, POSE = 'nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped'
 TARGETS = {
@@ -135,7 +135,7 @@ def _read_sqlite(path: Path, files: list[Path]) -> Foreign:
     if not raw:
         raise BagError(f'{path}: the bag holds no messages')
     return Foreign(topics, {
-        name: Messages(name, topics[name], faults.get(name, store), messages)
+        name: Messages(name, topics[name], faults.get(name, store), [Batch.of(messages)])
         for name, messages in raw.items()}, _checksum(files))
 
 

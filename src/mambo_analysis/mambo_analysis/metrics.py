@@ -114,7 +114,9 @@ def missing(stamps: Ints, period: float) -> int:
 
 def usual_period(stamps: Ints) -> float:
     """Return the median distance of neighbouring stamps [ns], NaN for fewer than two."""
-    gaps = np.diff(np.unique(stamps))
+    gaps = np.diff(stamps)
+    if not (gaps > 0).all():
+        gaps = np.diff(np.unique(stamps))
     return float(np.median(gaps)) if len(gaps) else float('nan')
 
 
@@ -181,6 +183,18 @@ def resampled(stamps: Ints, values: Floats, period: int, gap: int) -> tuple[Ints
     return grid, interpolate(grid, stamps, values, gap)
 
 
+def _variances(a: Floats, b: Floats, weight: Floats) -> Floats:
+    """
+    Return the variance of ``a - b[k:]`` for every k, of the elements with weight 1, not 0.
+
+    As sums of products, many times faster than one after the other; ``a`` is 0 where the weight
+    is, and both must vary about 0, or digits are lost.
+    """
+    count = weight.sum()
+    squares = (a * a).sum() - 2.0 * np.correlate(b, a) + np.correlate(b * b, weight)
+    return squares / count - ((a.sum() - np.correlate(b, weight)) / count) ** 2
+
+
 def delay(a: Floats, b: Floats, period: float, longest: float = 1.0) -> float:
     """
     Return by how much one signal is behind another [s], positive: ``a`` is later.
@@ -207,12 +221,14 @@ def delay(a: Floats, b: Floats, period: float, longest: float = 1.0) -> float:
     if len(a) < 4 * lags or not (np.isfinite(a).any() and np.isfinite(b).any()):
         return float('nan')
     middle = a[lags:len(a) - lags]
-    whole = np.isfinite(middle)
-    windows = np.lib.stride_tricks.sliding_window_view(b, len(middle))[::-1]
-    whole &= np.isfinite(windows).all(axis=0) if not np.isfinite(b).all() else True
+    whole, good = np.isfinite(middle), np.isfinite(b)
+    windows = np.lib.stride_tricks.sliding_window_view(good, len(middle))
+    whole &= True if good.all() else windows.all(axis=0)
     if whole.sum() < 2 * lags or np.ptp(middle[whole]) == 0.0:
         return float('nan')
-    left = np.array([np.var(middle[whole] - window[whole]) for window in windows])
+    left = _variances(
+        np.where(whole, middle - middle[whole].mean(), 0.0),
+        np.where(good, b - b[good].mean(), 0.0), whole.astype(float))[::-1]
     best = int(left.argmin())
     if best in (0, len(left) - 1) or left[best] > 0.1 * np.var(middle[whole]):
         return float('nan')

@@ -69,14 +69,17 @@ class Motion:
             quaternion=product(half, self.quaternion),
             velocity=None if self.velocity is None else rotation.apply(self.velocity))
 
+    def values(self, stamps: Ints, column: Floats) -> Floats:
+        """Return a column (n, k) interpolated at other stamps, NaN in gaps and outside."""
+        return metrics.interpolate(stamps, self.stamps, column, self.gap)
+
     def at(self, stamps: Ints) -> Motion:
         """Return the motion interpolated at other stamps, NaN in gaps and outside."""
-        def values(column: Floats) -> Floats:
-            return metrics.interpolate(stamps, self.stamps, column, self.gap)
-        q = values(self.quaternion)  # a chord: 1e-5 rad beside the arc for 0.1 rad a sample
-        return Motion(self.name, stamps, values(self.position),
-                      q / np.linalg.norm(q, axis=1, keepdims=True),
-                      None if self.velocity is None else values(self.velocity))
+        q = self.values(stamps, self.quaternion)  # a chord: 1e-5 rad off for 0.1 rad a sample
+        return Motion(
+            self.name, stamps, self.values(stamps, self.position),
+            q / np.linalg.norm(q, axis=1, keepdims=True),
+            None if self.velocity is None else self.values(stamps, self.velocity))
 
 
 def product(p: Floats, q: Floats) -> Floats:

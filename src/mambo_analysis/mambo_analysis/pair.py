@@ -151,9 +151,9 @@ class Comparison:
         return [section(quantity, self.title, self.phases) for quantity in self.quantities]
 
 
-def motions(a: Motion, b: Motion) -> list[Quantity]:
+def positions(a: Motion, b: Motion) -> Quantity:
     """
-    Compare two motions: position, and velocity and attitude where both tell it.
+    Compare the positions of two motions.
 
     Raises
     ------
@@ -161,11 +161,15 @@ def motions(a: Motion, b: Motion) -> list[Quantity]:
         If they have no time in common.
 
     """
-    other = b.at(a.stamps)
-    if not np.isfinite(other.position).any():
+    there = b.values(a.stamps, b.position)
+    if not np.isfinite(there).any():
         raise BagError(_apart(a, b))
-    out = [Quantity('position', 'm', XYZ, a.stamps, a.position, other.position,
-                    a.position - other.position)]
+    return Quantity('position', 'm', XYZ, a.stamps, a.position, there, a.position - there)
+
+
+def motions(a: Motion, b: Motion) -> list[Quantity]:
+    """Compare two motions: position, and velocity and attitude where both tell; errors alike."""
+    out, other = [positions(a, b)], b.at(a.stamps)
     if a.velocity is not None and other.velocity is not None:
         out.append(Quantity('velocity', 'm/s', XYZ, a.stamps, a.velocity, other.velocity,
                             a.velocity - other.velocity))

@@ -119,7 +119,8 @@ def recover(source: Path, target: Path) -> Recovered:
         for part in parts:
             merged = sorted(
                 ((message, part.channels[number].topic)
-                 for number, messages in part.messages.items() for message in messages),
+                 for number, batches in part.messages.items() for batch in batches
+                 for message in batch),
                 key=lambda entry: entry[0][0])
             for (log_time, publish_time, data), topic in merged:
                 writer.write(topic, data, log_time, publish_time)

@@ -18,7 +18,7 @@ from mambo_control.parameters import ControllerNodeParams, ReferenceNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model import schema
 from mambo_model.vehicle import find
-from mambo_model.yaml_nodes import Reader
+from mambo_model.yaml_nodes import Loader, Reader
 from mambo_sim.parameters import OptitrackNodeParams, SimNodeParams
 import yaml
 
@@ -178,15 +178,6 @@ def _comment(meta: Mapping[str, Any]) -> str:
     return f"true | false, {meta['source']}" if 'flag' in meta else meta['source']
 
 
-class _Loader(yaml.SafeLoader):
-    """Reads 1e-3 as a number, as ROS does; YAML 1.1 wants 1.0e-3."""
-
-
-_Loader.add_implicit_resolver(
-    'tag:yaml.org,2002:float', re.compile(r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$'),
-    list('-+.0123456789'))
-
-
 def read_value(text: str) -> Any:
     """
     Return a value or a whole document written in YAML.
@@ -198,7 +189,7 @@ def read_value(text: str) -> Any:
 
     """
     try:
-        return yaml.load(text, _Loader)  # a safe one
+        return yaml.load(text, Loader)  # a safe one
     except yaml.YAMLError as error:
         raise schema.ParameterError(' '.join(str(error).split())) from None
 

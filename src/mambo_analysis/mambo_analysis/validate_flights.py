@@ -91,11 +91,10 @@ class Identified(NamedTuple):
 
 def replayed(bag: Bag, params: filters.Params) -> Odometry:
     """Return what the estimator makes of a bag, z up."""
-    rows = [(t, *flip_vector(e.state.rho), *flip_vector(e.state.nu), *wire_quaternion(e.state.q))
-            for t, e, _ in offline.estimate(bag, params)]
-    table = np.array([row[1:] for row in rows])
-    stamps = np.array([row[0] for row in rows], np.int64)
-    return Odometry(stamps, table[:, :3], table[:, 3:6], table[:, 6:])
+    found = offline.estimate(bag, params)
+    columns = tuple(found.state.T)
+    return Odometry(found.t, *(np.stack(vector, axis=1) for vector in (
+        flip_vector(columns[:3]), flip_vector(columns[3:6]), wire_quaternion(columns[6:10]))))
 
 
 def seen(bag: Bag) -> Odometry:

@@ -30,10 +30,10 @@ def test_columns_equal_what_rosbags_decodes_message_by_message(flight):
             others = [reader.deserialize(raw, c.msgtype)
                       for c, _, raw in reader.messages(connections)]
             ours = bag[topic]
-            assert ours._table is None and len(ours) == len(others)  # decoded when asked for
+            assert 'table' not in vars(ours) and len(ours) == len(others)  # decoded when asked for
             assert ours.stamp.tolist() == [
                 m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in others]
-            assert ours._table is not None  # by columns, not by objects
+            assert ours._objects is None  # by columns, not by objects
             for path in ours._columns:
                 values = []
                 for value in others:
@@ -109,9 +109,9 @@ def test_messages_of_different_lengths_fall_back_to_objects(tmp_path):
     bag = read_bag(tmp_path / 'mixed')
     pwm, imu = bag['motor_pwm'], bag['imu/data_raw']
     assert pwm['header.frame_id'].tolist() == ['a', 'bcdef', '']
-    assert pwm._table is None and pwm.pwm[:, 0].tolist() == [0.0, 1.0, 2.0]
+    assert pwm._objects is not None and pwm.pwm[:, 0].tolist() == [0.0, 1.0, 2.0]
     assert pwm.stamp.tolist() == [0, STEP, 2 * STEP]
-    assert imu['header.frame_id'].tolist() == ['abc', 'abd', 'abe'] and imu._table is not None
+    assert imu['header.frame_id'].tolist() == ['abc', 'abd', 'abe'] and imu._objects is None
 
 
 def test_what_the_middleware_leaves_behind_a_message_does_no_harm(tmp_path):
@@ -138,7 +138,7 @@ def test_strings_of_equal_total_length_but_other_layout_are_not_misread(tmp_path
     odometry = read_bag(tmp_path / 'b')['estimate/odom']
     assert len(set(map(len, odometry.raw))) == 1
     np.testing.assert_array_equal(odometry.position, [[1.0, 2.0, 3.0]] * 2)
-    assert odometry._table is None
+    assert odometry._objects is not None
 
 
 def test_sequences_of_messages_are_reached_by_index(tmp_path):

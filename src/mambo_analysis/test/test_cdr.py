@@ -73,6 +73,10 @@ def carries_value(store, type_name, data):
     return known
 
 
+def rows(*messages):
+    return np.array([list(data) for data in messages], np.uint8)
+
+
 @pytest.mark.parametrize('type_name', NAMES)
 def test_bytes_equal_those_of_the_middleware_and_columns_read_them(type_name):
     serialization = pytest.importorskip('rclpy.serialization', reason='rclpy is not installed')
@@ -83,7 +87,8 @@ def test_bytes_equal_those_of_the_middleware_and_columns_read_them(type_name):
     expected = serialization.serialize_message(message)
     ours = bytes(store.serialize_cdr(copy(message, store, type_name), type_name))
     # the middleware leaves padding as it finds it, and pads the end to four bytes
-    table, columns = cdr.layout(store, type_name, [expected, expected])
+    table = rows(expected, expected)
+    columns = cdr.layout(store, type_name, table)
     known = carries_value(store, type_name, expected)
     assert 0 <= len(expected) - len(ours) < 4
     assert known[:4].all() and not known[len(ours):].any()
@@ -113,17 +118,17 @@ def test_big_endian_messages_are_left_to_the_decoder():
     message = bytes(store.serialize_cdr(
         cdr.zero(store, 'sensor_msgs/msg/Range'), 'sensor_msgs/msg/Range', little_endian=False))
     with pytest.raises(cdr.NoLayout):
-        cdr.layout(store, 'sensor_msgs/msg/Range', [message])
+        cdr.layout(store, 'sensor_msgs/msg/Range', rows(message))
     clock = cdr.load_types(['rosgraph_msgs/msg/Clock'])
     with pytest.raises(cdr.NoLayout):
-        cdr.layout(clock, 'rosgraph_msgs/msg/Clock', [b'\0\0\0\0' + bytes(7) + b'\1'])
+        cdr.layout(clock, 'rosgraph_msgs/msg/Clock', rows(b'\0\0\0\0' + bytes(7) + b'\1'))
 
 
 def test_a_message_longer_or_shorter_than_its_type_has_no_layout():
     store = cdr.load_types(['rosgraph_msgs/msg/Clock'])
     for size in (7, 12, 16):
         with pytest.raises(cdr.NoLayout):
-            cdr.layout(store, 'rosgraph_msgs/msg/Clock', [b'\0\1\0\0' + bytes(size)])
+            cdr.layout(store, 'rosgraph_msgs/msg/Clock', rows(b'\0\1\0\0' + bytes(size)))
 
 
 def test_empty_sequences_of_wide_numbers_keep_their_place():
@@ -133,7 +138,8 @@ def test_empty_sequences_of_wide_numbers_keep_their_place():
     from sensor_msgs.msg import JointState
     data = serialize_message(JointState(effort=[1.5, 2.5]))  # behind two empty ones
     store = cdr.load_types(['sensor_msgs/msg/JointState'])
-    table, columns = cdr.layout(store, 'sensor_msgs/msg/JointState', [data])
+    table = rows(data)
+    columns = cdr.layout(store, 'sensor_msgs/msg/JointState', table)
     assert cdr.take(table, columns['effort']).tolist() == [[1.5, 2.5]]
     assert cdr.take(table, columns['velocity']).shape == (1, 0)
     # the middleware reserved room for aligning what is empty, and left it behind the message

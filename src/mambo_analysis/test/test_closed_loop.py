@@ -2,7 +2,8 @@
 
 import math
 
-from mambo_analysis.closed_loop import estimate_again, fly
+from mambo_analysis.closed_loop import fly
+from mambo_analysis.offline import estimate_again
 from mambo_analysis.scenario import override, scenario, Scenario
 from mambo_model.quaternion import rotate
 from mambo_model.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK

@@ -193,21 +193,21 @@ def test_an_imported_flight_without_estimate_says_how_to_get_one(tmp_path):
 
 
 def test_a_replay_that_answers_bit_for_bit_is_told_from_one_that_does_not(tmp_path, flight):
-    text = compare_replay(flight, flight)
+    text = compare_replay(read_bag(flight), read_bag(flight))
     assert 'estimate/odom: 3597 of 3597 recorded messages answered bit for bit' in text
     assert 'replayed estimate/odom minus optitrack/pose' in text
     other = make_flight(tmp_path / 'other', 18.0, noise=1e-9)
-    text = compare_replay(flight, other)
+    text = compare_replay(read_bag(flight), read_bag(other))
     assert 'estimate/odom: 0 of 3597' in text and 'first difference at 0.000 s' in text
 
 
 def test_a_replay_of_an_imported_flight_is_compared_with_its_own_estimate(tmp_path):
     bag = turned(tmp_path / 'source', 0.0, [0.0, 0.0, 0.0], np.zeros(3))
-    text = compare_replay(bag.path, bag.path)
+    text = compare_replay(bag, bag)
     assert 'position, estimate/odom minus onboard/odom' in text
     silent = make_flight(tmp_path / 'silent', 1.0, leave_out=('estimate/odom',))
     with pytest.raises(BagError, match='the estimator did not answer'):
-        compare_replay(bag.path, silent)
+        compare_replay(bag, read_bag(silent))
 
 
 def test_a_topic_of_another_type_is_named(tmp_path, capsys):

@@ -78,3 +78,12 @@ def test_usual_period_is_that_of_most_gaps():
 def test_common_stamps():
     a, b = metrics.common(np.array([1, 3, 5, 7]), np.array([7, 3, 4]))
     assert (a.tolist(), b.tolist()) == ([1, 3], [1, 0])
+
+
+def test_the_variance_at_every_shift_is_that_of_the_difference():
+    rng = np.random.default_rng(4)
+    a, b, weight = rng.normal(size=50) + 3.0, rng.normal(size=70) - 1.0, rng.random(50) < 0.8
+    got = metrics._variances(np.where(weight, a, 0.0), b, weight.astype(float))
+    want = [np.var((a - b[k:k + 50])[weight]) for k in range(21)]
+    # differences of some 16 in squares that sum up 50 of them lose four digits at most
+    np.testing.assert_allclose(got, want, rtol=1e-12)

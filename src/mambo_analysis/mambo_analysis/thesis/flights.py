@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import closed_loop, metrics, scenario_file
+from .. import closed_loop, metrics, offline, scenario_file
 from ..scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ class Flight:
 
     def estimated_by(self, other: Scenario) -> Array:
         """Return the position that the estimator of another scenario makes of it, (n, 3) m."""
-        return closed_loop.estimate_again(self.recording, other.estimator_node)[:, :3]
+        return offline.estimate_again(self.recording, other.estimator_node)[:, :3]
 
     def integrated_flow(self) -> Array:
         """Return the integral of the raw flow, (n, 2) rad, each sample held until the next."""
