@@ -18,7 +18,8 @@ from . import graph, in_c, loops, measure, report, rotorpy_peer, sweeping
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / 'docs' / 'performance.md'
 FOLDER = ROOT / '.cache' / 'bench'
-GROUPS = ('reference', 'closed_loop', 'rotorpy', 'sweep', 'graph', 'replay', 'profile', 'idle')
+GROUPS = ('reference', 'closed_loop', 'rotorpy', 'sweep', 'graph', 'endurance', 'replay',
+          'profile', 'idle')
 
 
 def _said(*command: str) -> str:

@@ -21,6 +21,8 @@ import numpy as np
 
 from .measure import Contender, Gap, timed
 
+TEN_MINUTES = 600.0  # s
+PACE = {'lockstep': 'lockstep', 'realtime': 'real time'}
 NODE = re.compile(r'(\w+) ([\d.]+)')
 FLOWN = re.compile(
     r'flew (?P<flown>[\d.]+) s in (?P<took>[\d.]+) s of wall time, (?P<missed>\d+) steps')
@@ -79,7 +81,7 @@ def _run(
 
 
 def _measure(
-    folder: Path, seconds: float, composed: bool, mode: str, drones: int,
+    folder: Path, seconds: float, composed: bool, mode: str, drones: int = 1,
 ) -> dict[str, float]:
     """Fly one second and a whole flight."""
     start = _run(folder / 'first_second', 1.0, composed, mode, drones)[1]
@@ -159,25 +161,32 @@ def contenders(quick: bool, folder: Path) -> list[Contender]:
     def prepare_live() -> None:
         bag()
 
-    def graph(name: str, title: str, composed: bool, mode: str, drones: int = 1,
+    def graph(name: str, title: str, composed: bool, mode: str = 'lockstep', drones: int = 1,
               least: float = 0.0, **most: float) -> Contender:
         return Contender(
             'graph', name, title, lambda: _measure(folder, seconds, composed, mode, drones),
             lambda: _warm(folder, composed), '', {'factor': least} if least else {},
             {'lost': 0.0, **most})
+
+    def endurance(how: str, composed: bool, mode: str, least: float, **most: float) -> Contender:
+        long = 30.0 if quick else TEN_MINUTES
+        return Contender(
+            'endurance', f'endurance_{mode}_{"composed" if composed else "separate"}',
+            f'{long:.0f} s in {PACE[mode]}, {how}',
+            lambda: _measure(folder, long, composed, mode), lambda: _warm(folder, composed), '',
+            {'factor': least}, {'lost': 0.0, 'missed': 0.0, **most}, once=True)
     return [
-        graph('graph_separate', 'every node a process', False, 'lockstep', 1, 5.0,
-              start=2.0, memory=250.0),
-        graph('graph_composed', 'composed in one process', True, 'lockstep', 1, 10.0,
-              start=2.0, memory=250.0),
-        graph('graph_realtime', 'every node a process, real time', False, 'realtime', 1, 0.99,
-              cpu=1.0, missed=0.0),
-        graph('graph_realtime_composed', 'composed, real time', True, 'realtime', 1, 0.99,
-              cpu=1.0, missed=0.0),
+        graph('graph_separate', 'every node a process', False, least=5.0, start=2.0,
+              memory=250.0),
+        graph('graph_composed', 'composed in one process', True, least=10.0, start=2.0,
+              memory=250.0),
         *(graph(f'graph_{how}_{drones}', f'{drones} drones, {title}', how == 'composed',
-                'lockstep', drones)
+                drones=drones)
           for how, title in (('separate', 'every node a process'),
                              ('composed', 'a process each')) for drones in (2, 4)),
+        *(endurance(*how, *mode, **most)
+          for mode, most in ((('lockstep', 5.0), {}), (('realtime', 0.99), {'cpu': 1.0}))
+          for how in (('every node a process', False), ('composed', True))),
         Contender('replay', 'replay_offline', 'offline: bag read, estimated again, compared',
                   lambda: {**timed(seconds, lambda: estimate.again(bag())), **_offline(bag())},
                   prepare_offline, at_least={'factor': 500.0},

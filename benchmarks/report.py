@@ -18,6 +18,8 @@ UNITS = {
     'lost': 'messages lost', 'missed': 'steps missed', 'cpu': 'CPU s per s of flight',
     'different': 'replays that differ', 'slowdown': 'late over early',
     'steps': 'million drone-steps/s'}
+DIVIDED = ('graph_separate', 'endurance_realtime_separate')
+"""Rows whose CPU time is divided by process."""
 ORDER = ('reference_c', 'reference_numba')  # then the others as they come
 
 
@@ -102,26 +104,28 @@ def _sweep(results: list[Result]) -> str:
         'flight more costs, as the start of processes is there once.\n')
 
 
+def _delay(result: Result) -> str:
+    """Return median, 99th percentile and most from an IMU sample to its motor command."""
+    return ', '.join(number(result.median(f'delay {name}')) for name in ('median', 'p99', 'most'))
+
+
 def _graph(results: list[Result]) -> str:
-    rows = [r for r in results if r.contender.group == 'graph']
+    rows = [r for r in results if r.contender.group in ('graph', 'endurance')]
     if not rows:
         return ''
     text = '## The graph of ROS 2 nodes, every topic recorded\n\n' + markdown(
         ('', 'times real time', 'first second [s]', 'CPU s per s of flight', 'largest node [MB]',
-         'all [MB]', 'messages lost', 'steps missed'),
+         'all [MB]', 'messages lost', 'steps missed', 'IMU to PWM: p50, p99, max [ms]'),
         [(r.contender.title, spread(r.values('factor')), spread(r.values('start')),
           number(r.median('cpu')), number(r.median('memory')), number(r.median('memory_all')),
-          number(r.median('lost')), number(r.median('missed'))) for r in rows]) + missing(rows) + (
-        '\n\nFirst second: from `./run` to a closed bag of one second of flight, compiled code in '
-        'the cache. All: of `./run` and its nodes together, shared memory counted once.\n')
+          number(r.median('lost')), number(r.median('missed')), _delay(r))
+         for r in rows]) + missing(rows) + (
+        '\n\nFirst second: from starting the processes to a closed bag of one second of flight, '
+        'compiled code in the cache. The flights of ten minutes are flown once.\n')
     for r in rows:
-        delays = [number(r.median(f'delay {name}')) for name in ('median', 'p99', 'most')]
-        if r.contender.name.startswith('graph_realtime') and r.samples:
-            text += ('\nIn real time, from an IMU sample to its motor command: median '
-                     f'{delays[0]} ms, p99 {delays[1]} ms, longest {delays[2]} ms.\n')
         names = sorted({name.removeprefix('cpu ') for sample in r.samples for name in sample
                         if name.startswith('cpu ')})
-        if names:
+        if r.contender.name in DIVIDED and names:
             text += f'\n{r.contender.title}:\n\n' + markdown(
                 ('process', 'CPU s per s of flight'),
                 [(name, number(r.median(f'cpu {name}'))) for name in names]) + '\n'
