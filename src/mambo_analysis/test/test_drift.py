@@ -50,9 +50,9 @@ def thesis_of(values, drag, seed=0):
 def test_drift_per_period_is_that_of_the_audit(name):
     expected = np.array(table.ROWS[name].audit)
     found = np.array([table.drift(table.ROWS[name], path) for path in PATHS])
-    if name == 'G':  # the audit has -0.17 in the other axis too; no mean of omega x nu is there
-        found, expected = found[[0, 3, 7], 0], expected[[0, 3, 7], 0]
-    np.testing.assert_allclose(found, expected, atol=0.0015)  # printed with three digits
+    given = np.isfinite(expected)
+    digits = 0.005 if name == 'G' else 0.0015  # printed with two digits, with three
+    np.testing.assert_allclose(found[given], expected[given], atol=digits)
 
 
 def test_drift_of_a_small_loop_is_pi_A_B_slope_over_Q_at_any_speed():
@@ -267,13 +267,13 @@ def test_too_long_a_window_is_refused(tmp_path, capsys):
 @pytest.mark.parametrize('name', EXPERIMENTS)
 def test_every_experiment_has_a_scenario_with_all_mechanisms(name):
     speed, size, path = EXPERIMENTS[name]
-    for key, values in experiments.TRUTHS.items():
+    for key, truth in experiments.TRUTHS.items():
         flight = scenario_file.load(f'{name}/{key}', {})[1]
         plan, sensor = flight.reference_node.plan, flight.sim_node.simulator.optical_flow
         assert (plan.scale_rate, plan.scale_amplitude) == (speed, size)
         assert flight.sim_node.simulator.hand.enabled == (path == LEVEL)
-        assert sensor.leakage == values.get('leakage', 0.0)
-        assert sensor.nonlinearity == values.get('cubic', 0.0)
+        assert sensor.leakage == truth.sensor.get('leakage', 0.0)
+        assert sensor.nonlinearity == truth.sensor.get('cubic', 0.0)
 
 
 def test_the_drift_of_a_flight_is_that_of_the_table():

@@ -3,7 +3,8 @@ A flight as evidence: at each sample of the optical flow, what Optitrack says of
 
 Velocity is the derivative of the local cubic of :func:`scipy.signal.savgol_filter` over about
 0.13 s, which does not shift in time; angular rate is that of the gyro, its bias taken from
-Optitrack, or else Optitrack's own.
+Optitrack, or else Optitrack's own. The gyro is not smoothed: the noise of the flow steers the
+vehicle, so that a rate which holds later ones is no longer independent of it.
 """
 
 from __future__ import annotations
@@ -50,6 +51,8 @@ class Flight(NamedTuple):
         Height over time, finer than the track, for what lags.
     velocity_noise : m/s
         Standard deviation of a component of the velocity, from what the local cubic leaves.
+    rate_noise : rad/s
+        Standard deviation of the angular rate about x and y, from third differences.
 
     """
 
@@ -58,6 +61,7 @@ class Flight(NamedTuple):
     flow: Array
     heights: Array
     velocity_noise: float
+    rate_noise: float = 0.0
 
     def height_before(self, lag: float) -> Array:
         """Return the height some seconds earlier, (n,) m."""
@@ -120,6 +124,12 @@ def _rates(poses: Poses, gyro: Stream | None) -> tuple[Array, Array]:
     return gyro.t, gyro.values - np.median(at - seen, axis=0)
 
 
+def rate_noise(rates: Array) -> float:
+    """Return the white noise, rad/s, of rates, (n, 3), about x and y; what moves slower is not."""
+    apart = np.diff(rates[:, :2], n=3, axis=0)
+    return float(np.median(np.abs(apart)) / 0.6745 / np.sqrt(20.0))  # 1 + 9 + 9 + 1
+
+
 def assemble(
     name: str, poses: Poses, flow: Stream, gyro: Stream | None = None, lag: float = 0.0,
     height: Stream | None = None, min_height: float = MIN_HEIGHT,
@@ -168,13 +178,15 @@ def assemble(
 
     position = at(grid.t, grid.position)
     position[:, 2] = -np.interp(t, *heights.T)
+    rates = _rates(poses, gyro)
     track = Track(t, position, at(grid.t, grid.velocity),
-                  Slerp(poses.t, poses.rotation)(t).as_matrix(), at(*_rates(poses, gyro)))
+                  Slerp(poses.t, poses.rotation)(t).as_matrix(), at(*rates))
     flying = (track.height > min_height) & (track.R[:, 2, 2] > MIN_COSINE)
     if flying.sum() < MIN_SAMPLES:
         raise BagError(f'{name}: {flying.sum()} samples of optical flow above {min_height:g} m; '
                        f'{MIN_SAMPLES} are needed')
-    return Flight(name, track.part(flying), values[flying], heights, grid.noise)
+    return Flight(name, track.part(flying), values[flying], heights, grid.noise,
+                  rate_noise(rates[1]))
 
 
 def flow_lag(poses: Poses, flow: Stream, gyro: Stream | None, name: str,
