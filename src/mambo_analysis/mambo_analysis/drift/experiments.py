@@ -20,11 +20,11 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
+from . import report, table
 from .. import closed_loop, scenario_file
 from ..cli import guard
 from ..mcap_file import BagError
 from ..thesis.report import picture
-from . import report, table
 from .evidence import Evidence, inclusion
 from .flight import Flight, flow_of, from_recording
 from .mechanisms import flow

@@ -128,13 +128,12 @@ def draw(flights: Sequence[Flight], fits: list[Fit]) -> Figure:
     return figure
 
 
-def data(flights: Sequence[Flight], lags: list[float], fits: list[Fit], noise: Noise,
+def data(flights: Sequence[Flight], lag: float, fits: list[Fit], noise: Noise,
          said: list[str]) -> dict[str, Any]:
     """Return everything that was found, ready for JSON."""
     return {
         'flights': [{'name': f.name, 'samples': len(f.flow), 'flow_lag_s': lag,
-                     'velocity_noise_m_s': f.velocity_noise}
-                    for f, lag in zip(flights, lags, strict=True)],
+                     'velocity_noise_m_s': f.velocity_noise} for f in flights],
         'noise': {'sigma_rad_s': noise.sigma, 'coefficients': noise.coefficients.tolist()},
         'prior': {'models_of_no_one_two_mechanisms': PRIOR,
                   'widths': {p.name: p.width for p in PARAMETERS.values()}},
@@ -142,15 +141,14 @@ def data(flights: Sequence[Flight], lags: list[float], fits: list[Fit], noise: N
 
 
 def _run(options: argparse.Namespace) -> None:
-    found = [read(bag, options.namespace, options.flow_lag, options.height, options.min_height,
-                  options.estimate) for bag in options.bags]
-    flights, lags = [f for f, _ in found], [lag for _, lag in found]
+    flights, lag = read(options.bags, options.namespace, options.flow_lag, options.height,
+                        options.min_height, options.estimate)
     try:
         evidence = Evidence(flights, options.window)
     except ValueError as error:
         raise BagError(f'{options.bags[0]}: {error}') from None
     fits = evidence.compare()
-    for f, lag in found:
+    for f in flights:
         print(f'{f.name}: {len(f.flow)} samples, {f.track.height.min():.2f} to '
               f'{f.track.height.max():.2f} m high; flow {1e3 * lag:.0f} ms behind; noise of the '
               f'velocity of Optitrack {f.velocity_noise:.4f} m/s')
@@ -163,7 +161,7 @@ def _run(options: argparse.Namespace) -> None:
         if options.json:
             options.json.parent.mkdir(parents=True, exist_ok=True)
             options.json.write_text(json.dumps(
-                data(flights, lags, fits, evidence.noise, said), indent=1) + '\n')
+                data(flights, lag, fits, evidence.noise, said), indent=1) + '\n')
         if options.figure:
             options.figure.parent.mkdir(parents=True, exist_ok=True)
             picture(draw(flights, fits), options.figure)

@@ -102,8 +102,9 @@ def _bars(axes: Axes, drifts: Mapping[str, Flown]) -> None:
         axes.bar(k, d.predicted, 0.25, color=colour, alpha=0.4)
         axes.bar(k + 0.27, mean, 0.25, color=colour)
         axes.plot([k + 0.27] * len(d.measured), d.measured, '.', color='black', markersize=2)
-        axes.annotate(f'{mean:.2f}' if abs(mean) > 5e-3 else '0', (k + 0.27, max(*d.measured, 0.0)),
-                      (0, 2), textcoords='offset points', ha='center', va='bottom', fontsize=7)
+        top = max(*d.measured, 0.0)
+        axes.annotate(f'{mean:.2f}' if abs(mean) > 5e-3 else '0', (k + 0.27, top), (0, 2),
+                      textcoords='offset points', ha='center', va='bottom', fontsize=7)
     axes.set_xticks(range(len(drifts)), [key.upper() for key in drifts])
     axes.grid(False, axis='x')
     axes.axhline(0.0, color='black', linewidth=0.6)
@@ -134,7 +135,7 @@ def draw(flown: Drifts) -> Figure:
         axes.set_title(TITLES[name], fontsize='small')
         axes.margins(y=0.1)
     _over_speed(last, flown)
-    last.set_title('lines: perfect tracking, dots: flown', fontsize='small')
+    last.set_title('line: perfect, dot: flown', fontsize='small')
     for axes in (plots[0], plots[3]):
         axes.set_ylabel('drift in a turn [m]')
     for axes in bars:
