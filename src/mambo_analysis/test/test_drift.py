@@ -2,14 +2,16 @@
 
 import json
 import math
+from pathlib import Path
 
 from mambo_analysis import scenario_file
-from mambo_analysis.drift import evidence, experiments, identify_drift, table
+from mambo_analysis.drift import evidence, experiments, identify_drift, report, table
 from mambo_analysis.drift.evidence import Evidence, inclusion, not_separated, separating
 from mambo_analysis.drift.flight import Flight, flow_of, from_estimate, read
 from mambo_analysis.drift.mechanisms import dead_reckoned, flow, MECHANISMS, PARAMETERS
 from mambo_analysis.drift.paths import DRAG_RATE, EXPERIMENTS, LEVEL, one_turn, PATHS, perfect
 from mambo_analysis.importing import Publisher
+from mambo_analysis.mcap_file import BagError
 from mambo_sim.bag_writer import BagWriter
 import numpy as np
 import pytest
@@ -50,9 +52,9 @@ def thesis_of(values, drag, seed=0):
 def test_drift_per_period_is_that_of_the_audit(name):
     expected = np.array(table.ROWS[name].audit)
     found = np.array([table.drift(table.ROWS[name], path) for path in PATHS])
-    if name == 'G':  # the audit has -0.17 in the other axis too; no mean of omega x nu is there
-        found, expected = found[[0, 3, 7], 0], expected[[0, 3, 7], 0]
-    np.testing.assert_allclose(found, expected, atol=0.0015)  # printed with three digits
+    given = np.isfinite(expected)
+    digits = 0.005 if name == 'G' else 0.0015  # printed with two digits, with three
+    np.testing.assert_allclose(found[given], expected[given], atol=digits)
 
 
 def test_drift_of_a_small_loop_is_pi_A_B_slope_over_Q_at_any_speed():
@@ -231,7 +233,7 @@ def write(path, values, topics=TOPICS, lag=0.03):
 
 def test_the_command_finds_a_mechanism_in_a_bag(tmp_path, capsys):
     bag = write(tmp_path / 'bag', {'slope': 0.07, 'scale': 1.03})
-    f, lag = read(bag)
+    _, lag = read([bag])
     assert lag == pytest.approx(0.03, abs=0.004)
     assert identify_drift.main([
         str(bag), '--json', str(tmp_path / 'a.json'), '--figure', str(tmp_path / 'a.png')]) == 0
@@ -267,15 +269,98 @@ def test_too_long_a_window_is_refused(tmp_path, capsys):
 @pytest.mark.parametrize('name', EXPERIMENTS)
 def test_every_experiment_has_a_scenario_with_all_mechanisms(name):
     speed, size, path = EXPERIMENTS[name]
-    for key, values in experiments.TRUTHS.items():
+    for key, truth in experiments.TRUTHS.items():
         flight = scenario_file.load(f'{name}/{key}', {})[1]
         plan, sensor = flight.reference_node.plan, flight.sim_node.simulator.optical_flow
         assert (plan.scale_rate, plan.scale_amplitude) == (speed, size)
         assert flight.sim_node.simulator.hand.enabled == (path == LEVEL)
-        assert sensor.leakage == values.get('leakage', 0.0)
-        assert sensor.nonlinearity == values.get('cubic', 0.0)
+        assert sensor.leakage == truth.sensor.get('leakage', 0.0)
+        assert sensor.nonlinearity == truth.sensor.get('cubic', 0.0)
 
 
 def test_the_drift_of_a_flight_is_that_of_the_table():
     f = flown('C.4', {'slope': 0.07 / 1.025, 'scale': 1.025}, 0, drag=0.0, noise=0.0)
     assert experiments.drift(f, f.flow, 1.0) == pytest.approx(0.233, abs=0.002)
+
+
+DOCUMENT = Path(__file__).parents[3] / 'docs' / 'drift.md'
+
+
+def test_the_document_has_the_table_of_mechanisms():
+    lines = DOCUMENT.read_text().splitlines()
+    made = report.perfect_table(table.table()).splitlines()
+    begin = lines.index(made[0])
+    assert lines[begin:begin + len(made)] == made
+
+
+@pytest.mark.parametrize('name', ['drift_hand_loop', 'drift_w_2'])
+def test_the_document_has_what_was_flown(name):
+    lines = DOCUMENT.read_text().splitlines()
+    for row in report.flown_table({name: experiments.experiment(name)}).splitlines()[2:]:
+        assert row in lines
+
+
+@pytest.mark.parametrize('name', EXPERIMENTS)
+def test_an_equation_says_the_drift_along_the_motion_that_was_flown(name):
+    for key, found in experiments.experiment(name).items():
+        # noise of a turn: 0.015 rad/s at 1.5 m, 32 Hz, 4 turns of at most 12.6 s: 7 mm; 3 sigma
+        assert found.measured[0] == pytest.approx(found.predicted, abs=0.022), key
+
+
+@pytest.mark.parametrize('key', experiments.TRUTHS)
+def test_the_flown_experiments_name_what_was_wrong(key):
+    found = experiments.identify(key, 'all five, every sample')
+    assert found.included > 0.99
+    assert experiments.TRUTHS[key].letter in found.model
+    assert found.value == pytest.approx(experiments.TRUTHS[key].value, rel=0.01)  # D: 0.5 %
+
+
+def test_little_rotation_raises_a_doubt():
+    assert 'D and G may be taken for others' in identify_drift.doubt([
+        experiments.fly('drift_w_1/d2')])
+    assert not identify_drift.doubt([experiments.fly('drift_w_2/d2')])
+
+
+def test_the_equation_of_c2_is_that_of_a_velocity_that_is_not_turned():
+    turn = one_turn('C.4', drag_rate=DRAG_RATE)
+    unturned = flow_of(turn, table.without_turning(turn, flow(turn, turn.height, {})))
+    np.testing.assert_allclose(flow(turn, turn.height, {'frame': 1.0}), unturned, atol=1e-9)
+
+
+@pytest.mark.parametrize(('name', 'values'), [
+    ('C1', {'tilt_ignored': 1.0}), ('G', {'coriolis': 1.0})])
+def test_the_equation_has_the_errors_of_an_estimator(name, values):
+    turn = one_turn('(5.4)', drag_rate=DRAG_RATE)
+    wrong = table.ROWS[name].estimator(turn, flow(turn, turn.height, {}))
+    np.testing.assert_allclose(flow(turn, turn.height, values), flow_of(turn, wrong),
+                               atol=1e-3)  # tilt squared (0.02) times the error (0.05 rad/s)
+
+
+def test_the_factor_is_1_at_the_reference_height():
+    turn = one_turn('(5.4)')
+    level = turn._replace(position=turn.position * [1.0, 1.0, 0.0] - [0.0, 0.0, 1.5])
+    for values in ({'slope': 0.1}, {'gain': 0.01}):
+        np.testing.assert_allclose(flow(level, level.height, values),
+                                   flow(level, level.height, {}), rtol=1e-12)
+
+
+def test_the_lag_is_found_behind_a_flow_that_is_not_linear(tmp_path):
+    # 3 sigma of eight seeds
+    assert read([write(tmp_path / 'bag', {'cubic': 0.1})])[1] == pytest.approx(0.03, abs=0.004)
+
+
+def test_c2_does_not_depend_on_the_heading():
+    turn = one_turn('(5.4)', drag_rate=DRAG_RATE)
+    yaw = Rotation.from_rotvec([0.0, 0.0, 0.7]).as_matrix()
+    turned = turn._replace(position=turn.position @ yaw.T, velocity=turn.velocity @ yaw.T,
+                           R=yaw @ turn.R)
+    np.testing.assert_allclose(flow(turned, turn.height, {'frame': 1.0}),
+                               flow(turn, turn.height, {'frame': 1.0}), atol=1e-12)
+
+
+def test_tables_replace_those_of_a_document():
+    old = 'text\n\n| a | b |\n|---|---|\n| 1 | 2 |\n\nmore\n'
+    assert report.put(['| a | b |\n|---|---|\n| 3 | 4 |\n| 5 | 6 |\n'], old, 'f.md') == (
+        'text\n\n| a | b |\n|---|---|\n| 3 | 4 |\n| 5 | 6 |\n\nmore\n')
+    with pytest.raises(BagError, match='f.md: has no table that begins with'):
+        report.put(['| c |\n'], old, 'f.md')

@@ -168,7 +168,7 @@ class Evidence:
             return self.whitened(dict(zip(names, x.tolist(), strict=True)))
 
         def cost(x: Array, r: Array) -> float:
-            return 0.5 * float(r @ r + np.sum(((x - middle) / widths)**2))
+            return 0.5 * float(np.sum(r * r) + np.sum(((x - middle) / widths)**2))
 
         r = left(theta)
         for _ in range(ITERATIONS):

@@ -1,11 +1,11 @@
 """
-The table of mechanisms and the experiments that tell them apart: ``drift_experiments``.
+The experiments that tell mechanisms of the drift apart, flown: ``drift_experiments``.
 
-The table is that of :mod:`mambo_analysis.drift.table`, beside the values of the audit. Then the
-circle of Figure C.4 is flown in closed loop, with noise, at half, its own and twice the speed, at
-half the size, and carried by hand, each with four mechanisms at work; the drift is that of (5.2)
-with the height and attitude of Optitrack, beside what the equation of the mechanism gives along
-the motion that was flown.
+The circle of Figure C.4 is flown in closed loop, with noise, at half, its own and twice the speed,
+at half the size, and carried by hand, each with four mechanisms at work. The drift is that of
+(5.2) with the height and attitude of Optitrack, beside what the equation of the mechanism gives
+along the motion that was flown, and what it gives with perfect tracking. Then the flights are
+asked which mechanism they support, as :mod:`mambo_analysis.drift.identify_drift` does it.
 """
 
 from __future__ import annotations
@@ -17,45 +17,102 @@ from pathlib import Path
 import sys
 from typing import NamedTuple
 
-from matplotlib.figure import Figure
 import numpy as np
 from tqdm import tqdm
 
+from . import report, table
 from .. import closed_loop, scenario_file
 from ..cli import guard
 from ..mcap_file import BagError
-from ..thesis.drawing import COLOURS, sheet
 from ..thesis.report import picture
-from .flight import Flight, from_recording
+from .evidence import Evidence, inclusion
+from .flight import Flight, flow_of, from_recording
 from .mechanisms import flow
-from .paths import Array, EXPERIMENTS, PATHS
-from .table import right, ROWS, table, without_turning
+from .paths import Array, EXPERIMENTS, Track
 
 Q0 = 1.06
-TRUTHS = {  # flight of the scenario: what the equation says of it
-    'a': {'slope': 0.07 / 1.025, 'scale': 1.025},
-    'c2': {'scale': Q0},
-    'd2': {'leakage': -1.0, 'scale': Q0},
-    'f': {'cubic': 0.1, 'scale': Q0},
-}
 SEEDS = (1, 2, 3)
+TURNS = 4.0 * np.pi  # s, whole turns at every speed of the experiments
+ONE_PATH = ('drift_w_1',)
+GRAINS = {  # what is asked: experiments, window in s
+    'all five, every sample': (tuple(EXPERIMENTS), None),
+    'all five, drift alone': (tuple(EXPERIMENTS), TURNS),
+    '`drift_w_1`, every sample': (ONE_PATH, None),
+    '`drift_w_1`, drift alone': (ONE_PATH, TURNS),
+}
+
+
+class Truth(NamedTuple):
+    """What is wrong in a flight of the scenarios."""
+
+    row: str                  # of the table of mechanisms
+    sensor: dict[str, float]  # what the equation says of the flow
+    letter: str               # of the mechanism that is to be found
+    parameter: str
+    value: float
+
+
+SLOPE = 0.07 / 1.025  # 1/m, (C.2b) about 1.5 m
+TRUTHS = {  # flight of the scenario: what is wrong; C2 is an error of the estimator
+    'a': Truth('A', {'slope': SLOPE, 'scale': 1.025}, 'A', 'slope', SLOPE),
+    'c2': Truth('C2 drag', {'scale': Q0}, 'C2', 'frame', 1.0),
+    'd2': Truth('D2 drag', {'leakage': -1.0, 'scale': Q0}, 'D', 'leakage', -1.0),
+    'f': Truth('F', {'cubic': 0.1, 'scale': Q0}, 'F', 'cubic', 0.1),
+}
 
 
 class Flown(NamedTuple):
-    """Drift of one mechanism in one experiment, x, in one turn."""
+    """Drift of one mechanism in one experiment, x, in one turn; each list by seed."""
 
-    measured: list[float]  # m, of each seed
+    loop: float            # area that the first seed encloses in x and h, over that of the path
+    perfect: float         # m, with perfect tracking
     predicted: float       # m, by the equation along the motion of the first seed
+    measured: list[float]  # m
+    vehicle: list[float]   # m, by which the vehicle itself moves on
+
+
+class Found(NamedTuple):
+    """What flights of one mechanism support."""
+
+    truth: str
+    grain: str
+    model: tuple[str, ...]  # the most probable one
+    probability: float
+    included: float         # probability of the true mechanism, alone or with another one
+    value: float            # of its parameter, fitted alone
+    sigma: float
+
+
+def judged(key: str, track: Track, samples: Array) -> Array:
+    """Return flow, (n, 2) rad/s, as the estimator of a flight stands for it: for C2 unturned."""
+    if key != 'c2':
+        return samples
+    return flow_of(track, table.without_turning(track, Q0 * samples)) / Q0
 
 
 @functools.cache
 def fly(name: str, seed: int = 1) -> Flight:
     """Return a flight of a scenario such as ``drift_w_1/d2`` as evidence; kept."""
     over = {'seed': scenario_file.Place(seed, '--seed')}
-    return from_recording(name, closed_loop.fly(scenario_file.load(name, over)[1]))
+    flight = from_recording(name, closed_loop.fly(scenario_file.load(name, over)[1]))
+    key = name.rpartition('/')[2]
+    return flight._replace(flow=judged(key, flight.track, flight.flow))
 
 
-def drift(flight: Flight, samples: Array, speed: float, turned: bool = True) -> float:
+def per_turn(track: Track, path: Array, speed: float) -> float:
+    """Return by how much a quantity, (n,), moves on in a turn, over all whole turns."""
+    T = 2.0 * np.pi / speed
+    turns = int((track.t[-1] - track.t[0]) / T)
+    begin, end = np.interp([track.t[0], track.t[0] + turns * T], track.t, path)
+    return float(end - begin) / turns
+
+
+def integral(t: Array, rate: Array) -> Array:
+    """Return the integral of a rate from the first instant on, (n,), by trapezoids."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))])
+
+
+def drift(flight: Flight, samples: Array, speed: float) -> float:
     """
     Return the drift in x in one turn, m, of (5.2) with factor 1.06, over all whole turns.
 
@@ -67,87 +124,72 @@ def drift(flight: Flight, samples: Array, speed: float, turned: bool = True) -> 
         Flow at its instants.
     speed : rad/s
         Of the path.
-    turned
-        False: body velocity as if it were inertial (C2).
 
     """
-    track, T = flight.track, 2.0 * np.pi / speed
-    turns = int((track.t[-1] - track.t[0]) / T)
-    error = (right if turned else without_turning)(track, Q0 * samples) - track.velocity[:, :2]
-    path = np.concatenate([[0.0], np.cumsum(
-        0.5 * (error[1:, 0] + error[:-1, 0]) * np.diff(track.t))])
-    begin, end = np.interp([track.t[0], track.t[0] + turns * T], track.t, path)
-    return float(end - begin) / turns
+    track = flight.track
+    error = table.right(track, Q0 * samples) - track.velocity[:, :2]
+    return per_turn(track, integral(track.t, error[:, 0]), speed)
+
+
+def loop(flight: Flight, speed: float, size: float) -> float:
+    """Return the area that a flight encloses in x and h in a turn, over that of the path."""
+    track = flight.track
+    above = track.height - 0.5 * (track.height.max() + track.height.min())
+    area = per_turn(track, integral(track.t, above * track.velocity[:, 0]), speed)
+    return abs(area) / (np.pi * size**2)
 
 
 def experiment(name: str) -> dict[str, Flown]:
     """Return {flight: drift} of an experiment."""
-    speed, out = EXPERIMENTS[name][0], {}
-    for key, values in TRUTHS.items():
+    (speed, size, path), out = EXPERIMENTS[name], {}
+    for key, truth in TRUTHS.items():
         flights = [fly(f'{name}/{key}', seed) for seed in SEEDS]
-        turned = key != 'c2'
-        exact = flow(flights[0].track, flights[0].track.height, values)
-        out[key] = Flown([drift(f, f.flow, speed, turned) for f in flights],
-                         drift(flights[0], exact, speed, turned))
+        track = flights[0].track
+        exact = judged(key, track, flow(track, track.height, truth.sensor))
+        out[key] = Flown(
+            loop(flights[0], speed, size),
+            float(table.drift(table.ROWS[truth.row], path, speed, size)[0]),
+            drift(flights[0], exact, speed),
+            [drift(f, f.flow, speed) for f in flights],
+            [per_turn(f.track, f.track.position[:, 0], speed) for f in flights])
     return out
 
 
-def markdown(perfect: dict[str, Array], flown: dict[str, dict[str, Flown]]) -> str:
-    """Return both tables."""
-    out = ['| mechanism | ' + ' | '.join(PATHS) + ' | largest difference |',
-           '|---' * (len(PATHS) + 2) + '|']
-    for name, found in perfect.items():
-        apart = np.abs(found - np.array(ROWS[name].audit))
-        cells = ' | '.join(f'{_number(x)}, {_number(y)}' for x, y in found)
-        out.append(f'| {name}: {ROWS[name].says} | {cells} | {np.nanmax(apart):.3f} |')
-    out += ['', '| experiment | ' + ' | '.join(k.upper() for k in TRUTHS) + ' |',
-            '|---' * (len(TRUTHS) + 1) + '|']
-    for name, drifts in flown.items():
-        cells = [f'{min(d.measured):+.3f} to {max(d.measured):+.3f} ({d.predicted:+.3f})'
-                 for d in drifts.values()]
-        out.append(f'| `{name}` | ' + ' | '.join(cells) + ' |')
-    return '\n'.join(out) + '\n'
-
-
-def _number(x: float) -> str:
-    return '0' if abs(x) < 5e-4 else f'{x:+.3f}'
-
-
-def draw(flown: dict[str, dict[str, Flown]]) -> Figure:
-    """Return the drift of each mechanism, over the speed, over the size and by hand."""
-    figure, (left, middle, right_) = sheet(1, 3, 3.0)
-    size_of = {'drift_half_amplitude': 0.5, 'drift_w_1': 1.0}
-    speeds = [name for name in EXPERIMENTS if name.startswith('drift_w')]
-    for key, colour in zip(TRUTHS, COLOURS, strict=False):
-        def mean(names: list[str], key: str = key) -> list[float]:
-            return [float(np.mean(flown[name][key].measured)) for name in names]
-        left.loglog([EXPERIMENTS[n][0] for n in speeds], mean(speeds), 'o-', color=colour,
-                    label=key.upper())
-        middle.loglog(list(size_of.values()), mean(list(size_of)), 'o-', color=colour)
-        right_.bar(key.upper(), mean(['drift_hand_loop'])[0], color=colour)
-    left.set(xlabel='speed [rad/s]', ylabel='drift in a turn [m]')
-    middle.set(xlabel='size [m]')
-    right_.set(xlabel='carried by hand, level')
-    figure.legend(loc='outside upper center', ncols=len(TRUTHS), frameon=False)
-    return figure
+def identify(key: str, grain: str) -> Found:
+    """Return what the flights of a mechanism, first seed, support."""
+    names, window = GRAINS[grain]
+    truth = TRUTHS[key]
+    evidence = Evidence([fly(f'{name}/{key}') for name in names], window)
+    fits = evidence.compare()
+    alone, = (f for f in fits if f.model == (truth.letter,))
+    return Found(key, grain, fits[0].model, fits[0].probability, inclusion(fits)[truth.letter],
+                 alone.values[truth.parameter], alone.sigmas[truth.parameter])
 
 
 def _run(options: argparse.Namespace) -> None:
-    perfect = table()
+    perfect = table.table()
     flown = {name: experiment(name) for name in tqdm(
         EXPERIMENTS, desc='flying (compiles once)', disable=None, leave=False)}
-    text = markdown(perfect, flown)
-    print(text)
+    asked = [(key, grain) for key in TRUTHS for grain in GRAINS]
+    found = [identify(*one) for one in tqdm(
+        asked, desc='asking the flights', disable=None, leave=False)]
+    tables = [report.perfect_table(perfect), report.flown_table(flown), report.found_table(
+        found, {key: truth.value for key, truth in TRUTHS.items()})]
+    print('\n'.join(tables))
     try:
         options.out.mkdir(parents=True, exist_ok=True)
-        (options.out / 'drift.md').write_text(text)
+        (options.out / 'drift.md').write_text('\n'.join(tables))
         (options.out / 'drift.json').write_text(json.dumps({
             'table': {k: v.tolist() for k, v in perfect.items()},
             'flown': {n: {k: f._asdict() for k, f in d.items()} for n, d in flown.items()},
+            'found': [f._asdict() for f in found],
         }, indent=1) + '\n')
-        picture(draw(flown), options.out / 'drift.png')
+        picture(report.draw(flown), options.out / 'drift.png')
+        if options.write:
+            options.write.write_text(report.put(
+                tables, options.write.read_text(), options.write))
     except OSError as error:
-        raise BagError(f'{options.out}: cannot be written ({error.strerror})') from None
+        raise BagError(f'{error.filename}: cannot be written ({error.strerror})') from None
     print(f'figure: {options.out / "drift.png"}')
 
 
@@ -157,6 +199,8 @@ def main(arguments: list[str] | None = None) -> None:
         prog='drift_experiments', description='Drift by mechanism: table and experiments.')
     parser.add_argument('--out', type=Path, default=Path('drift'), metavar='DIR',
                         help='folder to write into (default: drift)')
+    parser.add_argument('--write', type=Path, metavar='FILE',
+                        help='put the tables into this document, in place of those it has')
     options = parser.parse_args(arguments)
     sys.exit(guard('drift_experiments', lambda: _run(options)))
 

@@ -3,11 +3,13 @@ A flight as evidence: at each sample of the optical flow, what Optitrack says of
 
 Velocity is the derivative of the local cubic of :func:`scipy.signal.savgol_filter` over about
 0.13 s, which does not shift in time; angular rate is that of the gyro, its bias taken from
-Optitrack, or else Optitrack's own.
+Optitrack, or else Optitrack's own. The gyro is not smoothed: the noise of the flow steers the
+vehicle, so that a rate which holds later ones is no longer independent of it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +21,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from .. import motion
 from ..align import body_rates
-from ..bag import read_bag
+from ..bag import Bag, read_bag
 from ..closed_loop import Recording
 from ..identify.recording import read_sensors, Stream
 from ..mcap_file import BagError
@@ -50,6 +52,8 @@ class Flight(NamedTuple):
         Height over time, finer than the track, for what lags.
     velocity_noise : m/s
         Standard deviation of a component of the velocity, from what the local cubic leaves.
+    rate_noise : rad/s
+        Standard deviation of the angular rate about x and y, from third differences.
 
     """
 
@@ -58,6 +62,7 @@ class Flight(NamedTuple):
     flow: Array
     heights: Array
     velocity_noise: float
+    rate_noise: float = 0.0
 
     def height_before(self, lag: float) -> Array:
         """Return the height some seconds earlier, (n,) m."""
@@ -120,6 +125,12 @@ def _rates(poses: Poses, gyro: Stream | None) -> tuple[Array, Array]:
     return gyro.t, gyro.values - np.median(at - seen, axis=0)
 
 
+def rate_noise(rates: Array) -> float:
+    """Return the white noise, rad/s, of rates, (n, 3), about x and y; what moves slower is not."""
+    apart = np.diff(rates[:, :2], n=3, axis=0)
+    return float(np.median(np.abs(apart)) / 0.6745 / np.sqrt(20.0))  # 1 + 9 + 9 + 1
+
+
 def assemble(
     name: str, poses: Poses, flow: Stream, gyro: Stream | None = None, lag: float = 0.0,
     height: Stream | None = None, min_height: float = MIN_HEIGHT,
@@ -168,35 +179,52 @@ def assemble(
 
     position = at(grid.t, grid.position)
     position[:, 2] = -np.interp(t, *heights.T)
+    rates = _rates(poses, gyro)
     track = Track(t, position, at(grid.t, grid.velocity),
-                  Slerp(poses.t, poses.rotation)(t).as_matrix(), at(*_rates(poses, gyro)))
+                  Slerp(poses.t, poses.rotation)(t).as_matrix(), at(*rates))
     flying = (track.height > min_height) & (track.R[:, 2, 2] > MIN_COSINE)
     if flying.sum() < MIN_SAMPLES:
         raise BagError(f'{name}: {flying.sum()} samples of optical flow above {min_height:g} m; '
                        f'{MIN_SAMPLES} are needed')
-    return Flight(name, track.part(flying), values[flying], heights, grid.noise)
+    return Flight(name, track.part(flying), values[flying], heights, grid.noise,
+                  rate_noise(rates[1]))
 
 
-def flow_lag(poses: Poses, flow: Stream, gyro: Stream | None, name: str,
-             min_height: float = MIN_HEIGHT) -> float:
+class Source(NamedTuple):
+    """What a bag has for a flight; see :func:`assemble`."""
+
+    name: str
+    poses: Poses
+    flow: Stream
+    gyro: Stream | None
+    height: Stream | None = None
+
+    def flight(self, lag: float, min_height: float = MIN_HEIGHT) -> Flight:
+        """Return the flight, its flow behind by a lag, s."""
+        return assemble(self.name, self.poses, self.flow, self.gyro, lag, self.height, min_height)
+
+
+def _unexplained(f: Flight) -> float:
+    """Return ln of the mean square, factor over height, rotation and cubic being free."""
+    omega, nu, Z = f.track.omega, f.track.nu[:, :2], f.track.depth[:, None]
+    rotation, exact, left = np.column_stack([omega[:, 1], -omega[:, 0]]), nu / Z, 0.0
+    for axis in range(2):
+        parts = np.column_stack([part[:, axis] for part in (
+            exact, nu, exact / Z, exact**3, rotation, level_part(f.track) / Z,
+            np.ones_like(nu))])
+        best = np.linalg.lstsq(parts, f.flow[:, axis], rcond=None)[0]
+        left += float(np.mean((f.flow[:, axis] - parts @ best)**2))
+    return float(np.log(max(left, 1e-12)))
+
+
+def flow_lag(sources: Sequence[Source], min_height: float = MIN_HEIGHT) -> float:
     """
-    Return by how much the flow is behind the motion, s: where the motion explains most of it.
+    Return by how much the flow is behind the motion, s: where motions explain most of it.
 
-    Its factor is free to vary with the height, rotation may be left in.
+    It is that of one sensor, the same in all flights: a slow flight alone hardly tells it.
     """
-    left = []
-    for lag in LAGS:
-        f = assemble(name, poses, flow, gyro, float(lag), min_height=min_height)
-        omega, nu, Z = f.track.omega, f.track.nu[:, :2], f.track.depth[:, None]
-        rotation = np.column_stack([omega[:, 1], -omega[:, 0]])
-        unexplained = 0.0
-        for axis in range(2):
-            parts = np.column_stack([
-                nu[:, axis] / Z[:, 0], nu[:, axis], nu[:, axis] / Z[:, 0]**2, rotation[:, axis],
-                (level_part(f.track) / Z)[:, axis], np.ones(len(nu))])
-            best = np.linalg.lstsq(parts, f.flow[:, axis], rcond=None)[0]
-            unexplained += float(np.mean((f.flow[:, axis] - parts @ best)**2))
-        left.append(unexplained)
+    left = [sum(len(s.flow.t) * _unexplained(
+        s._replace(height=None).flight(float(lag), min_height)) for s in sources) for lag in LAGS]
     k = int(np.clip(np.argmin(left), 1, len(left) - 2))
     before, here, after = left[k - 1:k + 2]
     bend = before - 2.0 * here + after
@@ -244,18 +272,41 @@ def flow_of(track: Track, velocity: Array) -> Array:
     return np.einsum('nji,nj->ni', track.R, inertial)[:, :2] / track.depth[:, None]
 
 
-def read(path: Path, namespace: str | None = None, lag: float | None = None,
+def _source(path: Path, namespace: str | None, height: str, bag: Bag) -> Source:
+    """Return what a bag has for a flight; raises BagError."""
+    sensors = read_sensors(path, namespace)
+    if sensors.flow is None or 'optitrack/pose' not in bag:
+        lacks = 'optical_flow' if sensors.flow is None else 'optitrack/pose'
+        raise BagError(f'{path}: no {lacks} in it: flow and Optitrack are both needed')
+    seen = motion.read(bag, 'optitrack/pose')
+    good = np.isfinite(seen.quaternion).all(axis=1)
+    if not good.any():
+        raise BagError(f'{path}: optitrack/pose has no attitude')
+    x, y, z, w = seen.quaternion[good].T
+    position = np.column_stack(flip_vector(tuple(seen.position[good].T)))
+    poses = Poses(seen.t[good], position, Rotation.from_quat(np.column_stack([x, -y, -z, w])))
+    ranged = None
+    if height == 'sonar':
+        if sensors.sonar is None:
+            raise BagError(f'{path}: no sonar/range in it; take --height optitrack')
+        upright = poses.rotation.as_matrix()[:, 2, 2]
+        cosine = np.interp(sensors.sonar.t, poses.t, upright)
+        ranged = Stream(sensors.sonar.t, sensors.sonar.values * cosine)
+    return Source(path.name, poses, sensors.flow, sensors.gyro, ranged)
+
+
+def read(paths: Sequence[Path], namespace: str | None = None, lag: float | None = None,
          height: str = 'optitrack', min_height: float = MIN_HEIGHT,
-         estimate: str | None = None) -> tuple[Flight, float]:
+         estimate: str | None = None) -> tuple[list[Flight], float]:
     """
-    Read a bag as evidence; return it and by how much its flow is behind, s.
+    Read bags of one drone as evidence; return them and by how much the flow is behind, s.
 
     Parameters
     ----------
-    path, namespace
+    paths, namespace
         See :func:`mambo_analysis.bag.read_bag`.
     lag : s
-        None: found.
+        None: found, the same for all.
     height
         ``optitrack`` or ``sonar``, whose slant range is taken for the depth Z.
     min_height : m
@@ -270,29 +321,14 @@ def read(path: Path, namespace: str | None = None, lag: float | None = None,
 
     """
     topics = ('optitrack/pose', *([estimate] if estimate else []))
-    bag, sensors = read_bag(path, topics, namespace), read_sensors(path, namespace)
-    if sensors.flow is None or 'optitrack/pose' not in bag:
-        lacks = 'optical_flow' if sensors.flow is None else 'optitrack/pose'
-        raise BagError(f'{path}: no {lacks} in it: flow and Optitrack are both needed')
-    seen = motion.read(bag, 'optitrack/pose')
-    good = np.isfinite(seen.quaternion).all(axis=1)
-    if not good.any():
-        raise BagError(f'{path}: optitrack/pose has no attitude')
-    x, y, z, w = seen.quaternion[good].T
-    position = np.column_stack(flip_vector(tuple(seen.position[good].T)))
-    poses = Poses(seen.t[good], position, Rotation.from_quat(np.column_stack([x, -y, -z, w])))
+    bags = [read_bag(path, topics, namespace) for path in paths]
+    sources = [_source(path, namespace, height, bag)
+               for path, bag in zip(paths, bags, strict=True)]
     if lag is None:
-        lag = flow_lag(poses, sensors.flow, sensors.gyro, path.name, min_height)
-    ranged = None
-    if height == 'sonar':
-        if sensors.sonar is None:
-            raise BagError(f'{path}: no sonar/range in it; take --height optitrack')
-        upright = poses.rotation.as_matrix()[:, 2, 2]
-        cosine = np.interp(sensors.sonar.t, poses.t, upright)
-        ranged = Stream(sensors.sonar.t, sensors.sonar.values * cosine)
-    found = assemble(path.name, poses, sensors.flow, sensors.gyro, lag, ranged, min_height)
+        lag = flow_lag(sources, min_height)
+    flights = [source.flight(lag, min_height) for source in sources]
     if estimate:
-        told = motion.read(bag, estimate)
-        found = from_estimate(
-            found, told.t, np.column_stack(flip_vector(tuple(told.position.T))))
-    return found, lag
+        told = [motion.read(bag, estimate) for bag in bags]
+        flights = [from_estimate(f, e.t, np.column_stack(flip_vector(tuple(e.position.T))))
+                   for f, e in zip(flights, told, strict=True)]
+    return flights, lag

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 import json
+import math
 from pathlib import Path
 import sys
 from typing import Any
@@ -31,6 +32,7 @@ from .mechanisms import flow, MECHANISMS, PARAMETERS
 SURE = 0.95
 SHOWN = 6
 ODDS = 3.0  # ln: 20 to 1
+DIM = 0.03  # share of noise in the rotation, by which a leakage comes out too small
 
 
 def label(model: Sequence[str]) -> str:
@@ -70,6 +72,17 @@ def advice(fits: list[Fit], noise: Noise, window: float | None) -> str:
         return (f'30 s of none of {", ".join(odds)} would separate {pair} as they are fitted '
                 f'(at best {name}, ln odds {odds[name]:.1f})')
     return f'{pair} would be separated best by 30 s of {name} (ln odds {odds[name]:.0f})'
+
+
+def doubt(flights: Sequence[Flight]) -> str:
+    """Return that rotation cannot be judged, if it is hidden in the noise of its measurement."""
+    seen = np.concatenate([f.track.omega[:, :2].ravel() for f in flights])
+    noise = np.concatenate([np.full(2 * len(f.flow), f.rate_noise) for f in flights])
+    rotation, unsure = math.sqrt(np.mean(seen**2)), math.sqrt(np.mean(noise**2))
+    if unsure**2 <= DIM * rotation**2:
+        return ''
+    return (f'little rotation: {rotation:.3f} rad/s measured with a noise of {unsure:.3f} rad/s: '
+            'D and G may be taken for others; add a faster flight such as drift_w_2')
 
 
 def table(fits: list[Fit]) -> str:
@@ -115,13 +128,12 @@ def draw(flights: Sequence[Flight], fits: list[Fit]) -> Figure:
     return figure
 
 
-def data(flights: Sequence[Flight], lags: list[float], fits: list[Fit], noise: Noise,
+def data(flights: Sequence[Flight], lag: float, fits: list[Fit], noise: Noise,
          said: list[str]) -> dict[str, Any]:
     """Return everything that was found, ready for JSON."""
     return {
         'flights': [{'name': f.name, 'samples': len(f.flow), 'flow_lag_s': lag,
-                     'velocity_noise_m_s': f.velocity_noise}
-                    for f, lag in zip(flights, lags, strict=True)],
+                     'velocity_noise_m_s': f.velocity_noise} for f in flights],
         'noise': {'sigma_rad_s': noise.sigma, 'coefficients': noise.coefficients.tolist()},
         'prior': {'models_of_no_one_two_mechanisms': PRIOR,
                   'widths': {p.name: p.width for p in PARAMETERS.values()}},
@@ -129,28 +141,27 @@ def data(flights: Sequence[Flight], lags: list[float], fits: list[Fit], noise: N
 
 
 def _run(options: argparse.Namespace) -> None:
-    found = [read(bag, options.namespace, options.flow_lag, options.height, options.min_height,
-                  options.estimate) for bag in options.bags]
-    flights, lags = [f for f, _ in found], [lag for _, lag in found]
+    flights, lag = read(options.bags, options.namespace, options.flow_lag, options.height,
+                        options.min_height, options.estimate)
     try:
         evidence = Evidence(flights, options.window)
     except ValueError as error:
         raise BagError(f'{options.bags[0]}: {error}') from None
     fits = evidence.compare()
-    for f, lag in found:
+    for f in flights:
         print(f'{f.name}: {len(f.flow)} samples, {f.track.height.min():.2f} to '
               f'{f.track.height.max():.2f} m high; flow {1e3 * lag:.0f} ms behind; noise of the '
               f'velocity of Optitrack {f.velocity_noise:.4f} m/s')
     print(f'noise of the flow {evidence.noise.sigma:.4f} rad/s, of its slow part '
           f'{evidence.noise.long_run:.4f} rad/s\n\n{table(fits)}\n')
-    said = [sentence(fits), advice(fits, evidence.noise, options.window)]
+    said = [sentence(fits), advice(fits, evidence.noise, options.window), doubt(flights)]
     said = [line for line in said if line]
     print('\n'.join(said))
     try:
         if options.json:
             options.json.parent.mkdir(parents=True, exist_ok=True)
             options.json.write_text(json.dumps(
-                data(flights, lags, fits, evidence.noise, said), indent=1) + '\n')
+                data(flights, lag, fits, evidence.noise, said), indent=1) + '\n')
         if options.figure:
             options.figure.parent.mkdir(parents=True, exist_ok=True)
             picture(draw(flights, fits), options.figure)

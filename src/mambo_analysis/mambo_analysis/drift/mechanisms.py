@@ -87,15 +87,15 @@ def factor(height: Array, scale: float, slope: float, gain: float) -> Array:
 
 def level_part(track: Track) -> Array:
     """
-    Return what turning a body velocity to level axes adds to it, (n, 2) m/s.
+    Return what turning a body velocity to level axes adds to it, (n, 2) m/s along body axes.
 
-    To first order ``nu_3`` times the tilt; the heading of the body stays.
+    To first order ``nu_3`` times the tilt; the heading of the body is not part of it.
     """
     forward = track.R[:, :2, 0] / np.linalg.norm(track.R[:, :2, 0], axis=1, keepdims=True)
-    vx, vy = track.velocity[:, 0], track.velocity[:, 1]
-    along = forward[:, 0] * vx + forward[:, 1] * vy
-    across = -forward[:, 1] * vx + forward[:, 0] * vy
-    return np.column_stack([along, across]) - track.nu[:, :2]
+    heading = np.stack([forward, forward[:, ::-1] * [-1.0, 1.0]], axis=2)
+    unturned = np.einsum('nij,nj->ni', heading, track.nu[:, :2])
+    added = track.velocity[:, :2] - unturned  # horizontal, inertial
+    return np.einsum('nji,nj->ni', track.R[:, :2, :2], added)
 
 
 def flow(track: Track, height: Array, values: Mapping[str, float]) -> Array:

@@ -3,7 +3,7 @@ The table of mechanisms: drift in one turn of each path, by the simulated sensor
 
 An error of the sensor is a switch of :mod:`mambo_sim.sensors.optical_flow`; an error of the
 estimator is another way to make a velocity of the flow, written out here. The values beside are
-those of the audit that posed the question, rounded to 1 mm.
+those of the audit that posed the question, rounded to 1 mm, G to 1 cm.
 """
 
 from __future__ import annotations
@@ -89,9 +89,9 @@ ROWS = {
              {**EXACT, 'vertical_coupling': (0.05, 0.05)}),
     'F': Row('flow (1 + 0.1 flow^2)', _on(0, .387, .011, .389, .368),
              {**EXACT, 'nonlinearity': 0.1}),
-    'G': Row('Coriolis term missing, filter gain 1/s',
+    'G': Row('Coriolis term missing, filter gain 1/s, with the tilt of drag',
              ((0, 0), (-.32, -.17), (-.17, -.32), (-.08, 0), (-.04, 0), (-.17, 0),
-              (UNKNOWN, UNKNOWN), (0, 0)), estimator=without_coriolis),
+              (UNKNOWN, UNKNOWN), (0, 0)), estimator=without_coriolis, drag_rate=DRAG_RATE),
     'I': Row('scale 3 % wrong', _on(0, .010, .002, .010, 0), {'factor_offset': 1 / 1.03,
                                                               'factor_slope': 0.0}),
 }
