@@ -29,6 +29,7 @@ from .evidence import Evidence, inclusion
 from .flight import Flight, flow_of, from_recording
 from .mechanisms import flow
 from .paths import Array, EXPERIMENTS, Track
+from .report import Flown, Found
 
 Q0 = 1.06
 SEEDS = (1, 2, 3)
@@ -59,28 +60,6 @@ TRUTHS = {  # flight of the scenario: what is wrong; C2 is an error of the estim
     'd2': Truth('D2 drag', {'leakage': -1.0, 'scale': Q0}, 'D', 'leakage', -1.0),
     'f': Truth('F', {'cubic': 0.1, 'scale': Q0}, 'F', 'cubic', 0.1),
 }
-
-
-class Flown(NamedTuple):
-    """Drift of one mechanism in one experiment, x, in one turn; each list by seed."""
-
-    loop: float            # area that the first seed encloses in x and h, over that of the path
-    perfect: float         # m, with perfect tracking
-    predicted: float       # m, by the equation along the motion of the first seed
-    measured: list[float]  # m
-    vehicle: list[float]   # m, by which the vehicle itself moves on
-
-
-class Found(NamedTuple):
-    """What flights of one mechanism support."""
-
-    truth: str
-    grain: str
-    model: tuple[str, ...]  # the most probable one
-    probability: float
-    included: float         # probability of the true mechanism, alone or with another one
-    value: float            # of its parameter, fitted alone
-    sigma: float
 
 
 def judged(key: str, track: Track, samples: Array) -> Array:

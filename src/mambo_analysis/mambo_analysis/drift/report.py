@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,16 +17,36 @@ from ..thesis.drawing import COLOURS, sheet
 from .paths import Array, EXPERIMENTS, PATHS
 from .table import ROWS
 
-if TYPE_CHECKING:
-    from .experiments import Flown, Found
-
-Drifts = Mapping[str, Mapping[str, 'Flown']]  # {experiment: {flight: drift}}
-
 TITLES = {
     'drift_w_half': '0.5 rad/s', 'drift_w_1': '1 rad/s', 'drift_w_2': '2 rad/s',
     'drift_half_amplitude': 'half the size, 1 rad/s',
     'drift_hand_loop': 'by hand, level, 1 rad/s'}
 SPEEDS = [name for name in EXPERIMENTS if name.startswith('drift_w')]
+
+
+class Flown(NamedTuple):
+    """Drift of one mechanism in one experiment, x, in one turn; each list by seed."""
+
+    loop: float            # area that the first seed encloses in x and h, over that of the path
+    perfect: float         # m, with perfect tracking
+    predicted: float       # m, by the equation along the motion of the first seed
+    measured: list[float]  # m
+    vehicle: list[float]   # m, by which the vehicle itself moves on
+
+
+class Found(NamedTuple):
+    """What flights of one mechanism support."""
+
+    truth: str
+    grain: str
+    model: tuple[str, ...]  # the most probable one
+    probability: float
+    included: float         # probability of the true mechanism, alone or with another one
+    value: float            # of its parameter, fitted alone
+    sigma: float
+
+
+Drifts = Mapping[str, Mapping[str, Flown]]  # {experiment: {flight: drift}}
 
 
 def number(x: float) -> str:
