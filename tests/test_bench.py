@@ -1,6 +1,7 @@
 """What ./bench promises: the same flight in C, gaps stated in one line, honest medians."""
 
 import math
+from pathlib import Path
 import re
 import shutil
 
@@ -10,6 +11,7 @@ from mambo_model.vehicle import Vehicle
 import numpy as np
 import pytest
 
+ROOT = Path(__file__).parents[1]
 needs_gcc = pytest.mark.skipif(shutil.which('gcc') is None, reason='there is no gcc')
 
 
@@ -129,6 +131,13 @@ def test_every_group_has_its_rows(tmp_path):
     assert len(names) == len(set(names))
     assert {c.group for c in command.chosen([], True, tmp_path)} == set(command.GROUPS)
     assert [c.name for c in command.chosen(['reference_c'], True, tmp_path)] == ['reference_c']
+
+
+def test_the_table_of_the_readme_is_that_of_the_page():
+    readme, page = (
+        [line for line in (ROOT / name).read_text().splitlines()
+         if re.search(r'\| +[<>]= ', line)] for name in ('README.md', 'docs/performance.md'))
+    assert len(page) > 10 and readme == page
 
 
 def test_what_is_long_is_measured_once():
