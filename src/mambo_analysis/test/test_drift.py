@@ -323,7 +323,7 @@ def test_little_rotation_raises_a_doubt():
 
 @pytest.mark.parametrize(('path', 'tolerance'), [
     ('C.4', 1e-9),
-    ('(5.4)', 6e-3)])  # roll turns the heading of a body that pitches: 0.1 rad squared of 0.6 rad/s
+    ('(5.4)', 6e-3)])  # roll turns the heading of a body that pitches: 0.1^2 of 0.6 rad/s
 def test_the_equation_of_c2_is_that_of_a_velocity_that_is_not_turned(path, tolerance):
     turn = one_turn(path, drag_rate=DRAG_RATE)
     unturned = flow_of(turn, table.without_turning(turn, flow(turn, turn.height, {})))
