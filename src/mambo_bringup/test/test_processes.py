@@ -234,8 +234,10 @@ COPIES = """
 import pathlib, sys
 {before}
 from mambo_bringup.processes import Interrupts, load, NodeProcess
+here = pathlib.Path(__file__).parent
+sys.path.insert(0, str(here))
 load(['loaded.some_node'])
-(pathlib.Path(sys.path[0]) / 'loaded/some_node.py').unlink()
+(here / 'loaded/some_node.py').unlink()
 first, second = (NodeProcess('loaded', 'some_node', [word]) for word in ('stay', 'leave'))
 print(second.wait(20.0), list(second.lines))
 while len(first.lines) < 3:
