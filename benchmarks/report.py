@@ -169,8 +169,8 @@ def _idle(results: list[Result]) -> str:
 
 
 def _wanted(results: list[Result]) -> str:
-    rows = [(r.contender.title, UNITS[name], bound, number(r.median(name)),
-             '-' if not r.samples else 'yes' if kept else '**no**')
+    rows = [(f'{r.contender.group.replace("_", " ")}: {r.contender.title}', UNITS[name], bound,
+             number(r.median(name)), '-' if not r.samples else 'yes' if kept else '**no**')
             for r in results for name, bound, kept in r.wanted()]
     return '' if not rows else '## Wanted and got\n\n' + markdown(
         ('', 'what', 'wanted', 'got', 'kept'), rows) + '\n'

@@ -103,9 +103,9 @@ def test_what_falls_short_stands_there_with_its_number():
     rows = report.text(results, {}, 3).partition('## Wanted and got')[2].splitlines()
     cells = {row.split('|')[1].strip(): [cell.strip() for cell in row.split('|')[3:6]]
              for row in rows if row.count('|') == 6}
-    assert cells['slow'] == ['>= 5', '4.00', '**no**']
-    assert cells['good'] == ['<= 250', '200', 'yes']
-    assert cells['gone'] == ['>= 5', '-', '-']
+    assert cells['closed loop: slow'] == ['>= 5', '4.00', '**no**']
+    assert cells['closed loop: good'] == ['<= 250', '200', 'yes']
+    assert cells['closed loop: gone'] == ['>= 5', '-', '-']
 
 
 def test_numbers_below_the_normal_ones_are_counted():
