@@ -35,6 +35,7 @@ setup(
             'import_crazyflie = mambo_analysis.import_crazyflie:main',
             'import_minidrone = mambo_analysis.import_minidrone:main',
             'import_motive = mambo_analysis.import_motive:main',
+            'join = mambo_analysis.join:main',
             'recover = mambo_analysis.recover:main',
             'reproduce = mambo_analysis.reproduce:main',
             'sweep = mambo_analysis.sweep.command:main',

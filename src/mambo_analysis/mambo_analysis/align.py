@@ -634,7 +634,8 @@ def flight_by_acceleration(
                   float(t[last]) if last < len(t) - 1 else None, 'acceleration')
 
 
-def _sonar(bag: Bag) -> tuple[Floats, Floats]:
+def echoes(bag: Bag) -> tuple[Floats, Floats]:
+    """Return times [s] and ranges [m] of the sonar, NaN where it heard nothing, (n,) each."""
     messages = bag['sonar/range']
     valid = (messages.range >= messages.min_range) & (messages.range <= messages.max_range)
     return messages.t, np.where(valid, messages.range, np.nan)
@@ -662,7 +663,7 @@ def find_flight(bag: Bag) -> Flight:
 
     ways = {
         'ground_truth/odom': height, 'optitrack/pose': height, 'estimate/odom': height,
-        'onboard/odom': height, 'sonar/range': lambda topic: flight_by_height(*_sonar(bag)),
+        'onboard/odom': height, 'sonar/range': lambda topic: flight_by_height(*echoes(bag)),
         'motor_pwm': lambda topic: flight_by_thrust(bag[topic].t, bag[topic].pwm.mean(axis=1)),
         'imu/data_raw': lambda topic: flight_by_acceleration(
             bag[topic].t, bag[topic].acceleration)}

@@ -62,8 +62,8 @@ def _profiles(text: str) -> list[dict[str, Any]]:
     return profiles if isinstance(profiles, list) else []
 
 
-def _declare(writer: BagWriter, contents: mcap_file.Contents, known: dict[str, bytes]) -> None:
-    """Declare the topics of one file that are not declared yet."""
+def declare(writer: BagWriter, contents: mcap_file.Contents, known: dict[str, bytes]) -> None:
+    """Declare the topics of one file as it has them, but those known: {topic: definition}."""
     for channel in contents.channels.values():
         schema = contents.schemas.get(channel.schema_id)
         definition = schema.data if schema else b''
@@ -78,6 +78,22 @@ def _declare(writer: BagWriter, contents: mcap_file.Contents, known: dict[str, b
             schema_encoding=schema.encoding if schema else '',
             type_hash=channel.metadata.get('topic_type_hash', ''),
             encoding=channel.message_encoding)
+
+
+def in_order(part: mcap_file.Contents) -> list[tuple[str, int, int, bytes]]:
+    """Return topic, log time, publish time [ns] and bytes of each message by log time."""
+    return sorted(
+        ((part.channels[number].topic, *message)
+         for number, batches in part.messages.items() for batch in batches
+         for message in batch),
+        key=lambda message: message[1])
+
+
+def extras(parts: list[mcap_file.Contents]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the attachments and the metadata of a bag, {name: content} each."""
+    return ({entry.name: entry.data for part in parts for entry in part.attachments},
+            {record.name: record.metadata for part in parts for record in part.metadata
+             if record.name != OWN_RECORD})
 
 
 def recover(source: Path, target: Path) -> Recovered:
@@ -104,25 +120,17 @@ def recover(source: Path, target: Path) -> Recovered:
     if not any(part.count for part in parts):
         raise BagError(f'{source}: no message can be read, there is nothing to recover')
     lost = [f'{file.name}: {what}' for file, part in zip(files, parts) for what in part.lost]
-    metadata = {
-        record.name: record.metadata for part in parts for record in part.metadata
-        if record.name != OWN_RECORD}
-    attachments = {entry.name: entry.data for part in parts for entry in part.attachments}
+    attachments, metadata = extras(parts)
     counts: dict[str, int] = {}
     times: list[int] = []
     with BagWriter(target, attachments, metadata) as writer:
         known: dict[str, bytes] = {}
         for part in parts:
-            _declare(writer, part, known)
+            declare(writer, part, known)
         for topic in known:
             counts[topic] = 0
         for part in parts:
-            merged = sorted(
-                ((message, part.channels[number].topic)
-                 for number, batches in part.messages.items() for batch in batches
-                 for message in batch),
-                key=lambda entry: entry[0][0])
-            for (log_time, publish_time, data), topic in merged:
+            for topic, log_time, publish_time, data in in_order(part):
                 writer.write(topic, data, log_time, publish_time)
                 counts[topic] += 1
                 times.append(log_time)

@@ -1,0 +1,198 @@
+"""
+A drone's log and the motion capture of the same flight as one bag: ``join FLIGHT MOCAP OUT``.
+
+What the two recorded is the same motion on two clocks. The offset of the clocks is found by
+correlation (:mod:`mambo_analysis.align`): the body rates of the tracked attitude with the gyro,
+the tracked height with the sonar, the tracked pose with the drone's own. The signal with the
+smallest standard error gives the offset, if the others that determine one agree with it. All of
+the flight is copied, ``optitrack/pose`` of the other is added on the flight's clock.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+import struct
+from typing import NamedTuple
+
+from mambo_sim.bag_writer import BagWriter, BagWriterError
+import numpy as np
+
+from . import mcap_file
+from .align import AlignError, body_rates, echoes, Floats, Offset, pose_offset, time_offset
+from .bag import Bag, bag_files, Messages, read_bag
+from .cli import guard
+from .mcap_file import BagError
+from .recover import declare, extras, in_order
+
+POSE = 'optitrack/pose'
+OWN = ('onboard/odom', 'estimate/odom')
+"""Poses of the drone itself."""
+AGREE = 0.15  # s, by which signals may differ: a sonar is up to 0.03 s late, a filter up to 0.1 s
+
+
+class Clock(NamedTuple):
+    """How the clock of the motion capture stands to that of the flight."""
+
+    offset: float       # s, to add to the motion capture's
+    sigma: float        # s, standard error; NaN if the offset was given
+    source: str         # what it comes from
+
+
+def signals(bag: Bag, poses: Messages) -> dict[str, tuple[Floats, Floats, Floats, Floats]]:
+    """
+    Return what both recorded of one motion.
+
+    Parameters
+    ----------
+    bag
+        With ``imu/data_raw`` or ``sonar/range``.
+    poses
+        Of the motion capture, body FLU.
+
+    Returns
+    -------
+    {name: times [s] and values of the flight, times [s] and values of the motion capture}; rates
+    in rad/s, the height in m.
+
+    """
+    out: dict[str, tuple[Floats, Floats, Floats, Floats]] = {}
+    if 'imu/data_raw' in bag:
+        gyro, (t, rates) = bag['imu/data_raw'], body_rates(poses.t, poses.orientation)
+        for axis, name in enumerate(('roll rate', 'pitch rate', 'yaw rate')):
+            out[name] = (gyro.t, gyro.angular_velocity[:, axis], t, rates[:, axis])
+        out['turn rate'] = (gyro.t, np.linalg.norm(gyro.angular_velocity, axis=1),
+                            t, np.linalg.norm(rates, axis=1))
+    if 'sonar/range' in bag:
+        out['height'] = (*echoes(bag), poses.t, poses.position[:, 2])
+    return out
+
+
+def find_clock(bag: Bag, poses: Messages) -> Clock:
+    """
+    Return the offset of the clock of a motion capture.
+
+    Raises
+    ------
+    AlignError
+        If nothing determines it, or what determines it disagrees.
+
+    """
+    found: dict[str, Offset] = {}
+    reasons: list[str] = []
+    for name, pair in signals(bag, poses).items():
+        try:
+            found[name] = time_offset(*pair)
+        except AlignError as error:
+            reasons.append(f'{name}: {error}')
+    for topic in OWN:
+        if topic in bag:
+            try:
+                found[topic] = pose_offset(bag[topic], poses)[0]
+            except AlignError as error:
+                reasons.append(f'{topic}: {error}')
+    if not found:
+        why = '; '.join(reasons) or 'no gyro, sonar or pose of the drone'
+        raise AlignError(f'the clocks cannot be aligned ({why}); give --offset SECONDS')
+    best = min(found, key=lambda name: found[name].sigma)
+    far = [name for name, other in found.items()
+           if abs(other.offset - found[best].offset) > AGREE]
+    if far:
+        said = ', '.join(f'{name} {found[name].offset:+.3f} s' for name in (best, *far))
+        raise AlignError(
+            f'the signals disagree about the clocks ({said}): another flight, or wrong axes of '
+            'the tracked body (import_motive --nose); or give --offset SECONDS')
+    return Clock(found[best].offset, found[best].sigma, f'{best} of {", ".join(found)}')
+
+
+def restamped(data: bytes, stamp: int) -> bytes:
+    """Return a message in CDR that begins with a header, with another stamp [ns]."""
+    order = '<' if data[1] & 1 else '>'
+    return data[:4] + struct.pack(f'{order}iI', *divmod(stamp, 1_000_000_000)) + data[12:]
+
+
+def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -> str:
+    """
+    Write a bag of a flight with the motion capture of another one.
+
+    Parameters
+    ----------
+    flight, mocap
+        Bags; only read. The second has ``optitrack/pose``.
+    target
+        Directory to make.
+    offset : s
+        To add to the stamps of the motion capture; default: found.
+
+    Returns
+    -------
+    What was done, one line for each.
+
+    Raises
+    ------
+    BagError
+        If a bag cannot be read, the flight has its motion capture already, or the clocks cannot
+        be aligned; nothing is written then.
+    mambo_sim.bag_writer.BagWriterError
+        If the target exists.
+
+    """
+    if target.exists():
+        raise BagWriterError(f'{target} exists: give another OUT or remove it')
+    bag, poses = read_bag(flight), read_bag(mocap).messages(POSE)
+    if POSE in bag:
+        raise BagError(f'{flight}: has {bag.name(POSE)} already')
+    clock = find_clock(bag, poses) if offset is None else Clock(offset, math.nan, 'given')
+    shift = round(clock.offset * 1e9)
+    parts = [mcap_file.scan(file) for file in bag_files(flight)[0]]
+    seen = [part for file in bag_files(mocap)[0] if (part := mcap_file.scan(
+        file, lambda topic: topic == poses.topic)).count]
+    copied = [message for part in parts for message in in_order(part)]
+    end = max(log_time for _, log_time, _, _ in copied)
+    stamps = poses.stamp + shift
+    inside = (stamps >= 0) & (stamps <= end)
+    added = [(bag.name(POSE), stamp, stamp, restamped(data, stamp))
+             for data, stamp, is_in in zip(poses.raw, stamps.tolist(), inside) if is_in]
+    if not added:
+        raise BagError(f'{mocap}: no pose is within the flight with an offset of '
+                       f'{clock.offset:.3f} s')
+    attachments, metadata = extras(parts)
+    told = {'flight': flight.name, 'motion_capture': mocap.name,
+            'offset_s': f'{clock.offset:.9g}', 'offset_sigma_s': f'{clock.sigma:.9g}',
+            'offset_from': clock.source}
+    for name, record in extras(seen)[1].items():
+        metadata[f'{name}_motion_capture'] = record
+    with BagWriter(target, attachments, {**metadata, 'join': told}) as writer:
+        known: dict[str, bytes] = {}
+        for part in parts:
+            declare(writer, part, known)
+        if bag.name(POSE) not in known:
+            writer.add_topic(bag.name(POSE), poses.type_name)
+        for topic, log_time, publish_time, data in sorted(
+                copied + added, key=lambda message: message[1]):
+            writer.write(topic, data, log_time, publish_time)
+    error = '' if offset is not None else f' +- {1.96e3 * clock.sigma:.1f} ms (95 %)'
+    return (f'clock of the motion capture moved by {clock.offset:+.4f} s{error}, by '
+            f'{clock.source}\n{len(added)} poses added, {int((~inside).sum())} outside of the '
+            f'flight left out\nbag: {target}')
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``join``."""
+    parser = argparse.ArgumentParser(
+        prog='join', description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('flight', type=Path, help="bag of the drone's log")
+    parser.add_argument('mocap', type=Path, help='bag with optitrack/pose of the same flight')
+    parser.add_argument('output', type=Path, metavar='out', help='bag to make')
+    parser.add_argument('--offset', type=float, metavar='SECONDS',
+                        help="to add to the motion capture's clock; default: by correlation")
+    options = parser.parse_args(arguments)
+    if options.offset is not None and not math.isfinite(options.offset):
+        parser.error(f'--offset {options.offset}: must be finite')
+    return guard('join', lambda: print(
+        join(options.flight, options.mocap, options.output, options.offset)))
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())
