@@ -405,15 +405,8 @@ class BagWriter:
         self._stream.close()
 
     def _put_in_order(self) -> None:
-        """Write the data file anew as if no message had been late."""
-        with self.file.open('rb') as stream:
-            for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
-                topic = self._topics[channel.topic]
-                rank = message.data if topic.shared else b''
-                self._pending.append((
-                    message.log_time, topic.order, rank, message.sequence, message.publish_time,
-                    message.data))
-        for topic in self._by_order:
+        """Write the data file anew as if no message had been late, second by second."""
+        for topic in self._topics.values():
             topic.written = 0
         self._by_order, self._written_until = [], -1
         ordered = self.file.with_suffix('.part')
@@ -423,6 +416,16 @@ class BagWriter:
             getattr(self._writer, method)(*arguments)
         self._writer.flush()
         self._register()
+        with self.file.open('rb') as stream:
+            for _, channel, message in make_reader(stream).iter_messages():  # by log time
+                begin = message.log_time // SECOND * SECOND
+                if begin > self._written_until:
+                    self._write_until(begin)
+                topic = self._topics[channel.topic]
+                rank = message.data if topic.shared else b''
+                self._pending.append((
+                    message.log_time, topic.order, rank, message.sequence, message.publish_time,
+                    message.data))
         self._finish()
         os.replace(ordered, self.file)
 

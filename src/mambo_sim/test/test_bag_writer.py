@@ -233,6 +233,19 @@ def test_a_late_message_is_kept_and_counted(tmp_path, store):
         assert reader.message_count == len(messages) + 1
 
 
+def test_a_file_is_put_in_order_a_second_at_a_time(tmp_path, store, monkeypatch):
+    messages = payloads(store, 8.0)
+    late, held, write_until = messages.pop(0), [], BagWriter._write_until
+
+    def watched(writer, end):
+        held.append(len(writer._pending))
+        write_until(writer, end)
+    monkeypatch.setattr(BagWriter, '_write_until', watched)
+    writer = write(tmp_path / 'flight', [*messages, late])
+    assert writer.late == 1
+    assert len(held) > 16 and max(held) < len(messages) / 3
+
+
 def test_a_recorder_that_stalls_leaves_the_file_of_one_that_does_not(tmp_path, store):
     messages = payloads(store, 6.0)
     slow = max(TYPES)  # arrives after everything else, seconds late
