@@ -193,12 +193,18 @@ shutil.copy(here, here.parent / f'{here.name}.up')
 while len(list(here.parent.glob('*.up'))) < NODES:
     time.sleep(0.01)
 """.replace('NODES', str(len(NODES)))
-QUIET = 'while True:\n    time.sleep(0.01)\n'
+QUIET = """
+shutil.copy(here, here.parent / f'{here.name}.quiet')
+while True:
+    time.sleep(0.01)
+"""
 FLEW = """
+while len(list(here.parent.glob('*.quiet'))) < OTHERS:
+    time.sleep(0.01)
 print('[INFO] [1.0] [mambo.sim_node]: flew 3.000 s in 1.500 s of wall time, '
       '2 steps without their motor command')
 print('[INFO] [1.0] [mambo.sim_node]: IMU sample to motor command: p50 1.00 ms')
-"""
+""".replace('OTHERS', str(len(NODES) - 1))
 COPY = "shutil.copy(sys.argv[-1], f'{here}.yaml')\n"
 
 
