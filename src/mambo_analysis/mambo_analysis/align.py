@@ -17,6 +17,7 @@ the first: ``a(t + offset) = b(t)``.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import math
 from typing import NamedTuple
 
@@ -286,6 +287,30 @@ def time_offset(
     return found
 
 
+def offsets(
+    pairs: Mapping[str, tuple[Floats, Floats, Floats, Floats]],
+    limits: tuple[float, float] | None = None,
+) -> tuple[dict[str, Offset], dict[str, str]]:
+    """
+    Return the offset that each quantity gives, and why others give none; both by name.
+
+    Parameters
+    ----------
+    pairs
+        {name: times [s] and values of the first recording, times [s] and values of the second}.
+    limits : s
+        As for :func:`time_offset`.
+
+    """
+    found, reasons = {}, {}
+    for name, pair in pairs.items():
+        try:
+            found[name] = time_offset(*pair, limits=limits)
+        except AlignError as error:
+            reasons[name] = str(error)
+    return found, reasons
+
+
 def _rate(times: Floats, values: Floats, smooth: float = 0.05) -> tuple[Floats, Floats]:
     """Return the derivative of (n, k) by a Gaussian, with times (m,) and values (m, k)."""
     good = np.isfinite(values).all(axis=1)
@@ -383,16 +408,12 @@ def pose_offset(
 
     """
     signals_a, signals_b = pose_signals(a), pose_signals(b)
-    found: dict[str, Offset | str] = {}
-    for name in signals_a.keys() & signals_b.keys():
-        try:
-            found[name] = time_offset(*signals_a[name], *signals_b[name], limits=limits)
-        except AlignError as error:
-            found[name] = str(error)
-    sound = [offset for offset in found.values() if isinstance(offset, Offset)]
-    if not sound:
-        raise AlignError('; '.join(f'{name}: {text}' for name, text in sorted(found.items())))
-    return min(sound, key=lambda offset: offset.sigma), found
+    found, reasons = offsets({
+        name: (*signals_a[name], *signals_b[name]) for name in signals_a.keys() & signals_b.keys()
+    }, limits)
+    if not found:
+        raise AlignError('; '.join(f'{name}: {text}' for name, text in sorted(reasons.items())))
+    return min(found.values(), key=lambda offset: offset.sigma), {**found, **reasons}
 
 
 def matched(a: Messages, b: Messages, offset: float = 0.0) -> tuple[Floats, Floats, Floats]:

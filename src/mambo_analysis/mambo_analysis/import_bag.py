@@ -353,6 +353,7 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error('give the bag to make behind the one to read')
 
     def work() -> None:
+        """Import, or list the topics where none is mapped."""
         if not options.map:
             print('\n'.join(_table(options.bag, read_foreign(options.bag))))
             return

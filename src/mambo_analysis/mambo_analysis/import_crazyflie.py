@@ -57,7 +57,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from .align import AlignError, body_rates, Offset, time_offset
+from .align import AlignError, body_rates, Offset, offsets, time_offset
 from .cli import guard
 from .import_minidrone import new_samples
 from .importing import provenance, Publisher, read_source, report, Source, stamps_ns
@@ -218,16 +218,12 @@ def gyro_offset(log: Log, near: float) -> Offset:
     if not log.has(*names):
         raise AlignError('there is no gyro (ae483log.w_x, w_y, w_z) to align with')
     times, rates = body_rates(log.mocap[:, 0], np.array(_attitude(log.mocap[:, 4:])))
-    found, reasons = [], []
-    for axis, name in enumerate(names):
-        try:
-            found.append(time_offset(*log.drone[name], times, rates[:, axis],
-                                     limits=(near - NEAR, near + NEAR)))
-        except AlignError as error:
-            reasons.append(f'{name}: {error}')
+    found, reasons = offsets({
+        name: (*log.drone[name], times, rates[:, axis]) for axis, name in enumerate(names)
+    }, (near - NEAR, near + NEAR))
     if not found:
-        raise AlignError('; '.join(reasons))
-    return max(found, key=lambda offset: offset.quality)
+        raise AlignError('; '.join(f'{name}: {text}' for name, text in reasons.items()))
+    return max(found.values(), key=lambda offset: offset.quality)
 
 
 def _publish_imu(log: Log, out: Publisher, level: bool) -> None:

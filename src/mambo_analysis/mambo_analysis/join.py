@@ -13,18 +13,18 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
-import struct
 from typing import NamedTuple
 
+from mambo_ros import layout
 from mambo_sim.bag_writer import BagWriter, BagWriterError
 import numpy as np
 
 from . import mcap_file
-from .align import AlignError, body_rates, echoes, Floats, Offset, pose_offset, time_offset
+from .align import AlignError, body_rates, echoes, Floats, offsets, pose_offset
 from .bag import Bag, bag_files, Messages, read_bag
 from .cli import guard
 from .mcap_file import BagError
-from .recover import declare, extras, in_order
+from .recover import declare, extras, in_order, OWN_RECORD
 
 POSE = 'optitrack/pose'
 OWN = ('onboard/odom', 'estimate/odom')
@@ -79,21 +79,16 @@ def find_clock(bag: Bag, poses: Messages) -> Clock:
         If nothing determines it, or what determines it disagrees.
 
     """
-    found: dict[str, Offset] = {}
-    reasons: list[str] = []
-    for name, pair in signals(bag, poses).items():
-        try:
-            found[name] = time_offset(*pair)
-        except AlignError as error:
-            reasons.append(f'{name}: {error}')
+    found, reasons = offsets(signals(bag, poses))
     for topic in OWN:
         if topic in bag:
             try:
                 found[topic] = pose_offset(bag[topic], poses)[0]
             except AlignError as error:
-                reasons.append(f'{topic}: {error}')
+                reasons[topic] = str(error)
     if not found:
-        why = '; '.join(reasons) or 'no gyro, sonar or pose of the drone'
+        why = '; '.join(f'{name}: {text}' for name, text in reasons.items())
+        why = why or 'no gyro, sonar or pose of the drone'
         raise AlignError(f'the clocks cannot be aligned ({why}); give --offset SECONDS')
     best = min(found, key=lambda name: found[name].sigma)
     far = [name for name, other in found.items()
@@ -104,12 +99,6 @@ def find_clock(bag: Bag, poses: Messages) -> Clock:
             f'the signals disagree about the clocks ({said}): another flight, or wrong axes of '
             'the tracked body (import_motive --nose); or give --offset SECONDS')
     return Clock(found[best].offset, found[best].sigma, f'{best} of {", ".join(found)}')
-
-
-def restamped(data: bytes, stamp: int) -> bytes:
-    """Return a message in CDR that begins with a header, with another stamp [ns]."""
-    order = '<' if data[1] & 1 else '>'
-    return data[:4] + struct.pack(f'{order}iI', *divmod(stamp, 1_000_000_000)) + data[12:]
 
 
 def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -> str:
@@ -140,19 +129,18 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -
     """
     if target.exists():
         raise BagWriterError(f'{target} exists: give another OUT or remove it')
-    bag, poses = read_bag(flight), read_bag(mocap).messages(POSE)
+    bag, other = read_bag(flight), read_bag(mocap, [POSE])
+    poses = other.messages(POSE)
     if POSE in bag:
         raise BagError(f'{flight}: has {bag.name(POSE)} already')
     clock = find_clock(bag, poses) if offset is None else Clock(offset, math.nan, 'given')
     shift = round(clock.offset * 1e9)
     parts = [mcap_file.scan(file) for file in bag_files(flight)[0]]
-    seen = [part for file in bag_files(mocap)[0] if (part := mcap_file.scan(
-        file, lambda topic: topic == poses.topic)).count]
     copied = [message for part in parts for message in in_order(part)]
     end = max(log_time for _, log_time, _, _ in copied)
     stamps = poses.stamp + shift
     inside = (stamps >= 0) & (stamps <= end)
-    added = [(bag.name(POSE), stamp, stamp, restamped(data, stamp))
+    added = [(bag.name(POSE), stamp, stamp, layout.restamped(data, stamp))
              for data, stamp, is_in in zip(poses.raw, stamps.tolist(), inside) if is_in]
     if not added:
         raise BagError(f'{mocap}: no pose is within the flight with an offset of '
@@ -161,8 +149,8 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -
     told = {'flight': flight.name, 'motion_capture': mocap.name,
             'offset_s': f'{clock.offset:.9g}', 'offset_sigma_s': f'{clock.sigma:.9g}',
             'offset_from': clock.source}
-    for name, record in extras(seen)[1].items():
-        metadata[f'{name}_motion_capture'] = record
+    metadata |= {f'{name}_motion_capture': record for name, record in other.metadata.items()
+                 if name != OWN_RECORD}
     with BagWriter(target, attachments, {**metadata, 'join': told}) as writer:
         known: dict[str, bytes] = {}
         for part in parts:

@@ -249,6 +249,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
 
     def work() -> None:
+        """Measure and print."""
         found = validate(options.data, options.only)
         if options.json:
             print(json.dumps([table._asdict() for table in found], indent=1, allow_nan=False))

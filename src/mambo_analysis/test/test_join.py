@@ -7,6 +7,7 @@ from mambo_analysis.align import AlignError
 from mambo_analysis.bag import read_bag
 from mambo_analysis.drift import identify_drift
 from mambo_analysis.mcap_file import BagError
+from mambo_ros import layout
 from mambo_sim.bag_writer import BagWriter
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ def copy(path, keep, shift=0):
         for topic in keep:
             for stamp, data in zip((bag[topic].stamp + shift).tolist(), bag[topic].raw):
                 if stamp >= 0:
-                    writer.write(bag.name(topic), join.restamped(data, stamp), stamp)
+                    writer.write(bag.name(topic), layout.restamped(data, stamp), stamp)
     return path
 
 
@@ -95,7 +96,7 @@ def test_the_take_of_another_flight_is_refused(log, tmp_path):
         raw = np.array(bag['optitrack/pose'].raw, dtype=object)
         for stamp, data in zip(bag['optitrack/pose'].stamp.tolist(),
                                np.concatenate([raw[100 * i:100 * i + 100] for i in order])):
-            writer.write(POSE, join.restamped(data, stamp), stamp)
+            writer.write(POSE, layout.restamped(data, stamp), stamp)
     with pytest.raises(AlignError, match='--offset SECONDS'):
         join.join(log, tmp_path / 'other', tmp_path / 'joined')
     assert not (tmp_path / 'joined').exists()
@@ -117,7 +118,7 @@ def test_wrong_use_ends_in_one_line_and_leaves_no_bag(log, take, tmp_path, capsy
 
 def test_a_stamp_is_written_in_the_byte_order_of_the_message():
     for order, flag in (('little', 1), ('big', 0)):
-        data = join.restamped(bytes([0, flag, 0, 0]) + bytes(8) + b'rest', 3_000_000_007)
+        data = layout.restamped(bytes([0, flag, 0, 0]) + bytes(8) + b'rest', 3_000_000_007)
         assert int.from_bytes(data[4:8], order) == 3 and int.from_bytes(data[8:12], order) == 7
         assert data[12:] == b'rest'
 

@@ -208,6 +208,12 @@ def stamp_ns(data: bytes, offset: int = 0) -> int:
     return seconds * _SECOND + nanoseconds
 
 
+def restamped(data: bytes, stamp: int) -> bytes:
+    """Return a serialised message that begins with a stamp, with another one in ns."""
+    order = '<' if data[1] & 1 else '>'
+    return data[:4] + struct.pack(f'{order}iI', *divmod(stamp, _SECOND)) + data[12:]
+
+
 class _Writer:
     """CDR bytes of any message, alignment bytes zero."""
 

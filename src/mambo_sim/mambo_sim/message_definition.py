@@ -71,6 +71,7 @@ def full_text(type_name: str) -> str:
     seen: set[str] = set()
 
     def append(name: str, depth: int) -> str:
+        """Return a definition and, behind it, those it needs that are not there yet."""
         if depth > MAX_DEPTH:
             raise DefinitionError(f'{type_name}: definitions nested deeper than {MAX_DEPTH}')
         package, _ = _split(name)

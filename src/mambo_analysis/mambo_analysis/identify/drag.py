@@ -209,6 +209,7 @@ def _draw(found: Drag, part: Part) -> Callable[[Figure], None]:
     names = [('x', 'y', 'z')[axis] for axis in part.axes]
 
     def draw(figure: Figure) -> None:
+        """Draw each axis flown and found, and what is left."""
         rows = figure.subplots(2, len(names), sharex=True, squeeze=False)
         for j, name in enumerate(names):
             above, below = rows[:, j]
@@ -265,6 +266,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
 
     def work() -> report.Report:
+        """Read the bag and return what was found."""
         track, flight = read(
             options.bag, options.scenario, options.shift, options.namespace)
         found = fit_drag(track, flight, options.part, options.start, options.end)

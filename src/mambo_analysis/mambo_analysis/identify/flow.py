@@ -220,6 +220,7 @@ def _draw(data: Samples, found: dict[str, Factor]) -> Callable[[Figure], None]:
     best = found[min(found, key=lambda law: found[law].fit.rms)]
 
     def draw(figure: Figure) -> None:
+        """Draw the factor over the height with each law, and what is left."""
         above, below = figure.subplots(2, 1)
         fine = np.linspace(data.height.min(), data.height.max(), 50)
         geometric = data.velocity / data.depth[:, None]

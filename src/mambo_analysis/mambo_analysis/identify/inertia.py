@@ -178,6 +178,7 @@ def _times(found: regression.Fit, i: int, J: Value, unit: str) -> Value:
 
 def _draw(t: Floats, rate: Floats, found: Inertia) -> Callable[[Figure], None]:
     def draw(figure: Figure) -> None:
+        """Draw the gyro with (4.2), and what is left."""
         above, below = figure.subplots(2, 1, sharex=True)
         above.plot(t, rate, '.', ms=2, color='#8a8a8a', label='gyro')
         above.plot(t, rate - found.fit.residual[:, 0], color='#e0403f', lw=1, label='(4.2)')

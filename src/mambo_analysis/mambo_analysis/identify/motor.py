@@ -197,6 +197,7 @@ def from_recording(
 
 def _draw(found: Motor) -> Callable[[Figure], None]:
     def draw(figure: Figure) -> None:
+        """Draw the acceleration measured and found, and what is left."""
         above, below = figure.subplots(2, 1, sharex=True)
         above.plot(found.t, found.measured, color='#8a8a8a', label='accelerometer')
         above.plot(found.t, found.measured - found.fit.residual[:, 0], color='#e0403f', lw=1,
@@ -234,6 +235,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
 
     def work() -> report.Report:
+        """Read the bag and return what was found."""
         vehicle = preset(options.base)
         t, pwm, acceleration = read(options.bag, vehicle, options.namespace)
         found = fit_motor(t, pwm, acceleration, vehicle)

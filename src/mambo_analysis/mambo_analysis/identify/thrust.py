@@ -96,6 +96,7 @@ def _draw(pwm: Floats, thrust: Floats, found: Thrust) -> Callable[[Figure], None
     fine = np.linspace(X.min(), X.max(), 200)
 
     def draw(figure: Figure) -> None:
+        """Draw the bench with its maps, and what is left."""
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
         above.plot(pwm[~found.used], thrust[~found.used], 'x', color='#8a8a8a', label='left out')
         above.plot(X, T, '.', color='#8a8a8a', label='bench')
@@ -155,6 +156,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
 
     def work() -> report.Report:
+        """Read the bench and return what was found."""
         if options.motors < 1:
             raise IdentifyError('--motors must be 1 or more')
         table = columns.read(options.file)
