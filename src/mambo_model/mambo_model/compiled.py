@@ -16,7 +16,8 @@ def source_digest() -> str:
     Return a short digest of the numerical sources of every installed ``mambo_*`` package.
 
     numba invalidates a cached function when its own file changes, not when a function that
-    it calls in another file does. A cache folder named after all sources closes that gap.
+    it calls in another file does. A cache folder named after all sources closes that gap. Of
+    mambo_analysis, which is mostly not compiled, only the files that compile something count.
     """
     import importlib.util
     digest = hashlib.sha256()
@@ -26,8 +27,10 @@ def source_digest() -> str:
         if spec is None or spec.origin is None:
             continue
         for path in sorted(Path(spec.origin).parent.rglob('*.py')):
-            if not path.stem.endswith('_node'):
-                digest.update(path.read_bytes())
+            source = path.read_bytes()
+            if not path.stem.endswith('_node') and (
+                    name != 'mambo_analysis' or b'@jit' in source):
+                digest.update(source)
     return digest.hexdigest()[:16]
 
 
