@@ -10,7 +10,7 @@ from mambo_model.compiled import memory_of
 from mambo_model.flatness import from_flat_output
 from mambo_model.rigid_body import State
 from mambo_model.vehicle import Vehicle
-from mambo_ros import messages
+from mambo_ros import messages, topics
 from mambo_sim import sim_node
 from mambo_sim.sim_node import SimNode
 import pytest
@@ -43,10 +43,14 @@ class Controller:
 
     def estimate(self, k, variance=0.0):
         covariance = (variance,) * 36
-        self.node._on_estimate(messages.estimate(k * STEP, HOVERING, covariance, covariance))
+        self.hear(topics.ESTIMATE, messages.estimate(k * STEP, HOVERING, covariance, covariance))
 
     def reference(self, k):
-        self.node._on_reference(messages.reference(k * STEP, POINT, trajectory.TRACK))
+        self.hear(topics.REFERENCE, messages.reference(k * STEP, POINT, trajectory.TRACK))
+
+    def hear(self, topic, data):
+        (guard,) = [ear.take for ear in self.node.heard if ear.topic is topic]
+        guard(data)
 
     @property
     def stamps(self):
@@ -131,7 +135,7 @@ class TestWatchdog:
         node.destroy_node()
 
     def command(self, sim, pwm, shutdown=False):
-        sim._on_pwm(messages.motor_pwm(sim.t, (pwm,) * 4, shutdown, 0))
+        sim.commands(messages.motor_pwm(sim.t, (pwm,) * 4, shutdown, 0))
         return sim._heard
 
     def rise(self, sim, steps):

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from mambo_model.compiled import Held, hold, jit
+from mambo_model.flatness import Reference
 from mambo_model.rigid_body import State
-from mambo_ros import diagnostics, messages, node, topics
+from mambo_ros import diagnostics, intake, messages, node, topics
 
 from . import cascaded, failsafe
 from .failsafe import NO_REFERENCE, NO_STATE, Spread
@@ -25,11 +26,28 @@ def _step(held, state, spread, ref, phase):
     return command, held.memory.stage, held.memory.reason, held.memory.phase
 
 
+def _check_estimate(estimate: tuple) -> str:
+    """Return what is wrong with the numbers of a decoded estimate, empty if nothing."""
+    return intake.finite(*estimate[1])
+
+
+def _check_reference(reference: tuple) -> str:
+    """Return what is wrong with the numbers of a decoded reference, empty if nothing."""
+    ref = reference[1]
+    return intake.finite(
+        ref.rho, ref.v, ref.a, ref.j, ref.s, ref.q, ref.omega, ref.omega_dot, (ref.f,), ref.tau)
+
+
+def _nothing(t: int) -> None:
+    """Do nothing: the guard of the clock knows the time."""
+
+
 class ControllerNode(node.MamboNode[ControllerNodeParams]):
     """
     Controller.
 
-    Subscribes ``estimate/odom`` and ``reference``; answers each pair of equal stamps with
+    Subscribes ``estimate/odom``, ``reference`` and ``/clock``, which bounds the stamps of the two;
+    answers each pair of equal stamps with
     ``motor_pwm`` and ``controller/state``. Where one of a pair is missing and the other stream is
     ``patience`` ahead, or nobody publishes the missing stream any more, the other one is answered
     without it, as :mod:`failsafe` says. A shutdown stays until the node is started again.
@@ -51,8 +69,14 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self._pwm = self.say(topics.MOTOR_PWM)
         self._inner = self.say(topics.CONTROLLER_STATE)
         self._diagnostics = self.say(topics.DIAGNOSTICS)
-        self.hear(topics.REFERENCE, self._on_reference)
-        self.hear(topics.ESTIMATE, self._on_estimate)
+        clock = self.accept(topics.CLOCK, messages.decode_clock, _nothing, prompt=False)
+        bounds = {'now': clock, 'ahead': round(p.period * 1e9), 'tolerant': True}
+        self.accept(
+            topics.REFERENCE, messages.decode_reference, self._on_reference,
+            check=_check_reference, **bounds)
+        self.accept(
+            topics.ESTIMATE, messages.decode_estimate, self._on_estimate,
+            check=_check_estimate, **bounds)
         self.create_timer(_LOOK_EVERY, self._look)
 
     def _begin(self) -> Held:
@@ -61,13 +85,11 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         return hold(failsafe.initial(p.law), None, (
             p.period, p.law.values(), p.failsafe.values(), p.vehicle.values()))
 
-    def _on_estimate(self, data: bytes) -> None:
-        t, state, variances = messages.decode_estimate(data)
+    def _on_estimate(self, t: int, state: State, variances: tuple[float, ...]) -> None:
         self._pair(
             t, self._estimates, (state, Spread(*variances)), self._references, self._gone[1])
 
-    def _on_reference(self, data: bytes) -> None:
-        t, reference, phase = messages.decode_reference(data)
+    def _on_reference(self, t: int, reference: Reference, phase: int) -> None:
         self._pair(t, self._references, (reference, phase), self._estimates, self._gone[0])
 
     def _pair(self, t: int, mine: dict, value: tuple, other: dict, gone: bool) -> None:

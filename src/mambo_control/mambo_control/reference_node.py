@@ -5,7 +5,7 @@ from __future__ import annotations
 from mambo_model import trajectory
 from mambo_model.compiled import hold, jit
 from mambo_model.flatness import Reference
-from mambo_ros import layout, messages, node, topics
+from mambo_ros import messages, node, topics
 
 from .parameters import ReferenceNodeParams
 
@@ -24,16 +24,11 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
         super().__init__('reference_node', ReferenceNodeParams, **kwargs)
         p = self.params
         self._held = hold(None, None, (p.plan.values(), p.vehicle.values()))
-        self._last = -1
         self._reference = self.say(topics.REFERENCE)
-        self.hear(topics.CLOCK, self._on_clock)
+        self.accept(topics.CLOCK, messages.decode_clock, self._on_clock)
         self._evaluate(0)  # have the compiled step in memory before time starts
 
-    def _on_clock(self, data: bytes) -> None:
-        t = layout.stamp_ns(data)
-        if t <= self._last:
-            return
-        self._last = t
+    def _on_clock(self, t: int) -> None:
         self._reference(messages.reference(t, *self._evaluate(t)))
 
     def _evaluate(self, t: int) -> tuple[Reference, int]:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from geometry_msgs.msg import TransformStamped
 from mambo_model import frames, rigid_body
 from mambo_model.compiled import hold, jit
-from mambo_ros import diagnostics, layout, messages, node, topics
+from mambo_ros import diagnostics, intake, layout, messages, node, topics
 from tf2_msgs.msg import TFMessage
 
 from . import filters, kalman, report
@@ -16,7 +16,13 @@ from .synchroniser import Step, Synchroniser
 
 _TF_EVERY = 20_000_000  # ns
 _REPORT_EVERY = 1_000_000_000  # ns
+_STREAMS = (topics.IMU, topics.SONAR, topics.OPTICAL_FLOW, topics.BAROMETER)
 _ZERO3, _ZERO36 = (0.0,) * 3, (0.0,) * 36
+
+
+def _check_truth(truth: tuple) -> str:
+    """Return why a decoded true state cannot be used, empty if it can."""
+    return intake.finite(*truth[1])
 
 
 def _transform(
@@ -55,7 +61,8 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         self._estimate = self.say(topics.ESTIMATE)
         self._tf = self.say(topics.TF)
         if p.estimator == 'ground_truth':
-            self.hear(topics.GROUND_TRUTH, self._on_truth)
+            self.accept(
+                topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth, check=_check_truth)
             return
         self._held = hold(filters.initial(p.filter), None, p.filter.values())
         _step(  # have the compiled step in memory before time starts
@@ -70,18 +77,35 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         self._hear_sensor(topics.SONAR, messages.decode_sonar, sync.add_sonar)
         self._hear_sensor(topics.OPTICAL_FLOW, messages.decode_optical_flow, sync.add_flow)
         self._hear_sensor(topics.BAROMETER, messages.decode_pressure, sync.add_pressure)
-        self._hear_sensor(topics.IMU, messages.decode_imu, sync.add_imu, prompt=not watermark)
-        if watermark:  # the last message of a step: nothing can be done before it
-            self._hear_sensor(
-                topics.SENSOR_TICK, messages.decode_sensor_tick, sync.add_tick, prompt=True)
+        if not watermark:  # the inertial samples are the clock
+            self.accept(
+                topics.IMU, messages.decode_imu, self._adder(sync.add_imu), reliable=self._reliable)
+            return
+        self._hear_sensor(topics.IMU, messages.decode_imu, sync.add_imu)
+        # the last message of a step: nothing can be done before it
+        self.accept(topics.SENSOR_TICK, messages.decode_sensor_tick, self._adder(sync.add_tick))
 
-    def _hear_sensor(self, topic: topics.Topic, decode: Callable, add: Callable,
-                     prompt: bool = False) -> None:
-        """Queue each message of a sensor and run the steps that it completes."""
-        self.hear(topic, lambda data: self._run(add(*decode(data))), prompt)
+    @property
+    def _reliable(self) -> bool:
+        return self.params.sensor_reliability == 'reliable'
 
-    def _on_truth(self, data: bytes) -> None:
-        t, state = messages.decode_odometry(data)
+    def _adder(self, add: Callable) -> Callable:
+        """Return what takes a message of a sensor and runs the steps that it completes."""
+        return lambda *sample: self._run(add(*sample))
+
+    def _hear_sensor(self, topic: topics.Topic, decode: Callable, add: Callable) -> None:
+        """
+        Queue each message of a sensor, late and repeated ones as well, whatever it reads.
+
+        The synchroniser puts the samples in order and the filter judges what they say; one that
+        cannot be read still counts where a watermark announces it.
+        """
+        stream = _STREAMS.index(topic)
+        self.accept(
+            topic, decode, self._adder(add), prompt=False, reliable=self._reliable,
+            timed=False, lost=lambda: self._run(self._sync.skip(stream)))
+
+    def _on_truth(self, t: int, state: rigid_body.State) -> None:
         self._estimate(messages.estimate(t, state, _ZERO36, _ZERO36))
         self._broadcast(t, state)
 

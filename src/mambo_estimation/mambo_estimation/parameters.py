@@ -20,6 +20,10 @@ class EstimatorNodeParams:
     synchronise: str = schema.choice(
         'watermark', ('watermark', 'arrival'),
         'wait for every sample the watermark announces, or use what has arrived (real hardware)')
+    sensor_reliability: str = schema.choice(
+        'reliable', ('reliable', 'best_effort'),
+        'what the subscriptions of the sensors ask for; best_effort also hears drivers that offer '
+        'no more, with synchronise = arrival, as a lost sample is never announced twice')
     map_to_odom: bool = schema.flag(True, 'publish the identity map to odom on /tf')
     kalman: EstimatorParams = schema.group(EstimatorParams)
     toolbox: ToolboxEstimatorParams = schema.group(ToolboxEstimatorParams)

@@ -34,6 +34,7 @@ class Step(NamedTuple):
 
 
 _LATENCY = 50_000_000  # ns, by which a sample of a driver without watermark may be late
+_AHEAD = 100_000_000  # ns, by which an aiding sample may be ahead of the step it arrives with
 
 
 class Synchroniser:
@@ -47,7 +48,8 @@ class Synchroniser:
         that sends no watermark): an IMU sample is a step with what has arrived by then.
 
     A sample is dropped where it is late (older than the step before the one that is told of it),
-    not newer than one before it on its stream, or overtaken within one step.
+    not newer than one before it on its stream, overtaken within one step, or ahead: inertial
+    samples of the step they arrive with, aiding ones of it by 0.1 s (they may belong to the next).
 
     """
 
@@ -91,6 +93,10 @@ class Synchroniser:
         self._ticks.append((t, counts))
         return self._completed()
 
+    def skip(self, stream: int) -> list[Step]:
+        """Count a sample of a stream (0 to 3) that arrived but cannot be read."""
+        return self._add(stream, -1, None)
+
     def _add(self, stream: int, t: int, sample: object) -> list[Step]:
         self._received[stream] += 1
         self._arrived[stream].append((t, sample))
@@ -110,13 +116,17 @@ class Synchroniser:
             out += self._release(t, due)
         return out
 
-    def _admit(self, stream: int, due: int) -> None:
+    def _admit(self, stream: int, due: int, now: int) -> None:
         """Make the first ``due`` samples of a stream ready; drop those that come too late."""
         arrived, last = self._arrived[stream], self._last_t
         if last is not None and not self._watermark and stream:
             last -= _LATENCY
+        limit = now + _AHEAD if stream else now
         for _ in range(due - self._received[stream] + len(arrived)):
             t, sample = arrived.popleft()
+            if t > limit:
+                self._dropped[stream] += 1
+                continue
             if t <= self._newest[stream] or last is not None and t <= last:
                 self._dropped[stream] += 1
             else:
@@ -135,7 +145,7 @@ class Synchroniser:
     def _release(self, t: int, due: list[int]) -> list[Step]:
         """Return the steps up to a stamp; with a watermark there is one at the stamp itself."""
         for stream in range(4):
-            self._admit(stream, due[stream])
+            self._admit(stream, due[stream], t)
         queue, samples, out = self._ready[0], [], []
         while queue and queue[0][0] <= t:
             samples.append(queue.popleft())

@@ -25,6 +25,7 @@ _FORMATS = {
 _ENCAPSULATION = b'\x00\x01\x00\x00'  # XCDR1, little endian
 _WORD = 4  # bytes; what is sent is a whole number of them
 _MANY = 16  # sets of texts of one type that are remembered
+_LONGEST = 256  # characters of a text that is remembered
 _SECOND = 1_000_000_000
 
 
@@ -191,7 +192,7 @@ class Layout:
                 texts[name.replace('.', '__')] = value
             else:
                 out.extend(value if count > 1 else (value,))
-        if len(self._others) < _MANY:
+        if len(self._others) < _MANY and all(len(text) <= _LONGEST for text in texts.values()):
             self._others.append(Layout(self.msg_type, **texts))
         return tuple(out)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 from mambo_interfaces.msg import NodeLinks
+from rclpy.serialization import deserialize_message
 
 from . import node, topics
 
@@ -37,11 +38,24 @@ class Links:
             for name in map(str.strip, wait_for.split(',')) if name]
         self._known: dict[str, NodeLinks] = {}
         owner.create_subscription(
-            topics.LINKS.msg_type, topics.LINKS.name, self.update, node.qos(topics.LINKS, 100))
+            topics.LINKS.msg_type, topics.LINKS.name, self._on_links, node.qos(topics.LINKS, 100),
+            raw=True)
+
+    def _on_links(self, data: bytes) -> None:
+        """Take what one node announced; ignore what cannot be read."""
+        try:
+            links = deserialize_message(data, NodeLinks)
+        except Exception:  # of a kind that the middleware chooses
+            self._owner.get_logger().warning(
+                f'{topics.LINKS.name}: ignored {len(data)} bytes that are not a NodeLinks',
+                throttle_duration_sec=_ASK_AGAIN)
+            return
+        self.update(links)
 
     def update(self, links: NodeLinks) -> None:
-        """Take what one node announced."""
-        self._known[links.node] = links
+        """Take what one node announced, if it is complete."""
+        if len(links.published) == len(links.matched):
+            self._known[links.node] = links
 
     def missing(self) -> str:
         """Return the first thing that is not there yet as a phrase, empty when all is matched."""

@@ -57,6 +57,11 @@ def clock(t: int) -> bytes:
     return _CLOCK.stamped(t)
 
 
+def decode_clock(data: bytes) -> tuple[int]:
+    """Return (stamp ns,) of ``/clock``."""
+    return _stamp(_CLOCK.unpack(data)),
+
+
 def imu(t: int, gyro: Vec3, accel: Vec3, gyro_variance: Vec3, accel_variance: Vec3) -> bytes:
     """
     Encode an IMU sample (REP-145: no orientation).

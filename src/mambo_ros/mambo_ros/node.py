@@ -13,8 +13,10 @@ what somebody outside reads.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 import gc
+import math
 import os
 from pathlib import Path
 import resource
@@ -35,17 +37,22 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
-from . import params, topics
+from . import diagnostics, params, peers, topics
+from .intake import Intake
 
 P = TypeVar('P')
 
 QUEUE = topics.QUEUE
+REFUSED = 'refused messages:'
+"""Begin of the line that says how many."""
 
 _HOUSEKEEPING = 0.02  # s, the longest wait at once
 _TURN = 0.05  # s between turns of the ordinary executor, each of which costs most of a step
 _LAZY = 0.005  # s between looks at topics that need not be prompt
 _SOON = 0.0003  # s, within which what belongs to a prompt message follows it
 _AT_ONCE = 100  # messages of one topic before timers and the other topics get their turn
+_BYTES_AT_ONCE = 1_000_000  # likewise
+_REPORT_EVERY = 1.0  # s between reports of refused messages
 _QUIET = 0.1  # s without a message after which a stopping node has taken everything
 _PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'  # of the user, or ours
 _REFUSALS = (ParameterError, FileNotFoundError, FileExistsError, _rclpy.RCLError)
@@ -66,12 +73,18 @@ class _Lean(CallbackGroup):
         """Do nothing."""
 
 
-def qos(topic: topics.Topic, depth: int = QUEUE) -> QoSProfile:
+def qos(topic: topics.Topic, depth: int = QUEUE, reliable: bool = True) -> QoSProfile:
     """Return the quality of service of a topic: reliable, deep, volatile unless it says so."""
     durability = (DurabilityPolicy.TRANSIENT_LOCAL if topic.transient_local
                   else DurabilityPolicy.VOLATILE)
+    reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
     return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth,
-                      reliability=ReliabilityPolicy.RELIABLE, durability=durability)
+                      reliability=reliability, durability=durability)
+
+
+def refusals_line(counts: Mapping[str, int]) -> str:
+    """Return as one line how many messages were refused, by topic and reason."""
+    return f'{REFUSED} ' + ', '.join(f'{count} {what}' for what, count in counts.items())
 
 
 class Voice:
@@ -115,8 +128,9 @@ class Ear(NamedTuple):
 
     topic: topics.Topic
     name: str  # resolved
-    take: Callable[[bytes], None]
+    take: Callable[[bytes], None] | Intake
     prompt: bool
+    reliable: bool = True
 
 
 class MamboNode(Node, Generic[P]):
@@ -147,11 +161,17 @@ class MamboNode(Node, Generic[P]):
         self.heard: list[Ear] = []
         self._lean = _Lean()
         self._matched: list[int] | None = None
+        self._refusals: dict[str, int] = {}  # by topic and reason, as last reported
+        self._next_report = 0.0  # s of wall time
         self._links = self.create_publisher(
             topics.LINKS.msg_type, topics.LINKS.name, qos(topics.LINKS, 1))
 
     def say(self, topic: topics.Topic) -> Voice:
         """Advertise a topic; return what publishes serialised messages on it when called."""
+        name = self.resolve_topic_name(topic.name)
+        for voice in self.said:
+            if voice.publisher.topic_name == name:
+                return voice
         voice = Voice(
             self.create_publisher(topic.msg_type, topic.name, qos(topic)), topic.shared)
         self.said.append(voice)
@@ -175,11 +195,80 @@ class MamboNode(Node, Generic[P]):
         """
         self.heard.append(Ear(topic, self.resolve_topic_name(topic.name), callback, prompt))
 
+    def accept(self, topic: topics.Topic, decode: Callable[[bytes], tuple],
+               callback: Callable[..., Any], prompt: bool = True, reliable: bool = True,
+               **bounds: Any) -> Intake:
+        """
+        Have ``callback`` get what each usable message of a topic says; return its guard.
+
+        Parameters
+        ----------
+        topic
+            What to hear.
+        decode
+            From bytes to a tuple that begins with the stamp in ns.
+        callback
+            Gets that tuple as arguments.
+        prompt
+            As of :meth:`hear`.
+        reliable
+            Whether to ask for reliable delivery; a reader that does not also hears publishers
+            that offer best effort only.
+        bounds
+            What can be used, as of ``intake.Intake``. What cannot is refused, with a warning and
+            a count on ``/diagnostics``.
+
+        """
+        name = self.resolve_topic_name(topic.name)
+        guard = Intake(name, decode, callback, **bounds)
+        guard.publishers = partial(self.count_publishers, name)
+        self.heard.append(Ear(topic, name, guard, prompt, reliable))
+        self.say(topics.DIAGNOSTICS)
+        return guard
+
     def subscribe(self, ear: Ear) -> Subscription:
         """Subscribe at the middleware what is to be heard."""
         return self.create_subscription(
-            ear.topic.msg_type, ear.name, ear.take, qos(ear.topic), callback_group=self._lean,
-            raw=True)
+            ear.topic.msg_type, ear.name, ear.take, qos(ear.topic, reliable=ear.reliable),
+            callback_group=self._lean, raw=True)
+
+    @property
+    def intakes(self) -> list[Intake]:
+        """Return the guards of all inputs."""
+        return [ear.take for ear in self.heard if isinstance(ear.take, Intake)]
+
+    def refused(self) -> dict[str, int]:
+        """Return how many messages were refused, by topic and reason."""
+        return {f'{guard.topic} {reason}': count for guard in self.intakes
+                for reason, count in sorted(guard.refused.items())}
+
+    def ends(self) -> list[peers.End]:
+        """Return the topics of this node as the graph has them."""
+        return [
+            *(peers.End(ear.name, ear.topic.shared, qos(ear.topic, reliable=ear.reliable), False)
+              for ear in self.heard),
+            *(peers.End(voice.publisher.topic_name, voice.shared, voice.publisher.qos_profile,
+                        True) for voice in self.said)]
+
+    def report_refusals(self, now: float) -> None:
+        """
+        Warn of messages that were refused since the last report, once a second.
+
+        Parameters
+        ----------
+        now : s
+            Wall time, of ``time.monotonic``.
+
+        """
+        counts = self.refused() if now >= self._next_report else self._refusals
+        if counts == self._refusals:
+            return
+        self._refusals, self._next_report = counts, now + _REPORT_EVERY
+        line = refusals_line(counts)
+        self.get_logger().warning(line)
+        stamp = max([0, *(guard.last for guard in self.intakes)])
+        self.say(topics.DIAGNOSTICS)(diagnostics.report(
+            stamp, f'{self.get_name()}: inputs', diagnostics.WARN, line, counts))
 
     def finish(self) -> None:
         """Do what is left after the last message; called once while the graph still works."""
@@ -195,10 +284,39 @@ class MamboNode(Node, Generic[P]):
             published=[voice.publisher.topic_name for voice in self.said], matched=matched))
 
     def flush(self, seconds: float = 2.0) -> None:
-        """Wait until every reader has acknowledged what this node published."""
+        """Say what is left to say; wait until every reader has acknowledged all of it."""
+        self.report_refusals(math.inf)
         limit = rclpy.duration.Duration(seconds=seconds)
         for voice in self.said:
             voice.publisher.wait_for_all_acked(limit)
+
+
+class _Entry(NamedTuple):
+    """A subscription that a loop serves."""
+
+    handle: Any
+    msg_type: type
+    take: Callable[..., None]
+    guarded: bool  # whether it wants to know the number of a message
+
+
+def _take_all(entry: _Entry) -> bool:
+    """Handle what the middleware has of a topic; return whether there was anything."""
+    handle, msg_type, callback, guarded = entry
+    size = 0
+    for _ in range(_AT_ONCE):
+        taken = handle.take_message(msg_type, True)
+        if taken is None:
+            break
+        data, about = taken
+        if guarded:
+            callback(data, about['publication_sequence_number'])
+        else:
+            callback(data)
+        size += len(data)
+        if size > _BYTES_AT_ONCE:
+            break
+    return size > 0
 
 
 class Loop:
@@ -227,8 +345,7 @@ class Loop:
                 voice.queue = self._queue
         far = [(node, ear) for node in nodes for ear in node.heard if not self._near(ear)]
         far.sort(key=lambda pair: pair[1].prompt)  # when a prompt one wakes, the others are first
-        self._entries = [(node.subscribe(ear).handle, ear.topic.msg_type, ear.take)
-                         for node, ear in far]
+        self._entries = [self._entry(node, ear) for node, ear in far]
         self._prompt = [
             entry for entry, (_, ear) in zip(self._entries, far, strict=True) if ear.prompt]
         self._longest = _HOUSEKEEPING if len(self._prompt) == len(far) else _LAZY
@@ -239,6 +356,15 @@ class Loop:
             self._wait_set = _rclpy.WaitSet(
                 len(self._prompt), 0, 0, 0, 0, 0, self._context.handle)
         self._next_turn = 0.0
+        self._peers = [peers.Peers(node, node.ends()) for node in nodes]
+
+    def _entry(self, node: MamboNode, ear: Ear) -> _Entry:
+        """Subscribe what is to be heard from elsewhere."""
+        guarded = isinstance(ear.take, Intake)
+        entry = _Entry(node.subscribe(ear).handle, ear.topic.msg_type, ear.take, guarded)
+        if guarded:
+            ear.take.pull = partial(_take_all, entry)
+        return entry
 
     def _near(self, ear: Ear) -> bool:
         """Join an ear to the voices of this loop; return whether there are any."""
@@ -291,20 +417,15 @@ class Loop:
             return
         wait_set = self._wait_set
         wait_set.clear_entities()
-        for handle, _, _ in self._prompt:
-            wait_set.add_subscription(handle)
+        for entry in self._prompt:
+            wait_set.add_subscription(entry.handle)
         wait_set.wait(int(timeout * 1e9))
 
     def _take(self) -> bool:
         """Handle what the middleware has; return whether there was anything."""
         handled = False
-        for handle, msg_type, callback in self._entries:
-            for _ in range(_AT_ONCE):
-                taken = handle.take_message(msg_type, True)
-                if taken is None:
-                    break
-                callback(taken[0])
-                handled = True
+        for entry in self._entries:
+            handled = _take_all(entry) or handled
         return handled
 
     def run(self) -> None:
@@ -322,9 +443,13 @@ class Loop:
                 quiet_since = time.monotonic()
 
     def turn(self) -> None:
-        """Announce links; give timers, parameters and services their turn."""
+        """Announce links, report; give timers, parameters and services their turn."""
+        now = time.monotonic()
         for node in self._nodes:
             node.announce()
+            node.report_refusals(now)
+        for watch in self._peers:
+            watch.look()
         self._executor.spin_once(timeout_sec=0.0)
 
     def close(self) -> None:

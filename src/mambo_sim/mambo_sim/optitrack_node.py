@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mambo_model.compiled import Held, hold, jit, memory_of
 from mambo_model.rigid_body import State
-from mambo_ros import diagnostics, messages, node, topics
+from mambo_ros import diagnostics, intake, messages, node, topics
 
 from . import simulator
 from .parameters import OptitrackNodeParams
@@ -23,6 +23,11 @@ def _step(held, t, state):
     return sample
 
 
+def _check(truth: tuple) -> str:
+    """Return why a decoded true state cannot be used, empty if it can."""
+    return intake.finite(*truth[1])
+
+
 class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
     """
     Mock motion capture.
@@ -34,14 +39,15 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
 
     def __init__(self, **kwargs) -> None:
         super().__init__('optitrack_node', OptitrackNodeParams, **kwargs)
-        self._last = -1
+        self._begun = False
         still = State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
         self._held = self._begin(0, still)
         _step(self._held, 0, still)  # have the compiled steps in memory before time starts
         memory_of(self._held)
         self._pose = self.say(topics.OPTITRACK)
         self._diagnostics = self.say(topics.DIAGNOSTICS)
-        self.hear(topics.GROUND_TRUTH, self._on_truth, prompt=False)
+        self.accept(topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth, prompt=False,
+                    check=_check)
 
     def _begin(self, t: int, state: State) -> Held:
         """Return the cameras before their first sample of the truth."""
@@ -49,13 +55,9 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
         rng = simulator.generators(p.seed)[4]
         return hold((optitrack.START, t, state), rng, p.optitrack.values())
 
-    def _on_truth(self, data: bytes) -> None:
-        t, state = messages.decode_odometry(data)
-        if t <= self._last:
-            return
-        if self._last < 0:
-            self._held = self._begin(t, state)
-        self._last = t
+    def _on_truth(self, t: int, state: State) -> None:
+        if not self._begun:
+            self._held, self._begun = self._begin(t, state), True
         sample = _step(self._held, t, state)
         if sample.new:
             self._pose(messages.optitrack(sample.stamp, sample.pose.rho, sample.pose.q))

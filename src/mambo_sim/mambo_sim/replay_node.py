@@ -94,6 +94,14 @@ def recorded(path: Path, names: set[str]) -> Iterator[tuple[str, str, bytes]]:
                 f'{file}: not a readable MCAP file ({error}); try recover on it') from None
 
 
+def _decode_stamp(data: bytes) -> tuple[int]:
+    return layout.stamp_ns(data),
+
+
+def _nothing(t: int) -> None:
+    """Do nothing: the guard of the estimates knows the newest stamp."""
+
+
 class ReplayNode(node.MamboNode[ReplayNodeParams]):
     """Publishes recorded sensors, ``/clock`` and ``sensor_tick``; hears ``estimate/odom``."""
 
@@ -113,14 +121,12 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
         for topic in dict.fromkeys((*_SENSORS, topics.SENSOR_TICK, *(known[n] for n in extra))):
             name = topic.name if topic.name.startswith('/') else f'{root}/{topic.name}'
             self._topics[name] = (topic, self.say(topic))
-        self._clock = self.say(topics.CLOCK)
+        self._say_clock = self.say(topics.CLOCK)
         self._tick = self._topics[f'{root}/{topics.SENSOR_TICK.name}'][1]
-        self._answered = -1
-        self.hear(topics.ESTIMATE, self._on_estimate)
+        self._t = -1  # of the newest step, ns
+        self._estimates = self.accept(
+            topics.ESTIMATE, _decode_stamp, _nothing, now=lambda: self._t)
         self.links = links.Links(self, p.wait_for)
-
-    def _on_estimate(self, data: bytes) -> None:
-        self._answered = max(self._answered, layout.stamp_ns(data))
 
     def steps(self) -> Iterator[int]:
         """Publish the bag step by step; yield the stamp in ns after each."""
@@ -148,7 +154,8 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
         return next(name for name, (entry, _) in self._topics.items() if entry is topic)
 
     def _publish_step(self, t: int, held: list[tuple], counts: dict, has_ticks: bool) -> int:
-        self._clock(messages.clock(t))
+        self._t = t
+        self._say_clock(messages.clock(t))
         for topic, publish, data in held:
             if topic in counts:
                 counts[topic] += 1
@@ -160,13 +167,14 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
     def wait_for_answer(self, loop: node.Loop, t: int) -> bool:
         """Serve the graph until the estimate of ``t`` is there."""
         began = time.monotonic()
-        while self._answered < t:
-            if not loop.once(0.02) and (
-                    loop.stopping or time.monotonic() - began > self.params.patience):
-                if not loop.stopping:
-                    self.get_logger().error(
-                        f'no estimate/odom for t = {t * 1e-9:.3f} s within '
-                        f'{self.params.patience:g} s')
+        while self._estimates.last < t:
+            loop.once(0.02)
+            if loop.stopping:
+                return False
+            if time.monotonic() - began > self.params.patience and self._estimates.last < t:
+                self.get_logger().error(
+                    f'no estimate/odom for t = {t * 1e-9:.3f} s within '
+                    f'{self.params.patience:g} s')
                 return False
         return True
 

@@ -12,14 +12,25 @@ from __future__ import annotations
 import time
 
 from mambo_model.compiled import Held, hold, jit
-from mambo_ros import diagnostics, links, messages, node, topics
+from mambo_ros import diagnostics, intake, links, messages, node, topics
 
 from . import simulator
 from .delays import Delays
 from .faults import FaultParams, Outbox
 from .parameters import SimNodeParams, STEP_NS
 
+LARGEST_PWM = 65_535.0  # of any vehicle; the limits of this one are its motors' own
+_STILL = (0.0,) * 4  # PWM
 _ASK_AGAIN = 5.0  # s of wall time after which a waiting simulator says what it waits for
+
+
+def _check_pwm(command: tuple) -> str:
+    """Return why a decoded motor command cannot be used, empty if it can, as any shutdown."""
+    _, pwm, shutdown = command
+    if shutdown:
+        return ''
+    within = 0.0 <= min(pwm) and max(pwm) <= LARGEST_PWM
+    return intake.finite(pwm) or ('' if within else intake.OUT_OF_LIMITS)
 
 
 @jit
@@ -50,13 +61,13 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._gyro_variance = tuple(sigma ** 2 for sigma in p.imu.gyro_noise)
         self._accel_variance = tuple(sigma ** 2 for sigma in p.imu.accel_noise)
         self._tick = 0
-        self._pwm, self._shutdown, self._answered = (0.0,) * 4, False, -1
+        self._pwm, self._shutdown, self._answered = _STILL, False, -1
         self._heard = 0.0  # s of wall time
         self.sensed = 0.0  # s of wall time, of the newest IMU sample
         self.delays = Delays()  # from IMU sample to motor command
         self.missed = 0
         self.starved = -1  # ns, when the watchdog stopped the motors; -1: it has not
-        self._clock = self.say(topics.CLOCK)
+        self._say_clock = self.say(topics.CLOCK)
         f = p.faults
         self._imu = self._outbox(topics.IMU, f.imu)
         self._sonar = self._outbox(topics.SONAR, f.sonar)
@@ -65,7 +76,9 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._truth = self.say(topics.GROUND_TRUTH)
         self._watermark = self.say(topics.SENSOR_TICK)
         self._diagnostics = self.say(topics.DIAGNOSTICS)
-        self.hear(topics.MOTOR_PWM, self._on_pwm)
+        self.commands = self.accept(
+            topics.MOTOR_PWM, messages.decode_motor_pwm, self._on_pwm, now=self._time,
+            check=_check_pwm)
         self.links = links.Links(self, self.params.wait_for)
         self._held = self._begin()
         _sense(self._held, 0)  # have the compiled steps in memory before time starts
@@ -80,13 +93,14 @@ class SimNode(node.MamboNode[SimNodeParams]):
         p = self.params.simulator
         return hold(simulator.initial_state(p), simulator.generators(p.seed), p.values())
 
-    def _on_pwm(self, data: bytes) -> None:
-        t, pwm, shutdown = messages.decode_motor_pwm(data)
-        if t > self._answered:  # a repeated or late answer changes nothing
-            self._answered, self._pwm, self._shutdown = t, pwm, shutdown
-            self._heard = time.monotonic()
-            if t == self.t:
-                self.delays.add(self._heard - self.sensed)
+    def _on_pwm(self, t: int, pwm: tuple, shutdown: bool) -> None:
+        self._answered, self._pwm, self._shutdown = t, _STILL if shutdown else pwm, shutdown
+        self._heard = time.monotonic()
+        if t == self.t:
+            self.delays.add(self._heard - self.sensed)
+
+    def _time(self) -> int:
+        return self.t
 
     @property
     def t(self) -> int:
@@ -103,7 +117,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
         t = self.t
         s, body = _sense(self._held, self._tick)
         p = self.params.simulator
-        self._clock(messages.clock(t))
+        self._say_clock(messages.clock(t))
         streams = (self._imu, self._sonar, self._flow, self._barometer)
         for stream in streams:
             stream.catch_up(self._tick)
@@ -126,6 +140,12 @@ class SimNode(node.MamboNode[SimNodeParams]):
         if t % 1_000_000_000 == 0:
             self._report(t)
 
+    @property
+    def _limit(self) -> float:
+        """Return the wall time in s for which a motor command may be missing."""
+        p = self.params
+        return p.patience if p.mode == 'lockstep' else p.motor_timeout
+
     def _report(self, t: int) -> None:
         level, line = diagnostics.OK, 'flying'
         if self.missed:
@@ -133,7 +153,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
         if self.starved >= 0:
             level, line = diagnostics.ERROR, (
                 f'motors stopped at t = {self.starved * 1e-9:.3f} s: no motor command for '
-                f'{self.params.motor_timeout:g} s')
+                f'{self._limit:g} s')
         numbers = {'mode': self.params.mode, 'steps': self._tick, 'missed': self.missed}
         if self.params.mode == 'realtime':  # a wall time has no place in a repeatable flight
             numbers |= {f'IMU to motor command, {name} [ms]': value
@@ -158,6 +178,16 @@ class SimNode(node.MamboNode[SimNodeParams]):
                 f'no motor_pwm for {limit:g} s: motors stopped at t = {self.t * 1e-9:.3f} s')
             self._report(self.t)
 
+    def give_up(self) -> None:
+        """Stop the motors for good: the command of this step has not come (lockstep)."""
+        self.starved = self.t
+        refused = ', '.join(
+            f'{count} {reason}' for reason, count in sorted(self.commands.refused.items()))
+        self.get_logger().error(
+            f'no motor_pwm for t = {self.t * 1e-9:.3f} s within {self.params.patience:g} s: '
+            f"motors stopped{f'; refused: {refused}' if refused else ''}")
+        self._report(self.t)
+
     def advance(self) -> None:
         """Move the vehicle to the next step with the newest motor command."""
         stop = self._shutdown or self.starved >= 0
@@ -169,17 +199,16 @@ def _wait_for_answer(sim: SimNode, loop: node.Loop) -> bool:
     """Serve the graph until the step's motor command is there (lockstep)."""
     began = said = time.monotonic()
     while not sim.answered:
-        if not loop.once(0.02):
-            now = time.monotonic()
-            if loop.stopping:
-                return False
-            if now - began > sim.params.patience:
-                sim.get_logger().error(
-                    f'no motor_pwm for t = {sim.t * 1e-9:.3f} s within {sim.params.patience:g} s')
-                return False
-            if now - said > _ASK_AGAIN:
-                said = now
-                sim.get_logger().warning(f'waiting for motor_pwm of t = {sim.t * 1e-9:.3f} s')
+        loop.once(0.02)
+        now = time.monotonic()  # whatever came: what is refused may come without end
+        if loop.stopping:
+            return False
+        if now - began > sim.params.patience and not sim.answered:
+            sim.give_up()
+            return False
+        if now - said > _ASK_AGAIN:
+            said = now
+            sim.get_logger().warning(f'waiting for motor_pwm of t = {sim.t * 1e-9:.3f} s')
     return True
 
 

@@ -1,0 +1,206 @@
+"""
+What a node accepts: every message of every input goes through one :class:`Intake`.
+
+A message is used when it comes from the first publisher of its topic, can be decoded, has a
+stamp that is newer than the last one accepted and not ahead of the flight, and holds numbers
+within limits. Any other is refused and counted by its reason; nothing that is refused has an
+effect on the node.
+
+**Time.** A node that knows the time of the flight (the simulator, or who hears ``/clock``) gives
+it as ``now``, and a stamp may be ahead of it by ``ahead`` at most: a message may overtake the
+clock that caused it. Where an input is itself the clock of its node, it may run ahead of the last
+message accepted by ``LEAP``. A longer gap is believed when ``BELIEVED`` messages in a row go on
+from there.
+
+**Publisher.** ROS does not say who published a message, but each publisher numbers what it sends.
+While a topic has one publisher, any number is that publisher's. With several, the numbers must go
+on where the first publisher's were; a message that does not is another publisher's.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+import math
+import struct
+from typing import Any
+
+from .layout import LayoutError
+
+LEAP = 1_000_000_000  # ns
+BELIEVED = 10  # messages
+LARGEST = 65_536  # bytes; the largest message of the graph has 0.8 kB
+
+STRANGER = 'from a second publisher'
+MALFORMED = 'malformed'
+TOO_LARGE = 'too large'
+NEGATIVE = 'stamp below 0'
+BEHIND = 'stamp not after the last one'
+AHEAD = 'stamp ahead of the flight'
+NOT_FINITE = 'not finite'
+OUT_OF_LIMITS = 'out of limits'
+
+_UNREADABLE = (LayoutError, struct.error, IndexError)
+
+
+def _one() -> int:
+    """Return 1: the publisher of an input that no other process can reach."""
+    return 1
+
+
+def _nothing() -> None:
+    """Do nothing."""
+
+
+def finite(*parts: tuple[float, ...]) -> str:
+    """Return why the numbers of some tuples cannot be used, empty if they can: all are finite."""
+    return '' if math.isfinite(sum(map(sum, parts))) else NOT_FINITE
+
+
+class Intake:
+    """
+    Guard of one input of a node; called with each message as it arrives.
+
+    Parameters
+    ----------
+    topic : str
+        Full name.
+    decode
+        From the bytes of a message to a tuple that begins with the stamp in ns.
+    use
+        Gets that tuple as arguments.
+    now
+        Time of the flight: what returns it in ns, -1 while it is not known, or the intake of the
+        clock; None: the input itself is the clock of its node.
+    ahead : ns
+        By which a stamp may be ahead of ``now``.
+    check
+        Gets the tuple; returns why its numbers cannot be used, empty if they can.
+    tolerant
+        Whether a message that ``check`` refuses is counted and used all the same, by a node that
+        knows how to do without some of its numbers.
+    timed
+        Whether the stamp is bounded here; False for inputs whose node itself puts late, repeated
+        and early samples in order.
+    lost
+        Called for a message of the first publisher that is refused, None: nobody needs to know.
+
+    Attributes
+    ----------
+    last : int
+        Newest stamp accepted, ns; -1 before the first, and of inputs that are not ``timed``.
+    refused : collections.Counter
+        Messages refused, by reason.
+    publishers
+        Returns how many publishers the topic has in the graph; set by the node.
+    pull
+        Takes what has arrived but waits for its turn; set by the loop.
+
+    """
+
+    def __init__(
+        self, topic: str, decode: Callable[[bytes], tuple], use: Callable[..., Any],
+        now: Callable[[], int] | Intake | None = None, ahead: int = 0,
+        check: Callable[[tuple], str] | None = None, tolerant: bool = False, timed: bool = True,
+        lost: Callable[[], Any] | None = None,
+    ) -> None:
+        self.topic, self.last = topic, -1
+        self.refused: Counter[str] = Counter()
+        self.publishers: Callable[[], int] = _one
+        self.pull: Callable[[], Any] = _nothing
+        self._decode, self._use, self._check, self._tolerant = decode, use, check, tolerant
+        self._now, self._newest = (
+            (now.time, now.newest) if isinstance(now, Intake) else (now, now))
+        self._ahead, self._timed, self._lost = ahead, timed, lost
+        self._next = 0  # number of the first publisher's next message; 0: none has come
+        self._others = 0  # likewise of the other publisher; 0: there is none
+        self._there, self._run = -1, 0  # stamp of the last leap, messages that went on from it
+
+    def __call__(self, data: bytes, number: int | None = None) -> None:
+        """
+        Take a message.
+
+        Parameters
+        ----------
+        data
+            Its bytes.
+        number
+            That its publisher gave it, from 1 on; None: a node of this process, or not known.
+
+        """
+        if number:
+            if (number != self._next or number == self._others) and not self._from_first(number):
+                self.refused[STRANGER] += 1
+                return
+            self._next = number + 1
+        try:
+            value = self._decode(data) if len(data) <= LARGEST else None
+        except _UNREADABLE:
+            self._refuse(MALFORMED)
+            return
+        if value is None:
+            self._refuse(TOO_LARGE)
+            return
+        t = value[0]
+        if wrong := self._mistimed(t):
+            self._refuse(wrong)
+            return
+        if self._check is not None and (wrong := self._check(value)):
+            if not self._tolerant:
+                self._refuse(wrong)
+                return
+            self.refused[wrong] += 1
+        if self._timed:
+            self.last = t
+        self._use(*value)
+
+    def time(self) -> int:
+        """Return the newest stamp accepted, ns; -1 before the first."""
+        return self.last
+
+    def newest(self) -> int:
+        """Return the same after a look at what has arrived."""
+        self.pull()
+        return self.last
+
+    def _refuse(self, reason: str) -> None:
+        """Count a message of the first publisher that is not used."""
+        self.refused[reason] += 1
+        if self._lost is not None:
+            self._lost()
+
+    def _mistimed(self, t: int) -> str:
+        """Return what is wrong with a stamp, empty if nothing."""
+        if t < 0:
+            return NEGATIVE
+        if not self._timed:
+            return ''
+        if t <= self.last:
+            return BEHIND
+        if self._now is None:
+            if self.last >= 0 and t > self.last + LEAP and not self._goes_on(t):
+                return AHEAD
+            self._run = 0
+            return ''
+        if 0 <= self._now() < t - self._ahead and 0 <= self._newest() < t - self._ahead:
+            return AHEAD
+        return ''
+
+    def _goes_on(self, t: int) -> bool:
+        """Return whether enough messages in a row went on from a leap to believe it."""
+        self._run = self._run + 1 if self._there < t <= self._there + LEAP else 1
+        self._there = t
+        return self._run >= BELIEVED
+
+    def _from_first(self, number: int) -> bool:
+        """Return whether a message out of its turn may be used as the first publisher's."""
+        if self.publishers() < 2:  # it lost some, or another one has taken its place
+            self._others = 0
+            return True
+        if not self._next:
+            return True
+        if number > self._next and 0 < self._others < self._next:
+            return True  # the first one lost some: the other one's numbers are behind
+        # Where both have come to the same number, the one that caught up sends more often.
+        self._others = number + 1
+        return False
