@@ -1,6 +1,7 @@
 """A controller or a vehicle that hears nothing more: nodes in this process, without a graph."""
 
 import math
+import time
 from types import SimpleNamespace
 
 from mambo_control import failsafe
@@ -161,6 +162,80 @@ class TestWatchdog:
         heard = self.command(sim, pwm, shutdown)
         sim.watch(heard + 100.0)
         assert sim.starved == -1
+
+
+class TestGarbage:
+    """Commands that cannot be used, as often as the simulator looks."""
+
+    FUTURE = 1_795_307_261_000_000_000  # ns, a wall clock
+    GARBAGE = {
+        'stamp ahead of the flight': messages.motor_pwm(FUTURE, (400.0,) * 4, False, 0),
+        'not finite': messages.motor_pwm(5 * STEP, (math.nan,) * 4, False, 0),
+        'out of limits': messages.motor_pwm(5 * STEP, (-1.0, 1e9, 0.0, 0.0), False, 0),
+        'malformed': b'\xff' * 60}
+
+    def sim(self, **parameters):
+        node = SimNode(parameter_overrides=[
+            Parameter(name.replace('__', '.'), value=value) for name, value in parameters.items()])
+        node.said = []
+        node._diagnostics = lambda data: None
+        node.get_logger = lambda: SimpleNamespace(
+            info=node.said.append, warning=node.said.append, error=node.said.append)
+        return node
+
+    def loop(self, sim, good=5):
+        """Return a loop in which every look finds a command; those of the first steps are good."""
+        def once(timeout):
+            if sim.t < good * STEP:
+                sim.commands(messages.motor_pwm(sim.t, (400.0,) * 4, False, 0))
+            else:
+                for data in self.GARBAGE.values():
+                    sim.commands(data)
+                time.sleep(0.001)
+            return True
+        return SimpleNamespace(stopping=False, once=once, turn=lambda: None)
+
+    def test_in_lockstep_they_end_the_flight_within_its_patience_and_with_one_line(self, ros):
+        sim = self.sim(mode='lockstep', patience=1.0, duration=3.0)
+        began = time.monotonic()
+        assert sim_node.fly(sim, self.loop(sim)) == 1
+        assert time.monotonic() - began < 5.0
+        (line,) = [line for line in sim.said if line.startswith('no motor_pwm')]
+        assert line.startswith('no motor_pwm for t = 0.025 s within 1 s: motors stopped; refused: ')
+        assert all(reason in line for reason in self.GARBAGE)
+        assert sim.starved == 5 * STEP
+        sim.destroy_node()
+
+    def test_in_real_time_the_watchdog_stops_the_motors(self, ros):
+        sim = self.sim(mode='realtime', motor_timeout=0.2, duration=1.5)
+        sim_node.fly(sim, self.loop(sim))
+        assert 5 * STEP < sim.starved < 0.5e9
+        assert memory_of(sim._held).plant.body.rho[2] == 0.0  # on the floor, not in the air
+        assert min(sim.commands.refused.values()) > 10
+        sim.destroy_node()
+
+    def test_a_shutdown_is_obeyed_whatever_its_numbers_are(self, ros):
+        sim = self.sim()
+        sim.commands(messages.motor_pwm(0, (math.nan,) * 4, True, 0))
+        assert sim._shutdown and sim._pwm == (0.0,) * 4
+        sim.destroy_node()
+
+
+def test_a_controller_is_not_silenced_by_stamps_of_the_future(controller):
+    clock = (topics.CLOCK, messages.clock)
+    for k in range(3):
+        for topic, make in (
+                (topics.ESTIMATE, lambda t: messages.estimate(
+                    t, HOVERING, (0.0,) * 36, (0.0,) * 36)),
+                (topics.REFERENCE, lambda t: messages.reference(t, POINT, trajectory.TRACK)),
+                clock):
+            if k:
+                controller.hear(topic, make(TestGarbage.FUTURE))
+        controller.hear(topics.CLOCK, messages.clock(k * STEP))
+        controller.estimate(k)
+        controller.reference(k)
+    assert controller.stamps == [0, 1, 2]
+    assert set(controller.node.refused().values()) == {2}
 
 
 class TestPace:
