@@ -148,7 +148,8 @@ def draw_path(axes: list[Axes], bag: Bag, parts: Phases) -> None:
 def draw_motors(axes: list[Axes], bag: Bag, parts: Phases) -> None:
     """Motor commands, the panels where the motors are seen from above."""
     motors = bag['motor_pwm']
-    low, high = float(np.nanmin(motors.pwm)), float(np.nanmax(motors.pwm))
+    shown = motors.pwm[np.isfinite(motors.pwm)]  # a bag also keeps commands that were refused
+    low, high = (float(shown.min()), float(shown.max())) if shown.size else (0.0, 1.0)
     margin = max(0.05 * (high - low), 1.0)
     places = ((0, 'front left'), (1, 'front right'), (3, 'rear left'), (2, 'rear right'))
     for ax, (number, name) in zip(axes, places):

@@ -7,6 +7,7 @@ from mambo_analysis import figures, metrics
 from mambo_analysis.bag import read_bag
 from mambo_analysis.compare import compare, phases
 from mambo_analysis.page import html, write_page
+from matplotlib import pyplot as plt
 from matplotlib.image import imread
 import numpy as np
 import pytest
@@ -162,3 +163,14 @@ def test_a_bag_without_anything_to_plot_still_has_a_page(tmp_path):
     assert figures.plots(bag) == [] and phases(bag).takeoff_end is None
     write_page(bag, compare(bag), tmp_path / 'page')
     assert (tmp_path / 'page' / 'flight.png').is_file()
+
+
+@pytest.mark.parametrize('value', [np.inf, -np.inf, np.nan])
+def test_motor_commands_that_are_not_finite_are_no_reason_to_have_no_page(tmp_path, value):
+    bag = read_bag(make_flight(tmp_path / 'flight', 4.0))
+    for rows in (slice(100, 110), slice(None)):
+        bag['motor_pwm'].pwm[rows] = value
+        figure, axes = plt.subplots(4)
+        figures.draw_motors(list(axes), bag, phases(bag))
+        assert np.isfinite([ax.get_ylim() for ax in axes]).all()
+        plt.close(figure)
