@@ -6,12 +6,13 @@ from types import SimpleNamespace
 
 from mambo_control import failsafe
 from mambo_control.controller_node import ControllerNode
+from mambo_estimation.estimator_node import EstimatorNode
 from mambo_model import trajectory
 from mambo_model.compiled import memory_of
 from mambo_model.flatness import from_flat_output
 from mambo_model.rigid_body import State
 from mambo_model.vehicle import Vehicle
-from mambo_ros import messages, topics
+from mambo_ros import layout, messages, topics
 from mambo_sim import sim_node
 from mambo_sim.sim_node import SimNode
 import pytest
@@ -236,6 +237,54 @@ def test_a_controller_is_not_silenced_by_stamps_of_the_future(controller):
         controller.reference(k)
     assert controller.stamps == [0, 1, 2]
     assert set(controller.node.refused().values()) == {2}
+
+
+class TestEstimator:
+    """An estimator whose sensors send what cannot be used."""
+
+    def estimator(self, **parameters):
+        node, estimates = EstimatorNode(parameter_overrides=[
+            Parameter(name, value=value) for name, value in parameters.items()]), []
+        node._estimate = lambda data: estimates.append(layout.stamp_ns(data) // STEP)
+
+        def hear(topic, data):
+            (guard,) = [ear.take for ear in node.heard if ear.topic is topic]
+            guard(data)
+        return node, estimates, hear
+
+    def imu(self, t):
+        return messages.imu(t, ZERO, (0.0, 0.0, -9.8), ZERO, ZERO)
+
+    def test_an_unreadable_sample_counts_for_the_watermark(self, ros):
+        node, estimates, hear = self.estimator()
+        for k in range(3):
+            hear(topics.IMU, self.imu(k * STEP))
+            hear(topics.SONAR, b'\xff' * 9)
+            hear(topics.SENSOR_TICK, messages.sensor_tick(k * STEP, k + 1, k + 1, 0, 0))
+        assert estimates == [0, 1, 2]
+        assert node.refused() == {'/mambo/sonar/range malformed': 3}
+        node.destroy_node()
+
+    def test_a_watermark_or_a_driver_of_the_future_silences_nothing(self, ros):
+        future = TestGarbage.FUTURE
+        for parameters, ticks in (({}, True), ({'synchronise': 'arrival'}, False)):
+            node, estimates, hear = self.estimator(**parameters)
+            for k in range(3):
+                hear(topics.IMU, self.imu(k * STEP))
+                if ticks:
+                    hear(topics.SENSOR_TICK, messages.sensor_tick(k * STEP, k + 1, 0, 0, 0))
+                    hear(topics.SENSOR_TICK, messages.sensor_tick(future, k + 1, 0, 0, 0))
+                else:
+                    hear(topics.IMU, self.imu(future))
+            assert estimates == [0, 1, 2]
+            assert set(node.refused().values()) == {3}
+            node.destroy_node()
+
+    def test_its_sensors_are_heard_best_effort_if_asked_for(self, ros):
+        node, _, _ = self.estimator(sensor_reliability='best_effort', synchronise='arrival')
+        assert not any(ear.reliable for ear in node.heard)
+        assert all(ear.reliable for ear in self.estimator()[0].heard)
+        node.destroy_node()
 
 
 class TestPace:

@@ -42,6 +42,7 @@ _FLOWN = re.compile(
     r'flew ([\d.]+) s in ([\d.]+) s of wall time, (\d+) steps without their motor command')
 _DELAY = re.compile(r'IMU sample to motor command: .*')
 _USED = re.compile(r'used ([\d.]+) s of CPU and (\d+) MB')
+_REFUSED = re.compile(r'\[[\w.]*?(\w+)\]: refused messages: (.+)')
 _PACED = re.compile(r'flying in realtime mode$')
 _TIME = re.compile(r't = ([\d.]+) s$')
 
@@ -57,6 +58,7 @@ class Outcome:
     delay: str  # wall time from IMU sample to motor command, one line
     stopped: bool  # by the user
     used: dict[str, tuple[float, int]]  # by node: s of CPU, MB of memory at most
+    refused: dict[str, str]  # by node: how many messages it refused, by topic and reason
 
     @property
     def real_time_factor(self) -> float:
@@ -193,7 +195,8 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
         # a node that is interrupted while Python still loads it ends by the signal
         if code not in (0, -signal.SIGINT):
             raise FlightError(f'{child.name} ended with exit code {code}: {child.complaint()}')
-    return [Outcome(bag, p.flown, p.took, p.missed, p.delay, interrupts.count > 0, _used(crew))
+    return [Outcome(bag, p.flown, p.took, p.missed, p.delay, interrupts.count > 0, _used(crew),
+                    _refused(crew))
             for bag, p, crew in zip(bags.values(), progress, crews, strict=True)]
 
 
@@ -211,6 +214,12 @@ def _used(crew: list[NodeProcess]) -> dict[str, tuple[float, int]]:
     """Return what nodes said at their end that they had used."""
     said = {child.name: _USED.search('\n'.join(child.lines)) for child in crew}
     return {name: (float(found[1]), int(found[2])) for name, found in said.items() if found}
+
+
+def _refused(crew: list[NodeProcess]) -> dict[str, str]:
+    """Return the last that nodes said of messages they had refused, by node."""
+    lines = '\n'.join(line for child in crew for line in child.lines)
+    return {found[1]: found[2] for found in _REFUSED.finditer(lines)}
 
 
 def _end(children: list[NodeProcess]) -> list[tuple[NodeProcess, int]]:
@@ -382,6 +391,8 @@ def _tell(outcome: Outcome, bag: Path, no_report: bool) -> None:
         print(outcome.delay)
     if outcome.used and outcome.took:
         print(outcome.spent())
+    for name, counts in outcome.refused.items():
+        print(f'warning: {name} refused messages: {counts}')
     print(f'bag: {bag}\n')
     if not no_report:
         print(f'\npage: {report(bag, outcome.real_time_factor)}')

@@ -244,6 +244,16 @@ def test_what_nodes_used_is_told_in_cores_the_greediest_first(graph, tmp_path):
         'CPU: 1.00 cores: estimator 0.60, sim 0.40; memory: 120 MB at most')  # in 1.5 s
 
 
+def test_what_nodes_refused_is_of_the_outcome_the_last_count_of_each(graph, tmp_path, capsys):
+    says = "print('[WARN] [1.0] [mambo.%s]: refused messages: %d /mambo/motor_pwm not finite')\n"
+    graph(sim_node=FLEW + says % ('sim_node', 1) + says % ('sim_node', 35))
+    outcome = flight.fly(short(), tmp_path / 'bag')
+    assert outcome.refused == {'sim_node': '35 /mambo/motor_pwm not finite'}
+    flight._tell(outcome, tmp_path / 'bag', no_report=True)
+    assert ('warning: sim_node refused messages: 35 /mambo/motor_pwm not finite'
+            in capsys.readouterr().out.splitlines())
+
+
 def test_when_time_is_real_all_but_the_recorder_go_before_others(graph, tmp_path, monkeypatch):
     hurried = []
     monkeypatch.setattr(

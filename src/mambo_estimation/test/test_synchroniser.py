@@ -164,3 +164,30 @@ def test_without_watermark_a_driver_may_be_a_little_late():
     (step,) = sync.add_imu(110 * MS, G, A)
     assert math.isnan(step.sonar) and math.isnan(step.pressure)
     assert step.dropped == (0, 1, 0, 1)
+
+
+def test_samples_of_the_future_are_dropped_and_silence_nothing():
+    streams = flight()
+    want, _ = play(in_sequence(streams), streams)
+    sync, got = Synchroniser(), []
+    far = {'add_imu': (10**18, G, A), 'add_sonar': (10**18, 9.0), 'add_pressure': (10**18, 9e4)}
+    for k in range(20):
+        if k == 10:
+            for name, sample in far.items():
+                got += getattr(sync, name)(*sample)
+        for calls in streams.values():
+            for name, t, *values in calls:
+                if t == 5 * MS * k:
+                    if name == 'add_tick' and k >= 10:
+                        values = [tuple(n + m for n, m in zip(values[0], (1, 1, 0, 1)))]
+                    got += getattr(sync, name)(t, *values)
+    assert same([step._replace(dropped=()) for step in got],
+                [step._replace(dropped=()) for step in want])
+    assert got[-1].dropped == (1, 1, 0, 1)
+
+
+def test_a_sample_that_cannot_be_read_is_waited_for_no_longer():
+    sync = Synchroniser()
+    assert sync.add_imu(0, G, A) == sync.add_tick(0, (1, 1, 0, 0)) == []
+    (step,) = sync.skip(1)
+    assert math.isnan(step.sonar) and step.dropped == (0, 1, 0, 0)

@@ -7,7 +7,7 @@ import time
 from mambo_interfaces.msg import NodeLinks
 from mambo_ros import messages, topics
 from mambo_ros.links import Links
-from mambo_ros.node import Loop, MamboNode
+from mambo_ros.node import Loop, MamboNode, qos
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -198,3 +198,16 @@ def test_a_change_of_the_graph_is_announced_again():
         reader.destroy_node()
         until(lambda: list(got[-1].matched) == [0], 'the loss of the reader', turn)
     executor.shutdown()
+
+
+def test_announcements_that_cannot_be_read_are_ignored(ros):
+    sim = node('sim', [topics.IMU])
+    links, loop, stranger = Links(sim, 'controller'), Loop(sim), Node('stranger')
+    tell = stranger.create_publisher(NodeLinks, '/mambo/graph/links', qos(topics.LINKS))
+    until(tell.get_subscription_count, 'the link', loop.turn)
+    tell.publish(b'\xff' * 64)
+    tell.publish(announced('/mambo/controller', published=['/x', '/y'], matched=[1]))
+    tell.publish(announced('/mambo/other'))
+    until(lambda: '/mambo/other' in links._known, 'the last one', loop.turn)
+    assert links.missing() == 'node /mambo/controller'
+    loop.close()
