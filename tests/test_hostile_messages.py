@@ -46,7 +46,8 @@ def test_a_stranger_on_every_input_changes_nothing(tmp_path, mode):
     said = {node.name: '\n'.join(node.lines) for node in nodes}
     assert code == 0 and set(codes) == {0}, said
     recorded = read_bag(bag)
-    truth = [messages.decode_odometry(data)[1] for data in recorded['/mambo/ground_truth/odom'].raw]
+    truth = [messages.decode_odometry(data)[1]
+             for data in recorded['/mambo/ground_truth/odom'].raw]
     height = -np.array([state.rho[2] for state in truth])
     assert 1.2 < height[-1] < 1.7 and height.max() < 1.7
     if mode == 'lockstep':  # what is refused has no effect at all

@@ -202,7 +202,8 @@ class TestGarbage:
         assert sim_node.fly(sim, self.loop(sim)) == 1
         assert time.monotonic() - began < 5.0
         (line,) = [line for line in sim.said if line.startswith('no motor_pwm')]
-        assert line.startswith('no motor_pwm for t = 0.025 s within 1 s: motors stopped; refused: ')
+        assert line.startswith(
+            'no motor_pwm for t = 0.025 s within 1 s: motors stopped; refused: ')
         assert all(reason in line for reason in self.GARBAGE)
         assert sim.starved == 5 * STEP
         sim.destroy_node()

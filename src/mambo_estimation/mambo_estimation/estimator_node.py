@@ -79,7 +79,8 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         self._hear_sensor(topics.BAROMETER, messages.decode_pressure, sync.add_pressure)
         if not watermark:  # the inertial samples are the clock
             self.accept(
-                topics.IMU, messages.decode_imu, self._adder(sync.add_imu), reliable=self._reliable)
+                topics.IMU, messages.decode_imu, self._adder(sync.add_imu),
+                reliable=self._reliable)
             return
         self._hear_sensor(topics.IMU, messages.decode_imu, sync.add_imu)
         # the last message of a step: nothing can be done before it
