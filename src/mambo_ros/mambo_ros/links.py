@@ -61,6 +61,19 @@ class Links:
                             f'at {links.node}')
         return ''
 
+    def alone(self, topic: topics.Topic) -> bool:
+        """Return whether only the owner publishes a topic; name in the log who else does."""
+        name = self._owner.resolve_topic_name(topic.name)
+        others = [f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+                  for info in self._owner.get_publishers_info_by_topic(name)]
+        others.remove(self._owner.get_fully_qualified_name())
+        if others:
+            self._owner.get_logger().error(
+                f'{", ".join(others)} publishes {name} too: give each of several drones a '
+                'namespace and a clock of its own (launch: own_clock:=true), or another '
+                'ROS_DOMAIN_ID')
+        return not others
+
     def wait(self, loop: node.Loop, patience: float) -> bool:
         """
         Serve the graph until nothing is missing.
