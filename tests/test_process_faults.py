@@ -32,7 +32,8 @@ def cases():
     for number, how, phase in product(SIGNALS, HOW, PHASES):
         nodes = ('composed_node',) if how == 'composed' else NODES
         for target in ('runner', *(nodes if phase != 'report' else ())):
-            yield number, target, how, phase
+            if (number, target, phase) != ('SIGSTOP', 'runner', 'report'):  # nothing else runs
+                yield number, target, how, phase
 
 
 COUNT = int(os.environ.get('MAMBO_PROCESS_FAULTS', '8'))
@@ -86,7 +87,8 @@ def test_a_signal_ends_the_flight_and_leaves_nothing(tmp_path, number, target, h
     short = phase in ('end', 'report')
     run = subprocess.Popen(
         [sys.executable, '-m', 'mambo_bringup.flight', '--no-landing', '--output', str(bag),
-         '--duration', '4' if short else '200', *HOW[how]],
+         '--duration', '4' if short else '200',
+         *(['--no-report'] if phase != 'report' else []), *HOW[how]],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
         env={**os.environ, 'TMPDIR': str(temporary), 'ROS_DOMAIN_ID': ''})
     try:
@@ -97,30 +99,24 @@ def test_a_signal_ends_the_flight_and_leaves_nothing(tmp_path, number, target, h
             pytest.skip('it was over before')
         os.kill(pids[0], getattr(signal, number))
         began = time.monotonic()
-        suspended = (number, target, phase) == ('SIGSTOP', 'runner', 'report')
-        if suspended:  # nothing else is left that could run on: it goes on when it may
-            assert not nodes(run, bag)
-            run.send_signal(signal.SIGCONT)
         out, err = run.communicate(timeout=BUSY)
         assert wait(lambda: not processes(str(bag)), WITHIN)
         took = time.monotonic() - began
     finally:
         run.kill()
-    if not suspended and (number != 'SIGINT' or target != 'runner'):
-        assert took < WITHIN + (10.0 if phase == 'flight' else 0.0)  # and a page of what was flown
+    assert took < WITHIN
     lines = err.strip().splitlines()
     assert 'Traceback' not in err
     whole = phase in ('end', 'report') and target != 'runner'  # all was flown
     if (number, target) == ('SIGKILL', 'runner'):
         assert run.returncode == -signal.SIGKILL
-    elif not suspended and not (whole and run.returncode == 0):
+    elif not (whole and run.returncode == 0):
         assert run.returncode > 0, (out, err)
         assert lines and lines[-1].startswith('run: '), err
     assert wait(lambda: not [path for path in temporary.iterdir() if path.is_dir()], WITHIN)
-    for number, file in enumerate(bag.rglob('*.mcap') if phase != 'start' else ()):
-        found = read_bag(file.parent) if (
-            'recording' not in (file.parent / 'metadata.yaml').read_text()) else None
-        if found is None:
-            recover(file.parent, tmp_path / f'recovered{number}')
-            found = read_bag(tmp_path / f'recovered{number}')
-        assert any('imu/data_raw' in name for name in found.topics)
+    for file in bag.rglob('*.mcap') if phase != 'start' else ():
+        path = file.parent
+        if 'state: recording' in (path / 'metadata.yaml').read_text():  # not closed
+            path = tmp_path / f'recovered_{path.name}'
+            recover(file.parent, path)
+        assert any('imu/data_raw' in name for name in read_bag(path).topics)

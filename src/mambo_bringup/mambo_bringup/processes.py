@@ -325,15 +325,16 @@ def watch(children: Sequence[NodeProcess], interrupts: Interrupts, owners: int =
     What went wrong as a phrase that begins with the node, empty if nothing did.
 
     """
-    others, last = children[:-owners], children[-owners:]
+    last = children[-owners:]
     while not interrupts.count:
         flying = any(owner.exit_code is None for owner in last)
         for child in children:
-            if child.exit_code or child.halted or (flying and child in others
-                                                   and child.exit_code is not None):
-                return child.trouble()
+            over = child.exit_code is not None and (flying or child in last)
+            if over or child.exit_code or child.halted:
+                if trouble := child.trouble(owner=child in last):
+                    return trouble
         if not flying:
-            return next(filter(None, (owner.trouble(owner=True) for owner in last)), '')
+            return ''
         time.sleep(0.02)
     return ''
 

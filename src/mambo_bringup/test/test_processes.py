@@ -223,6 +223,13 @@ def test_a_signal_to_a_node_ends_the_flight_and_is_named(crew, number, said):
     assert time.monotonic() - began < 15.0
 
 
+def test_one_of_several_owners_of_time_that_is_ended_ends_the_flight(start):
+    first = start("print('ended by SIGTERM')", name='first')
+    second = start(OBEDIENT, name='second')
+    assert watch([first, second], Interrupts(), 2) == 'first was ended by SIGTERM'
+    assert second.exit_code is None
+
+
 def test_a_node_says_by_which_signal_it_left(crew):
     polite = OBEDIENT.replace("print('asked to leave', flush=True)",
                               "print('ended by SIGTERM', flush=True)").replace('SIGINT', 'SIGTERM')

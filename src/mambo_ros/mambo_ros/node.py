@@ -50,6 +50,7 @@ _AT_ONCE = 100  # messages of one topic before timers and the other topics get t
 _QUIET = 0.1  # s without a message after which a stopping node has taken everything
 _FLUSH = 2.0  # s in which readers acknowledge what a leaving process has published
 _TEARDOWN = 1.0  # s that the middleware has to say goodbye; it has been seen to hang there
+_NEAR = 2**32 - 1  # publishers found of a topic that the same process says
 _PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'  # of the user, or ours
 _REFUSALS = (ParameterError, FileNotFoundError, FileExistsError, _rclpy.RCLError)
 
@@ -149,6 +150,7 @@ class MamboNode(Node, Generic[P]):
         self.said: list[Voice] = []
         self.heard: list[Ear] = []
         self._lean = _Lean()
+        self._sources: dict[str, Subscription] = {}  # by topic
         self._matched: list[int] | None = None
         self._links = self.create_publisher(
             topics.LINKS.msg_type, topics.LINKS.name, qos(topics.LINKS, 1))
@@ -180,16 +182,19 @@ class MamboNode(Node, Generic[P]):
 
     def subscribe(self, ear: Ear) -> Subscription:
         """Subscribe at the middleware what is to be heard."""
-        return self.create_subscription(
+        self._sources[ear.name] = self.create_subscription(
             ear.topic.msg_type, ear.name, ear.take, qos(ear.topic), callback_group=self._lean,
             raw=True)
+        return self._sources[ear.name]
 
     def finish(self) -> None:
         """Do what is left after the last message; called once while the graph still works."""
 
     def announce(self) -> None:
         """Tell the graph which links of this node are matched, when that has changed."""
-        matched = [voice.matched for voice in self.said]
+        matched = [voice.matched for voice in self.said] + [
+            self._sources[ear.name].get_publisher_count() if ear.name in self._sources else _NEAR
+            for ear in self.heard]
         if matched == self._matched:
             return
         self._matched = matched
