@@ -195,7 +195,8 @@ def compare(bag: Bag) -> dict[str, Any]:
         'real_time_factor': _factor(bag),
         'source': bag.metadata.get('import', {}).get('source_file'),
         'takeoff_end': _seconds(parts.takeoff_end), 'landing_start': _seconds(parts.landing_start),
-        'takeoff': parts.text, 'ending': ended_early(bag), 'errors': errors, 'topics': _topics(bag), 'notes': notes}
+        'takeoff': parts.text, 'ending': ended_early(bag), 'errors': errors,
+        'topics': _topics(bag), 'notes': notes}
 
 
 def _seconds(stamp: int | None) -> float | None:
