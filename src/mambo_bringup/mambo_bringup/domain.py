@@ -61,9 +61,9 @@ class Domain:
     """
 
     def __init__(self) -> None:
-        check_loopback()
         self._lock = -1
         self._added: list[str] = []
+        check_loopback()
         asked = os.environ.get('ROS_DOMAIN_ID', '')
         if asked and not (asked.isascii() and asked.isdigit() and int(asked) <= _HIGHEST):
             raise FlightError(
