@@ -320,12 +320,44 @@ def test_ctrl_c_lands_a_closed_bag_and_leaves_no_process(tmp_path, how):
     time.sleep(6.0)
     run.send_signal(signal.SIGINT)
     out, err = run.communicate(timeout=60.0)
-    assert run.returncode == 0, err
-    assert 'stopped by you' in out
+    assert run.returncode == 128 + signal.SIGINT, err
+    assert 'stopped by you' in out and err.strip().splitlines()[-1] == 'run: ended by SIGINT'
     recording = read_bag(bag)
     assert len(payloads(bag, topics.IMU)) == len(payloads(bag, topics.MOTOR_PWM)) > 200
     assert recording.topics
     assert processes_with(str(bag)) == []
+
+
+@pytest.mark.parametrize('how', [[], ['--no-report']], ids=['report', 'no_report'])
+def test_a_flight_that_a_failsafe_ended_is_told_and_no_success(tmp_path, how):
+    bag = tmp_path / 'tilted'
+    run = start('--duration', 9, '--no-landing', '--output', bag, *how,
+                '--set', 'controller_node.failsafe.height_std=0.001')
+    out, err = run.communicate(timeout=120.0)
+    assert run.returncode == 1, out
+    said = err.strip().splitlines()[-1]
+    assert re.fullmatch(r'run: controller_node at [\d.]+ s: .*estimate lost or unusable', said)
+    assert said.removeprefix('run: ') in out
+    if not how:
+        assert said.removeprefix('run: ') in (bag / 'index.html').read_text()
+
+
+def test_a_node_ended_in_flight_is_told_on_the_table_and_the_page(tmp_path):
+    bag = tmp_path / 'ended'
+    run = start('--duration', 600, '--mode', 'realtime', '--output', bag)
+    limit = time.monotonic() + 60.0
+    while not list(bag.glob('*.mcap')) and time.monotonic() < limit:
+        time.sleep(0.1)
+    time.sleep(6.0)
+    (node,) = [pid for pid in processes_with('mambo_bringup.flight')
+               if Path(f'/proc/{pid}/comm').read_text() == 'estimator_node\n'
+               and str(bag) in Path(f'/proc/{pid}/cmdline').read_text()]
+    os.kill(int(node), signal.SIGTERM)
+    out, err = run.communicate(timeout=60.0)
+    assert run.returncode == 1
+    said = err.strip().splitlines()[-1].removeprefix('run: ')
+    assert re.fullmatch(r'flew [\d.]+ of 600 s: estimator_node was ended by SIGTERM', said)
+    assert said in out and said in (bag / 'index.html').read_text()
 
 
 def test_a_killed_recorder_ends_the_flight_with_one_line(tmp_path):
@@ -340,7 +372,8 @@ def test_a_killed_recorder_ends_the_flight_with_one_line(tmp_path):
     os.kill(int(recorder), signal.SIGKILL)
     _, err = run.communicate(timeout=60.0)
     assert run.returncode == 1
-    assert err.strip().splitlines()[-1].startswith('run: recorder_node ended')
+    assert re.fullmatch(r'run: flew [\d.]+ of 600 s: recorder_node was ended by SIGKILL',
+                        err.strip().splitlines()[-1])
     assert processes_with(str(bag)) == []
 
 

@@ -25,6 +25,7 @@ from scipy.spatial.transform import Rotation
 from . import metrics, motion, pair, tables
 from .bag import Bag, BagError, Messages, read_bag
 from .cli import guard
+from .ending import ended_early
 from .metrics import Floats, Ints
 from .pair import Alignment, Comparison, Quantity
 from .phases import found, Phases, phases
@@ -171,7 +172,8 @@ def compare(bag: Bag) -> dict[str, Any]:
     Returns
     -------
     ``bag``, ``duration`` [s], ``real_time_factor``, ``source`` (of an imported flight),
-    ``takeoff_end`` [s], ``landing_start`` [s], ``takeoff``; ``errors``: a list of sections with
+    ``takeoff_end`` [s], ``landing_start`` [s], ``takeoff``; ``ending``: what ended the flight
+    before its time, a line each; ``errors``: a list of sections with
     ``title``, ``unit``, ``axes`` and ``rows`` (``part``, ``count``, ``rms``, ``rms_total``,
     ``maximum``, ``maximum_total``); ``topics`` with ``messages``, ``rate`` [Hz] and ``lost``;
     ``notes``. Plain numbers, lists and texts throughout.
@@ -193,7 +195,8 @@ def compare(bag: Bag) -> dict[str, Any]:
         'real_time_factor': _factor(bag),
         'source': bag.metadata.get('import', {}).get('source_file'),
         'takeoff_end': _seconds(parts.takeoff_end), 'landing_start': _seconds(parts.landing_start),
-        'takeoff': parts.text, 'errors': errors, 'topics': _topics(bag), 'notes': notes}
+        'takeoff': parts.text, 'ending': ended_early(bag), 'errors': errors,
+        'topics': _topics(bag), 'notes': notes}
 
 
 def _seconds(stamp: int | None) -> float | None:

@@ -91,7 +91,8 @@ def _summary(result: Mapping[str, Any]) -> str:
     if result['landing_start'] is not None:
         facts.append(f'landing begins at {result["landing_start"]:.2f} s')
     notes = ''.join(f'<p>{escape(note)}.</p>' for note in result['notes'])
-    return f'<p>{escape("; ".join(facts))}.</p>{notes}'
+    ending = ''.join(f'<p><strong>{escape(line)}.</strong></p>' for line in result['ending'])
+    return f'{ending}<p>{escape("; ".join(facts))}.</p>{notes}'
 
 
 def _details(bag: Bag) -> str:

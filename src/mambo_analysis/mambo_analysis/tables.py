@@ -81,7 +81,7 @@ def table(result: Mapping[str, Any]) -> str:
         head += f', real-time factor {result["real_time_factor"]:.2f}'
     if result['source']:
         head += f', imported from {result["source"]}'
-    lines = [head, *times(result)]
+    lines = [head, *result['ending'], *times(result)]
     for entry in result['errors']:
         lines += ['', *section(entry)]
     width = max([len(entry['topic']) for entry in result['topics']] + [10])

@@ -42,6 +42,10 @@ ARGUMENTS = [
     DeclareLaunchArgument(
         'namespace', default_value='mambo', description='Namespace of the drone.'),
     DeclareLaunchArgument(
+        'own_clock', default_value='false', choices=('true', 'false'),
+        description='Have /clock, /tf and /diagnostics in the namespace, as each of several '
+                    'drones in one ROS domain needs them.'),
+    DeclareLaunchArgument(
         'bag', default_value='', description='Directory to record to; empty: do not record.'),
 ]
 

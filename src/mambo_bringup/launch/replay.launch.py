@@ -23,6 +23,10 @@ ARGUMENTS = [
     DeclareLaunchArgument(
         'namespace', default_value='mambo', description='Namespace of the replayed drone.'),
     DeclareLaunchArgument(
+        'own_clock', default_value='false', choices=('true', 'false'),
+        description='Have /clock, /tf and /diagnostics in the namespace, as each of several '
+                    'drones in one ROS domain needs them.'),
+    DeclareLaunchArgument(
         'source_namespace', default_value='/mambo',
         description='Namespace of the topics in the bag.'),
     DeclareLaunchArgument(

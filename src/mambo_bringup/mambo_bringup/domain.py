@@ -5,12 +5,37 @@ from __future__ import annotations
 import fcntl
 import os
 from pathlib import Path
+import socket
 import tempfile
 
 from .processes import FlightError
 
 _FREE = range(0, 101)  # domains whose ports are free of the ephemeral range on Linux
 _HIGHEST = 232  # the ports of a higher one do not exist
+
+
+def check_loopback() -> None:
+    """
+    Refuse to start nodes that could not find each other.
+
+    Raises
+    ------
+    FlightError
+        If discovery is to stay on this machine and its loopback interface is down.
+
+    """
+    if os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') not in ('', None, 'LOCALHOST'):
+        return
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(('127.0.0.1', 0))
+            probe.settimeout(1.0)
+            probe.sendto(b'mambo', probe.getsockname())
+            probe.recv(16)
+    except OSError as error:
+        raise FlightError(
+            f'nodes cannot find each other, the loopback interface does not work ({error}): '
+            'ip link set lo up') from None
 
 
 class Domain:
@@ -30,13 +55,15 @@ class Domain:
     Raises
     ------
     FlightError
-        If the domain asked for does not exist or is taken by another flight, or none is free.
+        If the domain asked for does not exist or is taken by another flight, or none is free; if
+        the loopback interface is down.
 
     """
 
     def __init__(self) -> None:
         self._lock = -1
         self._added: list[str] = []
+        check_loopback()
         asked = os.environ.get('ROS_DOMAIN_ID', '')
         if asked and not (asked.isascii() and asked.isdigit() and int(asked) <= _HIGHEST):
             raise FlightError(

@@ -8,18 +8,19 @@ everything recorded, then compared.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 import json
 from pathlib import Path
 import re
 import signal
 import sys
-import tempfile
 
 from mambo_analysis import scenario as scenarios, scenario_file
 from mambo_analysis.bag import read_bag
 from mambo_analysis.cli import guard
+from mambo_analysis.ending import ended_early, ENDINGS
 from mambo_control.parameters import ControllerNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model import schema
@@ -27,8 +28,9 @@ from mambo_model.trajectory import TRAJECTORIES
 from mambo_model.vehicle import PRESETS
 from tqdm import tqdm
 
-from .domain import Domain
-from .processes import FlightError, Interrupts, load, NodeProcess, watch
+from .crew import Crew
+from .processes import FlightError, load, NodeProcess
+from .stopping import stoppable
 
 FLIGHT_NODES = (
     ('mambo_sim', 'optitrack_node'), ('mambo_estimation', 'estimator_node'),
@@ -37,13 +39,15 @@ RECORDER = ('mambo_sim', 'recorder_node')
 SIMULATOR = ('mambo_sim', 'sim_node')
 COMPOSED = ('mambo_bringup', 'composed_node')
 NAMESPACE = '/mambo'
-_ORDER = {RECORDER[1]: 0, SIMULATOR[1]: 2, COMPOSED[1]: 2}  # those that own time are the last
+OWN = ('clock', 'tf', 'diagnostics')
+"""Absolute topics that each of several drones has in its namespace instead."""
 _FLOWN = re.compile(
     r'flew ([\d.]+) s in ([\d.]+) s of wall time, (\d+) steps without their motor command')
 _DELAY = re.compile(r'IMU sample to motor command: .*')
 _USED = re.compile(r'used ([\d.]+) s of CPU and (\d+) MB')
 _REFUSED = re.compile(r'\[[\w.]*?(\w+)\]: refused messages: (.+)')
 _PACED = re.compile(r'flying in realtime mode$')
+_WAITS = re.compile(r'waiting for .*')
 _TIME = re.compile(r't = ([\d.]+) s$')
 
 
@@ -56,9 +60,11 @@ class Outcome:
     took: float  # s of wall time, from the first to the last step
     missed: int  # steps that had no motor command in time
     delay: str  # wall time from IMU sample to motor command, one line
-    stopped: bool  # by the user
+    stopped: signal.Signals | None  # of the user, who ended the flight
     used: dict[str, tuple[float, int]]  # by node: s of CPU, MB of memory at most
     refused: dict[str, str]  # by node: how many messages it refused, by topic and reason
+    closed: bool  # the bag
+    fault: str = ''  # what ended the flight early, one line
 
     @property
     def real_time_factor(self) -> float:
@@ -72,6 +78,14 @@ class Outcome:
         nodes = ', '.join(f'{name} {cpu[name]:.2f}' for name in sorted(cpu, key=cpu.get)[::-1])
         memory = max(memory for _, memory in self.used.values())
         return f'CPU: {sum(cpu.values()):.2f} cores: {nodes}; memory: {memory} MB at most'
+
+
+class FlightEndedError(FlightError):
+    """A flight that was started went wrong; ``outcomes`` says what was flown until then."""
+
+    def __init__(self, outcomes: list[Outcome]) -> None:
+        super().__init__(outcomes[0].fault)
+        self.outcomes = outcomes
 
 
 class Progress:
@@ -90,7 +104,10 @@ class Progress:
             self.flown, self.took, self.missed = float(found[1]), float(found[2]), int(found[3])
         elif found := _DELAY.search(text):
             self.delay = found[0]
+        elif found := _WAITS.search(text):
+            self._bar.set_description_str(found[0])
         elif found := _TIME.search(text):
+            self.flown = float(found[1])
             self._bar.set_description_str('flying', refresh=False)
             self._bar.update(float(found[1]) - self._bar.n)
 
@@ -105,25 +122,22 @@ def _mode() -> dict[str, object]:
     return {'sim_node.wait_for': ','.join(waited)}
 
 
-def _start(file: Path, bag: Path, composed: bool, namespace: str,
-           on_line: Callable[[str], None]) -> Iterator[NodeProcess]:
-    """Start the processes of a drone; yield each as it starts."""
+def _nodes(file: Path, bag: Path, composed: bool, namespace: str,
+           ) -> list[tuple[tuple[str, str], list[str]]]:
+    """Return the nodes of a drone and their arguments; the one that owns time is the last."""
     arguments = ['--ros-args']
     if namespace != NAMESPACE:  # one of several: its own time, frames and health
         arguments += ['-r', f'__ns:={namespace}']
-        for topic in ('clock', 'tf', 'diagnostics'):
+        for topic in OWN:
             arguments += ['-r', f'/{topic}:={topic}']
     flown = [*arguments, '--params-file', str(file)]
     if composed:
         recorder = file.with_name(f'recorder_{file.name}')
         recorder.write_text(json.dumps({f'{namespace}/recorder_node': {  # which is YAML
             'ros__parameters': {'bag': str(bag), 'scenario': str(file)}}}))
-        yield NodeProcess(*COMPOSED, [*flown, '--params-file', str(recorder)], on_line)
-        return
-    yield NodeProcess(*RECORDER, [*arguments, '-p', f'bag:={bag}', '-p', f'scenario:={file}'])
-    for node in FLIGHT_NODES:
-        yield NodeProcess(*node, flown)
-    yield NodeProcess(*SIMULATOR, flown, on_line)
+        return [(COMPOSED, [*flown, '--params-file', str(recorder)])]
+    recorded = [*arguments, '-p', f'bag:={bag}', '-p', f'scenario:={file}']
+    return [(RECORDER, recorded), *((node, flown) for node in (*FLIGHT_NODES, SIMULATOR))]
 
 
 def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False) -> Outcome:
@@ -142,7 +156,8 @@ def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False) -> Outcom
     Raises
     ------
     FlightError
-        If a node does not start or dies; the bag holds what was flown until then.
+        If a node does not start, dies, is stopped or leaves early; the bag holds what was flown
+        until then.
 
     """
     return fly_several({NAMESPACE: flight}, {NAMESPACE: bag}, composed)[0]
@@ -163,41 +178,57 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
     Raises
     ------
     FlightError
-        If a node does not start or dies; the bags hold what was flown until then.
+        As of :func:`fly`; a :class:`FlightEndedError` once the nodes were started.
 
     """
     for bag in bags.values():
         if bag.exists():
             raise FlightError(f'{bag} exists: give another --output or remove it')
-    with (Domain(), tempfile.TemporaryDirectory(prefix='mambo_') as folder,
-          Interrupts() as interrupts):
-        progress: list[Progress] = []
-        children: list[NodeProcess] = []
-        crews: list[list[NodeProcess]] = []  # of each drone
-        try:
-            for number, (namespace, flight) in enumerate(flights.items()):
-                file = Path(folder) / f'scenario{number or ""}.yaml'
-                file.write_text(scenarios.commented_yaml(
-                    scenarios.override(flight, _mode()), namespace))
-                progress.append(Progress(flight.sim_node.duration, shown=not number))
-                before = len(children)
-                children.extend(_start(
-                    file, bags[namespace], composed, namespace,
-                    _listener(progress[-1], children)))
-                crews.append(children[before:])
-            children.sort(key=lambda child: _ORDER.get(child.name, 1))
-            watch(children, interrupts, len(flights))
-        finally:
-            codes = _end(children)
-            for bar in progress:
-                bar.close()
-    for child, code in codes:  # the cause before its consequences
-        # a node that is interrupted while Python still loads it ends by the signal
-        if code not in (0, -signal.SIGINT):
-            raise FlightError(f'{child.name} ended with exit code {code}: {child.complaint()}')
-    return [Outcome(bag, p.flown, p.took, p.missed, p.delay, interrupts.count > 0, _used(crew),
-                    _refused(crew))
-            for bag, p, crew in zip(bags.values(), progress, crews, strict=True)]
+    progress: dict[str, Progress] = {}
+    crews: dict[str, list[NodeProcess]] = {}
+    with ExitStack() as bars, Crew(RECORDER[1], len(flights)) as crew:
+        last = []
+        for number, (namespace, flight) in enumerate(flights.items()):
+            file = crew.folder / f'scenario{number or ""}.yaml'
+            file.write_text(scenarios.commented_yaml(
+                scenarios.override(flight, _mode()), namespace))
+            progress[namespace] = bar = Progress(flight.sim_node.duration, shown=not number)
+            bars.callback(bar.close)
+            crews[namespace] = []
+            *nodes, owner = _nodes(file, bags[namespace], composed, namespace)
+            last.append((namespace, *owner))
+            for node, arguments in nodes:
+                crews[namespace].append(
+                    crew.start(*node, arguments, label=_label(namespace, node)))
+        for namespace, node, arguments in last:
+            crews[namespace].append(crew.start(
+                *node, arguments, _listener(progress[namespace], crews[namespace]),
+                _label(namespace, node)))
+        crew.watch()
+    outcomes = [
+        _outcome(bags[namespace], progress[namespace], crews[namespace],
+                 flights[namespace].sim_node.duration, crew)
+        for namespace in flights]
+    if crew.fault and not crew.interrupts.first:
+        raise FlightEndedError(outcomes)
+    return outcomes
+
+
+def _label(namespace: str, node: tuple[str, str]) -> str:
+    """Return what messages call a node: its name, with the namespace where there are several."""
+    return node[1] if namespace == NAMESPACE else f'{namespace}/{node[1]}'
+
+
+def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess], asked: float,
+             crew: Crew) -> Outcome:
+    """Return what the flight of one drone was."""
+    closed = nodes[0].exit_code == 0 and bag.exists()
+    fault = crew.fault
+    if fault and progress.flown:
+        fault = f'flew {progress.flown:.2f} of {asked:g} s: {fault}'
+    return Outcome(
+        bag, progress.flown, progress.took, progress.missed, progress.delay,
+        crew.interrupts.first, _used(nodes), _refused(nodes), closed, fault)
 
 
 def _listener(progress: Progress, children: list[NodeProcess]) -> Callable[[str], None]:
@@ -220,16 +251,6 @@ def _refused(crew: list[NodeProcess]) -> dict[str, str]:
     """Return the last that nodes said of messages they had refused, by node."""
     lines = '\n'.join(line for child in crew for line in child.lines)
     return {found[1]: found[2] for found in _REFUSED.finditer(lines)}
-
-
-def _end(children: list[NodeProcess]) -> list[tuple[NodeProcess, int]]:
-    """End all processes, recorders when the others have left; return those that failed first."""
-    failed = [child for child in children if child.exit_code]
-    for child in children:
-        if child.name != RECORDER[1]:
-            child.interrupt()
-    codes = {id(child): child.end(20.0) for child in reversed(children)}
-    return [(child, codes[id(child)]) for child in [*failed, *children]]
 
 
 def _free(folder: Path, name: str) -> Path:
@@ -355,7 +376,8 @@ def main(arguments: list[str] | None = None) -> None:
     if options.print_scenario:
         print(scenarios.commented_yaml(flight), end='')
         sys.exit()
-    sys.exit(guard('run', lambda: _fly_and_report(name, flight, options), FlightError))
+    sys.exit(stoppable('run', lambda: guard(
+        'run', lambda: _fly_and_report(name, flight, options), FlightError)))
 
 
 def _fly_and_report(
@@ -363,27 +385,37 @@ def _fly_and_report(
 ) -> None:
     bag = options.output or _free(Path('bags'), name)
     load('.'.join(node) for node in (COMPOSED, *FLIGHT_NODES, RECORDER, SIMULATOR))
-    if options.drones == 1:
-        _tell(fly(flight, bag.absolute(), options.composed), bag, options.no_report)
-        return
-    spaces = [f'{NAMESPACE}{number + 1}' for number in range(options.drones)]
-    bags = {space: bag / space.strip('/') for space in spaces}
-    flights = {space: _reseeded(flight, flight.seed + number)
-               for number, space in enumerate(spaces)}
-    outcomes = fly_several(
-        flights, {space: path.absolute() for space, path in bags.items()}, options.composed)
+    spaces = [NAMESPACE] if options.drones == 1 else [
+        f'{NAMESPACE}{number + 1}' for number in range(options.drones)]
+    bags = {space: bag if len(spaces) == 1 else bag / space.strip('/') for space in spaces}
+    flights = {space: _reseeded(flight, number) for number, space in enumerate(spaces)}
+    problem: FlightError | None = None
+    try:
+        outcomes = fly_several(
+            flights, {space: path.absolute() for space, path in bags.items()}, options.composed)
+    except FlightEndedError as error:
+        problem, outcomes = error, error.outcomes
+    stopped = outcomes[0].stopped
     for space, outcome in zip(spaces, outcomes, strict=True):
-        print(f'{space}:')
-        _tell(outcome, bags[space], options.no_report)
+        if len(spaces) > 1:
+            print(f'{space}:')
+        said = _tell(outcome, bags[space], options.no_report)
+        problem = problem or (FlightError(said[0]) if said else None)
+    if stopped:
+        raise KeyboardInterrupt(stopped)
+    if problem:
+        raise problem
 
 
-def _reseeded(flight: scenarios.Scenario, seed: int) -> scenarios.Scenario:
-    return scenarios.override(
-        flight, {'sim_node.simulator.seed': seed, 'optitrack_node.seed': seed})
+def _reseeded(flight: scenarios.Scenario, number: int) -> scenarios.Scenario:
+    """Return the flight of a drone: that of the first with seeds of its own."""
+    return scenarios.override(flight, {
+        'sim_node.simulator.seed': flight.sim_node.simulator.seed + number,
+        'optitrack_node.seed': flight.optitrack_node.seed + number})
 
 
-def _tell(outcome: Outcome, bag: Path, no_report: bool) -> None:
-    """Print what a flight was."""
+def _tell(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
+    """Print what a flight was; return what ended it before its time, a line each."""
     what = 'stopped by you after' if outcome.stopped else 'flew'
     print(f'{what} {outcome.flown:.2f} s in {outcome.took:.2f} s of wall time, '
           f'{outcome.missed} steps without their motor command')
@@ -393,18 +425,42 @@ def _tell(outcome: Outcome, bag: Path, no_report: bool) -> None:
         print(outcome.spent())
     for name, counts in outcome.refused.items():
         print(f'warning: {name} refused messages: {counts}')
+    if not outcome.closed:
+        print(f'bag: {bag} is not closed; ros2 run mambo_analysis recover {bag} NEW_BAG'
+              if bag.exists() else 'bag: none')
+        return [outcome.fault] if outcome.fault else []
     print(f'bag: {bag}\n')
-    if not no_report:
-        print(f'\npage: {report(bag, outcome.real_time_factor)}')
+    if outcome.stopped not in (None, signal.SIGINT):  # who wants no page, but the end
+        return []
+    said = [outcome.fault] if outcome.fault else []
+    if no_report:
+        said += [] if outcome.stopped else ended_early(read_bag(bag, ENDINGS), bool(said))
+        print(*said, sep='\n', end='\n' if said else '')
+        return said
+    page, said = report(bag, outcome.real_time_factor, said, bool(outcome.stopped))
+    print(f'\npage: {page}')
+    return said
 
 
-def report(bag: Path, real_time_factor: float | None = None) -> Path:
+def report(bag: Path, real_time_factor: float | None = None, fault: Sequence[str] = (),
+           stopped: bool = False) -> tuple[Path, list[str]]:
     """
     Print the table of a flight and write its page of plots into the bag's directory.
 
+    Parameters
+    ----------
+    bag
+        Bag of the flight.
+    real_time_factor
+        Flight time over wall time, if known.
+    fault
+        What is known to have ended the flight, a line each.
+    stopped
+        Whether the user ended it: it may be shorter than planned.
+
     Returns
     -------
-    Path of the page.
+    Path of the page; what ended the flight before its time, a line each.
 
     Raises
     ------
@@ -418,8 +474,9 @@ def report(bag: Path, real_time_factor: float | None = None) -> Path:
     result = compare(recording)
     if real_time_factor is not None:
         result['real_time_factor'] = real_time_factor
+    result['ending'] = [*fault, *ended_early(recording, bool(fault) or stopped)]
     print(table(result))
-    return write_page(recording, result, bag)
+    return write_page(recording, result, bag), result['ending']
 
 
 if __name__ == '__main__':

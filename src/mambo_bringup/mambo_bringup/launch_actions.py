@@ -16,7 +16,8 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from mambo_analysis.scenario import to_yaml
 
-from .flight import RECORDER
+from .domain import check_loopback
+from .flight import OWN, RECORDER
 from .launching import Plan
 
 
@@ -29,7 +30,7 @@ def description(
     Parameters
     ----------
     arguments
-        Of the launch file; one is ``namespace``.
+        Of the launch file; ``namespace`` and ``own_clock`` are among them.
     plan
         Makes the nodes out of the arguments' texts by name.
 
@@ -39,11 +40,12 @@ def description(
     def nodes(context: LaunchContext) -> list[Action]:
         texts = {argument.name: LaunchConfiguration(argument.name).perform(context)
                  for argument in arguments}
-        return _start(plan(texts), texts['namespace'].strip('/'))
+        check_loopback()
+        return _start(plan(texts), texts['namespace'].strip('/'), texts['own_clock'] == 'true')
     return LaunchDescription([*arguments, OpaqueFunction(function=nodes)])
 
 
-def _start(plan: Plan, namespace: str) -> list[Action]:
+def _start(plan: Plan, namespace: str, own_clock: bool) -> list[Action]:
     """Return the nodes, with their parameters in a file until the launch is over."""
     actions: list[Action] = []
     common: list[str] = []
@@ -62,5 +64,6 @@ def _start(plan: Plan, namespace: str) -> list[Action]:
         actions.append(Node(
             package=package, executable=executable, namespace=namespace,
             parameters=[*common, own] if own else common, output='screen',
+            remappings=[(f'/{topic}', topic) for topic in OWN] if own_clock else None,
             sigterm_timeout='20', on_exit=Shutdown()))
     return actions

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+import contextlib
 import ctypes
 import gc
 from importlib import import_module
 import multiprocessing
 import os
 from pathlib import Path
+import re
 import signal
 import subprocess
 import sys
@@ -19,8 +21,19 @@ import time
 from ament_index_python.packages import get_package_prefix, PackageNotFoundError
 from mambo_model import compiled
 
+from .keeper import ASK, is_stopped, TELL
+
 _PR_SET_PDEATHSIG, _PR_SET_NAME = 1, 15
 _LIBC = ctypes.CDLL(None, use_errno=True)
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_LOOK = 0.01  # s
+_ONE = 0.3  # s within which a closing terminal sends its signals
+_KILL = 5.0  # s within which the kernel ends a process
+_WORKS = 0.2  # s of CPU a second: so busy a process is not hung, it closes a long bag
+_LONGEST = 120.0  # s that a busy process may take to leave
+_HURRIED = 1.0  # s that a recorder has after a second Ctrl-C
+_HALTED = 1.0  # s for which a process may be stopped
+_ENDED = re.compile(r'ended by (SIG\w+)')  # what a node says
 _ENVIRONMENT = {'PYTHONUNBUFFERED': '1', 'RCUTILS_LOGGING_BUFFERED_STREAM': '0'}
 
 
@@ -48,9 +61,11 @@ def executable(package: str, name: str) -> Path:
     return path
 
 
-def _die_with_parent() -> None:
+def _die_with(parent: int) -> None:
     """Let the kernel interrupt this process when its parent is gone."""
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
+    if os.getppid() != parent:  # it was gone before that
+        os.kill(os.getpid(), signal.SIGINT)
 
 
 _FORK = multiprocessing.get_context('fork')
@@ -81,8 +96,10 @@ class _Copy(_FORK.Process):
 
     def __init__(self, module: str, arguments: list[str]) -> None:
         read, write = os.pipe()
-        super().__init__(target=_be, args=(module, arguments, write))
+        super().__init__(target=_be, args=(module, arguments, write, os.getpid()))
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # not to our own handlers
         self.start()
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
         os.close(write)
         self.stdout = open(read, errors='replace')
 
@@ -92,9 +109,12 @@ class _Copy(_FORK.Process):
 
     def wait(self, seconds: float | None = None) -> int:
         """Wait for the end; return the exit code."""
-        self.join(seconds)
-        if self.exitcode is None:
-            raise subprocess.TimeoutExpired(self.name, seconds)
+        # join() waits for a pipe that the child holds open, and _be has closed all it holds
+        limit = None if seconds is None else time.monotonic() + seconds
+        while self.exitcode is None:
+            if limit is not None and time.monotonic() >= limit:
+                raise subprocess.TimeoutExpired(self.name, seconds)
+            time.sleep(_LOOK)
         return self.exitcode
 
     def send_signal(self, number: int) -> None:
@@ -102,12 +122,14 @@ class _Copy(_FORK.Process):
         os.kill(self.pid, number)
 
 
-def _be(module: str, arguments: list[str], output: int) -> None:
+def _be(module: str, arguments: list[str], output: int, parent: int) -> None:
     """Be a node: what a new process and the shell's redirections would have given it."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_DFL)
+    for number in _SIGNALS:
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
     os.setsid()
-    _die_with_parent()
+    _die_with(parent)
     name = module.rpartition('.')[2]
     _LIBC.prctl(_PR_SET_NAME, name.encode())
     for number, stream in enumerate((os.open(os.devnull, os.O_RDONLY), output, output)):
@@ -131,19 +153,23 @@ class NodeProcess:
         After the executable.
     on_line : callable
         Gets each line that the node prints, from a thread.
+    label : str
+        What messages call the node, default its name.
 
     """
 
     def __init__(self, package: str, name: str, arguments: list[str],
-                 on_line: Callable[[str], None] | None = None) -> None:
-        self.name = name
+                 on_line: Callable[[str], None] | None = None, label: str = '') -> None:
+        self.name, self.label = name, label or name
         self.lines: deque[str] = deque(maxlen=200)
         self._on_line = on_line
-        module = f'{package}.{name}'
+        self._asked = False
+        self._halted_since: float | None = None
+        parent, module = os.getpid(), f'{package}.{name}'
         self._process = _Copy(module, arguments) if module in _LOADED else subprocess.Popen(
             [str(executable(package, name)), *arguments], stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors='replace',
-            start_new_session=True, preexec_fn=_die_with_parent,
+            start_new_session=True, preexec_fn=lambda: _die_with(parent),
             env={**os.environ, **_ENVIRONMENT})
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -152,7 +178,23 @@ class NodeProcess:
         for line in self._process.stdout:
             self.lines.append(line.rstrip())
             if self._on_line:
-                self._on_line(line.rstrip())
+                with contextlib.suppress(OSError):  # the terminal is gone, the pipe is to be read
+                    self._on_line(line.rstrip())
+
+    @property
+    def pid(self) -> int:
+        """Return the number of the process."""
+        return self._process.pid
+
+    @property
+    def halted(self) -> bool:
+        """Return whether the process is stopped, and was so for a while, as often as asked."""
+        if self.exit_code is not None or not is_stopped(self.pid):
+            self._halted_since = None
+            return False
+        if self._halted_since is None:
+            self._halted_since = time.monotonic()
+        return time.monotonic() - self._halted_since > _HALTED
 
     @property
     def exit_code(self) -> int | None:
@@ -169,8 +211,19 @@ class NodeProcess:
 
     def interrupt(self) -> None:
         """Ask the process to finish."""
+        self._asked = True
+        self.send(signal.SIGINT)
+
+    def resume(self) -> None:
+        """Have the process go on if it is stopped."""
         if self.exit_code is None:
-            self._process.send_signal(signal.SIGINT)
+            self._process.send_signal(signal.SIGCONT)
+
+    def send(self, number: int) -> None:
+        """Send a signal, which a stopped process takes too."""
+        if self.exit_code is None:
+            self._process.send_signal(number)
+            self._process.send_signal(signal.SIGCONT)
 
     def wait(self, seconds: float) -> int | None:
         """Wait for the end; return the exit code, None if it has not come."""
@@ -183,12 +236,43 @@ class NodeProcess:
 
     def end(self, seconds: float) -> int:
         """Interrupt, wait, and kill what does not listen; return the exit code."""
-        self.interrupt()
-        code = self.wait(seconds)
+        end([self], seconds)
+        return self.exit_code
+
+    def cpu(self) -> float:
+        """Return the time that the process has computed, s; 0 when it has ended."""
+        try:
+            fields = Path(f'/proc/{self.pid}/stat').read_text().rpartition(')')[2].split()
+        except OSError:
+            return 0.0
+        return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+    def trouble(self, owner: bool = False) -> str:
+        """
+        Return what is wrong with how the process ended or stands, empty if nothing is.
+
+        Parameters
+        ----------
+        owner
+            Whether the node may leave without being asked.
+
+        """
+        code = self.exit_code
         if code is None:
-            self._process.kill()
-            code = self._process.wait()
-        return code
+            return f'{self.label} was stopped by SIGSTOP'
+        self._reader.join(1.0)
+        if code > 0:
+            return f'{self.label} ended with exit code {code}: {self.complaint()}'
+        if self._asked and code in (0, -signal.SIGINT):
+            # a node that is interrupted while Python still loads it ends by the signal
+            return ''
+        if code < 0:
+            how = 'did not leave when asked, ended by' if self._asked else 'was ended by'
+            return f'{self.label} {how} {signal.Signals(-code).name}'
+        said = [found[1] for line in self.lines if (found := _ENDED.fullmatch(line))]
+        if said:
+            return f'{self.label} was ended by {said[-1]}'
+        return '' if owner else f'{self.label} left before the flight was over'
 
     def complaint(self) -> str:
         """Return the last line that tells what went wrong."""
@@ -198,36 +282,103 @@ class NodeProcess:
 
 
 class Interrupts:
-    """Counts Ctrl-C and SIGTERM instead of dying by them."""
+    """
+    Counts Ctrl-C, SIGTERM and SIGHUP instead of dying by them.
+
+    Attributes
+    ----------
+    count : int
+        How many have come.
+    first : signal.Signals or None
+        The first of them.
+
+    """
 
     def __init__(self) -> None:
-        self.count = 0
+        self.count, self._last = 0, -_ONE
+        self.first: signal.Signals | None = None
 
     def __enter__(self) -> Interrupts:
         self._before = [
-            (number, signal.signal(number, self._on_signal))
-            for number in (signal.SIGINT, signal.SIGTERM)]
+            (number, signal.signal(number, self._on_signal)) for number in _SIGNALS
+            if signal.getsignal(number) != signal.SIG_IGN or number != signal.SIGHUP]  # nohup
         return self
 
-    def _on_signal(self, *_) -> None:
-        self.count += 1
+    def _on_signal(self, number: int, _: object) -> None:
+        now = time.monotonic()
+        if now - self._last > _ONE:
+            self.count += 1
+        self._last = now
+        self.first = self.first or signal.Signals(number)
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         for number, handler in self._before:
             signal.signal(number, handler)
 
 
-def watch(children: list[NodeProcess], interrupts: Interrupts, owners: int = 1) -> None:
-    """Wait until the last children, which own time, have ended, one died or the user stops."""
-    others, last = children[:-owners], children[-owners:]
-    while any(owner.exit_code is None for owner in last):
-        if interrupts.count:
-            for owner in last:
-                owner.interrupt()
-            for owner in last:
-                owner.wait(20.0)
-            return
-        if any(child.exit_code is not None for child in others) or any(
-                owner.exit_code for owner in last):
-            return
+def watch(children: Sequence[NodeProcess], interrupts: Interrupts, owners: int = 1) -> str:
+    """
+    Wait until the last children, which own time, have ended, one fails or the user stops.
+
+    Returns
+    -------
+    What went wrong as a phrase that begins with the node, empty if nothing did.
+
+    """
+    last = children[-owners:]
+    while not interrupts.count:
+        flying = any(owner.exit_code is None for owner in last)
+        for child in children:
+            over = child.exit_code is not None and (flying or child in last)
+            if over or child.exit_code or child.halted:
+                if trouble := child.trouble(owner=child in last):
+                    return trouble
+        if not flying:
+            return ''
         time.sleep(0.02)
+    return ''
+
+
+def end(children: Sequence[NodeProcess], seconds: float = ASK,
+        interrupts: Interrupts | None = None) -> None:
+    """
+    End processes together: ask, then tell, then kill what does not listen.
+
+    Parameters
+    ----------
+    children
+        What to end.
+    seconds : s
+        How long a process may take after it was asked; one that computes may take longer.
+    interrupts
+        Of the user: the second one kills what has not left within a second, the next at once.
+
+    """
+    heard = interrupts.count if interrupts else 0
+    allowed, seconds = max(1, heard), min(seconds, _HURRIED) if heard > 1 else seconds
+
+    def wait(limit: float) -> list[NodeProcess]:
+        """Return what has not left."""
+        began = now = time.monotonic()
+        before = {id(child): child.cpu() for child in children}
+        while left := [child for child in children if child.exit_code is None]:
+            if interrupts and interrupts.count > allowed:
+                break
+            now = time.monotonic()
+            if now - began > limit:
+                worked = [child.cpu() - before[id(child)] > _WORKS * limit for child in left]
+                if limit <= 0.0 or not any(worked) or now - asked > _LONGEST:
+                    break
+                began, before = now, {id(child): child.cpu() for child in children}
+            time.sleep(_LOOK)
+        return left
+
+    asked = time.monotonic()
+    for child in children:
+        child.interrupt()
+    for child in wait(seconds):
+        child.send(signal.SIGTERM)
+    for child in wait(min(seconds, TELL)):
+        child.send(signal.SIGKILL)
+    for child in children:
+        child.wait(_KILL)

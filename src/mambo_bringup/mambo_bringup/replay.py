@@ -12,16 +12,16 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 import sys
-import tempfile
 
 from mambo_analysis import scenario as scenarios
 from mambo_analysis.bag import read_bag
 from mambo_analysis.cli import guard
 from mambo_analysis.compare import compare_replay
 
-from .domain import Domain
+from .crew import Crew
 from .flight import RECORDER
-from .processes import FlightError, Interrupts, load, NodeProcess, watch
+from .processes import FlightError, load
+from .stopping import stoppable
 
 ESTIMATOR = ('mambo_estimation', 'estimator_node')
 PLAYER = ('mambo_sim', 'replay_node')
@@ -50,31 +50,27 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
     ------
     FlightError
         If a node does not start, dies or cannot read the bag.
+    KeyboardInterrupt
+        If the user ended it, with the signal; the output is closed.
 
     """
     if output.exists():
         raise FlightError(f'{output} exists: give another --output or remove it')
-    domain = Domain()
-    with tempfile.TemporaryDirectory(prefix='mambo_') as folder, Interrupts() as interrupts:
-        file = estimator_file or _recorded_parameters(bag, Path(folder))
+    with Crew(RECORDER[1]) as crew:
+        file = estimator_file or _recorded_parameters(bag, crew.folder)
         parameters = ['--params-file', str(file)] if file else []
         scenario = ['-p', f'scenario:={file}'] if file else []
-        children: list[NodeProcess] = []
-        try:
-            children.append(NodeProcess(*RECORDER, [
-                '--ros-args', '-p', f'bag:={output}', '-p', f'topics:={RECORDED}', *scenario]))
-            children.append(NodeProcess(*ESTIMATOR, ['--ros-args', *parameters]))
-            children.append(NodeProcess(*PLAYER, [
-                '--ros-args', '-p', f'bag:={bag}', '-p', f'rate:={float(rate)}',
-                '-p', 'wait_for:=estimator_node,recorder_node']))
-            watch(children, interrupts)
-        finally:
-            codes = {child.name: child.end(20.0) for child in reversed(children)}
-        del domain
-    for child in reversed(children):
-        if codes[child.name] != 0:
-            raise FlightError(
-                f'{child.name} ended with exit code {codes[child.name]}: {child.complaint()}')
+        crew.start(*RECORDER, [
+            '--ros-args', '-p', f'bag:={output}', '-p', f'topics:={RECORDED}', *scenario])
+        crew.start(*ESTIMATOR, ['--ros-args', *parameters])
+        crew.start(*PLAYER, [
+            '--ros-args', '-p', f'bag:={bag}', '-p', f'rate:={float(rate)}',
+            '-p', 'wait_for:=estimator_node,recorder_node'])
+        crew.watch()
+    if crew.interrupts.first:
+        raise KeyboardInterrupt(crew.interrupts.first)
+    if crew.fault:
+        raise FlightError(crew.fault)
 
 
 def _recorded_parameters(bag: Path, folder: Path) -> Path | None:
@@ -115,7 +111,7 @@ def main(arguments: list[str] | None = None) -> None:
         replay(options.bag.absolute(), output.absolute(), options.rate, options.parameters)
         print(f'bag: {output}')
         print(compare_replay(read_bag(options.bag), read_bag(output)))
-    sys.exit(guard('replay', work, FlightError))
+    sys.exit(stoppable('replay', lambda: guard('replay', work, FlightError)))
 
 
 if __name__ == '__main__':

@@ -143,3 +143,16 @@ def test_the_file_of_another_user_can_be_locked_though_not_created(monkeypatch, 
 def test_a_domain_whose_file_cannot_be_opened_is_passed_over(monkeypatch):
     deny(monkeypatch, lambda path, flags: '_0.lock' in str(path) or '_1.lock' in str(path))
     assert Domain().number == 2
+
+
+def test_without_a_loopback_interface_a_flight_is_refused_at_once_with_one_line(tmp_path):
+    alone = ['unshare', '--user', '--map-root-user', '--net']
+    if subprocess.run([*alone, 'true'], capture_output=True).returncode:
+        pytest.skip('this user may not make a network namespace')
+    done = subprocess.run(
+        [*alone, sys.executable, '-m', 'mambo_bringup.flight', '--output', str(tmp_path / 'bag')],
+        text=True, capture_output=True, timeout=60.0)
+    assert (done.returncode, done.stdout) == (1, '')
+    (line,) = done.stderr.splitlines()
+    assert line.startswith('run: nodes cannot find each other, the loopback interface does not')
+    assert line.endswith('ip link set lo up')

@@ -32,11 +32,11 @@ def run(*arguments):
     """Return the scenario and bag that a command line would fly, or SystemExit."""
     seen = []
 
-    def fly(scenario, bag, composed):
-        seen.append((scenario, bag))
+    def fly(flights, bags, composed):
+        seen.append((flights['/mambo'], bags['/mambo']))
         raise FlightError('far enough')
     with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as end:
-        patch.setattr(flight, 'fly', fly)
+        patch.setattr(flight, 'fly_several', fly)
         flight.main(list(arguments))
     if not seen:
         raise end.value
@@ -315,11 +315,11 @@ from mambo_bringup import flight, processes
 from mambo_analysis.scenario import scenario
 folder = pathlib.Path({str(tmp_path)!r})
 processes.executable = lambda package, name: folder / name
-print(flight.fly(scenario(duration=3.0), folder / 'bag').stopped)
+print(flight.fly(scenario(duration=3.0), folder / 'bag').stopped.name)
 """], stdout=subprocess.PIPE, text=True)
     limit = time.monotonic() + PATIENCE
     while len(list(tmp_path.glob('*.up'))) < len(NODES) and time.monotonic() < limit:
         time.sleep(0.01)
     runner.send_signal(signal.SIGINT)
     out, _ = runner.communicate(timeout=PATIENCE)
-    assert (runner.returncode, out) == (0, 'True\n')
+    assert (runner.returncode, out) == (0, 'SIGINT\n')

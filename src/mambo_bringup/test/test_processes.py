@@ -1,13 +1,16 @@
 """Nodes as children: started, watched, ended in order, never left behind."""
 
+import fcntl
 import os
 from pathlib import Path
 import signal
 import subprocess
 import sys
+import threading
 import time
 
-from mambo_bringup import processes
+from mambo_bringup import keeper, processes
+from mambo_bringup.crew import Crew
 from mambo_bringup.processes import executable, FlightError, Interrupts, NodeProcess, watch
 import pytest
 
@@ -22,7 +25,8 @@ print('up', *sys.argv[1:], flush=True)
 while True:
     time.sleep(0.01)
 """
-DEAF = OBEDIENT.replace('sys.exit(0)', 'pass')
+DEAF = OBEDIENT.replace('sys.exit(0)', 'pass').replace(
+    'signal.signal(', 'signal.signal(signal.SIGTERM, leave); signal.signal(')
 
 
 def until(condition, what):
@@ -175,15 +179,125 @@ def test_the_flight_is_over_when_another_node_dies(start):
     assert other.exit_code == 1 and owner.exit_code is None
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_flight_lets_the_owner_of_time_end_first(start, number):
-    other, owner = start(OBEDIENT, name='other'), start(OBEDIENT, name='owner')
-    until(lambda: owner.lines and other.lines, 'both nodes')
-    with Interrupts() as interrupts:
-        os.kill(os.getpid(), number)
-        watch([other, owner], interrupts)
-    assert interrupts.count == 1
-    assert owner.exit_code == 0 and other.exit_code is None
+@pytest.fixture
+def crew(tmp_path, monkeypatch):
+    """Return what starts programs as nodes of a crew, the last as the owner of time."""
+    monkeypatch.setattr(processes, 'executable', lambda package, name: tmp_path / name)
+    monkeypatch.delenv('ROS_DOMAIN_ID', raising=False)
+    log = tmp_path / 'log'
+
+    def fly(act, **programs):
+        with Crew('recorder') as crew:
+            for name, text in programs.items():
+                script(tmp_path / name, text.replace(
+                    "print('asked to leave', flush=True)",
+                    f"open({str(log)!r}, 'a').write({name!r} + ' ')"))
+                crew.start('some_package', name, [])
+            until(lambda: all(child.lines for child in crew.children), 'all nodes')
+            act({child.name: child for child in crew.children})
+            crew.watch()
+        return crew, log.read_text().split() if log.exists() else []
+    return fly
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_the_owner_of_time_first_and_the_recorder_last(crew, number):
+    ended, order = crew(lambda nodes: os.kill(os.getpid(), number),
+                        recorder=OBEDIENT, other=OBEDIENT, owner=OBEDIENT)
+    assert (ended.interrupts.first, ended.fault) == (number, '')
+    assert order == ['owner', 'other', 'recorder']
+    assert not ended.folder.exists()
+
+
+@pytest.mark.parametrize('number, said', [
+    (signal.SIGKILL, 'other was ended by SIGKILL'), (signal.SIGHUP, 'other was ended by SIGHUP'),
+    (signal.SIGSTOP, 'other was stopped by SIGSTOP'),
+    (signal.SIGINT, 'other left before the flight was over')])
+def test_a_signal_to_a_node_ends_the_flight_and_is_named(crew, number, said):
+    began = time.monotonic()
+    ended, order = crew(lambda nodes: os.kill(nodes['other'].pid, number),
+                        recorder=OBEDIENT, other=OBEDIENT, owner=OBEDIENT)
+    assert ended.fault == said
+    assert order[-1] == 'recorder'
+    assert not any(alive(child.pid) for child in ended.children)
+    assert time.monotonic() - began < 15.0
+
+
+def test_one_of_several_owners_of_time_that_is_ended_ends_the_flight(start):
+    first = start("print('ended by SIGTERM')", name='first')
+    second = start(OBEDIENT, name='second')
+    assert watch([first, second], Interrupts(), 2) == 'first was ended by SIGTERM'
+    assert second.exit_code is None
+
+
+def test_a_node_says_by_which_signal_it_left(crew):
+    polite = OBEDIENT.replace("print('asked to leave', flush=True)",
+                              "print('ended by SIGTERM', flush=True)").replace('SIGINT', 'SIGTERM')
+    ended, _ = crew(lambda nodes: os.kill(nodes['other'].pid, signal.SIGTERM),
+                    other=polite, owner=OBEDIENT)
+    assert ended.fault == 'other was ended by SIGTERM'
+
+
+def test_a_second_signal_ends_deaf_nodes_at_once(crew):
+    def twice(nodes):
+        os.kill(os.getpid(), signal.SIGINT)
+        threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+    began = time.monotonic()
+    ended, _ = crew(twice, other=DEAF, owner=OBEDIENT)
+    assert time.monotonic() - began < 5.0  # 9 s where nobody hurries
+    assert ended.fault == 'other did not leave when asked, ended by SIGKILL'
+
+
+def test_a_suspended_runner_is_told_to_end(tmp_path):
+    script(tmp_path / 'node', OBEDIENT)
+    runner = subprocess.Popen([sys.executable, '-c', f"""
+import pathlib
+from mambo_bringup import processes
+from mambo_bringup.crew import Crew
+processes.executable = lambda package, name: pathlib.Path({str(tmp_path)!r}) / name
+with Crew('recorder') as crew:
+    crew.start('some_package', 'node', [])
+    print(crew.folder, flush=True)
+    crew.watch()
+print(crew.interrupts.first.name)
+"""], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, 'ROS_DOMAIN_ID': ''})
+    folder = runner.stdout.readline().strip()
+    runner.send_signal(signal.SIGSTOP)
+    out, err = runner.communicate(timeout=15.0)
+    assert (out, err) == ('SIGTERM\n', 'suspended for 4 s: the flight ends\n')
+    assert not Path(folder).exists()
+
+
+def test_a_killed_runner_leaves_neither_stopped_nodes_nor_its_folder(tmp_path):
+    script(tmp_path / 'node', OBEDIENT)
+    runner = subprocess.Popen([sys.executable, '-c', f"""
+import pathlib, time
+from mambo_bringup import processes
+from mambo_bringup.crew import Crew
+processes.executable = lambda package, name: pathlib.Path({str(tmp_path)!r}) / name
+with Crew('recorder') as crew:
+    child = crew.start('some_package', 'node', [])
+    print(crew.folder, child.pid, flush=True)
+    crew.watch()
+"""], stdout=subprocess.PIPE, text=True, env={**os.environ, 'ROS_DOMAIN_ID': ''})
+    folder, pid = runner.stdout.readline().split()
+    os.kill(int(pid), signal.SIGSTOP)  # so that the kernel's interrupt is not heard
+    runner.kill()
+    runner.communicate(timeout=PATIENCE)
+    until(lambda: not alive(pid) and not Path(folder).exists(), 'the keeper')
+
+
+def test_shared_memory_of_the_living_stays_and_of_the_dead_goes(tmp_path, monkeypatch):
+    monkeypatch.setattr(keeper, '_SHARED', tmp_path)
+    for name in ('fastrtps_1', 'fastrtps_1_el', 'fastrtps_2', 'fastrtps_2_el', 'other_el'):
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (1.0, 1.0))
+    with (tmp_path / 'fastrtps_1_el').open() as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        keeper.sweep()
+        assert sorted(file.name for file in tmp_path.iterdir()) == [
+            'fastrtps_1', 'fastrtps_1_el', 'other_el']
 
 
 def test_signals_mean_afterwards_what_they_meant_before():
@@ -247,6 +361,11 @@ print(first.end(20.0), first.end(20.0), first.lines[-1])
 third = NodeProcess('loaded', 'some_node', ['stay'])
 third._process.kill()
 print(third.end(20.0))
+stopped = NodeProcess('loaded', 'some_node', ['stay'])
+while len(stopped.lines) < 3:
+    pass
+stopped._process.send_signal(19)
+print(stopped.wait(0.5), stopped.end(20.0))
 with Interrupts():
     fourth = NodeProcess('loaded', 'some_node', ['load'])
 while not fourth.lines:
@@ -267,7 +386,8 @@ def copies(folder, before=''):
 def test_a_node_that_is_loaded_begins_as_a_copy_and_ends_like_any_other(tmp_path):
     done = copies(tmp_path)
     assert done.stdout.splitlines() == [
-        "3 ['up some_node leave True 1', 'complaint']", 'some_node', '0 0 ready', '-9', '-2'
+        "3 ['up some_node leave True 1', 'complaint']", 'some_node', '0 0 ready', '-9',
+        'None 0', '-2'
     ], done.stderr
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 import time
 
 from mambo_interfaces.msg import NodeLinks
@@ -16,9 +17,11 @@ class Links:
     """
     What is known of the nodes of the graph and their links.
 
-    A publisher that sees its own reader knows nothing of the next link, and a volatile message
-    sent before a link is matched is lost. Every node therefore announces its matched links
-    (``NodeLinks``), and the node that owns time starts when none is missing.
+    A publisher that sees its own reader knows nothing of the next link, nor whether the reader
+    has found it in turn: each side discovers the other on its own, and a volatile message sent
+    before both have is lost. Every node therefore announces what its publishers and its
+    subscriptions have matched (``NodeLinks``), and the node that owns time starts when neither
+    side of any link is missing.
 
     Parameters
     ----------
@@ -64,16 +67,32 @@ class Links:
             return f"node {', '.join(absent)}"
         if not self._expected:
             return ''
-        readers: dict[str, int] = {}
+        known = self._known.values()
+        readers = Counter(topic for links in known for topic in links.subscribed)
+        writers = Counter(topic for links in known for topic in links.published)
         for links in self._known.values():
-            for topic in links.subscribed:
-                readers[topic] = readers.get(topic, 0) + 1
-        for links in self._known.values():
-            for topic, matched in zip(links.published, links.matched, strict=True):
-                if matched < readers.get(topic, 0):
+            for topic, matched in zip(links.published, links.matched):
+                if matched < readers[topic]:
                     return (f'{readers[topic] - matched} of {readers[topic]} readers of {topic} '
                             f'at {links.node}')
+            for topic, matched in zip(links.subscribed, links.matched[len(links.published):]):
+                if matched < writers[topic]:
+                    return (f'{writers[topic] - matched} of {writers[topic]} publishers of '
+                            f'{topic} at {links.node}')
         return ''
+
+    def alone(self, topic: topics.Topic) -> bool:
+        """Return whether only the owner publishes a topic; name in the log who else does."""
+        name = self._owner.resolve_topic_name(topic.name)
+        others = [f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+                  for info in self._owner.get_publishers_info_by_topic(name)]
+        others.remove(self._owner.get_fully_qualified_name())
+        if others:
+            self._owner.get_logger().error(
+                f'{", ".join(others)} publishes {name} too: give each of several drones a '
+                'namespace and a clock of its own (launch: own_clock:=true), or another '
+                'ROS_DOMAIN_ID')
+        return not others
 
     def wait(self, loop: node.Loop, patience: float) -> bool:
         """

@@ -23,7 +23,8 @@ import resource
 import signal
 import sys
 import time
-from typing import Any, Generic, NamedTuple, TypeVar
+import traceback
+from typing import Any, Generic, NamedTuple, NoReturn, TypeVar
 
 from mambo_interfaces.msg import NodeLinks
 from mambo_model.schema import ParameterError
@@ -37,7 +38,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
-from . import diagnostics, params, peers, topics
+from . import diagnostics, leaving, params, peers, topics
 from .intake import Intake
 
 P = TypeVar('P')
@@ -54,6 +55,9 @@ _AT_ONCE = 100  # messages of one topic before timers and the other topics get t
 _BYTES_AT_ONCE = 1_000_000  # likewise
 _REPORT_EVERY = 1.0  # s between reports of refused messages
 _QUIET = 0.1  # s without a message after which a stopping node has taken everything
+_FLUSH = 2.0  # s in which readers acknowledge what a leaving process has published
+_TEARDOWN = 1.0  # s that the middleware has to say goodbye; it has been seen to hang there
+_NEAR = 2**32 - 1  # publishers found of a topic that the same process says
 _PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'  # of the user, or ours
 _REFUSALS = (ParameterError, FileNotFoundError, FileExistsError, _rclpy.RCLError)
 
@@ -160,6 +164,7 @@ class MamboNode(Node, Generic[P]):
         self.said: list[Voice] = []
         self.heard: list[Ear] = []
         self._lean = _Lean()
+        self._sources: dict[str, Subscription] = {}  # by topic
         self._matched: list[int] | None = None
         self._refusals: dict[str, int] = {}  # by topic and reason, as last reported
         self._next_report = 0.0  # s of wall time
@@ -228,9 +233,10 @@ class MamboNode(Node, Generic[P]):
 
     def subscribe(self, ear: Ear) -> Subscription:
         """Subscribe at the middleware what is to be heard."""
-        return self.create_subscription(
+        self._sources[ear.name] = self.create_subscription(
             ear.topic.msg_type, ear.name, ear.take, qos(ear.topic, reliable=ear.reliable),
             callback_group=self._lean, raw=True)
+        return self._sources[ear.name]
 
     @property
     def intakes(self) -> list[Intake]:
@@ -275,7 +281,9 @@ class MamboNode(Node, Generic[P]):
 
     def announce(self) -> None:
         """Tell the graph which links of this node are matched, when that has changed."""
-        matched = [voice.matched for voice in self.said]
+        matched = [voice.matched for voice in self.said] + [
+            self._sources[ear.name].get_publisher_count() if ear.name in self._sources else _NEAR
+            for ear in self.heard]
         if matched == self._matched:
             return
         self._matched = matched
@@ -283,12 +291,13 @@ class MamboNode(Node, Generic[P]):
             node=self.get_fully_qualified_name(), subscribed=[ear.name for ear in self.heard],
             published=[voice.publisher.topic_name for voice in self.said], matched=matched))
 
-    def flush(self, seconds: float = 2.0) -> None:
-        """Say what is left to say; wait until every reader has acknowledged all of it."""
+    def flush(self, seconds: float = _FLUSH) -> None:
+        """Publish what is left; wait at most so long until every reader has acknowledged it."""
         self.report_refusals(math.inf)
-        limit = rclpy.duration.Duration(seconds=seconds)
+        limit = time.monotonic() + seconds
         for voice in self.said:
-            voice.publisher.wait_for_all_acked(limit)
+            left = max(limit - time.monotonic(), 0.0)
+            voice.publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=left))
 
 
 class _Entry(NamedTuple):
@@ -331,11 +340,13 @@ class Loop:
     ----------
     stopping : bool
         Set by :meth:`stop` or a signal; :meth:`run` then takes what has arrived and returns.
+    urgent : bool
+        Set by a second signal: what has arrived is left.
 
     """
 
     def __init__(self, *nodes: MamboNode) -> None:
-        self.stopping = False
+        self.stopping = self.urgent = False
         self._nodes = nodes
         self._executor = SingleThreadedExecutor()
         self._queue: deque[tuple[Callable[[bytes], None], bytes]] = deque()
@@ -435,10 +446,11 @@ class Loop:
         self.drain()
 
     def drain(self) -> None:
-        """Handle messages until none has come for a moment."""
+        """Handle messages until none has come for a moment, or a second signal has."""
         limit = time.monotonic() + 5.0
         quiet_since = time.monotonic()
-        while time.monotonic() < limit and time.monotonic() - quiet_since < _QUIET:
+        while not self.urgent and (
+                time.monotonic() < min(limit, quiet_since + _QUIET)):
             if self.once(_HOUSEKEEPING):
                 quiet_since = time.monotonic()
 
@@ -473,8 +485,10 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
     """
     Run nodes as one process.
 
-    SIGINT and SIGTERM let the nodes take what has arrived, finish and leave; a wrong parameter or
-    parameter file ends them with one line and exit code 2.
+    SIGINT, SIGTERM and SIGHUP let the nodes take what has arrived, finish and leave; a second one
+    lets them leave the rest. A wrong parameter or parameter file ends them with one line and exit
+    code 2. The process leaves as soon as it has finished and flushed, even where the middleware
+    hangs in its teardown.
 
     Parameters
     ----------
@@ -488,18 +502,21 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
 
     """
     loop: Loop | None = None
-    stopped = False
+    stopped = ''
     nodes: list[MamboNode] = []
 
-    def stop(*_: Any) -> None:
+    def stop(number: int, _: Any) -> None:
         nonlocal stopped
-        stopped = True
-        if loop is None:
+        again, stopped = bool(stopped), stopped or signal.Signals(number).name
+        if loop is not None:
+            loop.urgent = again
+            loop.stop()
+        elif not again:
             raise KeyboardInterrupt
-        loop.stop()
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, stop)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup
+            signal.signal(number, stop)
     os.environ.setdefault(_PROFILES, str(Path(__file__).with_name('fastdds.xml')))
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
@@ -507,20 +524,44 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
             nodes.append(node_type())
         loop = Loop(*nodes)
     except BaseException as error:  # stopped while numerics compile, the compiler raises anything
-        if not stopped:
-            if not isinstance(error, _REFUSALS):
-                raise
-            print(f'{node_types[len(nodes)].__name__}: {_line(error)}', file=sys.stderr)
-        rclpy.try_shutdown()
-        sys.exit(0 if stopped else 2)
+        for node in nodes:
+            node.finish()
+        if stopped:
+            _leave(nodes, 0)
+        if not isinstance(error, _REFUSALS):
+            traceback.print_exc()
+            _leave(nodes, 1)
+        print(f'{node_types[len(nodes)].__name__}: {_line(error)}', file=sys.stderr)
+        _leave(nodes, 2)
     if stopped:
         loop.stop()
-    sys.exit(_serve(nodes, loop, run) or 0)
+    code = 1
+    try:
+        code = _serve(nodes, loop, run, lambda: stopped) or 0
+    except BaseException:  # an error of a node, whose process leaves like any other
+        traceback.print_exc()
+    _leave(nodes, code, loop)
+
+
+def _leave(nodes: Sequence[MamboNode], code: int, loop: Loop | None = None) -> NoReturn:
+    """End the process; the middleware says goodbye to the graph if it does so in time."""
+    leaving.exit_after(_TEARDOWN, code)
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        if loop is not None:
+            loop.close()
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    finally:  # nor through what the middleware does when an interpreter ends
+        os._exit(code)
 
 
 def _serve(nodes: list[MamboNode], loop: Loop,
-           run: Callable[[Any, Loop], int | None] | None) -> int | None:
-    """Run nodes to their end in order and say what that took; return the exit code."""
+           run: Callable[[Any, Loop], int | None] | None,
+           stopped: Callable[[], str]) -> int | None:
+    """Run nodes to their end in order, say what that took and by what; return the exit code."""
     code: int | None = 0
     before = time.process_time()  # with the threads of the middleware
     gc.freeze()  # what is loaded stays: the collector need not look at it while time runs
@@ -532,13 +573,13 @@ def _serve(nodes: list[MamboNode], loop: Loop,
         if len(nodes) > 1:
             loop.drain()
     finally:
-        for node in nodes:
+        if stopped():
+            print(f'ended by {stopped()}', flush=True)
+        for node in nodes:  # a bag is closed before anything that may hang
             node.finish()
-            node.flush()
-        loop.close()
+        limit = time.monotonic() + _FLUSH
         for node in nodes:
-            node.destroy_node()
-        rclpy.try_shutdown()
+            node.flush(limit - time.monotonic())
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
         print(f'used {time.process_time() - before:.2f} s of CPU and {memory} MB', flush=True)
     return code

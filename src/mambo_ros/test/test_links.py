@@ -76,6 +76,15 @@ def test_a_reader_that_a_publisher_has_not_matched_is_counted_and_named(links):
     assert links.missing() == ''
 
 
+def test_a_publisher_that_a_reader_has_not_matched_is_counted_and_named(links):
+    links.update(announced('/mambo/estimator'))
+    links.update(announced('/mambo/controller', published=[PWM], matched=[1]))
+    links.update(announced('/mambo/sim', published=[IMU], subscribed=[PWM], matched=[0, 0]))
+    assert links.missing() == f'1 of 1 publishers of {PWM} at /mambo/sim'
+    links.update(announced('/mambo/sim', published=[IMU], subscribed=[PWM], matched=[0, 1]))
+    assert links.missing() == ''
+
+
 def test_every_publisher_of_a_shared_topic_must_know_every_reader(links):
     links.update(announced('/mambo/estimator', published=['/tf'], matched=[1]))
     links.update(announced('/mambo/controller', published=['/tf'], matched=[0]))
@@ -124,6 +133,18 @@ def test_links_between_nodes_of_one_loop_count_as_others_do():
     loop.close()
     assert [voice.matched for voice in controller.said] == [1]  # the simulator, in the loop
     assert not controller.said[0].publisher.get_subscription_count()
+
+
+def test_an_owner_of_time_that_is_not_alone_names_the_other(monkeypatch):
+    sim, other = node('sim', [topics.CLOCK]), node('sim', [topics.CLOCK], namespace='two')
+    said = []
+    monkeypatch.setattr(type(sim.get_logger()), 'error', lambda self, text: said.append(text))
+    links = Links(sim, '')
+    until(lambda: len(sim.get_publishers_info_by_topic('/clock')) == 2, 'the other')
+    assert not links.alone(topics.CLOCK)
+    assert said[0].startswith('/two/sim publishes /clock too: give each of several drones')
+    other.destroy_node()
+    until(lambda: links.alone(topics.CLOCK), 'its end')
 
 
 def test_patience_ends_and_the_log_says_for_what(monkeypatch):
@@ -186,17 +207,17 @@ def test_a_change_of_the_graph_is_announced_again():
         first = got[-1]
         assert (first.node, list(first.published), list(first.subscribed)) == (
             '/mambo/sim', [IMU], [PWM])
-        assert list(first.matched) == [0]
+        assert list(first.matched) == [0, 0]
         reader = node('reader', hears=[topics.IMU])
         loop = Loop(reader)
-        until(lambda: list(got[-1].matched) == [1], 'the new reader', turn)
+        until(lambda: list(got[-1].matched) == [1, 0], 'the new reader', turn)
         count = len(got)
         for _ in range(20):
             turn()
         assert len(got) == count  # nothing changed: nothing said
         loop.close()
         reader.destroy_node()
-        until(lambda: list(got[-1].matched) == [0], 'the loss of the reader', turn)
+        until(lambda: list(got[-1].matched) == [0, 0], 'the loss of the reader', turn)
     executor.shutdown()
 
 

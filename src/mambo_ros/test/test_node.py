@@ -292,7 +292,7 @@ def wait_for(process, text):
     raise AssertionError(process.communicate())
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_a_node_in_order(ros, tmp_path, number):
     process = start(tmp_path)
     wait_for(process, 'ready')
@@ -304,7 +304,7 @@ def test_a_signal_ends_a_node_in_order(ros, tmp_path, number):
     process.send_signal(number)
     out, err = process.communicate(timeout=PATIENCE)
     assert (process.returncode, err) == (0, '')
-    assert out.splitlines()[-2] == 'finished with 300'
+    assert out.splitlines()[-3:-1] == [f'ended by {number.name}', 'finished with 300']
 
 
 def test_a_node_that_leaves_soon_knows_that_all_it_said_has_arrived(ros, tmp_path):
@@ -330,6 +330,20 @@ def test_a_signal_while_a_node_loads_is_no_error_either(tmp_path, number):
     process.send_signal(number)
     out, err = process.communicate(timeout=PATIENCE)
     assert (process.returncode, out, err) == (0, '', '')
+
+
+@pytest.mark.parametrize('code', [0, 3])
+def test_a_middleware_that_hangs_in_its_teardown_does_not_keep_the_process(tmp_path, code):
+    file = tmp_path / 'talker.py'  # as Fast DDS does, with the lock of Python
+    file.write_text(TALKER.replace('    def __init__', """    def destroy_node(self):
+        import ctypes
+        ctypes.PyDLL(None).sleep(60)
+
+    def __init__""", 1).replace('talk)', f'lambda *_: {code})'))
+    began = time.monotonic()
+    done = subprocess.run([sys.executable, str(file)], text=True, capture_output=True, timeout=50)
+    assert (done.returncode, done.stderr) == (code, '')
+    assert done.stdout.startswith('used ') and time.monotonic() - began < 30.0
 
 
 @pytest.mark.parametrize('arguments, complaint', [

@@ -184,6 +184,8 @@ def replay(player: ReplayNode, loop: node.Loop) -> int:
     p, log = player.params, player.get_logger()
     if not player.links.wait(loop, p.start_patience):
         return 0 if loop.stopping else 1
+    if not player.links.alone(topics.CLOCK):
+        return 1
     began, first, t, count = time.monotonic(), None, 0, 0
     try:
         for t in player.steps():

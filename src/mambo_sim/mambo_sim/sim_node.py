@@ -236,6 +236,8 @@ def fly(sim: SimNode, loop: node.Loop) -> int:
     """Run the simulation to its end or until stopped; return the exit code."""
     if not sim.links.wait(loop, sim.params.start_patience):
         return 0 if loop.stopping else 1
+    if not sim.links.alone(topics.CLOCK):
+        return 1
     p, log = sim.params, sim.get_logger()
     log.info(f'flying in {p.mode} mode')  # the first line takes ten times as long as a step
     end = round(p.duration * 1e9) if p.duration else None
