@@ -28,7 +28,7 @@ from mambo_model.vehicle import PRESETS
 from tqdm import tqdm
 
 from .domain import Domain
-from .processes import FlightError, Interrupts, load, NodeProcess, watch
+from .processes import FlightError, Interrupts, load, NodeProcess, parameter, watch
 
 FLIGHT_NODES = (
     ('mambo_sim', 'optitrack_node'), ('mambo_estimation', 'estimator_node'),
@@ -115,10 +115,11 @@ def _start(file: Path, bag: Path, composed: bool, namespace: str,
     if composed:
         recorder = file.with_name(f'recorder_{file.name}')
         recorder.write_text(json.dumps({f'{namespace}/recorder_node': {  # which is YAML
-            'ros__parameters': {'bag': str(bag), 'scenario': str(file)}}}))
+            'ros__parameters': {'bag': str(bag), 'scenario': str(file)}}}, ensure_ascii=False))
         yield NodeProcess(*COMPOSED, [*flown, '--params-file', str(recorder)], on_line)
         return
-    yield NodeProcess(*RECORDER, [*arguments, '-p', f'bag:={bag}', '-p', f'scenario:={file}'])
+    yield NodeProcess(*RECORDER, [
+        *arguments, *parameter('bag', bag), *parameter('scenario', file)])
     for node in FLIGHT_NODES:
         yield NodeProcess(*node, flown)
     yield NodeProcess(*SIMULATOR, flown, on_line)
@@ -337,15 +338,13 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser().parse_args(arguments)
     try:
         if options.list_scenarios:
-            _list_scenarios()
-            sys.exit()
+            sys.exit(guard('run', _list_scenarios))
         name, flight = _scenario(options)
     except schema.ParameterError as error:
         print(f'run: {error}', file=sys.stderr)
         sys.exit(2)
     if options.print_scenario:
-        print(scenarios.commented_yaml(flight), end='')
-        sys.exit()
+        sys.exit(guard('run', lambda: print(scenarios.commented_yaml(flight), end='')))
     sys.exit(guard('run', lambda: _fly_and_report(name, flight, options), FlightError))
 
 

@@ -15,13 +15,13 @@ import sys
 import tempfile
 
 from mambo_analysis import scenario as scenarios
-from mambo_analysis.bag import read_bag
+from mambo_analysis.bag import Bag, read_bag
 from mambo_analysis.cli import guard
 from mambo_analysis.compare import compare_replay
 
 from .domain import Domain
 from .flight import RECORDER
-from .processes import FlightError, Interrupts, load, NodeProcess, watch
+from .processes import FlightError, Interrupts, load, NodeProcess, parameter, watch
 
 ESTIMATOR = ('mambo_estimation', 'estimator_node')
 PLAYER = ('mambo_sim', 'replay_node')
@@ -50,22 +50,25 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
     ------
     FlightError
         If a node does not start, dies or cannot read the bag.
+    mambo_analysis.bag.BagError
+        If the bag is foreign, damaged or was never closed.
 
     """
     if output.exists():
         raise FlightError(f'{output} exists: give another --output or remove it')
+    recording = read_bag(bag, topics=())  # a damaged one is not played
     domain = Domain()
     with tempfile.TemporaryDirectory(prefix='mambo_') as folder, Interrupts() as interrupts:
-        file = estimator_file or _recorded_parameters(bag, Path(folder))
+        file = estimator_file or _recorded_parameters(recording, Path(folder))
         parameters = ['--params-file', str(file)] if file else []
-        scenario = ['-p', f'scenario:={file}'] if file else []
+        scenario = parameter('scenario', file) if file else []
         children: list[NodeProcess] = []
         try:
             children.append(NodeProcess(*RECORDER, [
-                '--ros-args', '-p', f'bag:={output}', '-p', f'topics:={RECORDED}', *scenario]))
+                '--ros-args', *parameter('bag', output), *parameter('topics', RECORDED), *scenario]))
             children.append(NodeProcess(*ESTIMATOR, ['--ros-args', *parameters]))
             children.append(NodeProcess(*PLAYER, [
-                '--ros-args', '-p', f'bag:={bag}', '-p', f'rate:={float(rate)}',
+                '--ros-args', *parameter('bag', bag), '-p', f'rate:={float(rate)}',
                 '-p', 'wait_for:=estimator_node,recorder_node']))
             watch(children, interrupts)
         finally:
@@ -77,12 +80,12 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
                 f'{child.name} ended with exit code {codes[child.name]}: {child.complaint()}')
 
 
-def _recorded_parameters(bag: Path, folder: Path) -> Path | None:
+def _recorded_parameters(bag: Bag, folder: Path) -> Path | None:
     """Write the estimator's recorded parameters to a file; None if the bag has none."""
-    text = read_bag(bag, topics=()).attachments.get('scenario.yaml')
+    text = bag.attachments.get('scenario.yaml')
     if text is None:
         return None
-    flight = scenarios.from_yaml(text, f'scenario.yaml in {bag}')
+    flight = scenarios.from_yaml(text, f'scenario.yaml in {bag.path}')
     if flight.estimator_node.estimator == 'ground_truth':
         return None
     file = folder / 'estimator.yaml'
