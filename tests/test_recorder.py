@@ -2,12 +2,16 @@
 
 import os
 import struct
+import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TransformStamped
 from mambo_analysis import mcap_file
-from mambo_analysis.bag import read_bag
+from mambo_analysis.bag import bag_files, read_bag
+from mambo_bringup.domain import Domain
+from mambo_bringup.flight import RECORDER
+from mambo_bringup.processes import NodeProcess, parameter
 from mambo_ros import layout, messages, topics
 from mambo_sim import bag_writer
 from mambo_sim.recorder_node import RecorderNode
@@ -97,9 +101,10 @@ def test_any_message_is_recorded_within_the_flight_and_nothing_else_suffers(
 def test_what_was_not_as_it_should_be_is_counted_in_one_line(start, monkeypatch):
     node, take = start()
     said = {'info': [], 'warning': []}
+    log = node.get_logger()
     for level, lines in said.items():
-        monkeypatch.setattr(node.get_logger(), level, lines.append, raising=False)
-    monkeypatch.setattr(type(node), 'get_logger', lambda self, log=node.get_logger(): log)
+        monkeypatch.setattr(log, level, lines.append, raising=False)
+    monkeypatch.setattr(type(node), 'get_logger', lambda self: log)
     fly(take, 100)
     for _ in range(3):
         take[topics.TF](tf(FAR))
@@ -181,3 +186,18 @@ def test_a_full_disk_ends_the_recorder_with_one_line(start, tmp_path, monkeypatc
     node.finish()
     assert ended.value.code == 1 and len(errors) == 1
     assert 'No space left on device' in errors[0] and 'recover' in errors[0]
+
+
+@pytest.mark.parametrize('name', ["it's", 'a: b', ' # no comment', 'two\nlines', '"quoted" {[,]}',
+                                  '\N{GRINNING FACE} \\n %YAML'])
+def test_any_name_of_a_bag_comes_to_the_recorder_as_it_is(tmp_path, name):
+    with Domain():
+        recorder = NodeProcess(*RECORDER, ['--ros-args', *parameter('bag', tmp_path / name)])
+        limit = time.monotonic() + 100.0
+        while not (tmp_path / name / 'metadata.yaml').exists() and time.monotonic() < limit:
+            assert recorder.exit_code is None, recorder.lines
+            time.sleep(0.05)
+        assert recorder.end(60.0) == 0, recorder.lines
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    files, _ = bag_files(tmp_path / name)
+    assert files == [tmp_path / name / f'{name}_0.mcap']

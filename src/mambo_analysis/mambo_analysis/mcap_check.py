@@ -155,7 +155,7 @@ class Account:
     def _statistics(self, told: Statistics, topics: dict[int, str]) -> Iterator[str]:
         count = sum(self.counts.values())
         wrong = [
-            f'{topics.get(channel, f"channel {channel}")} {self.counts.get(channel, 0)} of {number}'
+            f'{topics.get(channel, channel)} {self.counts.get(channel, 0)} of {number}'
             for channel, number in told.channel_message_counts.items()
             if self.counts.get(channel, 0) != number]
         if count != told.message_count or wrong:

@@ -197,8 +197,8 @@ class _Scanner:
     def walk(self) -> None:
         """Take the whole file."""
         closed, end = False, len(MAGIC)
-        self._repeated_definitions(end)
-        for opcode, start, end in _records(self._data, end):
+        self._repeated_definitions(len(MAGIC))
+        for opcode, start, end in _records(self._data, len(MAGIC)):
             whole = end <= len(self._data)
             if opcode == _NONE:
                 self.contents.lost.append(f'no record at byte {start - _FRAME.size}')

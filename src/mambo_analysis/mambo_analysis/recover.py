@@ -126,8 +126,8 @@ def recover(source: Path, target: Path) -> Recovered:
     if not any(part.count for part in parts):
         raise BagError(f'{source}: no message can be read, there is nothing to recover')
     lost, wrong = (
-        [f'{file.name}: {what}' for file, part in zip(files, parts) for what in getattr(part, kind)]
-        for kind in ('lost', 'wrong'))
+        [f'{file.name}: {what}' for file, part in zip(files, parts)
+         for what in getattr(part, kind)] for kind in ('lost', 'wrong'))
     attachments, metadata = extras(parts)
     counts: dict[str, int] = {}
     times: list[int] = []

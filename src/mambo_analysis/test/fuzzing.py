@@ -20,7 +20,7 @@ import time
 import zlib
 
 from mambo_analysis import compare, mcap_file, recover, scenario, scenario_file
-from mambo_analysis.bag import BagError, bag_files
+from mambo_analysis.bag import bag_files, BagError
 from mambo_analysis.identify import thrust
 from mambo_model import vehicle
 from mambo_model.schema import ParameterError
@@ -151,7 +151,8 @@ def try_bag(file, folder):
     return f'recover {code}, compare {compare.main([str(file)])}'
 
 
-TEXTS = ('1e400', '-1e308', '9' * 1000, '0x' + 'f' * 5000, '.nan', '2001-13-45', '!!int x', '~', '',
+TEXTS = ('1e400', '-1e308', '9' * 1000, '0x' + 'f' * 5000, '.nan', '2001-13-45', '!!int x', '~',
+         '',
          '!!binary a', '[' * 300, '{a: ' * 300, '&a [*a, *a]', '*nothing', '<<: 1', '? [a]', '\0',
          '"\\ud800"', '2001-01-01', 'yes', "'", '!!set {a}', '- - - -', '!!python/name:os.system',
          'a' * 5000, '\N{GRINNING FACE}', '!!timestamp 1', '[1, [2]]', '{[a]: b}', '1:59:59:59')

@@ -8,14 +8,14 @@ from mambo_analysis.bag import BagError
 from mambo_analysis.cli import guard
 import pytest
 
-TOOL = '''
+TOOL = """
 import errno, os, sys
 from mambo_analysis.cli import guard
 def work():
     {work}
 code = guard('tool', work)
 sys.exit(code)
-'''
+"""
 MANY = 'for k in range(100000): print(k)'
 
 

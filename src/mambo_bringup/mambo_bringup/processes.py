@@ -50,7 +50,7 @@ def executable(package: str, name: str) -> Path:
 
 
 def parameter(name: str, text: str | Path) -> list[str]:
-    """Return the arguments that give a node a text as parameter, whatever YAML would make of it."""
+    """Return the arguments that give a node a text as it is, whatever YAML would make of it."""
     return ['-p', f'{name}:={json.dumps(str(text), ensure_ascii=False)}']
 
 

@@ -65,7 +65,8 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
         children: list[NodeProcess] = []
         try:
             children.append(NodeProcess(*RECORDER, [
-                '--ros-args', *parameter('bag', output), *parameter('topics', RECORDED), *scenario]))
+                '--ros-args', *parameter('bag', output), *parameter('topics', RECORDED),
+                *scenario]))
             children.append(NodeProcess(*ESTIMATOR, ['--ros-args', *parameters]))
             children.append(NodeProcess(*PLAYER, [
                 '--ros-args', *parameter('bag', bag), '-p', f'rate:={float(rate)}',

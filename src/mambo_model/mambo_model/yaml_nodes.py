@@ -38,7 +38,7 @@ Loader.add_implicit_resolver(
 
 
 def _measure(text: str) -> None:
-    """Raise MarkedYAMLError where a text nests too deep, or has too many nodes with its aliases."""
+    """Raise YAMLError where a text nests too deep, or has too many nodes with its aliases."""
     most = limits.limit(limits.YAML_NODES)
     if len(text) > _BYTES * most:
         raise yaml.YAMLError(
@@ -148,7 +148,8 @@ class Reader:
             line = error.problem_mark.line + 1 if error.problem_mark else 1
             raise ParameterError(f'{self.path}:{line}: no YAML: {error.problem}') from None
         except yaml.YAMLError as error:
-            what = 'not a text file' if isinstance(error, yaml.reader.ReaderError) else reason(error)
+            is_text = not isinstance(error, yaml.reader.ReaderError)
+            what = reason(error) if is_text else 'not a text file'
             raise ParameterError(f'{self.path}: {what}') from None
         if not isinstance(root, yaml.MappingNode):
             raise ParameterError(f'{self.path}: holds no names and values')

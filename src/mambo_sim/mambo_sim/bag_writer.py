@@ -176,7 +176,8 @@ class BagWriter:
             with suppress(OSError):  # of what is still to be written
                 self._stream.close()
             raise BagWriterError(
-                f'cannot write {self.file}: {error.strerror}; recover reads what is in it') from None
+                f'cannot write {self.file}: {error.strerror}; recover reads what is in it'
+            ) from None
 
     def _begin(self, stream: BinaryIO) -> McapWriter:
         """Begin a data file."""
@@ -199,7 +200,8 @@ class BagWriter:
         try:
             str(self.path).encode()
         except UnicodeEncodeError:  # it is written into metadata.yaml
-            raise BagWriterError(f'{str(self.path)!r} is no name for a bag: it is not UTF-8') from None
+            raise BagWriterError(
+                f'{str(self.path)!r} is no name for a bag: it is not UTF-8') from None
         self.file = self.path / f'{self.path.name}_0.mcap'
         try:
             self.path.mkdir(parents=True)
