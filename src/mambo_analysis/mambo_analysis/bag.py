@@ -43,6 +43,13 @@ SHORT_NAMES = {
 """Attribute: the field it stands for, the first that the message type has."""
 
 
+class FieldError(BagError, KeyError, AttributeError):
+    """The messages of a topic have no such field or constant."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
 class Messages:
     """
     The messages of one topic, in the order of their log time.
@@ -103,7 +110,7 @@ class Messages:
                 if self.table is None:
                     raise cdr.NoLayout
                 self._columns = cdr.layout(self._store, self.type_name, self.table)
-            except (cdr.NoLayout, KeyError, IndexError):
+            except (cdr.NoLayout, KeyError, IndexError, RecursionError):
                 self._objects = list(self.objects())
             self._is_decoded = True
         return self._store
@@ -129,7 +136,7 @@ class Messages:
                     f'{self.topic}: message {number} is no {self.type_name} ({error!r})') from None
 
     def __getitem__(self, path: str) -> NDArray[Any]:
-        """Return a field by its dotted path; KeyError if the type has none such."""
+        """Return a field by its dotted path; FieldError if the type has none such."""
         if path not in self._cache:
             self._decode()
             self._cache[path] = self._field(path)
@@ -142,20 +149,21 @@ class Messages:
         if parts is None:
             return self._gather(path)
         if not parts:
-            raise KeyError(path)
+            raise FieldError(f'{self.topic}: {path} has no fields')
         values = [self[f'{path}.{name}'] for name in parts]
         if any(value.dtype.kind not in 'fiub' or value.ndim != 1 for value in values):
-            raise KeyError(f'{path} is no vector; its fields: {", ".join(parts)}')
+            raise FieldError(
+                f'{self.topic}: {path} is no vector; its fields: {", ".join(parts)}')
         return np.stack(values, axis=1)
 
     def _parts(self, path: str) -> list[str] | None:
-        """Return the fields of a nested message, None for a leaf; KeyError if there is none."""
+        """Return the fields of a nested message, None for a leaf; FieldError if there is none."""
         store, type_name = self._decode(), self.type_name
         for step in path.split('.'):
             name, _, item = step.partition('[')
             fields = dict(store.fielddefs[type_name][1])
             if name not in fields:
-                raise KeyError(
+                raise FieldError(
                     f'{self.topic} ({self.type_name}) has no field {path}; '
                     f'{type_name} has {", ".join(fields)}')
             node, detail = fields[name]
@@ -191,7 +199,7 @@ class Messages:
                 return self[path]
             except KeyError as error:
                 reason = error
-        raise AttributeError(str(reason.args[0]))
+        raise FieldError(str(reason.args[0]))
 
     @property
     def stamp(self) -> Ints:
@@ -248,9 +256,12 @@ class Messages:
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name='t'))
 
     def constant(self, name: str) -> int | float | str | bool:
-        """Return a constant of the message type, for example ``PHASE_TRACK``."""
-        constants = self._decode().fielddefs[self.type_name][0]
-        return {key: value for key, _, value in constants}[name]
+        """Return a constant of the message type, as ``PHASE_TRACK``; FieldError if it has none."""
+        constants = {
+            key: value for key, _, value in self._decode().fielddefs[self.type_name][0]}
+        if name not in constants:
+            raise FieldError(f'{self.topic} ({self.type_name}) has no constant {name}')
+        return constants[name]
 
 
 class Bag:

@@ -306,10 +306,16 @@ class _Scanner:
             if channel not in self.contents.channels:
                 unknown.append(channel)
                 continue
-            self.contents.count += last - first
+            part = slice(first, last)
+            late = (log_times[part] < 0) | (publish_times[part] < 0)  # 2^63 ns and more
+            if late.any():
+                topic = self.contents.channels[channel].topic
+                self.contents.lost.append(
+                    f'{int(late.sum())} messages of {topic} from after the year 2262')
+                part = first + np.flatnonzero(~late)
+            self.contents.count += last - first - int(late.sum())
             self.account.counts[channel] = self.account.counts.get(channel, 0) + last - first
-            if (batches := self._wanted.get(channel)) is not None:
-                part = slice(first, last)
+            if (batches := self._wanted.get(channel)) is not None and not late.all():
                 batches.append(Batch(
                     log_times[part], publish_times[part],
                     _cut(data, starts[part] + _HEAD.itemsize, lengths[part] - _SHORTEST)))

@@ -226,3 +226,17 @@ def test_checksums_are_those_of_the_format(file):
                      if opcode == Opcode.FOOTER]
     begin, = struct.unpack_from('<Q', data, start)
     assert zlib.crc32(data[begin:end - 4]) == int.from_bytes(data[end - 4:end], 'little')
+
+
+def test_messages_of_no_time_that_a_bag_can_tell_are_left_out(tmp_path):
+    file = tmp_path / 'theirs.mcap'
+    with file.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel('/a', 'cdr', 0)
+        for log_time in (1, 2**63, 2, 2**64 - 1, 3):
+            writer.add_message(channel, log_time, b'', log_time)
+        writer.finish()
+    contents = mcap_file.scan(file)
+    assert contents.count == 3 and contents.lost == ['2 messages of /a from after the year 2262']
+    assert recover.recover(file, tmp_path / 'saved').end == 3
