@@ -118,11 +118,14 @@ def test_what_was_not_as_it_should_be_is_counted_in_one_line(start, monkeypatch)
 def test_a_little_ahead_of_the_clock_is_not_ahead_of_the_end(start, tmp_path):
     node, take = start()
     fly(take, 600)
-    take[topics.MOTOR_PWM](pwm(600 * STEP + 9 * SECOND))
+    take[topics.TF](tf(600 * STEP + 9 * SECOND))
+    fly(take, 600, 601)
+    assert node._bag.late == 0  # nor does it make the others late
     node.finish()
     assert node._bag.beyond == 1
     bag = read_bag(tmp_path / 'bag')
-    assert bag.end == 600 * STEP + bag_writer.GRACE and len(bag['motor_pwm']) == 601
+    assert bag.end == 1200 * STEP + bag_writer.GRACE and len(bag['/tf']) == 1
+    np.testing.assert_array_equal(bag['motor_pwm'].log_time, STEP * np.arange(1, 1201))
 
 
 def test_what_comes_before_the_first_clock_waits_for_it(start, tmp_path):

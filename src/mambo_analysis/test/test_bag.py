@@ -235,6 +235,18 @@ def test_what_is_no_bag_is_named(tmp_path, flight):
     ('rosbag2_bagfile_information: {relative_file_paths: [gone.mcap]}', 'but missing'),
     ('rosbag2_bagfile_information: {relative_file_paths: []}', 'no bag here'),
     ('rosbag2_bagfile_information: {relative_file_paths: 3}', 'not the metadata'),
+    ('rosbag2_bagfile_information: {relative_file_paths: [3]}', 'not a list of names'),
+    ('rosbag2_bagfile_information: {relative_file_paths: ["a\\0"]}', 'not a list of names'),
+    ('rosbag2_bagfile_information: [1]', 'it holds no rosbag2_bagfile_information'),
+    ('rosbag2_bagfile_information: {version: 9}', 'relative_file_paths is missing'),
+    ('rosbag2_bagfile_information: {relative_file_paths: [], storage_identifier: [1]}',
+     'storage_identifier is not a name'),
+    ('rosbag2_bagfile_information: {relative_file_paths: [], compression_mode: 1}',
+     'compression_mode is not a name'),
+    ('rosbag2_bagfile_information: {relative_file_paths: [], custom_data: 1}',
+     'custom_data is not names and values'),
+    ('rosbag2_bagfile_information: {version: 2001-13-45}', 'month must be in 1..12'),
+    ('[' * 1000, 'nested deeper than 64 levels'), ('\0', 'not the metadata'),
     ('rosbag2_bagfile_information: {relative_file_paths: [a.db3], storage_identifier: sqlite3}',
      'convert it with ros2 bag convert')])
 def test_broken_listings_are_named(tmp_path, listing, text):
