@@ -357,7 +357,7 @@ class _Scanner:
         if whole and chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
             raise ValueError('checksum does not match')
         if not self.inner(data, _index(self._data, end), where) and whole:
-            raise ValueError('a record inside is cut off')
+            raise ValueError('a record inside is cut off or none')
 
     def record(self, opcode: int, body: bytes) -> None:
         """Take a record of the top level."""

@@ -1,6 +1,7 @@
 """What a file says of itself: a chunk that is gone or there twice, lying counts, bombs."""
 
 import struct
+import time
 import zlib
 
 import lz4.frame
@@ -182,6 +183,13 @@ def test_a_chunk_unpacks_to_no_more_than_it_says_and_may(file, compression, pack
     bomb(file, compression, pack(bytes(50_000_000)), says)
     damaged(file, 'it unpacks to more than the 1000 bytes' if says == 1000 else
             'MAMBO_MAX_UNPACKED_MB (now 512) raises the limit', count=50)
+
+
+def test_zeros_in_a_chunk_are_no_records(file):
+    bomb(file, 'zstd', zstandard.compress(bytes(256_000_000)), 256_000_000)
+    began = time.process_time()
+    damaged(file, 'a record inside is cut off or none', count=50)
+    assert time.process_time() - began < 10.0
 
 
 def test_the_limit_counts_all_chunks_and_can_be_raised(file, monkeypatch):
