@@ -161,7 +161,7 @@ class Reader:
 
     def fail(self, node: yaml.Node, key: str, reason: str) -> NoReturn:
         """Raise ParameterError naming file, line and key."""
-        raise ParameterError(f'{self.where(node)}: {key}: {reason}')
+        raise ParameterError(f'{self.where(node)}: {key[:200]}: {reason[:1000]}')
 
     def mapping(self, node: yaml.Node, name: str) -> dict[str, tuple[yaml.Node, yaml.Node]]:
         """Return {key: (its node, the node of its value)}; a key may stand there once."""

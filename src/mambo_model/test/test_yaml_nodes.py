@@ -58,6 +58,7 @@ def test_what_is_no_value_is_no_yaml(text):
     (f'description: x\nmass: {{value: {"9" * 1000}, unit: kg, source: x}}', 'vehicle.mass = inf'),
     (f'description: x\nmass: {{value: {"x" * 5000}, unit: kg, source: x}}', '(5002 characters)'),
     (f'description: x\n{"x" * 900}: 1', 'unknown parameter'),
+    (f'description: x\nmass: {{value: 1, unit: {"x" * 5000}, source: x}}', 'is in kg, not in xxx'),
     (laughs(9), 'MAMBO_MAX_YAML_NODES'), ('a: ' + '[' * 5000, 'nested deeper')])
 def test_a_vehicle_gets_a_short_line(tmp_path, text, said):
     file = tmp_path / 'vehicle.yaml'
