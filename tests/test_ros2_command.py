@@ -55,6 +55,14 @@ def test_run_returns_the_exit_code_of_the_executable(prefix):
     assert ros2('run', 'demo', 'fail') == (7, '', '')
 
 
+def test_run_does_without_an_output(prefix):
+    program(prefix, 'demo', 'exit 3')
+    done = subprocess.run(
+        ['bash', '-c', '"$@" >&-', 'bash', sys.executable, str(ROS2), 'run', 'demo', 'demo'],
+        text=True, capture_output=True, timeout=30)
+    assert (done.returncode, done.stderr) == (3, '')
+
+
 def test_run_finds_an_executable_in_a_subfolder_but_not_in_a_hidden_one(prefix):
     program(prefix, 'sub/deep', 'echo deep')
     program(prefix, '.hidden/secret', 'echo secret')

@@ -39,6 +39,13 @@ mend_interpreters() {
 
 mend_interpreters
 up_to_date && exit 0
+for folder in . .cache build install log; do
+    [[ ! -e $folder || -w $folder ]] || {
+        echo "mambo: $root needs a build, but $root/$folder belongs to" \
+            "$(stat -c %U "$folder"): let them source env.bash, or use a checkout of your own" >&2
+        exit 1
+    }
+done
 mkdir -p .cache
 exec 9>.cache/build.lock
 if command -v flock >/dev/null; then

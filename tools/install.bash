@@ -33,6 +33,12 @@ up_to_date() { [[ -f $venv/.mambo && $(<"$venv/.mambo") == "$(stamp)" ]]; }
 
 up_to_date && exit 0
 
+# What belongs to another user is theirs to bring up to date.
+for folder in . .cache .venv; do
+    [[ ! -e $folder || -w $folder ]] ||
+        fail "$root needs an installation, but $(realpath "$folder") belongs to $(stat -c %U "$folder"): let them source env.bash, or use a checkout of your own"
+done
+
 # One installation at a time; who had to wait finds it done.
 mkdir -p .cache
 exec 9>.cache/install.lock

@@ -11,9 +11,10 @@ from collections.abc import Collection, Iterator
 from functools import cache, cached_property
 from pathlib import Path
 import re
-from typing import Any, TYPE_CHECKING
+from typing import Any, NoReturn, TYPE_CHECKING
 
-from mambo_model.yaml_nodes import Loader
+from mambo_model import yaml_nodes
+from mambo_model.schema import ParameterError
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys import get_types_from_idl, get_types_from_msg, get_typestore, Stores
@@ -40,6 +41,13 @@ SHORT_NAMES = {
     'pressure': ('fluid_pressure',),
 }
 """Attribute: the field it stands for, the first that the message type has."""
+
+
+class FieldError(BagError, KeyError, AttributeError):
+    """The messages of a topic have no such field or constant."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 class Messages:
@@ -102,7 +110,7 @@ class Messages:
                 if self.table is None:
                     raise cdr.NoLayout
                 self._columns = cdr.layout(self._store, self.type_name, self.table)
-            except (cdr.NoLayout, KeyError, IndexError):
+            except (cdr.NoLayout, KeyError, IndexError, RecursionError):
                 self._objects = list(self.objects())
             self._is_decoded = True
         return self._store
@@ -128,7 +136,7 @@ class Messages:
                     f'{self.topic}: message {number} is no {self.type_name} ({error!r})') from None
 
     def __getitem__(self, path: str) -> NDArray[Any]:
-        """Return a field by its dotted path; KeyError if the type has none such."""
+        """Return a field by its dotted path; FieldError if the type has none such."""
         if path not in self._cache:
             self._decode()
             self._cache[path] = self._field(path)
@@ -141,20 +149,21 @@ class Messages:
         if parts is None:
             return self._gather(path)
         if not parts:
-            raise KeyError(path)
+            raise FieldError(f'{self.topic}: {path} has no fields')
         values = [self[f'{path}.{name}'] for name in parts]
         if any(value.dtype.kind not in 'fiub' or value.ndim != 1 for value in values):
-            raise KeyError(f'{path} is no vector; its fields: {", ".join(parts)}')
+            raise FieldError(
+                f'{self.topic}: {path} is no vector; its fields: {", ".join(parts)}')
         return np.stack(values, axis=1)
 
     def _parts(self, path: str) -> list[str] | None:
-        """Return the fields of a nested message, None for a leaf; KeyError if there is none."""
+        """Return the fields of a nested message, None for a leaf; FieldError if there is none."""
         store, type_name = self._decode(), self.type_name
         for step in path.split('.'):
             name, _, item = step.partition('[')
             fields = dict(store.fielddefs[type_name][1])
             if name not in fields:
-                raise KeyError(
+                raise FieldError(
                     f'{self.topic} ({self.type_name}) has no field {path}; '
                     f'{type_name} has {", ".join(fields)}')
             node, detail = fields[name]
@@ -190,7 +199,7 @@ class Messages:
                 return self[path]
             except KeyError as error:
                 reason = error
-        raise AttributeError(str(reason.args[0]))
+        raise FieldError(str(reason.args[0]))
 
     @property
     def stamp(self) -> Ints:
@@ -247,9 +256,12 @@ class Messages:
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name='t'))
 
     def constant(self, name: str) -> int | float | str | bool:
-        """Return a constant of the message type, for example ``PHASE_TRACK``."""
-        constants = self._decode().fielddefs[self.type_name][0]
-        return {key: value for key, _, value in constants}[name]
+        """Return a constant of the message type, as ``PHASE_TRACK``; FieldError if it has none."""
+        constants = {
+            key: value for key, _, value in self._decode().fielddefs[self.type_name][0]}
+        if name not in constants:
+            raise FieldError(f'{self.topic} ({self.type_name}) has no constant {name}')
+        return constants[name]
 
 
 class Bag:
@@ -321,10 +333,15 @@ class Bag:
     def scenario(self) -> dict[str, Any] | None:
         """Return the attached ``scenario.yaml``; None if there is none or it is no mapping."""
         try:
-            content = yaml.load(self.attachments.get('scenario.yaml', ''), Loader)
-        except yaml.YAMLError:
+            content = yaml_nodes.load(self.attachments.get('scenario.yaml', ''))
+        except (yaml.YAMLError, TypeError):  # no YAML, or bytes that are no text
             return None
         return content if isinstance(content, dict) else None
+
+
+_PARTS = {  # of metadata.yaml, what is read of it
+    'relative_file_paths': (list, 'a list of names'), 'storage_identifier': (str, 'a name'),
+    'compression_mode': (str, 'a name'), 'custom_data': (dict, 'names and values')}
 
 
 def _listing(path: Path) -> dict[str, Any]:
@@ -332,16 +349,29 @@ def _listing(path: Path) -> dict[str, Any]:
     file = path / 'metadata.yaml'
     if not file.is_file():
         return {}
+
+    def fail(reason: str) -> NoReturn:
+        raise BagError(f'{file}: not the metadata of a rosbag2 bag ({reason})')
     try:
-        content = yaml.load(file.read_text(encoding='utf-8'), Loader)[
-            'rosbag2_bagfile_information']
-        files = content['relative_file_paths']
-        if not isinstance(files, list) or not all(isinstance(name, str) for name in files):
-            raise TypeError('relative_file_paths is no list of names')
-        return content
-    except (yaml.YAMLError, KeyError, TypeError, ValueError, OSError) as error:
-        reason = str(error).split('\n')[0]
-        raise BagError(f'{file}: not the metadata of a rosbag2 bag ({reason})') from None
+        content = yaml_nodes.load(yaml_nodes.read_text(file))
+    except ParameterError as error:
+        raise BagError(str(error)) from None
+    except yaml.YAMLError as error:
+        fail(yaml_nodes.reason(error))
+    if not isinstance(content, dict) or not isinstance(
+            content.get('rosbag2_bagfile_information'), dict):
+        fail('it holds no rosbag2_bagfile_information')
+    content = content['rosbag2_bagfile_information']
+    if 'relative_file_paths' not in content:
+        fail('relative_file_paths is missing')
+    content = {key: value for key, value in content.items() if value is not None}
+    for key, (kind, wanted) in _PARTS.items():
+        if key in content and not isinstance(content[key], kind):
+            fail(f'{key} is not {wanted}')
+    names = content.setdefault('relative_file_paths', [])
+    if not all(isinstance(name, str) and '\0' not in name for name in names):
+        fail('relative_file_paths is not a list of names')
+    return content
 
 
 def bag_files(path: Path) -> tuple[list[Path], dict[str, Any]]:
@@ -466,8 +496,8 @@ def read_bag(
     for file, content in zip(files, contents):
         if not content.complete:
             raise BagError(
-                f'{file}: {content.lost[0] if content.lost else "the file was never closed"}; '
-                f'save what is readable with: ros2 run mambo_analysis recover {path} NEW_BAG')
+                f'{file}: damaged: {content.damage[0]}; save what is readable with: '
+                f'ros2 run mambo_analysis recover {path} NEW_BAG')
     return _assemble(path, list(zip(files, contents)), listing, topics, namespace)
 
 

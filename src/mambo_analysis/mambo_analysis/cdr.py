@@ -79,6 +79,8 @@ class _Walk:
 
     def field(self, path: str, kind: tuple[Any, Any]) -> None:
         """Take one field of any type."""
+        if self._at > len(self._data):  # or an array of arrays is walked to its last element
+            raise NoLayout
         node, detail = kind
         if node == Nodetype.BASE:
             self._primitive(path, detail[0], None)

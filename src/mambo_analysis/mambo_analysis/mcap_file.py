@@ -1,10 +1,14 @@
 """
-One MCAP file taken apart, whole or cut off.
+One MCAP file taken apart, whole, damaged or cut off.
 
 The framing (one byte of opcode, eight of length) is walked here, so that a record that runs past
 the end of the file is noticed instead of read short; the records themselves are parsed by the
 ``mcap`` library. Messages, of which a second of flight has 2000, are not taken one by one: where
 they stand is kept as arrays.
+
+A chunk may unpack to no more than it says, and a file to no more than ``MAMBO_MAX_UNPACKED_MB``
+(default 512) or 20 times its own size, whichever is more: a few kilobytes of it could otherwise
+fill the memory.
 """
 
 from __future__ import annotations
@@ -12,19 +16,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 import dataclasses
-from io import BytesIO
 from pathlib import Path
 import struct
 from typing import Any, NamedTuple
 import zlib
 
 import lz4.frame
-from mcap.data_stream import ReadDataStream
+from mambo_model import limits
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, Footer, Metadata, Schema
 import numpy as np
 from numpy.typing import NDArray
 import zstandard
+
+from .mcap_check import Account, stream
 
 MAGIC = b'\x89MCAP0\r\n'
 _FRAME = struct.Struct('<BQ')
@@ -32,6 +37,11 @@ _HEAD = np.dtype([  # of a message, with its frame
     ('opcode', 'u1'), ('length', '<u8'), ('channel', '<u2'), ('sequence', '<u4'),
     ('log_time', '<u8'), ('publish_time', '<u8')])
 _SHORTEST = _HEAD.itemsize - _FRAME.size
+_FOOTER = _FRAME.size + 20  # bytes
+_RATIO = 20  # a flight packs to a third, one of rest without noise to a tenth
+_NONE = 0  # the opcode that no record may have, hence that of a run of zeros
+Index = dict[int, tuple[int, NDArray[np.uint64]]]
+"""{channel: (first byte of its message index, (n, 2) log times and offsets)}"""
 
 
 class BagError(ValueError):
@@ -103,9 +113,11 @@ class Contents:
     attachments, metadata
         In the order of the file.
     complete
-        True if the file was closed and nothing of it was unreadable.
+        True if the file was closed, all of it could be read and is what the file itself says.
     lost
         What could not be read, one line each.
+    wrong
+        What else is not as the file says of itself: what is missing, what stands there twice.
 
     """
 
@@ -117,6 +129,12 @@ class Contents:
     metadata: list[Metadata] = dataclasses.field(default_factory=list)
     complete: bool = False
     lost: list[str] = dataclasses.field(default_factory=list)
+    wrong: list[str] = dataclasses.field(default_factory=list)
+
+    @property
+    def damage(self) -> list[str]:
+        """Return all that is not as it should be, one line each."""
+        return [*self.lost, *self.wrong]
 
 
 def read_file(path: Path) -> bytes:
@@ -125,13 +143,11 @@ def read_file(path: Path) -> bytes:
         data = path.read_bytes()
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from None
+    except MemoryError:
+        raise BagError(f'{path}: larger than the memory of this machine') from None
     if not data:
         raise BagError(f'{path}: the file is empty, nothing was recorded')
     return data
-
-
-def _stream(data: bytes) -> ReadDataStream:
-    return ReadDataStream(BytesIO(data))
 
 
 def _records(data: bytes, start: int) -> Iterator[tuple[int, int, int]]:
@@ -144,34 +160,127 @@ def _records(data: bytes, start: int) -> Iterator[tuple[int, int, int]]:
         position += length
 
 
-def _unpack(chunk: Chunk, whole: bool) -> bytes:
-    """Return a chunk's records; of a chunk cut off, what its compression gives back."""
+def _unpack(chunk: Chunk, most: int) -> bytes:
+    """
+    Return a chunk's records, no more bytes than it says.
+
+    Of a chunk cut off it is what its compression gives back; ValueError if it says more than
+    ``most`` bytes.
+    """
+    size = chunk.uncompressed_size
+    if size > most:
+        raise ValueError(
+            f'it says that it unpacks to {size / 1e6:.0f} MB, more than may be unpacked of this '
+            f'file; {limits.UNPACKED_MB[0]} (now {limits.limit(limits.UNPACKED_MB)}) raises the '
+            'limit')
     if chunk.compression == 'zstd':
-        if not whole:
-            return zstandard.ZstdDecompressor().decompressobj().decompress(chunk.data)
-        return zstandard.decompress(chunk.data, chunk.uncompressed_size)
+        return zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
     if chunk.compression == 'lz4':
-        return lz4.frame.decompress(chunk.data)
+        return lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
     if chunk.compression:
-        raise ValueError(f'compression {chunk.compression!r} is not known')
+        raise ValueError(f'compression {chunk.compression[:20]!r} is not known')
     return chunk.data
 
 
 class _Scanner:
     """Reads one file into :class:`Contents`."""
 
-    def __init__(self, is_wanted: Callable[[str], bool]) -> None:
+    def __init__(self, data: bytes, is_wanted: Callable[[str], bool]) -> None:
         self.contents = Contents()
-        self._is_wanted = is_wanted
+        self.account = Account()
+        self._data, self._is_wanted = data, is_wanted
         self._wanted: dict[int, list[Batch]] = {}
+        self._left = max(limits.limit(limits.UNPACKED_MB) * 1_000_000, _RATIO * len(data))
+        self._bodies: dict[int, list[tuple[int, int]]] = {}  # chunks by their checksum
+        self._loose: list[int] = []  # starts of messages outside of chunks
 
-    def inner(self, data: bytes, index: list[NDArray[np.uint64]]) -> bool:
-        """Take the records of a chunk; False if the last one is cut off."""
+    def walk(self) -> None:
+        """Take the whole file."""
+        closed, end = False, len(MAGIC)
+        self._repeated_definitions(len(MAGIC))
+        for opcode, start, end in _records(self._data, len(MAGIC)):
+            whole = end <= len(self._data)
+            if opcode == _NONE:
+                self.contents.lost.append(f'no record at byte {start - _FRAME.size}')
+                break
+            self._take(opcode, start, end)
+            if not whole:
+                self.contents.lost.append(f'cut off within a {_name(opcode)} at byte {start}')
+            closed = closed or opcode == Opcode.FOOTER
+            if closed or not whole:
+                break
+        self._passed_over(closed)
+        try:
+            self.messages(self._data, Heads.at(self._data, np.array(self._loose, np.int64)))
+        except ValueError as error:
+            self.contents.lost.append(str(error))
+        if closed:
+            if self._data[end:] != MAGIC:
+                self.contents.wrong.append('what follows the end of the file is not its mark')
+            self.contents.wrong += self.account.contradictions(
+                {number: channel.topic for number, channel in self.contents.channels.items()})
+        elif not self.contents.lost:
+            self.contents.lost.append('the file was never closed')
+        self.contents.complete = closed and not self.contents.damage
+
+    def _take(self, opcode: int, start: int, end: int) -> None:
+        """Take a record of the top level; what cannot be read is lost."""
+        data, whole = self._data, end <= len(self._data)
+        try:
+            if whole:
+                self.account.take(opcode, data, start, end)
+            if opcode == Opcode.CHUNK:
+                self.chunk(start, end)
+            elif whole and opcode == Opcode.MESSAGE:
+                if end - start < _SHORTEST:
+                    raise ValueError('shorter than the head of a message')
+                self._loose.append(start - _FRAME.size)
+            elif whole:
+                self.record(opcode, data[start:end])
+        except Exception as error:  # parsers of damaged bytes raise anything
+            self.contents.lost.append(
+                f'{_name(opcode)} at byte {start}: {str(error) or "not readable"}')
+
+    def _summary(self) -> int | None:
+        """Return where the summary begins, by the footer at the end of the file."""
+        at = len(self._data) - len(MAGIC) - _FOOTER
+        if at < len(MAGIC) or not self._data.endswith(MAGIC) or _FRAME.unpack_from(
+                self._data, at) != (Opcode.FOOTER, 20):
+            return None
+        begin = Footer.read(stream(self._data[at + _FRAME.size:])).summary_start
+        return begin if len(MAGIC) < begin < at else None
+
+    def _repeated_definitions(self, begin: int) -> None:
+        """Take the definitions that a closed file repeats, in case their chunk is damaged."""
+        for place in dict.fromkeys((self._summary() or begin, begin)):
+            for opcode, start, end in _records(self._data, place):
+                if opcode == _NONE or end > len(self._data):
+                    break
+                if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    with suppress(Exception):  # of damaged bytes; reading in order says what
+                        self.definition(opcode, self._data[start:end])
+
+    def _passed_over(self, closed: bool) -> None:
+        """Take the chunks behind a record that did not lead to the next, by the chunk index."""
+        begin = None if closed else self._summary()
+        for opcode, start, end in _records(self._data, begin) if begin else ():
+            if opcode == Opcode.CHUNK_INDEX and end <= len(self._data):
+                with suppress(Exception):  # of damaged bytes; reading in order says what
+                    self.account.take(opcode, self._data, start, end)
+        found = set(self.account.found)
+        for place in sorted(self.account.told.keys() - found):
+            end = place.offset + place.length
+            if place.opcode == Opcode.CHUNK and end <= len(self._data) and _FRAME.unpack_from(
+                    self._data, place.offset) == (Opcode.CHUNK, place.length - _FRAME.size):
+                self._take(Opcode.CHUNK, place.offset + _FRAME.size, end)
+
+    def inner(self, data: bytes, index: Index, where: int) -> bool:
+        """Take the records of the chunk at a byte; False if the last one is cut off."""
         heads, whole = _indexed(data, index), True
         if heads is None:
             found = []
             for opcode, start, end in _records(data, 0):
-                whole = end <= len(data) and (
+                whole = end <= len(data) and opcode != _NONE and (
                     opcode != Opcode.MESSAGE or end - start >= _SHORTEST)
                 if not whole:
                     break
@@ -180,6 +289,7 @@ class _Scanner:
                 else:
                     self.definition(opcode, data[start:end])
             heads = Heads.at(data, np.array(found, np.int64))
+        self.account.index(where, index, *heads)
         self.messages(data, heads)
         return whole
 
@@ -196,9 +306,16 @@ class _Scanner:
             if channel not in self.contents.channels:
                 unknown.append(channel)
                 continue
-            self.contents.count += last - first
-            if (batches := self._wanted.get(channel)) is not None:
-                part = slice(first, last)
+            part = slice(first, last)
+            late = (log_times[part] < 0) | (publish_times[part] < 0)  # 2^63 ns and more
+            if late.any():
+                topic = self.contents.channels[channel].topic
+                self.contents.lost.append(
+                    f'{int(late.sum())} messages of {topic} from after the year 2262')
+                part = first + np.flatnonzero(~late)
+            self.contents.count += last - first - int(late.sum())
+            self.account.counts[channel] = self.account.counts.get(channel, 0) + last - first
+            if (batches := self._wanted.get(channel)) is not None and not late.all():
                 batches.append(Batch(
                     log_times[part], publish_times[part],
                     _cut(data, starts[part] + _HEAD.itemsize, lengths[part] - _SHORTEST)))
@@ -208,38 +325,49 @@ class _Scanner:
     def definition(self, opcode: int, body: bytes) -> None:
         """Take a schema or channel record."""
         if opcode == Opcode.SCHEMA:
-            schema = Schema.read(_stream(body))
+            schema = Schema.read(stream(body))
             self.contents.schemas[schema.id] = schema
         elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(_stream(body))
+            channel = Channel.read(stream(body))
             if channel.id not in self.contents.channels:
                 self.contents.channels[channel.id] = channel
                 messages = self.contents.messages.setdefault(channel.id, [])
                 if self._is_wanted(channel.topic):
                     self._wanted[channel.id] = messages
 
-    def chunk(self, body: bytes, whole: bool, index: list[NDArray[np.uint64]]) -> None:
-        """Take a chunk record; of one cut off, the messages that are still whole."""
-        chunk = Chunk.read(_stream(body))
-        data = _unpack(chunk, whole)
+    def chunk(self, start: int, end: int) -> None:
+        """Take a chunk record; of one cut off or broken, the messages that are still whole."""
+        body, where = self._data[start:end], start - _FRAME.size
+        whole = end <= len(self._data)
+        same = self._bodies.setdefault(zlib.crc32(body), [])
+        for first, last in same:
+            if self._data[first:last] == body:
+                self.contents.wrong.append(
+                    f'the chunk at byte {where} is that at byte {first - _FRAME.size} once more: '
+                    'taken once')
+                return
+        same.append((start, end))
+        chunk = Chunk.read(stream(body))
+        data = _unpack(chunk, self._left)
+        self._left -= len(data)
+        if whole and len(data) != chunk.uncompressed_size:
+            raise ValueError(
+                f'it unpacks to {"more" if len(data) > chunk.uncompressed_size else "fewer"} than '
+                f'the {chunk.uncompressed_size} bytes it says')
         if whole and chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
             raise ValueError('checksum does not match')
-        if not self.inner(data, index) and whole:
-            raise ValueError('a record inside is cut off')
-
-    def summary(self, data: bytes) -> None:
-        """Take the definitions that a closed file repeats, in case their chunk is damaged."""
-        for opcode, start, end in _records(data, len(MAGIC)):
-            if end <= len(data) and opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                with suppress(Exception):  # of damaged bytes; reading in order says what is lost
-                    self.definition(opcode, data[start:end])
+        if not self.inner(data, _index(self._data, end), where) and whole:
+            raise ValueError('a record inside is cut off or none')
 
     def record(self, opcode: int, body: bytes) -> None:
         """Take a record of the top level."""
         if opcode == Opcode.ATTACHMENT:
-            self.contents.attachments.append(Attachment.read(_stream(body)))
+            told = int.from_bytes(body[-4:], 'little')
+            if told and zlib.crc32(body[:-4]) != told:
+                raise ValueError('checksum does not match')
+            self.contents.attachments.append(Attachment.read(stream(body)))
         elif opcode == Opcode.METADATA:
-            self.contents.metadata.append(Metadata.read(_stream(body)))
+            self.contents.metadata.append(Metadata.read(stream(body)))
         else:
             self.definition(opcode, body)
 
@@ -253,14 +381,15 @@ def _cut(
     return [data[start:start + size] for start, size in zip(starts.tolist(), sizes.tolist())]
 
 
-def _indexed(data: bytes, index: list[NDArray[np.uint64]]) -> Heads | None:
+def _indexed(data: bytes, index: Index) -> Heads | None:
     """
     Return the heads of the messages of a chunk, by the index that follows it in the file.
 
     None if it holds anything else, or the index is not true: a record begins at the first byte
     and where another ends, and nowhere else.
     """
-    starts = np.sort(np.concatenate(index)) if index else np.empty(0, np.uint64)
+    starts = np.sort(np.concatenate(
+        [np.empty(0, np.uint64), *(pairs[:, 1] for _, pairs in index.values())]))
     if not len(starts) or starts[0] != 0 or int(starts[-1]) + _HEAD.itemsize > len(data):
         return None
     starts = starts.astype(np.int64)
@@ -273,13 +402,15 @@ def _indexed(data: bytes, index: list[NDArray[np.uint64]]) -> Heads | None:
     return heads if np.array_equal(ends, np.append(starts[1:], len(data))) else None
 
 
-def _index(data: bytes, records: list[tuple[int, int, int]]) -> list[NDArray[np.uint64]]:
-    """Return the offsets in each message index that the records begin with."""
-    out = []
-    for opcode, start, end in records:
-        if opcode != Opcode.MESSAGE_INDEX or end > len(data):
+def _index(data: bytes, behind: int) -> Index:
+    """Return the message indexes that the records behind a chunk begin with."""
+    out: Index = {}
+    for opcode, start, end in _records(data, behind):
+        if opcode != Opcode.MESSAGE_INDEX or end > len(data) or end - start < 6:
             break
-        out.append(np.frombuffer(data[start + 6:end][:(end - start - 6) // 16 * 16], '<u8')[1::2])
+        channel = int.from_bytes(data[start:start + 2], 'little')
+        pairs = np.frombuffer(data[start + 6:end][:(end - start - 6) // 16 * 16], '<u8')
+        out[channel] = start - _FRAME.size, pairs.reshape(-1, 2)
     return out
 
 
@@ -287,7 +418,7 @@ def _name(opcode: int) -> str:
     try:
         return Opcode(opcode).name.lower()
     except ValueError:
-        return f'unknown record 0x{opcode:02x}'
+        return f'record of unknown kind 0x{opcode:02x}'
 
 
 def scan(path: Path, is_wanted: Callable[[str], bool] = lambda topic: True) -> Contents:
@@ -305,39 +436,12 @@ def scan(path: Path, is_wanted: Callable[[str], bool] = lambda topic: True) -> C
     ------
     BagError
         If the file cannot be opened or is no MCAP file. Damage inside does not raise: it is
-        listed in ``lost``, and what surrounds it is kept.
+        listed in ``damage``, and what surrounds it is kept.
 
     """
     data = read_file(path)
     if not data.startswith(MAGIC):
         raise BagError(f'{path}: not an MCAP file; give a rosbag2 directory or an .mcap file')
-    scanner = _Scanner(is_wanted)
-    contents, closed, end, loose = scanner.contents, False, len(MAGIC), []
-    scanner.summary(data)
-    records = list(_records(data, len(MAGIC)))
-    for number, (opcode, start, end) in enumerate(records):
-        whole = end <= len(data)
-        try:
-            if opcode == Opcode.CHUNK:
-                scanner.chunk(data[start:end], whole, _index(data, records[number + 1:]))
-            elif whole and opcode == Opcode.MESSAGE:
-                if end - start < _SHORTEST:
-                    raise ValueError('shorter than the head of a message')
-                loose.append(start - _FRAME.size)
-            elif whole:
-                scanner.record(opcode, data[start:end])
-        except Exception as error:  # parsers of damaged bytes raise anything
-            contents.lost.append(f'{_name(opcode)} at byte {start}: {error}')
-        if not whole:
-            contents.lost.append(f'cut off within a {_name(opcode)} at byte {start}')
-        closed = closed or opcode == Opcode.FOOTER
-        if closed or not whole:
-            break
-    try:
-        scanner.messages(data, Heads.at(data, np.array(loose, np.int64)))
-    except ValueError as error:
-        contents.lost.append(str(error))
-    if not closed and not contents.lost:
-        contents.lost.append('the file was never closed')
-    contents.complete = closed and not contents.lost and data[end:] == MAGIC
-    return contents
+    scanner = _Scanner(data, is_wanted)
+    scanner.walk()
+    return scanner.contents

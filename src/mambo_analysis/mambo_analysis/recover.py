@@ -12,6 +12,7 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+from mambo_model.yaml_nodes import load
 from mambo_sim.bag_writer import BagWriter
 import yaml
 
@@ -35,7 +36,9 @@ class Recovered:
     start, end
         ns, log times of the first and last message.
     lost
-        What could not be read, one line each; empty if the source was whole.
+        What could not be read, one line each.
+    wrong
+        What else is not as the source says of itself; both are empty if it was whole.
 
     """
 
@@ -43,20 +46,23 @@ class Recovered:
     start: int
     end: int
     lost: list[str]
+    wrong: list[str]
 
     def __str__(self) -> str:
         total, span = sum(self.counts.values()), (self.end - self.start) * 1e-9
         lines = [f'saved {total} messages over {span:.3f} s']
         lines += [f'  {count:8d}  {topic}' for topic, count in sorted(self.counts.items())]
         lines += [f'lost: {what}' for what in self.lost]
-        return '\n'.join(lines) if self.lost else '\n'.join(
-            [*lines, 'nothing was lost: the source is whole'])
+        lines += [f'damaged: {what}' for what in self.wrong]
+        if not self.lost and not self.wrong:
+            lines.append('nothing was lost: the source is whole')
+        return '\n'.join(lines)
 
 
 def _profiles(text: str) -> list[dict[str, Any]]:
     """Return the QoS profiles that a channel carries as YAML; none if they cannot be read."""
     try:
-        profiles = yaml.safe_load(text)
+        profiles = load(text)
     except yaml.YAMLError:
         return []
     return profiles if isinstance(profiles, list) else []
@@ -119,7 +125,9 @@ def recover(source: Path, target: Path) -> Recovered:
     parts = [mcap_file.scan(file) for file in files]
     if not any(part.count for part in parts):
         raise BagError(f'{source}: no message can be read, there is nothing to recover')
-    lost = [f'{file.name}: {what}' for file, part in zip(files, parts) for what in part.lost]
+    lost, wrong = (
+        [f'{file.name}: {what}' for file, part in zip(files, parts)
+         for what in getattr(part, kind)] for kind in ('lost', 'wrong'))
     attachments, metadata = extras(parts)
     counts: dict[str, int] = {}
     times: list[int] = []
@@ -135,7 +143,7 @@ def recover(source: Path, target: Path) -> Recovered:
                 counts[topic] += 1
                 times.append(log_time)
         writer.close({'recovered_from': source.name})
-    return Recovered(counts, min(times), max(times), lost)
+    return Recovered(counts, min(times), max(times), lost, wrong)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -18,7 +18,7 @@ from mambo_control.parameters import ControllerNodeParams, ReferenceNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model import schema
 from mambo_model.vehicle import find
-from mambo_model.yaml_nodes import Loader, Reader
+from mambo_model.yaml_nodes import load as load_yaml, Reader, reason
 from mambo_sim.parameters import OptitrackNodeParams, SimNodeParams
 import yaml
 
@@ -163,7 +163,7 @@ def _commented(params: Any, indent: str) -> Iterator[str]:
             continue
         plain = list(value) if isinstance(value, tuple) else value
         # in brackets, as a scalar of its own has an end marker
-        written = yaml.safe_dump([plain], default_flow_style=True, width=1000)[1:-2]
+        written = yaml.safe_dump([plain], default_flow_style=True, width=10 ** 9)[1:-2]
         yield f'{f"{indent}{field.name}: {written}":<47} # {_comment(field.metadata)}'
 
 
@@ -189,9 +189,9 @@ def read_value(text: str) -> Any:
 
     """
     try:
-        return yaml.load(text, Loader)  # a safe one
+        return load_yaml(text)
     except yaml.YAMLError as error:
-        raise schema.ParameterError(' '.join(str(error).split())) from None
+        raise schema.ParameterError(reason(error)) from None
 
 
 class Place(NamedTuple):

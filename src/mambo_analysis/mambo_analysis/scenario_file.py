@@ -132,7 +132,8 @@ def find(name: str) -> Path:
     if Path(name).suffix in ('.yaml', '.yml'):
         return Path(name)
     raise schema.ParameterError(
-        f'scenario {name!r} is unknown: give a file (.yaml) or one of {", ".join(names())}')
+        f'scenario {schema.shown(name)} is unknown: give a file (.yaml) or one of '
+        f'{", ".join(names())}')
 
 
 def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
@@ -206,7 +207,8 @@ def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scena
         flight = next(iter(found.flights))
     elif flight not in found.flights:
         known = ', '.join(filter(None, found.flights)) or 'one without a name'
-        raise schema.ParameterError(f'{experiment}: no flight {flight!r}; it has {known}')
+        raise schema.ParameterError(
+            f'{experiment}: no flight {schema.shown(flight)}; it has {known}')
     return '_'.join(filter(None, (found.name, flight))), found.flights[flight]
 
 

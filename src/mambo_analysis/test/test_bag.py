@@ -235,6 +235,18 @@ def test_what_is_no_bag_is_named(tmp_path, flight):
     ('rosbag2_bagfile_information: {relative_file_paths: [gone.mcap]}', 'but missing'),
     ('rosbag2_bagfile_information: {relative_file_paths: []}', 'no bag here'),
     ('rosbag2_bagfile_information: {relative_file_paths: 3}', 'not the metadata'),
+    ('rosbag2_bagfile_information: {relative_file_paths: [3]}', 'not a list of names'),
+    ('rosbag2_bagfile_information: {relative_file_paths: ["a\\0"]}', 'not a list of names'),
+    ('rosbag2_bagfile_information: [1]', 'it holds no rosbag2_bagfile_information'),
+    ('rosbag2_bagfile_information: {version: 9}', 'relative_file_paths is missing'),
+    ('rosbag2_bagfile_information: {relative_file_paths: [], storage_identifier: [1]}',
+     'storage_identifier is not a name'),
+    ('rosbag2_bagfile_information: {relative_file_paths: [], compression_mode: 1}',
+     'compression_mode is not a name'),
+    ('rosbag2_bagfile_information: {relative_file_paths: [], custom_data: 1}',
+     'custom_data is not names and values'),
+    ('rosbag2_bagfile_information: {version: 2001-13-45}', 'month must be in 1..12'),
+    ('[' * 1000, 'nested deeper than 64 levels'), ('\0', 'not the metadata'),
     ('rosbag2_bagfile_information: {relative_file_paths: [a.db3], storage_identifier: sqlite3}',
      'convert it with ros2 bag convert')])
 def test_broken_listings_are_named(tmp_path, listing, text):
@@ -267,3 +279,34 @@ def test_a_message_that_is_not_its_type_is_named(tmp_path):
     writer.close()
     with pytest.raises(BagError, match='message 0 is no mambo_interfaces/msg/MotorPwm'):
         read_bag(tmp_path / 'b')['motor_pwm'].pwm
+
+
+def test_a_field_or_constant_that_is_not_there_is_named_in_whatever_way_it_is_asked_for(flight):
+    reference = read_bag(flight)['reference']
+    for ask in (lambda: reference.nonsense, lambda: reference['nonsense'],
+                lambda: reference.constant('NONSENSE')):
+        with pytest.raises(BagError, match='has no .* NONSENSE|has no field nonsense') as refused:
+            ask()
+        assert isinstance(refused.value, KeyError) and isinstance(refused.value, AttributeError)
+        assert not str(refused.value).startswith(('"', "'"))
+    assert not hasattr(reference, 'nonsense')
+
+
+def test_arrays_of_arrays_of_arrays_are_not_walked_beyond_their_bytes(tmp_path):
+    parts = [f'MSG: a/L{k}\na/L{k + 1}[200] x' for k in range(1, 6)] + ['MSG: a/L6\nuint8 x']
+    text = f'\n{"=" * 80}\n'.join(['a/L1[200] x', *parts])
+    with BagWriter(tmp_path / 'bag') as bag:
+        bag.add_topic('/a', 'a/msg/L0', schema=text.encode(), type_hash='')
+        bag.write('/a', b'\0\1\0\0' + bytes(100), 0)
+    began = time.process_time()
+    with pytest.raises(BagError, match='message 0 is no a/msg/L0'):
+        read_bag(tmp_path / 'bag')['/a']['x[0]']
+    assert time.process_time() - began < 5.0
+
+
+def test_a_type_that_holds_itself_is_refused(tmp_path):
+    with BagWriter(tmp_path / 'bag') as bag:
+        bag.add_topic('/a', 'a/msg/A', schema=b'a/A x', type_hash='')
+        bag.write('/a', b'\0\1\0\0' + bytes(100), 0)
+    with pytest.raises(BagError):
+        read_bag(tmp_path / 'bag')['/a']['x']

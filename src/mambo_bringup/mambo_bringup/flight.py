@@ -29,7 +29,7 @@ from mambo_model.vehicle import PRESETS
 from tqdm import tqdm
 
 from .crew import Crew
-from .processes import FlightError, load, NodeProcess
+from .processes import FlightError, load, NodeProcess, parameter
 from .stopping import stoppable
 
 FLIGHT_NODES = (
@@ -134,9 +134,9 @@ def _nodes(file: Path, bag: Path, composed: bool, namespace: str,
     if composed:
         recorder = file.with_name(f'recorder_{file.name}')
         recorder.write_text(json.dumps({f'{namespace}/recorder_node': {  # which is YAML
-            'ros__parameters': {'bag': str(bag), 'scenario': str(file)}}}))
+            'ros__parameters': {'bag': str(bag), 'scenario': str(file)}}}, ensure_ascii=False))
         return [(COMPOSED, [*flown, '--params-file', str(recorder)])]
-    recorded = [*arguments, '-p', f'bag:={bag}', '-p', f'scenario:={file}']
+    recorded = [*arguments, *parameter('bag', bag), *parameter('scenario', file)]
     return [(RECORDER, recorded), *((node, flown) for node in (*FLIGHT_NODES, SIMULATOR))]
 
 
@@ -367,15 +367,13 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser().parse_args(arguments)
     try:
         if options.list_scenarios:
-            _list_scenarios()
-            sys.exit()
+            sys.exit(guard('run', _list_scenarios))
         name, flight = _scenario(options)
     except schema.ParameterError as error:
         print(f'run: {error}', file=sys.stderr)
         sys.exit(2)
     if options.print_scenario:
-        print(scenarios.commented_yaml(flight), end='')
-        sys.exit()
+        sys.exit(guard('run', lambda: print(scenarios.commented_yaml(flight), end='')))
     sys.exit(stoppable('run', lambda: guard(
         'run', lambda: _fly_and_report(name, flight, options), FlightError)))
 

@@ -8,6 +8,7 @@ import contextlib
 import ctypes
 import gc
 from importlib import import_module
+import json
 import multiprocessing
 import os
 from pathlib import Path
@@ -59,6 +60,11 @@ def executable(package: str, name: str) -> Path:
         raise FlightError(
             f'{package} {name} is not installed: run colcon build, then source env.bash')
     return path
+
+
+def parameter(name: str, text: str | Path) -> list[str]:
+    """Return the arguments that give a node a text as it is, whatever YAML would make of it."""
+    return ['-p', f'{name}:={json.dumps(str(text), ensure_ascii=False)}']
 
 
 def _die_with(parent: int) -> None:

@@ -14,13 +14,13 @@ from pathlib import Path
 import sys
 
 from mambo_analysis import scenario as scenarios
-from mambo_analysis.bag import read_bag
+from mambo_analysis.bag import Bag, read_bag
 from mambo_analysis.cli import guard
 from mambo_analysis.compare import compare_replay
 
 from .crew import Crew
 from .flight import RECORDER
-from .processes import FlightError, load
+from .processes import FlightError, load, parameter
 from .stopping import stoppable
 
 ESTIMATOR = ('mambo_estimation', 'estimator_node')
@@ -50,21 +50,24 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
     ------
     FlightError
         If a node does not start, dies or cannot read the bag.
+    mambo_analysis.bag.BagError
+        If the bag is foreign, damaged or was never closed.
     KeyboardInterrupt
         If the user ended it, with the signal; the output is closed.
 
     """
     if output.exists():
         raise FlightError(f'{output} exists: give another --output or remove it')
+    recording = read_bag(bag, topics=())  # a damaged one is not played
     with Crew(RECORDER[1]) as crew:
-        file = estimator_file or _recorded_parameters(bag, crew.folder)
+        file = estimator_file or _recorded_parameters(recording, crew.folder)
         parameters = ['--params-file', str(file)] if file else []
-        scenario = ['-p', f'scenario:={file}'] if file else []
+        scenario = parameter('scenario', file) if file else []
         crew.start(*RECORDER, [
-            '--ros-args', '-p', f'bag:={output}', '-p', f'topics:={RECORDED}', *scenario])
+            '--ros-args', *parameter('bag', output), *parameter('topics', RECORDED), *scenario])
         crew.start(*ESTIMATOR, ['--ros-args', *parameters])
         crew.start(*PLAYER, [
-            '--ros-args', '-p', f'bag:={bag}', '-p', f'rate:={float(rate)}',
+            '--ros-args', *parameter('bag', bag), '-p', f'rate:={float(rate)}',
             '-p', 'wait_for:=estimator_node,recorder_node'])
         crew.watch()
     if crew.interrupts.first:
@@ -73,12 +76,12 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
         raise FlightError(crew.fault)
 
 
-def _recorded_parameters(bag: Path, folder: Path) -> Path | None:
+def _recorded_parameters(bag: Bag, folder: Path) -> Path | None:
     """Write the estimator's recorded parameters to a file; None if the bag has none."""
-    text = read_bag(bag, topics=()).attachments.get('scenario.yaml')
+    text = bag.attachments.get('scenario.yaml')
     if text is None:
         return None
-    flight = scenarios.from_yaml(text, f'scenario.yaml in {bag}')
+    flight = scenarios.from_yaml(text, f'scenario.yaml in {bag.path}')
     if flight.estimator_node.estimator == 'ground_truth':
         return None
     file = folder / 'estimator.yaml'

@@ -1,15 +1,17 @@
 """The flight runner: its command line, the file it hands to the nodes, what it makes of them."""
 
 import dataclasses
+from pathlib import Path
 import signal
 import subprocess
 import sys
 import time
 
 from mambo_analysis import scenario_file
+from mambo_analysis.bag import BagError
 from mambo_analysis.scenario import (
     commented_yaml, from_yaml, landing_time, override, scenario, Scenario, to_yaml)
-from mambo_bringup import flight, processes
+from mambo_bringup import flight, processes, replay
 from mambo_bringup.processes import FlightError
 from mambo_control.parameters import ControllerNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
@@ -17,9 +19,11 @@ from mambo_model import schema
 from mambo_model.trajectory import TRAJECTORIES
 from mambo_model.vehicle import preset, PRESETS
 from mambo_ros.node import MamboNode
+from mambo_sim.bag_writer import BagWriter
 import pytest
 import rclpy
 from rclpy.signals import SignalHandlerOptions
+import yaml
 
 PATIENCE = 30.0  # s
 
@@ -311,7 +315,7 @@ def test_an_interrupt_of_the_runner_ends_every_node_in_order(graph, tmp_path):
     graph()
     runner = subprocess.Popen([sys.executable, '-c', f"""
 import pathlib
-from mambo_bringup import flight, processes
+from mambo_bringup import flight, processes, replay
 from mambo_analysis.scenario import scenario
 folder = pathlib.Path({str(tmp_path)!r})
 processes.executable = lambda package, name: folder / name
@@ -323,3 +327,25 @@ print(flight.fly(scenario(duration=3.0), folder / 'bag').stopped.name)
     runner.send_signal(signal.SIGINT)
     out, _ = runner.communicate(timeout=PATIENCE)
     assert (runner.returncode, out) == (0, 'SIGINT\n')
+
+
+def test_a_damaged_bag_is_not_replayed(tmp_path, monkeypatch):
+    with BagWriter(tmp_path / 'bag') as bag:
+        bag.add_topic('/clock', 'rosgraph_msgs/msg/Clock')
+        bag.write('/clock', bytes(12), 0)
+    data = bag.file.read_bytes()
+    bag.file.write_bytes(data[:len(data) // 2])
+    monkeypatch.setattr(replay, 'Crew', None)  # nothing is started
+    with pytest.raises(BagError, match='recover'):
+        replay.replay(tmp_path / 'bag', tmp_path / 'out', estimator_file=tmp_path / 'file.yaml')
+
+
+def test_names_of_bags_are_written_for_ros_as_they_are(tmp_path):
+    name = "it's: a \N{GRINNING FACE} #\n{bag"
+    file = tmp_path / 'scenario.yaml'
+    (_, arguments), = flight._nodes(file, tmp_path / name, True, '/mambo')
+    parameters = yaml.safe_load(Path(arguments[-1]).read_text())['/mambo/recorder_node']
+    assert parameters['ros__parameters']['bag'] == str(tmp_path / name)
+    _, arguments = flight._nodes(file, tmp_path / name, False, '/mambo')[0]
+    told = dict(text.split(':=', 1) for text in arguments if ':=' in text)
+    assert yaml.safe_load(told['bag']) == str(tmp_path / name)

@@ -56,14 +56,32 @@ class ParameterError(ValueError):
 def unknown(name: str, known: Iterable[str]) -> str:
     """Return what to say of an unknown name: the names it may have meant, or all of them."""
     known = sorted(known)
+    name = name if len(name) <= 200 else f'{name[:60]}...'
     close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
     if close:
         return f"{name}: unknown parameter; did you mean {', '.join(close)}?"
     return f"{name}: unknown parameter; known: {', '.join(known)}"
 
 
+def _as_float(value: float) -> float:
+    """Return a number as float; an integer beyond the largest one is infinite."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def shown(value: Any) -> str:
+    """Return a value as an error line shows it, however large it is."""
+    try:
+        text = repr(value)
+    except ValueError:  # Python does not write integers of more than 4300 digits
+        return 'a number of more than 4300 digits'
+    return text if len(text) <= 80 else f'{text[:60]}... ({len(text)} characters)'
 
 
 def check_field(owner: str, field: dataclasses.Field, value: Any) -> None:
@@ -79,27 +97,29 @@ def check_field(owner: str, field: dataclasses.Field, value: Any) -> None:
     meta, name = field.metadata, f'{owner}.{field.name}'
     if 'options' in meta:
         if value not in meta['options']:
-            raise ParameterError(f"{name} = {value!r} is not one of {', '.join(meta['options'])}")
+            raise ParameterError(
+                f"{name} = {shown(value)} is not one of {', '.join(meta['options'])}")
     elif 'flag' in meta:
         if not isinstance(value, bool):
-            raise ParameterError(f'{name} = {value!r} must be true or false')
+            raise ParameterError(f'{name} = {shown(value)} must be true or false')
     elif 'text' in meta:
         if not isinstance(value, str):
-            raise ParameterError(f'{name} = {value!r} must be text')
+            raise ParameterError(f'{name} = {shown(value)} must be text')
     elif 'unit' in meta:
         default = field.default
         elements = value if isinstance(default, tuple) else (value,)
         if isinstance(default, tuple) and (
                 not isinstance(value, tuple) or len(value) != len(default)):
-            raise ParameterError(f'{name} = {value!r} must be {len(default)} numbers')
+            raise ParameterError(f'{name} = {shown(value)} must be {len(default)} numbers')
         for element in elements:
             if not _is_number(element) or (
                     isinstance(default, int) and not isinstance(element, int)):
                 kind = 'a whole number' if isinstance(default, int) else 'a number'
-                raise ParameterError(f'{name} = {value!r} must be {kind}')
-            if not (math.isfinite(element) and meta['low'] <= element <= meta['high']):
+                raise ParameterError(f'{name} = {shown(value)} must be {kind}')
+            if not (meta['low'] <= element <= meta['high']
+                    and math.isfinite(_as_float(element))):
                 raise ParameterError(
-                    f'{name} = {value!r} {meta["unit"]} is outside '
+                    f'{name} = {shown(value)} {meta["unit"]} is outside '
                     f'[{meta["low"]:g}, {meta["high"]:g}]')
 
 
@@ -164,7 +184,8 @@ def build(params_type: type[P], values: Mapping[str, Any], where: str = '') -> P
         new, old = {tail: value} if tail else value, nested.get(head, {})
         if head in nested and not (isinstance(new, Mapping) and isinstance(old, Mapping)):
             section = new if isinstance(old, Mapping) else old
-            raise ParameterError(f'{where}{head} = {section!r} must be a section of parameters')
+            raise ParameterError(
+                f'{where}{head} = {shown(section)} must be a section of parameters')
         nested[head] = {**old, **new} if isinstance(new, Mapping) else new
     fields = {field.name: field for field in dataclasses.fields(params_type)}
     filled: dict[str, Any] = {}
@@ -175,16 +196,16 @@ def build(params_type: type[P], values: Mapping[str, Any], where: str = '') -> P
         field = fields[key]
         if 'group' in field.metadata:
             if not isinstance(value, Mapping):
-                raise ParameterError(f'{name} = {value!r} must be a section of parameters')
+                raise ParameterError(f'{name} = {shown(value)} must be a section of parameters')
             filled[key] = build(field.metadata['group'], value, f'{name}.')
             continue
         if isinstance(value, list):
             value = tuple(value)
         if isinstance(field.default, float) and _is_number(value):
-            value = float(value)
+            value = _as_float(value)
         elif isinstance(field.default, tuple) and isinstance(value, tuple) and all(
                 map(_is_number, value)):
-            value = tuple(float(element) for element in value)
+            value = tuple(map(_as_float, value))
         filled[key] = value
     try:
         return params_type(**filled)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from . import vehicle_file
 from .mass_properties import Point, with_points
-from .schema import check, choice, group, ParameterError, quantity, values
+from .schema import check, choice, group, ParameterError, quantity, shown, values
 from .vector import Vec3
 from .vehicle_options import (
     BatteryParams, DragParams, FadeParams, GroundEffectParams, OptionValues, RotorParams)
@@ -232,7 +232,7 @@ PRESETS: Mapping[str, Vehicle] = _Presets(FOLDER)
 
 
 def _unknown(name: str) -> str:
-    return f'vehicle {name!r} is unknown; known: {", ".join(PRESETS)}'
+    return f'vehicle {shown(name)} is unknown; known: {", ".join(PRESETS)}'
 
 
 def preset(name: str) -> Vehicle:

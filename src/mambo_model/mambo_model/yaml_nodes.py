@@ -1,7 +1,9 @@
 """
 YAML read with its line numbers, so that what is wrong is named by file, line and key.
 
-For the files that people write: vehicles and scenarios.
+For the files that people write, vehicles and scenarios, and for the YAML inside bags. A text of a
+few hundred bytes can nest deeper than a parser's stack and, by aliases, stand for terabytes: all
+of it is read through :func:`load` and :func:`compose`, which measure it before they build it.
 """
 
 from __future__ import annotations
@@ -13,7 +15,11 @@ from typing import Any, NoReturn
 
 import yaml
 
-from .schema import check_field, ParameterError
+from . import limits
+from .schema import check_field, ParameterError, shown
+
+MAX_DEPTH = 64  # levels; a parameter of a flight is seven deep
+_BYTES = 160  # characters of a text for each node that it may have
 
 WORDS = yaml.SafeLoader.bool_values  # true and false, and the other words of YAML 1.1
 
@@ -29,6 +35,91 @@ class Loader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):
 Loader.add_implicit_resolver(
     'tag:yaml.org,2002:float', re.compile(r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$'),
     list('-+.0123456789'))
+
+
+def _measure(text: str) -> None:
+    """Raise YAMLError where a text nests too deep, or has too many nodes with its aliases."""
+    most = limits.limit(limits.YAML_NODES)
+    if len(text) > _BYTES * most:
+        raise yaml.YAMLError(
+            f'longer than {_BYTES * most} characters; {limits.YAML_NODES[0]} raises the limit')
+    count, opened, sizes = 0, [], {}  # nodes so far, [(anchor, count before)], {anchor: nodes}
+    for event in yaml.parse(text, Loader):
+        if isinstance(event, yaml.CollectionStartEvent):
+            opened.append((event.anchor, count))
+            count += 1
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = opened.pop()
+            sizes[anchor] = count - before
+        elif isinstance(event, yaml.ScalarEvent):
+            count += 1
+            sizes[event.anchor] = 1
+        elif isinstance(event, yaml.AliasEvent):
+            if any(anchor == event.anchor for anchor, _ in opened):
+                raise yaml.MarkedYAMLError(
+                    problem=f'alias {event.anchor} stands for what it is in',
+                    problem_mark=event.start_mark)
+            count += sizes.get(event.anchor, 1)
+        if len(opened) > MAX_DEPTH or count > most:
+            raise yaml.MarkedYAMLError(
+                problem=f'nested deeper than {MAX_DEPTH} levels' if len(opened) > MAX_DEPTH else
+                f'more than {most} values, those of its aliases counted; '
+                f'{limits.YAML_NODES[0]} raises the limit', problem_mark=event.start_mark)
+
+
+def compose(text: str) -> yaml.Node | None:
+    """Return the outermost node of a text of bounded size; yaml.YAMLError if it is no YAML."""
+    _measure(text)
+    return yaml.compose(text, Loader)
+
+
+def load(text: str) -> Any:
+    """Return what a text of bounded size says; yaml.YAMLError if it is no YAML."""
+    _measure(text)
+    try:
+        return yaml.load(text, Loader)  # a safe one
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        # of a tag, a date or a number that is none
+        raise yaml.YAMLError(str(error)) from None
+
+
+def reason(error: yaml.YAMLError) -> str:
+    """Return what is wrong with a text in one line."""
+    if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
+        return f'line {error.problem_mark.line + 1}: {error.problem}'
+    return ' '.join(str(error).split())[:200]
+
+
+def read_text(path: Path) -> str:
+    """
+    Return the text of a file that may be read as YAML.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such file, it is not text or far too long.
+
+    """
+    most = _BYTES * limits.limit(limits.YAML_NODES)
+    try:
+        with path.open(encoding='utf-8') as stream:
+            text = stream.read(most + 1)
+    except OSError as error:
+        raise ParameterError(f'{_shown(path)}: {error.strerror}') from None
+    except UnicodeDecodeError:
+        raise ParameterError(f'{path}: not a text file') from None
+    except ValueError:  # a path with a zero
+        raise ParameterError(f'{_shown(path)}: no name of a file') from None
+    if len(text) > most:
+        raise ParameterError(
+            f'{path}: longer than {most} characters; {limits.YAML_NODES[0]} raises the limit')
+    return text
+
+
+def _shown(path: Path) -> str:
+    """Return a path that cannot be opened, of bounded length and in one line."""
+    text = repr(str(path))[1:-1]
+    return text if len(text) <= 200 else f'{text[:60]}...{text[-60:]}'
 
 
 class Reader:
@@ -47,22 +138,19 @@ class Reader:
             If there is no such file, or none of names and values.
 
         """
-        try:
-            return self.parse(Path(self.path).read_text(encoding='utf-8'))
-        except OSError as error:
-            raise ParameterError(f'{self.path}: {error.strerror}') from None
-        except UnicodeDecodeError:
-            raise ParameterError(f'{self.path}: not a text file') from None
+        return self.parse(read_text(Path(self.path)))
 
     def parse(self, text: str) -> yaml.MappingNode:
         """Return the outermost node of a text; errors as those of :meth:`root`."""
         try:
-            root = yaml.compose(text, Loader)
+            root = compose(text)
         except yaml.MarkedYAMLError as error:
-            line = error.problem_mark.line + 1
+            line = error.problem_mark.line + 1 if error.problem_mark else 1
             raise ParameterError(f'{self.path}:{line}: no YAML: {error.problem}') from None
-        except yaml.YAMLError:
-            raise ParameterError(f'{self.path}: not a text file') from None
+        except yaml.YAMLError as error:
+            is_text = not isinstance(error, yaml.reader.ReaderError)
+            what = reason(error) if is_text else 'not a text file'
+            raise ParameterError(f'{self.path}: {what}') from None
         if not isinstance(root, yaml.MappingNode):
             raise ParameterError(f'{self.path}: holds no names and values')
         return root
@@ -73,7 +161,7 @@ class Reader:
 
     def fail(self, node: yaml.Node, key: str, reason: str) -> NoReturn:
         """Raise ParameterError naming file, line and key."""
-        raise ParameterError(f'{self.where(node)}: {key}: {reason}')
+        raise ParameterError(f'{self.where(node)}: {key[:200]}: {reason[:1000]}')
 
     def mapping(self, node: yaml.Node, name: str) -> dict[str, tuple[yaml.Node, yaml.Node]]:
         """Return {key: (its node, the node of its value)}; a key may stand there once."""
@@ -99,7 +187,7 @@ class Reader:
         try:
             return float(word)
         except ValueError:
-            self.fail(node, name, f'{word!r} is not a number')
+            self.fail(node, name, f'{shown(word)} is not a number')
 
     def numbers(self, node: yaml.Node, name: str, count: int) -> tuple[float, ...]:
         """Return a list of so many numbers."""

@@ -13,7 +13,8 @@ Layout as by rosbag2 of Jazzy: ``metadata.yaml`` of version 9 beside ``<name>_0.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 import dataclasses
 import os
 from pathlib import Path
@@ -29,6 +30,7 @@ from .mcap_writer import McapWriter, records
 
 SECOND = 1_000_000_000  # [ns]
 GRACE = 250_000_000  # [ns] a second is complete once a message this much younger has arrived
+PENDING_LIMIT = 1 << 26  # [byte] of messages that are held back, at most
 CHUNK_LIMIT = 1 << 20  # [byte] a fuller second is cut into chunks of this size
 INFINITE = (9223372036, 854775807)  # [s], [ns] RMW_DURATION_INFINITE
 NO_TIME = 2**63 - 1  # [ns] starting time that rosbag2 gives to a bag without messages
@@ -127,11 +129,14 @@ class BagWriter:
     late
         Messages that came after their second had been written, as a recorder that stalls gets
         them. They are kept, in a later chunk, until :meth:`close` puts the file in order.
+    beyond
+        Messages that :meth:`close` found behind the end it was given.
 
     Raises
     ------
     BagWriterError
-        If the path exists (a bag is never overwritten) or cannot be made.
+        If the path exists (a bag is never overwritten) or cannot be made, and from every method
+        once the disk takes no more: what was written until then stays, for ``recover``.
 
     """
 
@@ -140,9 +145,10 @@ class BagWriter:
         metadata: Mapping[str, Mapping[str, str]] | None = None, library: str = 'mambo',
     ) -> None:
         self.path = Path(path)
-        self.late = 0
+        self.late = self.beyond = 0
         self._topics: dict[str, _Topic] = {}
         self._pending: list[tuple[int, int, bytes, int, int, bytes]] = []
+        self._pending_size = 0  # [byte]
         self._by_order: list[_Topic] = []
         self._written_until = -1  # [ns] log times below this are in the file
         self._newest = -1
@@ -151,13 +157,27 @@ class BagWriter:
         self._library = library
         self._extras: list[tuple[str, tuple]] = []  # method and arguments of metadata, attachments
         self._stream = self._open()
-        self._writer = self._begin(self._stream)
-        for name, values in (metadata or {}).items():
-            self.add_metadata(name, values)
-        for name, data in (attachments or {}).items():
-            self.add_attachment(name, data)
-        self._writer.flush()
-        self._write_yaml(RECORDING)
+        with self._disk():
+            self._writer = self._begin(self._stream)
+            for name, values in (metadata or {}).items():
+                self.add_metadata(name, values)
+            for name, data in (attachments or {}).items():
+                self.add_attachment(name, data)
+            self._writer.flush()
+            self._write_yaml(RECORDING)
+
+    @contextmanager
+    def _disk(self) -> Iterator[None]:
+        """Turn what the disk refuses into BagWriterError, and leave the bag as it is then."""
+        try:
+            yield
+        except OSError as error:
+            self._closed = True
+            with suppress(OSError):  # of what is still to be written
+                self._stream.close()
+            raise BagWriterError(
+                f'cannot write {self.file}: {error.strerror}; recover reads what is in it'
+            ) from None
 
     def _begin(self, stream: BinaryIO) -> McapWriter:
         """Begin a data file."""
@@ -167,7 +187,8 @@ class BagWriter:
 
     def _add_extra(self, method: str, *arguments: Any) -> None:
         self._extras.append((method, arguments))
-        getattr(self._writer, method)(*arguments)
+        with self._disk():
+            getattr(self._writer, method)(*arguments)
 
     def _open(self):
         """Make the directory and open the data file, refusing what exists."""
@@ -176,6 +197,11 @@ class BagWriter:
                 f'{self.path} exists: give another name or remove it (a bag is never overwritten)')
         if self.path.name in ('', '.', '..'):
             raise BagWriterError(f'{str(self.path)!r} is no name for a bag: give a new directory')
+        try:
+            str(self.path).encode()
+        except UnicodeEncodeError:  # it is written into metadata.yaml
+            raise BagWriterError(
+                f'{str(self.path)!r} is no name for a bag: it is not UTF-8') from None
         self.file = self.path / f'{self.path.name}_0.mcap'
         try:
             self.path.mkdir(parents=True)
@@ -244,6 +270,7 @@ class BagWriter:
 
     def write(
         self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None,
+        now_ns: int | None = None,
     ) -> None:
         """
         Take one serialised message; it reaches the file once its second is complete.
@@ -256,11 +283,14 @@ class BagWriter:
             CDR with its 4-byte header, as DDS delivers it.
         log_time_ns, publish_time_ns
             ROS time; the publish time defaults to the log time.
+        now_ns
+            ROS time that has been reached, which decides what is complete: a message may be
+            ahead of it. Default: the log time.
 
         Raises
         ------
         BagWriterError
-            For an undeclared topic, a negative time or a closed bag.
+            For an undeclared topic, a negative time, a closed bag or a full disk.
 
         """
         if not self._by_order:
@@ -279,11 +309,15 @@ class BagWriter:
         rank = data if entry.shared else b''
         self._pending.append((log_time_ns, entry.order, rank, entry.received, publish, data))
         entry.received += 1
-        if log_time_ns > self._newest:
-            self._newest = log_time_ns
-            end = (log_time_ns - GRACE) // SECOND * SECOND
+        self._pending_size += len(data)
+        now = log_time_ns if now_ns is None else now_ns
+        if now > self._newest:
+            self._newest = now
+            end = (now - GRACE) // SECOND * SECOND
             if end > self._written_until:
                 self._write_until(end)
+        if self._pending_size > PENDING_LIMIT:
+            self._write_until(self._end_of_pending())
 
     def write_all(
         self, messages: Mapping[str, tuple[NDArray[np.int64], list[NDArray[np.uint8]]]],
@@ -328,10 +362,11 @@ class BagWriter:
         log_times, order = log_times[ranks], order[ranks]
         channels = np.array([topic.channel for topic in self._by_order])[order]
         cuts = np.flatnonzero(np.diff(log_times // SECOND)) + 1
-        for part in np.split(np.arange(len(ranks)), cuts):
-            self._writer.flush()
-            self._writer.add_records(
-                channels[part], log_times[part], [pieces[i] for i in ranks[part].tolist()])
+        with self._disk():
+            for part in np.split(np.arange(len(ranks)), cuts):
+                self._writer.flush()
+                self._writer.add_records(
+                    channels[part], log_times[part], [pieces[i] for i in ranks[part].tolist()])
         self._first, self._last = int(log_times[0]), int(log_times[-1])
         self._newest, self._written_until = self._last, self._last + 1
 
@@ -344,6 +379,10 @@ class BagWriter:
         """Put schemas and channels into the file, ordered by topic name."""
         if not self._topics:
             raise BagWriterError(f'{self.path}: declare topics before the first message')
+        with self._disk():
+            self._register_topics()
+
+    def _register_topics(self) -> None:
         schemas: dict[tuple[str, str, bytes], int] = {}
         self._topics = dict(sorted(self._topics.items()))
         for order, (name, topic) in enumerate(self._topics.items()):
@@ -357,25 +396,33 @@ class BagWriter:
                     'topic_type_hash': topic.type_hash})
             self._by_order.append(topic)
 
+    def _end_of_pending(self) -> int:
+        """Return the time [ns] just behind all that is held back or was reached."""
+        return max([self._newest, *(message[0] for message in self._pending)]) + 1
+
     def _write_until(self, end: int) -> None:
         """Write all whole seconds of ROS time before ``end`` [ns], a chunk each, and flush."""
         ready = sorted(
             (message for message in self._pending if message[0] < end), key=lambda m: m[:4])
         self._pending = [message for message in self._pending if message[0] >= end]
+        self._pending_size = sum(len(message[5]) for message in self._pending)
         second = -1
-        for log_time, order, _, _, publish, data in ready:
-            if log_time // SECOND != second:
-                self._writer.flush()
-                second = log_time // SECOND
-            topic = self._by_order[order]
-            self._writer.add_message(topic.channel, log_time, data, publish, topic.written)
-            topic.written += 1
-            self._first = min(self._first, log_time)
-            self._last = max(self._last, log_time)
-        self._writer.flush()
-        self._written_until = end
+        with self._disk():
+            for log_time, order, _, _, publish, data in ready:
+                if log_time // SECOND != second:
+                    self._writer.flush()
+                    second = log_time // SECOND
+                topic = self._by_order[order]
+                self._writer.add_message(topic.channel, log_time, data, publish, topic.written)
+                topic.written += 1
+                self._first = min(self._first, log_time)
+                self._last = max(self._last, log_time)
+            self._writer.flush()
+        self._written_until = max(self._written_until, end)
 
-    def close(self, custom_data: Mapping[str, str] | None = None) -> None:
+    def close(
+        self, custom_data: Mapping[str, str] | None = None, end_ns: int | None = None,
+    ) -> None:
         """
         Write what is pending, the index and the final ``metadata.yaml``; idempotent.
 
@@ -384,31 +431,40 @@ class BagWriter:
         custom_data
             {key: text} for metadata.yaml alone: the place of what differs from run to run, such
             as the real-time factor. The data file stays a function of the messages.
+        end_ns
+            ROS time at which the recording ended: what is logged later than that gets this time.
+
+        Raises
+        ------
+        BagWriterError
+            If the disk is full.
 
         """
         if self._closed:
             return
         if not self._by_order and self._topics:
             self._register()
-        self._finish()
-        if self.late:
-            self._put_in_order()
-        self._closed = True
-        self._write_yaml(custom_data or {})
+        with self._disk():
+            self._finish()
+            if self.late or (end_ns is not None and self._last > end_ns):
+                self._put_in_order(end_ns)
+            self._closed = True
+            self._write_yaml(custom_data or {})
 
     def _finish(self) -> None:
         """Write what is pending and the index; nothing in the file depends on its own name."""
-        self._write_until(self._newest + 1)
+        self._write_until(self._end_of_pending())
         nameless = {**self._information({}), 'relative_file_paths': [], 'files': []}
         self._writer.add_metadata('rosbag2', {'serialized_metadata': _dump(nameless)})
         self._writer.finish()
         self._stream.close()
 
-    def _put_in_order(self) -> None:
-        """Write the data file anew as if no message had been late, second by second."""
+    def _put_in_order(self, end: int | None) -> None:
+        """Write the data file anew, second by second, as if no message had been late or beyond."""
         for topic in self._topics.values():
             topic.written = 0
-        self._by_order, self._written_until = [], -1
+        self._by_order, self._written_until, self._newest = [], -1, -1
+        self._first, self._last = NO_TIME, -1
         ordered = self.file.with_suffix('.part')
         self._stream = ordered.open('wb')
         self._writer = self._begin(self._stream)
@@ -418,14 +474,17 @@ class BagWriter:
         self._register()
         with self.file.open('rb') as stream:
             for _, channel, message in make_reader(stream).iter_messages():  # by log time
-                begin = message.log_time // SECOND * SECOND
+                log_time, publish_time = message.log_time, message.publish_time
+                if end is not None and log_time > end:
+                    log_time, publish_time = end, min(publish_time, end)
+                    self.beyond += 1
+                begin = log_time // SECOND * SECOND
                 if begin > self._written_until:
                     self._write_until(begin)
                 topic = self._topics[channel.topic]
                 rank = message.data if topic.shared else b''
                 self._pending.append((
-                    message.log_time, topic.order, rank, message.sequence, message.publish_time,
-                    message.data))
+                    log_time, topic.order, rank, message.sequence, publish_time, message.data))
         self._finish()
         os.replace(ordered, self.file)
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 import time
 
-from mambo_model import schema
+from mambo_model import schema, yaml_nodes
 from mambo_ros import layout, links, messages, node, topics
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
@@ -57,12 +57,13 @@ def bag_files(path: Path) -> list[Path]:
     listing = path / 'metadata.yaml'
     if listing.is_file():
         try:
-            names = yaml.safe_load(listing.read_text())['rosbag2_bagfile_information'][
-                'relative_file_paths']
+            names = yaml_nodes.load(yaml_nodes.read_text(listing))[
+                'rosbag2_bagfile_information']['relative_file_paths']
             files = [path / name for name in names]
         except (yaml.YAMLError, KeyError, TypeError) as error:
             raise schema.ParameterError(
-                f'{listing}: not the metadata of a rosbag2 bag ({error})') from None
+                f"{listing}: not the metadata of a rosbag2 bag ({' '.join(str(error).split())})"
+            ) from None
     else:
         files = sorted(path.glob('*.mcap')) if path.is_dir() else []
     missing = [str(file) for file in files if not file.is_file()]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import io
 
+from .. import bounded
 from .regression import IdentifyError
 
 Floats = NDArray[np.float64]
@@ -38,12 +39,11 @@ def read(path: Path) -> Table:
     if path.suffix.lower() not in readers:
         raise IdentifyError(f'{path}: is no {", ".join(readers)} file or bag')
     try:
-        table = readers[path.suffix.lower()](path)
+        table = bounded.call(readers[path.suffix.lower()], path)
     except OSError as error:
         raise IdentifyError(f'{path}: {error.strerror or error}') from None
-    except (ValueError, TypeError, NotImplementedError, io.matlab.MatReadError) as error:
-        reason = ' '.join(str(error).split())[:120]
-        raise IdentifyError(f'{path}: cannot be read ({reason})') from None
+    except bounded.UnreadableError as error:
+        raise IdentifyError(f'{path}: cannot be read ({error})') from None
     if not table:
         raise IdentifyError(f'{path}: holds no column of numbers')
     return table

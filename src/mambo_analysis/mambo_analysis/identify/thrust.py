@@ -74,6 +74,15 @@ def fit_thrust(pwm: Floats, thrust: Floats, largest: float = np.inf) -> Thrust:
         raise IdentifyError(
             f'the thrust at command {X[T <= 0.0][0]:g} is {T[T <= 0.0][0]:g} N: a motor that '
             'runs pushes; check sign and zero of the scale')
+    with np.errstate(all='ignore'):  # of readings that no bench gives; told below
+        found = _fit(X, T, used)
+    if not np.isfinite([*found.gain[:3], *found.a[:3], *found.b[:3], *found[3:6]]).all():
+        raise IdentifyError('commands or thrusts are too large or too small for a map')
+    return found
+
+
+def _fit(X: Floats, T: Floats, used: NDArray[np.bool_]) -> Thrust:
+    """Return both maps of the readings that are used."""
     gain = float(X @ T / (T @ T))
     spread = float(np.sqrt(np.sum((X - gain * T) ** 2) / (len(X) - 1) / (T @ T)))
     half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, len(X) - 1)) * spread

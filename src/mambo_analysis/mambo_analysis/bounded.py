@@ -1,0 +1,89 @@
+"""
+Readers that are not ours, on files that are not ours: in a process of bounded memory and time.
+
+The reader of MATLAB files raises whatever a damaged byte leads it to, asks for any amount of
+memory, may run for ever, and is compiled: only a process of its own can be trusted to end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import multiprocessing
+from multiprocessing.connection import Connection
+import os
+from pathlib import Path
+import resource
+from typing import Any
+import warnings
+
+from mambo_model import limits
+
+SECONDS = 120.0  # of wall time
+_RATIO = 20  # unpacked over packed, as of a chunk of a bag
+_COPIES = 3  # what is unpacked, what is made of it, what is handed over
+_FORK = multiprocessing.get_context('fork')
+
+
+class UnreadableError(ValueError):
+    """A file cannot be read; the text says why in one line."""
+
+
+def call(function: Callable[[Path], Any], path: Path) -> Any:
+    """
+    Return what a function makes of a file, called in a process of its own.
+
+    Parameters
+    ----------
+    function
+        What it returns must be picklable.
+    path
+        Of the file. The process may take ``MAMBO_MAX_UNPACKED_MB`` (default 512) or 20 times its
+        size, whichever is more, for each of three copies, and two minutes.
+
+    Raises
+    ------
+    UnreadableError
+        If the function raises anything but OSError, takes too much or too long, or crashes.
+    OSError
+        As the function.
+
+    """
+    limits.limit(limits.UNPACKED_MB)  # raised here if it is no number
+    receive, send = _FORK.Pipe(duplex=False)
+    process = _FORK.Process(target=_work, args=(function, path, send), daemon=True)
+    process.start()
+    send.close()
+    try:
+        if not receive.poll(SECONDS):
+            raise UnreadableError(f'reading it took more than {SECONDS:.0f} s')
+        result, error = receive.recv()
+    except EOFError:
+        process.join()
+        raise UnreadableError('it makes its reader crash') from None
+    finally:
+        process.kill()
+        process.join()
+        receive.close()
+    if error is not None:
+        raise error
+    return result
+
+
+def _work(function: Callable[[Path], Any], path: Path, send: Connection) -> None:
+    """Call the function within bounds and send what it returns or raises."""
+    warnings.simplefilter('ignore')  # of what is damaged; the caller gets one line
+    own = int(Path('/proc/self/statm').read_text().split()[0]) * os.sysconf('SC_PAGE_SIZE')
+    most = limits.limit(limits.UNPACKED_MB)
+    try:
+        room = _COPIES * max(most * 1_000_000, _RATIO * path.stat().st_size)
+        resource.setrlimit(resource.RLIMIT_AS, (own + room, own + room))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        send.send((function(path), None))
+    except OSError as error:
+        send.send((None, error))
+    except MemoryError:
+        send.send((None, UnreadableError(
+            f'it needs more memory than {limits.UNPACKED_MB[0]} (now {most}) allows')))
+    except Exception as error:  # readers of damaged bytes raise anything
+        reason = ' '.join(str(error).split())[:120] or 'its content is damaged'
+        send.send((None, UnreadableError(reason)))
