@@ -59,8 +59,8 @@ from scipy.spatial.transform import Rotation
 
 from .align import AlignError, body_rates, Offset, offsets, time_offset
 from .cli import guard
-from .import_minidrone import new_samples
-from .importing import provenance, Publisher, read_source, report, Source, stamps_ns
+from .importing import (
+    new_samples, provenance, Publisher, read_source, report, Source, stamps_ns)
 from .mcap_file import BagError
 
 Floats = NDArray[np.float64]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import hashlib
+import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -52,6 +53,24 @@ def provenance(
         'source_file': name, 'source_sha256': sha256,
         'importer': f'mambo_analysis.{importer}', 'source_kind': kind,
         **{key: text(value) for key, value in details.items()}}}
+
+
+def shortened(names: Sequence[str], most: int = 12) -> str:
+    """Return names in one line, and how many more there are than ``most``."""
+    more = f' and {len(names) - most} more' if len(names) > most else ''
+    short = [name if len(name) <= 60 else f'{name[:57]}...' for name in names[:most]]
+    return ', '.join(short) + more
+
+
+def unused(names: Sequence[str]) -> list[str]:
+    """Return the line that says what nothing was made of; none if all was used."""
+    return [f'not used: {shortened(names)}'] if names else []
+
+
+def new_samples(values: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the steps at which a held signal, (n,) or (n, k), takes a new value; never step 0."""
+    changed = np.diff(values.reshape(len(values), -1), axis=0) != 0.0
+    return np.flatnonzero(changed.any(axis=1)) + 1
 
 
 def stamps_ns(times: ArrayLike) -> NDArray[np.int64]:
@@ -105,6 +124,13 @@ class Publisher:
                 'orientation_covariance': np.array([-1.0] + [0.0] * 8),
                 'angular_velocity': self.make('Vector3', *omega),
                 'linear_acceleration': self.make('Vector3', *acceleration)}
+
+    def battery(self, voltage: float, percent: float) -> dict[str, Any]:
+        """Return the fields of a BatteryState of which only V and % are known."""
+        unknown = math.nan
+        return {'voltage': voltage, 'percentage': percent / 100.0, 'present': True,
+                'temperature': unknown, 'current': unknown, 'charge': unknown,
+                'capacity': unknown, 'design_capacity': unknown}
 
     def publish(self, topic: str, stamp: int, frame: str, **fields: Any) -> None:
         """Write a message whose other fields are 0."""
