@@ -60,7 +60,7 @@ from scipy.spatial.transform import Rotation
 from .align import AlignError, body_rates, Offset, offsets, time_offset
 from .cli import guard
 from .importing import (
-    new_samples, provenance, Publisher, read_source, report, Source, stamps_ns)
+    is_sound, new_samples, provenance, Publisher, read_source, report, Source, stamps_ns)
 from .mcap_file import BagError
 
 Floats = NDArray[np.float64]
@@ -69,6 +69,7 @@ FLOW_PERIOD = 0.01  # [s] over which a count is taken
 FULL_QUALITY = 255
 RANGE_LIMITS = (0.01, 4.0)  # [m] VL53L1x
 NEAR = 0.08  # [s] how far the gyro's offset may be from the range's
+LONGEST = 1e9  # [s] of a time
 GAP = 0.05  # [s] over which the parts of one instant are interpolated
 MOTORS = ('m_4', 'm_1', 'm_2', 'm_3')
 """In the order of (3.2): front left, front right, rear right, rear left."""
@@ -130,6 +131,8 @@ def _series(path: Path, name: str, times: Any, data: Any) -> tuple[Floats, Float
         raise BagError(f'{path}: {name} has {t.size} times and {v.size} values')
     if not np.isfinite(t).all() or (t < 0.0).any():
         raise BagError(f'{path}: {name} has a time that is no number or negative')
+    if t.size and t.max() > LONGEST or not is_sound(v[np.isfinite(v)]):
+        raise BagError(f'{path}: {name} has a time or a value that is absurdly large')
     back = np.flatnonzero(np.diff(t) <= 0.0)
     if len(back):
         raise BagError(f'{path}: the times of {name} do not increase after {t[back[0]]:g} s')

@@ -78,7 +78,7 @@ import yaml
 
 from .cli import guard
 from .importing import (
-    new_samples, provenance, Publisher, read_source, report, shortened, Source, unused)
+    is_sound, new_samples, provenance, Publisher, read_source, report, shortened, Source, unused)
 from .mat_file import variables
 from .mcap_file import BagError
 from .package_log import is_package_log, PackageLog, publish, read_package_log
@@ -168,8 +168,8 @@ def _checked(path: Path, found: dict[str, Any]) -> tuple[dict[str, Array], list[
             raise BagError(
                 f'{path}: signal {name} has the shape {values[name].shape}, '
                 f'expected {shape}') from None
-        if not np.isfinite(signal).all():
-            raise BagError(f'{path}: signal {name} has values that are not finite')
+        if not is_sound(signal):
+            raise BagError(f'{path}: signal {name} has values that are not finite or absurdly large')
         signals[name] = signal
     if (signals['motors_refout'] * MOTOR_SIGNS < 0.0).any():
         raise BagError(f'{path}: signal motors_refout has not the signs + - + - of a minidrone')

@@ -18,6 +18,7 @@ from .mcap_file import BagError, read_file
 
 NAMESPACE = '/mambo'
 SECOND = 1_000_000_000
+LARGEST = 1e30  # of what is measured; some messages hold single precision
 PACKAGES = {'Header': 'std_msgs', 'Time': 'builtin_interfaces'}
 
 
@@ -71,6 +72,11 @@ def new_samples(values: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the steps at which a held signal, (n,) or (n, k), takes a new value; never step 0."""
     changed = np.diff(values.reshape(len(values), -1), axis=0) != 0.0
     return np.flatnonzero(changed.any(axis=1)) + 1
+
+
+def is_sound(values: NDArray[np.float64]) -> bool:
+    """Return whether all numbers are finite, in single precision too."""
+    return bool((np.abs(values) < LARGEST).all())
 
 
 def stamps_ns(times: ArrayLike) -> NDArray[np.int64]:

@@ -59,7 +59,7 @@ from mambo_model.quaternion import from_euler
 import numpy as np
 from numpy.typing import NDArray
 
-from .importing import new_samples, Publisher, shortened, stamps_ns
+from .importing import is_sound, new_samples, Publisher, shortened, stamps_ns
 from .mat_file import logged, Signal
 from .mcap_file import BagError
 from .package_names import by_map, by_name, Column, LAYOUTS, near, QUANTITIES, TOOLBOX_FLOW
@@ -129,8 +129,8 @@ def _sound(path: Path, column: Column) -> None:
     back = np.flatnonzero(np.diff(t) <= 0.0)
     if len(back):
         raise BagError(f'{path}: the times of {name} do not increase after {t[back[0]]:g} s')
-    if not np.isfinite(column.signal.values[:, column.index]).all():
-        raise BagError(f'{path}: {name} has values that are not finite')
+    if not is_sound(column.scale * column.signal.values[:, column.index]):
+        raise BagError(f'{path}: {name} has values that are not finite or absurdly large')
 
 
 def _at(column: Column, times: Floats, held: bool) -> Floats:
