@@ -124,8 +124,9 @@ class Messages:
                 whole = cdr.trimmed(self._store, self.type_name, data)
                 yield self._store.deserialize_cdr(whole, self.type_name)
             except Exception as error:  # foreign bytes make the decoder raise anything
+                reason = ' '.join(str(error).split())[:120]
                 raise BagError(
-                    f'{self.topic}: message {number} is no {self.type_name} ({error!r})') from None
+                    f'{self.topic}: message {number} is no {self.type_name} ({reason})') from None
 
     def __getitem__(self, path: str) -> NDArray[Any]:
         """Return a field by its dotted path; KeyError if the type has none such."""

@@ -169,7 +169,8 @@ def _checked(path: Path, found: dict[str, Any]) -> tuple[dict[str, Array], list[
                 f'{path}: signal {name} has the shape {values[name].shape}, '
                 f'expected {shape}') from None
         if not is_sound(signal):
-            raise BagError(f'{path}: signal {name} has values that are not finite or absurdly large')
+            raise BagError(
+                f'{path}: signal {name} has values that are not finite or absurdly large')
         signals[name] = signal
     if (signals['motors_refout'] * MOTOR_SIGNS < 0.0).any():
         raise BagError(f'{path}: signal motors_refout has not the signs + - + - of a minidrone')

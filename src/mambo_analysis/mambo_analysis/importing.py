@@ -18,6 +18,7 @@ from .mcap_file import BagError, read_file
 
 NAMESPACE = '/mambo'
 SECOND = 1_000_000_000
+LONGEST = 1e9  # [s] of a time
 LARGEST = 1e30  # of what is measured; some messages hold single precision
 PACKAGES = {'Header': 'std_msgs', 'Time': 'builtin_interfaces'}
 
@@ -61,6 +62,11 @@ def shortened(names: Sequence[str], most: int = 12) -> str:
     more = f' and {len(names) - most} more' if len(names) > most else ''
     short = [name if len(name) <= 60 else f'{name[:57]}...' for name in names[:most]]
     return ', '.join(short) + more
+
+
+def quoted(text: str) -> str:
+    """Return a word of a file, for an error: in quotes, in one line, not too long."""
+    return repr(text if len(text) <= 60 else f'{text[:57]}...')
 
 
 def unused(names: Sequence[str]) -> list[str]:

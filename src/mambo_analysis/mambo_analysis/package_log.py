@@ -59,7 +59,7 @@ from mambo_model.quaternion import from_euler
 import numpy as np
 from numpy.typing import NDArray
 
-from .importing import is_sound, new_samples, Publisher, shortened, stamps_ns
+from .importing import is_sound, LONGEST, new_samples, Publisher, shortened, stamps_ns
 from .mat_file import logged, Signal
 from .mcap_file import BagError
 from .package_names import by_map, by_name, Column, LAYOUTS, near, QUANTITIES, TOOLBOX_FLOW
@@ -124,7 +124,7 @@ class PackageLog:
 def _sound(path: Path, column: Column) -> None:
     """Check the times and values of a column; BagError names it."""
     name, t, _ = column.signal
-    if len(t) < 2 or not np.isfinite(t).all() or t[0] < 0.0 or t[-1] > 1e9:
+    if len(t) < 2 or not np.isfinite(t).all() or t[0] < 0.0 or t[-1] > LONGEST:
         raise BagError(f'{path}: the times of {name} are not 0 or more seconds, two at least')
     back = np.flatnonzero(np.diff(t) <= 0.0)
     if len(back):

@@ -1,8 +1,10 @@
 """Foreign bags, made and real: what is mapped arrives unchanged, what does not fit is refused."""
 
 from pathlib import Path
+import random
 import sqlite3
 
+from damage import check, mutated
 from mambo_analysis import cdr
 from mambo_analysis.bag import read_bag
 from mambo_analysis.import_bag import import_bag, main, TARGETS
@@ -442,6 +444,21 @@ def test_a_bag_of_ros_1_is_told_what_to_do(tmp_path, capsys):
     refuse(tmp_path / 'old.bag', tmp_path, capsys, 'rosbags-convert', '/imu:=imu/data_raw')
     long = tmp_path / ('x' * 300)
     refuse(long, tmp_path, capsys, 'cannot be read', '/imu:=imu/data_raw')
+
+
+@pytest.mark.parametrize('mode', [
+    CompressionMode.NONE, CompressionMode.FILE, CompressionMode.MESSAGE])
+def test_a_damaged_file_gives_one_line_or_a_bag(tmp_path, capfd, mode):
+    topics = {'/imu': TYPES['/imu'], '/chatter': TYPES['/chatter']}
+    file = next(path for path in recorded(tmp_path / 'theirs', mode=mode, topics=topics).iterdir()
+                if '.db3' in path.name)
+    (tmp_path / 'theirs' / 'metadata.yaml').unlink()
+    content, rng = file.read_bytes(), random.Random(str(mode))
+    arguments = [str(file), '--map', '/imu:=imu/data_raw']
+    assert check(main, arguments, tmp_path / 'out', capfd)
+    for _ in range(20):
+        file.write_bytes(mutated(rng, content))
+        check(main, arguments, tmp_path / 'out', capfd)
 
 
 def test_the_list_says_what_each_topic_could_become(bag, capsys):
