@@ -240,6 +240,28 @@ def test_an_old_bag_without_definitions_is_read_as_its_distribution_had_them(
     np.testing.assert_array_equal(ours.stamp, EPOCH + 10_000_000 * np.arange(N))
 
 
+def test_a_definition_that_only_the_bag_has_is_the_one_it_is_read_by(tmp_path):
+    name = 'sensor_msgs/msg/Range'
+    text = 'std_msgs/Header header\nfloat64 range\n' + '=' * 80 + '\nMSG: std_msgs/Header\n' \
+        'builtin_interfaces/Time stamp\nstring frame_id\n' + '=' * 80 + \
+        '\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n'
+    theirs = get_typestore(Stores.EMPTY)
+    theirs.register(get_types_from_msg(text, name))
+    source = sqlite_bag(tmp_path / 'theirs', {'/range': name})
+    with sqlite3.connect(source / 'theirs_0.db3') as database:
+        database.execute('CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT,'
+                         ' encoding TEXT, encoded_message_definition TEXT, '
+                         'type_description_hash TEXT)')
+        database.execute("INSERT INTO message_definitions VALUES (1, ?, 'ros2msg', ?, '')",
+                         (name, text))
+        for i in range(N):
+            out = cdr.zero(theirs, name, header=header(i), range=0.5 + i)
+            database.execute('UPDATE messages SET data = ? WHERE id = ?',
+                             (bytes(theirs.serialize_cdr(out, name)), i + 1))
+    import_bag(source, tmp_path / 'bag', {'/range': 'sonar/range'})
+    assert read_bag(tmp_path / 'bag')['sonar/range'].range.tolist() == [0.5 + i for i in range(N)]
+
+
 def own_bag(path, name='mambo_interfaces/msg/MotorPwm'):
     """Write an old bag of a type of this product, or of one that it calls so."""
     store = cdr.load_types(['mambo_interfaces/msg/MotorPwm'])
