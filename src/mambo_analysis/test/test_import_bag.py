@@ -249,9 +249,9 @@ def test_a_definition_that_only_the_bag_has_is_the_one_it_is_read_by(tmp_path):
     theirs.register(get_types_from_msg(text, name))
     source = sqlite_bag(tmp_path / 'theirs', {'/range': name})
     with sqlite3.connect(source / 'theirs_0.db3') as database:
-        database.execute('CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT,'
-                         ' encoding TEXT, encoded_message_definition TEXT, '
-                         'type_description_hash TEXT)')
+        database.execute('CREATE TABLE message_definitions(id INTEGER PRIMARY KEY,'
+                         ' topic_type TEXT, encoding TEXT, encoded_message_definition TEXT,'
+                         ' type_description_hash TEXT)')
         database.execute("INSERT INTO message_definitions VALUES (1, ?, 'ros2msg', ?, '')",
                          (name, text))
         for i in range(N):
