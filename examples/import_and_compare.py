@@ -51,7 +51,8 @@ def main(take: Path | None, flight: Path) -> None:
     if take is None:
         take = Path('take.csv')
         export(bag, take)
-    print(import_motive(take, Path('take')))
+    counts, _ = import_motive(take, Path('take'))
+    print(counts)
     seen = mambo_analysis.open_bag('take')
     result, _, alignment = compare_bags(bag, seen, 'estimate/odom', 'optitrack/pose')
     print(tables.table(result))

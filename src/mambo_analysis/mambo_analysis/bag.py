@@ -132,8 +132,9 @@ class Messages:
                 whole = cdr.trimmed(self._store, self.type_name, data)
                 yield self._store.deserialize_cdr(whole, self.type_name)
             except Exception as error:  # foreign bytes make the decoder raise anything
+                reason = ' '.join(str(error).split())[:120]
                 raise BagError(
-                    f'{self.topic}: message {number} is no {self.type_name} ({error!r})') from None
+                    f'{self.topic}: message {number} is no {self.type_name} ({reason})') from None
 
     def __getitem__(self, path: str) -> NDArray[Any]:
         """Return a field by its dotted path; FieldError if the type has none such."""
@@ -419,16 +420,36 @@ def _types(schema: Any, encoding: str, where: str) -> Typestore | BagError:
     """Return the types of a schema; the error that asking for its messages shall raise."""
     if encoding != 'cdr':
         return BagError(f'{where}: messages are encoded as {encoding!r}, only cdr is read')
+    if schema is not None and not schema.data and schema.name.startswith('mambo_interfaces/'):
+        return cdr.load_types([type_name(schema.name)])
     if schema is None or not schema.data:
         return BagError(f'{where}: the bag does not say what the messages look like (no schema)')
-    if schema.encoding not in ('ros2msg', 'ros2idl'):
-        return BagError(
-            f'{where}: schema of kind {schema.encoding!r}, only ros2msg and ros2idl are read')
+    return definition_types(schema.data, schema.encoding, type_name(schema.name), where)
+
+
+def definition_types(data: bytes, kind: str, name: str, where: str) -> Typestore | BagError:
+    """
+    Return the types of a definition that a bag carries, or what is wrong with it.
+
+    Parameters
+    ----------
+    data
+        The text.
+    kind
+        ``ros2msg`` or ``ros2idl``.
+    name
+        Of the type, ``package/msg/Name``.
+    where
+        Of the topic, for the error.
+
+    """
+    if kind not in ('ros2msg', 'ros2idl'):
+        return BagError(f'{where}: schema of kind {kind!r}, only ros2msg and ros2idl are read')
     try:
-        return _parsed(schema.data, schema.encoding, type_name(schema.name))
+        return _parsed(data, kind, name)
     except Exception as error:  # the parser of a foreign schema raises anything
         reason = str(error).split('\n')[0]
-        return BagError(f'{where}: the schema of {schema.name} cannot be read ({reason})')
+        return BagError(f'{where}: the schema of {name} cannot be read ({reason})')
 
 
 @cache

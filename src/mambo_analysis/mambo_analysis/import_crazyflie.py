@@ -59,8 +59,9 @@ from scipy.spatial.transform import Rotation
 
 from .align import AlignError, body_rates, Offset, offsets, time_offset
 from .cli import guard
-from .import_minidrone import new_samples
-from .importing import provenance, Publisher, read_source, report, Source, stamps_ns
+from .importing import (
+    is_sound, LONGEST, new_samples, provenance, Publisher, read_source, report, Source, stamps_ns,
+    unused)
 from .mcap_file import BagError
 
 Floats = NDArray[np.float64]
@@ -72,6 +73,9 @@ NEAR = 0.08  # [s] how far the gyro's offset may be from the range's
 GAP = 0.05  # [s] over which the parts of one instant are interpolated
 MOTORS = ('m_4', 'm_1', 'm_2', 'm_3')
 """In the order of (3.2): front left, front right, rear right, rear left."""
+GYRO = ('gyro.x', 'gyro.y', 'gyro.z')
+USED = ('w_x', 'w_y', 'w_z', 'a_z', 'r', 'n_x', 'n_y', *MOTORS, 'p_x', 'p_y', 'p_z', 'psi',
+        'theta', 'phi', 'v_x', 'v_y', 'v_z', 'p_x_des', 'p_y_des', 'p_z_des')
 MOCAP = ('x', 'y', 'z', 'yaw', 'pitch', 'roll')
 TOPICS = {
     'imu/data_raw': 'sensor_msgs/msg/Imu', 'sonar/range': 'sensor_msgs/msg/Range',
@@ -94,12 +98,15 @@ class Log:
         s of its own clock, m, rad; without the rows in which markers were lost.
     lost
         How many rows those were.
+    ignored
+        Names of the signals that nothing is made of.
 
     """
 
     drone: dict[str, tuple[Floats, Floats]]
     mocap: Floats
     lost: int
+    ignored: list[str]
 
     def has(self, *names: str) -> bool:
         """Return whether all signals are there."""
@@ -130,6 +137,8 @@ def _series(path: Path, name: str, times: Any, data: Any) -> tuple[Floats, Float
         raise BagError(f'{path}: {name} has {t.size} times and {v.size} values')
     if not np.isfinite(t).all() or (t < 0.0).any():
         raise BagError(f'{path}: {name} has a time that is no number or negative')
+    if t.size and t.max() > LONGEST or not is_sound(v[np.isfinite(v)]):
+        raise BagError(f'{path}: {name} has a time or a value that is absurdly large')
     back = np.flatnonzero(np.diff(t) <= 0.0)
     if len(back):
         raise BagError(f'{path}: the times of {name} do not increase after {t[back[0]]:g} s')
@@ -149,7 +158,7 @@ def read_log(source: Source) -> Log:
     path = source.path
     try:
         found = json.loads(source.text())
-    except (json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise BagError(f'{path}: no JSON file, or cut off ({error})') from None
     if not isinstance(found, dict) or not isinstance(found.get('drone'), dict):
         raise BagError(f'{path}: no Crazyflie log: it has no "drone" with signals')
@@ -163,7 +172,8 @@ def read_log(source: Source) -> Log:
             group, _, short = name.partition('.')
             drone[short if group == 'ae483log' else name] = t[good], v[good]
     mocap, lost = _mocap(path, found.get('mocap') or {})
-    log = Log(drone, mocap, lost)
+    known = {*USED, *(() if 'w_x' in drone else GYRO)}
+    log = Log(drone, mocap, lost, [name for name in drone if name not in known])
     if not (log.has('w_x', 'w_y', 'w_z') or log.has('gyro.x', 'gyro.y', 'gyro.z')):
         raise BagError(f'{path}: no gyro (ae483log.w_x, w_y, w_z or gyro.x, y, z) with finite '
                        f'values; it has {", ".join(found["drone"]) or "no signals"}')
@@ -386,7 +396,7 @@ def import_crazyflie(
         'counts_per_radian': counts_per_radian, 'flow_period_s': FLOW_PERIOD,
         'flow_rotation': 'not compensated', 'horizontal_acceleration': '0' if level else 'NaN',
         'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535',
-        'mocap_frames_lost': log.lost, **told})
+        'mocap_frames_lost': log.lost, 'ignored': ', '.join(log.ignored) or 'nothing', **told})
     with BagWriter(target, metadata=record) as writer:
         out = Publisher(writer, TOPICS)
         _publish_imu(log, out, level)
@@ -433,7 +443,8 @@ def main(arguments: list[str] | None = None) -> int:
             options.log, options.output, options.counts_per_radian, options.mocap_offset,
             options.level, options.repeated_flow)
         notes = [f'{key}: {told[key]}' for key in told if key.startswith(('mocap', 'range'))]
-        report(options.log, options.output, counts, *notes)
+        ignored = [] if told['ignored'] == 'nothing' else told['ignored'].split(', ')
+        report(options.log, options.output, counts, *notes, *unused(ignored))
 
     return guard('import_crazyflie', work)
 

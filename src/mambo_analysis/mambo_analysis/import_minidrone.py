@@ -2,7 +2,8 @@
 Flight logs of Parrot minidrones as bags: ``import_minidrone LOG.mat OUT``.
 
 Two kinds are read. The logs of Simulink models on a Mambo are in :mod:`.package_log`; the rest
-of this text is about those of the educational toolbox.
+of this text is about those of the educational toolbox. Whatever a file holds and the bag does not
+is named.
 
 A log is ``rt_yout`` of the educational toolbox (RollingSpiderEdu, ``rsedu_control.c``): 29 signals
 at 200 Hz in NED/FRD, among them raw sensors, motor commands and the drone's own estimate. Slow
@@ -65,24 +66,20 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from io import BytesIO
-import math
-import multiprocessing
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
-import warnings
 
 from mambo_model.frames import flip_vector, wire_quaternion
 from mambo_model.quaternion import from_euler
 from mambo_sim.bag_writer import BagWriter
 import numpy as np
 from numpy.typing import NDArray
-import scipy.io
 import yaml
 
 from .cli import guard
-from .importing import provenance, Publisher, read_source, report
+from .importing import (
+    is_sound, new_samples, provenance, Publisher, read_source, report, shortened, Source, unused)
+from .mat_file import variables
 from .mcap_file import BagError
 from .package_log import is_package_log, PackageLog, publish, read_package_log
 
@@ -90,6 +87,7 @@ Array = NDArray[np.float64]
 STEP_NS = 5_000_000
 GRAVITY = 9.81  # [m/s^2] as the estimator's
 LARGEST_BIAS = 2.0  # [m/s^2] of an accelerometer, generously
+LARGEST_RATE = 1.0  # [rad/s] of a gyro at rest, likewise
 FLOW_SCALE = 20.0  # [rad/s] per unit, estimParams.pos.opticalFlowToVelocity_gain
 SONAR_RANGE = (0.44, 4.0)  # [m]
 FULL_QUALITY = 255
@@ -120,12 +118,15 @@ class Log:
         {name: (n,) or (n, k)} for the names of ``SIGNALS``, NED/FRD, SI.
     name, sha256
         Of the file.
+    ignored
+        What else the file holds.
 
     """
 
     signals: dict[str, Array]
     name: str
     sha256: str
+    ignored: list[str]
 
     def __len__(self) -> int:
         return len(self.signals['X'])
@@ -135,67 +136,31 @@ class Log:
         return np.stack([self.signals[name] for name in names], axis=1)
 
 
-def _load(answer: Connection, content: bytes) -> None:
-    """Send the variables of a mat file's content, or why there are none; of foreign ones names."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter('ignore')
-            found = scipy.io.loadmat(BytesIO(content), simplify_cells=True)
-        answer.send({name: value if name.startswith('rt_') else None
-                     for name, value in found.items()})
-    except BaseException as error:  # the parser of damaged or foreign bytes raises anything
-        answer.send(str(error).split('\n')[0] or type(error).__name__)
-
-
-def _variables(path: Path, content: bytes) -> dict[str, Any]:
-    """
-    Return the variables of a mat file's content.
-
-    In a process of its own: scipy's parser of compiled code can die of damaged bytes.
-    """
-    if content[:10].startswith(b'MATLAB 7.3'):
-        raise BagError(f'{path}: a mat file of version 7.3; save it with -v7 in MATLAB first')
-    context = multiprocessing.get_context('fork')
-    answer, question = context.Pipe(duplex=False)
-    with warnings.catch_warnings():
-        warnings.simplefilter('ignore', DeprecationWarning)  # the child touches no other thread
-        process = context.Process(target=_load, args=(question, content))
-        process.start()
-    question.close()
-    try:
-        found = answer.recv()
-    except EOFError:
-        found = 'the parser died of it'
-    process.join()
-    if isinstance(found, str):
-        raise BagError(f'{path}: not a readable mat file ({found})')
-    return found
-
-
-def _toolbox(path: Path, variables: dict[str, Any]) -> dict[str, Any]:
+def _toolbox(path: Path, found: dict[str, Any]) -> dict[str, Any]:
     """Return rt_yout of the variables of a mat file."""
-    found = variables.get('rt_yout')
-    if not isinstance(found, dict) or not {'time', 'signals'} <= set(found):
-        names = ', '.join(name for name in variables if not name.startswith('__')) or 'nothing'
-        raise BagError(
-            f'{path}: no minidrone log: it has no rt_yout with time and signals, it has {names}')
-    return found
+    output = found.get('rt_yout')
+    if not isinstance(output, dict) or not {'time', 'signals'} <= set(output):
+        raise BagError(f'{path}: no minidrone log: it has no rt_yout or other structures '
+                       f'with time and signals, it has {shortened(list(found)) or "nothing"}')
+    return output
 
 
-def _checked(path: Path, found: dict[str, Any]) -> dict[str, Array]:
-    """Return the needed signals, each of the right shape and finite."""
+def _checked(path: Path, found: dict[str, Any]) -> tuple[dict[str, Array], list[str]]:
+    """Return the needed signals, each of the right shape and finite, and the names of others."""
     try:
         time = np.asarray(found['time'], float).reshape(-1)
-        entries = np.atleast_1d(np.asarray(found['signals'], object))
+        entries = found['signals'] if isinstance(found['signals'], list) else [found['signals']]
         values = {str(e['blockName']).split('/')[-1]: np.asarray(e['values']) for e in entries}
-    except (TypeError, ValueError, KeyError, IndexError) as error:
-        raise BagError(f'{path}: rt_yout is not built as a minidrone log ({error!r})') from None
+    except (TypeError, ValueError, KeyError, IndexError):
+        raise BagError(f'{path}: rt_yout is not built as a minidrone log: time, and signals with '
+                       'blockName and values') from None
     if len(time) < 2 or not np.allclose(np.diff(time), STEP_NS * 1e-9, rtol=0.0, atol=1e-6):
         raise BagError(f'{path}: the steps of rt_yout.time are not 5 ms each')
     signals = {}
     for name, width in SIGNALS.items():
         if name not in values:
-            raise BagError(f'{path}: signal {name} is missing; it has {", ".join(values)}')
+            raise BagError(
+                f'{path}: signal {name} is missing; it has {shortened(list(values), 40)}')
         shape = (len(time),) if width == 1 else (len(time), width)
         try:
             signal = np.ascontiguousarray(values[name].astype(float).reshape(shape))
@@ -203,36 +168,35 @@ def _checked(path: Path, found: dict[str, Any]) -> dict[str, Array]:
             raise BagError(
                 f'{path}: signal {name} has the shape {values[name].shape}, '
                 f'expected {shape}') from None
-        if not np.isfinite(signal).all():
-            raise BagError(f'{path}: signal {name} has values that are not finite')
+        if not is_sound(signal):
+            raise BagError(
+                f'{path}: signal {name} has values that are not finite or absurdly large')
         signals[name] = signal
     if (signals['motors_refout'] * MOTOR_SIGNS < 0.0).any():
         raise BagError(f'{path}: signal motors_refout has not the signs + - + - of a minidrone')
-    return signals
+    return signals, [name for name in values if name not in SIGNALS]
 
 
-def read_log(path: Path) -> Log | PackageLog:
+def _read_toolbox(source: Source, found: dict[str, Any]) -> Log:
+    """Return the log of the educational toolbox that a mat file's variables are."""
+    signals, others = _checked(source.path, _toolbox(source.path, found))
+    others += [name for name in found if name not in ('rt_yout', 'rt_tout')]
+    return Log(signals, source.path.name, source.sha256, others)
+
+
+def read_log(path: Path) -> Log:
     """
-    Read a minidrone log, of the educational toolbox or of a Simulink model.
+    Read a log of the educational toolbox.
 
     Raises
     ------
     BagError
-        If the file cannot be read, is no mat file or no minidrone log, or a signal is missing or
+        If the file cannot be read, is no mat file or no such log, or a signal is missing or
         malformed.
 
     """
     source = read_source(path)
-    variables = _variables(path, source.content)
-    if is_package_log(variables):
-        return read_package_log(path, variables)
-    return Log(_checked(path, _toolbox(path, variables)), path.name, source.sha256)
-
-
-def new_samples(values: Array) -> NDArray[np.int64]:
-    """Return the steps at which a held signal, (n,) or (n, k), takes a new value; never step 0."""
-    changed = np.diff(values.reshape(len(values), -1), axis=0) != 0.0
-    return np.flatnonzero(changed.any(axis=1)) + 1
+    return _read_toolbox(source, variables(path, source.content))
 
 
 def _flip(vectors: Array) -> list[list[float]]:
@@ -287,28 +251,39 @@ def _publish_onboard(log: Log, out: Publisher) -> None:
 
 
 def _publish_battery(log: Log, out: Publisher) -> None:
-    battery, unknown = log.signals['batteryStatus_datout'], math.nan
+    battery = log.signals['batteryStatus_datout']
     for step in [0, *new_samples(battery).tolist()]:
-        out.publish(
-            'battery', step * STEP_NS, '', voltage=float(battery[step, 0]),
-            percentage=float(battery[step, 1]) / 100.0, present=True, temperature=unknown,
-            current=unknown, charge=unknown, capacity=unknown, design_capacity=unknown)
+        out.publish('battery', step * STEP_NS, '', **out.battery(*battery[step].tolist()))
 
 
-def _estimator_parameters(log: Log) -> dict[str, str]:
+def _estimator_parameters(
+    accel: list[float], gyro: list[float], **more: int,
+) -> dict[str, str]:
     """
     Return a ROS 2 parameter file by name that gives the estimator the log's own calibration.
 
-    The log begins when the motors start, its mean at rest before that is in ``sensordataCalib``.
-    Nothing where that mean is no bias: a vehicle that did not stand level.
+    Nothing where that mean is no bias: a vehicle that did not stand level, or values of nothing.
+
+    Parameters
+    ----------
+    accel, gyro
+        Mean at rest, m/s^2 without gravity and rad/s, FRD.
+    more
+        Other parameters of the alignment. Without ``samples=0`` the estimator aligns itself, and
+        takes the calibration where the log does not begin at rest.
+
     """
-    ax, ay, az, *gyro = log.signals['sensordataCalib_datout'][0][:6].tolist()
-    accel = [ax, ay, az + GRAVITY]
-    if max(map(abs, accel)) > LARGEST_BIAS:
+    if not (max(map(abs, accel)) <= LARGEST_BIAS and max(map(abs, gyro)) <= LARGEST_RATE):
         return {}
-    alignment = {'samples': 0, 'gyro_bias': gyro, 'accel_bias': accel}
+    alignment = {**more, 'gyro_bias': gyro, 'accel_bias': accel}
     return {'scenario.yaml': yaml.safe_dump(
         {'/mambo/estimator_node': {'ros__parameters': {'kalman': {'alignment': alignment}}}})}
+
+
+def _calibration(log: Log) -> dict[str, str]:
+    """Return it of a log, which begins when the motors start; its mean is of the rest before."""
+    ax, ay, az, *gyro = log.signals['sensordataCalib_datout'][0][:6].tolist()
+    return _estimator_parameters([ax, ay, az + GRAVITY], gyro, samples=0)
 
 
 def _metadata(log: Log, flow_scale: float) -> dict[str, dict[str, str]]:
@@ -328,52 +303,73 @@ def _metadata(log: Log, flow_scale: float) -> dict[str, dict[str, str]]:
                             'which takes the ground for level; not subtracted in this bag'})
 
 
-def import_minidrone(source: Path, target: Path, flow_scale: float = FLOW_SCALE) -> dict[str, int]:
+def import_minidrone(
+    source: Path, target: Path, flow_scale: float | None = None, names: Path | None = None,
+    gyro_unit: str = 'auto',
+) -> tuple[dict[str, int], list[str]]:
     """
     Write a bag from a minidrone log.
 
     Parameters
     ----------
     source
-        mat file with ``rt_yout``.
+        mat file with ``rt_yout``, or of a Simulink model.
     target
         Directory to make.
     flow_scale
-        rad/s for a flow of 1.
+        rad/s for a flow of 1; default: 20 in the units of the toolbox, else 1.
+    names
+        File that says what the variables of a Simulink model hold, see :mod:`.package_names`.
+    gyro_unit
+        Of the log of a Simulink model: ``rad/s``, ``deg/s`` or ``auto``.
 
     Returns
     -------
-    {topic: messages}
+    {topic: messages}; what was decided and what was not used, one line each.
 
     Raises
     ------
     BagError
         If the log is not usable; nothing is written then.
+    mambo_model.schema.ParameterError
+        If the map of names does not fit the log.
     mambo_sim.bag_writer.BagWriterError
         If the target exists.
 
     """
-    log = read_log(source)
-    if isinstance(log, PackageLog):
-        return _import_package(source, target, log)
-    with BagWriter(target, attachments=_estimator_parameters(log),
-                   metadata=_metadata(log, flow_scale)) as writer:
+    file = read_source(source)
+    found = variables(source, file.content)
+    if is_package_log(found, names is not None):
+        return _import_package(file, target, read_package_log(
+            source, found, names, gyro_unit, flow_scale))
+    log, scale = _read_toolbox(file, found), flow_scale or FLOW_SCALE
+    with BagWriter(target, attachments=_calibration(log),
+                   metadata=_metadata(log, scale)) as writer:
         out = Publisher(writer, TOPICS)
         _publish_imu(log, out)
-        _publish_slow_sensors(log, out, flow_scale)
+        _publish_slow_sensors(log, out, scale)
         _publish_onboard(log, out)
         _publish_battery(log, out)
-        return writer.counts
+        return writer.counts, unused(log.ignored)
 
 
-def _import_package(source: Path, target: Path, log: PackageLog) -> dict[str, int]:
+def _import_package(
+    source: Source, target: Path, log: PackageLog,
+) -> tuple[dict[str, int], list[str]]:
     """Write a bag from the log of a Simulink model."""
+    notes, attachments = list(log.notes), {}
+    if log.calibration is not None:
+        ax, ay, az, *gyro = log.calibration.tolist()
+        az += GRAVITY if az < -0.5 * GRAVITY else 0.0  # with gravity in some versions
+        attachments = _estimator_parameters([ax, ay, az], gyro)
+        notes += [] if attachments else [
+            'the calibration in the log is no bias of a level vehicle: not used']
     record = provenance(
-        source.name, read_source(source).sha256, 'import_minidrone', 'RSdata.mat of Simulink',
-        {'ignored': ' '.join(log.ignored) or 'nothing'})
-    with BagWriter(target, metadata=record) as writer:
-        publish(log, Publisher(writer, log.topics))
-        return writer.counts
+        source.path.name, source.sha256, 'import_minidrone', 'RSdata.mat of Simulink',
+        {'ignored': ', '.join(log.ignored) or 'nothing', 'decided': '; '.join(notes) or 'nothing'})
+    with BagWriter(target, attachments=attachments, metadata=record) as writer:
+        publish(log, Publisher(writer, log.topics), SONAR_RANGE, FULL_QUALITY)
+        return writer.counts, notes + unused(log.ignored)
 
 
 def _scale(text: str) -> float:
@@ -389,13 +385,20 @@ def main(arguments: list[str] | None = None) -> int:
         prog='import_minidrone', description=__doc__.strip().split('\n')[0])
     parser.add_argument('log', type=Path, help='mat file of a flight')
     parser.add_argument('output', type=Path, help='bag to make')
-    parser.add_argument('--flow-scale', type=_scale, default=FLOW_SCALE, metavar='RAD_PER_S',
-                        help='rad/s for a logged optical flow of 1 (default: %(default)g)')
+    parser.add_argument('--flow-scale', type=_scale, metavar='RAD_PER_S',
+                        help='rad/s for a logged optical flow of 1 (default: 20 for the units of '
+                             "the toolbox, 1 for those of the later package's signals)")
+    parser.add_argument('--map', type=Path, metavar='FILE', dest='names',
+                        help='YAML file of what variables of other names hold, for example '
+                             'accel_y: rx_a_y')
+    parser.add_argument('--gyro-unit', choices=('auto', 'rad/s', 'deg/s'), default='auto',
+                        help='of a Simulink log (default: %(default)s, by the tilt that it gives)')
     options = parser.parse_args(arguments)
 
     def work() -> None:
-        counts = import_minidrone(options.log, options.output, options.flow_scale)
-        report(options.log, options.output, counts)
+        counts, notes = import_minidrone(
+            options.log, options.output, options.flow_scale, options.names, options.gyro_unit)
+        report(options.log, options.output, counts, *notes)
 
     return guard('import_minidrone', work)
 

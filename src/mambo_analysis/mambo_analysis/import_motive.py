@@ -40,7 +40,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from .cli import guard
-from .importing import provenance, Publisher, read_source, report, Source, stamps_ns
+from .importing import (
+    LARGEST, LONGEST, provenance, Publisher, quoted, read_source, report, shortened, Source,
+    stamps_ns, unused)
 from .mcap_file import BagError
 
 Floats = NDArray[np.float64]
@@ -50,6 +52,7 @@ UNITS = {'meters': 1.0, 'metres': 1.0, 'centimeters': 0.01, 'millimeters': 0.001
 ORDERS = ('XYZ', 'XZY', 'YXZ', 'YZX', 'ZXY', 'ZYX')
 UP = {'y': Rotation.from_euler('x', 90.0, degrees=True), 'z': Rotation.identity()}
 LOOSE_NORM = 0.01  # [-] how far from 1 a rounded quaternion may be
+RATES = (0.01, 1e5)  # [Hz] of a take
 ROUNDED = 6e-4  # [s] half of the last digit of the coarsest time column, and a little
 
 
@@ -70,6 +73,8 @@ class Take:
         Name.
     about
         The first line of the file.
+    others
+        Names of what else the file holds.
 
     """
 
@@ -78,6 +83,7 @@ class Take:
     rotation: Floats
     body: str
     about: dict[str, str]
+    others: list[str]
 
     @property
     def seen(self) -> NDArray[np.bool_]:
@@ -95,16 +101,16 @@ def _about(path: Path, row: list[str]) -> dict[str, str]:
     about = dict(zip(cells[::2], cells[1::2]))
     version = about['Format Version'] if 'Format Version' in about else ''
     if not re.fullmatch(r'1\.2\d?', version):
-        raise BagError(f'{path}: format version {version!r}; 1.2 to 1.29 are read')
+        raise BagError(f'{path}: format version {quoted(version)}; 1.2 to 1.29 are read')
     if about.get('Coordinate Space', 'Global') != 'Global':
-        raise BagError(f'{path}: coordinates are {about["Coordinate Space"]}; export with world '
-                       '(global) coordinates')
+        raise BagError(f'{path}: coordinates are {quoted(about["Coordinate Space"])}; export with '
+                       'world (global) coordinates')
     if about.get('Length Units', '').lower() not in UNITS:
-        raise BagError(f'{path}: length unit {about.get("Length Units", "")!r} is not one of '
-                       f'{", ".join(UNITS)}')
+        raise BagError(f'{path}: length unit {quoted(about.get("Length Units", ""))} is not one '
+                       f'of {", ".join(UNITS)}')
     if about.get('Rotation Type') not in ('Quaternion', *ORDERS):
-        raise BagError(f'{path}: rotation type {about.get("Rotation Type", "")!r} is not one of '
-                       f'Quaternion, {", ".join(ORDERS)}')
+        raise BagError(f'{path}: rotation type {quoted(about.get("Rotation Type", ""))} is not '
+                       f'one of Quaternion, {", ".join(ORDERS)}')
     return about
 
 
@@ -123,19 +129,26 @@ def _header(path: Path, rows: list[list[str]]) -> tuple[int, dict[str, dict[str,
         name = f'{kinds[column]} {rows[line][column].strip()}'
         if types[column] == 'Rigid Body' and name.startswith(('Rotation ', 'Position ')):
             if name in bodies.setdefault(names[column], {}):
-                raise BagError(f'{path}: two rigid bodies are named {names[column]!r}')
+                raise BagError(f'{path}: two rigid bodies are named {quoted(names[column])}')
             bodies[names[column]][name] = column
     if not bodies:
         raise BagError(f'{path}: no rigid body; export with rigid bodies (rigid body bones) on')
     return line, bodies
 
 
+def _others(rows: list[list[str]], line: int, body: str) -> list[str]:
+    """Return the names of rigid bodies and markers that are not a body."""
+    names = [row for row in rows[1:line] if any(cell.strip() for cell in row)][1][2:]
+    found = dict.fromkeys(cell.strip().strip('"') for cell in names)
+    return [name for name in found if name and name != body]
+
+
 def _choose(path: Path, bodies: dict[str, dict[str, int]], body: str | None) -> str:
-    names = ', '.join(map(repr, bodies))
+    names = shortened([quoted(name) for name in bodies])
     if body is None and len(bodies) > 1:
         raise BagError(f'{path}: several rigid bodies; say which with --body: {names}')
     if body is not None and body not in bodies:
-        raise BagError(f'{path}: no rigid body {body!r}; it has {names}')
+        raise BagError(f'{path}: no rigid body {quoted(body)}; it has {names}')
     return next(iter(bodies)) if body is None else body
 
 
@@ -152,7 +165,7 @@ def _numbers(path: Path, rows: list[list[str]], line: int, columns: list[int]) -
             out.append([float(row[c]) if row[c].strip() else math.nan for c in columns])
         except ValueError:
             raise BagError(f'{path}: line {number} holds what is no number') from None
-        if any(map(math.isinf, out[-1])):
+        if any(abs(value) >= LARGEST for value in out[-1]):
             raise BagError(f'{path}: line {number} holds what is no number')
     if not out:
         raise BagError(f'{path}: no frames, only a header')
@@ -161,23 +174,25 @@ def _numbers(path: Path, rows: list[list[str]], line: int, columns: list[int]) -
 
 def _times(path: Path, frames: Floats, times: Floats, about: dict[str, str]) -> Floats:
     """Return exact times, (n,) s, checked against the frames."""
-    if not (np.isfinite(frames).all() and np.isfinite(times).all() and times[0] >= 0.0):
-        raise BagError(f'{path}: a frame has no number or no time')
+    if not (np.isfinite(frames).all() and np.isfinite(times).all() and times[0] >= 0.0
+            and times.max() <= LONGEST):
+        raise BagError(f'{path}: a frame has no number or no time, or one that is absurd')
     for values, what in ((frames, 'frame numbers'), (times, 'times')):
         back = np.flatnonzero(np.diff(values) <= 0.0)
         if len(back):
             raise BagError(f'{path}: its {what} do not increase after frame '
                            f'{frames[back[0]]:.0f} ({times[back[0]]:g} s)')
     told = about.get('Total Exported Frames', '')
-    if told.isdigit() and int(told) != len(frames):
-        raise BagError(f'{path}: it has {len(frames)} of {told} exported frames: the file is cut '
-                       'off')
+    if told.isdecimal() and told.lstrip('0') != str(len(frames)):
+        raise BagError(f'{path}: it has {len(frames)} of {told[:20]} exported frames: the file is '
+                       'cut off')
     try:
         rate = float(about.get('Export Frame Rate') or about['Capture Frame Rate'])
     except (KeyError, ValueError):
         return times
-    by_frame = (frames - frames[0]) / rate if rate > 0.0 else times
-    by_frame = by_frame + round((times[0] - by_frame[0]) * rate) / rate if rate > 0.0 else times
+    if not RATES[0] <= rate <= RATES[1]:
+        return times
+    by_frame = (frames - frames[0] + round(times[0] * rate)) / rate
     return by_frame if (np.abs(by_frame - times) <= ROUNDED).all() else times
 
 
@@ -222,13 +237,13 @@ def read_take(source: Source, body: str | None = None) -> Take:
     wanted += [f'Position {axis}' for axis in 'XYZ']
     missing = [column for column in wanted if column not in bodies[name]]
     if missing:
-        raise BagError(f'{path}: rigid body {name!r} lacks the columns {", ".join(missing)}')
+        raise BagError(f'{path}: rigid body {quoted(name)} lacks the columns {", ".join(missing)}')
     table = _numbers(path, rows, line, [0, 1, *(bodies[name][column] for column in wanted)])
     times = _times(path, table[:, 0], table[:, 1], about)
     take = Take(times, UNITS[about['Length Units'].lower()] * table[:, -3:],
-                _rotations(path, table[:, 2:-3], turn), name, about)
+                _rotations(path, table[:, 2:-3], turn), name, about, _others(rows, line, name))
     if not take.seen.any():
-        raise BagError(f'{path}: rigid body {name!r} is never seen')
+        raise BagError(f'{path}: rigid body {quoted(name)} is never seen')
     return take
 
 
@@ -257,7 +272,7 @@ def poses(take: Take, up: str = 'y', nose: float = 0.0) -> tuple[Floats, Floats,
 
 def import_motive(
     source: Path, target: Path, body: str | None = None, up: str = 'y', nose: float = 0.0,
-) -> dict[str, int]:
+) -> tuple[dict[str, int], list[str]]:
     """
     Write a bag from a CSV export of Motive.
 
@@ -274,7 +289,7 @@ def import_motive(
 
     Returns
     -------
-    {topic: messages}
+    {topic: messages}; what was not used, in one line.
 
     Raises
     ------
@@ -297,7 +312,7 @@ def import_motive(
         out = Publisher(writer, {TOPIC: 'geometry_msgs/msg/PoseStamped'})
         for stamp, p, q in zip(stamps_ns(times).tolist(), position.tolist(), attitude.tolist()):
             out.publish(TOPIC, stamp, 'map', pose=out.pose(p, q))
-        return writer.counts
+        return writer.counts, unused(take.others)
 
 
 def _degrees(text: str) -> float:
@@ -322,9 +337,9 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
 
     def work() -> None:
-        counts = import_motive(options.take, options.output, options.body, options.up,
-                               math.radians(options.nose))
-        report(options.take, options.output, counts)
+        counts, notes = import_motive(options.take, options.output, options.body, options.up,
+                                      math.radians(options.nose))
+        report(options.take, options.output, counts, *notes)
 
     return guard('import_motive', work)
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import hashlib
+import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +18,8 @@ from .mcap_file import BagError, read_file
 
 NAMESPACE = '/mambo'
 SECOND = 1_000_000_000
+LONGEST = 1e9  # [s] of a time
+LARGEST = 1e30  # of what is measured; some messages hold single precision
 PACKAGES = {'Header': 'std_msgs', 'Time': 'builtin_interfaces'}
 
 
@@ -52,6 +55,34 @@ def provenance(
         'source_file': name, 'source_sha256': sha256,
         'importer': f'mambo_analysis.{importer}', 'source_kind': kind,
         **{key: text(value) for key, value in details.items()}}}
+
+
+def shortened(names: Sequence[str], most: int = 12) -> str:
+    """Return names in one line, and how many more there are than ``most``."""
+    more = f' and {len(names) - most} more' if len(names) > most else ''
+    short = [name if len(name) <= 60 else f'{name[:57]}...' for name in names[:most]]
+    return ', '.join(short) + more
+
+
+def quoted(text: str) -> str:
+    """Return a word of a file, for an error: in quotes, in one line, not too long."""
+    return repr(text if len(text) <= 60 else f'{text[:57]}...')
+
+
+def unused(names: Sequence[str]) -> list[str]:
+    """Return the line that says what nothing was made of; none if all was used."""
+    return [f'not used: {shortened(names)}'] if names else []
+
+
+def new_samples(values: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the steps at which a held signal, (n,) or (n, k), takes a new value; never step 0."""
+    changed = np.diff(values.reshape(len(values), -1), axis=0) != 0.0
+    return np.flatnonzero(changed.any(axis=1)) + 1
+
+
+def is_sound(values: NDArray[np.float64]) -> bool:
+    """Return whether all numbers are finite, in single precision too."""
+    return bool((np.abs(values) < LARGEST).all())
 
 
 def stamps_ns(times: ArrayLike) -> NDArray[np.int64]:
@@ -105,6 +136,13 @@ class Publisher:
                 'orientation_covariance': np.array([-1.0] + [0.0] * 8),
                 'angular_velocity': self.make('Vector3', *omega),
                 'linear_acceleration': self.make('Vector3', *acceleration)}
+
+    def battery(self, voltage: float, percent: float) -> dict[str, Any]:
+        """Return the fields of a BatteryState of which only V and % are known."""
+        unknown = math.nan
+        return {'voltage': voltage, 'percentage': percent / 100.0, 'present': True,
+                'temperature': unknown, 'current': unknown, 'charge': unknown,
+                'capacity': unknown, 'design_capacity': unknown}
 
     def publish(self, topic: str, stamp: int, frame: str, **fields: Any) -> None:
         """Write a message whose other fields are 0."""

@@ -61,6 +61,14 @@ def made(tmp_path_factory):
     return read_bag(folder / 'made')
 
 
+def test_signals_that_are_not_used_are_named(tmp_path, capsys):
+    log = flight()
+    log['drone']['pm.vbat'] = {'time': [10.0, 11.0], 'data': [3.9, 3.8]}
+    source = save(tmp_path / 'log.json', log)
+    assert main([str(source), str(tmp_path / 'bag'), '--mocap-offset', 'none']) == 0
+    assert 'not used: pm.vbat\n' in capsys.readouterr().out
+
+
 def test_the_packets_of_an_instant_meet_in_one_imu_message(made):
     imu = made['imu/data_raw']
     t = imu.t

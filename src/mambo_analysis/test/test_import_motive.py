@@ -131,7 +131,7 @@ def test_stamps_are_exact_where_the_column_is_rounded(tmp_path):
 
 def test_lost_markers_give_no_pose(tmp_path):
     lost = (0, 5, 6, 7, 59)
-    counts = import_motive(take(tmp_path / 'take.csv', lost=lost), tmp_path / 'bag')
+    counts, _ = import_motive(take(tmp_path / 'take.csv', lost=lost), tmp_path / 'bag')
     assert counts == {'/mambo/optitrack/pose': N - 5}
     bag = read_bag(tmp_path / 'bag')
     frames = np.rint(bag['optitrack/pose'].t * RATE).astype(int)
@@ -146,6 +146,8 @@ def test_the_body_is_chosen_by_name(tmp_path, capsys):
     np.testing.assert_allclose(poses.position[0], [1.0, -1.0, 2.0], atol=1e-6)
     capsys.readouterr()
     refuse(source, tmp_path, capsys, "several rigid bodies; say which with --body: 'Rigid Body 1'")
+    assert main([str(source), str(tmp_path / 'first'), '--body', 'Rigid Body 1']) == 0
+    assert 'not used: Rigid Body 1:Marker1, Rigid Body 2, Rigid' in capsys.readouterr().out
     refuse(source, tmp_path, capsys, "no rigid body 'Mambo'; it has", '--body', 'Mambo')
 
 
@@ -182,7 +184,7 @@ def swap(old, new, count=1):
     (swap('1.23', '1.1'), "format version '1.1'"),
     (swap('Meters', 'Furlongs'), "length unit 'Furlongs' is not one of"),
     (swap('Quaternion', 'Matrix'), "rotation type 'Matrix' is not one of"),
-    (swap('Global', 'Local'), 'coordinates are Local'),
+    (swap('Global', 'Local'), "coordinates are 'Local'"),
     (drop(1), 'are missing or cut off'), (drop(5), 'are missing or cut off'),
     (drop(7), 'no frames, only a header'), (drop(40), 'it has 33 of 60 exported frames'),
     (lambda lines: [*lines[:-1], lines[-1][:20]], 'line 67 has 3 cells, not 13'),
