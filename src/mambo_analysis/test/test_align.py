@@ -144,7 +144,8 @@ def test_body_rates_are_those_of_the_gyro():
         np.outer(t, spin))
     keep = (t < 2.0) | (t > 3.0)
     times, rates = body_rates(t[keep], attitude[keep].as_quat())
-    assert times[0] == pytest.approx(0.005) and not ((times > 2.0) & (times < 3.0)).any()
+    assert times[0] < 0.05 and times[-1] > 4.94
+    assert not ((times > 2.0) & (times < 3.0)).any()
     np.testing.assert_allclose(rates, np.tile(spin, (len(rates), 1)), atol=1e-9)
 
 
