@@ -30,7 +30,7 @@ from scipy.spatial.transform import Rotation
 
 from .bag import Bag, Messages
 from .mcap_file import BagError
-from .signals.derivative import body_rates as body_rates, local_fit, POSITION
+from .signals.derivative import local_fit, POSITION
 from .signals.resample import inside_gaps, interpolate, longest_step
 
 Floats = NDArray[np.float64]

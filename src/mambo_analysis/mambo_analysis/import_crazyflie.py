@@ -58,11 +58,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from .align import AlignError, body_rates, Offset, offsets, RANGE_LATE, time_offset
+from .align import AlignError, Offset, offsets, RANGE_LATE, time_offset
 from .cli import guard
 from .import_minidrone import new_samples
 from .importing import provenance, Publisher, read_source, report, Source, stamps_ns
 from .mcap_file import BagError
+from .signals.derivative import body_rates
 
 Floats = NDArray[np.float64]
 COUNTS_PER_RADIAN = 10.0 * 35.0 / 0.71674

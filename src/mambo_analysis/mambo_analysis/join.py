@@ -21,11 +21,12 @@ import numpy as np
 
 from . import mcap_file, motion
 from .align import (
-    agreed, AlignError, body_rates, echoes, Floats, offsets, pose_offset, Poses, RANGE_LATE)
+    agreed, AlignError, echoes, Floats, offsets, pose_offset, Poses, RANGE_LATE)
 from .bag import Bag, bag_files, read_bag
 from .cli import guard
 from .mcap_file import BagError
 from .recover import declare, extras, in_order, OWN_RECORD
+from .signals.derivative import body_rates
 
 POSE = 'optitrack/pose'
 OWN = ('onboard/odom', 'estimate/odom')

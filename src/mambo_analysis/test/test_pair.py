@@ -3,7 +3,7 @@
 import csv
 import json
 
-from mambo_analysis import metrics, motion, pair, tables
+from mambo_analysis import metrics, motion, pair, report, tables
 from mambo_analysis.bag import BagError, read_bag
 from mambo_analysis.compare import compare, compare_bags, main
 from mambo_analysis.phases import found, Phases
@@ -287,3 +287,11 @@ def test_signals_that_disagree_about_the_clocks_align_nothing(tmp_path):
     b = motion.Motion('b', a.stamps, p, q)
     with pytest.raises(BagError, match='signals disagree about the clocks.*take time out'):
         pair.aligned(a, b)
+
+
+def test_a_small_difference_is_no_staircase_on_the_page(flights):
+    result, comparison, alignment = compare_bags(*flights, what=('time',))
+    page = report.of_two(*flights, result, comparison, alignment)
+    figure, = [one for one in page.figures if one['title'] == 'Position error']
+    drawn = {y for y in figure['panels'][0]['lines'][0]['y'] if y is not None}
+    assert np.diff(sorted(drawn)).min() < 5e-5  # m, not in steps of 0.1 mm

@@ -72,6 +72,25 @@ def test_the_derivative_is_that_of_the_motion_and_stops_at_a_gap(jitter):
     np.testing.assert_allclose(slope[known], path(at[known])[1], atol=0.02)
 
 
+def test_a_window_across_a_short_gap_has_no_derivative():
+    t = np.arange(0.0, 2.0, 0.01)
+    t = np.delete(t, range(100, 105))  # 60 ms, in the middle of a window of 220 ms
+    _, slope = local_fit(t, t[:, None], np.array([0.5, 0.95, 1.02, 1.1, 1.5]), 0.22)
+    assert np.isnan(slope[:, 0]).tolist() == [False, True, True, True, False]
+
+
+def test_body_rates_are_those_of_the_gyro():
+    t = np.arange(0.0, 5.0, 0.01)
+    spin = np.array([0.3, -0.5, 0.8])  # rad/s in the body, constant
+    attitude = Rotation.from_euler('ZYX', [0.7, 0.4, -0.2]) * Rotation.from_rotvec(
+        np.outer(t, spin))
+    keep = (t < 2.0) | (t > 3.0)
+    times, rates = body_rates(t[keep], attitude[keep].as_quat())
+    assert times[0] < 0.05 and times[-1] > 4.94
+    assert not ((times > 2.0) & (times < 3.0)).any()
+    np.testing.assert_allclose(rates, np.tile(spin, (len(rates), 1)), atol=1e-9)
+
+
 def test_a_parabola_is_differentiated_exactly():
     t = 0.01 * np.arange(200) + np.random.default_rng(1).uniform(0.0, 0.005, 200)
     _, slope = local_fit(t, (3.0 * t * t - t)[:, None], np.array([0.7, 1.1]), 0.2)
