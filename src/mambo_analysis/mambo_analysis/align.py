@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,21 +30,45 @@ from scipy.spatial.transform import Rotation
 
 from .bag import Bag, Messages
 from .mcap_file import BagError
-from .metrics import interpolate, usual_period
+from .signals.derivative import local_fit, POSITION
+from .signals.resample import inside_gaps, interpolate, longest_step
 
 Floats = NDArray[np.float64]
 GRID = (1e-3, 0.02)  # [s] finest and coarsest common grid
-GAP = 5.0  # [-] periods; samples further apart than this are not connected
+GAP = 5.0  # [-] periods that a correlation bridges: a sonar misses several echoes in a row
 LEAST_QUALITY = 0.6  # [-] correlation below which two signals are not of one motion
 RIVAL = 1.3  # [-] how much more unexplained variance the second best lag must leave
 UNEXPLAINED = 1e-3  # [-] part of the variance that is never counted as explained there
 SETTLED_OFFSET = 1e-6  # [s] change of the offset that ends the fit
 LEAST_RISE = 0.1  # [m] a flight is at least this high
+LEAST_SWING = 0.1  # [m], [m/s], [rad/s] over which a signal swings that tells the time
+RANGE_LATE = 0.03  # [s] that a range may be behind: it is measured, kept and passed on
+AGREE = 0.15  # [s] by which signals may differ: a filter is up to 0.1 s late, a range 0.05 s
 SETTLED = 0.02  # [m] above the ground a vehicle still stands
 
 
 class AlignError(BagError):
     """Two signals do not determine what was asked; one line that says why."""
+
+
+class NotExcited(AlignError):
+    """A signal does not move enough to tell the time."""
+
+
+class Poses(Protocol):
+    """A recorded pose: messages of a bag, or :class:`mambo_analysis.motion.Motion`."""
+
+    @property
+    def t(self) -> Floats:
+        """Return the stamps, (n,) s."""
+
+    @property
+    def position(self) -> Floats:
+        """Return the positions, (n, 3) m."""
+
+    @property
+    def orientation(self) -> Floats:
+        """Return the quaternions x y z w, (n, 4)."""
 
 
 class Offset(NamedTuple):
@@ -106,10 +130,8 @@ def _on_grid(t: Floats, v: Floats, step: float, smooth: float) -> _Grid:
     """Interpolate onto a grid, leave gaps out, and smooth with a Gaussian of ``smooth`` s."""
     count = int((t[-1] - t[0]) / step) + 1
     times = t[0] + step * np.arange(count)
-    after = np.clip(np.searchsorted(t, times, side='left'), 1, len(t) - 1)
-    there = t[after] - t[after - 1] <= GAP * float(np.median(np.diff(t)))
     values = gaussian_filter1d(np.interp(times, t, v), smooth / step, mode='nearest')
-    return _Grid(float(t[0]), step, values, there)
+    return _Grid(float(t[0]), step, values, ~inside_gaps(t, times, GAP))
 
 
 def _correlation(a: _Grid, b: _Grid, least: float) -> tuple[Floats, Floats]:
@@ -239,6 +261,7 @@ def _refined(a: _Grid, b: _Grid, lag: float, smooth: float) -> Offset:
 def time_offset(
     times_a: ArrayLike, a: ArrayLike, times_b: ArrayLike, b: ArrayLike, *,
     limits: tuple[float, float] | None = None, overlap: float = 0.5, worst: float = 0.05,
+    swing: float = 0.0,
 ) -> Offset:
     """
     Return the offset between the clocks of two recordings of one quantity.
@@ -256,6 +279,8 @@ def time_offset(
         Part of the shorter recording that both must have, 0 to 1.
     worst : s
         Greatest standard error that counts as determined.
+    swing
+        Over which both signals must swing (99 % of their values), in their unit.
 
     Returns
     -------
@@ -266,10 +291,15 @@ def time_offset(
     AlignError
         If the signals do not determine it: too few samples, no motion, no resemblance, several
         offsets that fit alike, the best one at a limit, or a standard error beyond ``worst``.
+    NotExcited
+        If one of them does not swing as much as it must.
 
     """
     ta, va = _checked(times_a, a, 'first')
     tb, vb = _checked(times_b, b, 'second')
+    least = min(float(np.ptp(np.percentile(v, [0.5, 99.5]))) for v in (va, vb))
+    if least < swing:
+        raise NotExcited(f'it changes by {least:.3f}, {swing:g} are needed')
     periods = [float(np.median(np.diff(t))) for t in (ta, tb)]
     step = float(np.clip(min(periods), *GRID))
     smooth = max(step, *periods)
@@ -290,14 +320,15 @@ def time_offset(
 def offsets(
     pairs: Mapping[str, tuple[Floats, Floats, Floats, Floats]],
     limits: tuple[float, float] | None = None,
-) -> tuple[dict[str, Offset], dict[str, str]]:
+) -> tuple[dict[str, Offset], dict[str, AlignError]]:
     """
     Return the offset that each quantity gives, and why others give none; both by name.
 
     Parameters
     ----------
     pairs
-        {name: times [s] and values of the first recording, times [s] and values of the second}.
+        {name: times [s] and values of the first recording, times [s] and values of the second};
+        values in m, m/s or rad/s. They must swing over ``LEAST_SWING``.
     limits : s
         As for :func:`time_offset`.
 
@@ -305,86 +336,84 @@ def offsets(
     found, reasons = {}, {}
     for name, pair in pairs.items():
         try:
-            found[name] = time_offset(*pair, limits=limits)
+            found[name] = time_offset(*pair, limits=limits, swing=LEAST_SWING)
         except AlignError as error:
-            reasons[name] = str(error)
+            reasons[name] = error
     return found, reasons
 
 
-def _rate(times: Floats, values: Floats, smooth: float = 0.05) -> tuple[Floats, Floats]:
-    """Return the derivative of (n, k) by a Gaussian, with times (m,) and values (m, k)."""
-    good = np.isfinite(values).all(axis=1)
-    t, v = times[good], values[good]
-    keep = np.append(True, np.diff(t) > 0.0) if len(t) else good
-    t, v = t[keep], v[keep]
-    if len(t) < 8:
-        raise AlignError(f'{len(t)} poses, too few to align')
-    step = float(np.clip(np.median(np.diff(t)), *GRID))
-    times = np.arange(t[0], t[-1], step)
-    after = np.clip(np.searchsorted(t, times, side='left'), 1, len(t) - 1)
-    there = t[after] - t[after - 1] <= GAP * float(np.median(np.diff(t)))
-    edge = gaussian_filter1d(there.astype(float), smooth / step, mode='constant') > 0.999
-    even = np.column_stack([np.interp(times, t, column) for column in v.T])
-    return times[edge], gaussian_filter1d(even, smooth / step, axis=0, order=1)[edge] / step
-
-
-def body_rates(
-    times: ArrayLike, orientation: ArrayLike, smooth: float = 0.02,
-) -> tuple[Floats, Floats]:
+def agreed(
+    found: Mapping[str, Offset], late: Mapping[str, float] | None = None,
+) -> tuple[str, Offset]:
     """
-    Return the angular velocity of a recorded attitude, to compare with a gyro.
+    Return the signal that tells the offset of two clocks best, if the others agree with it.
 
     Parameters
     ----------
-    times : (n,) s
-        At a steady rate but for gaps, which are left out.
-    orientation : (n, 4)
-        x y z w, body to world.
-    smooth : s
-        Width of the Gaussian that takes the noise of the difference away.
+    found
+        What each signal says, one or more.
+    late : s
+        By how much a signal may be behind the motion, of those that may be. Its standard error
+        knows nothing of that: both count, as the root of the sum of squares.
 
     Returns
     -------
-    Times (m,) s in the middle of the intervals; body rates (m, 3) rad/s.
+    The name of the signal with the smallest standard error, and its offset. Where the signals
+    that are as prompt scatter more than their standard errors say, ``sigma`` is larger by that
+    ratio (Birge 1932).
+
+    Raises
+    ------
+    AlignError
+        If a signal is more than ``AGREE`` away from it.
 
     """
-    t, turns = np.asarray(times, float), Rotation.from_quat(orientation)
-    steps, period = np.diff(t), float(np.median(np.diff(t)))
-    rates = (turns[:-1].inv() * turns[1:]).as_rotvec() / steps[:, None]
-    rates = gaussian_filter1d(rates, smooth / period, axis=0)
-    whole = steps <= GAP * period
-    return (0.5 * (t[:-1] + t[1:]))[whole], rates[whole]
+    late = late or {}
+    sigma = {name: math.hypot(one.sigma, late.get(name, 0.0)) for name, one in found.items()}
+    best = min(sigma, key=lambda name: sigma[name])
+    apart = {name: one.offset - found[best].offset for name, one in found.items()}
+    far = [name for name, distance in apart.items() if abs(distance) > AGREE]
+    if far:
+        said = ', '.join(f'{name} {found[name].offset:+.3f} s' for name in (best, *far))
+        raise AlignError(f'the signals disagree about the clocks ({said})')
+    alike = [apart[name] / found[name].sigma for name in found
+             if name != best and late.get(name) == late.get(best) and found[name].sigma > 0.0]
+    scatter = math.sqrt(sum(x * x for x in alike) / len(alike)) if alike else 1.0
+    return best, found[best]._replace(sigma=sigma[best] * max(scatter, 1.0))
 
 
-def pose_signals(poses: Messages) -> dict[str, tuple[Floats, Floats]]:
+def pose_signals(poses: Poses) -> dict[str, tuple[Floats, Floats]]:
     """
     Return what of a recorded pose does not depend on where its frame lies.
 
     Parameters
     ----------
     poses
-        Messages with ``position`` and ``orientation`` (Odometry, PoseStamped), z up.
+        With ``t``, ``position`` and ``orientation`` (of Odometry, PoseStamped), z up.
 
     Returns
     -------
     ``height`` [m] (to a constant), ``speed`` over ground [m/s] and ``yaw_rate`` [rad/s], each
-    (times [s], values).
+    (times [s], values); the last two not near gaps.
 
     """
     position, q = poses.position, poses.orientation
+    t, first = np.unique(poses.t, return_index=True)
+    position, q = position[first], q[first]
+    here = np.isfinite(position).all(axis=1)
+    _, velocity = local_fit(t[here], position[here, :2], t[here], POSITION)
+    signals = {'height': (t[here], position[here, 2]),
+               'speed': (t[here], np.hypot(velocity[:, 0], velocity[:, 1]))}
     sound = np.isfinite(q).all(axis=1) & (np.abs((q * q).sum(axis=1) - 1.0) < 0.1)
-    t, velocity = _rate(poses.t, position[:, :2])
-    signals = {'height': (poses.t, position[:, 2]),
-               'speed': (t, np.hypot(velocity[:, 0], velocity[:, 1]))}
     if sound.sum() >= 8:
         yaw = np.unwrap(Rotation.from_quat(q[sound]).as_euler('ZYX')[:, 0])
-        t, rate = _rate(poses.t[sound], yaw[:, None])
-        signals['yaw_rate'] = (t, rate[:, 0])
+        signals['yaw_rate'] = (
+            t[sound], local_fit(t[sound], yaw[:, None], t[sound], POSITION)[1][:, 0])
     return signals
 
 
 def pose_offset(
-    a: Messages, b: Messages, limits: tuple[float, float] | None = None,
+    a: Poses, b: Poses, limits: tuple[float, float] | None = None,
 ) -> tuple[Offset, dict[str, Offset | str]]:
     """
     Return the offset between two recordings of a pose.
@@ -392,7 +421,7 @@ def pose_offset(
     Parameters
     ----------
     a, b
-        Messages with position and orientation, z up; their frames may lie anywhere.
+        With ``t``, ``position`` and ``orientation``, z up; their frames may lie anywhere.
     limits : s
         As for :func:`time_offset`.
 
@@ -404,16 +433,20 @@ def pose_offset(
     Raises
     ------
     AlignError
-        If no signal determines it.
+        If no signal determines it, or those that do disagree.
+    NotExcited
+        If the vehicle does not move enough in one of them.
 
     """
     signals_a, signals_b = pose_signals(a), pose_signals(b)
     found, reasons = offsets({
-        name: (*signals_a[name], *signals_b[name]) for name in signals_a.keys() & signals_b.keys()
-    }, limits)
+        name: (*signals_a[name], *signals_b[name])
+        for name in signals_a if name in signals_b}, limits)
     if not found:
-        raise AlignError('; '.join(f'{name}: {text}' for name, text in sorted(reasons.items())))
-    return min(found.values(), key=lambda offset: offset.sigma), {**found, **reasons}
+        kind = NotExcited if all(
+            isinstance(reason, NotExcited) for reason in reasons.values()) else AlignError
+        raise kind('; '.join(f'{name}: {reason}' for name, reason in sorted(reasons.items())))
+    return agreed(found)[1], {**found, **{name: str(why) for name, why in reasons.items()}}
 
 
 def matched(a: Messages, b: Messages, offset: float = 0.0) -> tuple[Floats, Floats, Floats]:
@@ -430,13 +463,11 @@ def matched(a: Messages, b: Messages, offset: float = 0.0) -> tuple[Floats, Floa
     Returns
     -------
     Times (n,) s; positions of a and of b, (n, 3) m, those of b interpolated, NaN outside of it
-    and in gaps of more than three of its periods.
+    and in its gaps.
 
     """
     stamps = b.stamp + round(offset * 1e9)
-    period = usual_period(stamps)
-    gap = 0 if math.isnan(period) else round(3.5 * period)
-    return a.t, a.position, interpolate(a.stamp, stamps, b.position, gap)
+    return a.t, a.position, interpolate(a.stamp, stamps, b.position, longest_step(stamps))
 
 
 class Registration(NamedTuple):

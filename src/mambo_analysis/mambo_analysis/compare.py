@@ -26,9 +26,10 @@ from . import metrics, motion, pair, tables
 from .bag import Bag, BagError, Messages, read_bag
 from .cli import guard
 from .ending import ended_early
-from .metrics import Floats, Ints
 from .pair import Alignment, Comparison, Quantity
 from .phases import found, Phases, phases
+from .signals import resample
+from .signals.resample import Floats, Ints, one_sign
 from .tables import table
 
 STEADY = (
@@ -54,36 +55,36 @@ TYPES = {
 
 
 class Aligned(NamedTuple):
-    """Two odometries at common stamps, the first turned and moved onto the start of the other."""
+    """Two odometries at common stamps, the first turned and moved onto the other."""
 
     stamps: Ints       # (n,) ns
     position: Floats   # (n, 3) m, difference
     velocity: Floats   # (n, 3) m/s, body FLU, difference
     attitude: Floats   # (n, 3) deg, roll, pitch, yaw in z-up axes, difference
-    yaw: float         # deg by which the first was turned
+    text: str          # how
 
 
 def align(odometry: Messages, other: Messages) -> Aligned | None:
     """
-    Return the differences of two odometries, position and yaw made equal at the first stamp.
+    Return the differences of two odometries at common stamps, by :func:`pair.own_origin`.
 
     None if they have no stamp in common.
     """
     here, there = metrics.common(odometry.stamp, other.stamp)
     if not len(here):
         return None
-    angles, own = (
-        Rotation.from_quat(messages.orientation[index]).as_euler('ZYX')[:, ::-1]
-        for messages, index in ((other, there), (odometry, here)))
-    turn = angles[0, 2] - own[0, 2]
-    own = own + np.array([0.0, 0.0, turn])
-    p = odometry.position[here]
-    p = Rotation.from_euler('z', turn).apply(p - p[0]) + other.position[there][0]
+    ours, theirs = (
+        motion.Motion(name, m.stamp[index], m.position[index], one_sign(m.orientation[index]))
+        for name, m, index in (('estimate/odom', odometry, here), ('onboard/odom', other, there)))
+    alignment = pair.own_origin(ours, theirs, pair.begins_in_air(
+        motion.Motion('', other.stamp, other.position, other.orientation), ours.stamps[0]))
+    ours = alignment.moved(ours)
+    own, angles = (Rotation.from_quat(m.quaternion).as_euler('ZYX')[:, ::-1]
+                   for m in (ours, theirs))
     wrapped = (own - angles + math.pi) % (2.0 * math.pi) - math.pi
     return Aligned(
-        odometry.stamp[here], p - other.position[there],
-        odometry.velocity[here] - other.velocity[there], np.degrees(wrapped),
-        math.degrees((turn + math.pi) % (2.0 * math.pi) - math.pi))
+        ours.stamps, ours.position - theirs.position,
+        odometry.velocity[here] - other.velocity[there], np.degrees(wrapped), alignment.text)
 
 
 def _against_onboard(
@@ -93,9 +94,7 @@ def _against_onboard(
     if aligned is None:
         notes.append('estimate/odom and onboard/odom have no stamp in common: not compared')
         return []
-    notes.append(
-        f'against onboard/odom: position and yaw made equal at {aligned.stamps[0] * 1e-9:.3f} s '
-        f'(turned by {aligned.yaw:.2f} deg); an onboard estimate is no ground truth')
+    notes.append(f'{aligned.text}; an onboard estimate is no ground truth')
     rpy = ('roll', 'pitch', 'yaw')
     return [
         pair.section(
@@ -115,7 +114,7 @@ def _lost(bag: Bag, topic: str, messages: Messages) -> int | None:
         have = int((messages.stamp <= tick.stamp[last]).sum())
         return max(int(tick[COUNTED[topic]][last]) - have, 0)
     if topic in STEADY:
-        period = metrics.usual_period(messages.stamp)
+        period = resample.usual_period(messages.stamp)
         return 0 if math.isnan(period) else metrics.missing(messages.stamp, period)
     return None
 
@@ -227,6 +226,24 @@ def _identical(recorded: Messages, replayed: Messages) -> list[str]:
     return lines
 
 
+def _origin(
+    bag: Bag, estimate: motion.Motion, truth: motion.Motion,
+) -> Alignment | None:
+    """
+    Return what brings a replayed estimate onto the truth of a flight; None: frames are the same.
+
+    They are in a simulation, where the vehicle stands at the origin when the estimator begins.
+    """
+    start = max(estimate.stamps[0], truth.stamps[0])
+    if estimate.frame == truth.frame:
+        return None
+    if not pair.simulated(bag):
+        return pair.own_origin(estimate, truth, pair.begins_in_air(truth, start))
+    here = truth.values(np.array([start]), truth.position)
+    low = not here[0, 2] > pair.align.LEAST_RISE
+    return None if low else pair.own_origin(estimate, truth, True)
+
+
 def compare_replay(origin: Bag, answer: Bag) -> str:
     """
     Compare a replayed estimate with what the source bag holds.
@@ -260,8 +277,13 @@ def compare_replay(origin: Bag, answer: Bag) -> str:
         lines += _identical(origin['estimate/odom'], estimate)
     for name in ('optitrack/pose', 'ground_truth/odom'):
         if name in origin:
-            error = pair.positions(
-                motion.read(answer, 'estimate/odom'), motion.read(origin, name))
+            ours, truth = motion.read(answer, 'estimate/odom'), motion.read(origin, name)
+            notes += pair.left_out((truth,))
+            alignment = _origin(origin, ours, truth)
+            if alignment is not None:
+                notes.append(alignment.text)
+                ours = alignment.moved(ours)
+            error = pair.positions(ours, truth)
             sections.append(pair.section(
                 error, f'estimation error: replayed estimate/odom minus {name}', parts))
             break
@@ -272,11 +294,6 @@ def compare_replay(origin: Bag, answer: Bag) -> str:
     if not lines:
         notes.append(f'{origin.path.name} has nothing to compare the estimate with')
     return '\n'.join([*lines, '', *(f'note: {note}' for note in notes)]).strip('\n')
-
-
-def _is_simulated(bag: Bag) -> bool:
-    """Return whether a bag is of our simulator, whose clock and frame are those of all others."""
-    return 'sensor_tick' in bag and 'ground_truth/odom' in bag
 
 
 def _parts(a: Bag, b: Bag, ours: motion.Motion, theirs: motion.Motion, offset: int) -> Phases:
@@ -363,8 +380,10 @@ def compare_bags(
     theirs = motion.read(other, motion.choose(other, b_topic, a, a_topic))
     if other is a and ours.name == theirs.name:
         raise BagError(f'{a.path}: {ours.name} with itself; name another --a-topic or --b-topic')
+    own = what is None and equal_at is None and other is a and not pair.simulated(a) \
+        and ours.frame != theirs.frame
     if what is None:
-        what = () if b is None or _is_simulated(a) and _is_simulated(b) else pair.WHAT
+        what = () if b is None or pair.simulated(a) and pair.simulated(b) else pair.WHAT
     begin = None
     if equal_at is not None:
         start = _parts(a, other, ours, theirs, 0) if other is a else _parts(
@@ -372,7 +391,9 @@ def compare_bags(
         if start.liftoff is None:
             raise BagError(f'--equal-at counts from take-off: {start.text or "none is recorded"}')
         begin = start.liftoff * 1e-9 + equal_at
-    alignment = pair.aligned(ours, theirs, what, begin)
+    alignment = pair.own_origin(ours, theirs, pair.begins_in_air(
+        theirs, max(ours.stamps[0], theirs.stamps[0]))) if own else pair.aligned(
+            ours, theirs, what, begin)
     ours = alignment.moved(ours)
     parts = _parts(a, other, ours, theirs, alignment.offset)
     quantities = pair.motions(ours, theirs)
@@ -381,7 +402,7 @@ def compare_bags(
     comparison = Comparison(
         f'{ours.name} of A minus {theirs.name} of B', (f'A: {ours.name}', f'B: {theirs.name}'),
         tuple(quantities), parts)
-    notes = [alignment.text, _reference(a, other, alignment),
+    notes = [alignment.text, _reference(a, other, alignment), *pair.left_out((ours, theirs)),
              *(f'no {name}: only compared where both tell it'
                for name in ('velocity', 'attitude') if name not in {q.name for q in quantities})]
     there = quantities[0].stamps[np.isfinite(quantities[0].error).all(axis=1)]

@@ -39,8 +39,9 @@ Motors
 Motion capture
     ``optitrack/pose`` is the marker deck, some cm above the range sensor. Its clock has another
     zero, found by bringing the range onto z (:mod:`mambo_analysis.align`). The range is itself
-    10 to 25 ms behind the gyro, and so is a pose stamped that way; ``--mocap-offset gyro`` takes
-    the gyro instead. NaN is marker loss: no pose.
+    7 to 35 ms behind the gyro (it averages, and is passed on each 40 ms), and so is a pose stamped
+    that way: the standard error that is printed holds 30 ms for it. ``--mocap-offset gyro`` takes
+    the gyro instead, as does a log without a range. NaN is marker loss: no pose.
 """
 
 from __future__ import annotations
@@ -57,12 +58,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from .align import AlignError, body_rates, Offset, offsets, time_offset
+from .align import AlignError, Offset, offsets, RANGE_LATE, time_offset
 from .cli import guard
 from .importing import (
     is_sound, LONGEST, new_samples, provenance, Publisher, read_source, report, Source, stamps_ns,
     unused)
 from .mcap_file import BagError
+from .signals.derivative import body_rates
 
 Floats = NDArray[np.float64]
 COUNTS_PER_RADIAN = 10.0 * 35.0 / 0.71674
@@ -211,12 +213,13 @@ def mocap_offset(log: Log) -> Offset:
     return time_offset(t[new], r[new], log.mocap[:, 0], log.mocap[:, 3])
 
 
-def gyro_offset(log: Log, near: float) -> Offset:
+def gyro_offset(log: Log, near: float | None = None) -> Offset:
     """
     Return the same by the gyro, which is not behind, from among the offsets near another.
 
     Of the three axes the one with the highest correlation. Real flights leave it at 0.73 to 0.86,
-    and the axes then differ by up to 10 ms, more than their standard errors say.
+    and the axes then differ by up to 10 ms, more than their standard errors say: ``sigma`` is
+    then the root mean square of the distances of the others.
 
     Raises
     ------
@@ -230,10 +233,13 @@ def gyro_offset(log: Log, near: float) -> Offset:
     times, rates = body_rates(log.mocap[:, 0], np.array(_attitude(log.mocap[:, 4:])))
     found, reasons = offsets({
         name: (*log.drone[name], times, rates[:, axis]) for axis, name in enumerate(names)
-    }, (near - NEAR, near + NEAR))
+    }, None if near is None else (near - NEAR, near + NEAR))
     if not found:
         raise AlignError('; '.join(f'{name}: {text}' for name, text in reasons.items()))
-    return max(found.values(), key=lambda offset: offset.quality)
+    best = max(found.values(), key=lambda offset: offset.quality)
+    others = [one.offset - best.offset for one in found.values() if one is not best]
+    apart = math.sqrt(sum(x * x for x in others) / len(others)) if others else 0.0
+    return best._replace(sigma=max(best.sigma, apart))
 
 
 def _publish_imu(log: Log, out: Publisher, level: bool) -> None:
@@ -339,19 +345,25 @@ def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, 
             raise BagError(f'{path}: with --mocap-offset {asked} all of the motion capture is '
                            f'before the drone began (its clock shows {log.mocap[0, 0]:.3f} s)')
         return float(asked), {'mocap_offset_s': float(asked), 'mocap_offset_from': 'given'}
+    told: dict[str, Any] = {'mocap_offset_from': 'gyro'}
     try:
-        found = mocap_offset(log)
-        height = float(np.median(log.mocap[:, 3]))
-        bias = found.bias + (found.factor - 1.0) * height
-        if asked == 'gyro':
-            found = gyro_offset(log, found.offset)
+        if log.has('r'):
+            found = mocap_offset(log)
+            height = float(np.median(log.mocap[:, 3]))
+            told['range_minus_mocap_z_m'] = found.bias + (found.factor - 1.0) * height
+            if asked == 'gyro':
+                found = gyro_offset(log, found.offset)
+            else:
+                found = found._replace(sigma=math.hypot(found.sigma, RANGE_LATE))
+                told['mocap_offset_from'] = 'range against z'
+        else:
+            found = gyro_offset(log)
     except AlignError as error:
         raise BagError(f'{path}: the motion capture cannot be aligned: {error}; give '
                        '--mocap-offset SECONDS, or none to leave it out') from None
     return found.offset, {
         'mocap_offset_s': found.offset, 'mocap_offset_sigma_s': found.sigma,
-        'mocap_offset_from': 'gyro' if asked == 'gyro' else 'range against z',
-        'mocap_offset_correlation': found.quality, 'range_minus_mocap_z_m': bias}
+        'mocap_offset_correlation': found.quality, **told}
 
 
 def import_crazyflie(

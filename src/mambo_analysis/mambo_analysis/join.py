@@ -19,17 +19,20 @@ from mambo_ros import layout
 from mambo_sim.bag_writer import BagWriter, BagWriterError
 import numpy as np
 
-from . import mcap_file
-from .align import AlignError, body_rates, echoes, Floats, offsets, pose_offset
-from .bag import Bag, bag_files, Messages, read_bag
+from . import mcap_file, motion
+from .align import (
+    agreed, AlignError, echoes, Floats, offsets, pose_offset, Poses, RANGE_LATE)
+from .bag import Bag, bag_files, read_bag
 from .cli import guard
 from .mcap_file import BagError
 from .recover import declare, extras, in_order, OWN_RECORD
+from .signals.derivative import body_rates
 
 POSE = 'optitrack/pose'
 OWN = ('onboard/odom', 'estimate/odom')
 """Poses of the drone itself."""
-AGREE = 0.15  # s, by which signals may differ: a sonar is up to 0.03 s late, a filter up to 0.1 s
+LATE = {'height': RANGE_LATE, **dict.fromkeys(OWN, 0.1)}
+"""By how much signals may be behind the motion [s]: a range is, and so is what a filter says."""
 
 
 class Clock(NamedTuple):
@@ -40,7 +43,7 @@ class Clock(NamedTuple):
     source: str         # what it comes from
 
 
-def signals(bag: Bag, poses: Messages) -> dict[str, tuple[Floats, Floats, Floats, Floats]]:
+def signals(bag: Bag, poses: Poses) -> dict[str, tuple[Floats, Floats, Floats, Floats]]:
     """
     Return what both recorded of one motion.
 
@@ -59,7 +62,9 @@ def signals(bag: Bag, poses: Messages) -> dict[str, tuple[Floats, Floats, Floats
     """
     out: dict[str, tuple[Floats, Floats, Floats, Floats]] = {}
     if 'imu/data_raw' in bag:
-        gyro, (t, rates) = bag['imu/data_raw'], body_rates(poses.t, poses.orientation)
+        gyro, q = bag['imu/data_raw'], poses.orientation
+        told = np.isfinite(q).all(axis=1) & (np.abs((q * q).sum(axis=1) - 1.0) < 0.1)
+        t, rates = body_rates(poses.t[told], q[told])
         for axis, name in enumerate(('roll rate', 'pitch rate', 'yaw rate')):
             out[name] = (gyro.t, gyro.angular_velocity[:, axis], t, rates[:, axis])
         out['turn rate'] = (gyro.t, np.linalg.norm(gyro.angular_velocity, axis=1),
@@ -69,7 +74,7 @@ def signals(bag: Bag, poses: Messages) -> dict[str, tuple[Floats, Floats, Floats
     return out
 
 
-def find_clock(bag: Bag, poses: Messages) -> Clock:
+def find_clock(bag: Bag, poses: Poses) -> Clock:
     """
     Return the offset of the clock of a motion capture.
 
@@ -85,20 +90,18 @@ def find_clock(bag: Bag, poses: Messages) -> Clock:
             try:
                 found[topic] = pose_offset(bag[topic], poses)[0]
             except AlignError as error:
-                reasons[topic] = str(error)
+                reasons[topic] = error
     if not found:
         why = '; '.join(f'{name}: {text}' for name, text in reasons.items())
         why = why or 'no gyro, sonar or pose of the drone'
         raise AlignError(f'the clocks cannot be aligned ({why}); give --offset SECONDS')
-    best = min(found, key=lambda name: found[name].sigma)
-    far = [name for name, other in found.items()
-           if abs(other.offset - found[best].offset) > AGREE]
-    if far:
-        said = ', '.join(f'{name} {found[name].offset:+.3f} s' for name in (best, *far))
+    try:
+        best, offset = agreed(found, LATE)
+    except AlignError as error:
         raise AlignError(
-            f'the signals disagree about the clocks ({said}): another flight, or wrong axes of '
-            'the tracked body (import_motive --nose); or give --offset SECONDS')
-    return Clock(found[best].offset, found[best].sigma, f'{best} of {", ".join(found)}')
+            f'{error}: another flight, or wrong axes of the tracked body (import_motive --nose); '
+            'or give --offset SECONDS') from None
+    return Clock(offset.offset, offset.sigma, f'{best} of {", ".join(found)}')
 
 
 def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -> str:
@@ -133,7 +136,8 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -
     poses = other.messages(POSE)
     if POSE in bag:
         raise BagError(f'{flight}: has {bag.name(POSE)} already')
-    clock = find_clock(bag, poses) if offset is None else Clock(offset, math.nan, 'given')
+    clock = Clock(offset, math.nan, 'given') if offset is not None else find_clock(
+        bag, motion.read(other, POSE))
     shift = round(clock.offset * 1e9)
     parts = [mcap_file.scan(file) for file in bag_files(flight)[0]]
     copied = [message for part in parts for message in in_order(part)]

@@ -1,14 +1,12 @@
-"""Error statistics of vector signals, and signals brought to common instants."""
+"""Error statistics of vector signals."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from .signals.resample import Floats, Ints
 
 
 class Statistics(NamedTuple):
@@ -58,44 +56,6 @@ def common(a: Ints, b: Ints) -> tuple[Ints, Ints]:
     return in_a, in_b
 
 
-def interpolate(stamps: Ints, source_stamps: Ints, values: Floats, gap: int) -> Floats:
-    """
-    Interpolate a vector signal linearly by its stamps.
-
-    Parameters
-    ----------
-    stamps : (n,) ns
-        Where values are wanted.
-    source_stamps : (m,) ns
-    values : (m, k)
-    gap : ns
-        Two samples further apart are not connected.
-
-    Returns
-    -------
-    (n, k), NaN outside of the source, in its gaps and if it is empty.
-
-    """
-    values = np.asarray(values, float)
-    out = np.full((len(stamps), values.shape[1]), np.nan)
-    if not len(source_stamps):
-        return out
-    order = np.argsort(source_stamps, kind='stable')
-    times, values = np.asarray(source_stamps)[order], values[order]
-    after = np.searchsorted(times, stamps, side='left')
-    inside = after < len(times)
-    exact = inside & (times[np.minimum(after, len(times) - 1)] == stamps)
-    out[exact] = values[after[exact]]
-    between = np.flatnonzero(inside & ~exact & (after > 0))
-    right = after[between]
-    left = right - 1
-    near = times[right] - times[left] <= gap
-    between, left, right = between[near], left[near], right[near]
-    share = (np.asarray(stamps)[between] - times[left]) / (times[right] - times[left])
-    out[between] = values[left] + share[:, None] * (values[right] - values[left])
-    return out
-
-
 def missing(stamps: Ints, period: float) -> int:
     """
     Return how many samples a grid of stamps lacks between its first and last.
@@ -110,14 +70,6 @@ def missing(stamps: Ints, period: float) -> int:
     """
     gaps = np.diff(np.unique(stamps))
     return int(np.maximum(np.rint(gaps / period) - 1.0, 0.0).sum())
-
-
-def usual_period(stamps: Ints) -> float:
-    """Return the median distance of neighbouring stamps [ns], NaN for fewer than two."""
-    gaps = np.diff(stamps)
-    if not (gaps > 0).all():
-        gaps = np.diff(np.unique(stamps))
-    return float(np.median(gaps)) if len(gaps) else float('nan')
 
 
 def envelope(t: Floats, values: Floats, points: int) -> tuple[Floats, Floats]:
@@ -154,7 +106,7 @@ def running_rms(stamps: Ints, errors: Floats) -> Floats:
         In order; every error counts with the time until the next, so that a rate that changes
         halfway does not weigh one half more.
     errors : (n, k)
-        NaN: not counted, the value before it is held.
+        NaN: not counted, the value before it is held; NaN after the last that counts.
 
     """
     squares = (np.asarray(errors, float) ** 2).sum(axis=1)
@@ -164,6 +116,7 @@ def running_rms(stamps: Ints, errors: Floats) -> Floats:
         lasts[-1] = lasts[-2]
     weight = np.where(good, np.maximum(lasts, 1.0), 0.0)
     summed, weights = np.cumsum(np.where(good, squares, 0.0) * weight), np.cumsum(weight)
+    weights[len(good) - int(np.argmax(good[::-1])):] = 0.0  # ends with its data
     return np.sqrt(np.divide(
         summed, weights, out=np.full(len(weights), np.nan), where=weights > 0.0))
 
@@ -173,14 +126,6 @@ def drift(errors: Floats) -> Floats:
     errors = np.asarray(errors, float)
     good = np.flatnonzero(np.isfinite(errors).all(axis=1))
     return errors[good[-1]] if len(good) else np.full(errors.shape[1], np.nan)
-
-
-def resampled(stamps: Ints, values: Floats, period: int, gap: int) -> tuple[Ints, Floats]:
-    """Return a signal on whole multiples of a period [ns], as :func:`interpolate` does."""
-    if not len(stamps):
-        return np.empty(0, np.int64), np.empty((0, np.shape(values)[1]))
-    grid = np.arange(-(-int(np.min(stamps)) // period), int(np.max(stamps)) // period + 1) * period
-    return grid, interpolate(grid, stamps, values, gap)
 
 
 def _variances(a: Floats, b: Floats, weight: Floats) -> Floats:

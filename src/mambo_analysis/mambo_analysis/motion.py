@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from . import metrics
 from .bag import Bag, BagError, Messages
-from .metrics import Floats, Ints
+from .signals import outliers, resample
+from .signals.resample import Bools, Floats, Ints
 
 TRUTH = ('ground_truth/odom', 'optitrack/pose')
 MOTIONS = (*TRUTH, 'estimate/odom', 'onboard/odom')
@@ -18,6 +18,8 @@ REFERENCE = 'mambo_interfaces/msg/Reference'
 KINDS = ('nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped',
          'geometry_msgs/msg/PoseWithCovarianceStamped', REFERENCE)
 """Types of message that hold a motion."""
+POSES = KINDS[1:3]
+"""Types of message of a motion capture."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,6 +37,10 @@ class Motion:
         x y z w, body to inertial, of one sign throughout; NaN where the message holds none.
     velocity : (n, 3) m/s, inertial
         None if the topic does not tell.
+    impossible
+        How many poses were left out that cannot be true, see :mod:`.signals.outliers`.
+    frame
+        In which the poses are, as the messages name it.
 
     """
 
@@ -43,6 +49,8 @@ class Motion:
     position: Floats
     quaternion: Floats
     velocity: Floats | None = None
+    impossible: int = 0
+    frame: str = ''
 
     @property
     def t(self) -> Floats:
@@ -57,8 +65,7 @@ class Motion:
     @property
     def gap(self) -> int:
         """Return the time [ns] over which two samples are not connected."""
-        period = metrics.usual_period(self.stamps)
-        return 0 if np.isnan(period) else round(3.5 * period)
+        return resample.longest_step(self.stamps)
 
     def moved(self, offset: int, turn: float, shift: Floats) -> Motion:
         """Return the motion seen with a clock ``offset`` ns ahead, turned [rad], shifted [m]."""
@@ -71,15 +78,15 @@ class Motion:
 
     def values(self, stamps: Ints, column: Floats) -> Floats:
         """Return a column (n, k) interpolated at other stamps, NaN in gaps and outside."""
-        return metrics.interpolate(stamps, self.stamps, column, self.gap)
+        return resample.interpolate(stamps, self.stamps, column, self.gap)
 
     def at(self, stamps: Ints) -> Motion:
         """Return the motion interpolated at other stamps, NaN in gaps and outside."""
         q = self.values(stamps, self.quaternion)  # a chord: 1e-5 rad off for 0.1 rad a sample
-        return Motion(
-            self.name, stamps, self.values(stamps, self.position),
-            q / np.linalg.norm(q, axis=1, keepdims=True),
-            None if self.velocity is None else self.values(stamps, self.velocity))
+        return dataclasses.replace(
+            self, stamps=stamps, position=self.values(stamps, self.position),
+            quaternion=q / np.linalg.norm(q, axis=1, keepdims=True),
+            velocity=None if self.velocity is None else self.values(stamps, self.velocity))
 
 
 def product(p: Floats, q: Floats) -> Floats:
@@ -110,22 +117,20 @@ def angles(q: Floats) -> Floats:
     return np.degrees(out)
 
 
-def _one_sign(q: Floats) -> Floats:
-    """Return unit quaternions without jumps of sign, NaN for those that are none."""
-    norm = np.linalg.norm(q, axis=1, keepdims=True)
-    q = np.divide(q, norm, out=np.full(q.shape, np.nan), where=np.abs(norm - 1.0) < 0.1)
-    good = np.flatnonzero(np.isfinite(q).all(axis=1))
-    if len(good) > 1:
-        q[good[1:]] *= np.cumprod(np.where(
-            (q[good[1:]] * q[good[:-1]]).sum(axis=1) < 0.0, -1.0, 1.0))[:, None]
-    return q
+def _possible(stamps: Ints, position: Floats, q: Floats) -> Bools:
+    """Return which poses of a motion capture can be true, (n,); those without attitude can."""
+    out = np.ones(len(stamps), bool)
+    posed = np.flatnonzero(np.isfinite(q).all(axis=1))
+    out[posed] = ~outliers.impossible(1e-9 * stamps[posed], position[posed], q[posed])
+    return out
 
 
 def read(bag: Bag, topic: str) -> Motion:
     """
     Return the motion that a topic tells.
 
-    Samples without a finite position are left out, of several with one stamp all but the first.
+    Samples without a finite position are left out, of several with one stamp all but the first,
+    and poses of a motion capture that cannot be true (:mod:`.signals.outliers`).
 
     Raises
     ------
@@ -144,7 +149,7 @@ def read(bag: Bag, topic: str) -> Motion:
     if messages.type_name == REFERENCE:
         velocity = messages.velocity
     elif messages.type_name == KINDS[0]:
-        q = _one_sign(q)
+        q = resample.one_sign(q)
         velocity = np.full(position.shape, np.nan)
         good = np.isfinite(q).all(axis=1)
         if good.any():  # the twist is in the axes of the body
@@ -152,6 +157,12 @@ def read(bag: Bag, topic: str) -> Motion:
     good = np.flatnonzero(np.isfinite(position).all(axis=1))
     _, first = np.unique(stamps[good], return_index=True)
     kept = good[first]
+    q = resample.one_sign(q[kept])
+    impossible = 0
+    if messages.type_name in POSES:
+        possible = _possible(stamps[kept], position[kept], q)
+        impossible = int((~possible).sum())
+        kept, q = kept[possible], resample.one_sign(q[possible])
     if len(kept) < 2:
         raise BagError(
             f'{bag.path}: {name} has {len(kept)} usable sample{"s" * (len(kept) != 1)} of '
@@ -159,7 +170,8 @@ def read(bag: Bag, topic: str) -> Motion:
     prefix = f'{bag.namespace}/'
     return Motion(
         name[len(prefix):] if bag.namespace and name.startswith(prefix) else name, stamps[kept],
-        position[kept], _one_sign(q[kept]), None if velocity is None else velocity[kept])
+        position[kept], q, None if velocity is None else velocity[kept], impossible,
+        str(messages['header.frame_id'][0]))
 
 
 def candidates(bag: Bag) -> list[str]:
@@ -203,7 +215,6 @@ def position_errors(signal: Messages, truth: Messages) -> tuple[Ints, Floats]:
     The truth is interpolated by its stamps, not over gaps of more than three of its periods and
     not beyond its ends: NaN there.
     """
-    gap = metrics.usual_period(truth.stamp)
-    gap = 5_000_000 if np.isnan(gap) else gap
-    there = metrics.interpolate(signal.stamp, truth.stamp, truth.position, round(3.5 * gap))
+    there = resample.interpolate(
+        signal.stamp, truth.stamp, truth.position, resample.longest_step(truth.stamp))
     return signal.stamp, signal.position - there

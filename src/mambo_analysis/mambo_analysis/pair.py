@@ -11,12 +11,14 @@ import numpy as np
 
 from . import align, metrics, motion
 from .bag import Bag, BagError
-from .metrics import Floats, Ints
 from .motion import Motion
 from .phases import Phases
+from .signals import outliers, resample
+from .signals.resample import Floats, Ints
 
 XYZ = ('x', 'y', 'z')
 GRID = 10_000_000  # [ns] between the samples that a delay is looked for in
+LEAST = 10  # samples for statistics: the RMS of so few is known to 1 / sqrt(2 n), 22 %
 
 
 WHAT = ('time', 'position', 'yaw')
@@ -59,14 +61,21 @@ def aligned(
     """
     parts, offset = [], 0
     if 'time' in what:
-        found, _ = align.pose_offset(b, a)
-        offset = round(found.offset * 1e9)
-        parts.append(f'clock moved by {found.offset:+.4f} s (standard error '
-                     f'{found.sigma * 1e3:.1f} ms)')
+        try:
+            found, _ = align.pose_offset(b, a)
+            offset = round(found.offset * 1e9)
+            parts.append(f'clock moved by {found.offset:+.4f} s (standard error '
+                         f'{found.sigma * 1e3:.1f} ms)')
+        except align.NotExcited as error:
+            parts.append(f'clocks taken as they are, as no motion tells their offset ({error})')
+        except align.AlignError as error:
+            raise BagError(f'{error}; take time out of --align to keep the clocks as they are') \
+                from None
     here = a.moved(offset, 0.0, np.zeros(3))
     there = b.at(here.stamps)
     if not np.isfinite(there.position).any():
-        raise BagError(f'{_apart(here, b)}; --align time finds the offset of the clocks')
+        why = parts[0] if parts else '--align time finds the offset of the clocks'
+        raise BagError(f'{_apart(here, b)}; {why}')
     turn = 0.0
     if 'yaw' in what:
         turn, how = _turn(here, there)
@@ -81,6 +90,58 @@ def aligned(
         parts.append(f'moved by {_metres(shift)}, positions equal on average')
     return Alignment(offset, turn, (float(shift[0]), float(shift[1]), float(shift[2])),
                      f'A aligned with B: {"; ".join(parts)}' if parts else Alignment().text)
+
+
+def simulated(bag: Bag) -> bool:
+    """Return whether a bag was simulated: its clock and frame are those of all such bags."""
+    return 'sensor_tick' in bag and 'ground_truth/odom' in bag
+
+
+def begins_in_air(motion: Motion, stamp: int) -> bool:
+    """
+    Return whether a vehicle is in the air at a stamp [ns].
+
+    Also where the recording does not show it standing: what hovers all the time may be high.
+    """
+    try:
+        takeoff = align.flight_by_height(motion.t, motion.position[:, 2]).takeoff
+    except align.AlignError:
+        return True
+    return takeoff is None or stamp * 1e-9 > takeoff
+
+
+def own_origin(a: Motion, b: Motion, in_air: bool) -> Alignment:
+    """
+    Return what brings a motion with an origin of its own onto another of the same clock.
+
+    Position and yaw are made equal at the first common stamp, where an odometry has its origin.
+    What begins in the air does not know how high that is, and may find its height later (a
+    sonar begins to hear): then the heights are made equal in the median over the flight.
+
+    Raises
+    ------
+    BagError
+        If the two have no time in common.
+
+    """
+    there = b.at(a.stamps)
+    common = np.flatnonzero(np.isfinite(there.position).all(axis=1))
+    if not len(common):
+        raise BagError(_apart(a, b))
+    first = common[0]
+    yaws = np.radians([motion.angles(m.quaternion[first:first + 1])[0, 2] for m in (there, a)])
+    turn = float(yaws[0] - yaws[1]) if np.isfinite(yaws).all() else 0.0
+    turn = math.remainder(turn, 2.0 * math.pi)
+    p = a.moved(0, turn, np.zeros(3)).position
+    shift = there.position[first] - p[first]
+    if in_air:
+        shift[2] = np.median(there.position[common, 2] - p[common, 2])
+    text = (f'{a.name} has an origin of its own: {"horizontal " if in_air else ""}position and '
+            f'yaw made equal to {b.name} at {a.t[first]:.3f} s (turned by '
+            f'{math.degrees(turn):.2f} deg)')
+    if in_air:
+        text += f'; it begins in the air: height made equal in the median ({shift[2]:+.3f} m)'
+    return Alignment(0, turn, (float(shift[0]), float(shift[1]), float(shift[2])), text)
 
 
 def _metres(shift: Floats) -> str:
@@ -205,15 +266,14 @@ def commands(a: Bag, b: Bag, offset: int) -> list[Quantity]:
         ours, theirs = _series(a, topic, field), _series(b, topic, field)
         if ours is None or theirs is None or ours[1].shape[1] != len(axes) != theirs[1].shape[1]:
             continue
-        stamps, period = ours[0] + offset, metrics.usual_period(theirs[0])
-        there = metrics.interpolate(
-            stamps, *theirs, 0 if math.isnan(period) else round(3.5 * period))
+        stamps = ours[0] + offset
+        there = resample.interpolate(stamps, *theirs, resample.longest_step(theirs[0]))
         if np.isfinite(there).any():
             out.append(Quantity(name, unit, axes, stamps, ours[1], there, ours[1] - there))
     return out
 
 
-def _row(name: str, stamps: Ints, errors: Floats) -> dict[str, Any]:
+def _row(name: str, errors: Floats) -> dict[str, Any]:
     s, drift = metrics.statistics(errors), metrics.drift(errors)
     return {'part': name, 'count': s.count, 'rms': list(s.rms), 'rms_total': s.rms_total,
             'maximum': list(s.maximum), 'maximum_total': s.maximum_total,
@@ -223,11 +283,10 @@ def _row(name: str, stamps: Ints, errors: Floats) -> dict[str, Any]:
 def _delays(quantity: Quantity, inside: np.ndarray) -> list[float | None]:
     """Return by how much A is behind B on each axis [s]; None where they do not tell."""
     stamps = quantity.stamps[inside]
-    period = metrics.usual_period(stamps)
-    if math.isnan(period):
+    if len(np.unique(stamps)) < 2:
         return [None] * len(quantity.axes)
     both = np.concatenate([quantity.a[inside], quantity.b[inside]], axis=1)
-    _, even = metrics.resampled(stamps, both, GRID, max(round(3.5 * period), GRID))
+    _, even = resample.resampled(stamps, both, GRID, max(resample.longest_step(stamps), GRID))
     k = len(quantity.axes)
     found = [metrics.delay(even[:, i], even[:, k + i], GRID * 1e-9) for i in range(k)]
     return [None if math.isnan(value) else value for value in found]
@@ -239,21 +298,33 @@ def section(quantity: Quantity, title: str, phases: Phases) -> dict[str, Any]:
 
     ``quantity``, ``title``, ``unit``, ``axes`` and ``rows``, each of ``part``, ``count``,
     ``rms``, ``maximum``, ``drift`` (the last error) and ``delay`` [s] by axis, and
-    ``rms_total``, ``maximum_total`` and ``drift_total`` of the length.
+    ``rms_total``, ``maximum_total`` and ``drift_total`` of the length. ``too_few``: how many
+    samples the parts have that have some, but fewer than ``LEAST``.
     """
-    rows = []
+    rows: list[dict[str, Any]] = []
+    too_few = {}
     for name, begin, end in phases.parts():
         inside = np.ones(len(quantity.stamps), bool)
         if begin is not None:
             inside &= quantity.stamps >= begin
         if end is not None:
             inside &= quantity.stamps < end
-        row = _row(name, quantity.stamps[inside], quantity.error[inside])
+        errors = quantity.error[inside]
+        count = int(np.isfinite(errors).all(axis=1).sum())
+        if 0 < count < LEAST:
+            too_few[name] = count
+            errors = errors[:0]
+        row = _row(name, errors)
         if row['count'] or not rows:
             row['delay'] = _delays(quantity, inside)
             rows.append(row)
     return {'quantity': quantity.name, 'title': title, 'unit': quantity.unit,
-            'axes': list(quantity.axes), 'rows': rows}
+            'axes': list(quantity.axes), 'rows': rows, 'too_few': too_few}
+
+
+def left_out(motions: Collection[Motion]) -> list[str]:
+    """Return a line for each motion from which impossible poses were left out."""
+    return [outliers.describe(m.name, m.impossible) for m in motions if m.impossible]
 
 
 def _between(
@@ -262,6 +333,12 @@ def _between(
     """Compare two topics of one bag; None, and a note, where they have nothing in common."""
     try:
         a, b = motion.read(bag, topic), motion.read(bag, other)
+        notes += left_out((a, b))
+        if not simulated(bag) and a.frame != b.frame:
+            alignment = own_origin(a, b, begins_in_air(
+                a if a.name in motion.TRUTH else b, max(a.stamps[0], b.stamps[0])))
+            notes.append(alignment.text)
+            a = alignment.moved(a)
         return Comparison(
             f'{title}: {a.name} minus {b.name}', (a.name, b.name), tuple(motions(a, b)),
             parts)

@@ -9,6 +9,7 @@ import numpy as np
 from . import align
 from .bag import Bag
 from .motion import Motion
+from .signals.derivative import local_fit
 
 BLEND = 3.0  # [s] to the trajectory where the bag does not say how long it takes
 LEVEL = 0.1  # [m/s] that the vehicle climbs or sinks no faster than, on a height it keeps
@@ -95,18 +96,18 @@ def found(motion: Motion) -> Phases:
     if takeoff is None:
         return Phases(None, None, 'no take-off found: the recording begins in the air')
     even = np.arange(takeoff, t[-1] if touchdown is None else touchdown, EVEN)
-    z = np.interp(even, t, motion.position[:, 2])
-    speed = np.gradient(z, EVEN) if len(z) > 2 else np.zeros(len(z))
+    z, speed = (x[:, 0] for x in local_fit(t, motion.position[:, 2:], even, 2.0 * EVEN))
     window = round(SETTLED / EVEN)
-    fast = np.cumsum(np.abs(speed) > LEVEL)
+    fast = np.cumsum(~(np.abs(speed) <= LEVEL))  # unknown in a gap
     level = np.flatnonzero(fast[window:] == fast[:-window]) if len(fast) > window else fast[:0]
-    level = level[z[level] > 0.5 * (z.min() + z.max())]
+    high = z > 0.5 * (np.nanmin(z) + np.nanmax(z)) if np.isfinite(z).any() else z > 0.0
+    level = level[high[level]]
     liftoff = round(takeoff * 1e9)
     if not len(level):
         return Phases(None, None, 'no end of the take-off found: no height is kept', liftoff)
     landing = None
     if touchdown is not None:
-        steady = np.flatnonzero((speed > -0.5 * LEVEL) & (z > 0.5 * (z.min() + z.max())))
+        steady = np.flatnonzero((speed > -0.5 * LEVEL) & high)
         landing = round(even[max(steady[-1], level[0])] * 1e9)
     return Phases(round(even[level[0]] * 1e9), landing,
                   f'found in the height of {motion.name}, which is first kept then', liftoff)

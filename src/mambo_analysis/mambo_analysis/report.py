@@ -75,7 +75,7 @@ def _figures(
     """Return two figures a quantity: both sides by axis, and their difference."""
     out, (ours, theirs) = [], comparison.labels
     for q in comparison.quantities:
-        digits = DIGITS.get(q.unit, 4)
+        digits = DIGITS.get(q.unit, 4) + 3  # small differences are no staircases
         panels = []
         for axis, label in enumerate(q.axes):
             lines = [_line(other.name, 'reference', other.stamps, other.position[:, axis],

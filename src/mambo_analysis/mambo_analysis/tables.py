@@ -26,11 +26,14 @@ def section(entry: Mapping[str, Any]) -> list[str]:
     lines = [entry['title'], f'{f"RMS [{unit}]":<18}{head}{"max":>{width}}{"samples":>9}']
     for row in entry['rows']:
         if not row['count']:
-            lines.append(f'  {row["part"]:<16}  nothing to compare')
+            if row['part'] not in entry['too_few']:
+                lines.append(f'  {row["part"]:<16}  nothing to compare')
             continue
         numbers = ''.join(f'{value:{width}.4f}' for value in (
             *row['rms'], row['rms_total'], row['maximum_total']))
         lines.append(f'  {row["part"]:<16}{numbers}{row["count"]:9d}')
+    for part, count in entry['too_few'].items():
+        lines.append(f'  {part:<16}  {count} sample{"s" * (count != 1)}: too few for statistics')
     last, main = entry['rows'][0], main_row(entry)
     if last['count']:
         numbers = ''.join(f'{value:{width}.4f}' for value in (*last['drift'], last['drift_total']))

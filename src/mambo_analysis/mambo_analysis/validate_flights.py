@@ -35,21 +35,21 @@ from mambo_estimation.kalman import EstimatorParams
 from mambo_model.frames import flip_vector, wire_quaternion
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 from scipy.signal import welch
 from scipy.spatial.transform import Rotation
 
-from . import align, metrics, offline
+from . import align, motion, offline
 from .bag import Bag, read_bag
 from .compare import align as made_equal
 from .identify import flow
 from .import_crazyflie import GAP, import_crazyflie
 from .import_minidrone import import_minidrone
 from .scenario import from_yaml
+from .signals.derivative import local_fit, POSITION
+from .signals.resample import columns_at, interpolate, longest_run, longest_step
 
 Floats = NDArray[np.float64]
 GRAVITY = 9.81   # m/s^2
-SMOOTH = 0.05    # s, width of the Gaussian that differentiates positions
 SLOW = (0.2, 1.0)  # Hz, where the density of the missing acceleration is taken
 WINDOW = 1.0     # s, of a gravity window
 LOWEST, SLOWEST = 0.3, 0.02  # m, m/s: all that hovers is fitted, the interval says how well
@@ -98,19 +98,22 @@ def replayed(bag: Bag, params: filters.Params) -> Odometry:
 
 
 def seen(bag: Bag) -> Odometry:
-    """Return the motion capture of a bag on an even grid of its own period, with velocity."""
-    poses = bag['optitrack/pose']
-    period = float(np.median(np.diff(poses.t)))
-    t = np.arange(poses.t[0], poses.t[-1], period)
-    position = np.column_stack([np.interp(t, poses.t, x) for x in poses.position.T])
-    q = poses.orientation * np.where(
-        np.cumsum(np.r_[0, (poses.orientation[1:] * poses.orientation[:-1]).sum(axis=1) < 0.0])
-        % 2, -1.0, 1.0)[:, None]
-    q = np.column_stack([np.interp(t, poses.t, x) for x in q.T])
+    """
+    Return the motion capture of a bag on an even grid of its own period, with velocity.
+
+    NaN in gaps; poses that cannot be true are left out (:func:`mambo_analysis.motion.read`).
+    """
+    poses = motion.read(bag, 'optitrack/pose')
+    told = np.isfinite(poses.quaternion).all(axis=1)
+    times = poses.t[told]
+    t = np.arange(times[0], times[-1], float(np.median(np.diff(times))))
+    pose = columns_at(t, times, np.hstack([poses.position, poses.quaternion])[told])
+    _, v = local_fit(times, poses.position[told], t, POSITION)
+    known = np.isfinite(np.hstack([pose, v])).all(axis=1)
+    q, velocity = pose[:, 3:], np.full(v.shape, np.nan)
     q /= np.linalg.norm(q, axis=1, keepdims=True)
-    v = gaussian_filter1d(position, SMOOTH / period, axis=0, order=1) / period
-    return Odometry(np.rint(t * 1e9).astype(np.int64), position,
-                    Rotation.from_quat(q).inv().apply(v), q)
+    velocity[known] = Rotation.from_quat(q[known]).inv().apply(v[known])
+    return Odometry(np.rint(t * 1e9).astype(np.int64), pose[:, :3], velocity, q)
 
 
 def airborne(truth: Odometry) -> tuple[float, float]:
@@ -127,11 +130,11 @@ def errors(estimate: Odometry, truth: Odometry) -> Errors:
 
     Position and yaw are made equal at take-off: nothing that is measured tells them.
     """
-    gap = round(5.0 * metrics.usual_period(truth.stamp))
+    gap = longest_step(truth.stamp)
     start, end = airborne(truth)
     inside = (estimate.stamp * 1e-9 >= start) & (estimate.stamp * 1e-9 <= end)
     stamps = estimate.stamp[inside]
-    columns = [metrics.interpolate(stamps, truth.stamp, x, gap) for x in truth[1:]]
+    columns = [interpolate(stamps, truth.stamp, x, gap) for x in truth[1:]]
     whole = np.isfinite(np.hstack(columns)).all(axis=1)
     position, velocity, q = (x[whole] for x in columns)
     own = [x[inside][whole] for x in estimate[1:]]
@@ -172,15 +175,19 @@ def missing(truth: Odometry) -> tuple[float, float]:
     """
     Return density [m/s^2/sqrt(Hz)] and mean over a window [m/s^2] of the force along b1 and b2.
 
-    Its mean over the flight is left out: it is the tilt at which the markers are mounted.
+    Its mean over the flight is left out: it is the tilt at which the markers are mounted. Of a
+    flight with gaps the longest part without one counts.
     """
     start, end = airborne(truth)
     t = truth.stamp * 1e-9
     period = float(np.median(np.diff(t)))
-    v = Rotation.from_quat(truth.orientation).apply(truth.velocity)
-    a = np.gradient(v, period, axis=0) + np.array([0.0, 0.0, GRAVITY])
-    inside = (t >= start + 1.0) & (t <= end - 1.0)
-    force = Rotation.from_quat(truth.orientation[inside]).inv().apply(a[inside])[:, :2]
+    known = np.isfinite(truth.velocity).all(axis=1)
+    v = Rotation.from_quat(truth.orientation[known]).apply(truth.velocity[known])
+    _, a = local_fit(t[known], v, t, 0.0)
+    inside = known & np.isfinite(a).all(axis=1) & (t >= start + 1.0) & (t <= end - 1.0)
+    whole = longest_run(inside)
+    force = Rotation.from_quat(truth.orientation[whole]).inv().apply(
+        a[whole] + np.array([0.0, 0.0, GRAVITY]))[:, :2]
     force = force - force.mean(axis=0)
     f, power = welch(force, 1.0 / period, nperseg=min(len(force), round(8.0 / period)), axis=0)
     low = power[(f >= SLOW[0]) & (f <= SLOW[1])].mean()
@@ -197,8 +204,8 @@ def identify(path: Path) -> Identified:
     lag = float(SHIFTS[int(np.argmin([one.fit.rms for one in found]))])
     samples = samples_of(path)
     ranges = bag['sonar/range']
-    at = metrics.interpolate(ranges.stamp, truth.stamp, np.hstack(
-        [truth.position, truth.orientation]), 50_000_000)
+    at = interpolate(ranges.stamp, truth.stamp, np.hstack(
+        [truth.position, truth.orientation]), longest_step(truth.stamp))
     good = np.isfinite(at).all(axis=1)
     cosine = Rotation.from_quat(at[good, 3:]).as_matrix()[:, 2, 2]
     off = ranges['range'][good] * cosine - at[good, 2]

@@ -2,7 +2,7 @@
 
 from mambo_analysis import align
 from mambo_analysis.align import (
-    AlignError, body_rates, equalised, find_flight, flight_by_acceleration, flight_by_height,
+    AlignError, equalised, find_flight, flight_by_acceleration, flight_by_height,
     flight_by_thrust, matched, pose_offset, registration, time_offset)
 from mambo_analysis.bag import read_bag
 import numpy as np
@@ -135,17 +135,6 @@ def test_two_pose_recordings_in_different_frames(tmp_path):
     inside = (times > 2.1) & (times < 29.9)
     np.testing.assert_allclose(found.apply(pb[inside]), pa[inside], atol=0.005)
     assert np.isnan(pb[0]).all()  # b begins later
-
-
-def test_body_rates_are_those_of_the_gyro():
-    t = np.arange(0.0, 5.0, 0.01)
-    spin = np.array([0.3, -0.5, 0.8])  # rad/s in the body, constant
-    attitude = Rotation.from_euler('ZYX', [0.7, 0.4, -0.2]) * Rotation.from_rotvec(
-        np.outer(t, spin))
-    keep = (t < 2.0) | (t > 3.0)
-    times, rates = body_rates(t[keep], attitude[keep].as_quat())
-    assert times[0] == pytest.approx(0.005) and not ((times > 2.0) & (times < 3.0)).any()
-    np.testing.assert_allclose(rates, np.tile(spin, (len(rates), 1)), atol=1e-9)
 
 
 def test_yaw_and_translation_are_recovered():

@@ -129,7 +129,7 @@ def change(**columns):
 
 
 @pytest.mark.parametrize('spoil, law, message', [
-    (lambda d: Samples(*(c[:50] for c in d)), 'constant', '50 samples, at least 100'),
+    (lambda d: Samples(*(c[:50] for c in d[:6])), 'constant', '50 samples, at least 100'),
     (change(flow=lambda d: np.where(d.flow == d.flow[3], np.nan, d.flow)), 'constant',
      'flow is not finite in 1 of'),
     (change(flow=lambda d: np.zeros_like(d.flow)), 'constant', 'flow is constant'),

@@ -127,6 +127,7 @@ def test_the_clock_of_the_motion_capture_is_found(made):
     record = made.metadata['import']
     # packets 4 ms late and ranges held up to 40 ms: new values carry the time they appear
     assert float(record['mocap_offset_s']) == pytest.approx(OFFSET + 0.004, abs=0.003)
+    assert float(record['mocap_offset_sigma_s']) >= 0.03  # a real range is later by as much
     assert float(record['range_minus_mocap_z_m']) == pytest.approx(-ABOVE, abs=0.002)
     poses = made['optitrack/pose']
     attitude = Rotation.from_euler('ZYX', [0.3, 0.2, 0.1])
@@ -157,17 +158,28 @@ def test_options(tmp_path, made):
     assert not (tmp_path / 'c').exists()  # all poses before the drone's time 0
 
 
-def test_the_gyro_can_give_the_clock(tmp_path):
+def turning():
+    """Return a log whose yaw turns, as gyro and motion capture see it."""
     log = flight()
     t = np.array(log['mocap']['time']) + OFFSET
     yaw = 0.4 * np.sin(2.0 * t) * np.exp(-0.5 * (t - 20.0) ** 2 / 16.0)  # no two turns alike
     log['mocap'].update(yaw=yaw.tolist(), pitch=[0.0] * len(t), roll=[0.0] * len(t))
     entry = log['drone']['ae483log.w_z']
     entry['data'] = np.interp(entry['time'], t, np.gradient(yaw, t)).tolist()
+    return log
+
+
+@pytest.mark.parametrize('ranged', [True, False])
+def test_the_gyro_can_give_the_clock(tmp_path, ranged):
+    log = turning()
+    if not ranged:
+        del log['drone']['ae483log.r']
     source = save(tmp_path / 'log.json', log)
-    assert main([str(source), str(tmp_path / 'bag'), '--mocap-offset', 'gyro']) == 0
+    asked = ['--mocap-offset', 'gyro'] if ranged else []
+    assert main([str(source), str(tmp_path / 'bag'), *asked]) == 0
     record = read_bag(tmp_path / 'bag').metadata['import']
     assert record['mocap_offset_from'] == 'gyro'
+    assert ('range_minus_mocap_z_m' in record) == ranged
     assert float(record['mocap_offset_s']) == pytest.approx(OFFSET, abs=0.001)
 
 

@@ -127,3 +127,15 @@ def test_a_drone_without_gyro_sonar_and_pose_is_told_what_to_give(take, tmp_path
     poor = copy(tmp_path / 'poor', ('optical_flow',))
     with pytest.raises(BagError, match='no gyro, sonar or pose of the drone'):
         join.join(poor, take, tmp_path / 'joined')
+
+
+def test_the_standard_error_of_a_range_knows_that_a_range_is_late(log, take, tmp_path):
+    poses = read_bag(take)['optitrack/pose']
+    ranged = copy(tmp_path / 'ranged', ('sonar/range',))
+    turned = copy(tmp_path / 'turned', ('imu/data_raw',))
+    by_range, by_gyro = (join.find_clock(read_bag(path), poses) for path in (ranged, turned))
+    assert by_range.source == 'height of height' and by_range.sigma >= join.RANGE_LATE
+    assert abs(by_range.offset - BEGAN) < 1.96 * by_range.sigma
+    assert 'height' not in by_gyro.source  # a log without a range is aligned as well
+    assert by_gyro.offset == pytest.approx(BEGAN, abs=2e-3) and by_gyro.sigma < 1e-3
+    assert join.find_clock(read_bag(log), poses).source.startswith('roll rate')

@@ -1,6 +1,7 @@
 """Error statistics and interpolation against numbers by hand and against scipy."""
 
 from mambo_analysis import metrics
+from mambo_analysis.signals import resample
 import numpy as np
 import pytest
 from scipy.interpolate import interp1d
@@ -34,27 +35,27 @@ def test_interpolation_equals_scipys_inside():
     source = np.cumsum(rng.integers(1, 10, 200)) * 1_000_000
     values = rng.normal(size=(200, 3))
     stamps = rng.integers(source[0], source[-1], 500)
-    ours = metrics.interpolate(stamps, source, values, 10**9)
+    ours = resample.interpolate(stamps, source, values, 10**9)
     np.testing.assert_allclose(ours, interp1d(source, values, axis=0)(stamps), atol=1e-12)
 
 
 def test_a_sample_at_the_very_stamp_is_returned_to_the_bit():
     values = np.array([[0.1], [0.2], [0.3]])
-    out = metrics.interpolate(np.array([10, 20, 30]), np.array([10, 20, 30]), values, 1)
+    out = resample.interpolate(np.array([10, 20, 30]), np.array([10, 20, 30]), values, 1)
     np.testing.assert_array_equal(out, values)
 
 
 def test_nothing_is_made_up_outside_and_in_gaps():
-    out = metrics.interpolate(
+    out = resample.interpolate(
         np.array([5, 10, 15, 60, 100, 105]), np.array([10, 20, 100]),
         np.array([[1.0], [2.0], [10.0]]), gap=20)
     np.testing.assert_array_equal(out[:, 0], [np.nan, 1.0, 1.5, np.nan, 10.0, np.nan])
-    empty = metrics.interpolate(np.array([1, 2]), np.array([], int), np.empty((0, 3)), 1)
+    empty = resample.interpolate(np.array([1, 2]), np.array([], int), np.empty((0, 3)), 1)
     assert empty.shape == (2, 3) and np.isnan(empty).all()
 
 
 def test_unsorted_source_is_sorted_first():
-    out = metrics.interpolate(np.array([15]), np.array([20, 10]), np.array([[2.0], [1.0]]), 99)
+    out = resample.interpolate(np.array([15]), np.array([20, 10]), np.array([[2.0], [1.0]]), 99)
     assert out[0, 0] == 1.5
 
 
@@ -71,8 +72,8 @@ def test_missing_counts_gaps_and_not_jitter_or_repeats():
 
 def test_usual_period_is_that_of_most_gaps():
     frames = np.delete(np.arange(50) * 8_333_333, [10, 11, 30])
-    assert metrics.usual_period(frames) == 8_333_333
-    assert np.isnan(metrics.usual_period(np.array([5])))
+    assert resample.usual_period(frames) == 8_333_333
+    assert np.isnan(resample.usual_period(np.array([5])))
 
 
 def test_common_stamps():
@@ -87,3 +88,10 @@ def test_the_variance_at_every_shift_is_that_of_the_difference():
     want = [np.var((a - b[k:k + 50])[weight]) for k in range(21)]
     # differences of some 16 in squares that sum up 50 of them lose four digits at most
     np.testing.assert_allclose(got, want, rtol=1e-12)
+
+
+def test_a_running_rms_ends_with_its_data():
+    errors = np.array([[np.nan], [3.0], [np.nan], [4.0], [np.nan], [np.nan]])
+    found = metrics.running_rms(np.arange(6) * 10, errors)
+    np.testing.assert_allclose(found, [np.nan, 3.0, 3.0, np.sqrt(12.5), np.nan, np.nan])
+    assert np.isnan(metrics.running_rms(np.arange(2), np.full((2, 1), np.nan))).all()

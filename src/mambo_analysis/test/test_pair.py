@@ -3,10 +3,10 @@
 import csv
 import json
 
-from mambo_analysis import metrics, motion, pair
+from mambo_analysis import metrics, motion, pair, report, tables
 from mambo_analysis.bag import BagError, read_bag
-from mambo_analysis.compare import compare_bags, main
-from mambo_analysis.phases import found
+from mambo_analysis.compare import compare, compare_bags, main
+from mambo_analysis.phases import found, Phases
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -209,3 +209,89 @@ def test_a_turn_that_neither_path_nor_attitude_tells_is_said():
     still = motion.Motion('x', stamps, np.zeros((10, 3)), np.full((10, 4), np.nan))
     with pytest.raises(BagError, match='take yaw out of --align'):
         pair.aligned(still, still, ('yaw',))
+
+
+class FramedMaker(Maker):
+    """Names the frame of a motion capture otherwise than that of an estimate."""
+
+    def message(self, topic, ns, frame='odom', **fields):
+        return super().message(topic, ns, 'map' if topic == 'optitrack/pose' else frame, **fields)
+
+
+def tracked(path, begin, origin, late_height=0.0):
+    """Write poses, and an estimate whose origin is where it began; floors may be found later."""
+    maker = FramedMaker(path, TOPICS, attachments={})
+    start = truth_position(begin)
+    for step in range(round(begin * 200), 3000):
+        p = truth_position(step * 0.005)
+        ns = step * STEP
+        maker.write('optitrack/pose', ns, pose=maker.pose(p + origin))
+        own = p - start
+        if step * 0.005 > begin + late_height > begin:
+            own[2] = p[2]
+        maker.odometry('estimate/odom', ns, own + [0.0, 0.0, 0.01])
+    maker.writer.close()
+    return read_bag(path)
+
+
+@pytest.mark.parametrize(('begin', 'late'), [(0.0, 0.0), (9.0, 0.0), (9.0, 0.5)])
+def test_an_estimate_that_begins_in_the_air_has_no_error_of_its_altitude(tmp_path, begin, late):
+    result = compare(tracked(tmp_path / 'b', begin, np.array([3.0, -2.0, 0.4]), late))
+    entry, = result['errors']
+    row, note = entry['rows'][0], ' '.join(result['notes'])
+    assert row['rms'][0] < 0.01 and row['rms'][1] < 0.01
+    assert row['drift'][2] == pytest.approx(0.0, abs=0.011)
+    assert 'estimate/odom has an origin of its own' in note
+    assert ('begins in the air: height made equal in the median' in note) == (begin > 0.0)
+
+
+def test_a_part_of_too_few_samples_has_no_statistics(flights):
+    _, comparison, _ = compare_bags(*flights)
+    quantity = comparison['position']
+    for few, told in ((1, '1 sample: too few'), (9, '9 samples: too few'), (10, None)):
+        stamp = quantity.stamps[np.flatnonzero(np.isfinite(quantity.error[:, 0]))[-few]]
+        entry = pair.section(quantity, 'x', Phases(int(stamp), None, ''))
+        parts = {row['part'] for row in entry['rows']}
+        assert ('after take-off' in parts) == (told is None)
+        assert tables.main_row(entry)['part'] == (
+            'after take-off' if told is None else 'whole flight')
+        if told:
+            assert f'after take-off    {told}' in '\n'.join(tables.section(entry))
+
+
+def resting(path, seed):
+    """Write what a motion capture says of a vehicle on the floor."""
+    rng = np.random.default_rng(seed)
+    maker = Maker(path, ('optitrack/pose',), attachments={})
+    wander = np.cumsum(rng.normal(size=(2000, 3)), axis=0) * 1e-5
+    for step, p in enumerate(wander + 1e-4 * rng.normal(size=(2000, 3))):
+        maker.write('optitrack/pose', step * 2 * STEP, pose=maker.pose(p))
+    maker.writer.close()
+    return read_bag(path)
+
+
+def test_recordings_that_never_leave_the_floor_keep_their_clocks(tmp_path):
+    result, _, alignment = compare_bags(resting(tmp_path / 'a', 1), resting(tmp_path / 'b', 2))
+    assert alignment.offset == 0
+    assert 'clocks taken as they are, as no motion tells their offset' in result['notes'][0]
+    assert 'height: it changes by 0.00' in result['notes'][0]
+
+
+def test_signals_that_disagree_about_the_clocks_align_nothing(tmp_path):
+    t = np.arange(0.0, 18.0, 0.01)
+    p, q = truth_position(t), np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1))
+    p[:, 0] += 0.3 * np.sin(0.7 * t * t)
+    a = motion.Motion('a', np.rint(t * 1e9).astype(int), p, q)
+    p = p.copy()
+    p[:, 2] = truth_position(t - 0.4)[:, 2]
+    b = motion.Motion('b', a.stamps, p, q)
+    with pytest.raises(BagError, match='signals disagree about the clocks.*take time out'):
+        pair.aligned(a, b)
+
+
+def test_a_small_difference_is_no_staircase_on_the_page(flights):
+    result, comparison, alignment = compare_bags(*flights, what=('time',))
+    page = report.of_two(*flights, result, comparison, alignment)
+    figure, = [one for one in page.figures if one['title'] == 'Position error']
+    drawn = {y for y in figure['panels'][0]['lines'][0]['y'] if y is not None}
+    assert np.diff(sorted(drawn)).min() < 5e-5  # m, not in steps of 0.1 mm

@@ -1,10 +1,11 @@
 """
 A flight as evidence: at each sample of the optical flow, what Optitrack says of the motion.
 
-Velocity is the derivative of the local cubic of :func:`scipy.signal.savgol_filter` over about
-0.13 s, which does not shift in time; angular rate is that of the gyro, its bias taken from
-Optitrack, or else Optitrack's own. The gyro is not smoothed: the noise of the flow steers the
-vehicle, so that a rate which holds later ones is no longer independent of it.
+Velocity is the derivative of the local cubic of
+:func:`mambo_analysis.signals.derivative.local_fit` over about 0.13 s, which does not shift in
+time; angular rate is that of the gyro, its bias taken from Optitrack, or else Optitrack's own. The
+gyro is not smoothed: the noise of the flow steers the vehicle, so that a rate which holds later
+ones is no longer independent of it.
 """
 
 from __future__ import annotations
@@ -16,15 +17,16 @@ from typing import NamedTuple
 from mambo_model.frames import flip_vector
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_coeffs, savgol_filter
+from scipy.signal import savgol_coeffs
 from scipy.spatial.transform import Rotation, Slerp
 
 from .. import motion
-from ..align import body_rates
 from ..bag import Bag, read_bag
 from ..closed_loop import Recording
 from ..identify.recording import read_sensors, Stream
 from ..mcap_file import BagError
+from ..signals.derivative import body_rates, local_fit
+from ..signals.resample import columns_at, inside_gaps
 from .mechanisms import level_part
 from .paths import Array, Track
 
@@ -32,7 +34,6 @@ SMOOTH = 0.13        # s, of the local cubic
 MIN_HEIGHT = 0.45    # m: the sensor says nothing below 0.4 m
 MIN_COSINE = 0.7     # of the tilt, as the estimator wants
 MIN_SAMPLES = 100
-GAP = 3.5            # periods over which two poses are not connected
 LAGS = np.arange(-0.02, 0.1501, 0.0025)  # s
 
 
@@ -101,19 +102,16 @@ def smoothed(poses: Poses) -> Smooth:
     if len(poses.t) * period < 1.0 or len(poses.t) < 30:
         raise BagError(f'{len(poses.t)} poses of Optitrack: 1 s and 30 of them are needed')
     t = np.arange(poses.t[0], poses.t[-1], period)
-    raw = np.column_stack([np.interp(t, poses.t, column) for column in poses.position.T])
-    width = max(2 * round(0.5 * SMOOTH / period) + 1, 5)
-    position, velocity = (savgol_filter(raw, width, 3, deriv=d, delta=period, axis=0)
-                          for d in (0, 1))
+    width = max(2 * round(0.5 * SMOOTH / period) + 1, 7)
+    position, velocity = local_fit(poses.t, poses.position, t, width * period, 3)
+    known = np.isfinite(velocity).all(axis=1)
+    if not known.any():
+        raise BagError('poses of Optitrack: gaps leave no 0.13 s of them')
     middle, slope = (savgol_coeffs(width, 3, deriv=d, delta=period) for d in (0, 1))
-    left = np.median(np.abs(raw - position)) / 0.6745
+    raw = columns_at(t, poses.t, poses.position)
+    left = np.nanmedian(np.abs(raw - position)) / 0.6745
     single = left / np.sqrt(max(1.0 - middle[width // 2], 1e-3))
-    noise = float(single * np.linalg.norm(slope))
-    after = np.clip(np.searchsorted(poses.t, t), 1, len(poses.t) - 1)
-    bad = poses.t[after] - poses.t[after - 1] > GAP * period
-    known = np.convolve(bad, np.ones(width), 'same') < 0.5
-    known[:width // 2] = known[len(known) - width // 2:] = False
-    return Smooth(t, position, velocity, known, noise)
+    return Smooth(t, position, velocity, known, float(single * np.linalg.norm(slope)))
 
 
 def _rates(poses: Poses, gyro: Stream | None) -> tuple[Array, Array]:
@@ -121,8 +119,8 @@ def _rates(poses: Poses, gyro: Stream | None) -> tuple[Array, Array]:
     t, seen = body_rates(poses.t, poses.rotation.as_quat())
     if gyro is None or len(gyro.t) < 2:
         return t, seen
-    at = np.column_stack([np.interp(t, gyro.t, column) for column in gyro.values.T])
-    return gyro.t, gyro.values - np.median(at - seen, axis=0)
+    return gyro.t, gyro.values - np.nanmedian(
+        columns_at(t, gyro.t, gyro.values) - seen, axis=0)
 
 
 def rate_noise(rates: Array) -> float:
@@ -162,26 +160,25 @@ def assemble(
     grid = smoothed(poses)
     seen = np.isfinite(flow.values).all(axis=1)
     t, values = flow.t[seen] - lag, flow.values[seen]
-    heights = np.column_stack([grid.t, -grid.position[:, 2]])
+    heights = np.column_stack([grid.t, -grid.position[:, 2]])[grid.known]
     if height is not None:
         heard = np.isfinite(height.values)
         heights = np.column_stack([height.t[heard], height.values[heard]])
     inside = (t > max(grid.t[0], poses.t[0])) & (t < min(grid.t[-1], poses.t[-1]))
     t, values = t[inside], values[inside]
-    known = np.interp(t, grid.t, grid.known) > 0.99
-    t, values = t[known], values[known]
+    rates = _rates(poses, gyro)
+    track = columns_at(t, grid.t, np.hstack([grid.position, grid.velocity]))
+    turning = columns_at(t, *rates)
+    known = np.isfinite(np.hstack([track, turning])).all(axis=1)
+    known &= ~inside_gaps(poses.t, t)
+    t, values, turning = t[known], values[known], turning[known]
+    position, velocity = track[known, :3], track[known, 3:]
     if len(t) < MIN_SAMPLES:
         raise BagError(f'{name}: {len(t)} samples of optical flow have a pose of Optitrack beside '
                        f'them; {MIN_SAMPLES} are needed')
 
-    def at(times: Array, columns: Array) -> Array:
-        return np.column_stack([np.interp(t, times, column) for column in columns.T])
-
-    position = at(grid.t, grid.position)
     position[:, 2] = -np.interp(t, *heights.T)
-    rates = _rates(poses, gyro)
-    track = Track(t, position, at(grid.t, grid.velocity),
-                  Slerp(poses.t, poses.rotation)(t).as_matrix(), at(*rates))
+    track = Track(t, position, velocity, Slerp(poses.t, poses.rotation)(t).as_matrix(), turning)
     flying = (track.height > min_height) & (track.R[:, 2, 2] > MIN_COSINE)
     if flying.sum() < MIN_SAMPLES:
         raise BagError(f'{name}: {flying.sum()} samples of optical flow above {min_height:g} m; '
@@ -260,10 +257,10 @@ def from_estimate(flight: Flight, t: Array, position: Array) -> Flight:
     """
     level = Rotation.from_quat(np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)))
     grid = smoothed(Poses(t, position, level))
-    inside = (flight.track.t > grid.t[0]) & (flight.track.t < grid.t[-1])
-    track = flight.track.part(inside)
-    velocity = np.column_stack([np.interp(track.t, grid.t, v) for v in grid.velocity.T[:2]])
-    return flight._replace(track=track, flow=flow_of(track, velocity))
+    velocity = columns_at(flight.track.t, grid.t, grid.velocity[:, :2])
+    known = np.isfinite(velocity).all(axis=1)
+    track = flight.track.part(known)
+    return flight._replace(track=track, flow=flow_of(track, velocity[known]))
 
 
 def flow_of(track: Track, velocity: Array) -> Array:

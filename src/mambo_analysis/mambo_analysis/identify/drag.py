@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from . import regression, report
-from .. import closed_loop, metrics
+from .. import closed_loop
 from ..scenario import from_yaml, load, override, Scenario
+from ..signals import resample
 from .regression import IdentifyError, LEVEL, Value
 
 Floats = NDArray[np.float64]
@@ -127,7 +128,7 @@ def fit_drag(
     rows = _rows(track, flight, default[0] if start is None else start,
                  default[1] if end is None else end)
     at = rows * closed_loop.STEP_NS
-    measured = metrics.interpolate(at, track.t, track.position[:, list(what.axes)], GAP)
+    measured = resample.interpolate(at, track.t, track.position[:, list(what.axes)], GAP)
     seen = np.isfinite(measured).all(axis=1)
     if seen.sum() < LEAST:
         raise IdentifyError(
@@ -176,7 +177,7 @@ def _interval(
             f'{VEHICLE}.{part.name}': k, 'sim_node.simulator.seed': seed,
             'optitrack_node.seed': seed}))
         track = from_recording(noisy)
-        seen = metrics.interpolate(
+        seen = resample.interpolate(
             rows * closed_loop.STEP_NS, track.t, track.position[:, axes], GAP)
         seen = np.where(np.isfinite(seen), seen, noisy.truth[rows][:, axes])
         error = _without(terms, seen - clean)

@@ -18,14 +18,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mambo_model.frames import body_quaternion, flip_vector
-from mambo_model.quaternion import to_matrix
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 import yaml
 
 from . import regression, report
+from .. import motion
 from ..closed_loop import Recording
+from ..signals import outliers
+from ..signals.derivative import body_rates, local_fit
 from .regression import IdentifyError, Value
 
 Floats = NDArray[np.float64]
@@ -47,6 +50,7 @@ class Samples(NamedTuple):
     height: Floats    # (n,) m, above the floor
     depth: Floats     # (n,) m, Z
     rotation: Floats  # (n, 2) rad/s, omega_2 and -omega_1: what a sensor without gyro adds
+    impossible: int = 0  # poses that cannot be true and were left out
 
 
 class Factor(NamedTuple):
@@ -179,29 +183,18 @@ def samples(
     regression.check_columns({'time of the pose': t_pose, 'position': position, 'q': q}, 10)
     regression.check_times(t_pose)
     good = np.isfinite(flow).all(axis=1) & (t_flow >= start) & (t_flow <= end)
-    rows = []
-    for t, sensed in zip(t_flow[good], flow[good]):
-        near = slice(*np.searchsorted(t_pose, (t - 0.5 * WINDOW, t + 0.5 * WINDOW)))
-        dt = t_pose[near] - t
-        if len(dt) < 5 or dt[0] > -0.25 * WINDOW or dt[-1] < 0.25 * WINDOW:
-            continue  # poses are missing here
-        curve = np.polynomial.polynomial.polyfit(dt, position[near], 2)
-        R = np.array(to_matrix(tuple(q[near][np.argmin(np.abs(dt))].tolist())))
-        height = -float(curve[0, 2]) - floor
-        if height >= lowest:
-            w = _rate(q[near], dt)
-            rows.append(
-                (t, *sensed, *(R.T @ curve[1])[:2], height, height / R[2, 2], w[1], -w[0]))
-    c = np.array(rows).reshape(-1, 9)
-    return Samples(c[:, 0], c[:, 1:3], c[:, 3:5], c[:, 5], c[:, 6], c[:, 7:])
-
-
-def _rate(q: Floats, dt: Floats) -> Floats:
-    """Return the body rate by (2.14), (3,) rad/s, of attitudes (n, 4) around one, at dt (n,) s."""
-    same = np.where(q @ q[0] < 0.0, -1.0, 1.0)[:, None] * q
-    (w, *v), (w_dot, *v_dot) = np.polynomial.polynomial.polyfit(dt, same, 2)[:2]
-    v, v_dot = np.array(v), np.array(v_dot)
-    return 2.0 * (w * v_dot - w_dot * v - np.cross(v, v_dot))
+    t, sensed = t_flow[good], flow[good]
+    place, velocity = local_fit(t_pose, position, t, WINDOW)
+    height = -place[:, 2] - floor
+    use = np.isfinite(velocity).all(axis=1) & (height >= lowest)  # where no poses are missing
+    t, height = t[use], height[use]
+    after = np.clip(np.searchsorted(t_pose, t), 1, len(t_pose) - 1)
+    nearest = after - (t - t_pose[after - 1] < t_pose[after] - t)
+    turns = Rotation.from_quat(q[nearest][:, [1, 2, 3, 0]].reshape(-1, 4))
+    _, rates = body_rates(t_pose, q[:, [1, 2, 3, 0]], t, WINDOW)
+    return Samples(t, sensed[use], turns.inv().apply(velocity[use])[:, :2], height,
+                   height / turns.as_matrix()[:, 2, 2],
+                   np.column_stack([rates[:, 1], -rates[:, 0]]))
 
 
 def from_recording(
@@ -266,17 +259,18 @@ def read(
 ) -> Samples:
     """Return the samples of a bag with ``optical_flow`` and ``optitrack/pose``; shift in s."""
     bag = report.open_bag(path, ('optical_flow', 'optitrack/pose'), namespace)
-    flow, pose = bag['optical_flow'], bag['optitrack/pose']
-    seen = np.isfinite(pose.position).all(axis=1)
+    flow, pose = bag['optical_flow'], motion.read(bag, 'optitrack/pose')
+    seen = np.isfinite(pose.quaternion).all(axis=1)
     begin = min(pose.t[0], flow.t[0])
     position = [flip_vector(tuple(p)) for p in pose.position[seen].tolist()]
     q = [body_quaternion(*x) for x in pose.orientation[seen].tolist()]
     sensed = [flip_vector((x, y, 0.0))[:2] for x, y in zip(
         flow['rate_x'].tolist(), flow['rate_y'].tolist())]
     sensed = np.where((flow['quality'] > 0)[:, None], np.array(sensed), np.nan)
-    return samples(
+    found = samples(
         flow.t - begin, sensed, pose.t[seen] - begin + shift, np.array(position).reshape(-1, 3),
         np.array(q).reshape(-1, 4), floor, start, end, lowest)
+    return found._replace(impossible=pose.impossible)
 
 
 def _report(path: Path, data: Samples, leak: bool, slowest: float) -> report.Report:
@@ -294,6 +288,8 @@ def _report(path: Path, data: Samples, leak: bool, slowest: float) -> report.Rep
             values |= {f'Q {law}, offset': found[law].offset, f'Q {law}, slope': found[law].slope}
     else:
         notes.append(f'heights differ by less than {SPREAD:g} m: no law of the height')
+    if data.impossible:
+        notes.append(outliers.describe('optitrack/pose', data.impossible))
     if leak:
         values['share of the rotation'] = found[best].leak
     facts = {

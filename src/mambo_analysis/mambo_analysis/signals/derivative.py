@@ -1,0 +1,106 @@
+r"""
+Derivatives of a recorded path: one way for positions, one for attitudes.
+
+Around each instant a polynomial is fitted to the samples of a window, by least squares,
+
+.. math:: y(t_i) = c_0 + c_1 (t_i - t) + c_2 (t_i - t)^2 + \ldots, \qquad \dot y(t) = c_1,
+
+the filter of Savitzky and Golay (1964) for samples at any times. It does not shift in time, and a
+window that holds a gap, or lacks samples on one side, gives no value. A parabola over a window W
+leaves out what a Gaussian of W / 4.5 leaves out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from .resample import Floats, gaps
+
+LEAST = 5          # samples in a window
+REACH = 0.25       # [-] part of the window that must have samples on either side
+SPARSE = 6.0       # [-] periods: a window is never narrower
+POSITION = 0.22    # s, of positions for a velocity
+ATTITUDE = 0.09    # s, of attitudes for a body rate
+_AT_ONCE = 20_000  # instants
+
+
+def local_fit(
+    times: Floats, values: Floats, at: Floats, window: float, degree: int = 2,
+) -> tuple[Floats, Floats]:
+    """
+    Return a recorded signal and its derivative at any instants.
+
+    Parameters
+    ----------
+    times : (n,) s, ascending
+    values : (n, k)
+        Finite.
+    at : (m,) s
+    window : s
+        Whole width; at least ``SPARSE`` periods are taken.
+    degree
+        Of the polynomial, 2 or more.
+
+    Returns
+    -------
+    Values (m, k) and derivatives (m, k), NaN where the window has a gap or too few samples.
+
+    """
+    at = np.asarray(at, float)
+    value, slope = (np.full((len(at), values.shape[1]), np.nan) for _ in range(2))
+    if len(times) < LEAST:
+        return value, slope
+    half = 0.5 * max(window, SPARSE * float(np.median(np.diff(times))))
+    first = np.searchsorted(times, at - half, side='left')
+    last = np.searchsorted(times, at + half, side='right') - 1
+    crossed = np.concatenate([[0], np.cumsum(gaps(times))])
+    use = np.flatnonzero(last - first + 1 >= max(LEAST, degree + 1))
+    near = 2.0 * REACH * half
+    use = use[(times[first[use]] <= at[use] - near) & (times[last[use]] >= at[use] + near)
+              & (crossed[first[use]] == crossed[last[use]])]
+    for some in np.split(use, range(_AT_ONCE, len(use), _AT_ONCE)):
+        if len(some):
+            index = first[some, None] + np.arange(int((last - first)[some].max()) + 1)
+            inside = (index <= last[some, None]).astype(float)
+            index = np.minimum(index, len(times) - 1)
+            x = (times[index] - at[some, None]) / half
+            powers = (x[..., None] ** np.arange(degree + 1)) * inside[..., None]
+            turned = powers.transpose(0, 2, 1)
+            found = np.linalg.solve(turned @ powers, turned @ values[index])
+            value[some], slope[some] = found[:, 0], found[:, 1] / half
+    return value, slope
+
+
+def body_rates(
+    times: Floats, orientation: Floats, at: Floats | None = None, window: float = ATTITUDE,
+) -> tuple[Floats, Floats]:
+    """
+    Return the angular velocity of a recorded attitude, in the axes of the body.
+
+    The turns from sample to sample, as rotation vectors in the body, are summed up, and the sum
+    is differentiated by :func:`local_fit`: exact for a constant body rate.
+
+    Parameters
+    ----------
+    times : (n,) s, ascending
+    orientation : (n, 4)
+        Unit quaternions x y z w, body to inertial.
+    at : (m,) s
+        Default: the times of the samples.
+    window : s
+
+    Returns
+    -------
+    Times and body rates, (j,) s and (j, 3) rad/s, where the samples tell them: without gaps.
+
+    """
+    at = times if at is None else at
+    if len(times) < LEAST:
+        return np.empty(0), np.empty((0, 3))
+    turns = Rotation.from_quat(orientation)
+    steps = (turns[:-1].inv() * turns[1:]).as_rotvec()
+    path = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    _, rates = local_fit(times, path, at, window)
+    told = np.isfinite(rates).all(axis=1)
+    return at[told], rates[told]

@@ -1,0 +1,75 @@
+"""
+Poses of a motion capture that cannot be true: a tracker that flips the body, and comes back.
+
+Between two frames no vehicle turns faster than ``FASTEST_TURN`` or moves faster than
+``FASTEST``. Where a recording does, the tracker has changed its mind about which marker is which.
+What it says then is turned and shifted against the truth by the same amount until it jumps
+again. So the stretches between jumps are sorted by the sum of the jumps before them: stretches
+with one sum are of one mind, and the mind that holds for most of the poses is right.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from .resample import Bools, Floats, Ints
+
+FASTEST_TURN = 35.0  # rad/s, 2000 deg/s: the full scale of the gyros of small drones
+FASTEST = 30.0       # m/s
+ALIKE_TURN = 0.5     # rad, between stretches of one mind: what it may really turn over the jumps
+ALIKE = 0.3          # m
+
+
+def _jumps(times: Floats, position: Floats, turns: Rotation) -> Ints:
+    """Return the indices of the poses to which no vehicle could have moved from the one before."""
+    steps = np.diff(times)
+    steps = np.maximum(steps, np.median(steps))  # stamps of a busy machine come in bursts
+    turned = (turns[:-1].inv() * turns[1:]).magnitude()
+    moved = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    return np.flatnonzero((turned > FASTEST_TURN * steps) | (moved > FASTEST * steps)) + 1
+
+
+def impossible(times: Floats, position: Floats, orientation: Floats) -> Bools:
+    """
+    Return which poses cannot be true.
+
+    Parameters
+    ----------
+    times : (n,) s, ascending
+    position : (n, 3) m
+    orientation : (n, 4)
+        Unit quaternions x y z w, body to inertial, finite.
+
+    Returns
+    -------
+    (n,), all False for a recording without jumps.
+
+    """
+    if len(times) < 3:
+        return np.zeros(len(times), bool)
+    turns = Rotation.from_quat(orientation)
+    begins = _jumps(times, position, turns)
+    lengths = np.diff(np.concatenate([[0], begins, [len(times)]])).astype(int)
+    turn, shift = Rotation.identity(), np.zeros(3)
+    minds, counts, chosen = [(turn, shift)], [int(lengths[0])], [0]
+    for begin, length in zip(begins.tolist(), lengths[1:].tolist()):
+        turn = turn * (turns[begin - 1].inv() * turns[begin])
+        shift = shift + position[begin] - position[begin - 1]
+        mind = next((k for k, (other, place) in enumerate(minds)
+                     if (other.inv() * turn).magnitude() < ALIKE_TURN
+                     and np.linalg.norm(shift - place) < ALIKE), len(minds))
+        if mind == len(minds):
+            minds.append((turn, shift))
+            counts.append(0)
+        turn, shift = minds[mind]  # what it really moves over the jumps does not add up
+        counts[mind] += length
+        chosen.append(mind)
+    return np.repeat(np.array(chosen) != int(np.argmax(counts)), lengths)
+
+
+def describe(name: str, count: int) -> str:
+    """Return the line that reports poses which were left out."""
+    return (f'{name}: {count} pose{"s" * (count != 1)} left out that jump{"s" * (count == 1)} '
+            f'faster than {np.degrees(FASTEST_TURN):.0f} deg/s or {FASTEST:g} m/s and back: the '
+            'tracker lost the body')
