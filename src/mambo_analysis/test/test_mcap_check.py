@@ -248,3 +248,10 @@ def test_messages_of_no_time_that_a_bag_can_tell_are_left_out(tmp_path):
     contents = mcap_file.scan(file)
     assert contents.count == 3 and contents.lost == ['2 messages of /a from after the year 2262']
     assert recover.recover(file, tmp_path / 'saved').end == 3
+
+
+def test_an_attachment_that_differs_is_lost(file):
+    data = file.read_bytes()
+    file.write_bytes(data.replace(b'a note', b'a nose', 1))
+    assert 'attachment at byte' in mcap_file.scan(file).lost[0]
+    assert mcap_file.scan(file).attachments == []
