@@ -10,6 +10,7 @@ from pathlib import Path
 import sys
 
 import mambo_analysis
+from mambo_analysis import palette
 from matplotlib.figure import Figure
 
 HERE = Path(__file__).resolve().parents[1]
@@ -25,7 +26,8 @@ def main(path: Path, picture: Path) -> None:
     for axis, ax in enumerate(figure.subplots(3, 1, sharex=True)):
         for topic in ('ground_truth/odom', 'optitrack/pose', 'estimate/odom'):
             if topic in bag:
-                ax.plot(bag[topic].t, bag[topic].position[:, axis], label=topic, linewidth=1.0)
+                ax.plot(bag[topic].t, bag[topic].position[:, axis], label=topic,
+                        **palette.line(palette.LABELS[topic]))
         ax.set_ylabel(f'{"xyz"[axis]} [m]')
     ax.set_xlabel('time [s]')
     ax.legend(frameon=False)

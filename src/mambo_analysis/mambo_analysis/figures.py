@@ -1,13 +1,12 @@
 """
 Plots of a flight: one function a figure, each drawing what the bag has.
 
-A signal has one colour everywhere: reference blue, estimate red, Optitrack green, flow purple, as
-in the thesis; truth grey, sonar orange, barometer brown, the drone's own estimate teal.
+A signal has one colour everywhere, see :mod:`mambo_analysis.palette`. Captions name what is drawn.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,24 +14,21 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
+from numpy.typing import NDArray
 
-from . import metrics
+from . import digest, metrics, palette
 from .bag import Bag
 from .metrics import Floats
 from .motion import position_errors
+from .palette import COLOURS, INK, LINE
 from .phases import Phases, phases
 
-COLOURS = {
-    'reference': '#2f7ed8', 'estimate': '#e0403f', 'optitrack': '#2ca25f', 'flow': '#a06cd5',
-    'truth': '#8a8a8a', 'sonar': '#f28e2b', 'barometer': '#a5714f', 'onboard': '#17a2b8',
-    'motor0': '#5b6abf', 'motor1': '#c65b92', 'motor2': '#7f9a3b', 'motor3': '#c9a227'}
-INK, FAINT = '#202124', '#d0d3d6'
 POINTS = 1000  # of a line; more is not seen
 AIR = 1.2 * 9.81  # [Pa/m] for a height by pressure
 STYLE = {
     'font.size': 10.0, 'font.family': 'DejaVu Sans', 'axes.edgecolor': INK, 'axes.labelcolor': INK,
     'text.color': INK, 'xtick.color': INK, 'ytick.color': INK, 'axes.grid': True,
-    'grid.color': FAINT, 'grid.linewidth': 0.6, 'axes.spines.top': False,
+    'grid.color': LINE, 'grid.linewidth': 0.6, 'axes.spines.top': False,
     'axes.spines.right': False, 'lines.linewidth': 1.3, 'legend.frameon': False,
     'legend.fontsize': 9.0, 'axes.titlesize': 10.5, 'axes.titleweight': 'bold',
     'axes.titlelocation': 'left', 'axes.axisbelow': True, 'svg.fonttype': 'path',
@@ -62,11 +58,37 @@ def _thin(*columns: Floats) -> tuple[Floats, ...]:
     return tuple(column[::step] for column in columns)
 
 
+def tracks(bag: Bag) -> list[tuple[str, str, str]]:
+    """Return the rows of ``TRACKS`` that a bag has a known position of."""
+    return [row for row in TRACKS if row[0] in bag
+            and np.isfinite(bag[row[0]].position).all(axis=1).any()]
+
+
+def _valid_ranges(bag: Bag) -> NDArray[np.bool_]:
+    """Return which ranges of the sonar are inside its limits, (n,)."""
+    sonar = bag['sonar/range']
+    return (sonar.range >= sonar.min_range) & (sonar.range <= sonar.max_range)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as a list in a sentence: a, b and c."""
+    return ' and '.join([', '.join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def shaded(parts: Phases) -> str:
+    """Return the sentence that says which parts of a flight are shaded, or nothing."""
+    names = [name for name, at in (('take-off', parts.takeoff_end),
+                                   ('landing', parts.landing_start)) if at is not None]
+    if not names:
+        return ''
+    return f' {listed(names).capitalize()} {"are" if len(names) > 1 else "is"} shaded.'
+
+
 def _line(
-    ax: Axes, t: Floats, values: Floats, colour: str, label: str | None, **style: Any,
+    ax: Axes, t: Floats, values: Floats, role: str, label: str | None, **style: Any,
 ) -> None:
-    """Draw a signal over time."""
-    ax.plot(*metrics.envelope(t, values, POINTS), color=COLOURS[colour], label=label, **style)
+    """Draw a signal over time as its role is drawn, but for the style given."""
+    ax.plot(*metrics.envelope(t, values, POINTS), label=label, **{**palette.line(role), **style})
 
 
 def _mark(axes: list[Axes], parts: Phases) -> None:
@@ -74,9 +96,9 @@ def _mark(axes: list[Axes], parts: Phases) -> None:
     for ax in axes:
         low, high = ax.get_xlim()
         if parts.takeoff_end is not None:
-            ax.axvspan(low, parts.takeoff_end * 1e-9, color=FAINT, alpha=0.35, lw=0, zorder=0)
+            ax.axvspan(low, parts.takeoff_end * 1e-9, color=LINE, alpha=0.35, lw=0, zorder=0)
         if parts.landing_start is not None:
-            ax.axvspan(parts.landing_start * 1e-9, high, color=FAINT, alpha=0.35, lw=0, zorder=0)
+            ax.axvspan(parts.landing_start * 1e-9, high, color=LINE, alpha=0.35, lw=0, zorder=0)
         ax.set_xlim(low, high)
     axes[-1].set_xlabel('time [s]')
 
@@ -88,22 +110,18 @@ def _span(bag: Bag, axes: list[Axes]) -> None:
 
 def draw_position(axes: list[Axes], bag: Bag, parts: Phases) -> None:
     """Position by axis, z up."""
-    for topic, colour, label in TRACKS:
-        if topic in bag:
-            t, p = bag[topic].t, bag[topic].position
-            for axis, ax in enumerate(axes):
-                _line(ax, t, p[:, axis], colour, label,
-                      ls='--' if colour == 'reference' else '-',
-                      lw=2.6 if colour == 'truth' else 1.2,
-                      zorder={'reference': 5, 'truth': 1}.get(colour, 3))
-    for ax, name in zip(axes, 'xyz'):
+    for topic, role, label in tracks(bag):
+        t, p = bag[topic].t, bag[topic].position
+        for axis, ax in enumerate(axes):
+            _line(ax, t, p[:, axis], role, label)
+    for ax, name in zip(axes, ('x', 'y', 'z up')):
         ax.set_ylabel(f'{name} [m]')
     _span(bag, axes)
     _mark(axes, parts)
 
 
 def _errors(bag: Bag) -> list[tuple[str, str, Floats, Floats]]:
-    """Return (colour, label, t, errors (n, 3)) of what can be compared."""
+    """Return (role, label, t, errors (n, 3)) of what can be compared."""
     found = []
     truth = next((name for name in ('ground_truth/odom', 'optitrack/pose') if name in bag), None)
     if truth and 'reference' in bag:
@@ -120,8 +138,8 @@ def _errors(bag: Bag) -> list[tuple[str, str, Floats, Floats]]:
 
 def draw_errors(axes: list[Axes], bag: Bag, parts: Phases) -> None:
     """Size of the position errors."""
-    for colour, label, t, e in _errors(bag):
-        _line(axes[0], t, np.linalg.norm(e, axis=1), colour, label)
+    for role, label, t, e in _errors(bag):
+        _line(axes[0], t, np.linalg.norm(e, axis=1), role, label)
     axes[0].set_ylabel('error [m]')
     axes[0].set_ylim(bottom=0.0)
     _span(bag, axes)
@@ -131,16 +149,13 @@ def draw_errors(axes: list[Axes], bag: Bag, parts: Phases) -> None:
 def draw_path(axes: list[Axes], bag: Bag, parts: Phases) -> None:
     """Top view and side view of the path, to scale."""
     for ax, (across, up) in zip(axes, ((0, 1), (0, 2))):
-        for topic, colour, label in TRACKS:
-            if topic in bag:
-                p = bag[topic].position
-                ax.plot(*_thin(p[:, across], p[:, up]), color=COLOURS[colour],
-                        label=label if ax is axes[0] else None,
-                        ls='--' if colour == 'reference' else '-',
-                        lw=2.6 if colour == 'truth' else 1.1)
+        for topic, role, label in tracks(bag):
+            p = bag[topic].position
+            ax.plot(*_thin(p[:, across], p[:, up]), label=label if ax is axes[0] else None,
+                    **palette.line(role))
         ax.set_aspect('equal', adjustable='datalim')
         ax.set_xlabel('x [m]')
-        ax.set_ylabel(f'{"xyz"[up]} [m]')
+        ax.set_ylabel(('', 'y [m]', 'z up [m]')[up])
     axes[0].set_title('from above')
     axes[1].set_title('from the side')
 
@@ -153,7 +168,7 @@ def draw_motors(axes: list[Axes], bag: Bag, parts: Phases) -> None:
     margin = max(0.05 * (high - low), 1.0)
     places = ((0, 'front left'), (1, 'front right'), (3, 'rear left'), (2, 'rear right'))
     for ax, (number, name) in zip(axes, places):
-        _line(ax, motors.t, motors.pwm[:, number], f'motor{number}', None, lw=0.8)
+        ax.plot(*metrics.envelope(motors.t, motors.pwm[:, number], POINTS), color=INK, lw=0.8)
         ax.set_title(f'{number} {name}', weight='normal', size=9.0)
         ax.set_ylabel('PWM [-]')
         ax.set_ylim(low - margin, high + margin)
@@ -162,10 +177,9 @@ def draw_motors(axes: list[Axes], bag: Bag, parts: Phases) -> None:
     axes[2].set_xlabel('time [s]')
 
 
-def _dots(ax: Axes, t: Floats, values: Floats, colour: str, label: str) -> None:
+def _dots(ax: Axes, t: Floats, values: Floats, role: str, label: str) -> None:
     t, values = _thin(t, values)
-    ax.plot(t, values, ls='none', marker='.', ms=2.5, alpha=0.6, color=COLOURS[colour],
-            label=label, rasterized=True)
+    ax.plot(t, values, ls='none', marker='.', ms=2.5, color=COLOURS[role], label=label)
 
 
 def draw_height(axes: list[Axes], bag: Bag, parts: Phases) -> None:
@@ -177,12 +191,11 @@ def draw_height(axes: list[Axes], bag: Bag, parts: Phases) -> None:
         _dots(ax, pressure.t, (ground - pressure.pressure) / AIR, 'barometer', 'barometer')
     if 'sonar/range' in bag:
         sonar = bag['sonar/range']
-        valid = (sonar.range >= sonar.min_range) & (sonar.range <= sonar.max_range)
-        _dots(ax, sonar.t[valid], sonar.range[valid], 'sonar', 'sonar, slant')
-    for topic, colour, label in TRACKS:
-        if topic in bag and colour != 'optitrack':
-            _line(ax, bag[topic].t, bag[topic].position[:, 2], colour, label,
-                  ls='--' if colour == 'reference' else '-')
+        valid = _valid_ranges(bag)
+        if valid.any():
+            _dots(ax, sonar.t[valid], sonar.range[valid], 'sonar', 'sonar, slant')
+    for topic, role, label in tracks(bag):
+        _line(ax, bag[topic].t, bag[topic].position[:, 2], role, label)
     ax.set_ylabel('height [m]')
     _span(bag, axes)
     _mark(axes, parts)
@@ -192,14 +205,15 @@ def draw_flow(axes: list[Axes], bag: Bag, parts: Phases) -> None:
     """Optical flow on both body axes."""
     flow = bag['optical_flow']
     for ax, name, values in zip(axes, ('forward', 'left'), (flow.rate_x, flow.rate_y)):
-        _line(ax, flow.t, values, 'flow', 'optical flow' if ax is axes[0] else None, lw=0.9)
+        _line(ax, flow.t, values, 'flow', 'optical flow' if ax is axes[0] else None, ls='-',
+              lw=0.9)
         ax.set_ylabel(f'{name} [rad/s]')
     _span(bag, axes)
     _mark(axes, parts)
 
 
 def _innovations(bag: Bag) -> list[tuple[str, str, Floats, Floats]]:
-    """Return (colour, label, innovation (n,), test ratio (n,)) of each sensor that was used."""
+    """Return (role, label, innovation (n,), test ratio (n,)) of each sensor that was used."""
     state = bag['estimator/state']
     every = (
         ('sonar', 'sonar [m]', state.sonar_innovation, state.sonar_test_ratio),
@@ -212,11 +226,11 @@ def _innovations(bag: Bag) -> list[tuple[str, str, Floats, Floats]]:
 def draw_innovations(axes: list[Axes], bag: Bag, parts: Phases) -> None:
     """Innovations of the estimator; refused samples are crosses."""
     t = bag['estimator/state'].t
-    for ax, (colour, label, innovation, ratio) in zip(axes, _innovations(bag)):
+    for ax, (role, label, innovation, ratio) in zip(axes, _innovations(bag)):
         refused = np.isfinite(innovation) & (ratio > 1.0)
         taken = np.isfinite(innovation) & ~refused
         ax.plot(*_thin(t[taken], innovation[taken]), ls='none', marker='.', ms=2.5,
-                color=COLOURS[colour], rasterized=True)
+                color=COLOURS[role])
         ax.plot(t[refused], innovation[refused], ls='none', marker='x', ms=4.0, color=INK)
         ax.axhline(0.0, color=INK, lw=0.6)
         ax.set_ylabel(label)
@@ -258,37 +272,61 @@ def _has_band(bag: Bag) -> bool:
     return bool(np.any(bag['estimate/odom'].pose_covariance))
 
 
+def _height_text(bag: Bag) -> str:
+    """Return what the figure of the height shows."""
+    names, left_out = [label for _, _, label in tracks(bag)], ''
+    if 'barometer/pressure' in bag:
+        names.insert(0, 'barometer')
+    if 'sonar/range' in bag:
+        valid = _valid_ranges(bag)
+        if valid.any():
+            names.insert(0, 'sonar')
+        if not valid.all():
+            left_out = (f' {int((~valid).sum())} of {len(valid)} sonar samples are outside of its '
+                        'limits and left out.')
+    return f'Height over time by {listed(names)}.{left_out}' if names else left_out.strip()
+
+
+def _innovations_text(rows: list[tuple[str, str, Floats, Floats]]) -> str:
+    """Return what the figure of the innovations shows."""
+    names = {'sonar': 'sonar', 'flow': 'optical flow', 'barometer': 'barometer'}
+    sensors = [name for role, name in names.items() if any(row[0] == role for row in rows)]
+    refused = any((np.isfinite(innovation) & (ratio > 1.0)).any()
+                  for _, _, innovation, ratio in rows)
+    return (f'Measurement minus prediction of {listed(sensors)} over time.'
+            + (' Refused samples are crosses.' if refused else ' No sample was refused.'))
+
+
 def plots(bag: Bag) -> list[Plot]:
     """Return the figures that the bag has data for, in the order of a page."""
-    moves = any(topic in bag for topic, _, _ in TRACKS)
-    innovations = len(_innovations(bag)) if 'estimator/state' in bag else 0
+    found, errors, shade = tracks(bag), _errors(bag), shaded(phases(bag))
+    names = listed([label for _, _, label in found]) if found else ''
+    rows = _innovations(bag) if 'estimator/state' in bag else []
+    heard = 'sonar/range' in bag and bool(_valid_ranges(bag).any())
     every = (
-        (moves, Plot(
+        (bool(found), Plot(
             'position', 'Position',
-            'Position over time on the axes x, y and z (up). Take-off and landing are shaded.',
+            f'Position of {names} over time on the axes x, y and z, which is up.{shade}',
             (3, 1), 5.4, 5, draw_position)),
-        (bool(_errors(bag)), Plot(
-            'errors', 'Position errors', 'Length of the position error over time.',
+        (bool(errors), Plot(
+            'errors', 'Position errors', 'Length of the position error over time: '
+            f'{listed([label for _, label, _, _ in errors])}.' if errors else '',
             (1, 1), 2.6, 2, draw_errors)),
-        (moves, Plot(
-            'path', 'Path', 'The path seen from above and from the side, to scale.',
+        (bool(found), Plot(
+            'path', 'Path', f'The path of {names}, seen from above and from the side, to scale.',
             (1, 2), 3.5, 5, draw_path)),
         ('motor_pwm' in bag, Plot(
             'motors', 'Motor commands',
             'PWM commands of the four motors over time, laid out as seen from above.',
             (2, 2), 3.4, 0, draw_motors)),
-        (moves or 'sonar/range' in bag, Plot(
-            'height', 'Height',
-            'Height over time by sonar, barometer and estimate. Sonar samples outside of its '
-            'limits are left out.', (1, 1), 2.9, 3, draw_height)),
+        (bool(found) or heard, Plot(
+            'height', 'Height', _height_text(bag), (1, 1), 3.1, 3, draw_height)),
         ('optical_flow' in bag, Plot(
             'flow', 'Optical flow', 'Optical flow forward and left over time.',
             (2, 1), 3.2, 1, draw_flow)),
-        (innovations > 0, Plot(
-            'innovations', 'Innovations of the estimator',
-            'Measurement minus prediction of sonar, optical flow and barometer over time. '
-            'Refused samples are crosses.', (innovations, 1), 0.6 + 1.25 * innovations, 0,
-            draw_innovations)),
+        (bool(rows), Plot(
+            'innovations', 'Innovations of the estimator', _innovations_text(rows),
+            (len(rows), 1), 0.6 + 1.25 * len(rows), 0, draw_innovations)),
         (_has_band(bag), Plot(
             'covariance', 'Does the filter know its error?',
             'Position error of the estimate on each axis, and the band of three standard '
@@ -311,7 +349,7 @@ def _paint(figure: Any, plot: Plot, bag: Bag, parts: Phases) -> list[Axes]:
         for ax in axes[:-1]:
             ax.tick_params(labelbottom=False)
     plot.draw(axes, bag, parts)
-    handles, labels = axes[0].get_legend_handles_labels()
+    handles, labels = axes[0].get_legend_handles_labels()  # every curve is in the first
     if plot.legend and handles:
         below = figure.add_subplot(grid[rows, :])
         below.axis('off')
@@ -329,8 +367,8 @@ def figure_of(plot: Plot, bag: Bag, width: float = 6.6) -> Figure:
     return figure
 
 
-def write_overview(bag: Bag, path: Path, title: str) -> None:
-    """Write all plots of a flight on one white sheet, two columns, as PNG."""
+def overview(bag: Bag, title: str) -> Figure:
+    """Return all plots of a flight on one white sheet, two columns."""
     columns: list[list[Plot]] = [[], []]
     for plot in plots(bag):
         columns[0 if sum(p.height for p in columns[0]) <= sum(p.height for p in columns[1])
@@ -339,7 +377,7 @@ def write_overview(bag: Bag, path: Path, title: str) -> None:
     height = max((sum(p.height + 0.35 for p in column) for column in columns), default=1.0)
     with matplotlib.rc_context(STYLE):
         sheet = Figure(figsize=(6.8 * max(len(columns), 1), height + 0.4), layout='constrained',
-                       facecolor='white')
+                       facecolor=palette.PAPER)
         sheet.suptitle(title, x=0.01, ha='left', weight='bold')
         parts = phases(bag)
         halves = np.atleast_1d(sheet.subfigures(1, len(columns))) if columns else []
@@ -349,4 +387,10 @@ def write_overview(bag: Bag, path: Path, title: str) -> None:
             for piece, plot in zip(pieces, column):
                 piece.suptitle(plot.title, x=0.02, ha='left', size=10.5, weight='bold')
                 _paint(piece, plot, bag, parts)
-        sheet.savefig(path, dpi=110, metadata={'Software': None})
+    return sheet
+
+
+def write_overview(bag: Bag, path: Path, title: str) -> None:
+    """Write all plots of a flight on one white sheet, two columns, as PNG."""
+    with matplotlib.rc_context(STYLE):
+        digest.save(overview(bag, title), path, dpi=110)

@@ -11,15 +11,11 @@ from typing import Any
 
 import matplotlib
 
-from . import figures
+from . import figures, markup, palette
 from .bag import Bag
 from .mcap_file import BagError
 
-_CSS = """
-:root { color-scheme: light dark; --ink: #202124; --faint: #d0d3d6; --paper: #ffffff;
-  --card: #f6f7f8; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e8eaed; --faint: #4a4d52;
-  --paper: #17181a; --card: #1f2124; } }
+_STYLE = palette.css() + """
 * { box-sizing: border-box; }
 body { margin: 0 auto; padding: 1rem; max-width: 54rem; background: var(--paper);
   color: var(--ink); font: 16px/1.5 system-ui, sans-serif; }
@@ -31,11 +27,14 @@ figure svg { width: 100%; height: auto; display: block; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .25rem 0 1rem; }
 th, td { padding: .2rem .7rem .2rem 0; text-align: right; white-space: nowrap;
-  border-bottom: 1px solid var(--faint); }
-th:first-child, td:first-child { text-align: left; }
+  border-bottom: 1px solid var(--line); }
+th:first-child { text-align: left; } tbody th { font-weight: inherit; }
 caption { text-align: left; font-weight: 600; padding: .5rem 0 .2rem; }
 details { background: var(--card); border-radius: .5rem; padding: .5rem .8rem; margin-top: 2rem; }
 pre { overflow-x: auto; font-size: .8rem; }
+@media print { body { max-width: none; padding: 0; font-size: 11px; } details { display: none; }
+  h2 { break-after: avoid; } figure, table { break-inside: avoid; }
+  .scroll { overflow: visible; } th, td { padding-right: .5rem; } }
 """
 
 
@@ -48,19 +47,11 @@ def _svg(plot: figures.Plot, bag: Bag) -> str:
     text = buffer.getvalue()
     text = text[text.index('<svg'):]
     text = re.sub(r'<metadata>.*?</metadata>', '', text, flags=re.DOTALL)
-    text = text.replace(figures.INK, 'var(--ink)').replace(figures.FAINT, 'var(--faint)')
+    text = palette.variables(re.sub(r'(\d+\.\d\d)\d+', r'\1', text))  # hundredths of a point
     # ids are unique within one figure only
     text = re.sub(r'(\bid="|href="#|url\(#)', rf'\g<1>{plot.name}-', text)
     label = escape(f'{plot.title}: {plot.text}', quote=True)
     return re.sub(r'<svg ', f'<svg role="img" aria-label="{label}" ', text, count=1)
-
-
-def _table(caption: str, head: list[str], rows: list[list[str]]) -> str:
-    cells = ''.join(f'<th scope="col">{escape(name)}</th>' for name in head)
-    body = ''.join(
-        '<tr>' + ''.join(f'<td>{escape(cell)}</td>' for cell in row) + '</tr>' for row in rows)
-    return (f'<div class="scroll"><table><caption>{escape(caption)}</caption>'
-            f'<thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div>')
 
 
 def _tables(result: Mapping[str, Any]) -> str:
@@ -72,11 +63,11 @@ def _tables(result: Mapping[str, Any]) -> str:
                  *(f'{value:.4f}' for value in (*row['rms'], row['rms_total'],
                                                 row['maximum_total'])),
                  str(row['count'])] for row in section['rows'] if row['count']]
-        parts.append(_table(section['title'], head, rows))
+        parts.append(markup.table(section['title'], head, rows))
     rows = [[entry['topic'], str(entry['messages']),
              '-' if entry['rate'] is None else f'{entry["rate"]:.1f}',
              '-' if entry['lost'] is None else str(entry['lost'])] for entry in result['topics']]
-    parts.append(_table('Topics', ['topic', 'messages', 'Hz', 'lost'], rows))
+    parts.append(markup.table('Topics', ['topic', 'messages', 'Hz', 'lost'], rows))
     return ''.join(parts)
 
 
@@ -101,12 +92,10 @@ def _details(bag: Bag) -> str:
     for name, values in sorted(bag.metadata.items()):
         if name != 'rosbag2':
             lines = '\n'.join(f'{key}: {value}' for key, value in values.items())
-            out.append(f'<details><summary>{escape(name)}</summary>'
-                       f'<pre>{escape(lines)}</pre></details>')
+            out.append(markup.details(name, lines))
     scenario = bag.attachments.get('scenario.yaml')
     if isinstance(scenario, str):
-        out.append('<details><summary>scenario.yaml</summary>'
-                   f'<pre>{escape(scenario)}</pre></details>')
+        out.append(markup.details('scenario.yaml', scenario))
     return ''.join(out)
 
 
@@ -119,9 +108,9 @@ def html(bag: Bag, result: Mapping[str, Any]) -> str:
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<title>{title}</title><style>{_CSS}</style></head><body>'
+        f'<title>{title}</title><style>{_STYLE}</style></head><body><main>'
         f'<h1>{title}</h1>{_summary(result)}{_tables(result)}{"".join(pieces)}'
-        f'{_details(bag)}</body></html>\n')
+        f'{_details(bag)}</main></body></html>\n')
 
 
 def write_page(bag: Bag, result: Mapping[str, Any], out: Path) -> Path:

@@ -3,10 +3,10 @@
 (() => {
   const data = JSON.parse(document.getElementById('data').textContent);
   const { replay } = data;
-  const colour = (name) =>
-    getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
   const dark = window.matchMedia('(prefers-color-scheme: dark)');
-  const config = { displaylogo: false, displayModeBar: false };
+  let onPaper = false; // which is white
+  const colour = (name) => data.colours[dark.matches && !onPaper ? 'dark' : 'light'][name];
+  const config = { displaylogo: false, displayModeBar: false, doubleClick: false };
   const fit = new ResizeObserver((entries) => entries.forEach(({ target }) => {
     if (target.querySelector('.main-svg')) Plotly.Plots.resize(target);
   }));
@@ -16,7 +16,7 @@
     return {
       font: { family: 'system-ui, "Helvetica Neue", Arial, sans-serif', size: 12,
         color: colour('ink') },
-      paper_bgcolor: 'rgba(0,0,0,0)', plot_bgcolor: 'rgba(0,0,0,0)',
+      paper_bgcolor: 'transparent', plot_bgcolor: 'transparent',
       hoverlabel: { bgcolor: colour('paper'), bordercolor: colour('line'),
         font: { color: colour('ink') } },
     };
@@ -44,7 +44,7 @@
           showlegend: !named.has(line.name) && (n === 1 || line.colour !== 'ink' || i === n - 1),
           x: line.t, y: line.y, xaxis: 'x', yaxis: `y${k}`, connectgaps: false,
           hovertemplate: '%{y}', line: { color: colour(line.colour), dash: line.dash,
-            width: line.colour === 'b' ? 2.4 : 1.4 } });
+            width: line.width } });
         if (traces[traces.length - 1].showlegend) named.add(line.name);
       });
       const gap = 0.035;
@@ -54,7 +54,7 @@
         nticks: 5 };
     });
     layout.xaxis = { ...axis('time [s]'), anchor: `y${n > 1 ? n : ''}`, domain: [0, 1],
-      range: [replay.t[0], replay.t[replay.t.length - 1]] };
+      range: [...whole] };
     figure.shade.forEach(([from, to]) => layout.shapes.push({ type: 'rect', xref: 'x',
       yref: 'paper', x0: from, x1: to, y0: 0, y1: 1, layer: 'below', line: { width: 0 },
       fillcolor: colour('shade'), opacity: 0.8 }));
@@ -63,22 +63,33 @@
       box.dataset.live = 'yes';
       fit.observe(box);
       box.on('plotly_relayout', (change) => follow(box, change));
+      box.on('plotly_doubleclick', reset);
+      if (shown !== whole) relayout([box], () => ({ 'xaxis.range': [...shown] }));
       box.on('plotly_click', (event) => seek(event.points[0].x));
     }
   }
 
+  const whole = [replay.t[0], replay.t[replay.t.length - 1]];
+  let shown = whole; // the stretch of time of every plot
   let following = false;
+  function relayout(boxes, change) {
+    following = true;
+    Promise.all(boxes.map((box) => Plotly.relayout(box, change(box))))
+      .finally(() => { following = false; });
+  }
+  const live = () => [...document.querySelectorAll('.plot[data-live]')];
   function follow(box, change) { // the others take the stretch of time of the one zoomed into
     if (following) return;
-    const whole = [replay.t[0], replay.t[replay.t.length - 1]];
-    const range = change['xaxis.autorange'] ? whole
-      : [change['xaxis.range[0]'], change['xaxis.range[1]']];
+    const range = change['xaxis.range'] || [change['xaxis.range[0]'], change['xaxis.range[1]']];
     if (range[0] === undefined) return;
-    following = true;
-    Promise.all([...document.querySelectorAll('.plot[data-live]')]
-      .map((other) => (other === box && range !== whole ? null
-        : Plotly.relayout(other, { 'xaxis.range': [...range] }))))
-      .finally(() => { following = false; });
+    shown = [...range];
+    relayout(live().filter((other) => other !== box), () => ({ 'xaxis.range': [...shown] }));
+  }
+  function reset() { // a double click into any plot: all of time and all values, in every plot
+    shown = whole;
+    relayout(live(), (box) => Object.fromEntries([['xaxis.range', [...whole]],
+      ...Object.keys(box.layout).filter((key) => key.startsWith('yaxis'))
+        .map((key) => [`${key}.autorange`, true])]));
   }
 
   // ---------------------------------------------------------------- replay
@@ -129,7 +140,7 @@
     return { p, q, known: vehicle.q[i][0] !== null };
   }
 
-  const DIRECTIONS = [[[1, 0, 0], 'b'], [[0, 1, 0], 'third'], [[0, 0, 1], 'a']];
+  const DIRECTIONS = [[[1, 0, 0], 'estimate'], [[0, 1, 0], 'sonar'], [[0, 0, 1], 'onboard']];
   const CROSS = [[1, 1, 0], [-1, -1, 0], null, [1, -1, 0], [-1, 1, 0]]; // the arms
 
   function body(vehicle, at) { // lines of a vehicle: arms, then its three axes
@@ -151,13 +162,14 @@
       scene.innerHTML = '<p class="hint">This browser has no WebGL, so the flight is shown from '
         + 'above and from the side only.</p>';
       scene.style.height = 'auto';
+      document.getElementById('axes').hidden = true; // only the scene has them
       return;
     }
     const traces = replay.tracks.map((track) => ({ type: 'scatter3d', mode: 'lines',
       name: track.name, x: track.x, y: track.y, z: track.z, hoverinfo: 'name',
       opacity: 0.55,
-      line: { color: colour(track.colour), width: track.colour === 'reference' ? 2 : 3,
-        dash: track.colour === 'reference' ? 'dot' : 'solid' } }));
+      line: { color: colour(track.colour), width: track.dash === 'solid' ? 3 : 2,
+        dash: track.dash } }));
     replay.vehicles.forEach((vehicle) => {
       body(vehicle, now).forEach((points, part) => {
         const [x, y, z] = columns(points);
@@ -174,19 +186,19 @@
     Plotly.react(scene, traces, { ...base(), margin: { l: 0, r: 0, t: 0, b: 0 },
       uirevision: 'kept', legend: { orientation: 'h', x: 0, y: 1, yanchor: 'top' },
       scene: { aspectmode: 'data', xaxis: side('x [m]', 0), yaxis: side('y [m]', 1),
-        zaxis: side('z [m]', 2), camera: {
+        zaxis: side('z up [m]', 2), camera: {
           eye: narrow() ? { x: 1.7, y: -1.7, z: 0.95 } : { x: 1.35, y: -1.35, z: 0.75 },
           center: { x: 0, y: 0, z: -0.1 } } } }, config);
   }
 
   function drawFlat() {
     const traces = [];
+    const legend = !hasWebGL || onPaper; // else the scene beside it has one
     [['x', 'y', ''], ['x', 'z', '2']].forEach(([across, up, k]) => {
       replay.tracks.forEach((track) => traces.push({ type: 'scatter', mode: 'lines',
-        name: track.name, showlegend: !hasWebGL && !k, x: track[across], y: track[up],
+        name: track.name, showlegend: legend && !k, x: track[across], y: track[up],
         xaxis: `x${k}`, yaxis: `y${k}`, hoverinfo: 'name',
-        line: { color: colour(track.colour), width: track.colour === 'b' ? 2.2 : 1.3,
-          dash: track.colour === 'reference' ? 'dot' : 'solid' } }));
+        line: { color: colour(track.colour), width: track.width, dash: track.dash } }));
     });
     replay.vehicles.forEach((vehicle) => ['', '2'].forEach((k) => traces.push({ type: 'scatter',
       mode: 'markers', x: [], y: [], xaxis: `x${k}`, yaxis: `y${k}`, showlegend: false,
@@ -194,13 +206,13 @@
         line: { color: colour('paper'), width: 1.5 } } })));
     const heights = [extent[1][1] - extent[1][0], extent[2][1] - extent[2][0]];
     const cut = Math.min(0.7, Math.max(0.3, heights[1] / (heights[0] + heights[1])));
-    Plotly.react(flat, traces, { ...base(), margin: { l: 56, r: 8, t: hasWebGL ? 24 : 56, b: 44 },
+    Plotly.react(flat, traces, { ...base(), margin: { l: 56, r: 8, t: legend ? 56 : 24, b: 44 },
       legend: { orientation: 'h', x: 0, y: 1.06, yanchor: 'bottom' }, dragmode: false,
       xaxis: { ...axis(''), range: extent[0], domain: [0, 1], anchor: 'y' },
       yaxis: { ...axis('y [m]'), range: extent[1], scaleanchor: 'x', constrain: 'domain',
         domain: [cut + 0.08, 1] },
       xaxis2: { ...axis('x [m]'), range: extent[0], matches: 'x', anchor: 'y2' },
-      yaxis2: { ...axis('z [m]'), range: extent[2], scaleanchor: 'x2', constrain: 'domain',
+      yaxis2: { ...axis('z up [m]'), range: extent[2], scaleanchor: 'x2', constrain: 'domain',
         domain: [0, cut - 0.04] },
       annotations: [['from above', 1], ['from the side', cut - 0.04]].map(([text, y]) => ({ text,
         x: 1, y, xref: 'paper', yref: 'paper', xanchor: 'right', yanchor: 'bottom',
@@ -292,13 +304,25 @@
   [scene, flat].forEach((box) => fit.observe(box));
   now = Math.round(0.4 * last);
   show();
-  window.addEventListener('beforeprint', rest);
-  dark.addEventListener('change', () => {
+  function again() { // in other colours
     drawScene();
     drawFlat();
     data.figures.forEach((figure) => {
       if (!waiting.has(document.getElementById(figure.id))) draw(figure);
     });
+  }
+  window.addEventListener('beforeprint', () => {
+    onPaper = true;
+    if (dark.matches) again(); else drawFlat();
+    rest();
+    document.querySelectorAll('.plot .main-svg, #flat .main-svg').forEach((svg) => { // to scale
+      svg.setAttribute('viewBox', `0 0 ${svg.getAttribute('width')} ${svg.getAttribute('height')}`);
+    });
   });
+  window.addEventListener('afterprint', () => {
+    onPaper = false;
+    if (dark.matches) again(); else drawFlat();
+  });
+  dark.addEventListener('change', again);
   document.documentElement.dataset.ready = hasWebGL ? 'webgl' : 'flat';
 })();

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
+import itertools
 import json
 import math
 from pathlib import Path
@@ -18,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from plotly.offline import get_plotlyjs
 
-from . import metrics, motion, tables
+from . import figures, markup, metrics, motion, palette, tables
 from .bag import Bag, BagError
 from .metrics import Floats, Ints
 from .motion import Motion
@@ -45,6 +46,7 @@ class Report(NamedTuple):
     details: list[tuple[str, str]]  # (name, text)
     replay: dict[str, Any]
     figures: list[dict[str, Any]]
+    phases: Phases
 
 
 def _numbers(values: Floats, digits: int) -> list[float | None]:
@@ -54,11 +56,29 @@ def _numbers(values: Floats, digits: int) -> list[float | None]:
 
 
 def _line(
-    name: str, colour: str, stamps: Ints, values: Floats, digits: int, dash: str = 'solid',
+    name: str, stamps: Ints, values: Floats, digits: int, style: Mapping[str, Any],
 ) -> dict[str, Any]:
     t, y = metrics.envelope(stamps * 1e-9, values, POINTS)
-    return {'name': escape(name), 'colour': colour, 'dash': dash, 't': _numbers(t, 3),
-            'y': _numbers(y, digits)}
+    return {'name': escape(name), **style, 't': _numbers(t, 3), 'y': _numbers(y, digits)}
+
+
+def _style(role: str) -> dict[str, Any]:
+    """Return how ``report.js`` draws the line of a role."""
+    dashes, width, _ = palette.LINES.get(role, ('-', 1.4, 0))
+    return {'colour': role, 'dash': palette.DASHES[dashes], 'width': width}
+
+
+def roles(names: Sequence[str]) -> list[str]:
+    """
+    Return the role whose colour the motion of each topic takes, no two alike.
+
+    Of two motions of one role the first has its colour, the other one that is free.
+    """
+    used: list[str] = []
+    for name in names:
+        role = palette.LABELS.get(name)
+        used.append(palette.free((*used, 'reference')) if role is None or role in used else role)
+    return used
 
 
 def _figure(
@@ -71,21 +91,28 @@ def _figure(
 
 def _figures(
     comparison: Comparison, name: str, others: Mapping[str, Sequence[Motion]],
+    colours: Sequence[str],
 ) -> list[dict[str, Any]]:
     """Return two figures a quantity: both sides by axis, and their difference."""
     out, (ours, theirs) = [], comparison.labels
+    a, b = ({**_style(colour), 'width': width} for colour, width in zip(colours, (1.4, 2.6)))
+    if a['dash'] == b['dash']:
+        a['dash'] = 'dash'
     for q in comparison.quantities:
         digits = DIGITS.get(q.unit, 4) + 3  # small differences are no staircases
         panels = []
         for axis, label in enumerate(q.axes):
-            lines = [_line(other.name, 'reference', other.stamps, other.position[:, axis],
-                           digits, 'dot') for other in others.get(q.name, ())]
+            lines = [_line(other.name, other.stamps, other.position[:, axis], digits,
+                           {**_style('reference'), 'dash': 'dot'})
+                     for other in others.get(q.name, ())]
             panels.append((f'{label} [{q.unit}]', [
-                *lines, _line(theirs, 'b', q.stamps, q.b[:, axis], digits),
-                _line(ours, 'a', q.stamps, q.a[:, axis], digits, 'dash')]))
+                *lines, _line(theirs, q.stamps, q.b[:, axis], digits, b),
+                _line(ours, q.stamps, q.a[:, axis], digits, a)]))
+        shown = figures.listed([ours, theirs, *(other.name for other in others.get(q.name, ()))])
+        up = ', z up' if q.axes[-1] == 'z' else ''
         out.append(_figure(
             f'{name} {q.name}', f'{name}{q.name}'[:1].upper() + f'{name}{q.name}'[1:],
-            f'{ours} and {theirs} by axis.', panels))
+            f'{shown} by axis{up}.', panels))
         out.append(_error_figure(q, name, f'{ours} minus {theirs}', digits))
     return out
 
@@ -95,13 +122,13 @@ def _error_figure(q: Quantity, name: str, what: str, digits: int) -> dict[str, A
     panels = []
     if len(q.axes) == 3:
         panels = [(f'Δ{axis} [{q.unit}]', [
-            _line(f'{axis} error', 'ink', q.stamps, q.error[:, i], digits)])
+            _line(f'{axis} error', q.stamps, q.error[:, i], digits, _style('ink'))])
             for i, axis in enumerate(q.axes)]
     length = np.linalg.norm(q.error, axis=1)
     panels.append((f'{label} [{q.unit}]', [
-        _line(f'{label} of the error', 'ink', q.stamps, length, digits),
-        _line('running RMS', 'running', q.stamps, metrics.running_rms(q.stamps, q.error),
-              digits)]))
+        _line(f'{label} of the error', q.stamps, length, digits, _style('ink')),
+        _line('running RMS', q.stamps, metrics.running_rms(q.stamps, q.error), digits,
+              {**_style('sonar'), 'width': 2.2})]))
     title = f'{name}{q.name} error'
     return _figure(title, title[:1].upper() + title[1:],
                    f'{what}, its {label}, and the RMS up to each instant.', panels)
@@ -117,7 +144,7 @@ def _replay(
     out: dict[str, Any] = {'t': _numbers(grid * 1e-9, 3), 'tracks': [], 'vehicles': []}
     for label, colour, track in tracks:
         step = max(1, len(track.stamps) // POINTS)
-        out['tracks'].append({'name': escape(label), 'colour': colour, **{
+        out['tracks'].append({'name': escape(label), **_style(colour), **{
             axis: _numbers(track.position[::step, i], 4) for i, axis in enumerate('xyz')}})
     for label, colour, vehicle in vehicles:
         there = vehicle.at(grid)
@@ -150,9 +177,9 @@ def _cards(sections: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:
     return out
 
 
-def _shade(parts: Phases, report: Report) -> Report:
+def _shade(report: Report) -> Report:
     """Add the take-off and landing to the figures, to be shaded."""
-    begin, end = report.replay['t'][0], report.replay['t'][-1]
+    parts, begin, end = report.phases, report.replay['t'][0], report.replay['t'][-1]
     shade = []
     if parts.takeoff_end is not None:
         shade.append([begin, parts.takeoff_end * 1e-9])
@@ -191,15 +218,17 @@ def of_two(
         names = [f'{letter}: {m.name}' for letter, m in zip('AB', (ours, theirs))]
     named = Comparison(comparison.title, (names[0], names[1]), comparison.quantities,
                        comparison.phases)
-    vehicles = [(names[0], 'a', ours), (names[1], 'b', theirs)]
+    colours = roles([m.name for m in (ours, theirs)])
+    vehicles = [(names[0], colours[0], ours), (names[1], colours[1], theirs)]
     tracks = [('reference', 'reference', m) for m in references] + vehicles[::-1]
     lead = (f'A, {ours.name} of {result["bags"][0]}, minus B, {theirs.name} of '
             f'{result["bags"][1]}: {result["duration"]:.2f} s in common.')
-    return _shade(comparison.phases, Report(
+    return _shade(Report(
         title, lead, _cards(result['errors']), [*tables.times(result), *result['notes']],
         [{**entry, 'title': f'{entry["quantity"]}, A minus B'} for entry in result['errors']],
         result['differences'], _details(a) if other is a else _details(a, other),
-        _replay(tracks, vehicles), _figures(named, '', {'position': references})))
+        _replay(tracks, vehicles), _figures(named, '', {'position': references}, colours),
+        comparison.phases))
 
 
 def of_one(bag: Bag, result: Mapping[str, Any]) -> Report:
@@ -227,14 +256,15 @@ def of_one(bag: Bag, result: Mapping[str, Any]) -> Report:
     references = [motion.read(bag, 'reference')] if 'reference' in bag else []
     by_name = {m.name: m for m in (*moving, *references)}
     main = comparisons[0].labels if comparisons else (moving[0].name,)
-    vehicles = [(name, colour, by_name[name]) for name, colour in zip(main, 'ab')]
-    tracks = [(m.name, 'reference' if m.name == 'reference' else 'third', m)
-              for m in by_name.values() if m.name not in main]
-    figures, sections = [], []
+    colours = dict(zip(by_name, roles(list(by_name))))
+    vehicles = [(name, colours[name], by_name[name]) for name in main]
+    tracks = [(name, colours[name], m) for name, m in by_name.items() if name not in main]
+    shown, sections = [], []
     names = [f'{comparison.title.split()[0]}: ' for comparison in comparisons]
     for comparison, name in zip(comparisons, names):
-        figures += _figures(comparison, name, {
-            'position': references} if 'reference' not in comparison.labels else {})
+        shown += _figures(comparison, name, {
+            'position': references} if 'reference' not in comparison.labels else {},
+            [colours[label] for label in comparison.labels])
         sections += [{**entry, 'title': f'{entry["quantity"]}: {comparison.title}'}
                      for entry in comparison.sections()]
     facts = [] if result['real_time_factor'] is None else [
@@ -242,21 +272,10 @@ def of_one(bag: Bag, result: Mapping[str, Any]) -> Report:
     facts += [f'imported from {result["source"]}'] if result['source'] else []
     lead = f'{result["duration"]:.2f} s of flight; {comparisons[0].title}.' if comparisons \
         else f'{result["duration"]:.2f} s of flight.'
-    return _shade(parts, Report(
+    return _shade(Report(
         result['bag'], lead, _cards(comparisons[0].sections() if comparisons else []),
         [*facts, *tables.times(result), *result['notes']], sections, [], _details(bag),
-        _replay([*tracks, *vehicles[::-1]], vehicles), figures))
-
-
-def _cell(value: Any) -> str:
-    return f'<td>{escape(str(value))}</td>'
-
-
-def _table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    cells = ''.join(f'<th scope="col">{escape(name)}</th>' for name in head)
-    body = ''.join(f'<tr>{"".join(map(_cell, row))}</tr>' for row in rows)
-    return (f'<div class="scroll"><table><caption>{escape(caption)}</caption>'
-            f'<thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div>')
+        _replay([*tracks, *vehicles[::-1]], vehicles), shown, parts))
 
 
 def _section_table(entry: Mapping[str, Any]) -> str:
@@ -268,7 +287,7 @@ def _section_table(entry: Mapping[str, Any]) -> str:
         *row['rms'], row['rms_total'], row['maximum_total'], row['drift_total'])),
         *('–' if value is None else f'{value:.3f}' for value in row['delay']),
         str(row['count'])] for row in entry['rows'] if row['count']]
-    return _table(f'{entry["title"]} [{entry["unit"]}]', head, rows)
+    return markup.table(f'{entry["title"]} [{entry["unit"]}]', head, rows)
 
 
 def _figure_html(figure: Mapping[str, Any]) -> str:
@@ -281,49 +300,52 @@ def _figure_html(figure: Mapping[str, Any]) -> str:
 
 _REPLAY = """
 <section id="replay"><h2>The flight</h2>
-<div class="views"><div id="scene" role="img" aria-label="Path in three dimensions"></div>
-<div id="flat" role="img" aria-label="Path from above and from the side, to scale"></div></div>
+<div class="views"><div id="scene" role="img" aria-label="Path in three dimensions, z up"></div>
+<div id="flat" role="img" aria-label="Path from above and from the side, to scale, z up">
+</div></div>
 <div class="player"><button id="play" type="button" aria-label="play">▶</button>
 <input id="when" type="range" min="0" max="1" step="any" value="0" aria-label="time of flight">
 <output id="clock">0.00 s</output>
 <select id="speed" aria-label="speed"><option value="0.25">¼×</option><option value="1" selected>1×
 </option><option value="4">4×</option><option value="16">16×</option></select></div>
-<p class="hint">Body axes: <span class="x">forward</span>, <span class="y">left</span>,
+<p class="hint" id="axes">Body axes: <span class="x">forward</span>, <span class="y">left</span>,
 <span class="z">up</span>, drawn larger than the vehicle. Drag to turn, scroll or pinch to come
-closer; a click into a plot below moves the vehicle to that time.</p></section>
+closer.</p><p class="hint">A click into a plot below moves the vehicle to that time.</p></section>
 """
 
 
 def html(report: Report) -> str:
     """Return the page."""
     here = files('mambo_analysis')
-    style = here.joinpath('report.css').read_text(encoding='utf-8')
+    style = palette.css() + here.joinpath('report.css').read_text(encoding='utf-8')
     script = here.joinpath('report.js').read_text(encoding='utf-8')
-    data = json.dumps({'replay': report.replay, 'figures': report.figures}, allow_nan=False,
-                      separators=(',', ':')).replace('</', '<\\/')
+    data = json.dumps({
+        'replay': report.replay, 'figures': report.figures, 'colours': palette.by_theme(),
+    }, allow_nan=False, separators=(',', ':')).replace('</', '<\\/')
     cards = ''.join(
         f'<div class="card"><dt>{escape(name)}</dt><dd>{escape(number)}</dd>'
         f'<dd class="what">{escape(what)}</dd></div>' for name, number, what in report.cards)
     notes = ''.join(f'<li>{escape(note)}</li>' for note in report.notes)
     pages = ''.join(map(_figure_html, report.figures))
-    differ = _table('Parameters that differ', ['parameter', 'A', 'B'], [
+    differ = markup.table('Parameters that differ', ['parameter', 'A', 'B'], [
         [name, *('–' if value is None else str(value) for value in values)]
         for name, *values in report.differences]) if report.differences else ''
-    details = ''.join(f'<details><summary>{escape(name)}</summary><pre>{escape(text)}</pre>'
-                      '</details>' for name, text in report.details)
+    details = ''.join(itertools.starmap(markup.details, report.details))
+    shaded = figures.shaded(report.phases)
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<title>{escape(report.title)}</title><style>{style}</style></head><body>'
+        f'<title>{escape(report.title)}</title><style>{style}</style></head><body><main>'
         f'<header><h1>{escape(report.title)}</h1><p>{escape(report.lead)}</p>'
         f'<dl class="cards">{cards}</dl></header>{_REPLAY}'
-        f'<section id="plots"><h2>Signals and differences</h2><p class="hint">Take-off and '
-        'landing are shaded. Zooming in time zooms every plot; a double click shows all again.</p>'
+        f'<section id="plots"><h2>Signals and differences</h2><p class="hint">'
+        f'{shaded} Zooming in time zooms every plot; a double click shows all of every plot '
+        'again.</p>'
         f'<div class="figures">{pages}</div></section>'
         f'<section id="numbers"><h2>Numbers</h2>{"".join(map(_section_table, report.sections))}'
         f'{differ}</section><section id="notes"><h2>What was compared</h2><ul>{notes}</ul>'
-        f'{details}</section><script id="data" type="application/json">{data}</script>'
+        f'{details}</section></main><script id="data" type="application/json">{data}</script>'
         f'<script>{get_plotlyjs()}</script><script>{script}</script></body></html>\n')
 
 

@@ -125,7 +125,7 @@ def test_vehicles_are_where_their_bags_have_them(two, flights):
 
 
 def test_the_page_follows_light_dark_narrow_and_paper(page):
-    for rule in ('prefers-color-scheme: dark', 'max-width: 700px', '@media print',
+    for rule in ('prefers-color-scheme:dark', 'max-width: 700px', '@media print',
                  'width=device-width'):
         assert rule in page
 

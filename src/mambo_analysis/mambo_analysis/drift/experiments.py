@@ -21,10 +21,9 @@ import numpy as np
 from tqdm import tqdm
 
 from . import report, table
-from .. import closed_loop, scenario_file
+from .. import closed_loop, digest, scenario_file
 from ..cli import guard
 from ..mcap_file import BagError
-from ..thesis.report import picture
 from .evidence import Evidence, inclusion
 from .flight import Flight, flow_of, from_recording
 from .mechanisms import flow
@@ -163,7 +162,7 @@ def _run(options: argparse.Namespace) -> None:
             'flown': {n: {k: f._asdict() for k, f in d.items()} for n, d in flown.items()},
             'found': [f._asdict() for f in found],
         }, indent=1) + '\n')
-        picture(report.draw(flown), options.out / 'drift.png')
+        digest.save(report.draw(flown), options.out / 'drift.png', 130, report.shows(tables[1]))
         if options.write:
             options.write.write_text(report.put(
                 tables, options.write.read_text(), options.write))

@@ -23,7 +23,8 @@ import numpy as np
 
 from ..cli import guard
 from ..mcap_file import BagError
-from ..thesis.drawing import COLOURS, sheet
+from .. import palette
+from ..thesis.drawing import sheet
 from ..thesis.report import picture
 from .evidence import Evidence, Fit, inclusion, Noise, not_separated, PRIOR, separating
 from .flight import Flight, MIN_HEIGHT, read
@@ -111,17 +112,19 @@ def draw(flights: Sequence[Flight], fits: list[Fit]) -> Figure:
     """Return the probabilities, and the apparent factor over the height with the best model's."""
     figure, (left, right) = sheet(1, 2, 3.2)
     shares = inclusion(fits)
-    left.bar(list(shares), list(shares.values()), color=COLOURS[0])
+    left.bar(list(shares), list(shares.values()), color=palette.COLOURS[palette.SERIES[0]])
     left.set(ylim=(0.0, 1.0), ylabel='probability', xlabel='mechanism, alone or with another')
     heights = np.concatenate([f.track.height for f in flights])
     edges = np.linspace(heights.min(), heights.max(), 13)
-    for f in flights:
+    for k, f in enumerate(flights):
+        style = {'color': palette.COLOURS[palette.SERIES[k % len(palette.SERIES)]],
+                 'markersize': 3}
+        mark = 'os^Dv<>'[k // len(palette.SERIES) % 7]  # more flights than colours
         model = flow(f.track, f.height_before(fits[0].values.get('height_lag', 0.0)),
                      fits[0].values)
         middle = 0.5 * (edges[1:] + edges[:-1])
-        line, = right.plot(middle, apparent_factor(f, f.flow, edges), 'o', markersize=3,
-                           label=f.name)
-        right.plot(middle, apparent_factor(f, model, edges), '-', color=line.get_color())
+        right.plot(middle, apparent_factor(f, f.flow, edges), mark, label=f.name, **style)
+        right.plot(middle, apparent_factor(f, model, edges), '-', **style)
     right.set(xlabel='height [m]', ylabel='apparent factor')
     right.set_title(f'line: {label(fits[0].model)}', fontsize='medium')
     right.legend(fontsize='small')

@@ -13,7 +13,8 @@ from matplotlib.ticker import NullLocator
 import numpy as np
 
 from ..mcap_file import BagError
-from ..thesis.drawing import COLOURS, sheet
+from .. import digest, palette
+from ..thesis.drawing import sheet
 from .paths import Array, EXPERIMENTS, PATHS
 from .table import ROWS
 
@@ -116,34 +117,40 @@ def put(tables: Sequence[str], document: str, where: Path) -> str:
 
 def _bars(axes: Axes, drifts: Mapping[str, Flown]) -> None:
     """Draw prediction and flight of each mechanism side by side, in one experiment."""
-    for k, (d, colour) in enumerate(zip(drifts.values(), COLOURS, strict=False)):
+    for k, (d, style) in enumerate(zip(drifts.values(), palette.lines(drifts), strict=True)):
+        colour = style['color']
         mean = float(np.mean(d.measured))
         axes.bar(k - 0.27, d.perfect, 0.25, fill=False, edgecolor=colour)
         axes.bar(k, d.predicted, 0.25, color=colour, alpha=0.4)
         axes.bar(k + 0.27, mean, 0.25, color=colour)
-        axes.plot([k + 0.27] * len(d.measured), d.measured, '.', color='black', markersize=2)
+        axes.plot([k + 0.27] * len(d.measured), d.measured, '.', color=palette.INK, markersize=2)
         top = max(*d.measured, 0.0)
         axes.annotate(f'{mean:.2f}' if abs(mean) > 5e-3 else '0', (k + 0.27, top), (0, 2),
                       textcoords='offset points', ha='center', va='bottom', fontsize=7)
     axes.set_xticks(range(len(drifts)), [key.upper() for key in drifts])
     axes.grid(False, axis='x')
-    axes.axhline(0.0, color='black', linewidth=0.6)
+    axes.axhline(0.0, color=palette.INK, linewidth=0.6)
 
 
 def _over_speed(axes: Axes, flown: Drifts) -> None:
     """Draw the drift over the speed: with perfect tracking as lines, flown as points."""
     speeds = [EXPERIMENTS[name][0] for name in SPEEDS]
-    for key, colour in zip(flown[SPEEDS[0]], COLOURS, strict=False):
-        axes.loglog(speeds, [flown[n][key].perfect for n in SPEEDS], '-', color=colour,
-                    linewidth=1.0)
-        axes.loglog(speeds, [np.mean(flown[n][key].measured) for n in SPEEDS], 'o', color=colour,
-                    markersize=4, label=key.upper())
+    keys = flown[SPEEDS[0]]
+    for key, style, marker in zip(keys, palette.lines(keys), 'os^Dv', strict=False):
+        axes.loglog(speeds, [flown[n][key].perfect for n in SPEEDS], **style)
+        axes.loglog(speeds, [np.mean(flown[n][key].measured) for n in SPEEDS], marker,
+                    color=style['color'], markersize=4, label=key.upper())
     axes.set_xticks(speeds, [f'{speed:g}' for speed in speeds])
     axes.set_yticks([0.05, 0.1, 0.2, 0.5, 1.0], ['0.05', '0.1', '0.2', '0.5', '1'])
     axes.xaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_minor_locator(NullLocator())
     axes.set(xlabel='speed [rad/s]', ylabel='drift in a turn [m]')
     axes.legend(fontsize=7, frameon=False, handletextpad=0.2)
+
+
+def shows(flown_rows: str) -> str:
+    """Return the digest of the figure, by its table (:func:`flown_table`) and its colours."""
+    return digest.of_text(flown_rows.strip(), str(palette.ROLES))
 
 
 def draw(flown: Drifts) -> Figure:
@@ -160,9 +167,10 @@ def draw(flown: Drifts) -> Figure:
         axes.set_ylabel('drift in a turn [m]')
     for axes in bars:
         axes.set_xlabel('mechanism')
+    grey = palette.COLOURS['soft']
     figure.legend(handles=[
-        Patch(fill=False, edgecolor='grey', label='predicted, perfect tracking'),
-        Patch(color='grey', alpha=0.4, label='predicted along the motion flown'),
-        Patch(color='grey', label='flown, mean; dots: seeds')],
+        Patch(fill=False, edgecolor=grey, label='predicted, perfect tracking'),
+        Patch(color=grey, alpha=0.4, label='predicted along the motion flown'),
+        Patch(color=grey, label='flown, mean; dots: seeds')],
         loc='outside upper center', ncols=3, frameon=False, fontsize='small')
     return figure

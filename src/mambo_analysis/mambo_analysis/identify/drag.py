@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from . import regression, report
-from .. import closed_loop
+from .. import closed_loop, palette
 from ..scenario import from_yaml, load, override, Scenario
 from ..signals import resample
 from .regression import IdentifyError, LEVEL, Value
@@ -212,12 +212,13 @@ def _draw(found: Drag, part: Part) -> Callable[[Figure], None]:
     def draw(figure: Figure) -> None:
         """Draw each axis flown and found, and what is left."""
         rows = figure.subplots(2, len(names), sharex=True, squeeze=False)
+        flown, model = palette.lines(['Optitrack', 'simulation'])
         for j, name in enumerate(names):
             above, below = rows[:, j]
-            above.plot(found.t, found.measured[:, j], color='#2ca25f', label='Optitrack')
-            above.plot(found.t, found.simulated[:, j], color='#2f7ed8', lw=1, label='simulation')
-            above.set_title(f'{name} [m], NED')
-            below.plot(found.t, 100.0 * found.fit.residual[:, j], color='#e0403f', lw=0.8)
+            above.plot(found.t, found.measured[:, j], label='Optitrack', **flown)
+            above.plot(found.t, found.simulated[:, j], label='simulation', **model)
+            above.set_title(f'{name}{" down" * (name == "z")} [m], NED')
+            below.plot(found.t, 100.0 * found.fit.residual[:, j], color=palette.INK, lw=0.8)
             below.set_title('residual [cm]')
             below.set_xlabel('time [s]')
         rows[0, 0].legend()

@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 import yaml
 
 from . import regression, report
-from .. import motion
+from .. import motion, palette
 from ..closed_loop import Recording
 from ..signals import outliers
 from ..signals.derivative import body_rates, local_fit
@@ -208,8 +208,8 @@ def from_recording(
 
 
 def _draw(data: Samples, found: dict[str, Factor]) -> Callable[[Figure], None]:
-    colours = dict(zip(LAWS, ('#8a8a8a', '#2f7ed8', '#e0403f')))
-
+    styles = dict(zip(LAWS, palette.lines(LAWS)))
+    bench = palette.COLOURS[palette.MEASURED]
     best = found[min(found, key=lambda law: found[law].fit.rms)]
 
     def draw(figure: Figure) -> None:
@@ -225,14 +225,15 @@ def _draw(data: Samples, found: dict[str, Factor]) -> Callable[[Figure], None]:
             Q = (x @ x) / (x @ y)
             error = 1.96 * Q * Q * best.fit.rms / np.sqrt(x @ x)
             if error < 0.2:  # else there is hardly a motion at this height
-                above.errorbar(data.height[here].mean(), Q, error, fmt='o', color='#a06cd5')
+                above.errorbar(data.height[here].mean(), Q, error, fmt='o', color=bench)
         for law, one in found.items():
-            above.plot(fine, one.at(fine, law), color=colours[law], label=law)
+            above.plot(fine, one.at(fine, law), label=law, **styles[law])
         above.set_xlabel('height [m]')
         above.set_ylabel('Q')
         above.legend()
-        for j, axis in enumerate('xy'):
-            below.plot(data.t, best.fit.residual[:, j], '.', ms=3, label=axis)
+        for j, (axis, style, marker) in enumerate(zip('xy', palette.lines('xy'), '.x')):
+            below.plot(data.t, best.fit.residual[:, j], marker, ms=3, color=style['color'],
+                       label=axis)
         below.set_xlabel('time [s]')
         below.set_ylabel('residual of the flow [rad/s]')
         below.legend()

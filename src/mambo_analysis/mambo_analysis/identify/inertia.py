@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import columns, regression, report
+from .. import palette
 from .regression import IdentifyError, Value
 
 Floats = NDArray[np.float64]
@@ -180,11 +181,12 @@ def _draw(t: Floats, rate: Floats, found: Inertia) -> Callable[[Figure], None]:
     def draw(figure: Figure) -> None:
         """Draw the gyro with (4.2), and what is left."""
         above, below = figure.subplots(2, 1, sharex=True)
-        above.plot(t, rate, '.', ms=2, color='#8a8a8a', label='gyro')
-        above.plot(t, rate - found.fit.residual[:, 0], color='#e0403f', lw=1, label='(4.2)')
+        above.plot(t, rate, '.', ms=2, color=palette.COLOURS[palette.MEASURED], label='gyro')
+        above.plot(t, rate - found.fit.residual[:, 0], label='(4.2)',
+                   color=palette.COLOURS[palette.SERIES[0]], lw=1)
         above.set_ylabel('rate [rad/s]')
         above.legend(loc='upper right')
-        below.plot(t, found.fit.residual[:, 0], '.', ms=2, color='#2f7ed8')
+        below.plot(t, found.fit.residual[:, 0], '.', ms=2, color=palette.INK)
         below.set_ylabel('residual [rad/s]')
         below.set_xlabel('time [s]')
     return draw

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import regression, report
-from .. import metrics
+from .. import metrics, palette
 from ..closed_loop import Recording
 from .regression import IdentifyError, Value
 
@@ -199,12 +199,13 @@ def _draw(found: Motor) -> Callable[[Figure], None]:
     def draw(figure: Figure) -> None:
         """Draw the acceleration measured and found, and what is left."""
         above, below = figure.subplots(2, 1, sharex=True)
-        above.plot(found.t, found.measured, color='#8a8a8a', label='accelerometer')
-        above.plot(found.t, found.measured - found.fit.residual[:, 0], color='#e0403f', lw=1,
-                   label='commands, lagged')
+        above.plot(found.t, found.measured, color=palette.COLOURS[palette.MEASURED],
+                   label='accelerometer')
+        above.plot(found.t, found.measured - found.fit.residual[:, 0], label='commands, lagged',
+                   color=palette.COLOURS[palette.SERIES[0]], lw=1)
         above.set_ylabel('specific force along b3 [m/s^2]')
         above.legend()
-        below.plot(found.t, found.fit.residual[:, 0], color='#2f7ed8', lw=0.6)
+        below.plot(found.t, found.fit.residual[:, 0], color=palette.INK, lw=0.6)
         below.set_ylabel('residual [m/s^2]')
         below.set_xlabel('time [s]')
     return draw

@@ -31,6 +31,7 @@ from scipy.ndimage import median_filter
 from scipy.signal import butter, sosfiltfilt
 from scipy.stats import beta, binom, t as student
 
+from .. import palette
 from ..cli import guard
 from ..mcap_file import BagError
 from .allan import (
@@ -530,9 +531,9 @@ def summary(found: list[list[Measured]]) -> list[Measured]:
 
 
 def _draw_allan(axis: Axes, curves: dict[str, Allan], unit: str) -> None:
-    for name, curve in curves.items():
+    for (name, curve), style in zip(curves.items(), palette.lines(curves)):
         reach = [curve.deviation - curve.low, curve.high - curve.deviation]
-        axis.errorbar(curve.tau, curve.deviation, reach, label=name, capsize=2)
+        axis.errorbar(curve.tau, curve.deviation, reach, label=name, capsize=2, **style)
     axis.set(title='Allan deviation at rest', xlabel='averaging time [s]', ylabel=f'[{unit}]',
              xscale='log', yscale='log')
     axis.legend()
@@ -542,15 +543,17 @@ def _draw_sonar(axis: Axes, stream: Stream) -> None:
     heard = np.isfinite(stream.values)
     t, values = stream.t[heard], stream.values[heard]
     stray, level = outliers(values)
-    axis.plot(t, level, color='0.6', label=f'median of {NEIGHBOURS}')
-    axis.plot(t[~stray], values[~stray], '.', markersize=3, label='values')
-    axis.plot(t[stray], values[stray], 'x', label='outliers')
+    axis.plot(t, level, color=palette.COLOURS['soft'], label=f'median of {NEIGHBOURS}')
+    axis.plot(t[~stray], values[~stray], '.', markersize=3, color=palette.COLOURS['sonar'],
+              label='values')
+    if stray.any():
+        axis.plot(t[stray], values[stray], 'x', color=palette.INK, label='outliers')
     axis.set(title='sonar', xlabel='time [s]', ylabel='range [m]')
     axis.legend()
 
 
 def _draw_latency(axis: Axes, lags: Array, misfit: Array) -> None:
-    axis.plot(lags, misfit)
+    axis.plot(lags, misfit, color=palette.INK)
     axis.set(title='flow against inertial velocity', xlabel='flow late by [ms]',
              ylabel='1 - R^2, mean of the bands')
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from . import columns, regression, report
+from .. import palette
 from .regression import IdentifyError, LEVEL, Value
 
 Floats = NDArray[np.float64]
@@ -107,18 +108,20 @@ def _draw(pwm: Floats, thrust: Floats, found: Thrust) -> Callable[[Figure], None
     def draw(figure: Figure) -> None:
         """Draw the bench with its maps, and what is left."""
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-        above.plot(pwm[~found.used], thrust[~found.used], 'x', color='#8a8a8a', label='left out')
-        above.plot(X, T, '.', color='#8a8a8a', label='bench')
-        above.plot(fine, found.a.value * fine ** found.b.value, color='#2ca25f', label='a X^b')
-        above.plot(fine, fine / found.gain.value, color='#2f7ed8', label='linear')
-        above.plot(fine, THESIS[0] * fine ** THESIS[1], ':', color='#e0403f',
-                   label='thesis, Mambo')
+        bench = palette.COLOURS[palette.MEASURED]
+        power, linear, thesis = palette.lines(['a X^b', 'linear', 'thesis'])
+        if not found.used.all():
+            above.plot(pwm[~found.used], thrust[~found.used], 'x', color=bench, label='left out')
+        above.plot(X, T, '.', color=bench, label='bench')
+        above.plot(fine, found.a.value * fine ** found.b.value, label='a X^b', **power)
+        above.plot(fine, fine / found.gain.value, label='linear', **linear)
+        above.plot(fine, THESIS[0] * fine ** THESIS[1], label='thesis, Mambo', **thesis)
         above.set_ylabel('thrust of one motor [N]')
         above.legend()
-        for model, colour in ((found.a.value * X ** found.b.value, '#2ca25f'),
-                              (X / found.gain.value, '#2f7ed8')):
-            below.plot(X, 100.0 * (T / model - 1.0), '.', color=colour)
-        below.axhline(0.0, color='#8a8a8a', lw=0.5)
+        for model, style, marker in ((found.a.value * X ** found.b.value, power, '.'),
+                                     (X / found.gain.value, linear, 'x')):
+            below.plot(X, 100.0 * (T / model - 1.0), marker, color=style['color'])
+        below.axhline(0.0, color=palette.INK, lw=0.5)
         below.set_ylabel('residual [%]')
         below.set_xlabel('command [PWM]')
     return draw

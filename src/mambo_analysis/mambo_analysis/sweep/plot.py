@@ -10,6 +10,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 import numpy as np
 
+from .. import palette
+
 METRICS = {
     'tracking_rms': 'tracking error, RMS [m]', 'tracking_max': 'tracking error, max [m]',
     'estimation_rms': 'estimation error, RMS [m]', 'estimation_final': 'drift at the end [m]'}
@@ -53,9 +55,11 @@ def _band(axes: Any, x: np.ndarray, y: np.ndarray) -> None:
     at = [middle for middle, _ in parts]
     for low, high, alpha in BANDS:
         edges = np.array([np.percentile(part, (low, high)) for _, part in parts])
-        axes.fill_between(at, edges[:, 0], edges[:, 1], alpha=alpha, color='C0', linewidth=0,
+        axes.fill_between(at, edges[:, 0], edges[:, 1], alpha=alpha, linewidth=0,
+                          color=palette.COLOURS[palette.SERIES[0]],
                           label=f'{low} to {high} %')
-    axes.plot(at, [np.median(part) for _, part in parts], '.-', color='C0', label='median')
+    axes.plot(at, [np.median(part) for _, part in parts], '.-', label='median',
+              color=palette.COLOURS[palette.SERIES[0]])
 
 
 def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], title: str) -> None:
@@ -86,9 +90,10 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
     grid = figure.subplots(rows, columns, squeeze=False)
     for column, (name, label) in enumerate(metrics.items()):
         values = np.asarray(data[name], dtype=float)
-        for value, members in groups(data[colour]) if colour else [('', slice(None))]:
+        parts = groups(data[colour]) if colour else [('', slice(None))]
+        for (value, members), style in zip(parts, palette.lines(str(v) for v, _ in parts)):
             percent, sorted_values = percentiles(values[members])
-            grid[0, column].plot(percent, sorted_values, label=str(value))
+            grid[0, column].plot(percent, sorted_values, label=str(value), **style)
         grid[0, column].set(xlabel='percentile', ylabel=label, xlim=(0, 100))
         for row, parameter in enumerate(varied, 1):
             _band(grid[row, column], np.asarray(data[parameter], dtype=float), values)

@@ -10,10 +10,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
+from .. import palette
 from ..scenario_file import load
 from .chapter_5 import against_optitrack, EQUAL, NO_DRIFT
 from .claim import at_least, at_most, claim, near, Result
-from .drawing import COLOURS, lines, positions, sheet
+from .drawing import lines, positions, sheet
 from .flights import drift, Flight, rms, seeds, X, Y, Z
 
 HEIGHTS = ('0_75', '1_00', '1_50', '2_50')
@@ -36,7 +37,7 @@ def figure_c_1() -> Result:
         far = f.after(8.0, f.t[-1])
         back.append(float(x[far].max() - x[far].min()))
     first = flights[0]
-    flow = np.insert(first.flow_times_height(1.06), 2, 0.0, axis=1)
+    flow = np.insert(first.flow_times_height(1.06), 2, np.nan, axis=1)  # measures no height
     tilt = [np.degrees(2.0 * np.abs(f.recording.truth[:, 7:9]).max()) for f in flights]
     return Result([
         at_most('tilt of the vehicle', tilt, 0.0, 'deg'),
@@ -89,7 +90,8 @@ def figure_c_3() -> Result:
     exponential = least_squares(
         lambda p: p[0] + p[1] * np.exp(h) - q, (0.95, 0.011)).x
     figure, (axes,) = sheet(1, height=3.2)
-    axes.plot(h, q, 'o', color=COLOURS[2], markersize=4, label='best constant')
+    axes.plot(h, q, 'o', color=palette.COLOURS[palette.MEASURED], markersize=4,
+              label='best constant')
     grid = np.linspace(0.5, 2.7, 100)
     lines(axes, {
         'exponential fit': (grid, exponential[0] + exponential[1] * np.exp(grid)),

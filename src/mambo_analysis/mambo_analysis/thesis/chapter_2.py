@@ -12,6 +12,7 @@ from mambo_model.vehicle_options import DragParams
 from mambo_sim.sensors.optical_flow import image_flow, project
 import numpy as np
 
+from .. import palette
 from .claim import at_least, at_most, claim, Result
 from .drawing import lines, sheet
 
@@ -75,7 +76,7 @@ def figure_3_2() -> Result:
     line = rotors[below][-1] / speeds[below][-1] * speeds
     figure, (axes,) = sheet(1, height=3.0)
     lines(axes, {name: (speeds, force) for name, force in arrays.items()}, 'drag [N]')
-    axes.axvline(p.slow_limit, color='#999999', linestyle=':')
+    axes.axvline(p.slow_limit, color=palette.COLOURS['soft'], linestyle=':')
     axes.annotate('w', (p.slow_limit, 0.0), xytext=(4, 4), textcoords='offset points')
     axes.set_xlabel('horizontal speed [m/s]')
     axes.legend(frameon=False)

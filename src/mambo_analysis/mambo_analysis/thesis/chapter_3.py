@@ -5,8 +5,9 @@ from __future__ import annotations
 from mambo_model.quaternion import angle, conjugate, multiply
 import numpy as np
 
+from .. import palette
 from .claim import at_most, claim, near, Result
-from .drawing import COLOURS, lines, sheet
+from .drawing import lines, POSITION, sheet
 from .flights import fly
 
 
@@ -25,11 +26,11 @@ def figure_3_3() -> Result:
     for i in range(3):
         lines(plots[2 * i], {
             'reference': (t, flight.reference[:, i]), 'simulation': (t, flight.truth[:, i])},
-            f'${"xyz"[i]}$ [m]')
+            POSITION[i])
     for axes, values, label in zip(
             plots[1::2], (distance, velocity, attitude),
             (r'$|\rho_e|$ [m]', r'$|\nu_e|$ [m/s]', 'angle to $q_r$ [rad]'), strict=True):
-        axes.plot(t, values, color=COLOURS[1], linewidth=1.2)
+        axes.plot(t, values, color=palette.INK, linewidth=1.2)
         axes.set_ylabel(label)
     for axes in plots[-2:]:
         axes.set_xlabel('time [s]')

@@ -9,6 +9,7 @@ from mambo_model.rotor import thrust_from_pwm
 from mambo_model.vehicle import preset
 import numpy as np
 
+from .. import palette
 from ..identify.inertia import fit_swing, Geometry
 from ..identify.thrust import fit_thrust
 from .claim import at_least, at_most, claim, near, Result
@@ -100,7 +101,7 @@ def figure_4_8() -> Result:
     fine = np.linspace(pwm.min(), pwm.max(), 200)
     figure, plots = sheet(1, 2, height=3.0)
     for axes, scale in zip(plots, ('linear', 'log'), strict=True):
-        axes.plot(pwm, read, '.', color='#e0403f', label='bench')
+        axes.plot(pwm, read, '.', color=palette.COLOURS[palette.MEASURED], label='bench')
         lines(axes, {'package': (fine, fine / vehicle.linear_gain), 'power law': (
             fine, found.a.value * fine**found.b.value)}, 'thrust of a motor [N]')
         axes.set(xscale=scale, yscale=scale, xlabel='command')

@@ -137,7 +137,7 @@ def figure_5_6() -> Result:
         return float(np.hypot(*first)), float(np.hypot(*(second - first)))
     bad = [gaps(f) for f in flights['badly_calibrated']]
     first = flights['badly_calibrated'][0]
-    flow = np.insert(first.integrated_flow(), 2, 0.0, axis=1)
+    flow = np.insert(first.integrated_flow(), 2, np.nan, axis=1)  # measures no height
     return Result([
         at_least('apart after the ascent, badly calibrated', [a for a, _ in bad], 0.02, 'm'),
         at_most('what a later turn adds, over that, mean of the seeds',

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import palette
+
 Array = NDArray[np.float64]
 Curves = Mapping[str, tuple[Array, Array]]  # label: time (n,) s, positions (n, 3) m
 
-COLOURS = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9')  # Okabe and Ito
-STYLE = {  # of what has one colour throughout the thesis
-    'reference': ('#2f7ed8', '--'), 'IMU': ('#e0403f', '-'), 'Optitrack': ('#2ca25f', '-'),
-    'optical flow': ('#a06cd5', '-')}
+POSITION = ('$x$ [m]', '$y$ [m]', '$z$ down [m]')
+"""Labels of the axes of a position, inertial NED as in the thesis."""
 
 
 def sheet(rows: int, columns: int = 1, height: float = 1.7) -> tuple[Figure, list[Axes]]:
@@ -29,17 +30,16 @@ def sheet(rows: int, columns: int = 1, height: float = 1.7) -> tuple[Figure, lis
 
 
 def lines(axes: Axes, curves: Mapping[str, tuple[Array, Array]], ylabel: str) -> None:
-    """Draw x, y pairs by label; references are grey and dashed."""
-    colours = iter(COLOURS)
-    for label, (x, y) in curves.items():
-        colour, dash = STYLE.get(label, (None, '-'))
-        axes.plot(x, y, dash, color=colour or next(colours), label=label, linewidth=1.2)
+    """Draw x, y pairs by label, see :func:`mambo_analysis.palette.lines`; NaN leaves gaps."""
+    for (label, (x, y)), style in zip(curves.items(), palette.lines(curves), strict=True):
+        if np.isfinite(y).any():
+            axes.plot(x, y, label=label, **style)
     axes.set_ylabel(ylabel)
 
 
 def positions(curves: Curves, axes_shown: Sequence[int] = (0, 1, 2)) -> Figure:
     """
-    Draw positions over time, z upside down as the thesis's NED z is plotted.
+    Draw positions over time, inertial NED as in the thesis: z is down.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def positions(curves: Curves, axes_shown: Sequence[int] = (0, 1, 2)) -> Figure:
     """
     figure, plots = sheet(len(axes_shown))
     for axes, i in zip(plots, axes_shown, strict=True):
-        lines(axes, {k: (t, p[:, i]) for k, (t, p) in curves.items()}, f'${"xyz"[i]}$ [m]')
+        lines(axes, {k: (t, p[:, i]) for k, (t, p) in curves.items()}, POSITION[i])
     _finish(figure, plots)
     return figure
 
@@ -63,8 +63,8 @@ def positions_and_rms(
     figure, plots = sheet(len(axes_shown), 2)
     for row, i in enumerate(axes_shown):
         left, right = plots[2 * row], plots[2 * row + 1]
-        lines(left, {k: (s, p[:, i]) for k, (s, p) in curves.items()}, f'${"xyz"[i]}$ [m]')
-        right.plot(t, rms[:, i], color=COLOURS[3], linewidth=1.2)
+        lines(left, {k: (s, p[:, i]) for k, (s, p) in curves.items()}, POSITION[i])
+        right.plot(t, rms[:, i], color=palette.INK, linewidth=1.2)
         right.set_ylabel(f'RMS ${"xyz"[i]}$ [m]')
         right.set_ylim(bottom=0.0)
     _finish(figure, plots, columns=2)
@@ -74,5 +74,9 @@ def positions_and_rms(
 def _finish(figure: Figure, plots: Sequence[Axes], columns: int = 1) -> None:
     for axes in plots[-columns:]:
         axes.set_xlabel('time [s]')
-    handles, labels = plots[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc='outside upper center', ncols=len(labels), frameon=False)
+    drawn: dict[str, Artist] = {}  # of all plots: a curve need not be in the first
+    for axes in plots:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            drawn.setdefault(label, handle)
+    figure.legend(list(drawn.values()), list(drawn), loc='outside upper center',
+                  ncols=len(drawn), frameon=False)

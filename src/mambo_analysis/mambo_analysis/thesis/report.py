@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
+from .. import digest, markup, palette
 from .claim import Claim, Result, verdict
 
 COMMAND = 'ros2 run mambo_analysis reproduce'
@@ -18,7 +19,7 @@ LEAD = (
     'Every figure of the thesis whose data a simulation can make, its claim in our words, and '
     'what the simulated drone showed. Ranges are over five seeds of the sensor noise. "Wanted" '
     'is the number of the thesis or of its audit where there is one; else it says what the '
-    'claim needs.')
+    'claim needs. Positions are drawn as in the thesis: inertial NED, z down.')
 
 
 class Examined(NamedTuple):
@@ -80,7 +81,7 @@ def data(examined: list[Examined]) -> list[Mapping[str, object]]:
 
 def picture(figure: Figure, path: Path) -> None:
     """Save a figure."""
-    figure.savefig(path, dpi=130)
+    digest.save(figure, path, dpi=130)
 
 
 def _embedded(figure: Figure) -> str:
@@ -89,43 +90,49 @@ def _embedded(figure: Figure) -> str:
     return base64.b64encode(buffer.getvalue()).decode()
 
 
-STYLE = """
-:root { color-scheme: light dark; --ink: #202124; --soft: #5f6368; --paper: #fff; --line: #dadce0;
-  --good: #137333; --half: #a15c00; --bad: #b3261e; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e8eaed; --soft: #9aa0a6; --paper: #1b1c1e;
-  --line: #3c4043; --good: #81c995; --half: #fdd663; --bad: #f28b82; } }
+STYLE = palette.css() + """
 body { font: 16px/1.55 system-ui, sans-serif; color: var(--ink); background: var(--paper);
   max-width: 56rem; margin: 0 auto; padding: 1.5rem 1rem 4rem; }
 h1 { font-size: 1.7rem; line-height: 1.2; margin: 0 0 .4rem; }
 h2 { font-size: 1.15rem; margin: 2.6rem 0 .2rem; padding-top: .8rem;
   border-top: 1px solid var(--line); }
 p.lead, p.why { color: var(--soft); } a { color: inherit; }
+.scroll { overflow-x: auto; }
 table { border-collapse: collapse; width: 100%; font-size: .92rem; margin: .6rem 0;
-  font-variant-numeric: tabular-nums; display: block; overflow-x: auto; }
+  font-variant-numeric: tabular-nums; }
+caption { text-align: left; font-weight: 600; padding: .3rem 0; }
 td, th { text-align: left; padding: .25rem .8rem .25rem 0; border-bottom: 1px solid var(--line);
-  vertical-align: top; } th { font-weight: 600; color: var(--soft); }
-img { width: 100%; height: auto; background: #fff; border-radius: 4px; }
+  vertical-align: top; } thead th { color: var(--soft); } tbody th { font-weight: inherit; }
+img { width: 100%; height: auto; border-radius: 4px; }
 .verdict { font-size: .85rem; font-weight: 600; margin-left: .5rem; }
 .reproduced { color: var(--good); } .partly { color: var(--half); } .not { color: var(--bad); }
 .nothing { color: var(--soft); }
-nav { display: flex; flex-wrap: wrap; gap: .2rem .8rem; font-size: .9rem; margin: 1rem 0; }
-nav a { text-decoration: none; }
-@media print { nav { display: none; } h2 { break-after: avoid; } img { break-inside: avoid; } }
+nav ul { display: flex; flex-wrap: wrap; gap: .2rem .8rem; font-size: .9rem; margin: 1rem 0;
+  padding: 0; list-style: none; }
+nav a { text-decoration: none; display: inline-block; min-height: 1.6rem; }
+.hidden { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); }
+@media print { nav { display: none; } h2 { break-after: avoid; } img { break-inside: avoid; }
+  body { max-width: none; padding: 0; font-size: 11px; } .scroll { overflow: visible; } }
 """
+
+
+MARKS = {'reproduced': ' ✓', 'partly': ' ½', 'not': ' ✗', 'nothing': ''}
+"""What a link shows of a verdict besides its colour."""
 
 
 def page(examined: list[Examined]) -> str:
     """Return one HTML page with every figure in it, to be read without a network."""
     links = ''.join(
-        f'<a class="{_css(e)}" href="#{_anchor(e)}">{html.escape(e.claim.number)}</a>'
+        f'<li><a class="{_css(e)}" href="#{_anchor(e)}">{html.escape(e.claim.number)}'
+        f'{MARKS[_css(e)]}<span class="hidden"> {e.verdict}</span></a></li>'
         for e in examined)
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<title>The thesis, redrawn</title><style>{STYLE}</style></head><body>'
+        f'<title>The thesis, redrawn</title><style>{STYLE}</style></head><body><main>'
         f'<h1>The thesis, redrawn</h1><p class="lead">{html.escape(LEAD)}</p>'
-        f'<p>{html.escape(summary(examined))}.</p><nav>{links}</nav>'
-        f'{"".join(map(_section, examined))}</body></html>\n')
+        f'<p>{html.escape(summary(examined))}.</p><nav aria-label="Figures"><ul>{links}</ul></nav>'
+        f'{"".join(map(_section, examined))}</main></body></html>\n')
 
 
 def _css(each: Examined) -> str:
@@ -147,12 +154,8 @@ def _section(each: Examined) -> str:
         out.append(f'<img alt="{html.escape(c.title)}: {html.escape(c.says)}" '
                    f'src="data:image/png;base64,{_embedded(r.figure)}">')
     if r.measured:
-        rows = ''.join(
-            f'<tr><td>{html.escape(m.what)}</td><td>{html.escape(str(m))}</td>'
-            f'<td>{html.escape(m.wanted)}</td><td>{"yes" if m.holds else "<b>no</b>"}</td></tr>'
-            for m in r.measured)
-        out.append('<table><thead><tr><th>measured</th><th>value</th><th>wanted</th><th>holds</th>'
-                   f'</tr></thead><tbody>{rows}</tbody></table>')
+        out.append(markup.table(f'{c.title}, measured', ('measured', 'value', 'wanted', 'holds'), [
+            (m.what, str(m), m.wanted, 'yes' if m.holds else 'no') for m in r.measured]))
     if r.why_not:
         out.append(f'<p class="why">{html.escape(_sentence(r.why_not))}</p>')
     return ''.join(out) + '</section>'

@@ -1,0 +1,87 @@
+#!/usr/bin/env python3
+"""
+Make the committed flights and figures again, after any change of what they show.
+
+usage: tools/remake.py [NAME ...]
+
+NAME: bags/circle_short, docs/circle.png or docs/drift.png; without one: all of them. Begin with
+``source env.bash``. tests/test_committed.py fails when one of them is stale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+import shutil
+import sys
+import tempfile
+
+from mambo_analysis import closed_loop, figures, flight_bag
+from mambo_analysis.bag import Bag, read_bag
+from mambo_analysis.drift import experiments
+from mambo_analysis.scenario import Scenario, scenario
+from matplotlib.figure import Figure
+
+ROOT = Path(__file__).resolve().parents[1]
+TITLE = 'circle_kalman_seed1'  # the name that ./run gives its default flight
+
+
+def fly(flight: Scenario, path: Path) -> Path:
+    """Fly in one process, write the bag that the graph would write, return its path."""
+    flight_bag.write(path, flight, closed_loop.fly(flight, inner=True))
+    return path
+
+
+def circle_short(folder: Path) -> Path:
+    """Return the bag of ``./run --duration 8 --no-landing``, made in a folder."""
+    return fly(scenario(duration=8.0, land=False), folder / 'circle_short')
+
+
+def circle(folder: Path) -> Bag:
+    """Return the default flight of ``./run``, flown into a folder."""
+    return read_bag(fly(scenario(), folder / TITLE))
+
+
+def circle_figure(folder: Path) -> Figure:
+    """Return the figure of the README, whose flight goes into a folder."""
+    return figures.overview(circle(folder), TITLE)
+
+
+def _bag(folder: Path) -> None:
+    made, old = circle_short(folder), ROOT / 'bags/circle_short'
+    shutil.rmtree(old, ignore_errors=True)
+    shutil.copytree(made, old)
+
+
+def _circle(folder: Path) -> None:
+    figures.write_overview(circle(folder), ROOT / 'docs/circle.png', TITLE)
+
+
+def _drift(folder: Path) -> None:
+    try:
+        experiments.main(['--out', str(folder), '--write', str(ROOT / 'docs/drift.md')])
+    except SystemExit as end:
+        if end.code:
+            raise
+    shutil.copyfile(folder / 'drift.png', ROOT / 'docs/drift.png')
+
+
+MADE: dict[str, Callable[[Path], None]] = {
+    'bags/circle_short': _bag, 'docs/circle.png': _circle, 'docs/drift.png': _drift}
+
+
+def main(names: list[str]) -> int:
+    """Make what is named, or all; return the exit code."""
+    unknown = [name for name in names if name not in MADE]
+    if unknown:
+        print(f'remake: {unknown[0]} is none of {", ".join(MADE)}', file=sys.stderr)
+        return 2
+    for name in names or MADE:
+        with tempfile.TemporaryDirectory() as folder:
+            MADE[name](Path(folder))
+        print(f'made {name}', flush=True)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))
