@@ -18,6 +18,7 @@ from mambo_analysis import scenario as scenarios
 from mambo_analysis.bag import read_bag
 from mambo_analysis.cli import guard
 from mambo_analysis.compare import compare_replay
+from mambo_analysis.verdict import verdict
 
 from .domain import Domain
 from .flight import RECORDER
@@ -114,7 +115,9 @@ def main(arguments: list[str] | None = None) -> None:
         load('.'.join(node) for node in (RECORDER, ESTIMATOR, PLAYER))
         replay(options.bag.absolute(), output.absolute(), options.rate, options.parameters)
         print(f'bag: {output}')
-        print(compare_replay(read_bag(options.bag), read_bag(output)))
+        recorded, ours = read_bag(options.bag), read_bag(output)
+        print(compare_replay(recorded, ours))
+        print(verdict(recorded, ours))
     sys.exit(guard('replay', work, FlightError))
 
 
