@@ -62,14 +62,15 @@ from mambo_model.vehicle import VehicleValues
 from . import controllers
 from .cascaded import Command
 from .safety import (
-    is_attitude, LARGEST, REASON_ALIGNMENT, REASON_CRASH, REASON_ESTIMATE, REASON_NONE, REASON_REFERENCE, usable,
-    usable_reference)
+    is_attitude, LARGEST, REASON_ALIGNMENT, REASON_CRASH, REASON_ESTIMATE, REASON_NONE,
+    REASON_REFERENCE, usable, usable_reference)
 
 FLYING, HOLDING, LANDING, DESCENDING_BLIND, STOPPED = range(5)
 STAGES = ('flying', 'holding', 'landing', 'descending blind', 'motors shut down')
 REASONS = (
     '', 'tilt limit', 'height limit', 'estimate lost or unusable',
-    'reference lost or unusable', 'crash', 'estimator not aligned: let the vehicle rest, start again')
+    'reference lost or unusable', 'crash',
+    'estimator not aligned: let the vehicle rest, start again')
 
 SHORTEST_BLEND = 0.5  # s, in which a descent takes up its speed
 SETTLING = 0.5  # s after that, before a vehicle that does not sink counts as being on the floor

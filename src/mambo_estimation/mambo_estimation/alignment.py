@@ -10,7 +10,9 @@ for either is taken for a slope.
 Rest is judged by statistics, whatever noise the sensors have: the mean of each block of samples
 must equal that of all before it but for what the samples' own scatter explains. If the vehicle
 moves, the collection starts anew; if it has not rested for ``patience``, the filters start with
-wide defaults, which say that the tilt is not known (and no controller takes off on them). After the alignment the vehicle is known to be still on the floor until something moves: its
+wide defaults, which say that the tilt is not known (and no controller takes off on them).
+
+After the alignment the vehicle is known to be still on the floor until something moves: its
 velocity is zero, which keeps the filters from drifting while they wait.
 """
 

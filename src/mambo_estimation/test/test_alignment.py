@@ -126,7 +126,8 @@ def test_after_movement_the_alignment_is_as_good_as_without():
     gyro, accel = resting(200)
     gyro[:45] += [0.3, 0.0, 0.0]
     m, verdict, k = collect(gyro, accel, AlignmentParams())
-    assert verdict == alignment.ALIGNED and k == 159  # one block, mostly at rest, begins it once in vain
+    # one block, mostly at rest, begins it once in vain
+    assert verdict == alignment.ALIGNED and k == 159
     np.testing.assert_allclose(m.gyro, gyro[60:160].mean(axis=0), atol=1e-15)
 
 
