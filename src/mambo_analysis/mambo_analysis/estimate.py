@@ -2,7 +2,9 @@
 Estimate a recorded flight again: its sensors through the estimator, and how well that did.
 
 Offline, without ROS running, hundreds of times faster than it was flown. The estimates are those
-that ``ros2 run mambo_bringup replay`` gets from a live estimator, to the last bit.
+that ``ros2 run mambo_bringup replay`` gets from a live estimator, to the last bit. The verdict at
+the end names sensors that were absent or refused, and says whether and when the estimate diverged;
+the exit code does not depend on it.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from . import cdr, flight_bag, offline, scenario
 from .bag import Bag, BagError, Batch, Messages, read_bag
 from .cli import guard
 from .compare import compare_replay
+from .verdict import verdict
 
 READ = (*(topic.name for topic in (
     *offline.SENSORS, topics.SENSOR_TICK, topics.ESTIMATE, topics.REFERENCE, topics.OPTITRACK,
@@ -56,7 +59,7 @@ def parameters(bag: Bag, file: Path | None = None) -> EstimatorNodeParams:
 
 @cache
 def _types() -> Typestore:
-    return cdr.load_types([topics.ESTIMATE.type_name])
+    return cdr.load_types([topics.ESTIMATE.type_name, topics.ESTIMATOR_STATE.type_name])
 
 
 def messages(found: offline.Estimates) -> dict[topics.Topic, NDArray[np.uint8]]:
@@ -71,9 +74,9 @@ def answered(bag: Bag, found: offline.Estimates) -> Bag:
     """Return a bag in memory with estimates of the flight of another, to compare it with."""
     out = Bag(bag.path)
     out.namespace = bag.namespace
-    table = flight_bag.estimate(found.t, found.state, found)
-    out.add(Messages(out.name(topics.ESTIMATE.name), topics.ESTIMATE.type_name, _types(),
-                     [Batch(found.t, found.t, table)]))
+    for topic, table in messages(found).items():
+        out.add(Messages(out.name(topic.name), topic.type_name, _types(),
+                         [Batch(found.t, found.t, table)]))
     return out
 
 
@@ -103,7 +106,7 @@ def again(
 
     Returns
     -------
-    The bag (topics of ``READ``), the estimates, and how they differ from what it holds.
+    The bag (topics of ``READ``), the estimates, how they differ from what it holds and a verdict.
 
     Raises
     ------
@@ -115,7 +118,8 @@ def again(
     found = offline.estimate(bag, parameters(bag, file).filter)
     if not len(found.t):
         raise BagError(f'{path}: no step of the sensors is complete, nothing to estimate')
-    return bag, found, compare_replay(bag, answered(bag, found))
+    ours = answered(bag, found)
+    return bag, found, f'{compare_replay(bag, ours)}\n{verdict(bag, ours)}'
 
 
 def _work(options: argparse.Namespace) -> None:

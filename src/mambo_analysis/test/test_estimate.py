@@ -4,9 +4,11 @@ from mambo_analysis import estimate, offline
 from mambo_analysis.bag import read_bag
 from mambo_analysis.compare import main as compare
 from mambo_analysis.scenario import scenario, to_yaml
+from mambo_analysis.verdict import verdict
 from mambo_model.rigid_body import State
 from mambo_ros import messages, topics
 from mambo_sim.bag_writer import BagWriter
+import numpy as np
 import pytest
 
 STEP = 5_000_000  # ns
@@ -94,3 +96,30 @@ def test_a_bag_without_sensors_gets_one_line(tmp_path, capsys):
     assert estimate.main([str(tmp_path / 'bag')]) == 1
     assert capsys.readouterr().err == (
         f'estimate: {tmp_path / "bag"}: no topic /imu/data_raw; it has /clock\n')
+
+
+def test_the_verdict_names_what_was_absent_and_whether_it_diverged(tmp_path, capsys):
+    assert estimate.main([str(rest(tmp_path / 'source'))]) == 0
+    said = capsys.readouterr().out
+    assert 'verdict: the estimate did not diverge' in said
+    for sensor in ('sonar', 'optical flow', 'barometer'):
+        assert f'  {sensor}: absent' in said
+
+
+def test_the_verdict_says_when_the_height_diverged_and_what_was_refused(tmp_path):
+    source = rest(tmp_path / 'source')
+    bag = read_bag(source)
+    found = offline.estimate(bag, estimate.parameters(bag).filter)
+    stretched = found._replace(t=np.arange(len(found.t)) * 50_000_000)  # 5 s
+    stretched.estimator[40:80, 10] = 2.0  # m, innovation of the sonar, from 2 to 3.95 s
+    stretched.state[60:, 3] = 50.0  # m/s
+    text = verdict(bag, estimate.answered(bag, stretched))
+    assert 'height diverged at 2.00 s: more than 0.5 m from the sonar' in text
+    assert 'velocity diverged at 3.00 s: faster than 10 m/s' in text
+    stretched.estimator[45:80:10, 10] = 0.1  # a range that fits each 0.5 s
+    assert 'height' not in verdict(bag, estimate.answered(bag, stretched))
+
+
+def test_without_the_estimators_own_state_there_is_no_verdict(tmp_path):
+    bag = read_bag(rest(tmp_path / 'source'))
+    assert verdict(bag, bag) == 'verdict: none, as there is no estimator/state'

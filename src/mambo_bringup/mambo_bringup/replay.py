@@ -17,6 +17,7 @@ from mambo_analysis import scenario as scenarios
 from mambo_analysis.bag import Bag, read_bag
 from mambo_analysis.cli import guard
 from mambo_analysis.compare import compare_replay
+from mambo_analysis.verdict import verdict
 
 from .crew import Crew
 from .flight import RECORDER
@@ -113,7 +114,9 @@ def main(arguments: list[str] | None = None) -> None:
         load('.'.join(node) for node in (RECORDER, ESTIMATOR, PLAYER))
         replay(options.bag.absolute(), output.absolute(), options.rate, options.parameters)
         print(f'bag: {output}')
-        print(compare_replay(read_bag(options.bag), read_bag(output)))
+        recorded, ours = read_bag(options.bag), read_bag(output)
+        print(compare_replay(recorded, ours))
+        print(verdict(recorded, ours))
     sys.exit(stoppable('replay', lambda: guard('replay', work, FlightError)))
 
 

@@ -14,7 +14,8 @@ LANDING           lost for longer, attitude and height known,    a descent of it
 DESCENDING_BLIND  attitude or height lost for longer             its own descent, a prediction, a
                                                                  vehicle believed to be lighter
 STOPPED           touched down; a limit exceeded; a crash; lost  nothing: the motors stand still
-                  for longer before take-off or after landing
+                  for longer before take-off or after landing;
+                  not aligned at take-off
 ================  =============================================  ================================
 
 HOLDING goes back to FLYING. A landing is final: a reference that comes back is not followed, as
@@ -61,14 +62,15 @@ from mambo_model.vehicle import VehicleValues
 from . import controllers
 from .cascaded import Command
 from .safety import (
-    is_attitude, LARGEST, REASON_CRASH, REASON_ESTIMATE, REASON_NONE, REASON_REFERENCE, usable,
-    usable_reference)
+    is_attitude, LARGEST, REASON_ALIGNMENT, REASON_CRASH, REASON_ESTIMATE, REASON_NONE,
+    REASON_REFERENCE, usable, usable_reference)
 
 FLYING, HOLDING, LANDING, DESCENDING_BLIND, STOPPED = range(5)
 STAGES = ('flying', 'holding', 'landing', 'descending blind', 'motors shut down')
 REASONS = (
     '', 'tilt limit', 'height limit', 'estimate lost or unusable',
-    'reference lost or unusable', 'crash')
+    'reference lost or unusable', 'crash',
+    'estimator not aligned: let the vehicle rest, start again')
 
 SHORTEST_BLEND = 0.5  # s, in which a descent takes up its speed
 SETTLING = 0.5  # s after that, before a vehicle that does not sink counts as being on the floor
@@ -126,6 +128,7 @@ class FailsafeValues(NamedTuple):
     velocity_error_limit: float
     crash_time: float
     thrust_deficit: float
+    takeoff_tilt_std: float
 
 
 @dataclass(frozen=True)
@@ -163,6 +166,9 @@ class FailsafeParams:
         'for minidrones allows as much between estimate and optical flow')
     crash_time: float = quantity(
         0.25, 's', 0.0, 10.0, 'for which any of these limits must be exceeded (judgement)')
+    takeoff_tilt_std: float = quantity(
+        0.05, 'rad', 0.001, 10.0,
+        'no take-off beyond: an alignment at rest leaves 0.03 at most, one that failed 0.1')
 
     def __post_init__(self) -> None:
         check(self)
@@ -505,6 +511,9 @@ def step(
     followed = followable(ref, phase, vv.gravity)
     if not followed:
         ref, phase = memory.ref, memory.phase
+    if (phase == trajectory.TAKEOFF and memory.phase == trajectory.GROUND
+            and spread.tilt > p.takeoff_tilt_std * p.takeoff_tilt_std):
+        return _stop(memory, REASON_ALIGNMENT)
     aloft = in_flight(phase) or memory.stage > HOLDING
     have = known(state, spread, aloft, p)
     complete = have.attitude and have.vertical and have.horizontal

@@ -445,3 +445,21 @@ def test_whatever_comes_in_each_motor_gets_0_or_a_pwm_within_its_limits(law, see
 def test_out_of_range_parameter_names_itself(name, value):
     with pytest.raises(ValueError, match=name):
         failsafe.FailsafeParams(**{name: value})
+
+
+@pytest.mark.parametrize('law', LAWS)
+def test_nothing_takes_off_whose_tilt_is_not_known_and_it_says_why(law):
+    unknown = Spread(0.0, 0.0, 0.0, 0.1 ** 2, 0.0)  # of an alignment that failed
+    one = Controller(law)
+    assert not one.answer(hovering(0.0), phase=GROUND, spread=unknown).shutdown
+    command = one.answer(hovering(0.0), phase=TAKEOFF, spread=unknown)
+    assert (command.shutdown, command.reason) == (True, safety.REASON_ALIGNMENT)
+    assert command.pwm == (0.0,) * 4
+    assert failsafe.said(one.stage, command.reason) == (
+        'motors shut down: estimator not aligned: let the vehicle rest, start again')
+    # no way out, and none that only began after take-off
+    assert one.answer(hovering(0.0), phase=TAKEOFF).shutdown
+    flying = Controller(law)
+    flying.answer(hovering(0.0), phase=GROUND)
+    flying.answer(hovering(0.0), phase=TAKEOFF)
+    assert not flying.answer(hovering(0.1), phase=TAKEOFF, spread=unknown).shutdown

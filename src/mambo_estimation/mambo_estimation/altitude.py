@@ -20,7 +20,9 @@ from typing import NamedTuple
 from mambo_model.compiled import jit
 from mambo_model.schema import check, quantity, values
 
-from .gate import ACCEPT, accept, Gate, judge, RECOVER, refuse_invalid, Trial
+from .blocks import Vec2
+from .fit import faded, updated
+from .gate import ACCEPT, accept, DISTRUST, Gate, judge, RECOVER, refuse_invalid, Trial
 from .measurements import barometer, sonar
 from .measurements.barometer import BarometerValues
 from .measurements.sonar import SonarValues
@@ -36,6 +38,8 @@ class AltitudeValues(NamedTuple):
     initial_accel_bias_std: float
     initial_height_std: float
     initial_velocity_std: float
+    accel_bias_limit: float
+    floor_depth: float
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,10 @@ class AltitudeParams:
         0.05, 'm', 1e-4, 10.0, 'the flight starts on the floor, height 0')
     initial_velocity_std: float = quantity(
         0.5, 'm/s', 1e-4, 10.0, 'at start where the alignment failed, and after a reset')
+    accel_bias_limit: float = quantity(
+        1.2, 'm/s^2', 1e-3, 10.0, 'no bias is larger: 3 initial_accel_bias_std')
+    floor_depth: float = quantity(
+        0.1, 'm', 0.0, 1e4, 'no height is farther below the floor: judgement')
 
     def __post_init__(self) -> None:
         check(self)
@@ -91,6 +99,7 @@ class Altitude(NamedTuple):
     offset: float          # m, height by pressure minus height
     has_offset: bool       # false until the first pressure
     P: Covariance
+    fit: float             # -, squared innovations of the sonar over what is expected of them
 
 
 class Result(NamedTuple):
@@ -101,6 +110,8 @@ class Result(NamedTuple):
     used: bool
 
 
+FIT_WEIGHT = 0.04  # of one range: 1 s
+LEAST_FIT = 0.01   # a tenth of every deviation
 NOT_COMPARED = Result(math.nan, math.nan, False)
 NEAR = Result(math.nan, math.nan, True)
 
@@ -111,7 +122,7 @@ def start(velocity_variance: float, accel_bias_std: float, v: AltitudeValues) ->
     P = Covariance(
         v.initial_height_std * v.initial_height_std, 0.0, 0.0, 0.0, velocity_variance, 0.0, 0.0,
         accel_bias_std * accel_bias_std, 0.0, 0.0)
-    return Altitude(0.0, 0.0, 0.0, 0.0, False, P)
+    return Altitude(0.0, 0.0, 0.0, 0.0, False, P, 1.0)
 
 
 @jit
@@ -154,7 +165,8 @@ def predict(
         keep * P.bo, P.oo + offset_walk * offset_walk * dt)
     return Altitude(
         a.height + dt * a.velocity + 0.5 * dt * dt * acceleration,
-        a.velocity + dt * acceleration, keep * a.accel_bias, a.offset, a.has_offset, P)
+        a.velocity + dt * acceleration, keep * a.accel_bias, a.offset, a.has_offset, P,
+        1.0 if held else a.fit)
 
 
 @jit
@@ -175,7 +187,35 @@ def _correct(
         P.wb - k_w * b, P.wo - k_w * o, P.bb - k_b * b, P.bo - k_b * o, P.oo - k_o * o)
     return Altitude(
         a.height + k_h * innovation, a.velocity + k_w * innovation,
-        a.accel_bias + k_b * innovation, a.offset + k_o * innovation, a.has_offset, P)
+        a.accel_bias + k_b * innovation, a.offset + k_o * innovation, a.has_offset, P, a.fit)
+
+
+@jit
+def _with_fit(a: Altitude, fit: float) -> Altitude:
+    return Altitude(a.height, a.velocity, a.accel_bias, a.offset, a.has_offset, a.P, fit)
+
+
+@jit
+def published_variances(a: Altitude, aid_age: float) -> Vec2:
+    """
+    Return the variances of height and vertical velocity as the sonar's innovations show them.
+
+    The filter's own are those of the roughest flights that its parameters know; see :mod:`.fit`.
+
+    Parameters
+    ----------
+    a
+        Memory.
+    aid_age : s
+        Since a range was used.
+
+    Returns
+    -------
+    variances : (2,) m^2, m^2/s^2
+
+    """
+    fit = faded(a.fit, LEAST_FIT, aid_age)
+    return (fit * a.P.hh, fit * a.P.ww)
 
 
 @jit
@@ -183,7 +223,7 @@ def widen(a: Altitude, ww: float, oo: float) -> Altitude:
     """Add variances in m^2/s^2 and m^2 to velocity and offset."""
     P = a.P
     P = Covariance(P.hh, P.hw, P.hb, P.ho, P.ww + ww, P.wb, P.wo, P.bb, P.bo, P.oo + oo)
-    return Altitude(a.height, a.velocity, a.accel_bias, a.offset, a.has_offset, P)
+    return Altitude(a.height, a.velocity, a.accel_bias, a.offset, a.has_offset, P, a.fit)
 
 
 @jit
@@ -198,12 +238,27 @@ def _doubt(a: Altitude, squared_error: float, time: float, v: AltitudeValues) ->
     velocity += squared_error / max(time, 0.1) ** 2
     height = a.P.hh + squared_error
     P = Covariance(height, 0.0, 0.0, 0.0, velocity, 0.0, 0.0, bias, 0.0, a.P.oo + height)
-    return Altitude(a.height, a.velocity, a.accel_bias, a.offset, a.has_offset, P)
+    return Altitude(a.height, a.velocity, a.accel_bias, a.offset, a.has_offset, P, a.fit)
+
+
+@jit
+def bounded(a: Altitude, v: AltitudeValues) -> Altitude:
+    """
+    Return the filter within what is possible: above the floor, and with a bias that exists.
+
+    An estimate at the lowest height does not sink. The covariance stays: such a filter is no
+    surer than before, so that its gates still open.
+    """
+    height, velocity = a.height, a.velocity
+    if height < -v.floor_depth:
+        height, velocity = -v.floor_depth, max(velocity, 0.0)
+    bias = min(max(a.accel_bias, -v.accel_bias_limit), v.accel_bias_limit)
+    return Altitude(height, velocity, bias, a.offset, a.has_offset, a.P, a.fit)
 
 
 @jit
 def _trial(value: float, compared: float, variance: float, ratio: float) -> Trial:
-    """Return a scalar sample before its gate, and what of it is to agree with the next one."""
+    """Return a scalar sample before its gate, and what of it is to agree with the others."""
     return Trial((value, value), (compared, compared), 2.0 * variance, ratio)
 
 
@@ -238,6 +293,8 @@ def update_sonar(
     if not sonar.is_valid(slant_range, tilt_cos, v):
         return a, refuse_invalid(gate), NOT_COMPARED
     measured, noise = sonar.measured_height(slant_range, tilt_cos, tilt_variance, v)
+    if gate.doubt < DISTRUST:
+        noise += gate.scatter
     if sonar.is_near(slant_range, v):
         measured = sonar.nearest_height(a.height, tilt_cos, v)
         if measured == a.height:
@@ -246,15 +303,17 @@ def update_sonar(
     squared = innovation * innovation
     variance = a.P.hh + noise
     ratio = squared / (v.gate * v.gate * variance)
+    near = v.agreement / v.gate
     gate, verdict = judge(
-        gate, _trial(slant_range, measured, 2.0 * noise, ratio), v.gate, v.recovery_time)
+        gate, _trial(slant_range, measured, near * near, ratio), v.gate, v.recovery_time)
     if verdict == RECOVER:
         a = _doubt(a, squared, v.recovery_time, va)
     if verdict != ACCEPT:
         return a, gate, Result(innovation, ratio, False)
     P = a.P
-    a = _correct(a, (P.hh, P.hw, P.hb, P.ho), innovation, P.hh + noise)
-    return a, gate, Result(innovation, ratio, True)
+    a = _correct(a, (P.hh, P.hw, P.hb, P.ho), innovation, variance)
+    fit = updated(a.fit, squared / variance, v.gate, FIT_WEIGHT)
+    return _with_fit(a, fit), gate, Result(innovation, ratio, True)
 
 
 @jit
@@ -303,7 +362,7 @@ def _set_offset(a: Altitude, measured: float, noise: float) -> Altitude:
     """Set the offset from a height by pressure in m with this variance in m^2."""
     P = a.P
     P = Covariance(P.hh, P.hw, P.hb, -P.hh, P.ww, P.wb, -P.hw, P.bb, -P.hb, P.hh + noise)
-    return Altitude(a.height, a.velocity, a.accel_bias, measured - a.height, True, P)
+    return Altitude(a.height, a.velocity, a.accel_bias, measured - a.height, True, P, a.fit)
 
 
 @jit

@@ -38,6 +38,7 @@ from mambo_model.vector import add, dot, norm, scale, sub, Vec3
 
 from .blocks import (
     diagonal3, less_outer3, Matrix3, mul3, scale3, sub3, symmetric3, transpose3, Vec2, ZERO3)
+from .fit import faded, updated
 
 
 class AttitudeValues(NamedTuple):
@@ -79,8 +80,8 @@ class AttitudeParams:
         0.03, 'rad/s', 1e-6, 1.0,
         'bias where the alignment failed: 0.017 in calibration of 12 Rolling Spider flights')
     rate_noise: float = quantity(
-        0.02, 'rad/s', 1e-6, 10.0,
-        'of one sample in flight, for the covariance of the body rate: Rolling Spider logs')
+        7e-4, 'rad/s', 1e-6, 10.0,
+        'of one sample at rest, the least in the covariance of the body rate: Rolling Spider logs')
     lost_rate_growth: float = quantity(
         20.0, 'rad/s^2', 0.0, 1e4,
         'how fast the body rate becomes unknown without a gyro: a fifth of what the motors can do')
@@ -127,8 +128,11 @@ class Attitude(NamedTuple):
     P_bb: Matrix3     # (3, 3) rad^2/s^2, of the bias error
     hidden: float     # rad, deviation of the tilt that an accelerometer bias hides for ever
     window: Window
+    fit: float        # -, squared innovations of tilt over what the filter expects of them
 
 
+FIT_WEIGHT = 0.2  # of one window
+LEAST_FIT = 0.1   # of a few windows, which may agree by chance
 NO_WINDOW = Window(0.0, (0.0, 0.0, 0.0), 0.0, False, (0.0, 0.0), 0.0)
 
 
@@ -156,7 +160,7 @@ def start(
     yaw = v.initial_yaw_std * v.initial_yaw_std
     return Attitude(
         q, bias, diagonal3(tilt_variance, tilt_variance, yaw), ZERO3,
-        diagonal3(bias_variance, bias_variance, bias_variance), hidden, NO_WINDOW)
+        diagonal3(bias_variance, bias_variance, bias_variance), hidden, NO_WINDOW, 1.0)
 
 
 @jit
@@ -190,7 +194,8 @@ def predict(
     P_rr = sub3(half, mul3(P_rb, transpose3(turn)))
     P_rr = symmetric3(sub3(P_rr, diagonal3(-noise, -noise, -noise)))
     P_bb = sub3(a.P_bb, diagonal3(-walk, -walk, -walk))
-    return Attitude(q, a.bias, P_rr, P_rb, P_bb, a.hidden, a.window)
+    fit = 1.0 if held else a.fit
+    return Attitude(q, a.bias, P_rr, P_rb, P_bb, a.hidden, a.window, fit)
 
 
 @jit
@@ -362,7 +367,9 @@ def update_tilt(
     s_11 = c_1.r[1] + dot(lever_1, c_1.b) + variance - part * s_01
     r_1, b_1 = sub(c_1.r, scale(part, c_0.r)), sub(c_1.b, scale(part, c_0.b))
     first, second = innovation[0], innovation[1] - part * innovation[0]
-    bend = max(1.0, (first * first / s_00 + second * second / s_11) / (gate * gate))
+    squared = first * first / s_00 + second * second / s_11
+    bend = max(1.0, squared / (gate * gate))
+    fit = updated(a.fit, 0.5 * squared, gate, FIT_WEIGHT)
     s_00, s_11 = bend * s_00, bend * s_11
     turn = add(scale(first / s_00, c_0.r), scale(second / s_11, r_1))
     shift = add(scale(first / s_00, c_0.b), scale(second / s_11, b_1))
@@ -373,7 +380,7 @@ def update_tilt(
     return Attitude(
         q, (a.bias[0] + shift[0], a.bias[1] + shift[1], a.bias[2]),
         symmetric3(_keep_last(P_rr, a.P_rr)), _keep_last(P_rb, a.P_rb),
-        symmetric3(_keep_last(P_bb, a.P_bb)), a.hidden, a.window)
+        symmetric3(_keep_last(P_bb, a.P_bb)), a.hidden, a.window, fit)
 
 
 @jit
@@ -385,7 +392,7 @@ def _keep_last(A: Matrix3, old: Matrix3) -> Matrix3:
 @jit
 def with_window(a: Attitude, window: Window) -> Attitude:
     """Return the memory with another gravity window."""
-    return Attitude(a.q, a.bias, a.P_rr, a.P_rb, a.P_bb, a.hidden, window)
+    return Attitude(a.q, a.bias, a.P_rr, a.P_rb, a.P_bb, a.hidden, window, a.fit)
 
 
 @jit
@@ -393,6 +400,31 @@ def rotation_covariance(a: Attitude) -> Matrix3:
     """Return the covariance of delta about inertial axes, (3, 3) rad^2, hidden tilt included."""
     hidden = a.hidden * a.hidden
     return sub3(a.P_rr, diagonal3(-hidden, -hidden, 0.0))
+
+
+@jit
+def published_covariance(a: Attitude, aid_age: float) -> Matrix3:
+    """
+    Return the covariance of delta as its innovations show it, (3, 3) rad^2, inertial axes.
+
+    The filter's own holds for the roughest flights that its parameters know. The part of the tilt
+    that gravity windows measure is scaled by ``fit``, as far as they still come; the gain does not
+    see it. Hidden tilt and yaw, which no innovation shows, are not scaled.
+
+    Parameters
+    ----------
+    a
+        Memory.
+    aid_age : s
+        Since flow was used.
+
+    """
+    fit = faded(a.fit, LEAST_FIT, aid_age)
+    half, hidden, P = math.sqrt(fit), a.hidden * a.hidden, a.P_rr
+    return (
+        (fit * P[0][0] + hidden, fit * P[0][1], half * P[0][2]),
+        (fit * P[1][0], fit * P[1][1] + hidden, half * P[1][2]),
+        (half * P[2][0], half * P[2][1], P[2][2]))
 
 
 @jit

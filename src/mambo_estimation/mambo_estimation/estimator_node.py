@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 
 from geometry_msgs.msg import TransformStamped
 from mambo_model import frames, rigid_body
@@ -132,7 +133,8 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         self._reported = counts
         level, line, numbers = report.told(
             e.status, e.height, (e.sonar_refused, e.flow_refused, e.barometer_refused),
-            e.invalid_samples + sum(dropped), e.health, new[:5], new[5:])
+            e.invalid_samples + sum(dropped), e.health, new[:5], new[5:],
+            math.sqrt(max(e.pose_covariance[21], e.pose_covariance[28])))
         self._diagnostics(diagnostics.report(
             t, self.get_name(), diagnostics.LEVELS[level], line, numbers))
 

@@ -19,6 +19,8 @@ GOOD, OUT_OF_REACH, MISSING, NOT_FINITE, IMPLAUSIBLE, STUCK = range(6)  # likewi
 
 NAMES = ('gyro', 'accelerometer', 'sonar', 'optical flow', 'barometer')
 ROUGH_TIME = 0.05  # s, over which the roughness of a signal is averaged
+NOISE_TIME = 0.5   # s, over which its noise is
+LARGEST_NOISE = 1.0  # unit of the sensor
 
 
 class Sensor(NamedTuple):
@@ -31,6 +33,7 @@ class Sensor(NamedTuple):
     value: Vec3        # unit of the sensor, its last sample; one of less numbers repeats them
     roughness: float   # the same squared, mean square of its differences from sample to sample
     not_finite: int    # [-] samples since start
+    noise: Vec3        # the same squared, variance of one used sample
 
 
 class Sensors(NamedTuple):
@@ -60,7 +63,8 @@ class Limits(NamedTuple):
     barometer: float
 
 
-NEW = Sensor(GOOD, 0.0, 0.0, 0, (math.nan, math.nan, math.nan), 0.0, 0)
+NEW = Sensor(
+    GOOD, 0.0, 0.0, 0, (math.nan, math.nan, math.nan), 0.0, 0, (0.0, 0.0, 0.0))
 START = Sensors(NEW, NEW, NEW, NEW, NEW)
 
 
@@ -106,6 +110,41 @@ def roughness(s: Sensor, value: Vec3, dt: float) -> float:
 
 
 @jit
+def _variance(old: float, before: float, now: float, weight: float) -> float:
+    """Return an averaged variance with two successive samples more; they differ by twice it."""
+    if not math.isfinite(now - before):
+        return old
+    step = min(abs(now - before), LARGEST_NOISE)
+    return old + weight * (0.5 * step * step - old)
+
+
+@jit
+def noise(s: Sensor, value: Vec3, dt: float) -> Vec3:
+    """
+    Return the variance of one sample about the motion, each number, with this one.
+
+    That of white noise is half the mean square difference of successive samples. Vibration above
+    a quarter of the sampling rate has less, so that for it this is too large, by 1.5 where it is
+    a difference of white draws. A step beyond ``LARGEST_NOISE`` is a shock and counts as so much.
+
+    Parameters
+    ----------
+    s
+        Of the samples before.
+    value : (3,) unit of the sensor
+        New.
+    dt : s
+        Since the one before.
+
+    """
+    weight, x = min(1.0, dt / NOISE_TIME), s.value
+    return (
+        _variance(s.noise[0], x[0], value[0], weight),
+        _variance(s.noise[1], x[1], value[1], weight),
+        _variance(s.noise[2], x[2], value[2], weight))
+
+
+@jit
 def observe(
     s: Sensor, dt: float, value: Vec3, came: bool, used: bool, stuck: bool, in_reach: bool,
 ) -> Sensor:
@@ -141,10 +180,11 @@ def observe(
     age = 0.0 if used or not in_reach else s.age + dt
     silence = 0.0 if came or not in_reach else s.silence + dt
     if not came:
-        return Sensor(trouble, age, silence, s.equal, s.value, s.roughness, s.not_finite)
+        return Sensor(
+            trouble, age, silence, s.equal, s.value, s.roughness, s.not_finite, s.noise)
     return Sensor(
         trouble, age, silence, repeats(s, value), value, roughness(s, value, dt),
-        s.not_finite + (0 if finite else 1))
+        s.not_finite + (0 if finite else 1), noise(s, value, dt) if used else s.noise)
 
 
 @jit

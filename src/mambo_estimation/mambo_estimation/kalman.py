@@ -16,7 +16,9 @@ Covariances are in the order of ``geometry_msgs``: (x, y, z, rotation about x, y
 Pose: both blocks in inertial axes, the rotation being delta of ``q_true = exp(delta) q``, as
 ``nav_msgs/Odometry`` wants it (fixed axes of the header's frame). Twist: both blocks in body axes
 (child frame). Blocks off the diagonal: position with rotation only by the yaw, which turns the
-path; the filters being separate, the rest is not known and zero.
+path; the filters being separate, the rest is not known and zero. Height, vertical velocity and
+tilt: scaled by how well the filters' own covariances fit the innovations (:mod:`.fit`). Body rate:
+uncertainty of the bias, and noise of a sample as the gyro shows it.
 """
 
 from __future__ import annotations
@@ -211,15 +213,18 @@ def _count_broken(sonar: float, flow: Vec2, pressure: float) -> int:
 
 
 @jit
-def _align(m: Memory, gyro: Vec3, accel: Vec3, v: EstimatorValues) -> Memory:
+def _align(m: Memory, gyro: Vec3, accel: Vec3, dt: float, v: EstimatorValues) -> Memory:
     """Collect one valid sample at rest; start the filters when there are enough."""
-    rest, verdict = alignment.collect(m.alignment, gyro, accel, v.gravity, v.alignment)
+    rest, verdict = alignment.collect(
+        m.alignment, gyro, accel, dt, v.gravity, v.alignment)
     att, alt, vel = m.attitude, m.altitude, m.velocity
     if verdict == alignment.MOVED:
         rest = alignment.fall_back(rest, v.alignment)
     if verdict == alignment.ALIGNED:
         here = alignment.level(rest.accel, v.gravity, v.alignment)
-        tilt = v.attitude.window_accel_noise / v.gravity
+        tilt = math.sqrt(
+            v.attitude.window_accel_noise * v.attitude.window_accel_noise
+            + rest.noise.accel / (3.0 * rest.count)) / v.gravity
         bias = alignment.gyro_bias_variance(rest, v.alignment)
         still = v.alignment.rest_velocity_std * v.alignment.rest_velocity_std
         att = attitude.start(here.q, rest.gyro, tilt * tilt, bias, here.tilt_std, v.attitude)
@@ -327,6 +332,7 @@ def _run(
     a = sub(a, rotate(att.q, (b[0], b[1], m.altitude.accel_bias)))
     alt = altitude.predict(
         m.altitude, -a[2], R[2][2], dt, held[1], v.barometer.offset_walk, v.altitude)
+    alt = altitude.bounded(alt, v.altitude)
     vel = velocity.predict(m.velocity, (a[0], a[1]), R, yaw_std, dt, held[1], v.velocity)
     if resting:
         rest, resting, alt, vel = _rest(rest, alt, vel, gyro, accel, dt, v.alignment)
@@ -407,7 +413,7 @@ def step(
     if m.aligning:
         m = _with_counts(m, invalid, equal)
         if valid:
-            m = _align(m, gyro, accel, v)
+            m = _align(m, gyro, accel, dt, v)
         m = _with_sensors(
             m, _observe(m, NOTHING, dt, gyro, accel, sonar, flow, pressure, usable, stuck, v))
         return m, _estimate(m, NOTHING, v)
@@ -553,13 +559,14 @@ def _pose_covariance(m: Memory) -> tuple[float, ...]:
     """Return the (36,) covariance of position and rotation, inertial axes, m and rad."""
     att, alt, vel = m.attitude, m.altitude, m.velocity
     P = velocity.position_covariance(vel)
-    r = attitude.rotation_covariance(att)
+    r = attitude.published_covariance(att, m.counts.flow_age)
+    height = altitude.published_variances(alt, m.counts.sonar_age)[0]
     # An error of yaw turns the path; the tilt goes with it as far as it is correlated with yaw.
-    by_yaw = scale(-1.0 / attitude.yaw_std(att), att.P_rr[2])
+    by_yaw = scale(-1.0 / attitude.yaw_std(att), r[2])
     x, y = scale(vel.yaw.p[0], by_yaw), scale(vel.yaw.p[1], by_yaw)
     return (
         P[0][0], P[0][1], 0.0, x[0], x[1], x[2], P[1][0], P[1][1], 0.0, y[0], y[1], y[2],
-        0.0, 0.0, alt.P.hh, 0.0, 0.0, 0.0, x[0], y[0], 0.0, r[0][0], r[0][1], r[0][2],
+        0.0, 0.0, height, 0.0, 0.0, 0.0, x[0], y[0], 0.0, r[0][0], r[0][1], r[0][2],
         x[1], y[1], 0.0, r[1][0], r[1][1], r[1][2], x[2], y[2], 0.0, r[2][0], r[2][1], r[2][2])
 
 
@@ -568,15 +575,19 @@ def _twist_covariance(m: Memory, v: attitude.AttitudeValues) -> tuple[float, ...
     """Return the (36,) covariance of velocity and angular velocity, body axes, m/s and rad/s."""
     att = m.attitude
     C = velocity.body_velocity_covariance(
-        m.velocity, m.altitude.P.ww, to_matrix(att.q), attitude.rotation_covariance(att))
+        m.velocity, altitude.published_variances(m.altitude, m.counts.sonar_age)[1],
+        to_matrix(att.q), attitude.published_covariance(att, m.counts.flow_age))
     unknown = v.lost_rate_growth * m.sensors.gyro.age
-    noise = v.rate_noise * v.rate_noise + unknown * unknown
-    w = att.P_bb
+    least, seen, w = v.rate_noise * v.rate_noise, m.sensors.gyro.noise, att.P_bb
+    x, y, z = (
+        w[0][0] + unknown * unknown + max(seen[0], least),
+        w[1][1] + unknown * unknown + max(seen[1], least),
+        w[2][2] + unknown * unknown + max(seen[2], least))
     return (
         C[0][0], C[0][1], C[0][2], 0.0, 0.0, 0.0, C[1][0], C[1][1], C[1][2], 0.0, 0.0, 0.0,
-        C[2][0], C[2][1], C[2][2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, w[0][0] + noise, w[0][1],
-        w[0][2], 0.0, 0.0, 0.0, w[1][0], w[1][1] + noise, w[1][2],
-        0.0, 0.0, 0.0, w[2][0], w[2][1], w[2][2] + noise)
+        C[2][0], C[2][1], C[2][2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, x, w[0][1],
+        w[0][2], 0.0, 0.0, 0.0, w[1][0], y, w[1][2],
+        0.0, 0.0, 0.0, w[2][0], w[2][1], z)
 
 
 @jit

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 G = 9.81
+DT = 0.005  # s
 TILT = AlignmentParams(accel_bias_std=1e-6, floor_slope_std=1.5).values()   # all of it is slope
 SENSOR = AlignmentParams(floor_slope_std=0.0).values()                      # all of it is bias
 
@@ -66,7 +67,7 @@ def test_reading_too_large_for_a_bias_is_a_slope():
 def collect(gyro, accel, params):
     v, m, verdict = params.values(), alignment.EMPTY, alignment.COLLECTING
     for k in range(len(gyro)):
-        m, verdict = alignment.collect(m, tuple(gyro[k]), tuple(accel[k]), G, v)
+        m, verdict = alignment.collect(m, tuple(gyro[k]), tuple(accel[k]), DT, G, v)
         if verdict != alignment.COLLECTING:
             return m, verdict, k
     return m, verdict, len(gyro) - 1
@@ -94,7 +95,7 @@ def test_means_are_those_of_the_samples_and_their_variance_is_honest():
 
 
 @pytest.mark.parametrize('spoil', ['turn', 'shove', 'spin', 'fall', 'lift'])
-def test_movement_ends_the_alignment_at_once(spoil):
+def test_movement_starts_the_collection_anew_within_a_block(spoil):
     gyro, accel = resting(100)
     if spoil == 'turn':
         gyro[40:] += [0.0, 0.2, 0.0]
@@ -106,8 +107,53 @@ def test_movement_ends_the_alignment_at_once(spoil):
         accel[:] = 0.0
     else:
         accel[40:] -= [0.0, 0.0, 2.0]
+    v, m = AlignmentParams().values(), alignment.EMPTY
+    for k in range(50 if spoil in ('turn', 'shove', 'lift') else 10):
+        m, verdict = alignment.collect(m, tuple(gyro[k]), tuple(accel[k]), DT, G, v)
+        assert verdict == alignment.COLLECTING
+    assert m.count == 0
+
+
+def test_a_vehicle_that_does_not_rest_ends_the_alignment_after_the_patience():
+    t = np.arange(1000) * DT
+    gyro, accel = resting(1000)
+    gyro += 0.5 * np.sin(8.0 * t)[:, None]
     _, verdict, k = collect(gyro, accel, AlignmentParams())
-    assert verdict == alignment.MOVED and k == (0 if spoil in ('spin', 'fall') else 40)
+    assert verdict == alignment.MOVED and 2.0 <= t[k] < 2.0 + 10 * DT
+
+
+def test_after_movement_the_alignment_is_as_good_as_without():
+    gyro, accel = resting(200)
+    gyro[:45] += [0.3, 0.0, 0.0]
+    m, verdict, k = collect(gyro, accel, AlignmentParams())
+    # one block, mostly at rest, begins it once in vain
+    assert verdict == alignment.ALIGNED and k == 159
+    np.testing.assert_allclose(m.gyro, gyro[60:160].mean(axis=0), atol=1e-15)
+
+
+@pytest.mark.parametrize('accel_noise', [0.001, 0.01, 0.05, 0.15, 0.3])
+@pytest.mark.parametrize('gyro_noise', [1e-4, 1e-3, 0.01, 0.05])
+def test_noise_is_not_movement(accel_noise, gyro_noise):
+    aligned = 0
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        gyro = 0.02 + gyro_noise * rng.standard_normal((400, 3))
+        accel = [0.1, 0.0, -9.7] + accel_noise * rng.standard_normal((400, 3))
+        m, verdict, k = collect(gyro[:100], accel[:100], AlignmentParams())
+        aligned += verdict == alignment.ALIGNED
+        for k in range(100, 400 if verdict == alignment.ALIGNED else 100):
+            m, still = alignment.watch(
+                m, tuple(gyro[k]), tuple(accel[k]), DT, AlignmentParams().values())
+            assert still
+    assert aligned == 50  # ten blocks each: an unlikely one comes once in 2000 alignments
+
+
+@pytest.mark.parametrize(('frequency', 'amplitude'), [(1.0, 2.0), (5.0, 1.5), (30.0, 4.0)])
+def test_a_vehicle_that_is_shaken_does_not_align(frequency, amplitude):
+    t = np.arange(450) * DT
+    gyro, accel = resting(450)
+    accel[:, 0] += amplitude * np.sin(2.0 * np.pi * frequency * t)
+    assert collect(gyro, accel, AlignmentParams())[1] == alignment.MOVED
 
 
 def test_no_samples_wanted_starts_at_once():

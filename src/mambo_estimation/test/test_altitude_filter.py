@@ -29,7 +29,7 @@ def random_filter(seed, height=1.5):
     A = rng.normal(size=(4, 4)) * np.array([0.05, 0.1, 0.1, 1.0])[:, None]
     P = A @ A.T
     return altitude.Altitude(
-        height, 0.2, 0.05, 100.0, True, Covariance(*P[UPPER].tolist())), P
+        height, 0.2, 0.05, 100.0, True, Covariance(*P[UPPER].tolist()), 1.0), P
 
 
 def mean(a):
@@ -57,7 +57,7 @@ def test_covariance_moves_as_the_error_does(seed, dt):
 
     def moved(d):
         return mean(predict(altitude.Altitude(
-            *(mean(a) + d).tolist(), True, a.P), 0.7, c, dt))
+            *(mean(a) + d).tolist(), True, a.P, 1.0), 0.7, c, dt))
 
     F = np.stack([(moved(d) - moved(-d)) / (2 * eps) for d in eps * np.eye(4)], 1)
     q = V.accel_noise ** 2
@@ -151,7 +151,7 @@ def simulate(seed, n=4000, amplitude=0.5):
     error = 0.1 * rng.standard_normal(2)
     start = altitude.Altitude(
         float(h[0] - error[0]), float(w[0] - error[1]), 0.0, 0.0, False,
-        Covariance(0.01, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, V.accel_bias_std ** 2, 0.0, 0.0))
+        Covariance(0.01, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, V.accel_bias_std ** 2, 0.0, 0.0), 1.0)
     return np.stack([h, w, bias], 1), up, c, ranges, start
 
 
@@ -229,7 +229,7 @@ def test_stuck_sonar_is_not_followed():
 def test_near_readings_keep_the_height_between_floor_and_shortest_range():
     a = altitude.start(1e-4, 0.1, V)
     for start, expected in ((0.2, 0.2), (1.0, SONAR.min_range), (-0.5, 0.0)):
-        b = altitude.Altitude(start, 0.0, 0.0, 0.0, False, a.P._replace(hh=1.0))
+        b = altitude.Altitude(start, 0.0, 0.0, 0.0, False, a.P._replace(hh=1.0), 1.0)
         after, g, result = altitude.update_sonar(b, gate.OPEN, 0.44, 1.0, 0.0, SONAR, V)
         assert after.height == pytest.approx(expected, abs=2e-3) and result.used
         assert g.refused == 0
@@ -242,7 +242,7 @@ def test_barometer_carries_the_height_where_the_sonar_is_lost():
         a, g = altitude.start(1e-4, 0.1, V), (gate.OPEN, gate.OPEN)
         rng = np.random.default_rng(3)
         h, bias = 1.0, 0.05
-        a = altitude.Altitude(h, 0.0, 0.0, 0.0, False, a.P)
+        a = altitude.Altitude(h, 0.0, 0.0, 0.0, False, a.P, 1.0)
         for k in range(6000):
             noise = V.accel_noise / math.sqrt(DT) * rng.standard_normal()
             a = predict(a, -bias + 0.1 * noise, 1.0)
@@ -263,7 +263,7 @@ def test_barometer_carries_the_height_where_the_sonar_is_lost():
 def test_jump_of_the_pressure_moves_the_offset_not_the_height():
     a, g = altitude.start(1e-4, 0.1, V), gate.OPEN
     rng, before = np.random.default_rng(0), 0.0
-    a = altitude.Altitude(1.0, 0.0, 0.0, 0.0, False, a.P)
+    a = altitude.Altitude(1.0, 0.0, 0.0, 0.0, False, a.P, 1.0)
     s = gate.OPEN
     for k in range(4000):
         a = predict(a, 0.0, 1.0)
@@ -281,6 +281,30 @@ def test_jump_of_the_pressure_moves_the_offset_not_the_height():
 
 
 def test_held_still_on_the_floor_the_velocity_is_zero():
-    a = altitude.Altitude(0.0, 0.3, 0.0, 0.0, False, altitude.start(0.25, 0.1, V).P)
+    a = altitude.start(0.25, 0.1, V)._replace(velocity=0.3)
     after = altitude.hold_still(a, 1e-4)
     assert abs(after.velocity) < 1e-3 and after.P.ww == pytest.approx(1e-4, rel=1e-3)
+
+
+@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('bias', [-3.0, 3.0])
+def test_a_height_that_runs_away_comes_back_to_a_sonar_that_scatters(seed, bias):
+    # As in four flights of a Rolling Spider: successive ranges 0.3 m apart, every tenth too far.
+    rng = np.random.default_rng(seed)
+    n = 4000
+    up = np.where(np.arange(n) < 400, bias, 0.0)
+    ranges = 0.8 + 0.25 * rng.standard_normal(n)
+    ranges[rng.random(n) < 0.1] += 1.5
+    ranges[np.arange(n) % 8 != 4] = np.nan
+    a = altitude.start(1e-4, V.initial_accel_bias_std, V)
+    out, _ = run(up, np.ones(n), np.abs(ranges), a)
+    assert (np.abs(out[1200:, 0] - 0.8) < 0.7).mean() > 0.95 and np.abs(out[1200:, 0]).max() < 2.5
+
+
+def test_no_height_is_below_the_floor_and_no_bias_larger_than_there_is():
+    a = altitude.start(1e-4, 0.1, V)._replace(height=-3.0, velocity=-2.0, accel_bias=-9.0)
+    after = altitude.bounded(a, V)
+    assert (after.height, after.velocity, after.accel_bias) == (-0.1, 0.0, -1.2)
+    assert after.P == a.P  # no surer than before
+    rising = altitude.bounded(a._replace(velocity=0.5, accel_bias=0.3), V)
+    assert (rising.velocity, rising.accel_bias) == (0.5, 0.3)

@@ -38,7 +38,7 @@ def random_filter(seed, q=None):
     bias = tuple(0.01 * rng.normal(size=3))
     return attitude.Attitude(
         q, bias, rows(P[:3, :3]), rows(P[:3, 3:]), rows(P[3:, 3:]), 0.0,
-        attitude.NO_WINDOW), P
+        attitude.NO_WINDOW, 1.0), P
 
 
 def covariance(a):

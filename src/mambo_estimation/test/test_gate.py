@@ -1,6 +1,7 @@
 """Gate: refuses outliers, opens for a filter that is wrong, never for a sensor that is stuck."""
 
 from mambo_estimation import gate as g
+import numpy as np
 import pytest
 
 DT, WIDTH, TIME = 0.04, 4.0, 1.0
@@ -52,7 +53,7 @@ def test_outliers_that_disagree_never_reset_the_filter():
 
 def test_one_good_sample_starts_the_clock_anew():
     bad = [(9.0 + 0.01 * k, 9.0) for k in range(20)]
-    _, verdicts = run([*bad, (0.0, 0.0), *bad])
+    _, verdicts = run([*bad[:3], (0.0, 0.0), *bad])  # not yet distrusted: it is used
     assert g.RECOVER not in verdicts
 
 
@@ -95,3 +96,26 @@ def test_one_sample_that_fits_takes_back_one_of_the_doubts():
     assert verdicts[3] == verdicts[5] == g.ACCEPT  # three doubts, then two and one more
     _, verdicts = run([*wild, fits, (-30.0, -30.0), (40.0, 40.0), fits])
     assert verdicts[3] == g.ACCEPT and verdicts[6] == g.REFUSE  # two and two more
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_samples_that_scatter_about_one_value_reset_the_filter_in_spite_of_outliers(seed):
+    rng = np.random.default_rng(seed)
+    samples = 12.0 + 2.0 * rng.standard_normal(200)  # the limit of agreement is 5.7 apart
+    samples[rng.random(200) < 0.15] += 30.0
+    _, verdicts = run([(x, x) for x in samples.tolist()])
+    assert TIME <= verdicts.index(g.RECOVER) * DT < 2.0 * TIME
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_samples_from_anywhere_never_reset_the_filter(seed):
+    rng = np.random.default_rng(seed)
+    samples = rng.uniform(5.0, 35.0, 1000)  # all on one side, a third of them agree with any
+    assert g.RECOVER not in run([(x, x) for x in samples.tolist()])[1]
+
+
+def test_a_sensor_that_is_distrusted_wins_the_vote_with_samples_that_fit():
+    wild = [(30.0 * (-1) ** k + k, 30.0 * (-1) ** k) for k in range(20)]
+    fits = [(1.5 * (k % 3), 3.9 * (k % 3 - 1)) for k in range(60)]  # next to each other or not
+    _, verdicts = run([*wild, *fits])
+    assert verdicts[-1] == g.ACCEPT

@@ -242,9 +242,10 @@ def test_vehicle_that_moves_while_aligning_starts_with_the_defaults_and_converge
         return circle()(t) + 1.5 * height
 
     truth = fly(path, 30.0)
+    impatient = EstimatorParams(alignment=AlignmentParams(patience=0.2))
     calibrated = EstimatorParams(alignment=AlignmentParams(
-        gyro_bias=(0.021, -0.009, 0.016), accel_bias=(0.28, -0.12, 0.35)))
-    for params, tilt in ((EstimatorParams(), 2.5), (calibrated, 0.7)):
+        patience=0.2, gyro_bias=(0.021, -0.009, 0.016), accel_bias=(0.28, -0.12, 0.35)))
+    for params, tilt in ((impatient, 2.5), (calibrated, 0.7)):
         run = estimate(sense(truth, TYPICAL, seed=3), params)
         aligning = run.status == kalman.STATUS_ALIGNING
         assert 10 < aligning.sum() < 100

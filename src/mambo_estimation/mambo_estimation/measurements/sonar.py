@@ -24,6 +24,7 @@ class SonarValues(NamedTuple):
     min_tilt_cos: float
     gate: float
     recovery_time: float
+    agreement: float
     stuck_samples: int
 
 
@@ -44,6 +45,10 @@ class SonarParams:
     gate: float = quantity(5.0, 'sigma', 1.0, 100.0, 'refuses 6e-7 of good samples')
     recovery_time: float = quantity(
         0.5, 's', 0.0, 1e4, 'refusals that agree for so long mean that the filter is wrong')
+    agreement: float = quantity(
+        0.5, 'm', 1e-3, 10.0,
+        'refused heights this near to each other agree: 1.5 times the scatter of the worst sonar '
+        'that is still one, 0.35 m in Rolling Spider flights')
     stuck_samples: int = quantity(
         20, '-', 0, 100000, 'in flight, so many equal ranges mean a dead sensor; 0: never')
 
