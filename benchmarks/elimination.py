@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from mambo_analysis import closed_loop
-from mambo_analysis.scenario import Scenario
 from mambo_control import failsafe
 from mambo_estimation import filters
+from mambo_flight import closed_loop
+from mambo_flight.scenario import Scenario
 from mambo_model.compiled import jit
-from mambo_model.flatness import Reference
-from mambo_model.rigid_body import State
-from mambo_model.trajectory import reference_step
+from mambo_model.motion.flatness import Reference
+from mambo_model.motion.rigid_body import State
+from mambo_model.motion.trajectory import reference_step
 from mambo_sim import simulator
 from mambo_sim.parameters import STEP_NS
 from mambo_sim.plant import PlantState

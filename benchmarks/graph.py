@@ -11,9 +11,9 @@ import sys
 import threading
 import time
 
-from mambo_analysis import estimate
-from mambo_analysis.bag import read_bag
-from mambo_analysis.compare import compare
+from mambo_analysis.compare import estimate
+from mambo_analysis.compare.compare import compare
+from mambo_bags.reader import read_bag
 from mambo_bringup import replay
 from mambo_bringup.processes import FlightError
 from mambo_ros import topics
@@ -125,7 +125,7 @@ def _offline(path: Path) -> dict[str, float]:
 def _command(bag: Path, seconds: float) -> dict[str, float]:
     """Estimate a bag again in a process of its own."""
     began = time.perf_counter()
-    done = subprocess.run([sys.executable, '-m', 'mambo_analysis.estimate', str(bag)],
+    done = subprocess.run([sys.executable, '-m', 'mambo_analysis.compare.estimate', str(bag)],
                           text=True, capture_output=True)
     if done.returncode:
         raise Gap(done.stderr.strip())

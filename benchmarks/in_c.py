@@ -8,7 +8,7 @@ from pathlib import Path
 import shutil
 import subprocess
 
-from mambo_model.vehicle import Vehicle, VehicleValues
+from mambo_model.vehicle.parameters import Vehicle, VehicleValues
 import numpy as np
 from numpy.typing import NDArray
 

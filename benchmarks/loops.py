@@ -6,7 +6,8 @@ from functools import cache
 from pathlib import Path
 import shutil
 
-from mambo_analysis import closed_loop, flight_bag, monte_carlo, scenario
+from mambo_flight import closed_loop, recording_to_bag, scenario
+from mambo_flight.sweep import monte_carlo
 import numpy as np
 
 from . import elimination
@@ -27,7 +28,7 @@ def _flights(quick: bool, folder: Path) -> list[Contender]:
     def with_bag(flight: scenario.Scenario) -> None:
         shutil.rmtree(folder / 'in_one_process', ignore_errors=True)
         recording = closed_loop.fly(flight, inner=True)
-        flight_bag.write(folder / 'in_one_process', flight, recording)
+        recording_to_bag.write(folder / 'in_one_process', flight, recording)
 
     def ideal(flight: scenario.Scenario) -> None:
         list(monte_carlo.fly_many([flight]))

@@ -9,7 +9,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from mambo_model.vehicle import Vehicle
+from mambo_model.vehicle.parameters import Vehicle
 
 from .measure import Contender, Gap
 

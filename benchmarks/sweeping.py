@@ -6,9 +6,9 @@ import os
 from pathlib import Path
 import time
 
-from mambo_analysis.sweep import design
-from mambo_analysis.sweep.run import run
-from mambo_analysis.sweep.table import Journal
+from mambo_flight.sweep import design
+from mambo_flight.sweep.run import run
+from mambo_flight.sweep.table import Journal
 
 from .measure import Contender
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import sys
 
 import mambo_analysis
-from mambo_analysis import report, tables
-from mambo_analysis.compare import compare_bags
+from mambo_analysis.compare import report, tables
+from mambo_analysis.compare.compare import compare_bags
 import numpy as np
 
 HERE = Path(__file__).resolve().parents[1]

@@ -13,10 +13,10 @@ from __future__ import annotations
 from pathlib import Path
 import sys
 
-from mambo_analysis.closed_loop import fly
 from mambo_analysis.identify import thrust
-from mambo_analysis.scenario import scenario
-from mambo_model.vehicle import preset
+from mambo_flight.closed_loop import fly
+from mambo_flight.scenario import scenario
+from mambo_model.vehicle.parameters import preset
 import numpy as np
 
 

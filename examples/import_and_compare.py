@@ -14,10 +14,10 @@ from pathlib import Path
 import sys
 
 import mambo_analysis
-from mambo_analysis import tables
-from mambo_analysis.bag import Bag
-from mambo_analysis.compare import compare_bags
-from mambo_analysis.import_motive import import_motive
+from mambo_analysis.compare import tables
+from mambo_analysis.compare.compare import compare_bags
+from mambo_analysis.importers.motive import import_motive
+from mambo_bags.reader import Bag
 import numpy as np
 
 HERE = Path(__file__).resolve().parents[1]

@@ -10,7 +10,7 @@ from pathlib import Path
 import sys
 
 import mambo_analysis
-from mambo_analysis import palette
+from mambo_model import palette
 from matplotlib.figure import Figure
 
 HERE = Path(__file__).resolve().parents[1]

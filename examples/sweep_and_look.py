@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 import sys
 
-from mambo_analysis.sweep.command import summary, sweep
+from mambo_flight.sweep.command import summary, sweep
 import pandas as pd
 
 SWEEP = """\

@@ -13,9 +13,11 @@ from pathlib import Path
 import sys
 
 import mambo_analysis
-from mambo_analysis import estimate, metrics, motion, offline
-from mambo_analysis.bag import Bag
-from mambo_analysis.scenario import override, read_value, Scenario
+from mambo_analysis.compare import estimate
+from mambo_analysis.signals import metrics, motion
+from mambo_bags.reader import Bag
+from mambo_flight import offline_replay
+from mambo_flight.scenario import override, read_value, Scenario
 
 HERE = Path(__file__).resolve().parents[1]
 FACTOR = 'kalman.optical_flow.factor'
@@ -25,7 +27,7 @@ def error(bag: Bag, **values: object) -> float:
     """Return the RMS of the estimated position against Optitrack in m, with these parameters."""
     node = Scenario(estimator_node=estimate.parameters(bag))
     changed = override(node, {f'estimator_node.{name}': value for name, value in values.items()})
-    found = offline.estimate(bag, changed.estimator_node.filter)
+    found = offline_replay.estimate(bag, changed.estimator_node.filter)
     again = estimate.answered(bag, found)['estimate/odom']
     return metrics.statistics(motion.position_errors(again, bag['optitrack/pose'])[1]).rms_total
 

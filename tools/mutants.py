@@ -32,8 +32,8 @@ HEAD = """# Mutants
 
 Each equation file with ten errors put in, one at a time, and the test of that file that fails. A
 mutant that no test kills shows an equation that no test holds. The errors are listed in
-`tests/mutants/`; `tests/test_mutants.py` checks that each still fits its file. This page is
-written by
+`tests/mutants/`; `tests/workspace/test_mutants.py` checks that each still fits its file. This page
+is written by
 
     ./mutants --write                # all of them
     ./mutants mambo_sim --write      # those of a package or of a file, ./mutants rotor

@@ -5,7 +5,7 @@ Make the committed flights and figures again, after any change of what they show
 usage: tools/remake.py [NAME ...]
 
 NAME: bags/circle_short, docs/circle.png or docs/drift.png; without one: all of them. Begin with
-``source env.bash``. tests/test_committed.py fails when one of them is stale.
+``source env.bash``. tests/workspace/test_committed.py fails when one of them is stale.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ import shutil
 import sys
 import tempfile
 
-from mambo_analysis import closed_loop, figures, flight_bag
-from mambo_analysis.bag import Bag, read_bag
-from mambo_analysis.drift import experiments
-from mambo_analysis.scenario import Scenario, scenario
+from mambo_analysis.compare import figures
+from mambo_bags.reader import Bag, read_bag
+from mambo_flight import closed_loop, recording_to_bag
+from mambo_flight.scenario import scenario, Scenario
+from mambo_thesis.drift import experiments
 from matplotlib.figure import Figure
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -28,7 +29,7 @@ TITLE = 'circle_kalman_seed1'  # the name that ./run gives its default flight
 
 def fly(flight: Scenario, path: Path) -> Path:
     """Fly in one process, write the bag that the graph would write, return its path."""
-    flight_bag.write(path, flight, closed_loop.fly(flight, inner=True))
+    recording_to_bag.write(path, flight, closed_loop.fly(flight, inner=True))
     return path
 
 

@@ -20,8 +20,8 @@ setup(
     entry_points={
         'console_scripts': [
             'optitrack_node = mambo_sim.optitrack_node:main',
-            'recorder_node = mambo_sim.recorder_node:main',
-            'replay_node = mambo_sim.replay_node:main',
+            'recorder_node = mambo_bags.recorder_node:main',
+            'replay_node = mambo_bags.replay_node:main',
             'sim_node = mambo_sim.sim_node:main',
         ],
     },

@@ -2,7 +2,8 @@
 Flights as arrays: ``bag = mambo_analysis.open_bag('bags/circle_short')``.
 
 ``bag['estimate/odom'].position`` is (n, 3) in metres; ``.to_pandas()`` gives a topic as a table.
-Comparisons are in :mod:`mambo_analysis.compare`, alignment in :mod:`mambo_analysis.align`.
+Comparisons are in :mod:`mambo_analysis.compare.compare`, alignment in
+:mod:`mambo_analysis.signals.time_offset`.
 """
 
 from __future__ import annotations
@@ -11,12 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .bag import Bag
+    from mambo_bags.reader import Bag
 
 
 def open_bag(path: Path | str, namespace: str | None = None) -> Bag:
     """
-    Open a bag as tidy arrays; see :func:`mambo_analysis.bag.read_bag`.
+    Open a bag as tidy arrays; see :func:`mambo_bags.reader.read_bag`.
 
     Parameters
     ----------
@@ -27,9 +28,9 @@ def open_bag(path: Path | str, namespace: str | None = None) -> Bag:
 
     Raises
     ------
-    mambo_analysis.bag.BagError
+    mambo_bags.reader.BagError
         In one line, if there is no bag or it cannot be read.
 
     """
-    from .bag import read_bag  # here, as what wants no bag shall not wait for it
+    from mambo_bags.reader import read_bag  # here, as what wants no bag shall not wait for it
     return read_bag(path, namespace=namespace)

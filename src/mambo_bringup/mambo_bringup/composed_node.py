@@ -7,13 +7,13 @@ the middleware as ever. Parameters of a node stand in its section of a parameter
 
 from __future__ import annotations
 
+from mambo_bags.recorder_node import RecorderNode
 from mambo_control.controller_node import ControllerNode
 from mambo_control.reference_node import ReferenceNode
 from mambo_estimation.estimator_node import EstimatorNode
 from mambo_ros import node
 from mambo_sim import sim_node
 from mambo_sim.optitrack_node import OptitrackNode
-from mambo_sim.recorder_node import RecorderNode
 
 NODES = (
     RecorderNode, OptitrackNode, EstimatorNode, ReferenceNode, ControllerNode, sim_node.SimNode)

@@ -17,15 +17,15 @@ import re
 import signal
 import sys
 
-from mambo_analysis import scenario as scenarios, scenario_file
-from mambo_analysis.bag import read_bag
-from mambo_analysis.cli import guard
-from mambo_analysis.ending import ended_early, ENDINGS
+from mambo_analysis.compare.ending import ended_early, ENDINGS
+from mambo_bags.command import guard
+from mambo_bags.reader import read_bag
 from mambo_control.parameters import ControllerNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
+from mambo_flight import scenario as scenarios, scenario_file
 from mambo_model import schema
-from mambo_model.trajectory import TRAJECTORIES
-from mambo_model.vehicle import PRESETS
+from mambo_model.motion.trajectory import TRAJECTORIES
+from mambo_model.vehicle.parameters import PRESETS
 from tqdm import tqdm
 
 from .crew import Crew
@@ -35,7 +35,7 @@ from .stopping import stoppable
 FLIGHT_NODES = (
     ('mambo_sim', 'optitrack_node'), ('mambo_estimation', 'estimator_node'),
     ('mambo_control', 'reference_node'), ('mambo_control', 'controller_node'))
-RECORDER = ('mambo_sim', 'recorder_node')
+RECORDER = ('mambo_bags', 'recorder_node')
 SIMULATOR = ('mambo_sim', 'sim_node')
 COMPOSED = ('mambo_bringup', 'composed_node')
 NAMESPACE = '/mambo'
@@ -462,12 +462,12 @@ def report(bag: Path, real_time_factor: float | None = None, fault: Sequence[str
 
     Raises
     ------
-    mambo_analysis.bag.BagError
+    mambo_bags.reader.BagError
         If the bag cannot be read.
 
     """
-    from mambo_analysis.compare import compare, table
-    from mambo_analysis.page import write_page
+    from mambo_analysis.compare.compare import compare, table
+    from mambo_analysis.compare.page import write_page
     recording = read_bag(bag)
     result = compare(recording)
     if real_time_factor is not None:

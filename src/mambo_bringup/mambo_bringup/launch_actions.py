@@ -14,7 +14,7 @@ from launch.event_handlers import OnShutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
-from mambo_analysis.scenario import to_yaml
+from mambo_flight.scenario import to_yaml
 
 from .domain import check_loopback
 from .flight import OWN, RECORDER

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from mambo_analysis import scenario as scenarios
-from mambo_analysis.bag import read_bag
+from mambo_bags.reader import read_bag
+from mambo_flight import scenario as scenarios
 from mambo_model import schema
 
 from .flight import FLIGHT_NODES, RECORDER, SIMULATOR
@@ -99,7 +99,7 @@ def replay_plan(arguments: Mapping[str, str]) -> Plan:
     ------
     mambo_model.schema.ParameterError
         For a parameter file that cannot be read.
-    mambo_analysis.bag.BagError
+    mambo_bags.reader.BagError
         For a bag that cannot be read.
     mambo_bringup.processes.FlightError
         If the output exists.

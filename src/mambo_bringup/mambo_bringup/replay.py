@@ -13,11 +13,11 @@ import argparse
 from pathlib import Path
 import sys
 
-from mambo_analysis import scenario as scenarios
-from mambo_analysis.bag import Bag, read_bag
-from mambo_analysis.cli import guard
-from mambo_analysis.compare import compare_replay
-from mambo_analysis.verdict import verdict
+from mambo_analysis.compare.compare import compare_replay
+from mambo_analysis.compare.verdict import verdict
+from mambo_bags.command import guard
+from mambo_bags.reader import Bag, read_bag
+from mambo_flight import scenario as scenarios
 
 from .crew import Crew
 from .flight import RECORDER
@@ -25,7 +25,7 @@ from .processes import FlightError, load, parameter
 from .stopping import stoppable
 
 ESTIMATOR = ('mambo_estimation', 'estimator_node')
-PLAYER = ('mambo_sim', 'replay_node')
+PLAYER = ('mambo_bags', 'replay_node')
 RECORDED = (
     '/clock,imu/data_raw,sonar/range,optical_flow,barometer/pressure,sensor_tick,estimate/odom,'
     'estimator/state,/tf,/diagnostics')
@@ -51,7 +51,7 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
     ------
     FlightError
         If a node does not start, dies or cannot read the bag.
-    mambo_analysis.bag.BagError
+    mambo_bags.reader.BagError
         If the bag is foreign, damaged or was never closed.
     KeyboardInterrupt
         If the user ended it, with the signal; the output is closed.

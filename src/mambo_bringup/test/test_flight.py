@@ -7,19 +7,19 @@ import subprocess
 import sys
 import time
 
-from mambo_analysis import scenario_file
-from mambo_analysis.bag import BagError
-from mambo_analysis.scenario import (
-    commented_yaml, from_yaml, landing_time, override, scenario, Scenario, to_yaml)
+from mambo_bags.reader import BagError
+from mambo_bags.writer import BagWriter
 from mambo_bringup import flight, processes, replay
 from mambo_bringup.processes import FlightError
 from mambo_control.parameters import ControllerNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
+from mambo_flight import scenario_file
+from mambo_flight.scenario import (
+    commented_yaml, from_yaml, landing_time, override, Scenario, scenario, to_yaml)
 from mambo_model import schema
-from mambo_model.trajectory import TRAJECTORIES
-from mambo_model.vehicle import preset, PRESETS
+from mambo_model.motion.trajectory import TRAJECTORIES
+from mambo_model.vehicle.parameters import preset, PRESETS
 from mambo_ros.node import MamboNode
-from mambo_sim.bag_writer import BagWriter
 import pytest
 import rclpy
 from rclpy.signals import SignalHandlerOptions

@@ -5,18 +5,18 @@ import importlib.util
 from pathlib import Path
 import tempfile
 
-from mambo_analysis.bag import BagError
-from mambo_analysis.scenario import from_yaml, load, override, scenario, Scenario, to_yaml
+from mambo_bags.reader import BagError
+from mambo_bags.recorder_node import RecorderNodeParams
+from mambo_bags.replay_node import ReplayNodeParams
+from mambo_bags.writer import BagWriter
 from mambo_bringup.launching import choices, flight_plan, MEANING, replay_plan
 from mambo_bringup.processes import FlightError
 from mambo_bringup.replay import RECORDED
+from mambo_flight.scenario import from_yaml, load, override, Scenario, scenario, to_yaml
 from mambo_model import schema
-from mambo_model.trajectory import TRAJECTORIES
+from mambo_model.motion.trajectory import TRAJECTORIES
 from mambo_ros import messages, topics
-from mambo_sim.bag_writer import BagWriter
 from mambo_sim.parameters import SimNodeParams
-from mambo_sim.recorder_node import RecorderNodeParams
-from mambo_sim.replay_node import ReplayNodeParams
 import pytest
 
 SRC = Path(__file__).parents[2]

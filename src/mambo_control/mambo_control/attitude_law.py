@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from mambo_model.compiled import jit
-from mambo_model.flatness import Reference, torque as rigid_torque
-from mambo_model.quaternion import conjugate, multiply, Quat, rotate, rotate_inverse
-from mambo_model.rigid_body import State
-from mambo_model.vector import add, cross, scale, sub, Vec3
-from mambo_model.vehicle import VehicleValues
+from mambo_model.motion.flatness import Reference, torque as rigid_torque
+from mambo_model.motion.quaternion import conjugate, multiply, Quat, rotate, rotate_inverse
+from mambo_model.motion.rigid_body import State
+from mambo_model.motion.vector import add, cross, scale, sub, Vec3
+from mambo_model.vehicle.parameters import VehicleValues
 
 from .gains import GainValues
 

@@ -13,13 +13,13 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.flatness import Reference
-from mambo_model.quaternion import angle, multiply, Quat, rotate_inverse
-from mambo_model.rigid_body import State
-from mambo_model.rotor import allocate, limit_pwm, pwm_from_thrust
-from mambo_model.trajectory import GROUND, LANDED
-from mambo_model.vector import Vec3
-from mambo_model.vehicle import VehicleValues
+from mambo_model.motion.flatness import Reference
+from mambo_model.motion.quaternion import angle, multiply, Quat, rotate_inverse
+from mambo_model.motion.rigid_body import State
+from mambo_model.motion.trajectory import GROUND, LANDED
+from mambo_model.motion.vector import Vec3
+from mambo_model.vehicle.parameters import VehicleValues
+from mambo_model.vehicle.rotor import allocate, limit_pwm, pwm_from_thrust
 
 from .attitude_law import attitude_error, rate_error, torque
 from .gains import CascadedParams, GainValues
@@ -193,7 +193,7 @@ def step(
     ref
         Reference for the time of the estimate.
     phase
-        Of the flight, 0 GROUND to 4 LANDED of mambo_model.trajectory.
+        Of the flight, 0 GROUND to 4 LANDED of mambo_model.motion.trajectory.
     dt : s
         Time to the next call, the control period.
     gains

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from mambo_model.compiled import Held, hold, jit
-from mambo_model.flatness import Reference
-from mambo_model.rigid_body import State
+from mambo_model.motion.flatness import Reference
+from mambo_model.motion.rigid_body import State
 from mambo_ros import diagnostics, intake, messages, node, topics
 
 from . import cascaded, failsafe

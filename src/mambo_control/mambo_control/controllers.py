@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from mambo_model.compiled import by_type
 
-from . import cascaded, toolbox
+from . import cascaded, support_package
 from .gains import CascadedParams, GainValues
-from .toolbox import ToolboxControllerParams, ToolboxGainValues
+from .support_package import ToolboxControllerParams, ToolboxGainValues
 
-Memory = cascaded.Memory | toolbox.Memory
+Memory = cascaded.Memory | support_package.Memory
 Gains = GainValues | ToolboxGainValues
 Params = CascadedParams | ToolboxControllerParams
 
-answer = by_type(5, {GainValues: cascaded.step, ToolboxGainValues: toolbox.step})
-stopped = by_type(0, {cascaded.Memory: cascaded.stopped, toolbox.Memory: toolbox.stopped})
+answer = by_type(5, {GainValues: cascaded.step, ToolboxGainValues: support_package.step})
+stopped = by_type(0, {
+    cascaded.Memory: cascaded.stopped, support_package.Memory: support_package.stopped})
 
 
 def initial(params: Params) -> Memory:
     """Return the memory at start of the controller that has such parameters."""
-    return (toolbox if isinstance(params, ToolboxControllerParams) else cascaded).initial()
+    return (support_package if isinstance(params, ToolboxControllerParams) else cascaded).initial()

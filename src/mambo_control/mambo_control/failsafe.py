@@ -49,15 +49,15 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-from mambo_model import trajectory
 from mambo_model.compiled import jit
-from mambo_model.flatness import from_flat_output_yaw, Reference
-from mambo_model.quaternion import IDENTITY, rotate, rotate_inverse, to_euler
-from mambo_model.rigid_body import rk4_step, State
-from mambo_model.rotor import mix, thrust_from_pwm
+from mambo_model.motion import trajectory
+from mambo_model.motion.flatness import from_flat_output_yaw, Reference
+from mambo_model.motion.quaternion import IDENTITY, rotate, rotate_inverse, to_euler
+from mambo_model.motion.rigid_body import rk4_step, State
+from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
 from mambo_model.schema import check, quantity, values
-from mambo_model.vector import add, dot, norm, scale, sub, Vec3
-from mambo_model.vehicle import VehicleValues
+from mambo_model.vehicle.parameters import VehicleValues
+from mambo_model.vehicle.rotor import mix, thrust_from_pwm
 
 from . import controllers
 from .cascaded import Command
@@ -481,7 +481,7 @@ def step(
     ref
         Reference for the time of the estimate; ``NO_REFERENCE`` where it is missing.
     phase
-        Of the flight, 0 GROUND to 4 LANDED of mambo_model.trajectory.
+        Of the flight, 0 GROUND to 4 LANDED of mambo_model.motion.trajectory.
     dt : s
         Time to the next call, the control period.
     gains

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mambo_model import schema
-from mambo_model.trajectory import FlightPlanParams
-from mambo_model.vehicle import Vehicle
+from mambo_model.motion.trajectory import FlightPlanParams
+from mambo_model.vehicle.parameters import Vehicle
 
 from .controllers import Params
 from .failsafe import FailsafeParams
 from .gains import CascadedParams
-from .toolbox import ToolboxControllerParams
+from .support_package import ToolboxControllerParams
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.flatness import Reference
-from mambo_model.quaternion import rotate
-from mambo_model.rigid_body import State
-from mambo_model.vector import add, dot, norm, scale, sub, Vec3
-from mambo_model.vehicle import VehicleValues
+from mambo_model.motion.flatness import Reference
+from mambo_model.motion.quaternion import rotate
+from mambo_model.motion.rigid_body import State
+from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
+from mambo_model.vehicle.parameters import VehicleValues
 
 from .drag_feedforward import drag_jet
 from .gains import GainValues

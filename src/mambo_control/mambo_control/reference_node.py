@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from mambo_model import trajectory
 from mambo_model.compiled import hold, jit
-from mambo_model.flatness import Reference
+from mambo_model.motion import trajectory
+from mambo_model.motion.flatness import Reference
 from mambo_ros import messages, node, topics
 
 from .parameters import ReferenceNodeParams

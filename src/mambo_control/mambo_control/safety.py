@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from mambo_model.compiled import jit
-from mambo_model.flatness import Reference
-from mambo_model.quaternion import Quat
-from mambo_model.rigid_body import State
-from mambo_model.trajectory import GROUND, LANDED
-from mambo_model.vector import Vec3
+from mambo_model.motion.flatness import Reference
+from mambo_model.motion.quaternion import Quat
+from mambo_model.motion.rigid_body import State
+from mambo_model.motion.trajectory import GROUND, LANDED
+from mambo_model.motion.vector import Vec3
 
 from .gains import GainValues
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from mambo_model.compiled import jit
-from mambo_model.vector import add, dot, scale, sub, Vec3
+from mambo_model.motion.vector import add, dot, scale, sub, Vec3
 
 
 @jit

@@ -9,9 +9,9 @@ minus the bound of the virtual input (4.26 m/s^2 with the gains of section 3.4).
 from __future__ import annotations
 
 from mambo_model.compiled import jit
-from mambo_model.flatness import minimal_rotation, Reference
-from mambo_model.quaternion import Quat, rotate_inverse
-from mambo_model.vector import cross, direction, sub, Vec3
+from mambo_model.motion.flatness import minimal_rotation, Reference
+from mambo_model.motion.quaternion import Quat, rotate_inverse
+from mambo_model.motion.vector import cross, direction, sub, Vec3
 
 from .gains import GainValues, NO_ACCELERATION, NO_RATES
 

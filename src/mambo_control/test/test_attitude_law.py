@@ -2,8 +2,8 @@
 
 from mambo_control.attitude_law import alignment
 from mambo_control.cascaded import CascadedParams, law, step
-from mambo_model.quaternion import angle, conjugate
-from mambo_model.trajectory import TRACK
+from mambo_model.motion.quaternion import angle, conjugate
+from mambo_model.motion.trajectory import TRACK
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -8,13 +8,13 @@ from mambo_control import safety
 from mambo_control.cascaded import CascadedParams, Command, initial, Memory, step
 from mambo_control.position_law import advance
 from mambo_model.compiled import jit
-from mambo_model.flatness import from_flat_output
-from mambo_model.quaternion import from_euler
-from mambo_model.rigid_body import rk4_step, State
-from mambo_model.rotor import mix, thrust_from_pwm
+from mambo_model.motion.flatness import from_flat_output
+from mambo_model.motion.quaternion import from_euler
+from mambo_model.motion.rigid_body import rk4_step, State
+from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
 from mambo_model.schema import ParameterError
-from mambo_model.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
-from mambo_model.vehicle import preset, Vehicle
+from mambo_model.vehicle.parameters import preset, Vehicle
+from mambo_model.vehicle.rotor import mix, thrust_from_pwm
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

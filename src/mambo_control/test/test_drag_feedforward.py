@@ -2,13 +2,13 @@
 
 from mambo_control.cascaded import CascadedParams, law, Memory
 from mambo_control.drag_feedforward import drag_acceleration, reference_drag_rates
-from mambo_model.quaternion import rotate
-from mambo_model.rigid_body import State
-from mambo_model.vehicle import DRAG_READINGS, Vehicle
+from mambo_model.motion.quaternion import rotate
+from mambo_model.motion.rigid_body import State
+from mambo_model.vehicle.parameters import DRAG_READINGS, Vehicle
 import numpy as np
 import pytest
 from test_thrust_direction import slopes
-from thesis_flight import control, flight, reference, Setup, setup, start
+from thesis_flight import control, flight, reference, setup, Setup, start
 
 ZERO = (0.0, 0.0, 0.0)
 WITH = CascadedParams(drag_feedforward=True).values()

@@ -2,17 +2,17 @@
 
 import math
 
-from mambo_control import cascaded, failsafe, safety, toolbox
+from mambo_control import cascaded, failsafe, safety, support_package
 from mambo_control.failsafe import (
     DESCENDING_BLIND, EXACT, FLYING, HOLDING, LANDING, NO_REFERENCE, NO_STATE, Spread, STOPPED)
 from mambo_control.gains import CascadedParams
 from mambo_control.parameters import ControllerNodeParams
-from mambo_model.flatness import from_flat_output, from_flat_output_yaw
-from mambo_model.quaternion import from_euler, rotate, rotate_inverse
-from mambo_model.rigid_body import rk4_step, State
-from mambo_model.rotor import mix, thrust_from_pwm
-from mambo_model.trajectory import GROUND, LANDED, TAKEOFF, TRACK
-from mambo_model.vehicle import Vehicle
+from mambo_model.motion.flatness import from_flat_output, from_flat_output_yaw
+from mambo_model.motion.quaternion import from_euler, rotate, rotate_inverse
+from mambo_model.motion.rigid_body import rk4_step, State
+from mambo_model.motion.trajectory import GROUND, LANDED, TAKEOFF, TRACK
+from mambo_model.vehicle.parameters import Vehicle
+from mambo_model.vehicle.rotor import mix, thrust_from_pwm
 import numpy as np
 import pytest
 
@@ -61,7 +61,7 @@ def moved(state, command):
 
 @pytest.mark.parametrize(('law', 'module', 'params'), [
     ('cascaded', cascaded, CascadedParams()),
-    ('toolbox', toolbox, toolbox.ToolboxControllerParams())])
+    ('toolbox', support_package, support_package.ToolboxControllerParams())])
 def test_with_good_inputs_the_answer_is_that_of_the_law_alone(law, module, params):
     one, memory = Controller(law), module.initial()
     state = hovering(1.4, (0.3, -0.2, 0.1), from_euler(0.1, 0.2, 0.3))

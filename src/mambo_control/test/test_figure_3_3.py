@@ -1,9 +1,9 @@
 """The simulation of section 3.4: every number that the audit of Fig. 3.3 gives."""
 
 from mambo_control.cascaded import CascadedParams
-from mambo_model.quaternion import angle
-from mambo_model.rotor import allocate, pwm_from_thrust
-from mambo_model.vehicle import THRUST_MAPS
+from mambo_model.motion.quaternion import angle
+from mambo_model.vehicle.parameters import THRUST_MAPS
+from mambo_model.vehicle.rotor import allocate, pwm_from_thrust
 import numpy as np
 import pytest
 from thesis_flight import control, flight, reference, setup, start

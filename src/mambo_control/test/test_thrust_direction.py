@@ -2,7 +2,7 @@
 
 from mambo_control.cascaded import CascadedParams
 from mambo_control.thrust_direction import desired_attitude
-from mambo_model.quaternion import conjugate, multiply, to_matrix
+from mambo_model.motion.quaternion import conjugate, multiply, to_matrix
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -13,13 +13,13 @@ from typing import NamedTuple
 from mambo_control.attitude_law import alignment
 from mambo_control.cascaded import CascadedParams, law, Memory
 from mambo_control.gains import GainValues
-from mambo_model import rigid_body
 from mambo_model.aerodynamics import lumped_drag
 from mambo_model.compiled import jit
-from mambo_model.flatness import from_flat_output, from_flat_output_yaw
-from mambo_model.quaternion import conjugate, rotate_inverse
-from mambo_model.vector import add, mul, scale, sub
-from mambo_model.vehicle import preset, VehicleValues
+from mambo_model.motion import rigid_body
+from mambo_model.motion.flatness import from_flat_output, from_flat_output_yaw
+from mambo_model.motion.quaternion import conjugate, rotate_inverse
+from mambo_model.motion.vector import add, mul, scale, sub
+from mambo_model.vehicle.parameters import preset, VehicleValues
 import numpy as np
 from scipy.integrate import solve_ivp
 

@@ -23,9 +23,9 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.quaternion import from_euler, Quat
+from mambo_model.motion.quaternion import from_euler, Quat
+from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
 from mambo_model.schema import check, quantity, values
-from mambo_model.vector import add, dot, norm, scale, sub, Vec3
 
 COLLECTING, ALIGNED, MOVED = range(3)
 

@@ -32,9 +32,9 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.quaternion import exp_map, multiply, normalise, Quat, to_matrix
+from mambo_model.motion.quaternion import exp_map, multiply, normalise, Quat, to_matrix
+from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
 from mambo_model.schema import check, quantity, values
-from mambo_model.vector import add, dot, norm, scale, sub, Vec3
 
 from .blocks import (
     diagonal3, less_outer3, Matrix3, mul3, scale3, sub3, symmetric3, transpose3, Vec2, ZERO3)

@@ -8,7 +8,7 @@ those of the arguments.
 from __future__ import annotations
 
 from mambo_model.compiled import jit
-from mambo_model.vector import Vec3
+from mambo_model.motion.vector import Vec3
 
 Vec2 = tuple[float, float]
 Matrix2 = tuple[Vec2, Vec2]

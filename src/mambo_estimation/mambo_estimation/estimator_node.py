@@ -6,12 +6,13 @@ from collections.abc import Callable
 import math
 
 from geometry_msgs.msg import TransformStamped
-from mambo_model import frames, rigid_body
+from mambo_model import frames
 from mambo_model.compiled import hold, jit
+from mambo_model.motion import rigid_body
 from mambo_ros import diagnostics, intake, layout, messages, node, topics
 from tf2_msgs.msg import TFMessage
 
-from . import filters, kalman, report
+from . import diagnostic, filters, kalman
 from .parameters import EstimatorNodeParams
 from .synchroniser import Step, Synchroniser
 
@@ -131,7 +132,7 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         counts = e.health.not_finite + dropped
         new = tuple(now - before for now, before in zip(counts, self._reported, strict=True))
         self._reported = counts
-        level, line, numbers = report.told(
+        level, line, numbers = diagnostic.told(
             e.status, e.height, (e.sonar_refused, e.flow_refused, e.barometer_refused),
             e.invalid_samples + sum(dropped), e.health, new[:5], new[5:],
             math.sqrt(max(e.pose_covariance[21], e.pose_covariance[28])))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from mambo_model.compiled import by_type
 
-from . import kalman, toolbox
+from . import kalman, support_package
 
-Params = kalman.EstimatorParams | toolbox.ToolboxEstimatorParams
-Values = kalman.EstimatorValues | toolbox.ToolboxValues
-Memory = kalman.Memory | toolbox.Memory
+Params = kalman.EstimatorParams | support_package.ToolboxEstimatorParams
+Values = kalman.EstimatorValues | support_package.ToolboxValues
+Memory = kalman.Memory | support_package.Memory
 
 initial = by_type(0, {
-    kalman.EstimatorParams: kalman.initial, toolbox.ToolboxEstimatorParams: toolbox.initial})
-step = by_type(8, {kalman.EstimatorValues: kalman.step, toolbox.ToolboxValues: toolbox.step})
+    kalman.EstimatorParams: kalman.initial,
+    support_package.ToolboxEstimatorParams: support_package.initial})
+step = by_type(8, {
+    kalman.EstimatorValues: kalman.step, support_package.ToolboxValues: support_package.step})

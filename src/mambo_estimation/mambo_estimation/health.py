@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.vector import Vec3
+from mambo_model.motion.vector import Vec3
 
 GYRO, ACCELEROMETER, SONAR, OPTICAL_FLOW, BAROMETER = range(5)  # as in EstimatorState.msg
 GOOD, OUT_OF_REACH, MISSING, NOT_FINITE, IMPLAUSIBLE, STUCK = range(6)  # likewise

@@ -28,10 +28,10 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.quaternion import IDENTITY, rotate, rotate_inverse, to_matrix
-from mambo_model.rigid_body import State
+from mambo_model.motion.quaternion import IDENTITY, rotate, rotate_inverse, to_matrix
+from mambo_model.motion.rigid_body import State
+from mambo_model.motion.vector import add, scale, sub, Vec3
 from mambo_model.schema import check, group, quantity
-from mambo_model.vector import add, scale, sub, Vec3
 
 from . import alignment, altitude, attitude, gate, health, velocity
 from .alignment import Alignment, AlignmentParams, AlignmentValues

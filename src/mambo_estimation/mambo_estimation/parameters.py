@@ -8,7 +8,7 @@ from mambo_model import schema
 
 from .filters import Params
 from .kalman import EstimatorParams
-from .toolbox import ToolboxEstimatorParams
+from .support_package import ToolboxEstimatorParams
 
 
 @dataclass(frozen=True)

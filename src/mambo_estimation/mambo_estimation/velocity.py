@@ -26,8 +26,8 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
+from mambo_model.motion.vector import Vec3
 from mambo_model.schema import check, quantity, values
-from mambo_model.vector import Vec3
 
 from .blocks import (
     add2, apply2, diagonal2, inverse2, Matrix2, Matrix3, mul2, mul2_t, outer2, scale2, sub2,

@@ -12,11 +12,11 @@ from __future__ import annotations
 import math
 
 from .compiled import jit
-from .quaternion import Quat, rotate_inverse
-from .vector import add, norm, sub, Vec3
-from .vehicle import (
+from .motion.quaternion import Quat, rotate_inverse
+from .motion.vector import add, norm, sub, Vec3
+from .vehicle.parameters import (
     DRAG_ACCELERATION, DRAG_FORCE, DRAG_PER_ROTOR, DRAG_TOTAL, VehicleValues)
-from .vehicle_options import (
+from .vehicle.vehicle_options import (
     DragValues, OptionValues, PROFILE_BLADE_ELEMENT, PROFILE_LINEAR, RotorValues)
 
 NEAREST = 0.5  # radii above the floor: Cheeseman and Bennett's law does not hold below

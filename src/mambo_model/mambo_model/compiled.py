@@ -17,19 +17,20 @@ def source_digest() -> str:
 
     numba invalidates a cached function when its own file changes, not when a function that
     it calls in another file does. A cache folder named after all sources closes that gap. Of
-    mambo_analysis, which is mostly not compiled, only the files that compile something count.
+    mambo_flight and mambo_analysis, which are mostly not compiled, only the files that compile
+    something count.
     """
     import importlib.util
     digest = hashlib.sha256()
     for name in ('mambo_model', 'mambo_sim', 'mambo_estimation', 'mambo_control',
-                 'mambo_analysis'):
+                 'mambo_flight', 'mambo_analysis'):
         spec = importlib.util.find_spec(name)
         if spec is None or spec.origin is None:
             continue
         for path in sorted(Path(spec.origin).parent.rglob('*.py')):
             source = path.read_bytes()
             if not path.stem.endswith('_node') and (
-                    name != 'mambo_analysis' or b'@jit' in source):
+                    name not in ('mambo_flight', 'mambo_analysis') or b'@jit' in source):
                 digest.update(source)
     return digest.hexdigest()[:16]
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .quaternion import Quat
-from .vector import Vec3
+from .motion.quaternion import Quat
+from .motion.vector import Vec3
 
 
 _KEPT = {size * size: tuple(

@@ -3,7 +3,7 @@
 import math
 
 from mambo_model.aerodynamics import lumped_drag
-from mambo_model.vehicle import DRAG_READINGS, Vehicle
+from mambo_model.vehicle.parameters import DRAG_READINGS, Vehicle
 import numpy as np
 import pytest
 

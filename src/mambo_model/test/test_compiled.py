@@ -8,11 +8,13 @@ import subprocess
 import sys
 from typing import NamedTuple
 
-from mambo_model import compiled, rigid_body, rotor, trajectory
+from mambo_model import compiled
 from mambo_model.compiled import by_type, hold, jit, memory_of
-from mambo_model.quaternion import to_euler
-from mambo_model.rigid_body import State
-from mambo_model.vehicle import Vehicle
+from mambo_model.motion import rigid_body, trajectory
+from mambo_model.motion.quaternion import to_euler
+from mambo_model.motion.rigid_body import State
+from mambo_model.vehicle import rotor
+from mambo_model.vehicle.parameters import Vehicle
 from numba.core.errors import TypingError
 import numpy as np
 import pytest

@@ -4,11 +4,10 @@ import dataclasses
 import itertools
 import math
 
-from mambo_model import aerodynamics as air
-from mambo_model import forces
-from mambo_model.rotor import rotor_speed
-from mambo_model.vehicle import preset, PRESETS, Vehicle
-from mambo_model.vehicle_options import DragParams, PROFILES
+from mambo_model import aerodynamics as air, forces
+from mambo_model.vehicle.parameters import preset, PRESETS, Vehicle
+from mambo_model.vehicle.rotor import rotor_speed
+from mambo_model.vehicle.vehicle_options import DragParams, PROFILES
 import numpy as np
 import pytest
 from scipy.optimize import brentq

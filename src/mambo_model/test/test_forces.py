@@ -4,13 +4,14 @@ import dataclasses
 import math
 import struct
 
-from mambo_model import aerodynamics, forces, rigid_body
+from mambo_model import aerodynamics, forces
 from mambo_model.forces import Rotors
-from mambo_model.quaternion import from_euler
-from mambo_model.rigid_body import State
-from mambo_model.rotor import mix, rotor_momentum
-from mambo_model.vehicle import Vehicle
-from mambo_model.vehicle_options import FadeParams, GroundEffectParams, RotorParams
+from mambo_model.motion import rigid_body
+from mambo_model.motion.quaternion import from_euler
+from mambo_model.motion.rigid_body import State
+from mambo_model.vehicle.parameters import Vehicle
+from mambo_model.vehicle.rotor import mix, rotor_momentum
+from mambo_model.vehicle.vehicle_options import FadeParams, GroundEffectParams, RotorParams
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

@@ -3,7 +3,8 @@
 import math
 import struct
 
-from mambo_model import frames, quaternion
+from mambo_model import frames
+from mambo_model.motion import quaternion
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from mambo_model import schema, vehicle, yaml_nodes
+from mambo_model import schema, yaml_nodes
+from mambo_model.vehicle import parameters
 import pytest
 import yaml
 
@@ -64,7 +65,7 @@ def test_a_vehicle_gets_a_short_line(tmp_path, text, said):
     file = tmp_path / 'vehicle.yaml'
     file.write_text(text)
     with pytest.raises(schema.ParameterError) as refused:
-        vehicle.load(file)
+        parameters.load(file)
     assert said in str(refused.value) and str(file) in str(refused.value)
     assert '\n' not in str(refused.value) and len(str(refused.value)) < 1500
 
@@ -72,7 +73,7 @@ def test_a_vehicle_gets_a_short_line(tmp_path, text, said):
 @pytest.mark.parametrize('name', ['x' * 5000 + '.yaml', 'a\0b.yaml'])
 def test_a_name_that_no_file_has_gets_a_short_line(name):
     with pytest.raises(schema.ParameterError) as refused:
-        vehicle.load(Path(name))
+        parameters.load(Path(name))
     assert len(str(refused.value)) < 300 and '\0' not in str(refused.value)
 
 
@@ -82,7 +83,7 @@ def test_a_name_that_no_file_has_gets_a_short_line(name):
 def test_a_number_that_no_float_holds_is_out_of_range(name, value):
     given = (value,) * 3 if name == 'inertia' else value
     with pytest.raises(schema.ParameterError, match=name) as refused:
-        schema.build(vehicle.Vehicle, {name: given})
+        schema.build(parameters.Vehicle, {name: given})
     assert len(str(refused.value)) < 300
     with pytest.raises(schema.ParameterError, match=name):
-        vehicle.Vehicle(**{name: given})
+        parameters.Vehicle(**{name: given})

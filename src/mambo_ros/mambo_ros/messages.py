@@ -13,10 +13,9 @@ from typing import NamedTuple
 from geometry_msgs.msg import PoseStamped
 from mambo_interfaces.msg import (
     ControllerState, EstimatorState, MotorPwm, OpticalFlow, Reference, SensorTick)
-from mambo_model import flatness
-from mambo_model.frames import (
-    body_quaternion, flip_covariance, flip_vector, wire_quaternion)
-from mambo_model.rigid_body import State
+from mambo_model.frames import body_quaternion, flip_covariance, flip_vector, wire_quaternion
+from mambo_model.motion import flatness
+from mambo_model.motion.rigid_body import State
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, Imu, Range

@@ -6,9 +6,9 @@ import struct
 from geometry_msgs.msg import PoseStamped
 from mambo_interfaces.msg import (
     ControllerState, EstimatorState, MotorPwm, OpticalFlow, Reference, SensorTick)
-from mambo_model import flatness
-from mambo_model.quaternion import from_euler
-from mambo_model.rigid_body import State
+from mambo_model.motion import flatness
+from mambo_model.motion.quaternion import from_euler
+from mambo_model.motion.rigid_body import State
 from mambo_ros import messages
 from mambo_ros.layout import LayoutError, serialize
 from nav_msgs.msg import Odometry

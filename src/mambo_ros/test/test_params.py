@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from mambo_model import schema
-from mambo_model.vehicle import Vehicle
+from mambo_model.vehicle.parameters import Vehicle
 from mambo_ros.node import MamboNode
 import pytest
 from rcl_interfaces.msg import ParameterType

@@ -18,8 +18,8 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
+from mambo_model.motion.vector import Vec3
 from mambo_model.schema import check, choice, group, quantity
-from mambo_model.vector import Vec3
 import numpy as np
 from numpy.random import Generator
 

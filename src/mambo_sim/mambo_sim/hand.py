@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mambo_model.compiled import jit
-from mambo_model.rigid_body import State
+from mambo_model.motion.rigid_body import State
+from mambo_model.motion.trajectory import flat_output, FlightPlanParams, PlanValues
+from mambo_model.motion.vector import Vec3
 from mambo_model.schema import flag, group
-from mambo_model.trajectory import flat_output, FlightPlanParams, PlanValues
-from mambo_model.vector import Vec3
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mambo_model.compiled import Held, hold, jit, memory_of
-from mambo_model.rigid_body import State
+from mambo_model.motion.rigid_body import State
 from mambo_ros import diagnostics, intake, messages, node, topics
 
 from . import simulator

@@ -17,16 +17,16 @@ from typing import NamedTuple
 
 from mambo_model import forces
 from mambo_model.aerodynamics import lumped_drag, through_air
-from mambo_model.battery import supply
 from mambo_model.compiled import jit
-from mambo_model.quaternion import (
+from mambo_model.motion.quaternion import (
     exp_map, from_euler, multiply, normalise, Quat, rotate, rotate_inverse)
-from mambo_model.rigid_body import NORM_LIMIT, rk4_step, State
-from mambo_model.rotor import faded, Four, limit_pwm, mix, thrust_from_pwm
+from mambo_model.motion.rigid_body import NORM_LIMIT, rk4_step, State
+from mambo_model.motion.vector import add, norm, scale, sub, Vec3
 from mambo_model.schema import check, choice, flag, ParameterError, quantity
-from mambo_model.vector import add, norm, scale, sub, Vec3
-from mambo_model.vehicle import VehicleValues
-from mambo_model.vehicle_options import OptionValues
+from mambo_model.vehicle.battery import supply
+from mambo_model.vehicle.parameters import VehicleValues
+from mambo_model.vehicle.rotor import faded, Four, limit_pwm, mix, thrust_from_pwm
+from mambo_model.vehicle.vehicle_options import OptionValues
 
 CONTROL_RATE = 200      # Hz, rate at which the motor command changes
 NORMS = ('normalise', 'control', 'free')

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.rotor import Four, mix
+from mambo_model.motion.trajectory import PlanValues
+from mambo_model.motion.vector import Vec3
 from mambo_model.schema import check, flag, group, quantity
-from mambo_model.trajectory import PlanValues
-from mambo_model.vector import Vec3
-from mambo_model.vehicle import Vehicle, VehicleValues
-from mambo_model.vehicle_options import OptionValues
+from mambo_model.vehicle.parameters import Vehicle, VehicleValues
+from mambo_model.vehicle.rotor import Four, mix
+from mambo_model.vehicle.vehicle_options import OptionValues
 import numpy as np
 from numpy.random import Generator
 

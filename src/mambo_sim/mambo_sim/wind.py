@@ -14,8 +14,8 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import by_type, jit
+from mambo_model.motion.vector import add, Vec3
 from mambo_model.schema import check, quantity, values
-from mambo_model.vector import add, Vec3
 from numpy.random import Generator
 
 from .sensors.sampling import STEP

@@ -1,7 +1,7 @@
 """The floor: carries without jitter, stops what lands, lets go, is not felt in the air."""
 
-from mambo_model import rigid_body
-from mambo_model.vehicle import Vehicle
+from mambo_model.motion import rigid_body
+from mambo_model.vehicle.parameters import Vehicle
 from mambo_sim import plant
 from mambo_sim.plant import PlantParams, PlantState
 import numpy as np

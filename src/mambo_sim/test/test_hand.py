@@ -1,6 +1,6 @@
 """A vehicle carried by hand is where the hand is, level, and feels what it should."""
 
-from mambo_model.trajectory import flat_output, FlightPlanParams
+from mambo_model.motion.trajectory import flat_output, FlightPlanParams
 from mambo_sim import simulator
 from mambo_sim.hand import HandParams
 from mambo_sim.sensors.imu import ImuParams

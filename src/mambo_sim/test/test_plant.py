@@ -2,9 +2,10 @@
 
 import dataclasses
 
-from mambo_model import rigid_body, rotor
+from mambo_model.motion import rigid_body
 from mambo_model.schema import ParameterError
-from mambo_model.vehicle import PRESETS, Vehicle
+from mambo_model.vehicle import rotor
+from mambo_model.vehicle.parameters import PRESETS, Vehicle
 from mambo_sim import plant
 from mambo_sim.plant import PlantParams, PlantState
 import numpy as np

@@ -3,9 +3,9 @@
 import dataclasses
 import math
 
-from mambo_model import rigid_body
-from mambo_model.vehicle import preset, Vehicle
-from mambo_model.vehicle_options import (
+from mambo_model.motion import rigid_body
+from mambo_model.vehicle.parameters import preset, Vehicle
+from mambo_model.vehicle.vehicle_options import (
     BatteryParams, DragParams, FadeParams, GroundEffectParams, RotorParams)
 from mambo_sim import plant
 from mambo_sim.plant import PlantParams, PlantState

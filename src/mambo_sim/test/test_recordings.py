@@ -10,7 +10,7 @@ import functools
 import json
 from pathlib import Path
 
-from mambo_model.rigid_body import State
+from mambo_model.motion.rigid_body import State
 from mambo_ros.messages import decode_pose
 from mambo_sim.sensors import optitrack
 from mambo_sim.sensors.barometer import BarometerParams

@@ -5,8 +5,8 @@ import math
 
 from mambo_model import schema
 from mambo_model.compiled import jit
-from mambo_model.vehicle import Vehicle
-from mambo_model.vehicle_options import (
+from mambo_model.vehicle.parameters import Vehicle
+from mambo_model.vehicle.vehicle_options import (
     BatteryParams, DragParams, FadeParams, GroundEffectParams, RotorParams)
 from mambo_sim import plant, simulator
 from mambo_sim.plant import PlantParams

@@ -1,11 +1,12 @@
 import math
 
-from mambo_model import forces, rotor
-from mambo_model.quaternion import from_euler, rotate
-from mambo_model.rigid_body import State
+from mambo_model import forces
+from mambo_model.motion.quaternion import from_euler, rotate
+from mambo_model.motion.rigid_body import State
 from mambo_model.schema import ParameterError
-from mambo_model.vehicle import Vehicle
-from mambo_model.vehicle_options import DragParams
+from mambo_model.vehicle import rotor
+from mambo_model.vehicle.parameters import Vehicle
+from mambo_model.vehicle.vehicle_options import DragParams
 from mambo_sim import plant, simulator, wind
 from mambo_sim.plant import PlantParams
 from mambo_sim.simulator import SimulatorParams

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import io
 
-from .. import bounded
+from ..importers import bounded
 from .regression import IdentifyError
 
 Floats = NDArray[np.float64]

@@ -17,15 +17,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_flight import closed_loop
+from mambo_flight.scenario import from_yaml, load, override, Scenario
+from mambo_model import palette
 from mambo_model.frames import flip_vector
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from . import regression, report
-from .. import closed_loop, palette
-from ..scenario import from_yaml, load, override, Scenario
+from . import regression, result
 from ..signals import resample
 from .regression import IdentifyError, LEVEL, Value
 
@@ -233,11 +234,11 @@ def read(
 
     Raises
     ------
-    IdentifyError, mambo_analysis.bag.BagError, mambo_model.schema.ParameterError
+    IdentifyError, mambo_bags.reader.BagError, mambo_model.schema.ParameterError
         In one line, for what is missing.
 
     """
-    bag = report.open_bag(path, ('optitrack/pose',), namespace)
+    bag = result.open_bag(path, ('optitrack/pose',), namespace)
     if file is None:
         text = bag.attachments.get('scenario.yaml')
         if not isinstance(text, str):
@@ -254,7 +255,7 @@ def read(
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point ``identify_drag``."""
-    parser = report.parser(
+    parser = result.parser(
         'identify_drag', 'Lumped drag by fitting the closed-loop simulation to a flight.')
     parser.add_argument('bag', type=Path, help='with optitrack/pose')
     parser.add_argument('--part', choices=tuple(PARTS), default='horizontal', help='k_c or k_z')
@@ -267,7 +268,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--namespace', help='of the drone, if the bag has several')
     options = parser.parse_args(arguments)
 
-    def work() -> report.Report:
+    def work() -> result.Report:
         """Read the bag and return what was found."""
         track, flight = read(
             options.bag, options.scenario, options.shift, options.namespace)
@@ -276,7 +277,7 @@ def main(arguments: list[str] | None = None) -> int:
         source = (f'identify_drag, {options.bag.name}, 95 %: {value.low:.4g} to {value.high:.4g}; '
                   f'reading {flight.sim_node.simulator.vehicle.drag_reading}')
         reading = flight.sim_node.simulator.vehicle.drag_reading
-        return report.Report(
+        return result.Report(
             f'{options.part} drag of {options.bag.name}', {part.symbol: value},
             {'rms residual [m]': found.fit.rms, 'rms without it [m]': found.without,
              'positions': len(found.t),
@@ -286,7 +287,7 @@ def main(arguments: list[str] | None = None) -> int:
             {'drag_reading': (reading, 'as the scenario of the flight'),
              part.name: (value.value, source)},
             _draw(found, part), method=METHOD)
-    return report.run('identify_drag', options, work)
+    return result.run('identify_drag', options, work)
 
 
 if __name__ == '__main__':

@@ -17,6 +17,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_flight.closed_loop import Recording
+from mambo_model import palette
 from mambo_model.frames import body_quaternion, flip_vector
 from matplotlib.figure import Figure
 import numpy as np
@@ -24,10 +26,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 import yaml
 
-from . import regression, report
-from .. import motion, palette
-from ..closed_loop import Recording
-from ..signals import outliers
+from . import regression, result
+from ..signals import motion, outliers
 from ..signals.derivative import body_rates, local_fit
 from .regression import IdentifyError, Value
 
@@ -259,7 +259,7 @@ def read(
     lowest: float = LOWEST,
 ) -> Samples:
     """Return the samples of a bag with ``optical_flow`` and ``optitrack/pose``; shift in s."""
-    bag = report.open_bag(path, ('optical_flow', 'optitrack/pose'), namespace)
+    bag = result.open_bag(path, ('optical_flow', 'optitrack/pose'), namespace)
     flow, pose = bag['optical_flow'], motion.read(bag, 'optitrack/pose')
     seen = np.isfinite(pose.quaternion).all(axis=1)
     begin = min(pose.t[0], flow.t[0])
@@ -274,7 +274,7 @@ def read(
     return found._replace(impossible=pose.impossible)
 
 
-def _report(path: Path, data: Samples, leak: bool, slowest: float) -> report.Report:
+def _report(path: Path, data: Samples, leak: bool, slowest: float) -> result.Report:
     """Return the factor by every law that the heights can tell apart."""
     laws = LAWS if len(data.t) and np.ptp(data.height) >= SPREAD else LAWS[:1]
     found = {law: fit_factor(data, law, leak, slowest) for law in laws}
@@ -298,14 +298,14 @@ def _report(path: Path, data: Samples, leak: bool, slowest: float) -> report.Rep
         'heights [m]': f'{data.height.min():.2f} .. {data.height.max():.2f}',
         'offset of the flow [rad/s]': '{:.4f}, {:.4f}'.format(*found[best].bias)}
     facts |= {f'rms residual, {law} [rad/s]': one.fit.rms for law, one in found.items()}
-    return report.Report(
+    return result.Report(
         f'flow factor of {path.name}', values, facts, notes, {}, _draw(data, found),
         {'estimator.yaml': _estimator_file(found, best)})
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point ``identify_flow``."""
-    parser = report.parser(
+    parser = result.parser(
         'identify_flow', 'Factor of the optical flow from Optitrack, (5.2) and (C.2).')
     parser.add_argument('bag', type=Path, help='with optical_flow and optitrack/pose')
     parser.add_argument('--floor', type=float, default=0.0, help='m, its height for Optitrack')
@@ -322,11 +322,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--namespace', help='of the drone, if the bag has several')
     options = parser.parse_args(arguments)
 
-    def work() -> report.Report:
+    def work() -> result.Report:
         data = read(options.bag, options.floor, options.start, options.end, options.shift,
                     options.namespace, options.lowest)
         return _report(options.bag, data, options.leak, options.slowest)
-    return report.run('identify_flow', options, work)
+    return result.run('identify_flow', options, work)
 
 
 if __name__ == '__main__':

@@ -11,14 +11,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from mambo_model import bifilar
-from mambo_model.vehicle import preset
+from mambo_model import palette
+from mambo_model.vehicle import bifilar
+from mambo_model.vehicle.parameters import preset
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 
-from . import columns, regression, report
-from .. import palette
+from . import columns, regression, result
 from .regression import IdentifyError, Value
 
 Floats = NDArray[np.float64]
@@ -192,7 +192,7 @@ def _draw(t: Floats, rate: Floats, found: Inertia) -> Callable[[Figure], None]:
     return draw
 
 
-def _report(options: argparse.Namespace, t: Floats, rate: Floats, found: Inertia) -> report.Report:
+def _report(options: argparse.Namespace, t: Floats, rate: Floats, found: Inertia) -> result.Report:
     values = {'omega_0': found.frequency, 'K_D/J': found.quadratic, 'C/J': found.linear}
     facts = {
         'largest swing [rad]': found.amplitude, 'gyro bias [rad/s]': found.bias,
@@ -220,7 +220,7 @@ def _report(options: argparse.Namespace, t: Floats, rate: Floats, found: Inertia
             notes.append(
                 'the interval holds no error of the geometry: 1 % of D is 2 % of J, 1 % of h or '
                 'mass 1 % (--separation-error, --length-error, --mass-error)')
-    return report.Report(
+    return result.Report(
         f'swing about body {options.axis} of {options.file.name}', values, facts, notes, changed,
         _draw(t, rate, found))
 
@@ -228,8 +228,8 @@ def _report(options: argparse.Namespace, t: Floats, rate: Floats, found: Inertia
 def _data(options: argparse.Namespace) -> tuple[Floats, Floats]:
     """Return times s and rates rad/s that the options name."""
     path, factor = options.file, np.pi / 180.0 if options.unit == 'deg/s' else 1.0
-    if report.is_bag(path):
-        imu = report.open_bag(path, ('imu/data_raw',), options.namespace)['imu/data_raw']
+    if result.is_bag(path):
+        imu = result.open_bag(path, ('imu/data_raw',), options.namespace)['imu/data_raw']
         t, rate = imu.t - imu.t[0], imu.angular_velocity[:, AXES.index(options.axis)]
     else:
         table = columns.read(path)
@@ -259,7 +259,7 @@ def _geometry(options: argparse.Namespace) -> Geometry | None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point ``identify_inertia``."""
-    parser = report.parser(
+    parser = result.parser(
         'identify_inertia', 'Moment of inertia from the gyro of a pendulum, (4.2)-(4.3).')
     parser.add_argument('file', type=Path, help='bag with imu/data_raw, or .csv, .mat, .json')
     parser.add_argument('--axis', choices=AXES, default='z', help='of the body, that is vertical')
@@ -282,11 +282,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--namespace', help='of the drone, if a bag has several')
     options = parser.parse_args(arguments)
 
-    def work() -> report.Report:
+    def work() -> result.Report:
         geometry = _geometry(options)
         t, rate = _data(options)
         return _report(options, t, rate, fit_swing(t, rate, geometry))
-    return report.run('identify_inertia', options, work)
+    return result.run('identify_inertia', options, work)
 
 
 if __name__ == '__main__':

@@ -21,17 +21,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_flight.closed_loop import Recording
+from mambo_model import palette
 from mambo_model.compiled import jit
 from mambo_model.frames import flip_vector
-from mambo_model.rotor import limit_pwm, thrust_from_pwm
-from mambo_model.vehicle import preset, Vehicle, VehicleValues
+from mambo_model.vehicle.parameters import preset, Vehicle, VehicleValues
+from mambo_model.vehicle.rotor import limit_pwm, thrust_from_pwm
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 
-from . import regression, report
-from .. import metrics, palette
-from ..closed_loop import Recording
+from . import regression, result
+from ..signals import metrics
 from .regression import IdentifyError, Value
 
 Floats = NDArray[np.float64]
@@ -213,7 +214,7 @@ def _draw(found: Motor) -> Callable[[Figure], None]:
 
 def read(path: Path, vehicle: Vehicle, namespace: str | None) -> tuple[Floats, Floats, Floats]:
     """Return times s, commands and acceleration of a bag, of the steps in the air."""
-    bag = report.open_bag(path, ('imu/data_raw', 'motor_pwm'), namespace)
+    bag = result.open_bag(path, ('imu/data_raw', 'motor_pwm'), namespace)
     imu, motors = bag['imu/data_raw'], bag['motor_pwm']
     here, there = metrics.common(imu.stamp, motors.stamp)
     if len(here) < LEAST:
@@ -229,13 +230,13 @@ def read(path: Path, vehicle: Vehicle, namespace: str | None) -> tuple[Floats, F
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point ``identify_motor``."""
-    parser = report.parser(
+    parser = result.parser(
         'identify_motor', 'Lag of the motors from commands and accelerometer of a flight.')
     parser.add_argument('bag', type=Path, help='with imu/data_raw and motor_pwm')
     parser.add_argument('--namespace', help='of the drone, if the bag has several')
     options = parser.parse_args(arguments)
 
-    def work() -> report.Report:
+    def work() -> result.Report:
         """Read the bag and return what was found."""
         vehicle = preset(options.base)
         t, pwm, acceleration = read(options.bag, vehicle, options.namespace)
@@ -243,7 +244,7 @@ def main(arguments: list[str] | None = None) -> int:
         value = found.time_constant
         source = (f'identify_motor, {options.bag.name}, 95 %: {value.low:.4g} to '
                   f'{value.high:.4g}')
-        return report.Report(
+        return result.Report(
             f'lag of the motors of {options.bag.name}',
             {'time constant': value, 'thrust over that of the map': found.gain},
             {'accelerometer offset [m/s^2]': found.offset,
@@ -251,7 +252,7 @@ def main(arguments: list[str] | None = None) -> int:
              'samples': len(t), 'order of the residual': found.fit.order[0]},
             ['a delay of the commands counts as lag'],
             {'motor_time_constant': (value.value, source)}, _draw(found))
-    return report.run('identify_motor', options, work)
+    return result.run('identify_motor', options, work)
 
 
 if __name__ == '__main__':

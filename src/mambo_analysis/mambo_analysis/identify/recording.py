@@ -8,13 +8,13 @@ from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_bags.mcap_reader import BagError
+from mambo_bags.reader import Bag, read_bag
 import numpy as np
 from numpy.typing import NDArray
 import scipy.io
 
-from ..bag import Bag, read_bag
-from ..import_minidrone import FLOW_SCALE, new_samples, read_log, STEP_NS
-from ..mcap_file import BagError
+from ..importers.minidrone import FLOW_SCALE, new_samples, read_log, STEP_NS
 
 Array = NDArray[np.float64]
 STEP = STEP_NS * 1e-9
@@ -77,7 +77,7 @@ def _changes(signal: Array) -> Stream:
 
 def _flight(path: Path) -> Recording:
     """
-    Return a minidrone log; see :mod:`mambo_analysis.import_minidrone` for its signals.
+    Return a minidrone log; see :mod:`mambo_analysis.importers.minidrone` for its signals.
 
     The gyro is ``pa, qa, ra``: of the rates of the onboard estimate, ``pb, qb, rb``, the last is
     filtered.

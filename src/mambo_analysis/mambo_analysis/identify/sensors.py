@@ -22,6 +22,9 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from mambo_bags.command import guard
+from mambo_bags.mcap_reader import BagError
+from mambo_model import palette
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
@@ -31,12 +34,8 @@ from scipy.ndimage import median_filter
 from scipy.signal import butter, sosfiltfilt
 from scipy.stats import beta, binom, t as student
 
-from .. import palette
-from ..cli import guard
-from ..mcap_file import BagError
 from .allan import (
-    Allan, allan, bias_instability, deviation_at_rest, Interval, LEVEL, random_walk,
-    white_density)
+    allan, Allan, bias_instability, deviation_at_rest, Interval, LEVEL, random_walk, white_density)
 from .recording import read_sensors, Recording, Stream
 
 Array = NDArray[np.float64]

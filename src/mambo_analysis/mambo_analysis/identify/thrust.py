@@ -12,13 +12,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_model import palette
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from . import columns, regression, report
-from .. import palette
+from . import columns, regression, result
 from .regression import IdentifyError, LEVEL, Value
 
 Floats = NDArray[np.float64]
@@ -127,7 +127,7 @@ def _draw(pwm: Floats, thrust: Floats, found: Thrust) -> Callable[[Figure], None
     return draw
 
 
-def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> report.Report:
+def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.Report:
     found = fit_thrust(pwm, thrust, options.max_pwm)
     source = f'identify_thrust, {options.file.name}'
     changed = {
@@ -147,7 +147,7 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> report.
         'b minus that of the thesis': found.b.value - THESIS[1],
         f'thrust over that of the thesis at {middle:.0f}': share}
     notes = ['a and b belong together: neither is known as well as their map']
-    return report.Report(
+    return result.Report(
         f'motor map of {options.file.name}',
         {'linear gain': found.gain, 'a': found.a, 'b': found.b}, facts, notes, changed,
         _draw(pwm, thrust, found), method=METHOD)
@@ -155,7 +155,7 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> report.
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point ``identify_thrust``."""
-    parser = report.parser(
+    parser = result.parser(
         'identify_thrust', 'Motor map from commands and thrusts of a bench, (4.5)-(4.7).')
     parser.add_argument('file', type=Path, help='.csv, .mat or .json')
     parser.add_argument('--command', default='pwm', help='column with the commands')
@@ -167,7 +167,7 @@ def main(arguments: list[str] | None = None) -> int:
                         help='leave out what is above: there thrust fades (350 in the thesis)')
     options = parser.parse_args(arguments)
 
-    def work() -> report.Report:
+    def work() -> result.Report:
         """Read the bench and return what was found."""
         if options.motors < 1:
             raise IdentifyError('--motors must be 1 or more')
@@ -176,7 +176,7 @@ def main(arguments: list[str] | None = None) -> int:
         _, thrust = columns.column(table, options.thrust, options.file)
         factor = options.gravity / 1000.0 if options.unit == 'g' else 1.0
         return _report(options, pwm, factor / options.motors * thrust)
-    return report.run('identify_thrust', options, work)
+    return result.run('identify_thrust', options, work)
 
 
 if __name__ == '__main__':

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
+from mambo_model.motion.vector import Vec3
 from mambo_model.schema import check, quantity, values
-from mambo_model.vector import Vec3
 
 
 class ImuValues(NamedTuple):

@@ -15,8 +15,8 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
+from mambo_model.motion.vector import Vec3
 from mambo_model.schema import check, choice, flag, quantity, values
-from mambo_model.vector import Vec3
 
 from ..blocks import Matrix2, Matrix3, Vec2
 

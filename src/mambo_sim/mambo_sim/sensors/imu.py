@@ -15,8 +15,8 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
+from mambo_model.motion.vector import add, mul, scale, sub, Vec3
 from mambo_model.schema import check, quantity, values
-from mambo_model.vector import add, mul, scale, sub, Vec3
 import numpy as np
 from numpy.random import Generator
 

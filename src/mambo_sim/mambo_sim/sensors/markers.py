@@ -14,11 +14,11 @@ import itertools
 import math
 from typing import NamedTuple
 
-from mambo_model import vehicle
 from mambo_model.compiled import jit
-from mambo_model.quaternion import Quat, rotate
+from mambo_model.motion.quaternion import Quat, rotate
+from mambo_model.motion.vector import add, Vec3
 from mambo_model.schema import check, choice, ParameterError, quantity
-from mambo_model.vector import add, Vec3
+from mambo_model.vehicle import parameters
 import numpy as np
 from numpy.random import Generator
 
@@ -45,7 +45,7 @@ class MarkerValues(NamedTuple):
 
 def file_positions() -> tuple[float, ...]:
     """Return the positions in ``vehicles/identified_markers.yaml``, (15,) m, body FRD."""
-    return tuple(x for _, at in vehicle.markers('identified_markers') for x in at)
+    return tuple(x for _, at in parameters.markers('identified_markers') for x in at)
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,9 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.rigid_body import State
+from mambo_model.motion.rigid_body import State
+from mambo_model.motion.vector import Vec3
 from mambo_model.schema import check, choice, ParameterError, quantity
-from mambo_model.vector import Vec3
 from numpy.random import Generator
 
 from .sampling import clamp, due_in_bursts, period_ns, STEP, tilt_cosine

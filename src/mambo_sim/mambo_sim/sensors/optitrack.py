@@ -18,10 +18,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.quaternion import exp_map, multiply, normalise, Quat
-from mambo_model.rigid_body import State
+from mambo_model.motion.quaternion import exp_map, multiply, normalise, Quat
+from mambo_model.motion.rigid_body import State
+from mambo_model.motion.vector import add, scale, sub, Vec3
 from mambo_model.schema import check, choice, flag, group, quantity
-from mambo_model.vector import add, scale, sub, Vec3
 from numpy.random import Generator
 
 from . import markers, tracker

@@ -20,8 +20,8 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.quaternion import Matrix3, Matrix4, normalise, Quat, rotate
-from mambo_model.vector import add, dot, scale, sub, Vec3
+from mambo_model.motion.quaternion import Matrix3, Matrix4, normalise, Quat, rotate
+from mambo_model.motion.vector import add, dot, scale, sub, Vec3
 
 COUNT = 5  # markers of the body
 UNLABELLED = -1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from mambo_model.compiled import jit
-from mambo_model.quaternion import Quat
+from mambo_model.motion.quaternion import Quat
 
 STEP_NS = 5_000_000  # ns, one tick: the control step at which every sensor is asked
 STEP = STEP_NS * 1e-9  # s

@@ -14,7 +14,7 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.rigid_body import State
+from mambo_model.motion.rigid_body import State
 from mambo_model.schema import check, ParameterError, quantity
 import numpy as np
 from numpy.random import Generator

@@ -14,12 +14,12 @@ import itertools
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.quaternion import Quat, rotate
-from mambo_model.vector import add, dot, norm, scale, sub, Vec3
+from mambo_model.motion.quaternion import Quat, rotate
+from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
 import numpy as np
 
 from .markers import MarkerValues, Seen
-from .rigid_fit import COUNT, Fit, fit, Five, Labels, NO_FIT, UNLABELLED
+from .rigid_fit import COUNT, fit, Fit, Five, Labels, NO_FIT, UNLABELLED
 
 _ORDERS = np.array(list(itertools.permutations(range(COUNT))))  # (120, 5)
 _HIDDEN: Labels = (UNLABELLED,) * COUNT

@@ -1,0 +1,70 @@
+"""Whether a flight ended as planned, by its bag alone."""
+
+from __future__ import annotations
+
+from mambo_bags.mcap_reader import BagError
+from mambo_bags.reader import Bag
+
+ENDINGS = ('/clock', 'clock', '/diagnostics', 'diagnostics', 'motor_pwm')
+"""Topics that tell how a flight ended."""
+_FINAL = ('sim_node', 'controller_node')  # nodes whose first ERROR is the end of the flight
+_STEP = 0.005  # s
+_ERROR = 2
+
+
+def _planned(bag: Bag) -> float:
+    """Return the duration that the scenario in a bag asks for, s; 0 if it asks for none."""
+    for name, node in (bag.scenario or {}).items():
+        if str(name).endswith('/sim_node'):
+            try:
+                return float(node['ros__parameters']['duration'])
+            except (KeyError, TypeError, ValueError):
+                break
+    return 0.0
+
+
+def _flew(bag: Bag, since: float) -> bool:
+    """Return whether the motors were told to turn before a time, s."""
+    if 'motor_pwm' not in bag:
+        return True
+    pwm = bag['motor_pwm']
+    return bool((pwm['pwm'][pwm.t <= since] > 0.0).any())
+
+
+def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
+    """
+    Return what ended a flight before its time, a line each; nothing for one that went as planned.
+
+    Parameters
+    ----------
+    bag
+        Of :func:`mambo_bags.reader.read_bag`, with the topics ``ENDINGS`` or all.
+    is_told
+        Whether it is known already that the flight is shorter than planned.
+
+    Returns
+    -------
+    Lines: a failsafe that ended the flight, motors stopped by their watchdog, and less flown than
+    the scenario in the bag asks for.
+
+    """
+    lines, first = [], set()
+    for topic in ('/diagnostics', 'diagnostics'):
+        try:
+            reports = list(bag[topic].objects()) if topic in bag else []
+        except BagError:  # a foreign one that cannot be read tells nothing
+            continue
+        for report in reports:
+            t = report.header.stamp.sec + report.header.stamp.nanosec * 1e-9
+            for status in report.status:
+                if (status.name in _FINAL and status.level == _ERROR
+                        and status.name not in first and _flew(bag, t)):
+                    first.add(status.name)
+                    lines.append(f'{status.name} at {t:.3f} s: {status.message}')
+    clock = next((name for name in ('/clock', 'clock') if name in bag), None)
+    planned = _planned(bag)
+    if clock and planned and not is_told:
+        flown = float(bag[clock].t.max())
+        if flown < planned - _STEP:
+            lines.insert(0, f'flew {flown:.2f} of {planned:g} s')
+    return lines

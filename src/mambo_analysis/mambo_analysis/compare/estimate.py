@@ -1,0 +1,160 @@
+"""
+Estimate a recorded flight again: its sensors through the estimator, and how well that did.
+
+Offline, without ROS running, hundreds of times faster than it was flown. The estimates are those
+that ``ros2 run mambo_bringup replay`` gets from a live estimator, to the last bit. The verdict at
+the end names sensors that were absent or refused, and says whether and when the estimate diverged;
+the exit code does not depend on it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from functools import cache
+from pathlib import Path
+import time
+
+from mambo_bags import columns
+from mambo_bags.command import guard
+from mambo_bags.reader import Bag, BagError, Batch, Messages, read_bag
+from mambo_bags.writer import BagWriter, BagWriterError
+from mambo_estimation.parameters import EstimatorNodeParams
+from mambo_flight import offline_replay, recording_to_bag, scenario
+from mambo_ros import topics
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys.store import Typestore
+
+from .compare import compare_replay
+from .verdict import verdict
+
+READ = (*(topic.name for topic in (
+    *offline_replay.SENSORS, topics.SENSOR_TICK, topics.ESTIMATE, topics.REFERENCE,
+    topics.OPTITRACK, topics.GROUND_TRUTH)), 'onboard/odom')
+"""Topics that are estimated from and compared with."""
+
+
+def parameters(bag: Bag, file: Path | None = None) -> EstimatorNodeParams:
+    """
+    Return the parameters of the estimator: of a file, else those that the bag was flown with.
+
+    The defaults, where a bag does not tell or was flown by the ground truth.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        If the file or the scenario in the bag is none, or asks for the ground truth (file only).
+
+    """
+    if file is not None:
+        node = scenario.load(file).estimator_node
+        if node.estimator == 'ground_truth':
+            raise BagError(f'{file}: estimator ground_truth estimates nothing; name another')
+        return node
+    if 'scenario.yaml' not in bag.attachments:
+        return EstimatorNodeParams()
+    node = scenario.from_yaml(
+        str(bag.attachments['scenario.yaml']), f'scenario.yaml in {bag.path}').estimator_node
+    return EstimatorNodeParams() if node.estimator == 'ground_truth' else node
+
+
+@cache
+def _types() -> Typestore:
+    return columns.load_types([topics.ESTIMATE.type_name, topics.ESTIMATOR_STATE.type_name])
+
+
+def messages(found: offline_replay.Estimates) -> dict[topics.Topic, NDArray[np.uint8]]:
+    """Return what the live estimator says: for each topic its messages, (n, size) bytes."""
+    return {
+        topics.ESTIMATE: recording_to_bag.estimate(found.t, found.state, found),
+        topics.ESTIMATOR_STATE: recording_to_bag.estimator_state(
+            found.t, found, tuple(found.dropped.T))}
+
+
+def answered(bag: Bag, found: offline_replay.Estimates) -> Bag:
+    """Return a bag in memory with estimates of the flight of another, to compare it with."""
+    out = Bag(bag.path)
+    out.namespace = bag.namespace
+    for topic, table in messages(found).items():
+        out.add(Messages(out.name(topic.name), topic.type_name, _types(),
+                         [Batch(found.t, found.t, table)]))
+    return out
+
+
+def write(path: Path, bag: Bag, found: offline_replay.Estimates) -> None:
+    """
+    Write estimates as a bag of ``estimate/odom`` and ``estimator/state``.
+
+    Raises
+    ------
+    mambo_bags.writer.BagWriterError
+        If the bag exists or cannot be made.
+
+    """
+    with BagWriter(path, metadata={'estimate': {'source': bag.path.name}}) as writer:
+        names = {topic: f'{bag.namespace}/{topic.name}' for topic in messages(found)}
+        for topic, name in names.items():
+            writer.add_topic(name, topic.type_name)
+        writer.write_all({
+            names[topic]: (found.t, [table]) for topic, table in messages(found).items()})
+
+
+def again(
+    path: Path, file: Path | None = None, namespace: str | None = None,
+) -> tuple[Bag, offline_replay.Estimates, str]:
+    """
+    Read a bag, estimate, compare; see the command's options for the arguments.
+
+    Returns
+    -------
+    The bag (topics of ``READ``), the estimates, how they differ from what it holds and a verdict.
+
+    Raises
+    ------
+    BagError, mambo_model.schema.ParameterError
+        If the bag cannot be read, has nothing to estimate from, or the parameters are none.
+
+    """
+    bag = read_bag(path, READ, namespace)
+    found = offline_replay.estimate(bag, parameters(bag, file).filter)
+    if not len(found.t):
+        raise BagError(f'{path}: no step of the sensors is complete, nothing to estimate')
+    ours = answered(bag, found)
+    return bag, found, f'{compare_replay(bag, ours)}\n{verdict(bag, ours)}'
+
+
+def _work(options: argparse.Namespace) -> None:
+    if options.out and options.out.exists():  # before anything is estimated
+        raise BagWriterError(f'{options.out} exists: give another --out or remove it')
+    began = time.perf_counter()
+    bag, found, text = again(options.bag, options.parameters, options.namespace)
+    took = time.perf_counter() - began
+    seconds = (found.t[-1] - found.t[0]) * 1e-9
+    print(f'{seconds:.2f} s of flight estimated and compared in {took:.2f} s: '
+          f'{seconds / took:.0f} times real time\n{text}')
+    if options.out:
+        write(options.out, bag, found)
+        print(f'\nbag: {options.out}')
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command line."""
+    out = argparse.ArgumentParser(
+        prog='estimate', description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    out.add_argument('bag', type=Path, help='rosbag2 directory or .mcap file')
+    out.add_argument('--out', type=Path, metavar='BAG',
+                     help='bag to make, with estimate/odom and estimator/state')
+    out.add_argument('--parameters', type=Path, metavar='FILE',
+                     help='ROS 2 parameter file of the estimator (default: that of the bag)')
+    out.add_argument('--namespace', help='of the drone, if the bag has several')
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``estimate``."""
+    options = parser().parse_args(arguments)
+    return guard('estimate', lambda: _work(options))
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

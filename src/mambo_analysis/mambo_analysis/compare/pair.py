@@ -1,0 +1,373 @@
+"""Two recordings of a flight, or two topics of one, quantity by quantity: A minus B."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+import dataclasses
+import math
+from typing import Any, NamedTuple
+
+from mambo_bags.reader import Bag, BagError
+import numpy as np
+
+from ..signals import metrics, motion, outliers, resample, time_offset
+from ..signals.flight_phases import Phases
+from ..signals.motion import Motion
+from ..signals.resample import Floats, Ints
+
+XYZ = ('x', 'y', 'z')
+GRID = 10_000_000  # [ns] between the samples that a delay is looked for in
+LEAST = 10  # samples for statistics: the RMS of so few is known to 1 / sqrt(2 n), 22 %
+
+
+WHAT = ('time', 'position', 'yaw')
+"""What of two recordings can be made equal before they are compared."""
+
+
+class Alignment(NamedTuple):
+    """What brings A onto B: an offset of its clock [ns], a turn [rad] and a shift [m]."""
+
+    offset: int = 0
+    turn: float = 0.0
+    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    text: str = 'not aligned: clocks and frames are taken as they are'
+
+    def moved(self, a: Motion) -> Motion:
+        """Return a motion of A as B's clock and frame have it."""
+        return a.moved(self.offset, self.turn, np.array(self.shift))
+
+
+def aligned(
+    a: Motion, b: Motion, what: Collection[str] = WHAT, equal_at: float | None = None,
+) -> Alignment:
+    """
+    Return what brings A onto B.
+
+    Parameters
+    ----------
+    a, b
+    what
+        Of ``WHAT``: ``time`` by correlation, ``yaw`` by the paths, or by the attitudes where the
+        paths are too small; ``position`` by the mean shift.
+    equal_at : s
+        On B's clock: the positions are made equal there and not on average (section 5.4).
+
+    Raises
+    ------
+    BagError
+        If the two have no time in common, do not move alike, or say nothing at ``equal_at``.
+
+    """
+    parts, offset = [], 0
+    if 'time' in what:
+        try:
+            found, _ = time_offset.pose_offset(b, a)
+            offset = round(found.offset * 1e9)
+            parts.append(f'clock moved by {found.offset:+.4f} s (standard error '
+                         f'{found.sigma * 1e3:.1f} ms)')
+        except time_offset.NotExcited as error:
+            parts.append(f'clocks taken as they are, as no motion tells their offset ({error})')
+        except time_offset.AlignError as error:
+            raise BagError(f'{error}; take time out of --align to keep the clocks as they are') \
+                from None
+    here = a.moved(offset, 0.0, np.zeros(3))
+    there = b.at(here.stamps)
+    if not np.isfinite(there.position).any():
+        why = parts[0] if parts else '--align time finds the offset of the clocks'
+        raise BagError(f'{_apart(here, b)}; {why}')
+    turn = 0.0
+    if 'yaw' in what:
+        turn, how = _turn(here, there)
+        parts.append(f'turned by {math.degrees(turn):+.2f} deg ({how})')
+    p = here.moved(0, turn, np.zeros(3)).position
+    shift = np.zeros(3)
+    if equal_at is not None:
+        shift = time_offset.equalised(here.t, there.position, p, equal_at).translation
+        parts.append(f'moved by {_metres(shift)}, positions equal at {equal_at:.2f} s')
+    elif 'position' in what:
+        shift = np.nanmean(there.position - p, axis=0)
+        parts.append(f'moved by {_metres(shift)}, positions equal on average')
+    return Alignment(offset, turn, (float(shift[0]), float(shift[1]), float(shift[2])),
+                     f'A aligned with B: {"; ".join(parts)}' if parts else Alignment().text)
+
+
+def simulated(bag: Bag) -> bool:
+    """Return whether a bag was simulated: its clock and frame are those of all such bags."""
+    return 'sensor_tick' in bag and 'ground_truth/odom' in bag
+
+
+def begins_in_air(motion: Motion, stamp: int) -> bool:
+    """
+    Return whether a vehicle is in the air at a stamp [ns].
+
+    Also where the recording does not show it standing: what hovers all the time may be high.
+    """
+    try:
+        takeoff = time_offset.flight_by_height(motion.t, motion.position[:, 2]).takeoff
+    except time_offset.AlignError:
+        return True
+    return takeoff is None or stamp * 1e-9 > takeoff
+
+
+def own_origin(a: Motion, b: Motion, in_air: bool) -> Alignment:
+    """
+    Return what brings a motion with an origin of its own onto another of the same clock.
+
+    Position and yaw are made equal at the first common stamp, where an odometry has its origin.
+    What begins in the air does not know how high that is, and may find its height later (a
+    sonar begins to hear): then the heights are made equal in the median over the flight.
+
+    Raises
+    ------
+    BagError
+        If the two have no time in common.
+
+    """
+    there = b.at(a.stamps)
+    common = np.flatnonzero(np.isfinite(there.position).all(axis=1))
+    if not len(common):
+        raise BagError(_apart(a, b))
+    first = common[0]
+    yaws = np.radians([motion.angles(m.quaternion[first:first + 1])[0, 2] for m in (there, a)])
+    turn = float(yaws[0] - yaws[1]) if np.isfinite(yaws).all() else 0.0
+    turn = math.remainder(turn, 2.0 * math.pi)
+    p = a.moved(0, turn, np.zeros(3)).position
+    shift = there.position[first] - p[first]
+    if in_air:
+        shift[2] = np.median(there.position[common, 2] - p[common, 2])
+    text = (f'{a.name} has an origin of its own: {"horizontal " if in_air else ""}position and '
+            f'yaw made equal to {b.name} at {a.t[first]:.3f} s (turned by '
+            f'{math.degrees(turn):.2f} deg)')
+    if in_air:
+        text += f'; it begins in the air: height made equal in the median ({shift[2]:+.3f} m)'
+    return Alignment(0, turn, (float(shift[0]), float(shift[1]), float(shift[2])), text)
+
+
+def _metres(shift: Floats) -> str:
+    return '({:+.3f}, {:+.3f}, {:+.3f}) m'.format(*shift)
+
+
+def _turn(a: Motion, b: Motion) -> tuple[float, str]:
+    """Return the turn about the vertical [rad] of A onto B at its stamps, and how it was found."""
+    try:
+        return time_offset.registration(b.position, a.position).yaw, 'by the paths'
+    except time_offset.AlignError as error:
+        difference = np.radians(
+            motion.angles(b.quaternion)[:, 2] - motion.angles(a.quaternion)[:, 2])
+        difference = difference[np.isfinite(difference)]
+        if not len(difference):
+            raise BagError(f'no yaw found: {error}; take yaw out of --align') from None
+        return float(np.angle(np.exp(1j * difference).mean())), 'by the attitudes'
+
+
+def _apart(a: Motion, b: Motion) -> str:
+    spans = ', '.join(f'{m.name} from {m.t[0]:.3f} s to {m.t[-1]:.3f} s' for m in (a, b))
+    return f'nothing to compare, no time in common: {spans}'
+
+
+class Quantity(NamedTuple):
+    """
+    One quantity of both at the stamps of A.
+
+    Attributes
+    ----------
+    name, unit
+    axes
+        Names of the k components.
+    stamps : (n,) ns
+    a, b, error : (n, k)
+        NaN where one of them says nothing. The error is ``a - b``, of an attitude the rotation
+        vector from B to A in the axes of B's body, whose length is the angle between them.
+
+    """
+
+    name: str
+    unit: str
+    axes: tuple[str, ...]
+    stamps: Ints
+    a: Floats
+    b: Floats
+    error: Floats
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """A comparison: what, and the quantities that both sides have."""
+
+    title: str
+    labels: tuple[str, str]
+    quantities: tuple[Quantity, ...]
+    phases: Phases
+
+    def __getitem__(self, name: str) -> Quantity:
+        """Return a quantity by its name; KeyError if it was not compared."""
+        for quantity in self.quantities:
+            if quantity.name == name:
+                return quantity
+        raise KeyError(name)
+
+    def sections(self) -> list[dict[str, Any]]:
+        """Return the statistics of every quantity, see :func:`section`."""
+        return [section(quantity, self.title, self.phases) for quantity in self.quantities]
+
+
+def positions(a: Motion, b: Motion) -> Quantity:
+    """
+    Compare the positions of two motions.
+
+    Raises
+    ------
+    BagError
+        If they have no time in common.
+
+    """
+    there = b.values(a.stamps, b.position)
+    if not np.isfinite(there).any():
+        raise BagError(_apart(a, b))
+    return Quantity('position', 'm', XYZ, a.stamps, a.position, there, a.position - there)
+
+
+def motions(a: Motion, b: Motion) -> list[Quantity]:
+    """Compare two motions: position, and velocity and attitude where both tell; errors alike."""
+    out, other = [positions(a, b)], b.at(a.stamps)
+    if a.velocity is not None and other.velocity is not None:
+        out.append(Quantity('velocity', 'm/s', XYZ, a.stamps, a.velocity, other.velocity,
+                            a.velocity - other.velocity))
+    back = other.quaternion * np.array([-1.0, -1.0, -1.0, 1.0])
+    error = np.degrees(motion.rotation_vectors(motion.product(back, a.quaternion)))
+    if np.isfinite(error).any():
+        ours, theirs = motion.angles(a.quaternion), motion.angles(other.quaternion)
+        gap = np.nanmedian(ours - theirs, axis=0)
+        theirs = theirs + 360.0 * np.round(np.where(np.isfinite(gap), gap, 0.0) / 360.0)
+        out.append(Quantity(
+            'attitude', 'deg', ('roll', 'pitch', 'yaw'), a.stamps, ours, theirs, error))
+    return out
+
+
+def _series(bag: Bag, topic: str, field: str) -> tuple[Ints, Floats] | None:
+    """Return the stamps and the values (n, k) of a field; None if the bag has no such."""
+    if topic not in bag:
+        return None
+    try:
+        values = np.asarray(bag[topic][field], float)
+    except (BagError, KeyError, ValueError):
+        return None
+    stamps, first = np.unique(bag[topic].stamp, return_index=True)
+    return stamps, values.reshape(len(bag[topic]), -1)[first]
+
+
+def commands(a: Bag, b: Bag, offset: int) -> list[Quantity]:
+    """Compare the motor commands and the commanded thrust where both bags have them."""
+    out = []
+    for name, unit, topic, field, axes in (
+            ('PWM', '-', 'motor_pwm', 'pwm', ('motor 0', 'motor 1', 'motor 2', 'motor 3')),
+            ('thrust', 'N', 'controller/state', 'thrust', ('thrust',))):
+        ours, theirs = _series(a, topic, field), _series(b, topic, field)
+        if ours is None or theirs is None or ours[1].shape[1] != len(axes) != theirs[1].shape[1]:
+            continue
+        stamps = ours[0] + offset
+        there = resample.interpolate(stamps, *theirs, resample.longest_step(theirs[0]))
+        if np.isfinite(there).any():
+            out.append(Quantity(name, unit, axes, stamps, ours[1], there, ours[1] - there))
+    return out
+
+
+def _row(name: str, errors: Floats) -> dict[str, Any]:
+    s, drift = metrics.statistics(errors), metrics.drift(errors)
+    return {'part': name, 'count': s.count, 'rms': list(s.rms), 'rms_total': s.rms_total,
+            'maximum': list(s.maximum), 'maximum_total': s.maximum_total,
+            'drift': drift.tolist(), 'drift_total': float(np.linalg.norm(drift))}
+
+
+def _delays(quantity: Quantity, inside: np.ndarray) -> list[float | None]:
+    """Return by how much A is behind B on each axis [s]; None where they do not tell."""
+    stamps = quantity.stamps[inside]
+    if len(np.unique(stamps)) < 2:
+        return [None] * len(quantity.axes)
+    both = np.concatenate([quantity.a[inside], quantity.b[inside]], axis=1)
+    _, even = resample.resampled(stamps, both, GRID, max(resample.longest_step(stamps), GRID))
+    k = len(quantity.axes)
+    found = [metrics.delay(even[:, i], even[:, k + i], GRID * 1e-9) for i in range(k)]
+    return [None if math.isnan(value) else value for value in found]
+
+
+def section(quantity: Quantity, title: str, phases: Phases) -> dict[str, Any]:
+    """
+    Return the statistics of a quantity: one row a part of the flight.
+
+    ``quantity``, ``title``, ``unit``, ``axes`` and ``rows``, each of ``part``, ``count``,
+    ``rms``, ``maximum``, ``drift`` (the last error) and ``delay`` [s] by axis, and
+    ``rms_total``, ``maximum_total`` and ``drift_total`` of the length. ``too_few``: how many
+    samples the parts have that have some, but fewer than ``LEAST``.
+    """
+    rows: list[dict[str, Any]] = []
+    too_few = {}
+    for name, begin, end in phases.parts():
+        inside = np.ones(len(quantity.stamps), bool)
+        if begin is not None:
+            inside &= quantity.stamps >= begin
+        if end is not None:
+            inside &= quantity.stamps < end
+        errors = quantity.error[inside]
+        count = int(np.isfinite(errors).all(axis=1).sum())
+        if 0 < count < LEAST:
+            too_few[name] = count
+            errors = errors[:0]
+        row = _row(name, errors)
+        if row['count'] or not rows:
+            row['delay'] = _delays(quantity, inside)
+            rows.append(row)
+    return {'quantity': quantity.name, 'title': title, 'unit': quantity.unit,
+            'axes': list(quantity.axes), 'rows': rows, 'too_few': too_few}
+
+
+def left_out(motions: Collection[Motion]) -> list[str]:
+    """Return a line for each motion from which impossible poses were left out."""
+    return [outliers.describe(m.name, m.impossible) for m in motions if m.impossible]
+
+
+def _between(
+    bag: Bag, topic: str, other: str, title: str, parts: Phases, notes: list[str],
+) -> Comparison | None:
+    """Compare two topics of one bag; None, and a note, where they have nothing in common."""
+    try:
+        a, b = motion.read(bag, topic), motion.read(bag, other)
+        notes += left_out((a, b))
+        if not simulated(bag) and a.frame != b.frame:
+            alignment = own_origin(a, b, begins_in_air(
+                a if a.name in motion.TRUTH else b, max(a.stamps[0], b.stamps[0])))
+            notes.append(alignment.text)
+            a = alignment.moved(a)
+        return Comparison(
+            f'{title}: {a.name} minus {b.name}', (a.name, b.name), tuple(motions(a, b)),
+            parts)
+    except BagError as error:
+        notes.append(f'no {title}: {error}')
+        return None
+
+
+def within(bag: Bag, parts: Phases, notes: list[str]) -> list[Comparison]:
+    """
+    Return what a bag says about its own errors: tracking and estimation, where it has both sides.
+
+    What it lacks is appended to the notes.
+    """
+    truth = next((name for name in motion.TRUTH if name in bag), None)
+    measured = next((name for name in reversed(motion.TRUTH) if name in bag), None)
+    imported = 'onboard/odom' in bag
+    out = []
+    if 'reference' in bag and truth is not None:
+        out.append(_between(bag, truth, 'reference', 'tracking error', parts, notes))
+    elif not imported or 'reference' in bag:
+        notes.append('no tracking error: it needs reference and ground_truth/odom or '
+                     'optitrack/pose')
+    if 'estimate/odom' not in bag:
+        notes.append(
+            'an imported flight without estimate/odom: let the estimator fly it with '
+            f'ros2 run mambo_bringup replay {bag.path}' if imported
+            else 'no estimate/odom in the bag')
+    elif measured is not None:
+        out.append(_between(bag, 'estimate/odom', measured, 'estimation error', parts, notes))
+    elif not imported:
+        notes.append('no estimation error: it needs optitrack/pose or ground_truth/odom')
+    return [comparison for comparison in out if comparison is not None]

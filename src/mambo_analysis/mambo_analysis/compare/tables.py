@@ -1,0 +1,126 @@
+"""Results of comparisons as text and as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import csv
+from pathlib import Path
+from typing import Any
+
+from mambo_bags.mcap_reader import BagError
+
+SHOWN = 12  # parameters that differ, of what may be many
+
+
+def main_row(entry: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the row of a section that says most: after take-off, else the whole flight."""
+    rows = {row['part']: row for row in entry['rows']}
+    return rows.get('after take-off', entry['rows'][0])
+
+
+def section(entry: Mapping[str, Any]) -> list[str]:
+    """Return the lines of a section: RMS by part, the drift at the end, the delay."""
+    axes, unit = entry['axes'], entry['unit']
+    width = max(9, *(len(axis) + 1 for axis in axes))
+    head = ''.join(f'{axis:>{width}}' for axis in (*axes, 'total'))
+    lines = [entry['title'], f'{f"RMS [{unit}]":<18}{head}{"max":>{width}}{"samples":>9}']
+    for row in entry['rows']:
+        if not row['count']:
+            if row['part'] not in entry['too_few']:
+                lines.append(f'  {row["part"]:<16}  nothing to compare')
+            continue
+        numbers = ''.join(f'{value:{width}.4f}' for value in (
+            *row['rms'], row['rms_total'], row['maximum_total']))
+        lines.append(f'  {row["part"]:<16}{numbers}{row["count"]:9d}')
+    for part, count in entry['too_few'].items():
+        lines.append(f'  {part:<16}  {count} sample{"s" * (count != 1)}: too few for statistics')
+    last, main = entry['rows'][0], main_row(entry)
+    if last['count']:
+        numbers = ''.join(f'{value:{width}.4f}' for value in (*last['drift'], last['drift_total']))
+        lines.append(f'  {"final drift":<16}{numbers}')
+    if any(value is not None for value in main['delay']):
+        lines.append(f'  {"delay [s]":<16}' + ''.join(
+            f'{"-":>{width}}' if value is None else f'{value:{width}.4f}'
+            for value in main['delay']))
+    return lines
+
+
+def times(result: Mapping[str, Any]) -> list[str]:
+    """Return what is known of take-off and landing, a line each."""
+    lines = []
+    if result['takeoff_end'] is not None:
+        lines.append(f'take-off ends at {result["takeoff_end"]:.2f} s: {result["takeoff"]}')
+    elif result['takeoff']:
+        lines.append(result['takeoff'])
+    if result['landing_start'] is not None:
+        lines.append(f'landing begins at {result["landing_start"]:.2f} s')
+    return lines
+
+
+def _of_two(result: Mapping[str, Any]) -> str:
+    lines = [f'{letter}: {bag}, {topic}' for letter, bag, topic in zip(
+        'AB', result['bags'], result['compared'])]
+    lines += [f'{result["duration"]:.2f} s in common', *times(result)]
+    for entry in result['errors']:
+        lines += ['', *section({**entry, 'title': f'{entry["quantity"]}: A minus B'})]
+    if result['differences']:
+        every = [(name, *('-' if value is None else str(value) for value in values))
+                 for name, *values in result['differences']]
+        width = max(len(name) for name, _, _ in every[:SHOWN])
+        lines += ['', f'{"parameters that differ":<{width}}  {"A":>14}  {"B":>14}']
+        lines += [
+            f'{name:<{width}}  {ours:>14}  {theirs:>14}' for name, ours, theirs in every[:SHOWN]]
+        if len(every) > SHOWN:
+            lines.append(f'and {len(every) - SHOWN} more, see --json')
+    return '\n'.join([*lines, '', *(f'note: {note}' for note in result['notes'])]).rstrip()
+
+
+def table(result: Mapping[str, Any]) -> str:
+    """Return the result of a comparison as plain text of at most 80 columns where it can."""
+    if 'bags' in result:
+        return _of_two(result)
+    head = f'{result["bag"]}: {result["duration"]:.2f} s'
+    if result['real_time_factor'] is not None:
+        head += f', real-time factor {result["real_time_factor"]:.2f}'
+    if result['source']:
+        head += f', imported from {result["source"]}'
+    lines = [head, *result['ending'], *times(result)]
+    for entry in result['errors']:
+        lines += ['', *section(entry)]
+    width = max([len(entry['topic']) for entry in result['topics']] + [10])
+    lines += ['', f'{"topic":<{width}}{"messages":>10}{"Hz":>9}{"lost":>7}']
+    for entry in result['topics']:
+        rate = '-' if entry['rate'] is None else f'{entry["rate"]:.1f}'
+        lost = '-' if entry['lost'] is None else str(entry['lost'])
+        lines.append(f'{entry["topic"]:<{width}}{entry["messages"]:>10}{rate:>9}{lost:>7}')
+    if result['notes']:
+        lines += ['', *(f'note: {note}' for note in result['notes'])]
+    return '\n'.join(lines)
+
+
+def write_csv(result: Mapping[str, Any], path: Path) -> Path:
+    """
+    Write the numbers of a comparison, one line an axis and part of the flight.
+
+    Raises
+    ------
+    BagError
+        If the file cannot be written.
+
+    """
+    try:
+        with path.open('w', newline='', encoding='utf-8') as file:
+            out = csv.writer(file)
+            out.writerow(['comparison', 'quantity', 'unit', 'part', 'axis', 'samples', 'rms',
+                          'maximum', 'final_drift', 'delay_s'])
+            for entry in result['errors']:
+                for row in entry['rows']:
+                    start = [entry['title'], entry['quantity'], entry['unit'], row['part']]
+                    for axis, *values in zip(entry['axes'], row['rms'], row['maximum'],
+                                             row['drift'], row['delay']):
+                        out.writerow([*start, axis, row['count'], *values])
+                    out.writerow([*start, 'total', row['count'], row['rms_total'],
+                                  row['maximum_total'], row['drift_total'], None])
+    except OSError as error:
+        raise BagError(f'{path}: cannot be written ({error.strerror})') from None
+    return path

@@ -1,0 +1,110 @@
+"""
+What an estimator made of its sensors: which were absent or refused, and whether it diverged.
+
+Read from ``estimator/state`` and ``estimate/odom``, live or offline. A divergence is a finding
+about the flight, not a failure of the command that found it: exit codes do not depend on it.
+"""
+
+from __future__ import annotations
+
+from mambo_bags.reader import Bag
+from mambo_estimation import health
+from mambo_flight.offline_replay import SENSORS
+from mambo_ros import topics
+import numpy as np
+from numpy.typing import NDArray
+
+FAR = 0.5  # m, between the height and every range used or refused ...
+FAR_TIME = 1.0  # s, for so long: diverged
+FASTEST = 10.0  # m/s, no speed of these vehicles
+ALIGNING = 0  # EstimatorState.STATUS_ALIGNING
+_AIDING = ((topics.SONAR, 'sonar_refused'), (topics.OPTICAL_FLOW, 'flow_refused'),
+           (topics.BAROMETER, 'barometer_refused'))
+
+
+def first_long_run(t: NDArray[np.float64], far: NDArray[np.bool_], least: float) -> float:
+    """
+    Return when the first unbroken run begins that lasts for some time, NaN if none does.
+
+    Parameters
+    ----------
+    t : (n,) s
+        Ascending.
+    far : (n,)
+        Which samples belong to a run.
+    least : s
+        From the first to the last sample of the run.
+
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], far, [False]))))
+    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        if t[end - 1] - t[begin] >= least:
+            return float(t[begin])
+    return float('nan')
+
+
+def _sensors(bag: Bag, state: Bag) -> list[str]:
+    """Return one line for each sensor."""
+    inner = state[topics.ESTIMATOR_STATE.name]
+    ill = (inner['health'] > health.OUT_OF_REACH).mean(axis=0)
+    reach = (inner['health'] == health.OUT_OF_REACH).mean(axis=0)
+    lines = [f'  {name}: unhealthy for {ill[k]:.1%} of the time'
+             for k, name in enumerate(health.NAMES[:health.SONAR])]
+    for k, (topic, refused) in enumerate(_AIDING, health.SONAR):
+        count = 0
+        if topic.name in bag:
+            values = SENSORS[topic][1](bag[topic.name])[0]
+            count = int(np.isfinite(values.reshape(len(values), -1)).all(axis=1).sum())
+        if not count:
+            lines.append(f'  {health.NAMES[k]}: absent')
+            continue
+        share = min(1.0, int(inner[refused][-1]) / count)
+        lines.append(
+            f'  {health.NAMES[k]}: {count} samples, {share:.1%} refused; unhealthy for '
+            f'{ill[k]:.1%} of the time, out of reach for {reach[k]:.1%}')
+    return lines
+
+
+def _divergence(state: Bag) -> list[str]:
+    """Return what is wrong with the estimate itself, a line each."""
+    inner, odometry = state[topics.ESTIMATOR_STATE.name], state[topics.ESTIMATE.name]
+    t = (inner.stamp - inner.stamp[0]) * 1e-9
+    innovation = inner['sonar_innovation']
+    seen = np.isfinite(innovation)
+    far = first_long_run(t[seen], np.abs(innovation[seen]) > FAR, FAR_TIME)
+    out = []
+    if (inner['status'] == ALIGNING).all():
+        out.append('never aligned: the vehicle did not rest, or the inertial samples are unusable')
+    if np.isfinite(far):
+        out.append(f'height diverged at {far:.2f} s: more than {FAR:g} m from the sonar for '
+                   f'{FAR_TIME:g} s or longer')
+    speed = np.linalg.norm(odometry['twist.twist.linear'], axis=1)
+    fast = np.flatnonzero(~(speed <= FASTEST))
+    if len(fast):
+        begin = (odometry.stamp[fast[0]] - inner.stamp[0]) * 1e-9
+        out.append(f'velocity diverged at {begin:.2f} s: faster than {FASTEST:g} m/s')
+    return out
+
+
+def verdict(bag: Bag, state: Bag) -> str:
+    """
+    Return which sensors an estimator could not use, and whether and when it diverged.
+
+    Parameters
+    ----------
+    bag
+        Read with its sensors.
+    state
+        With ``estimate/odom`` and ``estimator/state`` of the estimator; may be the same bag.
+
+    Returns
+    -------
+    text
+        Lines; one that says that there is no verdict where ``estimator/state`` is missing.
+
+    """
+    if topics.ESTIMATOR_STATE.name not in state or not len(state[topics.ESTIMATOR_STATE.name]):
+        return 'verdict: none, as there is no estimator/state'
+    wrong = _divergence(state)
+    head = 'verdict: ' + ('; '.join(wrong) if wrong else 'the estimate did not diverge')
+    return '\n'.join((head, *_sensors(bag, state)))

@@ -1,0 +1,133 @@
+"""What every identification command has in common: options, table, JSON, plot, vehicle file."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mambo_bags.command import guard
+from mambo_bags.reader import Bag, read_bag
+from mambo_model.schema import ParameterError
+from mambo_model.vehicle import vehicle_file
+from mambo_model.vehicle.parameters import PRESETS, Vehicle
+from matplotlib.figure import Figure
+
+from .regression import IdentifyError, LEVEL, Value
+
+METHOD = ('intervals of 95 %: least squares on residuals whitened by an autoregressive model '
+          '(order by BIC), Gauss-Newton covariance, Student t')
+
+
+class Report(NamedTuple):
+    """What a command found."""
+
+    title: str
+    values: dict[str, Value]           # by the name in the table
+    facts: dict[str, Any]              # plain numbers and text besides
+    notes: list[str]
+    vehicle: dict[str, tuple[Any, str]]  # {name in Vehicle: (value, source)}; empty: no file
+    draw: Callable[[Figure], None]
+    files: dict[str, str] = {}         # {name: text} written besides, never changed
+    method: str = METHOD               # of the intervals
+
+
+def parser(name: str, description: str) -> argparse.ArgumentParser:
+    """Return the parser of a command with the options that all have."""
+    out = argparse.ArgumentParser(prog=name, description=description)
+    out.add_argument('--out', type=Path, metavar='DIR',
+                     help='write NAME.json, NAME.png and NAME.yaml, a vehicle, into it')
+    out.add_argument('--json', action='store_true', help='print JSON, no table')
+    out.add_argument('--base', default='identified', metavar='VEHICLE',
+                     help=f'vehicle that the new one starts from: {", ".join(PRESETS)}')
+    return out
+
+
+def table(report: Report) -> str:
+    """Return the report as text."""
+    width = max([len(name) for name in (*report.values, *report.facts)])
+    lines = [report.title, '']
+    lines += [
+        f'{name:<{width}}  {v.value:>12.6g} {v.unit:<9} {100 * LEVEL:.0f} %: '
+        f'{v.low:.6g} .. {v.high:.6g}' for name, v in report.values.items()]
+    lines += [f'{name:<{width}}  {_short(value)}' for name, value in report.facts.items()]
+    return '\n'.join([*lines, '', *(f'note: {note}' for note in report.notes), report.method])
+
+
+def _short(value: Any) -> str:
+    return f'{value:>12.6g}' if isinstance(value, float) else str(value)
+
+
+def as_json(report: Report) -> str:
+    """Return the report as JSON."""
+    return json.dumps({
+        'title': report.title, 'level': LEVEL, 'method': report.method,
+        'values': {name: v._asdict() for name, v in report.values.items()},
+        'facts': report.facts, 'notes': report.notes}, indent=2, allow_nan=False)
+
+
+def write(name: str, report: Report, folder: Path, base: str) -> list[Path]:
+    """
+    Write a report into a folder, which is made; return the files.
+
+    Raises
+    ------
+    IdentifyError
+        If that is not possible.
+    mambo_model.schema.ParameterError
+        If a value is none that a vehicle can have.
+
+    """
+    texts = {f'{name}.json': as_json(report) + '\n', **report.files}
+    if report.vehicle:
+        texts[f'{name}.yaml'] = vehicle_file.to_text(
+            report.title, base, report.vehicle, Vehicle)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for file, text in texts.items():
+            (folder / file).write_text(text, encoding='utf-8')
+        figure = Figure(figsize=(9.0, 6.0), layout='constrained')
+        report.draw(figure)
+        figure.savefig(folder / f'{name}.png', dpi=120)
+    except OSError as error:
+        raise IdentifyError(f'{folder}: {error.strerror}') from None
+    return [folder / file for file in (*texts, f'{name}.png')]
+
+
+def run(name: str, options: argparse.Namespace, work: Callable[[], Report]) -> int:
+    """Do the work of a command, print and write its report; return the exit code."""
+    def whole() -> None:
+        """Check the base; work, print and write."""
+        if options.base not in PRESETS:
+            raise ParameterError(
+                f'--base: vehicle {options.base!r} is unknown; known: {", ".join(PRESETS)}')
+        report = work()
+        print(as_json(report) if options.json else table(report))
+        if options.out:
+            for file in write(name, report, options.out, options.base):
+                if not options.json:
+                    print(f'wrote {file}')
+    return guard(name, whole, IdentifyError)
+
+
+def is_bag(path: Path) -> bool:
+    """Tell whether a path is a directory or an MCAP file, hence no bench file."""
+    return path.is_dir() or path.suffix == '.mcap'
+
+
+def open_bag(path: Path, topics: tuple[str, ...], namespace: str | None = None) -> Bag:
+    """
+    Read a bag that must have topics.
+
+    Raises
+    ------
+    mambo_bags.reader.BagError
+        If it cannot be read or lacks one.
+
+    """
+    bag = read_bag(path, topics, namespace)
+    for topic in topics:
+        bag.messages(topic)  # says which there are, if not this one
+    return bag

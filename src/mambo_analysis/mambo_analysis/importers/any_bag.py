@@ -1,0 +1,474 @@
+"""
+Anybody's bag under the names of this product: ``import_bag BAG OUT --map /theirs:=ours``.
+
+Reads rosbag2 directories and files of any version, MCAP and SQLite (``.db3``), plain or
+compressed with zstd, whose messages are CDR. Without ``--map`` it lists the topics, and what each
+could become. Headers, values and log times are copied; messages are written anew with the
+definitions installed here, fields that the source lacks are 0. A pose can be taken from
+PoseStamped, PoseWithCovarianceStamped, TransformStamped or Odometry. Poses with a value that is
+not finite or an orientation of length 0, as trackers give for a lost body, are left out and
+counted.
+
+Times
+    The stamp in the header is when something was measured, the log time when it was recorded. A
+    stamp of 0 gives way to the log time, where both are on one clock. Stamps of two clocks in one
+    bag (seconds since boot in a driver, wall time in a tracker or of the recorder) are refused:
+    ``--time log`` stamps everything by its log time; ``--time header`` keeps the stamps, and puts
+    messages without one on their clock.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+import dataclasses
+import hashlib
+import math
+from pathlib import Path
+import tempfile
+from typing import Any, NamedTuple
+
+from mambo_bags import columns
+from mambo_bags.command import guard
+from mambo_bags.mcap_reader import BagError
+from mambo_bags.reader import _listing, Messages, read_bag
+from mambo_bags.writer import BagWriter
+from mambo_ros import layout
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys.store import Typestore
+
+from .common import NAMESPACE, provenance, report, SECOND, unused
+from .sqlite_bag import is_compressed, read_sqlite, unpack
+
+Ints = NDArray[np.int64]
+
+ODOMETRY, POSE = 'nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped'
+TARGETS = {
+    'optitrack/pose': POSE, 'ground_truth/odom': ODOMETRY, 'estimate/odom': ODOMETRY,
+    'onboard/odom': ODOMETRY, 'onboard/reference': POSE, 'imu/data_raw': 'sensor_msgs/msg/Imu',
+    'sonar/range': 'sensor_msgs/msg/Range', 'battery': 'sensor_msgs/msg/BatteryState',
+    'barometer/pressure': 'sensor_msgs/msg/FluidPressure',
+    'optical_flow': 'mambo_interfaces/msg/OpticalFlow',
+    'motor_pwm': 'mambo_interfaces/msg/MotorPwm', 'reference': 'mambo_interfaces/msg/Reference'}
+"""Our topics, by their name in the drone's namespace, and their types."""
+POSES = {
+    POSE: ('pose.position', 'pose.orientation'), ODOMETRY: ('pose.pose.position',
+                                                            'pose.pose.orientation'),
+    'geometry_msgs/msg/PoseWithCovarianceStamped': ('pose.pose.position',
+                                                    'pose.pose.orientation'),
+    'geometry_msgs/msg/TransformStamped': ('transform.translation', 'transform.rotation')}
+"""Types that hold a pose, and where."""
+LOOSE_NORM = 0.1  # [-] how far from 1 an orientation may be
+ONE_CLOCK = 10 * SECOND  # [ns] by which stamps of one clock may be apart: no message is that late
+
+
+@dataclasses.dataclass(frozen=True)
+class Foreign:
+    """
+    A bag of somebody else.
+
+    Attributes
+    ----------
+    topics
+        {absolute name: type}.
+    messages
+        {absolute name: Messages}, those with messages alone.
+    sha256
+        Of its files, one after another.
+
+    """
+
+    topics: dict[str, str]
+    messages: dict[str, Messages]
+    sha256: str
+
+
+def could_become(type_name: str) -> list[str]:
+    """Return our topics that a type can be mapped to."""
+    return [topic for topic, wanted in TARGETS.items()
+            if type_name == wanted or (wanted == POSE and type_name in POSES)]
+
+
+def _checksum(files: list[Path]) -> str:
+    """Return the SHA-256 of files, one after the other, as hex digits."""
+    sha = hashlib.sha256()
+    for file in files:
+        sha.update(file.read_bytes())
+    return sha.hexdigest()
+
+
+def _files(path: Path) -> tuple[list[Path], str]:
+    """Return the files of a bag, of any storage, and the distribution that recorded it."""
+    if path.is_file():
+        return [path], ''
+    if not path.is_dir():
+        raise BagError(f'{path}: there is no such bag')
+    listing = _listing(path)
+    files = [path / Path(name).name for name in listing.get('relative_file_paths', [])]
+    files = files or sorted(file for file in path.iterdir() if file.name.endswith(
+        tuple(f'{kind}{packed}' for kind in ('.db3', '.mcap') for packed in ('', '.zstd'))))
+    for file in files:
+        if not file.is_file():
+            raise BagError(f'{file}: listed in metadata.yaml, but missing')
+    return files, str(listing.get('ros_distro', ''))
+
+
+def _is_sqlite(file: Path) -> bool:
+    """Return whether a file is one of SQLite, by its first bytes or its name."""
+    with file.open('rb') as stream:
+        begin = stream.read(16)
+    if begin.startswith(b'#ROSBAG'):
+        raise BagError(f'{file}: a bag of ROS 1; convert it with rosbags-convert first')
+    return begin.startswith(b'SQLite format 3') or file.suffix == '.db3'
+
+
+def _read(
+    path: Path, files: list[Path], distribution: str,
+) -> tuple[dict[str, str], dict[str, Messages]]:
+    """Return the topics and messages of a bag whose files are not compressed."""
+    if any(map(_is_sqlite, files)):
+        return read_sqlite(path, files, distribution)
+    bag = read_bag(path)
+    return dict(bag.topics), {name: bag[name] for name in bag.topics if name in bag}
+
+
+def _read_unpacked(
+    path: Path, files: list[Path], distribution: str,
+) -> tuple[dict[str, str], dict[str, Messages]]:
+    """Return the same of a bag with compressed files, by way of a temporary folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        plain = [Path(folder) / file.name.removesuffix('.zstd') for file in files]
+        try:
+            for file, target in zip(files, plain, strict=True):
+                if is_compressed(file):
+                    unpack(file, target)
+                else:
+                    target.symlink_to(file.resolve())
+            return _read(Path(folder), plain, distribution)
+        except BagError as error:
+            raise BagError(str(error).replace(folder, str(path))) from None
+
+
+def read_foreign(path: Path) -> Foreign:
+    """
+    Read a bag of any of the storages.
+
+    Raises
+    ------
+    BagError
+        If there is none, or it is empty, damaged or foreign.
+
+    """
+    try:
+        files, distribution = _files(path)
+        read = _read_unpacked if any(map(is_compressed, files)) else _read
+        found = Foreign(*read(path, files, distribution), _checksum(files))
+    except OSError as error:
+        raise BagError(f'{path}: cannot be read ({error.strerror})') from None
+    faults = [_fault(messages) for messages in found.messages.values()]
+    if faults and all(faults):
+        raise BagError(faults[0])
+    return found
+
+
+def _fault(messages: Messages) -> str:
+    """Return why a topic's messages cannot be read, by the first; empty if they can."""
+    try:
+        next(messages.objects())
+    except BagError as error:
+        return str(error)
+    return ''
+
+
+def _table(path: Path, bag: Foreign) -> list[str]:
+    """Return the topics as lines of text."""
+    width = max([len(name) for name in bag.topics] + [5])
+    lines = [f'{path}: give --map /theirs:=ours, for example from', '',
+             f'  {"topic":<{width}}  messages      Hz  type']
+    for name, kind in sorted(bag.topics.items()):
+        times = bag.messages[name].log_time if name in bag.messages else np.empty(0, np.int64)
+        span = (times[-1] - times[0]) / SECOND if len(times) > 1 else 0.0
+        rate = f'{(len(times) - 1) / span:.1f}' if span > 0.0 else '-'
+        lines.append(f'  {name:<{width}}  {len(times):8d}  {rate:>6}  {kind}')
+        fault = _fault(bag.messages[name]) if name in bag.messages else ''
+        if fault:
+            lines.append(f'  {"":<{width}}  cannot be read: {fault}')
+        elif could_become(kind):
+            lines.append(f'  {"":<{width}}  could be {", ".join(could_become(kind))}')
+    return lines
+
+
+def _pairs(path: Path, bag: Foreign, asked: Mapping[str, str]) -> None:
+    """Check a map against the bag."""
+    for theirs, ours in asked.items():
+        if theirs not in bag.topics:
+            raise BagError(
+                f'{path}: no topic {theirs}; it has {", ".join(sorted(bag.topics)) or "none"}')
+        if ours not in TARGETS:
+            raise BagError(f'{ours} is not one of our topics: {", ".join(TARGETS)}')
+        if ours not in could_become(bag.topics[theirs]):
+            raise BagError(f'{path}: {theirs} is a {bag.topics[theirs]}, which cannot become '
+                           f'{ours} ({TARGETS[ours]})')
+        if theirs not in bag.messages or not len(bag.messages[theirs]):
+            raise BagError(f'{path}: {theirs} has no messages')
+    doubled = [ours for ours in asked.values() if list(asked.values()).count(ours) > 1]
+    if doubled:
+        raise BagError(f'{doubled[0]} is mapped to twice')
+
+
+def _copied(store: Typestore, type_name: str, message: Any) -> Any:
+    """Return a message of an installed type with the fields of another that it shares."""
+    fields = {}
+    for name, (node, detail) in store.fielddefs[type_name][1]:
+        value = getattr(message, name, None)
+        if value is None:
+            continue
+        fields[name] = _copied(store, detail, value) if node == columns.Nodetype.NAME else value
+    return columns.zero(store, type_name, **fields)
+
+
+def _inner(message: Any, path: str) -> Any:
+    """Return a field of a field: the attributes of a dotted path."""
+    for name in path.split('.'):
+        message = getattr(message, name)
+    return message
+
+
+def _as_pose(store: Typestore, kind: str, message: Any) -> Any:
+    """Return a PoseStamped of a message that holds a pose."""
+    position, orientation = (_inner(message, path) for path in POSES[kind])
+    types = store.types
+    return types[POSE](
+        _copied(store, 'std_msgs/msg/Header', message.header),
+        types['geometry_msgs/msg/Pose'](
+            types['geometry_msgs/msg/Point'](position.x, position.y, position.z),
+            _copied(store, 'geometry_msgs/msg/Quaternion', orientation)))
+
+
+def _is_lost(kind: str, message: Any) -> bool:
+    """Return whether a pose is what a tracker says of a body that it does not see."""
+    if kind not in POSES:
+        return False
+    p, q = (_inner(message, path) for path in POSES[kind])
+    square = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
+    return not (math.isfinite(p.x + p.y + p.z + square) and abs(square - 1.0) < LOOSE_NORM)
+
+
+class Converted(NamedTuple):
+    """The messages of one topic that stay, as of our type."""
+
+    log_time: list[int]  # ns
+    stamps: list[int]  # ns, 0 without
+    data: list[bytes]
+    lost: int  # left out
+
+
+def _converted(store: Typestore, messages: Messages, wanted: str) -> Converted:
+    """Return the messages of a topic as of our type."""
+    kind, out = messages.type_name, Converted([], [], [], 0)
+    for log_time, message in zip(messages.log_time.tolist(), messages.objects()):
+        if _is_lost(kind, message):
+            out = out._replace(lost=out.lost + 1)
+            continue
+        ours = (_copied(store, wanted, message) if kind == wanted
+                else _as_pose(store, kind, message))
+        stamp = ours.header.stamp.sec * SECOND + ours.header.stamp.nanosec
+        if stamp < 0 or not 0 <= log_time < 2**63:
+            raise BagError(f'{messages.topic}: a message of the impossible time '
+                           f'{stamp if stamp < 0 else log_time} ns')
+        out.log_time.append(log_time)
+        out.stamps.append(stamp)
+        out.data.append(bytes(store.serialize_cdr(ours, wanted)))
+    return out
+
+
+def _apart(lag: int) -> str:
+    """Return a difference of clocks in words, of ns."""
+    seconds = abs(lag) / SECOND
+    return f'{seconds / 86400.0:.1f} days' if seconds > 86400.0 else f'{seconds:.1f} s'
+
+
+def _one_clock(source: Path, ready: Mapping[str, Converted]) -> tuple[Ints, Ints] | None:
+    """
+    Return log times and how far the stamps are behind them, of the topic with most stamps.
+
+    None without any stamp.
+
+    Raises
+    ------
+    BagError
+        If a stamp is on another clock than the one before or than another topic's.
+
+    """
+    lags = {}
+    for theirs, found in ready.items():
+        log_time, stamps = np.array(found.log_time, np.int64), np.array(found.stamps, np.int64)
+        has = stamps > 0
+        if not has.any():
+            continue
+        lag = log_time[has] - stamps[has]
+        far = np.flatnonzero(np.minimum(  # a recorder that was paused has no jump of the stamps
+            np.abs(np.diff(lag)), np.abs(np.diff(stamps[has]))) > ONE_CLOCK)
+        if len(far):
+            raise BagError(
+                f'{source}: the stamps of {theirs} are on two clocks: one of them is '
+                f'{_apart(lag[far[0] + 1] - lag[far[0]])} from the one before, at the same log '
+                'time; --time log stamps all by their log time')
+        lags[theirs] = log_time[has], lag
+    if not lags:
+        return None
+    most = max(lags, key=lambda theirs: len(lags[theirs][1]))
+    for theirs, (log_time, lag) in lags.items():
+        apart = _lag_at(log_time, *lags[most]) - lag
+        if abs(np.median(apart)) > ONE_CLOCK:
+            raise BagError(
+                f'{source}: the stamps of {theirs} and {most} are on two clocks, '
+                f'{_apart(np.median(apart))} apart; --time log stamps all by their log time')
+    return lags[most]
+
+
+def _lag_at(times: Ints, known: Ints, lag: Ints) -> Ints:
+    """Return a lag between its known times, ns; a float is too coarse for ns since 1970."""
+    more = np.interp(times - known[0], known - known[0], lag - lag[0])
+    return lag[0] + np.rint(more).astype(np.int64)
+
+
+def _stamps(
+    source: Path, ready: Mapping[str, Converted], time: str | None,
+) -> dict[str, list[int]]:
+    """Return the stamps to give to the messages of each topic, ns; BagError of two clocks."""
+    if time == 'log':
+        return {theirs: found.log_time for theirs, found in ready.items()}
+    clock = _one_clock(source, ready)
+    out = {}
+    for theirs, found in ready.items():
+        bare = np.array([
+            at for stamp, at in zip(found.stamps, found.log_time) if not stamp], np.int64)
+        lag = _lag_at(bare, *clock) if clock else np.zeros_like(bare)
+        if time is None and (np.abs(lag) > ONE_CLOCK).any():
+            raise BagError(
+                f'{source}: {len(bare)} messages of {theirs} have no stamp, and their log time is '
+                f'{_apart(np.abs(lag).max())} from the stamps of the others; --time header puts '
+                'them on the clock of the stamps, --time log stamps all by their log time')
+        given = iter((bare if time is None else bare - lag).tolist())
+        out[theirs] = [stamp or next(given) for stamp in found.stamps]
+        if min(out[theirs]) < 0:
+            raise BagError(f'{source}: --time header puts a message of {theirs} before 0')
+    return out
+
+
+def _told(
+    bag: Foreign, topics: Mapping[str, str], ready: Mapping[str, Converted],
+    stamps: Mapping[str, list[int]],
+) -> dict[str, Any]:
+    """Return what became of the messages, for the bag's metadata."""
+    details: dict[str, Any] = {}
+    for theirs, ours in topics.items():
+        details[f'map {ours}'] = f'{theirs} ({bag.topics[theirs]})'
+        row = np.array(stamps[theirs], np.int64)
+        counts = {'lost': ready[theirs].lost, 'unstamped': ready[theirs].stamps.count(0),
+                  'backwards': int((row < np.maximum.accumulate(row)).sum())}
+        details |= {f'{what} {ours}': count for what, count in counts.items() if count}
+    return details
+
+
+def import_bag(
+    source: Path, target: Path, topics: Mapping[str, str], time: str | None = None,
+) -> tuple[dict[str, int], dict[str, str]]:
+    """
+    Write a bag from a foreign one.
+
+    Parameters
+    ----------
+    source
+        rosbag2 directory, .mcap or .db3 file.
+    target
+        Directory to make.
+    topics
+        {their absolute name: ours, one of ``TARGETS``}.
+    time
+        ``header``: messages without a stamp are put on the clock of the others' stamps; ``log``:
+        all stamps are the log times; default: the stamps, where there is one clock alone.
+
+    Returns
+    -------
+    {topic: messages}; the metadata record ``import``.
+
+    Raises
+    ------
+    BagError
+        If the bag cannot be read, the map does not fit it or its stamps are on two clocks;
+        nothing is written then.
+    mambo_bags.writer.BagWriterError
+        If the target exists.
+
+    """
+    bag = read_foreign(source)
+    _pairs(source, bag, topics)
+    store = columns.load_types({TARGETS[ours] for ours in topics.values()})
+    ready = {}
+    for theirs, ours in topics.items():
+        ready[theirs] = _converted(store, bag.messages[theirs], TARGETS[ours])
+        if not ready[theirs].data:
+            raise BagError(f'{source}: {theirs} holds no pose, the body is lost throughout')
+    stamps = _stamps(source, ready, time)
+    details = _told(bag, topics, ready, stamps)
+    details['time'] = time or 'header'
+    details['ignored'] = ', '.join(sorted(set(bag.topics) - set(topics))) or 'nothing'
+    record = provenance(source.name, bag.sha256, 'import_bag', 'rosbag2', details)
+    with BagWriter(target, metadata=record) as writer:
+        for ours in topics.values():
+            writer.add_topic(f'{NAMESPACE}/{ours}', TARGETS[ours])
+        everything = [
+            (log_time, ours, layout.restamped(data, stamp)) for theirs, ours in topics.items()
+            for log_time, stamp, data in zip(
+                ready[theirs].log_time, stamps[theirs], ready[theirs].data, strict=True)]
+        for log_time, ours, data in sorted(everything, key=lambda entry: entry[0]):
+            writer.write(f'{NAMESPACE}/{ours}', data, log_time)
+        return writer.counts, record['import']
+
+
+def _map(text: str) -> tuple[str, str]:
+    """Return the two names of an argument ``THEIRS:=OURS``."""
+    theirs, found, ours = text.partition(':=')
+    if not (theirs and found and ours):
+        raise argparse.ArgumentTypeError(f'{text} is not of the form /their/topic:=ours')
+    return theirs, ours.removeprefix(f'{NAMESPACE}/')
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``import_bag``."""
+    parser = argparse.ArgumentParser(
+        prog='import_bag', description=__doc__.strip().split('\n')[0])
+    parser.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
+    parser.add_argument('output', type=Path, nargs='?', help='bag to make')
+    parser.add_argument('--map', type=_map, action='append', default=[], metavar='/THEIRS:=OURS',
+                        help='a topic to take, and its name here; without: list the topics')
+    parser.add_argument('--time', choices=('header', 'log'),
+                        help='header: messages without a stamp are put on the clock of the '
+                             'others; log: all are stamped by their log time (default: as they '
+                             'are, refused where they are on two clocks)')
+    options = parser.parse_args(arguments)
+    if options.map and options.output is None:
+        parser.error('give the bag to make behind the one to read')
+
+    def work() -> None:
+        """Import, or list the topics where none is mapped."""
+        if not options.map:
+            print('\n'.join(_table(options.bag, read_foreign(options.bag))))
+            return
+        if len(dict(options.map)) < len(options.map):
+            raise BagError('a topic is mapped twice: give each --map once')
+        counts, told = import_bag(
+            options.bag, options.output, dict(options.map), options.time)
+        ignored = [] if told['ignored'] == 'nothing' else told['ignored'].split(', ')
+        report(options.bag, options.output, counts, *(
+            f'{key}: {value}' for key, value in told.items()
+            if key.startswith(('lost', 'unstamped', 'backwards'))), *unused(ignored))
+
+    return guard('import_bag', work)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,160 @@
+"""What the importers share: a source read once, messages, a bag that says where it came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+import hashlib
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mambo_bags import columns
+from mambo_bags.mcap_reader import BagError, read_file
+from mambo_bags.writer import BagWriter
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from rosbags.typesys.store import Typestore
+
+NAMESPACE = '/mambo'
+SECOND = 1_000_000_000
+LONGEST = 1e9  # [s] of a time
+LARGEST = 1e30  # of what is measured; some messages hold single precision
+PACKAGES = {'Header': 'std_msgs', 'Time': 'builtin_interfaces'}
+
+
+class Source(NamedTuple):
+    """A file as it was read."""
+
+    path: Path
+    content: bytes
+    sha256: str
+
+    def text(self) -> str:
+        """Return the content as text; BagError if it is not UTF-8."""
+        try:
+            return self.content.decode('utf-8-sig')
+        except UnicodeDecodeError as error:
+            raise BagError(f'{self.path}: not a text file (byte {error.start})') from None
+
+
+def read_source(path: Path) -> Source:
+    """Return a file's content and checksum; BagError if it cannot be read or is empty."""
+    content = read_file(path)
+    return Source(path, content, hashlib.sha256(content).hexdigest())
+
+
+def provenance(
+    name: str, sha256: str, importer: str, kind: str, details: Mapping[str, Any],
+) -> dict[str, dict[str, str]]:
+    """Return the metadata record ``import`` of a bag; numbers with nine digits."""
+    def text(value: Any) -> str:
+        return f'{value:.9g}' if isinstance(value, float) else str(value)
+
+    return {'import': {
+        'source_file': name, 'source_sha256': sha256,
+        'importer': f'mambo_analysis.{importer}', 'source_kind': kind,
+        **{key: text(value) for key, value in details.items()}}}
+
+
+def shortened(names: Sequence[str], most: int = 12) -> str:
+    """Return names in one line, and how many more there are than ``most``."""
+    more = f' and {len(names) - most} more' if len(names) > most else ''
+    short = [name if len(name) <= 60 else f'{name[:57]}...' for name in names[:most]]
+    return ', '.join(short) + more
+
+
+def quoted(text: str) -> str:
+    """Return a word of a file, for an error: in quotes, in one line, not too long."""
+    return repr(text if len(text) <= 60 else f'{text[:57]}...')
+
+
+def unused(names: Sequence[str]) -> list[str]:
+    """Return the line that says what nothing was made of; none if all was used."""
+    return [f'not used: {shortened(names)}'] if names else []
+
+
+def new_samples(values: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the steps at which a held signal, (n,) or (n, k), takes a new value; never step 0."""
+    changed = np.diff(values.reshape(len(values), -1), axis=0) != 0.0
+    return np.flatnonzero(changed.any(axis=1)) + 1
+
+
+def is_sound(values: NDArray[np.float64]) -> bool:
+    """Return whether all numbers are finite, in single precision too."""
+    return bool((np.abs(values) < LARGEST).all())
+
+
+def stamps_ns(times: ArrayLike) -> NDArray[np.int64]:
+    """Return seconds, (n,), as whole nanoseconds."""
+    return np.rint(np.asarray(times, float) * 1e9).astype(np.int64)
+
+
+class Publisher:
+    """
+    Builds the messages of one bag.
+
+    Parameters
+    ----------
+    writer
+        The bag; its topics are declared here.
+    topics
+        {name relative to the drone's namespace: type}.
+
+    """
+
+    def __init__(self, writer: BagWriter, topics: Mapping[str, str]) -> None:
+        self._store: Typestore = columns.load_types(topics.values())
+        self._writer, self._topics = writer, dict(topics)
+        for topic, type_name in topics.items():
+            writer.add_topic(f'{NAMESPACE}/{topic}', type_name)
+
+    def make(self, name: str, *values: Any) -> Any:
+        """Return a message of a common package with all its values."""
+        return self._store.types[f'{PACKAGES.get(name, "geometry_msgs")}/msg/{name}'](*values)
+
+    def header(self, stamp: int, frame: str = '') -> Any:
+        """Return a header of a stamp in ns."""
+        return self.make('Header', self.make('Time', *divmod(stamp, SECOND)), frame)
+
+    def pose(self, position: Any, quaternion: Any) -> Any:
+        """Return a pose from wire axes, x y z and x y z w."""
+        return self.make(
+            'Pose', self.make('Point', *position), self.make('Quaternion', *quaternion))
+
+    def odometry(self, pose: Any, velocity: Any, omega: Any) -> dict[str, Any]:
+        """Return the fields of an Odometry in base_link (FLU) whose covariance is not known."""
+        make, unknown = self.make, np.zeros(36)
+        twist = make('Twist', make('Vector3', *velocity), make('Vector3', *omega))
+        return {'child_frame_id': 'base_link',
+                'pose': make('PoseWithCovariance', pose, unknown),
+                'twist': make('TwistWithCovariance', twist, unknown)}
+
+    def imu(self, omega: Any, acceleration: Any) -> dict[str, Any]:
+        """Return the fields of an Imu without orientation (REP-145), body FLU."""
+        return {'orientation': self.make('Quaternion', 0.0, 0.0, 0.0, 1.0),
+                'orientation_covariance': np.array([-1.0] + [0.0] * 8),
+                'angular_velocity': self.make('Vector3', *omega),
+                'linear_acceleration': self.make('Vector3', *acceleration)}
+
+    def battery(self, voltage: float, percent: float) -> dict[str, Any]:
+        """Return the fields of a BatteryState of which only V and % are known."""
+        unknown = math.nan
+        return {'voltage': voltage, 'percentage': percent / 100.0, 'present': True,
+                'temperature': unknown, 'current': unknown, 'charge': unknown,
+                'capacity': unknown, 'design_capacity': unknown}
+
+    def publish(self, topic: str, stamp: int, frame: str, **fields: Any) -> None:
+        """Write a message whose other fields are 0."""
+        name = self._topics[topic]
+        message = columns.zero(self._store, name, header=self.header(stamp, frame), **fields)
+        self._writer.write(
+            f'{NAMESPACE}/{topic}', bytes(self._store.serialize_cdr(message, name)), stamp)
+
+
+def report(source: Path, target: Path, counts: Mapping[str, int], *notes: str) -> None:
+    """Print what an importer did."""
+    print(f'imported {source.name} into {target}')
+    for topic, count in counts.items():
+        print(f'  {count:6d}  {topic}')
+    for note in notes:
+        print(f'  {note}')

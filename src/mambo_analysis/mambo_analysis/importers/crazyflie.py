@@ -1,0 +1,466 @@
+"""
+Crazyflie flights with motion capture as bags: ``import_crazyflie LOG.json OUT``.
+
+A log is ``{drone: {name: {time, data}}, mocap: {time, x, y, z, yaw, pitch, roll}}``, as the
+flight client of the course AE 483 of the University of Illinois writes it from a Crazyflie 2.x
+with flow deck and a motion capture, Qualisys there. Everything is z up and FLU already
+(``controller_ae483.c``; yaw, pitch, roll are intrinsic z, y, x). Times are the drone's, since it
+was switched on; the parts of one instant come in several packets some ms apart, each possibly
+lost.
+
+Inertial sensors
+    ``w_*`` is the gyro in rad/s. ``a_z`` is g times the accelerometer, the specific force: at
+    rest it reads +9.810 m/s^2 (three logs), in flight it averages 9.75 to 9.83. The horizontal
+    accelerations were not logged: they are NaN, or 0 with ``--level``: what a rotorcraft feels
+    there is drag alone. ``imu/data_raw`` stands at the packets of ``w_x``; what came in another
+    packet is interpolated there.
+
+Optical flow
+    ``n_x, n_y`` are counts of the PMW3901, of which the firmware predicts
+    ``n * 0.1 = dt * 35 / 0.71674 * (v_x / h - w_y)`` (crazyflie-firmware,
+    ``kalman_core/mm_flow.c``: 35 pixels over 2 sin(21 deg), counts in tenths of a pixel), read
+    each 10 ms (``flowdeck_v1v2.c``): 488 counts per radian. That is ``optical_flow`` here; the
+    course takes the former 30 pixels over 4.2 deg, 409. Regression on v / h and w of the three
+    flights that move (motion capture and range) gives 600 to 700 counts per radian, the flow 30
+    to 50 ms behind: ``--counts-per-radian`` sets another value. Rotation is not compensated. The
+    firmware keeps the last counts while the sensor sees no motion (a fifth of the logged pairs
+    of 5 counts or more repeat): only new pairs are published, or with ``--repeated-flow zero``
+    the repeated ones too, as 0. What is left out is the slow part: with zeros two flights give
+    404 and 416 counts per radian, the course's 409 (docs/real_recordings.md).
+
+Range
+    ``r`` is the VL53L1x, metres along the body's -z, each 40 ms, held between: new values are
+    published. 0 is no measurement yet.
+
+Motors
+    ``m_1`` to ``m_4`` (0 to 65535, front right, rear right, rear left, front left) are
+    ``motor_pwm`` in the order of (3.2), in the drone's own counts.
+
+Motion capture
+    ``optitrack/pose`` is the marker deck, some cm above the range sensor. Its clock has another
+    zero, found by bringing the range onto z (:mod:`mambo_analysis.signals.time_offset`). The
+    range is itself
+    7 to 35 ms behind the gyro (it averages, and is passed on each 40 ms), and so is a pose stamped
+    that way: the standard error that is printed holds 30 ms for it. ``--mocap-offset gyro`` takes
+    the gyro instead, as does a log without a range. NaN is marker loss: no pose.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from mambo_bags.command import guard
+from mambo_bags.mcap_reader import BagError
+from mambo_bags.writer import BagWriter
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from ..signals.derivative import body_rates
+from ..signals.time_offset import AlignError, Offset, offsets, RANGE_LATE, time_offset
+from .common import (
+    is_sound, LONGEST, new_samples, provenance, Publisher, read_source, report, Source, stamps_ns,
+    unused)
+
+Floats = NDArray[np.float64]
+COUNTS_PER_RADIAN = 10.0 * 35.0 / 0.71674
+FLOW_PERIOD = 0.01  # [s] over which a count is taken
+FULL_QUALITY = 255
+RANGE_LIMITS = (0.01, 4.0)  # [m] VL53L1x
+NEAR = 0.08  # [s] how far the gyro's offset may be from the range's
+GAP = 0.05  # [s] over which the parts of one instant are interpolated
+MOTORS = ('m_4', 'm_1', 'm_2', 'm_3')
+"""In the order of (3.2): front left, front right, rear right, rear left."""
+GYRO = ('gyro.x', 'gyro.y', 'gyro.z')
+USED = ('w_x', 'w_y', 'w_z', 'a_z', 'r', 'n_x', 'n_y', *MOTORS, 'p_x', 'p_y', 'p_z', 'psi',
+        'theta', 'phi', 'v_x', 'v_y', 'v_z', 'p_x_des', 'p_y_des', 'p_z_des')
+MOCAP = ('x', 'y', 'z', 'yaw', 'pitch', 'roll')
+TOPICS = {
+    'imu/data_raw': 'sensor_msgs/msg/Imu', 'sonar/range': 'sensor_msgs/msg/Range',
+    'optical_flow': 'mambo_interfaces/msg/OpticalFlow',
+    'motor_pwm': 'mambo_interfaces/msg/MotorPwm', 'onboard/odom': 'nav_msgs/msg/Odometry',
+    'onboard/reference': 'geometry_msgs/msg/PoseStamped',
+    'optitrack/pose': 'geometry_msgs/msg/PoseStamped'}
+
+
+@dataclasses.dataclass(frozen=True)
+class Log:
+    """
+    A log, finite samples alone.
+
+    Attributes
+    ----------
+    drone
+        {name without its group: (times (n,) s, values (n,))}.
+    mocap : (m, 7)
+        s of its own clock, m, rad; without the rows in which markers were lost.
+    lost
+        How many rows those were.
+    ignored
+        Names of the signals that nothing is made of.
+
+    """
+
+    drone: dict[str, tuple[Floats, Floats]]
+    mocap: Floats
+    lost: int
+    ignored: list[str]
+
+    def has(self, *names: str) -> bool:
+        """Return whether all signals are there."""
+        return all(name in self.drone for name in names)
+
+    def at(self, times: Floats, *names: str) -> Floats:
+        """Return signals at times, (n, k), interpolated over at most ``GAP``; NaN elsewhere."""
+        out = np.full((len(times), len(names)), math.nan)
+        for column, name in enumerate(names):
+            t, v = self.drone[name]
+            after = np.searchsorted(t, times, side='left')
+            exact = (after < len(t)) & (t[np.minimum(after, len(t) - 1)] == times)
+            inner = np.clip(after, 1, max(len(t) - 1, 1))
+            near = (after > 0) & (after < len(t)) & (len(t) > 1)
+            near &= t[np.minimum(inner, len(t) - 1)] - t[inner - 1] <= GAP
+            use = exact | near
+            out[use, column] = np.interp(times[use], t, v)
+        return out
+
+
+def _series(path: Path, name: str, times: Any, data: Any) -> tuple[Floats, Floats]:
+    """Return one signal, checked."""
+    try:
+        t, v = np.asarray(times, float), np.asarray(data, float)
+    except (TypeError, ValueError, OverflowError):
+        raise BagError(f'{path}: {name} holds what is no number') from None
+    if t.ndim != 1 or t.shape != v.shape:
+        raise BagError(f'{path}: {name} has {t.size} times and {v.size} values')
+    if not np.isfinite(t).all() or (t < 0.0).any():
+        raise BagError(f'{path}: {name} has a time that is no number or negative')
+    if t.size and t.max() > LONGEST or not is_sound(v[np.isfinite(v)]):
+        raise BagError(f'{path}: {name} has a time or a value that is absurdly large')
+    back = np.flatnonzero(np.diff(t) <= 0.0)
+    if len(back):
+        raise BagError(f'{path}: the times of {name} do not increase after {t[back[0]]:g} s')
+    return t, v
+
+
+def read_log(source: Source) -> Log:
+    """
+    Read a log.
+
+    Raises
+    ------
+    BagError
+        If the file is no such log, or is damaged or cut off.
+
+    """
+    path = source.path
+    try:
+        found = json.loads(source.text())
+    except (ValueError, RecursionError) as error:
+        raise BagError(f'{path}: no JSON file, or cut off ({error})') from None
+    if not isinstance(found, dict) or not isinstance(found.get('drone'), dict):
+        raise BagError(f'{path}: no Crazyflie log: it has no "drone" with signals')
+    drone = {}
+    for name, entry in found['drone'].items():
+        if not isinstance(entry, dict) or not {'time', 'data'} <= set(entry):
+            raise BagError(f'{path}: {name} is not built as {{time, data}}')
+        t, v = _series(path, name, entry['time'], entry['data'])
+        good = np.isfinite(v)
+        if good.any():
+            group, _, short = name.partition('.')
+            drone[short if group == 'ae483log' else name] = t[good], v[good]
+    mocap, lost = _mocap(path, found.get('mocap') or {})
+    known = {*USED, *(() if 'w_x' in drone else GYRO)}
+    log = Log(drone, mocap, lost, [name for name in drone if name not in known])
+    if not (log.has('w_x', 'w_y', 'w_z') or log.has('gyro.x', 'gyro.y', 'gyro.z')):
+        raise BagError(f'{path}: no gyro (ae483log.w_x, w_y, w_z or gyro.x, y, z) with finite '
+                       f'values; it has {", ".join(found["drone"]) or "no signals"}')
+    return log
+
+
+def _mocap(path: Path, found: Any) -> tuple[Floats, int]:
+    if not isinstance(found, dict) or (found and not {'time', *MOCAP} <= set(found)):
+        raise BagError(f'{path}: mocap is not built as {{time, {", ".join(MOCAP)}}}')
+    if not found or not found['time']:
+        return np.empty((0, 7)), 0
+    columns = [_series(path, f'mocap {name}', found['time'], found[name]) for name in MOCAP]
+    table = np.column_stack([columns[0][0], *(v for _, v in columns)])
+    seen = np.isfinite(table).all(axis=1)
+    return table[seen], int((~seen).sum())
+
+
+def mocap_offset(log: Log) -> Offset:
+    """
+    Return what to add to the clock of the motion capture, by bringing the range onto its z.
+
+    Raises
+    ------
+    AlignError
+        If range and height do not determine it.
+
+    """
+    if not len(log.mocap):
+        raise AlignError('there is no motion capture in the log')
+    if not log.has('r'):
+        raise AlignError('there is no range (ae483log.r) to align with')
+    t, r = log.drone['r']
+    new = new_samples(r)
+    new = new[r[new] > 0.0]
+    return time_offset(t[new], r[new], log.mocap[:, 0], log.mocap[:, 3])
+
+
+def gyro_offset(log: Log, near: float | None = None) -> Offset:
+    """
+    Return the same by the gyro, which is not behind, from among the offsets near another.
+
+    Of the three axes the one with the highest correlation. Real flights leave it at 0.73 to 0.86,
+    and the axes then differ by up to 10 ms, more than their standard errors say: ``sigma`` is
+    then the root mean square of the distances of the others.
+
+    Raises
+    ------
+    AlignError
+        If no axis determines it.
+
+    """
+    names = ('w_x', 'w_y', 'w_z')
+    if not log.has(*names):
+        raise AlignError('there is no gyro (ae483log.w_x, w_y, w_z) to align with')
+    times, rates = body_rates(log.mocap[:, 0], np.array(_attitude(log.mocap[:, 4:])))
+    found, reasons = offsets({
+        name: (*log.drone[name], times, rates[:, axis]) for axis, name in enumerate(names)
+    }, None if near is None else (near - NEAR, near + NEAR))
+    if not found:
+        raise AlignError('; '.join(f'{name}: {text}' for name, text in reasons.items()))
+    best = max(found.values(), key=lambda offset: offset.quality)
+    others = [one.offset - best.offset for one in found.values() if one is not best]
+    apart = math.sqrt(sum(x * x for x in others) / len(others)) if others else 0.0
+    return best._replace(sigma=max(best.sigma, apart))
+
+
+def _publish_imu(log: Log, out: Publisher, level: bool) -> None:
+    names, unit = ('w_x', 'w_y', 'w_z'), 1.0
+    if not log.has(*names):
+        names, unit = ('gyro.x', 'gyro.y', 'gyro.z'), math.pi / 180.0
+    times = log.drone[names[0]][0]
+    omega = unit * log.at(times, *names)
+    upward = log.at(times, 'a_z')[:, 0] if log.has('a_z') else np.full(len(times), math.nan)
+    use = np.isfinite(omega).all(axis=1) & (np.isfinite(upward) | (not log.has('a_z')))
+    aside = 0.0 if level else math.nan
+    for stamp, w, a in zip(stamps_ns(times[use]).tolist(), omega[use].tolist(),
+                           upward[use].tolist()):
+        out.publish('imu/data_raw', stamp, 'base_link', **out.imu(w, (aside, aside, a)))
+
+
+def _publish_sensors(
+    log: Log, out: Publisher, counts_per_radian: float, repeated_flow: str,
+) -> None:
+    if log.has('r'):
+        t, r = log.drone['r']
+        stamps = stamps_ns(t).tolist()
+        for i in new_samples(r).tolist():
+            if r[i] > 0.0:
+                out.publish('sonar/range', stamps[i], 'base_link', radiation_type=1,
+                            min_range=RANGE_LIMITS[0], max_range=RANGE_LIMITS[1],
+                            range=float(r[i]))
+    if log.has('n_x', 'n_y'):
+        t = log.drone['n_x'][0]
+        counts, stamps = log.at(t, 'n_x', 'n_y'), stamps_ns(t).tolist()
+        rates = counts / (FLOW_PERIOD * counts_per_radian)
+        known, new = np.isfinite(rates).all(axis=1), np.zeros(len(t), bool)
+        new[new_samples(counts)] = True
+        rates[known & ~new] = 0.0
+        for i in range(len(t)):
+            if known[i] and (new[i] or repeated_flow == 'zero'):
+                out.publish('optical_flow', stamps[i], 'base_link', rate_x=float(rates[i, 0]),
+                            rate_y=float(rates[i, 1]), integration_time=FLOW_PERIOD,
+                            quality=FULL_QUALITY)
+
+
+def _publish_onboard(log: Log, out: Publisher) -> None:
+    if log.has(*MOTORS):
+        t = log.drone[MOTORS[0]][0]
+        pwm = log.at(t, *MOTORS)
+        for stamp, row in zip(stamps_ns(t).tolist(), pwm):
+            if np.isfinite(row).all():
+                out.publish('motor_pwm', stamp, '', pwm=row)
+    pose, velocity = ('p_x', 'p_y', 'p_z', 'psi', 'theta', 'phi'), ('v_x', 'v_y', 'v_z')
+    rates, goal = ('w_x', 'w_y', 'w_z'), ('p_x_des', 'p_y_des', 'p_z_des')
+    if log.has(*pose, *velocity, *rates):
+        t = log.drone['p_x'][0]
+        state = log.at(t, *pose, *velocity, *rates)
+        known = np.isfinite(state).all(axis=1)
+        t, state = t[known], state[known]
+        attitude = _attitude(state[:, 3:6])
+        for stamp, row, q in zip(stamps_ns(t).tolist(), state.tolist(), attitude):
+            out.publish('onboard/odom', stamp, 'odom',
+                        **out.odometry(out.pose(row[:3], q), row[6:9], row[9:]))
+    if log.has(*goal):
+        t = log.drone['p_x_des'][0]
+        for stamp, row in zip(stamps_ns(t).tolist(), _nearest(log, t, goal).tolist()):
+            if all(map(math.isfinite, row)):
+                out.publish('onboard/reference', stamp, 'odom',
+                            pose=out.pose(row, (0.0, 0.0, 0.0, 1.0)))
+
+
+def _nearest(log: Log, times: Floats, names: tuple[str, ...]) -> Floats:
+    """Return signals that jump at times, (n, k): the nearest sample within ``GAP``, else NaN."""
+    out = np.full((len(times), len(names)), math.nan)
+    for column, name in enumerate(names):
+        t, v = log.drone[name]
+        after = np.clip(np.searchsorted(t, times), 1, max(len(t) - 1, 1))
+        after = np.minimum(after, len(t) - 1)
+        before = np.maximum(after - 1, 0)
+        index = np.where(times - t[before] < t[after] - times, before, after)
+        near = np.abs(t[index] - times) <= GAP
+        out[near, column] = v[index[near]]
+    return out
+
+
+def _attitude(yaw_pitch_roll: ArrayLike) -> list[list[float]]:
+    """Return x y z w of (n, 3) rad."""
+    angles = np.asarray(yaw_pitch_roll, float).reshape(-1, 3)
+    return Rotation.from_euler('ZYX', angles).as_quat().tolist() if len(angles) else []
+
+
+def _publish_mocap(log: Log, out: Publisher, offset: float) -> None:
+    times = log.mocap[:, 0] + offset
+    rows = log.mocap[times >= 0.0]
+    attitude = _attitude(rows[:, 4:])
+    stamps = stamps_ns(times[times >= 0.0]).tolist()
+    for stamp, row, q in zip(stamps, rows.tolist(), attitude):
+        out.publish('optitrack/pose', stamp, 'map', pose=out.pose(row[1:4], q))
+
+
+def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, Any]]:
+    """Return the offset of the motion capture, None to leave it out, and what to say of it."""
+    if asked == 'none' or not len(log.mocap):
+        return None, {'mocap': 'none in the log' if asked != 'none' else 'left out'}
+    if asked not in ('auto', 'gyro'):
+        if (log.mocap[:, 0] + float(asked) < 0.0).all():
+            raise BagError(f'{path}: with --mocap-offset {asked} all of the motion capture is '
+                           f'before the drone began (its clock shows {log.mocap[0, 0]:.3f} s)')
+        return float(asked), {'mocap_offset_s': float(asked), 'mocap_offset_from': 'given'}
+    told: dict[str, Any] = {'mocap_offset_from': 'gyro'}
+    try:
+        if log.has('r'):
+            found = mocap_offset(log)
+            height = float(np.median(log.mocap[:, 3]))
+            told['range_minus_mocap_z_m'] = found.bias + (found.factor - 1.0) * height
+            if asked == 'gyro':
+                found = gyro_offset(log, found.offset)
+            else:
+                found = found._replace(sigma=math.hypot(found.sigma, RANGE_LATE))
+                told['mocap_offset_from'] = 'range against z'
+        else:
+            found = gyro_offset(log)
+    except AlignError as error:
+        raise BagError(f'{path}: the motion capture cannot be aligned: {error}; give '
+                       '--mocap-offset SECONDS, or none to leave it out') from None
+    return found.offset, {
+        'mocap_offset_s': found.offset, 'mocap_offset_sigma_s': found.sigma,
+        'mocap_offset_correlation': found.quality, **told}
+
+
+def import_crazyflie(
+    source: Path, target: Path, counts_per_radian: float = COUNTS_PER_RADIAN,
+    mocap: str = 'auto', level: bool = False, repeated_flow: str = 'leave',
+) -> tuple[dict[str, int], dict[str, str]]:
+    """
+    Write a bag from a Crazyflie log.
+
+    Parameters
+    ----------
+    source
+        JSON file.
+    target
+        Directory to make.
+    counts_per_radian
+        Counts of the flow sensor per radian.
+    mocap
+        What to add to the clock of the motion capture, s; ``auto``: found by the range;
+        ``gyro``: by the gyro; ``none``: leave the motion capture out.
+    level
+        Whether the horizontal accelerations, not in the log, are 0 instead of NaN.
+    repeated_flow
+        ``leave`` out counts that repeat, or take them for ``zero``: the sensor saw no motion.
+
+    Returns
+    -------
+    {topic: messages}; the metadata record ``import``.
+
+    Raises
+    ------
+    BagError
+        If the log is not usable or cannot be aligned; nothing is written then.
+    mambo_bags.writer.BagWriterError
+        If the target exists.
+
+    """
+    file = read_source(source)
+    log = read_log(file)
+    offset, told = _aligned(source, log, mocap)
+    record = provenance(source.name, file.sha256, 'import_crazyflie', 'Crazyflie JSON log', {
+        'counts_per_radian': counts_per_radian, 'flow_period_s': FLOW_PERIOD,
+        'flow_rotation': 'not compensated', 'horizontal_acceleration': '0' if level else 'NaN',
+        'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535',
+        'mocap_frames_lost': log.lost, 'ignored': ', '.join(log.ignored) or 'nothing', **told})
+    with BagWriter(target, metadata=record) as writer:
+        out = Publisher(writer, TOPICS)
+        _publish_imu(log, out, level)
+        _publish_sensors(log, out, counts_per_radian, repeated_flow)
+        _publish_onboard(log, out)
+        if offset is not None:
+            _publish_mocap(log, out, offset)
+        return writer.counts, record['import']
+
+
+def _offset(text: str) -> str:
+    if text not in ('auto', 'gyro', 'none') and not math.isfinite(float(text)):
+        raise argparse.ArgumentTypeError(f'{text} is neither auto, gyro, none nor seconds')
+    return text
+
+
+def _counts(text: str) -> float:
+    value = float(text)
+    if not 1.0 < value < 1e5:
+        raise argparse.ArgumentTypeError(f'{text} is outside of 1 to 100000')
+    return value
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``import_crazyflie``."""
+    parser = argparse.ArgumentParser(
+        prog='import_crazyflie', description=__doc__.strip().split('\n')[0])
+    parser.add_argument('log', type=Path, help='JSON file of a flight')
+    parser.add_argument('output', type=Path, help='bag to make')
+    parser.add_argument('--counts-per-radian', type=_counts, default=COUNTS_PER_RADIAN,
+                        metavar='N', help='of the flow sensor (default: %(default).4g)')
+    parser.add_argument('--mocap-offset', type=_offset, default='auto', metavar='SECONDS',
+                        help='to add to its clock; auto: by the range, gyro: by the gyro, none: '
+                             'leave it out (default: %(default)s)')
+    parser.add_argument('--level', action='store_true',
+                        help='take the horizontal accelerations, not in the log, for 0')
+    parser.add_argument('--repeated-flow', choices=('leave', 'zero'), default='leave',
+                        help='counts that repeat: leave them out, or take them for zero, the '
+                             'sensor having seen no motion (default: %(default)s)')
+    options = parser.parse_args(arguments)
+
+    def work() -> None:
+        counts, told = import_crazyflie(
+            options.log, options.output, options.counts_per_radian, options.mocap_offset,
+            options.level, options.repeated_flow)
+        notes = [f'{key}: {told[key]}' for key in told if key.startswith(('mocap', 'range'))]
+        ignored = [] if told['ignored'] == 'nothing' else told['ignored'].split(', ')
+        report(options.log, options.output, counts, *notes, *unused(ignored))
+
+    return guard('import_crazyflie', work)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,181 @@
+"""
+The variables of a MATLAB file, read in a process of its own, and the signals that Simulink logs.
+
+The parser is compiled code: damaged bytes can end its process, and a small compressed file can ask
+for any amount of memory. Here that is an error of one line.
+"""
+
+from __future__ import annotations
+
+from io import BytesIO
+import multiprocessing
+from multiprocessing.connection import Connection
+import os
+from pathlib import Path
+import resource
+from typing import Any, NamedTuple
+import warnings
+
+from mambo_bags.mcap_reader import BagError
+import numpy as np
+from numpy.typing import NDArray
+import scipy.io
+
+Floats = NDArray[np.float64]
+MEMORY = 2 << 30  # [byte] more than the process has already, for the variables of one file
+PATIENCE = 120.0  # [s] for the parser
+DEEPEST = 8  # structures in structures that are looked into
+
+
+class Signal(NamedTuple):
+    """One logged signal."""
+
+    name: str  # of the variable; with the block or label behind a slash where it has several
+    times: Floats  # (n,) s
+    values: Floats  # (n, k)
+
+
+def _plain(value: Any, depth: int = 0) -> Any:
+    """Return what can be sent: numbers, texts, and dictionaries and lists of such; else None."""
+    if isinstance(value, dict) and depth < DEEPEST:
+        return {str(key): _plain(below, depth + 1) for key, below in value.items()}
+    if isinstance(value, np.ndarray) and value.dtype.kind in 'fiub':
+        return np.asarray(value)
+    if isinstance(value, list | tuple) or isinstance(value, np.ndarray) and value.dtype == object:
+        if depth >= DEEPEST:
+            return None
+        return [_plain(below, depth + 1) for below in np.ravel(np.asarray(value, object))]
+    return value if isinstance(value, str | int | float | bool) else None
+
+
+def _load(answer: Connection, content: bytes) -> None:
+    """Send the variables of a file's content, or in a text why there are none."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # a parser that dies says so at length
+    try:
+        with open('/proc/self/statm', encoding='ascii') as pages:
+            used = int(pages.read().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+        resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, hard))
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')
+            found = scipy.io.loadmat(BytesIO(content), simplify_cells=True)
+        answer.send({name: _plain(value) for name, value in found.items()
+                     if not name.startswith('__')})
+    except MemoryError:
+        answer.send(f'its variables need more than {MEMORY >> 30} GiB')
+    except BaseException as error:  # the parser of damaged or foreign bytes raises anything
+        answer.send(' '.join(str(error).split())[:120] or 'damaged')
+
+
+def variables(path: Path, content: bytes) -> dict[str, Any]:
+    """
+    Return the variables of a MATLAB file's content.
+
+    Parameters
+    ----------
+    path
+        Of the file, for errors.
+    content
+        Of the file, up to version 7.
+
+    Returns
+    -------
+    {name: number, text, array, or dictionary or list of such; None for what is nothing of it}
+
+    Raises
+    ------
+    BagError
+        If the file is of version 7.3, damaged, cut off, no such file, or too large.
+
+    """
+    if content[:10].startswith(b'MATLAB 7.3'):
+        raise BagError(f'{path}: a mat file of version 7.3; save it with -v7 in MATLAB first')
+    context = multiprocessing.get_context('fork')
+    answer, question = context.Pipe(duplex=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore', DeprecationWarning)  # the child touches no other thread
+        process = context.Process(target=_load, args=(question, content))
+        process.start()
+    question.close()
+    try:
+        found = answer.recv() if answer.poll(PATIENCE) else f'no end after {PATIENCE:g} s'
+    except EOFError:
+        found = 'the parser died of it'
+    process.kill()
+    process.join()
+    if isinstance(found, str):
+        raise BagError(f'{path}: not a readable mat file ({found})')
+    return found
+
+
+def _numbers(path: Path, name: str, value: Any) -> Floats:
+    """Return an array of numbers; BagError if it is none."""
+    if not isinstance(value, np.ndarray | int | float):
+        raise BagError(f'{path}: {name} holds what is no number')
+    return np.asarray(value, float)
+
+
+def _columns(path: Path, name: str, values: Any, count: int) -> Floats:
+    """Return values, a row for each time; Simulink logs matrices with the times last."""
+    table = _numbers(path, name, values)
+    if table.ndim > 1 and len(table) != count and table.shape[-1] == count:
+        table = np.moveaxis(table, -1, 0).reshape(count, -1)
+    elif table.ndim < 2:
+        table = table.reshape(-1, 1)
+    if table.ndim != 2 or len(table) != count or not table.shape[1]:
+        raise BagError(f'{path}: {name} has the shape {table.shape}, expected a row for each of '
+                       f'its {count} times')
+    return table
+
+
+def _entries(name: str, signals: Any) -> list[tuple[str, Any]]:
+    """Return name and values of each of the signals of one structure with time."""
+    if isinstance(signals, dict):
+        return [(name, signals.get('values'))]
+    out: list[tuple[str, Any]] = []
+    for number, entry in enumerate(signals if isinstance(signals, list) else []):
+        if isinstance(entry, dict):
+            block = str(entry.get('blockName') or '').split('/')[-1]
+            label = block or str(entry.get('label') or '') or str(number)
+            if any(label == taken.split('/')[-1] for taken, _ in out):
+                label = str(number)
+            out.append((f'{name}/{label}', entry.get('values')))
+    return out
+
+
+def logged(path: Path, found: dict[str, Any]) -> tuple[dict[str, Signal], list[str]]:
+    """
+    Return the logged signals of a file's variables, and what else is there.
+
+    A signal is a structure with time, of one signal or several, or an array with a row for each
+    value of ``rt_tout``.
+
+    Returns
+    -------
+    {name: signal}; the other variables in words.
+
+    Raises
+    ------
+    BagError
+        If a structure with time holds what is no number or has too few rows or times.
+
+    """
+    signals: dict[str, Signal] = {}
+    others: list[str] = []
+    tout = found.get('rt_tout')
+    for name, value in found.items():
+        if name == 'rt_tout':
+            continue
+        if isinstance(value, dict) and {'time', 'signals'} <= set(value):
+            times = _numbers(path, f'{name}.time', value['time']).reshape(-1)
+            for label, values in _entries(name, value['signals']):
+                signals[label] = Signal(label, times, _columns(path, label, values, len(times)))
+        elif (isinstance(tout, np.ndarray) and isinstance(value, np.ndarray) and tout.ndim == 1
+                and len(tout) > 1 and value.ndim in (1, 2) and len(value) == len(tout)):
+            signals[name] = Signal(name, _numbers(path, 'rt_tout', tout),
+                                   _columns(path, name, value, len(tout)))
+        else:
+            shape = np.shape(value) if isinstance(value, np.ndarray) else ()
+            others.append(f'{name} {shape}' if shape else name)
+    return signals, others

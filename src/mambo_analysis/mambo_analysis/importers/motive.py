@@ -1,0 +1,348 @@
+"""
+Optitrack takes as bags: ``import_motive TAKE.csv OUT --body NAME``.
+
+Reads the CSV export of Motive 1.9 to 3.x, format versions 1.2 to 1.29 (docs.optitrack.com, Data
+Export: CSV): a line of keys and values about the take, then the type, name and ID of what each
+column belongs to (and its parent, from 1.25), then Rotation or Position, then the axes. A column
+without a name of its own (marker error, time code) is skipped. The columns of one rigid body
+become ``optitrack/pose``; where its markers were lost the cells are empty, and there is no pose.
+
+Axes
+    The file does not say which axis is up. Motive's own is y, with x to the right and z towards
+    the viewer, and becomes z up by a quarter turn about x: (x, -z, y), for the axes of the body
+    alike, which in Motive are those of the room at the moment the body is defined. ``--up z`` for
+    an export or a ground plane with z up. ``--nose`` says how the nose stood then.
+
+Angles
+    Quaternions x y z w; or Euler angles in degrees about the axes of the moving body in the
+    order of their name (NatNet SDK, EulOrdXYZr).
+
+Time
+    The time column of some versions is rounded to ms. Where it agrees with frame number over
+    export rate to its last digit, the latter is used. Stamps are from the start of the take;
+    when that was, in the words of the file, is in the bag's metadata.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import dataclasses
+from io import StringIO
+import math
+from pathlib import Path
+import re
+from typing import Any
+
+from mambo_bags.command import guard
+from mambo_bags.mcap_reader import BagError
+from mambo_bags.writer import BagWriter
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from .common import (
+    LARGEST, LONGEST, provenance, Publisher, quoted, read_source, report, shortened, Source,
+    stamps_ns, unused)
+
+Floats = NDArray[np.float64]
+TOPIC = 'optitrack/pose'
+UNITS = {'meters': 1.0, 'metres': 1.0, 'centimeters': 0.01, 'millimeters': 0.001,
+         'inches': 0.0254, 'feet': 0.3048}
+ORDERS = ('XYZ', 'XZY', 'YXZ', 'YZX', 'ZXY', 'ZYX')
+UP = {'y': Rotation.from_euler('x', 90.0, degrees=True), 'z': Rotation.identity()}
+LOOSE_NORM = 0.01  # [-] how far from 1 a rounded quaternion may be
+RATES = (0.01, 1e5)  # [Hz] of a take
+ROUNDED = 6e-4  # [s] half of the last digit of the coarsest time column, and a little
+
+
+@dataclasses.dataclass(frozen=True)
+class Take:
+    """
+    One rigid body of a take, in the file's axes.
+
+    Attributes
+    ----------
+    times : (n,) s
+        From the start of the take.
+    position : (n, 3) m
+        NaN where the markers were lost.
+    rotation : (n, 4)
+        x y z w, NaN likewise.
+    body
+        Name.
+    about
+        The first line of the file.
+    others
+        Names of what else the file holds.
+
+    """
+
+    times: Floats
+    position: Floats
+    rotation: Floats
+    body: str
+    about: dict[str, str]
+    others: list[str]
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Return where there is a pose, (n,)."""
+        return np.isfinite(self.position).all(axis=1) & np.isfinite(self.rotation).all(axis=1)
+
+
+def _about(path: Path, row: list[str]) -> dict[str, str]:
+    """Return the keys and values of the first line."""
+    cells = [cell.strip() for cell in row]
+    if not cells or cells[0] != 'Format Version':
+        raise BagError(
+            f'{path}: no CSV export of Motive (line 1 must begin with "Format Version"; export '
+            'with header information)')
+    about = dict(zip(cells[::2], cells[1::2]))
+    version = about['Format Version'] if 'Format Version' in about else ''
+    if not re.fullmatch(r'1\.2\d?', version):
+        raise BagError(f'{path}: format version {quoted(version)}; 1.2 to 1.29 are read')
+    if about.get('Coordinate Space', 'Global') != 'Global':
+        raise BagError(f'{path}: coordinates are {quoted(about["Coordinate Space"])}; export with '
+                       'world (global) coordinates')
+    if about.get('Length Units', '').lower() not in UNITS:
+        raise BagError(f'{path}: length unit {quoted(about.get("Length Units", ""))} is not one '
+                       f'of {", ".join(UNITS)}')
+    if about.get('Rotation Type') not in ('Quaternion', *ORDERS):
+        raise BagError(f'{path}: rotation type {quoted(about.get("Rotation Type", ""))} is not '
+                       f'one of Quaternion, {", ".join(ORDERS)}')
+    return about
+
+
+def _header(path: Path, rows: list[list[str]]) -> tuple[int, dict[str, dict[str, int]]]:
+    """Return the line of the axes and {rigid body: {Rotation X: column, ...}}."""
+    line = next((i for i, row in enumerate(rows[:16]) if row and row[0].strip() == 'Frame'), -1)
+    head = [row for row in rows[1:max(line, 0)] if any(cell.strip() for cell in row)]
+    if line < 0 or len(head) < 3:
+        raise BagError(f'{path}: the lines with Type, Name, Rotation and Position and the axes '
+                       'are missing or cut off')
+    width = len(rows[line])
+    types, names, kinds = ([cell.strip().strip('"') for cell in row] + [''] * width
+                           for row in (head[0], head[1], head[-1]))
+    bodies: dict[str, dict[str, int]] = {}
+    for column in range(2, width):
+        name = f'{kinds[column]} {rows[line][column].strip()}'
+        if types[column] == 'Rigid Body' and name.startswith(('Rotation ', 'Position ')):
+            if name in bodies.setdefault(names[column], {}):
+                raise BagError(f'{path}: two rigid bodies are named {quoted(names[column])}')
+            bodies[names[column]][name] = column
+    if not bodies:
+        raise BagError(f'{path}: no rigid body; export with rigid bodies (rigid body bones) on')
+    return line, bodies
+
+
+def _others(rows: list[list[str]], line: int, body: str) -> list[str]:
+    """Return the names of rigid bodies and markers that are not a body."""
+    names = [row for row in rows[1:line] if any(cell.strip() for cell in row)][1][2:]
+    found = dict.fromkeys(cell.strip().strip('"') for cell in names)
+    return [name for name in found if name and name != body]
+
+
+def _choose(path: Path, bodies: dict[str, dict[str, int]], body: str | None) -> str:
+    names = shortened([quoted(name) for name in bodies])
+    if body is None and len(bodies) > 1:
+        raise BagError(f'{path}: several rigid bodies; say which with --body: {names}')
+    if body is not None and body not in bodies:
+        raise BagError(f'{path}: no rigid body {quoted(body)}; it has {names}')
+    return next(iter(bodies)) if body is None else body
+
+
+def _numbers(path: Path, rows: list[list[str]], line: int, columns: list[int]) -> Floats:
+    """Return cells as (n, k), empty ones as NaN."""
+    width, out = len(rows[line]), []
+    for number, row in enumerate(rows[line + 1:], line + 2):
+        if not any(cell.strip() for cell in row):
+            continue
+        if len(row) < width or any(cell.strip() for cell in row[width:]):
+            raise BagError(f'{path}: line {number} has {len(row)} cells, not {width}: the file '
+                           'is cut off or damaged')
+        try:
+            out.append([float(row[c]) if row[c].strip() else math.nan for c in columns])
+        except ValueError:
+            raise BagError(f'{path}: line {number} holds what is no number') from None
+        if any(abs(value) >= LARGEST for value in out[-1]):
+            raise BagError(f'{path}: line {number} holds what is no number')
+    if not out:
+        raise BagError(f'{path}: no frames, only a header')
+    return np.array(out)
+
+
+def _times(path: Path, frames: Floats, times: Floats, about: dict[str, str]) -> Floats:
+    """Return exact times, (n,) s, checked against the frames."""
+    if not (np.isfinite(frames).all() and np.isfinite(times).all() and times[0] >= 0.0
+            and times.max() <= LONGEST):
+        raise BagError(f'{path}: a frame has no number or no time, or one that is absurd')
+    for values, what in ((frames, 'frame numbers'), (times, 'times')):
+        back = np.flatnonzero(np.diff(values) <= 0.0)
+        if len(back):
+            raise BagError(f'{path}: its {what} do not increase after frame '
+                           f'{frames[back[0]]:.0f} ({times[back[0]]:g} s)')
+    told = about.get('Total Exported Frames', '')
+    if told.isdecimal() and told.lstrip('0') != str(len(frames)):
+        raise BagError(f'{path}: it has {len(frames)} of {told[:20]} exported frames: the file is '
+                       'cut off')
+    try:
+        rate = float(about.get('Export Frame Rate') or about['Capture Frame Rate'])
+    except (KeyError, ValueError):
+        return times
+    if not RATES[0] <= rate <= RATES[1]:
+        return times
+    by_frame = (frames - frames[0] + round(times[0] * rate)) / rate
+    return by_frame if (np.abs(by_frame - times) <= ROUNDED).all() else times
+
+
+def _rotations(path: Path, angles: Floats, kind: str) -> Floats:
+    """Return x y z w, (n, 4), NaN where an angle is."""
+    if kind == 'Quaternion':
+        norm = np.linalg.norm(angles, axis=1)
+        wrong = np.flatnonzero(np.abs(norm - 1.0) > LOOSE_NORM)
+        if len(wrong):
+            raise BagError(f'{path}: the quaternion of frame {wrong[0]} has the length '
+                           f'{norm[wrong[0]]:.3g}, not 1')
+        return angles / norm[:, None]
+    out = np.full((len(angles), 4), math.nan)
+    good = np.isfinite(angles).all(axis=1)
+    ordered = angles[good][:, ['XYZ'.index(axis) for axis in kind]]
+    if len(ordered):
+        out[good] = Rotation.from_euler(kind, ordered, degrees=True).as_quat()
+    return out
+
+
+def read_take(source: Source, body: str | None = None) -> Take:
+    """
+    Read one rigid body of a CSV export.
+
+    Raises
+    ------
+    BagError
+        If the file is no such export, is damaged or cut off, the body is not in it or is never
+        seen.
+
+    """
+    path = source.path
+    try:
+        rows = list(csv.reader(StringIO(source.text(), newline='')))
+    except csv.Error as error:
+        raise BagError(f'{path}: no CSV file ({error})') from None
+    about = _about(path, rows[0] if rows else [])
+    line, bodies = _header(path, rows)
+    name = _choose(path, bodies, body)
+    turn = about['Rotation Type']
+    wanted = [f'Rotation {axis}' for axis in ('XYZW' if turn == 'Quaternion' else 'XYZ')]
+    wanted += [f'Position {axis}' for axis in 'XYZ']
+    missing = [column for column in wanted if column not in bodies[name]]
+    if missing:
+        raise BagError(f'{path}: rigid body {quoted(name)} lacks the columns {", ".join(missing)}')
+    table = _numbers(path, rows, line, [0, 1, *(bodies[name][column] for column in wanted)])
+    times = _times(path, table[:, 0], table[:, 1], about)
+    take = Take(times, UNITS[about['Length Units'].lower()] * table[:, -3:],
+                _rotations(path, table[:, 2:-3], turn), name, about, _others(rows, line, name))
+    if not take.seen.any():
+        raise BagError(f'{path}: rigid body {quoted(name)} is never seen')
+    return take
+
+
+def poses(take: Take, up: str = 'y', nose: float = 0.0) -> tuple[Floats, Floats, Floats]:
+    """
+    Return the poses of a take with z up, where there are any.
+
+    Parameters
+    ----------
+    take
+    up
+        The axis that is up in the file, y or z.
+    nose : rad
+        Direction of the nose in the body's axes, counter-clockwise from their x, from above.
+
+    Returns
+    -------
+    Times (n,) s; position (n, 3) m, z up; orientation (n, 4) x y z w, body FLU to z up.
+
+    """
+    seen, turn = take.seen, UP[up]
+    attitude = turn * Rotation.from_quat(take.rotation[seen]) * turn.inv()
+    attitude = attitude * Rotation.from_euler('z', nose)
+    return take.times[seen], turn.apply(take.position[seen]), attitude.as_quat()
+
+
+def import_motive(
+    source: Path, target: Path, body: str | None = None, up: str = 'y', nose: float = 0.0,
+) -> tuple[dict[str, int], list[str]]:
+    """
+    Write a bag from a CSV export of Motive.
+
+    Parameters
+    ----------
+    source
+        CSV file.
+    target
+        Directory to make.
+    body
+        Name of the rigid body; may be left out if there is one only.
+    up, nose
+        As for :func:`poses`.
+
+    Returns
+    -------
+    {topic: messages}; what was not used, in one line.
+
+    Raises
+    ------
+    BagError
+        If the file is not usable; nothing is written then.
+    mambo_bags.writer.BagWriterError
+        If the target exists.
+
+    """
+    file = read_source(source)
+    take = read_take(file, body)
+    times, position, attitude = poses(take, up, nose)
+    details: dict[str, Any] = {
+        'body': take.body, 'up': up, 'nose_rad': nose, 'frames': len(take.times),
+        'frames_lost': int((~take.seen).sum())}
+    details |= {f'motive_{key.lower().replace(" ", "_")}': value
+                for key, value in take.about.items() if key}
+    record = provenance(source.name, file.sha256, 'import_motive', 'Motive CSV export', details)
+    with BagWriter(target, metadata=record) as writer:
+        out = Publisher(writer, {TOPIC: 'geometry_msgs/msg/PoseStamped'})
+        for stamp, p, q in zip(stamps_ns(times).tolist(), position.tolist(), attitude.tolist()):
+            out.publish(TOPIC, stamp, 'map', pose=out.pose(p, q))
+        return writer.counts, unused(take.others)
+
+
+def _degrees(text: str) -> float:
+    value = float(text)
+    if not abs(value) <= 360.0:
+        raise argparse.ArgumentTypeError(f'{text} is outside of -360 to 360 deg')
+    return value
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``import_motive``."""
+    parser = argparse.ArgumentParser(
+        prog='import_motive', description=__doc__.strip().split('\n')[0])
+    parser.add_argument('take', type=Path, help='CSV export of Motive')
+    parser.add_argument('output', type=Path, help='bag to make')
+    parser.add_argument('--body', help='name of the rigid body, if there are several')
+    parser.add_argument('--up', choices=tuple(UP), default='y',
+                        help="axis that is up in the file (default: %(default)s, Motive's own)")
+    parser.add_argument('--nose', type=_degrees, default=0.0, metavar='DEG',
+                        help="direction of the nose from the rigid body's x axis, "
+                             'counter-clockwise from above (default: %(default)g)')
+    options = parser.parse_args(arguments)
+
+    def work() -> None:
+        counts, notes = import_motive(options.take, options.output, options.body, options.up,
+                                      math.radians(options.nose))
+        report(options.take, options.output, counts, *notes)
+
+    return guard('import_motive', work)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,219 @@
+"""
+Bags of the storage sqlite3 (``.db3``), rosbag2's default before Iron; compressed files of bags.
+
+From Iron on such a file carries the definitions of its messages. Before, it names types alone:
+those of this product are as installed here, others are taken as the distribution named in
+metadata.yaml has them, or as the newest distribution by whose definition the first message is
+whole.
+"""
+
+from __future__ import annotations
+
+from contextlib import closing
+from pathlib import Path
+import sqlite3
+from typing import Any, BinaryIO
+
+from mambo_bags import columns
+from mambo_bags.mcap_reader import BagError, Batch
+from mambo_bags.message_definition import DefinitionError
+from mambo_bags.reader import definition_types, Messages, type_name
+from rosbags.typesys import get_typestore, Stores
+from rosbags.typesys.store import Typestore
+import zstandard
+
+OWN = 'mambo_interfaces/msg/'
+DISTRIBUTIONS = ('kilted', 'jazzy', 'iron', 'humble', 'galactic', 'foxy', 'eloquent', 'dashing')
+ZSTD = b'\x28\xb5\x2f\xfd'
+LARGEST = 4 << 30  # [byte] that a compressed file may unpack to
+LARGEST_MESSAGE = 256 << 20  # [byte] the same of a message
+_PIECE = 1 << 20
+_LATEST = 2**63  # [ns]
+
+
+def is_compressed(path: Path) -> bool:
+    """Return whether a file begins as one of zstd."""
+    with path.open('rb') as stream:
+        return stream.read(4) == ZSTD
+
+
+def unpack(source: Path, target: Path) -> None:
+    """
+    Write a file without its compression.
+
+    Raises
+    ------
+    BagError
+        If it is damaged, cut off or unpacks to more than ``LARGEST``.
+
+    """
+    written = 0
+    with source.open('rb') as packed, target.open('wb') as out:
+        try:
+            decompressor, whole = zstandard.ZstdDecompressor().decompressobj(), False
+            while piece := packed.read(_PIECE):
+                if whole:
+                    break
+                data = _some(decompressor, piece, out, source, written)
+                written += data
+                whole = decompressor.eof
+        except zstandard.ZstdError as error:
+            raise BagError(f'{source}: damaged compression ({error})') from None
+    if not whole:
+        raise BagError(f'{source}: its compression is cut off')
+
+
+def _some(
+    decompressor: Any, piece: bytes, out: BinaryIO, source: Path, written: int,
+) -> int:
+    """Write what a piece gives, in small steps; return how many bytes that is."""
+    done = 0
+    for begin in range(0, len(piece), 4096):
+        done += out.write(decompressor.decompress(piece[begin:begin + 4096]))
+        if written + done > LARGEST:
+            raise BagError(f'{source}: unpacks to more than {LARGEST >> 30} GiB; unpack it first '
+                           'with zstd -d if that is right')
+        if decompressor.eof:
+            break
+    return done
+
+
+def _message(data: bytes) -> bytes:
+    """Return the bytes of a message, which may be compressed each by itself; ValueError."""
+    if not isinstance(data, bytes):
+        raise ValueError('a message that is no sequence of bytes')
+    if not data.startswith(ZSTD):  # CDR begins with a zero
+        return data
+    try:
+        size = zstandard.frame_content_size(data)  # -1: not told
+        if size > LARGEST_MESSAGE:
+            raise ValueError(f'a message that unpacks to {size} bytes')
+        return zstandard.ZstdDecompressor().decompress(data, max_output_size=LARGEST_MESSAGE)
+    except zstandard.ZstdError as error:
+        raise ValueError(f'a message of damaged compression, {error}') from None
+
+
+def _carried(database: sqlite3.Connection) -> dict[str, tuple[bytes, str]]:
+    """Return {type: definition, its kind} that a file carries."""
+    try:
+        rows = database.execute('SELECT topic_type, encoded_message_definition, encoding '
+                                'FROM message_definitions').fetchall()
+    except sqlite3.OperationalError:  # before Iron
+        return {}
+    return {type_name(str(name)): (str(text).encode(), str(kind))
+            for name, text, kind in rows if text}
+
+
+def installed(name: str) -> Typestore | None:
+    """Return the definition of a type as it is installed here, None without."""
+    try:
+        return columns.load_types([name])
+    except DefinitionError:
+        return None
+
+
+def _is_whole(store: Typestore, name: str, data: bytes) -> bool:
+    """Return whether a message is one of a type, to its last byte."""
+    try:
+        whole = columns.trimmed(store, name, data)
+        again = store.serialize_cdr(store.deserialize_cdr(whole, name), name)
+    except Exception:  # foreign bytes make the decoder raise anything
+        return False
+    return 0 <= len(whole) - len(again) < 4  # a middleware pads to four bytes
+
+
+def _known(name: str, distribution: str, first: bytes | None) -> Typestore | None:
+    """Return a definition of a type of which a bag carries none; None where nobody has one."""
+    own = installed(name)
+    if name.startswith(OWN):
+        return own
+    named = [distribution] if distribution in DISTRIBUTIONS else []
+    stores = [get_typestore(Stores(f'ros2_{which}')) for which in (*named, *DISTRIBUTIONS)]
+    found = [store for store in (*stores[:len(named)], own, *stores[len(named):])
+             if store is not None and name in store.fielddefs]
+    fitting = (store for store in found if first is None or _is_whole(store, name, first))
+    return next(fitting, found[0] if found else None)
+
+
+class _Bag:
+    """What the files of one bag hold together."""
+
+    def __init__(self) -> None:
+        self.topics: dict[str, str] = {}
+        self.forms: dict[str, str] = {}
+        self.messages: dict[str, list[tuple[int, int, bytes]]] = {}
+        self.definitions: dict[str, tuple[bytes, str]] = {}
+
+    def add(self, database: sqlite3.Connection) -> None:
+        """Take a file; sqlite3.Error or ValueError of one that is damaged."""
+        self.definitions |= _carried(database)
+        names: dict[int, str] = {}
+        for number, name, kind, form in database.execute(
+                'SELECT id, name, type, serialization_format FROM topics'):
+            if not all(isinstance(text, str) for text in (name, kind, form)):
+                raise ValueError(f'the topic {number} has no name, type or encoding')
+            names[number], self.topics[name], self.forms[name] = name, type_name(kind), form
+        for number, time, data in database.execute(
+                'SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id'):
+            if number not in names:
+                raise ValueError(f'a message of the topic {number}, which is not listed')
+            if not isinstance(time, int) or not 0 <= time < _LATEST:
+                raise ValueError(f'a message of the impossible time {time}')
+            self.messages.setdefault(names[number], []).append((time, time, _message(data)))
+
+
+def _types(where: str, bag: _Bag, topic: str, distribution: str) -> Typestore | BagError:
+    """Return the definition of a topic's type, or why there is none."""
+    name, form = bag.topics[topic], bag.forms[topic]
+    if form != 'cdr':
+        return BagError(f'{where}: messages are encoded as {form!r}, only cdr is read')
+    if name in bag.definitions:
+        return definition_types(*bag.definitions[name], name, where)
+    messages = bag.messages.get(topic)
+    found = _known(name, distribution, messages[0][2] if messages else None)
+    return BagError(
+        f'{where}: the bag carries no definition of {name} and none is installed; source the '
+        'workspace that has it, or convert the bag there: ros2 bag convert') if (
+        found is None) else found
+
+
+def read_sqlite(
+    path: Path, files: list[Path], distribution: str = '',
+) -> tuple[dict[str, str], dict[str, Messages]]:
+    """
+    Read the files of a bag.
+
+    Parameters
+    ----------
+    path
+        Of the bag, for errors.
+    files
+        Its files, uncompressed.
+    distribution
+        Of ROS 2 that it was recorded with, if known.
+
+    Returns
+    -------
+    {topic: type}; {topic: Messages}, of those with messages.
+
+    Raises
+    ------
+    BagError
+        If a file is missing, damaged or none of rosbag2, or there are no messages.
+
+    """
+    bag = _Bag()
+    for file in files:
+        try:
+            with closing(sqlite3.connect(
+                    f'{file.resolve().as_uri()}?mode=ro', uri=True)) as database:
+                bag.add(database)
+        except (sqlite3.Error, ValueError, OverflowError, UnicodeDecodeError) as error:
+            raise BagError(
+                f'{path}: {file.name}: no rosbag2 file, or damaged ({error})') from None
+    if not bag.messages:
+        raise BagError(f'{path}: the bag holds no messages')
+    return bag.topics, {
+        topic: Messages(topic, bag.topics[topic],
+                        _types(f'{path}: {topic}', bag, topic, distribution), [Batch.of(messages)])
+        for topic, messages in bag.messages.items()}

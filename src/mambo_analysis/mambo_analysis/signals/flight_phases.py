@@ -1,0 +1,114 @@
+"""The parts of a flight: take-off, what follows, landing; recorded, or found in its height."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from mambo_bags.reader import Bag
+import numpy as np
+
+from . import time_offset
+from .derivative import local_fit
+from .motion import Motion
+
+BLEND = 3.0  # [s] to the trajectory where the bag does not say how long it takes
+LEVEL = 0.1  # [m/s] that the vehicle climbs or sinks no faster than, on a height it keeps
+SETTLED = 0.5  # [s] for which it does
+EVEN = 0.05  # [s] grid of what takes tenths of a second
+
+
+class Phases(NamedTuple):
+    """Stamps [ns] that part a flight; None where the bag does not tell."""
+
+    takeoff_end: int | None
+    landing_start: int | None
+    text: str  # how the take-off ended
+    liftoff: int | None = None
+
+    def parts(self) -> list[tuple[str, int | None, int | None]]:
+        """Return the parts as (name, begin, end): begin <= stamp < end, None: open."""
+        out: list[tuple[str, int | None, int | None]] = [('whole flight', None, None)]
+        if self.takeoff_end is not None:
+            out.append(('take-off', None, self.takeoff_end))
+            out.append(('after take-off', self.takeoff_end, self.landing_start))
+            if self.landing_start is not None:
+                out.append(('landing', self.landing_start, None))
+        return out
+
+    def moved(self, offset: int) -> Phases:
+        """Return the same parts on a clock that is ahead by an offset [ns]."""
+        takeoff_end, landing_start, liftoff = (
+            None if stamp is None else stamp + offset
+            for stamp in (self.takeoff_end, self.landing_start, self.liftoff))
+        return Phases(takeoff_end, landing_start, self.text, liftoff)
+
+
+def _plan(content: Any) -> dict[str, float]:
+    """Return the mapping inside a scenario that holds ``blend_duration``, or an empty one."""
+    if isinstance(content, dict):
+        if isinstance(content.get('blend_duration'), (int, float)):
+            return content
+        for inner in content.values():
+            if found := _plan(inner):
+                return found
+    return {}
+
+
+def phases(bag: Bag) -> Phases:
+    """Return when take-off ends and landing begins, by the phases of the reference."""
+    if 'reference' not in bag:
+        return Phases(None, None, '')
+    reference = bag['reference']
+    phase, stamps = reference.phase, reference.stamp
+    track = phase == reference.constant('PHASE_TRACK')
+    landing = np.isin(
+        phase, (reference.constant('PHASE_LANDING'), reference.constant('PHASE_LANDED')))
+    landing &= stamps > (stamps[track][0] if track.any() else -1)
+    landing_start = int(stamps[landing][0]) if landing.any() else None
+    climbing = phase == reference.constant('PHASE_TAKEOFF')
+    liftoff = int(stamps[climbing][0]) if climbing.any() else None
+    if not track.any():
+        return Phases(None, landing_start, 'the trajectory is never reached', liftoff)
+    begin = int(stamps[track][0])
+    if track[0]:
+        return Phases(begin, landing_start, 'no take-off, on the trajectory from the start')
+    blend = _plan(bag.scenario).get('blend_duration')
+    seconds = BLEND if blend is None else float(blend)
+    return Phases(
+        begin + round(seconds * 1e9), landing_start,
+        f'phase TRACK from {begin * 1e-9:.2f} s and {seconds:g} s of blend'
+        f'{" (assumed, the bag does not tell)" if blend is None else ""}', liftoff)
+
+
+def found(motion: Motion) -> Phases:
+    """
+    Find take-off and landing in the height of a flight.
+
+    Take-off begins and landing ends on the ground
+    (:func:`mambo_analysis.signals.time_offset.flight_by_height`).
+    Take-off ends when the vehicle first climbs and sinks slower than ``LEVEL`` for ``SETTLED``;
+    landing begins with the last descent. What begins in the air has no take-off.
+    """
+    t = motion.stamps * 1e-9
+    try:
+        takeoff, touchdown, _ = time_offset.flight_by_height(t, motion.position[:, 2])
+    except time_offset.AlignError as error:
+        return Phases(None, None, f'no take-off found: {error}')
+    if takeoff is None:
+        return Phases(None, None, 'no take-off found: the recording begins in the air')
+    even = np.arange(takeoff, t[-1] if touchdown is None else touchdown, EVEN)
+    z, speed = (x[:, 0] for x in local_fit(t, motion.position[:, 2:], even, 2.0 * EVEN))
+    window = round(SETTLED / EVEN)
+    fast = np.cumsum(~(np.abs(speed) <= LEVEL))  # unknown in a gap
+    level = np.flatnonzero(fast[window:] == fast[:-window]) if len(fast) > window else fast[:0]
+    high = z > 0.5 * (np.nanmin(z) + np.nanmax(z)) if np.isfinite(z).any() else z > 0.0
+    level = level[high[level]]
+    liftoff = round(takeoff * 1e9)
+    if not len(level):
+        return Phases(None, None, 'no end of the take-off found: no height is kept', liftoff)
+    landing = None
+    if touchdown is not None:
+        steady = np.flatnonzero((speed > -0.5 * LEVEL) & high)
+        landing = round(even[max(steady[-1], level[0])] * 1e9)
+    return Phases(round(even[level[0]] * 1e9), landing,
+                  f'found in the height of {motion.name}, which is first kept then', liftoff)

@@ -1,0 +1,182 @@
+"""Error statistics of vector signals."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .resample import Floats, Ints
+
+
+class Statistics(NamedTuple):
+    """
+    Statistics of n error vectors with k components.
+
+    Attributes
+    ----------
+    count
+        n, errors with a component that is not finite left out.
+    rms, maximum
+        (k,) of each component, the maximum of its magnitude.
+    rms_total, maximum_total
+        Of the Euclidean norm; ``rms_total`` is the root of the sum of the squared ``rms``.
+
+    """
+
+    count: int
+    rms: tuple[float, ...]
+    maximum: tuple[float, ...]
+    rms_total: float
+    maximum_total: float
+
+
+def statistics(errors: Floats) -> Statistics:
+    """
+    Return the statistics of errors, (n, k) any unit; NaN where there is no error to count.
+
+    Errors with a component that is not finite are left out.
+    """
+    errors = np.asarray(errors, float)
+    good = errors[np.isfinite(errors).all(axis=1)]
+    if not len(good):
+        nothing = (float('nan'),) * errors.shape[1]
+        return Statistics(0, nothing, nothing, float('nan'), float('nan'))
+    squares = good * good
+    norm = squares.sum(axis=1)
+    return Statistics(
+        len(good), tuple(np.sqrt(squares.mean(axis=0)).tolist()),
+        tuple(np.abs(good).max(axis=0).tolist()), float(np.sqrt(norm.mean())),
+        float(np.sqrt(norm.max())))
+
+
+def common(a: Ints, b: Ints) -> tuple[Ints, Ints]:
+    """Return the indices into two arrays of stamps at which both have the same one."""
+    _, in_a, in_b = np.intersect1d(a, b, return_indices=True)
+    return in_a, in_b
+
+
+def missing(stamps: Ints, period: float) -> int:
+    """
+    Return how many samples a grid of stamps lacks between its first and last.
+
+    Parameters
+    ----------
+    stamps : (n,) ns
+        In any order; repeated ones count once.
+    period : ns
+        Of the grid; each gap is rounded to a whole number of periods.
+
+    """
+    gaps = np.diff(np.unique(stamps))
+    return int(np.maximum(np.rint(gaps / period) - 1.0, 0.0).sum())
+
+
+def envelope(t: Floats, values: Floats, points: int) -> tuple[Floats, Floats]:
+    """
+    Return a signal at fewer instants that is drawn the same: least and greatest of each stretch.
+
+    Parameters
+    ----------
+    t, values : (n,)
+        NaN: no value; a stretch of nothing else keeps one.
+    points
+        How many instants, give or take the last stretch; a signal of so few stays as it is.
+
+    """
+    size = -(-len(t) // (points // 2))
+    if size <= 2:
+        return t, values
+    whole = len(t) // size * size
+    blocks = values[:whole].reshape(-1, size)
+    low = np.where(np.isnan(blocks), np.inf, blocks).argmin(axis=1)
+    high = np.where(np.isnan(blocks), -np.inf, blocks).argmax(axis=1)
+    chosen = np.sort(np.stack([low, high]), axis=0) + np.arange(len(blocks)) * size
+    index = np.concatenate([chosen.T.reshape(-1), np.arange(whole, len(t))])
+    return t[index], values[index]
+
+
+def running_rms(stamps: Ints, errors: Floats) -> Floats:
+    """
+    Return the RMS of the length of an error from its first sample up to each, (n,).
+
+    Parameters
+    ----------
+    stamps : (n,) ns
+        In order; every error counts with the time until the next, so that a rate that changes
+        halfway does not weigh one half more.
+    errors : (n, k)
+        NaN: not counted, the value before it is held; NaN after the last that counts.
+
+    """
+    squares = (np.asarray(errors, float) ** 2).sum(axis=1)
+    good = np.isfinite(squares)
+    lasts = np.diff(stamps, append=stamps[-1:]).astype(float)
+    if len(lasts) > 1:
+        lasts[-1] = lasts[-2]
+    weight = np.where(good, np.maximum(lasts, 1.0), 0.0)
+    summed, weights = np.cumsum(np.where(good, squares, 0.0) * weight), np.cumsum(weight)
+    weights[len(good) - int(np.argmax(good[::-1])):] = 0.0  # ends with its data
+    return np.sqrt(np.divide(
+        summed, weights, out=np.full(len(weights), np.nan), where=weights > 0.0))
+
+
+def drift(errors: Floats) -> Floats:
+    """Return the last error with finite components, (k,); NaN without any."""
+    errors = np.asarray(errors, float)
+    good = np.flatnonzero(np.isfinite(errors).all(axis=1))
+    return errors[good[-1]] if len(good) else np.full(errors.shape[1], np.nan)
+
+
+def _variances(a: Floats, b: Floats, weight: Floats) -> Floats:
+    """
+    Return the variance of ``a - b[k:]`` for every k, of the elements with weight 1, not 0.
+
+    As sums of products, many times faster than one after the other; ``a`` is 0 where the weight
+    is, and both must vary about 0, or digits are lost.
+    """
+    count = weight.sum()
+    squares = (a * a).sum() - 2.0 * np.correlate(b, a) + np.correlate(b * b, weight)
+    return squares / count - ((a.sum() - np.correlate(b, weight)) / count) ** 2
+
+
+def delay(a: Floats, b: Floats, period: float, longest: float = 1.0) -> float:
+    """
+    Return by how much one signal is behind another [s], positive: ``a`` is later.
+
+    The shift of ``b`` that leaves the least variance of the difference, between samples by a
+    parabola through the three least.
+
+    Parameters
+    ----------
+    a, b : (n,)
+        At the same instants.
+    period : s
+        Between samples.
+    longest : s
+        The longest delay looked for, either way.
+
+    Returns
+    -------
+    NaN where the signals do not tell: fewer samples than four times the longest delay, no
+    motion, less than 0.9 of it explained by the other signal, or least at the end of the search.
+
+    """
+    lags = round(longest / period)
+    if len(a) < 4 * lags or not (np.isfinite(a).any() and np.isfinite(b).any()):
+        return float('nan')
+    middle = a[lags:len(a) - lags]
+    whole, good = np.isfinite(middle), np.isfinite(b)
+    windows = np.lib.stride_tricks.sliding_window_view(good, len(middle))
+    whole &= True if good.all() else windows.all(axis=0)
+    if whole.sum() < 2 * lags or np.ptp(middle[whole]) == 0.0:
+        return float('nan')
+    left = _variances(
+        np.where(whole, middle - middle[whole].mean(), 0.0),
+        np.where(good, b - b[good].mean(), 0.0), whole.astype(float))[::-1]
+    best = int(left.argmin())
+    if best in (0, len(left) - 1) or left[best] > 0.1 * np.var(middle[whole]):
+        return float('nan')
+    before, here, after = left[best - 1:best + 2]
+    bend = before - 2.0 * here + after
+    return (best - lags + (0.5 * (before - after) / bend if bend > 0.0 else 0.0)) * period

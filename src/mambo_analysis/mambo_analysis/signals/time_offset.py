@@ -1,0 +1,729 @@
+"""
+Two recordings of one flight brought together: in time, in place, and where the flight begins.
+
+In time (:func:`time_offset`): both signals on one grid, the normalised cross-correlation over
+all lags with gaps left out (Padfield 2012, Masked Object Registration in the Fourier Domain,
+eq. 6-11), which a constant bias or a factor of either signal does not change; then Gauss-Newton
+on offset, bias and factor for the part below a sample. :func:`pose_offset` does so with height,
+ground speed and yaw rate, which no placing of the two frames changes.
+
+In place: :func:`registration`, the least-squares yaw and translation in closed form (the plane
+case of Horn 1987), or :func:`equalised`, equal at one instant some time after take-off as in
+section 5.4.
+
+Times are seconds, positions metres, z up. ``offset`` is what to add to the second clock to get
+the first: ``a(t + offset) = b(t)``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+from typing import NamedTuple, Protocol
+
+from mambo_bags.mcap_reader import BagError
+from mambo_bags.reader import Bag, Messages
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+
+from .derivative import local_fit, POSITION
+from .resample import inside_gaps, interpolate, longest_step
+
+Floats = NDArray[np.float64]
+GRID = (1e-3, 0.02)  # [s] finest and coarsest common grid
+GAP = 5.0  # [-] periods that a correlation bridges: a sonar misses several echoes in a row
+LEAST_QUALITY = 0.6  # [-] correlation below which two signals are not of one motion
+RIVAL = 1.3  # [-] how much more unexplained variance the second best lag must leave
+UNEXPLAINED = 1e-3  # [-] part of the variance that is never counted as explained there
+SETTLED_OFFSET = 1e-6  # [s] change of the offset that ends the fit
+LEAST_RISE = 0.1  # [m] a flight is at least this high
+LEAST_SWING = 0.1  # [m], [m/s], [rad/s] over which a signal swings that tells the time
+RANGE_LATE = 0.03  # [s] that a range may be behind: it is measured, kept and passed on
+AGREE = 0.15  # [s] by which signals may differ: a filter is up to 0.1 s late, a range 0.05 s
+SETTLED = 0.02  # [m] above the ground a vehicle still stands
+
+
+class AlignError(BagError):
+    """Two signals do not determine what was asked; one line that says why."""
+
+
+class NotExcited(AlignError):
+    """A signal does not move enough to tell the time."""
+
+
+class Poses(Protocol):
+    """A recorded pose: messages of a bag, or :class:`mambo_analysis.signals.motion.Motion`."""
+
+    @property
+    def t(self) -> Floats:
+        """Return the stamps, (n,) s."""
+
+    @property
+    def position(self) -> Floats:
+        """Return the positions, (n, 3) m."""
+
+    @property
+    def orientation(self) -> Floats:
+        """Return the quaternions x y z w, (n, 4)."""
+
+
+class Offset(NamedTuple):
+    """
+    Time offset of two signals.
+
+    Attributes
+    ----------
+    offset
+        s, to add to the second clock.
+    sigma
+        s, standard error of the offset, for residuals that are correlated in time.
+    quality
+        Correlation of the two signals at the offset, 0 to 1.
+    bias, factor
+        ``a = factor * b + bias``, in the unit of a, and unit of a over unit of b.
+    overlap
+        s during which both have values.
+
+    """
+
+    offset: float
+    sigma: float
+    quality: float
+    bias: float
+    factor: float
+    overlap: float
+
+
+class _Grid(NamedTuple):
+    """A signal on a common step; where none is there, values are bridged."""
+
+    start: float
+    step: float
+    values: Floats
+    there: NDArray[np.bool_]
+
+
+def _checked(times: ArrayLike, values: ArrayLike, name: str) -> tuple[Floats, Floats]:
+    """Return the finite samples, with times that increase."""
+    t, v = np.asarray(times, float), np.asarray(values, float)
+    if t.ndim != 1 or t.shape != v.shape:
+        raise AlignError(f'{name} signal: {t.shape} times and {v.shape} values, not n of each')
+    good = np.isfinite(t) & np.isfinite(v)
+    t, v = t[good], v[good]
+    if len(t) < 8:
+        raise AlignError(f'{name} signal has {len(t)} finite samples, too few to align')
+    if (np.diff(t) < 0.0).any():
+        raise AlignError(f'{name} signal: its times run backwards at {_backwards(t):.3f} s')
+    keep = np.append(True, np.diff(t) > 0.0)
+    return t[keep], v[keep]
+
+
+def _backwards(t: Floats) -> float:
+    return float(t[1:][np.diff(t) < 0.0][0])
+
+
+def _on_grid(t: Floats, v: Floats, step: float, smooth: float) -> _Grid:
+    """Interpolate onto a grid, leave gaps out, and smooth with a Gaussian of ``smooth`` s."""
+    count = int((t[-1] - t[0]) / step) + 1
+    times = t[0] + step * np.arange(count)
+    values = gaussian_filter1d(np.interp(times, t, v), smooth / step, mode='nearest')
+    return _Grid(float(t[0]), step, values, ~inside_gaps(t, times, GAP))
+
+
+def _correlation(a: _Grid, b: _Grid, least: float) -> tuple[Floats, Floats]:
+    """
+    Return lags, in steps of the grid, and the correlation at each over what both have.
+
+    Lag k puts sample j of b on sample j + k of a. NaN where fewer than ``least`` samples meet.
+    """
+    n, m = len(a.values), len(b.values)
+    size = next_fast_len(n + m - 1, real=True)
+
+    def spectrum(x: Floats) -> NDArray[np.complex128]:
+        return rfft(x, size)
+
+    middle_a, middle_b = a.values[a.there].mean(), b.values[b.there].mean()
+    va, vb = (a.values - middle_a) * a.there, (b.values - middle_b) * b.there
+    fa, fb = [spectrum(x) for x in (a.there, va, va * va)], [
+        np.conj(spectrum(x)) for x in (b.there, vb, vb * vb)]
+
+    def cross(i: int, j: int) -> Floats:
+        full = irfft(fa[i] * fb[j], size)
+        return np.concatenate([full[size - m + 1:], full[:n]])
+
+    count = np.rint(cross(0, 0))
+    safe = np.maximum(count, 1.0)
+    sum_a, sum_b = cross(1, 0), cross(0, 1)
+    spread_a = cross(2, 0) - sum_a * sum_a / safe
+    spread_b = cross(0, 2) - sum_b * sum_b / safe
+    floor_a, floor_b = 1e-6 * (va * va).sum(), 1e-6 * (vb * vb).sum()
+    usable = (count >= least) & (spread_a > floor_a) & (spread_b > floor_b)
+    shared = cross(1, 1) - sum_a * sum_b / safe
+    with np.errstate(invalid='ignore', divide='ignore'):
+        r = np.where(usable, shared / np.sqrt(spread_a * spread_b), np.nan)
+    return np.arange(1 - m, n), r
+
+
+def _peak(lags: Floats, r: Floats, step: float, shift: float,
+          limits: tuple[float, float] | None) -> int:
+    """Return the index of the best lag; AlignError if another is as good or it is at a limit."""
+    offsets = lags * step + shift
+    inside = np.isfinite(r)
+    if limits is not None:
+        inside &= (offsets >= limits[0]) & (offsets <= limits[1])
+    if not inside.any():
+        raise AlignError('the signals never overlap enough, or one of them does not move')
+    r = np.where(inside, r, -1.0)
+    best = int(np.argmax(r))
+    if r[best] < LEAST_QUALITY:
+        raise AlignError(
+            f'no offset brings the signals together: the best, {offsets[best]:.3f} s, leaves a '
+            f'correlation of {r[best]:.2f} (at least {LEAST_QUALITY} is needed)')
+    if not (0 < best < len(r) - 1 and inside[best - 1] and inside[best + 1]):
+        raise AlignError(
+            f'the best offset, {offsets[best]:.3f} s, is at the end of the search: '
+            'widen its limits, or the recordings are not of one motion')
+    low = r < 0.5 * r[best]  # the hill of the best lag ends where the correlation has halved
+    left = best - int(np.argmax(low[best::-1])) if low[:best].any() else 0
+    right = best + int(np.argmax(low[best:])) if low[best:].any() else len(r)
+    rest = np.concatenate([np.arange(left), np.arange(right, len(r))])
+    if len(rest):
+        rival = int(rest[np.argmax(r[rest])])
+        unexplained = 1.0 - r[[rival, best]] ** 2 + UNEXPLAINED
+        if unexplained[0] < RIVAL * unexplained[1] and r[rival] > 0.0:
+            raise AlignError(
+                f'the signals repeat: offsets of {offsets[best]:.3f} s and {offsets[rival]:.3f} s '
+                f'fit alike (correlation {r[best]:.3f} and {r[rival]:.3f}); give limits')
+    return best
+
+
+def _long_run_variance(scores: Floats, least_lag: int) -> float:
+    """
+    Return the variance of the sum of correlated scores, Newey and West 1987.
+
+    The number of lags is that of Andrews 1991 (eq. 6.2, 6.4, an AR(1) of the scores), at least
+    what the smoothing spans.
+    """
+    n = len(scores)
+    x = scores - scores.mean()
+    power = float(x @ x)
+    if power <= 0.0:
+        return 0.0
+    rho = min(max(float(x[1:] @ x[:-1]) / power, 0.0), 0.99)
+    lag = 1.1447 * (4.0 * rho * rho / (1.0 - rho * rho) ** 2 * n) ** (1.0 / 3.0)
+    lag = int(min(max(lag, least_lag, 1), n // 4))
+    total = power
+    for k in range(1, lag + 1):
+        total += 2.0 * (1.0 - k / (lag + 1.0)) * float(x[k:] @ x[:-k])
+    return max(total, power / n)
+
+
+def _refined(a: _Grid, b: _Grid, lag: float, smooth: float) -> Offset:
+    """Fit offset, bias and factor to the samples of a by Gauss-Newton."""
+    times_a = a.start + a.step * np.arange(len(a.values))
+    times_b = b.start + b.step * np.arange(len(b.values))
+    curve = CubicSpline(times_b, b.values)
+    slope = curve.derivative()
+    offset = a.start - b.start + lag
+    for _ in range(20):
+        at = times_a - offset
+        place = (at - b.start) / b.step
+        before = np.clip(np.floor(place).astype(int), 0, len(b.values) - 2)
+        use = (place >= 0.0) & (place <= len(b.values) - 1) & a.there
+        use &= b.there[before] & b.there[before + 1]
+        x, y = curve(at[use]), a.values[use]
+        design = np.column_stack([np.ones(len(x)), x])
+        (bias, factor), *_ = np.linalg.lstsq(design, y, rcond=None)
+        residual = y - design @ (bias, factor)
+        moved = -factor * slope(at[use])  # of the model, by a later offset
+        moved = moved - design @ np.linalg.lstsq(design, moved, rcond=None)[0]
+        power = float(moved @ moved)
+        if power <= 0.0:
+            raise AlignError('the signals do not move where they overlap')
+        change = float(moved @ residual) / power
+        offset += float(np.clip(change, -2.0 * a.step, 2.0 * a.step))
+        if abs(change) < SETTLED_OFFSET:
+            break
+    else:
+        raise AlignError('the offset does not settle: the signals are too noisy to align')
+    least_lag = round(4.0 * smooth / a.step)
+    sigma = math.sqrt(_long_run_variance(moved * residual, least_lag)) / power
+    spread = float(((y - y.mean()) ** 2).sum())
+    quality = math.sqrt(max(1.0 - float(residual @ residual) / spread, 0.0))
+    return Offset(float(offset), sigma, quality, float(bias), float(factor),
+                  float(use.sum() * a.step))
+
+
+def time_offset(
+    times_a: ArrayLike, a: ArrayLike, times_b: ArrayLike, b: ArrayLike, *,
+    limits: tuple[float, float] | None = None, overlap: float = 0.5, worst: float = 0.05,
+    swing: float = 0.0,
+) -> Offset:
+    """
+    Return the offset between the clocks of two recordings of one quantity.
+
+    Parameters
+    ----------
+    times_a, a : (n,) s, any unit
+        Of the first recording; samples that are not finite count as missing. A sensor that
+        holds its value is to be given by its new values alone.
+    times_b, b : (m,) s, any unit
+        Of the second, at any other rate.
+    limits : s
+        Least and greatest offset; default: any that leaves enough overlap.
+    overlap
+        Part of the shorter recording that both must have, 0 to 1.
+    worst : s
+        Greatest standard error that counts as determined.
+    swing
+        Over which both signals must swing (99 % of their values), in their unit.
+
+    Returns
+    -------
+    Offset
+
+    Raises
+    ------
+    AlignError
+        If the signals do not determine it: too few samples, no motion, no resemblance, several
+        offsets that fit alike, the best one at a limit, or a standard error beyond ``worst``.
+    NotExcited
+        If one of them does not swing as much as it must.
+
+    """
+    ta, va = _checked(times_a, a, 'first')
+    tb, vb = _checked(times_b, b, 'second')
+    least = min(float(np.ptp(np.percentile(v, [0.5, 99.5]))) for v in (va, vb))
+    if least < swing:
+        raise NotExcited(f'it changes by {least:.3f}, {swing:g} are needed')
+    periods = [float(np.median(np.diff(t))) for t in (ta, tb)]
+    step = float(np.clip(min(periods), *GRID))
+    smooth = max(step, *periods)
+    grid_a, grid_b = _on_grid(ta, va, step, smooth), _on_grid(tb, vb, step, smooth)
+    least = max(overlap * min(grid_a.there.sum(), grid_b.there.sum()), 8.0)
+    lags, r = _correlation(grid_a, grid_b, least)
+    best = _peak(lags, r, step, grid_a.start - grid_b.start, limits)
+    found = _refined(grid_a, grid_b, float(lags[best]) * step, smooth)
+    if found.factor <= 0.0 or found.quality < LEAST_QUALITY:
+        raise AlignError('the signals do not resemble each other at any offset')
+    if not found.sigma <= worst:
+        raise AlignError(
+            f'the offset {found.offset:.3f} s has a standard error of {found.sigma:.3f} s, more '
+            f'than {worst:g} s: the signals do not determine it')
+    return found
+
+
+def offsets(
+    pairs: Mapping[str, tuple[Floats, Floats, Floats, Floats]],
+    limits: tuple[float, float] | None = None,
+) -> tuple[dict[str, Offset], dict[str, AlignError]]:
+    """
+    Return the offset that each quantity gives, and why others give none; both by name.
+
+    Parameters
+    ----------
+    pairs
+        {name: times [s] and values of the first recording, times [s] and values of the second};
+        values in m, m/s or rad/s. They must swing over ``LEAST_SWING``.
+    limits : s
+        As for :func:`time_offset`.
+
+    """
+    found, reasons = {}, {}
+    for name, pair in pairs.items():
+        try:
+            found[name] = time_offset(*pair, limits=limits, swing=LEAST_SWING)
+        except AlignError as error:
+            reasons[name] = error
+    return found, reasons
+
+
+def agreed(
+    found: Mapping[str, Offset], late: Mapping[str, float] | None = None,
+) -> tuple[str, Offset]:
+    """
+    Return the signal that tells the offset of two clocks best, if the others agree with it.
+
+    Parameters
+    ----------
+    found
+        What each signal says, one or more.
+    late : s
+        By how much a signal may be behind the motion, of those that may be. Its standard error
+        knows nothing of that: both count, as the root of the sum of squares.
+
+    Returns
+    -------
+    The name of the signal with the smallest standard error, and its offset. Where the signals
+    that are as prompt scatter more than their standard errors say, ``sigma`` is larger by that
+    ratio (Birge 1932).
+
+    Raises
+    ------
+    AlignError
+        If a signal is more than ``AGREE`` away from it.
+
+    """
+    late = late or {}
+    sigma = {name: math.hypot(one.sigma, late.get(name, 0.0)) for name, one in found.items()}
+    best = min(sigma, key=lambda name: sigma[name])
+    apart = {name: one.offset - found[best].offset for name, one in found.items()}
+    far = [name for name, distance in apart.items() if abs(distance) > AGREE]
+    if far:
+        said = ', '.join(f'{name} {found[name].offset:+.3f} s' for name in (best, *far))
+        raise AlignError(f'the signals disagree about the clocks ({said})')
+    alike = [apart[name] / found[name].sigma for name in found
+             if name != best and late.get(name) == late.get(best) and found[name].sigma > 0.0]
+    scatter = math.sqrt(sum(x * x for x in alike) / len(alike)) if alike else 1.0
+    return best, found[best]._replace(sigma=sigma[best] * max(scatter, 1.0))
+
+
+def pose_signals(poses: Poses) -> dict[str, tuple[Floats, Floats]]:
+    """
+    Return what of a recorded pose does not depend on where its frame lies.
+
+    Parameters
+    ----------
+    poses
+        With ``t``, ``position`` and ``orientation`` (of Odometry, PoseStamped), z up.
+
+    Returns
+    -------
+    ``height`` [m] (to a constant), ``speed`` over ground [m/s] and ``yaw_rate`` [rad/s], each
+    (times [s], values); the last two not near gaps.
+
+    """
+    position, q = poses.position, poses.orientation
+    t, first = np.unique(poses.t, return_index=True)
+    position, q = position[first], q[first]
+    here = np.isfinite(position).all(axis=1)
+    _, velocity = local_fit(t[here], position[here, :2], t[here], POSITION)
+    signals = {'height': (t[here], position[here, 2]),
+               'speed': (t[here], np.hypot(velocity[:, 0], velocity[:, 1]))}
+    sound = np.isfinite(q).all(axis=1) & (np.abs((q * q).sum(axis=1) - 1.0) < 0.1)
+    if sound.sum() >= 8:
+        yaw = np.unwrap(Rotation.from_quat(q[sound]).as_euler('ZYX')[:, 0])
+        signals['yaw_rate'] = (
+            t[sound], local_fit(t[sound], yaw[:, None], t[sound], POSITION)[1][:, 0])
+    return signals
+
+
+def pose_offset(
+    a: Poses, b: Poses, limits: tuple[float, float] | None = None,
+) -> tuple[Offset, dict[str, Offset | str]]:
+    """
+    Return the offset between two recordings of a pose.
+
+    Parameters
+    ----------
+    a, b
+        With ``t``, ``position`` and ``orientation``, z up; their frames may lie anywhere.
+    limits : s
+        As for :func:`time_offset`.
+
+    Returns
+    -------
+    Of the signals that determine an offset the one with the smallest standard error, and for
+    each signal its offset or why it has none.
+
+    Raises
+    ------
+    AlignError
+        If no signal determines it, or those that do disagree.
+    NotExcited
+        If the vehicle does not move enough in one of them.
+
+    """
+    signals_a, signals_b = pose_signals(a), pose_signals(b)
+    found, reasons = offsets({
+        name: (*signals_a[name], *signals_b[name])
+        for name in signals_a if name in signals_b}, limits)
+    if not found:
+        kind = NotExcited if all(
+            isinstance(reason, NotExcited) for reason in reasons.values()) else AlignError
+        raise kind('; '.join(f'{name}: {reason}' for name, reason in sorted(reasons.items())))
+    return agreed(found)[1], {**found, **{name: str(why) for name, why in reasons.items()}}
+
+
+def matched(a: Messages, b: Messages, offset: float = 0.0) -> tuple[Floats, Floats, Floats]:
+    """
+    Return the positions of two recordings at the stamps of the first.
+
+    Parameters
+    ----------
+    a, b
+        Messages with position.
+    offset : s
+        To add to the stamps of b, as found by :func:`pose_offset`.
+
+    Returns
+    -------
+    Times (n,) s; positions of a and of b, (n, 3) m, those of b interpolated, NaN outside of it
+    and in its gaps.
+
+    """
+    stamps = b.stamp + round(offset * 1e9)
+    return a.t, a.position, interpolate(a.stamp, stamps, b.position, longest_step(stamps))
+
+
+class Registration(NamedTuple):
+    """
+    How the second frame lies in the first.
+
+    Attributes
+    ----------
+    yaw
+        rad, about z, counter-clockwise from above.
+    translation : (3,) m
+    rms
+        m, of what is left.
+    sigma_yaw
+        rad, standard error for independent errors; NaN where yaw was given.
+
+    """
+
+    yaw: float
+    translation: Floats
+    rms: float
+    sigma_yaw: float
+
+    def apply(self, positions: ArrayLike) -> Floats:
+        """Return positions of the second frame, (n, 3) m, in the first."""
+        return Rotation.from_euler('z', self.yaw).apply(positions) + self.translation
+
+
+def _registration(a: Floats, b: Floats, yaw: float, sigma: float) -> Registration:
+    turn = Rotation.from_euler('z', yaw)
+    translation = a.mean(axis=0) - turn.apply(b.mean(axis=0))
+    left = a - turn.apply(b) - translation
+    return Registration(yaw, translation, float(np.sqrt((left * left).sum(axis=1).mean())), sigma)
+
+
+def registration(a: ArrayLike, b: ArrayLike) -> Registration:
+    """
+    Return the yaw and translation that bring positions b onto positions a, least squares.
+
+    Parameters
+    ----------
+    a, b : (n, 3) m
+        Positions at the same instants, z up; rows that are not finite are left out.
+
+    Raises
+    ------
+    AlignError
+        For fewer than two instants, or paths whose correlation is below ``LEAST_QUALITY`` or
+        that give a yaw with a standard error beyond 0.1 rad.
+
+    """
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    good = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
+    if good.sum() < 2:
+        raise AlignError(f'{int(good.sum())} common positions, too few to register')
+    a, b = a[good], b[good]
+    pa, pb = a[:, :2] - a[:, :2].mean(axis=0), b[:, :2] - b[:, :2].mean(axis=0)
+    along = float((pa * pb).sum())
+    across = float((pb[:, 0] * pa[:, 1] - pb[:, 1] * pa[:, 0]).sum())
+    spread = float((pb * pb).sum())
+    yaw = math.atan2(across, along)
+    left = pa - Rotation.from_euler('z', yaw).as_matrix()[:2, :2].dot(pb.T).T
+    noise = float((left * left).sum()) / max(2 * len(a) - 3, 1)
+    sigma = math.sqrt(noise / spread) if spread > 0.0 else math.inf
+    likeness = math.hypot(along, across) / math.sqrt(spread * float((pa * pa).sum()) or math.inf)
+    if likeness < LEAST_QUALITY or sigma > 0.1:
+        raise AlignError(
+            'the paths are too small or too different to give a yaw; give it, or equalise at an '
+            'instant')
+    return _registration(a, b, yaw, sigma)
+
+
+def equalised(
+    times: ArrayLike, a: ArrayLike, b: ArrayLike, when: float, *, yaw: float = 0.0,
+    window: float = 0.1,
+) -> Registration:
+    """
+    Make two paths equal at one instant, as the thesis does after take-off (section 5.4).
+
+    Parameters
+    ----------
+    times : (n,) s
+        Of both.
+    a, b : (n, 3) m
+        Positions, z up; rows that are not finite are left out.
+    when : s
+        Instant; some 6 s after take-off in the thesis.
+    yaw : rad
+        Of the second frame in the first, known from elsewhere.
+    window : s
+        Width over which the difference is averaged.
+
+    Raises
+    ------
+    AlignError
+        If there is nothing to compare within the window.
+
+    """
+    t, a, b = (np.asarray(x, float) for x in (times, a, b))
+    near = np.abs(t - when) <= 0.5 * window
+    near &= np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
+    if not near.any():
+        raise AlignError(f'no common positions within {0.5 * window:g} s of {when:.3f} s')
+    return _registration(a[near], b[near], yaw, math.nan)
+
+
+class Flight(NamedTuple):
+    """When a vehicle left the ground and came back, s; None where the recording does not say."""
+
+    takeoff: float | None
+    landing: float | None
+    source: str
+
+
+def _ends(t: Floats, high: NDArray[np.bool_], hold: float) -> tuple[int, int]:
+    """Return the first and the last sample of the runs of ``high`` that last ``hold`` s."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], high.astype(int), [0]])))
+    runs = [(i, j - 1) for i, j in zip(edges[::2], edges[1::2]) if t[j - 1] - t[i] >= hold]
+    if not runs:
+        raise AlignError('the vehicle never leaves the ground')
+    return int(runs[0][0]), int(runs[-1][1])
+
+
+def flight_by_height(times: ArrayLike, height: ArrayLike, hold: float = 0.3) -> Flight:
+    """
+    Find take-off and landing in a height.
+
+    In the air is what exceeds half of the rise, for ``hold`` s or more; from there the flight is
+    followed back and forth to within ``SETTLED`` (or a tenth of the rise) of where the vehicle
+    stood on that side, for ``hold`` s or more: the two places may differ in height.
+
+    Parameters
+    ----------
+    times : (n,) s
+    height : (n,) m
+        Any zero, z up; not finite where missing.
+    hold : s
+
+    Raises
+    ------
+    AlignError
+        If it never leaves the ground.
+
+    """
+    t, z = _checked(times, height, 'height')
+    ground, top = np.percentile(z, [2.0, 98.0])
+    rise = float(top - ground)
+    if rise < LEAST_RISE:
+        raise AlignError(f'the vehicle never leaves the ground: it rises {rise:.3f} m')
+    first, last = _ends(t, z > ground + 0.5 * rise, hold)
+
+    def standing(part: slice) -> Floats:
+        times, level = t[part], z[part]
+        low = level <= level.min() + min(0.05, 0.2 * rise) if len(level) else level > 0.0
+        if not low.any() or np.ptp(times[low]) < hold:
+            return times[:0]
+        return times[level <= np.median(level[low]) + min(SETTLED, 0.1 * rise)]
+
+    before, after = standing(slice(0, first)), standing(slice(last + 1, None))
+    return Flight(float(before[-1]) if len(before) else None,
+                  float(after[0]) if len(after) else None, 'height')
+
+
+def flight_by_thrust(times: ArrayLike, thrust: ArrayLike, hold: float = 0.3) -> Flight:
+    """
+    Find take-off and landing in a thrust or the mean motor command, any unit, 0 when stopped.
+
+    In the air is what exceeds 0.7 of the hover level, the median of what exceeds half of the
+    98th percentile: motors idle below that. See :func:`flight_by_height`.
+    """
+    t, f = _checked(times, thrust, 'thrust')
+    strong = f[f > 0.5 * np.percentile(f, 98.0)]
+    if not len(strong) or np.median(strong) <= 0.0:
+        raise AlignError('the motors never run')
+    high = f > 0.7 * float(np.median(strong))
+    first, last = _ends(t, high, hold)
+    return Flight(float(t[first]) if first > 0 else None,
+                  float(t[last]) if last < len(t) - 1 else None, 'thrust')
+
+
+def flight_by_acceleration(
+    times: ArrayLike, acceleration: ArrayLike, hold: float = 0.3,
+) -> Flight:
+    """
+    Find when the motors shake the accelerometer.
+
+    Parameters
+    ----------
+    times : (n,) s
+    acceleration : (n,) or (n, k) m/s^2
+        Specific force.
+    hold : s
+
+    Raises
+    ------
+    AlignError
+        If no part of the recording is calm beside the rest, so that nothing tells them apart.
+
+    """
+    values = np.asarray(acceleration, float)
+    values = values[:, None] if values.ndim == 1 else values
+    good = np.isfinite(values).all(axis=1)
+    t, _ = _checked(np.asarray(times, float)[good], values[good, 0], 'acceleration')
+    if len(t) != good.sum():
+        raise AlignError('acceleration signal: its times repeat')
+    width = max(0.1 / float(np.median(np.diff(t))), 1.0)
+    values = values[good]
+    mean = gaussian_filter1d(values, width, axis=0)
+    shake = np.sqrt(gaussian_filter1d(((values - mean) ** 2).sum(axis=1), width))
+    calm, loud = np.percentile(shake, [5.0, 90.0])
+    if loud < 5.0 * calm or loud < 0.05:
+        raise AlignError('the acceleration does not tell rest from flight: no calm part, or no '
+                         'motors')
+    first, last = _ends(t, shake > math.sqrt(max(calm, 1e-3 * loud) * loud), hold)
+    return Flight(float(t[first]) if first > 0 else None,
+                  float(t[last]) if last < len(t) - 1 else None, 'acceleration')
+
+
+def echoes(bag: Bag) -> tuple[Floats, Floats]:
+    """Return times [s] and ranges [m] of the sonar, NaN where it heard nothing, (n,) each."""
+    messages = bag['sonar/range']
+    valid = (messages.range >= messages.min_range) & (messages.range <= messages.max_range)
+    return messages.t, np.where(valid, messages.range, np.nan)
+
+
+def find_flight(bag: Bag) -> Flight:
+    """
+    Find take-off and landing of a bag from the best signal that it has.
+
+    In this order: height of ``ground_truth/odom``, ``optitrack/pose``, ``estimate/odom``,
+    ``onboard/odom`` or ``sonar/range``; mean of ``motor_pwm``; ``imu/data_raw``.
+
+    Returns
+    -------
+    Times by the stamps of the bag, s; ``source`` names the topic.
+
+    Raises
+    ------
+    AlignError
+        If no signal shows a flight; the reason of each.
+
+    """
+    def height(topic: str) -> Flight:
+        return flight_by_height(bag[topic].t, bag[topic].position[:, 2])
+
+    ways = {
+        'ground_truth/odom': height, 'optitrack/pose': height, 'estimate/odom': height,
+        'onboard/odom': height, 'sonar/range': lambda topic: flight_by_height(*echoes(bag)),
+        'motor_pwm': lambda topic: flight_by_thrust(bag[topic].t, bag[topic].pwm.mean(axis=1)),
+        'imu/data_raw': lambda topic: flight_by_acceleration(
+            bag[topic].t, bag[topic].acceleration)}
+    reasons = []
+    for topic, find in ways.items():
+        if topic in bag:
+            try:
+                return find(topic)._replace(source=topic)
+            except AlignError as error:
+                reasons.append(f'{topic}: {error}')
+    raise AlignError(f'{bag.path}: no flight found; ' + ('; '.join(reasons) or 'no signal of one'))

@@ -1,0 +1,126 @@
+"""The command from a bag to estimates and their errors."""
+
+from mambo_analysis.compare import estimate
+from mambo_analysis.compare.compare import main as compare
+from mambo_analysis.compare.verdict import verdict
+from mambo_bags.reader import read_bag
+from mambo_bags.writer import BagWriter
+from mambo_flight import offline_replay
+from mambo_flight.scenario import scenario, to_yaml
+from mambo_model.motion.rigid_body import State
+from mambo_ros import messages, topics
+import numpy as np
+import pytest
+
+STEP = 5_000_000  # ns
+
+
+def rest(path, **options):
+    """Write half a second on the floor, with the truth; return its path."""
+    with BagWriter(path, **options) as bag:
+        for topic in (topics.IMU, topics.GROUND_TRUTH):
+            bag.add_topic(f'/mambo/{topic.name}', topic.type_name)
+        state = State((0.0, 0.0, 0.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
+        for t in range(0, 100 * STEP, STEP):
+            bag.write(f'/mambo/{topics.IMU.name}', messages.imu(
+                t, (1e-4, 0.0, 0.0), (0.0, 0.0, -9.81), (0.0,) * 3, (0.0,) * 3), t)
+            bag.write(f'/mambo/{topics.GROUND_TRUTH.name}', messages.ground_truth(t, state), t)
+    return path
+
+
+def flown(**choices):
+    return {'attachments': {'scenario.yaml': to_yaml(scenario(**choices))}}
+
+
+def test_it_tells_errors_and_writes_the_estimates(tmp_path, capsys):
+    source, out = rest(tmp_path / 'source'), tmp_path / 'out'
+    assert estimate.main([str(source), '--out', str(out)]) == 0
+    said = capsys.readouterr().out
+    assert 'times real time' in said and 'replayed estimate/odom minus ground_truth/odom' in said
+    bag, (_, found, _) = read_bag(out), estimate.again(source)
+    for topic, table in estimate.messages(found).items():
+        assert b''.join(bag[topic.name].raw) == table.tobytes() and len(table) == 100
+    assert compare([str(out), str(source), '--a-topic', 'estimate/odom', '--b-topic',
+                    'ground_truth/odom', '--no-align']) == 0
+
+
+def test_what_was_estimated_again_is_compared_with_what_the_bag_holds(tmp_path, capsys):
+    source = rest(tmp_path / 'source')
+    bag = read_bag(source)
+    again = estimate.answered(bag, offline_replay.estimate(bag, estimate.parameters(bag).filter))
+    bag.add(again['estimate/odom'])
+    assert '100 of 100 recorded messages answered bit for bit' in estimate.compare_replay(
+        bag, again)
+
+
+def test_the_estimator_is_that_of_the_bag_or_of_a_file(tmp_path):
+    bag = read_bag(rest(tmp_path / 'toolbox', **flown(estimator='toolbox')))
+    assert estimate.parameters(bag).estimator == 'toolbox'
+    file = tmp_path / 'other.yaml'
+    file.write_text(to_yaml(scenario(
+        overrides={'estimator_node.kalman.optical_flow.constant': 2.0})))
+    other = estimate.parameters(bag, file)
+    assert (other.estimator, other.kalman.optical_flow.constant) == ('kalman', 2.0)
+    for name, options in (('truth', flown(estimator='ground_truth')), ('plain', {})):
+        bag = read_bag(rest(tmp_path / name, **options))
+        assert estimate.parameters(bag) == scenario().estimator_node
+
+
+@pytest.mark.parametrize('options, text, said', [
+    (['--out', 'SOURCE'], '', 'exists: give another --out'),
+    (['--parameters', 'nowhere.yaml'], '', 'nowhere.yaml: No such file'),
+    (['--parameters', 'FILE'], to_yaml(scenario(estimator='ground_truth')), 'ground_truth'),
+    (['--parameters', 'FILE'], '][', 'FILE:1: no YAML'),
+    (['--namespace', 'other'], '', 'nothing in the namespace /other')])
+def test_careless_arguments_get_one_line(tmp_path, monkeypatch, capsys, options, text, said):
+    monkeypatch.chdir(tmp_path)
+    rest(tmp_path / 'SOURCE')
+    (tmp_path / 'FILE').write_text(text)
+    assert estimate.main(['SOURCE', *options]) == 1
+    complaint = capsys.readouterr().err
+    assert complaint.startswith('estimate: ') and said in complaint
+    assert complaint.count('\n') == 1
+
+
+@pytest.mark.parametrize('text', ['][', 'a: 1', '3'])
+def test_a_broken_scenario_in_a_bag_is_named(tmp_path, capsys, text):
+    rest(tmp_path / 'bag', attachments={'scenario.yaml': text})
+    assert estimate.main([str(tmp_path / 'bag')]) == 1
+    complaint = capsys.readouterr().err
+    assert 'scenario.yaml in ' in complaint and complaint.count('\n') == 1
+
+
+def test_a_bag_without_sensors_gets_one_line(tmp_path, capsys):
+    with BagWriter(tmp_path / 'bag') as bag:
+        bag.add_topic('/clock', topics.CLOCK.type_name)
+        bag.write('/clock', messages.clock(0), 0)
+    assert estimate.main([str(tmp_path / 'bag')]) == 1
+    assert capsys.readouterr().err == (
+        f'estimate: {tmp_path / "bag"}: no topic /imu/data_raw; it has /clock\n')
+
+
+def test_the_verdict_names_what_was_absent_and_whether_it_diverged(tmp_path, capsys):
+    assert estimate.main([str(rest(tmp_path / 'source'))]) == 0
+    said = capsys.readouterr().out
+    assert 'verdict: the estimate did not diverge' in said
+    for sensor in ('sonar', 'optical flow', 'barometer'):
+        assert f'  {sensor}: absent' in said
+
+
+def test_the_verdict_says_when_the_height_diverged_and_what_was_refused(tmp_path):
+    source = rest(tmp_path / 'source')
+    bag = read_bag(source)
+    found = offline_replay.estimate(bag, estimate.parameters(bag).filter)
+    stretched = found._replace(t=np.arange(len(found.t)) * 50_000_000)  # 5 s
+    stretched.estimator[40:80, 10] = 2.0  # m, innovation of the sonar, from 2 to 3.95 s
+    stretched.state[60:, 3] = 50.0  # m/s
+    text = verdict(bag, estimate.answered(bag, stretched))
+    assert 'height diverged at 2.00 s: more than 0.5 m from the sonar' in text
+    assert 'velocity diverged at 3.00 s: faster than 10 m/s' in text
+    stretched.estimator[45:80:10, 10] = 0.1  # a range that fits each 0.5 s
+    assert 'height' not in verdict(bag, estimate.answered(bag, stretched))
+
+
+def test_without_the_estimators_own_state_there_is_no_verdict(tmp_path):
+    bag = read_bag(rest(tmp_path / 'source'))
+    assert verdict(bag, bag) == 'verdict: none, as there is no estimator/state'

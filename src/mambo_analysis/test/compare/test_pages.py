@@ -1,0 +1,157 @@
+"""Every page: usable by keyboard and screen reader, whole on paper, its plots linked."""
+
+from html.parser import HTMLParser
+import re
+import shutil
+import subprocess
+
+import browser
+from mambo_analysis.compare import figures, page, report
+from mambo_analysis.compare.compare import compare, compare_bags
+from mambo_bags.reader import read_bag
+from mambo_thesis.figures import claim, drawing, page as thesis
+from matplotlib.image import imread
+import numpy as np
+import pytest
+from synthetic import make_flight
+
+
+@pytest.fixture(scope='module')
+def flights(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('bags')
+    return [read_bag(make_flight(folder / name, 18.0, noise=0.001)) for name in ('one', 'other')]
+
+
+def reproduction():
+    t = np.linspace(0.0, 1.0, 20)
+    curve = (t, np.stack([t, np.full_like(t, np.nan), -t], axis=1))
+    made = drawing.positions({'reference': (t, np.stack([t, t, t], axis=1)), 'IMU': curve})
+    wanted = claim.at_most('an error', 0.1, 1.0, 'm'), claim.at_most('another', 2.0, 1.0, 'm')
+    results = [claim.Result([], why_not='a photograph'), *(
+        claim.Result(list(wanted[:k]), made) for k in (1, 2))]
+    return thesis.page([thesis.Examined(claim.Claim(f'5.{k}', 'it works', 'fig_5_3', None), result)
+                        for k, result in enumerate(results)])
+
+
+@pytest.fixture(scope='module', params=['flight', 'one', 'two', 'thesis'])
+def text(request, flights):
+    if request.param == 'flight':
+        return page.html(flights[0], compare(flights[0]))
+    if request.param == 'one':
+        return report.html(report.of_one(flights[0], compare(flights[0])))
+    if request.param == 'two':
+        return two(flights)
+    return reproduction()
+
+
+def two(flights):
+    result, comparison, alignment = compare_bags(*flights)
+    return report.html(report.of_two(*flights, result, comparison, alignment))
+
+
+class Elements(HTMLParser):
+    """Collects (tag, attributes) of a page."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.found = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.found.append((tag, dict(attrs)))
+
+    def all(self, *tags):
+        return [attrs for tag, attrs in self.found if tag in tags]
+
+
+def test_a_page_has_what_a_screen_reader_needs(text):
+    page = Elements(text)
+    assert page.all('html')[0]['lang'] == 'en' and len(page.all('title')) == 1
+    assert len(page.all('main')) == len(page.all('h1')) == 1
+    levels = [int(tag[1]) for tag, _ in page.found if re.fullmatch('h[1-6]', tag)]
+    assert all(b <= a + 1 for a, b in zip(levels, levels[1:]))
+    assert all(cell.get('scope') in ('col', 'row') for cell in page.all('th'))
+    assert len(page.all('caption')) == len(page.all('table')) > 0
+    assert all(image.get('alt') for image in page.all('img'))
+    assert all(control.get('aria-label') for control in page.all('button', 'input', 'select',
+                                                                  'nav'))
+    scrolling = [box for box in page.all('div', 'pre') if box.get('class') == 'scroll'] \
+        + page.all('pre')
+    assert all(box['tabindex'] == '0' and box['aria-label'] for box in scrolling)
+
+
+@browser.AXE_NEEDED
+@pytest.mark.parametrize('width', [1280, 500])
+def test_axe_finds_nothing_serious(text, width, tmp_path):
+    assert browser.serious(text, tmp_path, width=width, height=3000) == []
+
+
+@browser.NEEDED
+def test_a_double_click_resets_every_plot(flights, tmp_path):
+    before, zoomed, after, heights = browser.ask(two(flights), """
+        const wait = (ms) => new Promise((done) => setTimeout(done, ms));
+        await wait(1500);
+        const boxes = [...document.querySelectorAll('.plot[data-live]')];
+        const ranges = () => boxes.map((b) => b._fullLayout.xaxis.range.map(Math.round).join());
+        const before = ranges();
+        await Plotly.relayout(boxes[1], { 'xaxis.range[0]': 3, 'xaxis.range[1]': 5,
+          'yaxis.range': [0, 900] });
+        await Plotly.relayout(boxes[0], { 'yaxis.range': [0, 900] });
+        await wait(500);
+        const zoomed = ranges();
+        const area = boxes[1].querySelector('.nsewdrag');
+        const { left, top } = area.getBoundingClientRect();
+        const fire = (target, type) => target.dispatchEvent(new MouseEvent(type, { bubbles: true,
+          cancelable: true, clientX: left + 40, clientY: top + 20, button: 0, detail: 1 }));
+        for (let k = 0; k < 2; k += 1) {
+          fire(area, 'mousedown');
+          fire(document.querySelector('.dragcover') || document, 'mouseup');
+        }
+        await wait(1500);
+        return [before, zoomed, ranges(), boxes.map((b) => b._fullLayout.yaxis.range[1])];
+    """, tmp_path)
+    assert len(before) > 3 and set(before) == {'0,18'}
+    assert set(zoomed) == {'3,5'}
+    assert after == before and max(heights) < 100.0
+
+
+@browser.NEEDED
+@pytest.mark.skipif(shutil.which('pdftoppm') is None, reason='needs pdftoppm of poppler-utils')
+def test_a_printed_page_is_whole_on_its_right(text, tmp_path):
+    browser.run(text, tmp_path, f'--print-to-pdf={tmp_path / "page.pdf"}',
+                '--no-pdf-header-footer')
+    subprocess.run(['pdftoppm', '-r', '50', '-png', tmp_path / 'page.pdf', tmp_path / 'sheet'],
+                   check=True)
+    sheets = [imread(file)[..., :3] for file in sorted(tmp_path.glob('sheet*.png'))]
+    assert len(sheets) > 0 and sum(float((sheet < 0.5).mean()) for sheet in sheets) > 0.005
+    for sheet in sheets:  # the margin is white: nothing is cut off at it
+        assert sheet[:, -14:].min() > 0.95
+
+
+def captions(flight):
+    return {plot.name: plot.text for plot in figures.plots(flight)}
+
+
+def test_captions_name_what_is_drawn_and_nothing_else(flights, tmp_path):
+    whole = captions(flights[0])
+    assert 'ground truth' in whole['position'] and 'Take-off' in whole['position']
+    less = captions(read_bag(make_flight(tmp_path / 'less', 3.0, leave_out=(
+        'ground_truth/odom', 'barometer/pressure', 'reference'))))
+    assert 'ground truth' not in less['position'] and 'reference' not in less['position']
+    assert 'shaded' not in less['position'] and 'barometer' not in less['height']
+    plot = next(plot for plot in figures.plots(flights[0]) if plot.name == 'height')
+    labels = figures.figure_of(plot, flights[0]).axes[0].get_legend_handles_labels()[1]
+    assert len(labels) > 3 and all(label.split(',')[0] in plot.text for label in labels)
+
+
+def test_a_curve_without_values_is_not_in_the_legend():
+    t = np.arange(3.0)
+    made = drawing.positions({'Optitrack': (t, np.ones((3, 3))), 'optical flow': (
+        t, np.full((3, 3), np.nan))})
+    assert [text.get_text() for text in made.legends[0].get_texts()] == ['Optitrack']
+
+
+def test_the_thesis_says_that_z_is_down():
+    t = np.arange(3.0)
+    assert drawing.positions({'IMU': (t, np.ones((3, 3)))}).axes[2].get_ylabel() == '$z$ down [m]'
+    assert 'NED, z down' in reproduction()

@@ -1,0 +1,164 @@
+"""The factor of the flow from synthetic samples of known truth, and from a flight."""
+
+import math
+from pathlib import Path
+
+from interval_checks import assert_covers
+from mambo_analysis.identify.flow import fit_factor, from_recording, main, Samples, samples
+from mambo_analysis.identify.regression import IdentifyError
+from mambo_flight import closed_loop
+from mambo_flight.scenario import load, scenario
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+BAG = Path(__file__).parents[4] / 'bags/circle_short'
+T = np.arange(0.0, 20.0, 1.0 / 120.0)
+LAWS = {'constant': lambda h: 1.06 + 0.0 * h, 'linear': lambda h: 0.92 + 0.07 * h,
+        'exponential': lambda h: 0.95 + 0.011 * np.exp(h)}
+
+
+def path(t, vertical=1.0):
+    """Return position and velocity, (n, 3) NED, of a circle that also moves up and down."""
+    position = np.stack([np.cos(t), np.sin(t), -1.5 - vertical * np.sin(0.5 * t)], axis=1)
+    velocity = np.stack([-np.sin(t), np.cos(t), -0.5 * vertical * np.cos(0.5 * t)], axis=1)
+    return position, velocity
+
+
+def attitude(t):
+    """Return rotations that tilt by up to 0.15 rad and yaw by half a turn."""
+    return Rotation.from_euler('ZYX', np.stack(
+        [0.15 * t, 0.15 * np.cos(t), 0.10 * np.sin(1.3 * t)], axis=1))
+
+
+def measured(law, seed=0, noise=0.015, vertical=1.0, bias=(0.01, -0.02), **options):
+    """Return the samples of a flight whose sensor has a factor, at 32 Hz."""
+    rng, t = np.random.default_rng(seed), np.arange(0.3, 19.7, 1.0 / 32.0)
+    position, velocity = path(t, vertical)
+    R, h = attitude(t), -position[:, 2]
+    Z = h / R.as_matrix()[:, 2, 2]
+    flow = R.inv().apply(velocity)[:, :2] / (Z * LAWS[law](h))[:, None] + bias
+    q = np.roll(attitude(T).as_quat(), 1, axis=1)
+    return samples(
+        t, flow + noise * rng.standard_normal(flow.shape), T,
+        path(T, vertical)[0] + 3e-4 * rng.standard_normal((len(T), 3)), q, **options)
+
+
+def test_motion_seen_by_the_cameras_is_that_of_the_body():
+    data = measured('constant', noise=0.0)
+    position, velocity = path(data.t)
+    R = attitude(data.t)
+    # 0.3 mm over 15 positions in 0.12 s: 2 mm/s; the attitude is that of the nearest frame
+    np.testing.assert_allclose(data.velocity, R.inv().apply(velocity)[:, :2], atol=0.012)
+    np.testing.assert_allclose(data.height, -position[:, 2], atol=1e-3)
+    np.testing.assert_allclose(data.depth, data.height / R.as_matrix()[:, 2, 2], rtol=2e-3)
+
+
+def test_a_constant_factor_comes_back_whatever_the_heights():
+    found = fit_factor(measured('constant'))
+    assert found.offset.value == pytest.approx(1.06, rel=0.005)  # 5 % asked
+    assert found.bias == pytest.approx((0.01, -0.02), abs=0.003)
+    level = fit_factor(measured('constant', vertical=0.0))
+    assert level.offset.value == pytest.approx(1.06, rel=0.005)
+
+
+@pytest.mark.parametrize('law, offset, slope', [
+    ('linear', 0.92, 0.07), ('exponential', 0.95, 0.011)])
+def test_a_factor_over_height_comes_back(law, offset, slope):
+    data = measured(law)
+    found = fit_factor(data, law)
+    assert found.offset.low <= offset <= found.offset.high
+    assert found.slope.low <= slope <= found.slope.high
+    h = np.array([0.6, 1.5, 2.4])
+    np.testing.assert_allclose(found.at(h, law), LAWS[law](h), rtol=0.02)  # 5 % asked
+    assert found.fit.rms == pytest.approx(0.015, rel=0.05)
+    assert fit_factor(data).fit.rms > found.fit.rms
+
+
+def test_rotation_left_in_the_flow_is_told_from_the_motion():
+    data = measured('linear')
+    R = attitude(data.t)
+    step = 1e-4
+    omega = (R.inv() * attitude(data.t + step)).as_rotvec() / step  # body axes
+    np.testing.assert_allclose(data.rotation[:, 0], omega[:, 1], atol=2e-3)
+    np.testing.assert_allclose(data.rotation[:, 1], -omega[:, 0], atol=2e-3)
+    leaky = data._replace(
+        flow=data.flow + 0.4 * np.stack([omega[:, 1], -omega[:, 0]], axis=1))
+    found = fit_factor(leaky, 'linear', leak=True)
+    assert found.leak.low <= 0.4 <= found.leak.high
+    assert found.leak.value == pytest.approx(0.4, abs=0.03)
+    assert found.slope.low <= 0.07 <= found.slope.high
+    assert found.fit.rms < fit_factor(leaky, 'linear').fit.rms
+    assert fit_factor(data).leak is None
+
+
+def test_intervals_cover_over_60_seeds():
+    data = [measured('linear', seed) for seed in range(60)]
+    found = [fit_factor(one, 'linear') for one in data]
+    assert_covers(0.92, [one.offset for one in found])
+    assert_covers(0.07, [one.slope for one in found])
+    data = [measured('constant', seed, vertical=0.0) for seed in range(60)]
+    assert_covers(1.06, [fit_factor(one).offset for one in data])
+
+
+def test_a_flight_with_all_its_sensors_shows_the_factor():
+    data = from_recording(closed_loop.fly(scenario(
+        'vertical_circle_large', duration=25.0, land=False, seed=3)), start=3.0)
+    found = fit_factor(data, 'linear')
+    np.testing.assert_allclose(found.at(np.array([0.8, 1.5, 2.2]), 'linear'),
+                               LAWS['linear'](np.array([0.8, 1.5, 2.2])), rtol=0.03)  # 5 % asked
+    assert found.slope.low <= 0.07 <= found.slope.high
+
+
+def test_floor_and_missing_frames_are_taken_into_account():
+    raised = measured('linear', floor=-0.5)
+    assert raised.height.max() == pytest.approx(3.0, abs=0.01)
+    data = measured('linear', start=5.0, end=10.0)
+    assert data.t[0] >= 5.0 and data.t[-1] <= 10.0
+    t, keep = np.array([4.0, 5.0, 6.0]), np.abs(T - 5.0) > 0.05
+    q = np.roll(attitude(T).as_quat(), 1, axis=1)
+    seen = samples(t, np.full((3, 2), 0.3), T[keep], path(T)[0][keep], q[keep])
+    assert seen.t.tolist() == [4.0, 6.0]
+    some = samples(t, np.array([[0.3, 0.3], [np.nan, 0.3], [0.3, 0.3]]), T, path(T)[0], q)
+    assert some.t.tolist() == [4.0, 6.0]
+
+
+def change(**columns):
+    return lambda data: data._replace(**{name: f(data) for name, f in columns.items()})
+
+
+@pytest.mark.parametrize('spoil, law, message', [
+    (lambda d: Samples(*(c[:50] for c in d[:6])), 'constant', '50 samples, at least 100'),
+    (change(flow=lambda d: np.where(d.flow == d.flow[3], np.nan, d.flow)), 'constant',
+     'flow is not finite in 1 of'),
+    (change(flow=lambda d: np.zeros_like(d.flow)), 'constant', 'flow is constant'),
+    (change(flow=lambda d: np.rad2deg(d.flow)), 'constant', 'it must be in rad/s'),
+    (change(flow=lambda d: -d.flow), 'constant', "with the vehicle's sign"),
+    (change(velocity=lambda d: 0.01 * d.velocity), 'constant', 'shows no factor'),
+    (change(depth=lambda d: -d.depth), 'constant', 'is the floor where z is 0'),
+    (change(height=lambda d: 1.5 + 0.0 * d.height), 'linear', 'heights differ by 0.00 m'),
+    (lambda d: d, 'cubic', "law 'cubic' is not one of constant, linear, exponential")])
+def test_what_shows_no_factor_is_refused(spoil, law, message):
+    with pytest.raises(IdentifyError, match=message):
+        fit_factor(spoil(measured('linear')), law)
+
+
+def test_the_command_reads_a_bag_and_writes_parameters_of_the_estimator(tmp_path, capsys):
+    assert main([str(BAG), '--out', str(tmp_path)]) == 0
+    assert 'Q constant' in capsys.readouterr().out
+    flow = load(tmp_path / 'estimator.yaml').estimator_node.kalman.optical_flow
+    assert flow.constant == pytest.approx(0.92 + 0.07 * 1.5, rel=0.01)  # the sensor at 1.5 m
+    assert flow.factor == 'constant'  # most of the flight is at one height
+    assert math.isfinite(flow.linear_slope)
+    assert (tmp_path / 'identify_flow.png').stat().st_size > 10000
+    assert not (tmp_path / 'identify_flow.yaml').exists()
+
+
+@pytest.mark.parametrize('options, message', [
+    (['--leak', '--start', '100'], '0 samples, at least 100'),
+    (['--floor', '2'], '0 samples, at least 100'),
+    (['--namespace', 'other'], 'nothing in the namespace /other')])
+def test_wrong_use_is_one_line(capsys, options, message):
+    assert main([str(BAG), *options]) == 1
+    error = capsys.readouterr().err
+    assert message in error and error.count('\n') == 1 and error.startswith('identify_flow: ')

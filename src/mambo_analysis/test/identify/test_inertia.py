@@ -1,0 +1,141 @@
+"""Moments of inertia from swings, simulated and real."""
+
+import json
+from pathlib import Path
+
+from interval_checks import assert_covers
+from mambo_analysis.identify.inertia import fit_swing, Geometry, main
+from mambo_analysis.identify.regression import IdentifyError
+from mambo_model.vehicle import bifilar, parameters
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+DATA = Path(__file__).parents[5] / 'shared/data/crazyflie_optitrack'
+RIG = Geometry(mass=0.068, separation=0.1, length=0.5)
+K_D, C, NOISE = 2e-6, 6e-6, 0.02
+T = np.arange(0.0, 20.0, 0.01)
+
+
+def swing(J, seed=0, bias=0.05, theta=0.5):
+    """Return the gyro of (4.2), by another integrator than that of the fit."""
+    m, g, D, h = RIG.mass, RIG.gravity, RIG.separation, RIG.length
+
+    def derivative(_, x):
+        drop = np.sqrt(1.0 - 0.5 * (D / h) ** 2 * (1.0 - np.cos(x[0])))
+        return [x[1], -(K_D / J * abs(x[1]) + C / J) * x[1]
+                - m * g * D * D / (4.0 * J * h) * np.sin(x[0]) / drop]
+    rate = solve_ivp(derivative, (0.0, 20.0), [theta, 0.0], t_eval=T, rtol=1e-9, atol=1e-9).y[1]
+    return rate + bias + NOISE * np.random.default_rng(seed).standard_normal(len(T))
+
+
+@pytest.mark.parametrize('J', [6.9e-5, 7.75e-5, 1.5e-4])
+@pytest.mark.parametrize('theta', [0.5, -0.4])
+def test_the_axes_of_the_mambo_come_back(J, theta):
+    found = fit_swing(T, swing(J, theta=theta), RIG)
+    assert found.J.value == pytest.approx(J, rel=1e-3)  # 2 % asked; noise of the gyro allows 1e-4
+    assert found.K_D.value == pytest.approx(K_D, rel=0.10)  # 2 sigma of the worst axis
+    assert found.C.value == pytest.approx(C, rel=0.07)
+    assert found.amplitude == pytest.approx(abs(theta), rel=0.05)
+    assert found.bias == pytest.approx(0.05, abs=0.002)
+    assert found.fit.order == (0,)
+
+
+def test_intervals_cover_over_60_seeds():
+    J, (w, d, c) = 7.75e-5, (None, K_D, C)
+    w = np.sqrt(RIG.mass * RIG.gravity * RIG.separation ** 2 / (4.0 * J * RIG.length))
+    clean = bifilar.swing(T, 0.5, 0.0, bifilar.Swing(w, d / J, c / J, 0.2))
+    found = [fit_swing(T, clean + NOISE * np.random.default_rng(seed).standard_normal(len(T)), RIG)
+             for seed in range(60)]
+    assert_covers(J, [one.J for one in found])
+    assert_covers(C, [one.C for one in found])
+    assert_covers(K_D, [one.K_D for one in found])
+
+
+def test_errors_of_the_rig_widen_the_interval_as_they_should():
+    rate = swing(7.75e-5)
+    sure = fit_swing(T, rate, RIG).J
+    ruler = fit_swing(T, rate, RIG._replace(separation_error=0.001)).J
+    assert sure.half < 1e-4 * sure.value
+    # 1 mm of 100 mm is 2 % of J, and 1.96 of it make 95 %
+    assert ruler.half == pytest.approx(1.96 * 0.0201 * ruler.value, rel=0.01)
+    scale = fit_swing(T, rate, RIG._replace(mass_error=0.00068, length_error=0.005)).J
+    assert scale.half == pytest.approx(1.96 * np.hypot(0.01, 0.0099) * scale.value, rel=0.01)
+
+
+@pytest.mark.parametrize('change, message', [
+    (lambda t, r: (t, np.where(t == 3.0, np.nan, r)), 'gyro is not finite in 1 of 2000'),
+    (lambda t, r: (t[:40], r[:40]), '40 samples, at least 50'),
+    (lambda t, r: (t[:100], r[:100]), r'1.\d swings in 1.0 s, at least 2'),
+    (lambda t, r: (t, np.zeros_like(r)), 'constant: nothing swings'),
+    (lambda t, r: (t, r * 180.0 / np.pi), 'is the gyro in deg/s'),
+    (lambda t, r: (t, np.random.default_rng(1).standard_normal(len(t))), r'explains \d % of'),
+    (lambda t, r: (t[::-1], r), 'time does not rise')])
+def test_what_is_no_swing_is_refused_in_one_line(change, message):
+    with pytest.raises(IdentifyError, match=message) as error:
+        fit_swing(*change(T, swing(7.75e-5)), RIG)
+    assert '\n' not in str(error.value)
+
+
+def csv(path, rate):
+    np.savetxt(path, np.stack([T, rate], axis=1), header='t,gyro.y', delimiter=',', comments='')
+    return path
+
+
+def test_the_command_writes_a_vehicle_ready_to_fly(tmp_path, capsys):
+    file = csv(tmp_path / 'swing.csv', np.rad2deg(swing(8.1e-5)))
+    geometry = ['--separation', '0.1', '--length', '0.5', '--mass', '0.068']
+    assert main([str(file), '--axis', 'y', '--unit', 'deg/s', *geometry,
+                 '--out', str(tmp_path / 'out')]) == 0
+    assert 'J_yy' in capsys.readouterr().out
+    got = parameters.load(tmp_path / 'out/identify_inertia.yaml')
+    base = parameters.preset('identified')
+    assert got.inertia[1] == pytest.approx(8.1e-5, rel=1e-3)
+    assert got.inertia[::2] == base.inertia[::2] and got.mass == base.mass
+    assert (tmp_path / 'out/identify_inertia.png').stat().st_size > 10000
+
+
+@pytest.mark.parametrize('options, message', [
+    ([], 'is the gyro in deg/s'),
+    (['--column', 'w'], 'no column w; it has t, gyro.y'),
+    (['--time', 'when'], 'no times; name their column with --time or give --rate'),
+    (['--unit', 'deg/s', '--separation', '0.1'], 'needs --length'),
+    (['--unit', 'deg/s', '--separation', '0.1', '--length', '0.5'], 'needs --mass'),
+    (['--unit', 'deg/s', '--base', 'nobody'], "vehicle 'nobody' is unknown")])
+def test_wrong_use_is_one_line(tmp_path, capsys, options, message):
+    file = csv(tmp_path / 'swing.csv', np.rad2deg(swing(8.1e-5)))
+    assert main([str(file), '--axis', 'y', *options]) == 1
+    error = capsys.readouterr().err
+    assert message in error and error.startswith('identify_inertia: ') and error.count('\n') == 1
+
+
+@pytest.mark.parametrize('name, text, message', [
+    ('none.csv', None, 'No such file'), ('a.txt', 'x', 'is no .csv, .mat, .json file or bag'),
+    ('a.csv', '', 'no column of numbers'), ('a.csv', 't,gyro.z\n1\n', 'row 2 has 1 fields'),
+    ('a.csv', 't,gyro.z\n1,x\n', 'cannot be read'), ('a.mat', 'x', 'cannot be read'),
+    ('a.json', '{', 'cannot be read'), ('a.json', '[]', 'no column of numbers')])
+def test_broken_files_are_one_line(tmp_path, capsys, name, text, message):
+    file = tmp_path / name
+    if text is not None:
+        file.write_text(text)
+    assert main([str(file)]) == 1
+    error = capsys.readouterr().err
+    assert message in error and str(file) in error and error.count('\n') == 1
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason='real recordings are not beside the checkout')
+@pytest.mark.parametrize('axis, hertz', [('x', 2.357), ('y', 2.329), ('z', 2.081)])
+def test_a_real_pendulum_shows_its_frequency_whatever_the_model(axis, hertz, capsys):
+    file, = DATA.glob(f'*lab03_{axis}_data*.json')
+    assert main([str(file), '--axis', axis, '--unit', 'deg/s', '--rig', 'physical', '--mass',
+                 '0.035', '--json']) == 0
+    said = json.loads(capsys.readouterr().out)
+    omega = said['values']['omega_0']
+    # crossings of zero, counted: swings of at most 0.45 rad last up to 0.45^2/16 = 1.3 % longer
+    raw = json.loads(file.read_text())['drone'][f'gyro.{axis}']
+    t, w = np.array(raw['time']), np.array(raw['data'])
+    up = t[:-1][(w[:-1] < 0.0) & (w[1:] >= 0.0)]
+    counted = (len(up) - 1) / (up[-1] - up[0])
+    assert 0.998 < omega['value'] / (2.0 * np.pi) / counted < 1.013
+    assert omega['value'] / (2.0 * np.pi) == pytest.approx(hertz, abs=0.002)
+    assert said['facts']['J at most [kg m^2]'] < 4e-5

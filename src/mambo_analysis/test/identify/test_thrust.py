@@ -1,0 +1,92 @@
+"""Motor maps: from synthetic benches of known truth, and from a real one."""
+
+from pathlib import Path
+
+from interval_checks import assert_covers
+from mambo_analysis.identify.regression import IdentifyError
+from mambo_analysis.identify.thrust import fit_thrust, main
+from mambo_model.vehicle import parameters
+import numpy as np
+import pytest
+
+BENCH = Path(__file__).parents[5] / 'shared/data/rolling_spider_bench/thrustdata.mat'
+A, B = 4.29e-5, 1.47
+COMMANDS = np.repeat(1530.7 / 4.0 * np.arange(0.1, 1.25, 0.1), 5)  # sec. 4.4.2: 0.1 to 1.2 N
+
+
+def bench(seed, noise=0.02):
+    """Return thrusts of the Mambo's map, whose readings scatter by a share of themselves."""
+    rng = np.random.default_rng(seed)
+    return A * COMMANDS ** B * np.exp(noise * rng.standard_normal(len(COMMANDS)))
+
+
+def test_the_map_comes_back_within_1_percent():
+    found = fit_thrust(COMMANDS, bench(1))
+    fine = np.linspace(60.0, 480.0, 50)
+    ratio = found.a.value * fine ** found.b.value / (A * fine ** B)
+    assert np.abs(ratio - 1.0).max() < 0.01
+    assert found.better == 'power'
+    assert found.correlation < -0.98  # ln X has a mean of 5.3 and spreads by 0.7
+
+
+def test_the_line_comes_back_within_1_percent():
+    rng = np.random.default_rng(2)
+    T = COMMANDS / 1530.7 + 0.002 * rng.standard_normal(len(COMMANDS))
+    found = fit_thrust(COMMANDS, T)
+    assert found.gain.value == pytest.approx(1530.7, rel=0.01)
+    assert found.better == 'linear'
+
+
+def test_intervals_cover_over_400_seeds():
+    found = [fit_thrust(COMMANDS, bench(seed)) for seed in range(400)]
+    assert_covers(A, [one.a for one in found])
+    assert_covers(B, [one.b for one in found])
+    lines = [fit_thrust(COMMANDS + 5.0 * np.random.default_rng(seed).standard_normal(60),
+                        COMMANDS / 1530.7) for seed in range(400)]
+    assert_covers(1530.7, [one.gain for one in lines])
+
+
+def test_fading_thrust_bends_the_map_unless_it_is_left_out():
+    T = bench(3, 0.005)
+    T = np.where(COMMANDS > 350.0, 0.93 * T, T)
+    assert fit_thrust(COMMANDS, T).b.value == pytest.approx(1.44, abs=0.01)  # as the thesis warns
+    kept = fit_thrust(COMMANDS, T, 350.0)
+    assert kept.b.low < B < kept.b.high
+    assert (COMMANDS[kept.used] <= 350.0).all()
+
+
+@pytest.mark.parametrize('X, T, message', [
+    ([40.0, 80.0, 120.0], [0.1, 0.2, 0.3], '3 readings of 3 can be used'),
+    ([40.0, 40.0, 80.0, 80.0], [0.1, 0.1, 0.2, 0.2], 'nearly constant'),
+    ([40.0, 80.0, 120.0, 160.0], [0.1, -0.2, 0.3, 0.4], 'thrust at command 80 is -0.2 N'),
+    ([40.0, 80.0, 120.0, 160.0], [0.1, np.nan, 0.3, 0.4], 'thrust is not finite in 1 of 4'),
+    ([40.0, 80.0, 120.0], [0.1, 0.2], 'thrust has 2 samples, not 3')])
+def test_what_is_no_bench_is_refused(X, T, message):
+    with pytest.raises(IdentifyError, match=message):
+        fit_thrust(np.array(X), np.array(T))
+
+
+def test_grams_of_four_motors_are_newtons_of_one(tmp_path):
+    file = tmp_path / 'bench.csv'
+    grams = 4000.0 / 9.81 * bench(1)
+    np.savetxt(file, np.stack([COMMANDS, grams], axis=1), header='x,y', delimiter=',', comments='')
+    assert main([str(file), '--command', 'x', '--thrust', 'y', '--unit', 'g', '--motors', '4',
+                 '--max-pwm', '350', '--out', str(tmp_path)]) == 0
+    got = parameters.load(tmp_path / 'identify_thrust.yaml')
+    assert got.thrust_map == 'power'
+    hover = (0.068 * 9.81 / 4.0 / got.power_a) ** (1.0 / got.power_b)
+    assert hover == pytest.approx(276.7, rel=0.01)
+    assert (tmp_path / 'identify_thrust.png').stat().st_size > 10000
+
+
+@pytest.mark.skipif(not BENCH.is_file(), reason='real recordings are not beside the checkout')
+def test_the_bench_of_the_rolling_spider_gives_the_constant_of_its_toolbox(tmp_path, capsys):
+    assert main([str(BENCH), '--command', 'data[0]', '--thrust', 'data[3]', '--base',
+                 'rolling_spider', '--out', str(tmp_path)]) == 0
+    assert '12 of 13' in capsys.readouterr().out
+    got = parameters.load(tmp_path / 'identify_thrust.yaml')
+    assert got.linear_gain == pytest.approx(1530.72681, rel=1e-3)
+    assert (got.power_a, got.power_b) == pytest.approx((7.14e-4, 0.987), rel=1e-3)  # by polyfit
+    assert got.thrust_map == 'linear'  # 1 is within the interval of the exponent
+    assert main([str(BENCH)]) == 1
+    assert 'no column pwm; it has thrust_recdata.' in capsys.readouterr().err

@@ -1,0 +1,313 @@
+"""The Crazyflie importer on a made flight, on the real ones, and on what is none."""
+
+import hashlib
+import json
+from pathlib import Path
+
+from mambo_analysis.importers.common import read_source
+from mambo_analysis.importers.crazyflie import (
+    COUNTS_PER_RADIAN, gyro_offset, import_crazyflie, main, mocap_offset, read_log)
+from mambo_analysis.signals.time_offset import find_flight
+from mambo_bags.reader import read_bag
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+DATA = Path(__file__).resolve().parents[5] / 'shared' / 'data' / 'crazyflie_optitrack'
+LOGS = sorted(DATA.glob('*.json'))
+FLIGHTS = [path for path in LOGS if 'lab03' not in path.stem]
+needs_data = pytest.mark.skipif(
+    not LOGS, reason='Crazyflie logs are not beside the repo (../shared/data)')
+OFFSET, ABOVE = -990.0, 0.07  # s of the mocap clock; m of the markers above the range sensor
+
+
+def height(t):
+    up = np.clip(np.minimum(t - 12.0, 27.0 - t), 0.0, 0.5)
+    return 0.02 + up + 0.06 * up * np.sin(2.0 * t)
+
+
+def flight():
+    """Return a log of 20 s; the packets of an instant come 2 ms apart."""
+    t = 10.0 + 0.01 * np.arange(2000)
+    held = t[np.arange(2000) // 4 * 4]
+    groups = (
+        {'p_x': 0.1 * t, 'p_y': 0.2 * t, 'p_z': height(t), 'psi': 0.3 + 0.0 * t,
+         'theta': 0.2 + 0.0 * t, 'phi': 0.1 + 0.0 * t},
+        {'v_x': 1.0 + 0.0 * t, 'v_y': 2.0 + 0.0 * t, 'v_z': 3.0 + 0.0 * t, 'w_x': np.sin(t),
+         'w_y': np.cos(t)},
+        {'w_z': 0.5 * t, 'a_z': 9.81 + 0.0 * t, 'r': np.round(height(held), 3),
+         'n_x': np.round(5.0 * np.sin(t)), 'n_y': np.round(3.0 * np.cos(t)) - 10.0},
+        {'m_1': 1e4 + t, 'm_2': 2e4 + t, 'm_3': 3e4 + t, 'm_4': 4e4 + t,
+         'p_x_des': np.where(t < 15.0, 0.0, 1.0), 'p_y_des': 2.0 + 0.0 * t,
+         'p_z_des': 0.5 + 0.0 * t})
+    drone = {f'ae483log.{name}': {'time': (t + 0.002 * k).round(3).tolist(),
+                                  'data': values.tolist()}
+             for k, group in enumerate(groups) for name, values in group.items()}
+    s = 10.0 + 0.01 * np.arange(1990)
+    mocap = {'time': s - OFFSET, 'x': 0.1 * s, 'y': -0.1 * s, 'z': height(s) + ABOVE,
+             'yaw': 0.3 + 0.0 * s, 'pitch': 0.2 + 0.0 * s, 'roll': 0.1 + 0.0 * s}
+    return {'drone': drone, 'mocap': {name: values.tolist() for name, values in mocap.items()}}
+
+
+def save(path, log=None):
+    path.write_text(json.dumps(flight() if log is None else log))
+    return path
+
+
+@pytest.fixture(scope='module')
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('crazyflie')
+    import_crazyflie(save(folder / 'made.json'), folder / 'made')
+    return read_bag(folder / 'made')
+
+
+def test_signals_that_are_not_used_are_named(tmp_path, capsys):
+    log = flight()
+    log['drone']['pm.vbat'] = {'time': [10.0, 11.0], 'data': [3.9, 3.8]}
+    source = save(tmp_path / 'log.json', log)
+    assert main([str(source), str(tmp_path / 'bag'), '--mocap-offset', 'none']) == 0
+    assert 'not used: pm.vbat\n' in capsys.readouterr().out
+
+
+def test_the_packets_of_an_instant_meet_in_one_imu_message(made):
+    imu = made['imu/data_raw']
+    t = imu.t
+    assert 1995 < len(imu) <= 2000 and t[0] == pytest.approx(10.012)
+    expected = np.column_stack([np.sin(t - 0.002), np.cos(t - 0.002), 0.5 * (t - 0.004)])
+    np.testing.assert_allclose(imu.angular_velocity, expected, atol=1e-4)  # linear, 10 ms apart
+    np.testing.assert_allclose(imu.acceleration[:, 2], 9.81)
+    assert np.isnan(imu.acceleration[:, :2]).all()  # not logged, so not known
+    assert imu.orientation_covariance[0, 0] == -1.0
+
+
+def test_counts_become_rates_by_the_firmware_s_constants(made):
+    flow = made['optical_flow']
+    t = flow.t - 0.004
+    # counts are tenths of pixels, 35 pixels over 2 sin(21 deg) = 0.71674 rad, each 10 ms
+    per_count = 0.1 / 35.0 * 2.0 * np.sin(np.radians(21.0)) / 0.01
+    np.testing.assert_allclose(flow.rate_x, per_count * np.round(5.0 * np.sin(t)), rtol=1e-5)
+    np.testing.assert_allclose(flow.rate_y, per_count * (np.round(3.0 * np.cos(t)) - 10.0),
+                               rtol=1e-5)
+    assert COUNTS_PER_RADIAN == pytest.approx(488.3, abs=0.1)
+    pairs = np.column_stack([flow.rate_x, flow.rate_y])
+    assert (np.diff(pairs, axis=0) != 0.0).any(axis=1).all()  # held pairs are not repeated
+
+
+def test_counts_that_repeat_are_zero_where_asked(made, tmp_path):
+    import_crazyflie(save(tmp_path / 'made.json'), tmp_path / 'zero', repeated_flow='zero')
+    flow, new = read_bag(tmp_path / 'zero')['optical_flow'], made['optical_flow']
+    assert len(flow) == 2000  # every logged instant
+    first = np.isin(flow.stamp, new.stamp)
+    assert (flow.rate_x[first] == new.rate_x).all() and (flow.rate_y[first] == new.rate_y).all()
+    assert not flow.rate_x[~first].any() and not flow.rate_y[~first].any()
+
+
+def test_only_new_ranges_are_published(made):
+    sonar = made['sonar/range']
+    assert np.diff(sonar.range).all() and set(sonar.radiation_type) == {1}
+    climbing = (sonar.t > 12.1) & (sonar.t < 12.4)
+    np.testing.assert_allclose(np.diff(sonar.t[climbing]), 0.04, atol=1e-9)
+
+
+def test_motors_estimate_and_reference(made):
+    np.testing.assert_allclose(made['motor_pwm'].pwm[0] - 10.0, [4e4, 1e4, 2e4, 3e4])
+    odometry = made['onboard/odom']
+    attitude = Rotation.from_euler('ZYX', [0.3, 0.2, 0.1])  # FLU to z up already
+    assert (Rotation.from_quat(odometry.orientation[5]) * attitude.inv()).magnitude() < 1e-9
+    t = odometry.t
+    np.testing.assert_allclose(odometry.position,
+                               np.column_stack([0.1 * t, 0.2 * t, height(t)]), rtol=1e-9)
+    np.testing.assert_allclose(odometry.velocity[5], [1.0, 2.0, 3.0])
+    reference = made['onboard/reference']
+    assert set(reference.position[:, 0]) == {0.0, 1.0}  # a step stays a step
+    assert reference.t[reference.position[:, 0] == 1.0][0] == pytest.approx(15.006, abs=0.002)
+
+
+def test_the_clock_of_the_motion_capture_is_found(made):
+    record = made.metadata['import']
+    # packets 4 ms late and ranges held up to 40 ms: new values carry the time they appear
+    assert float(record['mocap_offset_s']) == pytest.approx(OFFSET + 0.004, abs=0.003)
+    assert float(record['mocap_offset_sigma_s']) >= 0.03  # a real range is later by as much
+    assert float(record['range_minus_mocap_z_m']) == pytest.approx(-ABOVE, abs=0.002)
+    poses = made['optitrack/pose']
+    attitude = Rotation.from_euler('ZYX', [0.3, 0.2, 0.1])
+    assert (Rotation.from_quat(poses.orientation[0]) * attitude.inv()).magnitude() < 1e-9
+    assert find_flight(made).takeoff == pytest.approx(12.0, abs=0.05)
+
+
+def test_the_bag_says_where_it_came_from(made):
+    record, source = made.metadata['import'], made.path.parent / 'made.json'
+    assert record['source_file'] == 'made.json'
+    assert record['source_sha256'] == hashlib.sha256(source.read_bytes()).hexdigest()
+    assert record['motor_pwm_unit'] == 'counts, 0 to 65535'
+    assert record['horizontal_acceleration'] == 'NaN'
+
+
+def test_options(tmp_path, made):
+    source = save(tmp_path / 'log.json')
+    assert main([str(source), str(tmp_path / 'a'), '--mocap-offset', '-980.5', '--level',
+                 '--counts-per-radian', '409.26']) == 0
+    bag = read_bag(tmp_path / 'a')
+    assert bag['optitrack/pose'].t[0] == pytest.approx(1000.0 - 980.5)
+    assert not bag['imu/data_raw'].acceleration[:, :2].any()
+    rates = bag['optical_flow'].rate_y / made['optical_flow'].rate_y
+    np.testing.assert_allclose(rates, COUNTS_PER_RADIAN / 409.26)
+    assert main([str(source), str(tmp_path / 'b'), '--mocap-offset', 'none']) == 0
+    assert 'optitrack/pose' not in read_bag(tmp_path / 'b')
+    assert main([str(source), str(tmp_path / 'c'), '--mocap-offset', '-5000']) == 1
+    assert not (tmp_path / 'c').exists()  # all poses before the drone's time 0
+
+
+def turning():
+    """Return a log whose yaw turns, as gyro and motion capture see it."""
+    log = flight()
+    t = np.array(log['mocap']['time']) + OFFSET
+    yaw = 0.4 * np.sin(2.0 * t) * np.exp(-0.5 * (t - 20.0) ** 2 / 16.0)  # no two turns alike
+    log['mocap'].update(yaw=yaw.tolist(), pitch=[0.0] * len(t), roll=[0.0] * len(t))
+    entry = log['drone']['ae483log.w_z']
+    entry['data'] = np.interp(entry['time'], t, np.gradient(yaw, t)).tolist()
+    return log
+
+
+@pytest.mark.parametrize('ranged', [True, False])
+def test_the_gyro_can_give_the_clock(tmp_path, ranged):
+    log = turning()
+    if not ranged:
+        del log['drone']['ae483log.r']
+    source = save(tmp_path / 'log.json', log)
+    asked = ['--mocap-offset', 'gyro'] if ranged else []
+    assert main([str(source), str(tmp_path / 'bag'), *asked]) == 0
+    record = read_bag(tmp_path / 'bag').metadata['import']
+    assert record['mocap_offset_from'] == 'gyro'
+    assert ('range_minus_mocap_z_m' in record) == ranged
+    assert float(record['mocap_offset_s']) == pytest.approx(OFFSET, abs=0.001)
+
+
+def test_marker_loss_missing_packets_and_unknown_values_are_left_out(tmp_path):
+    log = flight()
+    for name in ('x', 'y', 'z', 'yaw', 'pitch', 'roll'):
+        log['mocap'][name][100:150] = [float('nan')] * 50
+    for name in ('w_z', 'a_z'):
+        entry = log['drone'][f'ae483log.{name}']
+        del entry['time'][500:520], entry['data'][500:520]
+    log['drone']['ae483log.w_x']['data'][30] = None
+    import_crazyflie(save(tmp_path / 'log.json', log), tmp_path / 'bag')
+    bag = read_bag(tmp_path / 'bag')
+    assert len(bag['optitrack/pose']) == 1990 - 50
+    assert bag.metadata['import']['mocap_frames_lost'] == '50'
+    assert np.isfinite(bag['optitrack/pose'].position).all()
+    t = bag['imu/data_raw'].t
+    assert np.diff(t).max() == pytest.approx(0.21, abs=0.011)  # 20 packets of w_z
+    assert np.isfinite(bag['imu/data_raw'].angular_velocity).all()
+
+
+def refuse(path, tmp_path, capsys, text):
+    assert main([str(path), str(tmp_path / 'out')]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith('import_crazyflie: ') and error.count('\n') == 1, error
+    assert text in error and str(path) in error
+    assert not (tmp_path / 'out').exists()
+
+
+def test_what_is_no_log_is_named_in_one_line(tmp_path, capsys):
+    refuse(tmp_path / 'none.json', tmp_path, capsys, 'cannot be read')
+    (tmp_path / 'empty.json').touch()
+    refuse(tmp_path / 'empty.json', tmp_path, capsys, 'the file is empty')
+    whole = save(tmp_path / 'whole.json').read_bytes()
+    for share in (0.01, 0.5, 0.999):
+        (tmp_path / 'cut.json').write_bytes(whole[:int(share * len(whole))])
+        refuse(tmp_path / 'cut.json', tmp_path, capsys, 'no JSON file, or cut off')
+    for foreign in ([1, 2], {'drone': 3}, {'flights': {}}):
+        refuse(save(tmp_path / 'odd.json', foreign), tmp_path, capsys, 'no Crazyflie log')
+    refuse(save(tmp_path / 'odd.json', {'drone': {}, 'mocap': {}}), tmp_path, capsys, 'no gyro')
+
+
+def test_malformed_signals_are_named(tmp_path, capsys):
+    def change(name, what, values):
+        log = flight()
+        log['drone'][f'ae483log.{name}'][what] = values
+        return save(tmp_path / 'bad.json', log)
+
+    n = 2000
+    backwards = list(range(n))
+    backwards[1000] = 3
+    refuse(change('r', 'data', [1.0]), tmp_path, capsys, 'r has 2000 times and 1 values')
+    refuse(change('w_x', 'time', backwards), tmp_path, capsys, 'do not increase after 999 s')
+    refuse(change('w_x', 'time', ['a'] * n), tmp_path, capsys, 'holds what is no number')
+    refuse(change('w_x', 'time', [None] * n), tmp_path, capsys, 'has a time that is no number')
+    refuse(change('w_x', 'data', [float('nan')] * n), tmp_path, capsys, 'no gyro')
+    log = flight()
+    log['drone']['ae483log.w_x'] = [1.0]
+    refuse(save(tmp_path / 'bad.json', log), tmp_path, capsys, 'is not built as {time, data}')
+    log = flight()
+    del log['mocap']['yaw']
+    refuse(save(tmp_path / 'bad.json', log), tmp_path, capsys, 'mocap is not built as')
+    log = flight()
+    log['mocap']['z'] = [1.0] * len(log['mocap']['z'])
+    refuse(save(tmp_path / 'bad.json', log), tmp_path, capsys, 'give --mocap-offset SECONDS')
+
+
+def test_an_existing_bag_is_never_overwritten(tmp_path, capsys):
+    (tmp_path / 'out').mkdir()
+    assert main([str(save(tmp_path / 'log.json')), str(tmp_path / 'out')]) == 1
+    assert 'exists: give another name' in capsys.readouterr().err
+    for wrong in (['--mocap-offset', 'nan'], ['--mocap-offset', 'soon'],
+                  ['--counts-per-radian', '0']):
+        with pytest.raises(SystemExit) as usage:
+            main(['a.json', 'b', *wrong])
+        assert usage.value.code == 2
+
+
+@needs_data
+@pytest.mark.parametrize('path', FLIGHTS, ids=lambda path: path.stem)
+def test_range_and_motion_capture_of_the_real_flights(path):
+    log = read_log(read_source(path))
+    found = mocap_offset(log)
+    starts = max(t[0] for t, _ in log.drone.values())
+    shift = found.offset + log.mocap[0, 0] - starts
+    # both were started by one script; 0.071 to 0.127 s are found, +- 2 to 10 ms
+    assert 0.05 < shift < 0.15 and found.sigma < 0.015
+    assert found.quality > 0.999 and found.factor == pytest.approx(1.0, abs=0.02)
+    middle = float(np.median(log.mocap[:, 3]))
+    assert 0.06 < -(found.bias + (found.factor - 1.0) * middle) < 0.085
+
+
+@needs_data
+@pytest.mark.parametrize('path', FLIGHTS, ids=lambda path: path.stem)
+def test_the_range_is_behind_the_gyro_of_the_real_flights(path):
+    log = read_log(read_source(path))
+    by_range = mocap_offset(log)
+    behind = by_range.offset - gyro_offset(log, by_range.offset).offset
+    # the range's new value comes each 40 ms and was measured before that: 10 to 25 ms are found
+    assert 0.005 < behind < 0.035
+
+
+@needs_data
+@pytest.mark.parametrize('path', LOGS, ids=lambda path: path.stem)
+def test_every_real_log_imports(path, tmp_path):
+    import_crazyflie(path, tmp_path / 'bag')
+    bag = read_bag(tmp_path / 'bag')
+    imu = bag['imu/data_raw']
+    assert np.isfinite(imu.angular_velocity).all() and np.diff(imu.t).min() > 0.0
+    if path in FLIGHTS:
+        flight = find_flight(bag)
+        assert flight.source == 'optitrack/pose' and flight.takeoff and flight.landing
+        flying = (imu.t > flight.takeoff + 1.0) & (imu.t < flight.landing - 1.0)
+        # specific force, not acceleration: it carries the weight, but for its bias
+        assert imu.acceleration[flying, 2].mean() == pytest.approx(9.81, abs=0.1)
+    else:  # a pendulum, about one axis up to 375 deg/s
+        assert 3.0 < np.abs(imu.angular_velocity).max() < 7.0
+
+
+@needs_data
+def test_left_motors_roll_the_real_drone_to_the_right(tmp_path):
+    import_crazyflie(next(p for p in FLIGHTS if 'lab02' in p.stem), tmp_path / 'bag')
+    bag = read_bag(tmp_path / 'bag')
+    motors, imu = bag['motor_pwm'], bag['imu/data_raw']
+    # in this flight a hit on the ground at the end dominates everything else
+    inside = (motors.t > 24.0) & (motors.t < 41.0)
+    pwm = motors.pwm[inside] - motors.pwm[inside].mean(axis=0)
+    for axis, signs in ((0, [1.0, -1.0, -1.0, 1.0]), (1, [-1.0, -1.0, 1.0, 1.0])):
+        omega = imu.angular_velocity[:, axis]
+        angular = np.interp(motors.t[inside] + 0.02, imu.t, np.gradient(omega, imu.t))
+        assert np.corrcoef(pwm @ signs, angular)[0, 1] > 0.2, axis

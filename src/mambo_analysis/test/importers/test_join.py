@@ -1,0 +1,141 @@
+"""A flight and its motion capture, recorded apart, become one bag on one clock."""
+
+from pathlib import Path
+
+from mambo_analysis.importers import join
+from mambo_analysis.signals.time_offset import AlignError
+from mambo_bags.mcap_reader import BagError
+from mambo_bags.reader import read_bag
+from mambo_bags.writer import BagWriter
+from mambo_ros import layout
+from mambo_thesis.drift import identify_drift
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+CIRCLE = Path(__file__).parents[4] / 'bags/circle_short'
+BEGAN = 2.5  # s into the flight
+POSE = '/mambo/optitrack/pose'
+
+
+def copy(path, keep, shift=0):
+    """Write the topics of the repository's flight that are wanted, stamps moved by so many ns."""
+    bag = read_bag(CIRCLE)
+    with BagWriter(path) as writer:
+        for topic in keep:
+            writer.add_topic(bag.name(topic), bag[topic].type_name)
+        for topic in keep:
+            for stamp, data in zip((bag[topic].stamp + shift).tolist(), bag[topic].raw):
+                if stamp >= 0:
+                    writer.write(bag.name(topic), layout.restamped(data, stamp), stamp)
+    return path
+
+
+@pytest.fixture(scope='module')
+def log(tmp_path_factory):
+    """Return a bag as a drone alone would record it."""
+    return copy(tmp_path_factory.mktemp('log') / 'log', (
+        'imu/data_raw', 'sonar/range', 'optical_flow', 'barometer/pressure'))
+
+
+@pytest.fixture(scope='module')
+def take(tmp_path_factory):
+    """Return what the cameras saw, on the clock of a take that began later."""
+    return copy(tmp_path_factory.mktemp('take') / 'take', ('optitrack/pose',),
+                -round(BEGAN * 1e9))
+
+
+def test_the_clock_comes_back_and_nothing_of_the_flight_is_lost(log, take, tmp_path):
+    said = join.join(log, take, tmp_path / 'joined')
+    joined, before, circle = (read_bag(path) for path in (tmp_path / 'joined', log, CIRCLE))
+    offset = float(joined.metadata['join']['offset_s'])
+    assert offset == pytest.approx(BEGAN, abs=2e-3)  # half a sample of the gyro
+    assert f'moved by {offset:+.4f} s' in said
+    assert joined.metadata['join']['offset_from'].startswith('roll rate of roll rate, pitch rate')
+    assert float(joined.metadata['join']['offset_sigma_s']) < 1e-3  # the height alone: 5e-3
+    for topic in before.topics:
+        assert joined[topic].raw == before[topic].raw
+    poses, truth = joined['optitrack/pose'], circle['optitrack/pose']
+    late = truth.stamp >= round(BEGAN * 1e9)
+    assert len(poses) == late.sum()
+    np.testing.assert_allclose(poses.stamp, truth.stamp[late], atol=2e6)  # ns
+    np.testing.assert_array_equal(poses.position, truth.position[late])
+    assert joined.topics[POSE] == 'geometry_msgs/msg/PoseStamped'
+
+
+def test_a_given_offset_is_taken_and_poses_outside_of_the_flight_are_counted(log, take, tmp_path):
+    said = join.join(log, take, tmp_path / 'joined', -1.0)
+    assert 'moved by -1.0000 s, by given' in said and '120 outside' in said  # 1 s at 120 Hz
+    assert read_bag(tmp_path / 'joined')[POSE].stamp[0] >= 0
+
+
+def test_what_is_joined_can_be_asked_for_the_drift(log, take, tmp_path, capsys):
+    join.join(log, take, tmp_path / 'joined')
+    assert identify_drift.main([str(tmp_path / 'joined')]) == 0
+    assert 'mechanism, alone or with another one' in capsys.readouterr().out
+
+
+def test_a_body_tracked_with_wrong_axes_is_told(log, take):
+    bag, poses = read_bag(log), read_bag(take).messages('optitrack/pose')
+    known = join.signals(bag, poses)
+    turned = Rotation.from_quat(poses.orientation) * Rotation.from_euler('z', 90.0, degrees=True)
+    poses._cache['pose.orientation'] = turned.as_quat()
+    found = join.signals(bag, poses)
+    np.testing.assert_allclose(found['turn rate'][3], known['turn rate'][3], atol=1e-9)
+    np.testing.assert_allclose(found['roll rate'][3], known['pitch rate'][3], atol=1e-9)
+    with pytest.raises(AlignError, match='height .2.5.*wrong axes of the tracked body'):
+        join.find_clock(bag, poses)
+
+
+def test_the_take_of_another_flight_is_refused(log, tmp_path):
+    bag = read_bag(CIRCLE)
+    rng = np.random.default_rng(1)
+    with BagWriter(tmp_path / 'other') as writer:
+        writer.add_topic(POSE, 'geometry_msgs/msg/PoseStamped')
+        order = rng.permutation(len(bag['optitrack/pose']) // 100)
+        raw = np.array(bag['optitrack/pose'].raw, dtype=object)
+        for stamp, data in zip(bag['optitrack/pose'].stamp.tolist(),
+                               np.concatenate([raw[100 * i:100 * i + 100] for i in order])):
+            writer.write(POSE, layout.restamped(data, stamp), stamp)
+    with pytest.raises(AlignError, match='--offset SECONDS'):
+        join.join(log, tmp_path / 'other', tmp_path / 'joined')
+    assert not (tmp_path / 'joined').exists()
+
+
+def test_wrong_use_ends_in_one_line_and_leaves_no_bag(log, take, tmp_path, capsys):
+    out = tmp_path / 'joined'
+    for arguments, says in (
+            ((CIRCLE, take, out), 'has /mambo/optitrack/pose already'),
+            ((log, log, out), 'no topic /mambo/optitrack/pose'),
+            ((log, take, out, '--offset', '100'), 'no pose is within the flight'),
+            ((log, take, take), 'exists'),
+            ((log, tmp_path / 'none', out), 'there is no such bag')):
+        assert join.main([str(argument) for argument in arguments]) == 1
+        error = capsys.readouterr().err
+        assert error.startswith('join: ') and error.count('\n') == 1 and says in error
+        assert not out.exists()
+
+
+def test_a_stamp_is_written_in_the_byte_order_of_the_message():
+    for order, flag in (('little', 1), ('big', 0)):
+        data = layout.restamped(bytes([0, flag, 0, 0]) + bytes(8) + b'rest', 3_000_000_007)
+        assert int.from_bytes(data[4:8], order) == 3 and int.from_bytes(data[8:12], order) == 7
+        assert data[12:] == b'rest'
+
+
+def test_a_drone_without_gyro_sonar_and_pose_is_told_what_to_give(take, tmp_path):
+    poor = copy(tmp_path / 'poor', ('optical_flow',))
+    with pytest.raises(BagError, match='no gyro, sonar or pose of the drone'):
+        join.join(poor, take, tmp_path / 'joined')
+
+
+def test_the_standard_error_of_a_range_knows_that_a_range_is_late(log, take, tmp_path):
+    poses = read_bag(take)['optitrack/pose']
+    ranged = copy(tmp_path / 'ranged', ('sonar/range',))
+    turned = copy(tmp_path / 'turned', ('imu/data_raw',))
+    by_range, by_gyro = (join.find_clock(read_bag(path), poses) for path in (ranged, turned))
+    assert by_range.source == 'height of height' and by_range.sigma >= join.RANGE_LATE
+    assert abs(by_range.offset - BEGAN) < 1.96 * by_range.sigma
+    assert 'height' not in by_gyro.source  # a log without a range is aligned as well
+    assert by_gyro.offset == pytest.approx(BEGAN, abs=2e-3) and by_gyro.sigma < 1e-3
+    assert join.find_clock(read_bag(log), poses).source.startswith('roll rate')

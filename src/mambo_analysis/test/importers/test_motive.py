@@ -1,0 +1,232 @@
+"""Takes in the layouts of real exports, made here with known poses, and what is no take."""
+
+import hashlib
+
+from mambo_analysis.importers.motive import import_motive, main
+from mambo_bags.reader import read_bag
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+N, RATE = 60, 120.0
+
+
+def truth():
+    """Return times, positions (n, 3) m and attitudes, y up as in Motive: a climbing turn."""
+    t = np.arange(N) / RATE
+    position = np.column_stack([0.3 * t, 1.0 + 0.5 * t, -0.2 * t])
+    return t, position, Rotation.from_euler('YZ', np.column_stack([0.4 + t, 0.1 + 0.2 * t]))
+
+
+def cells(*values):
+    return [f'{value:.6f}' for value in values]
+
+
+def take(path, version='1.23', order='Quaternion', unit='Meters', scale=1.0, lost=(), bodies=1,
+         markers=True, decimals=6, code=False, change=lambda lines: lines, **about):
+    """
+    Write a take as Motive does.
+
+    1.21 has no words before the labels and calls the time column Time; 1.25 has a line with
+    parents; 1.24 may have a column of time codes without type and name.
+    """
+    t, position, attitude = truth()
+    turn = attitude.as_quat() if order == 'Quaternion' else np.degrees(attitude.as_euler(order))
+    if order != 'Quaternion':  # columns are X Y Z whatever the order of the turns
+        turn = turn[:, [order.index(axis) for axis in 'XYZ']]
+    keys = {'Format Version': version, 'Take Name': 'Take 2016-01-05 03.49.50 PM',
+            'Take Notes': '', 'Capture Frame Rate': f'{RATE:.6f}',
+            'Export Frame Rate': f'{RATE:.6f}',
+            'Capture Start Time': '2023-03-29 06.23.40.520 下午', 'Total Frames in Take': N,
+            'Total Exported Frames': N, 'Rotation Type': order, 'Length Units': unit,
+            'Coordinate Space': 'Global'} | about
+    words = ['', '', ''] if version < '1.22' else ['Type', 'Name', 'ID']
+    rows = [['', word] for word in words]
+    rows += [['', 'Parent']] if version >= '1.25' else []
+    rows += [['', ''], ['Frame', 'Time' if version < '1.22' else 'Time (Seconds)']]
+
+    def column(kind, name, what, axis):
+        labels = [kind, name, '"CF51"' if version < '1.22' else 'CF51']
+        for row, label in zip(rows, labels + ([''] if version >= '1.25' else []) + [what, axis]):
+            row.append(label)
+
+    if code:
+        column('', '', '', 'TimeCode')
+    axes = 'XYZW' if order == 'Quaternion' else 'XYZ'
+    for body in range(bodies):
+        name = f'Rigid Body {body + 1}'
+        for axis in axes:
+            column('Rigid Body', name, 'Rotation', axis)
+        for axis in 'XYZ':
+            column('Rigid Body', name, 'Position', axis)
+        if markers:
+            column('Rigid Body', name, 'Mean Marker Error', '')
+            for axis in 'XYZ':
+                column('Rigid Body Marker', f'{name}:Marker1', 'Position', axis)
+    for i in range(N):
+        row = [str(i), f'{t[i]:.{decimals}f}'] + (['15:26:46:12.02'] if code else [])
+        for body in range(bodies):
+            pose = cells(*turn[i], *(scale * (position[i] + body)))
+            row += [''] * len(pose) if i in lost else pose
+            row += cells(0.0001, 9.0, 9.0, 9.0) if markers else []
+        rows.append(row)
+    first = ','.join(f'{key},{value}' for key, value in keys.items())
+    lines = [first, '', *(','.join(row) for row in rows)]
+    path.write_text('\r\n'.join(change(lines)) + '\r\n', encoding='utf-8')
+    return path
+
+
+def expected():
+    """Return positions and attitudes with z up: both turned a quarter about x."""
+    _, position, attitude = truth()
+    quarter = Rotation.from_matrix([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+    return (np.column_stack([position[:, 0], -position[:, 2], position[:, 1]]),
+            quarter * attitude * quarter.inv())
+
+
+def check(bag, tolerance=1e-5):
+    poses, (position, attitude) = bag['optitrack/pose'], expected()
+    np.testing.assert_allclose(poses.position, position, atol=tolerance)
+    assert (Rotation.from_quat(poses.orientation) * attitude.inv()).magnitude().max() < 1e-5
+    assert set(poses['header.frame_id']) == {'map'}
+
+
+@pytest.mark.parametrize('options', [
+    {'version': '1.2'}, {'version': '1.21'}, {'version': '1.22', 'markers': False},
+    {'version': '1.23'}, {'version': '1.24', 'code': True}, {'version': '1.25'},
+    {'unit': 'Millimeters', 'scale': 1000.0}, {'unit': 'Centimeters', 'scale': 100.0},
+    {'order': 'XYZ'}, {'order': 'YXZ'}, {'order': 'ZYX'}], ids=str)
+def test_every_layout_gives_the_same_poses(tmp_path, options):
+    import_motive(take(tmp_path / 'take.csv', **options), tmp_path / 'bag')
+    check(read_bag(tmp_path / 'bag'))
+
+
+def test_a_climb_in_motive_is_a_climb_here_and_a_turn_to_the_left_stays_one(tmp_path):
+    import_motive(take(tmp_path / 'take.csv'), tmp_path / 'bag')
+    poses = read_bag(tmp_path / 'bag')['optitrack/pose']
+    assert poses.position[0].tolist() == pytest.approx([0.0, 0.0, 1.0])
+    assert poses.position[-1, 2] > poses.position[0, 2]
+    yaw = Rotation.from_quat(poses.orientation).as_euler('ZYX')[:, 0]
+    assert yaw[0] == pytest.approx(0.4, abs=1e-4) and yaw[-1] > yaw[0]  # counter-clockwise
+
+
+def test_z_up_is_copied_and_the_nose_turned(tmp_path):
+    _, position, attitude = truth()
+    source = take(tmp_path / 'take.csv')
+    assert main([str(source), str(tmp_path / 'z'), '--up', 'z', '--nose', '90']) == 0
+    poses = read_bag(tmp_path / 'z')['optitrack/pose']
+    np.testing.assert_allclose(poses.position, position, atol=1e-6)
+    nose = Rotation.from_quat(poses.orientation).apply([1.0, 0.0, 0.0])
+    np.testing.assert_allclose(nose, attitude.apply([0.0, 1.0, 0.0]), atol=1e-5)
+
+
+def test_stamps_are_exact_where_the_column_is_rounded(tmp_path):
+    import_motive(take(tmp_path / 'take.csv', decimals=3), tmp_path / 'bag')
+    stamps = read_bag(tmp_path / 'bag')['optitrack/pose'].stamp
+    np.testing.assert_array_equal(stamps, np.rint(np.arange(N) * 1e9 / RATE))
+    other = take(tmp_path / 'other.csv', **{'Export Frame Rate': '100.000000'})
+    import_motive(other, tmp_path / 'other')  # a rate that the times contradict is not used
+    assert read_bag(tmp_path / 'other')['optitrack/pose'].t[-1] == pytest.approx(59.0 / RATE)
+
+
+def test_lost_markers_give_no_pose(tmp_path):
+    lost = (0, 5, 6, 7, 59)
+    counts, _ = import_motive(take(tmp_path / 'take.csv', lost=lost), tmp_path / 'bag')
+    assert counts == {'/mambo/optitrack/pose': N - 5}
+    bag = read_bag(tmp_path / 'bag')
+    frames = np.rint(bag['optitrack/pose'].t * RATE).astype(int)
+    assert frames.tolist() == [i for i in range(N) if i not in lost]
+    assert bag.metadata['import']['frames_lost'] == '5'
+
+
+def test_the_body_is_chosen_by_name(tmp_path, capsys):
+    source = take(tmp_path / 'take.csv', bodies=2)
+    assert main([str(source), str(tmp_path / 'bag'), '--body', 'Rigid Body 2']) == 0
+    poses = read_bag(tmp_path / 'bag')['optitrack/pose']
+    np.testing.assert_allclose(poses.position[0], [1.0, -1.0, 2.0], atol=1e-6)
+    capsys.readouterr()
+    refuse(source, tmp_path, capsys, "several rigid bodies; say which with --body: 'Rigid Body 1'")
+    assert main([str(source), str(tmp_path / 'first'), '--body', 'Rigid Body 1']) == 0
+    assert 'not used: Rigid Body 1:Marker1, Rigid Body 2, Rigid' in capsys.readouterr().out
+    refuse(source, tmp_path, capsys, "no rigid body 'Mambo'; it has", '--body', 'Mambo')
+
+
+def test_the_bag_says_where_it_came_from(tmp_path):
+    source = take(tmp_path / 'take.csv')
+    import_motive(source, tmp_path / 'bag', nose=0.5)
+    record = read_bag(tmp_path / 'bag').metadata['import']
+    assert record['source_file'] == 'take.csv'
+    assert record['source_sha256'] == hashlib.sha256(source.read_bytes()).hexdigest()
+    assert record['importer'] == 'mambo_analysis.importers.motive'
+    assert (record['up'], record['nose_rad'], record['frames']) == ('y', '0.5', str(N))
+    assert record['motive_capture_start_time'].endswith('下午')
+
+
+def refuse(path, tmp_path, capsys, text, *options):
+    assert main([str(path), str(tmp_path / 'out'), *options]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith('import_motive: ') and error.count('\n') == 1, error
+    assert text in error and str(path) in error
+    assert not (tmp_path / 'out').exists()
+
+
+def drop(number):
+    return lambda lines: lines[:number]
+
+
+def swap(old, new, count=1):
+    return lambda lines: '\n'.join(lines).replace(old, new, count).split('\n')
+
+
+@pytest.mark.parametrize('change,text', [
+    (lambda lines: ['x,y,z', '1,2,3'], 'no CSV export of Motive'),
+    (lambda lines: lines[2:], 'no CSV export of Motive'),  # exported without header information
+    (swap('1.23', '1.1'), "format version '1.1'"),
+    (swap('Meters', 'Furlongs'), "length unit 'Furlongs' is not one of"),
+    (swap('Quaternion', 'Matrix'), "rotation type 'Matrix' is not one of"),
+    (swap('Global', 'Local'), "coordinates are 'Local'"),
+    (drop(1), 'are missing or cut off'), (drop(5), 'are missing or cut off'),
+    (drop(7), 'no frames, only a header'), (drop(40), 'it has 33 of 60 exported frames'),
+    (lambda lines: [*lines[:-1], lines[-1][:20]], 'line 67 has 3 cells, not 13'),
+    (swap('\n5,', '\n3,'), 'frame numbers do not increase after frame 4'),
+    (swap('\n5,0.041667', '\n5,0.025000'), 'times do not increase after frame 4'),
+    (swap('\n5,0.041667', '\n5,'), 'a frame has no number or no time'),
+    (swap('9.000000', 'nine'), None), (swap('1.000000', 'one'), 'what is no number'),
+    (swap('1.000000', 'inf'), 'what is no number'),
+    (swap('Rigid Body,', 'Bone,', 99), 'no rigid body; export with rigid bodies'),
+    (swap('Rotation,', 'Turning,', 4), 'lacks the columns Rotation X')])
+def test_what_is_no_sound_take_is_named_in_one_line(tmp_path, capsys, change, text):
+    path = take(tmp_path / 'take.csv', change=change)
+    if text is None:  # a damaged cell of a column that is not asked for does no harm
+        assert main([str(path), str(tmp_path / 'out')]) == 0
+        return
+    refuse(path, tmp_path, capsys, text)
+
+
+def test_more_that_is_refused(tmp_path, capsys):
+    refuse(tmp_path / 'none.csv', tmp_path, capsys, 'cannot be read')
+    (tmp_path / 'empty.csv').touch()
+    refuse(tmp_path / 'empty.csv', tmp_path, capsys, 'the file is empty')
+    (tmp_path / 'binary.csv').write_bytes(b'\xff\xfe\x00' * 100)
+    refuse(tmp_path / 'binary.csv', tmp_path, capsys, 'not a text file')
+    refuse(take(tmp_path / 'lost.csv', lost=range(N)), tmp_path, capsys, 'is never seen')
+    double = take(tmp_path / 'two.csv', bodies=2, change=swap('Rigid Body 2', 'Rigid Body 1', 99))
+    refuse(double, tmp_path, capsys, "two rigid bodies are named 'Rigid Body 1'")
+    refuse(take(tmp_path / 'q.csv', change=lambda lines: [
+        *lines[:7], lines[7].replace(lines[7].split(',')[2], '2.0', 1), *lines[8:]]),
+        tmp_path, capsys, 'the quaternion of frame 0 has the length')
+
+
+def test_an_existing_bag_is_never_overwritten(tmp_path, capsys):
+    source = take(tmp_path / 'take.csv')
+    (tmp_path / 'out').mkdir()
+    assert main([str(source), str(tmp_path / 'out')]) == 1
+    assert 'exists: give another name' in capsys.readouterr().err
+
+
+def test_two_imports_are_the_same_bytes(tmp_path):
+    source = take(tmp_path / 'take.csv')
+    for folder in ('a', 'b'):
+        import_motive(source, tmp_path / folder / 'bag')
+    a, b = ((tmp_path / folder / 'bag' / 'bag_0.mcap').read_bytes() for folder in ('a', 'b'))
+    assert a == b

@@ -1,0 +1,260 @@
+"""Offsets, poses and flights that were put in are found again; what says nothing is refused."""
+
+from mambo_analysis.signals import time_offset as align
+from mambo_analysis.signals.time_offset import (
+    AlignError, equalised, find_flight, flight_by_acceleration, flight_by_height, flight_by_thrust,
+    matched, pose_offset, registration, time_offset)
+from mambo_bags.reader import read_bag
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+from synthetic import LANDING, make_flight, Maker
+
+STEP = 1e-3
+
+
+def motion(seed, duration=40.0, smooth=0.25):
+    """Return times and a random path of 0.5 m RMS without repetition, in steps of 1 ms."""
+    rng = np.random.default_rng(seed)
+    path = gaussian_filter1d(rng.standard_normal(round(duration / STEP)), smooth / STEP)
+    return np.arange(len(path)) * STEP, 0.5 * path / path.std()
+
+
+def pair(seed, rates=(200.0, 120.0), noise=(0.01, 0.005), gaps=4):
+    """Return two recordings of one motion, and the offset between their clocks."""
+    rng = np.random.default_rng(1000 + seed)
+    t, x = motion(seed)
+    offset = rng.uniform(-5.0, 5.0)
+    ta, tb = np.arange(3.0, 37.0, 1.0 / rates[0]), np.arange(0.0, 39.0, 1.0 / rates[1])
+    tb = tb + rng.uniform(0.0, 1e-3, len(tb))  # stamps of a busy machine
+    a = np.interp(ta, t, x) + noise[0] * rng.standard_normal(len(ta))
+    b = np.interp(tb, t, x) + noise[1] * rng.standard_normal(len(tb)) + 0.3  # another zero
+    for gap in rng.uniform(3.0, 36.0, gaps):
+        b[(tb > gap) & (tb < gap + 0.7)] = np.nan
+    return ta, a, tb - offset, b, offset
+
+
+@pytest.mark.parametrize('rates', [(200.0, 120.0), (120.0, 200.0), (200.0, 25.0), (100.0, 100.0)])
+@pytest.mark.parametrize('seed', range(5))
+def test_a_known_offset_is_recovered_to_2_ms(rates, seed):
+    *signals, offset = pair(seed, rates)
+    found = time_offset(*signals)
+    assert abs(found.offset - offset) < 0.002
+    assert found.quality > 0.99
+    assert found.bias == pytest.approx(-0.3, abs=0.02)  # of a against b: their zeros differ
+
+
+def test_the_standard_error_is_that_of_many_trials():
+    z = []
+    for seed in range(60):
+        *signals, offset = pair(seed, gaps=2)
+        found = time_offset(*signals)
+        z.append((found.offset - offset) / found.sigma)
+    # 60 trials: the rms of z is known to 9 %; correlated residuals make it a little more than 1
+    assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.4
+    assert np.mean(np.abs(z) < 1.96) > 0.86  # 95 % less three binomial sigma
+
+
+def test_the_offset_is_what_to_add_to_the_second_clock():
+    t, x = motion(0)
+    found = time_offset(t, x, t - 2.5, x)  # the second clock is 2.5 s behind
+    assert found.offset == pytest.approx(2.5, abs=1e-5)
+    back = time_offset(t - 2.5, x, t, x)
+    assert back.offset == pytest.approx(-2.5, abs=1e-5)
+
+
+def test_a_factor_and_a_bias_do_not_matter():
+    t, x = motion(3)
+    found = time_offset(t, 7.0 * x - 100.0, t + 1.0, x)
+    assert found.offset == pytest.approx(-1.0, abs=1e-5)
+    assert found.factor == pytest.approx(7.0, rel=1e-3)
+    assert found.bias == pytest.approx(-100.0, abs=0.01)
+
+
+def test_a_periodic_motion_is_ambiguous_until_limits_are_given():
+    t = np.arange(0.0, 40.0, 0.005)
+    circle = np.sin(t)
+    with pytest.raises(AlignError, match='repeat.*give limits'):
+        time_offset(t, circle, t - 0.7, circle)
+    found = time_offset(t, circle, t - 0.7, circle, limits=(-2.0, 2.0))
+    assert found.offset == pytest.approx(0.7, abs=1e-4)
+
+
+def test_signals_that_do_not_determine_it_are_refused():
+    rng = np.random.default_rng(0)
+    t, x = motion(1)
+    still = np.full(len(t), 1.5)
+    for a, b, why in (
+            (x, motion(2)[1], 'no offset brings'),
+            (rng.standard_normal(len(t)), rng.standard_normal(len(t)), 'no offset brings'),
+            (x, -x, 'no offset brings'), (x, still, 'does not move'),
+            (x, np.full(len(t), np.nan), '0 finite samples')):
+        with pytest.raises(AlignError, match=why):
+            time_offset(t, a, t, b)
+    with pytest.raises(AlignError, match='run backwards at'):
+        time_offset(t, x, t[::-1], x)
+    with pytest.raises(AlignError, match='not n of each'):
+        time_offset(t, x, t[:-1], x)
+    with pytest.raises(AlignError, match='at the end of the search|no offset brings'):
+        time_offset(t, x, t - 3.0, x, limits=(-1.0, 1.0))
+
+
+def write_poses(path, times, position, yaw, namespace_topic='optitrack/pose'):
+    """Write poses as a bag and return its messages."""
+    maker = Maker(path, [namespace_topic])
+    for stamp, p, q in zip(np.rint(times * 1e9).astype(int).tolist(), position,
+                           Rotation.from_euler('z', yaw[:, None]).as_quat()):
+        maker.write(namespace_topic, stamp, pose=maker.pose(p, q))
+    maker.writer.close()
+    return read_bag(path)[namespace_topic]
+
+
+def test_two_pose_recordings_in_different_frames(tmp_path):
+    t = np.arange(2.0, 30.0, 0.01)
+    grid = motion(0)[0]
+
+    def at(times):
+        return np.column_stack([np.interp(times, grid, motion(seed)[1]) for seed in (4, 5, 6)])
+
+    yaw = np.interp(t, grid, motion(7)[1])
+    a = write_poses(tmp_path / 'a', t, at(t), yaw)
+    turn = Rotation.from_euler('z', 1.1)
+    later = t[::2] + 0.0042
+    b = write_poses(tmp_path / 'b', later + 3.0, turn.apply(at(later)) + [5.0, 6.0, 7.0],
+                    np.interp(later, grid, motion(7)[1]) + 1.1)
+    best, each = pose_offset(a, b)
+    assert set(each) == {'height', 'speed', 'yaw_rate'}
+    for offset in (best, *each.values()):
+        assert offset.offset == pytest.approx(-3.0, abs=0.002)
+    with pytest.raises(AlignError, match='height: .*speed: .*yaw_rate: '):
+        pose_offset(a, b, limits=(50.0, 51.0))
+    times, pa, pb = matched(a, b, best.offset)
+    found = registration(pa, pb)
+    assert found.yaw == pytest.approx(-1.1, abs=1e-3)
+    inside = (times > 2.1) & (times < 29.9)
+    np.testing.assert_allclose(found.apply(pb[inside]), pa[inside], atol=0.005)
+    assert np.isnan(pb[0]).all()  # b begins later
+
+
+def test_yaw_and_translation_are_recovered():
+    rng = np.random.default_rng(2)
+    b = rng.standard_normal((300, 3))
+    turn = Rotation.from_euler('z', -2.0)
+    a = turn.apply(b) + [1.0, -2.0, 0.5] + 0.01 * rng.standard_normal((300, 3))
+    a[7] = np.nan
+    found = registration(a, b)
+    assert found.yaw == pytest.approx(-2.0, abs=4.0 * found.sigma_yaw)
+    assert 1e-4 < found.sigma_yaw < 2e-3  # 0.01 / sqrt(600), independent errors
+    np.testing.assert_allclose(found.translation, [1.0, -2.0, 0.5], atol=0.005)
+    assert found.rms == pytest.approx(0.01 * np.sqrt(3.0), rel=0.1)
+    np.testing.assert_allclose(found.apply(b)[8:], a[8:], atol=0.05)
+
+
+def test_the_yaw_is_the_one_with_the_least_squares():
+    rng = np.random.default_rng(3)
+    a, b = rng.standard_normal((2, 40, 3))
+    a = b + 0.2 * a
+    found = registration(a, b)
+
+    def left(yaw):
+        turned = Rotation.from_euler('z', yaw).apply(b)
+        return np.square(a - a.mean(0) - turned + turned.mean(0)).sum()
+
+    assert left(found.yaw) < min(left(found.yaw + d) for d in (-1e-3, 1e-3))
+
+
+def test_a_hover_gives_no_yaw_but_can_be_equalised():
+    rng = np.random.default_rng(4)
+    t = np.arange(0.0, 10.0, 0.01)
+    a, b = 0.01 * rng.standard_normal((2, len(t), 3)) + [[[1.0, 2.0, 3.0]], [[0.0, 0.0, 0.0]]]
+    with pytest.raises(AlignError, match='too small or too different'):
+        registration(a, b)
+    with pytest.raises(AlignError, match='too few'):
+        registration(a[:1], b[:1])
+    found = equalised(t, a, b, 6.0)
+    np.testing.assert_allclose(found.translation, [1.0, 2.0, 3.0], atol=0.03)
+    with pytest.raises(AlignError, match='no common positions'):
+        equalised(t, a, b, 20.0)
+
+
+def test_equalised_paths_agree_at_the_instant_and_drift_elsewhere():
+    t = np.arange(0.0, 20.0, 0.01)
+    truth = np.column_stack([np.sin(t), np.cos(t), 1.5 + 0.0 * t])
+    drifting = truth + np.outer(t, [0.1, 0.0, 0.0])
+    error = equalised(t, truth, drifting, 6.0).apply(drifting) - truth
+    np.testing.assert_allclose(error[:, 0], 0.1 * (t - 6.0), atol=1e-9)
+    given = equalised(t, truth, Rotation.from_euler('z', 0.4).apply(drifting), 6.0, yaw=-0.4)
+    np.testing.assert_allclose(given.apply(Rotation.from_euler('z', 0.4).apply(drifting)) - truth,
+                               error, atol=1e-9)
+
+
+def height_of(t, takeoff, landing, ground=(0.0, 0.0)):
+    """Return a height that leaves and reaches the ground at given times, 1 m/s."""
+    t = np.asarray(t)
+    up = np.clip(np.minimum(t - takeoff, landing - t), 0.0, 1.5)
+    return up + np.where(t < 0.5 * (takeoff + landing), *ground)
+
+
+@pytest.mark.parametrize('noise', [0.0, 0.003])
+@pytest.mark.parametrize('ground', [(0.0, 0.0), (-3.0, -3.0)])
+def test_take_off_and_landing_by_height(noise, ground):
+    t = np.arange(0.0, 30.0, 0.01)
+    z = height_of(t, 4.0, 25.0, ground) + noise * np.random.default_rng(0).standard_normal(len(t))
+    z[500:520] = np.nan
+    found = flight_by_height(t, z)
+    # 2 cm of height count as standing: at 1 m/s that is 20 ms, and noise adds as much
+    assert found.takeoff == pytest.approx(4.0, abs=0.05)
+    assert found.landing == pytest.approx(25.0, abs=0.05)
+
+
+def test_a_place_to_land_may_be_lower_and_ends_in_the_air_are_not_made_up():
+    t = np.arange(0.0, 30.0, 0.01)
+    z = height_of(t, 4.0, 25.0, (0.09, 0.0))
+    assert flight_by_height(t, z).takeoff == pytest.approx(4.0, abs=0.05)
+    flying = (t > 8.0) & (t < 20.0)
+    waving = z + 0.4 * np.sin(t)
+    assert flight_by_height(t[flying], waving[flying])[:2] == (None, None)
+    assert flight_by_height(t[t > 4.5], z[t > 4.5]).takeoff is None  # begins in the climb
+    assert flight_by_height(t[t < 20], z[t < 20]).landing is None
+    with pytest.raises(AlignError, match='never leaves the ground'):
+        flight_by_height(t, 0.01 * np.sin(t))
+
+
+def test_take_off_and_landing_by_thrust_and_by_acceleration():
+    rng = np.random.default_rng(1)
+    t = np.arange(0.0, 20.0, 0.005)
+    flying = (t >= 3.0) & (t < 16.0)
+    idle = (t >= 1.0) & ~flying & (t < 17.0)
+    pwm = np.where(flying, 247.0 + 20.0 * rng.standard_normal(len(t)), np.where(idle, 100.0, 0.0))
+    found = flight_by_thrust(t, pwm)
+    assert (found.takeoff, found.landing) == pytest.approx((3.0, 16.0), abs=0.01)
+    shaking = np.where(flying, 1.0, 0.02)[:, None] * rng.standard_normal((len(t), 3))
+    found = flight_by_acceleration(t, shaking + [0.0, 0.0, 9.81])
+    assert found.takeoff == pytest.approx(3.0, abs=0.3)  # the shaking is averaged over 0.1 s
+    assert found.landing == pytest.approx(16.0, abs=0.3)
+    for signal in (0.02, 1.0):
+        with pytest.raises(AlignError, match='does not tell rest from flight'):
+            flight_by_acceleration(t, signal * rng.standard_normal(len(t)))
+    with pytest.raises(AlignError, match='never run'):
+        flight_by_thrust(t, np.zeros(len(t)))
+
+
+def test_a_bag_tells_its_flight_by_the_best_signal_it_has(tmp_path):
+    left = ('reference', 'estimator/state', 'sensor_tick', 'optical_flow', 'barometer/pressure')
+    bag = read_bag(make_flight(tmp_path / 'a', 21.0, leave_out=left))
+    found = find_flight(bag)
+    # 1 s, then up by a smooth step that reaches 2 cm after 0.2 s; down over 4 s from 16 s
+    assert found.source == 'ground_truth/odom'
+    assert found.takeoff == pytest.approx(1.2, abs=0.1)
+    assert found.landing == pytest.approx(LANDING + 4.0, abs=0.1)
+    bag = read_bag(make_flight(tmp_path / 'b', 3.0, leave_out=(
+        *left, 'ground_truth/odom', 'estimate/odom', 'optitrack/pose', 'sonar/range',
+        'motor_pwm')))
+    with pytest.raises(AlignError, match='no flight found; imu/data_raw: '):
+        find_flight(bag)
+
+
+def test_the_public_names_are_documented():
+    for name in ('time_offset', 'pose_offset', 'registration', 'equalised', 'find_flight'):
+        assert 'Raises' in getattr(align, name).__doc__

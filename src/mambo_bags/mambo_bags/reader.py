@@ -1,0 +1,563 @@
+"""
+Bags as numpy columns: a rosbag2 directory or one MCAP file, in the frames of the wire.
+
+``read_bag(path)['estimate/odom'].position`` is (n, 3) in metres, z up. Names are relative to the
+namespace of the drone, or absolute. A topic is decoded when it is first asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from functools import cache, cached_property
+from pathlib import Path
+import re
+from typing import Any, NoReturn, TYPE_CHECKING
+
+from mambo_model import yaml_nodes
+from mambo_model.schema import ParameterError
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys import get_types_from_idl, get_types_from_msg, get_typestore, Stores
+from rosbags.typesys.store import Typestore
+import yaml
+
+from . import columns as cdr, mcap_reader
+from .mcap_reader import BagError, Batch
+
+if TYPE_CHECKING:
+    import pandas
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+SECOND = 1_000_000_000
+SHORT_NAMES = {
+    'position': ('pose.pose.position', 'pose.position', 'position'),
+    'orientation': ('pose.pose.orientation', 'pose.orientation', 'attitude'),
+    'velocity': ('twist.twist.linear', 'velocity'),
+    'angular_velocity': ('twist.twist.angular', 'angular_velocity'),
+    'acceleration': ('linear_acceleration', 'acceleration'),
+    'pose_covariance': ('pose.covariance',),
+    'twist_covariance': ('twist.covariance',),
+    'pressure': ('fluid_pressure',),
+}
+"""Attribute: the field it stands for, the first that the message type has."""
+
+
+class FieldError(BagError, KeyError, AttributeError):
+    """The messages of a topic have no such field or constant."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class Messages:
+    """
+    The messages of one topic, in the order of their log time.
+
+    ``messages['pose.pose.position']`` is a field by its dotted path: (n,) for a number, (n, k)
+    for an array or a message of k numbers (a quaternion is x y z w, as on the wire). The same as
+    attribute, with the short names of ``SHORT_NAMES``: ``messages.position``.
+
+    Attributes
+    ----------
+    topic, type_name : str
+    log_time, publish_time : (n,) int, ns
+
+    """
+
+    def __init__(
+        self, topic: str, type_name: str, store: Typestore | BagError, batches: list[Batch],
+    ) -> None:
+        self.topic, self.type_name = topic, type_name
+        nothing = np.empty(0, np.int64)
+        log_times = np.concatenate([nothing, *(batch.log_time for batch in batches)])
+        self._order = np.argsort(log_times, kind='stable')
+        self.log_time: Ints = log_times[self._order]
+        self.publish_time: Ints = np.concatenate(
+            [nothing, *(batch.publish_time for batch in batches)])[self._order]
+        self._batches = batches
+        self._store = store
+        self._columns: dict[str, cdr.Column] = {}
+        self._objects: list[Any] | None = None
+        self._cache: dict[str, NDArray[Any]] = {}
+        self._is_decoded = False
+
+    def __len__(self) -> int:
+        return len(self.log_time)
+
+    @cached_property
+    def raw(self) -> list[bytes]:
+        """Return the bytes of each message."""
+        payloads = [data for batch in self._batches for _, _, data in batch]
+        return [payloads[i] for i in self._order.tolist()]
+
+    @cached_property
+    def table(self) -> NDArray[np.uint8] | None:
+        """Return the bytes of all messages, (n, size); None where they differ in length."""
+        tables = [batch.data for batch in self._batches]
+        sizes = {table.shape[1] if isinstance(table, np.ndarray) else 0 for table in tables}
+        if len(sizes) != 1 or 0 in sizes:
+            return None
+        table = np.concatenate(tables) if len(tables) > 1 else tables[0]
+        return table if (np.diff(self._order) == 1).all() else table[self._order]
+
+    def _decode(self) -> Typestore:
+        """Find the layout once, or fall back to one object per message; return the types."""
+        if isinstance(self._store, BagError):
+            raise self._store
+        if not self._is_decoded:
+            try:
+                if self.table is None:
+                    raise cdr.NoLayout
+                self._columns = cdr.layout(self._store, self.type_name, self.table)
+            except (cdr.NoLayout, KeyError, IndexError, RecursionError):
+                self._objects = list(self.objects())
+            self._is_decoded = True
+        return self._store
+
+    def objects(self) -> Iterator[Any]:
+        """
+        Yield every message as an object with the fields of its type.
+
+        Raises
+        ------
+        BagError
+            If a message is not what its type says.
+
+        """
+        if isinstance(self._store, BagError):
+            raise self._store
+        for number, data in enumerate(self.raw):
+            try:
+                whole = cdr.trimmed(self._store, self.type_name, data)
+                yield self._store.deserialize_cdr(whole, self.type_name)
+            except Exception as error:  # foreign bytes make the decoder raise anything
+                reason = ' '.join(str(error).split())[:120]
+                raise BagError(
+                    f'{self.topic}: message {number} is no {self.type_name} ({reason})') from None
+
+    def __getitem__(self, path: str) -> NDArray[Any]:
+        """Return a field by its dotted path; FieldError if the type has none such."""
+        if path not in self._cache:
+            self._decode()
+            self._cache[path] = self._field(path)
+        return self._cache[path]
+
+    def _field(self, path: str) -> NDArray[Any]:
+        if path in self._columns and self.table is not None:
+            return cdr.take(self.table, self._columns[path])
+        parts = self._parts(path)
+        if parts is None:
+            return self._gather(path)
+        if not parts:
+            raise FieldError(f'{self.topic}: {path} has no fields')
+        values = [self[f'{path}.{name}'] for name in parts]
+        if any(value.dtype.kind not in 'fiub' or value.ndim != 1 for value in values):
+            raise FieldError(
+                f'{self.topic}: {path} is no vector; its fields: {", ".join(parts)}')
+        return np.stack(values, axis=1)
+
+    def _parts(self, path: str) -> list[str] | None:
+        """Return the fields of a nested message, None for a leaf; FieldError if there is none."""
+        store, type_name = self._decode(), self.type_name
+        for step in path.split('.'):
+            name, _, item = step.partition('[')
+            fields = dict(store.fielddefs[type_name][1])
+            if name not in fields:
+                raise FieldError(
+                    f'{self.topic} ({self.type_name}) has no field {path}; '
+                    f'{type_name} has {", ".join(fields)}')
+            node, detail = fields[name]
+            if item and node in (cdr.Nodetype.ARRAY, cdr.Nodetype.SEQUENCE):
+                node, detail = detail[0]
+            if node != cdr.Nodetype.NAME:
+                return None
+            type_name = detail
+        return [name for name, _ in store.fielddefs[type_name][1]]
+
+    def _gather(self, path: str) -> NDArray[Any]:
+        """Return a field from message objects; ragged ones as an array of objects."""
+        if self._objects is None:
+            self._objects = list(self.objects())
+        values = []
+        for message in self._objects:
+            for name, item in re.findall(r'([^.\[\]]+)(?:\[(\d+)\])?', path):
+                message = getattr(message, name)
+                message = message[int(item)] if item else message
+            values.append(message)
+        try:
+            return np.array(values)
+        except ValueError:
+            ragged = np.empty(len(values), object)
+            ragged[:] = values
+            return ragged
+
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        if name.startswith('_'):
+            raise AttributeError(name)
+        for path in (*SHORT_NAMES.get(name, ()), name):
+            try:
+                return self[path]
+            except KeyError as error:
+                reason = error
+        raise FieldError(str(reason.args[0]))
+
+    @property
+    def stamp(self) -> Ints:
+        """Return the stamps, (n,) ns: of the header or clock, else the log times."""
+        for path in ('header.stamp', 'clock'):
+            try:
+                return self[f'{path}.sec'].astype(np.int64) * SECOND + self[f'{path}.nanosec']
+            except KeyError:
+                continue
+        return self.log_time
+
+    @property
+    def t(self) -> Floats:
+        """Return the stamps, (n,) s."""
+        return self.stamp * 1e-9
+
+    def _leaves(self, path: str = '') -> Iterator[str]:
+        """Yield the paths of all fields that are no messages themselves."""
+        store = self._decode()
+        names = self._parts(path) if path else [
+            name for name, _ in store.fielddefs[self.type_name][1]]
+        if names is None:
+            yield path
+            return
+        for name in names:
+            yield from self._leaves(f'{path}.{name}' if path else name)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """
+        Return the messages as a table: one row each, one column a number or text.
+
+        The index is the stamp [s], named ``t``; columns are dotted paths such as
+        ``pose.pose.position.x``, items of arrays ``pwm[0]``. The stamp itself is no column.
+
+        Raises
+        ------
+        BagError
+            If pandas is not installed.
+
+        """
+        try:
+            import pandas
+        except ImportError:
+            raise BagError('to_pandas needs pandas: python3 -m pip install pandas') from None
+        columns: dict[str, Any] = {}
+        for path in self._leaves():
+            if path.startswith(('header.stamp.', 'clock.')):
+                continue
+            values = self[path]
+            if values.ndim == 1:
+                columns[path] = values
+            else:
+                columns |= {f'{path}[{i}]': values[:, i] for i in range(values.shape[1])}
+        return pandas.DataFrame(columns, index=pandas.Index(self.t, name='t'))
+
+    def constant(self, name: str) -> int | float | str | bool:
+        """Return a constant of the message type, as ``PHASE_TRACK``; FieldError if it has none."""
+        constants = {
+            key: value for key, _, value in self._decode().fielddefs[self.type_name][0]}
+        if name not in constants:
+            raise FieldError(f'{self.topic} ({self.type_name}) has no constant {name}')
+        return constants[name]
+
+
+class Bag:
+    """
+    A bag in memory.
+
+    Attributes
+    ----------
+    path : Path
+    namespace : str
+        Of the drone, for example ``/mambo``; empty if no topic is namespaced.
+    topics : dict[str, str]
+        {absolute name: type}, those without messages too.
+    metadata : dict[str, dict[str, str]]
+        MCAP metadata records by name.
+    attachments : dict[str, str | bytes]
+        Files inside the bag by name; text where it is UTF-8.
+    custom_data : dict[str, str]
+        Of metadata.yaml: what is about the run and not about the flight.
+
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.namespace = ''
+        self.topics: dict[str, str] = {}
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.attachments: dict[str, str | bytes] = {}
+        self.custom_data: dict[str, str] = {}
+        self._messages: dict[str, Messages] = {}
+
+    def add(self, messages: Messages) -> None:
+        """Take the messages of a topic."""
+        self.topics[messages.topic] = messages.type_name
+        self._messages[messages.topic] = messages
+
+    def name(self, topic: str) -> str:
+        """Return the absolute name of a topic."""
+        if topic in self.topics:
+            return topic
+        return topic if topic.startswith('/') else f'{self.namespace}/{topic}'
+
+    def __contains__(self, topic: str) -> bool:
+        """Return whether a topic has messages (that were read)."""
+        return len(self._messages.get(self.name(topic), ())) > 0
+
+    def __getitem__(self, topic: str) -> Messages:
+        """Return the messages of a topic; BagError if the bag has none such."""
+        found = self._messages.get(self.name(topic))
+        if found is None:
+            raise BagError(
+                f'{self.path}: no topic {self.name(topic)}; it has '
+                f'{", ".join(sorted(self.topics)) or "none"}')
+        return found
+
+    messages = __getitem__
+
+    @property
+    def start(self) -> int:
+        """Return the earliest log time, ns; 0 without messages."""
+        return min((int(m.log_time[0]) for m in self._messages.values() if len(m)), default=0)
+
+    @property
+    def end(self) -> int:
+        """Return the latest log time, ns; 0 without messages."""
+        return max((int(m.log_time[-1]) for m in self._messages.values() if len(m)), default=0)
+
+    @cached_property
+    def scenario(self) -> dict[str, Any] | None:
+        """Return the attached ``scenario.yaml``; None if there is none or it is no mapping."""
+        try:
+            content = yaml_nodes.load(self.attachments.get('scenario.yaml', ''))
+        except (yaml.YAMLError, TypeError):  # no YAML, or bytes that are no text
+            return None
+        return content if isinstance(content, dict) else None
+
+
+_PARTS = {  # of metadata.yaml, what is read of it
+    'relative_file_paths': (list, 'a list of names'), 'storage_identifier': (str, 'a name'),
+    'compression_mode': (str, 'a name'), 'custom_data': (dict, 'names and values')}
+
+
+def _listing(path: Path) -> dict[str, Any]:
+    """Return the content of a directory's metadata.yaml; empty if there is no such file."""
+    file = path / 'metadata.yaml'
+    if not file.is_file():
+        return {}
+
+    def fail(reason: str) -> NoReturn:
+        raise BagError(f'{file}: not the metadata of a rosbag2 bag ({reason})')
+    try:
+        content = yaml_nodes.load(yaml_nodes.read_text(file))
+    except ParameterError as error:
+        raise BagError(str(error)) from None
+    except yaml.YAMLError as error:
+        fail(yaml_nodes.reason(error))
+    if not isinstance(content, dict) or not isinstance(
+            content.get('rosbag2_bagfile_information'), dict):
+        fail('it holds no rosbag2_bagfile_information')
+    content = content['rosbag2_bagfile_information']
+    if 'relative_file_paths' not in content:
+        fail('relative_file_paths is missing')
+    content = {key: value for key, value in content.items() if value is not None}
+    for key, (kind, wanted) in _PARTS.items():
+        if key in content and not isinstance(content[key], kind):
+            fail(f'{key} is not {wanted}')
+    names = content.setdefault('relative_file_paths', [])
+    if not all(isinstance(name, str) and '\0' not in name for name in names):
+        fail('relative_file_paths is not a list of names')
+    return content
+
+
+def bag_files(path: Path) -> tuple[list[Path], dict[str, Any]]:
+    """
+    Return the MCAP files of a bag in order, and the content of its metadata.yaml.
+
+    Raises
+    ------
+    BagError
+        If the path holds no MCAP bag, or one that another tool must convert first.
+
+    """
+    if path.is_file():
+        if path.name == 'metadata.yaml':
+            raise BagError(f'{path}: give the directory of the bag, not its metadata.yaml')
+        return [path], {}
+    if not path.is_dir():
+        raise BagError(f'{path}: there is no such bag')
+    listing = _listing(path)
+    storage = listing.get('storage_identifier', 'mcap')
+    if storage != 'mcap' or listing.get('compression_mode', '').lower() in ('file', 'message'):
+        raise BagError(
+            f'{path}: a bag of storage {storage}, compression '
+            f'{listing.get("compression_mode") or "none"}; convert it with ros2 bag convert to '
+            'plain mcap first')
+    if listing:
+        files = [path / Path(name).name for name in listing['relative_file_paths']]
+    else:
+        files = sorted(path.glob('*.mcap'))
+    if not files:
+        raise BagError(f'{path}: no bag here; give a rosbag2 directory or an .mcap file')
+    for file in files:
+        if not file.is_file():
+            raise BagError(f'{file}: listed in metadata.yaml, but missing')
+    return files, listing
+
+
+def type_name(name: str) -> str:
+    """Return ``package/msg/Name`` for it or for ``package/Name``."""
+    package, _, rest = name.partition('/')
+    return name if '/' in rest else f'{package}/msg/{rest}'
+
+
+def _types(schema: Any, encoding: str, where: str) -> Typestore | BagError:
+    """Return the types of a schema; the error that asking for its messages shall raise."""
+    if encoding != 'cdr':
+        return BagError(f'{where}: messages are encoded as {encoding!r}, only cdr is read')
+    if schema is not None and not schema.data and schema.name.startswith('mambo_interfaces/'):
+        return cdr.load_types([type_name(schema.name)])
+    if schema is None or not schema.data:
+        return BagError(f'{where}: the bag does not say what the messages look like (no schema)')
+    return definition_types(schema.data, schema.encoding, type_name(schema.name), where)
+
+
+def definition_types(data: bytes, kind: str, name: str, where: str) -> Typestore | BagError:
+    """
+    Return the types of a definition that a bag carries, or what is wrong with it.
+
+    Parameters
+    ----------
+    data
+        The text.
+    kind
+        ``ros2msg`` or ``ros2idl``.
+    name
+        Of the type, ``package/msg/Name``.
+    where
+        Of the topic, for the error.
+
+    """
+    if kind not in ('ros2msg', 'ros2idl'):
+        return BagError(f'{where}: schema of kind {kind!r}, only ros2msg and ros2idl are read')
+    try:
+        return _parsed(data, kind, name)
+    except Exception as error:  # the parser of a foreign schema raises anything
+        reason = str(error).split('\n')[0]
+        return BagError(f'{where}: the schema of {name} cannot be read ({reason})')
+
+
+@cache
+def _parsed(data: bytes, encoding: str, name: str) -> Typestore:
+    """Return the types of a schema; what the parser raises, and ValueError for another's."""
+    store, text = get_typestore(Stores.EMPTY), data.decode()
+    store.register(
+        get_types_from_msg(text, name) if encoding == 'ros2msg' else get_types_from_idl(text))
+    if name not in store.fielddefs:
+        raise ValueError(f'it does not define {name}')
+    return store
+
+
+def _namespace(topics: Collection[str], path: Path, wanted: str | None) -> str:
+    """Return the namespace asked for, or the one that a drone's topics are in, or an empty one."""
+    if wanted is not None:
+        wanted = f"/{wanted.strip('/')}"
+        if not any(topic.startswith(f'{wanted}/') for topic in topics):
+            raise BagError(
+                f'{path}: nothing in the namespace {wanted}; topics: {", ".join(topics)}')
+        return wanted
+    known = {
+        'imu/data_raw', 'estimate/odom', 'ground_truth/odom', 'optitrack/pose', 'motor_pwm',
+        'sonar/range', 'optical_flow', 'barometer/pressure', 'onboard/odom', 'sensor_tick'}
+    found = sorted({
+        topic[:-len(name) - 1] for topic in topics for name in known
+        if topic.endswith('/' + name)})
+    if len(found) > 1:
+        raise BagError(
+            f'{path}: several drones, in the namespaces {", ".join(found)}; say which '
+            '(namespace=..., on the command line --namespace)')
+    return found[0] if found else ''
+
+
+def read_bag(
+    path: Path | str, topics: Collection[str] | None = None, namespace: str | None = None,
+) -> Bag:
+    """
+    Read a bag.
+
+    Parameters
+    ----------
+    path
+        Directory of a rosbag2 bag (one or several MCAP files) or an MCAP file.
+    topics
+        Which topics' messages to read, absolute or relative; default: all. With ``()`` only
+        what the bag says about itself is kept.
+    namespace
+        Of the drone; default: the only one in the bag.
+
+    Raises
+    ------
+    BagError
+        If there is no bag, it is foreign, empty, damaged or was never closed.
+
+    """
+    path = Path(path)
+    files, listing = bag_files(path)
+
+    def is_wanted(topic: str) -> bool:
+        return topics is None or any(
+            topic == name or topic.endswith(f'/{name}') for name in topics)
+
+    contents = [mcap_reader.scan(file, is_wanted) for file in files]
+    for file, content in zip(files, contents):
+        if not content.complete:
+            raise BagError(
+                f'{file}: damaged: {content.damage[0]}; save what is readable with: '
+                f'ros2 run mambo_analysis recover {path} NEW_BAG')
+    return _assemble(path, list(zip(files, contents)), listing, topics, namespace)
+
+
+def _assemble(
+    path: Path, parts: list[tuple[Path, mcap_reader.Contents]], listing: dict[str, Any],
+    topics: Collection[str] | None, namespace: str | None,
+) -> Bag:
+    """Put the files of a bag together."""
+    bag = Bag(path)
+    bag.custom_data = {
+        str(key): str(value) for key, value in (listing.get('custom_data') or {}).items()}
+    gathered: dict[str, list[Batch]] = {}
+    schemas: dict[str, tuple[mcap_reader.Schema | None, str]] = {}
+    for file, content in parts:
+        for record in content.metadata:
+            bag.metadata.setdefault(record.name, {}).update(record.metadata)
+        for attachment in content.attachments:
+            bag.attachments[attachment.name] = _text(attachment.data)
+        for number, channel in content.channels.items():
+            schema = content.schemas.get(channel.schema_id)
+            kind = type_name(schema.name) if schema else ''
+            if bag.topics.setdefault(channel.topic, kind) != kind:
+                raise BagError(
+                    f'{file}: {channel.topic} is both {bag.topics[channel.topic]} and {kind}')
+            gathered.setdefault(channel.topic, []).extend(content.messages[number])
+            schemas.setdefault(channel.topic, (schema, channel.message_encoding))
+    if not any(content.count for _, content in parts):
+        raise BagError(f'{path}: the bag holds no messages')
+    bag.namespace = _namespace(bag.topics, path, namespace)
+    wanted = None if topics is None else {bag.name(topic) for topic in topics}
+    for topic, batches in gathered.items():
+        if wanted is None or topic in wanted:
+            bag.add(Messages(
+                topic, bag.topics[topic], _types(*schemas[topic], f'{path}: {topic}'), batches))
+    return bag
+
+
+def _text(data: bytes) -> str | bytes:
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        return data

@@ -1,0 +1,189 @@
+"""
+Recorder: every topic of the flight, undecoded, into one bag.
+
+Log and publish time are the stamp inside the message, never the wall clock, so that a simulated
+flight has the same bag whenever and however fast it is flown. A message older than one before it
+on its topic (a sensor that is out of order) gets the time of that one: the order stays.
+
+Anybody may publish anything on these topics. A message without a readable stamp, or with one that
+is not of this flight (``log_times``), is recorded at the time of ``/clock``; one of more than a
+megabyte is left out. The first of each kind and topic is a warning, all are counted at the end.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+import struct
+from typing import NoReturn
+
+from mambo_model import schema
+from mambo_ros import layout, node, topics
+
+from .log_times import LogTimes
+from .writer import BagWriter, BagWriterError, GRACE, Qos
+
+_TF_STAMP = 4  # bytes between the encapsulation and the stamp of the first transform: the count
+_LARGEST = 1_000_000  # bytes of a message; those of a flight have less than a thousand
+_EARLY = 2000  # messages, and
+_EARLY_SIZE = 1 << 24  # bytes that are held back before the first /clock
+_STAMP = 'with a stamp outside of the flight, recorded at the time of /clock'
+_SIZE = f'of more than {_LARGEST // 1_000_000} MB, left out'
+
+
+@dataclass(frozen=True)
+class RecorderNodeParams:
+    """Parameters of ``recorder_node``."""
+
+    bag: str = schema.text('', 'directory of the bag, must not exist')
+    topics: str = schema.text('', 'names separated by commas, default: every topic of the flight')
+    scenario: str = schema.text('', 'file kept inside the bag: scenario and parameters')
+
+    def __post_init__(self) -> None:
+        schema.check(self)
+        if not self.bag:
+            raise schema.ParameterError('RecorderNodeParams.bag: give the directory of the bag')
+
+
+def _selected(names: str) -> list[topics.Topic]:
+    """Return the topics to record, refusing unknown names."""
+    known = {topic.name: topic for topic in topics.RECORDED}
+    wanted = [name.strip() for name in names.split(',') if name.strip()] or list(known)
+    for name in wanted:
+        if name not in known:
+            raise schema.ParameterError(
+                f"RecorderNodeParams.topics: unknown topic {name}; known: {', '.join(known)}")
+    return [known[name] for name in wanted]
+
+
+def _stamp(data: bytes, offset: int) -> int | None:
+    """Return the stamp of a message in ns, None if it is too short to have one."""
+    try:
+        if offset and not any(data[4:4 + offset]):  # a sequence without elements
+            return None
+        return layout.stamp_ns(data, offset)
+    except (IndexError, struct.error):
+        return None
+
+
+class RecorderNode(node.MamboNode[RecorderNodeParams]):
+    """Records the graph's topics to a rosbag2 directory with an MCAP file."""
+
+    def __init__(self, **kwargs) -> None:
+        super().__init__('recorder_node', RecorderNodeParams, **kwargs)
+        p = self.params
+        selected = _selected(p.topics)
+        attachments = {}
+        if p.scenario:
+            attachments['scenario.yaml'] = Path(p.scenario).read_text()
+        try:
+            self._bag = BagWriter(Path(p.bag), attachments=attachments)
+        except BagWriterError as error:
+            raise schema.ParameterError(f'RecorderNodeParams.bag: {error}') from None
+        self._times = LogTimes()
+        self._early: list[tuple[Callable[[bytes], None], bytes]] = []  # before the first /clock
+        self._early_size = 0
+        self._failed = False
+        self._odd: Counter[tuple[str, str]] = Counter()  # by topic and kind
+        for topic in selected:
+            name = self.resolve_topic_name(topic.name)
+            self._bag.add_topic(
+                name, topic.type_name, Qos(depth=node.QUEUE), shared=topic.shared)
+            self.hear(topic, self._writer(name, topic), prompt=False)
+        if topics.CLOCK not in selected:
+            self.hear(topics.CLOCK, self._on_clock, prompt=False)
+
+    def _on_clock(self, data: bytes) -> None:
+        """Take the time from a ``/clock`` that is not recorded."""
+        self._times.hear(_stamp(data, 0))
+        self._release()
+
+    def _writer(self, name: str, topic: topics.Topic) -> Callable[[bytes], None]:
+        """
+        Return the callback that records one topic.
+
+        A late message of one publisher stays behind the one it came after; of several publishers
+        the order of arrival is chance, and the stamp alone counts.
+        """
+        offset = _TF_STAMP if topic is topics.TF else 0
+        times, write, shared, newest = self._times, self._bag.write, topic.shared, 0
+        is_clock = topic is topics.CLOCK
+
+        def record(data: bytes) -> None:
+            nonlocal newest
+            stamp = _stamp(data, offset)
+            if is_clock and not times.hear(stamp):
+                stamp = None
+            log_time, own = times.of(stamp)
+            if not own:
+                self._notice(name, _STAMP)
+            newest = log_time if shared else max(newest, log_time)
+            try:
+                write(name, data, newest, now_ns=times.now)
+            except BagWriterError as error:
+                self._fail(error)
+
+        def take(data: bytes) -> None:
+            if len(data) > _LARGEST:
+                self._notice(name, _SIZE)
+            elif times.now is not None:
+                record(data)
+            elif is_clock and times.hear(_stamp(data, offset)):
+                record(data)
+                self._release()
+            else:
+                self._hold(record, data)
+        return take
+
+    def _hold(self, record: Callable[[bytes], None], data: bytes) -> None:
+        """Keep a message until there is a ``/clock``, or too many of them without one."""
+        self._early.append((record, bytes(data)))
+        self._early_size += len(data)
+        if len(self._early) >= _EARLY or self._early_size > _EARLY_SIZE:
+            self._release()
+
+    def _release(self) -> None:
+        """Record what was held back."""
+        if not self._early:
+            return
+        if self._times.now is None:
+            self.get_logger().warning('no /clock: stamps are bounded by the clock of this machine')
+            self._times.use_wall_clock()
+        early, self._early = self._early, []
+        for record, data in early:
+            record(data)
+
+    def _notice(self, name: str, kind: str) -> None:
+        """Count a message that is not as it should be, and warn of the first."""
+        if not self._odd[name, kind]:
+            self.get_logger().warning(f'{name}: a message {kind}')
+        self._odd[name, kind] += 1
+
+    def _fail(self, error: BagWriterError) -> NoReturn:
+        """End the process: a flight that is not recorded is not flown on."""
+        self._failed = True
+        self.get_logger().error(str(error))
+        raise SystemExit(1)
+
+    def finish(self) -> None:
+        """Close the bag and say what is in it."""
+        if self._failed:
+            return
+        self._release()
+        end = None if self._times.now is None else self._times.now + GRACE
+        try:
+            self._bag.close(end_ns=end)
+        except BagWriterError as error:
+            self._fail(error)
+        odd = [f'{name}: {count} {kind}' for (name, kind), count in sorted(self._odd.items())]
+        if self._bag.beyond:
+            odd.append(f'{self._bag.beyond} with a stamp after the end, recorded at the end')
+        self.get_logger().info('; '.join([
+            f'closed {self.params.bag}, {self._bag.late} late messages', *odd]))
+
+
+def main(args=None) -> None:
+    """Entry point ``recorder_node``."""
+    node.main(RecorderNode, args)

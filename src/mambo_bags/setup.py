@@ -1,0 +1,27 @@
+from setuptools import find_packages, setup
+
+package_name = 'mambo_bags'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    packages=find_packages(exclude=['test']),
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+    ],
+    install_requires=['setuptools'],
+    extras_require={'test': ['pytest']},
+    zip_safe=False,
+    maintainer='The Mambo developers',
+    maintainer_email='mambo@example.com',
+    description='Bags: write, read, record, replay and recover MCAP files.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'recorder_node = mambo_bags.recorder_node:main',
+            'recover = mambo_bags.recover:main',
+            'replay_node = mambo_bags.replay_node:main',
+        ],
+    },
+)

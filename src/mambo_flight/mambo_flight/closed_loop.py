@@ -1,0 +1,327 @@
+"""
+The whole flight in one process: the graph's compiled steps in one compiled loop, no middleware.
+
+Same steps, same order, same numbers as the graph in lockstep, to the last bit (tested): at each
+control step the sensors are read, the estimator and the flight plan answer, the controller
+answers both, the vehicle moves.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from mambo_control import controllers, failsafe
+from mambo_estimation import filters
+from mambo_estimation.kalman import Estimate
+from mambo_model.compiled import jit
+from mambo_model.motion.flatness import body_velocity
+from mambo_model.motion.rigid_body import State
+from mambo_model.motion.trajectory import PlanValues, reference_step
+from mambo_model.motion.vector import Vec3
+from mambo_model.vehicle.parameters import VehicleValues
+from mambo_sim import simulator
+from mambo_sim.faults import in_time
+from mambo_sim.parameters import STEP_NS
+from mambo_sim.sensors import optitrack
+import numpy as np
+from numpy.typing import NDArray
+
+from .scenario import Scenario
+
+Array = NDArray[np.float64]
+
+
+class Inner(NamedTuple):
+    """What only a bag needs, row k at t[k]; vectors inertial NED or body FRD."""
+
+    sonar: Array  # (n,) m, as published, also where it sees nothing; NaN without a sample
+    plan: Array  # (n, 19) of the reference: v, a, j, s, omega_dot, f, tau
+    pose_covariance: Array  # (n, 36); zeros where nothing estimates
+    twist_covariance: Array  # (n, 36)
+    estimator: Array  # (n, 36) of the estimate, in the order of messages.estimator_state
+    controller: Array  # (n, 35) of the command, in the order of messages.controller_state
+    health: Array  # (n, 8) failsafe: stage, reason; motion capture: tracked, visible markers,
+    # frames, lost, dropped; failsafe: phase
+
+
+class Recording(NamedTuple):
+    """
+    One flight as arrays, inertial NED and body FRD; row k is the control step at t[k].
+
+    A state row is rho (3) m, nu (3) m/s body, q (4) w x y z, omega (3) rad/s body.
+    """
+
+    t: NDArray[np.int64]  # (n,) ns
+    truth: Array  # (n, 13)
+    estimate: Array  # (n, 13)
+    reference: Array  # (n, 13), with nu = q* (.) v
+    phase: NDArray[np.int64]  # (n,) of the flight plan
+    thrust: Array  # (n,) N, commanded (3.20)
+    pwm: Array  # (n, 4)
+    pose: Array  # (n, 7) Optitrack position and quaternion, NaN where no pose came
+    pose_t: NDArray[np.int64]  # (n,) ns, stamp of the pose
+    imu: Array  # (n, 6) gyro rad/s and specific force m/s^2
+    sonar: Array  # (n,) m, slant range as published; this and the next two NaN without a sample
+    flow: Array  # (n, 3) rad/s, the vehicle's sign; quality 0 ... 255
+    pressure: Array  # (n,) Pa
+    status: NDArray[np.int64]  # (n,) of the estimator; this and the rest zero of the ground truth
+    health: NDArray[np.int64]  # (n, 5) of each sensor, mambo_estimation.health
+    pose_variance: Array  # (n, 6) m^2 and rad^2, inertial axes, that the estimator states
+    twist_variance: Array  # (n, 6) m^2/s^2 and rad^2/s^2, body axes, likewise
+    stopped: NDArray[np.bool_]  # (n,) motors shut down
+    reason: NDArray[np.int64]  # (n,) safety.REASON_* of the command
+    inner: Inner | None  # None is a type of its own: a loop that does not store this
+
+
+class Settings(NamedTuple):
+    """Everything compiled code reads that does not change during a flight."""
+
+    simulator: simulator.SimulatorValues
+    optitrack: optitrack.OptitrackValues
+    estimator: filters.Values
+    plan: PlanValues
+    gains: controllers.Gains
+    failsafe: failsafe.FailsafeValues
+    reference_vehicle: VehicleValues
+    controller_vehicle: VehicleValues
+    period: float
+    use_truth: bool
+    sonar_low: float
+    sonar_high: float
+
+
+def settings(flight: Scenario) -> Settings:
+    """Return what compiled code reads of a scenario."""
+    sim, estimator = flight.sim_node.simulator, flight.estimator_node
+    return Settings(
+        sim.values(), flight.optitrack_node.optitrack.values(), estimator.filter.values(),
+        flight.reference_node.plan.values(), flight.controller_node.law.values(),
+        flight.controller_node.failsafe.values(),
+        flight.reference_node.vehicle.values(), flight.controller_node.vehicle.values(),
+        flight.controller_node.period, estimator.estimator == 'ground_truth',
+        float(np.float32(sim.sonar.min_range)), float(np.float32(sim.sonar.max_range)))
+
+
+def fly(flight: Scenario, inner: bool = False) -> Recording:
+    """
+    Fly a scenario.
+
+    Parameters
+    ----------
+    flight
+        With a duration; mode, pace and waiting of the graph do not matter here.
+    inner
+        Whether to record what only a bag needs.
+
+    Returns
+    -------
+    recording
+        One row per control step, the first at t = 0, the last at the duration.
+
+    Raises
+    ------
+    ValueError
+        If the scenario has no duration.
+
+    """
+    steps = step_count(flight)
+    out = Recording(
+        np.arange(steps, dtype=np.int64) * STEP_NS, *(np.empty((steps, 13)) for _ in range(3)),
+        np.empty(steps, dtype=np.int64), np.empty(steps), np.empty((steps, 4)),
+        np.full((steps, 7), np.nan), np.zeros(steps, dtype=np.int64), np.empty((steps, 6)),
+        np.empty(steps), np.empty((steps, 3)), np.empty(steps), np.zeros(steps, dtype=np.int64),
+        np.zeros((steps, 5), dtype=np.int64), np.zeros((steps, 6)), np.zeros((steps, 6)),
+        np.zeros(steps, dtype=np.bool_), np.zeros(steps, dtype=np.int64),
+        _inner(steps) if inner else None)
+    sim = flight.sim_node.simulator
+    mocap_rng = simulator.generators(flight.optitrack_node.seed)[simulator.OPTITRACK]
+    _loop(simulator.initial_state(sim), simulator.generators(sim.seed), mocap_rng,
+          filters.initial(flight.estimator_node.filter),
+          failsafe.initial(flight.controller_node.law),
+          settings(flight), out)
+    return out
+
+
+def step_count(flight: Scenario) -> int:
+    """
+    Return how many control steps a flight has, the first at t = 0, the last at its duration.
+
+    Raises
+    ------
+    ValueError
+        If the scenario has no duration.
+
+    """
+    if not flight.sim_node.duration > 0.0:
+        raise ValueError('the scenario has no duration: set sim_node.duration in seconds')
+    return -(-round(flight.sim_node.duration * 1e9) // STEP_NS) + 1
+
+
+def _inner(steps: int) -> Inner:
+    return Inner(np.full(steps, np.nan), *(
+        np.zeros((steps, width)) for width in (19, 36, 36, 36, 35, 8)))
+
+
+@jit
+def store_state(row: Array, s: State) -> None:
+    """Store a state in a row of 13 numbers."""
+    for i in range(3):
+        row[i] = s.rho[i]
+        row[3 + i] = s.nu[i]
+        row[10 + i] = s.omega[i]
+    for i in range(4):
+        row[6 + i] = s.q[i]
+
+
+class Heard(NamedTuple):
+    """Samples of a control step as the estimator node has them from the wire; NaN: none."""
+
+    gyro: Vec3
+    accel: Vec3
+    sonar: float
+    flow: tuple[float, float]
+    flow_quality: int
+    pressure: float
+
+
+@jit
+def hear(s: simulator.Samples, p: Settings) -> Heard:
+    """Return of a control step's samples those that arrive in time and say something."""
+    gyro, accel = s.gyro, s.accel
+    if not in_time(s.fates.imu):
+        gyro, accel = (np.nan, np.nan, np.nan), (np.nan, np.nan, np.nan)
+    sonar, flow, quality, pressure = np.nan, (np.nan, np.nan), 0, np.nan
+    if s.sonar_new and in_time(s.fates.sonar) and p.sonar_low <= s.sonar <= p.sonar_high:
+        sonar = s.sonar
+    if s.flow_new and in_time(s.fates.flow):
+        flow, quality = s.flow, s.flow_quality
+    if s.baro_new and in_time(s.fates.barometer):
+        pressure = s.pressure
+    return Heard(gyro, accel, sonar, flow, quality, pressure)
+
+
+@jit
+def _store_samples(out: Recording, k: int, s: simulator.Samples, heard: Heard) -> None:
+    for i in range(3):
+        out.imu[k, i], out.imu[k, 3 + i] = heard.gyro[i], heard.accel[i]
+    out.sonar[k], out.pressure[k] = heard.sonar, heard.pressure
+    out.flow[k, 0], out.flow[k, 1] = heard.flow
+    out.flow[k, 2] = heard.flow_quality if s.flow_new else np.nan
+
+
+@jit
+def _store_health(out: Recording, k: int, e: Estimate) -> None:
+    out.status[k] = e.status
+    for i in range(5):
+        out.health[k, i] = e.health.health[i]
+    for i in range(6):
+        out.pose_variance[k, i] = e.pose_covariance[7 * i]
+        out.twist_variance[k, i] = e.twist_covariance[7 * i]
+
+
+@jit
+def _put(row: Array, start: int, v: Vec3) -> int:
+    """Write a vector into a row; return where the next one begins."""
+    row[start], row[start + 1], row[start + 2] = v
+    return start + 3
+
+
+@jit
+def store_estimate(inner, k, e):
+    """Store what a bag says of an estimate besides its state."""
+    if inner is None:
+        return
+    for i in range(36):
+        inner.pose_covariance[k, i] = e.pose_covariance[i]
+        inner.twist_covariance[k, i] = e.twist_covariance[i]
+    row = inner.estimator[k]
+    row[0], row[1], row[2] = e.status, e.height, e.vertical_velocity
+    at = _put(row, _put(row, 3, e.gyro_bias), e.accel_bias)
+    row[at], row[at + 1], row[at + 2] = (
+        e.barometer_offset, e.sonar_innovation, e.sonar_test_ratio)
+    row[12], row[13], row[14] = e.flow_innovation[0], e.flow_innovation[1], e.flow_test_ratio
+    row[15], row[16] = e.barometer_innovation, e.barometer_test_ratio
+    row[17], row[18], row[19] = e.sonar_refused, e.flow_refused, e.barometer_refused
+    row[20] = e.invalid_samples
+    for i in range(5):
+        row[21 + i], row[26 + i] = e.health.health[i], e.health.age[i]
+        row[31 + i] = e.health.not_finite[i]
+
+
+@jit
+def _store_inner(inner, k, s, ref, c, control, mocap):
+    """Store what a bag says of samples, reference, command and the health of the nodes."""
+    if inner is None:
+        return
+    if s.sonar_new:
+        inner.sonar[k] = s.sonar
+    row = inner.plan[k]
+    at = _put(row, _put(row, _put(row, _put(row, 0, ref.v), ref.a), ref.j), ref.s)
+    at = _put(row, at, ref.omega_dot)
+    row[at] = ref.f
+    _put(row, at + 1, ref.tau)
+    row = inner.controller[k]
+    at = _put(row, _put(row, 0, c.position_error), c.velocity_error)
+    at = _put(row, _put(row, _put(row, at, c.integral), c.integral_rate), c.virtual_input)
+    row[19], row[23] = c.attitude_error, c.thrust
+    _put(row, _put(row, 20, c.angular_velocity_error) + 1, c.torque)
+    for i in range(4):
+        row[at + i], row[27 + i], row[31 + i] = (
+            c.attitude_desired[i], c.motor_thrust[i], c.saturated[i])
+    row, seen = inner.health[k], mocap.seen
+    row[0], row[1], row[2] = control.stage, control.reason, mocap.track.tracked
+    for i in range(len(seen)):
+        row[3] += seen[i]
+    row[7] = control.phase
+    row[4], row[5], row[6] = mocap.counts.frames, mocap.counts.lost, mocap.counts.dropped
+
+
+@jit
+def _loop(state, rngs, mocap_rng, memory, control, p, out):
+    """
+    Fly; every argument as :func:`fly` makes it, ``out`` is filled.
+
+    The types of ``memory``, ``control`` and ``p`` say which estimator and which controller: each
+    pair has a loop of its own, compiled when it is first flown.
+    """
+    mocap, before = optitrack.START, state.plant.body
+    last = len(out.t) - 1
+    for k in range(last + 1):
+        t = out.t[k]
+        state, samples = simulator.sense(state, k, rngs, p.simulator)
+        body = state.plant.body
+        t_before = t - STEP_NS if k else t
+        mocap, seen = optitrack.step(mocap, t_before, before, t, body, mocap_rng, p.optitrack)
+        before = body
+        estimated, spread, heard = body, failsafe.EXACT, hear(samples, p)
+        _store_samples(out, k, samples, heard)
+        if not p.use_truth:
+            memory, estimate = filters.step(
+                memory, (t - t_before) * 1e-9, heard.gyro, heard.accel, heard.sonar, heard.flow,
+                heard.flow_quality, heard.pressure, p.estimator)
+            estimated = estimate.state
+            _store_health(out, k, estimate)
+            store_estimate(out.inner, k, estimate)
+            spread = failsafe.spread_of(estimate.pose_covariance, estimate.twist_covariance)
+        vehicle = p.reference_vehicle
+        ref, phase = reference_step(
+            t * 1e-9, p.plan, vehicle.mass, vehicle.inertia, vehicle.gravity)
+        control, command = failsafe.step(
+            control, estimated, spread, ref, phase, p.period, p.gains, p.failsafe,
+            p.controller_vehicle)
+        store_state(out.truth[k], body)
+        store_state(out.estimate[k], estimated)
+        store_state(out.reference[k], State(ref.rho, body_velocity(ref), ref.q, ref.omega))
+        _store_inner(out.inner, k, samples, ref, command, control, mocap)
+        out.phase[k], out.thrust[k] = phase, command.thrust
+        out.stopped[k], out.reason[k] = command.shutdown, command.reason
+        for i in range(4):
+            out.pwm[k, i] = command.pwm[i]
+        if seen.new:
+            out.pose_t[k] = seen.stamp
+            for i in range(3):
+                out.pose[k, i] = seen.pose.rho[i]
+            for i in range(4):
+                out.pose[k, 3 + i] = seen.pose.q[i]
+        if k < last:
+            state = simulator.advance(state, command.pwm, command.shutdown, p.simulator)

@@ -1,0 +1,270 @@
+"""
+Offline replay: recorded sensors through the estimator in one process, no middleware.
+
+The estimator's step is the compiled one of the node and the samples are ordered by the same
+watermark, so that the result equals the recorded estimate to the last bit. Nothing is done message
+by message where that can be: topics are columns, the samples of each step are found for all steps
+at once, and one compiled loop takes the steps. Only where a sample is late, repeated or out of
+order does the :class:`Synchroniser` of the node find the steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import islice
+from typing import NamedTuple
+
+from mambo_bags.reader import Bag, BagError, Messages
+from mambo_estimation import filters
+from mambo_estimation.parameters import EstimatorNodeParams
+from mambo_estimation.synchroniser import Synchroniser
+from mambo_model.compiled import jit
+from mambo_model.frames import flip_vector
+from mambo_ros import topics
+import numpy as np
+from numpy.typing import NDArray
+
+from .closed_loop import Recording, store_estimate, store_state
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Steps(NamedTuple):
+    """Filter steps of a flight, one a row; fields and units as of ``synchroniser.Step``."""
+
+    t: Ints  # (n,)
+    dt: Floats  # (n,)
+    gyro: Floats  # (n, 3)
+    accel: Floats  # (n, 3)
+    sonar: Floats  # (n,)
+    flow: Floats  # (n, 2)
+    flow_quality: Ints  # (n,)
+    pressure: Floats  # (n,)
+    last: NDArray[np.bool_]  # (n,)
+    dropped: Ints  # (n, 4)
+
+
+class Estimates(NamedTuple):
+    """What an estimator answers, a row for each message of the live one; NED and FRD."""
+
+    t: Ints  # (n,) ns
+    state: Floats  # (n, 13) rho m, nu m/s, q w x y z, omega rad/s, as of closed_loop.Recording
+    pose_covariance: Floats  # (n, 36), as of kalman.Estimate
+    twist_covariance: Floats  # (n, 36), likewise
+    estimator: Floats  # (n, 36), its other numbers, as of closed_loop.Inner
+    dropped: Ints  # (n, 4) samples left out so far: IMU, sonar, flow, pressure
+
+
+class _Stream(NamedTuple):
+    """The samples of one sensor in the order of the bag."""
+
+    log_time: Ints  # (n,) ns
+    t: Ints  # (n,) ns, stamps
+    values: tuple[NDArray, ...]  # n rows each, of the fields of Steps
+
+
+def _flipped(vectors: Floats) -> Floats:
+    return np.stack(flip_vector(tuple(vectors.T)), axis=1)
+
+
+def _echoes(m: Messages) -> Floats:
+    low, high, distance = (m[name].astype(float) for name in ('min_range', 'max_range', 'range'))
+    return np.where((low <= distance) & (distance <= high), distance, np.nan)
+
+
+_Decoder = Callable[[Messages], tuple[NDArray, ...]]
+SENSORS: dict[topics.Topic, tuple[tuple[str, ...], _Decoder]] = {
+    topics.IMU: (('gyro', 'accel'), lambda m: (
+        _flipped(m['angular_velocity']), _flipped(m['linear_acceleration']))),
+    topics.SONAR: (('sonar',), lambda m: (_echoes(m),)),
+    topics.OPTICAL_FLOW: (('flow', 'flow_quality'), lambda m: (
+        np.stack([m['rate_x'], -m['rate_y']], axis=1), m['quality'])),
+    topics.BAROMETER: (('pressure',), lambda m: (m['fluid_pressure'],))}
+"""In the order of the watermark: fields of Steps, and their values out of the messages."""
+
+
+def _read(bag: Bag, topic: topics.Topic) -> Messages:
+    """Return the messages of a topic; BagError if they have another type."""
+    found = bag[topic.name]
+    if found.type_name != topic.type_name:
+        raise BagError(f'{bag.path}: {found.topic} has the type {found.type_name}, expected '
+                       f'{topic.type_name}')
+    return found
+
+
+def _stream(bag: Bag, topic: topics.Topic) -> _Stream:
+    """Return the samples of a sensor, none where the bag has none; BagError as of steps."""
+    fields, decode = SENSORS[topic]
+    if topic.name not in bag:
+        silent = _silent(np.empty(0, np.int64))
+        return _Stream(silent.t, silent.t, tuple(getattr(silent, field) for field in fields))
+    found = _read(bag, topic)
+    try:
+        return _Stream(found.log_time, found.stamp, decode(found))
+    except KeyError as error:
+        raise BagError(f'{bag.path}: {error.args[0]}') from None
+
+
+def _recorded_ticks(bag: Bag, streams: list[_Stream]) -> tuple[Ints, Ints]:
+    """Return stamp (n,) ns and samples due by then (n, 4) of each watermark of a bag."""
+    ticks = _read(bag, topics.SENSOR_TICK)
+    due = np.stack([ticks[field] for field in ('imu', 'sonar', 'optical_flow', 'barometer')],
+                   axis=1).astype(np.int64)
+    if due[0, 0] > 1:  # recorded from midway: what it has by the first one is complete
+        due += [np.searchsorted(s.log_time, ticks.log_time[0], 'right') for s in streams] - due[0]
+    return ticks.stamp, due
+
+
+def _made_up_ticks(streams: list[_Stream]) -> tuple[Ints, Ints]:
+    """
+    Return the same as :func:`_recorded_ticks` for a bag without watermarks, as of real hardware.
+
+    They are those of ``replay_node``: what is recorded before the next inertial sample is there
+    at the one before.
+    """
+    imu, *aiding = streams
+    new = np.flatnonzero(imu.t > np.maximum.accumulate(np.append(-1, imu.t))[:-1])
+    nexts = new[1:]
+    due = [np.append(nexts, len(imu.t))] + [
+        np.append(np.searchsorted(s.log_time, imu.log_time[nexts], 'left'), len(s.t))
+        for s in aiding]
+    return imu.t[new], np.stack(due, axis=1)[:len(new)]
+
+
+def _silent(t: Ints) -> Steps:
+    """Return one step at each stamp, with no sample in any."""
+    n = len(t)
+    return Steps(
+        t, np.diff(t, prepend=t[:1]) * 1e-9, np.full((n, 3), np.nan), np.full((n, 3), np.nan),
+        np.full(n, np.nan), np.full((n, 2), np.nan), np.zeros(n, np.int64), np.full(n, np.nan),
+        np.ones(n, np.bool_), np.zeros((n, 4), np.int64))
+
+
+def _in_order(streams: list[_Stream], t: Ints, due: Ints) -> Steps | None:
+    """
+    Return the steps of a flight each of whose samples came in its time, else None.
+
+    That is: at each watermark at most one new sample of a stream, not older than the watermark
+    before and not newer than this one, and the inertial one as old as this one. A watermark that
+    announces more than there is ends the flight, as the live estimator waits for ever.
+    """
+    whole = (due <= [len(stream.t) for stream in streams]).all(axis=1)
+    whole = np.logical_and.accumulate(whole)
+    t, due = t[whole], due[whole]
+    out, periods = _silent(t), np.diff(t, prepend=-1)
+    if (periods <= 0).any():
+        return None
+    for stream, counts, (fields, _) in zip(streams, due.T, SENSORS.values(), strict=True):
+        new = np.diff(counts, prepend=0)
+        if not np.isin(new, (0, 1)).all():
+            return None
+        rows = np.flatnonzero(new)
+        samples = counts[rows] - 1
+        age = t[rows] - stream.t[samples]
+        if ((age < 0) | (age >= periods[rows])).any() or stream is streams[0] and age.any():
+            return None
+        for field, values in zip(fields, stream.values, strict=True):
+            getattr(out, field)[rows] = values[samples]
+    return out
+
+
+def _synchronised(streams: list[_Stream], t: Ints, due: Ints) -> Steps:
+    """Return the steps of any flight, as the node finds them."""
+    sync = Synchroniser()
+    queues = [
+        (add, zip(stream.t.tolist(), *(values.tolist() for values in stream.values)))
+        for add, stream in zip(
+            (sync.add_imu, sync.add_sonar, sync.add_flow, sync.add_pressure), streams,
+            strict=True)]
+    found = []
+    new = np.diff(np.maximum.accumulate(due), axis=0, prepend=0)
+    for stamp, counts, more in zip(t.tolist(), due.tolist(), np.maximum(new, 0).tolist()):
+        for (add, samples), count in zip(queues, more, strict=True):
+            for sample in islice(samples, count):
+                found += add(*sample)
+        found += sync.add_tick(stamp, counts)
+    out = _silent(np.array([step.t for step in found], np.int64))
+    for name, column in zip(Steps._fields, zip(*found)):
+        getattr(out, name)[:] = column
+    return out
+
+
+def steps(bag: Bag) -> Steps:
+    """
+    Return the filter steps of a flight, from a bag that was read with its sensors.
+
+    Raises
+    ------
+    mambo_bags.reader.BagError
+        If it has no topic of inertial samples, or a sensor of another type.
+
+    """
+    bag.messages(topics.IMU.name)
+    streams = [_stream(bag, topic) for topic in SENSORS]
+    t, due = (_recorded_ticks(bag, streams) if topics.SENSOR_TICK.name in bag
+              else _made_up_ticks(streams))
+    found = _in_order(streams, t, due)
+    return _synchronised(streams, t, due) if found is None else found
+
+
+@jit
+def _run(memory, values, s, out):
+    """Fill ``out`` with what an estimator makes of some steps."""
+    row = 0
+    for k in range(len(s.t)):
+        g, a, f = s.gyro[k], s.accel[k], s.flow[k]
+        memory, estimate = filters.step(
+            memory, s.dt[k], (g[0], g[1], g[2]), (a[0], a[1], a[2]), s.sonar[k], (f[0], f[1]),
+            s.flow_quality[k], s.pressure[k], values)
+        if s.last[k]:
+            store_state(out.state[row], estimate.state)
+            store_estimate(out, row, estimate)
+            row += 1
+
+
+def run(found: Steps, params: filters.Params) -> Estimates:
+    """Return what an estimator, chosen by the type of its parameters, makes of some steps."""
+    n = int(found.last.sum())
+    out = Estimates(
+        found.t[found.last], *(np.empty((n, width)) for width in (13, 36, 36, 36)),
+        found.dropped[found.last])
+    _run(filters.initial(params), params.values(), found, out)
+    return out
+
+
+def estimate(bag: Bag, params: filters.Params) -> Estimates:
+    """
+    Return what an estimator makes of a bag, the same as the live one to the last bit.
+
+    Parameters
+    ----------
+    bag
+        As of :func:`steps`.
+    params
+        Of the estimator, which they choose by their type.
+
+    """
+    return run(steps(bag), params)
+
+
+def estimate_again(recording: Recording, node: EstimatorNodeParams) -> Floats:
+    """
+    Return what another estimator makes of the samples of a flight, (n, 13) states.
+
+    As appendix C does with other flow factors; the vehicle flies on what it flew on.
+
+    Parameters
+    ----------
+    recording
+        Of :func:`closed_loop.fly`.
+    node
+        The other estimator, not ``ground_truth``.
+
+    """
+    found = _silent(recording.t)
+    found.gyro[:], found.accel[:] = recording.imu[:, :3], recording.imu[:, 3:]
+    found.sonar[:], found.pressure[:] = recording.sonar, recording.pressure
+    found.flow[:], found.flow_quality[:] = recording.flow[:, :2], np.nan_to_num(
+        recording.flow[:, 2])
+    return run(found, node.filter).state

@@ -1,0 +1,243 @@
+"""
+A flight of the closed loop as a bag: the topics of the graph, encoded when it is over.
+
+The messages are those of the graph in lockstep, byte for byte (tested). They are encoded by the
+functions that encode them there, which take columns of a whole flight as well as numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from geometry_msgs.msg import TransformStamped
+from mambo_bags.writer import BagWriter, BagWriterError, Qos
+from mambo_control import failsafe
+from mambo_estimation import diagnostic
+from mambo_estimation.health import Health
+from mambo_model import frames
+from mambo_model.motion.flatness import Reference
+from mambo_model.motion.rigid_body import State
+from mambo_ros import diagnostics, layout, messages, topics
+import numpy as np
+from numpy.typing import NDArray
+from tf2_msgs.msg import TFMessage
+
+from .closed_loop import Recording
+from .scenario import commented_yaml, Scenario
+
+SECOND = 1_000_000_000  # ns
+TF_EVERY = 20_000_000  # ns
+Stream = tuple[NDArray[np.int64], list[NDArray[np.uint8]]]
+
+
+def _columns(rows: NDArray, start: int = 0, count: int | None = None) -> tuple[Any, ...]:
+    """Return columns of an array as a vector of arrays."""
+    end = rows.shape[1] if count is None else start + count
+    return tuple(rows[:, i] for i in range(start, end))
+
+
+def _vectors(rows: NDArray, *counts: int) -> Iterator[Any]:
+    """Yield vectors of so many columns one after the other; for 1 the column itself."""
+    start = 0
+    for count in counts:
+        out = _columns(rows, start, count)
+        yield out if count > 1 else out[0]
+        start += count
+
+
+def _state(rows: NDArray) -> State:
+    return State(*_vectors(rows, 3, 3, 4, 3))
+
+
+def _block(stamps: NDArray[np.int64], *blocks: NDArray[np.uint8]) -> Stream:
+    """Return a stream of messages, each with zeros up to a multiple of 4 bytes, as DDS has it."""
+    return stamps, [np.pad(rows, ((0, 0), (0, -rows.shape[1] % 4))) for rows in blocks]
+
+
+def _sensors(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Stream]]:
+    """Yield what ``sim_node`` publishes of the sensors."""
+    p = flight.sim_node.simulator
+    variances = [tuple(sigma ** 2 for sigma in noise)
+                 for noise in (p.imu.gyro_noise, p.imu.accel_noise)]
+    yield topics.IMU, _block(r.t, messages.imu(r.t, *_vectors(r.imu, 3, 3), *variances))
+    echo, flow, air = (~np.isnan(x) for x in (r.inner.sonar, r.flow[:, 2], r.pressure))
+    yield topics.SONAR, _block(r.t[echo], messages.sonar(
+        r.t[echo], r.inner.sonar[echo], p.sonar.min_range, p.sonar.max_range,
+        2.0 * p.sonar.max_tilt))
+    seen = r.flow[flow]
+    yield topics.OPTICAL_FLOW, _block(r.t[flow], messages.optical_flow(
+        r.t[flow], (seen[:, 0], seen[:, 1]), seen[:, 2]))
+    yield topics.BAROMETER, _block(r.t[air], messages.pressure(
+        r.t[air], r.pressure[air], p.barometer.noise ** 2))
+    counts = (np.arange(1, len(r.t) + 1), *(np.cumsum(new) for new in (echo, flow, air)))
+    yield topics.SENSOR_TICK, _block(r.t, messages.sensor_tick(r.t, *counts))
+
+
+def estimate(t: NDArray[np.int64], states: NDArray, inner: Any) -> NDArray[np.uint8]:
+    """Encode estimates, rows of states and covariances as :class:`closed_loop.Inner` has them."""
+    return messages.estimate(
+        t, _state(states), _columns(inner.pose_covariance), _columns(inner.twist_covariance))
+
+
+def estimator_state(
+    t: NDArray[np.int64], inner: Any, dropped: tuple[Any, ...] = (0, 0, 0, 0),
+) -> NDArray[np.uint8]:
+    """Encode what an estimator says of itself, likewise, and what the synchroniser dropped."""
+    *before, invalid, health, age, not_finite = _vectors(
+        inner.estimator, 1, 1, 1, 3, 3, 1, 2, 3, 2, 3, 1, 5, 5, 5)
+    return messages.estimator_state(
+        t, *before, invalid + sum(dropped), health, age, not_finite, dropped)
+
+
+def _laws(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Stream]]:
+    """Yield what estimator, reference and controller publish."""
+    inner = r.inner
+    yield topics.ESTIMATE, _block(r.t, estimate(r.t, r.estimate, inner))
+    if flight.estimator_node.estimator != 'ground_truth':
+        yield topics.ESTIMATOR_STATE, _block(r.t, estimator_state(r.t, inner))
+    rho, _, q, omega = _state(r.reference)
+    v, a, j, s, omega_dot, f, tau = _vectors(inner.plan, 3, 3, 3, 3, 3, 1, 3)
+    yield topics.REFERENCE, _block(r.t, messages.reference(
+        r.t, Reference(rho, v, a, j, s, q, omega, omega_dot, f, tau), r.phase))
+    yield topics.CONTROLLER_STATE, _block(r.t, messages.controller_state(
+        r.t, *_vectors(inner.controller, 3, 3, 3, 3, 3, 4, 1, 3, 1, 3, 4, 4)))
+    yield topics.MOTOR_PWM, _block(
+        r.t, messages.motor_pwm(r.t, _columns(r.pwm), r.stopped, r.reason))
+
+
+def _marks(map_to_odom: bool) -> tuple[bytes, list[int], list[int]]:
+    """Return a /tf message, and where its stamps and the seven numbers of a pose stand."""
+    sec, nanosec, numbers = 0x51525354, 0x21222324, [1.5e300 + k * 1e299 for k in range(7)]
+    frame = TransformStamped(child_frame_id=messages.BASE)
+    frame.header.frame_id = messages.ODOM
+    where, turn = frame.transform.translation, frame.transform.rotation
+    where.x, where.y, where.z, turn.x, turn.y, turn.z, turn.w = numbers
+    transforms = [frame]
+    if map_to_odom:
+        transforms.append(TransformStamped(child_frame_id=messages.ODOM))
+        transforms[1].header.frame_id = messages.MAP
+    for transform in transforms:
+        transform.header.stamp.sec, transform.header.stamp.nanosec = sec, nanosec
+    data = layout.serialize(TFMessage(transforms=transforms))
+    mark = np.array([sec, nanosec], dtype='<u4').tobytes()
+    stamps = [at for at in range(len(data)) if data.startswith(mark, at)]
+    return data, stamps, [data.index(np.float64(number).tobytes()) for number in numbers]
+
+
+def _tf(r: Recording, map_to_odom: bool) -> Stream:
+    """Return the transforms of every tenth estimate or so."""
+    some = r.t % TF_EVERY == 0
+    t, state = r.t[some], _state(r.estimate[some])
+    data, stamps, places = _marks(map_to_odom)
+    out = np.tile(np.frombuffer(data, dtype=np.uint8), (len(t), 1))
+    clock = np.stack((t // SECOND, t % SECOND), axis=1).astype('<u4').view(np.uint8)
+    for at in stamps:
+        out[:, at:at + 8] = clock
+    pose = (*frames.flip_vector(state.rho), *frames.wire_quaternion(state.q))
+    for at, column in zip(places, pose, strict=True):
+        out[:, at:at + 8] = np.ascontiguousarray(column).view(np.uint8).reshape(-1, 8)
+    return _block(t, out)
+
+
+def _reports(r: Recording, flight: Scenario) -> Iterator[tuple[int, bytes]]:
+    """Yield (stamp, message) of every node's health."""
+    truth = flight.estimator_node.estimator == 'ground_truth'
+    not_finite = np.zeros(5, dtype=int)
+    stages = r.inner.health[:, 0].astype(int)
+    changes = np.flatnonzero(np.diff(stages, prepend=failsafe.FLYING))
+    for k in sorted({*np.flatnonzero(r.t % SECOND == 0).tolist(), *changes.tolist()}):
+        t, row = int(r.t[k]), r.inner.health[k]
+        stage, reason, tracked, markers, *counts, phase = map(int, row.tolist())
+        at_t = [_report(
+            t, 'controller_node', _level(stage), failsafe.said(stage, reason),
+            {'thrust [N]': float(r.thrust[k]), 'phase': phase, 'stage': failsafe.STAGES[stage]})]
+        if t % SECOND == 0:
+            at_t.append(_report(t, 'sim_node', diagnostics.OK, 'flying', {
+                'mode': flight.sim_node.mode, 'steps': k, 'missed': 0}))
+            at_t.append(_report(
+                t, 'optitrack_node', diagnostics.OK if tracked else diagnostics.WARN,
+                'tracking' if tracked else 'body lost', {
+                    'visible markers': markers,
+                    **dict(zip(('frames', 'lost frames', 'dropped frames'), counts))}))
+            if not truth:
+                row = r.inner.estimator[k]
+                at_t.append(_estimator_report(t, row, row[31:36].astype(int) - not_finite))
+                not_finite = row[31:36].astype(int)
+        yield from sorted(at_t)
+
+
+def _report(*arguments: Any) -> tuple[int, bytes]:
+    return arguments[0], diagnostics.report(*arguments)
+
+
+def _level(stage: int) -> bytes:
+    return {failsafe.FLYING: diagnostics.OK, failsafe.HOLDING: diagnostics.WARN}.get(
+        stage, diagnostics.ERROR)
+
+
+def _estimator_report(t: int, row: NDArray, not_finite: NDArray) -> tuple[int, bytes]:
+    counts = tuple(row[17:21].astype(int).tolist())
+    level, line, numbers = diagnostic.told(
+        int(row[0]), float(row[1]), counts[:3], counts[3],
+        Health(tuple(row[21:26].astype(int).tolist()), tuple(row[26:31].tolist()), (0,) * 5),
+        tuple(not_finite.tolist()), (0,) * 4)
+    return _report(t, 'estimator_node', diagnostics.LEVELS[level], line, numbers)
+
+
+def _streams(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Stream]]:
+    """Yield every topic of the flight and its messages."""
+    yield topics.CLOCK, _block(r.t, messages.clock(r.t))
+    yield from _sensors(r, flight)
+    yield topics.GROUND_TRUTH, _block(r.t, messages.ground_truth(r.t, _state(r.truth)))
+    seen = ~np.isnan(r.pose[:, 0])
+    yield topics.OPTITRACK, _block(r.pose_t[seen], messages.optitrack(
+        r.pose_t[seen], *_vectors(r.pose[seen], 3, 4)))
+    yield from _laws(r, flight)
+    yield topics.TF, _tf(r, flight.estimator_node.map_to_odom)
+    reports = list(_reports(r, flight))
+    yield topics.DIAGNOSTICS, _block(
+        np.array([t for t, _ in reports], dtype=np.int64),
+        *(np.frombuffer(data, dtype=np.uint8)[None] for _, data in reports))
+
+
+def check(flight: Scenario) -> None:
+    """Refuse a flight whose bag would not be that of the graph, as :func:`write` does."""
+    if flight.sim_node.simulator.faults.values() is not None:
+        raise BagWriterError(
+            'sim_node.simulator.faults: samples that are late, lost or repeated need the graph; '
+            'fly it with ./run')
+
+
+def write(path: Path, flight: Scenario, recording: Recording, namespace: str = '/mambo') -> None:
+    """
+    Write a bag.
+
+    Parameters
+    ----------
+    path
+        Directory to make.
+    flight
+        What was flown.
+    recording
+        Of :func:`closed_loop.fly`, with ``inner``.
+    namespace
+        Of the topics.
+
+    Raises
+    ------
+    mambo_bags.writer.BagWriterError
+        If the bag exists or cannot be made, or for a flight with faults of the sensors: which
+        messages are late or repeated is an affair of the graph.
+
+    """
+    check(flight)
+    with BagWriter(path, attachments={'scenario.yaml': commented_yaml(flight)}) as bag:
+        name = {topic: topic.name if topic.name.startswith('/') else f'{namespace}/{topic.name}'
+                for topic in topics.RECORDED}
+        for topic in topics.RECORDED:
+            bag.add_topic(name[topic], topic.type_name, Qos(depth=topics.QUEUE),
+                          shared=topic.shared)
+        bag.write_all({name[topic]: stream for topic, stream in _streams(recording, flight)
+                       if len(stream[0])})

@@ -1,0 +1,276 @@
+"""
+One flight as data: the parameters of every node of the graph.
+
+A scenario file is a ROS 2 parameter file, so that ``ros2 run <package> <node> --ros-args
+--params-file scenario.yaml`` flies the same thing node by node, and the one-process closed loop
+reads the same text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+import dataclasses
+from pathlib import Path
+import re
+from typing import Any, NamedTuple
+
+from mambo_control.parameters import ControllerNodeParams, ReferenceNodeParams
+from mambo_estimation.parameters import EstimatorNodeParams
+from mambo_model import schema
+from mambo_model.vehicle.parameters import find
+from mambo_model.yaml_nodes import load as load_yaml, Reader, reason
+from mambo_sim.parameters import OptitrackNodeParams, SimNodeParams
+import yaml
+
+
+@dataclasses.dataclass(frozen=True)
+class Scenario:
+    """Parameters of the five nodes of a simulated flight, by node name."""
+
+    sim_node: SimNodeParams = schema.group(SimNodeParams)
+    optitrack_node: OptitrackNodeParams = schema.group(OptitrackNodeParams)
+    estimator_node: EstimatorNodeParams = schema.group(EstimatorNodeParams)
+    reference_node: ReferenceNodeParams = schema.group(ReferenceNodeParams)
+    controller_node: ControllerNodeParams = schema.group(ControllerNodeParams)
+
+    @property
+    def seed(self) -> int:
+        """Return the seed of every noise stream."""
+        return self.sim_node.simulator.seed
+
+
+NODES = tuple(field.name for field in dataclasses.fields(Scenario))
+LEAVES = dict(schema.walk(Scenario))
+
+
+def scenario(
+    trajectory: str = 'circle', estimator: str = 'kalman', controller: str = 'cascaded',
+    duration: float = 40.0, seed: int = 1, vehicle: str = 'identified', believed: str = '',
+    noise: bool = True, land: bool = True, overrides: Mapping[str, Any] | None = None,
+    carried: bool = False, folder: Path = Path(),
+) -> Scenario:
+    """
+    Build a scenario from the choices a person makes.
+
+    Parameters
+    ----------
+    trajectory
+        Name in ``mambo_model.motion.trajectory``.
+    estimator, controller
+        Choices of ``estimator_node`` and ``controller_node``.
+    duration : s
+        Flight time from start to end.
+    seed
+        Of every noise stream.
+    vehicle, believed
+        Known vehicles or vehicle files: the true vehicle, and the one that reference and
+        controller believe in (empty: the same).
+    noise
+        Whether sensors have noise and bias.
+    land
+        Whether to descend at the end of ``duration``.
+    overrides
+        {'node.parameter': value}, applied last.
+    carried
+        Whether a hand carries the vehicle along the trajectory, level.
+    folder
+        What paths of vehicle files are relative to.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        For an unknown name or a value out of range.
+
+    """
+    true_vehicle = dataclasses.asdict(find(vehicle, folder))
+    believed_vehicle = dataclasses.asdict(find(believed or vehicle, folder))
+    sections: dict[str, Any] = {
+        'sim_node': {'duration': float(duration), 'simulator': {
+            'seed': seed, 'noise': noise, 'vehicle': true_vehicle}},
+        'optitrack_node': {'seed': seed, 'optitrack': {'noise': noise}},
+        'estimator_node': {'estimator': estimator},
+        'reference_node': {'vehicle': believed_vehicle, 'plan': {'trajectory': trajectory}},
+        'controller_node': {'controller': controller, 'vehicle': believed_vehicle},
+    }
+    if not noise:  # a sensor without noise may repeat itself
+        sections['estimator_node']['kalman'] = {
+            sensor: {'stuck_samples': 0}
+            for sensor in ('imu', 'sonar', 'optical_flow', 'barometer')}
+    if land:
+        sections['reference_node']['plan']['landing_time'] = landing_time(duration)
+    flight = override(schema.build(Scenario, sections), overrides or {})
+    return by_hand(flight) if carried else flight
+
+
+def by_hand(flight: Scenario) -> Scenario:
+    """Return the scenario with a hand that carries the vehicle along the reference."""
+    plan = schema.flatten(flight.reference_node.plan)
+    return override(flight, {
+        'sim_node.simulator.hand.enabled': True,
+        **{f'sim_node.simulator.hand.plan.{name}': value for name, value in plan.items()}})
+
+
+def override(flight: Scenario, values: Mapping[str, Any]) -> Scenario:
+    """Return a scenario with other values, {'node.parameter': value}; errors as its own."""
+    flat = schema.flatten(flight)
+    for name in values:
+        if name not in flat:
+            raise schema.ParameterError(schema.unknown(name, flat))
+    return schema.build(Scenario, {**flat, **values})
+
+
+def landing_time(duration: float) -> float:
+    """Return when landing begins [s]; 0 (never) where the flight is too short for it."""
+    before_end = 9.0  # s: blend out 3 s, descent 4 s, rest
+    return duration - before_end if duration >= before_end + 10.0 else 0.0
+
+
+def to_yaml(flight: Scenario, namespace: str = '/mambo') -> str:
+    """Return the scenario as a ROS 2 parameter file."""
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: plain(inner) for key, inner in value.items()}
+        return list(value) if isinstance(value, tuple) else value
+    sections = {
+        f'{namespace}/{field.name}': {
+            'ros__parameters': plain(dataclasses.asdict(getattr(flight, field.name)))}
+        for field in dataclasses.fields(flight)}
+    return yaml.safe_dump(sections, sort_keys=False)
+
+
+def commented_yaml(flight: Scenario, namespace: str = '/mambo') -> str:
+    """
+    Return the scenario as a ROS 2 parameter file that explains itself.
+
+    The same values as :func:`to_yaml`, each with its unit, range and source beside it.
+    """
+    lines = [
+        '# Every parameter of a flight, a ROS 2 parameter file: [unit] lowest..highest, source.',
+        '# What is left out keeps its default.']
+    for field in dataclasses.fields(flight):
+        lines += [f'{namespace}/{field.name}:', '  ros__parameters:']
+        lines += _commented(getattr(flight, field.name), '    ')
+    return '\n'.join(lines) + '\n'
+
+
+def _commented(params: Any, indent: str) -> Iterator[str]:
+    """Yield the lines of one section."""
+    for field in dataclasses.fields(params):
+        value = getattr(params, field.name)
+        if 'group' in field.metadata:
+            yield f'{indent}{field.name}:'
+            yield from _commented(value, indent + '  ')
+            continue
+        plain = list(value) if isinstance(value, tuple) else value
+        # in brackets, as a scalar of its own has an end marker
+        written = yaml.safe_dump([plain], default_flow_style=True, width=10 ** 9)[1:-2]
+        yield f'{f"{indent}{field.name}: {written}":<47} # {_comment(field.metadata)}'
+
+
+def _comment(meta: Mapping[str, Any]) -> str:
+    """Return what a parameter's declaration says of it."""
+    if 'unit' in meta:
+        low, high = (
+            str(x) if isinstance(x, int) else f'{x:g}' for x in (meta['low'], meta['high']))
+        return f"[{meta['unit']}] {low}..{high}, {meta['source']}"
+    if 'options' in meta:
+        return f"{' | '.join(meta['options'])}, {meta['source']}"
+    return f"true | false, {meta['source']}" if 'flag' in meta else meta['source']
+
+
+def read_value(text: str) -> Any:
+    """
+    Return a value or a whole document written in YAML.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        In one line, if the text is not YAML.
+
+    """
+    try:
+        return load_yaml(text)
+    except yaml.YAMLError as error:
+        raise schema.ParameterError(reason(error)) from None
+
+
+class Place(NamedTuple):
+    """A value and the file and line it comes from."""
+
+    value: Any
+    where: str
+
+
+class ParameterReader(Reader):
+    """Reads parameters of the nodes of a flight."""
+
+    def parameters(self, node: yaml.Node, prefix: str) -> Iterator[tuple[str, Place]]:
+        """Yield (node.parameter, value and place) of everything below a node."""
+        for part, (key, below) in self.mapping(node, prefix.rstrip('.') or 'parameters').items():
+            name = f'{prefix}{part}'
+            if name in LEAVES:
+                owner = name.rpartition('.')[0]
+                yield name, Place(self.leaf(owner, name, LEAVES[name], below), self.where(below))
+            elif any(known.startswith(f'{name}.') for known in LEAVES):
+                yield from self.parameters(below, f'{name}.')
+            else:
+                raise schema.ParameterError(f'{self.where(key)}: {schema.unknown(name, LEAVES)}')
+
+    def ros_parameters(self, keys: Mapping[str, tuple[yaml.Node, yaml.Node]]) -> dict[str, Place]:
+        """Return {node.parameter: value and place} of a ROS 2 parameter file."""
+        parameters: dict[str, Place] = {}
+        for name, (key, section) in keys.items():
+            inner = self.mapping(section, name)
+            if list(inner) != ['ros__parameters']:
+                self.fail(key, name, 'must hold ros__parameters and nothing else')
+            node = name.rpartition('/')[2]
+            if any(known.startswith(f'{node}.') for known in parameters):
+                self.fail(key, name, f'is the second section of {node}')
+            if node not in NODES:
+                self.fail(key, name, f'is no node of a flight; it has {", ".join(NODES)}')
+            parameters.update(self.parameters(inner['ros__parameters'][1], f'{node}.'))
+        return parameters
+
+
+def from_parameters(path: Path | str, parameters: Mapping[str, Place]) -> Scenario:
+    """Return the scenario of parameters out of a file; what is not among them is default."""
+    try:
+        return override(Scenario(), {name: place.value for name, place in parameters.items()})
+    except schema.ParameterError as error:
+        raise located(path, parameters, error) from None
+
+
+def located(
+    path: Path | str, places: Mapping[str, Place], error: schema.ParameterError,
+) -> schema.ParameterError:
+    """Return an error of values that contradict each other, with the place of one it names."""
+    text = str(error)
+    words = re.findall(r'\w+', text)
+    for name, place in places.items():
+        if name.rpartition('.')[2] in words or (
+                isinstance(place.value, str) and place.value and place.value in text):
+            key = '' if place.where.startswith('--') else f'{name}: '
+            return schema.ParameterError(f'{place.where}: {key}{text}')
+    return schema.ParameterError(f'{path}: {text}')
+
+
+def from_yaml(text: str, where: str = 'scenario') -> Scenario:
+    """
+    Read a scenario from a ROS 2 parameter file; what it does not name keeps its default.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        Naming line and key for text that is not such a file, an unknown node or parameter, or a
+        value out of range.
+
+    """
+    reader = ParameterReader(where)
+    return from_parameters(where, reader.ros_parameters(
+        reader.mapping(reader.parse(text), 'file')))
+
+
+def load(path: Path) -> Scenario:
+    """Read a ROS 2 parameter file as :func:`from_yaml`."""
+    reader = ParameterReader(path)
+    return from_parameters(path, reader.ros_parameters(reader.mapping(reader.root(), 'file')))

@@ -1,0 +1,232 @@
+"""
+Scenario files: one readable file per experiment, with one flight or several.
+
+The experiments of the thesis are in the folder ``scenarios`` beside this module, by the names of
+its figures. A file says what differs from the defaults:
+
+    title: Figure 5.11, a circle that rises and falls
+    trajectory: circle_rising
+    believed: identified
+    parameters:
+      estimator_node: {kalman: {optical_flow: {constant: 1.06}}}
+    flights:
+      other_seed: {seed: 2}
+
+Keys are those of :class:`Settings`, of every flight or of one under ``flights``; ``parameters``
+holds any parameter of any node. A ROS 2 parameter file is read too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import dataclasses
+from pathlib import Path
+import re
+from typing import NamedTuple
+
+from mambo_control.parameters import ControllerNodeParams
+from mambo_estimation.parameters import EstimatorNodeParams
+from mambo_model import schema
+from mambo_model.motion.trajectory import TAKEOFFS, TRAJECTORIES
+import yaml
+
+from . import scenario as scenarios
+from .scenario import ParameterReader, Place
+
+FOLDER = Path(__file__).with_name('scenarios')
+
+
+def _options(params_type: type, name: str) -> tuple[str, ...]:
+    """Return what a parameter of a node may be."""
+    return dict(schema.walk(params_type))[name].metadata['options']
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """The choices a person makes of a flight; every other parameter follows from them."""
+
+    trajectory: str = schema.choice('circle', tuple(TRAJECTORIES), 'what is flown')
+    takeoff: str = schema.choice('smooth', TAKEOFFS, 'how it is reached')
+    landing: bool = schema.flag(True, 'whether to descend at the end')
+    duration: float = schema.quantity(40.0, 's', 0.005, 36000.0, 'of the flight')
+    vehicle: str = schema.text('identified', 'true vehicle: a known one, or a vehicle file')
+    believed: str = schema.text('', 'that of reference and controller; empty: the true one')
+    estimator: str = schema.choice(
+        'kalman', _options(EstimatorNodeParams, 'estimator'), 'of estimator_node')
+    controller: str = schema.choice(
+        'cascaded', _options(ControllerNodeParams, 'controller'), 'of controller_node')
+    noise: bool = schema.flag(True, 'whether sensors have noise and bias')
+    carried: bool = schema.flag(False, 'whether a hand carries the vehicle, level')
+    seed: int = schema.quantity(1, '1', 0, 2**31 - 1, 'of every noise stream')
+
+    def __post_init__(self) -> None:
+        schema.check(self)
+
+
+FIELDS = {field.name: field for field in dataclasses.fields(Settings)}
+
+
+class Experiment(NamedTuple):
+    """A scenario file: its flights by name, in its order; the only one has the name ''."""
+
+    name: str
+    title: str
+    flights: dict[str, scenarios.Scenario]
+
+
+class _Layer(NamedTuple):
+    """What one part of a file says."""
+
+    settings: dict[str, Place]
+    parameters: dict[str, Place]
+
+    def over(self, base: _Layer) -> _Layer:
+        """Return what holds where this part has the last word."""
+        return _Layer({**base.settings, **self.settings}, {**base.parameters, **self.parameters})
+
+
+class _Reader(ParameterReader):
+    """Reads the parts of a scenario file."""
+
+    def layer(self, keys: Mapping[str, tuple[yaml.Node, yaml.Node]]) -> _Layer:
+        """Read what a file says of all its flights, or of one."""
+        settings, parameters = {}, {}
+        for name, (key, node) in keys.items():
+            if name == 'parameters':
+                parameters = dict(self.parameters(node, ''))
+            elif name in FIELDS:
+                settings[name] = Place(
+                    self.leaf('Scenario', name, FIELDS[name], node), self.where(node))
+            else:
+                raise schema.ParameterError(
+                    f'{self.where(key)}: {schema.unknown(name, [*FIELDS, "parameters"])}')
+        return _Layer(settings, parameters)
+
+
+def names() -> list[str]:
+    """Return the names of the scenarios that come with the package, figures first and in order."""
+    def order(name: str) -> tuple[bool, list[tuple[bool, int, str]]]:
+        return not name.startswith('fig_'), [
+            (not part.isdigit(), int(part) if part.isdigit() else 0, part)
+            for part in name.split('_')]
+    return sorted((path.stem for path in FOLDER.glob('*.yaml')), key=order)
+
+
+def find(name: str) -> Path:
+    """
+    Return the file of a scenario.
+
+    Parameters
+    ----------
+    name
+        One of :func:`names`, or a path of a file.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        Naming the known ones.
+
+    """
+    if name in names():
+        return FOLDER / f'{name}.yaml'
+    if Path(name).suffix in ('.yaml', '.yml'):
+        return Path(name)
+    raise schema.ParameterError(
+        f'scenario {schema.shown(name)} is unknown: give a file (.yaml) or one of '
+        f'{", ".join(names())}')
+
+
+def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
+    """
+    Read a scenario file.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    over
+        Settings that replace those of every flight, by name, with their places.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        Naming file, line and key of what is unknown, mistyped, out of range or contradictory.
+
+    """
+    reader = _Reader(Path(path))
+    keys = reader.mapping(reader.root(), 'file')
+    last = _Layer(dict(over or {}), {})
+    if any(name.startswith('/') or name.endswith('_node') for name in keys):
+        if over:
+            raise schema.ParameterError(
+                f'{path}: a ROS 2 parameter file stands alone; not with {", ".join(over)}')
+        flights = {'': scenarios.from_parameters(path, reader.ros_parameters(keys))}
+        return Experiment(Path(path).stem, '', flights)
+    if 'title' not in keys:
+        raise schema.ParameterError(f'{path}: title: missing; say in one line what is flown')
+    title = reader.text(keys.pop('title')[1], 'title')
+    flights = {}
+    if 'flights' in keys:
+        node = keys.pop('flights')[1]
+        flights = {
+            name: reader.layer(reader.mapping(below, name))
+            for name, (_, below) in reader.mapping(node, 'flights').items()}
+        if not flights:
+            reader.fail(node, 'flights', 'names no flight')
+    common = reader.layer(keys)
+    layers = {name: layer.over(common) for name, layer in flights.items()} or {'': common}
+    return Experiment(Path(path).stem, title, {
+        name: _build(path, last.over(layer)) for name, layer in layers.items()})
+
+
+def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scenarios.Scenario]:
+    """
+    Return the name and the scenario of one flight.
+
+    Parameters
+    ----------
+    name
+        ``experiment`` for its first flight, ``experiment/flight`` for another; a file's flight
+        as ``file.yaml:flight``.
+    over
+        As for :func:`read`.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        As :func:`find` and :func:`read`, and naming the flights if there is none of that name.
+
+    """
+    experiment, flight = name, None
+    if found := re.fullmatch(r'(.+\.ya?ml):(\w+)', name):
+        experiment, flight = found.groups()
+    elif not name.endswith(('.yaml', '.yml')):
+        experiment, _, flight = name.partition('/')
+    found = read(find(experiment), over)
+    if not flight:
+        flight = next(iter(found.flights))
+    elif flight not in found.flights:
+        known = ', '.join(filter(None, found.flights)) or 'one without a name'
+        raise schema.ParameterError(
+            f'{experiment}: no flight {schema.shown(flight)}; it has {known}')
+    return '_'.join(filter(None, (found.name, flight))), found.flights[flight]
+
+
+def from_settings(settings: Mapping[str, Place]) -> scenarios.Scenario:
+    """Return the scenario of choices that come from no file; errors as those of :func:`read`."""
+    return _build(Path('scenario'), _Layer(dict(settings), {}))
+
+
+def _build(path: Path, layer: _Layer) -> scenarios.Scenario:
+    """Return the scenario of one flight."""
+    try:
+        s = Settings(**{name: place.value for name, place in layer.settings.items()})
+        return scenarios.scenario(
+            s.trajectory, s.estimator, s.controller, s.duration, s.seed, s.vehicle, s.believed,
+            s.noise, s.landing, {
+                'reference_node.plan.takeoff': s.takeoff,
+                **{name: place.value for name, place in layer.parameters.items()}},
+            s.carried, path.parent)
+    except schema.ParameterError as error:
+        raise scenarios.located(
+            path, {**layer.settings, **layer.parameters}, error) from None

@@ -1,0 +1,131 @@
+"""
+Fly a scenario many times over seeds, vehicles, wind, sensor defects, gains: any parameter.
+
+Writes a Parquet table with a row for each flight and a PNG with percentiles beside it. What is
+finished is kept when it is interrupted: the same command goes on. The result is the same whatever
+the number of workers. The file is described in mambo_flight/sweep/design.py.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+import sys
+from typing import Any
+
+from mambo_bags.command import guard
+import numpy as np
+
+from . import design, monte_carlo, plot, table
+from .run import run
+from .table import SweepError
+
+SHOWN = ('tracking_rms', 'tracking_max', 'estimation_rms', 'estimation_final',
+         'saturated_share', 'pwm_max')
+
+
+def sweep(
+    path: Path, out: Path, ideal: bool = False, workers: int | None = None,
+    dask: str | None = None,
+) -> dict[str, list[Any]]:
+    """
+    Fly a sweep file.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    out
+        Parquet file to write; until then the finished rows are in ``out.rows``.
+    ideal
+        Whether to fly without sensors, on the true state.
+    workers, dask
+        As for :func:`run.run`.
+
+    Returns
+    -------
+    Columns of the result by name.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        For a wrong file, naming file, line and key.
+    SweepError
+        If the result exists, or the sweep cannot go on.
+
+    """
+    if out.exists():
+        raise SweepError(f'{out} exists: give another --out or remove it')
+    flights = design.Flights(design.read(path))
+    for number in range(len(flights.sweep.rows)):  # refused before anything is flown
+        flights[number]
+    journal = table.Journal(
+        out.with_name(f'{out.name}.rows'), table.digest(flights, ideal))
+    try:
+        run(flights, journal, ideal, workers, dask)
+        data = table.columns(flights.sweep, journal.rows)
+        table.write(out, data, flights.sweep.head.title)
+        journal.remove()
+    finally:
+        journal.close()
+    plot.draw(out.with_suffix('.png'), data, list(table.parameters(flights.sweep, 0)),
+              flights.sweep.head.title or path.stem)
+    return data
+
+
+def summary(data: Mapping[str, Sequence[Any]]) -> str:
+    """Return the percentiles of a result as a table."""
+    lines = [f'{"":<18}{"5 %":>10}{"50 %":>10}{"95 %":>10}{"max":>10}']
+    for name in SHOWN:
+        values = np.asarray(data[name], dtype=float)
+        good = values[np.isfinite(values)]
+        if len(good):
+            shown = (*np.percentile(good, (5, 50, 95)), good.max())
+            lines.append(f'{name:<18}' + ''.join(f'{x:>10.4g}' for x in shown))
+    lines.append(f'{sum(data["shutdown"])} of {len(data["flight"])} flights were shut down')
+    return '\n'.join(lines)
+
+
+def _measure(path: Path, ideal: bool) -> None:
+    speed = monte_carlo.speed(design.Flights(design.read(path))[0], ideal)
+    what = 'without' if ideal else 'with'
+    print(f'{what} sensors, one core: {speed.real_time_factor:.0f} times real time, '
+          f'{speed.drone_steps / 1e6:.2f} million drone-steps/s')
+
+
+def _run(options: argparse.Namespace) -> None:
+    if options.measure:
+        _measure(options.sweep, options.ideal)
+        return
+    if options.out is None:
+        raise SweepError('give --out RESULT.parquet')
+    if options.workers is not None and options.workers < 1:
+        raise SweepError(f'--workers {options.workers}: must be 1 or more')
+    try:
+        data = sweep(options.sweep, options.out, options.ideal, options.workers, options.dask)
+    except KeyboardInterrupt:
+        raise SweepError(
+            'stopped by you; what is finished is kept, the same command goes on') from None
+    print(f'{summary(data)}\ntable: {options.out}\nplots: {options.out.with_suffix(".png")}')
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point ``sweep``."""
+    parser = argparse.ArgumentParser(
+        prog='sweep', description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = parser.add_argument
+    add('sweep', type=Path, metavar='SWEEP.yaml', help='which flights')
+    add('--out', type=Path, metavar='RESULT.parquet', help='table to write')
+    add('--workers', type=int, metavar='N', help='processes (default: one for each core)')
+    add('--dask', metavar='ADDRESS',
+        help="fly on the workers of a Dask scheduler, e.g. tcp://host:8786, in place of this "
+        "machine's processes")
+    add('--ideal', action='store_true', help='without sensors: the controller has the true state')
+    add('--measure', action='store_true', help='only say how fast one core flies the first flight')
+    options = parser.parse_args(arguments)
+    sys.exit(guard('sweep', lambda: _run(options), SweepError))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,226 @@
+"""
+Many flights, each reduced to a few numbers while it is flown: nothing is recorded.
+
+:func:`fly_many` flies them without sensors: the controller gets the true state. What moves and
+what answers are the compiled steps of :mod:`closed_loop`, so that such a flight is the one of the
+estimator ``ground_truth`` there, to the last bit (tested).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+import math
+import time
+from typing import Any, NamedTuple
+
+from mambo_control import controllers, failsafe
+from mambo_model.compiled import jit
+from mambo_model.motion.trajectory import PlanValues, reference_step
+from mambo_model.motion.vector import add, dot, mul, sub, Vec3
+from mambo_model.vehicle.parameters import VehicleValues
+from mambo_model.vehicle.vehicle_options import OptionValues
+from mambo_sim import plant, simulator, wind
+from mambo_sim.parameters import STEP_NS
+import numpy as np
+
+from .. import closed_loop
+from ..scenario import Scenario
+
+STEP = STEP_NS * 1e-9  # s
+
+
+class Tally(NamedTuple):
+    """Sums over the control steps so far, of those in flight but for the last two errors."""
+
+    steps: int
+    tracking: Vec3  # m^2, squares of truth minus reference, inertial NED
+    tracking_max: float  # m
+    tracking_last: float  # m
+    estimation: Vec3  # m^2, squares of estimate minus truth
+    estimation_max: float  # m
+    estimation_last: float  # m
+    running: int  # steps with turning motors
+    saturated: int  # of these, with a motor at a limit of its PWM
+    pwm_max: float
+    stopped_at: float  # s, of the shutdown; NaN: none
+    reason: int  # of the shutdown, safety.REASON_*
+
+
+START = Tally(
+    0, (0.0, 0.0, 0.0), 0.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0, 0, 0.0, math.nan, 0)
+
+
+@jit
+def count(
+    a: Tally, t: float, truth: Vec3, estimate: Vec3, reference: Vec3, phase: int,
+    pwm: tuple[float, float, float, float], stopped: bool, reason: int, vv: VehicleValues,
+) -> Tally:
+    """
+    Return the tally with one more control step.
+
+    Parameters
+    ----------
+    a
+        Before; :data:`START`.
+    t : s
+    truth, estimate, reference : (3,) m, inertial NED
+    phase
+        Of the flight plan.
+    pwm : (4,) PWM
+        Of the motors.
+    stopped, reason
+        Whether they are shut down, and why.
+    vv
+        The vehicle that the controller believes in, for its limits.
+
+    """
+    off, wrong = sub(truth, reference), sub(estimate, truth)
+    track, drift = math.sqrt(dot(off, off)), math.sqrt(dot(wrong, wrong))
+    highest = max(max(pwm[0], pwm[1]), max(pwm[2], pwm[3]))
+    lowest = min(min(pwm[0], pwm[1]), min(pwm[2], pwm[3]))
+    at = a.stopped_at
+    if stopped and math.isnan(at):
+        at = t
+    runs = int(highest > 0.0)
+    cut = int(highest > 0.0 and (highest >= vv.pwm_max or lowest <= vv.pwm_min))
+    if not failsafe.in_flight(phase):
+        return Tally(
+            a.steps, a.tracking, a.tracking_max, track, a.estimation, a.estimation_max, drift,
+            a.running + runs, a.saturated + cut, max(a.pwm_max, highest), at,
+            reason if stopped else a.reason)
+    return Tally(
+        a.steps + 1, add(a.tracking, mul(off, off)), max(a.tracking_max, track), track,
+        add(a.estimation, mul(wrong, wrong)), max(a.estimation_max, drift), drift,
+        a.running + runs, a.saturated + cut, max(a.pwm_max, highest), at,
+        reason if stopped else a.reason)
+
+
+def metrics(a: Tally) -> dict[str, Any]:
+    """
+    Return the numbers of a flight by name.
+
+    ``tracking`` is truth minus reference, ``estimation`` estimate minus truth, in m: ``rms`` over
+    the steps in flight, total and along x, y, z (NED), ``max`` of their length there, ``final``
+    its value at the end. NaN where nothing was flown.
+    """
+    out: dict[str, Any] = {}
+    for name in ('tracking', 'estimation'):
+        squares = np.array(getattr(a, name)) / a.steps if a.steps else np.full(3, np.nan)
+        out[f'{name}_rms'] = math.sqrt(squares.sum())
+        for axis, square in zip('xyz', squares.tolist()):
+            out[f'{name}_rms_{axis}'] = math.sqrt(square)
+        out[f'{name}_max'] = getattr(a, f'{name}_max') if a.steps else math.nan
+        out[f'{name}_final'] = getattr(a, f'{name}_last')
+    out['saturated_share'] = a.saturated / a.running if a.running else math.nan
+    out['pwm_max'] = a.pwm_max
+    out['shutdown'], out['shutdown_time'] = not math.isnan(a.stopped_at), a.stopped_at
+    out['shutdown_reason'] = failsafe.REASONS[a.reason]
+    return out
+
+
+@jit
+def _count_all(t, truth, estimate, reference, phase, pwm, stopped, reason, vv):
+    """Return the tally of a recorded flight."""
+    out = START
+    for k in range(len(t)):
+        x, y, z, p = truth[k], estimate[k], reference[k], pwm[k]
+        out = count(
+            out, t[k] * 1e-9, (x[0], x[1], x[2]), (y[0], y[1], y[2]), (z[0], z[1], z[2]),
+            phase[k], (p[0], p[1], p[2], p[3]), stopped[k], reason[k], vv)
+    return out
+
+
+def fly_with_sensors(flight: Scenario) -> dict[str, Any]:
+    """Return the :func:`metrics` of a flight of :func:`closed_loop.fly`."""
+    r = closed_loop.fly(flight)
+    return metrics(_count_all(
+        r.t, r.truth, r.estimate, r.reference, r.phase, r.pwm, r.stopped, r.reason,
+        flight.controller_node.vehicle.values()))
+
+
+class _Ideal(NamedTuple):
+    """What the compiled loop without sensors reads."""
+
+    vehicle: VehicleValues
+    plant: plant.PlantValues
+    options: OptionValues | None
+    wind: wind.WindValues | None
+    noise: bool
+    plan: PlanValues
+    gains: controllers.Gains
+    failsafe: failsafe.FailsafeValues
+    reference_vehicle: VehicleValues
+    controller_vehicle: VehicleValues
+    period: float
+
+
+@jit
+def _ideal(state, air, rng, control, steps, p):
+    """Return the tally of a flight on the true state; arguments as :func:`fly_many` has them."""
+    tally, vehicle, vv = START, p.reference_vehicle, p.controller_vehicle
+    for k in range(steps):
+        t = k * STEP_NS * 1e-9
+        air = wind.step(air, k, rng, p.noise, p.wind)
+        body = state.body
+        ref, phase = reference_step(t, p.plan, vehicle.mass, vehicle.inertia, vehicle.gravity)
+        control, c = failsafe.step(
+            control, body, failsafe.EXACT, ref, phase, p.period, p.gains, p.failsafe, vv)
+        tally = count(
+            tally, t, body.rho, body.rho, ref.rho, phase, c.pwm, c.shutdown, c.reason, vv)
+        if k < steps - 1:
+            state = plant.advance(
+                state, c.pwm, STEP, p.plant.substeps, p.vehicle, p.plant.ground, p.options,
+                p.plant.norm_gain, wind.air_velocity(air))
+    return tally
+
+
+def fly_many(flights: Iterable[Scenario]) -> Iterator[dict[str, Any]]:
+    """
+    Yield the :func:`metrics` of flights without sensors, on the true state.
+
+    Parameters
+    ----------
+    flights
+        Their estimators, sensors and motion capture do not matter, nor does a hand that carries.
+
+    Raises
+    ------
+    ValueError
+        If a scenario has no duration.
+
+    """
+    for flight in flights:
+        sim, controller = flight.sim_node.simulator, flight.controller_node
+        p = _Ideal(
+            sim.vehicle.values(), sim.plant.values(), sim.vehicle.options(), sim.wind.values(),
+            sim.noise, flight.reference_node.plan.values(), controller.law.values(),
+            controller.failsafe.values(), flight.reference_node.vehicle.values(),
+            controller.vehicle.values(), controller.period)
+        yield metrics(_ideal(
+            plant.initial(sim.plant), wind.initial(sim.wind),
+            simulator.generators(sim.seed)[simulator.WIND], failsafe.initial(controller.law),
+            closed_loop.step_count(flight), p))
+
+
+class Speed(NamedTuple):
+    """How fast one core flies; medians of repetitions."""
+
+    real_time_factor: float
+    drone_steps: float  # steps of the integration per second, each with its share of control
+
+
+def speed(flight: Scenario, ideal: bool, repetitions: int = 5) -> Speed:
+    """
+    Measure how fast this process flies a scenario, with or without sensors, in CPU time.
+
+    One flight more goes before, which compiles.
+    """
+    work = (lambda: list(fly_many([flight]))) if ideal else lambda: fly_with_sensors(flight)
+    took = []
+    for _ in range(repetitions + 1):
+        began = time.process_time()
+        work()
+        took.append(time.process_time() - began)
+    seconds = float(np.median(took[1:]))
+    factor = flight.sim_node.duration / seconds
+    return Speed(factor, factor * flight.sim_node.simulator.plant.physics_rate)

@@ -1,0 +1,109 @@
+"""Percentiles of a sweep: how the errors are spread, and how they move with a parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from mambo_model import palette
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+import numpy as np
+
+METRICS = {
+    'tracking_rms': 'tracking error, RMS [m]', 'tracking_max': 'tracking error, max [m]',
+    'estimation_rms': 'estimation error, RMS [m]', 'estimation_final': 'drift at the end [m]'}
+BANDS = ((5, 95, 0.2), (25, 75, 0.35))
+MOST_GROUPS, MOST_PARAMETERS, MOST_BINS = 6, 4, 12
+
+
+def percentiles(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the percents and values of the finite ones, (n,) each, sorted."""
+    good = np.sort(values[np.isfinite(values)])
+    return 100.0 * (np.arange(len(good)) + 0.5) / max(len(good), 1), good
+
+
+def groups(column: Sequence[Any]) -> list[tuple[Any, np.ndarray]]:
+    """Return the rows of each value of a column; one group if there are too many values."""
+    values = sorted(set(column), key=lambda x: (str(type(x)), x))
+    if not 1 < len(values) <= MOST_GROUPS:
+        return [('', np.ones(len(column), dtype=bool))]
+    return [(value, np.array([x == value for x in column])) for value in values]
+
+
+def bins(x: np.ndarray, y: np.ndarray) -> list[tuple[float, np.ndarray]]:
+    """Return (middle, values) of bins of a parameter that have alike many flights."""
+    order = np.argsort(x, kind='stable')
+    edges = np.unique(x)
+    if len(edges) <= MOST_BINS:
+        return [(float(value), y[x == value]) for value in edges]
+    parts = np.array_split(order, MOST_BINS)
+    return [(float(np.median(x[part])), y[part]) for part in parts]
+
+
+def _numeric(values: Sequence[Any]) -> bool:
+    return (not isinstance(values[0], (bool, str))) and len(set(values)) > 1
+
+
+def _band(axes: Any, x: np.ndarray, y: np.ndarray) -> None:
+    good = np.isfinite(y)
+    parts = bins(x[good], y[good])
+    if not parts:
+        return
+    at = [middle for middle, _ in parts]
+    for low, high, alpha in BANDS:
+        edges = np.array([np.percentile(part, (low, high)) for _, part in parts])
+        axes.fill_between(at, edges[:, 0], edges[:, 1], alpha=alpha, linewidth=0,
+                          color=palette.COLOURS[palette.SERIES[0]],
+                          label=f'{low} to {high} %')
+    axes.plot(at, [np.median(part) for _, part in parts], '.-', label='median',
+              color=palette.COLOURS[palette.SERIES[0]])
+
+
+def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], title: str) -> None:
+    """
+    Draw a sweep into a PNG.
+
+    Parameters
+    ----------
+    path
+        Of the PNG.
+    data
+        Columns of the result.
+    names
+        Of those that are varied parameters.
+    title
+        Above the plots.
+
+    """
+    metrics = {name: label for name, label in METRICS.items() if np.nanmax(
+        np.asarray(data[name], dtype=float), initial=0.0) > 0.0}
+    varied = [name for name in names if _numeric(data[name]) and not name.endswith('seed')]
+    varied = varied[:MOST_PARAMETERS]
+    colour = next((name for name in names if not name.endswith('seed')
+                   and 1 < len(set(data[name])) <= MOST_GROUPS), None)
+    rows, columns = 1 + len(varied), max(len(metrics), 1)
+    figure = Figure(figsize=(3.6 * columns, 2.9 * rows), layout='constrained')
+    FigureCanvasAgg(figure)
+    grid = figure.subplots(rows, columns, squeeze=False)
+    for column, (name, label) in enumerate(metrics.items()):
+        values = np.asarray(data[name], dtype=float)
+        parts = groups(data[colour]) if colour else [('', slice(None))]
+        for (value, members), style in zip(parts, palette.lines(str(v) for v, _ in parts)):
+            percent, sorted_values = percentiles(values[members])
+            grid[0, column].plot(percent, sorted_values, label=str(value), **style)
+        grid[0, column].set(xlabel='percentile', ylabel=label, xlim=(0, 100))
+        for row, parameter in enumerate(varied, 1):
+            _band(grid[row, column], np.asarray(data[parameter], dtype=float), values)
+            short = '.'.join(parameter.split('.')[-3:])
+            grid[row, column].set(xlabel=short, ylabel=label)
+    if colour:
+        grid[0, 0].legend(title='.'.join(colour.split('.')[-2:]), fontsize='small')
+    for row in range(1, rows):
+        grid[row, 0].legend(fontsize='small')
+    for axes in grid.flat:
+        axes.grid(alpha=0.3)
+        axes.set_ylim(bottom=0.0)
+    figure.suptitle(title)
+    figure.savefig(path, dpi=110, metadata={'Software': None})

@@ -1,0 +1,139 @@
+"""Flights of a sweep on the cores of this machine, or on the workers of a Dask scheduler."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+import contextlib
+import multiprocessing
+import os
+import signal
+from typing import Any
+
+from tqdm import tqdm
+
+from . import monte_carlo
+from ..scenario import Scenario
+from .design import Flights
+from .table import batches, Journal, SweepError
+
+BATCH = 16  # flights at most that a worker gets at once
+AHEAD = 3  # batches for each worker that wait or are flown
+
+
+def fly(flights: Sequence[Scenario], ideal: bool) -> list[dict[str, Any]]:
+    """Return the metrics of flights, with or without sensors: the work of a worker."""
+    if ideal:
+        return list(monte_carlo.fly_many(flights))
+    return [monte_carlo.fly_with_sensors(flight) for flight in flights]
+
+
+@contextlib.contextmanager
+def _processes(workers: int) -> Iterator[tuple[Executor, int]]:
+    """Give an executor of processes and their count."""
+    pool = ProcessPoolExecutor(
+        workers, mp_context=multiprocessing.get_context('spawn'),
+        initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN))  # Ctrl-C is for us
+    try:
+        yield pool, workers
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextlib.contextmanager
+def _dask(address: str) -> Iterator[tuple[Executor, int]]:
+    """Give the executor of a Dask scheduler and the count of its threads."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise SweepError(
+            '--dask needs Dask: pip install -r requirements/dask.txt') from None
+    try:
+        client = Client(address, timeout='10s', set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise SweepError(f'--dask {address}: no scheduler answers: {error}') from None
+    with client:
+        workers = sum(client.nthreads().values())
+        if not workers:
+            raise SweepError(f'--dask {address}: the scheduler has no workers')
+        yield client.get_executor(pure=False), workers
+
+
+def run(
+    flights: Flights, journal: Journal, ideal: bool, workers: int | None = None,
+    dask: str | None = None,
+) -> None:
+    """
+    Fly what the journal does not have yet, and put it there.
+
+    Parameters
+    ----------
+    flights
+        Of the sweep.
+    journal
+        Gets each row as it is finished.
+    ideal
+        Whether to fly without sensors.
+    workers
+        Processes on this machine; None: as many as it has cores.
+    dask
+        Address of a scheduler whose workers fly instead, such as tcp://host:8786.
+
+    Raises
+    ------
+    SweepError
+        If a worker fails; what is finished is in the journal.
+
+    """
+    left = [number for number in range(len(flights.sweep.rows)) if number not in journal.rows]
+    with tqdm(total=len(flights.sweep.rows), initial=len(journal.rows), unit='flight',
+              desc='sweep', disable=None, leave=False) as bar:
+        def keep(numbers: Sequence[int], rows: list[dict[str, Any]]) -> None:
+            for number, row in zip(numbers, rows, strict=True):
+                journal.add(number, row)
+            bar.update(len(rows))
+
+        if not dask and left:  # compiles once, for everybody
+            keep(left[:1], fly([flights[left[0]]], ideal))
+            left = left[1:]
+        workers = min(workers or len(os.sched_getaffinity(0)), max(len(left), 1))
+        if not dask and workers == 1:
+            for number in left:
+                keep([number], fly([flights[number]], ideal))
+        elif left:
+            with _dask(dask) if dask else _processes(workers) as (executor, count):
+                _spread(flights, left, ideal, executor, count, keep)
+
+
+def _spread(flights: Flights, left: Sequence[int], ideal: bool, executor: Executor, count: int,
+            keep: Any) -> None:
+    """Fly numbers on an executor with so many workers, never more than a few ahead."""
+    size = max(1, min(BATCH, len(left) // (4 * count)))
+    todo, under_way = batches(left, size), {}
+    try:
+        while True:
+            while len(under_way) < AHEAD * count and (numbers := next(todo, None)):
+                scenarios = [flights[number] for number in numbers]
+                under_way[executor.submit(fly, scenarios, ideal)] = numbers
+            if not under_way:
+                return
+            done, _ = wait(under_way, return_when=FIRST_COMPLETED)
+            for future in done:
+                keep(under_way.pop(future), _result(future))
+    finally:
+        for future in under_way:
+            future.cancel()
+
+
+def _result(future: Future) -> list[dict[str, Any]]:
+    try:
+        return future.result()
+    except BrokenProcessPool:
+        raise SweepError(
+            'a worker was killed; what is finished is kept, the same command goes on') from None
+    except Exception as error:  # whatever a worker elsewhere may raise
+        text = ' '.join(f'{type(error).__name__}: {error}'.split())
+        raise SweepError(
+            f'a worker failed: {text}; what is finished is kept, the same command goes on'
+        ) from None

@@ -1,0 +1,80 @@
+"""Flights reduced to a few numbers: the same flights, and the right numbers."""
+
+import math
+
+from mambo_flight import closed_loop
+from mambo_flight.scenario import scenario
+from mambo_flight.sweep import monte_carlo
+from mambo_model.motion.trajectory import GROUND, LANDED
+from mambo_model.vehicle.parameters import Vehicle
+import numpy as np
+import pytest
+
+TRUTH = scenario(estimator='ground_truth', duration=8.0, land=False)
+SENSORS = scenario(duration=8.0, land=False, overrides={
+    'controller_node.vehicle.pwm_max': 330.0})  # take-off needs more
+
+
+def recorded(flight):
+    r = closed_loop.fly(flight)
+    return r, (r.phase > GROUND) & (r.phase < LANDED)
+
+
+def test_a_flight_without_sensors_is_the_closed_loop_on_the_true_state_to_the_bit():
+    (row,) = monte_carlo.fly_many([TRUTH])
+    assert repr(row) == repr(monte_carlo.fly_with_sensors(TRUTH))  # NaN equals NaN here
+    assert row['tracking_max'] > 0.1 and row['estimation_max'] == 0.0
+
+
+def test_metrics_are_those_of_the_arrays():
+    r, flown = recorded(SENSORS)
+    row = monte_carlo.fly_with_sensors(SENSORS)
+    for name, error in (('tracking', r.truth - r.reference), ('estimation', r.estimate - r.truth)):
+        rho = error[:, :3]
+        length = np.linalg.norm(rho, axis=1)
+        # sums of 1400 squares in another order: 1400 roundings of 1e-16 at most
+        assert row[f'{name}_rms'] == pytest.approx(
+            math.sqrt((rho[flown] ** 2).sum(axis=1).mean()), rel=1e-12)
+        for i, axis in enumerate('xyz'):
+            assert row[f'{name}_rms_{axis}'] == pytest.approx(
+                math.sqrt((rho[flown, i] ** 2).mean()), rel=1e-12)
+        assert row[f'{name}_max'] == pytest.approx(length[flown].max(), rel=1e-12)
+        assert row[f'{name}_final'] == pytest.approx(length[-1], rel=1e-12)
+    running = r.pwm.max(axis=1) > 0.0
+    limited = (r.pwm >= 330.0).any(axis=1) | (r.pwm <= 10.0).any(axis=1)
+    assert 0.0 < row['saturated_share'] == (limited & running).sum() / running.sum() < 0.5
+    assert row['pwm_max'] == 330.0
+    assert not row['shutdown'] and math.isnan(row['shutdown_time'])
+    assert row['shutdown_reason'] == ''
+
+
+def count(tally, t, off, stopped=False, reason=0, pwm=(100.0,) * 4, phase=2):
+    return monte_carlo.count(
+        tally, t, (off, 0.0, 0.0), (off, 0.0, 2.0), (0.0, 0.0, 0.0), phase, pwm, stopped, reason,
+        Vehicle().values())
+
+
+def test_a_shutdown_is_told_with_its_first_instant_and_its_reason():
+    tally = count(monte_carlo.START, 0.5, 1.0)
+    for t in (1.0, 1.5):
+        tally = count(tally, t, 3.0, True, 5, (0.0,) * 4)
+    row = monte_carlo.metrics(tally)
+    assert (row['shutdown'], row['shutdown_time'], row['shutdown_reason']) == (True, 1.0, 'crash')
+    assert row['tracking_rms'] == pytest.approx(math.sqrt(19.0 / 3.0), rel=1e-15)
+    assert row['estimation_rms_z'] == 2.0 and row['estimation_rms_x'] == 0.0
+    assert row['saturated_share'] == 0.0
+
+
+def test_what_is_not_in_flight_counts_for_the_end_alone():
+    tally = count(count(monte_carlo.START, 0.0, 1.0), 0.5, 9.0, phase=4)
+    row = monte_carlo.metrics(tally)
+    assert row['tracking_rms'] == row['tracking_max'] == 1.0 and row['tracking_final'] == 9.0
+    nothing = monte_carlo.metrics(count(monte_carlo.START, 0.0, 0.0, pwm=(0.0,) * 4, phase=0))
+    assert math.isnan(nothing['tracking_rms']) and math.isnan(nothing['saturated_share'])
+    low = count(monte_carlo.START, 0.0, 0.0, pwm=(10.0, 200.0, 200.0, 200.0))
+    assert monte_carlo.metrics(low)['saturated_share'] == 1.0
+
+
+def test_a_scenario_without_an_end_is_refused():
+    with pytest.raises(ValueError, match='duration'):
+        list(monte_carlo.fly_many([scenario(duration=0.0)]))

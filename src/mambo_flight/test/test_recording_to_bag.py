@@ -1,0 +1,75 @@
+"""The bag of a flight in one process; tests/graph/test_graph.py tests that it is the graph's."""
+
+from mambo_analysis.compare.estimate import messages
+from mambo_bags.reader import read_bag
+from mambo_flight import fly, offline_replay, scenario_file
+from mambo_flight.scenario import from_yaml
+from mambo_ros import topics
+import pytest
+
+SCENARIO = """
+title: A short flight
+duration: 3
+landing: false
+seed: 2
+"""
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('fly')
+    (folder / 'short.yaml').write_text(SCENARIO)
+    with pytest.raises(SystemExit) as end:
+        fly.main([str(folder / 'short.yaml'), '--out', str(folder / 'bag')])
+    assert end.value.code == 0
+    return folder / 'bag'
+
+
+def test_it_has_the_topics_of_the_graph_at_their_rates(bag):
+    found = read_bag(bag)
+    for topic in topics.RECORDED:
+        count = len(found[topic.name])
+        if topic.rate == 200.0:
+            assert count == 601, topic.name
+        assert count > 0, topic.name
+    assert len(found[topics.TF.name]) == 151 and len(found[topics.DIAGNOSTICS.name]) == 16
+
+
+def test_it_says_what_was_flown(bag):
+    recorded = from_yaml(read_bag(bag, topics=()).attachments['scenario.yaml'])
+    assert recorded == scenario_file.load(str(bag.parent / 'short.yaml'))[1]
+
+
+def test_its_sensors_through_the_estimator_give_its_estimate(bag):
+    found = read_bag(bag)
+    node = scenario_file.load(str(bag.parent / 'short.yaml'))[1].estimator_node
+    for topic, table in messages(offline_replay.estimate(found, node.filter)).items():
+        assert table.tobytes() == b''.join(found[topic.name].raw)
+
+
+@pytest.mark.parametrize('arguments, said', [
+    (['fig_99'], 'fig_99'), (['fig_5_10', '--seed', '-1'], 'seed')])
+def test_careless_arguments_get_one_line(tmp_path, capsys, arguments, said):
+    with pytest.raises(SystemExit) as end:
+        fly.main([*arguments, '--out', str(tmp_path / 'bag')])
+    error = capsys.readouterr().err
+    assert end.value.code == 1 and error.count('\n') == 1 and said in error
+    assert not (tmp_path / 'bag').exists()
+
+
+def test_an_existing_bag_is_not_touched(bag, capsys):
+    before = sorted((path.name, path.read_bytes()) for path in bag.iterdir())
+    with pytest.raises(SystemExit) as end:
+        fly.main(['fig_5_10', '--out', str(bag)])
+    assert end.value.code == 1 and 'exists' in capsys.readouterr().err
+    assert sorted((path.name, path.read_bytes()) for path in bag.iterdir()) == before
+
+
+def test_a_flight_with_ill_sensors_is_left_to_the_graph(tmp_path, capsys):
+    file = tmp_path / 'ill.yaml'
+    file.write_text(SCENARIO + 'parameters:\n  sim_node.simulator.faults.sonar.kind: late\n')
+    with pytest.raises(SystemExit) as end:
+        fly.main([str(file), '--out', str(tmp_path / 'bag')])
+    error = capsys.readouterr().err
+    assert end.value.code == 1 and error.count('\n') == 1 and 'faults' in error
+    assert not (tmp_path / 'bag').exists()

@@ -1,0 +1,412 @@
+"""
+Trajectories of the thesis as data, and the flight plan that takes off, joins, leaves and lands.
+
+Holds (3.31), (4.1), (5.1), (5.3)-(5.6) and the paths of the other experiments. A trajectory is,
+on each axis, an offset, a slope and one sine of path time; a flight plan blends it with the point
+above the origin and with the ground so that position is four times continuously differentiable,
+what (3.14) needs. All derivatives are analytic.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+from ..compiled import jit
+from ..schema import check, choice, ParameterError, quantity, values
+from ..vehicle.parameters import Vehicle
+from .flatness import from_flat_output, Reference
+from .vector import add, scale, Vec3
+
+GROUND, TAKEOFF, TRACK, LANDING, LANDED = range(5)  # PHASE_* of mambo_interfaces/Reference
+
+Jet = tuple[float, float, float, float, float]  # a function of time and four derivatives
+
+_ONE: Jet = (1.0, 0.0, 0.0, 0.0, 0.0)
+_ZERO: Jet = (0.0, 0.0, 0.0, 0.0, 0.0)
+_ORIGIN: Vec3 = (0.0, 0.0, 0.0)
+
+BLEND_SPEED = 630.0 / 4.0**4            # largest first derivative of the blend
+_BLEND_ACCELERATION = 2520.0 * (3.0 / 14.0)**3 / math.sqrt(7.0)  # largest second one
+_BLEND_HALF = 63.0 / 1024.0              # integral of the blend over its first half
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """
+    Position over path time p: offset + slope p + amplitude sin(rate p + phase), axis by axis.
+
+    With ``loops`` the path turns round after that many turns of the x axis and comes back over
+    the same points. The step adds to the position from the step time on.
+    """
+
+    source: str
+    offset: Vec3                 # (3,) m, inertial NED; also the point where it is joined
+    amplitude: Vec3 = _ORIGIN    # (3,) m
+    rate: float = 1.0            # rad/s
+    phase: Vec3 = _ORIGIN        # (3,) rad
+    slope: Vec3 = _ORIGIN        # (3,) m/s
+    step: Vec3 = _ORIGIN         # (3,) m
+    loops: float = 0.0           # turns before the path turns round; 0: never
+
+
+_COSINE = 0.5 * math.pi
+_UP = math.pi  # sin(p + pi) = -sin p: NED altitude rises first
+TURN_DURATION = 2.0  # s of path time in which a path with loops turns round
+
+TRAJECTORIES: dict[str, Trajectory] = {
+    'hover': Trajectory('Fig. 5.3', (0.0, 0.0, -1.5)),
+    'step': Trajectory('Fig. 4.3, 6.5', (0.0, 0.0, -1.5), step=(1.0, 0.0, 0.0)),
+    'circle': Trajectory(
+        '(5.3)', (0.0, 0.0, -1.5), (1.0, 1.0, 0.0), phase=(_COSINE, 0.0, 0.0)),
+    'circle_fast': Trajectory(
+        '(5.3) at twice the speed, Fig. 6.6', (0.0, 0.0, -1.5), (1.0, 1.0, 0.0), 2.0,
+        (_COSINE, 0.0, 0.0)),
+    'figure_3_3': Trajectory(
+        '(3.31)', (0.0, 0.0, -1.5), (1.0, 1.0, 1.0), phase=(_COSINE, 0.0, _UP)),
+    'default_circle': Trajectory(
+        '(4.1)', (0.0, 0.0, -1.5), (0.5, 0.5, 0.5), phase=(0.0, _COSINE, _UP)),
+    'y_sine': Trajectory('Fig. 5.4-5.8', (0.0, 0.0, -1.5), (0.0, 1.0, 0.0)),
+    'y_sine_high': Trajectory('(5.1)', (0.0, 0.0, -2.5), (0.0, 0.5, 0.0)),
+    'circle_rising': Trajectory(
+        '(5.4)', (0.0, 0.0, -1.5), (1.0, 1.0, 1.0), phase=(0.0, _COSINE, _UP)),
+    'incline': Trajectory(
+        '(5.5)', (0.0, 0.0, -1.5), (0.5, 0.0, 0.5), phase=(0.0, 0.0, _UP)),
+    'vertical_circle': Trajectory(
+        '(5.6)', (0.0, 0.0, -1.5), (0.5, 0.0, 0.5), phase=(_COSINE, 0.0, _UP)),
+    'z_sine': Trajectory(
+        'Fig. 6.2', (0.0, 0.0, -2.0), (0.0, 0.0, 1.0), 2.0, (0.0, 0.0, _UP)),
+    'hand_loop': Trajectory(
+        'Fig. C.1, size and speed of Fig. C.4', (0.0, 0.0, -1.5), (1.0, 0.0, 1.0),
+        phase=(_COSINE, 0.0, _UP), loops=2.0),
+    'ramp': Trajectory(
+        'Fig. C.2', (0.0, 0.0, -1.5), (0.0, 0.0, 1.0), 0.5, (0.0, 0.0, _UP),
+        slope=(0.1, 0.0, 0.0)),
+    'vertical_circle_large': Trajectory(
+        'Fig. C.4-C.6', (0.0, 0.0, -1.5), (1.0, 0.0, 1.0), phase=(_COSINE, 0.0, _UP)),
+}
+
+TAKEOFFS = ('smooth', 'step', 'none')
+SMOOTH, STEP, NONE = range(len(TAKEOFFS))
+
+
+class PlanValues(NamedTuple):
+    """A :class:`FlightPlanParams` with its trajectory as compiled code reads it."""
+
+    hover: Vec3          # (3,) m, inertial NED, where the trajectory is joined and left
+    amplitude: Vec3      # (3,) m
+    rate: float          # rad/s of path time
+    phase: Vec3          # (3,) rad
+    slope: Vec3          # (3,) m/s of path time
+    step: Vec3           # (3,) m
+    turn_time: float     # s of path time at the middle of turning round; inf: never
+    time_scale: float    # path seconds per second
+    takeoff: int
+    takeoff_time: float  # s
+    climb_duration: float
+    start_time: float
+    blend_duration: float
+    landing_time: float  # s; inf: never
+
+
+@dataclass(frozen=True)
+class FlightPlanParams:
+    """
+    Which trajectory is flown, and how it is reached and left.
+
+    ``takeoff`` smooth: on the ground until ``takeoff_time``, a climb above the origin, then the
+    trajectory from its own time 0 at ``start_time``, blended in. ``takeoff`` step: as the drone of
+    the thesis flew, without climb and blend; the reference jumps to the hover point at
+    ``takeoff_time`` and to the trajectory at ``start_time``. ``takeoff`` none: the reference
+    is the trajectory from t = 0, as in the thesis's simulations. A landing blends the trajectory
+    out and then descends, with the same two durations. A step happens at ``start_time``.
+    """
+
+    trajectory: str = choice('circle', tuple(TRAJECTORIES), 'thesis chapters 3 to 6, appendix C')
+    takeoff: str = choice('smooth', TAKEOFFS, 'none: thesis sec. 3.4; step: sec. 4.3, 5.2')
+    takeoff_time: float = quantity(1.0, 's', 0.0, 600.0, 'design choice: motors start')
+    climb_duration: float = quantity(3.0, 's', 0.5, 60.0, 'design choice')
+    start_time: float = quantity(5.0, 's', 0.0, 600.0, 'thesis sec. 4.3, 5.2')
+    blend_duration: float = quantity(3.0, 's', 0.5, 60.0, 'design choice')
+    landing_time: float = quantity(0.0, 's', 0.0, 36000.0, 'design choice; 0: no landing')
+    scale_amplitude: float = quantity(
+        1.0, '1', 0.0, 5.0, 'design choice: size of the motion about the hover point')
+    scale_rate: float = quantity(1.0, '1', 0.05, 5.0, 'design choice: speed along the path')
+    height: float = quantity(
+        0.0, 'm', 0.0, 100.0, 'of the hover point, thesis sec. 5.4; 0: that of the trajectory')
+
+    def __post_init__(self) -> None:
+        check(self)
+        _check_order(self)
+        _check_vertical(self)
+
+    @property
+    def hover(self) -> Vec3:
+        """Return the point where the trajectory is joined and left, (3,) m, inertial NED."""
+        x, y, z = TRAJECTORIES[self.trajectory].offset
+        return (x, y, -float(self.height) if self.height > 0.0 else z)
+
+    def values(self) -> PlanValues:
+        """Return what compiled code reads: the trajectory resolved and scaled, times in s."""
+        path, landing = TRAJECTORIES[self.trajectory], float(self.landing_time)
+        turn_time = math.inf
+        if path.loops:
+            turn_time = 2.0 * math.pi * path.loops / path.rate + 2.0 * TURN_DURATION * _BLEND_HALF
+        size, time_scale, *times = values(self, (
+            'scale_amplitude', 'scale_rate',
+            'takeoff_time', 'climb_duration', 'start_time', 'blend_duration'))
+        return PlanValues(
+            self.hover, scale(size, path.amplitude), path.rate, path.phase,
+            scale(size, path.slope), scale(size, path.step), turn_time, time_scale,
+            TAKEOFFS.index(self.takeoff), *times, landing if landing > 0.0 else math.inf)
+
+
+def _check_order(plan: FlightPlanParams) -> None:
+    """Raise ParameterError if one manoeuvre begins before the one before it has ended."""
+    climbed, until = plan.takeoff_time, 'takeoff_time'
+    if plan.takeoff == 'smooth':
+        climbed, until = climbed + plan.climb_duration, 'takeoff_time + climb_duration'
+    if plan.takeoff != 'none' and plan.start_time < climbed:
+        raise ParameterError(
+            f'FlightPlanParams.start_time = {plan.start_time:g} s is before the climb ends, '
+            f'{until} = {climbed:g} s')
+    joined, what = 0.0, ''
+    if plan.takeoff == 'smooth':
+        joined = plan.start_time + plan.blend_duration
+        what = 'the trajectory is reached, start_time + blend_duration'
+    elif plan.takeoff == 'step' or any(TRAJECTORIES[plan.trajectory].step):
+        joined, what = plan.start_time, 'the step, start_time'
+    if 0.0 < plan.landing_time < joined:
+        raise ParameterError(
+            f'FlightPlanParams.landing_time = {plan.landing_time:g} s is before {what} = '
+            f'{joined:g} s')
+
+
+def _check_vertical(plan: FlightPlanParams) -> None:
+    """Raise ParameterError if the plan meets the ground or falls faster than 9 m/s^2."""
+    path = TRAJECTORIES[plan.trajectory]
+    height, depth = -plan.hover[2], plan.scale_amplitude * path.amplitude[2]
+    if depth >= height:
+        raise ParameterError(
+            f'FlightPlanParams.scale_amplitude = {plan.scale_amplitude:g} takes {plan.trajectory} '
+            f'to the ground: {depth:g} m of motion about {height:g} m')
+    blends = plan.takeoff == 'smooth' or plan.landing_time > 0.0
+    rate, T = path.rate * plan.scale_rate, plan.blend_duration
+    extra = 2.0 * BLEND_SPEED * rate * plan.scale_rate / TURN_DURATION if path.loops else 0.0
+    if blends:
+        extra = max(extra, 2.0 * BLEND_SPEED * rate / T + _BLEND_ACCELERATION / T**2)
+    track = depth * (rate**2 + extra)
+    climb = height * _BLEND_ACCELERATION / plan.climb_duration**2 if blends else 0.0
+    for name, value, remedy in (
+            ('scale_rate', track, 'lower it or scale_amplitude, or lengthen blend_duration'),
+            ('climb_duration', climb, 'lengthen it')):
+        if value > 9.0:
+            raise ParameterError(
+                f'FlightPlanParams.{name} = {getattr(plan, name):g} lets {plan.trajectory} ask '
+                f'for up to {value:.3g} m/s^2 downward, limit 9 m/s^2: {remedy}')
+
+
+@jit
+def blend(x: float) -> Jet:
+    """
+    Return the weight that rises from 0 at x = 0 to 1 at x = 1, and four derivatives.
+
+    Polynomial of degree 9, derivatives 1 to 4 zero at both ends; constant outside [0, 1].
+    """
+    if x <= 0.0:
+        return _ZERO
+    if x >= 1.0:
+        return _ONE
+    z = min(x, 1.0 - x)  # the value from the nearer end, for its accuracy
+    low = z**5 * (126.0 + z * (-420.0 + z * (540.0 + z * (-315.0 + z * 70.0))))
+    y, d = x * (1.0 - x), 1.0 - 2.0 * x
+    return (
+        low if x <= 0.5 else 1.0 - low,
+        630.0 * y**4,
+        2520.0 * y**3 * d,
+        2520.0 * y * y * (3.0 * d * d - 2.0 * y),
+        2520.0 * y * d * (6.0 * d * d - 18.0 * y))
+
+
+@jit
+def blend_integral(x: float) -> float:
+    """Return the integral of the blend from 0 to x."""
+    if x <= 0.0:
+        return 0.0
+    if x >= 1.0:
+        return x - 0.5
+    return x**6 * (21.0 + x * (-60.0 + x * (67.5 + x * (-35.0 + x * 7.0))))
+
+
+@jit
+def _rise(t: float, begin: float, duration: float) -> Jet:
+    """Return the blend over time, t and begin and duration in s, derivatives by time."""
+    b = blend((t - begin) / duration)
+    h = 1.0 / duration
+    return (b[0], b[1] * h, b[2] * h * h, b[3] * h * h * h, b[4] * h * h * h * h)
+
+
+@jit
+def _product(a: Jet, b: Jet) -> Jet:
+    """Return a times b with four derivatives, by the rule of Leibniz."""
+    return (
+        a[0] * b[0],
+        a[1] * b[0] + a[0] * b[1],
+        a[2] * b[0] + 2.0 * a[1] * b[1] + a[0] * b[2],
+        a[3] * b[0] + 3.0 * a[2] * b[1] + 3.0 * a[1] * b[2] + a[0] * b[3],
+        a[4] * b[0] + 4.0 * a[3] * b[1] + 6.0 * a[2] * b[2] + 4.0 * a[1] * b[3] + a[0] * b[4])
+
+
+@jit
+def _fall(t: float, begin: float, duration: float) -> Jet:
+    """Return one minus :func:`_rise`."""
+    r = _rise(t, begin, duration)
+    return (1.0 - r[0], -r[1], -r[2], -r[3], -r[4])
+
+
+@jit
+def _path_time(t: float, plan: PlanValues) -> Jet:
+    """Return path time in s at trajectory time t in s; it runs back after ``turn_time``."""
+    k = plan.time_scale
+    p = k * t
+    if plan.turn_time == math.inf:
+        return (p, k, 0.0, 0.0, 0.0)
+    x = (p - plan.turn_time) / TURN_DURATION + 0.5
+    b = blend(x)
+    h = k / TURN_DURATION
+    return (
+        p - 2.0 * TURN_DURATION * blend_integral(x),
+        k * (1.0 - 2.0 * b[0]),
+        -2.0 * k * h * b[1],
+        -2.0 * k * h * h * b[2],
+        -2.0 * k * h * h * h * b[3])
+
+
+@jit
+def _axis(p: Jet, slope: float, amplitude: float, rate: float, phase: float) -> Jet:
+    """Return slope p + amplitude sin(rate p + phase) with four derivatives, by the chain rule."""
+    x = rate * p[0] + phase
+    s, c = amplitude * math.sin(x), amplitude * math.cos(x)
+    d1, d2, d3, d4 = rate * p[1], rate * p[2], rate * p[3], rate * p[4]
+    return (
+        slope * p[0] + s,
+        slope * p[1] + c * d1,
+        slope * p[2] + c * d2 - s * d1 * d1,
+        slope * p[3] + c * (d3 - d1 * d1 * d1) - 3.0 * s * d1 * d2,
+        slope * p[4] + c * (d4 - 6.0 * d1 * d1 * d2)
+        + s * (d1 * d1 * d1 * d1 - 4.0 * d1 * d3 - 3.0 * d2 * d2))
+
+
+@jit
+def _phase(t: float, plan: PlanValues) -> int:
+    """Return the phase of the flight at t in s, one of GROUND ... LANDED."""
+    leave = plan.landing_time + plan.blend_duration
+    if plan.takeoff != NONE and t < plan.takeoff_time:
+        return GROUND
+    if plan.takeoff != NONE and t < plan.start_time:
+        return TAKEOFF
+    if t < leave:
+        return TRACK
+    if t < leave + plan.climb_duration:
+        return LANDING
+    return LANDED
+
+
+@jit
+def _weights(t: float, plan: PlanValues) -> tuple[Jet, Jet, Jet]:
+    """Return the weights of hover point, periodic motion and step at t in s."""
+    climb, join = _ONE, _ONE
+    if plan.takeoff == SMOOTH:
+        climb = _rise(t, plan.takeoff_time, plan.climb_duration)
+        join = _rise(t, plan.start_time, plan.blend_duration)
+    elif plan.takeoff == STEP:
+        climb = _ONE if t >= plan.takeoff_time else _ZERO
+        join = _ONE if t >= plan.start_time else _ZERO
+    step = _ONE if t >= plan.start_time else _ZERO
+    if t >= plan.landing_time:
+        leave = _fall(t, plan.landing_time, plan.blend_duration)
+        join, step = _product(join, leave), _product(step, leave)
+        climb = _product(climb, _fall(
+            t, plan.landing_time + plan.blend_duration, plan.climb_duration))
+    return climb, join, step
+
+
+@jit
+def flat_output(
+    t: float, plan: PlanValues,
+) -> tuple[Vec3, Vec3, Vec3, Vec3, Vec3, int]:
+    """
+    Return position and its first four derivatives, and the phase of the flight.
+
+    Position is ``u hover + w (path - hover) + step`` with weights u and w that blend; a step
+    jumps, with zero derivatives on both sides.
+
+    Parameters
+    ----------
+    t : s
+        Flight time.
+    plan
+        From :meth:`FlightPlanParams.values`.
+
+    Returns
+    -------
+    rho, v, a, j, s : (3,) m ... m/s^4, inertial NED
+        All zero in the phases GROUND and LANDED, where every weight is: the origin.
+    phase
+        One of GROUND ... LANDED.
+
+    """
+    u, w, g = _weights(t, plan)
+    p = _path_time(t - plan.start_time if plan.takeoff != NONE else t, plan)
+    A, F = plan.amplitude, plan.phase
+    x = _product(w, _axis(p, plan.slope[0], A[0], plan.rate, F[0]))
+    y = _product(w, _axis(p, plan.slope[1], A[1], plan.rate, F[1]))
+    z = _product(w, _axis(p, plan.slope[2], A[2], plan.rate, F[2]))
+    H, S = plan.hover, plan.step
+    return (
+        add(add(scale(u[0], H), scale(g[0], S)), (x[0], y[0], z[0])),
+        add(add(scale(u[1], H), scale(g[1], S)), (x[1], y[1], z[1])),
+        add(add(scale(u[2], H), scale(g[2], S)), (x[2], y[2], z[2])),
+        add(add(scale(u[3], H), scale(g[3], S)), (x[3], y[3], z[3])),
+        add(add(scale(u[4], H), scale(g[4], S)), (x[4], y[4], z[4])),
+        _phase(t, plan))
+
+
+@jit
+def reference_step(
+    t: float, plan: PlanValues, mass: float, inertia: Vec3, gravity: float,
+) -> tuple[Reference, int]:
+    """
+    Return the feasible reference (3.14) of the plan at t in s, yaw by least rotation, and phase.
+
+    Mass in kg, inertia in kg m^2 and gravity in m/s^2 are those the controller believes. In the
+    phases GROUND and LANDED the reference is at rest at the origin with hover thrust.
+    """
+    rho, v, a, j, s, phase = flat_output(t, plan)
+    return from_flat_output(rho, v, a, j, s, mass, inertia, gravity), phase
+
+
+def reference_at(t: float, plan: FlightPlanParams, vehicle: Vehicle) -> tuple[Reference, int]:
+    """
+    Return the feasible reference (3.14) at a time, and the phase of the flight.
+
+    Parameters
+    ----------
+    t : s
+        Flight time, finite.
+    plan
+        What is flown.
+    vehicle
+        As believed by the controller: mass, inertia, gravity.
+
+    Raises
+    ------
+    ValueError
+        If t is not finite.
+
+    """
+    if not math.isfinite(t):
+        raise ValueError(f'flight time t = {t} s must be finite')
+    vv = vehicle.values()
+    return reference_step(float(t), plan.values(), vv.mass, vv.inertia, vv.gravity)

@@ -1,0 +1,58 @@
+"""Mass and inertia of a body with small things fixed to it, by the parallel-axis theorem."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..motion.vector import Vec3
+
+Point = tuple[float, Vec3]
+"""Mass in kg and position in m of something small."""
+
+Matrix = tuple[Vec3, Vec3, Vec3]
+
+
+def _steiner(mass: float, at: Vec3) -> Matrix:
+    """Return the inertia of a point about the origin, (3, 3) kg m^2: m (|r|^2 I - r r^T)."""
+    x, y, z = at
+    return (
+        (mass * (y * y + z * z), -mass * x * y, -mass * x * z),
+        (-mass * x * y, mass * (x * x + z * z), -mass * y * z),
+        (-mass * x * z, -mass * y * z, mass * (x * x + y * y)))
+
+
+def with_points(
+    mass: float, inertia: Vec3, points: Sequence[Point],
+) -> tuple[float, Vec3, Matrix]:
+    r"""
+    Return the mass properties of a body with point masses fixed to it.
+
+    .. math:: J' = J + \sum_i m_i (|r_i|^2 I - r_i r_i^T) - m' (|c|^2 I - c c^T)
+
+    with the new centre of mass :math:`c = \sum_i m_i r_i / m'`.
+
+    Parameters
+    ----------
+    mass : kg
+        Of the body.
+    inertia : (3,) kg m^2
+        Of the body about its centre of mass, principal axes along the axes used.
+    points
+        Mass in kg and position in m from the centre of mass of the body, for each point.
+
+    Returns
+    -------
+    mass : kg
+    centre : (3,) m
+        Of mass, from that of the body alone.
+    inertia : (3, 3) kg m^2
+        About the new centre of mass.
+
+    """
+    total = mass + sum(m for m, _ in points)
+    cx, cy, cz = (sum(m * r[i] for m, r in points) / total for i in range(3))
+    terms = [_steiner(m, r) for m, r in points] + [_steiner(-total, (cx, cy, cz))]
+    rows = [
+        [sum(term[i][j] for term in terms) + (inertia[i] if i == j else 0.0) for j in range(3)]
+        for i in range(3)]
+    return total, (cx, cy, cz), tuple(tuple(row) for row in rows)

@@ -1,0 +1,126 @@
+"""
+Motors and mixer: PWM to thrust and back (4.5)-(4.7), thrusts to force and torque (3.2), (4.4).
+
+And what the thesis saw or left out: thrust that fades, the speed and angular momentum of rotors.
+
+Motors 1 to 4 are front left, front right, rear right, rear left; 1 and 3 turn clockwise seen from
+above. The inverse of (3.2) takes [f, roll, pitch, yaw]; (4.4) as printed takes other columns.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ..compiled import jit
+from ..motion.vector import Vec3
+from .parameters import THRUST_LINEAR, VehicleValues
+from .vehicle_options import FadeValues, RotorValues
+
+Four = tuple[float, float, float, float]
+
+
+@jit
+def thrust_from_pwm(pwm: float, vv: VehicleValues) -> float:
+    """Return the thrust of one motor in N (4.5), or of the linear map; 0 for pwm <= 0."""
+    if pwm <= 0.0:
+        return 0.0
+    if vv.thrust_map == THRUST_LINEAR:
+        return pwm / vv.linear_gain
+    return vv.power_a * pwm ** vv.power_b
+
+
+@jit
+def pwm_from_thrust(thrust: float, vv: VehicleValues) -> float:
+    """
+    Return the PWM of one motor for a thrust in N (4.7), or of the linear map; 0 for thrust <= 0.
+
+    Not limited: see :func:`limit_pwm`.
+    """
+    if thrust <= 0.0:
+        return 0.0
+    if vv.thrust_map == THRUST_LINEAR:
+        return thrust * vv.linear_gain
+    return (thrust / vv.power_a) ** (1.0 / vv.power_b)
+
+
+@jit
+def limit_pwm(pwm: float, vv: VehicleValues) -> float:
+    """Return pwm cut to [pwm_min, pwm_max]; NaN stays NaN."""
+    if pwm < vv.pwm_min:
+        return vv.pwm_min
+    if pwm > vv.pwm_max:
+        return vv.pwm_max
+    return pwm
+
+
+@jit
+def mix(thrust: Four, vv: VehicleValues) -> tuple[float, Vec3]:
+    """
+    Return total thrust in N along -b3 and torque in N m, body FRD (3.2), of four motors in N.
+
+    A rotor at (x, y) with thrust T gives the torque (-y T, x T).
+    """
+    t1, t2, t3, t4 = thrust
+    return t1 + t2 + t3 + t4, (
+        vv.arm * (t1 - t2 - t3 + t4),
+        vv.arm * (t1 + t2 - t3 - t4),
+        vv.yaw_ratio * (-t1 + t2 - t3 + t4))
+
+
+@jit
+def allocate(f: float, tau: Vec3, vv: VehicleValues) -> Four:
+    """
+    Return the four motor thrusts in N that give f in N and tau in N m, body FRD.
+
+    The inverse of (3.2), i.e. (4.4) with its columns named. Thrusts may come out negative.
+    """
+    quarter = 0.25 * f
+    roll = 0.25 * tau[0] / vv.arm
+    pitch = 0.25 * tau[1] / vv.arm
+    yaw = 0.25 * tau[2] / vv.yaw_ratio
+    return (
+        quarter + roll + pitch - yaw,
+        quarter - roll + pitch + yaw,
+        quarter - roll - pitch - yaw,
+        quarter + roll - pitch + yaw)
+
+
+@jit
+def faded(lost: float, pwm: float, dt: float, p: FadeValues) -> float:
+    """
+    Return the share of its thrust that a motor has lost after dt s, in [0, 1).
+
+    Above the command ``p.pwm`` it tends to ``p.loss``, below to 0, both with the time constant
+    (thesis sec. 4.4.2; NaN counts as below).
+
+    Parameters
+    ----------
+    lost
+        Share lost before.
+    pwm : PWM
+        Command, held.
+    dt : s
+    p
+        Threshold, final loss, time constant.
+
+    """
+    end = p.loss if pwm > p.pwm else 0.0
+    return end + (lost - end) * math.exp(-dt / p.time_constant)
+
+
+@jit
+def rotor_speed(thrust: float, rotor: RotorValues) -> float:
+    """Return Omega of T = k Omega^2 in rad/s, of one rotor away from the floor; T in N."""
+    return math.sqrt(max(thrust, 0.0) / rotor.speed_coefficient)
+
+
+@jit
+def rotor_momentum(thrust: Four, rotor: RotorValues) -> float:
+    """
+    Return the angular momentum of the four rotors about b3, in N m s, from thrusts (4,) N.
+
+    Seen from above, 1 and 3 turn clockwise, which is positive about the downward b3.
+    """
+    return rotor.inertia * (
+        rotor_speed(thrust[0], rotor) - rotor_speed(thrust[1], rotor)
+        + rotor_speed(thrust[2], rotor) - rotor_speed(thrust[3], rotor))

@@ -1,0 +1,205 @@
+"""
+Parameters as a file for people: each value with its unit and where it comes from.
+
+YAML. Unlike a scenario, which is what one flight ran with, such a file is an account of a vehicle.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import yaml
+
+from ..schema import build, check_field, flatten, ParameterError, unknown, walk
+from ..yaml_nodes import Reader
+from .mass_properties import Point
+
+P = TypeVar('P')
+
+MARKER = {'mass': ('kg', 1), 'position': ('m', 3)}  # unit, how many numbers
+LIMITS = {'mass': (0.0, 0.1), 'position': (-1.0, 1.0)}
+
+
+class Text(NamedTuple):
+    """A word of the file, and file and line it stands in."""
+
+    value: str
+    where: str
+
+
+class Content(NamedTuple):
+    """What a file says."""
+
+    base: Text | None
+    values: dict[str, Any]  # by dotted name
+    markers: list[Point]
+
+
+class _Reader(Reader):
+    """Reads values that stand with their unit and their source."""
+
+    def entry(self, name: str, key: yaml.Node, node: yaml.Node, unit: str | None) -> yaml.Node:
+        """Return the node of the value of ``name: {value, unit, source}``."""
+        parts = self.mapping(node, name)
+        wanted = ('value', 'source') if unit is None else ('value', 'unit', 'source')
+        for part, (at, _) in parts.items():
+            if part not in wanted:
+                self.fail(at, name, f'has {part!r}; it takes {", ".join(wanted)}')
+        for part in wanted:
+            if part not in parts:
+                self.fail(key, name, f'has no {part}; it takes {", ".join(wanted)}')
+        self.text(parts['source'][1], f'{name}: source')
+        if unit is not None and self.text(parts['unit'][1], name) != unit:
+            self.fail(parts['unit'][1], name, f'is in {unit}, not in {parts["unit"][1].value}')
+        return parts['value'][1]
+
+    def value(self, name: str, field: dataclasses.Field, key: yaml.Node, node: yaml.Node) -> Any:
+        """Return a checked value of a field of the schema."""
+        at = self.entry(name, key, node, field.metadata.get('unit'))
+        return self.leaf('.'.join(['vehicle', *name.split('.')[:-1]]), name, field, at)
+
+    def section(
+        self, node: yaml.Node, prefix: str, fields: dict[str, dataclasses.Field],
+    ) -> dict[str, Any]:
+        """Return {dotted name: value} of everything below a node."""
+        out = {}
+        for part, (key, below) in self.mapping(node, prefix.rstrip('.')).items():
+            name = f'{prefix}{part}'
+            if name in fields:
+                out[name] = self.value(name, fields[name], key, below)
+            elif any(known.startswith(f'{name}.') for known in fields):
+                out.update(self.section(below, f'{name}.', fields))
+            else:
+                raise ParameterError(f'{self.where(key)}: {unknown(name, fields)}')
+        return out
+
+    def marker(self, node: yaml.Node) -> Point:
+        """Return one marker: mass kg and position m."""
+        parts = self.mapping(node, 'markers')
+        if set(parts) != set(MARKER):
+            self.fail(node, 'markers', f'each takes {" and ".join(MARKER)}')
+        out: list[Any] = []
+        for name, (unit, count) in MARKER.items():
+            key, (low, high) = f'markers: {name}', LIMITS[name]
+            at = self.entry(key, *parts[name], unit)
+            given = self.numbers(at, key, count) if count > 1 else (self.number(at, key),)
+            if not all(low <= number <= high for number in given):
+                self.fail(at, key, f'is outside [{low:g}, {high:g}] {unit}')
+            out.append(given if count > 1 else given[0])
+        return tuple(out)
+
+
+def read(path: Path, params_type: type) -> Content:
+    """
+    Read a file.
+
+    Parameters
+    ----------
+    path
+        YAML: ``description``, ``base``, ``markers`` and values, see ``vehicle.load``.
+    params_type
+        Parameter dataclass whose names, units and ranges the values have.
+
+    Raises
+    ------
+    ParameterError
+        Naming file, line and key of anything that is not as it should be.
+
+    """
+    reader = _Reader(path)
+    root = reader.root()
+    keys = reader.mapping(root, 'file')
+    if 'description' not in keys:
+        raise ParameterError(f'{path}: has no description')
+    reader.text(keys['description'][1], 'description')
+    base, markers = None, []
+    if 'base' in keys:
+        node = keys['base'][1]
+        base = Text(reader.text(node, 'base'), f'{reader.where(node)}: base')
+    if 'markers' in keys:
+        node = keys['markers'][1]
+        if not isinstance(node, yaml.SequenceNode):
+            reader.fail(node, 'markers', 'must be a list')
+        markers = [reader.marker(marker) for marker in node.value]
+    root.value = [pair for pair in root.value if pair[0].value not in (
+        'description', 'base', 'markers')]
+    return Content(base, reader.section(root, '', dict(walk(params_type))), markers)
+
+
+def replace(params: P, values: dict[str, Any]) -> P:
+    """
+    Return parameters with other values under some dotted names.
+
+    Raises
+    ------
+    ParameterError
+        If the values contradict each other.
+
+    """
+    return build(type(params), {**flatten(params), **values})
+
+
+def _scalar(value: Any) -> str:
+    """Return a value as YAML writes it; numbers so that they read back to the bit."""
+    if isinstance(value, tuple):
+        return f'[{", ".join(map(_scalar, value))}]'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (int, float)):
+        return repr(value)
+    return yaml.safe_dump([value], default_flow_style=True, width=10 ** 6)[1:-2]
+
+
+def _lines(tree: dict[str, Any], indent: str) -> list[str]:
+    """Return the lines of a section; a leaf is its finished text."""
+    out = []
+    for key, below in tree.items():
+        if isinstance(below, dict):
+            out += [f'{indent}{key}:', *_lines(below, indent + '  ')]
+        else:
+            out.append(f'{indent}{key}: {below}')
+    return out
+
+
+def to_text(
+    description: str, base: str, values: dict[str, tuple[Any, str]], params_type: type,
+) -> str:
+    """
+    Return a file that :func:`read` reads.
+
+    Parameters
+    ----------
+    description
+        What it is, one line.
+    base
+        Name of the vehicle it starts from.
+    values
+        {dotted name: (value, source)}; what is not named is that of the base.
+    params_type
+        Parameter dataclass whose names, units and ranges the values have.
+
+    Raises
+    ------
+    ParameterError
+        Naming a value that is unknown or out of range.
+
+    """
+    fields, tree = dict(walk(params_type)), {}
+    for name, (value, source) in values.items():
+        if name not in fields:
+            raise ParameterError(unknown(name, fields))
+        check_field('.'.join(['vehicle', *name.split('.')[:-1]]), fields[name], value)
+        unit = fields[name].metadata.get('unit')
+        parts = [f'value: {_scalar(value)}', f'source: {_scalar(" ".join(source.split()))}']
+        if unit is not None:
+            parts.insert(1, f'unit: {_scalar(unit)}')
+        *sections, last = name.split('.')
+        below = tree
+        for section in sections:
+            below = below.setdefault(section, {})
+        below[last] = f'{{{", ".join(parts)}}}'
+    return '\n'.join([
+        f'description: {_scalar(" ".join(description.split()))}', f'base: {_scalar(base)}', '',
+        *_lines(tree, '')]) + '\n'

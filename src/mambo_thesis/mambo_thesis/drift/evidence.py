@@ -1,0 +1,285 @@
+r"""
+Which mechanisms flights support: every one alone and every two together, compared by evidence.
+
+A model is the equation of :mod:`mambo_thesis.drift.mechanisms` with the scale, a small delay
+and the parameters of one or two mechanisms free. What it leaves of the flow is a stationary
+autoregressive process, whose coefficients come from the model with everything free; whitened by
+them, the residuals count as independent. With a normal prior on every parameter (its width is in
+``PARAMETERS``) the evidence is that of Laplace,
+
+.. math:: \ln p(D | M) = -\tfrac12 \chi^2 - \tfrac12 \sum (\theta_j / s_j)^2 - \sum \ln s_j
+          - \tfrac12 \ln \det H
+
+and with the priors of ``PRIOR`` on models it gives their probabilities: among these models, and
+if one of them is true.
+
+Evidence comes in two grains. ``window`` None takes every sample. A window in seconds takes the
+displacement that the flow says, minus the true one, over windows of that length: with that of one
+turn only the drift counts, what the thesis had to look at; the scale then is that of the samples
+within ``CALIBRATION``, as drift says next to nothing of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import itertools
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+
+from .flight import Flight
+from .mechanisms import flow, MECHANISMS, PARAMETERS
+from .paths import Array, DRAG_RATE, EXPERIMENTS, LEVEL, PATHS, perfect, Track
+
+Model = tuple[str, ...]
+
+PRIOR = (0.1, 0.6, 0.3)
+"""Of no mechanism, of one (each alike), of two (each pair alike)."""
+CALIBRATION = 0.1   # of the scale, where only drift counts: 1.5 m with an offset of 0.15 m
+ORDER = 8          # of the autoregressive process
+DURATION = 30.0    # s of an experiment that would separate
+ITERATIONS = 8     # of Gauss and Newton
+STEP = 1e-3        # of the derivative, in widths of the prior
+MODELS: tuple[Model, ...] = tuple(
+    model for size in range(3) for model in itertools.combinations(MECHANISMS, size))
+
+
+class Fit(NamedTuple):
+    """
+    One model and what the flights say of it.
+
+    Attributes
+    ----------
+    model
+        Letters of its mechanisms; () is the scale alone.
+    values, sigmas
+        {parameter: most probable value, standard deviation}.
+    log_evidence, probability
+    chi_square
+        Of the whitened residuals.
+
+    """
+
+    model: Model
+    values: dict[str, float]
+    sigmas: dict[str, float]
+    log_evidence: float
+    chi_square: float
+    probability: float = 0.0
+
+
+class Noise(NamedTuple):
+    """What no model explains: an autoregressive process of the flow, rad/s."""
+
+    coefficients: Array  # (p,), of the samples before
+    sigma: float         # of the innovation
+
+    @property
+    def long_run(self) -> float:
+        """Return the standard deviation, rad/s, that a white process of the same mean has."""
+        return self.sigma / max(1.0 - float(self.coefficients.sum()), 0.05)
+
+
+class Evidence:
+    """
+    Flights, with what is noise in them, ready to be asked about models.
+
+    Parameters
+    ----------
+    flights
+        With the same sensor.
+    window : s
+        None: every sample; else displacements over windows.
+    noise
+        None: from the flights.
+
+    Raises
+    ------
+    ValueError
+        If no flight lasts for a window.
+
+    """
+
+    def __init__(self, flights: Sequence[Flight], window: float | None = None,
+                 noise: Noise | None = None) -> None:
+        self.flights, self.window = list(flights), None
+        self.scale = (1.0, PARAMETERS['scale'].width)
+        self.windows = [_windows(f, window) for f in self.flights] if window else []
+        if window and not any(len(rows) for rows in self.windows):
+            raise ValueError(f'no flight has flow without a gap for a window of {window:g} s')
+        self.noise = noise or self._noise()
+        if window:
+            self.scale = (self.fit(()).values['scale'], CALIBRATION)
+            self.window = window
+
+    def residuals(self, values: dict[str, float]) -> list[Array]:
+        """Return flow minus that of a model, (n, 2) rad/s of each flight."""
+        lag, late = values.get('height_lag', 0.0), values.get('late', 0.0)
+        out = []
+        for f in self.flights:
+            exact = flow(f.track, f.height_before(lag), values)
+            if late:
+                exact = exact - late * np.gradient(exact, f.track.t, axis=0)
+            out.append(f.flow - exact)
+        return out
+
+    def _noise(self) -> Noise:
+        """Return the noise that the model with everything free leaves."""
+        whole = tuple(MECHANISMS)
+        noise = Noise(np.zeros(ORDER), 0.02)
+        for _ in range(2):
+            self.noise = noise
+            noise = _autoregression(self.residuals(self.fit(whole).values))
+        return noise
+
+    def whitened(self, values: dict[str, float]) -> Array:
+        """Return the residuals of a model as numbers of variance 1."""
+        left = self.residuals(values)
+        if self.window is None:
+            kernel = np.r_[1.0, -self.noise.coefficients]
+            return np.concatenate([
+                lfilter(kernel, [1.0], r, axis=0)[ORDER:].ravel() / self.noise.sigma
+                for r in left])
+        out = []
+        for f, r, windows in zip(self.flights, left, self.windows, strict=True):
+            Z, t = f.track.depth, f.track.t
+            step = np.gradient(t)
+            body = np.column_stack([r * (Z * step)[:, None], np.zeros(len(t))])
+            moved = np.einsum('nij,nj->ni', f.track.R, body)[:, :2]
+            for rows in windows:
+                spread = self.noise.long_run * np.linalg.norm((Z * step)[rows])
+                out.append(moved[rows].sum(axis=0) / spread)
+        return np.concatenate(out)
+
+    def fit(self, model: Model, known: Fit | None = None) -> Fit:
+        """Return the most probable values of a model; ``known``, if any, is its prior."""
+        names = ['scale', 'late', *(n for letter in model for n in MECHANISMS[letter].parameters)]
+        widths = np.array([self.scale[1], *(PARAMETERS[name].width for name in names[1:])])
+        middle = np.array([self.scale[0]] + [0.0] * (len(names) - 1))
+        if known is not None:
+            middle = np.array([known.values[name] for name in names])
+            widths = np.array([known.sigmas[name] for name in names])
+        theta = middle.copy()
+
+        def left(x: Array) -> Array:
+            return self.whitened(dict(zip(names, x.tolist(), strict=True)))
+
+        def cost(x: Array, r: Array) -> float:
+            return 0.5 * float(np.sum(r * r) + np.sum(((x - middle) / widths)**2))
+
+        r = left(theta)
+        for _ in range(ITERATIONS):
+            J = np.column_stack([(left(theta + d) - r) / (STEP * w) for d, w in zip(
+                STEP * np.diag(widths), widths, strict=True)])
+            H = J.T @ J + np.diag(widths**-2.0)
+            move = np.linalg.solve(H, -J.T @ r - (theta - middle) / widths**2)
+            share, before = 1.0, cost(theta, r)
+            while cost(theta + share * move, left(theta + share * move)) > before and share > 0.01:
+                share *= 0.5
+            theta = theta + share * move
+            r = left(theta)
+            if float(move @ H @ move) < 1e-4:
+                break
+        sigmas = np.sqrt(np.diag(np.linalg.inv(H)))
+        evidence = -cost(theta, r) - float(np.log(widths).sum()) \
+            - 0.5 * float(np.linalg.slogdet(H)[1])
+        return Fit(model, dict(zip(names, theta.tolist(), strict=True)),
+                   dict(zip(names, sigmas.tolist(), strict=True)), evidence, float(r @ r))
+
+    def compare(self, models: Sequence[Model] = MODELS) -> list[Fit]:
+        """Return all models with their probabilities, the most probable first."""
+        fits = [self.fit(model) for model in models]
+        counts = [sum(len(m) == size for m in models) for size in range(3)]
+        logs = np.array([
+            f.log_evidence + math.log(PRIOR[len(f.model)] / counts[len(f.model)]) for f in fits])
+        weights = np.exp(logs - logs.max())
+        fits = [f._replace(probability=float(w)) for f, w in zip(
+            fits, weights / weights.sum(), strict=True)]
+        return sorted(fits, key=lambda f: -f.probability)
+
+
+def _windows(f: Flight, window: float) -> list[slice]:
+    """Return rows of whole windows without a gap, one after the other."""
+    t, out, begin = f.track.t, [], 0
+    period = float(np.median(np.diff(t)))
+    gaps = np.append(np.diff(t) > 2.5 * period, True)
+    count = round(window / period)
+    while begin + count <= len(t):
+        gap = np.flatnonzero(gaps[begin:begin + count])
+        if len(gap) and gap[0] < count - 1:
+            begin += int(gap[0]) + 1
+            continue
+        out.append(slice(begin, begin + count))
+        begin += count
+    return out
+
+
+def _autoregression(residuals: Sequence[Array]) -> Noise:
+    """Return the autoregressive process of residuals, by Yule and Walker."""
+    sums, count = np.zeros(ORDER + 1), 0
+    for r in residuals:
+        r = r - r.mean(axis=0)
+        sums += [float(np.sum(r[k:] * r[:len(r) - k])) for k in range(ORDER + 1)]
+        count += r.size
+    covariance = sums / count
+    a = solve_toeplitz(covariance[:-1], covariance[1:])
+    return Noise(a, math.sqrt(covariance[0] - float(a @ covariance[1:])))
+
+
+def inclusion(fits: Sequence[Fit]) -> dict[str, float]:
+    """Return the probability of each mechanism, alone or with another one."""
+    return {letter: sum(f.probability for f in fits if letter in f.model)
+            for letter in MECHANISMS}
+
+
+def not_separated(fits: Sequence[Fit], level: float = 0.95) -> list[Fit]:
+    """Return the fewest models that hold a probability together, the most probable first."""
+    total, out = 0.0, []
+    for fit in fits:
+        out.append(fit)
+        total += fit.probability
+        if total >= level:
+            break
+    return out
+
+
+def separating(a: Fit, b: Fit, noise: Noise, window: float | None = None) -> dict[str, float]:
+    """
+    Return by how much 30 s of each experiment would tell two models apart, as ln of the odds.
+
+    What one model predicts is fitted by the other one, within what the flights so far left open
+    of its values; the smaller of both ways.
+
+    Parameters
+    ----------
+    a, b
+        Models with their values.
+    noise
+        Of the flow.
+    window : s
+        As in :class:`Evidence`.
+
+    """
+    out = {}
+    for name, (speed, size, path) in EXPERIMENTS.items():
+        t = np.arange(0.0, DURATION, 1.0 / 32.0)
+
+        def motion(t: Array, speed: float = speed, size: float = size, path: str = path) -> Track:
+            return perfect(PATHS[path], t, speed, size, path == LEVEL, DRAG_RATE)
+
+        fine = np.arange(-1.0, DURATION, 0.01)
+        still = Flight(name, motion(t), np.zeros((len(t), 2)),
+                       np.column_stack([fine, motion(fine).height]), 0.0)
+        odds = []
+        for truth, other in ((a, b), (b, a)):
+            before = still.height_before(truth.values.get('height_lag', 0.0))
+            flown = still._replace(flow=flow(still.track, before, truth.values))
+            fit = Evidence([flown], window, noise).fit(other.model, other)
+            moved = sum(((value - other.values[name]) / other.sigmas[name])**2
+                        for name, value in fit.values.items())
+            odds.append(0.5 * (fit.chi_square + moved))
+        out[name] = min(odds)
+    return out

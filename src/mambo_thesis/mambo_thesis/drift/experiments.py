@@ -1,0 +1,188 @@
+"""
+The experiments that tell mechanisms of the drift apart, flown: ``drift_experiments``.
+
+The circle of Figure C.4 is flown in closed loop, with noise, at half, its own and twice the speed,
+at half the size, and carried by hand, each with four mechanisms at work. The drift is that of
+(5.2) with the height and attitude of Optitrack, beside what the equation of the mechanism gives
+along the motion that was flown, and what it gives with perfect tracking. Then the flights are
+asked which mechanism they support, as :mod:`mambo_thesis.drift.identify_drift` does it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import json
+from pathlib import Path
+import sys
+from typing import NamedTuple
+
+from mambo_analysis.compare import digest
+from mambo_bags.command import guard
+from mambo_bags.mcap_reader import BagError
+from mambo_flight import closed_loop, scenario_file
+import numpy as np
+from tqdm import tqdm
+
+from . import report, table
+from .evidence import Evidence, inclusion
+from .flight import Flight, flow_of, from_recording
+from .mechanisms import flow
+from .paths import Array, EXPERIMENTS, Track
+from .report import Flown, Found
+
+Q0 = 1.06
+SEEDS = (1, 2, 3)
+TURNS = 4.0 * np.pi  # s, whole turns at every speed of the experiments
+ONE_PATH = ('drift_w_1',)
+GRAINS = {  # what is asked: experiments, window in s
+    'all five, every sample': (tuple(EXPERIMENTS), None),
+    'all five, drift alone': (tuple(EXPERIMENTS), TURNS),
+    '`drift_w_1`, every sample': (ONE_PATH, None),
+    '`drift_w_1`, drift alone': (ONE_PATH, TURNS),
+}
+
+
+class Truth(NamedTuple):
+    """What is wrong in a flight of the scenarios."""
+
+    row: str                  # of the table of mechanisms
+    sensor: dict[str, float]  # what the equation says of the flow
+    letter: str               # of the mechanism that is to be found
+    parameter: str
+    value: float
+
+
+SLOPE = 0.07 / 1.025  # 1/m, (C.2b) about 1.5 m
+TRUTHS = {  # flight of the scenario: what is wrong; C2 is an error of the estimator
+    'a': Truth('A', {'slope': SLOPE, 'scale': 1.025}, 'A', 'slope', SLOPE),
+    'c2': Truth('C2 drag', {'scale': Q0}, 'C2', 'frame', 1.0),
+    'd2': Truth('D2 drag', {'leakage': -1.0, 'scale': Q0}, 'D', 'leakage', -1.0),
+    'f': Truth('F', {'cubic': 0.1, 'scale': Q0}, 'F', 'cubic', 0.1),
+}
+
+
+def judged(key: str, track: Track, samples: Array) -> Array:
+    """Return flow, (n, 2) rad/s, as the estimator of a flight stands for it: for C2 unturned."""
+    if key != 'c2':
+        return samples
+    return flow_of(track, table.without_turning(track, Q0 * samples)) / Q0
+
+
+@functools.cache
+def fly(name: str, seed: int = 1) -> Flight:
+    """Return a flight of a scenario such as ``drift_w_1/d2`` as evidence; kept."""
+    over = {'seed': scenario_file.Place(seed, '--seed')}
+    flight = from_recording(name, closed_loop.fly(scenario_file.load(name, over)[1]))
+    key = name.rpartition('/')[2]
+    return flight._replace(flow=judged(key, flight.track, flight.flow))
+
+
+def per_turn(track: Track, path: Array, speed: float) -> float:
+    """Return by how much a quantity, (n,), moves on in a turn, over all whole turns."""
+    T = 2.0 * np.pi / speed
+    turns = int((track.t[-1] - track.t[0]) / T)
+    begin, end = np.interp([track.t[0], track.t[0] + turns * T], track.t, path)
+    return float(end - begin) / turns
+
+
+def integral(t: Array, rate: Array) -> Array:
+    """Return the integral of a rate from the first instant on, (n,), by trapezoids."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))])
+
+
+def drift(flight: Flight, samples: Array, speed: float) -> float:
+    """
+    Return the drift in x in one turn, m, of (5.2) with factor 1.06, over all whole turns.
+
+    Parameters
+    ----------
+    flight
+        True motion.
+    samples : (n, 2) rad/s
+        Flow at its instants.
+    speed : rad/s
+        Of the path.
+
+    """
+    track = flight.track
+    error = table.right(track, Q0 * samples) - track.velocity[:, :2]
+    return per_turn(track, integral(track.t, error[:, 0]), speed)
+
+
+def loop(flight: Flight, speed: float, size: float) -> float:
+    """Return the area that a flight encloses in x and h in a turn, over that of the path."""
+    track = flight.track
+    above = track.height - 0.5 * (track.height.max() + track.height.min())
+    area = per_turn(track, integral(track.t, above * track.velocity[:, 0]), speed)
+    return abs(area) / (np.pi * size**2)
+
+
+def experiment(name: str) -> dict[str, Flown]:
+    """Return {flight: drift} of an experiment."""
+    (speed, size, path), out = EXPERIMENTS[name], {}
+    for key, truth in TRUTHS.items():
+        flights = [fly(f'{name}/{key}', seed) for seed in SEEDS]
+        track = flights[0].track
+        exact = judged(key, track, flow(track, track.height, truth.sensor))
+        out[key] = Flown(
+            loop(flights[0], speed, size),
+            float(table.drift(table.ROWS[truth.row], path, speed, size)[0]),
+            drift(flights[0], exact, speed),
+            [drift(f, f.flow, speed) for f in flights],
+            [per_turn(f.track, f.track.position[:, 0], speed) for f in flights])
+    return out
+
+
+def identify(key: str, grain: str) -> Found:
+    """Return what the flights of a mechanism, first seed, support."""
+    names, window = GRAINS[grain]
+    truth = TRUTHS[key]
+    evidence = Evidence([fly(f'{name}/{key}') for name in names], window)
+    fits = evidence.compare()
+    alone, = (f for f in fits if f.model == (truth.letter,))
+    return Found(key, grain, fits[0].model, fits[0].probability, inclusion(fits)[truth.letter],
+                 alone.values[truth.parameter], alone.sigmas[truth.parameter])
+
+
+def _run(options: argparse.Namespace) -> None:
+    perfect = table.table()
+    flown = {name: experiment(name) for name in tqdm(
+        EXPERIMENTS, desc='flying (compiles once)', disable=None, leave=False)}
+    asked = [(key, grain) for key in TRUTHS for grain in GRAINS]
+    found = [identify(*one) for one in tqdm(
+        asked, desc='asking the flights', disable=None, leave=False)]
+    tables = [report.perfect_table(perfect), report.flown_table(flown), report.found_table(
+        found, {key: truth.value for key, truth in TRUTHS.items()})]
+    print('\n'.join(tables))
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+        (options.out / 'drift.md').write_text('\n'.join(tables))
+        (options.out / 'drift.json').write_text(json.dumps({
+            'table': {k: v.tolist() for k, v in perfect.items()},
+            'flown': {n: {k: f._asdict() for k, f in d.items()} for n, d in flown.items()},
+            'found': [f._asdict() for f in found],
+        }, indent=1) + '\n')
+        digest.save(report.draw(flown), options.out / 'drift.png', 130, report.shows(tables[1]))
+        if options.write:
+            options.write.write_text(report.put(
+                tables, options.write.read_text(), options.write))
+    except OSError as error:
+        raise BagError(f'{error.filename}: cannot be written ({error.strerror})') from None
+    print(f'figure: {options.out / "drift.png"}')
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point ``drift_experiments``."""
+    parser = argparse.ArgumentParser(
+        prog='drift_experiments', description='Drift by mechanism: table and experiments.')
+    parser.add_argument('--out', type=Path, default=Path('drift'), metavar='DIR',
+                        help='folder to write into (default: drift)')
+    parser.add_argument('--write', type=Path, metavar='FILE',
+                        help='put the tables into this document, in place of those it has')
+    options = parser.parse_args(arguments)
+    sys.exit(guard('drift_experiments', lambda: _run(options)))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,331 @@
+"""
+A flight as evidence: at each sample of the optical flow, what Optitrack says of the motion.
+
+Velocity is the derivative of the local cubic of
+:func:`mambo_analysis.signals.derivative.local_fit` over about 0.13 s, which does not shift in
+time; angular rate is that of the gyro, its bias taken from Optitrack, or else Optitrack's own. The
+gyro is not smoothed: the noise of the flow steers the vehicle, so that a rate which holds later
+ones is no longer independent of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from mambo_analysis.identify.recording import read_sensors, Stream
+from mambo_analysis.signals import motion
+from mambo_analysis.signals.derivative import body_rates, local_fit
+from mambo_analysis.signals.resample import columns_at, inside_gaps
+from mambo_bags.mcap_reader import BagError
+from mambo_bags.reader import Bag, read_bag
+from mambo_flight.closed_loop import Recording
+from mambo_model.frames import flip_vector
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_coeffs
+from scipy.spatial.transform import Rotation, Slerp
+
+from .mechanisms import level_part
+from .paths import Array, Track
+
+SMOOTH = 0.13        # s, of the local cubic
+MIN_HEIGHT = 0.45    # m: the sensor says nothing below 0.4 m
+MIN_COSINE = 0.7     # of the tilt, as the estimator wants
+MIN_SAMPLES = 100
+LAGS = np.arange(-0.02, 0.1501, 0.0025)  # s
+
+
+class Flight(NamedTuple):
+    """
+    Flow and true motion of one flight.
+
+    Attributes
+    ----------
+    name
+        Of the bag.
+    track : n instants
+        True motion at the samples of the flow, in time order.
+    flow : (n, 2) rad/s, body x forward and y right
+        Flow, or what an estimate would need as flow.
+    heights : (m, 2) s, m
+        Height over time, finer than the track, for what lags.
+    velocity_noise : m/s
+        Standard deviation of a component of the velocity, from what the local cubic leaves.
+    rate_noise : rad/s
+        Standard deviation of the angular rate about x and y, from third differences.
+
+    """
+
+    name: str
+    track: Track
+    flow: Array
+    heights: Array
+    velocity_noise: float
+    rate_noise: float = 0.0
+
+    def height_before(self, lag: float) -> Array:
+        """Return the height some seconds earlier, (n,) m."""
+        return np.interp(self.track.t - lag, *self.heights.T) if lag else self.track.height
+
+
+class Poses(NamedTuple):
+    """Poses of the vehicle, inertial NED and body FRD, at rising times."""
+
+    t: Array          # (n,) s
+    position: Array   # (n, 3) m
+    rotation: Rotation
+
+
+class Smooth(NamedTuple):
+    """Poses on an even grid, with their velocity; runs without gaps."""
+
+    t: Array         # (n,) s
+    position: Array  # (n, 3) m
+    velocity: Array  # (n, 3) m/s
+    known: NDArray[np.bool_]
+    noise: float     # m/s
+
+
+def smoothed(poses: Poses) -> Smooth:
+    """
+    Return poses on an even grid with their velocity.
+
+    Raises
+    ------
+    BagError
+        If they are fewer than a second's.
+
+    """
+    period = float(np.median(np.diff(poses.t))) if len(poses.t) > 1 else 1.0
+    if len(poses.t) * period < 1.0 or len(poses.t) < 30:
+        raise BagError(f'{len(poses.t)} poses of Optitrack: 1 s and 30 of them are needed')
+    t = np.arange(poses.t[0], poses.t[-1], period)
+    width = max(2 * round(0.5 * SMOOTH / period) + 1, 7)
+    position, velocity = local_fit(poses.t, poses.position, t, width * period, 3)
+    known = np.isfinite(velocity).all(axis=1)
+    if not known.any():
+        raise BagError('poses of Optitrack: gaps leave no 0.13 s of them')
+    middle, slope = (savgol_coeffs(width, 3, deriv=d, delta=period) for d in (0, 1))
+    raw = columns_at(t, poses.t, poses.position)
+    left = np.nanmedian(np.abs(raw - position)) / 0.6745
+    single = left / np.sqrt(max(1.0 - middle[width // 2], 1e-3))
+    return Smooth(t, position, velocity, known, float(single * np.linalg.norm(slope)))
+
+
+def _rates(poses: Poses, gyro: Stream | None) -> tuple[Array, Array]:
+    """Return times and angular rates, (n, 3) rad/s body: of the gyro without bias, if there."""
+    t, seen = body_rates(poses.t, poses.rotation.as_quat())
+    if gyro is None or len(gyro.t) < 2:
+        return t, seen
+    return gyro.t, gyro.values - np.nanmedian(
+        columns_at(t, gyro.t, gyro.values) - seen, axis=0)
+
+
+def rate_noise(rates: Array) -> float:
+    """Return the white noise, rad/s, of rates, (n, 3), about x and y; what moves slower is not."""
+    apart = np.diff(rates[:, :2], n=3, axis=0)
+    return float(np.median(np.abs(apart)) / 0.6745 / np.sqrt(20.0))  # 1 + 9 + 9 + 1
+
+
+def assemble(
+    name: str, poses: Poses, flow: Stream, gyro: Stream | None = None, lag: float = 0.0,
+    height: Stream | None = None, min_height: float = MIN_HEIGHT,
+) -> Flight:
+    """
+    Put a flight together.
+
+    Parameters
+    ----------
+    name
+        For messages.
+    poses
+        Of Optitrack.
+    flow : values (n, 2) rad/s, body FRD; NaN: no value
+    gyro : values (m, 3) rad/s, body FRD
+    lag : s
+        The flow is that of the motion so much earlier than its stamp.
+    height : values (k,) m
+        Height above the floor; None: -z of Optitrack.
+    min_height : m
+        Samples below are left out.
+
+    Raises
+    ------
+    BagError
+        If fewer than ``MIN_SAMPLES`` samples of the flow have a pose.
+
+    """
+    grid = smoothed(poses)
+    seen = np.isfinite(flow.values).all(axis=1)
+    t, values = flow.t[seen] - lag, flow.values[seen]
+    heights = np.column_stack([grid.t, -grid.position[:, 2]])[grid.known]
+    if height is not None:
+        heard = np.isfinite(height.values)
+        heights = np.column_stack([height.t[heard], height.values[heard]])
+    inside = (t > max(grid.t[0], poses.t[0])) & (t < min(grid.t[-1], poses.t[-1]))
+    t, values = t[inside], values[inside]
+    rates = _rates(poses, gyro)
+    track = columns_at(t, grid.t, np.hstack([grid.position, grid.velocity]))
+    turning = columns_at(t, *rates)
+    known = np.isfinite(np.hstack([track, turning])).all(axis=1)
+    known &= ~inside_gaps(poses.t, t)
+    t, values, turning = t[known], values[known], turning[known]
+    position, velocity = track[known, :3], track[known, 3:]
+    if len(t) < MIN_SAMPLES:
+        raise BagError(f'{name}: {len(t)} samples of optical flow have a pose of Optitrack beside '
+                       f'them; {MIN_SAMPLES} are needed')
+
+    position[:, 2] = -np.interp(t, *heights.T)
+    track = Track(t, position, velocity, Slerp(poses.t, poses.rotation)(t).as_matrix(), turning)
+    flying = (track.height > min_height) & (track.R[:, 2, 2] > MIN_COSINE)
+    if flying.sum() < MIN_SAMPLES:
+        raise BagError(f'{name}: {flying.sum()} samples of optical flow above {min_height:g} m; '
+                       f'{MIN_SAMPLES} are needed')
+    return Flight(name, track.part(flying), values[flying], heights, grid.noise,
+                  rate_noise(rates[1]))
+
+
+class Source(NamedTuple):
+    """What a bag has for a flight; see :func:`assemble`."""
+
+    name: str
+    poses: Poses
+    flow: Stream
+    gyro: Stream | None
+    height: Stream | None = None
+
+    def flight(self, lag: float, min_height: float = MIN_HEIGHT) -> Flight:
+        """Return the flight, its flow behind by a lag, s."""
+        return assemble(self.name, self.poses, self.flow, self.gyro, lag, self.height, min_height)
+
+
+def _unexplained(f: Flight) -> float:
+    """Return ln of the mean square, factor over height, rotation and cubic being free."""
+    omega, nu, Z = f.track.omega, f.track.nu[:, :2], f.track.depth[:, None]
+    rotation, exact, left = np.column_stack([omega[:, 1], -omega[:, 0]]), nu / Z, 0.0
+    for axis in range(2):
+        parts = np.column_stack([part[:, axis] for part in (
+            exact, nu, exact / Z, exact**3, rotation, level_part(f.track) / Z,
+            np.ones_like(nu))])
+        best = np.linalg.lstsq(parts, f.flow[:, axis], rcond=None)[0]
+        left += float(np.mean((f.flow[:, axis] - parts @ best)**2))
+    return float(np.log(max(left, 1e-12)))
+
+
+def flow_lag(sources: Sequence[Source], min_height: float = MIN_HEIGHT) -> float:
+    """
+    Return by how much the flow is behind the motion, s: where motions explain most of it.
+
+    It is that of one sensor, the same in all flights: a slow flight alone hardly tells it.
+    """
+    left = [sum(len(s.flow.t) * _unexplained(
+        s._replace(height=None).flight(float(lag), min_height)) for s in sources) for lag in LAGS]
+    k = int(np.clip(np.argmin(left), 1, len(left) - 2))
+    before, here, after = left[k - 1:k + 2]
+    bend = before - 2.0 * here + after
+    return float(LAGS[k] + (0.5 * (before - after) / bend if bend > 0.0 else 0.0) * 0.0025)
+
+
+def from_recording(name: str, r: Recording, begin: float = 8.0) -> Flight:
+    """Return a flight of :func:`mambo_flight.closed_loop.fly`, from a time in s on."""
+    t = r.t * 1e-9
+    on = t >= begin
+    posed = on & np.isfinite(r.pose[:, 0])
+    w, x, y, z = r.pose[posed, 3:].T
+    poses = Poses(r.pose_t[posed] * 1e-9, r.pose[posed, :3],
+                  Rotation.from_quat(np.column_stack([x, y, z, w])))
+    new = on & (r.flow[:, 2] > 0.0)
+    return assemble(name, poses, Stream(t[new], r.flow[new, :2]), Stream(t[on], r.imu[on, :3]))
+
+
+def from_estimate(flight: Flight, t: Array, position: Array) -> Flight:
+    """
+    Return a flight whose flow is the one that an estimate of the position stands for.
+
+    The velocity of the estimate is turned back to the body with the attitude of Optitrack and
+    divided by the depth: a perfect flow if (5.2) was applied without error.
+
+    Parameters
+    ----------
+    flight
+        What Optitrack says.
+    t, position : (m,) s, (m, 3) m, inertial NED
+        Of the estimate, its axes those of Optitrack.
+
+    """
+    level = Rotation.from_quat(np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)))
+    grid = smoothed(Poses(t, position, level))
+    velocity = columns_at(flight.track.t, grid.t, grid.velocity[:, :2])
+    known = np.isfinite(velocity).all(axis=1)
+    track = flight.track.part(known)
+    return flight._replace(track=track, flow=flow_of(track, velocity[known]))
+
+
+def flow_of(track: Track, velocity: Array) -> Array:
+    """Return the flow, (n, 2) rad/s, of which (5.2) makes a horizontal velocity, (n, 2) m/s."""
+    inertial = np.column_stack([velocity, track.velocity[:, 2]])
+    return np.einsum('nji,nj->ni', track.R, inertial)[:, :2] / track.depth[:, None]
+
+
+def _source(path: Path, namespace: str | None, height: str, bag: Bag) -> Source:
+    """Return what a bag has for a flight; raises BagError."""
+    sensors = read_sensors(path, namespace)
+    if sensors.flow is None or 'optitrack/pose' not in bag:
+        lacks = 'optical_flow' if sensors.flow is None else 'optitrack/pose'
+        raise BagError(f'{path}: no {lacks} in it: flow and Optitrack are both needed')
+    seen = motion.read(bag, 'optitrack/pose')
+    good = np.isfinite(seen.quaternion).all(axis=1)
+    if not good.any():
+        raise BagError(f'{path}: optitrack/pose has no attitude')
+    x, y, z, w = seen.quaternion[good].T
+    position = np.column_stack(flip_vector(tuple(seen.position[good].T)))
+    poses = Poses(seen.t[good], position, Rotation.from_quat(np.column_stack([x, -y, -z, w])))
+    ranged = None
+    if height == 'sonar':
+        if sensors.sonar is None:
+            raise BagError(f'{path}: no sonar/range in it; take --height optitrack')
+        upright = poses.rotation.as_matrix()[:, 2, 2]
+        cosine = np.interp(sensors.sonar.t, poses.t, upright)
+        ranged = Stream(sensors.sonar.t, sensors.sonar.values * cosine)
+    return Source(path.name, poses, sensors.flow, sensors.gyro, ranged)
+
+
+def read(paths: Sequence[Path], namespace: str | None = None, lag: float | None = None,
+         height: str = 'optitrack', min_height: float = MIN_HEIGHT,
+         estimate: str | None = None) -> tuple[list[Flight], float]:
+    """
+    Read bags of one drone as evidence; return them and by how much the flow is behind, s.
+
+    Parameters
+    ----------
+    paths, namespace
+        See :func:`mambo_bags.reader.read_bag`.
+    lag : s
+        None: found, the same for all.
+    height
+        ``optitrack`` or ``sonar``, whose slant range is taken for the depth Z.
+    min_height : m
+        Samples below are left out.
+    estimate
+        Topic of an estimate to be judged in place of the flow.
+
+    Raises
+    ------
+    BagError
+        If there is no flow or no Optitrack, or too little of them.
+
+    """
+    topics = ('optitrack/pose', *([estimate] if estimate else []))
+    bags = [read_bag(path, topics, namespace) for path in paths]
+    sources = [_source(path, namespace, height, bag)
+               for path, bag in zip(paths, bags, strict=True)]
+    if lag is None:
+        lag = flow_lag(sources, min_height)
+    flights = [source.flight(lag, min_height) for source in sources]
+    if estimate:
+        told = [motion.read(bag, estimate) for bag in bags]
+        flights = [from_estimate(f, e.t, np.column_stack(flip_vector(tuple(e.position.T))))
+                   for f, e in zip(flights, told, strict=True)]
+    return flights, lag

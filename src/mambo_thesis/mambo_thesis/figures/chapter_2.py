@@ -1,0 +1,90 @@
+"""Chapters 2 and 3 before the controller: flow of a camera, motors and axes, drag over speed."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from mambo_model import aerodynamics as air, palette
+from mambo_model.forces import drag
+from mambo_model.vehicle.parameters import preset
+from mambo_model.vehicle.rotor import mix
+from mambo_model.vehicle.vehicle_options import DragParams
+from mambo_sim.sensors.optical_flow import image_flow, project
+import numpy as np
+
+from .claim import at_least, at_most, claim, Result
+from .drawing import lines, sheet
+
+SIGNS = ((1, 1, -1), (-1, 1, 1), (-1, -1, -1), (1, -1, 1))  # roll, pitch, yaw of motors 1 to 4
+
+
+@claim('2.1', 'the flow of a point in the image follows from velocity and rate of the camera')
+def figure_2_1() -> Result:
+    """Compare (2.18)-(2.20) with the motion of a projected point (2.17)."""
+    rng, h, worst = np.random.default_rng(1), 1e-5, 0.0
+    for _ in range(200):
+        point, V, omega = rng.normal(size=3) + (0.0, 0.0, 5.0), *rng.normal(size=(2, 3))
+        rate = -V - np.cross(omega, point)  # of a point at rest, in the camera's axes
+        before, after = (
+            project(tuple((point + t * rate).tolist()), 1.0) for t in (-h, h))
+        flow = image_flow(tuple(point.tolist()), tuple(V.tolist()), tuple(omega.tolist()), 1.0)
+        moved = np.subtract(after, before) / (2.0 * h)
+        worst = max(worst, float(np.abs(moved - flow).max()))
+    # central differences of 1e-5 s: their rounding is 1e-11, their third order 1e-9
+    return Result([at_most('difference to a projected point', worst, 1e-7, '1/s')])
+
+
+@claim('3.1', 'motors and axes: which motor rolls, pitches and yaws which way')
+def figure_3_1() -> Result:
+    """Ask (3.2) for the torque of each motor alone."""
+    vv = preset('identified').values()
+    wrong = 0
+    for motor, signs in enumerate(SIGNS):
+        thrust = [0.0] * 4
+        thrust[motor] = 1.0
+        _, tau = mix(tuple(thrust), vv)
+        wrong += sum(int(np.sign(t)) != s for t, s in zip(tau, signs, strict=True))
+    return Result([at_most('wrong signs of twelve', wrong, 0)])
+
+
+@claim('3.2', 'the sum of the drags of the rotors is linear in speed below w, that of the frame '
+       'is small there')
+def figure_3_2() -> Result:
+    """Draw the parts of the drag over the horizontal speed, in hover."""
+    vehicle = dataclasses.replace(preset('identified'), drag_reading='none', drag=DragParams(
+        blade_flapping=True, induced=True, translational=True, profile='linear',
+        parasitic=True))
+    vv, options = vehicle.values(), vehicle.options()
+    p, T = options.drag, 0.25 * vehicle.mass * vehicle.gravity
+    speeds = np.linspace(0.0, 1.6 * p.slow_limit, 161)
+    omega, speed = (0.0, 0.0, 0.0), (T / options.rotor.speed_coefficient)**0.5
+    parts: dict[str, list[float]] = {}
+    for v in speeds.tolist():
+        nu = (v, 0.0, 0.0)
+        for name, force in (
+                ('blade flapping', 4.0 * air.blade_flapping(T, nu, omega, speed, p)[0]),
+                ('induced', 4.0 * air.induced_drag(T, nu, p.induced_coefficient)[0]),
+                ('translational', 4.0 * air.translational_drag(T, nu, options)[0]),
+                ('profile', 4.0 * air.profile_drag_linear(T, nu, p.profile_coefficient)[0]),
+                ('parasitic', air.parasitic_drag(nu, p.parasitic_coefficient)[0]),
+                ('sum', drag(nu, omega, (T,) * 4, (T,) * 4, vv, options)[0])):
+            parts.setdefault(name, []).append(-force)
+    arrays = {name: np.array(values) for name, values in parts.items()}
+    below = speeds <= p.slow_limit
+    rotors = arrays['sum'] - arrays['parasitic']
+    line = rotors[below][-1] / speeds[below][-1] * speeds
+    figure, (axes,) = sheet(1, height=3.0)
+    lines(axes, {name: (speeds, force) for name, force in arrays.items()}, 'drag [N]')
+    axes.axvline(p.slow_limit, color=palette.COLOURS['soft'], linestyle=':')
+    axes.annotate('w', (p.slow_limit, 0.0), xytext=(4, 4), textcoords='offset points')
+    axes.set_xlabel('horizontal speed [m/s]')
+    axes.legend(frameon=False)
+    bend = np.abs(rotors - line)[below].max() / rotors[below].max()
+    beyond = 1.0 - rotors[-1] / line[-1]
+    slow = speeds <= 2.0  # the fastest flight of the thesis
+    return Result([
+        at_most('rotors below w, from a straight line', bend, 1e-12),
+        at_least('rotors at 1.6 w, below that line by', beyond, 0.05),
+        at_most('share of the frame up to 2 m/s',
+                (arrays['parasitic'] / np.maximum(arrays['sum'], 1e-12))[slow].max(), 0.1),
+    ], figure)

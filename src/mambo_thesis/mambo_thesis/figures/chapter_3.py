@@ -1,0 +1,43 @@
+"""Section 3.4: the closed loop in simulation, Figure 3.3."""
+
+from __future__ import annotations
+
+from mambo_model import palette
+from mambo_model.motion.quaternion import angle, conjugate, multiply
+import numpy as np
+
+from .claim import at_most, claim, near, Result
+from .drawing import lines, POSITION, sheet
+from .flights import fly
+
+
+@claim('3.3', 'from rest the drone tracks (3.31) after about 6 s', 'fig_3_3')
+def figure_3_3() -> Result:
+    """Fly (3.31) with perfect state and without drag."""
+    flight = fly('fig_3_3')
+    r, t = flight.recording, flight.t
+    distance = np.linalg.norm(flight.reference - flight.truth, axis=1)
+    late = np.flatnonzero(distance >= 0.05)
+    attitude = np.array([
+        angle(multiply(conjugate(tuple(a)), tuple(b)))
+        for a, b in zip(r.reference[:, 6:10].tolist(), r.truth[:, 6:10].tolist(), strict=True)])
+    velocity = np.linalg.norm(r.reference[:, 3:6] - r.truth[:, 3:6], axis=1)
+    figure, plots = sheet(3, 2)
+    for i in range(3):
+        lines(plots[2 * i], {
+            'reference': (t, flight.reference[:, i]), 'simulation': (t, flight.truth[:, i])},
+            POSITION[i])
+    for axes, values, label in zip(
+            plots[1::2], (distance, velocity, attitude),
+            (r'$|\rho_e|$ [m]', r'$|\nu_e|$ [m/s]', 'angle to $q_r$ [rad]'), strict=True):
+        axes.plot(t, values, color=palette.INK, linewidth=1.2)
+        axes.set_ylabel(label)
+    for axes in plots[-2:]:
+        axes.set_xlabel('time [s]')
+    plots[0].legend(frameon=False)
+    return Result([
+        near('error below 5 cm for good after', t[late[-1] + 1], 5.82, 0.05, 's'),
+        near('error at 6 s', 1000.0 * distance[t >= 6.0][0], 39.0, 1.0, 'mm'),
+        at_most('error after 15 s', 1000.0 * distance[t >= 15.0].max(), 5.0, 'mm'),
+        near('largest motor command, linear map', r.pwm.max(), 334.8, 0.5, 'PWM'),
+    ], figure)

@@ -1,0 +1,124 @@
+"""Section 4.3: what the support package's own estimator and controller do."""
+
+from __future__ import annotations
+
+import math
+
+from mambo_analysis.identify.inertia import fit_swing, Geometry
+from mambo_analysis.identify.thrust import fit_thrust
+from mambo_model import palette
+from mambo_model.vehicle import bifilar
+from mambo_model.vehicle.parameters import preset
+from mambo_model.vehicle.rotor import thrust_from_pwm
+import numpy as np
+
+from .claim import at_least, at_most, claim, near, Result
+from .drawing import lines, positions, sheet
+from .flights import drift, lag, rms, seeds, X, Y, Z
+
+HOVER_COMMAND = 4.0 * (0.068 * 9.81 / 4.0 / 4.29e-5)**(1.0 / 1.47) / 1530.72681  # N, linear map
+
+
+@claim('4.3', "with the support package's estimator and controller a step in x looks normal, z "
+       'does not reach its reference', 'fig_4_3')
+def figure_4_3() -> Result:
+    """Step of 1 m."""
+    flights = seeds('fig_4_3')
+    short, wobble, peak = [], [], []
+    for f in flights:
+        late = f.after(12.0)
+        off = (f.estimate - f.reference)[late]
+        short.append(off[:, Z].mean())
+        wobble.append(max(rms(off[:, X]), rms(off[:, Y])))
+        peak.append(f.estimate[:, X].max())
+    first = flights[0]
+    # command that hovers, less what the package believes to weigh, over its gain of 0.8 N/m
+    expected = (HOVER_COMMAND - 0.063 * 9.81) / 0.8
+    return Result([
+        near('height short of the reference', short, expected, 0.002, 'm'),
+        at_most('estimated x and y about the reference, RMS', wobble, 0.02, 'm'),
+        near('largest estimated x after the step', peak, 1.2, 0.15, 'm'),
+    ], positions({'reference': (first.t, first.reference), 'IMU': (first.t, first.estimate)}))
+
+
+@claim('4.4', 'x and y lag; the drone drifts away until it flies into the net, while the estimate '
+       'shows no drift', 'fig_4_4')
+def figure_4_4() -> Result:
+    """Circle (4.1)."""
+    flights = seeds('fig_4_4')
+    away = [np.hypot(*f.truth[:, :2].T) for f in flights]
+    first = flights[0]
+    return Result([
+        at_least('lag of x', [lag(f, X) for f in flights], 30.0, 'deg'),
+        at_least('lag of y', [lag(f, Y) for f in flights], 30.0, 'deg'),
+        at_most('drift of the estimate a turn',
+                [float(np.hypot(*drift(f.estimate[:, :2]))) for f in flights], 0.05, 'm'),
+        at_least('drift of the drone a turn',
+                 [float(np.hypot(*drift(f.truth[:, :2]))) for f in flights], 0.5, 'm'),
+        at_most('2 m away from its start, the net of a small hall, after',
+                [f.t[np.argmax(a > 2.0)] for f, a in zip(flights, away, strict=True)], 30.0, 's'),
+    ], positions({
+        'reference': (first.t, first.reference), 'IMU': (first.t, first.estimate),
+        'Optitrack': (first.t, first.truth)}))
+
+
+@claim('4.6', 'the model of the bifilar pendulum fits the gyro; J is found within 2 %')
+def figure_4_6() -> Result:
+    """Swing each axis of the identified vehicle with a noisy gyro and fit (4.2) to it."""
+    rig = Geometry(mass=0.068, separation=0.1, length=0.5)  # the thesis gives neither D nor h
+    t, K_D, C, noise = np.arange(0.0, 20.0, 0.01), 2e-6, 6e-6, 0.02
+    off, left, shown = [], [], None
+    for seed, (name, J) in enumerate(zip('xyz', preset('identified').inertia, strict=True)):
+        w = math.sqrt(rig.mass * rig.gravity * rig.separation**2 / (4.0 * J * rig.length))
+        clean = bifilar.swing(t, 0.5, 0.0, bifilar.Swing(w, K_D / J, C / J, 0.2))
+        gyro = clean + noise * np.random.default_rng(seed).standard_normal(len(t))
+        found = fit_swing(t, gyro, rig)
+        off.append(100.0 * abs(found.J.value / J - 1.0))
+        left.append(found.fit.rms / noise)
+        if name == 'y':
+            shown = {'gyro': (t, gyro), 'fit': (t, gyro - found.fit.residual[:, 0])}
+    figure, (axes,) = sheet(1, height=3.0)
+    lines(axes, shown, '$\\omega_y$ [rad/s]')
+    axes.set_xlabel('time [s]')
+    axes.legend(frameon=False)
+    return Result([
+        at_most('J found, off by, three axes', off, 2.0, '%'),
+        near('residual over noise of the gyro', left, 1.0, 0.1),
+    ], figure)
+
+
+@claim('4.8', 'a power law fits thrust over command, the straight line of the package does not; '
+       'a = 4.29e-5, b = 1.47')
+def figure_4_8() -> Result:
+    """Weigh the power-law motors at 0.1 to 1.2 N through the linear map, with a 2 % scale."""
+    vehicle, rng = preset('identified'), np.random.default_rng(1)
+    vv = vehicle.values()
+    asked = np.repeat(np.arange(0.1, 1.25, 0.1), 5)
+    pwm = 0.25 * asked * vehicle.linear_gain
+    true = np.array([thrust_from_pwm(float(x), vv) for x in pwm])
+    read = true * (1.0 + 0.02 * rng.standard_normal(len(true)))
+    found = fit_thrust(pwm, read, 350.0)
+    fine = np.linspace(pwm.min(), pwm.max(), 200)
+    figure, plots = sheet(1, 2, height=3.0)
+    for axes, scale in zip(plots, ('linear', 'log'), strict=True):
+        axes.plot(pwm, read, '.', color=palette.COLOURS[palette.MEASURED], label='bench')
+        lines(axes, {'package': (fine, fine / vehicle.linear_gain), 'power law': (
+            fine, found.a.value * fine**found.b.value)}, 'thrust of a motor [N]')
+        axes.set(xscale=scale, yscale=scale, xlabel='command')
+    plots[0].legend(frameon=False)
+    used = pwm <= 350.0
+    line = np.abs(np.log(pwm[used] / vehicle.linear_gain / read[used]))
+    return Result([
+        near('exponent b', found.b.value, 1.47, 0.02),
+        near('a', 1e5 * found.a.value, 4.29, 0.4, '1e-5 N'),
+        at_most('power law off, RMS of the logarithm', found.power_rms, 0.03),
+        at_least('line of the package off, the same over that',
+                 float(np.sqrt(np.mean(line**2))) / found.power_rms, 10.0),
+    ], figure, 'Motors, commands and scale are simulated with the numbers of the thesis; its '
+        'readings are not published.')
+
+
+@claim('4.1, 4.2, 4.5, 4.7', 'photographs, block diagram and set-ups')
+def other_figures() -> Result:
+    """Nothing to measure."""
+    return Result([], why_not='they show no data')

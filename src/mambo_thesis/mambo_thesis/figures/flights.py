@@ -1,0 +1,132 @@
+"""Flights of the scenario files in one process, with what the figures look at."""
+
+from __future__ import annotations
+
+import cmath
+import functools
+import math
+
+from mambo_analysis.signals import metrics
+from mambo_flight import closed_loop, offline_replay, scenario_file
+from mambo_flight.scenario import Scenario
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+STEP = 0.005  # s
+SEEDS = (1, 2, 3, 4, 5)
+X, Y, Z = range(3)
+
+
+class Flight:
+    """
+    One flight of a scenario.
+
+    Attributes
+    ----------
+    scenario
+        What was flown.
+    recording
+        All of it, see :class:`mambo_flight.closed_loop.Recording`.
+    t : (n,) s
+
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.recording = closed_loop.fly(scenario)
+        self.t = self.recording.t * 1e-9
+
+    @property
+    def truth(self) -> Array:
+        """Return the true position, (n, 3) m, inertial NED."""
+        return self.recording.truth[:, :3]
+
+    @property
+    def estimate(self) -> Array:
+        """Return the estimated position, (n, 3) m, inertial NED."""
+        return self.recording.estimate[:, :3]
+
+    @property
+    def reference(self) -> Array:
+        """Return the reference position, (n, 3) m, inertial NED."""
+        return self.recording.reference[:, :3]
+
+    @property
+    def error(self) -> Array:
+        """Return estimate minus truth, (n, 3) m."""
+        return self.estimate - self.truth
+
+    def after(self, begin: float, end: float = math.inf) -> NDArray[np.bool_]:
+        """Return which rows are in a time, (n,)."""
+        return (self.t >= begin) & (self.t < end)
+
+    def estimated_by(self, other: Scenario) -> Array:
+        """Return the position that the estimator of another scenario makes of it, (n, 3) m."""
+        return offline_replay.estimate_again(self.recording, other.estimator_node)[:, :3]
+
+    def integrated_flow(self) -> Array:
+        """Return the integral of the raw flow, (n, 2) rad, each sample held until the next."""
+        return np.cumsum(held(self.recording.flow[:, :2]), axis=0) * STEP
+
+    def flow_times_height(self, factor: float) -> Array:
+        """
+        Return the integral of flow times true height times a factor, (n, 2) m, body axes.
+
+        So appendix C looks at the factor; no flow is used below 0.4 m.
+        """
+        height = -self.truth[:, Z]
+        flow = np.where(height[:, None] > 0.4, held(self.recording.flow[:, :2]), 0.0)
+        return np.cumsum(flow * (factor * height)[:, None], axis=0) * STEP
+
+
+@functools.cache
+def fly(name: str, seed: int | None = None) -> Flight:
+    """Return the flight of a scenario, ``fig_5_11`` or ``fig_6_1/simulation``; kept."""
+    over = {} if seed is None else {'seed': scenario_file.Place(seed, '--seed')}
+    return Flight(scenario_file.load(name, over)[1])
+
+
+def seeds(name: str) -> list[Flight]:
+    """Return the flights of a scenario with each of SEEDS."""
+    return [fly(name, seed) for seed in SEEDS]
+
+
+def held(samples: Array) -> Array:
+    """Return samples, (n, k), with those that are missing (NaN) as the one before, or 0."""
+    seen = np.isfinite(samples[:, 0])
+    newest = np.maximum.accumulate(np.where(seen, np.arange(len(samples)), -1))
+    return np.where(newest[:, None] >= 0, samples[newest], 0.0)
+
+
+def rms(x: Array) -> float:
+    """Return the root mean square of all numbers of an array."""
+    return float(np.sqrt(np.mean(np.square(x))))
+
+
+def running_rms(x: Array) -> Array:
+    """Return the RMS of each column up to each row, as the thesis plots it beside a position."""
+    rows = np.arange(len(x))
+    return np.stack([metrics.running_rms(rows, column[:, None]) for column in x.T], axis=1)
+
+
+def harmonic(t: Array, x: Array, rate: float = 1.0, turns: int = 2) -> complex:
+    """Return the complex amplitude at a rate in rad/s over the last turns, beside a line."""
+    last = t > t[-1] - turns * 2.0 * math.pi / rate
+    t, x = t[last], x[last]
+    waves = np.stack([np.cos(rate * t), -np.sin(rate * t), np.ones_like(t), t], axis=1)
+    cosine, sine = np.linalg.lstsq(waves, x, rcond=None)[0][:2]
+    return complex(cosine, sine)
+
+
+def lag(flight: Flight, axis: int) -> float:
+    """Return how far the estimate is behind the reference in degrees at 1 rad/s."""
+    got, wanted = (
+        harmonic(flight.t, rows[:, axis]) for rows in (flight.estimate, flight.reference))
+    return -math.degrees(cmath.phase(got / wanted))
+
+
+def drift(x: Array, rate: float = 1.0, turns: int = 4) -> Array:
+    """Return by how much x, (n, ...), moves per turn at a rate in rad/s, over the last turns."""
+    return (x[-1] - x[-1 - round(turns * 2.0 * math.pi / rate / STEP)]) / turns

@@ -1,0 +1,98 @@
+"""
+Fly every experiment of the thesis again and say what is reproduced.
+
+Writes ``index.html`` with every figure, ``reproduction.md`` and ``reproduction.json``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+import sys
+
+from mambo_bags.command import guard
+from tqdm import tqdm
+
+from .figures import (  # noqa: F401 (each registers its figures)
+    appendix_c, chapter_2, chapter_3, chapter_4, chapter_5, chapter_6)
+from .figures.claim import Claim, CLAIMS
+from .figures.page import data, Examined, line, markdown, page, picture, summary
+
+
+class ReproductionError(Exception):
+    """The report cannot be made; the text says why in one line."""
+
+
+def chosen(numbers: list[str]) -> list[Claim]:
+    """
+    Return the figures of some numbers or chapters, all of them for none.
+
+    Raises
+    ------
+    ReproductionError
+        Naming the known ones.
+
+    """
+    def belongs(claim: Claim, number: str) -> bool:
+        return claim.number.lower() == number.lower() or claim.number.lower().startswith(
+            f'{number.lower()}.')
+    known = sorted(CLAIMS.values(), key=lambda claim: claim.order)
+    for number in numbers:
+        if not any(belongs(claim, number) for claim in known):
+            raise ReproductionError(
+                f'no figure {number!r}; known: {"; ".join(c.number for c in known)}; or a chapter')
+    return [claim for claim in known
+            if not numbers or any(belongs(claim, number) for number in numbers)]
+
+
+def examine(claims: list[Claim]) -> list[Examined]:
+    """Fly, measure and draw each of some figures."""
+    bar = tqdm(claims, desc='flying (compiles once)', disable=None, leave=False)
+    out = []
+    for claim in bar:
+        bar.set_description_str(claim.title)
+        out.append(Examined(claim, claim.examine()))
+    return out
+
+
+def write(examined: list[Examined], folder: Path) -> Path:
+    """Write the report and its pictures into a folder; return the path of the page."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for each in examined:
+        if each.result.figure is not None:
+            picture(each.result.figure, folder / f'fig_{_file(each.claim.number)}.png')
+    (folder / 'reproduction.md').write_text(markdown(examined))
+    (folder / 'reproduction.json').write_text(json.dumps(data(examined), indent=1) + '\n')
+    (folder / 'index.html').write_text(page(examined))
+    return folder / 'index.html'
+
+
+def _file(number: str) -> str:
+    return number.lower().replace('.', '_').replace(', ', '_and_')
+
+
+def _run(options: argparse.Namespace) -> None:
+    claims = chosen(options.figures)
+    if options.out.exists() and not options.out.is_dir():
+        raise ReproductionError(f'{options.out} is no folder: give another --out')
+    examined = examine(claims)
+    print('\n'.join(map(line, examined)))
+    print(f'\n{summary(examined)}\npage: {write(examined, options.out)}')
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point ``reproduce``."""
+    parser = argparse.ArgumentParser(prog='reproduce', description=__doc__.split('\n\n')[0])
+    parser.add_argument(
+        'figures', nargs='*', metavar='FIGURE',
+        help='e.g. 5.11 or C.3, or a chapter: 6 (default: all)')
+    parser.add_argument(
+        '--out', type=Path, default=Path('reproduction'), metavar='DIR',
+        help='folder to write into (default: reproduction)')
+    options = parser.parse_args(arguments)
+    sys.exit(guard('reproduce', lambda: _run(options), ReproductionError))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,67 @@
+"""A stranger in the graph publishes wrong messages on every input of every node, in flight."""
+
+from pathlib import Path
+import subprocess
+import sys
+
+from mambo_bags.reader import read_bag
+from mambo_bringup.domain import Domain
+from mambo_bringup.flight import FLIGHT_NODES, RECORDER, SIMULATOR
+from mambo_bringup.processes import NodeProcess
+from mambo_flight import closed_loop
+from mambo_flight.scenario import override, scenario, to_yaml
+from mambo_ros import messages
+import numpy as np
+import pytest
+
+INPUTS = {
+    'sim_node': ['motor_pwm'], 'reference_node': ['/clock'],
+    'controller_node': ['reference', 'estimate/odom', '/clock'],
+    'estimator_node': ['imu/data_raw', 'sonar/range', 'optical_flow', 'barometer/pressure',
+                       'sensor_tick']}
+
+
+@pytest.mark.parametrize('mode', ['lockstep', 'realtime'])
+def test_a_stranger_on_every_input_changes_nothing(tmp_path, mode):
+    seconds, rounds = (40.0, 20) if mode == 'lockstep' else (9.0, 60)
+    names = ','.join(name for _, name in (*FLIGHT_NODES, RECORDER))
+    flight = override(scenario(duration=seconds, seed=3, land=False), {
+        'sim_node.mode': mode, 'sim_node.wait_for': names})
+    bag, file = tmp_path / 'flight', tmp_path / 'scenario.yaml'
+    file.write_text(to_yaml(flight))
+    arguments = ['--ros-args', '--params-file', str(file)]
+    with Domain():
+        stranger = subprocess.Popen(
+            [sys.executable, str(Path(__file__).with_name('stranger.py')), str(rounds)],
+            stdout=subprocess.PIPE, text=True)
+        assert stranger.stdout.readline() == 'there\n'
+        nodes = [NodeProcess(*RECORDER, [
+            '--ros-args', '-p', f'bag:={bag}', '-p', 'topics:=ground_truth/odom,/diagnostics'])]
+        nodes += [NodeProcess(*node, arguments) for node in (*FLIGHT_NODES, SIMULATOR)]
+        try:
+            code = nodes[-1].wait(400.0)
+        finally:
+            stranger.kill()
+            codes = [node.end(20.0) for node in reversed(nodes)]
+    said = {node.name: '\n'.join(node.lines) for node in nodes}
+    assert code == 0 and set(codes) == {0}, said
+    recorded = read_bag(bag)
+    truth = [messages.decode_odometry(data)[1]
+             for data in recorded['/mambo/ground_truth/odom'].raw]
+    height = -np.array([state.rho[2] for state in truth])
+    assert 1.2 < height[-1] < 1.7 and height.max() < 1.7
+    if mode == 'lockstep':  # what is refused has no effect at all
+        np.testing.assert_array_equal(
+            closed_loop.fly(flight).truth[:, :3], [state.rho for state in truth])
+    reports = {}
+    for message in recorded['/diagnostics'].objects():
+        for status in message.status:
+            if status.name.endswith(': inputs'):
+                reports.setdefault(status.name.split(':')[0], {}).update(
+                    {pair.key: int(pair.value) for pair in status.values})
+    for name, inputs in INPUTS.items():
+        assert 'Traceback' not in said[name]
+        for topic in inputs:
+            full = topic if topic.startswith('/') else f'/mambo/{topic}'
+            assert reports[name][f'{full} from a second publisher'] > 0
+            assert f'{full}: 2 publishers (' in said[name], said[name]

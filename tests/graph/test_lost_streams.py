@@ -1,0 +1,328 @@
+"""A controller or a vehicle that hears nothing more: nodes in this process, without a graph."""
+
+import math
+import time
+from types import SimpleNamespace
+
+from mambo_control import failsafe
+from mambo_control.controller_node import ControllerNode
+from mambo_estimation.estimator_node import EstimatorNode
+from mambo_model.compiled import memory_of
+from mambo_model.motion import trajectory
+from mambo_model.motion.flatness import from_flat_output
+from mambo_model.motion.rigid_body import State
+from mambo_model.vehicle.parameters import Vehicle
+from mambo_ros import layout, messages, topics
+from mambo_sim import sim_node
+from mambo_sim.sim_node import SimNode
+import pytest
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+MAMBO, ZERO, STEP = Vehicle(), (0.0, 0.0, 0.0), 5_000_000
+HOVERING = State((0.0, 0.0, -1.5), ZERO, (1.0, 0.0, 0.0, 0.0), ZERO)
+POINT = from_flat_output(
+    (0.0, 0.0, -1.5), ZERO, ZERO, ZERO, ZERO, MAMBO.mass, MAMBO.inertia, MAMBO.gravity)
+
+
+@pytest.fixture
+def ros():
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    yield
+    rclpy.try_shutdown()
+
+
+class Controller:
+    """A controller node whose ears and mouth are this test's."""
+
+    def __init__(self):
+        self.node = ControllerNode()
+        self.answers = []
+        self.node._pwm = self.answers.append
+        self.node.count_publishers = lambda topic: topic in self.publish
+        self.publish = {'estimate/odom', 'reference'}
+
+    def estimate(self, k, variance=0.0):
+        covariance = (variance,) * 36
+        self.hear(topics.ESTIMATE, messages.estimate(k * STEP, HOVERING, covariance, covariance))
+
+    def reference(self, k):
+        self.hear(topics.REFERENCE, messages.reference(k * STEP, POINT, trajectory.TRACK))
+
+    def hear(self, topic, data):
+        (guard,) = [ear.take for ear in self.node.heard if ear.topic is topic]
+        guard(data)
+
+    @property
+    def stamps(self):
+        return [messages.decode_motor_pwm(data)[0] // STEP for data in self.answers]
+
+
+@pytest.fixture
+def controller(ros):
+    one = Controller()
+    yield one
+    one.node.destroy_node()
+
+
+def test_a_pair_is_answered_whichever_comes_first(controller):
+    controller.estimate(0)
+    assert controller.stamps == []
+    controller.reference(0)
+    controller.reference(1)
+    controller.estimate(1)
+    controller.estimate(1)  # said twice
+    controller.reference(0)  # and late
+    assert controller.stamps == [0, 1]
+
+
+@pytest.mark.parametrize('still', ['estimate', 'reference'])
+def test_a_stream_that_is_ahead_by_the_patience_is_answered_alone(controller, still):
+    controller.estimate(0)
+    controller.reference(0)
+    for k in range(1, 100):
+        getattr(controller, still)(k)
+    # 0.1 s of patience are 20 steps: 79 is as old as that when 99 comes
+    assert controller.stamps == list(range(80))
+    assert controller.node.stage == (
+        failsafe.LANDING if still == 'estimate' else failsafe.DESCENDING_BLIND)
+    pwm, shutdown = messages.decode_motor_pwm(controller.answers[-1])[1:]
+    assert not shutdown and all(MAMBO.pwm_min <= x <= MAMBO.pwm_max for x in pwm)
+
+
+def test_a_single_gap_is_answered_when_it_is_overdue_and_no_later_pair_has_come(controller):
+    for k in range(5):
+        controller.estimate(k)
+        if k != 2:
+            controller.reference(k)
+    assert controller.stamps == [0, 1, 3, 4]
+    assert controller.node.stage == failsafe.FLYING
+
+
+def test_a_stream_that_nobody_publishes_any_more_is_not_waited_for(controller):
+    controller.reference(0)
+    controller.publish = {'reference'}
+    controller.node._look()
+    assert controller.stamps == []  # nobody has been there yet
+    controller.estimate(0)
+    controller.reference(1)
+    assert controller.stamps == [0]
+    controller.node._look()
+    assert controller.stamps == [0, 1]
+    controller.reference(2)  # at once from now on: a simulator in lockstep waits for it
+    assert controller.stamps == [0, 1, 2]
+    controller.publish = {'estimate/odom', 'reference'}
+    controller.node._look()
+    controller.reference(3)
+    assert controller.stamps == [0, 1, 2]
+
+
+def test_variances_of_the_message_reach_the_failsafe(controller):
+    for k in range(30):
+        controller.estimate(k, 1e9 if k else 0.0)
+        controller.reference(k)
+    assert controller.node.stage == failsafe.DESCENDING_BLIND
+
+
+class TestWatchdog:
+    """Motors that turn stop when no command comes."""
+
+    @pytest.fixture
+    def sim(self, ros):
+        node = SimNode(parameter_overrides=[
+            Parameter('mode', value='realtime'), Parameter('motor_timeout', value=0.5)])
+        node._sent, node._diagnostics = [], lambda data: node._sent.append(data)
+        yield node
+        node.destroy_node()
+
+    def command(self, sim, pwm, shutdown=False):
+        sim.commands(messages.motor_pwm(sim.t, (pwm,) * 4, shutdown, 0))
+        return sim._heard
+
+    def rise(self, sim, steps):
+        for _ in range(steps):
+            sim.advance()
+        return -memory_of(sim._held).plant.body.rho[2]
+
+    def test_it_stops_turning_motors_for_good_and_says_so(self, sim):
+        heard = self.command(sim, 400.0)
+        assert self.rise(sim, 100) > 0.5
+        sim.watch(heard + 0.49)
+        assert sim.starved == -1 and not sim._sent
+        sim.watch(heard + 0.51)
+        assert sim.starved == sim.t == 100 * STEP
+        assert b'motors stopped at t = 0.500 s: no motor command for 0.5 s' in sim._sent[0]
+        self.command(sim, 400.0)
+        assert self.rise(sim, 400) == 0.0  # fallen
+        sim.watch(math.inf)
+        assert len(sim._sent) == 1
+
+    @pytest.mark.parametrize('pwm, shutdown', [(0.0, False), (400.0, True)])
+    def test_motors_that_stand_still_are_left_alone(self, sim, pwm, shutdown):
+        heard = self.command(sim, pwm, shutdown)
+        sim.watch(heard + 100.0)
+        assert sim.starved == -1
+
+
+class TestGarbage:
+    """Commands that cannot be used, as often as the simulator looks."""
+
+    FUTURE = 1_795_307_261_000_000_000  # ns, a wall clock
+    GARBAGE = {
+        'stamp ahead of the flight': messages.motor_pwm(FUTURE, (400.0,) * 4, False, 0),
+        'not finite': messages.motor_pwm(5 * STEP, (math.nan,) * 4, False, 0),
+        'out of limits': messages.motor_pwm(5 * STEP, (-1.0, 1e9, 0.0, 0.0), False, 0),
+        'malformed': b'\xff' * 60}
+
+    def sim(self, **parameters):
+        node = SimNode(parameter_overrides=[
+            Parameter(name.replace('__', '.'), value=value) for name, value in parameters.items()])
+        node.said = []
+        node._diagnostics = lambda data: None
+        node.get_logger = lambda: SimpleNamespace(
+            info=node.said.append, warning=node.said.append, error=node.said.append)
+        return node
+
+    def loop(self, sim, good=5):
+        """Return a loop in which every look finds a command; those of the first steps are good."""
+        def once(timeout):
+            if sim.t < good * STEP:
+                sim.commands(messages.motor_pwm(sim.t, (400.0,) * 4, False, 0))
+            else:
+                for data in self.GARBAGE.values():
+                    sim.commands(data)
+                time.sleep(0.001)
+            return True
+        return SimpleNamespace(stopping=False, once=once, turn=lambda: None)
+
+    def test_in_lockstep_they_end_the_flight_within_its_patience_and_with_one_line(self, ros):
+        sim = self.sim(mode='lockstep', patience=1.0, duration=3.0)
+        began = time.monotonic()
+        assert sim_node.fly(sim, self.loop(sim)) == 1
+        assert time.monotonic() - began < 5.0
+        (line,) = [line for line in sim.said if line.startswith('no motor_pwm')]
+        assert line.startswith(
+            'no motor_pwm for t = 0.025 s within 1 s: motors stopped; refused: ')
+        assert all(reason in line for reason in self.GARBAGE)
+        assert sim.starved == 5 * STEP
+        sim.destroy_node()
+
+    def test_in_real_time_the_watchdog_stops_the_motors(self, ros):
+        sim = self.sim(mode='realtime', motor_timeout=0.2, duration=1.5)
+        sim_node.fly(sim, self.loop(sim))
+        assert 5 * STEP < sim.starved < 0.5e9
+        assert memory_of(sim._held).plant.body.rho[2] == 0.0  # on the floor, not in the air
+        assert min(sim.commands.refused.values()) > 10
+        sim.destroy_node()
+
+    def test_a_shutdown_is_obeyed_whatever_its_numbers_are(self, ros):
+        sim = self.sim()
+        sim.commands(messages.motor_pwm(0, (math.nan,) * 4, True, 0))
+        assert sim._shutdown and sim._pwm == (0.0,) * 4
+        sim.destroy_node()
+
+
+def test_a_controller_is_not_silenced_by_stamps_of_the_future(controller):
+    clock = (topics.CLOCK, messages.clock)
+    for k in range(3):
+        for topic, make in (
+                (topics.ESTIMATE, lambda t: messages.estimate(
+                    t, HOVERING, (0.0,) * 36, (0.0,) * 36)),
+                (topics.REFERENCE, lambda t: messages.reference(t, POINT, trajectory.TRACK)),
+                clock):
+            if k:
+                controller.hear(topic, make(TestGarbage.FUTURE))
+        controller.hear(topics.CLOCK, messages.clock(k * STEP))
+        controller.estimate(k)
+        controller.reference(k)
+    assert controller.stamps == [0, 1, 2]
+    assert set(controller.node.refused().values()) == {2}
+
+
+class TestEstimator:
+    """An estimator whose sensors send what cannot be used."""
+
+    def estimator(self, **parameters):
+        node, estimates = EstimatorNode(parameter_overrides=[
+            Parameter(name, value=value) for name, value in parameters.items()]), []
+        node._estimate = lambda data: estimates.append(layout.stamp_ns(data) // STEP)
+
+        def hear(topic, data):
+            (guard,) = [ear.take for ear in node.heard if ear.topic is topic]
+            guard(data)
+        return node, estimates, hear
+
+    def imu(self, t):
+        return messages.imu(t, ZERO, (0.0, 0.0, -9.8), ZERO, ZERO)
+
+    def test_an_unreadable_sample_counts_for_the_watermark(self, ros):
+        node, estimates, hear = self.estimator()
+        for k in range(3):
+            hear(topics.IMU, self.imu(k * STEP))
+            hear(topics.SONAR, b'\xff' * 9)
+            hear(topics.SENSOR_TICK, messages.sensor_tick(k * STEP, k + 1, k + 1, 0, 0))
+        assert estimates == [0, 1, 2]
+        assert node.refused() == {'/mambo/sonar/range malformed': 3}
+        node.destroy_node()
+
+    def test_a_watermark_or_a_driver_of_the_future_silences_nothing(self, ros):
+        future = TestGarbage.FUTURE
+        for parameters, ticks in (({}, True), ({'synchronise': 'arrival'}, False)):
+            node, estimates, hear = self.estimator(**parameters)
+            for k in range(3):
+                hear(topics.IMU, self.imu(k * STEP))
+                if ticks:
+                    hear(topics.SENSOR_TICK, messages.sensor_tick(k * STEP, k + 1, 0, 0, 0))
+                    hear(topics.SENSOR_TICK, messages.sensor_tick(future, k + 1, 0, 0, 0))
+                else:
+                    hear(topics.IMU, self.imu(future))
+            assert estimates == [0, 1, 2]
+            assert set(node.refused().values()) == {3}
+            node.destroy_node()
+
+    def test_its_sensors_are_heard_best_effort_if_asked_for(self, ros):
+        node, _, _ = self.estimator(sensor_reliability='best_effort', synchronise='arrival')
+        assert not any(ear.reliable for ear in node.heard)
+        assert all(ear.reliable for ear in self.estimator()[0].heard)
+        node.destroy_node()
+
+
+class TestPace:
+    """Steps in real time, on a machine that is busy elsewhere now and then."""
+
+    @pytest.fixture
+    def fly(self, monkeypatch):
+        """Return what paces one step, with a clock that the waiting for messages moves."""
+        def pace(sensed, deadline, answer, stalled=0.0):
+            sim = SimpleNamespace(
+                sensed=sensed, answered=False, missed=0, params=SimpleNamespace(speed=1.0),
+                now=sensed, watch=lambda now: None)
+
+            def once(timeout):
+                nonlocal stalled
+                if stalled:
+                    sim.now, stalled = sim.now + stalled, 0.0
+                    return
+                after = sim.now + timeout + 1e-9  # a wait is never too short
+                sim.now = min(after, answer) if sim.now < answer else after
+                sim.answered = sim.now >= answer
+            monkeypatch.setattr(sim_node.time, 'monotonic', lambda: sim.now)
+            sim_node._wait_for_deadline(sim, SimpleNamespace(stopping=False, once=once), deadline)
+            return sim.now, sim.missed
+        return pace
+
+    def test_a_step_in_time_lasts_until_the_next_one_is_due(self, fly):
+        assert fly(sensed=1.0, deadline=1.005, answer=1.001) == (pytest.approx(1.005), 0)
+
+    def test_an_answer_after_the_next_step_is_due_is_missed(self, fly):
+        assert fly(sensed=1.0, deadline=1.005, answer=1.006) == (pytest.approx(1.005), 1)
+
+    def test_a_step_that_began_late_ends_with_its_answer(self, fly):
+        assert fly(sensed=1.1, deadline=1.005, answer=1.101) == (1.101, 0)
+
+    def test_a_late_step_too_waits_a_period_and_no_longer(self, fly):
+        assert fly(sensed=1.1, deadline=1.005, answer=1.2) == (pytest.approx(1.105), 1)
+
+    def test_an_answer_that_came_while_the_simulator_slept_is_not_missed(self, fly):
+        assert fly(1.0, deadline=1.005, answer=1.001, stalled=0.5) == (pytest.approx(1.5), 0)

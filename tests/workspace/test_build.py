@@ -1,0 +1,108 @@
+"""tools/build.bash: it builds what changed, and only then (colcon stands in as a small script)."""
+
+import os
+from pathlib import Path
+import shutil
+import subprocess
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+COLCON = """#!/bin/bash
+echo "$@" >> calls
+mkdir -p build/mambo_a install/mambo_a/lib/mambo_a
+touch install/local_setup.bash
+printf '#!"/a b/python3"\\nprint()\\n' > install/mambo_a/lib/mambo_a/node
+cat answer > build/mambo_a/colcon_build.rc
+echo '--- stderr: mambo_a'; echo 'what went wrong'; echo '---'
+exit "$(cat answer)"
+"""
+
+
+class Workspace:
+    """A workspace of one package whose builds are counted."""
+
+    def __init__(self, root):
+        self.root = root
+        (root / 'tools').mkdir(parents=True)
+        shutil.copy(ROOT / 'tools/build.bash', root / 'tools')
+        for folder in ('src/mambo_a/config', 'src/mambo_a/mambo_a', 'bin'):
+            (root / folder).mkdir(parents=True)
+        for file in ('package.xml', 'setup.py', 'mambo_a/node.py', 'config/default.yaml'):
+            self.write(f'src/mambo_a/{file}')
+        self.write('colcon.meta')
+        self.write('answer', '0')
+        self.write('bin/colcon', COLCON)
+        (root / 'bin/colcon').chmod(0o755)
+        for path in root.rglob('*'):
+            os.utime(path, (1e9, 1e9))
+
+    def write(self, file, text=''):
+        """Write a file that is younger than any build so far."""
+        (self.root / file).write_text(text)
+
+    def build(self):
+        """Return (exit code, number of builds so far, stderr)."""
+        done = subprocess.run(
+            [self.root / 'tools/build.bash'], text=True, capture_output=True, timeout=30,
+            env=os.environ | {'PATH': f'{self.root}/bin:{os.environ["PATH"]}'})
+        calls = self.root / 'calls'
+        return (done.returncode, len(calls.read_text().splitlines()) if calls.exists() else 0,
+                done.stderr)
+
+    def age(self):
+        """Make the last build old, so that the clock's resolution does not matter."""
+        os.utime(self.root / 'build/mambo_a/colcon_build.rc', (1.1e9, 1.1e9))
+
+
+@pytest.fixture
+def workspace(tmp_path):
+    """Return a workspace, in a folder with a space, after its first build."""
+    workspace = Workspace(tmp_path / 'a checkout')
+    code, calls, error = workspace.build()
+    assert (code, calls) == (0, 1)
+    assert error.startswith('mambo: building the workspace\nmambo: built in ')
+    workspace.age()
+    return workspace
+
+
+def test_nothing_new_builds_nothing_and_says_nothing(workspace):
+    assert workspace.build() == (0, 1, '')
+
+
+@pytest.mark.parametrize('file', ['src/mambo_a/package.xml', 'src/mambo_a/setup.py',
+                                  'src/mambo_a/setup.cfg', 'src/mambo_a/CMakeLists.txt',
+                                  'src/mambo_a/New.msg', 'src/mambo_a/config/new.yaml',
+                                  'colcon.meta'])
+def test_what_a_build_looks_at_builds(workspace, file):
+    workspace.write(file)
+    assert workspace.build()[:2] == (0, 2)
+    assert workspace.build() == (0, 2, '')
+
+
+@pytest.mark.parametrize('file', ['src/mambo_a/mambo_a/node.py', 'src/mambo_a/mambo_a/new.py',
+                                  'src/mambo_a/config/default.yaml'])
+def test_what_is_linked_needs_no_build(workspace, file):
+    workspace.write(file)
+    assert workspace.build() == (0, 1, '')
+
+
+def test_a_new_package_builds(workspace):
+    (workspace.root / 'src/mambo_b').mkdir()
+    workspace.write('src/mambo_b/package.xml')
+    assert workspace.build()[1] == 2
+
+
+def test_a_failed_build_says_why_and_is_tried_again(workspace):
+    workspace.write('answer', '2')
+    workspace.write('src/mambo_a/setup.py')
+    for calls in (2, 3):
+        code, count, error = workspace.build()
+        assert (code, count) == (1, calls)
+        assert 'what went wrong' in error
+        assert '.cache/build.log' in error
+
+
+def test_scripts_can_be_executed_although_the_path_has_a_space(workspace):
+    script = workspace.root / 'install/mambo_a/lib/mambo_a/node'
+    assert script.read_text() == '#!/usr/bin/env python3\nprint()\n'
