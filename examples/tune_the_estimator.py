@@ -14,10 +14,10 @@ import sys
 
 import mambo_analysis
 from mambo_analysis.compare import estimate
-from mambo_analysis.signals import metrics, motion
 from mambo_bags.reader import Bag
 from mambo_flight import offline_replay
 from mambo_flight.scenario import override, read_value, Scenario
+from mambo_signals import metrics, motion
 
 HERE = Path(__file__).resolve().parents[1]
 FACTOR = 'kalman.optical_flow.factor'

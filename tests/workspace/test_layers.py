@@ -26,10 +26,11 @@ BELOW = {
     'mambo_bags': WIRE | {'mambo_model'},
 }
 BELOW['mambo_flight'] = LAWS | BELOW['mambo_bags'] | {'mambo_bags'}
-BELOW['mambo_analysis'] = BELOW['mambo_flight'] | {'mambo_flight'}
+BELOW['mambo_signals'] = BELOW['mambo_bags'] | {'mambo_bags'}
+BELOW['mambo_analysis'] = BELOW['mambo_flight'] | {'mambo_flight', 'mambo_signals'}
 BELOW['mambo_thesis'] = BELOW['mambo_analysis'] | {'mambo_analysis'}
 BELOW['mambo_bringup'] = BELOW['mambo_thesis'] | {'mambo_thesis'}
-HOLD_MESSAGES = {'mambo_bags', 'mambo_flight', 'mambo_analysis', 'mambo_thesis'}
+HOLD_MESSAGES = {'mambo_bags', 'mambo_flight', 'mambo_analysis', 'mambo_signals', 'mambo_thesis'}
 MOST = 0.26  # of all lines, in one package
 
 # The packages of ROS that run a graph, and those that only hold messages, which bags hold too.

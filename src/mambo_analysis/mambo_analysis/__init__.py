@@ -3,7 +3,7 @@ Flights as arrays: ``bag = mambo_analysis.open_bag('bags/circle_short')``.
 
 ``bag['estimate/odom'].position`` is (n, 3) in metres; ``.to_pandas()`` gives a topic as a table.
 Comparisons are in :mod:`mambo_analysis.compare.compare`, alignment in
-:mod:`mambo_analysis.signals.time_offset`.
+:mod:`mambo_signals.time_offset`.
 """
 
 from __future__ import annotations

@@ -20,14 +20,14 @@ from typing import Any, NamedTuple
 
 from mambo_bags.command import guard
 from mambo_bags.reader import Bag, BagError, Messages, read_bag
+from mambo_signals import metrics, motion, resample
+from mambo_signals.flight_phases import found, Phases, phases
+from mambo_signals.resample import Floats, Ints, one_sign
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from . import pair, tables
-from ..signals import metrics, motion, resample
-from ..signals.flight_phases import found, phases, Phases
-from ..signals.resample import Floats, Ints, one_sign
 from .ending import ended_early
 from .pair import Alignment, Comparison, Quantity
 from .tables import table

@@ -13,6 +13,10 @@ from typing import Any, NamedTuple
 from mambo_bags.reader import Bag
 from mambo_model import palette
 from mambo_model.palette import COLOURS, INK, LINE
+from mambo_signals import metrics
+from mambo_signals.flight_phases import Phases, phases
+from mambo_signals.metrics import Floats
+from mambo_signals.motion import position_errors
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -20,10 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import digest
-from ..signals import metrics
-from ..signals.flight_phases import phases, Phases
-from ..signals.metrics import Floats
-from ..signals.motion import position_errors
 
 POINTS = 1000  # of a line; more is not seen
 AIR = 1.2 * 9.81  # [Pa/m] for a height by pressure

@@ -8,12 +8,11 @@ import math
 from typing import Any, NamedTuple
 
 from mambo_bags.reader import Bag, BagError
+from mambo_signals import metrics, motion, outliers, resample, time_offset
+from mambo_signals.flight_phases import Phases
+from mambo_signals.motion import Motion
+from mambo_signals.resample import Floats, Ints
 import numpy as np
-
-from ..signals import metrics, motion, outliers, resample, time_offset
-from ..signals.flight_phases import Phases
-from ..signals.motion import Motion
-from ..signals.resample import Floats, Ints
 
 XYZ = ('x', 'y', 'z')
 GRID = 10_000_000  # [ns] between the samples that a delay is looked for in

@@ -18,14 +18,14 @@ from typing import Any, NamedTuple
 
 from mambo_bags.reader import Bag, BagError
 from mambo_model import palette
+from mambo_signals import metrics, motion
+from mambo_signals.flight_phases import Phases, phases
+from mambo_signals.metrics import Floats, Ints
+from mambo_signals.motion import Motion
 import numpy as np
 from plotly.offline import get_plotlyjs
 
 from . import figures, markup, tables
-from ..signals import metrics, motion
-from ..signals.flight_phases import phases, Phases
-from ..signals.metrics import Floats, Ints
-from ..signals.motion import Motion
 from .pair import Alignment, Comparison, Quantity, within
 
 POINTS = 1200  # of a line; more is not seen

@@ -21,13 +21,13 @@ from mambo_flight import closed_loop
 from mambo_flight.scenario import from_yaml, load, override, Scenario
 from mambo_model import palette
 from mambo_model.frames import flip_vector
+from mambo_signals import resample
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
 from . import regression, result
-from ..signals import resample
 from .regression import IdentifyError, LEVEL, Value
 
 Floats = NDArray[np.float64]

@@ -20,6 +20,8 @@ from typing import NamedTuple
 from mambo_flight.closed_loop import Recording
 from mambo_model import palette
 from mambo_model.frames import body_quaternion, flip_vector
+from mambo_signals import motion, outliers
+from mambo_signals.derivative import body_rates, local_fit
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +29,6 @@ from scipy.spatial.transform import Rotation
 import yaml
 
 from . import regression, result
-from ..signals import motion, outliers
-from ..signals.derivative import body_rates, local_fit
 from .regression import IdentifyError, Value
 
 Floats = NDArray[np.float64]

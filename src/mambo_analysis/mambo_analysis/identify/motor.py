@@ -27,12 +27,12 @@ from mambo_model.compiled import jit
 from mambo_model.frames import flip_vector
 from mambo_model.vehicle.parameters import preset, Vehicle, VehicleValues
 from mambo_model.vehicle.rotor import limit_pwm, thrust_from_pwm
+from mambo_signals import metrics
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 
 from . import regression, result
-from ..signals import metrics
 from .regression import IdentifyError, Value
 
 Floats = NDArray[np.float64]

@@ -38,7 +38,7 @@ Motors
 
 Motion capture
     ``optitrack/pose`` is the marker deck, some cm above the range sensor. Its clock has another
-    zero, found by bringing the range onto z (:mod:`mambo_analysis.signals.time_offset`). The
+    zero, found by bringing the range onto z (:mod:`mambo_signals.time_offset`). The
     range is itself
     7 to 35 ms behind the gyro (it averages, and is passed on each 40 ms), and so is a pose stamped
     that way: the standard error that is printed holds 30 ms for it. ``--mocap-offset gyro`` takes
@@ -57,12 +57,12 @@ from typing import Any
 from mambo_bags.command import guard
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
+from mambo_signals.derivative import body_rates
+from mambo_signals.time_offset import AlignError, Offset, offsets, RANGE_LATE, time_offset
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from ..signals.derivative import body_rates
-from ..signals.time_offset import AlignError, Offset, offsets, RANGE_LATE, time_offset
 from .common import (
     is_sound, LONGEST, new_samples, provenance, Publisher, read_source, report, Source, stamps_ns,
     unused)

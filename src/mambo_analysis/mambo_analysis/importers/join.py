@@ -2,7 +2,7 @@
 A drone's log and the motion capture of the same flight as one bag: ``join FLIGHT MOCAP OUT``.
 
 What the two recorded is the same motion on two clocks. The offset of the clocks is found by
-correlation (:mod:`mambo_analysis.signals.time_offset`): the body rates of the tracked attitude
+correlation (:mod:`mambo_signals.time_offset`): the body rates of the tracked attitude
 with the gyro, the tracked height with the sonar, the tracked pose with the drone's own. The signal
 with the smallest standard error gives the offset, if the others that determine one agree with it.
 All of the flight is copied, ``optitrack/pose`` of the other is added on the flight's clock.
@@ -22,12 +22,11 @@ from mambo_bags.reader import Bag, bag_files, read_bag
 from mambo_bags.recover import declare, extras, in_order, OWN_RECORD
 from mambo_bags.writer import BagWriter, BagWriterError
 from mambo_ros import layout
-import numpy as np
-
-from ..signals import motion
-from ..signals.derivative import body_rates
-from ..signals.time_offset import (
+from mambo_signals import motion
+from mambo_signals.derivative import body_rates
+from mambo_signals.time_offset import (
     agreed, AlignError, echoes, Floats, offsets, pose_offset, Poses, RANGE_LATE)
+import numpy as np
 
 POSE = 'optitrack/pose'
 OWN = ('onboard/odom', 'estimate/odom')

@@ -6,9 +6,9 @@ import re
 from mambo_analysis.compare import figures
 from mambo_analysis.compare.compare import compare, phases
 from mambo_analysis.compare.page import html, write_page
-from mambo_analysis.signals import metrics
 from mambo_bags.reader import read_bag
 from mambo_model import palette
+from mambo_signals import metrics
 from matplotlib import pyplot as plt
 from matplotlib.image import imread
 import numpy as np

@@ -5,9 +5,9 @@ import json
 
 from mambo_analysis.compare import pair, report, tables
 from mambo_analysis.compare.compare import compare, compare_bags, main
-from mambo_analysis.signals import metrics, motion
-from mambo_analysis.signals.flight_phases import found, Phases
 from mambo_bags.reader import BagError, read_bag
+from mambo_signals import metrics, motion
+from mambo_signals.flight_phases import found, Phases
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -7,8 +7,8 @@ from pathlib import Path
 from mambo_analysis.importers.common import read_source
 from mambo_analysis.importers.crazyflie import (
     COUNTS_PER_RADIAN, gyro_offset, import_crazyflie, main, mocap_offset, read_log)
-from mambo_analysis.signals.time_offset import find_flight
 from mambo_bags.reader import read_bag
+from mambo_signals.time_offset import find_flight
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

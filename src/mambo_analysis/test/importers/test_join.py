@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from mambo_analysis.importers import join
-from mambo_analysis.signals.time_offset import AlignError
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriter
 from mambo_ros import layout
+from mambo_signals.time_offset import AlignError
 from mambo_thesis.drift import identify_drift
 import numpy as np
 import pytest

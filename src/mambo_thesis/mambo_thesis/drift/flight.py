@@ -2,7 +2,7 @@
 A flight as evidence: at each sample of the optical flow, what Optitrack says of the motion.
 
 Velocity is the derivative of the local cubic of
-:func:`mambo_analysis.signals.derivative.local_fit` over about 0.13 s, which does not shift in
+:func:`mambo_signals.derivative.local_fit` over about 0.13 s, which does not shift in
 time; angular rate is that of the gyro, its bias taken from Optitrack, or else Optitrack's own. The
 gyro is not smoothed: the noise of the flow steers the vehicle, so that a rate which holds later
 ones is no longer independent of it.
@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mambo_analysis.identify.recording import read_sensors, Stream
-from mambo_analysis.signals import motion
-from mambo_analysis.signals.derivative import body_rates, local_fit
-from mambo_analysis.signals.resample import columns_at, inside_gaps
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight.closed_loop import Recording
 from mambo_model.frames import flip_vector
+from mambo_signals import motion
+from mambo_signals.derivative import body_rates, local_fit
+from mambo_signals.resample import columns_at, inside_gaps
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_coeffs

@@ -6,9 +6,9 @@ import cmath
 import functools
 import math
 
-from mambo_analysis.signals import metrics
 from mambo_flight import closed_loop, offline_replay, scenario_file
 from mambo_flight.scenario import Scenario
+from mambo_signals import metrics
 import numpy as np
 from numpy.typing import NDArray
 

@@ -34,15 +34,15 @@ from mambo_analysis.compare.compare import align as made_equal
 from mambo_analysis.identify import flow
 from mambo_analysis.importers.crazyflie import GAP, import_crazyflie
 from mambo_analysis.importers.minidrone import import_minidrone
-from mambo_analysis.signals import motion, time_offset
-from mambo_analysis.signals.derivative import local_fit, POSITION
-from mambo_analysis.signals.resample import columns_at, interpolate, longest_run, longest_step
 from mambo_bags.reader import Bag, read_bag
 from mambo_estimation import filters
 from mambo_estimation.kalman import EstimatorParams
 from mambo_flight import offline_replay
 from mambo_flight.scenario import from_yaml
 from mambo_model.frames import flip_vector, wire_quaternion
+from mambo_signals import motion, time_offset
+from mambo_signals.derivative import local_fit, POSITION
+from mambo_signals.resample import columns_at, interpolate, longest_run, longest_step
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
@@ -102,7 +102,7 @@ def seen(bag: Bag) -> Odometry:
     Return the motion capture of a bag on an even grid of its own period, with velocity.
 
     NaN in gaps; poses that cannot be true are left out
-    (:func:`mambo_analysis.signals.motion.read`).
+    (:func:`mambo_signals.motion.read`).
     """
     poses = motion.read(bag, 'optitrack/pose')
     told = np.isfinite(poses.quaternion).all(axis=1)

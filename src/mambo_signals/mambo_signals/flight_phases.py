@@ -85,7 +85,7 @@ def found(motion: Motion) -> Phases:
     Find take-off and landing in the height of a flight.
 
     Take-off begins and landing ends on the ground
-    (:func:`mambo_analysis.signals.time_offset.flight_by_height`).
+    (:func:`mambo_signals.time_offset.flight_by_height`).
     Take-off ends when the vehicle first climbs and sinks slower than ``LEVEL`` for ``SETTLED``;
     landing begins with the last descent. What begins in the air has no take-off.
     """

@@ -1,10 +1,10 @@
 """Gaps have no values, derivatives are those of the motion, flipped poses are found."""
 
 from mambo_analysis.identify import flow
-from mambo_analysis.signals import outliers, resample
-from mambo_analysis.signals.derivative import body_rates, local_fit
-from mambo_analysis.signals.motion import read
 from mambo_bags.reader import read_bag
+from mambo_signals import outliers, resample
+from mambo_signals.derivative import body_rates, local_fit
+from mambo_signals.motion import read
 from mambo_thesis.recordings.validate_flights import errors, Odometry, seen
 import numpy as np
 import pytest

@@ -56,7 +56,7 @@ class NotExcited(AlignError):
 
 
 class Poses(Protocol):
-    """A recorded pose: messages of a bag, or :class:`mambo_analysis.signals.motion.Motion`."""
+    """A recorded pose: messages of a bag, or :class:`mambo_signals.motion.Motion`."""
 
     @property
     def t(self) -> Floats:

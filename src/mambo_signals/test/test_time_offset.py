@@ -1,10 +1,10 @@
 """Offsets, poses and flights that were put in are found again; what says nothing is refused."""
 
-from mambo_analysis.signals import time_offset as align
-from mambo_analysis.signals.time_offset import (
+from mambo_bags.reader import read_bag
+from mambo_signals import time_offset as align
+from mambo_signals.time_offset import (
     AlignError, equalised, find_flight, flight_by_acceleration, flight_by_height, flight_by_thrust,
     matched, pose_offset, registration, time_offset)
-from mambo_bags.reader import read_bag
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d

@@ -1,6 +1,6 @@
 """Error statistics and interpolation against numbers by hand and against scipy."""
 
-from mambo_analysis.signals import metrics, resample
+from mambo_signals import metrics, resample
 import numpy as np
 import pytest
 from scipy.interpolate import interp1d

@@ -1,1 +1,0 @@
-"""Signals over time as plain arrays: resampling, derivatives and outliers. No bags, no topics."""
