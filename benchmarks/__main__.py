@@ -16,7 +16,7 @@ import sys
 from . import graph, in_c, loops, measure, report, rotorpy_peer, sweeping
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / 'docs' / 'performance.md'
+PAGE = ROOT / 'docs' / 'evidence' / 'performance.md'
 FOLDER = ROOT / '.cache' / 'bench'
 GROUPS = ('reference', 'closed_loop', 'rotorpy', 'sweep', 'graph', 'endurance', 'replay',
           'profile', 'idle')
@@ -55,7 +55,7 @@ def parser() -> argparse.ArgumentParser:
     out = argparse.ArgumentParser(
         prog='bench', formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Measure speed: closed loop, graph and replay beside C and RotorPy.',
-        epilog='Without names everything is measured and docs/performance.md written.\n'
+        epilog='Without names everything is measured and docs/evidence/performance.md written.\n'
                'RotorPy is installed into .cache/bench the first time.\n')
     out.add_argument('names', nargs='*', metavar='NAME',
                      help=f"of a group ({', '.join(GROUPS)}), or of a row of the JSON file")
@@ -63,7 +63,8 @@ def parser() -> argparse.ArgumentParser:
                      help='shorter flights, 2 repetitions: to see that it works')
     out.add_argument('--repetitions', type=int, metavar='N', help='default: 5')
     out.add_argument('--output', type=Path, metavar='FILE',
-                     help='page to write (default: docs/performance.md if all is measured)')
+                     help='page to write '
+                     '(default: docs/evidence/performance.md if all is measured)')
     out.add_argument('--json', type=Path, metavar='FILE', help='write every sample')
     return out
 

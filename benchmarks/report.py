@@ -1,4 +1,4 @@
-"""What was measured, as text for the terminal and ``docs/performance.md``, and as JSON."""
+"""What was measured: text for the terminal, ``docs/evidence/performance.md`` and JSON."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def ratio(result: Result, base: Result | None) -> np.ndarray:
 
 def missing(rows: list[Result]) -> str:
     """Return a line for each row that was not measured, and why."""
-    return ''.join(f'\n\n**Not measured: {r.contender.title}.** {r.gap}.' for r in rows if r.gap)
+    return ''.join(f'\n\n**Not measured: {r.contender.title}.** `{r.gap}`' for r in rows if r.gap)
 
 
 def _side_by_side(results: list[Result]) -> str:

@@ -27,7 +27,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 LISTS = ROOT / 'tests/mutants'
-REPORT = ROOT / 'docs/mutants.md'
+REPORT = ROOT / 'docs/evidence/mutants.md'
 HEAD = """# Mutants
 
 Each equation file with ten errors put in, one at a time, and the test of that file that fails. A
@@ -244,7 +244,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog='mutants', description=__doc__.split('\n\n')[0].strip())
     parser.add_argument('files', nargs='*', help='rotor, sensors/sonar, mambo_sim; all')
     parser.add_argument('--jobs', type=int, default=1, help='how many at a time (1)')
-    parser.add_argument('--write', action='store_true', help='write the tables to docs/mutants.md')
+    parser.add_argument('--write', action='store_true',
+                        help='write the tables to docs/evidence/mutants.md')
     options = parser.parse_args()
     if options.jobs < 1:
         parser.error('--jobs must be at least 1')

@@ -1,5 +1,5 @@
 """
-The tables of docs/real_recordings.md are measured again on the recordings.
+The tables of docs/evidence/real_recordings.md are measured again on the recordings.
 
 Every number is compared. The same samples go through the same deterministic code, so a number may
 differ by its last printed digit, and by what another version of scipy or another order of
@@ -23,7 +23,8 @@ NUMBER = re.compile(r'-?\d+\.?\d*(?:e-?\d+)?')
 def documented():
     """Return {title: rows of cells} of the tables in the document."""
     out, title = {}, ''
-    for line in (ROOT / 'docs/real_recordings.md').read_text(encoding='utf-8').splitlines():
+    page = ROOT / 'docs/evidence/real_recordings.md'
+    for line in page.read_text(encoding='utf-8').splitlines():
         if line.startswith('### '):
             title = line[4:]
         elif line.startswith('| ') and not line.startswith('| ---'):

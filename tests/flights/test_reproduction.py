@@ -1,4 +1,4 @@
-"""What docs/reproduction.md says is what the flights show, and could have been otherwise."""
+"""What docs/evidence/reproduction.md says is what flights show, and could have been otherwise."""
 
 from pathlib import Path
 import re
@@ -14,7 +14,7 @@ from mambo_thesis.figures.page import markdown
 import numpy as np
 import pytest
 
-DOCUMENT = Path(__file__).parents[2] / 'docs' / 'reproduction.md'
+DOCUMENT = Path(__file__).parents[2] / 'docs' / 'evidence' / 'reproduction.md'
 NUMBER = re.compile(r'-?\d+(?:\.\d+)?(?:e-?\d+)?')
 
 

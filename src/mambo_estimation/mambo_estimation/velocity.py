@@ -15,7 +15,7 @@ Consider parameters. The error that matters in the thesis is not noise: it is a 
 wrong by a constant and by a part that grows with height, and a yaw that nothing observes. Each is
 an unknown of zero mean that the filter does not estimate; how the estimate depends on it, a
 sensitivity, is propagated exactly through prediction and gain, and adds to the covariance. So the
-published covariance grows with the very mechanism (docs/equations.md, Drift) that makes a vertical
+published covariance grows with the very mechanism (equations.md, Drift) that makes a vertical
 circle drift, and does not where level circles do not.
 """
 

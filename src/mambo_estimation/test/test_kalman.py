@@ -76,7 +76,7 @@ def per_period(samples, truth, params=None):
 def test_factor_that_rises_with_height_makes_the_vertical_circle_drift_as_in_the_thesis():
     truth = fly(vertical_circle(), 36.0)
     rising = sense(truth, Noise(scale=1.025, slope=0.07))
-    # docs/equations.md, drift row A: 0.233 m per period, clipped to 0.5..2.5 m as here by the path
+    # equations.md, drift row A: 0.233 m per period, clipped to 0.5..2.5 m as here by the path
     assert per_period(rising, truth) == pytest.approx([0.233, 0.0, 0.0], abs=0.006)
     linear = EstimatorParams(optical_flow=FlowParams(factor='linear'))
     assert per_period(rising, truth, linear) == pytest.approx([0.0, 0.0, 0.0], abs=0.006)
@@ -92,7 +92,7 @@ def test_rotation_left_in_by_the_sensor_is_taken_out_where_it_is_declared():
     truth = fly(vertical_circle(), 36.0)
     # times Q h: the rotation once; what is taken out is the rate without the gyro's bias
     leaking = sense(truth, Noise(leak=1.0 / 1.06, gyro_bias=(0.05, -0.05, 0.0)))
-    # docs/equations.md, drift row D1: -0.320 m per period; the accelerometer, which contradicts,
+    # equations.md, drift row D1: -0.320 m per period; the accelerometer, which contradicts,
     # takes a part of it away
     assert -0.32 < per_period(leaking, truth)[0] < -0.28
     declared = EstimatorParams(optical_flow=FlowParams(rotation_leak=1.0 / 1.06))

@@ -26,7 +26,7 @@ Optical flow
     firmware keeps the last counts while the sensor sees no motion (a fifth of the logged pairs
     of 5 counts or more repeat): only new pairs are published, or with ``--repeated-flow zero``
     the repeated ones too, as 0. What is left out is the slow part: with zeros two flights give
-    404 and 416 counts per radian, the course's 409 (docs/real_recordings.md).
+    404 and 416 counts per radian, the course's 409 (real_recordings.md).
 
 Range
     ``r`` is the VL53L1x, metres along the body's -z, each 40 ms, held between: new values are

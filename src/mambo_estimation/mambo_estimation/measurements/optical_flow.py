@@ -1,7 +1,7 @@
 """
 Optical flow: a line-of-sight rate which height and a factor make a velocity, (5.2) corrected.
 
-docs/equations.md, C8: with a sensor that has the sign of the vehicle's motion and contains
+equations.md, C8: with a sensor that has the sign of the vehicle's motion and contains
 no rotation, ``nu_xy = Z Q flow`` with the slant distance ``Z = h / (cos phi cos theta)`` is the
 velocity along body x and y. It must be rotated to the inertial frame together with nu_3.
 The factor Q is constant (5.2) or a function of the height (C.2), which stands in (C.2) as

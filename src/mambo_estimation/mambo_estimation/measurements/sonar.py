@@ -2,7 +2,7 @@
 Sonar: slant range along the body's down axis, and the height it means.
 
 With flat ground and body axis b3 at an angle to the vertical, h = range cos(phi) cos(theta)
-(docs/equations.md, C8, Z of (5.2) read the other way round). Nearer than its shortest range the
+(equations.md, C8, Z of (5.2) read the other way round). Nearer than its shortest range the
 sensor reads that or a little more: such a reading says that the floor is near, not how near.
 """
 

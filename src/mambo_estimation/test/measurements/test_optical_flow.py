@@ -130,7 +130,7 @@ def drift_per_period(rotate):
 def test_velocity_must_be_turned_to_inertial_axes_or_a_vertical_circle_drifts():
     # rectangle rule over one period: 1e-3 of the circumference at most
     assert abs(drift_per_period(rotate=True)) < 2e-3
-    # docs/equations.md, drift row C2: 0.321 m per period, pi A B W^2 / g = 0.320
+    # equations.md, drift row C2: 0.321 m per period, pi A B W^2 / g = 0.320
     assert abs(drift_per_period(rotate=False)) == pytest.approx(0.321, abs=3e-3)
 
 

@@ -4,7 +4,7 @@ Inertial measurement unit: body rate and specific force with noise, biases and r
 The accelerometer measures ``(F_D - f e3)/m`` in body axes (plus the reaction of the floor), not an
 acceleration in the inertial frame. Defaults are measured on the vehicle's predecessor with the
 same toolbox (RollingSpiderEdu): ``noisedata.mat`` at rest, the calibration values and the free
-flights with propellers (``RSdata*``, ``p9_trial*``, ``square_1``). docs/sensors.md lists them with
+flights with propellers (``RSdata*``, ``p9_trial*``, ``square_1``). sensors.md lists them with
 the command that measures them.
 """
 

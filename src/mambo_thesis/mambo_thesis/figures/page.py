@@ -52,7 +52,7 @@ def line(each: Examined) -> str:
 
 
 def markdown(examined: list[Examined]) -> str:
-    """Return the table of ``docs/reproduction.md``."""
+    """Return the table of ``docs/evidence/reproduction.md``."""
     out = ['# What of the thesis is reproduced', '', LEAD, '', f'    {COMMAND}', '',
            f'prints this, and draws the figures into a report: {summary(examined)}.', '']
     for each in examined:

@@ -1,8 +1,8 @@
 """
 Measure the real recordings again: ``validate_recordings DATA``.
 
-Prints the tables of docs/real_recordings.md from the recordings themselves: bench and flights of
-the Rolling Spider, flights and pendulum of the Crazyflie, poses of a motion capture.
+Prints the tables of docs/evidence/real_recordings.md from the recordings themselves: bench and
+flights of the Rolling Spider, flights and pendulum of the Crazyflie, poses of a motion capture.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def find(folder: Path, pattern: str) -> list[Path]:
     found = sorted(folder.glob(pattern))
     if not found:
         raise BagError(f'{folder}: no {pattern} there; give the folder with the recordings that '
-                       'docs/real_recordings.md lists')
+                       'docs/evidence/real_recordings.md lists')
     return found
 
 
@@ -231,7 +231,7 @@ def validate(data: Path, only: list[str] | None = None) -> list[Table]:
     """
     if not data.is_dir():
         raise BagError(f'{data}: no folder; the recordings are not part of this repository, '
-                       'docs/real_recordings.md says where they come from')
+                       'docs/evidence/real_recordings.md says where they come from')
     with tempfile.TemporaryDirectory() as folder:
         return [table for name in only or SECTIONS
                 for table in SECTIONS[name](data, Path(folder))]
@@ -245,7 +245,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--only', nargs='+', choices=tuple(SECTIONS), help='these alone')
     form = parser.add_mutually_exclusive_group()
     form.add_argument('--json', action='store_true', help='all digits')
-    form.add_argument('--markdown', action='store_true', help='as in docs/real_recordings.md')
+    form.add_argument('--markdown', action='store_true', help='as in the page of docs/evidence')
     options = parser.parse_args(arguments)
 
     def work() -> None:

@@ -283,7 +283,7 @@ def test_the_drift_of_a_flight_is_that_of_the_table():
     assert experiments.drift(f, f.flow, 1.0) == pytest.approx(0.233, abs=0.002)
 
 
-DOCUMENT = Path(__file__).parents[4] / 'docs' / 'drift.md'
+DOCUMENT = Path(__file__).parents[4] / 'docs' / 'evidence' / 'drift.md'
 
 
 def test_the_document_has_the_table_of_mechanisms():

@@ -1,0 +1,105 @@
+"""Tables of topics and messages, from ``mambo_ros.topics`` and the comments of the messages."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from mambo_ros import topics
+
+from .source import SRC, table
+
+
+class Use(NamedTuple):
+    """What the table of topics does not say: content with unit and frame, and who uses it."""
+
+    content: str
+    publishers: tuple[str, ...]
+    subscribers: tuple[str, ...]
+
+
+_SIM, _ESTIMATOR, _CONTROLLER = ('sim_node',), ('estimator_node',), ('controller_node',)
+USES = {
+    '/clock': Use('flight time [s]', _SIM, ('reference_node',)),
+    'imu/data_raw': Use('specific force [m/s^2], body rate [rad/s]; body FLU, `base_link`',
+                        _SIM, _ESTIMATOR),
+    'sonar/range': Use('slant range downwards [m]; `base_link`', _SIM, _ESTIMATOR),
+    'optical_flow': Use('line-of-sight rate of the ground [rad/s]; body FLU, `base_link`',
+                        _SIM, _ESTIMATOR),
+    'barometer/pressure': Use('static pressure [Pa]; `base_link`', _SIM, _ESTIMATOR),
+    'sensor_tick': Use('how many samples of each sensor exist', _SIM, _ESTIMATOR),
+    'ground_truth/odom': Use(
+        'true pose [m] in `map`, velocity [m/s] and body rate [rad/s] in `base_link`; the estimator '
+        'takes it with `estimator: ground_truth` alone', _SIM, ('optitrack_node',)),
+    'optitrack/pose': Use('pose [m] in `map`; nothing while the body is lost',
+                          ('optitrack_node',), ()),
+    'estimate/odom': Use(
+        'pose [m] in `odom`, velocity [m/s] and body rate [rad/s] in `base_link`, covariances',
+        _ESTIMATOR, _CONTROLLER),
+    'estimator/state': Use('biases, innovations, health of each sensor', _ESTIMATOR, ()),
+    'reference': Use('position to snap, attitude, rates, thrust, torque; `odom` and body FLU',
+                     ('reference_node',), _CONTROLLER),
+    'controller/state': Use('errors, virtual input, desired attitude, thrust and torque',
+                            _CONTROLLER, ()),
+    'motor_pwm': Use('command of the four motors [PWM], shutdown and its reason',
+                     _CONTROLLER, _SIM),
+    '/tf': Use('`map` to `odom` to `base_link` [m]', _ESTIMATOR, ()),
+    '/diagnostics': Use('status of the node',
+                        ('sim_node', 'optitrack_node', 'estimator_node', 'controller_node'), ()),
+    'graph/links': Use('which topics a node publishes and subscribes to, and what is matched',
+                       ('every node',), ('every node',))}
+
+
+def all_topics() -> list[topics.Topic]:
+    """Return every topic of the graph."""
+    return [*topics.RECORDED, topics.LINKS]
+
+
+def _rate(topic: topics.Topic) -> str:
+    return f'{topic.rate:g} Hz' if topic.rate else 'on change'
+
+
+def topic_table() -> str:
+    """Return the table of all topics."""
+    rows = []
+    for topic in all_topics():
+        use = USES[topic.name]
+        qos = 'reliable, ' + ('transient local' if topic.transient_local else 'volatile')
+        rows.append((
+            f'`{topic.name}`', f'`{topic.type_name.replace("/msg/", "/")}`', _rate(topic), qos,
+            use.content, ', '.join(use.publishers), ', '.join(use.subscribers)))
+    return table(('topic', 'type', 'rate', 'quality of service', 'content, unit, frame', 'from',
+                  'to'), rows)
+
+
+_CONSTANT = re.compile(r'(\w+) (\w+) *= *([^#\s]+)\s*(?:# ?(.*))?')
+_FIELD = re.compile(r'([\w/]+(?:\[\w*\])?) (\w+)\s*(?:# ?(.*))?')
+
+
+def _message(text: str) -> list[str]:
+    """Return the Markdown of one message file: its comment, constants and fields."""
+    prose: list[str] = []
+    constants, fields = [], []
+    for line in text.splitlines():
+        if line.startswith('#'):
+            (prose if not fields else []).append(line.lstrip('# '))
+        elif not line.strip():
+            prose.append('')
+        elif found := _CONSTANT.fullmatch(line):
+            constants.append((f'`{found[2]}`', found[3], found[4] or ''))
+        elif found := _FIELD.fullmatch(line):
+            fields.append((f'`{found[2]}`', f'`{found[1]}`', found[3] or ''))
+        else:
+            raise ValueError(f'no line of a message: {line}')
+    out = ['\n'.join(prose).strip(), '']
+    if constants:
+        out += [table(('constant', 'value', 'meaning'), constants), '']
+    return [*out, table(('field', 'type', 'unit and meaning'), fields), '']
+
+
+def messages() -> str:
+    """Return a section for each message of ``mambo_interfaces``."""
+    out = []
+    for file in sorted((SRC / 'mambo_interfaces/msg').glob('*.msg')):
+        out += [f'### {file.stem}', '', *_message(file.read_text(encoding='utf-8'))]
+    return '\n'.join(out)
