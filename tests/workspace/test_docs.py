@@ -1,0 +1,170 @@
+"""The documentation: it builds without a warning, covers the code, and its tutorials run."""
+
+import ast
+from html.parser import HTMLParser
+import os
+from pathlib import Path
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / 'tools'))
+
+import docs  # noqa: E402
+from docs_pages import animation, commands, graph, parameters, source, topics  # noqa: E402
+from mambo_model import schema  # noqa: E402
+
+TUTORIALS = sorted((ROOT / 'docs/tutorials').glob('*.md'))
+BLOCK = re.compile(r'^```(bash|python|yaml)(?: title="([^"]*)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+ELSEWHERE = ('./run', 'source env.bash')  # the graph has its own tests; the shell is there
+needs_mkdocs = pytest.mark.skipif(
+    not docs.installed(), reason='MkDocs is not installed: python3 tools/docs.py install')
+
+
+class Links(HTMLParser):
+    """Collects what a page fetches by itself: scripts, styles, pictures, fonts."""
+
+    def __init__(self):
+        super().__init__()
+        self.fetched = []
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        if tag in ('script', 'img', 'iframe', 'source', 'video', 'audio', 'object', 'embed'):
+            self.fetched += [given.get('src'), given.get('data')]
+        elif tag == 'link' and given.get('rel') not in ('canonical', 'prev', 'next'):
+            self.fetched.append(given.get('href'))
+
+
+@pytest.fixture(scope='module')
+def site(tmp_path_factory):
+    """Return the folder of the site as it is built, without a warning."""
+    folder = tmp_path_factory.mktemp('site')
+    done = subprocess.run(
+        [sys.executable, '-m', 'mkdocs', 'build', '--strict', '--quiet', '--site-dir', folder,
+         '-f', ROOT / 'mkdocs.yml'], cwd=ROOT, text=True, capture_output=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+@needs_mkdocs
+def test_the_site_builds_without_a_warning(site):
+    assert len(list(site.rglob('*.html'))) > 50
+    assert not [page for page in site.rglob('*.html') if '<!-- generated' in page.read_text()]
+
+
+@needs_mkdocs
+def test_no_page_asks_another_host_for_anything(site):
+    for page in site.rglob('*.html'):
+        links = Links()
+        links.feed(page.read_text(encoding='utf-8'))
+        assert not [link for link in links.fetched if link and '//' in link], page
+    for style in site.rglob('*.css'):
+        assert not re.findall(r'(?:url\(|@import)\s*["\']?(?:https?:)?//', style.read_text()), style
+
+
+@needs_mkdocs
+def test_the_site_has_a_page_for_every_folder_of_code(site):
+    wanted = [folder for package in source.packages() for folder in source.folders(package)]
+    assert len(wanted) > 15
+    for folder in wanted:
+        page = (site / f'reference/api/{folder}.html').read_text(encoding='utf-8')
+        package = folder.split('.')[0]
+        assert not [name for name in source.folders(package)[folder] if f'id="{name}"' not in page]
+
+
+def test_the_reference_has_every_parameter():
+    page = parameters.all_parameters()
+    for node, params_type in parameters.nodes().items():
+        section = page.partition(f'## {node} ')[2].partition('\n## ')[0]
+        missing = [name for name, _ in schema.walk(params_type) if f'| `{name}` |' not in section]
+        assert not missing, node
+
+
+def test_the_reference_has_the_parameters_of_every_node():
+    declared = {node.id for file in source.SRC.glob('*/*/*_node.py')
+                for found in ast.walk(ast.parse(file.read_text())) if isinstance(found, ast.ClassDef)
+                for node in ast.walk(found) if isinstance(node, ast.Name)
+                and re.fullmatch(r'\w+NodeParams', node.id)}
+    assert declared == {params_type.__name__ for params_type in parameters.nodes().values()}
+
+
+def test_the_reference_has_every_console_script_with_its_help():
+    page = commands.commands() + commands.nodes()
+    for target, names in source.scripts().items():
+        for name, packages in names.items():
+            assert re.search(rf'^### {name}\b', page, re.MULTILINE)
+            assert all(f'ros2 run {package} {name}\n' in page for package in packages)
+        if not target.split(':')[0].endswith('_node'):
+            assert 'usage: ' in commands.help_of(target), target
+
+
+def test_the_reference_has_every_topic_with_who_uses_it():
+    assert set(topics.USES) == {topic.name for topic in topics.all_topics()}
+    files = {file.stem: file.read_text() for file in source.SRC.glob('*/*/*_node.py')}
+    names = {getattr(topics.topics, name).name: name for name in dir(topics.topics)
+             if isinstance(getattr(topics.topics, name), topics.topics.Topic)}
+    for topic, use in topics.USES.items():
+        for node in {*use.publishers, *use.subscribers} - {'every node'}:
+            assert re.search(rf'topics\.{names[topic]}\b', files[node]), (topic, node)
+        assert f'| `{topic}` |' in topics.topic_table()
+
+
+def test_the_reference_has_every_field_of_every_message():
+    page = topics.messages()
+    for file in (source.SRC / 'mambo_interfaces/msg').glob('*.msg'):
+        section = page.partition(f'### {file.stem}\n')[2].partition('\n### ')[0]
+        for line in file.read_text().splitlines():
+            words = line.partition('#')[0].partition('=')[0].split()
+            assert not words or f'| `{words[1]}` |' in section, (file.name, line)
+
+
+def numbers(text):
+    """Return the numbers of a picture, and what stands between them."""
+    pattern = re.compile(r'-?\d+\.\d+')
+    return [float(value) for value in pattern.findall(text)], pattern.sub('#', text)
+
+
+@pytest.mark.parametrize('name', ['circle', 'graph'])
+def test_the_pictures_are_those_of_today(name):
+    drawn = (animation if name == 'circle' else graph).svg()
+    kept, rest = numbers((ROOT / f'docs/images/{name}.svg').read_text(encoding='utf-8'))
+    made, same = numbers(drawn)
+    assert rest == same, 'make them anew: python3 tools/docs.py pictures'
+    assert made == pytest.approx(kept, abs=0.3)  # pixels
+
+
+def blocks(page):
+    """Yield (language, title, text) of the blocks of a tutorial, in its order."""
+    for language, title, text in BLOCK.findall(page.read_text(encoding='utf-8')):
+        yield language, title, text
+
+
+@pytest.mark.parametrize('page', TUTORIALS, ids=lambda page: page.stem)
+def test_what_a_tutorial_says_works(page, tmp_path):
+    (tmp_path / 'examples').symlink_to(ROOT / 'examples')
+    ran = 0
+    for language, title, text in blocks(page):
+        if language == 'yaml':
+            (tmp_path / title).write_text(text, encoding='utf-8')
+            continue
+        lines = [line for line in text.splitlines() if not line.startswith(ELSEWHERE)]
+        command = ([sys.executable, '-c', text] if language == 'python'
+                   else ['bash', '-euc', '\n'.join(lines)])
+        done = subprocess.run(command, cwd=tmp_path, text=True, capture_output=True,
+                              env={**os.environ, 'PYTHONSAFEPATH': '1'})
+        assert done.returncode == 0, f'{text}\n{done.stdout}{done.stderr}'
+        ran += len(lines)
+    assert ran > 3
+
+
+def test_the_tutorials_use_the_shell_that_the_tests_have():
+    assert shutil.which('ros2') and TUTORIALS
+
+
+def test_the_readme_stays_short():
+    assert len((ROOT / 'README.md').read_text(encoding='utf-8').splitlines()) <= 120
