@@ -1,4 +1,4 @@
-"""The picture of the graph: its nodes and what they say to each other, from the table of topics."""
+"""The picture of the graph: its nodes and the topics between them, from the table of topics."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def svg() -> str:
     for name, (x, y) in PLACES.items():
         dashed = ' stroke-dasharray="5 4"' if name == 'recorder_node' else ''
         out.append(
-            f'<rect x="{x - wide / 2:g}" y="{y - tall / 2:g}" width="{wide}" height="{tall}" rx="6" '
-            f'fill="#eef4ff" stroke="#1f6feb"{dashed}/>'
+            f'<rect x="{x - wide / 2:g}" y="{y - tall / 2:g}" width="{wide}" height="{tall}" '
+            f'rx="6" fill="#eef4ff" stroke="#1f6feb"{dashed}/>'
             f'<text x="{x}" y="{y + 5}" text-anchor="middle" fill="{_INK}">{name}</text>')
     out += [f'<text x="560" y="355" fill="{_SOFT}" font-size="12">records every topic</text>',
             '</svg>\n']

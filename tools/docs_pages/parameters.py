@@ -15,7 +15,7 @@ from mambo_model import schema
 
 from .source import table
 
-HEAD = ('parameter', 'default', 'unit', 'range or choices', 'source')
+HEAD = ('parameter', 'default', 'unit', 'range or choices', 'meaning, source')
 
 
 def _limit(value: float) -> str:
@@ -42,7 +42,9 @@ def _limits(meta: Any) -> tuple[str, str]:
 
 def row(name: str, field: dataclasses.Field) -> tuple[str, ...]:
     """Return the line of one parameter."""
-    return (f'`{name}`', f'`{default(field.default)}`', *_limits(field.metadata), field.metadata['source'])
+    breakable = name.replace('.', '.<wbr>')
+    return (f'<code>{breakable}</code>', f'`{default(field.default)}`', *_limits(field.metadata),
+            field.metadata['source'])
 
 
 def nodes() -> dict[str, type]:

@@ -6,7 +6,7 @@ import ast
 from pathlib import Path
 import re
 
-from .roles import markdown
+from .docstrings import markdown
 
 ROOT = Path(__file__).resolve().parents[2]
 SRC = ROOT / 'src'

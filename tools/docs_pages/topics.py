@@ -29,8 +29,8 @@ USES = {
     'barometer/pressure': Use('static pressure [Pa]; `base_link`', _SIM, _ESTIMATOR),
     'sensor_tick': Use('how many samples of each sensor exist', _SIM, _ESTIMATOR),
     'ground_truth/odom': Use(
-        'true pose [m] in `map`, velocity [m/s] and body rate [rad/s] in `base_link`; the estimator '
-        'takes it with `estimator: ground_truth` alone', _SIM, ('optitrack_node',)),
+        'true pose [m] in `map`, velocity [m/s] and body rate [rad/s] in `base_link`; the '
+        'estimator takes it with `estimator: ground_truth` alone', _SIM, ('optitrack_node',)),
     'optitrack/pose': Use('pose [m] in `map`; nothing while the body is lost',
                           ('optitrack_node',), ()),
     'estimate/odom': Use(
@@ -66,9 +66,9 @@ def topic_table() -> str:
         use = USES[topic.name]
         qos = 'reliable, ' + ('transient local' if topic.transient_local else 'volatile')
         rows.append((
-            f'`{topic.name}`', f'`{topic.type_name.replace("/msg/", "/")}`', _rate(topic), qos,
+            f'`{topic.name}`<br>`{topic.type_name.replace("/msg/", "/")}`', _rate(topic), qos,
             use.content, ', '.join(use.publishers), ', '.join(use.subscribers)))
-    return table(('topic', 'type', 'rate', 'quality of service', 'content, unit, frame', 'from',
+    return table(('topic and type', 'rate', 'quality of service', 'content, unit, frame', 'from',
                   'to'), rows)
 
 
