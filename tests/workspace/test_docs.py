@@ -4,7 +4,6 @@ from html.parser import HTMLParser
 import os
 from pathlib import Path
 import re
-import shutil
 import subprocess
 import sys
 
@@ -158,10 +157,6 @@ def test_what_a_tutorial_says_works(page, tmp_path):
         assert done.returncode == 0, f'{text}\n{done.stdout}{done.stderr}'
         ran += len(lines)
     assert ran > 3
-
-
-def test_the_tutorials_use_the_shell_that_the_tests_have():
-    assert shutil.which('ros2') and TUTORIALS
 
 
 def test_the_readme_stays_short():

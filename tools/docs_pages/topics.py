@@ -67,9 +67,9 @@ def topic_table() -> str:
         qos = 'reliable, ' + ('transient local' if topic.transient_local else 'volatile')
         rows.append((
             f'`{topic.name}`<br>`{topic.type_name.replace("/msg/", "/")}`', _rate(topic), qos,
-            use.content, ', '.join(use.publishers), ', '.join(use.subscribers)))
-    return table(('topic and type', 'rate', 'quality of service', 'content, unit, frame', 'from',
-                  'to'), rows)
+            ', '.join(use.publishers), ', '.join(use.subscribers), use.content))
+    return table(('topic and type', 'rate', 'quality of service', 'from', 'to',
+                  'content, unit, frame'), rows)
 
 
 _CONSTANT = re.compile(r'(\w+) (\w+) *= *([^#\s]+)\s*(?:# ?(.*))?')
