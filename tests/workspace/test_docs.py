@@ -18,7 +18,7 @@ from mambo_model import schema  # noqa: E402
 
 TUTORIALS = sorted((ROOT / 'docs/tutorials').glob('*.md'))
 BLOCK = re.compile(
-    r'^```(bash|python|yaml)(?: title="([^"]*)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+    r'^```(bash|python|text|yaml)(?: title="([^"]*)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 ELSEWHERE = ('./run', 'source env.bash')  # the graph has its own tests; the shell is there
 needs_mkdocs = pytest.mark.skipif(
     not docs.installed(), reason='MkDocs is not installed: python3 tools/docs.py install')
@@ -141,11 +141,26 @@ def blocks(page):
     return BLOCK.findall(page.read_text(encoding='utf-8'))
 
 
+def has(said, shown):
+    """Return whether a line is among those said: its words, and its numbers as far as it goes."""
+    number = re.compile(r'-?\d+(?:\.\d+)?(?:e-?\d+)?')
+    for line in said.splitlines():
+        if ' '.join(number.sub('#', line).split()) == ' '.join(number.sub('#', shown).split()):
+            pairs = zip(map(float, number.findall(line)), map(float, number.findall(shown)))
+            if all(a == pytest.approx(b, rel=0.1, abs=0.003) for a, b in pairs):
+                return True
+    return False
+
+
 @pytest.mark.parametrize('page', TUTORIALS, ids=lambda page: page.stem)
 def test_what_a_tutorial_says_works(page, tmp_path):
     (tmp_path / 'examples').symlink_to(ROOT / 'examples')
-    ran = 0
+    ran, done = 0, None
     for language, title, text in blocks(page):
+        if language == 'text':
+            shown = text.splitlines() if title == 'you see' else []
+            assert not [line for line in shown if not has(done.stdout, line)], done.stdout
+            continue
         if language == 'yaml':
             (tmp_path / title).write_text(text, encoding='utf-8')
             continue
