@@ -19,6 +19,7 @@ from pathlib import Path
 import re
 import subprocess
 import sys
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 REQUIREMENTS = ROOT / 'requirements/docs.txt'
@@ -55,12 +56,12 @@ def install() -> None:
         raise DocsError(f'MkDocs could not be installed (no network?): {reason}')
 
 
-def mkdocs(*arguments: str) -> int:
-    """Run MkDocs on the site of the project; return its exit code."""
+def mkdocs(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run MkDocs on the site of the project: strict, and never quiet, which would be lenient."""
     install()
     return subprocess.run(
         [sys.executable, '-m', 'mkdocs', *arguments, '--strict', '-f', str(ROOT / 'mkdocs.yml')],
-        cwd=ROOT, env={**os.environ, 'NO_MKDOCS_2_WARNING': '1'}).returncode
+        cwd=ROOT, text=True, env={**os.environ, 'NO_MKDOCS_2_WARNING': '1'}, **options)
 
 
 def pictures() -> int:
@@ -81,12 +82,12 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         if options.what == 'build':
-            code = mkdocs('build', '--site-dir', str(SITE))
+            code = mkdocs('build', '--site-dir', str(SITE)).returncode
             if code == 0:
                 print(f'site: {SITE / "index.html"}')
             return code
         if options.what == 'serve':
-            return mkdocs('serve')
+            return mkdocs('serve').returncode
         if options.what == 'pictures':
             return pictures()
         install()

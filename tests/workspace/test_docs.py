@@ -43,9 +43,7 @@ class Links(HTMLParser):
 def site(tmp_path_factory):
     """Return the folder of the site as it is built, without a warning."""
     folder = tmp_path_factory.mktemp('site')
-    done = subprocess.run(
-        [sys.executable, '-m', 'mkdocs', 'build', '--strict', '--quiet', '--site-dir', folder,
-         '-f', ROOT / 'mkdocs.yml'], cwd=ROOT, text=True, capture_output=True)
+    done = docs.mkdocs('build', '--site-dir', str(folder), capture_output=True)
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
 
@@ -176,3 +174,22 @@ def test_what_a_tutorial_says_works(page, tmp_path):
 
 def test_the_readme_stays_short():
     assert len((ROOT / 'README.md').read_text(encoding='utf-8').splitlines()) <= 120
+
+
+def test_the_links_of_the_readme_lead_somewhere():
+    links = re.findall(r'\]\(([^)#]+)(?:#([^)]+))?\)', (ROOT / 'README.md').read_text())
+    assert len(links) > 15
+    for path, anchor in links:
+        assert (ROOT / path).exists(), path
+        titles = re.findall(r'^#+ (.*)$', (ROOT / path).read_text(), re.MULTILINE) if anchor else ''
+        assert not anchor or anchor in [title.lower().replace(' ', '-') for title in titles], path
+
+
+def test_without_a_network_one_line_says_so(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(docs, 'REQUIREMENTS', tmp_path / 'docs.txt')
+    docs.REQUIREMENTS.write_text('mkdocs==0.0.0\n')
+    monkeypatch.setenv('PIP_NO_INDEX', '1')
+    assert docs.main(['build']) == 1
+    installing, said = capsys.readouterr().err.splitlines()
+    assert installing.startswith('docs: installing MkDocs')
+    assert said.startswith('docs: MkDocs could not be installed (no network?): ERROR: ')
