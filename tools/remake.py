@@ -4,7 +4,7 @@ Make the committed flights and figures again, after any change of what they show
 
 usage: tools/remake.py [NAME ...]
 
-NAME: bags/circle_short, docs/circle.png or docs/drift.png; without one: all of them. Begin with
+NAME: bags/circle_short, docs/images/circle.png or docs/evidence/drift.png; without one: all of them. Begin with
 ``source env.bash``. tests/workspace/test_committed.py fails when one of them is stale.
 """
 
@@ -55,20 +55,20 @@ def _bag(folder: Path) -> None:
 
 
 def _circle(folder: Path) -> None:
-    figures.write_overview(circle(folder), ROOT / 'docs/circle.png', TITLE)
+    figures.write_overview(circle(folder), ROOT / 'docs/images/circle.png', TITLE)
 
 
 def _drift(folder: Path) -> None:
     try:
-        experiments.main(['--out', str(folder), '--write', str(ROOT / 'docs/drift.md')])
+        experiments.main(['--out', str(folder), '--write', str(ROOT / 'docs/evidence/drift.md')])
     except SystemExit as end:
         if end.code:
             raise
-    shutil.copyfile(folder / 'drift.png', ROOT / 'docs/drift.png')
+    shutil.copyfile(folder / 'drift.png', ROOT / 'docs/evidence/drift.png')
 
 
 MADE: dict[str, Callable[[Path], None]] = {
-    'bags/circle_short': _bag, 'docs/circle.png': _circle, 'docs/drift.png': _drift}
+    'bags/circle_short': _bag, 'docs/images/circle.png': _circle, 'docs/evidence/drift.png': _drift}
 
 
 def main(names: list[str]) -> int:

@@ -24,16 +24,16 @@ def test_the_committed_bag_is_the_flight_of_today(tmp_path):
 
 
 def test_the_figure_of_the_readme_is_the_flight_of_today(tmp_path):
-    assert digest.saved(ROOT / 'docs/circle.png') == digest.digest(
-        remake.circle_figure(tmp_path)), 'stale: run tools/remake.py docs/circle.png'
+    assert digest.saved(ROOT / 'docs/images/circle.png') == digest.digest(
+        remake.circle_figure(tmp_path)), 'stale: run tools/remake.py docs/images/circle.png'
 
 
 def test_the_figure_of_the_drift_shows_the_table_beside_it():
-    lines = (ROOT / 'docs/drift.md').read_text().splitlines()
+    lines = (ROOT / 'docs/evidence/drift.md').read_text().splitlines()
     begin = lines.index(report.flown_table({}).splitlines()[0])
     end = next(k for k in range(begin, len(lines)) if not lines[k].startswith('|'))
-    assert digest.saved(ROOT / 'docs/drift.png') == report.shows(
-        '\n'.join(lines[begin:end])), 'stale: run tools/remake.py docs/drift.png'
+    assert digest.saved(ROOT / 'docs/evidence/drift.png') == report.shows(
+        '\n'.join(lines[begin:end])), 'stale: run tools/remake.py docs/evidence/drift.png'
 
 
 def figure(y=1.0, colour='k', label='a', bar=2.0):
