@@ -4,8 +4,8 @@ Make the committed flights and figures again, after any change of what they show
 
 usage: tools/remake.py [NAME ...]
 
-NAME: bags/circle_short, docs/images/circle.png or docs/evidence/drift.png; without one: all of them. Begin with
-``source env.bash``. tests/workspace/test_committed.py fails when one of them is stale.
+NAME: bags/circle_short, docs/images/circle.png or docs/evidence/drift.png; without one: all of
+them. Begin with ``source env.bash``. tests/workspace/test_committed.py fails when one of them is stale.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ def _drift(folder: Path) -> None:
 
 
 MADE: dict[str, Callable[[Path], None]] = {
-    'bags/circle_short': _bag, 'docs/images/circle.png': _circle, 'docs/evidence/drift.png': _drift}
+    'bags/circle_short': _bag, 'docs/images/circle.png': _circle,
+    'docs/evidence/drift.png': _drift}
 
 
 def main(names: list[str]) -> int:

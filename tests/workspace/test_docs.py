@@ -181,7 +181,8 @@ def test_the_links_of_the_readme_lead_somewhere():
     assert len(links) > 15
     for path, anchor in links:
         assert (ROOT / path).exists(), path
-        titles = re.findall(r'^#+ (.*)$', (ROOT / path).read_text(), re.MULTILINE) if anchor else ''
+        text = (ROOT / path).read_text() if anchor else ''
+        titles = re.findall(r'^#+ (.*)$', text, re.MULTILINE)
         assert not anchor or anchor in [title.lower().replace(' ', '-') for title in titles], path
 
 
