@@ -5,7 +5,8 @@ Make the committed flights and figures again, after any change of what they show
 usage: tools/remake.py [NAME ...]
 
 NAME: bags/circle_short, docs/images/circle.png or docs/evidence/drift.png; without one: all of
-them. Begin with ``source env.bash``. tests/workspace/test_committed.py fails when one of them is stale.
+them. Begin with ``source env.bash``. tests/workspace/test_committed.py fails when one of them is
+stale.
 """
 
 from __future__ import annotations
