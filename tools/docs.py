@@ -67,10 +67,11 @@ def mkdocs(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
 def pictures() -> int:
     """Make the pictures of the documentation anew."""
     from docs_pages import animation, graph
-    for name, text in (('circle', animation.svg()), ('graph', graph.svg())):
-        path = ROOT / 'docs/images' / f'{name}.svg'
-        path.write_text(text, encoding='utf-8')
-        print(f'picture: {path.relative_to(ROOT)} ({len(text) / 1000:.0f} kB)')
+    folder = ROOT / 'docs/images'
+    (folder / 'circle.svg').write_text(animation.svg(), encoding='utf-8')
+    (folder / 'graph.svg').write_text(graph.svg(), encoding='utf-8')
+    for path in sorted(folder.glob('*.svg')):
+        print(f'picture: {path.relative_to(ROOT)} ({path.stat().st_size / 1000:.0f} kB)')
     return 0
 
 

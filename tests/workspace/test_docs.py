@@ -14,7 +14,9 @@ sys.path.insert(0, str(ROOT / 'tools'))
 
 import docs  # noqa: E402
 from docs_pages import animation, commands, graph, parameters, source, topics  # noqa: E402
+from mambo_analysis.compare.compare import compare, table  # noqa: E402
 from mambo_model import schema  # noqa: E402
+import remake  # noqa: E402
 
 TUTORIALS = sorted((ROOT / 'docs/tutorials').glob('*.md'))
 BLOCK = re.compile(
@@ -134,11 +136,6 @@ def test_the_pictures_are_those_of_today(name):
     assert made == pytest.approx(kept, abs=0.3)  # pixels
 
 
-def blocks(page):
-    """Return (language, title, text) of the blocks of a tutorial, in its order."""
-    return BLOCK.findall(page.read_text(encoding='utf-8'))
-
-
 def has(said, shown):
     """Return whether a line is among those said: its words, and its numbers as far as it goes."""
     number = re.compile(r'-?\d+(?:\.\d+)?(?:e-?\d+)?')
@@ -148,6 +145,19 @@ def has(said, shown):
             if all(a == pytest.approx(b, rel=0.1, abs=0.003) for a, b in pairs):
                 return True
     return False
+
+
+def test_the_default_flight_is_the_one_that_is_shown(tmp_path):
+    said = table(compare(remake.circle(tmp_path)))
+    tutorial = (ROOT / 'docs/tutorials/first-flight.md').read_text(encoding='utf-8')
+    printed = tutorial.partition('take-off ends at')[2].partition('\npage: ')[0].splitlines()[1:]
+    assert len(printed) > 30
+    assert not [line for line in printed if not has(said, line)], said
+
+
+def blocks(page):
+    """Return (language, title, text) of the blocks of a tutorial, in its order."""
+    return BLOCK.findall(page.read_text(encoding='utf-8'))
 
 
 @pytest.mark.parametrize('page', TUTORIALS, ids=lambda page: page.stem)
@@ -181,9 +191,9 @@ def test_the_links_of_the_readme_lead_somewhere():
     assert len(links) > 15
     for path, anchor in links:
         assert (ROOT / path).exists(), path
-        text = (ROOT / path).read_text() if anchor else ''
-        titles = re.findall(r'^#+ (.*)$', text, re.MULTILINE)
-        assert not anchor or anchor in [title.lower().replace(' ', '-') for title in titles], path
+        if anchor:
+            titles = re.findall(r'^#+ (.*)$', (ROOT / path).read_text(), re.MULTILINE)
+            assert anchor in [title.lower().replace(' ', '-') for title in titles], path
 
 
 def test_without_a_network_one_line_says_so(tmp_path, monkeypatch, capsys):
