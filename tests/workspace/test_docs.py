@@ -186,6 +186,13 @@ def test_the_readme_stays_short():
     assert len((ROOT / 'README.md').read_text(encoding='utf-8').splitlines()) <= 120
 
 
+def test_the_readme_counts_what_the_reproduction_counts():
+    page = (ROOT / 'docs/evidence/reproduction.md').read_text(encoding='utf-8')
+    counted = re.search(r'a report: (.*)\.$', page, re.MULTILINE)[1].split(', ')
+    row = re.search(r'^\| of the thesis: (.*?) \|', (ROOT / 'README.md').read_text(), re.MULTILINE)
+    assert sorted(re.findall(r'\d+', row[1])) == sorted(part.split()[0] for part in counted)
+
+
 def test_the_links_of_the_readme_lead_somewhere():
     links = re.findall(r'\]\(([^)#]+)(?:#([^)]+))?\)', (ROOT / 'README.md').read_text())
     assert len(links) > 15
