@@ -73,7 +73,7 @@ def _strips(t: Array, flown: Array, planned: Array) -> str:
         low, high = (-1.3, 1.3) if axis < 2 else (-0.1, 1.7)
         out.append(f'<rect x="{LEFT}" y="{top}" width="{RIGHT - LEFT}" height="{TALL}" '
                    'fill="none" stroke="#dfe3e8"/>'
-                   f'<text x="{LEFT - 32}" y="{top + TALL / 2 + 4}">{name} [m]</text>')
+                   f'<text x="{LEFT - 44}" y="{top + TALL / 2 + 4}">{name} [m]</text>')
         for values, colour in ((planned, PLANNED), (flown, FLOWN)):
             down = top + TALL * (high - values[:, axis]) / (high - low)
             out.append(f'<path d="{_line(np.column_stack([across, down]))}" stroke="{colour}" '
