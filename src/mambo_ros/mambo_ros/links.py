@@ -57,7 +57,7 @@ class Links:
 
     def update(self, links: NodeLinks) -> None:
         """Take what one node announced, if it is complete."""
-        if len(links.published) == len(links.matched):
+        if len(links.published) + len(links.subscribed) == len(links.matched):
             self._known[links.node] = links
 
     def missing(self) -> str:
