@@ -80,9 +80,8 @@ class AlignmentParams:
         0.3, 'm/s^2', 1e-6, 5.0,
         'horizontal accelerometer bias: x axis in calibration values of 11 Rolling Spider flights')
     floor_slope_std: float = quantity(
-        0.001, 'rad', 0.0, 1.5,
-        'slope of the floor: level in the thesis, sec. 5.3.1, and in the simulator; 0.01 for a '
-        'floor that nobody has levelled')
+        0.0025, 'rad', 0.0, 1.5,
+        'slope of the floor: DIN 18202, table 3: a finished floor is flat to 10 mm over 4 m')
     rest_gyro: float = quantity(
         0.03, 'rad/s', 0.0, 10.0,
         'a smoothed rate farther from its mean ends the rest, noise aside')

@@ -308,3 +308,22 @@ def test_no_height_is_below_the_floor_and_no_bias_larger_than_there_is():
     assert after.P == a.P  # no surer than before
     rising = altitude.bounded(a._replace(velocity=0.5, accel_bias=0.3), V)
     assert (rising.velocity, rising.accel_bias) == (0.5, 0.3)
+
+
+@pytest.mark.parametrize(('fit', 'scale'), [(0.25, 0.25), (1e-6, altitude.LEAST_FIT), (2.0, 2.0)])
+def test_published_variances_are_those_that_the_innovations_show(fit, scale):
+    a, P = random_filter(3)
+    a = a._replace(fit=fit)
+    np.testing.assert_allclose(
+        altitude.published_variances(a, 0.0), [scale * P[0, 0], scale * P[1, 1]])
+    np.testing.assert_allclose(altitude.published_variances(a, np.inf), [P[0, 0], P[1, 1]])
+
+
+def test_an_accepted_range_tells_how_well_the_covariance_fits():
+    a, P = random_filter(4)
+    noise = SONAR.noise ** 2
+    for sigmas in (0.0, 1.0, 2.0):
+        ranged = a.height + sigmas * math.sqrt(P[0, 0] + noise)
+        after, _, result = altitude.update_sonar(a, gate.OPEN, ranged, 1.0, 0.0, SONAR, V)
+        assert result.used
+        assert after.fit == pytest.approx(1.0 + altitude.FIT_WEIGHT * (sigmas ** 2 - 1.0))

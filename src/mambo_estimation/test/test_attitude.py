@@ -260,3 +260,17 @@ def test_filter_at_rest_finds_tilt_and_gyro_bias_and_knows_how_well():
     low, high = chi2.ppf([0.0005, 0.9995], 4 * seeds)
     assert low < sum(nees) < high
     assert np.std(after) < 0.1 * np.std(before)  # 20 s of gravity: bias known 19 times better
+
+
+@pytest.mark.parametrize(('fit', 'scale'), [(0.25, 0.25), (1e-6, attitude.LEAST_FIT), (2.0, 2.0)])
+def test_published_covariance_is_that_which_the_windows_show(fit, scale):
+    a, P = random_filter(3)
+    a = a._replace(fit=fit, hidden=0.01)
+    expected = P[:3, :3].copy()
+    expected[:2, :2] *= scale
+    expected[:2, 2] *= math.sqrt(scale)
+    expected[2, :2] *= math.sqrt(scale)
+    expected += np.diag([1e-4, 1e-4, 0.0])  # no innovation shows what is hidden
+    np.testing.assert_allclose(attitude.published_covariance(a, 0.0), expected)
+    expected = P[:3, :3] + np.diag([1e-4, 1e-4, 0.0])  # no windows: no word of theirs
+    np.testing.assert_allclose(attitude.published_covariance(a, math.inf), expected)

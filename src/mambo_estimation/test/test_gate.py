@@ -119,3 +119,21 @@ def test_a_sensor_that_is_distrusted_wins_the_vote_with_samples_that_fit():
     fits = [(1.5 * (k % 3), 3.9 * (k % 3 - 1)) for k in range(60)]  # next to each other or not
     _, verdicts = run([*wild, *fits])
     assert verdicts[-1] == g.ACCEPT
+
+
+def test_scatter_is_half_the_squared_distance_from_the_centre_of_those_that_vote():
+    gate = g.OPEN
+    for k, innovation in enumerate([(50.0, 50.0), (53.0, 54.0)]):
+        gate, _ = g.judge(gate, g.Trial((float(k), 0.0), innovation, 2.0, 99.0), WIDTH, TIME)
+    assert gate.scatter == pytest.approx(g.FADE * 0.5 * (3.0 ** 2 + 4.0 ** 2))
+    assert gate.innovation == pytest.approx((51.5, 52.0))  # half the way
+    away, _ = g.judge(gate, g.Trial((9.0, 0.0), (-50.0, -50.0), 2.0, 99.0), WIDTH, TIME)
+    assert away.scatter == gate.scatter and away.innovation == gate.innovation
+    assert g.accept(gate).scatter == pytest.approx((1.0 - g.FADE) * gate.scatter)
+
+
+def test_a_vote_against_the_centre_takes_one_for_it_back():
+    _, verdicts = run([(9.0 + k, 9.0 if k % 5 < 3 else -20.0) for k in range(200)])
+    assert g.RECOVER not in verdicts  # three of five for it: 0.2 of the votes more than against
+    _, verdicts = run([(9.0 + k, 9.0 if k % 10 < 9 else -20.0) for k in range(200)])
+    assert g.RECOVER in verdicts  # nine of ten: 0.8

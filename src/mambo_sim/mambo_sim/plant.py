@@ -19,7 +19,7 @@ from mambo_model import forces
 from mambo_model.aerodynamics import lumped_drag, through_air
 from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import (
-    exp_map, from_euler, multiply, normalise, Quat, rotate, rotate_inverse)
+    conjugate, exp_map, from_euler, multiply, normalise, Quat, rotate, rotate_inverse)
 from mambo_model.motion.rigid_body import NORM_LIMIT, rk4_step, State
 from mambo_model.motion.vector import add, norm, scale, sub, Vec3
 from mambo_model.schema import check, choice, flag, ParameterError, quantity
@@ -46,6 +46,7 @@ class PlantValues(NamedTuple):
     substeps: int
     ground: bool
     norm_gain: float | None  # 1/s
+    floor: Quat | None  # (4,) attitude of what stands on it, yaw 0; None: level
 
 
 class PlantState(NamedTuple):
@@ -69,6 +70,9 @@ class PlantParams:
         (0.0, 0.0, 0.0), 'm', -1000.0, 1000.0, 'inertial NED; (3.32a)')
     initial_euler: Vec3 = quantity(
         (0.0, 0.0, 0.0), 'rad', -math.pi, math.pi, 'roll, pitch, yaw (2.4); (3.32b)')
+    floor_slope: tuple[float, float] = quantity(
+        (0.0, 0.0), 'rad', -0.1, 0.1,
+        'roll and pitch of a vehicle that stands on the floor, yaw 0: level in the thesis')
     norm: str = choice(
         'normalise', NORMS, 'length of q: set to 1 after each step, controlled (2.16), or free')
     norm_gain: float = quantity(
@@ -92,14 +96,29 @@ class PlantParams:
     def values(self) -> PlantValues:
         """Return what compiled code reads; without a gain the length is set to 1."""
         gain = {'normalise': None, 'control': float(self.norm_gain), 'free': 0.0}[self.norm]
-        return PlantValues(self.physics_rate // CONTROL_RATE, self.ground, gain)
+        return PlantValues(
+            self.physics_rate // CONTROL_RATE, self.ground, gain, self.floor())
+
+    def floor(self) -> Quat | None:
+        """Return the attitude, (4,) w x y z, of a vehicle that stands; None: level."""
+        roll, pitch = map(float, self.floor_slope)
+        if not self.ground or roll == pitch == 0.0:
+            return None
+        return from_euler(roll, pitch, 0.0)
 
 
 def initial(params: PlantParams) -> PlantState:
-    """Return the vehicle at rest at its initial position and attitude, motors stopped (3.32)."""
+    """
+    Return the vehicle at rest at its initial position and attitude, motors stopped (3.32).
+
+    Where it stands on a floor that slopes, the attitude is relative to the floor.
+    """
     phi, theta, psi = map(float, params.initial_euler)
     x, y, z = map(float, params.initial_position)
-    body = State((x, y, z), _ZERO, from_euler(phi, theta, psi), _ZERO)
+    q, floor = from_euler(phi, theta, psi), params.floor()
+    if floor is not None and z == 0.0:
+        q = multiply(floor, q)
+    body = State((x, y, z), _ZERO, q, _ZERO)
     return PlantState(body, (0.0, 0.0, 0.0, 0.0), _ZERO)
 
 
@@ -241,11 +260,22 @@ def _settle(q: Quat, h: float) -> tuple[Quat, Vec3]:
 
 
 @jit
-def _rest(body: State, velocity: Vec3, acceleration: Vec3, h: float) -> State:
+def _settle_on(q: Quat, h: float, floor: Quat | None) -> tuple[Quat, Vec3]:
+    """Return what :func:`_settle` does, on a floor that slopes; None: level."""
+    if floor is None:
+        return _settle(q, h)
+    relative, omega = _settle(multiply(conjugate(floor), q), h)
+    return multiply(floor, relative), omega
+
+
+@jit
+def _rest(
+    body: State, velocity: Vec3, acceleration: Vec3, h: float, floor: Quat | None,
+) -> State:
     """Advance a vehicle that the floor carries by h s: Coulomb friction, settling on its feet."""
     pushed = add(velocity, scale(h, acceleration))
     moved = _slow_down(pushed, FRICTION * acceleration[2] * h)
-    q, omega = _settle(body.q, h)
+    q, omega = _settle_on(body.q, h, floor)
     rho = (body.rho[0] + h * moved[0], body.rho[1] + h * moved[1], 0.0)
     return State(rho, rotate_inverse(q, moved), q, omega)
 
@@ -286,7 +316,7 @@ def _fade(jolt: Vec3, blow: Vec3, q: Quat, dt: float) -> Vec3:
 def advance(
     state: PlantState, pwm: Four, dt: float, substeps: int, vv: VehicleValues, ground: bool,
     options: OptionValues | None = None, norm_gain: float | None = None,
-    wind: Vec3 | None = None,
+    wind: Vec3 | None = None, floor: Quat | None = None,
 ) -> PlantState:
     """
     Advance the plant by one control step, the motor command held.
@@ -315,6 +345,8 @@ def advance(
         Of the control of the quaternion's norm (2.16); without: its norm is set to 1.
     wind : (3,) m/s, inertial NED
         Velocity of the air during the step; without: it is still.
+    floor : (4,) w x y z
+        Attitude of a vehicle that stands on the floor, yaw 0; without: level.
 
     """
     h = dt / substeps
@@ -328,7 +360,7 @@ def advance(
             velocity, air = rotate(body.q, body.nu), _air(body, mean, vv, ground, options, wind)
             acceleration = _free_acceleration(body, air, vv)
             if _supported(body, velocity, acceleration):
-                body = _rest(body, velocity, acceleration, h)
+                body = _rest(body, velocity, acceleration, h, floor)
                 continue
         body = _fly(body, mean, before, thrust, h, vv, ground, options, norm_gain, wind)
         if ground and body.rho[2] > 0.0:

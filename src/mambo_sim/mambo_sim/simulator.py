@@ -240,6 +240,6 @@ def advance(
     command = (0.0, 0.0, 0.0, 0.0) if shutdown else pwm
     moved = plant.advance(
         state.plant, command, STEP, values.plant.substeps, values.vehicle, values.plant.ground,
-        values.options, values.plant.norm_gain, wind.air_velocity(state.wind))
+        values.options, values.plant.norm_gain, wind.air_velocity(state.wind), values.plant.floor)
     return SimulatorState(
         moved, state.imu, state.optical_flow, state.barometer, state.faults, state.wind)

@@ -106,6 +106,37 @@ def test_tilted_landing_settles_level_and_keeps_its_yaw(euler):
     assert yaw == pytest.approx(euler[2], abs=0.06)
 
 
+def test_a_vehicle_stands_and_settles_as_the_floor_slopes():
+    params = PlantParams(floor_slope=(0.02, -0.01), initial_euler=(0.0, 0.0, 0.7))
+    floor = Rotation.from_euler('YX', [-0.01, 0.02])
+    stands = floor * Rotation.from_euler('Z', 0.7)
+
+    def slopes(state, n=200):
+        for _ in range(n):
+            state = plant.advance(
+                state, (0.0,) * 4, DT, 5, VV, True, floor=params.values().floor)
+        return state
+
+    def attitude(state):
+        return Rotation.from_quat([*state.body.q[1:], state.body.q[0]])
+
+    start = plant.initial(params)
+    rested = slopes(start)
+    assert (attitude(start).inv() * stands).magnitude() < 1e-12
+    assert (attitude(rested).inv() * stands).magnitude() < 1e-12
+    assert rested.body.omega == ZERO and rested.body.rho == ZERO
+    felt = plant.specific_force(rested, VV, True)
+    np.testing.assert_allclose(felt, stands.inv().apply([0.0, 0.0, -9.81]), atol=1e-12)
+    landed = slopes(at(ZERO, ZERO, (0.3, 0.0, 0.0)))
+    down = (floor.inv() * attitude(landed)).apply([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(down, [0.0, 0.0, 1.0], atol=1e-12)
+
+
+def test_floor_is_level_unless_it_is_told_to_slope():
+    assert PlantParams().values().floor is None
+    assert PlantParams(ground=False, floor_slope=(0.02, 0.0)).values().floor is None
+
+
 def test_vehicle_on_its_back_stays_as_it_lies():
     state = run(at((0.0, 0.0, -0.1), euler=(3.0, 0.0, 0.0), omega=(1.0, 0.0, 0.0)), n=300)
     assert state.body.omega == ZERO and state.body.nu == ZERO and tilt(state.body.q) > 2.5
