@@ -31,8 +31,11 @@ def node(name, says=(), hears=(), **options):
     return made
 
 
-def announced(name, published=(), subscribed=(), matched=()):
-    return NodeLinks(node=name, published=published, subscribed=subscribed, matched=matched)
+def announced(name, published=None, subscribed=None):
+    """Return what a node announces, from how many ends each of its topics has matched."""
+    published, subscribed = published or {}, subscribed or {}
+    return NodeLinks(node=name, published=list(published), subscribed=list(subscribed),
+                     matched=[*published.values(), *subscribed.values()])
 
 
 @pytest.fixture
@@ -66,37 +69,44 @@ def test_names_are_relative_to_the_namespace_of_the_waiting_node():
 
 
 def test_a_reader_that_a_publisher_has_not_matched_is_counted_and_named(links):
-    links.update(announced('/mambo/estimator', subscribed=[IMU]))
-    links.update(announced('/mambo/controller', subscribed=[IMU], published=[PWM], matched=[0]))
-    links.update(announced('/mambo/sim', published=[IMU], subscribed=[PWM], matched=[1]))
+    links.update(announced('/mambo/estimator', subscribed={IMU: 1}))
+    links.update(announced('/mambo/controller', published={PWM: 0}, subscribed={IMU: 1}))
+    links.update(announced('/mambo/sim', published={IMU: 1}, subscribed={PWM: 1}))
     assert links.missing() == f'1 of 1 readers of {PWM} at /mambo/controller'
-    links.update(announced('/mambo/controller', subscribed=[IMU], published=[PWM], matched=[1]))
+    links.update(announced('/mambo/controller', published={PWM: 1}, subscribed={IMU: 1}))
     assert links.missing() == f'1 of 2 readers of {IMU} at /mambo/sim'
-    links.update(announced('/mambo/sim', published=[IMU], subscribed=[PWM], matched=[2]))
+    links.update(announced('/mambo/sim', published={IMU: 2}, subscribed={PWM: 1}))
     assert links.missing() == ''
 
 
 def test_a_publisher_that_a_reader_has_not_matched_is_counted_and_named(links):
     links.update(announced('/mambo/estimator'))
-    links.update(announced('/mambo/controller', published=[PWM], matched=[1]))
-    links.update(announced('/mambo/sim', published=[IMU], subscribed=[PWM], matched=[0, 0]))
+    links.update(announced('/mambo/controller', published={PWM: 1}))
+    links.update(announced('/mambo/sim', published={IMU: 0}, subscribed={PWM: 0}))
     assert links.missing() == f'1 of 1 publishers of {PWM} at /mambo/sim'
-    links.update(announced('/mambo/sim', published=[IMU], subscribed=[PWM], matched=[0, 1]))
+    links.update(announced('/mambo/sim', published={IMU: 0}, subscribed={PWM: 1}))
     assert links.missing() == ''
 
 
 def test_every_publisher_of_a_shared_topic_must_know_every_reader(links):
-    links.update(announced('/mambo/estimator', published=['/tf'], matched=[1]))
-    links.update(announced('/mambo/controller', published=['/tf'], matched=[0]))
+    links.update(announced('/mambo/estimator', published={'/tf': 1}))
+    links.update(announced('/mambo/controller', published={'/tf': 0}))
     assert links.missing() == ''  # nobody reads
-    links.update(announced('/mambo/viewer', subscribed=['/tf']))
+    links.update(announced('/mambo/viewer', subscribed={'/tf': 2}))
     assert links.missing() == '1 of 1 readers of /tf at /mambo/controller'
 
 
 def test_a_topic_without_readers_or_a_foreign_reader_is_no_obstacle(links):
-    links.update(announced('/mambo/estimator', published=[IMU], matched=[3]))
-    links.update(announced('/mambo/controller', subscribed=[PWM]))
+    links.update(announced('/mambo/estimator', published={IMU: 3}))
+    links.update(announced('/mambo/controller', subscribed={PWM: 0}))
     assert links.missing() == ''
+
+
+def test_an_announcement_without_one_side_of_its_links_is_not_taken(links):
+    links.update(announced('/mambo/estimator'))
+    links.update(NodeLinks(
+        node='/mambo/controller', published=[PWM], subscribed=[IMU], matched=[1]))
+    assert links.missing() == 'node /mambo/controller'
 
 
 FLIGHT = {
@@ -227,7 +237,7 @@ def test_announcements_that_cannot_be_read_are_ignored(ros):
     tell = stranger.create_publisher(NodeLinks, '/mambo/graph/links', qos(topics.LINKS))
     until(tell.get_subscription_count, 'the link', loop.turn)
     tell.publish(b'\xff' * 64)
-    tell.publish(announced('/mambo/controller', published=['/x', '/y'], matched=[1]))
+    tell.publish(NodeLinks(node='/mambo/controller', published=['/x', '/y'], matched=[1]))
     tell.publish(announced('/mambo/other'))
     until(lambda: '/mambo/other' in links._known, 'the last one', loop.turn)
     assert links.missing() == 'node /mambo/controller'
