@@ -26,11 +26,11 @@ _ASK_AGAIN = 5.0  # s of wall time after which a waiting simulator says what it 
 
 def _check_pwm(command: tuple) -> str:
     """Return why a decoded motor command cannot be used, empty if it can, as any shutdown."""
-    _, pwm, shutdown = command
-    if shutdown:
+    _, (a, b, c, d), shutdown = command
+    if shutdown or (0.0 <= a <= LARGEST_PWM and 0.0 <= b <= LARGEST_PWM
+                    and 0.0 <= c <= LARGEST_PWM and 0.0 <= d <= LARGEST_PWM):
         return ''
-    within = 0.0 <= min(pwm) and max(pwm) <= LARGEST_PWM
-    return intake.finite(pwm) or ('' if within else intake.OUT_OF_LIMITS)
+    return intake.finite(command[1]) or intake.OUT_OF_LIMITS
 
 
 @jit
@@ -100,7 +100,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
             self.delays.add(self._heard - self.sensed)
 
     def _time(self) -> int:
-        return self.t
+        return self._tick * STEP_NS
 
     @property
     def t(self) -> int:
