@@ -6,8 +6,10 @@ import time
 
 from mambo_interfaces.msg import NodeLinks
 from mambo_ros import messages, topics
+from mambo_ros.endpoints import qos
 from mambo_ros.links import Links
-from mambo_ros.node import Loop, MamboNode, qos
+from mambo_ros.loop import Loop
+from mambo_ros.node import MamboNode
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -25,9 +27,9 @@ class NoParams:
 def node(name, says=(), hears=(), **options):
     made = MamboNode(name, NoParams, **options)
     for topic in says:
-        made.say(topic)
+        made.advertise(topic)
     for topic in hears:
-        made.hear(topic, lambda data: None)
+        made.subscribe(topic, lambda data: None)
     return made
 
 
@@ -122,8 +124,8 @@ def flight(*names):
 def test_a_complete_graph_proceeds_and_its_first_message_arrives():
     sim, estimator, controller = flight()
     heard = []
-    estimator.hear(topics.CLOCK, heard.append)
-    publish = sim.say(topics.CLOCK)
+    estimator.subscribe(topics.CLOCK, heard.append)
+    publish = sim.advertise(topics.CLOCK)
     links, loop = Links(sim, 'estimator,controller'), Loop(sim)
     assert links.missing()
     with serving(estimator, controller):
@@ -141,8 +143,8 @@ def test_links_between_nodes_of_one_loop_count_as_others_do():
     with serving(estimator):
         assert links.wait(loop, PATIENCE) is True
     loop.close()
-    assert [voice.matched for voice in controller.said] == [1]  # the simulator, in the loop
-    assert not controller.said[0].publisher.get_subscription_count()
+    assert [output.matched for output in controller.outputs] == [1]  # the simulator, in the loop
+    assert not controller.outputs[0].publisher.get_subscription_count()
 
 
 def test_an_owner_of_time_that_is_not_alone_names_the_other(monkeypatch):
