@@ -13,7 +13,7 @@ from mambo_model.motion.flatness import from_flat_output
 from mambo_model.motion.rigid_body import State
 from mambo_model.vehicle.parameters import Vehicle
 from mambo_ros import layout, messages, topics
-from mambo_sim import sim_node
+from mambo_sim import pace, sim_node
 from mambo_sim.sim_node import SimNode
 import pytest
 import rclpy
@@ -34,7 +34,7 @@ def ros():
 
 
 class Controller:
-    """A controller node whose ears and mouth are this test's."""
+    """A controller node whose inputs and output belong to this test."""
 
     def __init__(self):
         self.node = ControllerNode()
@@ -51,7 +51,7 @@ class Controller:
         self.hear(topics.REFERENCE, messages.reference(k * STEP, POINT, trajectory.TRACK))
 
     def hear(self, topic, data):
-        (guard,) = [ear.take for ear in self.node.heard if ear.topic is topic]
+        (guard,) = [entry.take for entry in self.node.inputs if entry.topic is topic]
         guard(data)
 
     @property
@@ -249,7 +249,7 @@ class TestEstimator:
         node._estimate = lambda data: estimates.append(layout.stamp_ns(data) // STEP)
 
         def hear(topic, data):
-            (guard,) = [ear.take for ear in node.heard if ear.topic is topic]
+            (guard,) = [entry.take for entry in node.inputs if entry.topic is topic]
             guard(data)
         return node, estimates, hear
 
@@ -281,10 +281,10 @@ class TestEstimator:
             assert set(node.refused().values()) == {3}
             node.destroy_node()
 
-    def test_its_sensors_are_heard_best_effort_if_asked_for(self, ros):
+    def test_its_sensors_are_subscribed_best_effort_if_asked_for(self, ros):
         node, _, _ = self.estimator(sensor_reliability='best_effort', synchronise='arrival')
-        assert not any(ear.reliable for ear in node.heard)
-        assert all(ear.reliable for ear in self.estimator()[0].heard)
+        assert not any(entry.reliable for entry in node.inputs)
+        assert all(entry.reliable for entry in self.estimator()[0].inputs)
         node.destroy_node()
 
 
@@ -294,7 +294,7 @@ class TestPace:
     @pytest.fixture
     def fly(self, monkeypatch):
         """Return what paces one step, with a clock that the waiting for messages moves."""
-        def pace(sensed, deadline, answer, stalled=0.0):
+        def step(sensed, deadline, answer, stalled=0.0):
             sim = SimpleNamespace(
                 sensed=sensed, answered=False, missed=0, params=SimpleNamespace(speed=1.0),
                 now=sensed, watch=lambda now: None)
@@ -307,10 +307,10 @@ class TestPace:
                 after = sim.now + timeout + 1e-9  # a wait is never too short
                 sim.now = min(after, answer) if sim.now < answer else after
                 sim.answered = sim.now >= answer
-            monkeypatch.setattr(sim_node.time, 'monotonic', lambda: sim.now)
-            sim_node._wait_for_deadline(sim, SimpleNamespace(stopping=False, once=once), deadline)
+            monkeypatch.setattr(pace.time, 'monotonic', lambda: sim.now)
+            pace.wait_for_deadline(sim, SimpleNamespace(stopping=False, once=once), deadline)
             return sim.now, sim.missed
-        return pace
+        return step
 
     def test_a_step_in_time_lasts_until_the_next_one_is_due(self, fly):
         assert fly(sensed=1.0, deadline=1.005, answer=1.001) == (pytest.approx(1.005), 0)

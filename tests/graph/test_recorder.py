@@ -36,7 +36,7 @@ def start(tmp_path):
         nodes.append(RecorderNode(parameter_overrides=[
             Parameter(name, value=value)
             for name, value in {'bag': str(tmp_path / 'bag'), **given}.items()]))
-        return nodes[-1], {ear.topic: ear.take for ear in nodes[-1].heard}
+        return nodes[-1], {entry.topic: entry.take for entry in nodes[-1].inputs}
     yield make
     for node in nodes:
         node.destroy_node()

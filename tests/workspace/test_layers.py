@@ -32,6 +32,7 @@ BELOW['mambo_thesis'] = BELOW['mambo_analysis'] | {'mambo_analysis'}
 BELOW['mambo_bringup'] = BELOW['mambo_thesis'] | {'mambo_thesis'}
 HOLD_MESSAGES = {'mambo_bags', 'mambo_flight', 'mambo_analysis', 'mambo_signals', 'mambo_thesis'}
 MOST = 0.26  # of all lines, in one package
+LONGEST = 200  # lines of a file that imports rclpy
 
 # The packages of ROS that run a graph, and those that only hold messages, which bags hold too.
 ROS = {'ament_index_python', 'launch', 'launch_ros', 'rclpy', 'rosbag2_py', 'tf2_ros'}
@@ -105,6 +106,20 @@ def test_no_folder_is_crowded_and_no_name_stands_twice_in_a_package():
 def test_only_nodes_import_ros(package):
     assert not [f'{file.relative_to(SRC)} imports {name}' for file in modules(package)
                 for name in imported(file) & forbidden(file, package)]
+
+
+def test_what_runs_in_the_graph_is_short():
+    """One concern a file: every node, and what cannot be imported without rclpy."""
+    long = {}
+    for file in (file for package in PACKAGES for file in modules(package)):
+        text = file.read_text()
+        names = [name for node in ast.parse(text).body for name in (
+            [alias.name for alias in node.names] if isinstance(node, ast.Import)
+            else [node.module or ''] if isinstance(node, ast.ImportFrom) else [])]
+        if is_node(file) or any(name.split('.')[0] == 'rclpy' for name in names):
+            long[str(file.relative_to(SRC))] = len(text.splitlines())
+    assert len(long) > 10
+    assert not {name: lines for name, lines in long.items() if lines > LONGEST}
 
 
 @pytest.mark.parametrize('package', PACKAGES)

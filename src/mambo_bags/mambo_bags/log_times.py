@@ -25,16 +25,19 @@ class LogTimes:
     ----------
     now : int or None
         Newest time of ``/clock``, ns; None before the first one.
+    low, high : int
+        Stamps that certainly count, ns, both included; none where ``low`` is larger.
 
     """
 
     def __init__(self) -> None:
         self.now: int | None = None
+        self.low, self.high = 1, 0
         self._first = 0
         self._wall = False
         self._leapt: list[int] = []  # to where /clock leaps, while that is not believed
 
-    def hear(self, stamp: int | None) -> bool:
+    def update(self, stamp: int | None) -> bool:
         """Take a stamp of ``/clock`` in ns, None if it is not readable; return if it counts."""
         if stamp is None or stamp < 0:
             return False
@@ -51,6 +54,7 @@ class LogTimes:
                 return False
             self.now, self._first = stamp, min(self._first, stamp)
             self._leapt = []
+        self.low, self.high = max(self._first - WINDOW, 0), self.now + WINDOW
         return True
 
     def use_wall_clock(self) -> None:

@@ -20,7 +20,7 @@ import struct
 from typing import NoReturn
 
 from mambo_model import schema
-from mambo_ros import layout, node, topics
+from mambo_ros import layout, node, process, topics
 
 from .log_times import LogTimes
 from .writer import BagWriter, BagWriterError, GRACE, Qos
@@ -90,14 +90,14 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         for topic in selected:
             name = self.resolve_topic_name(topic.name)
             self._bag.add_topic(
-                name, topic.type_name, Qos(depth=node.QUEUE), shared=topic.shared)
-            self.hear(topic, self._writer(name, topic), prompt=False)
+                name, topic.type_name, Qos(depth=topics.QUEUE), shared=topic.shared)
+            self.subscribe(topic, self._writer(name, topic), prompt=False)
         if topics.CLOCK not in selected:
-            self.hear(topics.CLOCK, self._on_clock, prompt=False)
+            self.subscribe(topics.CLOCK, self._on_clock, prompt=False)
 
     def _on_clock(self, data: bytes) -> None:
         """Take the time from a ``/clock`` that is not recorded."""
-        self._times.hear(_stamp(data, 0))
+        self._times.update(_stamp(data, 0))
         self._release()
 
     def _writer(self, name: str, topic: topics.Topic) -> Callable[[bytes], None]:
@@ -111,26 +111,32 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         times, write, shared, newest = self._times, self._bag.write, topic.shared, 0
         is_clock = topic is topics.CLOCK
 
-        def record(data: bytes) -> None:
+        def put(data: bytes, log_time: int) -> None:
             nonlocal newest
-            stamp = _stamp(data, offset)
-            if is_clock and not times.hear(stamp):
-                stamp = None
-            log_time, own = times.of(stamp)
-            if not own:
-                self._notice(name, _STAMP)
             newest = log_time if shared else max(newest, log_time)
             try:
                 write(name, data, newest, now_ns=times.now)
             except BagWriterError as error:
                 self._fail(error)
 
+        def record(data: bytes) -> None:
+            stamp = _stamp(data, offset)
+            if is_clock and not times.update(stamp):
+                stamp = None
+            log_time, own = times.of(stamp)
+            if not own:
+                self._notice(name, _STAMP)
+            put(data, log_time)
+
         def take(data: bytes) -> None:
-            if len(data) > _LARGEST:
+            stamp = None if is_clock else _stamp(data, offset)
+            if stamp is not None and times.low <= stamp <= times.high and len(data) <= _LARGEST:
+                put(data, stamp)  # nearly every message
+            elif len(data) > _LARGEST:
                 self._notice(name, _SIZE)
             elif times.now is not None:
                 record(data)
-            elif is_clock and times.hear(_stamp(data, offset)):
+            elif is_clock and times.update(_stamp(data, offset)):
                 record(data)
                 self._release()
             else:
@@ -186,4 +192,4 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
 
 def main(args=None) -> None:
     """Entry point ``recorder_node``."""
-    node.main(RecorderNode, args)
+    process.main(RecorderNode, args)

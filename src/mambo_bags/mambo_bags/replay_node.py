@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 import time
 
-from mambo_model import schema, yaml_nodes
-from mambo_ros import layout, links, messages, node, topics
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
-import yaml
+from mambo_model import schema
+from mambo_ros import layout, links, messages, node, process, topics
+from mambo_ros.loop import Loop
+
+from .playback import bag_files, recorded
 
 _SENSORS = (topics.IMU, topics.SONAR, topics.OPTICAL_FLOW, topics.BAROMETER)
 
@@ -40,59 +40,6 @@ class ReplayNodeParams:
 
     def __post_init__(self) -> None:
         schema.check(self)
-
-
-def bag_files(path: Path) -> list[Path]:
-    """
-    Return the MCAP files of a bag in order.
-
-    Raises
-    ------
-    mambo_model.schema.ParameterError
-        If the path holds no MCAP file.
-
-    """
-    if path.is_file():
-        return [path]
-    listing = path / 'metadata.yaml'
-    if listing.is_file():
-        try:
-            names = yaml_nodes.load(yaml_nodes.read_text(listing))[
-                'rosbag2_bagfile_information']['relative_file_paths']
-            files = [path / name for name in names]
-        except (yaml.YAMLError, KeyError, TypeError) as error:
-            raise schema.ParameterError(
-                f"{listing}: not the metadata of a rosbag2 bag ({' '.join(str(error).split())})"
-            ) from None
-    else:
-        files = sorted(path.glob('*.mcap')) if path.is_dir() else []
-    missing = [str(file) for file in files if not file.is_file()]
-    if missing or not files:
-        raise schema.ParameterError(
-            f'{missing[0]}: listed in metadata.yaml but missing' if missing
-            else f'{path}: no bag here; give a rosbag2 directory or an .mcap file')
-    return files
-
-
-def recorded(path: Path, names: set[str]) -> Iterator[tuple[str, str, bytes]]:
-    """
-    Yield (topic, type name, bytes) of the named topics in the order of their log time.
-
-    Raises
-    ------
-    mambo_model.schema.ParameterError
-        If a file cannot be read to its end.
-
-    """
-    for file in bag_files(path):
-        try:
-            with file.open('rb') as stream:
-                for kind, channel, message in make_reader(stream).iter_messages(
-                        topics=list(names)):
-                    yield channel.topic, kind.name, message.data
-        except (McapError, OSError, ValueError, EOFError) as error:
-            raise schema.ParameterError(
-                f'{file}: not a readable MCAP file ({error}); try recover on it') from None
 
 
 def _decode_stamp(data: bytes) -> tuple[int]:
@@ -121,8 +68,8 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
         root = p.source_namespace.rstrip('/')
         for topic in dict.fromkeys((*_SENSORS, topics.SENSOR_TICK, *(known[n] for n in extra))):
             name = topic.name if topic.name.startswith('/') else f'{root}/{topic.name}'
-            self._topics[name] = (topic, self.say(topic))
-        self._say_clock = self.say(topics.CLOCK)
+            self._topics[name] = (topic, self.advertise(topic))
+        self._clock_output = self.advertise(topics.CLOCK)
         self._tick = self._topics[f'{root}/{topics.SENSOR_TICK.name}'][1]
         self._t = -1  # of the newest step, ns
         self._estimates = self.accept(
@@ -156,7 +103,7 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
 
     def _publish_step(self, t: int, held: list[tuple], counts: dict, has_ticks: bool) -> int:
         self._t = t
-        self._say_clock(messages.clock(t))
+        self._clock_output(messages.clock(t))
         for topic, publish, data in held:
             if topic in counts:
                 counts[topic] += 1
@@ -165,7 +112,7 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
             self._tick(messages.sensor_tick(t, *(counts[topic] for topic in _SENSORS)))
         return t
 
-    def wait_for_answer(self, loop: node.Loop, t: int) -> bool:
+    def wait_for_answer(self, loop: Loop, t: int) -> bool:
         """Serve the graph until the estimate of ``t`` is there."""
         began = time.monotonic()
         while self._estimates.last < t:
@@ -180,7 +127,7 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
         return True
 
 
-def replay(player: ReplayNode, loop: node.Loop) -> int:
+def replay(player: ReplayNode, loop: Loop) -> int:
     """Play the bag to its end or until stopped; return the exit code."""
     p, log = player.params, player.get_logger()
     if not player.links.wait(loop, p.start_patience):
@@ -214,4 +161,4 @@ def replay(player: ReplayNode, loop: node.Loop) -> int:
 
 def main(args=None) -> None:
     """Entry point ``replay_node``."""
-    node.main(ReplayNode, args, replay)
+    process.main(ReplayNode, args, replay)

@@ -14,7 +14,7 @@ def times():
     """Return the times of a flight that has come from 100 to 110 s."""
     out = LogTimes()
     for k in range(2001):
-        assert out.hear(100 * SECOND + k * STEP)
+        assert out.update(100 * SECOND + k * STEP)
     return out
 
 
@@ -32,22 +32,22 @@ def test_any_other_gives_way_to_the_clock(times, stamp):
 
 def test_a_clock_far_away_is_not_believed_beside_the_true_one(times):
     for k in range(1, 200):
-        assert not times.hear(FAR + k * STEP)
-        assert times.hear(110 * SECOND + k * STEP)
+        assert not times.update(FAR + k * STEP)
+        assert times.update(110 * SECOND + k * STEP)
         assert times.now == 110 * SECOND + k * STEP
-    assert not times.hear(None) and not times.hear(-1)
+    assert not times.update(None) and not times.update(-1)
 
 
 @pytest.mark.parametrize('leap', [FAR, 3 * SECOND], ids=['ahead', 'back'])
 def test_a_clock_that_really_leaps_is_followed(times, leap):
-    assert not any(times.hear(leap + k * STEP) for k in range(AGREEING - 1))
+    assert not any(times.update(leap + k * STEP) for k in range(AGREEING - 1))
     assert times.now == 110 * SECOND
-    assert times.hear(leap + AGREEING * STEP) and times.now == leap + AGREEING * STEP
+    assert times.update(leap + AGREEING * STEP) and times.now == leap + AGREEING * STEP
     assert times.of(leap) == (leap, True)
 
 
 def test_leaps_to_everywhere_agree_on_nothing(times):
-    assert not any(times.hear(FAR + k * 20 * SECOND) for k in range(100))
+    assert not any(times.update(FAR + k * 20 * SECOND) for k in range(100))
 
 
 def test_without_a_clock_the_machine_s_own_counts_until_there_is_one():
@@ -56,5 +56,16 @@ def test_without_a_clock_the_machine_s_own_counts_until_there_is_one():
     now = time.time_ns()
     assert times.of(now) == (now, True)
     assert times.of(0)[0] >= now and not times.of(0)[1]
-    assert times.hear(SECOND) and times.now == SECOND
+    assert times.update(SECOND) and times.now == SECOND
     assert times.of(2 * SECOND) == (2 * SECOND, True)
+
+
+def test_stamps_that_certainly_count_are_those_of_the_window():
+    times = LogTimes()
+    assert times.low > times.high  # none before the first /clock
+    for now in (100 * SECOND, 101 * SECOND):
+        assert times.update(now)
+        for stamp in (times.low, times.high):
+            assert times.of(stamp) == (stamp, True)
+        for stamp in (times.low - 1, times.high + 1):
+            assert times.of(stamp) == (now, False)

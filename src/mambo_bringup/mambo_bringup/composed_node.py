@@ -11,7 +11,7 @@ from mambo_bags.recorder_node import RecorderNode
 from mambo_control.controller_node import ControllerNode
 from mambo_control.reference_node import ReferenceNode
 from mambo_estimation.estimator_node import EstimatorNode
-from mambo_ros import node
+from mambo_ros import process
 from mambo_sim import sim_node
 from mambo_sim.optitrack_node import OptitrackNode
 
@@ -22,4 +22,4 @@ NODES = (
 
 def main(args=None) -> None:
     """Entry point ``composed_node``."""
-    node.compose(NODES, args, sim_node.fly)
+    process.compose(NODES, args, sim_node.fly)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from mambo_model.compiled import Held, hold, jit
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.rigid_body import State
-from mambo_ros import diagnostics, intake, messages, node, topics
+from mambo_ros import diagnostics, intake, messages, node, process, topics
 
 from . import cascaded, failsafe
 from .failsafe import NO_REFERENCE, NO_STATE, Spread
@@ -66,9 +66,9 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self._held = self._begin()
         _step(self._held, *_NO_ESTIMATE, NO_REFERENCE, 0)  # in memory before time starts
         self._held = self._begin()
-        self._pwm = self.say(topics.MOTOR_PWM)
-        self._inner = self.say(topics.CONTROLLER_STATE)
-        self._diagnostics = self.say(topics.DIAGNOSTICS)
+        self._pwm = self.advertise(topics.MOTOR_PWM)
+        self._inner = self.advertise(topics.CONTROLLER_STATE)
+        self._diagnostics = self.advertise(topics.DIAGNOSTICS)
         clock = self.accept(topics.CLOCK, messages.decode_clock, _nothing, prompt=False)
         bounds = {'now': clock, 'ahead': round(p.period * 1e9), 'tolerant': True}
         self.accept(
@@ -128,7 +128,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
             self._report(t, c.thrust, reason, phase)
 
     def _report(self, t: int, thrust: float, reason: int, phase: int) -> None:
-        stage, line = failsafe.STAGES[self.stage], failsafe.said(self.stage, reason)
+        stage, line = failsafe.STAGES[self.stage], failsafe.describe(self.stage, reason)
         if self.stage != self._told and self.stage > failsafe.HOLDING:
             self.get_logger().warning(f't = {t * 1e-9:.3f} s: {line}')
         self._told = self.stage
@@ -147,4 +147,4 @@ def encode_state(t: int, c: cascaded.Command) -> bytes:
 
 def main(args=None) -> None:
     """Entry point ``controller_node``."""
-    node.main(ControllerNode, args)
+    process.main(ControllerNode, args)

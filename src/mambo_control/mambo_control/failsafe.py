@@ -229,8 +229,8 @@ def initial(params: controllers.Params) -> Memory:
         controllers.stopped(control, REASON_NONE))
 
 
-def said(stage: int, reason: int) -> str:
-    """Return what to say of a stage and its reason."""
+def describe(stage: int, reason: int) -> str:
+    """Return a stage and its reason in words."""
     return f'{STAGES[stage]}: {REASONS[reason]}' if reason else STAGES[stage]
 
 

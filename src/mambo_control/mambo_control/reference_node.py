@@ -5,7 +5,7 @@ from __future__ import annotations
 from mambo_model.compiled import hold, jit
 from mambo_model.motion import trajectory
 from mambo_model.motion.flatness import Reference
-from mambo_ros import messages, node, topics
+from mambo_ros import messages, node, process, topics
 
 from .parameters import ReferenceNodeParams
 
@@ -24,7 +24,7 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
         super().__init__('reference_node', ReferenceNodeParams, **kwargs)
         p = self.params
         self._held = hold(None, None, (p.plan.values(), p.vehicle.values()))
-        self._reference = self.say(topics.REFERENCE)
+        self._reference = self.advertise(topics.REFERENCE)
         self.accept(topics.CLOCK, messages.decode_clock, self._on_clock)
         self._evaluate(0)  # have the compiled step in memory before time starts
 
@@ -37,4 +37,4 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
 
 def main(args=None) -> None:
     """Entry point ``reference_node``."""
-    node.main(ReferenceNode, args)
+    process.main(ReferenceNode, args)

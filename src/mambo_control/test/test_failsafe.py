@@ -455,7 +455,7 @@ def test_nothing_takes_off_whose_tilt_is_not_known_and_it_says_why(law):
     command = one.answer(hovering(0.0), phase=TAKEOFF, spread=unknown)
     assert (command.shutdown, command.reason) == (True, safety.REASON_ALIGNMENT)
     assert command.pwm == (0.0,) * 4
-    assert failsafe.said(one.stage, command.reason) == (
+    assert failsafe.describe(one.stage, command.reason) == (
         'motors shut down: estimator not aligned: let the vehicle rest, start again')
     # no way out, and none that only began after take-off
     assert one.answer(hovering(0.0), phase=TAKEOFF).shutdown

@@ -227,11 +227,13 @@ def widen(a: Altitude, ww: float, oo: float) -> Altitude:
 
 
 @jit
-def _doubt(a: Altitude, squared_error: float, time: float, v: AltitudeValues) -> Altitude:
+def _inflate_covariance(
+    a: Altitude, squared_error: float, time: float, v: AltitudeValues,
+) -> Altitude:
     """
-    Forget all but the values of height, velocity, bias; the height is off by so much, m^2.
+    Keep height, velocity and bias; inflate the covariance by ``squared_error`` of the height, m^2.
 
-    It may have become so within ``time`` s by a velocity that is as wrong as that takes.
+    Assume the height error built up over ``time``, s, and raise the velocity variance to match.
     """
     bias = v.initial_accel_bias_std * v.initial_accel_bias_std
     velocity = max(a.P.ww, v.initial_velocity_std * v.initial_velocity_std)
@@ -307,7 +309,7 @@ def update_sonar(
     gate, verdict = judge(
         gate, _trial(slant_range, measured, near * near, ratio), v.gate, v.recovery_time)
     if verdict == RECOVER:
-        a = _doubt(a, squared, v.recovery_time, va)
+        a = _inflate_covariance(a, squared, v.recovery_time, va)
     if verdict != ACCEPT:
         return a, gate, Result(innovation, ratio, False)
     P = a.P

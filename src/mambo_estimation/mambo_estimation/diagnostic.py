@@ -10,7 +10,7 @@ GOOD, DOUBTFUL, BAD = range(3)
 NOT_ALIGNED = 0.05  # rad: as the controller's limit of a take-off
 
 
-def told(
+def diagnostic_status(
     status: int, height: float, refused: tuple[int, int, int], invalid: int, h: health.Health,
     not_finite: tuple[int, ...], dropped: tuple[int, ...], tilt_std: float = 0.0,
 ) -> tuple[int, str, dict[str, float]]:

@@ -9,7 +9,7 @@ from geometry_msgs.msg import TransformStamped
 from mambo_model import frames
 from mambo_model.compiled import hold, jit
 from mambo_model.motion import rigid_body
-from mambo_ros import diagnostics, intake, layout, messages, node, topics
+from mambo_ros import diagnostics, intake, layout, messages, node, process, topics
 from tf2_msgs.msg import TFMessage
 
 from . import diagnostic, filters, kalman
@@ -60,8 +60,8 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
     def __init__(self, **kwargs) -> None:
         super().__init__('estimator_node', EstimatorNodeParams, **kwargs)
         p = self.params
-        self._estimate = self.say(topics.ESTIMATE)
-        self._tf = self.say(topics.TF)
+        self._estimate = self.advertise(topics.ESTIMATE)
+        self._tf = self.advertise(topics.TF)
         if p.estimator == 'ground_truth':
             self.accept(
                 topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth, check=_check_truth)
@@ -73,18 +73,18 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         watermark = p.synchronise == 'watermark'
         self._sync = Synchroniser(watermark)
         self._next_report, self._reported = 0, (0,) * 9
-        self._inner = self.say(topics.ESTIMATOR_STATE)
-        self._diagnostics = self.say(topics.DIAGNOSTICS)
+        self._inner = self.advertise(topics.ESTIMATOR_STATE)
+        self._diagnostics = self.advertise(topics.DIAGNOSTICS)
         sync = self._sync
-        self._hear_sensor(topics.SONAR, messages.decode_sonar, sync.add_sonar)
-        self._hear_sensor(topics.OPTICAL_FLOW, messages.decode_optical_flow, sync.add_flow)
-        self._hear_sensor(topics.BAROMETER, messages.decode_pressure, sync.add_pressure)
+        self._subscribe_sensor(topics.SONAR, messages.decode_sonar, sync.add_sonar)
+        self._subscribe_sensor(topics.OPTICAL_FLOW, messages.decode_optical_flow, sync.add_flow)
+        self._subscribe_sensor(topics.BAROMETER, messages.decode_pressure, sync.add_pressure)
         if not watermark:  # the inertial samples are the clock
             self.accept(
                 topics.IMU, messages.decode_imu, self._adder(sync.add_imu),
                 reliable=self._reliable)
             return
-        self._hear_sensor(topics.IMU, messages.decode_imu, sync.add_imu)
+        self._subscribe_sensor(topics.IMU, messages.decode_imu, sync.add_imu)
         # the last message of a step: nothing can be done before it
         self.accept(topics.SENSOR_TICK, messages.decode_sensor_tick, self._adder(sync.add_tick))
 
@@ -96,7 +96,7 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         """Return what takes a message of a sensor and runs the steps that it completes."""
         return lambda *sample: self._run(add(*sample))
 
-    def _hear_sensor(self, topic: topics.Topic, decode: Callable, add: Callable) -> None:
+    def _subscribe_sensor(self, topic: topics.Topic, decode: Callable, add: Callable) -> None:
         """
         Queue each message of a sensor, late and repeated ones as well, whatever it reads.
 
@@ -132,7 +132,7 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         counts = e.health.not_finite + dropped
         new = tuple(now - before for now, before in zip(counts, self._reported, strict=True))
         self._reported = counts
-        level, line, numbers = diagnostic.told(
+        level, line, numbers = diagnostic.diagnostic_status(
             e.status, e.height, (e.sonar_refused, e.flow_refused, e.barometer_refused),
             e.invalid_samples + sum(dropped), e.health, new[:5], new[5:],
             math.sqrt(max(e.pose_covariance[21], e.pose_covariance[28])))
@@ -161,4 +161,4 @@ def encode_state(t: int, e: kalman.Estimate, dropped: tuple[int, ...]) -> bytes:
 
 def main(args=None) -> None:
     """Entry point ``estimator_node``."""
-    node.main(EstimatorNode, args)
+    process.main(EstimatorNode, args)

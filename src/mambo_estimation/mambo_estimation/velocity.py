@@ -337,7 +337,7 @@ def update_flow(
     trial = Trial(flow, innovation, total[0][0] + total[1][1], ratio)
     gate, verdict = judge(gate, trial, v.gate, v.recovery_time)
     if verdict == RECOVER:
-        f = _doubt(f, innovation, age, vv)
+        f = _inflate_covariance(f, innovation, age, vv)
     if verdict != ACCEPT:
         return f, gate, Result(innovation, ratio, False)
     return (_correct(f, M, innovation, symmetric2(S), scale, slope, yaw), gate,
@@ -355,8 +355,12 @@ def widen(f: Velocity, variance: float) -> Velocity:
 
 
 @jit
-def _doubt(f: Velocity, innovation: Vec2, age: float, v: VelocityValues) -> Velocity:
-    """Forget all but the values; the velocity is off by so much, m/s, and has been for age s."""
+def _inflate_covariance(f: Velocity, innovation: Vec2, age: float, v: VelocityValues) -> Velocity:
+    """
+    Keep the values; inflate the covariance by an error of the velocity.
+
+    The error is ``innovation``, m/s, and has lasted for ``age``, s.
+    """
     squared = innovation[0] * innovation[0] + innovation[1] * innovation[1]
     bias = v.initial_accel_bias_std * v.initial_accel_bias_std
     spread = squared + v.initial_velocity_std * v.initial_velocity_std

@@ -419,12 +419,12 @@ def test_noise_of_the_sensors_is_what_the_position_wanders_by():
     assert np.std(error) == pytest.approx(0.0146, rel=0.3)  # 40 flights: 11 % for one sigma
 
 
-@pytest.mark.parametrize('name, kind, ill', [
+@pytest.mark.parametrize('name, kind, unhealthy', [
     ('gyro', NAN, health.NOT_FINITE), ('accel', math.inf, health.NOT_FINITE),
     ('sonar', NAN, health.MISSING), ('sonar', 3.9, health.IMPLAUSIBLE),
     ('flow', math.inf, health.NOT_FINITE), ('flow', 1e300, health.IMPLAUSIBLE),
     ('pressure', 1e300, health.IMPLAUSIBLE), ('pressure', NAN, health.MISSING)])
-def test_it_says_which_sensor_is_ill_and_is_finite_and_well_again(name, kind, ill):
+def test_it_says_which_sensor_is_unhealthy_and_is_finite_and_well_again(name, kind, unhealthy):
     truth = fly(circle(), 20.0)
     s = sense(truth, TYPICAL, 3)
     values = getattr(s, name)
@@ -434,7 +434,7 @@ def test_it_says_which_sensor_is_ill_and_is_finite_and_well_again(name, kind, il
     run = estimate(s, PARAMS)
     which = ('gyro', 'accel', 'sonar', 'flow', 'pressure').index(name)
     assert np.isfinite(run.rows[:, :13]).all()
-    assert (run.health[(truth.t >= 11.2) & struck, which] == ill).all()
+    assert (run.health[(truth.t >= 11.2) & struck, which] == unhealthy).all()
     assert (run.health[truth.t >= 13.0] == health.GOOD).all()
 
 

@@ -188,14 +188,14 @@ class Heard(NamedTuple):
 def hear(s: simulator.Samples, p: Settings) -> Heard:
     """Return of a control step's samples those that arrive in time and say something."""
     gyro, accel = s.gyro, s.accel
-    if not in_time(s.fates.imu):
+    if not in_time(s.deliveries.imu):
         gyro, accel = (np.nan, np.nan, np.nan), (np.nan, np.nan, np.nan)
     sonar, flow, quality, pressure = np.nan, (np.nan, np.nan), 0, np.nan
-    if s.sonar_new and in_time(s.fates.sonar) and p.sonar_low <= s.sonar <= p.sonar_high:
+    if s.sonar_new and in_time(s.deliveries.sonar) and p.sonar_low <= s.sonar <= p.sonar_high:
         sonar = s.sonar
-    if s.flow_new and in_time(s.fates.flow):
+    if s.flow_new and in_time(s.deliveries.flow):
         flow, quality = s.flow, s.flow_quality
-    if s.baro_new and in_time(s.fates.barometer):
+    if s.baro_new and in_time(s.deliveries.barometer):
         pressure = s.pressure
     return Heard(gyro, accel, sonar, flow, quality, pressure)
 

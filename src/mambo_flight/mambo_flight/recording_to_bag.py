@@ -151,7 +151,7 @@ def _reports(r: Recording, flight: Scenario) -> Iterator[tuple[int, bytes]]:
         t, row = int(r.t[k]), r.inner.health[k]
         stage, reason, tracked, markers, *counts, phase = map(int, row.tolist())
         at_t = [_report(
-            t, 'controller_node', _level(stage), failsafe.said(stage, reason),
+            t, 'controller_node', _level(stage), failsafe.describe(stage, reason),
             {'thrust [N]': float(r.thrust[k]), 'phase': phase, 'stage': failsafe.STAGES[stage]})]
         if t % SECOND == 0:
             at_t.append(_report(t, 'sim_node', diagnostics.OK, 'flying', {
@@ -179,7 +179,7 @@ def _level(stage: int) -> bytes:
 
 def _estimator_report(t: int, row: NDArray, not_finite: NDArray) -> tuple[int, bytes]:
     counts = tuple(row[17:21].astype(int).tolist())
-    level, line, numbers = diagnostic.told(
+    level, line, numbers = diagnostic.diagnostic_status(
         int(row[0]), float(row[1]), counts[:3], counts[3],
         Health(tuple(row[21:26].astype(int).tolist()), tuple(row[26:31].tolist()), (0,) * 5),
         tuple(not_finite.tolist()), (0,) * 4)

@@ -10,6 +10,8 @@ from .layout import serialize
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 LEVELS = (OK, WARN, ERROR)
+REFUSED = 'refused messages:'
+"""Begin of the line that says how many."""
 
 
 def report(t: int, name: str, level: bytes, message: str, values: Mapping[str, object]) -> bytes:
@@ -35,3 +37,8 @@ def report(t: int, name: str, level: bytes, message: str, values: Mapping[str, o
         values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])])
     array.header.stamp.sec, array.header.stamp.nanosec = divmod(t, 1_000_000_000)
     return serialize(array)
+
+
+def refusals_line(counts: Mapping[str, int]) -> str:
+    """Return as one line how many messages were refused, by topic and reason."""
+    return f'{REFUSED} ' + ', '.join(f'{count} {what}' for what, count in counts.items())

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from itertools import chain
 import math
 import struct
 from typing import Any
@@ -54,7 +55,7 @@ def _nothing() -> None:
 
 def finite(*parts: tuple[float, ...]) -> str:
     """Return why the numbers of some tuples cannot be used, empty if they can: all are finite."""
-    return '' if math.isfinite(sum(map(sum, parts))) else NOT_FINITE
+    return '' if math.isfinite(sum(chain.from_iterable(parts))) else NOT_FINITE
 
 
 class Intake:
@@ -111,7 +112,9 @@ class Intake:
         self._decode, self._use, self._check, self._tolerant = decode, use, check, tolerant
         self._now, self._newest = (
             (now.time, now.newest) if isinstance(now, Intake) else (now, now))
-        self._ahead, self._timed, self._lost = ahead, timed, lost
+        # whose newest stamp bounds this input's, if there is one: it is read without a call
+        self._clock = self if now is None else now if isinstance(now, Intake) else None
+        self._ahead, self._timed, self._lost = LEAP if now is None else ahead, timed, lost
         self._next = 0  # number of the first publisher's next message; 0: none has come
         self._others = 0  # likewise of the other publisher; 0: there is none
         self._there, self._run = -1, 0  # stamp of the last leap, messages that went on from it
@@ -142,8 +145,15 @@ class Intake:
             self._refuse(TOO_LARGE)
             return
         t = value[0]
-        if wrong := self._mistimed(t):
-            self._refuse(wrong)
+        if self._timed:  # nearly every stamp is the next one and not ahead: no call to find out
+            now = self._now() if self._clock is None else self._clock.last
+            if self.last < t <= now + self._ahead:
+                self._run = 0
+            elif wrong := self._mistimed(t):
+                self._refuse(wrong)
+                return
+        elif t < 0:
+            self._refuse(NEGATIVE)
             return
         if self._check is not None and (wrong := self._check(value)):
             if not self._tolerant:
@@ -170,19 +180,16 @@ class Intake:
             self._lost()
 
     def _mistimed(self, t: int) -> str:
-        """Return what is wrong with a stamp, empty if nothing."""
+        """Return what is wrong with a stamp that is not next in time, empty if nothing."""
         if t < 0:
             return NEGATIVE
-        if not self._timed:
-            return ''
         if t <= self.last:
             return BEHIND
         if self._now is None:
-            if self.last >= 0 and t > self.last + LEAP and not self._goes_on(t):
+            if 0 <= self.last and not self._goes_on(t):
                 return AHEAD
             self._run = 0
-            return ''
-        if 0 <= self._now() < t - self._ahead and 0 <= self._newest() < t - self._ahead:
+        elif 0 <= self._now() < t - self._ahead and 0 <= self._newest() < t - self._ahead:
             return AHEAD
         return ''
 

@@ -27,6 +27,7 @@ _WORD = 4  # bytes; what is sent is a whole number of them
 _MANY = 16  # sets of texts of one type that are remembered
 _LONGEST = 256  # characters of a text that is remembered
 _SECOND = 1_000_000_000
+_STAMP = struct.Struct('>iI'), struct.Struct('<iI')  # by the last bit of the encapsulation
 
 
 class LayoutError(ValueError):
@@ -204,8 +205,7 @@ def stamp_ns(data: bytes, offset: int = 0) -> int:
     That is every message with a header, ``rosgraph_msgs/Clock`` and ``builtin_interfaces/Time``;
     ``offset`` bytes further in where something stands before it (4 for the count of a sequence).
     """
-    order = '<' if data[1] & 1 else '>'
-    seconds, nanoseconds = struct.unpack_from(f'{order}iI', data, 4 + offset)
+    seconds, nanoseconds = _STAMP[data[1] & 1].unpack_from(data, 4 + offset)
     return seconds * _SECOND + nanoseconds
 
 

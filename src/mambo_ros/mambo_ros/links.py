@@ -9,6 +9,8 @@ from mambo_interfaces.msg import NodeLinks
 from rclpy.serialization import deserialize_message
 
 from . import node, topics
+from .endpoints import qos
+from .loop import Loop
 
 _ASK_AGAIN = 5.0  # s of wall time after which a waiting node says what it waits for
 
@@ -41,7 +43,7 @@ class Links:
             for name in map(str.strip, wait_for.split(',')) if name]
         self._known: dict[str, NodeLinks] = {}
         owner.create_subscription(
-            topics.LINKS.msg_type, topics.LINKS.name, self._on_links, node.qos(topics.LINKS, 100),
+            topics.LINKS.msg_type, topics.LINKS.name, self._on_links, qos(topics.LINKS, 100),
             raw=True)
 
     def _on_links(self, data: bytes) -> None:
@@ -94,7 +96,7 @@ class Links:
                 'ROS_DOMAIN_ID')
         return not others
 
-    def wait(self, loop: node.Loop, patience: float) -> bool:
+    def wait(self, loop: Loop, patience: float) -> bool:
         """
         Serve the graph until nothing is missing.
 
@@ -111,7 +113,7 @@ class Links:
             False if patience ended or the loop was stopped.
 
         """
-        began = said = time.monotonic()
+        began = logged = time.monotonic()
         while missing := self.missing():
             loop.once(0.01)
             loop.turn()
@@ -121,7 +123,7 @@ class Links:
             if now - began > patience:
                 self._owner.get_logger().error(f'gave up after {patience:g} s without {missing}')
                 return False
-            if now - said > _ASK_AGAIN:
-                said = now
+            if now - logged > _ASK_AGAIN:
+                logged = now
                 self._owner.get_logger().warning(f'waiting for {missing}')
         return True

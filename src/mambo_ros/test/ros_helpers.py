@@ -6,7 +6,8 @@ from contextlib import contextmanager
 import threading
 import time
 
-from mambo_ros.node import Loop, MamboNode
+from mambo_ros.loop import Loop
+from mambo_ros.node import MamboNode
 
 PATIENCE = 20.0  # s; what is waited for takes milliseconds on an idle machine
 
@@ -25,7 +26,7 @@ def until(condition, what, step=None):
 def readers(node: MamboNode, topic) -> int:
     """Return how many readers what a node says on a topic reaches."""
     name = node.resolve_topic_name(topic.name)
-    return sum(voice.matched for voice in node.said if voice.publisher.topic_name == name)
+    return sum(output.matched for output in node.outputs if output.publisher.topic_name == name)
 
 
 @contextmanager

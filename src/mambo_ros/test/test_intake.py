@@ -8,7 +8,8 @@ import struct
 
 from mambo_ros import intake, messages, topics
 from mambo_ros.intake import Intake
-from mambo_ros.node import Loop, MamboNode
+from mambo_ros.loop import Loop
+from mambo_ros.node import MamboNode
 import pytest
 import rclpy.node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -204,7 +205,7 @@ class TestInTheGraph:
         made.warning = made.warned.append
         made.guard = made.accept(
             topics.MOTOR_PWM, messages.decode_motor_pwm, lambda t, *_: made.used.append(t))
-        made.said[0].near.append(made.reported.append)
+        made.outputs[0].local.append(made.reported.append)
         loop = Loop(made)
         yield made, loop
         loop.close()

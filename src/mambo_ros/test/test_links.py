@@ -6,8 +6,10 @@ import time
 
 from mambo_interfaces.msg import NodeLinks
 from mambo_ros import messages, topics
+from mambo_ros.endpoints import qos
 from mambo_ros.links import Links
-from mambo_ros.node import Loop, MamboNode, qos
+from mambo_ros.loop import Loop
+from mambo_ros.node import MamboNode
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -25,14 +27,17 @@ class NoParams:
 def node(name, says=(), hears=(), **options):
     made = MamboNode(name, NoParams, **options)
     for topic in says:
-        made.say(topic)
+        made.advertise(topic)
     for topic in hears:
-        made.hear(topic, lambda data: None)
+        made.subscribe(topic, lambda data: None)
     return made
 
 
-def announced(name, published=(), subscribed=(), matched=()):
-    return NodeLinks(node=name, published=published, subscribed=subscribed, matched=matched)
+def announced(name, published=None, subscribed=None):
+    """Return what a node announces, from how many ends each of its topics has matched."""
+    published, subscribed = published or {}, subscribed or {}
+    return NodeLinks(node=name, published=list(published), subscribed=list(subscribed),
+                     matched=[*published.values(), *subscribed.values()])
 
 
 @pytest.fixture
@@ -66,37 +71,44 @@ def test_names_are_relative_to_the_namespace_of_the_waiting_node():
 
 
 def test_a_reader_that_a_publisher_has_not_matched_is_counted_and_named(links):
-    links.update(announced('/mambo/estimator', subscribed=[IMU]))
-    links.update(announced('/mambo/controller', subscribed=[IMU], published=[PWM], matched=[0]))
-    links.update(announced('/mambo/sim', published=[IMU], subscribed=[PWM], matched=[1]))
+    links.update(announced('/mambo/estimator', subscribed={IMU: 1}))
+    links.update(announced('/mambo/controller', published={PWM: 0}, subscribed={IMU: 1}))
+    links.update(announced('/mambo/sim', published={IMU: 1}, subscribed={PWM: 1}))
     assert links.missing() == f'1 of 1 readers of {PWM} at /mambo/controller'
-    links.update(announced('/mambo/controller', subscribed=[IMU], published=[PWM], matched=[1]))
+    links.update(announced('/mambo/controller', published={PWM: 1}, subscribed={IMU: 1}))
     assert links.missing() == f'1 of 2 readers of {IMU} at /mambo/sim'
-    links.update(announced('/mambo/sim', published=[IMU], subscribed=[PWM], matched=[2]))
+    links.update(announced('/mambo/sim', published={IMU: 2}, subscribed={PWM: 1}))
     assert links.missing() == ''
 
 
 def test_a_publisher_that_a_reader_has_not_matched_is_counted_and_named(links):
     links.update(announced('/mambo/estimator'))
-    links.update(announced('/mambo/controller', published=[PWM], matched=[1]))
-    links.update(announced('/mambo/sim', published=[IMU], subscribed=[PWM], matched=[0, 0]))
+    links.update(announced('/mambo/controller', published={PWM: 1}))
+    links.update(announced('/mambo/sim', published={IMU: 0}, subscribed={PWM: 0}))
     assert links.missing() == f'1 of 1 publishers of {PWM} at /mambo/sim'
-    links.update(announced('/mambo/sim', published=[IMU], subscribed=[PWM], matched=[0, 1]))
+    links.update(announced('/mambo/sim', published={IMU: 0}, subscribed={PWM: 1}))
     assert links.missing() == ''
 
 
 def test_every_publisher_of_a_shared_topic_must_know_every_reader(links):
-    links.update(announced('/mambo/estimator', published=['/tf'], matched=[1]))
-    links.update(announced('/mambo/controller', published=['/tf'], matched=[0]))
+    links.update(announced('/mambo/estimator', published={'/tf': 1}))
+    links.update(announced('/mambo/controller', published={'/tf': 0}))
     assert links.missing() == ''  # nobody reads
-    links.update(announced('/mambo/viewer', subscribed=['/tf']))
+    links.update(announced('/mambo/viewer', subscribed={'/tf': 2}))
     assert links.missing() == '1 of 1 readers of /tf at /mambo/controller'
 
 
 def test_a_topic_without_readers_or_a_foreign_reader_is_no_obstacle(links):
-    links.update(announced('/mambo/estimator', published=[IMU], matched=[3]))
-    links.update(announced('/mambo/controller', subscribed=[PWM]))
+    links.update(announced('/mambo/estimator', published={IMU: 3}))
+    links.update(announced('/mambo/controller', subscribed={PWM: 0}))
     assert links.missing() == ''
+
+
+def test_an_announcement_without_one_side_of_its_links_is_not_taken(links):
+    links.update(announced('/mambo/estimator'))
+    links.update(NodeLinks(
+        node='/mambo/controller', published=[PWM], subscribed=[IMU], matched=[1]))
+    assert links.missing() == 'node /mambo/controller'
 
 
 FLIGHT = {
@@ -112,8 +124,8 @@ def flight(*names):
 def test_a_complete_graph_proceeds_and_its_first_message_arrives():
     sim, estimator, controller = flight()
     heard = []
-    estimator.hear(topics.CLOCK, heard.append)
-    publish = sim.say(topics.CLOCK)
+    estimator.subscribe(topics.CLOCK, heard.append)
+    publish = sim.advertise(topics.CLOCK)
     links, loop = Links(sim, 'estimator,controller'), Loop(sim)
     assert links.missing()
     with serving(estimator, controller):
@@ -131,8 +143,8 @@ def test_links_between_nodes_of_one_loop_count_as_others_do():
     with serving(estimator):
         assert links.wait(loop, PATIENCE) is True
     loop.close()
-    assert [voice.matched for voice in controller.said] == [1]  # the simulator, in the loop
-    assert not controller.said[0].publisher.get_subscription_count()
+    assert [output.matched for output in controller.outputs] == [1]  # the simulator, in the loop
+    assert not controller.outputs[0].publisher.get_subscription_count()
 
 
 def test_an_owner_of_time_that_is_not_alone_names_the_other(monkeypatch):
@@ -227,7 +239,7 @@ def test_announcements_that_cannot_be_read_are_ignored(ros):
     tell = stranger.create_publisher(NodeLinks, '/mambo/graph/links', qos(topics.LINKS))
     until(tell.get_subscription_count, 'the link', loop.turn)
     tell.publish(b'\xff' * 64)
-    tell.publish(announced('/mambo/controller', published=['/x', '/y'], matched=[1]))
+    tell.publish(NodeLinks(node='/mambo/controller', published=['/x', '/y'], matched=[1]))
     tell.publish(announced('/mambo/other'))
     until(lambda: '/mambo/other' in links._known, 'the last one', loop.turn)
     assert links.missing() == 'node /mambo/controller'

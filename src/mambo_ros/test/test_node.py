@@ -10,7 +10,9 @@ import time
 from geometry_msgs.msg import TransformStamped
 from mambo_model import schema
 from mambo_ros import layout, messages, topics
-from mambo_ros.node import Loop, MamboNode, qos
+from mambo_ros.endpoints import qos
+from mambo_ros.loop import Loop
+from mambo_ros.node import MamboNode
 import pytest
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from ros_helpers import PATIENCE, readers, serving, until
@@ -28,20 +30,21 @@ def listener(*heard, name='listener'):
     """Return a node and the list that gets (topic name, stamp) of what it hears."""
     node, got = MamboNode(name, NoParams), []
     for topic in heard:
-        node.hear(topic, lambda data, topic=topic: got.append((topic.name, layout.stamp_ns(data))))
+        node.subscribe(
+            topic, lambda data, topic=topic: got.append((topic.name, layout.stamp_ns(data))))
     return node, got
 
 
 def talker(topic, name='talker'):
     node = MamboNode(name, NoParams)
-    return node, node.say(topic)
+    return node, node.advertise(topic)
 
 
 @pytest.mark.parametrize('together', [False, True])
 def test_messages_arrive_all_in_order_and_undecoded(ros, together):
     sender, publish = talker(topics.CLOCK)
     node, got = MamboNode('listener', NoParams), []
-    node.hear(topics.CLOCK, got.append)
+    node.subscribe(topics.CLOCK, got.append)
     loop = Loop(node, sender) if together else Loop(node)
     until(lambda: readers(sender, topics.CLOCK) == 1, 'the link')
     sent = [messages.clock(t * MILLISECOND) for t in range(1000)]
@@ -54,10 +57,10 @@ def test_messages_arrive_all_in_order_and_undecoded(ros, together):
 
 def test_nodes_of_one_loop_hear_everything_in_the_order_in_which_it_was_said(ros):
     sender, clock = talker(topics.CLOCK)
-    pwm = sender.say(topics.MOTOR_PWM)
+    pwm = sender.advertise(topics.MOTOR_PWM)
     first, got = listener(topics.MOTOR_PWM, topics.CLOCK, name='first')
     second = MamboNode('second', NoParams)
-    second.hear(topics.CLOCK, lambda data: got.append(('second', layout.stamp_ns(data))))
+    second.subscribe(topics.CLOCK, lambda data: got.append(('second', layout.stamp_ns(data))))
     loop = Loop(second, first, sender)
     for t in (1, 2):
         clock(messages.clock(t))
@@ -75,7 +78,7 @@ def test_the_middleware_gets_what_nodes_of_one_loop_say_as_soon_as_somebody_else
     near, heard_near = listener(topics.CLOCK, name='near')
     loop = Loop(near, sender)
     until(lambda: readers(sender, topics.CLOCK) == 1, 'the link')
-    assert not sender.said[0].publisher.get_subscription_count()
+    assert not sender.outputs[0].publisher.get_subscription_count()
     publish(messages.clock(1))
     far, heard_far = listener(topics.CLOCK, name='far')
     with serving(far):
@@ -92,7 +95,7 @@ def test_the_middleware_gets_what_nodes_of_one_loop_say_as_soon_as_somebody_else
 def test_a_topic_that_many_say_is_heard_once_from_inside_and_from_outside(ros):
     sender, publish = talker(topics.TF, 'inside')
     node, got = MamboNode('listener', NoParams), []
-    node.hear(topics.TF, lambda data: got.append(bytes(data)))
+    node.subscribe(topics.TF, lambda data: got.append(bytes(data)))
     loop, (stranger, tell) = Loop(node, sender), talker(topics.TF, 'outside')
     until(lambda: readers(sender, topics.TF) == readers(stranger, topics.TF) == 1, 'the links')
     transforms = [layout.serialize(TFMessage(transforms=[TransformStamped()] * n)) for n in (1, 2)]
@@ -107,11 +110,11 @@ def test_a_topic_that_many_say_is_heard_once_from_inside_and_from_outside(ros):
 def test_one_loop_serves_several_nodes(ros):
     source, publish = talker(topics.CLOCK)
     relay, last = MamboNode('relay', NoParams), []
-    forward = relay.say(topics.MOTOR_PWM)
-    relay.hear(topics.CLOCK, lambda data: forward(
+    forward = relay.advertise(topics.MOTOR_PWM)
+    relay.subscribe(topics.CLOCK, lambda data: forward(
         messages.motor_pwm(layout.stamp_ns(data), (1.0,) * 4, False, 0)))
     sink = MamboNode('sink', NoParams)
-    sink.hear(topics.MOTOR_PWM, lambda data: last.append(messages.decode_motor_pwm(data)[0]))
+    sink.subscribe(topics.MOTOR_PWM, lambda data: last.append(messages.decode_motor_pwm(data)[0]))
     with serving(source, relay, sink):
         until(lambda: readers(source, topics.CLOCK) and readers(relay, topics.MOTOR_PWM),
               'the links')
@@ -137,13 +140,13 @@ def test_what_has_arrived_is_taken_before_the_loop_stops(ros):
 def test_a_flood_keeps_neither_timers_nor_other_topics_nor_the_end_from_their_turn(ros):
     flood, others, turns = [], [], []
     node = MamboNode('node', NoParams)
-    echo, publish = node.say(topics.CLOCK), node.say(topics.MOTOR_PWM)
+    echo, publish = node.advertise(topics.CLOCK), node.advertise(topics.MOTOR_PWM)
 
     def answer(data):  # each message is the cause of the next: the queue is never empty
         flood.append(1)
         echo(data)
-    node.hear(topics.CLOCK, answer)
-    node.hear(topics.MOTOR_PWM, others.append)
+    node.subscribe(topics.CLOCK, answer)
+    node.subscribe(topics.MOTOR_PWM, others.append)
     node.create_timer(0.001, lambda: turns.append(len(flood)))
     with serving(node):
         until(lambda: readers(node, topics.CLOCK) and readers(node, topics.MOTOR_PWM), 'links')
@@ -159,7 +162,7 @@ def test_a_flood_keeps_neither_timers_nor_other_topics_nor_the_end_from_their_tu
 def test_what_a_prompt_message_overtook_is_looked_for_soon(ros, monkeypatch):
     sender, publish = talker(topics.MOTOR_PWM)
     node, got = listener(topics.MOTOR_PWM)
-    node.hear(topics.CLOCK, got.append, prompt=False)
+    node.subscribe(topics.CLOCK, got.append, prompt=False)
     loop, waits = Loop(node), []
     until(lambda: readers(sender, topics.MOTOR_PWM) == 1, 'the link')
     wait = loop._wait
@@ -204,7 +207,7 @@ import sys
 import time
 
 from mambo_model import schema
-from mambo_ros import messages, node, topics
+from mambo_ros import messages, node, process, topics
 
 
 @dataclass(frozen=True)
@@ -220,7 +223,7 @@ class Probe(node.MamboNode[Params]):
     def __init__(self):
         super().__init__('probe', Params)
         self.count = 0
-        self.hear(topics.CLOCK, self.on_clock)
+        self.subscribe(topics.CLOCK, self.on_clock)
         print('loading', flush=True)
         for _ in range(round(self.params.loading * 100)):
             try:
@@ -239,13 +242,13 @@ class Probe(node.MamboNode[Params]):
         print('finished with', self.count, flush=True)
 
 
-node.main(Probe, sys.argv)
+process.main(Probe, sys.argv)
 """
 
 TALKER = """
 from dataclasses import dataclass
 import time
-from mambo_ros import messages, node, topics
+from mambo_ros import messages, node, process, topics
 
 
 @dataclass(frozen=True)
@@ -256,7 +259,7 @@ class Params:
 class Talker(node.MamboNode[Params]):
     def __init__(self):
         super().__init__('talker', Params)
-        self.clock = self.say(topics.CLOCK)
+        self.clock = self.advertise(topics.CLOCK)
 
 
 def talk(talker, loop):
@@ -274,7 +277,7 @@ def talk(talker, loop):
         pass
 
 
-node.main(Talker, [], talk)
+process.main(Talker, [], talk)
 """
 
 
@@ -375,5 +378,5 @@ def test_an_error_in_a_node_is_not_taken_for_a_wrong_parameter(tmp_path):
 
 
 def test_a_parameter_error_has_one_line_even_if_its_text_has_more():
-    from mambo_ros.node import _line
+    from mambo_ros.process import _line
     assert _line(schema.ParameterError('a\n  b, at /project/src/x.c:1')) == 'a b'

@@ -5,8 +5,8 @@ A reading may be NaN, infinite, stuck at the one before or wild; a sample may be
 repeated or out of order. Each sensor has one kind of its own, in a window of time, of all samples
 or of a share of them. The simulator without faults (None) neither asks nor draws.
 
-What the estimator gets of a sample is its fate: one that is late or out of order reaches it after
-the step it belongs to. :class:`Outbox` does to the messages what the fate says.
+How a sample is delivered is one of ``DELIVERY_*``: one that is late or out of order reaches the
+estimator after the step it belongs to. :class:`Outbox` delivers the messages accordingly.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ NONE, NAN, INF, STUCK, WILD, MISSING, LATE, REPEATED, OUT_OF_ORDER = range(len(K
 READINGS = KINDS[:MISSING]                # what happens to a value
 DELIVERIES = ('none', *KINDS[MISSING:])   # what happens to a message
 
-# Fate of a sample: published in time, never, some time later, twice, after the next one.
-FATE_SENT, FATE_LOST, FATE_LATE, FATE_TWICE, FATE_HELD = range(5)
+# Delivery of a sample: published in time, never, some time later, twice, after the next one.
+DELIVERY_SENT, DELIVERY_LOST, DELIVERY_LATE, DELIVERY_TWICE, DELIVERY_HELD = range(5)
 
 # Wild readings are spread evenly over what common sensors can read.
 GYRO_SPAN = (-34.9, 34.9)      # rad/s, 2000 deg/s
@@ -210,25 +210,25 @@ def flow(
 
 
 @jit
-def fate(new: bool, held: bool, tick: int, rng: Generator, p: FaultValues) -> tuple[int, bool]:
-    """Return the fate of a sample, and whether the stream now holds one back."""
+def delivery(new: bool, held: bool, tick: int, rng: Generator, p: FaultValues) -> tuple[int, bool]:
+    """Return the delivery of a sample, and whether the stream now holds one back."""
     if not new:
-        return FATE_LOST, held
+        return DELIVERY_LOST, held
     if p.kind < MISSING or held or not _strikes(tick, rng, p):
-        return FATE_SENT, False
+        return DELIVERY_SENT, False
     if p.kind == MISSING:
-        return FATE_LOST, False
+        return DELIVERY_LOST, False
     if p.kind == LATE:
-        return FATE_LATE, False
+        return DELIVERY_LATE, False
     if p.kind == REPEATED:
-        return FATE_TWICE, False
-    return FATE_HELD, True
+        return DELIVERY_TWICE, False
+    return DELIVERY_HELD, True
 
 
 @jit
 def in_time(what: int) -> bool:
-    """Return whether a sample of this fate reaches the estimator in its step."""
-    return what == FATE_SENT or what == FATE_TWICE
+    """Return whether a sample delivered so reaches the estimator in its step."""
+    return what == DELIVERY_SENT or what == DELIVERY_TWICE
 
 
 @jit
@@ -239,7 +239,7 @@ def narrow(x: float) -> float:
 
 class Outbox:
     """
-    The way of one sensor's messages to its topic, as their fates say.
+    Publishes one sensor's messages as their deliveries say.
 
     Parameters
     ----------
@@ -272,13 +272,13 @@ class Outbox:
 
     def put(self, tick: int, data: bytes, what: int) -> None:
         """Publish the message of a tick, or not, or keep it for later."""
-        if what == FATE_LATE:
+        if what == DELIVERY_LATE:
             self._late.append((tick + self._delay, data))
-        elif what == FATE_HELD:
+        elif what == DELIVERY_HELD:
             self._held = data
-        elif what != FATE_LOST:
+        elif what != DELIVERY_LOST:
             self._send(data)
-            if what == FATE_TWICE:
+            if what == DELIVERY_TWICE:
                 self._send(data)
             if self._held is not None:
                 self._send(self._held)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mambo_model.compiled import Held, hold, jit, memory_of
 from mambo_model.motion.rigid_body import State
-from mambo_ros import diagnostics, intake, messages, node, topics
+from mambo_ros import diagnostics, intake, messages, node, process, topics
 
 from . import simulator
 from .parameters import OptitrackNodeParams
@@ -44,8 +44,8 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
         self._held = self._begin(0, still)
         _step(self._held, 0, still)  # have the compiled steps in memory before time starts
         memory_of(self._held)
-        self._pose = self.say(topics.OPTITRACK)
-        self._diagnostics = self.say(topics.DIAGNOSTICS)
+        self._pose = self.advertise(topics.OPTITRACK)
+        self._diagnostics = self.advertise(topics.DIAGNOSTICS)
         self.accept(topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth, prompt=False,
                     check=_check)
 
@@ -76,4 +76,4 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
 
 def main(args=None) -> None:
     """Entry point ``optitrack_node``."""
-    node.main(OptitrackNode, args)
+    process.main(OptitrackNode, args)

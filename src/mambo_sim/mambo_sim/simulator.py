@@ -57,8 +57,8 @@ class SimulatorState(NamedTuple):
     wind: wind.WindMemory | None = None
 
 
-class Fates(NamedTuple):
-    """What becomes of the samples on their way to the estimator, ``faults.FATE_*``."""
+class Deliveries(NamedTuple):
+    """What becomes of the samples on their way to the estimator, ``faults.DELIVERY_*``."""
 
     imu: int
     sonar: int
@@ -78,10 +78,11 @@ class Samples(NamedTuple):
     flow_quality: int          # 0 ... 255; 0: do not use
     baro_new: bool
     pressure: float            # Pa
-    fates: Fates
+    deliveries: Deliveries
 
 
-IN_TIME = Fates(faults.FATE_SENT, faults.FATE_SENT, faults.FATE_SENT, faults.FATE_SENT)
+IN_TIME = Deliveries(
+    faults.DELIVERY_SENT, faults.DELIVERY_SENT, faults.DELIVERY_SENT, faults.DELIVERY_SENT)
 
 
 @dataclass(frozen=True)
@@ -178,17 +179,17 @@ def sense(
     samples = Samples(
         inertial.gyro, inertial.accel, echo.new, echo.range, flow.new, flow.rate, flow.quality,
         air.new, air.pressure, IN_TIME)
-    fault_memory, samples = _spoil(state.faults, tick, samples, rngs[FAULTS], values.faults)
+    fault_memory, samples = _apply_faults(state.faults, tick, samples, rngs[FAULTS], values.faults)
     return SimulatorState(
         truth, imu_memory, flow_memory, baro_memory, fault_memory, blowing), samples
 
 
 @jit
-def _spoil(
+def _apply_faults(
     memory: faults.FaultMemory | None, tick: int, s: Samples, rng: Generator,
     p: faults.FaultsValues | None,
 ) -> tuple[faults.FaultMemory | None, Samples]:
-    """Return the samples as faults leave them, and their fates."""
+    """Return the samples as faults leave them, and how each is delivered."""
     if p is None:
         return memory, s
     gyro, last_gyro = faults.vector(s.gyro, memory.gyro, tick, rng, p.gyro, faults.GYRO_SPAN)
@@ -207,15 +208,15 @@ def _spoil(
         pressure, last_pressure = faults.scalar(
             s.pressure, memory.pressure, tick, rng, p.barometer, faults.PRESSURE_SPAN)
     held = memory.held
-    imu_fate, imu_held = faults.fate(True, held[0], tick, rng, p.imu)
-    sonar_fate, sonar_held = faults.fate(s.sonar_new, held[1], tick, rng, p.sonar)
-    flow_fate, flow_held = faults.fate(s.flow_new, held[2], tick, rng, p.optical_flow)
-    baro_fate, baro_held = faults.fate(s.baro_new, held[3], tick, rng, p.barometer)
+    imu_delivery, imu_held = faults.delivery(True, held[0], tick, rng, p.imu)
+    sonar_delivery, sonar_held = faults.delivery(s.sonar_new, held[1], tick, rng, p.sonar)
+    flow_delivery, flow_held = faults.delivery(s.flow_new, held[2], tick, rng, p.optical_flow)
+    baro_delivery, baro_held = faults.delivery(s.baro_new, held[3], tick, rng, p.barometer)
     return faults.FaultMemory(
         last_gyro, last_accel, last_sonar, last_flow, last_pressure,
         (imu_held, sonar_held, flow_held, baro_held)), Samples(
         gyro, accel, s.sonar_new, sonar, s.flow_new, (flow[0], flow[1]), flow[2], s.baro_new,
-        pressure, Fates(imu_fate, sonar_fate, flow_fate, baro_fate))
+        pressure, Deliveries(imu_delivery, sonar_delivery, flow_delivery, baro_delivery))
 
 
 @jit
@@ -243,3 +244,16 @@ def advance(
         values.options, values.plant.norm_gain, wind.air_velocity(state.wind), values.plant.floor)
     return SimulatorState(
         moved, state.imu, state.optical_flow, state.barometer, state.faults, state.wind)
+
+
+@jit
+def sense_held(held, tick):
+    """Read all sensors of a held simulator; return the samples and the true state."""
+    held.memory, samples = sense(held.memory, tick, held.rng, held.values)
+    return samples, held.memory.plant.body
+
+
+@jit
+def advance_held(held, pwm, shutdown):
+    """Advance the vehicle of a held simulator by one tick."""
+    held.memory = advance(held.memory, pwm, shutdown, held.values)

@@ -47,7 +47,7 @@ def numbers(value):
 def test_without_faults_nothing_is_asked_and_nothing_is_drawn():
     assert FaultsParams().values() is None
     assert simulator.initial_state(SimulatorParams()).faults is None
-    assert all(sample.fates == simulator.IN_TIME for sample in CLEAN)
+    assert all(sample.deliveries == simulator.IN_TIME for sample in CLEAN)
 
 
 @pytest.mark.parametrize('name', FIELDS)
@@ -71,24 +71,26 @@ def test_a_bad_reading_is_in_its_window_and_in_no_other_sensor(name, kind):
                 assert (y != x).all() and np.isfinite(y).all()
 
 
-FATES = {'missing': faults.FATE_LOST, 'late': faults.FATE_LATE, 'repeated': faults.FATE_TWICE}
+DELIVERIES = {
+    'missing': faults.DELIVERY_LOST, 'late': faults.DELIVERY_LATE, 'repeated': faults.DELIVERY_TWICE}
 
 
 @pytest.mark.parametrize('name, field', [
     ('imu', 'imu'), ('sonar', 'sonar'), ('optical_flow', 'flow'), ('barometer', 'barometer')])
-@pytest.mark.parametrize('kind', FATES)
-def test_a_bad_delivery_is_the_fate_of_the_samples_in_its_window(name, field, kind):
+@pytest.mark.parametrize('kind', DELIVERIES)
+def test_a_bad_delivery_is_that_of_the_samples_in_its_window(name, field, kind):
     sensor = 'gyro' if name == 'imu' else name
     for tick, sample in enumerate(samples(faulty(**{name: kind}))):
         if NEW[sensor](sample):
             struck = START <= tick < END
-            assert getattr(sample.fates, field) == (FATES[kind] if struck else faults.FATE_SENT)
+            assert getattr(sample.deliveries, field) == (
+                DELIVERIES[kind] if struck else faults.DELIVERY_SENT)
 
 
 def test_out_of_order_samples_are_held_until_after_the_next():
-    fates = [s.fates.sonar for s in samples(faulty(sonar='out_of_order')) if s.sonar_new]
-    held = faults.FATE_HELD
-    assert fates == [0] * 5 + [held, 0, held, 0, held] + [0] * 5
+    deliveries = [s.deliveries.sonar for s in samples(faulty(sonar='out_of_order')) if s.sonar_new]
+    held = faults.DELIVERY_HELD
+    assert deliveries == [0] * 5 + [held, 0, held, 0, held] + [0] * 5
 
 
 def test_a_share_strikes_some_samples_and_the_seed_says_which():
@@ -106,20 +108,21 @@ def test_a_range_is_a_number_of_its_message_also_when_it_is_wild():
     assert all(float(np.float32(x)) == x for x in wild)
 
 
-@pytest.mark.parametrize('fates, sent', [
-    ([faults.FATE_SENT] * 3, [(0, 'a'), (1, 'b'), (2, 'c')]),
-    ([faults.FATE_SENT, faults.FATE_LOST, faults.FATE_SENT], [(0, 'a'), (2, 'c')]),
-    ([faults.FATE_TWICE] * 2, [(0, 'a'), (0, 'a'), (1, 'b'), (1, 'b')]),
-    ([faults.FATE_HELD, faults.FATE_SENT, faults.FATE_SENT], [(1, 'b'), (1, 'a'), (2, 'c')]),
-    ([faults.FATE_LATE, faults.FATE_LATE, faults.FATE_SENT],
+@pytest.mark.parametrize('deliveries, sent', [
+    ([faults.DELIVERY_SENT] * 3, [(0, 'a'), (1, 'b'), (2, 'c')]),
+    ([faults.DELIVERY_SENT, faults.DELIVERY_LOST, faults.DELIVERY_SENT], [(0, 'a'), (2, 'c')]),
+    ([faults.DELIVERY_TWICE] * 2, [(0, 'a'), (0, 'a'), (1, 'b'), (1, 'b')]),
+    ([faults.DELIVERY_HELD, faults.DELIVERY_SENT, faults.DELIVERY_SENT],
+     [(1, 'b'), (1, 'a'), (2, 'c')]),
+    ([faults.DELIVERY_LATE, faults.DELIVERY_LATE, faults.DELIVERY_SENT],
      [(2, 'a'), (2, 'c'), (3, 'b')])])
-def test_the_outbox_does_to_the_messages_what_their_fates_say(fates, sent):
+def test_the_outbox_does_to_the_messages_what_their_deliveries_say(deliveries, sent):
     out = []
     box = Outbox(lambda data: out.append((tick, data)), delay=2)
     for tick in range(5):
         box.catch_up(tick)
-        if tick < len(fates):
-            box.put(tick, 'abc'[tick], fates[tick])
+        if tick < len(deliveries):
+            box.put(tick, 'abc'[tick], deliveries[tick])
         assert box.count == len(out)
     assert out == sent
 

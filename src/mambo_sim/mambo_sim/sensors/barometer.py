@@ -41,7 +41,7 @@ class BarometerMemory(NamedTuple):
 
 
 class BarometerSample(NamedTuple):
-    """What a tick brings."""
+    """Output of the sensor at one tick."""
 
     new: bool
     pressure: float  # Pa; NaN if not new

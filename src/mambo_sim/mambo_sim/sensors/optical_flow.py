@@ -117,7 +117,7 @@ class FlowMemory(NamedTuple):
 
 
 class FlowSample(NamedTuple):
-    """What a tick brings."""
+    """Output of the sensor at one tick."""
 
     new: bool
     rate: Vec2    # (2,) rad/s along body x forward, y right, the vehicle's sign; NaN: no value

@@ -68,7 +68,7 @@ class Counts(NamedTuple):
 
 
 class OptitrackMemory(NamedTuple):
-    """Poses under way: the last ``pending`` of the queue, oldest first; and how it goes on."""
+    """Queue of poses not yet delivered (the last ``pending``, oldest first), and the counts."""
 
     pending: int
     queue: tuple[Pose, ...]

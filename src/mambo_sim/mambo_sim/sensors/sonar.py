@@ -41,7 +41,7 @@ class SonarValues(NamedTuple):
 
 
 class SonarSample(NamedTuple):
-    """What a tick brings."""
+    """Output of the sensor at one tick."""
 
     new: bool
     range: float  # m, slant, a float32 number; NaN if not new

@@ -1,0 +1,116 @@
+"""The ends of a topic at a node: raw publishers, inputs and their quality of service."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from . import topics
+from .intake import Intake
+
+AT_ONCE = 100
+"""Messages of one topic before timers and the other topics get their turn."""
+_BYTES_AT_ONCE = 1_000_000  # likewise
+
+
+class LoopGroup(CallbackGroup):
+    """Entities that only ``loop.Loop`` serves: the ordinary executor passes them over."""
+
+    def can_execute(self, entity: Any) -> bool:
+        """Refuse."""
+        return False
+
+    def beginning_execution(self, entity: Any) -> bool:
+        """Refuse."""
+        return False
+
+    def ending_execution(self, entity: Any) -> None:
+        """Do nothing."""
+
+
+def qos(topic: topics.Topic, depth: int = topics.QUEUE, reliable: bool = True) -> QoSProfile:
+    """Return the quality of service of a topic: reliable, deep, volatile unless it says so."""
+    durability = (DurabilityPolicy.TRANSIENT_LOCAL if topic.transient_local
+                  else DurabilityPolicy.VOLATILE)
+    reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth,
+                      reliability=reliability, durability=durability)
+
+
+class RawPublisher:
+    """
+    Publisher of serialised messages on one topic.
+
+    Attributes
+    ----------
+    publisher
+        Of the middleware; its subscriptions are in other loops.
+    local
+        Callbacks of the subscriptions in the same loop.
+    shared : bool
+        Whether nodes of other processes publish the topic too.
+
+    """
+
+    def __init__(self, publisher: Publisher, shared: bool) -> None:
+        self.publisher, self.shared = publisher, shared
+        self.local: list[Callable[[bytes], None]] = []
+        self.queue: deque[tuple[Callable[[bytes], None], bytes]] = deque()
+        self._publish = publisher.handle.publish_raw
+
+    def __call__(self, data: bytes) -> None:
+        """Publish a serialised message."""
+        if self.local:
+            for take in self.local:
+                self.queue.append((take, data))
+            if not self.publisher.handle.get_subscription_count():
+                return
+        self._publish(data)
+
+    @property
+    def matched(self) -> int:
+        """Return how many subscriptions the next message reaches."""
+        return len(self.local) + self.publisher.get_subscription_count()
+
+
+class Input(NamedTuple):
+    """One subscription of a node."""
+
+    topic: topics.Topic
+    name: str  # resolved
+    take: Callable[[bytes], None] | Intake
+    prompt: bool
+    reliable: bool = True
+
+
+class Entry(NamedTuple):
+    """A subscription that a loop serves."""
+
+    handle: Any
+    msg_type: type
+    take: Callable[..., None]
+    guarded: bool  # whether it wants to know the number of a message
+
+
+def take_all(entry: Entry) -> bool:
+    """Handle what the middleware has of a topic; return whether there was anything."""
+    handle, msg_type, callback, guarded = entry
+    size = 0
+    for _ in range(AT_ONCE):
+        taken = handle.take_message(msg_type, True)
+        if taken is None:
+            break
+        data, about = taken
+        if guarded:
+            callback(data, about['publication_sequence_number'])
+        else:
+            callback(data)
+        size += len(data)
+        if size > _BYTES_AT_ONCE:
+            break
+    return size > 0

@@ -1,0 +1,175 @@
+"""
+The loop that serves the nodes of one process.
+
+``rclpy``'s executor rebuilds its wait set and makes a task for every message, which costs most
+of a simulated step. Messages of the graph instead go through one wait set built once
+(:class:`Loop`); timers, parameters and services keep their turn in an ordinary executor every
+few milliseconds.
+
+Nodes that share a loop hand each other their messages directly, and the middleware gets only
+what somebody outside reads.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+import time
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+
+from . import peers
+from .endpoints import AT_ONCE, Entry, Input, take_all
+from .intake import Intake
+from .node import MamboNode
+
+_HOUSEKEEPING = 0.02  # s, the longest wait at once
+_TURN = 0.05  # s between turns of the ordinary executor, each of which costs most of a step
+_LAZY = 0.005  # s between looks at topics that need not be prompt
+_SOON = 0.0003  # s, within which what belongs to a prompt message follows it
+_QUIET = 0.1  # s without a message after which a stopping node has taken everything
+
+
+class Loop:
+    """
+    What runs some nodes of one process: their wait set, and the queue between them.
+
+    Nodes of the loop get each other's messages from its queue, in the order of publication. They
+    subscribe at the middleware only to topics that no node of the loop publishes, and to shared
+    ones, which nodes elsewhere publish too.
+
+    Attributes
+    ----------
+    stopping : bool
+        Set by :meth:`stop` or a signal; :meth:`run` then takes what has arrived and returns.
+    urgent : bool
+        Set by a second signal: what has arrived is left.
+
+    """
+
+    def __init__(self, *nodes: MamboNode) -> None:
+        self.stopping = self.urgent = False
+        self._nodes = nodes
+        self._executor = SingleThreadedExecutor()
+        self._queue: deque[tuple[Callable[[bytes], None], bytes]] = deque()
+        for node in nodes:
+            self._executor.add_node(node)
+            for output in node.outputs:
+                output.queue = self._queue
+        far = [(node, source) for node in nodes for source in node.inputs
+              if not self._join(source)]
+        far.sort(key=lambda pair: pair[1].prompt)  # when a prompt one wakes, the others are first
+        self._entries = [self._entry(node, source) for node, source in far]
+        self._prompt = [
+            entry for entry, (_, source) in zip(self._entries, far, strict=True) if source.prompt]
+        self._longest = _HOUSEKEEPING if len(self._prompt) == len(far) else _LAZY
+        self._mixed = 0 < len(self._prompt) < len(far)
+        self._stirred = False
+        self._context = rclpy.get_default_context()
+        with self._context.handle:
+            self._wait_set = _rclpy.WaitSet(
+                len(self._prompt), 0, 0, 0, 0, 0, self._context.handle)
+        self._next_turn = 0.0
+        self._peers = [peers.Peers(node, node.ends()) for node in nodes]
+
+    def _entry(self, node: MamboNode, source: Input) -> Entry:
+        """Open an input that nodes elsewhere publish."""
+        guarded = isinstance(source.take, Intake)
+        entry = Entry(node.open_input(source).handle, source.topic.msg_type, source.take, guarded)
+        if guarded:
+            source.take.pull = partial(take_all, entry)
+        return entry
+
+    def _join(self, source: Input) -> bool:
+        """Join an input to the publishers of this loop; return whether there are any."""
+        local = [output for node in self._nodes for output in node.outputs
+                  if output.publisher.topic_name == source.name and not output.shared]
+        for output in local:
+            output.local.append(source.take)
+        return bool(local)
+
+    def stop(self) -> None:
+        """Ask :meth:`run` to return."""
+        self.stopping = True
+
+    def once(self, timeout: float) -> bool:
+        """
+        Wait for messages and handle all that have arrived.
+
+        Parameters
+        ----------
+        timeout : s
+            Longest wait; 0 returns at once.
+
+        Returns
+        -------
+        handled : bool
+            Whether any message was handled.
+
+        """
+        now = time.monotonic()
+        if now >= self._next_turn:
+            self.turn()
+            self._next_turn = now + _TURN
+        queue = self._queue
+        handled = bool(queue)
+        for _ in range(AT_ONCE):
+            if not queue:
+                break
+            take, data = queue.popleft()
+            take(data)
+        if not handled:  # topics are not in order: a prompt message may overtake a lazy one
+            self._wait(min(timeout, _SOON if self._stirred else self._longest))
+        taken = self._take()
+        self._stirred = taken and self._mixed
+        return taken or handled
+
+    def _wait(self, timeout: float) -> None:
+        """Wait for a prompt message of the middleware."""
+        if not self._prompt:  # an empty wait set cannot wait
+            time.sleep(timeout)
+            return
+        wait_set = self._wait_set
+        wait_set.clear_entities()
+        for entry in self._prompt:
+            wait_set.add_subscription(entry.handle)
+        wait_set.wait(int(timeout * 1e9))
+
+    def _take(self) -> bool:
+        """Handle what the middleware has; return whether there was anything."""
+        handled = False
+        for entry in self._entries:
+            handled = take_all(entry) or handled
+        return handled
+
+    def run(self) -> None:
+        """Handle messages until :meth:`stop`, then what has arrived by then."""
+        while not self.stopping and self._context.ok():
+            self.once(_HOUSEKEEPING)
+        self.drain()
+
+    def drain(self) -> None:
+        """Handle messages until none has come for a moment, or a second signal has."""
+        limit = time.monotonic() + 5.0
+        quiet_since = time.monotonic()
+        while not self.urgent and (
+                time.monotonic() < min(limit, quiet_since + _QUIET)):
+            if self.once(_HOUSEKEEPING):
+                quiet_since = time.monotonic()
+
+    def turn(self) -> None:
+        """Announce links, report; give timers, parameters and services their turn."""
+        now = time.monotonic()
+        for node in self._nodes:
+            node.announce()
+            node.report_refusals(now)
+        for watch in self._peers:
+            watch.look()
+        self._executor.spin_once(timeout_sec=0.0)
+
+    def close(self) -> None:
+        """Release the executor."""
+        self._executor.shutdown()

@@ -1,0 +1,143 @@
+"""A process of the graph: its entry point, its signals and its end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import gc
+import os
+from pathlib import Path
+import resource
+import signal
+import sys
+import time
+import traceback
+from typing import Any, NoReturn
+
+from mambo_model.schema import ParameterError
+import rclpy
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.signals import SignalHandlerOptions
+
+from . import leaving
+from .loop import Loop
+from .node import FLUSH, MamboNode
+
+_TEARDOWN = 1.0  # s that the middleware has to say goodbye; it has been seen to hang there
+_PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'  # of the user, or ours
+_REFUSALS = (ParameterError, FileNotFoundError, FileExistsError, _rclpy.RCLError)
+
+
+def _line(error: BaseException) -> str:
+    """Return what an error says as one line, without places in the sources of ROS."""
+    return ' '.join(str(error).split(', at /')[0].split())
+
+
+def main(node_type: type[MamboNode], args: list[str] | None = None,
+         run: Callable[[Any, Loop], int | None] | None = None) -> None:
+    """Run one node as a process, as :func:`compose`: entry point of every ``*_node``."""
+    compose((node_type,), args, run)
+
+
+def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None,
+            run: Callable[[Any, Loop], int | None] | None = None) -> None:
+    """
+    Run nodes as one process.
+
+    SIGINT, SIGTERM and SIGHUP let the nodes take what has arrived, finish and leave; a second one
+    lets them leave the rest. A wrong parameter or parameter file ends them with one line and exit
+    code 2. The process leaves as soon as it has finished and flushed, even where the middleware
+    hangs in its teardown.
+
+    Parameters
+    ----------
+    node_types
+        Classes of the nodes.
+    args
+        Command line, default ``sys.argv``.
+    run
+        What to do with the last node and the loop; returns the exit code. Default: serve
+        messages.
+
+    """
+    loop: Loop | None = None
+    stopped = ''
+    nodes: list[MamboNode] = []
+
+    def stop(number: int, _: Any) -> None:
+        nonlocal stopped
+        again, stopped = bool(stopped), stopped or signal.Signals(number).name
+        if loop is not None:
+            loop.urgent = again
+            loop.stop()
+        elif not again:
+            raise KeyboardInterrupt
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup
+            signal.signal(number, stop)
+    os.environ.setdefault(_PROFILES, str(Path(__file__).with_name('fastdds.xml')))
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        for node_type in node_types:
+            nodes.append(node_type())
+        loop = Loop(*nodes)
+    except BaseException as error:  # stopped while numerics compile, the compiler raises anything
+        for node in nodes:
+            node.finish()
+        if stopped:
+            _leave(nodes, 0)
+        if not isinstance(error, _REFUSALS):
+            traceback.print_exc()
+            _leave(nodes, 1)
+        print(f'{node_types[len(nodes)].__name__}: {_line(error)}', file=sys.stderr)
+        _leave(nodes, 2)
+    if stopped:
+        loop.stop()
+    code = 1
+    try:
+        code = _serve(nodes, loop, run, lambda: stopped) or 0
+    except BaseException:  # an error of a node, whose process leaves like any other
+        traceback.print_exc()
+    _leave(nodes, code, loop)
+
+
+def _leave(nodes: Sequence[MamboNode], code: int, loop: Loop | None = None) -> NoReturn:
+    """End the process; the middleware says goodbye to the graph if it does so in time."""
+    leaving.exit_after(_TEARDOWN, code)
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        if loop is not None:
+            loop.close()
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    finally:  # nor through what the middleware does when an interpreter ends
+        os._exit(code)
+
+
+def _serve(nodes: list[MamboNode], loop: Loop,
+           run: Callable[[Any, Loop], int | None] | None,
+           stopped: Callable[[], str]) -> int | None:
+    """Run nodes to their end in order, say what that took and by what; return the exit code."""
+    code: int | None = 0
+    before = time.process_time()  # with the threads of the middleware
+    gc.freeze()  # what is loaded stays: the collector need not look at it while time runs
+    try:
+        if run is None:
+            loop.run()
+        else:
+            code = run(nodes[-1], loop)
+        if len(nodes) > 1:
+            loop.drain()
+    finally:
+        if stopped():
+            print(f'ended by {stopped()}', flush=True)
+        for node in nodes:  # a bag is closed before anything that may hang
+            node.finish()
+        limit = time.monotonic() + FLUSH
+        for node in nodes:
+            node.flush(limit - time.monotonic())
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+        print(f'used {time.process_time() - before:.2f} s of CPU and {memory} MB', flush=True)
+    return code

@@ -1,0 +1,102 @@
+"""
+The steps of a simulated flight: in lockstep with the motor commands, or by the wall clock.
+
+``sim`` is the simulator's node and ``loop`` what serves its messages (``once(timeout)``,
+``stopping``).
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from .parameters import STEP_NS
+
+_ASK_AGAIN = 5.0  # s of wall time between lines that say what a waiting simulator waits for
+
+
+def status(missed: int, starved: int, limit: float) -> tuple[int, str]:
+    """
+    Return the level (0 OK, 1 warning, 2 error) and the line of the simulator's diagnostics.
+
+    Parameters
+    ----------
+    missed
+        Steps without their motor command.
+    starved : ns
+        When the motors were stopped for want of a command, -1: they were not.
+    limit : s
+        Wall time for which a motor command may be missing.
+
+    """
+    if starved >= 0:
+        return 2, f'motors stopped at t = {starved * 1e-9:.3f} s: no motor command for {limit:g} s'
+    if missed:
+        return 1, f'{missed} steps without their motor command'
+    return 0, 'flying'
+
+
+def wait_for_answer(sim: Any, loop: Any) -> bool:
+    """Serve the graph until the step's motor command is there (lockstep)."""
+    began = logged = time.monotonic()
+    while not sim.answered:
+        loop.once(0.02)
+        now = time.monotonic()  # whatever came: what is refused may come without end
+        if loop.stopping:
+            return False
+        if now - began > sim.params.patience and not sim.answered:
+            sim.give_up()
+            return False
+        if now - logged > _ASK_AGAIN:
+            logged = now
+            sim.get_logger().warning(f'waiting for motor_pwm of t = {sim.t * 1e-9:.3f} s')
+    return True
+
+
+def wait_for_deadline(sim: Any, loop: Any, deadline: float) -> None:
+    """
+    Serve the graph until the wall clock reaches the next step (real time).
+
+    A step that began late, as the machine was busy elsewhere, still leaves its period for the
+    answer; once that has come it makes up for the delay.
+    """
+    overdue = max(deadline, sim.sensed + STEP_NS * 1e-9 / sim.params.speed)
+    while not loop.stopping:
+        left = (deadline if sim.answered else overdue) - time.monotonic()
+        if left <= 0.0:
+            break
+        loop.once(left)
+    if not sim.answered:
+        loop.once(0.0)
+    if not sim.answered:
+        sim.missed += 1
+        sim.watch(time.monotonic())
+
+
+def run(sim: Any, loop: Any) -> int:
+    """Step the simulation to its end or until stopped; return the exit code."""
+    p, log = sim.params, sim.get_logger()
+    log.info(f'flying in {p.mode} mode')  # the first line takes ten times as long as a step
+    end = round(p.duration * 1e9) if p.duration else None
+    began = logged = time.monotonic()
+    lockstep = p.mode == 'lockstep'
+    while not loop.stopping:
+        sim.sense()
+        if lockstep:
+            if not wait_for_answer(sim, loop):
+                break
+        else:
+            wait_for_deadline(sim, loop, began + (sim.t + STEP_NS) * 1e-9 / p.speed)
+        now = time.monotonic()
+        if now - logged > 1.0:
+            logged = now
+            log.info(f't = {sim.t * 1e-9:.2f} s')
+        if end is not None and sim.t >= end:
+            break
+        sim.advance()
+    took = time.monotonic() - began
+    log.info(f'flew {sim.t * 1e-9:.3f} s in {took:.3f} s of wall time, '
+             f'{sim.missed} steps without their motor command')
+    delay = ', '.join(f'{name} {value} ms' for name, value in sim.delays.values().items())
+    log.info(f'IMU sample to motor command: {delay} of {sim.delays.count} steps')
+    return 0 if loop.stopping or end is None or sim.t >= end else 1
