@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mambo_analysis.identify import sensors
 from mambo_analysis.identify.recording import read_sensors, Recording, Stream
+from mambo_analysis.identify.sensors import phases, statistics, table
 from mambo_sim.sensors.imu import ImuParams
 from mambo_sim.sensors.optical_flow import OpticalFlowParams
 from mambo_sim.sensors.sonar import RESOLUTION, SonarParams
@@ -114,7 +115,7 @@ def test_no_latency_is_told_without_motion():
 
 @pytest.mark.parametrize('k, n', [(0, 50), (3, 100), (50, 50)])
 def test_proportion_is_clopper_and_pearson(k, n):
-    value, low, high = sensors.proportion(k, n)
+    value, low, high = statistics.proportion(k, n)
     assert value == k / n
     # the ends make k or more, k or less, exactly so unlikely
     assert low == 0.0 if k == 0 else binom.sf(k - 1, n, low) == pytest.approx(0.025)
@@ -123,7 +124,7 @@ def test_proportion_is_clopper_and_pearson(k, n):
 
 def test_median_covers_the_truth():
     rng = np.random.default_rng(0)
-    found = [sensors.median(rng.exponential(1.0, 31)) for _ in range(400)]
+    found = [statistics.median(rng.exponential(1.0, 31)) for _ in range(400)]
     covered = sum(low <= np.log(2) <= high for _, low, high in found)
     assert covered >= binom.ppf(0.005, 400, 0.95)
     assert np.mean([high - low for _, low, high in found]) < 1.0
@@ -132,19 +133,19 @@ def test_median_covers_the_truth():
 @pytest.mark.parametrize('step, offset', [(RESOLUTION, 0.0), (0.25, 0.1), (1.0 / 128, 101325.0)])
 def test_resolution_is_found(step, offset):
     k = np.random.default_rng(0).integers(-300, 300, 400)
-    value, low, high = sensors.resolution(offset + step * k)
+    value, low, high = statistics.resolution(offset + step * k)
     assert value == pytest.approx(step, rel=1e-6)
 
 
 def test_resolution_of_rounded_values_has_a_fair_interval():
     k = np.random.default_rng(0).integers(-300, 300, 400)
-    value, low, high = sensors.resolution(np.round(0.0010643 * k, 5))  # as noisedata.mat
+    value, low, high = statistics.resolution(np.round(0.0010643 * k, 5))  # as noisedata.mat
     assert low < 0.0010643 < high and high - low < 1e-7
 
 
 def test_values_anywhere_have_no_resolution():
-    assert sensors.resolution(np.random.default_rng(0).standard_normal(500)) is None
-    assert sensors.resolution(np.full(100, 3.0)) is None
+    assert statistics.resolution(np.random.default_rng(0).standard_normal(500)) is None
+    assert statistics.resolution(np.full(100, 3.0)) is None
 
 
 def test_rest_is_found_between_motion():
@@ -152,7 +153,7 @@ def test_rest_is_found_between_motion():
     t = np.arange(4000) * STEP
     size = np.where((t >= 5.0) & (t < 11.998), 1.0, 100.0)[:, None]
     gyro, accel = (size * s * rng.standard_normal((4000, 3)) for s in (0.0007, 0.02))
-    rest = sensors.stretch_at_rest(Recording('r', Stream(t, gyro), Stream(t, accel)))
+    rest = phases.stretch_at_rest(Recording('r', Stream(t, gyro), Stream(t, accel)))
     assert (rest.start, rest.stop) == (1000, 2400)
     lines, _ = sensors.measure(Recording('r', Stream(t, gyro), Stream(t, accel)))
     noise = found(lines, 'gyro x', 'noise at rest')
@@ -248,9 +249,9 @@ def test_command_prints_draws_and_writes(tmp_path, capsys):
 
 
 def test_values_that_cannot_be_told_are_null_in_json_and_a_dash_in_the_table():
-    nothing = sensors.Measured('flow', 'latency', 'ms', np.nan, np.nan, np.nan, 9, 'why')
-    assert ' -  ' in sensors.table([nothing]) and 'nan' not in sensors.table([nothing])
-    assert sensors.summary([[nothing]]) == []
+    nothing = table.Measured('flow', 'latency', 'ms', np.nan, np.nan, np.nan, 9, 'why')
+    assert ' -  ' in table.table([nothing]) and 'nan' not in table.table([nothing])
+    assert table.summary([[nothing]]) == []
 
 
 @pytest.mark.parametrize('name, content, message', [

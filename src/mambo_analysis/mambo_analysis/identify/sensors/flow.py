@@ -1,0 +1,159 @@
+"""Optical flow: rate, pauses, failures, noise, and its latency behind the motion by the IMU."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.signal import butter, sosfiltfilt
+
+from ..allan import Interval
+from ..recording import Recording
+from .phases import airborne, heights
+from .statistics import Array, jackknife, median, proportion, STRETCHES, white_sigma
+from .table import entry, Measured, PAUSE, timing
+
+GRAVITY = 9.81  # m/s^2
+LATENCY_BANDS = ((0.5, 1.0), (1.0, 2.0), (2.0, 4.0), (4.0, 8.0))  # Hz
+LEAST_SHARE = 0.3  # R^2 of the best band below which there is no common motion
+LAGS = np.arange(-0.05, 0.2501, 0.005)  # s
+
+
+def measure(recording: Recording) -> tuple[list[Measured], tuple[Array, Array] | None]:
+    """Return rate, pauses, failures, noise and latency of the flow; and misfit over lag."""
+    stream = recording.flow
+    if stream is None or len(stream.t) < 4 * STRETCHES:
+        return [], None
+    lines = timing('flow', stream)
+    gaps = np.diff(stream.t)
+    long = np.flatnonzero(gaps > PAUSE * np.median(gaps))
+    if len(long) > 5:
+        lines += [
+            entry('flow', 'pause', 'ms', Interval(*(1e3 * v for v in median(gaps[long]))),
+                  len(long)),
+            entry('flow', 'values from pause to pause', '1', median(np.diff(long).astype(float)),
+                  len(long) - 1)]
+    failed = np.isnan(stream.values).any(axis=1)
+    lines.append(entry('flow', 'failed', '1', proportion(int(failed.sum()), len(failed)),
+                       len(failed)))
+    air = airborne(recording, stream.t) & ~failed
+    if air.sum() < 4 * STRETCHES:
+        return lines, None
+    for axis in range(2):
+        lines.append(entry(f'flow {"xy"[axis]}', 'noise', 'rad/s', white_sigma(
+            stream.values[air, axis]), air.sum(), 'motion of the vehicle included'))
+    found = flow_latency(recording)
+    if found is None:
+        return lines, None
+    interval, share, misfit = found
+    note = f'R^2 {share:.2f}'
+    if share < LEAST_SHARE or not (LAGS[0] < interval.low and interval.high < LAGS[-1]):
+        interval, note = Interval(np.nan, np.nan, np.nan), 'not to be told from this flight'
+    lines.append(entry('flow', 'latency', 'ms', Interval(*(1e3 * v for v in interval)), air.sum(),
+                       note))
+    return lines, (1e3 * LAGS, misfit)
+
+
+def inertial_velocity(recording: Recording) -> Array:
+    """
+    Return the velocity along body x and y that the IMU tells, (n, 2) m/s, slow parts removed.
+
+    The rate of the body velocity is specific force plus gravity; roll and pitch are the
+    integrated gyro. Biases lie below 0.1 Hz and are taken out.
+    """
+    step = float(np.median(np.diff(recording.gyro.t)))
+    slow = butter(1, 0.1, 'high', fs=1.0 / step, output='sos')
+
+    def integral(x: Array) -> Array:
+        """Return the integral over time, without what is slower than 0.1 Hz."""
+        return cumulative_trapezoid(sosfiltfilt(slow, x, axis=0), dx=step, axis=0, initial=0.0)
+
+    angle = integral(recording.gyro.values)
+    gravity = GRAVITY * np.stack([-angle[:, 1], angle[:, 0]], axis=1)
+    return integral(recording.accel.values[:, :2] + gravity)
+
+
+def _compared(recording: Recording) -> Array | None:
+    """
+    Return the products of flow and lagged inertial velocity, summed over stretches of flight.
+
+    Returns
+    -------
+    (3, 2, bands, lags, stretches)
+        Flow times inertial, inertial squared, flow squared; x and y. None if the flight is too
+        short.
+
+    """
+    imu, stream = recording.gyro, recording.flow
+    if imu is None or recording.accel is None or recording.sonar is None or len(imu.t) < 100:
+        return None
+    rate = 1.0 / float(np.median(np.diff(imu.t)))
+    seen = np.isfinite(stream.values).all(axis=1)
+    times = stream.t[seen]
+    inside = (imu.t > times[0] + 0.5) & (imu.t < times[-1] - 0.5)
+    use = np.flatnonzero(airborne(recording, imu.t) & inside)
+    if len(use) < 3 * rate or rate < 4 * LATENCY_BANDS[-1][1]:
+        return None
+    speed = stream.values[seen] * heights(recording.sonar, times)[:, None]
+    even = np.stack([np.interp(imu.t, times, speed[:, k]) for k in range(2)], axis=1)
+    starts = np.arange(STRETCHES) * len(use) // STRETCHES
+    sums = np.empty((3, 2, len(LATENCY_BANDS), len(LAGS), STRETCHES))
+    whole = inertial_velocity(recording)
+    for b, band in enumerate(LATENCY_BANDS):
+        sos = butter(2, band, 'band', fs=rate, output='sos')
+        optical, inertial = (sosfiltfilt(sos, x, axis=0) for x in (even, whole))
+        for k, lag in enumerate(LAGS.tolist()):
+            for axis in range(2):
+                late = np.interp(imu.t[use] - lag, imu.t, inertial[:, axis])
+                flow = optical[use, axis]
+                products = np.stack([flow * late, late * late, flow * flow])
+                sums[:, axis, b, k] = np.add.reduceat(products, starts, axis=1)
+    return sums
+
+
+def flow_latency(recording: Recording) -> tuple[Interval, float, Array] | None:
+    """
+    Return by how much flow comes after motion: the most likely lag between the two.
+
+    Flow times height and inertial velocity are compared in ``LATENCY_BANDS``, a gain and a noise
+    for each band and axis; each band counts by its width. Between the lags of the grid the
+    likelihood is a parabola.
+
+    Returns
+    -------
+    interval : s
+        Positive: the flow is late.
+    share
+        Largest R^2 of a band and axis at that lag.
+    misfit : (k,)
+        Geometric mean of 1 - R^2 over ``LAGS``.
+
+    """
+    sums = _compared(recording)
+    if sums is None:
+        return None
+    widths = np.array([high - low for low, high in LATENCY_BANDS])
+
+    def rest(keep: NDArray[np.int64]) -> Array:
+        """Return the share of the flow that the motion does not explain, in these stretches."""
+        cross, left, right = sums[..., keep].sum(axis=-1)
+        return 1.0 - np.maximum(cross, 0.0)**2 / (left * right)
+
+    def misfit(keep: NDArray[np.int64]) -> Array:
+        """Return the logarithm of the misfit at each lag."""
+        weight = widths[None, :, None] / widths.sum() / 2.0
+        return (weight * np.log(rest(keep))).sum(axis=(0, 1))
+
+    everything = np.arange(STRETCHES)
+    curve = misfit(everything)
+    found = jackknife(lambda keep: _lowest(misfit(keep)), STRETCHES)
+    share = float(1.0 - rest(everything)[..., int(np.argmin(curve))].min())
+    return found, share, np.exp(curve)
+
+
+def _lowest(curve: Array) -> float:
+    """Return the lag of the lowest point of a curve over ``LAGS``, s."""
+    k = int(np.clip(np.argmin(curve), 1, len(curve) - 2))
+    bend = curve[k - 1] - 2.0 * curve[k] + curve[k + 1]
+    shift = 0.5 * (curve[k - 1] - curve[k + 1]) / bend if bend > 0.0 else 0.0
+    return float(LAGS[k] + np.clip(shift, -1.0, 1.0) * (LAGS[1] - LAGS[0]))

@@ -1,0 +1,55 @@
+"""When the vehicle of a recording is at rest, and when it flies."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from ..recording import Recording, Stream
+from .statistics import Array
+
+REST_WINDOW = 0.5      # s
+REST_GYRO, REST_ACCEL = 0.01, 0.2  # rad/s, m/s^2
+SHORTEST_REST = 2.0    # s
+LOWEST = 0.5           # m, above which the sonar of these drones measures
+NEIGHBOURS = 9         # sonar samples, 0.36 s, whose median an outlier leaves
+
+
+def stretch_at_rest(recording: Recording) -> slice | None:
+    """Return the longest stretch of IMU samples at rest; None if it is shorter than 2 s."""
+    if recording.gyro is None or recording.accel is None or len(recording.gyro.t) < 3:
+        return None
+    rate = 1.0 / np.median(np.diff(recording.gyro.t))
+    w = max(int(round(REST_WINDOW * rate)), 2)
+    n = len(recording.gyro.t) // w
+    if n == 0:
+        return None
+    quiet = np.ones(n, bool)
+    for stream, limit in ((recording.gyro, REST_GYRO), (recording.accel, REST_ACCEL)):
+        quiet &= (stream.values[:n * w].reshape(n, w, 3).std(axis=1) < limit).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.r_[False, quiet, False].astype(int)))
+    if not len(edges):
+        return None
+    k = int(np.argmax(edges[1::2] - edges[::2]))
+    first, last = int(edges[2 * k]), int(edges[2 * k + 1])
+    if (last - first) * w / rate < SHORTEST_REST:
+        return None
+    return slice(first * w, last * w)
+
+
+def heights(sonar: Stream, at: Array) -> Array:
+    """Return the height by the sonar at times, (n,) m: the median of its neighbours."""
+    heard = np.isfinite(sonar.values)
+    if not heard.any():
+        return np.full(len(at), np.nan)
+    level = median_filter(sonar.values[heard], NEIGHBOURS, mode='nearest')
+    return np.interp(at, sonar.t[heard], level)
+
+
+def airborne(recording: Recording, at: Array) -> NDArray[np.bool_]:
+    """Return at which times the vehicle flies: motors at mean 180 to 350, sonar above 0.5 m."""
+    if recording.pwm is None or recording.sonar is None or len(recording.pwm.t) == 0:
+        return np.zeros(len(at), bool)
+    command = np.interp(at, recording.pwm.t, np.abs(recording.pwm.values).mean(axis=1))
+    return (command > 180.0) & (command < 350.0) & (heights(recording.sonar, at) > LOWEST)

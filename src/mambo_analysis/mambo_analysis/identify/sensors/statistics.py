@@ -1,0 +1,91 @@
+"""Statistics of samples with their 95 % intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import beta, binom, t as student
+
+from ..allan import Interval, LEVEL
+
+Array = NDArray[np.float64]
+STRETCHES = 10  # of the jackknife
+MAD = 1.4826    # standard deviation over median absolute deviation, normal
+
+
+def proportion(k: int, n: int) -> Interval:
+    """Return k of n with the interval of Clopper and Pearson."""
+    tail = (1.0 - LEVEL) / 2.0
+    return Interval(
+        k / n, float(beta.ppf(tail, k, n - k + 1)) if k else 0.0,
+        float(beta.ppf(1.0 - tail, k + 1, n - k)) if k < n else 1.0)
+
+
+def median(x: Array) -> Interval:
+    """Return the median of samples with the interval between two order statistics."""
+    ordered, n = np.sort(x), len(x)
+    k = max(int(binom.ppf((1.0 - LEVEL) / 2.0, n, 0.5)) - 1, 0)
+    return Interval(float(np.median(x)), float(ordered[k]), float(ordered[n - 1 - k]))
+
+
+def jackknife(statistic: Callable[[NDArray[np.int64]], float], n: int) -> Interval:
+    """
+    Return a statistic with the interval of a jackknife over ``STRETCHES`` stretches.
+
+    Parameters
+    ----------
+    statistic
+        Of the indices kept, out of 0 ... n - 1.
+    n
+        Samples, in the order of time; neighbours may depend on each other.
+
+    """
+    whole = statistic(np.arange(n))
+    number = np.arange(n) * STRETCHES // n
+    parts = np.array([statistic(np.flatnonzero(number != k)) for k in range(STRETCHES)])
+    spread = np.sqrt((STRETCHES - 1) * ((parts - parts.mean())**2).mean())
+    reach = float(student.ppf(0.5 + LEVEL / 2.0, STRETCHES - 1) * spread)
+    return Interval(whole, whole - reach, whole + reach)
+
+
+def robust_sigma(x: Array) -> Interval:
+    """Return the standard deviation of samples about zero by their median size."""
+    size = MAD * np.abs(x)
+    return jackknife(lambda keep: float(np.median(size[keep])), len(x))
+
+
+def white_sigma(x: Array) -> Interval:
+    """Return the white noise of a slow signal: robust deviation of its second differences."""
+    return robust_sigma(np.diff(x, 2) / np.sqrt(6.0))
+
+
+def resolution(x: Array) -> Interval | None:
+    """
+    Return the step of which all values are whole multiples, up to an offset; None if none is.
+
+    Neighbouring values give a first guess, a line through ever more of them the step. The
+    interval is that of the slope.
+    """
+    levels = np.unique(x[np.isfinite(x)])
+    gaps = np.diff(levels)
+    if len(gaps) < 4:
+        return None
+    step, reach = float(np.median(gaps[gaps < 1.5 * gaps.min()])), min(8, len(gaps))
+    while True:
+        part, offset = levels[:reach + 1] - levels[0], 0.0
+        for _ in range(4):  # the offset found decides what lies half-way between two steps
+            steps = np.round((part - offset) / step)
+            if not steps.any():
+                return None
+            step, offset = np.linalg.lstsq(
+                np.c_[steps, np.ones(len(part))], part, rcond=None)[0]
+        error = np.sqrt(((part - offset - step * steps)**2).mean())
+        if error > 0.1 * step:  # 0.29 of a step if the values lie anywhere
+            return None
+        if reach >= len(gaps):
+            break
+        reach = min(2 * reach, len(gaps))
+    spread = 1.96 * error / np.sqrt(((steps - steps.mean())**2).sum())
+    return Interval(float(step), float(step - spread), float(step + spread))
