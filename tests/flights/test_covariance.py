@@ -41,7 +41,7 @@ def nees(flight):
             for name, (e, C) in errors.items()}
 
 
-# 1 is the truth. Of tilt a flight has two independent numbers, its slope and bias about each axis:
+# 1 is the truth. Of tilt a flight has two independent numbers, slope and bias about each axis:
 # the mean of 40 has a deviation of sqrt(2 / 40) = 0.22, and three of them are 0.67. The others have
 # more of them, but what is stated of some holds more than these flights show:
 BOUNDS = {
