@@ -42,8 +42,8 @@ def nees(flight):
 
 
 # 1 is the truth. Of tilt a flight has two independent numbers, slope and bias about each axis:
-# the mean of 40 has a deviation of sqrt(2 / 40) = 0.22, and three of them are 0.67. The others have
-# more of them, but what is stated of some holds more than these flights show:
+# the mean of 40 has a deviation of sqrt(2 / 40) = 0.22, and three of them are 0.67. The others
+# have more of them, but what is stated of some holds more than these flights show:
 BOUNDS = {
     'position': (0.1, 1.67),  # unknown scale and slope of the flow, of which they have one value
     'height': (0.33, 1.67),
