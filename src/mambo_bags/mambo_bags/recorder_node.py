@@ -71,6 +71,9 @@ def _stamp(data: bytes, offset: int) -> int | None:
 class RecorderNode(node.MamboNode[RecorderNodeParams]):
     """Records the graph's topics to a rosbag2 directory with an MCAP file."""
 
+    subscribes = topics.RECORDED
+    example = '--ros-args -p bag:=my_flight'
+
     def __init__(self, **kwargs) -> None:
         super().__init__('recorder_node', RecorderNodeParams, **kwargs)
         p = self.params

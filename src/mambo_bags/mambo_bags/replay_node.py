@@ -51,7 +51,11 @@ def _nothing(t: int) -> None:
 
 
 class ReplayNode(node.MamboNode[ReplayNodeParams]):
-    """Publishes recorded sensors, ``/clock`` and ``sensor_tick``; hears ``estimate/odom``."""
+    """Publishes the recorded sensors of a bag with ``/clock``; subscribes ``estimate/odom``."""
+
+    publishes = (*_SENSORS, topics.SENSOR_TICK, topics.CLOCK, topics.DIAGNOSTICS)
+    subscribes = (topics.ESTIMATE,)
+    example = '--ros-args -p bag:=my_flight -p wait_for:=estimator_node'
 
     def __init__(self, **kwargs) -> None:
         super().__init__('replay_node', ReplayNodeParams, **kwargs)

@@ -53,6 +53,10 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
     without it, as :mod:`failsafe` says. A shutdown stays until the node is started again.
     """
 
+    publishes = (topics.MOTOR_PWM, topics.CONTROLLER_STATE, topics.DIAGNOSTICS)
+    subscribes = (topics.ESTIMATE, topics.REFERENCE, topics.CLOCK)
+    example = '--ros-args -p patience:=0.1'
+
     def __init__(self, **kwargs) -> None:
         super().__init__('controller_node', ControllerNodeParams, **kwargs)
         p = self.params

@@ -20,6 +20,10 @@ def _step(held, t):
 class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
     """Reference generator: subscribes ``/clock``, publishes ``reference`` with the same stamp."""
 
+    publishes = (topics.REFERENCE, topics.DIAGNOSTICS)
+    subscribes = (topics.CLOCK,)
+    example = '--ros-args -p plan.trajectory:=circle'
+
     def __init__(self, **kwargs) -> None:
         super().__init__('reference_node', ReferenceNodeParams, **kwargs)
         p = self.params

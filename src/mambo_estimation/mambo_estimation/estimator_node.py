@@ -57,6 +57,10 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
     ``estimate/odom``, ``estimator/state``, ``/tf`` and ``/diagnostics``.
     """
 
+    publishes = (topics.ESTIMATE, topics.ESTIMATOR_STATE, topics.TF, topics.DIAGNOSTICS)
+    subscribes = (*_STREAMS, topics.SENSOR_TICK, topics.GROUND_TRUTH)
+    example = '--ros-args -p estimator:=kalman -p sensor_reliability:=best_effort'
+
     def __init__(self, **kwargs) -> None:
         super().__init__('estimator_node', EstimatorNodeParams, **kwargs)
         p = self.params

@@ -50,6 +50,11 @@ class MamboNode(Node, Generic[P]):
 
     """
 
+    # what ``--help`` says of a node, whatever its parameters are
+    publishes: tuple[topics.Topic, ...] = ()
+    subscribes: tuple[topics.Topic, ...] = ()
+    example = ''
+
     def __init__(self, name: str, params_type: type[P], **kwargs: Any) -> None:
         kwargs.setdefault('namespace', 'mambo')
         super().__init__(name, **kwargs)

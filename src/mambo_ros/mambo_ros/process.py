@@ -18,7 +18,7 @@ import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from . import leaving
+from . import leaving, usage
 from .loop import Loop
 from .node import FLUSH, MamboNode
 
@@ -43,10 +43,10 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
     """
     Run nodes as one process.
 
-    SIGINT, SIGTERM and SIGHUP let the nodes take what has arrived, finish and leave; a second one
-    lets them leave the rest. A wrong parameter or parameter file ends them with one line and exit
-    code 2. The process leaves as soon as it has finished and flushed, even where the middleware
-    hangs in its teardown.
+    ``--help`` prints what they are and returns. SIGINT, SIGTERM and SIGHUP let the nodes take
+    what has arrived, finish and leave; a second one lets them leave the rest. A wrong parameter
+    or parameter file ends them with one line and exit code 2. The process leaves as soon as it
+    has finished and flushed, even where the middleware hangs in its teardown.
 
     Parameters
     ----------
@@ -59,6 +59,9 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
         messages.
 
     """
+    if usage.asked(sys.argv[1:] if args is None else args):
+        print(_help(node_types))
+        return
     loop: Loop | None = None
     stopped = ''
     nodes: list[MamboNode] = []
@@ -99,6 +102,14 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
     except BaseException:  # an error of a node, whose process leaves like any other
         traceback.print_exc()
     _leave(nodes, code, loop)
+
+
+def _help(node_types: Sequence[type[MamboNode]]) -> str:
+    """Return the help of this process, by the path of its executable if it has several nodes."""
+    package, *_, executable = node_types[0].__module__.split('.')
+    if len(node_types) > 1:
+        package, executable = Path(sys.argv[0]).parts[-2:]
+    return usage.text(node_types, package, executable)
 
 
 def _leave(nodes: Sequence[MamboNode], code: int, loop: Loop | None = None) -> NoReturn:

@@ -37,6 +37,10 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
     pose: nothing is published.
     """
 
+    publishes = (topics.OPTITRACK, topics.DIAGNOSTICS)
+    subscribes = (topics.GROUND_TRUTH,)
+    example = '--ros-args -p seed:=2'
+
     def __init__(self, **kwargs) -> None:
         super().__init__('optitrack_node', OptitrackNodeParams, **kwargs)
         self._begun = False

@@ -35,12 +35,16 @@ def _check_pwm(command: tuple) -> str:
 
 class SimNode(node.MamboNode[SimNodeParams]):
     """
-    Simulated Mambo.
+    Simulated Mambo: advances the vehicle by one step of 5 ms with each motor command.
 
-    Publishes ``/clock``, ``imu/data_raw``, ``sonar/range``, ``optical_flow``,
-    ``barometer/pressure``, ``sensor_tick``, ``ground_truth/odom`` and ``/diagnostics``;
-    subscribes ``motor_pwm``.
+    In lockstep it waits for the command; in real time it keeps pace with the wall clock.
     """
+
+    publishes = (
+        topics.CLOCK, topics.IMU, topics.SONAR, topics.OPTICAL_FLOW, topics.BAROMETER,
+        topics.SENSOR_TICK, topics.GROUND_TRUTH, topics.DIAGNOSTICS)
+    subscribes = (topics.MOTOR_PWM,)
+    example = '--ros-args -p mode:=realtime -p duration:=40.0'
 
     def __init__(self, **kwargs) -> None:
         super().__init__('sim_node', SimNodeParams, **kwargs)

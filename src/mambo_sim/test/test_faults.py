@@ -72,7 +72,8 @@ def test_a_bad_reading_is_in_its_window_and_in_no_other_sensor(name, kind):
 
 
 DELIVERIES = {
-    'missing': faults.DELIVERY_LOST, 'late': faults.DELIVERY_LATE, 'repeated': faults.DELIVERY_TWICE}
+    'missing': faults.DELIVERY_LOST, 'late': faults.DELIVERY_LATE,
+    'repeated': faults.DELIVERY_TWICE}
 
 
 @pytest.mark.parametrize('name, field', [
