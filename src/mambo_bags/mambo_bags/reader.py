@@ -345,8 +345,16 @@ _PARTS = {  # of metadata.yaml, what is read of it
     'compression_mode': (str, 'a name'), 'custom_data': (dict, 'names and values')}
 
 
-def _listing(path: Path) -> dict[str, Any]:
-    """Return the content of a directory's metadata.yaml; empty if there is no such file."""
+def read_listing(path: Path) -> dict[str, Any]:
+    """
+    Return the content of a directory's metadata.yaml; empty if there is no such file.
+
+    Raises
+    ------
+    BagError
+        If it is no YAML, beyond the limits of ``mambo_model.yaml_nodes``, or not of a bag.
+
+    """
     file = path / 'metadata.yaml'
     if not file.is_file():
         return {}
@@ -391,7 +399,7 @@ def bag_files(path: Path) -> tuple[list[Path], dict[str, Any]]:
         return [path], {}
     if not path.is_dir():
         raise BagError(f'{path}: there is no such bag')
-    listing = _listing(path)
+    listing = read_listing(path)
     storage = listing.get('storage_identifier', 'mcap')
     if storage != 'mcap' or listing.get('compression_mode', '').lower() in ('file', 'message'):
         raise BagError(

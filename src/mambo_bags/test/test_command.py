@@ -10,7 +10,7 @@ import pytest
 
 TOOL = """
 import errno, os, sys
-from mambo_analysis.cli import guard
+from mambo_bags.command import guard
 def work():
     {work}
 code = guard('tool', work)

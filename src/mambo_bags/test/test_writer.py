@@ -277,7 +277,7 @@ def test_seconds_are_whole_chunks_and_nothing_is_written_before_the_grace(tmp_pa
 
 KILLED = """
 import os, signal, sys
-from mambo_sim.bag_writer import BagWriter
+from mambo_bags.writer import BagWriter
 writer = BagWriter(sys.argv[1], attachments={'scenario.yaml': 'a: 1'})
 writer.add_topic('/clock', 'rosgraph_msgs/msg/Clock')
 for step in range(740):  # 3.7 s

@@ -148,6 +148,10 @@ EMPTY = Alignment(
     ZERO, ZERO, ZERO)
 BLOCK = 10       # samples: 50 ms
 UNLIKELY = 10.3  # chi squared with three degrees of freedom over 3 exceeds it once in 10^6 blocks
+NOT_LEVEL = 4.3
+"""Deviations of a level start that a tilt explains better: sqrt(2 ln(100 * 10^2)), by Bayes, if one
+start in a hundred is not level and tilted by 0.3 rad then, ten times the deviation. One level start
+in 10000 is beyond it; beyond 3, one in 90 took off with a tilt that was 5 degrees wrong."""
 
 
 @jit
@@ -157,6 +161,7 @@ def level(mean: Vec3, gravity: float, v: AlignmentValues) -> Level:
 
     The floor pushes up: the body sees -g R^T e_3. Signs by hand: nose up reads positive on x,
     right side down reads negative on y. The bias along z makes the rest as large as gravity.
+    A reading beyond ``NOT_LEVEL`` deviations is that of a vehicle that does not stand on a floor.
 
     Parameters
     ----------
@@ -169,7 +174,7 @@ def level(mean: Vec3, gravity: float, v: AlignmentValues) -> Level:
     bias, slope = v.accel_bias_std * v.accel_bias_std, gravity * v.floor_slope_std
     total = bias + slope * slope
     share = bias / total
-    if math.hypot(mean[0], mean[1]) > 3.0 * math.sqrt(total):
+    if math.hypot(mean[0], mean[1]) > NOT_LEVEL * math.sqrt(total):
         share = 0.0
     x, y = (1.0 - share) * mean[0], (1.0 - share) * mean[1]
     z = math.copysign(math.sqrt(max(gravity * gravity - x * x - y * y, 0.0)), mean[2])

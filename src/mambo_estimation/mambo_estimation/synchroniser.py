@@ -34,7 +34,7 @@ class Step(NamedTuple):
 
 
 _LATENCY = 50_000_000  # ns, by which a sample of a driver without watermark may be late
-_AHEAD = 100_000_000  # ns, by which an aiding sample may be ahead of the step it arrives with
+_AHEAD = 100_000_000  # ns, by which a sample may be ahead of the step it arrives with
 
 
 class Synchroniser:
@@ -48,8 +48,9 @@ class Synchroniser:
         that sends no watermark): an IMU sample is a step with what has arrived by then.
 
     A sample is dropped where it is late (older than the step before the one that is told of it),
-    not newer than one before it on its stream, overtaken within one step, or ahead: inertial
-    samples of the step they arrive with, aiding ones of it by 0.1 s (they may belong to the next).
+    not newer than one before it on its stream, overtaken within one step, or more than 0.1 s
+    ahead of the step it arrives with. One that is less ahead waits for its own step: where a
+    sample was lost on the way, the counts of the watermark are met by the ones that follow it.
 
     """
 
@@ -121,10 +122,9 @@ class Synchroniser:
         arrived, last = self._arrived[stream], self._last_t
         if last is not None and not self._watermark and stream:
             last -= _LATENCY
-        limit = now + _AHEAD if stream else now
         for _ in range(due - self._received[stream] + len(arrived)):
             t, sample = arrived.popleft()
-            if t > limit:
+            if t > now + _AHEAD:
                 self._dropped[stream] += 1
                 continue
             if t <= self._newest[stream] or last is not None and t <= last:

@@ -191,3 +191,23 @@ def test_a_sample_that_cannot_be_read_is_waited_for_no_longer():
     assert sync.add_imu(0, G, A) == sync.add_tick(0, (1, 1, 0, 0)) == []
     (step,) = sync.skip(1)
     assert math.isnan(step.sonar) and step.dropped == (0, 1, 0, 0)
+
+
+def test_samples_that_follow_a_lost_one_wait_for_their_own_step():
+    sync, steps = Synchroniser(), []
+    for k in range(40):
+        if k != 5:
+            steps += sync.add_imu(5 * MS * k, (float(k), 0.0, 0.0), A)
+        steps += sync.add_tick(5 * MS * k, (k + 1, 0, 0, 0))
+    assert [step.t for step in steps] == [5 * MS * k for k in range(39)]  # the last one waits
+    assert [k for k, step in enumerate(steps) if step.gyro[0] != k] == [5]
+    assert steps[-1].dropped == (0, 0, 0, 0)
+
+
+def test_an_inertial_sample_of_the_far_future_is_dropped_alone():
+    sync = Synchroniser()
+    steps = sync.add_imu(0, G, A) + sync.add_tick(0, (1, 0, 0, 0))
+    steps += sync.add_imu(10_000 * MS, G, A) + sync.add_imu(5 * MS, G, A)
+    steps += sync.add_tick(5 * MS, (3, 0, 0, 0))
+    assert [step.t for step in steps] == [0, 5 * MS] and steps[-1].gyro == G
+    assert steps[-1].dropped == (1, 0, 0, 0)

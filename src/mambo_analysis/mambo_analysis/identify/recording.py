@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag, read_bag
 import numpy as np
 from numpy.typing import NDArray
-import scipy.io
 
+from ..importers.common import read_source, Source
+from ..importers.mat_file import variables
 from ..importers.minidrone import FLOW_SCALE, new_samples, read_log, STEP_NS
 
 Array = NDArray[np.float64]
@@ -56,12 +56,11 @@ class Recording:
     held: bool = False
 
 
-def _resting(path: Path, content: bytes) -> Recording:
+def _resting(path: Path, noise: Any) -> Recording:
     """Return the bench recording of a resting IMU: acceleration and rate each 5 ms, (n, 6)."""
-    try:
-        values = np.asarray(scipy.io.loadmat(BytesIO(content))['noisedata'], float)
-    except Exception as error:  # the parser of damaged bytes raises anything
-        raise BagError(f'{path}: noisedata cannot be read ({error!r})') from None
+    if not isinstance(noise, np.ndarray) or noise.dtype.kind not in 'fiu':
+        raise BagError(f'{path}: noisedata is no matrix of numbers')
+    values = noise.astype(float)
     if values.ndim != 2 or values.shape[1] != 6 or not np.isfinite(values).all():
         raise BagError(f'{path}: noisedata has the shape {values.shape}, or values that are not '
                        'finite; expected (n, 6)')
@@ -75,20 +74,20 @@ def _changes(signal: Array) -> Stream:
     return Stream(steps * STEP, signal[steps])
 
 
-def _flight(path: Path) -> Recording:
+def _flight(source: Source, found: dict[str, Any]) -> Recording:
     """
     Return a minidrone log; see :mod:`mambo_analysis.importers.minidrone` for its signals.
 
     The gyro is ``pa, qa, ra``: of the rates of the onboard estimate, ``pb, qb, rb``, the last is
     filtered.
     """
-    log = read_log(path)
+    log = read_log(source, found)
     t = np.arange(len(log)) * STEP
     sonar = _changes(log.signals['altitude_sonarb'])
     flow = _changes(log.signals['opticalFlow_datout'][:, :2])
     seen = flow.values.any(axis=1)
     return Recording(
-        path.name, Stream(t, log.columns('pa', 'qa', 'ra')),
+        source.path.name, Stream(t, log.columns('pa', 'qa', 'ra')),
         Stream(t, log.columns('ddxb', 'ddyb', 'ddzb')),
         Stream(sonar.t, np.where(sonar.values > 0.0, sonar.values, np.nan)),
         Stream(flow.t[seen], FLOW_SCALE * flow.values[seen]), _changes(log.signals['prsb']),
@@ -152,12 +151,8 @@ def read_sensors(path: Path, namespace: str | None = None) -> Recording:
     """
     if path.suffix != '.mat' or path.is_dir():
         return _bag(path, namespace)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise BagError(f'{path}: cannot be read ({error.strerror})') from None
-    try:
-        names = [entry[0] for entry in scipy.io.whosmat(BytesIO(content))]
-    except Exception:  # what is wrong with it is said by the reader of logs
-        names = []
-    return _resting(path, content) if 'noisedata' in names else _flight(path)
+    source = read_source(path)
+    found = variables(path, source.content)
+    if 'noisedata' in found:
+        return _resting(path, found['noisedata'])
+    return _flight(source, found)

@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 from mambo_bags import columns
 from mambo_bags.command import guard
 from mambo_bags.mcap_reader import BagError
-from mambo_bags.reader import _listing, Messages, read_bag
+from mambo_bags.reader import Messages, read_bag, read_listing
 from mambo_bags.writer import BagWriter
 from mambo_ros import layout
 import numpy as np
@@ -104,7 +104,7 @@ def _files(path: Path) -> tuple[list[Path], str]:
         return [path], ''
     if not path.is_dir():
         raise BagError(f'{path}: there is no such bag')
-    listing = _listing(path)
+    listing = read_listing(path)
     files = [path / Path(name).name for name in listing.get('relative_file_paths', [])]
     files = files or sorted(file for file in path.iterdir() if file.name.endswith(
         tuple(f'{kind}{packed}' for kind in ('.db3', '.mcap') for packed in ('', '.zstd'))))

@@ -8,6 +8,7 @@ memory, may run for ever, and is compiled: only a process of its own can be trus
 from __future__ import annotations
 
 from collections.abc import Callable
+import faulthandler
 import multiprocessing
 from multiprocessing.connection import Connection
 import os
@@ -72,6 +73,8 @@ def call(function: Callable[[Path], Any], path: Path) -> Any:
 def _work(function: Callable[[Path], Any], path: Path, send: Connection) -> None:
     """Call the function within bounds and send what it returns or raises."""
     warnings.simplefilter('ignore')  # of what is damaged; the caller gets one line
+    faulthandler.disable()  # a reader that crashes says so at length
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     own = int(Path('/proc/self/statm').read_text().split()[0]) * os.sysconf('SC_PAGE_SIZE')
     most = limits.limit(limits.UNPACKED_MB)
     try:

@@ -1,29 +1,19 @@
-"""
-The variables of a MATLAB file, read in a process of its own, and the signals that Simulink logs.
-
-The parser is compiled code: damaged bytes can end its process, and a small compressed file can ask
-for any amount of memory. Here that is an error of one line.
-"""
+"""The variables of a MATLAB file, read within bounds, and the signals that Simulink logs."""
 
 from __future__ import annotations
 
 from io import BytesIO
-import multiprocessing
-from multiprocessing.connection import Connection
-import os
 from pathlib import Path
-import resource
 from typing import Any, NamedTuple
-import warnings
 
 from mambo_bags.mcap_reader import BagError
 import numpy as np
 from numpy.typing import NDArray
 import scipy.io
 
+from . import bounded
+
 Floats = NDArray[np.float64]
-MEMORY = 2 << 30  # [byte] more than the process has already, for the variables of one file
-PATIENCE = 120.0  # [s] for the parser
 DEEPEST = 8  # structures in structures that are looked into
 
 
@@ -48,24 +38,9 @@ def _plain(value: Any, depth: int = 0) -> Any:
     return value if isinstance(value, str | int | float | bool) else None
 
 
-def _load(answer: Connection, content: bytes) -> None:
-    """Send the variables of a file's content, or in a text why there are none."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # a parser that dies says so at length
-    try:
-        with open('/proc/self/statm', encoding='ascii') as pages:
-            used = int(pages.read().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-        resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, hard))
-        with warnings.catch_warnings():
-            warnings.simplefilter('ignore')
-            found = scipy.io.loadmat(BytesIO(content), simplify_cells=True)
-        answer.send({name: _plain(value) for name, value in found.items()
-                     if not name.startswith('__')})
-    except MemoryError:
-        answer.send(f'its variables need more than {MEMORY >> 30} GiB')
-    except BaseException as error:  # the parser of damaged or foreign bytes raises anything
-        answer.send(' '.join(str(error).split())[:120] or 'damaged')
+def _load(content: bytes) -> dict[str, Any]:
+    found = scipy.io.loadmat(BytesIO(content), simplify_cells=True)
+    return {name: _plain(value) for name, value in found.items() if not name.startswith('__')}
 
 
 def variables(path: Path, content: bytes) -> dict[str, Any]:
@@ -91,22 +66,12 @@ def variables(path: Path, content: bytes) -> dict[str, Any]:
     """
     if content[:10].startswith(b'MATLAB 7.3'):
         raise BagError(f'{path}: a mat file of version 7.3; save it with -v7 in MATLAB first')
-    context = multiprocessing.get_context('fork')
-    answer, question = context.Pipe(duplex=False)
-    with warnings.catch_warnings():
-        warnings.simplefilter('ignore', DeprecationWarning)  # the child touches no other thread
-        process = context.Process(target=_load, args=(question, content))
-        process.start()
-    question.close()
     try:
-        found = answer.recv() if answer.poll(PATIENCE) else f'no end after {PATIENCE:g} s'
-    except EOFError:
-        found = 'the parser died of it'
-    process.kill()
-    process.join()
-    if isinstance(found, str):
-        raise BagError(f'{path}: not a readable mat file ({found})')
-    return found
+        return bounded.call(lambda _: _load(content), path)
+    except OSError as error:
+        raise BagError(f'{path}: cannot be read ({error.strerror or error})') from None
+    except bounded.UnreadableError as error:
+        raise BagError(f'{path}: not a readable mat file ({error})') from None
 
 
 def _numbers(path: Path, name: str, value: Any) -> Floats:

@@ -177,26 +177,26 @@ def _checked(path: Path, found: dict[str, Any]) -> tuple[dict[str, Array], list[
     return signals, [name for name in values if name not in SIGNALS]
 
 
-def _read_toolbox(source: Source, found: dict[str, Any]) -> Log:
-    """Return the log of the educational toolbox that a mat file's variables are."""
-    signals, others = _checked(source.path, _toolbox(source.path, found))
-    others += [name for name in found if name not in ('rt_yout', 'rt_tout')]
-    return Log(signals, source.path.name, source.sha256, others)
-
-
-def read_log(path: Path) -> Log:
+def read_log(source: Source, found: dict[str, Any]) -> Log:
     """
-    Read a log of the educational toolbox.
+    Return the log of the educational toolbox that a mat file's variables are.
+
+    Parameters
+    ----------
+    source
+        The file.
+    found
+        Its variables, as of :func:`mat_file.variables`.
 
     Raises
     ------
     BagError
-        If the file cannot be read, is no mat file or no such log, or a signal is missing or
-        malformed.
+        If it is no such log, or a signal is missing or malformed.
 
     """
-    source = read_source(path)
-    return _read_toolbox(source, variables(path, source.content))
+    signals, others = _checked(source.path, _toolbox(source.path, found))
+    others += [name for name in found if name not in ('rt_yout', 'rt_tout')]
+    return Log(signals, source.path.name, source.sha256, others)
 
 
 def _flip(vectors: Array) -> list[list[float]]:
@@ -342,7 +342,7 @@ def import_minidrone(
     if is_package_log(found, names is not None):
         return _import_package(file, target, read_package_log(
             source, found, names, gyro_unit, flow_scale))
-    log, scale = _read_toolbox(file, found), flow_scale or FLOW_SCALE
+    log, scale = read_log(file, found), flow_scale or FLOW_SCALE
     with BagWriter(target, attachments=_calibration(log),
                    metadata=_metadata(log, scale)) as writer:
         out = Publisher(writer, TOPICS)

@@ -18,6 +18,7 @@ from mambo_bags import columns
 from mambo_bags.mcap_reader import BagError, Batch
 from mambo_bags.message_definition import DefinitionError
 from mambo_bags.reader import definition_types, Messages, type_name
+from mambo_model import limits
 from rosbags.typesys import get_typestore, Stores
 from rosbags.typesys.store import Typestore
 import zstandard
@@ -26,7 +27,6 @@ OWN = 'mambo_interfaces/msg/'
 DISTRIBUTIONS = ('kilted', 'jazzy', 'iron', 'humble', 'galactic', 'foxy', 'eloquent', 'dashing')
 ZSTD = b'\x28\xb5\x2f\xfd'
 LARGEST = 4 << 30  # [byte] that a compressed file may unpack to
-LARGEST_MESSAGE = 256 << 20  # [byte] the same of a message
 _PIECE = 1 << 20
 _LATEST = 2**63  # [ns]
 
@@ -84,13 +84,22 @@ def _message(data: bytes) -> bytes:
         raise ValueError('a message that is no sequence of bytes')
     if not data.startswith(ZSTD):  # CDR begins with a zero
         return data
+    most, parts, size = limits.limit(limits.UNPACKED_MB), [], 0
+    decompressor = zstandard.ZstdDecompressor().decompressobj()
     try:
-        size = zstandard.frame_content_size(data)  # -1: not told
-        if size > LARGEST_MESSAGE:
-            raise ValueError(f'a message that unpacks to {size} bytes')
-        return zstandard.ZstdDecompressor().decompress(data, max_output_size=LARGEST_MESSAGE)
+        for begin in range(0, len(data), 4096):
+            parts.append(decompressor.decompress(data[begin:begin + 4096]))
+            size += len(parts[-1])
+            if size > most * 1_000_000:
+                raise ValueError(f'a message that unpacks to more than {most} MB: set '
+                                 f'{limits.UNPACKED_MB[0]} to allow more')
+            if decompressor.eof:
+                break
     except zstandard.ZstdError as error:
         raise ValueError(f'a message of damaged compression, {error}') from None
+    if not decompressor.eof:
+        raise ValueError('a message whose compression is cut off')
+    return b''.join(parts)
 
 
 def _carried(database: sqlite3.Connection) -> dict[str, tuple[bytes, str]]:

@@ -311,8 +311,8 @@ def test_damaged_or_huge_compression_is_one_line(tmp_path, capsys, monkeypatch):
     huge = sqlite_bag(tmp_path / 'huge', {'/imu': TYPES['/imu']})
     with sqlite3.connect(huge / 'huge_0.db3') as database:
         database.execute('UPDATE messages SET data = ?', (zstandard.compress(bytes(9 << 20)),))
-    monkeypatch.setattr('mambo_analysis.importers.sqlite_bag.LARGEST_MESSAGE', 1 << 20)
-    refuse(huge, tmp_path, capsys, 'a message that unpacks to 9437184 bytes', entry)
+    monkeypatch.setenv('MAMBO_MAX_UNPACKED_MB', '5')
+    refuse(huge, tmp_path, capsys, 'unpacks to more than 5 MB: set MAMBO_MAX_UNPACKED_MB', entry)
 
 
 @pytest.mark.parametrize('change, text', [

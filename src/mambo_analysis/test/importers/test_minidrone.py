@@ -4,6 +4,8 @@ import hashlib
 import os
 from pathlib import Path
 
+from mambo_analysis.importers.common import read_source
+from mambo_analysis.importers.mat_file import variables
 from mambo_analysis.importers.minidrone import (
     import_minidrone, main, MOTOR_SIGNS, new_samples, read_log, SIGNALS)
 from mambo_bags.mcap_reader import BagError
@@ -139,10 +141,15 @@ def test_new_samples_of_a_held_vector():
     assert new_samples(held).tolist() == [2, 4]
 
 
+def toolbox_log(path):
+    source = read_source(path)
+    return read_log(source, variables(path, source.content))
+
+
 @needs_data
 @pytest.mark.parametrize('path', FLIGHTS, ids=lambda path: path.stem)
 def test_every_real_log_imports_at_the_rates_of_its_sensors(path, tmp_path):
-    log = read_log(path)
+    log = toolbox_log(path)
     counts, _ = import_minidrone(path, tmp_path / 'bag')
     bag, duration = read_bag(tmp_path / 'bag'), len(log) * 0.005
     for topic in ('imu/data_raw', 'motor_pwm', 'onboard/odom', 'onboard/reference'):
@@ -163,7 +170,7 @@ def test_every_real_log_imports_at_the_rates_of_its_sensors(path, tmp_path):
 
 @needs_data
 def test_held_sample_gaps_are_those_of_the_log():
-    log = read_log(next(p for p in FLIGHTS if 'exampleflight' in p.stem))
+    log = toolbox_log(next(p for p in FLIGHTS if 'exampleflight' in p.stem))
     steps = new_samples(log.signals['altitude_sonarb'])
     gaps = np.diff(steps)
     assert np.median(gaps) == 8  # 25 Hz
@@ -244,7 +251,7 @@ def test_what_is_no_log_is_named_in_one_line(tmp_path, capsys):
 
 def test_a_file_that_kills_the_parser_is_refused_like_any_other(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(scipy.io, 'loadmat', lambda *_, **__: os.abort())
-    refuse(save(tmp_path / 'log.mat'), tmp_path, capsys, 'the parser died of it')
+    refuse(save(tmp_path / 'log.mat'), tmp_path, capsys, 'it makes its reader crash')
 
 
 def test_a_log_cut_off_anywhere_is_refused(tmp_path, capsys):

@@ -157,7 +157,7 @@ def test_the_bag_says_where_it_came_from(tmp_path):
     record = read_bag(tmp_path / 'bag').metadata['import']
     assert record['source_file'] == 'take.csv'
     assert record['source_sha256'] == hashlib.sha256(source.read_bytes()).hexdigest()
-    assert record['importer'] == 'mambo_analysis.importers.motive'
+    assert record['importer'] == 'mambo_analysis.import_motive'
     assert (record['up'], record['nose_rad'], record['frames']) == ('y', '0.5', str(N))
     assert record['motive_capture_start_time'].endswith('下午')
 

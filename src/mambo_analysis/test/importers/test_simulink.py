@@ -343,9 +343,11 @@ def test_a_log_cut_off_in_the_middle_is_one_line(flight, tmp_path, capsys):
 
 
 def test_a_small_file_of_large_variables_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr('mambo_analysis.importers.mat_file.MEMORY', 64 << 20)
+    monkeypatch.setenv('MAMBO_MAX_UNPACKED_MB', '10')
     scipy.io.savemat(tmp_path / 'zeros.mat', {'rt_a_x': np.zeros(12 << 20)}, do_compression=True)
     content = (tmp_path / 'zeros.mat').read_bytes()
     assert len(content) < 200_000
-    with pytest.raises(BagError, match='zeros.mat: not a readable mat file'):
+    with pytest.raises(BagError, match='zeros.mat: not a readable mat file .*MAMBO_MAX_UNPACKED'):
         variables(tmp_path / 'zeros.mat', content)
+    monkeypatch.setenv('MAMBO_MAX_UNPACKED_MB', '400')
+    assert len(variables(tmp_path / 'zeros.mat', content)['rt_a_x']) == 12 << 20
