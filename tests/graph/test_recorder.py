@@ -203,3 +203,12 @@ def test_any_name_of_a_bag_comes_to_the_recorder_as_it_is(tmp_path, name):
     assert [path.name for path in tmp_path.iterdir()] == [name]
     files, _ = bag_files(tmp_path / name)
     assert files == [tmp_path / name / f'{name}_0.mcap']
+
+
+def test_a_signal_while_the_recorder_begins_leaves_a_closed_bag(start, tmp_path, monkeypatch):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+    monkeypatch.setattr(writer.BagWriter, 'add_topic', interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        start()
+    assert 'state: recording' not in (tmp_path / 'bag' / 'metadata.yaml').read_text()

@@ -81,15 +81,23 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         attachments = {}
         if p.scenario:
             attachments['scenario.yaml'] = Path(p.scenario).read_text()
-        try:
-            self._bag = BagWriter(Path(p.bag), attachments=attachments)
-        except BagWriterError as error:
-            raise schema.ParameterError(f'RecorderNodeParams.bag: {error}') from None
         self._times = LogTimes()
         self._early: list[tuple[Callable[[bytes], None], bytes]] = []  # before the first /clock
         self._early_size = 0
         self._failed = False
         self._odd: Counter[tuple[str, str]] = Counter()  # by topic and kind
+        try:
+            self._bag = BagWriter(Path(p.bag), attachments=attachments)
+        except BagWriterError as error:
+            raise schema.ParameterError(f'RecorderNodeParams.bag: {error}') from None
+        try:
+            self._record(selected)
+        except BaseException:  # a signal, too: nobody else knows of the bag yet
+            self._bag.close()
+            raise
+
+    def _record(self, selected: list[topics.Topic]) -> None:
+        """Hear topics, and declare them in the bag."""
         for topic in selected:
             name = self.resolve_topic_name(topic.name)
             self._bag.add_topic(

@@ -157,14 +157,31 @@ class BagWriter:
         self._library = library
         self._extras: list[tuple[str, tuple]] = []  # method and arguments of metadata, attachments
         self._stream = self._open()
+        try:
+            self._start(metadata or {}, attachments or {})
+        except KeyboardInterrupt:  # nobody has the writer, to close it
+            self._abandon()
+            raise
+
+    def _start(self, metadata: Mapping[str, Mapping[str, str]],
+               attachments: Mapping[str, str | bytes]) -> None:
+        """Begin the file with what a killed bag has, too."""
         with self._disk():
             self._writer = self._begin(self._stream)
-            for name, values in (metadata or {}).items():
+            for name, values in metadata.items():
                 self.add_metadata(name, values)
-            for name, data in (attachments or {}).items():
+            for name, data in attachments.items():
                 self.add_attachment(name, data)
             self._writer.flush()
             self._write_yaml(RECORDING)
+
+    def _abandon(self) -> None:
+        """Remove a bag that has just been begun."""
+        self._closed = True
+        self._stream.close()
+        for path in self.path.iterdir():
+            path.unlink()
+        self.path.rmdir()
 
     @contextmanager
     def _disk(self) -> Iterator[None]:

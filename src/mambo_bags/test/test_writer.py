@@ -389,3 +389,12 @@ def test_a_whole_flight_goes_into_an_empty_bag_with_its_topics(tmp_path, store):
     bag.write_all(blocks(messages))
     with pytest.raises(BagWriterError, match='empty bag'):
         bag.write_all(blocks(messages))
+
+
+def test_a_signal_while_a_bag_is_begun_leaves_none(tmp_path, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+    monkeypatch.setattr(BagWriter, '_write_yaml', interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        BagWriter(tmp_path / 'bag', attachments={'scenario.yaml': 'a: 1'})
+    assert not (tmp_path / 'bag').exists()

@@ -65,6 +65,7 @@ class Outcome:
     refused: dict[str, str]  # by node: how many messages it refused, by topic and reason
     closed: bool  # the bag
     fault: str = ''  # what ended the flight early, one line
+    whole: bool = False  # whether all was flown that was asked for
 
     @property
     def real_time_factor(self) -> float:
@@ -228,7 +229,8 @@ def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess], asked: flo
         fault = f'flew {progress.flown:.2f} of {asked:g} s: {fault}'
     return Outcome(
         bag, progress.flown, progress.took, progress.missed, progress.delay,
-        crew.interrupts.first, _used(nodes), _refused(nodes), closed, fault)
+        crew.interrupts.first, _used(nodes), _refused(nodes), closed, fault,
+        whole=progress.flown >= asked)
 
 
 def _listener(progress: Progress, children: list[NodeProcess]) -> Callable[[str], None]:
@@ -428,8 +430,8 @@ def _tell(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
               if bag.exists() else 'bag: none')
         return [outcome.fault] if outcome.fault else []
     print(f'bag: {bag}\n')
-    if outcome.stopped not in (None, signal.SIGINT):  # who wants no page, but the end
-        return []
+    if outcome.stopped and (outcome.whole or outcome.stopped != signal.SIGINT):
+        return []  # who wants no page, but the end
     said = [outcome.fault] if outcome.fault else []
     if no_report:
         said += [] if outcome.stopped else ended_early(read_bag(bag, ENDINGS), bool(said))

@@ -349,3 +349,15 @@ def test_names_of_bags_are_written_for_ros_as_they_are(tmp_path):
     _, arguments = flight._nodes(file, tmp_path / name, False, '/mambo')[0]
     told = dict(text.split(':=', 1) for text in arguments if ':=' in text)
     assert yaml.safe_load(told['bag']) == str(tmp_path / name)
+
+
+@pytest.mark.parametrize('number, whole, reports', [
+    (signal.SIGINT, False, 1), (signal.SIGINT, True, 0), (signal.SIGTERM, False, 0)])
+def test_ctrl_c_after_all_was_flown_ends_without_a_report(
+        tmp_path, monkeypatch, number, whole, reports):
+    asked = []
+    monkeypatch.setattr(
+        flight, 'report', lambda *arguments: asked.append(arguments) or (tmp_path, []))
+    outcome = flight.Outcome(tmp_path, 4.0, 1.0, 0, '', number, {}, {}, True, whole=whole)
+    assert flight._tell(outcome, tmp_path, no_report=False) == []
+    assert len(asked) == reports

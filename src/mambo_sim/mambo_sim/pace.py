@@ -79,6 +79,7 @@ def run(sim: Any, loop: Any) -> int:
     log.info(f'flying in {p.mode} mode')  # the first line takes ten times as long as a step
     end = round(p.duration * 1e9) if p.duration else None
     began = logged = time.monotonic()
+    sim.start()
     lockstep = p.mode == 'lockstep'
     while not loop.stopping:
         sim.sense()
@@ -91,7 +92,9 @@ def run(sim: Any, loop: Any) -> int:
         if now - logged > 1.0:
             logged = now
             log.info(f't = {sim.t * 1e-9:.2f} s')
-        if end is not None and sim.t >= end:
+        if end is not None and (sim.t >= end or not lockstep and sim.is_deserted(now)):
+            if sim.t < end:
+                sim.give_up()
             break
         sim.advance()
     took = time.monotonic() - began

@@ -53,11 +53,12 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._accel_variance = tuple(sigma ** 2 for sigma in p.imu.accel_noise)
         self._tick = 0
         self._pwm, self._shutdown, self._answered = _STILL, False, -1
-        self._heard = 0.0  # s of wall time
+        self._heard = time.monotonic()  # s of wall time
         self.sensed = 0.0  # s of wall time, of the newest IMU sample
         self.delays = Delays()  # from IMU sample to motor command
         self.missed = 0
         self.starved = -1  # ns, when the watchdog stopped the motors; -1: it has not
+        self._starved_after = 0.0  # s of wall time without a motor command
         self._clock_output = self.advertise(topics.CLOCK)
         f = p.faults
         self._imu = self._outbox(topics.IMU, f.imu)
@@ -131,14 +132,13 @@ class SimNode(node.MamboNode[SimNodeParams]):
         if t % 1_000_000_000 == 0:
             self._report(t)
 
-    @property
-    def _limit(self) -> float:
-        """Return the wall time in s for which a motor command may be missing."""
-        p = self.params
-        return p.patience if p.mode == 'lockstep' else p.motor_timeout
+    def _starve(self, seconds: float) -> None:
+        """Stop the motors for good after so many s of wall time without a motor command."""
+        if self.starved < 0:
+            self.starved, self._starved_after = self.t, seconds
 
     def _report(self, t: int) -> None:
-        level, line = pace.status(self.missed, self.starved, self._limit)
+        level, line = pace.status(self.missed, self.starved, self._starved_after)
         numbers = {'mode': self.params.mode, 'steps': self._tick, 'missed': self.missed}
         if self.params.mode == 'realtime':  # a wall time has no place in a repeatable flight
             numbers |= {f'IMU to motor command, {name} [ms]': value
@@ -159,14 +159,22 @@ class SimNode(node.MamboNode[SimNodeParams]):
         limit, silent = self.params.motor_timeout, now - self._heard
         turning = not self._shutdown and any(x > 0.0 for x in self._pwm)
         if self.starved < 0 and turning and 0.0 < limit < silent:
-            self.starved = self.t
+            self._starve(limit)
             self.get_logger().error(
                 f'no motor_pwm for {limit:g} s: motors stopped at t = {self.t * 1e-9:.3f} s')
             self._report(self.t)
 
+    def start(self) -> None:
+        """Begin to wait for motor commands."""
+        self._heard = time.monotonic()
+
+    def is_deserted(self, now: float) -> bool:
+        """Return whether no motor command came for the patience, at a wall time in s."""
+        return now - self._heard > self.params.patience
+
     def give_up(self) -> None:
-        """Stop the motors for good: the command of this step has not come (lockstep)."""
-        self.starved = self.t
+        """Stop the motors for good: the command of this step has not come."""
+        self._starve(self.params.patience)
         refused = ', '.join(
             f'{count} {reason}' for reason, count in sorted(self.commands.refused.items()))
         self.get_logger().error(

@@ -2,33 +2,39 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
 
-ENDINGS = ('/clock', 'clock', '/diagnostics', 'diagnostics', 'motor_pwm')
+ENDINGS = ('/clock', 'clock', '/diagnostics', 'diagnostics')
 """Topics that tell how a flight ended."""
-_FINAL = ('sim_node', 'controller_node')  # nodes whose first ERROR is the end of the flight
 _STEP = 0.005  # s
 _ERROR = 2
 
 
-def _planned(bag: Bag) -> float:
-    """Return the duration that the scenario in a bag asks for, s; 0 if it asks for none."""
+def _simulator(bag: Bag, *path: str) -> Any:
+    """Return a parameter of the simulator by the scenario in a bag, None if it has none."""
     for name, node in (bag.scenario or {}).items():
         if str(name).endswith('/sim_node'):
-            try:
-                return float(node['ros__parameters']['duration'])
-            except (KeyError, TypeError, ValueError):
-                break
-    return 0.0
+            for part in ('ros__parameters', *path):
+                node = node.get(part) if isinstance(node, dict) else None
+            return node
+    return None
 
 
-def _flew(bag: Bag, since: float) -> bool:
-    """Return whether the motors were told to turn before a time, s."""
-    if 'motor_pwm' not in bag:
-        return True
-    pwm = bag['motor_pwm']
-    return bool((pwm['pwm'][pwm.t <= since] > 0.0).any())
+def _planned(bag: Bag) -> float:
+    """Return the duration that the scenario in a bag asks for, s; 0 if it asks for none."""
+    try:
+        return float(_simulator(bag, 'duration') or 0.0)
+    except (TypeError, ValueError):
+        return 0.0
+
+
+def _finals(bag: Bag) -> tuple[str, ...]:
+    """Return the nodes whose first ERROR ends the flight; a hand needs no controller."""
+    carried = _simulator(bag, 'simulator', 'hand', 'enabled') is True
+    return ('sim_node',) if carried else ('sim_node', 'controller_node')
 
 
 def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
@@ -48,7 +54,7 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
     the scenario in the bag asks for.
 
     """
-    lines, first = [], set()
+    lines, first, finals = [], set(), _finals(bag)
     for topic in ('/diagnostics', 'diagnostics'):
         try:
             reports = list(bag[topic].objects()) if topic in bag else []
@@ -57,8 +63,8 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
         for report in reports:
             t = report.header.stamp.sec + report.header.stamp.nanosec * 1e-9
             for status in report.status:
-                if (status.name in _FINAL and status.level == _ERROR
-                        and status.name not in first and _flew(bag, t)):
+                if (status.name in finals and status.level == _ERROR
+                        and status.name not in first):
                     first.add(status.name)
                     lines.append(f'{status.name} at {t:.3f} s: {status.message}')
     clock = next((name for name in ('/clock', 'clock') if name in bag), None)

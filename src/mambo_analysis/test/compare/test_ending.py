@@ -1,0 +1,55 @@
+"""What ends a flight before its time is a line; a hand that carries the vehicle ends nothing."""
+
+from mambo_analysis.compare.ending import ended_early
+from mambo_bags.reader import read_bag
+from mambo_bags.writer import BagWriter
+from mambo_ros import diagnostics, messages
+import pytest
+import yaml
+
+SECOND = 1_000_000_000  # ns
+LINE = 'motors shut down: estimator not aligned'
+
+
+def bag(path, name, level, hand=False, seconds=3, motors=False):
+    """Return a bag of so many s of a flight of 3 s, in which a node says a line at 1 s."""
+    scenario = {'/mambo/sim_node': {'ros__parameters': {
+        'duration': 3.0, 'simulator': {'hand': {'enabled': hand}}}}}
+    writer = BagWriter(path, attachments={'scenario.yaml': yaml.safe_dump(scenario)})
+    writer.add_topic('/clock', 'rosgraph_msgs/msg/Clock')
+    writer.add_topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray')
+    writer.add_topic('/mambo/motor_pwm', 'mambo_interfaces/msg/MotorPwm')
+    for second in range(seconds + 1):
+        t = second * SECOND
+        writer.write('/clock', messages.clock(t), t)
+        writer.write('/mambo/motor_pwm', messages.motor_pwm(
+            t, (200.0 if motors else 0.0,) * 4, False, 0), t)
+        if second:
+            writer.write('/diagnostics', diagnostics.report(t, name, level, LINE, {}), t)
+    writer.close()
+    return read_bag(path)
+
+
+@pytest.mark.parametrize('motors', [False, True])
+@pytest.mark.parametrize('name', ['controller_node', 'sim_node'])
+def test_the_first_error_of_controller_or_vehicle_is_a_line_in_the_air_or_not(
+        tmp_path, name, motors):
+    flight = bag(tmp_path / 'bag', name, diagnostics.ERROR, motors=motors)
+    assert ended_early(flight) == [f'{name} at 1.000 s: {LINE}']
+
+
+@pytest.mark.parametrize('name, level', [
+    ('controller_node', diagnostics.WARN), ('estimator_node', diagnostics.ERROR)])
+def test_warnings_and_other_nodes_end_nothing(tmp_path, name, level):
+    assert ended_early(bag(tmp_path / 'bag', name, level)) == []
+
+
+def test_a_controller_that_gives_up_does_not_end_a_flight_by_hand(tmp_path):
+    assert ended_early(bag(tmp_path / 'a', 'controller_node', diagnostics.ERROR, hand=True)) == []
+    assert ended_early(bag(tmp_path / 'b', 'sim_node', diagnostics.ERROR, hand=True))
+
+
+def test_less_than_the_scenario_asks_for_is_a_line_unless_it_is_known(tmp_path):
+    flight = bag(tmp_path / 'bag', 'sim_node', diagnostics.OK, seconds=2)
+    assert ended_early(flight) == ['flew 2.00 of 3 s']
+    assert ended_early(flight, is_told=True) == []
