@@ -1,6 +1,9 @@
-"""Whether a flight ended as planned, by its bag alone."""
+"""Whether a flight ended as planned, and which messages its nodes refused, by its bag alone."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
 
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
@@ -10,6 +13,8 @@ ENDINGS = ('/clock', 'clock', '/diagnostics', 'diagnostics', 'motor_pwm')
 _FINAL = ('sim_node', 'controller_node')  # nodes whose first ERROR is the end of the flight
 _STEP = 0.005  # s
 _ERROR = 2
+_REFUSED = 'refused messages: '
+_INPUTS = ': inputs'  # of a node, the name of its status on messages that it refused
 
 
 def _planned(bag: Bag) -> float:
@@ -31,6 +36,27 @@ def _flew(bag: Bag, since: float) -> bool:
     return bool((pwm['pwm'][pwm.t <= since] > 0.0).any())
 
 
+def _statuses(bag: Bag) -> Iterator[tuple[float, Any]]:
+    """Yield every diagnostic status of a bag with the stamp of its report, s."""
+    for topic in ('/diagnostics', 'diagnostics'):
+        try:
+            reports = list(bag[topic].objects()) if topic in bag else []
+        except BagError:  # a foreign one that cannot be read tells nothing
+            continue
+        for report in reports:
+            t = report.header.stamp.sec + report.header.stamp.nanosec * 1e-9
+            yield from ((t, status) for status in report.status)
+
+
+def refused_messages(bag: Bag) -> list[str]:
+    """Return which messages each node refused and how many, a line a node."""
+    counts = {
+        status.name.removesuffix(_INPUTS): status.message.removeprefix(_REFUSED)
+        for _, status in _statuses(bag)  # the last report of a node has all that came before
+        if status.name.endswith(_INPUTS) and status.message.startswith(_REFUSED)}
+    return [f'{node} {_REFUSED}{count}' for node, count in counts.items()]
+
+
 def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
     """
     Return what ended a flight before its time, a line each; nothing for one that went as planned.
@@ -49,18 +75,11 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
 
     """
     lines, first = [], set()
-    for topic in ('/diagnostics', 'diagnostics'):
-        try:
-            reports = list(bag[topic].objects()) if topic in bag else []
-        except BagError:  # a foreign one that cannot be read tells nothing
-            continue
-        for report in reports:
-            t = report.header.stamp.sec + report.header.stamp.nanosec * 1e-9
-            for status in report.status:
-                if (status.name in _FINAL and status.level == _ERROR
-                        and status.name not in first and _flew(bag, t)):
-                    first.add(status.name)
-                    lines.append(f'{status.name} at {t:.3f} s: {status.message}')
+    for t, status in _statuses(bag):
+        if (status.name in _FINAL and status.level == _ERROR
+                and status.name not in first and _flew(bag, t)):
+            first.add(status.name)
+            lines.append(f'{status.name} at {t:.3f} s: {status.message}')
     clock = next((name for name in ('/clock', 'clock') if name in bag), None)
     planned = _planned(bag)
     if clock and planned and not is_told:
