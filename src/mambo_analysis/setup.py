@@ -29,7 +29,7 @@ setup(
             'identify_flow = mambo_analysis.identify.flow:main',
             'identify_inertia = mambo_analysis.identify.inertia:main',
             'identify_motor = mambo_analysis.identify.motor:main',
-            'identify_sensors = mambo_analysis.identify.sensors:main',
+            'identify_sensors = mambo_analysis.identify.sensors.command:main',
             'identify_thrust = mambo_analysis.identify.thrust:main',
             'import_bag = mambo_analysis.importers.any_bag:main',
             'import_crazyflie = mambo_analysis.importers.crazyflie:main',

@@ -19,6 +19,7 @@ TYPES = {
     'estimator/state': 'mambo_interfaces/msg/EstimatorState',
     'reference': 'mambo_interfaces/msg/Reference', 'motor_pwm': 'mambo_interfaces/msg/MotorPwm',
     'onboard/odom': 'nav_msgs/msg/Odometry'}
+DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 SIMULATED = tuple(name for name in TYPES if not name.startswith('onboard'))
 START, BLEND, LANDING = 5.0, 3.0, 16.0  # s
 SCENARIO = ('/mambo/reference_node:\n  ros__parameters:\n    plan:\n'
@@ -49,7 +50,7 @@ class Maker:
     """Writes stamped messages of one bag."""
 
     def __init__(self, path, topics, **options):
-        self.store = columns.load_types(TYPES.values())
+        self.store = columns.load_types([*TYPES.values(), DIAGNOSTICS])
         self.writer = BagWriter(path, **options)
         for topic in topics:
             self.writer.add_topic(f'/mambo/{topic}', TYPES[topic])
@@ -60,8 +61,9 @@ class Maker:
     def message(self, topic, ns, frame='odom', **fields):
         stamp = self.store.types['builtin_interfaces/msg/Time'](*map(int, divmod(ns, 10**9)))
         header = self.store.types['std_msgs/msg/Header'](stamp, frame)
-        message = columns.zero(self.store, TYPES[topic], header=header, **fields)
-        return bytes(self.store.serialize_cdr(message, TYPES[topic]))
+        name = TYPES.get(topic, topic)
+        message = columns.zero(self.store, name, header=header, **fields)
+        return bytes(self.store.serialize_cdr(message, name))
 
     def write(self, topic, ns, **fields):
         self.writer.write(f'/mambo/{topic}', self.message(topic, ns, **fields), ns)
@@ -129,6 +131,12 @@ class Flight(Maker):
                 flow_test_ratio=0.2 if flow else nothing,
                 barometer_innovation=nothing, barometer_test_ratio=nothing)
 
+    def diagnose(self, node, level, t, message, ns):
+        types = self.store.types
+        status = types['diagnostic_msgs/msg/DiagnosticStatus'](level, node, message, '', [])
+        data = self.message(DIAGNOSTICS, round(t * 1e9), '', status=[status])
+        self.writer.write('/diagnostics', data, ns)
+
     def step(self, step):
         ns, t = step * STEP, step * 0.005
         p, factor = truth_position(t), 1.0 if t >= START + BLEND else 2.0
@@ -149,16 +157,22 @@ class Flight(Maker):
             self.frame += 1
 
 
-def make_flight(path: Path, duration=18.0, leave_out=(), drop=None, noise=0.0, **options) -> Path:
+def make_flight(path: Path, duration=18.0, leave_out=(), drop=None, noise=0.0, diagnostics=(),
+                **options) -> Path:
     """
     Write a simulated flight.
 
     ``leave_out`` topics are not in the bag; of ``drop`` {topic: numbers} those messages are lost.
+    ``diagnostics`` are (node, level, s, message), published in the order given.
     """
     options.setdefault('attachments', {'scenario.yaml': SCENARIO})
     flight = Flight(path, leave_out, drop or {}, noise, options)
+    if diagnostics:
+        flight.writer.add_topic('/diagnostics', DIAGNOSTICS)
     for step in range(round(duration * 200)):
         flight.step(step)
+    for row in diagnostics:
+        flight.diagnose(*row, round(duration * 200) * STEP)
     assert flight.writer.late == 0
     flight.writer.close({'real_time_factor': '4.25'})
     return Path(path)

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from . import pair, tables
-from .ending import ended_early
+from .ending import ended_early, refused_messages
 from .pair import Alignment, Comparison, Quantity
 from .tables import table
 
@@ -184,7 +184,7 @@ def compare(bag: Bag) -> dict[str, Any]:
 
     """
     check_types(bag)
-    parts, notes = phases(bag), []
+    parts, notes = phases(bag), refused_messages(bag)
     errors = [pair.section(comparison['position'], comparison.title, parts)
               for comparison in pair.within(bag, parts, notes)]
     if 'onboard/odom' in bag and 'estimate/odom' in bag:
@@ -363,7 +363,7 @@ def compare_bags(
     -------
     result
         ``bags``, ``compared`` (topics), ``duration`` [s] in common, ``alignment``,
-        ``takeoff_end`` [s], ``landing_start`` [s], ``takeoff``, ``errors``
+        ``takeoff_end`` [s], ``landing_start`` [s], ``takeoff``, ``ending``, ``errors``
         (:func:`mambo_analysis.compare.pair.section`, one a quantity), ``differences`` of the
         scenarios (parameter, A, B) and ``notes``. Plain numbers, lists and texts.
     comparison, alignment
@@ -402,7 +402,9 @@ def compare_bags(
     comparison = Comparison(
         f'{ours.name} of A minus {theirs.name} of B', (f'A: {ours.name}', f'B: {theirs.name}'),
         tuple(quantities), parts)
-    notes = [alignment.text, _reference(a, other, alignment), *pair.left_out((ours, theirs)),
+    both = (('', a),) if other is a else (('A: ', a), ('B: ', other))
+    notes = [*(f'{name}{line}' for name, bag in both for line in refused_messages(bag)),
+             alignment.text, _reference(a, other, alignment), *pair.left_out((ours, theirs)),
              *(f'no {name}: only compared where both tell it'
                for name in ('velocity', 'attitude') if name not in {q.name for q in quantities})]
     there = quantities[0].stamps[np.isfinite(quantities[0].error).all(axis=1)]
@@ -410,7 +412,9 @@ def compare_bags(
         'bags': [a.path.name, other.path.name], 'compared': [ours.name, theirs.name],
         'duration': float(there[-1] - there[0]) * 1e-9, 'alignment': alignment._asdict(),
         'takeoff_end': _seconds(parts.takeoff_end), 'landing_start': _seconds(parts.landing_start),
-        'takeoff': parts.text, 'errors': comparison.sections(),
+        'takeoff': parts.text,
+        'ending': [f'{name}{line}' for name, bag in both for line in ended_early(bag)],
+        'errors': comparison.sections(),
         'differences': _differences(a, other), 'notes': [note for note in notes if note],
     }, comparison, alignment
 

@@ -1,7 +1,8 @@
-"""Whether a flight ended as planned, by its bag alone."""
+"""Whether a flight ended as planned, and which messages its nodes refused, by its bag alone."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from mambo_bags.mcap_reader import BagError
@@ -11,6 +12,8 @@ ENDINGS = ('/clock', 'clock', '/diagnostics', 'diagnostics')
 """Topics that tell how a flight ended."""
 _STEP = 0.005  # s
 _ERROR = 2
+_REFUSED = 'refused messages: '
+_INPUTS = ': inputs'  # of a node, the name of its status on messages that it refused
 
 
 def _simulator(bag: Bag, *path: str) -> Any:
@@ -37,6 +40,27 @@ def _finals(bag: Bag) -> tuple[str, ...]:
     return ('sim_node',) if carried else ('sim_node', 'controller_node')
 
 
+def _statuses(bag: Bag) -> Iterator[tuple[float, Any]]:
+    """Yield every diagnostic status of a bag with the stamp of its report, s."""
+    for topic in ('/diagnostics', 'diagnostics'):
+        try:
+            reports = list(bag[topic].objects()) if topic in bag else []
+        except BagError:  # a foreign one that cannot be read tells nothing
+            continue
+        for report in reports:
+            t = report.header.stamp.sec + report.header.stamp.nanosec * 1e-9
+            yield from ((t, status) for status in report.status)
+
+
+def refused_messages(bag: Bag) -> list[str]:
+    """Return which messages each node refused and how many, a line a node."""
+    counts = {
+        status.name.removesuffix(_INPUTS): status.message.removeprefix(_REFUSED)
+        for _, status in _statuses(bag)  # the last report of a node has all that came before
+        if status.name.endswith(_INPUTS) and status.message.startswith(_REFUSED)}
+    return [f'{node} {_REFUSED}{count}' for node, count in counts.items()]
+
+
 def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
     """
     Return what ended a flight before its time, a line each; nothing for one that went as planned.
@@ -55,18 +79,10 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
 
     """
     lines, first, finals = [], set(), _finals(bag)
-    for topic in ('/diagnostics', 'diagnostics'):
-        try:
-            reports = list(bag[topic].objects()) if topic in bag else []
-        except BagError:  # a foreign one that cannot be read tells nothing
-            continue
-        for report in reports:
-            t = report.header.stamp.sec + report.header.stamp.nanosec * 1e-9
-            for status in report.status:
-                if (status.name in finals and status.level == _ERROR
-                        and status.name not in first):
-                    first.add(status.name)
-                    lines.append(f'{status.name} at {t:.3f} s: {status.message}')
+    for t, status in _statuses(bag):
+        if status.name in finals and status.level == _ERROR and status.name not in first:
+            first.add(status.name)
+            lines.append(f'{status.name} at {t:.3f} s: {status.message}')
     clock = next((name for name in ('/clock', 'clock') if name in bag), None)
     planned = _planned(bag)
     if clock and planned and not is_told:

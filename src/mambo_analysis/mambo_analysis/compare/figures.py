@@ -331,7 +331,7 @@ def plots(bag: Bag) -> list[Plot]:
             (len(rows), 1), 0.6 + 1.25 * len(rows), 0, draw_innovations)),
         (_has_band(bag), Plot(
             'covariance', 'Does the filter know its error?',
-            'Position error of the estimate on each axis, and the band of three standard '
+            'Position error of the estimate on each axis, z up, and the band of three standard '
             'deviations that the filter gives.', (3, 1), 5.0, 2, draw_covariance)))
     return [plot for wanted, plot in every if wanted]
 

@@ -11,7 +11,10 @@ def _row(cells: Sequence[str]) -> str:
     return f'<tr><th scope="row">{first}</th>{"".join(f"<td>{cell}</td>" for cell in others)}</tr>'
 
 
-def table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table(
+    caption: str, head: Sequence[str], rows: Sequence[Sequence[str]],
+    texts: Sequence[tuple[str, str]] = (),
+) -> str:
     """
     Return a table whose first column names its rows, in a frame that scrolls if it is narrow.
 
@@ -21,13 +24,19 @@ def table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> s
         Text above it, also the name of the frame.
     head, rows
         Texts of the cells, not yet escaped.
+    texts
+        (name, text) of rows below those, each with one text over all columns.
 
     """
     cells = ''.join(f'<th scope="col">{escape(name)}</th>' for name in head)
     name = escape(caption, quote=True)
+    wide = ''.join(
+        f'<tr><th scope="row">{escape(first)}</th>'
+        f'<td class="text" colspan="{len(head) - 1}">{escape(text)}</td></tr>'
+        for first, text in texts)
     return (f'<div class="scroll" tabindex="0" role="group" aria-label="{name}">'
             f'<table><caption>{name}</caption><thead><tr>{cells}</tr></thead>'
-            f'<tbody>{"".join(map(_row, rows))}</tbody></table></div>')
+            f'<tbody>{"".join(map(_row, rows))}{wide}</tbody></table></div>')
 
 
 def details(name: str, text: str) -> str:

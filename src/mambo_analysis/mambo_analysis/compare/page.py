@@ -14,7 +14,7 @@ from mambo_bags.reader import Bag
 from mambo_model import palette
 import matplotlib
 
-from . import figures, markup
+from . import figures, markup, tables
 
 _STYLE = palette.css() + """
 * { box-sizing: border-box; }
@@ -29,7 +29,7 @@ figure svg { width: 100%; height: auto; display: block; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .25rem 0 1rem; }
 th, td { padding: .2rem .7rem .2rem 0; text-align: right; white-space: nowrap;
   border-bottom: 1px solid var(--line); }
-th:first-child { text-align: left; } tbody th { font-weight: inherit; }
+th:first-child, td.text { text-align: left; } tbody th { font-weight: inherit; }
 caption { text-align: left; font-weight: 600; padding: .5rem 0 .2rem; }
 details { background: var(--card); border-radius: .5rem; padding: .5rem .8rem; margin-top: 2rem; }
 pre { overflow-x: auto; font-size: .8rem; }
@@ -48,7 +48,8 @@ def _svg(plot: figures.Plot, bag: Bag) -> str:
     text = buffer.getvalue()
     text = text[text.index('<svg'):]
     text = re.sub(r'<metadata>.*?</metadata>', '', text, flags=re.DOTALL)
-    text = palette.variables(re.sub(r'(\d+\.\d\d)\d+', r'\1', text))  # hundredths of a point
+    text = re.sub(r'(?<!\d)(?<!scale\()(\d+\.\d\d)\d+', r'\1', text)  # hundredths of a point
+    text = palette.variables(text)
     # ids are unique within one figure only
     text = re.sub(r'(\bid="|href="#|url\(#)', rf'\g<1>{plot.name}-', text)
     label = escape(f'{plot.title}: {plot.text}', quote=True)
@@ -64,7 +65,7 @@ def _tables(result: Mapping[str, Any]) -> str:
                  *(f'{value:.4f}' for value in (*row['rms'], row['rms_total'],
                                                 row['maximum_total'])),
                  str(row['count'])] for row in section['rows'] if row['count']]
-        parts.append(markup.table(section['title'], head, rows))
+        parts.append(markup.table(section['title'], head, rows, tables.too_few(section)))
     rows = [[entry['topic'], str(entry['messages']),
              '-' if entry['rate'] is None else f'{entry["rate"]:.1f}',
              '-' if entry['lost'] is None else str(entry['lost'])] for entry in result['topics']]

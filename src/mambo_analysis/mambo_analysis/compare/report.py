@@ -41,6 +41,7 @@ class Report(NamedTuple):
 
     title: str
     lead: str
+    ending: list[str]  # what ended the flight early
     cards: list[tuple[str, str, str]]  # (name, number, what it is)
     notes: list[str]
     sections: list[Mapping[str, Any]]  # of compare
@@ -91,6 +92,11 @@ def _figure(
             'text': text, 'panels': [{'label': label, 'lines': lines} for label, lines in panels]}
 
 
+def _direction(axis: str) -> str:
+    """Return the name of an axis, with its direction where there are two."""
+    return 'z up' if axis == 'z' else axis
+
+
 def _figures(
     comparison: Comparison, name: str, others: Mapping[str, Sequence[Motion]],
     colours: Sequence[str],
@@ -107,7 +113,7 @@ def _figures(
             lines = [_line(other.name, other.stamps, other.position[:, axis], digits,
                            {**_style('reference'), 'dash': 'dot'})
                      for other in others.get(q.name, ())]
-            panels.append((f'{label} [{q.unit}]', [
+            panels.append((f'{_direction(label)} [{q.unit}]', [
                 *lines, _line(theirs, q.stamps, q.b[:, axis], digits, b),
                 _line(ours, q.stamps, q.a[:, axis], digits, a)]))
         shown = figures.listed([ours, theirs, *(other.name for other in others.get(q.name, ()))])
@@ -123,7 +129,7 @@ def _error_figure(q: Quantity, name: str, what: str, digits: int) -> dict[str, A
     label = 'angle' if q.name == 'attitude' else 'length'
     panels = []
     if len(q.axes) == 3:
-        panels = [(f'Δ{axis} [{q.unit}]', [
+        panels = [(f'Δ{_direction(axis)} [{q.unit}]', [
             _line(f'{axis} error', q.stamps, q.error[:, i], digits, _style('ink'))])
             for i, axis in enumerate(q.axes)]
     length = np.linalg.norm(q.error, axis=1)
@@ -226,7 +232,8 @@ def of_two(
     lead = (f'A, {ours.name} of {result["bags"][0]}, minus B, {theirs.name} of '
             f'{result["bags"][1]}: {result["duration"]:.2f} s in common.')
     return _shade(Report(
-        title, lead, _cards(result['errors']), [*tables.times(result), *result['notes']],
+        title, lead, result['ending'], _cards(result['errors']),
+        [*tables.times(result), *result['notes']],
         [{**entry, 'title': f'{entry["quantity"]}, A minus B'} for entry in result['errors']],
         result['differences'], _details(a) if other is a else _details(a, other),
         _replay(tracks, vehicles), _figures(named, '', {'position': references}, colours),
@@ -275,7 +282,8 @@ def of_one(bag: Bag, result: Mapping[str, Any]) -> Report:
     lead = f'{result["duration"]:.2f} s of flight; {comparisons[0].title}.' if comparisons \
         else f'{result["duration"]:.2f} s of flight.'
     return _shade(Report(
-        result['bag'], lead, _cards(comparisons[0].sections() if comparisons else []),
+        result['bag'], lead, result['ending'],
+        _cards(comparisons[0].sections() if comparisons else []),
         [*facts, *tables.times(result), *result['notes']], sections, [], _details(bag),
         _replay([*tracks, *vehicles[::-1]], vehicles), shown, parts))
 
@@ -289,7 +297,8 @@ def _section_table(entry: Mapping[str, Any]) -> str:
         *row['rms'], row['rms_total'], row['maximum_total'], row['drift_total'])),
         *('–' if value is None else f'{value:.3f}' for value in row['delay']),
         str(row['count'])] for row in entry['rows'] if row['count']]
-    return markup.table(f'{entry["title"]} [{entry["unit"]}]', head, rows)
+    return markup.table(
+        f'{entry["title"]} [{entry["unit"]}]', head, rows, tables.too_few(entry))
 
 
 def _figure_html(figure: Mapping[str, Any]) -> str:
@@ -327,6 +336,7 @@ def html(report: Report) -> str:
     cards = ''.join(
         f'<div class="card"><dt>{escape(name)}</dt><dd>{escape(number)}</dd>'
         f'<dd class="what">{escape(what)}</dd></div>' for name, number, what in report.cards)
+    ending = ''.join(f'<p><strong>{escape(line)}.</strong></p>' for line in report.ending)
     notes = ''.join(f'<li>{escape(note)}</li>' for note in report.notes)
     pages = ''.join(map(_figure_html, report.figures))
     differ = markup.table('Parameters that differ', ['parameter', 'A', 'B'], [
@@ -339,7 +349,7 @@ def html(report: Report) -> str:
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<title>{escape(report.title)}</title><style>{style}</style></head><body><main>'
-        f'<header><h1>{escape(report.title)}</h1><p>{escape(report.lead)}</p>'
+        f'<header><h1>{escape(report.title)}</h1><p>{escape(report.lead)}</p>{ending}'
         f'<dl class="cards">{cards}</dl></header>{_REPLAY}'
         f'<section id="plots"><h2>Signals and differences</h2><p class="hint">'
         f'{shaded} Zooming in time zooms every plot; a double click shows all of every plot '

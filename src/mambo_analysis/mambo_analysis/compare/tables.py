@@ -18,6 +18,12 @@ def main_row(entry: Mapping[str, Any]) -> Mapping[str, Any]:
     return rows.get('after take-off', entry['rows'][0])
 
 
+def too_few(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return (part, why it has no statistics) for the parts of a section with a few samples."""
+    return [(part, f'{count} sample{"s" * (count != 1)}: too few for statistics')
+            for part, count in entry['too_few'].items()]
+
+
 def section(entry: Mapping[str, Any]) -> list[str]:
     """Return the lines of a section: RMS by part, the drift at the end, the delay."""
     axes, unit = entry['axes'], entry['unit']
@@ -32,8 +38,7 @@ def section(entry: Mapping[str, Any]) -> list[str]:
         numbers = ''.join(f'{value:{width}.4f}' for value in (
             *row['rms'], row['rms_total'], row['maximum_total']))
         lines.append(f'  {row["part"]:<16}{numbers}{row["count"]:9d}')
-    for part, count in entry['too_few'].items():
-        lines.append(f'  {part:<16}  {count} sample{"s" * (count != 1)}: too few for statistics')
+    lines += [f'  {part:<16}  {why}' for part, why in too_few(entry)]
     last, main = entry['rows'][0], main_row(entry)
     if last['count']:
         numbers = ''.join(f'{value:{width}.4f}' for value in (*last['drift'], last['drift_total']))
@@ -60,7 +65,7 @@ def times(result: Mapping[str, Any]) -> list[str]:
 def _of_two(result: Mapping[str, Any]) -> str:
     lines = [f'{letter}: {bag}, {topic}' for letter, bag, topic in zip(
         'AB', result['bags'], result['compared'])]
-    lines += [f'{result["duration"]:.2f} s in common', *times(result)]
+    lines += [f'{result["duration"]:.2f} s in common', *result['ending'], *times(result)]
     for entry in result['errors']:
         lines += ['', *section({**entry, 'title': f'{entry["quantity"]}: A minus B'})]
     if result['differences']:

@@ -81,6 +81,11 @@ def test_page_follows_light_and_dark_and_narrow_screens(page):
     assert 'var(--ink)' in page.partition('</style>')[2]
 
 
+def test_letters_have_the_size_that_their_distances_are_for(page):
+    scales = set(re.findall(r'transform="scale\(([\d.]+)\)"', page))
+    assert scales == {'0.015625'}  # 64 units of the font a point
+
+
 def test_page_escapes_names_and_shows_the_numbers_of_the_table(page):
     assert 'fl &lt;i&gt; ght' in page and '<i>' not in page
     for text in ('0.0374', 'real-time factor 4.25', 'take-off ends at 8.00 s', 'scenario.yaml'):

@@ -3,9 +3,8 @@
 from html.parser import HTMLParser
 import json
 import re
-import shutil
-import subprocess
 
+import browser
 from mambo_analysis.compare import report
 from mambo_analysis.compare.compare import compare, compare_bags
 from mambo_bags.reader import read_bag
@@ -138,19 +137,13 @@ def test_a_bag_of_one_topic_has_a_report(tmp_path):
     assert 'estimation' in ' '.join(made.notes)
 
 
-BROWSER = shutil.which('chromium') or shutil.which('chromium-browser')
-
-
-@pytest.mark.skipif(BROWSER is None, reason='no Chromium')
+@browser.NEEDED
 def test_a_browser_draws_every_plot(two, tmp_path):
-    file = report.write(tmp_path / 'r.html', two)
-    done = subprocess.run(
-        [BROWSER, '--headless', '--no-sandbox', '--disable-gpu', '--disable-quic',
-         '--no-first-run', '--disable-background-networking', '--disable-component-update',
-         '--disable-sync', f'--user-data-dir={tmp_path / "profile"}', '--window-size=1100,9000',
-         '--virtual-time-budget=10000', '--dump-dom', file.as_uri()],
-        text=True, capture_output=True, timeout=120)
-    drawn = done.stdout[:done.stdout.index('id="data"')]
-    assert re.search(r'data-ready="(webgl|flat)"', done.stdout)
-    assert drawn.count('data-live="yes"') == len(two.figures)
-    assert drawn.count('class="scatterlayer') >= len(two.figures)
+    tab = browser.opened(report.html(two), tmp_path)
+    ready, live, layers = tab.evaluate("""
+        return [document.documentElement.dataset.ready,
+          document.querySelectorAll('[data-live="yes"]').length,
+          document.querySelectorAll('.plot .scatterlayer').length];
+    """)
+    assert ready in ('webgl', 'flat')
+    assert live == len(two.figures) and layers >= len(two.figures)

@@ -23,7 +23,7 @@ from typing import Any
 from mambo_bags.command import guard
 from mambo_bags.mcap_reader import BagError
 
-from . import barometer, flow, imu, sonar
+from . import barometer, imu, optical_flow, sonar
 from ..allan import LEVEL
 from ..recording import read_sensors, Recording
 from .drawing import draw
@@ -48,7 +48,7 @@ def measure(recording: Recording) -> tuple[list[Measured], dict[str, Any]]:
 
     """
     inertial, curves = imu.measure(recording)
-    optical, latency = flow.measure(recording)
+    optical, latency = optical_flow.measure(recording)
     lines = inertial + sonar.measure(recording) + optical + barometer.measure(recording)
     if not lines:
         raise BagError(f'{recording.name}: too few samples to tell anything of a sensor')
