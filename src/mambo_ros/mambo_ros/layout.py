@@ -15,6 +15,7 @@ import re
 import struct
 from typing import Any
 
+from mambo_model.errors import MamboError
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,7 +30,7 @@ _LONGEST = 256  # characters of a text that is remembered
 _SECOND = 1_000_000_000
 
 
-class LayoutError(ValueError):
+class LayoutError(MamboError, ValueError):
     """A message type has no fixed layout, or bytes do not hold the message they should."""
 
 
