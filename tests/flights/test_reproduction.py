@@ -25,7 +25,7 @@ def examined():
 
 def test_the_document_is_what_the_command_says(examined):
     written, made = DOCUMENT.read_text().splitlines(), markdown(examined).splitlines()
-    assert len(written) == len(made), 'write it anew: ros2 run mambo_analysis reproduce'
+    assert len(written) == len(made), 'write it anew: mambo reproduce'
     for old, new in zip(written, made, strict=True):
         # words and verdicts to the letter; numbers as far as another numpy may round them
         assert NUMBER.sub('#', old) == NUMBER.sub('#', new)

@@ -2,7 +2,7 @@
 Fly a scenario in the real graph: every node its own process, or all of them composed in one,
 everything recorded, then compared.
 
-``./run``, ``mambo run`` and ``ros2 run mambo_bringup fly`` end here.
+``./run``, ``mambo run`` and ``mambo run`` end here.
 """
 
 from __future__ import annotations
@@ -427,7 +427,7 @@ def _tell(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
     for name, counts in outcome.refused.items():
         print(f'warning: {name} refused messages: {counts}')
     if not outcome.closed:
-        print(f'bag: {bag} is not closed; ros2 run mambo_analysis recover {bag} NEW_BAG'
+        print(f'bag: {bag} is not closed; mambo recover {bag} NEW_BAG'
               if bag.exists() else 'bag: none')
         return [outcome.fault] if outcome.fault else []
     print(f'bag: {bag}\n')

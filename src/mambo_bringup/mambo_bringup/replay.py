@@ -1,9 +1,9 @@
 """
 Replay a bag's sensors through a live estimator node, record its answer, say how it differs.
 
-``ros2 run mambo_bringup replay BAG``: for a simulated flight the answer must be the recorded
+``mambo replay BAG``: for a simulated flight the answer must be the recorded
 estimate, bit for bit; for an imported flight of a real drone it is compared with the drone's own
-onboard estimate. ``ros2 run mambo_analysis estimate BAG`` tells the same without ROS running,
+onboard estimate. ``mambo estimate BAG`` tells the same without ROS running,
 hundreds of times faster than real time.
 """
 

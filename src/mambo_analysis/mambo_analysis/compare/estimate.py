@@ -2,7 +2,7 @@
 Estimate a recorded flight again: its sensors through the estimator, and how well that did.
 
 Offline, without ROS running, hundreds of times faster than it was flown. The estimates are those
-that ``ros2 run mambo_bringup replay`` gets from a live estimator, to the last bit. The verdict at
+that ``mambo replay`` gets from a live estimator, to the last bit. The verdict at
 the end names sensors that were absent or refused, and says whether and when the estimate diverged;
 the exit code does not depend on it.
 """
