@@ -95,5 +95,15 @@ _mambo_enter() {
 
 _mambo_enter
 _mambo_status=$?
+if [[ $- == *i* ]]; then  # completion of the command mambo by the tab key
+    __mambo_complete() {
+        local IFS=$'\013'
+        # shellcheck disable=SC2207
+        COMPREPLY=($(IFS=$IFS COMP_LINE=$COMP_LINE COMP_POINT=$COMP_POINT COMP_TYPE=$COMP_TYPE \
+            _ARGCOMPLETE_COMP_WORDBREAKS=$COMP_WORDBREAKS _ARGCOMPLETE=1 _ARGCOMPLETE_SHELL=bash \
+            "$1" 8>&1 9>&2 >/dev/null 2>&1))
+    }
+    complete -o nospace -o default -o bashdefault -F __mambo_complete mambo ./mambo
+fi
 unset -f _mambo_forget _mambo_choose _mambo_enter
 eval "unset _mambo_status; return $_mambo_status"

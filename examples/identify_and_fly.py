@@ -39,7 +39,7 @@ def sag(believed: str) -> float:
 
 def main(bench: Path) -> int:
     """Print the map, then what it changes in flight."""
-    status = thrust.main([str(bench), '--out', '.'])
+    status = thrust.main([str(bench), '--output', '.'])
     if status == 0:
         for believed in ('toolbox', 'identify_thrust.yaml'):
             print(f'hover, controller believes {believed}: {sag(believed):+.4f} m below')

@@ -190,6 +190,7 @@ if [[ $mode == wheels ]]; then
         fail "could not build compat/tf2_msgs: see $log"
 fi
 command -v ros2 >/dev/null || ln -sf "$root/tools/ros2" "$venv/bin/ros2"
+ln -sf "$root/tools/mambo" "$venv/bin/mambo"
 wait "$compiling" || true
 
 stamp >"$venv/.mambo.new"

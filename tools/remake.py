@@ -60,11 +60,9 @@ def _circle(folder: Path) -> None:
 
 
 def _drift(folder: Path) -> None:
-    try:
-        experiments.main(['--out', str(folder), '--write', str(ROOT / 'docs/evidence/drift.md')])
-    except SystemExit as end:
-        if end.code:
-            raise
+    if code := experiments.main(
+            ['--output', str(folder), '--write', str(ROOT / 'docs/evidence/drift.md')]):
+        raise SystemExit(code)
     shutil.copyfile(folder / 'drift.png', ROOT / 'docs/evidence/drift.png')
 
 

@@ -81,6 +81,21 @@ def test_run_of_an_unknown_executable(prefix, name):
     assert ros2('run', 'bare', name) == (1, '', 'No executable found\n')
 
 
+def test_run_of_a_package_alone_says_what_there_is(prefix):
+    code, out, error = ros2('run', 'demo')
+    assert (code, out) == (2, '')
+    assert error == 'ros2 run demo needs one of its executables:\n  fail\n  say\n'
+    assert ros2('run', 'bare') == (2, '', "Package 'bare' has no executables\n")
+    assert ros2('run', 'nowhere') == (1, '', "Package 'nowhere' not found\n")
+
+
+def test_run_of_a_package_of_ours_alone_has_a_line_for_each_executable():
+    code, _, error = ros2('run', 'mambo_analysis')
+    lines = dict(line.split(maxsplit=1) for line in error.splitlines()[1:])
+    assert code == 2 and lines['recover'].startswith('Save what is readable of a bag')
+    assert {'compare', 'fly', 'import_motive', 'sweep'} <= set(lines)
+
+
 def test_run_of_a_name_that_two_executables_have(prefix):
     paths = [prefix / 'lib/demo/say', program(prefix, 'sub/say', '')]
     assert ros2('run', 'demo', 'say') == (

@@ -9,10 +9,13 @@ import os
 import subprocess
 import sys
 
+from mambo_bringup import mambo
+
 from .source import docstring, ROOT, scripts
 
 TOOLS = {
-    './run': 'the same as `ros2 run mambo_bringup fly`',
+    './mambo': 'the command `mambo` from any shell',
+    './run': 'the same as `mambo run`',
     './test': 'every test; `./test FILE ...` only these, `./test -k NAME` by name',
     './bench': 'speed, beside C and RotorPy',
     './mutants': 'break the equations one at a time and see whether a test notices'}
@@ -46,14 +49,16 @@ def _fenced(text: str) -> list[str]:
 
 def commands() -> str:
     """Return a section for each command that is not a node."""
-    out = []
+    out = ['### mambo', '', *_fenced(mambo.overview().rstrip())]
+    verbs = {f'{entry.module}:main': name for name, entry in mambo.COMMANDS.items()}
     for target, names in sorted(scripts().items(), key=lambda item: min(item[1])):
         if target.split(':')[0].endswith('_node'):
             continue
         for name, owners in sorted(names.items()):
             title = name if target != 'mambo_bringup.flight:main' else f'{name} in the graph'
             out += [f'### {title}', '', *_fenced(
-                '\n'.join(f'ros2 run {package} {name}' for package in owners)),
+                '\n'.join([f'mambo {verbs[target]}', *(
+                    f'ros2 run {package} {name}' for package in owners)])),
                 *_fenced(help_of(target))]
     return '\n'.join(out)
 

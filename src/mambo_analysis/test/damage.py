@@ -44,7 +44,7 @@ def check(main, arguments, out, capfd):
     if code == 0:
         assert not error and out.exists()
         return True
-    assert code == 1 and error.count('\n') == 1 and len(error) < 1500, error
+    assert code == 2 and error.count('\n') == 1 and len(error) < 1500, error
     assert not re.search(r'Error\(|Exception|Traceback', error), error
     assert not out.exists()
     return False

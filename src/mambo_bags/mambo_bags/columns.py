@@ -14,6 +14,7 @@ import dataclasses
 import struct
 from typing import Any
 
+from mambo_model.errors import MamboError
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
@@ -31,7 +32,7 @@ _SIZES = {
 _MAX_ITEMS = 256  # sequences of messages longer than this are not spread over columns
 
 
-class NoLayout(Exception):
+class NoLayout(MamboError):
     """The messages have no common layout; decode them one by one."""
 
 

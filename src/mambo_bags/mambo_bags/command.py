@@ -1,17 +1,16 @@
-"""What the command line tools share: errors become one line and an exit code."""
+"""What the commands share: their options, errors of one line, and the exit codes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import argparse
+from collections.abc import Callable, Iterable
+import difflib
 import os
+from pathlib import Path
 import sys
 from typing import Any, TextIO
 
-from mambo_model.schema import ParameterError
-
-from .mcap_reader import BagError
-from .message_definition import DefinitionError
-from .writer import BagWriterError
+from mambo_model.errors import InputError, MamboError
 
 _LONGEST = 2000  # characters of an error, so that a name of a megabyte does not fill the screen
 
@@ -44,14 +43,157 @@ class _Output:
             raise _OutputError(error) from None
 
 
-def guard(name: str, work: Callable[[], None], *expected: type[Exception]) -> int:
-    """
-    Run a tool; return its exit code: 0, or 1 behind one line on stderr that begins with its name.
+_WRONG_PATH = (
+    FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
+_program: str | None = None
 
-    The errors of bags and parameters become that line, and those ``expected`` besides; what the
-    disk or the memory refuses, too, and an output that is closed or full. Wrong usage ends in
-    argparse, with exit code 2.
+
+def set_program(name: str | None) -> None:
+    """Set by what words the user started this process, such as ``mambo fly``."""
+    global _program
+    _program = name
+
+
+def program(name: str) -> str:
+    """Return what a command calls itself: the words of the user, else its own name."""
+    return _program or name
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return ``; did you mean X?`` for a word that is close to a known one, else nothing."""
+    close = difflib.get_close_matches(word, list(known), 1, 0.6)
+    return f'; did you mean {close[0]}?' if close else ''
+
+
+def _json_file(text: str) -> str:
+    path = Path(text)
+    if text != '-' and path.is_file() and path.suffix != '.json':
+        raise argparse.ArgumentTypeError(
+            f'{text} exists and is not a .json file: put a --json without FILE last')
+    return text
+
+
+class Parser(argparse.ArgumentParser):
     """
+    Command line of a command: errors are one line with a suggestion, and exit code 2.
+
+    Parameters
+    ----------
+    name : str
+        Of the command, where :func:`set_program` was not called.
+    description : str
+        What ``--help`` says in front of the options; line breaks are kept.
+    epilog : str
+        What it says behind them.
+
+    """
+
+    def __init__(self, name: str, description: str, epilog: str | None = None) -> None:
+        super().__init__(prog=program(name), description=description.strip(), epilog=epilog,
+                         formatter_class=argparse.RawDescriptionHelpFormatter)
+        self._needs_output, self._takes_last = False, False
+
+    def add_output(self, metavar: str, help: str, default: Path | None = None,
+                   required: bool = False, positional: bool = False) -> None:
+        """
+        Add ``-o/--output``, and its older name ``--out``.
+
+        Parameters
+        ----------
+        metavar, help
+            As of ``add_argument``.
+        default
+            Path without the option.
+        required
+            Whether it must be given.
+        positional
+            Whether it can be given as the last positional, too.
+
+        """
+        self.add_argument('-o', '--output', type=Path, metavar=metavar, help=help,
+                          default=default)
+        self.add_argument('--out', type=Path, dest='output', default=argparse.SUPPRESS,
+                          help=argparse.SUPPRESS)
+        if positional:
+            self.add_argument('last', type=Path, nargs='?', metavar=metavar,
+                              help='the same as --output')
+        self._needs_output, self._takes_last = required, positional
+
+    def add_json(self) -> None:
+        """Add ``--json [FILE]``; see :func:`write_json`."""
+        self.add_argument('--json', type=_json_file, nargs='?', const='-', metavar='FILE',
+                          help='write the numbers as JSON; without FILE or with -: print them, '
+                          'and nothing else')
+
+    def parse_args(  # type: ignore[override]
+        self, args: list[str] | None = None, namespace: argparse.Namespace | None = None,
+    ) -> argparse.Namespace:
+        """Parse; exit code 2 behind one line for what is not understood."""
+        options, rest = self.parse_known_args(args, namespace)
+        if self._takes_last:
+            if options.last is None and len(rest) == 1 and not rest[0].startswith('-'):
+                options.last = Path(rest.pop())  # behind an option
+            if options.last is not None and options.output is not None:
+                self.error(f'{options.last}: --output is given already')
+            options.output = options.last if options.output is None else options.output
+            del options.last
+        if rest:
+            word = next((word for word in rest if word.startswith('-')), rest[0])
+            known = [name for action in self._actions for name in action.option_strings]
+            what = 'option' if word.startswith('-') else 'argument'
+            self.error(f'{word}: unknown {what}{nearest(word.partition("=")[0], known)}')
+        if self._needs_output and options.output is None:
+            self.error('-o/--output is missing')
+        return options
+
+    def error(self, message: str) -> Any:
+        """Write one line to stderr and leave with exit code 2."""
+        self.exit(2, f'{self.prog}: {_one_line(message.removeprefix("argument "))}; '
+                     f'{self.prog} --help says more\n')
+
+    def _get_value(self, action: argparse.Action, text: str) -> Any:
+        convert = self._registry_get('type', action.type, action.type)
+        try:
+            return convert(text)
+        except argparse.ArgumentTypeError as error:
+            raise argparse.ArgumentError(action, str(error)) from None
+        except (TypeError, ValueError):
+            what = 'a whole number' if convert is int else 'a number'
+            raise argparse.ArgumentError(action, f'{text!r} is not {what}') from None
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            known = list(map(str, action.choices))
+            raise argparse.ArgumentError(
+                action, f'{value!r} is none of {", ".join(known)}{nearest(str(value), known)}')
+
+
+def refuse_existing(path: Path | None) -> None:
+    """Raise InputError if a path that is to be made exists; before anything is done for it."""
+    if path is not None and path.exists():
+        raise InputError(f'{path} exists: give another --output or remove it')
+
+
+def write_json(target: str, text: str) -> Path | None:
+    """Print the text of ``--json``, or write its file with its folders; return its path."""
+    if target == '-':
+        print(text)
+        return None
+    path = Path(target)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f'{text}\n', encoding='utf-8')
+    return path
+
+
+def guard(name: str, work: Callable[[], None]) -> int:
+    """
+    Run a command; return its exit code, if not 0 behind one line on stderr with its name.
+
+    The code is that of a :class:`mambo_model.errors.MamboError`, 2 for a path that is not there
+    or of another kind or owner, and 1 for what else the disk or the memory refuses and for an
+    output that is closed or full.
+    """
+    name = program(name)
     if sys.stdout is None:
         return _complain(name, 'the output is closed: send it to /dev/null to do without')
     plain = sys.stdout
@@ -63,26 +205,31 @@ def guard(name: str, work: Callable[[], None], *expected: type[Exception]) -> in
         return _lost_output(name, plain, error.args[0])
     except OSError as error:
         reason = error.strerror or str(error)
-        return _complain(name, f'{error.filename}: {reason}' if error.filename else reason)
-    except (BagError, BagWriterError, DefinitionError, ParameterError, *expected) as error:
-        return _complain(name, str(error))
+        return _complain(name, f'{error.filename}: {reason}' if error.filename else reason,
+                         2 if isinstance(error, _WRONG_PATH) else 1)
+    except MamboError as error:
+        return _complain(name, str(error), error.exit_code)
     except MemoryError:
         return _complain(name, 'the memory of this machine is too small for that')
     except RecursionError:
-        return _complain(name, 'what is to be read is nested too deep')
+        return _complain(name, 'what is to be read is nested too deep', 2)
     finally:
         sys.stdout = plain
     return 0
 
 
-def _complain(name: str, text: str) -> int:
-    """Write one line to stderr; return the exit code."""
+def _one_line(text: str) -> str:
     line = ' '.join(text.splitlines())
     if len(line) > _LONGEST:
         line = f'{line[:_LONGEST // 2]} ... {line[-_LONGEST // 2:]}'
+    return line
+
+
+def _complain(name: str, text: str, exit_code: int = 1) -> int:
+    """Write one line to stderr; return the exit code."""
     if sys.stderr is not None:
-        print(f'{name}: {line}', file=sys.stderr)
-    return 1
+        print(f'{name}: {_one_line(text)}', file=sys.stderr)
+    return exit_code
 
 
 def _lost_output(name: str, stream: TextIO, error: OSError) -> int:

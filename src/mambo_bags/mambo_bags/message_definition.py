@@ -7,6 +7,8 @@ import os
 from pathlib import Path
 import re
 
+from mambo_model.errors import MamboError
+
 SEPARATOR = '=' * 80
 MAX_DEPTH = 50  # rosbag2's own limit
 PRIMITIVES = frozenset((
@@ -16,7 +18,7 @@ TYPE_NAME = re.compile(r'([a-zA-Z0-9_]+)/(?:msg/)?([a-zA-Z0-9_]+)')
 FIELD_TYPE = re.compile(r'^[ \t]*([a-zA-Z0-9_/]+)(?:<=\d+)?(?:\[[^\]]*\])?[ \t]+', re.MULTILINE)
 
 
-class DefinitionError(ValueError):
+class DefinitionError(MamboError, ValueError):
     """A message type has no readable definition; the text says which and what to do."""
 
 

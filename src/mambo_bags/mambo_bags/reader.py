@@ -526,7 +526,7 @@ def read_bag(
         if not content.complete:
             raise BagError(
                 f'{file}: damaged: {content.damage[0]}; save what is readable with: '
-                f'ros2 run mambo_analysis recover {path} NEW_BAG')
+                f'mambo recover {path} NEW_BAG')
     return _assemble(path, list(zip(files, contents)), listing, topics, namespace)
 
 

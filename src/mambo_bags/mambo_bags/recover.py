@@ -7,7 +7,6 @@ written to a new, properly closed bag with the same topics, types, times and att
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from mambo_model.yaml_nodes import load
 import yaml
 
 from . import mcap_reader
-from .command import guard
+from .command import guard, Parser
 from .mcap_reader import BagError
 from .reader import bag_files
 from .writer import BagWriter
@@ -146,12 +145,17 @@ def recover(source: Path, target: Path) -> Recovered:
     return Recovered(counts, min(times), max(times), lost, wrong)
 
 
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('recover', __doc__.split('\n\n')[0])
+    out.add_argument('bag', type=Path, help='rosbag2 directory or .mcap file, only read')
+    out.add_output('NEW_BAG', 'bag to make', required=True, positional=True)
+    return out
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point ``recover``."""
-    parser = argparse.ArgumentParser(prog='recover', description=__doc__.split('\n\n')[0])
-    parser.add_argument('bag', type=Path, help='rosbag2 directory or .mcap file, only read')
-    parser.add_argument('output', type=Path, help='bag to make')
-    options = parser.parse_args(arguments)
+    """Entry point ``recover``; return the exit code."""
+    options = parser().parse_args(arguments)
     return guard('recover', lambda: print(recover(options.bag, options.output)))
 
 

@@ -20,6 +20,7 @@ import os
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from mambo_model.errors import MamboError
 from mcap.reader import make_reader
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +41,14 @@ MEDIA_TYPES = {
     '.md': 'text/markdown'}
 
 
-class BagWriterError(ValueError):
+class BagWriterError(MamboError, ValueError):
     """A bag cannot be written as asked; the text says what, where and what to do."""
+
+
+class BagDiskError(BagWriterError):
+    """The disk does not take a bag; the text says what and where."""
+
+    exit_code = 1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -192,7 +199,7 @@ class BagWriter:
             self._closed = True
             with suppress(OSError):  # of what is still to be written
                 self._stream.close()
-            raise BagWriterError(
+            raise BagDiskError(
                 f'cannot write {self.file}: {error.strerror}; recover reads what is in it'
             ) from None
 
@@ -224,7 +231,7 @@ class BagWriter:
             self.path.mkdir(parents=True)
             return self.file.open('xb')
         except OSError as error:
-            raise BagWriterError(f'cannot make the bag {self.path}: {error.strerror}') from error
+            raise BagDiskError(f'cannot make the bag {self.path}: {error.strerror}') from error
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Append an MCAP metadata record; no wall-clock facts here, see :meth:`close`."""

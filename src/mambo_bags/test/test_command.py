@@ -1,11 +1,14 @@
 """Whatever goes wrong in a tool is one line: its output, the disk, the memory."""
 
 import os
+from pathlib import Path
 import subprocess
 import sys
 
+from mambo_bags import command
 from mambo_bags.command import guard
 from mambo_bags.reader import BagError
+from mambo_model.errors import InputError, JobError
 import pytest
 
 TOOL = """
@@ -41,20 +44,93 @@ def test_a_reader_that_goes_is_no_word_worth():
     assert (done.returncode, done.stdout, done.stderr) == (1, '0\n', '')
 
 
-@pytest.mark.parametrize('error, said', [
-    (OSError(28, 'No space left on device', '/disk/bag'), '/disk/bag: No space left on device'),
-    (OSError(28, 'No space left on device'), 'No space left on device'),
-    (OSError(36, 'File name too long', 'x' * 9000), 'File name too long'),
-    (MemoryError(), 'the memory of this machine is too small for that'),
-    (RecursionError(), 'what is to be read is nested too deep'),
-    (BagError('two\nlines'), 'two lines')])
-def test_errors_are_one_short_line(error, said, capsys):
+@pytest.mark.parametrize('error, code, said', [
+    (OSError(28, 'No space left on device', '/disk/bag'), 1, '/disk/bag: No space left on device'),
+    (OSError(28, 'No space left on device'), 1, 'No space left on device'),
+    (OSError(36, 'File name too long', 'x' * 9000), 1, 'File name too long'),
+    (FileNotFoundError(2, 'No such file or directory', 'x'), 2, 'x: No such file'),
+    (MemoryError(), 1, 'the memory of this machine is too small for that'),
+    (RecursionError(), 2, 'what is to be read is nested too deep'),
+    (JobError('no engine'), 1, 'no engine'),
+    (BagError('two\nlines'), 2, 'two lines')])
+def test_errors_are_one_short_line_and_the_right_exit_code(error, code, said, capsys):
     def work():
         raise error
-    assert guard('tool', work) == 1
+    assert guard('tool', work) == code
     told = capsys.readouterr().err
     assert told.startswith('tool: ') and said in told
     assert told.count('\n') == 1 and len(told) < 2100
+
+
+@pytest.fixture
+def line():
+    """Return a command line with an output, a number and a choice."""
+    out = command.Parser('tool', 'Makes a bag.')
+    out.add_argument('source')
+    out.add_output('BAG', 'to make', required=True, positional=True)
+    out.add_argument('--seed', type=int)
+    out.add_argument('--height', type=lambda text: float(text))
+    out.add_argument('--mode', choices=('lockstep', 'realtime'))
+    out.add_json()
+    return out
+
+
+@pytest.mark.parametrize('arguments', [
+    ['a', 'b'], ['a', '-o', 'b'], ['a', '--output', 'b'], ['a', '--out', 'b'],
+    ['a', '--seed', '1', 'b'], ['--out', 'b', 'a'], ['--seed', '1', 'a', 'b']])
+def test_the_output_is_an_option_or_the_last_argument(line, arguments):
+    options = line.parse_args(arguments)
+    assert (options.source, options.output) == ('a', Path('b'))
+
+
+def test_help_has_one_name_for_the_output(line):
+    assert '--output BAG' in line.format_help() and '--out ' not in line.format_help()
+
+
+@pytest.mark.parametrize('arguments, said', [
+    (['a'], '--output is missing'), (['a', 'b', '-o', 'c'], '--output is given already'),
+    (['a', 'b', '--seed', '1', '--sede', '1'], '--sede: unknown option; did you mean --seed?'),
+    (['a', 'b', 'c'], 'c: unknown argument'), (['a', 'b', '--seed', 'x'], "'x' is not a whole"),
+    (['a', 'b', '--height', 'x'], "--height: 'x' is not a number"),
+    (['a', 'b', '--mode', 'realtme'], 'did you mean realtime?'), ([], 'source')])
+def test_wrong_use_is_one_line_with_a_suggestion_and_exit_code_2(line, arguments, said, capsys):
+    with pytest.raises(SystemExit) as end:
+        line.parse_args(arguments)
+    error = capsys.readouterr().err
+    assert end.value.code == 2 and error.startswith('tool: ') and error.count('\n') == 1
+    assert said in error and '_' not in error and 'lambda' not in error
+
+
+def test_the_words_of_the_user_name_a_command(monkeypatch, capsys):
+    monkeypatch.setattr(command, '_program', None)
+    command.set_program('mambo tool')
+
+    def work():
+        raise BagError('nothing in it')
+    assert guard('tool', work) == 2
+    assert capsys.readouterr().err == 'mambo tool: nothing in it\n'
+    assert command.Parser('tool', '').prog == 'mambo tool'
+
+
+def test_json_is_printed_or_written_but_never_over_another_file(line, tmp_path, capsys):
+    assert line.parse_args(['a', 'b', '--json']).json == '-'
+    command.write_json('-', '{}')
+    assert capsys.readouterr().out == '{}\n'
+    file = tmp_path / 'new' / 'a.json'
+    command.write_json(str(file), '{}')
+    assert line.parse_args(['a', 'b', '--json', str(file)]).json == str(file)
+    bag = tmp_path / 'a.mcap'
+    bag.touch()
+    with pytest.raises(SystemExit):
+        line.parse_args(['--json', str(bag), 'a', 'b'])
+    assert 'is not a .json file' in capsys.readouterr().err
+
+
+def test_a_path_to_make_must_be_new(tmp_path):
+    command.refuse_existing(None)
+    command.refuse_existing(tmp_path / 'new')
+    with pytest.raises(InputError, match='exists: give another --output'):
+        command.refuse_existing(tmp_path)
 
 
 def test_an_error_of_ours_is_not_hidden():

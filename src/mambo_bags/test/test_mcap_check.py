@@ -76,7 +76,7 @@ def test_a_missing_chunk_is_told_with_its_time(file, capsys):
     put(file, parts[:first] + parts[last:])
     damaged(file, 'the chunk of 2.000 to 2.900 s is missing',
             '40 messages, 50 were written (/clock 40 of 50)', count=40)
-    assert compare.main([str(file)]) == 1
+    assert compare.main([str(file)]) == 2
     told = capsys.readouterr().err
     assert told.count('\n') == 1 and 'damaged' in told and 'recover' in told
 
@@ -202,7 +202,7 @@ def test_the_limit_counts_all_chunks_and_can_be_raised(file, monkeypatch):
     monkeypatch.setenv('MAMBO_MAX_UNPACKED_MB', '20')
     assert not any('raises the limit' in line for line in mcap_reader.scan(file).lost)
     monkeypatch.setenv('MAMBO_MAX_UNPACKED_MB', 'many')
-    assert recover.main([str(file), str(file.parent.parent / 'saved')]) == 1
+    assert recover.main([str(file), str(file.parent.parent / 'saved')]) == 2
 
 
 def test_records_of_a_kind_that_is_not_known_are_passed_over(file):

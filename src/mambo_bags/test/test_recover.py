@@ -88,7 +88,7 @@ def test_careless_use_ends_in_one_line(tmp_path, flight, capsys):
             (tmp_path / 'none', tmp_path / 'a', 'there is no such bag'),
             (tmp_path / 'stub.mcap', tmp_path / 'b', 'no message can be read'),
             (flight, flight, 'exists: give another name')):
-        assert main([str(source), str(target)]) == 1
+        assert main([str(source), str(target)]) == 2
         error = capsys.readouterr().err
         assert error.startswith('recover: ') and text in error and error.count('\n') == 1
     assert not (tmp_path / 'a').exists() and not (tmp_path / 'b').exists()

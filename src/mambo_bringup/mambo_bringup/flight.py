@@ -2,7 +2,7 @@
 Fly a scenario in the real graph: every node its own process, or all of them composed in one,
 everything recorded, then compared.
 
-``./run`` and ``ros2 run mambo_bringup fly`` end here.
+``./run``, ``mambo run`` and ``mambo run`` end here.
 """
 
 from __future__ import annotations
@@ -15,10 +15,9 @@ import json
 from pathlib import Path
 import re
 import signal
-import sys
 
 from mambo_analysis.compare.ending import ended_early, ENDINGS
-from mambo_bags.command import guard
+from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import read_bag
 from mambo_control.parameters import ControllerNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
@@ -29,7 +28,7 @@ from mambo_model.vehicle.parameters import PRESETS
 from tqdm import tqdm
 
 from .crew import Crew
-from .processes import FlightError, load, NodeProcess, parameter
+from .processes import FlightError, FlightInputError, load, NodeProcess, parameter
 from .stopping import stoppable
 
 FLIGHT_NODES = (
@@ -184,7 +183,7 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
     """
     for bag in bags.values():
         if bag.exists():
-            raise FlightError(f'{bag} exists: give another --output or remove it')
+            raise FlightInputError(f'{bag} exists: give another --output or remove it')
     progress: dict[str, Progress] = {}
     crews: dict[str, list[NodeProcess]] = {}
     with ExitStack() as bars, Crew(RECORDER[1], len(flights)) as crew:
@@ -281,11 +280,10 @@ def _options(params_type: type, name: str) -> tuple[str, ...]:
     return dict(schema.walk(params_type))[name].metadata['options']
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """Return the command line of ``./run``."""
-    out = argparse.ArgumentParser(
-        prog='run', formatter_class=argparse.RawDescriptionHelpFormatter,
-        description='Fly the simulated Mambo in its ROS 2 graph, record a bag, compare, plot.',
+    out = Parser(
+        'run', 'Fly the simulated Mambo in its ROS 2 graph, record a bag, compare, plot.',
         epilog='examples:\n'
                '  ./run                                 the circle (5.3) at 1.5 m\n'
                '  ./run --trajectory z_sine --seed 7    another flight\n'
@@ -316,8 +314,8 @@ def parser() -> argparse.ArgumentParser:
         help='vehicle that the controller believes in (default: the true one)')
     add('--mode', default='lockstep', choices=('lockstep', 'realtime'),
         help='lockstep: as fast as the machine allows, repeatable to the bit (default)')
-    add('--speed', type=float, default=1.0, metavar='X',
-        help='flight over wall time in realtime mode (default: 1)')
+    add('--speed', type=float, metavar='X',
+        help='flight over wall time, with --mode realtime alone (default: 1)')
     add('--composed', action='store_true',
         help='all nodes of a drone in one process: the same bag, sooner')
     add('--drones', type=int, default=1, metavar='N',
@@ -329,8 +327,7 @@ def parser() -> argparse.ArgumentParser:
         help='stay on the trajectory to the end')
     add('--set', action='append', default=[], metavar='NODE.PARAMETER=VALUE',
         help='any parameter of any node, repeatable')
-    add('--output', type=Path, metavar='DIR',
-        help='bag to make (default: a new one under bags/)')
+    out.add_output('BAG', 'bag to make (default: a new one under bags/)')
     add('--no-report', action='store_true', help='record only: no table, no page of plots')
     return out
 
@@ -347,7 +344,11 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
         plan, estimator = flight.reference_node.plan, flight.estimator_node.estimator
         name = f'{plan.trajectory}_{estimator}'
     flight = scenarios.override(flight, {
-        'sim_node.mode': options.mode, 'sim_node.speed': options.speed, **_overrides(options.set)})
+        'sim_node.mode': options.mode, 'sim_node.speed': 1.0 if options.speed is None else
+        options.speed, **_overrides(options.set)})
+    if options.speed is not None and flight.sim_node.mode != 'realtime':
+        raise schema.ParameterError(
+            f'--speed {options.speed:g} needs --mode realtime: lockstep is as fast as it goes')
     if not 1 <= options.drones <= 16:
         raise schema.ParameterError(f'--drones {options.drones} must be within 1 to 16')
     if not flight.sim_node.duration > 0.0:
@@ -364,20 +365,22 @@ def _list_scenarios() -> None:
             print(f'{"":<10}   {name}/{flight}')
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Entry point of ``./run``."""
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point of ``./run``; return the exit code."""
     options = parser().parse_args(arguments)
-    try:
-        if options.list_scenarios:
-            sys.exit(guard('run', _list_scenarios))
-        name, flight = _scenario(options)
-    except schema.ParameterError as error:
-        print(f'run: {error}', file=sys.stderr)
-        sys.exit(2)
+    return stoppable(program('run'), lambda: guard('run', lambda: _run(options)))
+
+
+def _run(options: argparse.Namespace) -> None:
+    """List, print or fly, as asked."""
+    if options.list_scenarios:
+        _list_scenarios()
+        return
+    name, flight = _scenario(options)
     if options.print_scenario:
-        sys.exit(guard('run', lambda: print(scenarios.commented_yaml(flight), end='')))
-    sys.exit(stoppable('run', lambda: guard(
-        'run', lambda: _fly_and_report(name, flight, options), FlightError)))
+        print(scenarios.commented_yaml(flight), end='')
+    else:
+        _fly_and_report(name, flight, options)
 
 
 def _fly_and_report(
@@ -426,7 +429,7 @@ def _tell(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
     for name, counts in outcome.refused.items():
         print(f'warning: {name} refused messages: {counts}')
     if not outcome.closed:
-        print(f'bag: {bag} is not closed; ros2 run mambo_analysis recover {bag} NEW_BAG'
+        print(f'bag: {bag} is not closed; mambo recover {bag} NEW_BAG'
               if bag.exists() else 'bag: none')
         return [outcome.fault] if outcome.fault else []
     print(f'bag: {bag}\n')
@@ -480,4 +483,4 @@ def report(bag: Path, real_time_factor: float | None = None, fault: Sequence[str
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(main())

@@ -11,7 +11,7 @@ from mambo_flight import scenario as scenarios
 from mambo_model import schema
 
 from .flight import FLIGHT_NODES, RECORDER, SIMULATOR
-from .processes import FlightError
+from .processes import FlightInputError
 from .replay import ESTIMATOR, PLAYER, RECORDED
 
 MEANING = {
@@ -47,7 +47,7 @@ def _recorder(bag: str, topics: str = '') -> list[tuple[str, str, dict[str, obje
         return []
     path = Path(bag).expanduser().absolute()
     if path.exists():
-        raise FlightError(f'{path} exists: name another bag or remove it')
+        raise FlightInputError(f'{path} exists: name another bag or remove it')
     parameters: dict[str, object] = {'bag': str(path)}
     return [(*RECORDER, {**parameters, 'topics': topics} if topics else parameters)]
 

@@ -21,6 +21,7 @@ import time
 
 from ament_index_python.packages import get_package_prefix, PackageNotFoundError
 from mambo_model import compiled
+from mambo_model.errors import JobError
 
 from .keeper import ASK, is_stopped, TELL
 
@@ -38,8 +39,14 @@ _ENDED = re.compile(r'ended by (SIG\w+)')  # what a node says
 _ENVIRONMENT = {'PYTHONUNBUFFERED': '1', 'RCUTILS_LOGGING_BUFFERED_STREAM': '0'}
 
 
-class FlightError(RuntimeError):
+class FlightError(JobError):
     """A flight cannot be flown or went wrong; the text says why in one line."""
+
+
+class FlightInputError(FlightError):
+    """A flight cannot be flown as asked; the text says why in one line."""
+
+    exit_code = 2
 
 
 def executable(package: str, name: str) -> Path:

@@ -1,27 +1,26 @@
 """
 Replay a bag's sensors through a live estimator node, record its answer, say how it differs.
 
-``ros2 run mambo_bringup replay BAG``: for a simulated flight the answer must be the recorded
+``mambo replay BAG``: for a simulated flight the answer must be the recorded
 estimate, bit for bit; for an imported flight of a real drone it is compared with the drone's own
-onboard estimate. ``ros2 run mambo_analysis estimate BAG`` tells the same without ROS running,
+onboard estimate. ``mambo estimate BAG`` tells the same without ROS running,
 hundreds of times faster than real time.
 """
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
-import sys
 
 from mambo_analysis.compare.compare import compare_replay
 from mambo_analysis.compare.verdict import verdict
-from mambo_bags.command import guard
+from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight import scenario as scenarios
+from mambo_model.errors import InputError
 
 from .crew import Crew
 from .flight import RECORDER
-from .processes import FlightError, load, parameter
+from .processes import FlightError, FlightInputError, load, parameter
 from .stopping import stoppable
 
 ESTIMATOR = ('mambo_estimation', 'estimator_node')
@@ -58,7 +57,7 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
 
     """
     if output.exists():
-        raise FlightError(f'{output} exists: give another --output or remove it')
+        raise FlightInputError(f'{output} exists: give another --output or remove it')
     recording = read_bag(bag, topics=())  # a damaged one is not played
     with Crew(RECORDER[1]) as crew:
         file = estimator_file or _recorded_parameters(recording, crew.folder)
@@ -90,11 +89,11 @@ def _recorded_parameters(bag: Bag, folder: Path) -> Path | None:
     return file
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """Return the command line."""
-    out = argparse.ArgumentParser(prog='replay', description=__doc__.split('\n\n')[0])
+    out = Parser('replay', __doc__.split('\n\n')[0])
     out.add_argument('bag', type=Path, help='rosbag2 directory or .mcap file')
-    out.add_argument('--output', type=Path, help='bag to make (default: BAG_replay)')
+    out.add_output('NEW_BAG', 'bag to make (default: BAG_replay)')
     out.add_argument('--rate', type=float, default=0.0, metavar='X',
                      help='recorded over wall time, 0: as fast as it goes (default)')
     out.add_argument('--parameters', type=Path, metavar='FILE',
@@ -102,23 +101,22 @@ def parser() -> argparse.ArgumentParser:
     return out
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Entry point ``replay``."""
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``replay``; return the exit code."""
     options = parser().parse_args(arguments)
     output = options.output or options.bag.with_name(f'{options.bag.name}_replay')
-    if not 0.0 <= options.rate <= 1000.0:
-        print(f'replay: --rate {options.rate:g} must be within 0 to 1000', file=sys.stderr)
-        sys.exit(2)
 
     def work() -> None:
+        if not 0.0 <= options.rate <= 1000.0:
+            raise InputError(f'--rate {options.rate:g} must be within 0 to 1000')
         load('.'.join(node) for node in (RECORDER, ESTIMATOR, PLAYER))
         replay(options.bag.absolute(), output.absolute(), options.rate, options.parameters)
         print(f'bag: {output}')
         recorded, ours = read_bag(options.bag), read_bag(output)
         print(compare_replay(recorded, ours))
         print(verdict(recorded, ours))
-    sys.exit(stoppable('replay', lambda: guard('replay', work, FlightError)))
+    return stoppable(program('replay'), lambda: guard('replay', work))
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(main())

@@ -15,6 +15,8 @@ import difflib
 import math
 from typing import Any, TypeVar
 
+from .errors import MamboError
+
 P = TypeVar('P')
 
 
@@ -49,7 +51,7 @@ def group(params_type: type) -> Any:
     return dataclasses.field(default_factory=params_type, metadata={'group': params_type})
 
 
-class ParameterError(ValueError):
+class ParameterError(MamboError, ValueError):
     """A parameter is unknown, of a wrong type or out of its range; the text names it."""
 
 

@@ -15,6 +15,7 @@ import re
 import struct
 from typing import Any
 
+from mambo_model.errors import MamboError
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,7 +31,7 @@ _SECOND = 1_000_000_000
 _STAMP = struct.Struct('>iI'), struct.Struct('<iI')  # by the last bit of the encapsulation
 
 
-class LayoutError(ValueError):
+class LayoutError(MamboError, ValueError):
     """A message type has no fixed layout, or bytes do not hold the message they should."""
 
 

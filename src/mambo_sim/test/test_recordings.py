@@ -2,7 +2,7 @@
 Defaults of the sensors, measured again on the recordings they come from.
 
 Rolling Spider bench and flights: the Mambo's predecessor with the same toolbox, every 5 ms.
-``ros2 run mambo_analysis identify_sensors FILES`` measures the same with intervals, by other code:
+``mambo identify sensors FILES`` measures the same with intervals, by other code:
 docs/explanation/sensors.md lists the results.
 """
 

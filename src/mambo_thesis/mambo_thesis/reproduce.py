@@ -9,9 +9,9 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-import sys
 
-from mambo_bags.command import guard
+from mambo_bags.command import guard, Parser
+from mambo_model.errors import MamboError
 from tqdm import tqdm
 
 from .figures import (  # noqa: F401 (each registers its figures)
@@ -20,7 +20,7 @@ from .figures.claim import Claim, CLAIMS
 from .figures.page import data, Examined, line, markdown, page, picture, summary
 
 
-class ReproductionError(Exception):
+class ReproductionError(MamboError):
     """The report cannot be made; the text says why in one line."""
 
 
@@ -74,25 +74,28 @@ def _file(number: str) -> str:
 
 def _run(options: argparse.Namespace) -> None:
     claims = chosen(options.figures)
-    if options.out.exists() and not options.out.is_dir():
-        raise ReproductionError(f'{options.out} is no folder: give another --out')
+    if options.output.exists() and not options.output.is_dir():
+        raise ReproductionError(f'{options.output} is no folder: give another --output')
     examined = examine(claims)
     print('\n'.join(map(line, examined)))
-    print(f'\n{summary(examined)}\npage: {write(examined, options.out)}')
+    print(f'\n{summary(examined)}\npage: {write(examined, options.output)}')
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Entry point ``reproduce``."""
-    parser = argparse.ArgumentParser(prog='reproduce', description=__doc__.split('\n\n')[0])
-    parser.add_argument(
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('reproduce', __doc__.split('\n\n')[0])
+    out.add_argument(
         'figures', nargs='*', metavar='FIGURE',
         help='e.g. 5.11 or C.3, or a chapter: 6 (default: all)')
-    parser.add_argument(
-        '--out', type=Path, default=Path('reproduction'), metavar='DIR',
-        help='folder to write into (default: reproduction)')
-    options = parser.parse_args(arguments)
-    sys.exit(guard('reproduce', lambda: _run(options), ReproductionError))
+    out.add_output('DIR', 'folder to write into (default: reproduction)', Path('reproduction'))
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``reproduce``; return the exit code."""
+    options = parser().parse_args(arguments)
+    return guard('reproduce', lambda: _run(options))
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(main())

@@ -18,7 +18,7 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mambo_bags.command import guard
+from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.reader import Bag, BagError, Messages, read_bag
 from mambo_signals import metrics, motion, resample
 from mambo_signals.flight_phases import found, Phases, phases
@@ -428,11 +428,11 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """Return the command line of ``compare``."""
-    out = argparse.ArgumentParser(
-        prog='compare', formatter_class=argparse.RawDescriptionHelpFormatter,
-        description='Print the errors of a flight, or of flight A against flight B; write them '
+    out = Parser(
+        'compare',
+        'Print the errors of a flight, or of flight A against flight B; write them '
                     'as a page, CSV or JSON.',
         epilog='examples:\n'
                '  compare FLIGHT                          tracking and estimation error\n'
@@ -445,9 +445,8 @@ def parser() -> argparse.ArgumentParser:
     add('--html', type=Path, metavar='FILE', help='write a report with plots and the flight, one '
         'file that needs no network')
     add('--csv', type=Path, metavar='FILE', help='write the numbers, one a line')
-    add('--json', action='store_true', help='print numbers as JSON, no table')
-    add('--out', type=Path, metavar='DIR',
-        help='write flight.png and index.html of one bag into this directory')
+    out.add_json()
+    out.add_output('DIR', 'write flight.png and index.html of one bag into this directory')
     add('--a-topic', metavar='TOPIC', help='of A, an Odometry or a PoseStamped (default: the '
         'best that both have of ground_truth/odom, optitrack/pose, estimate/odom, onboard/odom)')
     add('--b-topic', metavar='TOPIC', help='of B, or of A without B')
@@ -479,17 +478,20 @@ def _work(options: argparse.Namespace) -> None:
     is_pair = options.other is not None or options.a_topic or options.b_topic
     if is_pair:
         other = read_bag(options.other, namespace=options.namespace) if options.other else None
-        if options.out:
-            raise BagError('--out writes the page of one bag; for two give --html FILE')
+        if options.output:
+            raise BagError('--output writes the page of one bag; for two give --html FILE')
         result, comparison, alignment = compare_bags(
             bag, other, options.a_topic, options.b_topic, what, options.equal_at)
     else:
         if what or options.equal_at is not None:
             raise BagError('--align and --equal-at need two bags or two topics')
         result = compare(bag)
-    print(json.dumps(_plain(result), indent=2, allow_nan=False) if options.json
-          else table(result))
+    if options.json != '-':
+        print(table(result))
     written = []
+    if options.json:
+        written.append(write_json(
+            options.json, json.dumps(_plain(result), indent=2, allow_nan=False)))
     if options.csv:
         written.append(tables.write_csv(result, options.csv))
     if options.html:
@@ -497,10 +499,10 @@ def _work(options: argparse.Namespace) -> None:
         written.append(
             report.write(options.html, report.of_two(bag, other, result, comparison, alignment)
                          if is_pair else report.of_one(bag, result)))
-    if options.out:
+    if options.output:
         from .page import write_page
-        written.append(write_page(bag, result, options.out))
-    if not options.json:
+        written.append(write_page(bag, result, options.output))
+    if options.json != '-':
         for path in written:
             print(f'\n{"page" if path.suffix == ".html" else "numbers"}: {path}')
 

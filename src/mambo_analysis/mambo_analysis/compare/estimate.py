@@ -2,7 +2,7 @@
 Estimate a recorded flight again: its sensors through the estimator, and how well that did.
 
 Offline, without ROS running, hundreds of times faster than it was flown. The estimates are those
-that ``ros2 run mambo_bringup replay`` gets from a live estimator, to the last bit. The verdict at
+that ``mambo replay`` gets from a live estimator, to the last bit. The verdict at
 the end names sensors that were absent or refused, and says whether and when the estimate diverged;
 the exit code does not depend on it.
 """
@@ -15,9 +15,9 @@ from pathlib import Path
 import time
 
 from mambo_bags import columns
-from mambo_bags.command import guard
+from mambo_bags.command import guard, Parser, refuse_existing
 from mambo_bags.reader import Bag, BagError, Batch, Messages, read_bag
-from mambo_bags.writer import BagWriter, BagWriterError
+from mambo_bags.writer import BagWriter
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_flight import offline_replay, recording_to_bag, scenario
 from mambo_ros import topics
@@ -124,26 +124,23 @@ def again(
 
 
 def _work(options: argparse.Namespace) -> None:
-    if options.out and options.out.exists():  # before anything is estimated
-        raise BagWriterError(f'{options.out} exists: give another --out or remove it')
+    refuse_existing(options.output)
     began = time.perf_counter()
     bag, found, text = again(options.bag, options.parameters, options.namespace)
     took = time.perf_counter() - began
     seconds = (found.t[-1] - found.t[0]) * 1e-9
     print(f'{seconds:.2f} s of flight estimated and compared in {took:.2f} s: '
           f'{seconds / took:.0f} times real time\n{text}')
-    if options.out:
-        write(options.out, bag, found)
-        print(f'\nbag: {options.out}')
+    if options.output:
+        write(options.output, bag, found)
+        print(f'\nbag: {options.output}')
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """Return the command line."""
-    out = argparse.ArgumentParser(
-        prog='estimate', description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    out = Parser('estimate', __doc__)
     out.add_argument('bag', type=Path, help='rosbag2 directory or .mcap file')
-    out.add_argument('--out', type=Path, metavar='BAG',
-                     help='bag to make, with estimate/odom and estimator/state')
+    out.add_output('BAG', 'bag to make, with estimate/odom and estimator/state')
     out.add_argument('--parameters', type=Path, metavar='FILE',
                      help='ROS 2 parameter file of the estimator (default: that of the bag)')
     out.add_argument('--namespace', help='of the drone, if the bag has several')

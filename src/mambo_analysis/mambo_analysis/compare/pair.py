@@ -363,7 +363,7 @@ def within(bag: Bag, parts: Phases, notes: list[str]) -> list[Comparison]:
     if 'estimate/odom' not in bag:
         notes.append(
             'an imported flight without estimate/odom: let the estimator fly it with '
-            f'ros2 run mambo_bringup replay {bag.path}' if imported
+            f'mambo replay {bag.path}' if imported
             else 'no estimate/odom in the bag')
     elif measured is not None:
         out.append(_between(bag, 'estimate/odom', measured, 'estimation error', parts, notes))

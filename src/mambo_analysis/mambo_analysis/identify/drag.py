@@ -17,6 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_bags.command import Parser
 from mambo_flight import closed_loop
 from mambo_flight.scenario import from_yaml, load, override, Scenario
 from mambo_model import palette
@@ -260,20 +261,25 @@ def read(
     return Track(pose.stamp[seen] + round(shift * 1e9), position.reshape(-1, 3)), flight
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Entry point ``identify_drag``."""
-    parser = result.parser(
+def parser() -> Parser:
+    """Return the command line."""
+    out = result.parser(
         'identify_drag', 'Lumped drag by fitting the closed-loop simulation to a flight.')
-    parser.add_argument('bag', type=Path, help='with optitrack/pose')
-    parser.add_argument('--part', choices=tuple(PARTS), default='horizontal', help='k_c or k_z')
-    parser.add_argument('--scenario', type=Path, metavar='FILE',
-                        help='what was flown; default: that in the bag')
-    parser.add_argument('--shift', type=float, default=0.0,
-                        help='s, added to the stamps of Optitrack if its clock is another')
-    parser.add_argument('--start', type=float, help='s, compare from here; default: in the air')
-    parser.add_argument('--end', type=float, help='s, compare to here; default: landing')
-    parser.add_argument('--namespace', help='of the drone, if the bag has several')
-    options = parser.parse_args(arguments)
+    out.add_argument('bag', type=Path, help='with optitrack/pose')
+    out.add_argument('--part', choices=tuple(PARTS), default='horizontal', help='k_c or k_z')
+    out.add_argument('--scenario', type=Path, metavar='FILE',
+                     help='what was flown; default: that in the bag')
+    out.add_argument('--shift', type=float, default=0.0,
+                     help='s, added to the stamps of Optitrack if its clock is another')
+    out.add_argument('--start', type=float, help='s, compare from here; default: in the air')
+    out.add_argument('--end', type=float, help='s, compare to here; default: landing')
+    out.add_argument('--namespace', help='of the drone, if the bag has several')
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``identify_drag``; return the exit code."""
+    options = parser().parse_args(arguments)
 
     def work() -> result.Report:
         """Read the bag and return what was found."""

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_bags.command import Parser
 from mambo_flight.closed_loop import Recording
 from mambo_model import palette
 from mambo_model.frames import body_quaternion, flip_vector
@@ -303,24 +304,29 @@ def _report(path: Path, data: Samples, leak: bool, slowest: float) -> result.Rep
         {'estimator.yaml': _estimator_file(found, best)})
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Entry point ``identify_flow``."""
-    parser = result.parser(
+def parser() -> Parser:
+    """Return the command line."""
+    out = result.parser(
         'identify_flow', 'Factor of the optical flow from Optitrack, (5.2) and (C.2).')
-    parser.add_argument('bag', type=Path, help='with optical_flow and optitrack/pose')
-    parser.add_argument('--floor', type=float, default=0.0, help='m, its height for Optitrack')
-    parser.add_argument('--shift', type=float, default=0.0,
-                        help='s, added to the stamps of Optitrack: another clock, or a late flow')
-    parser.add_argument('--leak', action='store_true',
-                        help='fit the share of the rotation in the flow, for sensors without gyro')
-    parser.add_argument('--lowest', type=float, default=LOWEST,
-                        help='m, leave out what is lower (default: %(default)g)')
-    parser.add_argument('--slowest', type=float, default=SLOWEST,
-                        help='m/s, refuse a slower motion, rms (default: %(default)g)')
-    parser.add_argument('--start', type=float, default=-np.inf, help='s, leave out what is before')
-    parser.add_argument('--end', type=float, default=np.inf, help='s, leave out what is after')
-    parser.add_argument('--namespace', help='of the drone, if the bag has several')
-    options = parser.parse_args(arguments)
+    out.add_argument('bag', type=Path, help='with optical_flow and optitrack/pose')
+    out.add_argument('--floor', type=float, default=0.0, help='m, its height for Optitrack')
+    out.add_argument('--shift', type=float, default=0.0,
+                     help='s, added to the stamps of Optitrack: another clock, or a late flow')
+    out.add_argument('--leak', action='store_true',
+                     help='fit the share of the rotation in the flow, for sensors without gyro')
+    out.add_argument('--lowest', type=float, default=LOWEST,
+                     help='m, leave out what is lower (default: %(default)g)')
+    out.add_argument('--slowest', type=float, default=SLOWEST,
+                     help='m/s, refuse a slower motion, rms (default: %(default)g)')
+    out.add_argument('--start', type=float, default=-np.inf, help='s, leave out what is before')
+    out.add_argument('--end', type=float, default=np.inf, help='s, leave out what is after')
+    out.add_argument('--namespace', help='of the drone, if the bag has several')
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``identify_flow``; return the exit code."""
+    options = parser().parse_args(arguments)
 
     def work() -> result.Report:
         data = read(options.bag, options.floor, options.start, options.end, options.shift,

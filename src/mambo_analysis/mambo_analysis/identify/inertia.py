@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_bags.command import Parser
 from mambo_model import palette
 from mambo_model.vehicle import bifilar
 from mambo_model.vehicle.parameters import preset
@@ -257,30 +258,35 @@ def _geometry(options: argparse.Namespace) -> Geometry | None:
         options.gravity, options.mass_error, options.separation_error, options.length_error)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Entry point ``identify_inertia``."""
-    parser = result.parser(
+def parser() -> Parser:
+    """Return the command line."""
+    out = result.parser(
         'identify_inertia', 'Moment of inertia from the gyro of a pendulum, (4.2)-(4.3).')
-    parser.add_argument('file', type=Path, help='bag with imu/data_raw, or .csv, .mat, .json')
-    parser.add_argument('--axis', choices=AXES, default='z', help='of the body, that is vertical')
-    parser.add_argument('--column', help='with the rate; default: gyro.AXIS')
-    parser.add_argument('--time', default='t', help='column with the time in s')
-    parser.add_argument('--rate', type=float, default=0.0, help='Hz, if there are no times')
-    parser.add_argument('--unit', choices=('rad/s', 'deg/s'), default='rad/s')
-    parser.add_argument('--start', type=float, default=0.0, help='s, drop what is before')
-    parser.add_argument('--end', type=float, default=np.inf, help='s, drop what is after')
-    parser.add_argument('--rig', choices=('bifilar', 'physical'), default='bifilar',
-                        help='two wires, or a horizontal axis beside the body')
-    parser.add_argument('--separation', type=float, metavar='D',
-                        help='m between the wires; physical: from the axis to the centre of mass')
-    parser.add_argument('--length', type=float, metavar='H', help='m, of the wires')
-    parser.add_argument('--mass', type=float, help='kg')
-    parser.add_argument('--gravity', type=float, default=9.81, help='m/s^2')
+    out.add_argument('file', type=Path, help='bag with imu/data_raw, or .csv, .mat, .json')
+    out.add_argument('--axis', choices=AXES, default='z', help='of the body, that is vertical')
+    out.add_argument('--column', help='with the rate; default: gyro.AXIS')
+    out.add_argument('--time', default='t', help='column with the time in s')
+    out.add_argument('--rate', type=float, default=0.0, help='Hz, if there are no times')
+    out.add_argument('--unit', choices=('rad/s', 'deg/s'), default='rad/s')
+    out.add_argument('--start', type=float, default=0.0, help='s, drop what is before')
+    out.add_argument('--end', type=float, default=np.inf, help='s, drop what is after')
+    out.add_argument('--rig', choices=('bifilar', 'physical'), default='bifilar',
+                     help='two wires, or a horizontal axis beside the body')
+    out.add_argument('--separation', type=float, metavar='D',
+                     help='m between the wires; physical: from the axis to the centre of mass')
+    out.add_argument('--length', type=float, metavar='H', help='m, of the wires')
+    out.add_argument('--mass', type=float, help='kg')
+    out.add_argument('--gravity', type=float, default=9.81, help='m/s^2')
     for name, unit in (('separation', 'm'), ('length', 'm'), ('mass', 'kg')):
-        parser.add_argument(f'--{name}-error', type=float, default=0.0,
-                            help=f'{unit}, standard deviation')
-    parser.add_argument('--namespace', help='of the drone, if a bag has several')
-    options = parser.parse_args(arguments)
+        out.add_argument(f'--{name}-error', type=float, default=0.0,
+                         help=f'{unit}, standard deviation')
+    out.add_argument('--namespace', help='of the drone, if a bag has several')
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``identify_inertia``; return the exit code."""
+    options = parser().parse_args(arguments)
 
     def work() -> result.Report:
         geometry = _geometry(options)

@@ -21,6 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_bags.command import Parser
 from mambo_flight.closed_loop import Recording
 from mambo_model import palette
 from mambo_model.compiled import jit
@@ -228,13 +229,18 @@ def read(path: Path, vehicle: Vehicle, namespace: str | None) -> tuple[Floats, F
     return t[air], pwm[air], down[air]
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Entry point ``identify_motor``."""
-    parser = result.parser(
+def parser() -> Parser:
+    """Return the command line."""
+    out = result.parser(
         'identify_motor', 'Lag of the motors from commands and accelerometer of a flight.')
-    parser.add_argument('bag', type=Path, help='with imu/data_raw and motor_pwm')
-    parser.add_argument('--namespace', help='of the drone, if the bag has several')
-    options = parser.parse_args(arguments)
+    out.add_argument('bag', type=Path, help='with imu/data_raw and motor_pwm')
+    out.add_argument('--namespace', help='of the drone, if the bag has several')
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``identify_motor``; return the exit code."""
+    options = parser().parse_args(arguments)
 
     def work() -> result.Report:
         """Read the bag and return what was found."""

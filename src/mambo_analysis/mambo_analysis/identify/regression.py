@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from mambo_model.errors import MamboError
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, optimize, signal, stats
@@ -29,7 +30,7 @@ PASSES = 3            # of whitening and fitting
 POOREST = 1e-10       # least eigenvalue over largest of a scaled J^T J that determines a parameter
 
 
-class IdentifyError(ValueError):
+class IdentifyError(MamboError, ValueError):
     """Data that cannot answer the question; the text says why and what to do."""
 
 

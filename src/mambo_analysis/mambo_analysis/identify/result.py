@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mambo_bags.command import guard
+from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.reader import Bag, read_bag
 from mambo_model.schema import ParameterError
 from mambo_model.vehicle import vehicle_file
@@ -34,12 +34,11 @@ class Report(NamedTuple):
     method: str = METHOD               # of the intervals
 
 
-def parser(name: str, description: str) -> argparse.ArgumentParser:
+def parser(name: str, description: str) -> Parser:
     """Return the parser of a command with the options that all have."""
-    out = argparse.ArgumentParser(prog=name, description=description)
-    out.add_argument('--out', type=Path, metavar='DIR',
-                     help='write NAME.json, NAME.png and NAME.yaml, a vehicle, into it')
-    out.add_argument('--json', action='store_true', help='print JSON, no table')
+    out = Parser(name, description)
+    out.add_output('DIR', 'write NAME.json, NAME.png and NAME.yaml, a vehicle, into it')
+    out.add_json()
     out.add_argument('--base', default='identified', metavar='VEHICLE',
                      help=f'vehicle that the new one starts from: {", ".join(PRESETS)}')
     return out
@@ -104,12 +103,15 @@ def run(name: str, options: argparse.Namespace, work: Callable[[], Report]) -> i
             raise ParameterError(
                 f'--base: vehicle {options.base!r} is unknown; known: {", ".join(PRESETS)}')
         report = work()
-        print(as_json(report) if options.json else table(report))
-        if options.out:
-            for file in write(name, report, options.out, options.base):
-                if not options.json:
+        if options.json != '-':
+            print(table(report))
+        if options.json and (path := write_json(options.json, as_json(report))):
+            print(f'wrote {path}')
+        if options.output:
+            for file in write(name, report, options.output, options.base):
+                if options.json != '-':
                     print(f'wrote {file}')
-    return guard(name, whole, IdentifyError)
+    return guard(name, whole)
 
 
 def is_bag(path: Path) -> bool:

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_bags.command import Parser
 from mambo_model import palette
 from matplotlib.figure import Figure
 import numpy as np
@@ -153,19 +154,24 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
         _draw(pwm, thrust, found), method=METHOD)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Entry point ``identify_thrust``."""
-    parser = result.parser(
+def parser() -> Parser:
+    """Return the command line."""
+    out = result.parser(
         'identify_thrust', 'Motor map from commands and thrusts of a bench, (4.5)-(4.7).')
-    parser.add_argument('file', type=Path, help='.csv, .mat or .json')
-    parser.add_argument('--command', default='pwm', help='column with the commands')
-    parser.add_argument('--thrust', default='thrust', help='column with what the scale says')
-    parser.add_argument('--unit', choices=('N', 'g'), default='N', help='of that column')
-    parser.add_argument('--motors', type=int, default=1, help='that the scale carries together')
-    parser.add_argument('--gravity', type=float, default=9.81, help='m/s^2, for grams')
-    parser.add_argument('--max-pwm', type=float, default=np.inf,
-                        help='leave out what is above: there thrust fades (350 in the thesis)')
-    options = parser.parse_args(arguments)
+    out.add_argument('file', type=Path, help='.csv, .mat or .json')
+    out.add_argument('--command', default='pwm', help='column with the commands')
+    out.add_argument('--thrust', default='thrust', help='column with what the scale says')
+    out.add_argument('--unit', choices=('N', 'g'), default='N', help='of that column')
+    out.add_argument('--motors', type=int, default=1, help='that the scale carries together')
+    out.add_argument('--gravity', type=float, default=9.81, help='m/s^2, for grams')
+    out.add_argument('--max-pwm', type=float, default=np.inf,
+                     help='leave out what is above: there thrust fades (350 in the thesis)')
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``identify_thrust``; return the exit code."""
+    options = parser().parse_args(arguments)
 
     def work() -> result.Report:
         """Read the bench and return what was found."""

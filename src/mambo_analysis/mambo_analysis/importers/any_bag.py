@@ -29,10 +29,11 @@ import tempfile
 from typing import Any, NamedTuple
 
 from mambo_bags import columns
-from mambo_bags.command import guard
+from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Messages, read_bag, read_listing
 from mambo_bags.writer import BagWriter
+from mambo_model.errors import InputError
 from mambo_ros import layout
 import numpy as np
 from numpy.typing import NDArray
@@ -437,27 +438,31 @@ def _map(text: str) -> tuple[str, str]:
     return theirs, ours.removeprefix(f'{NAMESPACE}/')
 
 
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('import_bag', __doc__.split('\n\n')[0])
+    out.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
+    out.add_output('BAG', 'bag to make', positional=True)
+    out.add_argument('--map', type=_map, action='append', default=[], metavar='/THEIRS:=OURS',
+                     help='a topic to take, and its name here; without: list the topics')
+    out.add_argument('--time', choices=('header', 'log'),
+                     help='header: messages without a stamp are put on the clock of the '
+                          'others; log: all are stamped by their log time (default: as they '
+                          'are, refused where they are on two clocks)')
+    return out
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point ``import_bag``."""
-    parser = argparse.ArgumentParser(
-        prog='import_bag', description=__doc__.strip().split('\n')[0])
-    parser.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
-    parser.add_argument('output', type=Path, nargs='?', help='bag to make')
-    parser.add_argument('--map', type=_map, action='append', default=[], metavar='/THEIRS:=OURS',
-                        help='a topic to take, and its name here; without: list the topics')
-    parser.add_argument('--time', choices=('header', 'log'),
-                        help='header: messages without a stamp are put on the clock of the '
-                             'others; log: all are stamped by their log time (default: as they '
-                             'are, refused where they are on two clocks)')
-    options = parser.parse_args(arguments)
-    if options.map and options.output is None:
-        parser.error('give the bag to make behind the one to read')
+    """Entry point ``import_bag``; return the exit code."""
+    options = parser().parse_args(arguments)
 
     def work() -> None:
         """Import, or list the topics where none is mapped."""
         if not options.map:
             print('\n'.join(_table(options.bag, read_foreign(options.bag))))
             return
+        if options.output is None:
+            raise InputError('give the bag to make behind the one to read')
         if len(dict(options.map)) < len(options.map):
             raise BagError('a topic is mapped twice: give each --map once')
         counts, told = import_bag(

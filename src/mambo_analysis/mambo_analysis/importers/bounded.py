@@ -18,6 +18,7 @@ from typing import Any
 import warnings
 
 from mambo_model import limits
+from mambo_model.errors import MamboError
 
 SECONDS = 120.0  # of wall time
 _RATIO = 20  # unpacked over packed, as of a chunk of a bag
@@ -25,7 +26,7 @@ _COPIES = 3  # what is unpacked, what is made of it, what is handed over
 _FORK = multiprocessing.get_context('fork')
 
 
-class UnreadableError(ValueError):
+class UnreadableError(MamboError, ValueError):
     """A file cannot be read; the text says why in one line."""
 
 

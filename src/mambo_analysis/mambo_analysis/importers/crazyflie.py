@@ -54,7 +54,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from mambo_bags.command import guard
+from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
 from mambo_signals.derivative import body_rates
@@ -433,23 +433,27 @@ def _counts(text: str) -> float:
     return value
 
 
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('import_crazyflie', __doc__.split('\n\n')[0])
+    out.add_argument('log', type=Path, help='JSON file of a flight')
+    out.add_output('BAG', 'bag to make', required=True, positional=True)
+    out.add_argument('--counts-per-radian', type=_counts, default=COUNTS_PER_RADIAN,
+                     metavar='N', help='of the flow sensor (default: %(default).4g)')
+    out.add_argument('--mocap-offset', type=_offset, default='auto', metavar='SECONDS',
+                     help='to add to its clock; auto: by the range, gyro: by the gyro, none: '
+                          'leave it out (default: %(default)s)')
+    out.add_argument('--level', action='store_true',
+                     help='take the horizontal accelerations, not in the log, for 0')
+    out.add_argument('--repeated-flow', choices=('leave', 'zero'), default='leave',
+                     help='counts that repeat: leave them out, or take them for zero, the '
+                          'sensor having seen no motion (default: %(default)s)')
+    return out
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point ``import_crazyflie``."""
-    parser = argparse.ArgumentParser(
-        prog='import_crazyflie', description=__doc__.strip().split('\n')[0])
-    parser.add_argument('log', type=Path, help='JSON file of a flight')
-    parser.add_argument('output', type=Path, help='bag to make')
-    parser.add_argument('--counts-per-radian', type=_counts, default=COUNTS_PER_RADIAN,
-                        metavar='N', help='of the flow sensor (default: %(default).4g)')
-    parser.add_argument('--mocap-offset', type=_offset, default='auto', metavar='SECONDS',
-                        help='to add to its clock; auto: by the range, gyro: by the gyro, none: '
-                             'leave it out (default: %(default)s)')
-    parser.add_argument('--level', action='store_true',
-                        help='take the horizontal accelerations, not in the log, for 0')
-    parser.add_argument('--repeated-flow', choices=('leave', 'zero'), default='leave',
-                        help='counts that repeat: leave them out, or take them for zero, the '
-                             'sensor having seen no motion (default: %(default)s)')
-    options = parser.parse_args(arguments)
+    """Entry point ``import_crazyflie``; return the exit code."""
+    options = parser().parse_args(arguments)
 
     def work() -> None:
         counts, told = import_crazyflie(

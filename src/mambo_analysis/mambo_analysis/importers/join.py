@@ -10,17 +10,17 @@ All of the flight is copied, ``optitrack/pose`` of the other is added on the fli
 
 from __future__ import annotations
 
-import argparse
 import math
 from pathlib import Path
 from typing import NamedTuple
 
 from mambo_bags import mcap_reader
-from mambo_bags.command import guard
+from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag, bag_files, read_bag
 from mambo_bags.recover import declare, extras, in_order, OWN_RECORD
 from mambo_bags.writer import BagWriter, BagWriterError
+from mambo_model.errors import InputError
 from mambo_ros import layout
 from mambo_signals import motion
 from mambo_signals.derivative import body_rates
@@ -131,7 +131,7 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -
 
     """
     if target.exists():
-        raise BagWriterError(f'{target} exists: give another OUT or remove it')
+        raise BagWriterError(f'{target} exists: give another --output or remove it')
     bag, other = read_bag(flight), read_bag(mocap, [POSE])
     poses = other.messages(POSE)
     if POSE in bag:
@@ -170,20 +170,26 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -
             f'flight left out\nbag: {target}')
 
 
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('join', __doc__)
+    out.add_argument('flight', type=Path, help="bag of the drone's log")
+    out.add_argument('mocap', type=Path, help='bag with optitrack/pose of the same flight')
+    out.add_output('BAG', 'bag to make', required=True, positional=True)
+    out.add_argument('--offset', type=float, metavar='SECONDS',
+                     help="to add to the motion capture's clock; default: by correlation")
+    return out
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point ``join``."""
-    parser = argparse.ArgumentParser(
-        prog='join', description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('flight', type=Path, help="bag of the drone's log")
-    parser.add_argument('mocap', type=Path, help='bag with optitrack/pose of the same flight')
-    parser.add_argument('output', type=Path, metavar='out', help='bag to make')
-    parser.add_argument('--offset', type=float, metavar='SECONDS',
-                        help="to add to the motion capture's clock; default: by correlation")
-    options = parser.parse_args(arguments)
-    if options.offset is not None and not math.isfinite(options.offset):
-        parser.error(f'--offset {options.offset}: must be finite')
-    return guard('join', lambda: print(
-        join(options.flight, options.mocap, options.output, options.offset)))
+    """Entry point ``join``; return the exit code."""
+    options = parser().parse_args(arguments)
+
+    def work() -> None:
+        if options.offset is not None and not math.isfinite(options.offset):
+            raise InputError(f'--offset {options.offset}: must be finite')
+        print(join(options.flight, options.mocap, options.output, options.offset))
+    return guard('join', work)
 
 
 if __name__ == '__main__':

@@ -69,7 +69,7 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from mambo_bags.command import guard
+from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
 from mambo_model.frames import flip_vector, wire_quaternion
@@ -379,21 +379,25 @@ def _scale(text: str) -> float:
     return value
 
 
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('import_minidrone', __doc__.split('\n\n')[0])
+    out.add_argument('log', type=Path, help='mat file of a flight')
+    out.add_output('BAG', 'bag to make', required=True, positional=True)
+    out.add_argument('--flow-scale', type=_scale, metavar='RAD_PER_S',
+                     help='rad/s for a logged optical flow of 1 (default: 20 for the units of '
+                          "the toolbox, 1 for those of the later package's signals)")
+    out.add_argument('--map', type=Path, metavar='FILE', dest='names',
+                     help='YAML file of what variables of other names hold, for example '
+                          'accel_y: rx_a_y')
+    out.add_argument('--gyro-unit', choices=('auto', 'rad/s', 'deg/s'), default='auto',
+                     help='of a Simulink log (default: %(default)s, by the tilt that it gives)')
+    return out
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point ``import_minidrone``."""
-    parser = argparse.ArgumentParser(
-        prog='import_minidrone', description=__doc__.strip().split('\n')[0])
-    parser.add_argument('log', type=Path, help='mat file of a flight')
-    parser.add_argument('output', type=Path, help='bag to make')
-    parser.add_argument('--flow-scale', type=_scale, metavar='RAD_PER_S',
-                        help='rad/s for a logged optical flow of 1 (default: 20 for the units of '
-                             "the toolbox, 1 for those of the later package's signals)")
-    parser.add_argument('--map', type=Path, metavar='FILE', dest='names',
-                        help='YAML file of what variables of other names hold, for example '
-                             'accel_y: rx_a_y')
-    parser.add_argument('--gyro-unit', choices=('auto', 'rad/s', 'deg/s'), default='auto',
-                        help='of a Simulink log (default: %(default)s, by the tilt that it gives)')
-    options = parser.parse_args(arguments)
+    """Entry point ``import_minidrone``; return the exit code."""
+    options = parser().parse_args(arguments)
 
     def work() -> None:
         counts, notes = import_minidrone(

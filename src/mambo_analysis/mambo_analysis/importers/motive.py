@@ -34,7 +34,7 @@ from pathlib import Path
 import re
 from typing import Any
 
-from mambo_bags.command import guard
+from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
 import numpy as np
@@ -322,19 +322,23 @@ def _degrees(text: str) -> float:
     return value
 
 
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('import_motive', __doc__.split('\n\n')[0])
+    out.add_argument('take', type=Path, help='CSV export of Motive')
+    out.add_output('BAG', 'bag to make', required=True, positional=True)
+    out.add_argument('--body', help='name of the rigid body, if there are several')
+    out.add_argument('--up', choices=tuple(UP), default='y',
+                     help="axis that is up in the file (default: %(default)s, Motive's own)")
+    out.add_argument('--nose', type=_degrees, default=0.0, metavar='DEG',
+                     help="direction of the nose from the rigid body's x axis, "
+                          'counter-clockwise from above (default: %(default)g)')
+    return out
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point ``import_motive``."""
-    parser = argparse.ArgumentParser(
-        prog='import_motive', description=__doc__.strip().split('\n')[0])
-    parser.add_argument('take', type=Path, help='CSV export of Motive')
-    parser.add_argument('output', type=Path, help='bag to make')
-    parser.add_argument('--body', help='name of the rigid body, if there are several')
-    parser.add_argument('--up', choices=tuple(UP), default='y',
-                        help="axis that is up in the file (default: %(default)s, Motive's own)")
-    parser.add_argument('--nose', type=_degrees, default=0.0, metavar='DEG',
-                        help="direction of the nose from the rigid body's x axis, "
-                             'counter-clockwise from above (default: %(default)g)')
-    options = parser.parse_args(arguments)
+    """Entry point ``import_motive``; return the exit code."""
+    options = parser().parse_args(arguments)
 
     def work() -> None:
         counts, notes = import_motive(options.take, options.output, options.body, options.up,

@@ -216,7 +216,7 @@ def test_a_topic_of_another_type_is_named(tmp_path, capsys):
     maker.writer.add_topic('/mambo/reference', 'geometry_msgs/msg/PoseStamped')
     maker.write('motor_pwm', 0)
     maker.writer.close()
-    assert main([str(tmp_path / 'b')]) == 1
+    assert main([str(tmp_path / 'b')]) == 2
     assert capsys.readouterr().err.endswith(
         '/mambo/reference has the type geometry_msgs/msg/PoseStamped, expected '
         'mambo_interfaces/msg/Reference\n')
@@ -228,7 +228,7 @@ def test_wrong_use_ends_in_one_line(tmp_path, flight, capsys):
             ([tmp_path / 'none'], 'there is no such bag'),
             ([flight, '--namespace', '/other'], 'nothing in the namespace /other'),
             ([flight, '--out', tmp_path / 'file'], 'cannot write the page')):
-        assert main([str(a) for a in arguments]) == 1
+        assert main([str(a) for a in arguments]) == 2
         error = capsys.readouterr().err
         assert error.startswith('compare: ') and text in error and error.count('\n') == 1
     with pytest.raises(SystemExit) as usage:

@@ -76,7 +76,7 @@ def test_careless_arguments_get_one_line(tmp_path, monkeypatch, capsys, options,
     monkeypatch.chdir(tmp_path)
     rest(tmp_path / 'SOURCE')
     (tmp_path / 'FILE').write_text(text)
-    assert estimate.main(['SOURCE', *options]) == 1
+    assert estimate.main(['SOURCE', *options]) == 2
     complaint = capsys.readouterr().err
     assert complaint.startswith('estimate: ') and said in complaint
     assert complaint.count('\n') == 1
@@ -85,7 +85,7 @@ def test_careless_arguments_get_one_line(tmp_path, monkeypatch, capsys, options,
 @pytest.mark.parametrize('text', ['][', 'a: 1', '3'])
 def test_a_broken_scenario_in_a_bag_is_named(tmp_path, capsys, text):
     rest(tmp_path / 'bag', attachments={'scenario.yaml': text})
-    assert estimate.main([str(tmp_path / 'bag')]) == 1
+    assert estimate.main([str(tmp_path / 'bag')]) == 2
     complaint = capsys.readouterr().err
     assert 'scenario.yaml in ' in complaint and complaint.count('\n') == 1
 
@@ -94,7 +94,7 @@ def test_a_bag_without_sensors_gets_one_line(tmp_path, capsys):
     with BagWriter(tmp_path / 'bag') as bag:
         bag.add_topic('/clock', topics.CLOCK.type_name)
         bag.write('/clock', messages.clock(0), 0)
-    assert estimate.main([str(tmp_path / 'bag')]) == 1
+    assert estimate.main([str(tmp_path / 'bag')]) == 2
     assert capsys.readouterr().err == (
         f'estimate: {tmp_path / "bag"}: no topic /imu/data_raw; it has /clock\n')
 

@@ -173,7 +173,7 @@ def test_what_cannot_be_compared_ends_in_one_line(tmp_path, monkeypatch, capsys,
     maker.write('motor_pwm', 0)
     maker.writer.close()
     (tmp_path / 'FOREIGN').write_text('no bag')
-    assert main(arguments) == 1
+    assert main(arguments) == 2
     error = capsys.readouterr().err
     assert error.startswith('compare: ') and text in error and error.count('\n') == 1
 

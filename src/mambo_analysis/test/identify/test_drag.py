@@ -93,5 +93,5 @@ def test_the_command_reads_a_bag_and_writes_a_vehicle(tmp_path, capsys):
     assert got.drag_coefficient == pytest.approx(K_C, rel=0.25)  # 8 s, of which 3 on the circle
     assert got.drag_reading == 'per_rotor_thrust'
     assert (tmp_path / 'identify_drag.png').stat().st_size > 10000
-    assert main([str(tmp_path)]) == 1
+    assert main([str(tmp_path)]) == 2
     assert capsys.readouterr().err.count('\n') == 1

@@ -159,6 +159,6 @@ def test_the_command_reads_a_bag_and_writes_parameters_of_the_estimator(tmp_path
     (['--floor', '2'], '0 samples, at least 100'),
     (['--namespace', 'other'], 'nothing in the namespace /other')])
 def test_wrong_use_is_one_line(capsys, options, message):
-    assert main([str(BAG), *options]) == 1
+    assert main([str(BAG), *options]) == 2
     error = capsys.readouterr().err
     assert message in error and error.count('\n') == 1 and error.startswith('identify_flow: ')

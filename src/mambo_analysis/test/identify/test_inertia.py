@@ -104,7 +104,7 @@ def test_the_command_writes_a_vehicle_ready_to_fly(tmp_path, capsys):
     (['--unit', 'deg/s', '--base', 'nobody'], "vehicle 'nobody' is unknown")])
 def test_wrong_use_is_one_line(tmp_path, capsys, options, message):
     file = csv(tmp_path / 'swing.csv', np.rad2deg(swing(8.1e-5)))
-    assert main([str(file), '--axis', 'y', *options]) == 1
+    assert main([str(file), '--axis', 'y', *options]) == 2
     error = capsys.readouterr().err
     assert message in error and error.startswith('identify_inertia: ') and error.count('\n') == 1
 
@@ -118,7 +118,7 @@ def test_broken_files_are_one_line(tmp_path, capsys, name, text, message):
     file = tmp_path / name
     if text is not None:
         file.write_text(text)
-    assert main([str(file)]) == 1
+    assert main([str(file)]) == 2
     error = capsys.readouterr().err
     assert message in error and str(file) in error and error.count('\n') == 1
 

@@ -130,5 +130,5 @@ def test_the_command_reads_a_bag_and_writes_a_vehicle(tmp_path, capsys):
     got = parameters.load(tmp_path / 'identify_motor.yaml')
     assert got.motor_time_constant < 0.02  # the bag's vehicle has none, its commands hardly change
     assert (tmp_path / 'identify_motor.png').stat().st_size > 10000
-    assert main([str(BAG), '--namespace', 'x']) == 1
+    assert main([str(BAG), '--namespace', 'x']) == 2
     assert capsys.readouterr().err.startswith('identify_motor: ')

@@ -262,7 +262,7 @@ def test_foreign_files_get_one_line(tmp_path, capsys, name, content, message):
     file = tmp_path / name
     if content is not None:
         file.write_bytes(content)
-    assert sensors.main([str(BAG), str(file)]) == 1
+    assert sensors.main([str(BAG), str(file)]) == 2
     said = capsys.readouterr()
     assert said.err.startswith('identify_sensors: ') and message in said.err
     assert said.err.count('\n') == 1 and not said.out
@@ -272,6 +272,6 @@ def test_malformed_noisedata_gets_one_line(tmp_path, capsys):
     from scipy.io import savemat
     for values in (np.zeros((10, 5)), np.full((10, 6), np.nan), np.zeros((10, 6))):
         savemat(tmp_path / 'noisedata.mat', {'noisedata': values})
-        assert sensors.main([str(tmp_path / 'noisedata.mat')]) == 1
+        assert sensors.main([str(tmp_path / 'noisedata.mat')]) == 2
         said = capsys.readouterr().err
         assert said.count('\n') == 1 and 'noisedata' in said

@@ -88,5 +88,5 @@ def test_the_bench_of_the_rolling_spider_gives_the_constant_of_its_toolbox(tmp_p
     assert got.linear_gain == pytest.approx(1530.72681, rel=1e-3)
     assert (got.power_a, got.power_b) == pytest.approx((7.14e-4, 0.987), rel=1e-3)  # by polyfit
     assert got.thrust_map == 'linear'  # 1 is within the interval of the exponent
-    assert main([str(BENCH)]) == 1
+    assert main([str(BENCH)]) == 2
     assert 'no column pwm; it has thrust_recdata.' in capsys.readouterr().err

@@ -504,7 +504,7 @@ def refuse(path, tmp_path, capsys, text, *maps):
     arguments = [str(path), str(tmp_path / 'out')]
     for entry in maps:
         arguments += ['--map', entry]
-    assert main(arguments) == 1
+    assert main(arguments) == 2
     error = capsys.readouterr().err
     assert error.startswith('import_bag: ') and error.count('\n') == 1, error
     assert text in error
@@ -556,9 +556,10 @@ def test_what_is_no_sound_bag_is_named_in_one_line(bag, tmp_path, capsys):
 def test_an_existing_bag_is_never_overwritten_and_wrong_usage_is_exit_code_2(
         bag, tmp_path, capsys):
     (tmp_path / 'out').mkdir()
-    assert main([str(bag), str(tmp_path / 'out'), '--map', '/imu:=imu/data_raw']) == 1
+    assert main([str(bag), str(tmp_path / 'out'), '--map', '/imu:=imu/data_raw']) == 2
     assert 'exists: give another name' in capsys.readouterr().err
-    for arguments in ([], [str(bag), 'out', '--map', '/imu'], [str(bag), '--map', '/a:=b']):
+    assert main([str(bag), '--map', '/a:=b']) == 2
+    for arguments in ([], [str(bag), 'out', '--map', '/imu']):
         with pytest.raises(SystemExit) as usage:
             main(arguments)
         assert usage.value.code == 2
@@ -580,8 +581,8 @@ def test_the_test_bags_of_rosbag2(capsys):
     folder = DATA / 'rosbag2_tests'
     for path in sorted(folder.iterdir()):
         expected = 1 if path.name == 'wrong_rmw_test' else 0
-        assert main([str(path)]) == expected, path
+        assert main([str(path)]) == 2 * expected, path
         captured = capsys.readouterr()
         assert captured.err.count('\n') == expected
-    assert main([str(folder / 'wrong_rmw_test')]) == 1
+    assert main([str(folder / 'wrong_rmw_test')]) == 2
     assert "encoded as 'wrong_format', only cdr is read" in capsys.readouterr().err

@@ -154,7 +154,7 @@ def test_options(tmp_path, made):
     np.testing.assert_allclose(rates, COUNTS_PER_RADIAN / 409.26)
     assert main([str(source), str(tmp_path / 'b'), '--mocap-offset', 'none']) == 0
     assert 'optitrack/pose' not in read_bag(tmp_path / 'b')
-    assert main([str(source), str(tmp_path / 'c'), '--mocap-offset', '-5000']) == 1
+    assert main([str(source), str(tmp_path / 'c'), '--mocap-offset', '-5000']) == 2
     assert not (tmp_path / 'c').exists()  # all poses before the drone's time 0
 
 
@@ -202,7 +202,7 @@ def test_marker_loss_missing_packets_and_unknown_values_are_left_out(tmp_path):
 
 
 def refuse(path, tmp_path, capsys, text):
-    assert main([str(path), str(tmp_path / 'out')]) == 1
+    assert main([str(path), str(tmp_path / 'out')]) == 2
     error = capsys.readouterr().err
     assert error.startswith('import_crazyflie: ') and error.count('\n') == 1, error
     assert text in error and str(path) in error
@@ -249,7 +249,7 @@ def test_malformed_signals_are_named(tmp_path, capsys):
 
 def test_an_existing_bag_is_never_overwritten(tmp_path, capsys):
     (tmp_path / 'out').mkdir()
-    assert main([str(save(tmp_path / 'log.json')), str(tmp_path / 'out')]) == 1
+    assert main([str(save(tmp_path / 'log.json')), str(tmp_path / 'out')]) == 2
     assert 'exists: give another name' in capsys.readouterr().err
     for wrong in (['--mocap-offset', 'nan'], ['--mocap-offset', 'soon'],
                   ['--counts-per-radian', '0']):

@@ -114,7 +114,7 @@ def test_wrong_use_ends_in_one_line_and_leaves_no_bag(log, take, tmp_path, capsy
             ((log, take, out, '--offset', '100'), 'no pose is within the flight'),
             ((log, take, take), 'exists'),
             ((log, tmp_path / 'none', out), 'there is no such bag')):
-        assert join.main([str(argument) for argument in arguments]) == 1
+        assert join.main([str(argument) for argument in arguments]) == 2
         error = capsys.readouterr().err
         assert error.startswith('join: ') and error.count('\n') == 1 and says in error
         assert not out.exists()

@@ -226,7 +226,7 @@ def test_onboard_position_is_the_sum_of_the_body_velocity(tmp_path):
 
 
 def refuse(path, tmp_path, capsys, text):
-    assert main([str(path), str(tmp_path / 'out')]) == 1
+    assert main([str(path), str(tmp_path / 'out')]) == 2
     error = capsys.readouterr().err
     assert error.startswith('import_minidrone: ') and error.count('\n') == 1, error
     assert text in error and str(path) in error
@@ -279,7 +279,7 @@ def test_malformed_signals_are_named(tmp_path, capsys):
 def test_an_existing_bag_is_never_overwritten(tmp_path, capsys):
     source = save(tmp_path / 'log.mat')
     (tmp_path / 'out').mkdir()
-    assert main([str(source), str(tmp_path / 'out')]) == 1
+    assert main([str(source), str(tmp_path / 'out')]) == 2
     assert 'exists: give another name' in capsys.readouterr().err
     with pytest.raises(BagWriterError):
         import_minidrone(source, tmp_path / 'out')

@@ -163,7 +163,7 @@ def test_the_bag_says_where_it_came_from(tmp_path):
 
 
 def refuse(path, tmp_path, capsys, text, *options):
-    assert main([str(path), str(tmp_path / 'out'), *options]) == 1
+    assert main([str(path), str(tmp_path / 'out'), *options]) == 2
     error = capsys.readouterr().err
     assert error.startswith('import_motive: ') and error.count('\n') == 1, error
     assert text in error and str(path) in error
@@ -220,7 +220,7 @@ def test_more_that_is_refused(tmp_path, capsys):
 def test_an_existing_bag_is_never_overwritten(tmp_path, capsys):
     source = take(tmp_path / 'take.csv')
     (tmp_path / 'out').mkdir()
-    assert main([str(source), str(tmp_path / 'out')]) == 1
+    assert main([str(source), str(tmp_path / 'out')]) == 2
     assert 'exists: give another name' in capsys.readouterr().err
 
 

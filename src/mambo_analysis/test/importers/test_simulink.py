@@ -113,7 +113,7 @@ def imported(tmp_path, capsys, found, *options):
 def refused(tmp_path, capsys, found, *options):
     """Return the one line that refuses a log."""
     source = save(tmp_path / 'log.mat', found)
-    assert main([str(source), str(tmp_path / 'bag'), *options]) == 1
+    assert main([str(source), str(tmp_path / 'bag'), *options]) == 2
     error = capsys.readouterr().err
     assert error.startswith('import_minidrone: ') and error.count('\n') == 1, error
     assert not (tmp_path / 'bag').exists()
@@ -337,7 +337,7 @@ def test_a_log_cut_off_in_the_middle_is_one_line(flight, tmp_path, capsys):
     whole = save(tmp_path / 'whole.mat', scopes(flight)).read_bytes()
     for share in (0.2, 0.5, 0.8, 0.99):
         (tmp_path / 'cut.mat').write_bytes(whole[:int(share * len(whole))])
-        assert main([str(tmp_path / 'cut.mat'), str(tmp_path / 'bag')]) == 1
+        assert main([str(tmp_path / 'cut.mat'), str(tmp_path / 'bag')]) == 2
         error = capsys.readouterr().err
         assert 'not a readable mat file' in error and error.count('\n') == 1
 

@@ -11,15 +11,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-import sys
 from typing import Any
 
-from mambo_bags.command import guard
+from mambo_bags.command import guard, Parser, refuse_existing
 import numpy as np
 
 from . import design, monte_carlo, plot, table
 from .run import run
-from .table import SweepError
+from .table import SweepEndedError, SweepError
 
 SHOWN = ('tracking_rms', 'tracking_max', 'estimation_rms', 'estimation_final',
          'saturated_share', 'pwm_max')
@@ -51,12 +50,13 @@ def sweep(
     ------
     mambo_model.schema.ParameterError
         For a wrong file, naming file, line and key.
-    SweepError
-        If the result exists, or the sweep cannot go on.
+    mambo_model.errors.InputError
+        If the result exists, or the unfinished rows are of another sweep.
+    SweepEndedError
+        If it ended early; the finished rows are kept.
 
     """
-    if out.exists():
-        raise SweepError(f'{out} exists: give another --out or remove it')
+    refuse_existing(out)
     flights = design.Flights(design.read(path))
     for number in range(len(flights.sweep.rows)):  # refused before anything is flown
         flights[number]
@@ -98,34 +98,38 @@ def _run(options: argparse.Namespace) -> None:
     if options.measure:
         _measure(options.sweep, options.ideal)
         return
-    if options.out is None:
-        raise SweepError('give --out RESULT.parquet')
+    if options.output is None:
+        raise SweepError('give --output RESULT.parquet')
     if options.workers is not None and options.workers < 1:
         raise SweepError(f'--workers {options.workers}: must be 1 or more')
     try:
-        data = sweep(options.sweep, options.out, options.ideal, options.workers, options.dask)
+        data = sweep(options.sweep, options.output, options.ideal, options.workers, options.dask)
     except KeyboardInterrupt:
-        raise SweepError(
+        raise SweepEndedError(
             'stopped by you; what is finished is kept, the same command goes on') from None
-    print(f'{summary(data)}\ntable: {options.out}\nplots: {options.out.with_suffix(".png")}')
+    print(f'{summary(data)}\ntable: {options.output}\nplots: {options.output.with_suffix(".png")}')
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Entry point ``sweep``."""
-    parser = argparse.ArgumentParser(
-        prog='sweep', description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add = parser.add_argument
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('sweep', __doc__)
+    add = out.add_argument
     add('sweep', type=Path, metavar='SWEEP.yaml', help='which flights')
-    add('--out', type=Path, metavar='RESULT.parquet', help='table to write')
+    out.add_output('RESULT.parquet', 'table to write')
     add('--workers', type=int, metavar='N', help='processes (default: one for each core)')
     add('--dask', metavar='ADDRESS',
         help="fly on the workers of a Dask scheduler, e.g. tcp://host:8786, in place of this "
         "machine's processes")
     add('--ideal', action='store_true', help='without sensors: the controller has the true state')
     add('--measure', action='store_true', help='only say how fast one core flies the first flight')
-    options = parser.parse_args(arguments)
-    sys.exit(guard('sweep', lambda: _run(options), SweepError))
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``sweep``; return the exit code."""
+    options = parser().parse_args(arguments)
+    return guard('sweep', lambda: _run(options))
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(main())

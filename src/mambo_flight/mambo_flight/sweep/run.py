@@ -16,7 +16,7 @@ from tqdm import tqdm
 from . import monte_carlo
 from ..scenario import Scenario
 from .design import Flights
-from .table import batches, Journal, SweepError
+from .table import batches, Journal, SweepEndedError, SweepError
 
 BATCH = 16  # flights at most that a worker gets at once
 AHEAD = 3  # batches for each worker that wait or are flown
@@ -82,7 +82,7 @@ def run(
 
     Raises
     ------
-    SweepError
+    SweepError, SweepEndedError
         If a worker fails; what is finished is in the journal.
 
     """
@@ -130,10 +130,10 @@ def _result(future: Future) -> list[dict[str, Any]]:
     try:
         return future.result()
     except BrokenProcessPool:
-        raise SweepError(
+        raise SweepEndedError(
             'a worker was killed; what is finished is kept, the same command goes on') from None
     except Exception as error:  # whatever a worker elsewhere may raise
         text = ' '.join(f'{type(error).__name__}: {error}'.split())
-        raise SweepError(
+        raise SweepEndedError(
             f'a worker failed: {text}; what is finished is kept, the same command goes on'
         ) from None

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mambo_model.compiled import source_digest
+from mambo_model.errors import InputError, JobError
 import pyarrow as pa
 import pyarrow.parquet as parquet
 
@@ -17,8 +18,12 @@ from .. import scenario as scenarios
 from .design import Flights, Sweep
 
 
-class SweepError(ValueError):
-    """A sweep cannot go on; the text says why and what to do."""
+class SweepError(InputError):
+    """A sweep cannot be begun as asked; the text says why and what to do."""
+
+
+class SweepEndedError(JobError):
+    """A sweep that was begun has ended; what is finished is kept."""
 
 
 def parameters(sweep: Sweep, number: int) -> dict[str, Any]:
@@ -92,7 +97,7 @@ class Journal:
             if number == 0 and row.get('sweep') != head:
                 raise SweepError(
                     f'{self.path}: begun by another sweep file or another version of the '
-                    'software: remove it, or give another --out')
+                    'software: remove it, or give another --output')
             if number:
                 self.rows[row.pop('flight')] = row
             good += len(line)

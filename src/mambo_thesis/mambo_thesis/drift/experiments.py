@@ -14,11 +14,10 @@ import argparse
 import functools
 import json
 from pathlib import Path
-import sys
 from typing import NamedTuple
 
 from mambo_analysis.compare import digest
-from mambo_bags.command import guard
+from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_flight import closed_loop, scenario_file
 import numpy as np
@@ -156,33 +155,36 @@ def _run(options: argparse.Namespace) -> None:
         found, {key: truth.value for key, truth in TRUTHS.items()})]
     print('\n'.join(tables))
     try:
-        options.out.mkdir(parents=True, exist_ok=True)
-        (options.out / 'drift.md').write_text('\n'.join(tables))
-        (options.out / 'drift.json').write_text(json.dumps({
+        options.output.mkdir(parents=True, exist_ok=True)
+        (options.output / 'drift.md').write_text('\n'.join(tables))
+        (options.output / 'drift.json').write_text(json.dumps({
             'table': {k: v.tolist() for k, v in perfect.items()},
             'flown': {n: {k: f._asdict() for k, f in d.items()} for n, d in flown.items()},
             'found': [f._asdict() for f in found],
         }, indent=1) + '\n')
-        digest.save(report.draw(flown), options.out / 'drift.png', 130, report.shows(tables[1]))
+        digest.save(report.draw(flown), options.output / 'drift.png', 130, report.shows(tables[1]))
         if options.write:
             options.write.write_text(report.put(
                 tables, options.write.read_text(), options.write))
     except OSError as error:
         raise BagError(f'{error.filename}: cannot be written ({error.strerror})') from None
-    print(f'figure: {options.out / "drift.png"}')
+    print(f'figure: {options.output / "drift.png"}')
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Entry point ``drift_experiments``."""
-    parser = argparse.ArgumentParser(
-        prog='drift_experiments', description='Drift by mechanism: table and experiments.')
-    parser.add_argument('--out', type=Path, default=Path('drift'), metavar='DIR',
-                        help='folder to write into (default: drift)')
-    parser.add_argument('--write', type=Path, metavar='FILE',
-                        help='put the tables into this document, in place of those it has')
-    options = parser.parse_args(arguments)
-    sys.exit(guard('drift_experiments', lambda: _run(options)))
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('drift_experiments', 'Drift by mechanism: table and experiments.')
+    out.add_output('DIR', 'folder to write into (default: drift)', Path('drift'))
+    out.add_argument('--write', type=Path, metavar='FILE',
+                     help='put the tables into this document, in place of those it has')
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``drift_experiments``; return the exit code."""
+    options = parser().parse_args(arguments)
+    return guard('drift_experiments', lambda: _run(options))
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(main())

@@ -15,10 +15,9 @@ from collections.abc import Sequence
 import json
 import math
 from pathlib import Path
-import sys
 from typing import Any
 
-from mambo_bags.command import guard
+from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.mcap_reader import BagError
 from mambo_model import palette
 from matplotlib.figure import Figure
@@ -151,25 +150,31 @@ def _run(options: argparse.Namespace) -> None:
     except ValueError as error:
         raise BagError(f'{options.bags[0]}: {error}') from None
     fits = evidence.compare()
-    for f in flights:
-        print(f'{f.name}: {len(f.flow)} samples, {f.track.height.min():.2f} to '
-              f'{f.track.height.max():.2f} m high; flow {1e3 * lag:.0f} ms behind; noise of the '
-              f'velocity of Optitrack {f.velocity_noise:.4f} m/s')
-    print(f'noise of the flow {evidence.noise.sigma:.4f} rad/s, of its slow part '
-          f'{evidence.noise.long_run:.4f} rad/s\n\n{table(fits)}\n')
     said = [sentence(fits), advice(fits, evidence.noise, options.window), doubt(flights)]
     said = [line for line in said if line]
-    print('\n'.join(said))
+    if options.json != '-':
+        _tell(flights, lag, fits, evidence.noise, said)
     try:
         if options.json:
-            options.json.parent.mkdir(parents=True, exist_ok=True)
-            options.json.write_text(json.dumps(
-                data(flights, lag, fits, evidence.noise, said), indent=1) + '\n')
+            write_json(options.json, json.dumps(
+                data(flights, lag, fits, evidence.noise, said), indent=1))
         if options.figure:
             options.figure.parent.mkdir(parents=True, exist_ok=True)
             picture(draw(flights, fits), options.figure)
     except OSError as error:
         raise BagError(f'{error.filename}: cannot be written ({error.strerror})') from None
+
+
+def _tell(flights: Sequence[Flight], lag: float, fits: Sequence[Fit], noise: Noise,
+          said: Sequence[str]) -> None:
+    """Print what was found."""
+    for f in flights:
+        print(f'{f.name}: {len(f.flow)} samples, {f.track.height.min():.2f} to '
+              f'{f.track.height.max():.2f} m high; flow {1e3 * lag:.0f} ms behind; noise of the '
+              f'velocity of Optitrack {f.velocity_noise:.4f} m/s')
+    print(f'noise of the flow {noise.sigma:.4f} rad/s, of its slow part '
+          f'{noise.long_run:.4f} rad/s\n\n{table(fits)}\n')
+    print('\n'.join(said))
 
 
 def _positive(text: str) -> float:
@@ -188,27 +193,32 @@ def _lag(text: str) -> float | None:
     return value
 
 
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('identify_drift', __doc__.split('\n\n')[0])
+    out.add_argument('bags', type=Path, nargs='+', metavar='BAG',
+                     help='flights of one drone with optical_flow and optitrack/pose')
+    out.add_argument('--window', type=_positive, metavar='SECONDS',
+                     help='look at displacements over windows only; a turn: drift alone')
+    out.add_argument('--estimate', metavar='TOPIC',
+                     help='judge this estimate (estimate/odom) in place of the flow')
+    out.add_argument('--flow-lag', type=_lag, default=None, metavar='SECONDS',
+                     help='by how much the flow is behind (default: auto, found)')
+    out.add_argument('--height', choices=('optitrack', 'sonar'), default='optitrack',
+                     help='whose height is taken for the true one (default: %(default)s)')
+    out.add_argument('--min-height', type=_positive, default=MIN_HEIGHT, metavar='M',
+                     help='leave out what is lower (default: %(default)s)')
+    out.add_argument('--figure', type=Path, metavar='PNG', help='draw probabilities and factor')
+    out.add_json()
+    out.add_argument('--namespace', help='of the drone, if a bag holds several')
+    return out
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point ``identify_drift``."""
-    parser = argparse.ArgumentParser(prog='identify_drift', description=__doc__.split('\n\n')[0])
-    parser.add_argument('bags', type=Path, nargs='+', metavar='BAG',
-                        help='flights of one drone with optical_flow and optitrack/pose')
-    parser.add_argument('--window', type=_positive, metavar='SECONDS',
-                        help='look at displacements over windows only; a turn: drift alone')
-    parser.add_argument('--estimate', metavar='TOPIC',
-                        help='judge this estimate (estimate/odom) in place of the flow')
-    parser.add_argument('--flow-lag', type=_lag, default=None, metavar='SECONDS',
-                        help='by how much the flow is behind (default: auto, found)')
-    parser.add_argument('--height', choices=('optitrack', 'sonar'), default='optitrack',
-                        help='whose height is taken for the true one (default: %(default)s)')
-    parser.add_argument('--min-height', type=_positive, default=MIN_HEIGHT, metavar='M',
-                        help='leave out what is lower (default: %(default)s)')
-    parser.add_argument('--figure', type=Path, metavar='PNG', help='draw probabilities and factor')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write all values here')
-    parser.add_argument('--namespace', help='of the drone, if a bag holds several')
-    options = parser.parse_args(arguments)
+    """Entry point ``identify_drift``; return the exit code."""
+    options = parser().parse_args(arguments)
     return guard('identify_drift', lambda: _run(options))
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    raise SystemExit(main())

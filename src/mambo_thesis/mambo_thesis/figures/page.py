@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from .claim import Claim, Result, verdict
 
-COMMAND = 'ros2 run mambo_thesis reproduce'
+COMMAND = 'mambo reproduce'
 LEAD = (
     'Every figure of the thesis whose data a simulation can make, its claim in our words, and '
     'what the simulated drone showed. Ranges are over five seeds of the sensor noise. "Wanted" '

@@ -7,7 +7,6 @@ flights of the Rolling Spider, flights and pendulum of the Crazyflie, poses of a
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 import json
 from pathlib import Path
@@ -15,8 +14,8 @@ import tempfile
 from typing import NamedTuple
 
 from mambo_analysis.identify import columns, inertia, thrust
-from mambo_analysis.identify.regression import IdentifyError, Value
-from mambo_bags.command import guard
+from mambo_analysis.identify.regression import Value
+from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import read_bag
 from mambo_sim.sensors.optitrack import OptitrackParams
@@ -237,26 +236,30 @@ def validate(data: Path, only: list[str] | None = None) -> list[Table]:
                 for table in SECTIONS[name](data, Path(folder))]
 
 
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('validate_recordings', 'Measure the real recordings again.')
+    out.add_argument('data', type=Path, help='folder with the recordings')
+    out.add_argument('--only', nargs='+', choices=tuple(SECTIONS), help='these alone')
+    out.add_argument('--markdown', action='store_true', help='as in the page of docs/evidence')
+    out.add_json()
+    return out
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point ``validate_recordings``."""
-    parser = argparse.ArgumentParser(
-        prog='validate_recordings', description='Measure the real recordings again.')
-    parser.add_argument('data', type=Path, help='folder with the recordings')
-    parser.add_argument('--only', nargs='+', choices=tuple(SECTIONS), help='these alone')
-    form = parser.add_mutually_exclusive_group()
-    form.add_argument('--json', action='store_true', help='all digits')
-    form.add_argument('--markdown', action='store_true', help='as in the page of docs/evidence')
-    options = parser.parse_args(arguments)
+    """Entry point ``validate_recordings``; return the exit code."""
+    options = parser().parse_args(arguments)
 
     def work() -> None:
         """Measure and print."""
         found = validate(options.data, options.only)
         if options.json:
-            print(json.dumps([table._asdict() for table in found], indent=1, allow_nan=False))
-        else:
+            write_json(options.json, json.dumps(
+                [table._asdict() for table in found], indent=1, allow_nan=False))
+        if options.json != '-':
             print('\n\n'.join(
                 table.markdown() if options.markdown else table.text() for table in found))
-    return guard('validate_recordings', work, IdentifyError)
+    return guard('validate_recordings', work)
 
 
 if __name__ == '__main__':

@@ -254,7 +254,7 @@ def test_a_bag_that_lacks_something_is_refused_in_one_line(lacks, says, tmp_path
             if lacks != 'optical_flow':
                 out.publish('optical_flow', k * 10**7, 'base_link', rate_x=0.1, quality=9)
             out.publish('imu/data_raw', k * 10**7, 'base_link', **out.imu((0.0,) * 3, (0.0,) * 3))
-    assert identify_drift.main([str(tmp_path / 'bag')]) == 1
+    assert identify_drift.main([str(tmp_path / 'bag')]) == 2
     said = capsys.readouterr().err.strip()
     assert says in said
     assert '\n' not in said
@@ -262,7 +262,7 @@ def test_a_bag_that_lacks_something_is_refused_in_one_line(lacks, says, tmp_path
 
 def test_too_long_a_window_is_refused(tmp_path, capsys):
     bag = write(tmp_path / 'bag', {})
-    assert identify_drift.main([str(bag), '--window', '60']) == 1
+    assert identify_drift.main([str(bag), '--window', '60']) == 2
     assert 'no flight has flow without a gap for a window of 60 s' in capsys.readouterr().err
 
 

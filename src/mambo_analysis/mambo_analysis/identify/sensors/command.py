@@ -20,7 +20,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from mambo_bags.command import guard
+from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.mcap_reader import BagError
 
 from . import barometer, imu, optical_flow, sonar
@@ -55,21 +55,27 @@ def measure(recording: Recording) -> tuple[list[Measured], dict[str, Any]]:
     return lines, {'allan': curves, 'latency': latency}
 
 
+def _print_tables(recordings: list[Recording], measured: list[list[Measured]]) -> None:
+    """Print a table of each recording, and of all where there are several."""
+    for recording, lines in zip(recordings, measured):
+        print(f'{recording.name}\n{table(lines)}\n')
+    if len(recordings) > 1:
+        heading = 'median over recordings, from the lowest to the highest; samples: recordings'
+        text = table(summary(measured))
+        print(f"{heading}\n{text.replace('95 % interval', 'lowest to highest', 1)}\n")
+
+
 def _report(files: list[Path], options: argparse.Namespace) -> None:
     """Measure all files; print, draw and write what was asked for."""
     recordings = [read_sensors(file, options.namespace) for file in files]
     measured = [measure(recording) for recording in recordings]
-    for recording, (lines, _) in zip(recordings, measured):
-        print(f'{recording.name}\n{table(lines)}\n')
-    if len(files) > 1:
-        heading = 'median over recordings, from the lowest to the highest; samples: recordings'
-        text = table(summary([lines for lines, _ in measured]))
-        print(f"{heading}\n{text.replace('95 % interval', 'lowest to highest', 1)}\n")
-    if options.out is not None:
-        options.out.mkdir(parents=True, exist_ok=True)
+    if options.json != '-':
+        _print_tables(recordings, [lines for lines, _ in measured])
+    if options.output is not None:
+        options.output.mkdir(parents=True, exist_ok=True)
         for number, (recording, (_, curves)) in enumerate(zip(recordings, measured), 1):
-            target = options.out / f'{number:02d}_{Path(recording.name).stem}_sensors.png'
-            if draw(recording, curves, target):
+            target = options.output / f'{number:02d}_{Path(recording.name).stem}_sensors.png'
+            if draw(recording, curves, target) and options.json != '-':
                 print(f'figure: {target}')
     if options.json is not None:
         content = {'level': LEVEL, 'recordings': [
@@ -77,19 +83,26 @@ def _report(files: list[Path], options: argparse.Namespace) -> None:
                 {key: None if value != value else value for key, value in line._asdict().items()}
                 for line in lines]}
             for file, (lines, _) in zip(files, measured)]}
-        options.json.parent.mkdir(parents=True, exist_ok=True)
-        options.json.write_text(json.dumps(content, indent=1) + '\n')
-        print(f'json: {options.json}')
+        if path := write_json(options.json, json.dumps(content, indent=1)):
+            print(f'json: {path}')
+
+
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('identify_sensors', __doc__.split('\n\n')[0])
+    out.add_argument('files', type=Path, nargs='+', metavar='FILE',
+                     help='bag, minidrone log (rt_yout) or noisedata.mat')
+    out.add_output('DIR', 'write a figure of each file here')
+    out.add_json()
+    out.add_argument('--namespace', help='of the drone, if a bag holds several')
+    return out
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point ``identify_sensors``."""
-    parser = argparse.ArgumentParser(
-        prog='identify_sensors', description=__doc__.split('\n\n')[0])
-    parser.add_argument('files', type=Path, nargs='+', metavar='FILE',
-                        help='bag, minidrone log (rt_yout) or noisedata.mat')
-    parser.add_argument('--out', type=Path, metavar='DIR', help='write a figure of each file here')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write all values here')
-    parser.add_argument('--namespace', help='of the drone, if a bag holds several')
-    options = parser.parse_args(arguments)
-    return guard('identify_sensors', lambda: _report(options.files, options), OSError)
+    """Entry point ``identify_sensors``; return the exit code."""
+    options = parser().parse_args(arguments)
+    return guard('identify_sensors', lambda: _report(options.files, options))
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,192 @@
+"""
+The command ``mambo``: one name for everything the workspace does.
+
+``mambo --help`` lists the commands by use, ``mambo COMMAND --help`` explains one. Each command is
+a module with two functions: ``parser()`` returns its command line, ``main(arguments)`` runs it and
+returns the exit code: 0, 1 for a failed job, 2 for wrong input. A module is imported only when its
+command is used.
+"""
+
+from __future__ import annotations
+
+import argparse
+from importlib import import_module
+import os
+from pathlib import Path
+import shlex
+import subprocess
+import sys
+from typing import NamedTuple
+
+from mambo_bags import command
+
+
+class Command(NamedTuple):
+    """
+    One command.
+
+    Attributes
+    ----------
+    module : str
+        Module with ``parser`` and ``main``, or a script of the checkout with its first argument.
+    summary : str
+        What the command does, in one line.
+
+    """
+
+    module: str
+    summary: str
+
+
+GROUPS: dict[str, dict[str, Command]] = {
+    'Fly': {
+        'run': Command('mambo_bringup.flight', 'fly a scenario in the ROS graph, record, report'),
+        'fly': Command('mambo_flight.fly', 'fly a scenario in one process, hundreds of times '
+                       'faster than real time'),
+        'sweep': Command('mambo_flight.sweep.command', 'fly a scenario many times over seeds, '
+                         'vehicles, wind, gains'),
+    },
+    'Bags': {
+        'compare': Command('mambo_analysis.compare.compare', 'errors of a flight, or of flight A '
+                           'against flight B; report'),
+        'replay': Command('mambo_bringup.replay', "a bag's sensors through a live estimator"),
+        'estimate': Command('mambo_analysis.compare.estimate', 'the same offline'),
+        'recover': Command('mambo_bags.recover', 'save what is readable of a damaged bag'),
+        'join': Command('mambo_analysis.importers.join', "a drone's log and its motion capture "
+                        'as one bag'),
+        'import bag': Command('mambo_analysis.importers.any_bag', 'any rosbag2 or MCAP bag'),
+        'import crazyflie': Command('mambo_analysis.importers.crazyflie', 'Crazyflie log with '
+                                    'motion capture (JSON)'),
+        'import minidrone': Command('mambo_analysis.importers.minidrone', 'Parrot minidrone log '
+                                    '(.mat)'),
+        'import motive': Command('mambo_analysis.importers.motive', 'Optitrack Motive take (CSV)'),
+    },
+    'Identify, each value with its interval': {
+        'identify thrust': Command('mambo_analysis.identify.thrust', 'motor map from a bench'),
+        'identify inertia': Command('mambo_analysis.identify.inertia', 'moment of inertia from a '
+                                    'pendulum'),
+        'identify drag': Command('mambo_analysis.identify.drag', 'rotor drag from a flight'),
+        'identify motor': Command('mambo_analysis.identify.motor', 'motor lag from a flight'),
+        'identify flow': Command('mambo_analysis.identify.flow', 'factor of the optical flow'),
+        'identify sensors': Command('mambo_analysis.identify.sensors.command', 'noise, rates and delays '
+                                    'of the sensors'),
+        'identify drift': Command('mambo_thesis.drift.identify_drift', 'which mechanism makes the '
+                                  'position drift'),
+    },
+    'Thesis': {
+        'reproduce': Command('mambo_thesis.reproduce', 'fly and redraw every figure, judge every '
+                             'claim'),
+        'drift': Command('mambo_thesis.drift.experiments', 'the experiments on the drift'),
+        'recordings': Command('mambo_thesis.recordings.validate', 'what public recordings say'),
+    },
+    'Workspace': {
+        'docs': Command('tools/docs.py', 'build or serve the documentation'),
+        'test': Command('test', 'run every test'),
+        'bench': Command('bench', 'measure speed beside C and another simulator'),
+        'mutants': Command('mutants', 'break the equations one at a time; a test must notice'),
+    },
+}
+COMMANDS = {name: entry for group in GROUPS.values() for name, entry in group.items()}
+
+
+def overview(first: str = '') -> str:
+    """Return the help: every command by use, a line each; or those of one first word."""
+    width = max(map(len, COMMANDS)) + 2
+    lines = ['usage: mambo COMMAND [options]', '',
+             'The ROS 2 twin of the Parrot Mambo minidrone. mambo COMMAND --help explains one.']
+    for title, group in GROUPS.items():
+        shown = [f'  {name:<{width}}{entry.summary}' for name, entry in group.items()
+                 if first in ('', name.split()[0])]
+        lines += ['', f'{title}:', *shown] if shown else []
+    return '\n'.join(lines) + '\n'
+
+
+def find(words: list[str]) -> tuple[str, list[str]]:
+    """
+    Split a command line into the command and its arguments.
+
+    Raises
+    ------
+    LookupError
+        In one line, if there is no such command; with the nearest one.
+
+    """
+    for count in (2, 1):
+        name = ' '.join(words[:count])
+        if name in COMMANDS:
+            return name, words[count:]
+    kinds = [name for name in COMMANDS if name.split()[0] == words[0]]
+    if kinds:
+        given = f'{words[1]} is none' if len(words) > 1 else 'say which'
+        hint = command.nearest(' '.join(words[:2]), kinds)
+        raise LookupError(f"{words[0]}: {given} of {', '.join(kinds)}{hint}")
+    hint = command.nearest(words[0], {part for name in COMMANDS for part in (
+        name, name.split()[0])})
+    raise LookupError(f'{words[0]} is not a command{hint}; mambo --help lists them')
+
+
+def is_script(entry: Command) -> bool:
+    """Tell whether a command is a script of the checkout."""
+    return '.' not in entry.module or '/' in entry.module
+
+
+def run_script(entry: Command, arguments: list[str]) -> int:
+    """Run a script of the checkout; return its exit code."""
+    root = os.environ.get('MAMBO_ROOT')
+    script = Path(root or '.') / entry.module
+    if not root or not script.is_file():
+        print('mambo: this needs the checkout: source its env.bash first', file=sys.stderr)
+        return 2
+    start = [sys.executable] if script.suffix == '.py' else []
+    return subprocess.call([*start, str(script), *arguments])
+
+
+def completion_parser(line: str) -> argparse.ArgumentParser:
+    """Return the command line that completes ``line``: all commands, the options of the one."""
+    try:
+        words = shlex.split(line)[1:]
+    except ValueError:  # an open quote
+        words = line.split()[1:]
+    out = argparse.ArgumentParser(prog='mambo')
+    first = out.add_subparsers()
+    second: dict[str, argparse._SubParsersAction] = {}
+    for name, entry in COMMANDS.items():
+        chosen = words[:len(name.split())] == name.split() and not is_script(entry)
+        parents = [import_module(entry.module).parser()] if chosen else []
+        head, _, kind = name.partition(' ')
+        if kind and head not in second:
+            second[head] = first.add_parser(head).add_subparsers()
+        (second[head] if kind else first).add_parser(
+            kind or head, parents=parents, add_help=not parents, help=entry.summary)
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``mambo``; return the exit code."""
+    if '_ARGCOMPLETE' in os.environ:  # the shell asks for what may come next
+        import argcomplete
+        argcomplete.autocomplete(completion_parser(os.environ.get('COMP_LINE', 'mambo')))
+    words = sys.argv[1:] if arguments is None else arguments
+    if not words or words[0] in ('-h', '--help', 'help'):
+        if len(words) > 1 and words[0] == 'help':
+            return main([*words[1:], '--help'])
+        print(overview(), end='')
+        return 0 if words else 2
+    if len(words) == 2 and words[1] in ('-h', '--help') and any(
+            name.startswith(f'{words[0]} ') for name in COMMANDS):
+        print(overview(words[0]), end='')
+        return 0
+    try:
+        name, rest = find(words)
+    except LookupError as error:
+        print(f'mambo: {error.args[0]}', file=sys.stderr)
+        return 2
+    entry = COMMANDS[name]
+    if is_script(entry):
+        return run_script(entry, rest)
+    command.set_program(f'mambo {name}')
+    return import_module(entry.module).main(rest)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

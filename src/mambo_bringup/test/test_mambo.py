@@ -1,0 +1,86 @@
+"""The command mambo: every verb is there, typing errors get a suggestion, options complete."""
+
+from importlib import import_module
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+from mambo_bags import command
+from mambo_bringup import mambo
+import pytest
+
+ROOT = Path(__file__).parents[3]
+MODULES = {name: entry.module for name, entry in mambo.COMMANDS.items()
+           if not mambo.is_script(entry)}
+
+
+@pytest.fixture(autouse=True)
+def own_name(monkeypatch):
+    monkeypatch.setattr(command, '_program', None)
+
+
+@pytest.mark.parametrize('name', MODULES)
+def test_every_command_has_a_parser_and_a_help(name, capsys):
+    module = import_module(MODULES[name])
+    assert isinstance(module.parser(), command.Parser)
+    with pytest.raises(SystemExit) as end:
+        mambo.main([*name.split(), '--help'])
+    assert not end.value.code
+    assert capsys.readouterr().out.startswith(f'usage: mambo {name} ')
+
+
+@pytest.mark.parametrize('name', MODULES)
+def test_an_unknown_option_is_one_line_with_the_words_of_the_user(name, capsys):
+    with pytest.raises(SystemExit) as end:
+        mambo.main([*name.split(), '--no-such-option'])
+    error = capsys.readouterr().err
+    assert end.value.code == 2 and error.count('\n') == 1 and error.startswith(f'mambo {name}: ')
+
+
+def test_every_script_is_there():
+    scripts = [entry.module for entry in mambo.COMMANDS.values() if mambo.is_script(entry)]
+    assert scripts and all((ROOT / script).is_file() for script in scripts)
+
+
+@pytest.mark.parametrize('words', [['--help'], ['help'], ['-h']])
+def test_the_help_lists_every_command_with_one_line(words, capsys):
+    assert mambo.main(words) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for name, entry in mambo.COMMANDS.items():
+        assert [line for line in lines if line.startswith(f'  {name} ')
+                and line.endswith(entry.summary)], name
+    assert max(map(len, lines)) < 100
+
+
+def test_help_of_one_command_and_of_a_family(capsys):
+    with pytest.raises(SystemExit):
+        mambo.main(['help', 'recover'])
+    assert capsys.readouterr().out.startswith('usage: mambo recover ')
+    assert mambo.main(['identify', '--help']) == 0
+    text = capsys.readouterr().out
+    assert 'identify thrust' in text and 'recover' not in text
+
+
+@pytest.mark.parametrize('words, said', [
+    (['comapre'], 'did you mean compare?'),
+    (['identify', 'trust'], 'did you mean identify thrust?'),
+    (['import'], 'say which of import bag'), (['xyzzy'], 'mambo --help lists them'),
+    ([], '')])
+def test_a_typing_error_is_one_line_and_exit_code_2(words, said, capsys):
+    assert mambo.main(words) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count('\n') == bool(words)
+
+
+@pytest.mark.parametrize('line, wanted', [
+    ('mambo rec', {'recover', 'recordings'}), ('mambo identify th', {'thrust '}),
+    ('mambo compare --ht', {'--html '}), ('mambo run --estimator k', {'kalman '})])
+def test_commands_options_and_choices_complete(line, wanted, tmp_path):
+    out = tmp_path / 'out'
+    environment = {
+        **os.environ, '_ARGCOMPLETE': '1', '_ARGCOMPLETE_SHELL': 'bash', 'COMP_LINE': line,
+        'COMP_POINT': str(len(line)), '_ARGCOMPLETE_COMP_WORDBREAKS': ' ',
+        '_ARGCOMPLETE_STDOUT_FILENAME': str(out), '_ARGCOMPLETE_IFS': '\n'}
+    subprocess.run([sys.executable, '-m', 'mambo_bringup.mambo'], env=environment, timeout=100)
+    assert set(out.read_text().split('\n')) == wanted

@@ -1,0 +1,32 @@
+"""Every error of the product has one base, and an exit code that says whose fault it is."""
+
+import ast
+import builtins
+from importlib import import_module
+from pathlib import Path
+
+from mambo_model.errors import MamboError
+import pytest
+
+SRC = Path(__file__).parents[2]
+ERRORS = [
+    ('.'.join(file.relative_to(SRC).with_suffix('').parts[1:]), node.name)
+    for file in sorted(SRC.glob('mambo_*/mambo_*/**/*.py'))
+    for node in ast.parse(file.read_text()).body
+    if isinstance(node, ast.ClassDef) and any(
+        isinstance(base, ast.Name) and base.id.endswith(('Error', 'Exception', 'NoLayout'))
+        for base in node.bases)
+    and not node.name.startswith('_') and node.name != 'MamboError']
+
+
+def test_the_errors_are_found():
+    assert {'ParameterError', 'BagError', 'FlightError', 'IdentifyError'} <= {
+        name for _, name in ERRORS}
+
+
+@pytest.mark.parametrize('module, name', ERRORS)
+def test_an_error_of_the_product_has_the_base_and_an_exit_code(module, name):
+    error = getattr(import_module(module), name)
+    assert issubclass(error, MamboError)
+    assert error.exit_code in (1, 2)
+    assert not hasattr(builtins, name)
