@@ -68,8 +68,8 @@ GROUPS: dict[str, dict[str, Command]] = {
         'identify drag': Command('mambo_analysis.identify.drag', 'rotor drag from a flight'),
         'identify motor': Command('mambo_analysis.identify.motor', 'motor lag from a flight'),
         'identify flow': Command('mambo_analysis.identify.flow', 'factor of the optical flow'),
-        'identify sensors': Command('mambo_analysis.identify.sensors.command', 'noise, rates and delays '
-                                    'of the sensors'),
+        'identify sensors': Command('mambo_analysis.identify.sensors.command',
+                                    'noise, rates and delays of the sensors'),
         'identify drift': Command('mambo_thesis.drift.identify_drift', 'which mechanism makes the '
                                   'position drift'),
     },
