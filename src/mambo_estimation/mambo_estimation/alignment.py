@@ -149,9 +149,11 @@ EMPTY = Alignment(
 BLOCK = 10       # samples: 50 ms
 UNLIKELY = 10.3  # chi squared with three degrees of freedom over 3 exceeds it once in 10^6 blocks
 NOT_LEVEL = 4.3
-"""Deviations of a level start that a tilt explains better: sqrt(2 ln(100 * 10^2)), by Bayes, if
-one start in a hundred is not level and tilted by 0.3 rad then, ten times the deviation. One level
-start in 10000 is beyond it; beyond 3, one in 90 took off with a tilt that was 5 degrees wrong."""
+"""
+Deviations of a level start that a tilt explains better: sqrt(2 ln(100 * 10^2)), by Bayes, if one
+start in a hundred is not level and tilted by 0.3 rad then, ten times the deviation. One level
+start in 10000 is beyond it; beyond 3, one in 90 took off with a tilt that was 5 degrees wrong.
+"""
 
 
 @jit

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
 
 from . import health, kalman
@@ -10,9 +11,14 @@ GOOD, DOUBTFUL, BAD = range(3)
 NOT_ALIGNED = 0.05  # rad: as the controller's limit of a take-off
 
 
+def tilt_deviation(pose_covariance: Sequence[float]) -> float:
+    """Return the larger standard deviation of the attitude about x and y, rad; (36,) row-major."""
+    return math.sqrt(max(pose_covariance[21], pose_covariance[28]))
+
+
 def diagnostic_status(
     status: int, height: float, refused: tuple[int, int, int], invalid: int, h: health.Health,
-    not_finite: tuple[int, ...], dropped: tuple[int, ...], tilt_std: float = 0.0,
+    not_finite: tuple[int, ...], dropped: tuple[int, ...], tilt_std: float,
 ) -> tuple[int, str, dict[str, float]]:
     """
     Return how well it does (GOOD, DOUBTFUL or BAD), one line, and the numbers behind it.

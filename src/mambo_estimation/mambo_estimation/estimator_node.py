@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-import math
 
 from geometry_msgs.msg import TransformStamped
 from mambo_model import frames
@@ -139,7 +138,7 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         level, line, numbers = diagnostic.diagnostic_status(
             e.status, e.height, (e.sonar_refused, e.flow_refused, e.barometer_refused),
             e.invalid_samples + sum(dropped), e.health, new[:5], new[5:],
-            math.sqrt(max(e.pose_covariance[21], e.pose_covariance[28])))
+            diagnostic.tilt_deviation(e.pose_covariance))
         self._diagnostics(diagnostics.report(
             t, self.get_name(), diagnostics.LEVELS[level], line, numbers))
 

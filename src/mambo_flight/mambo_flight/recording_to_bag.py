@@ -162,8 +162,10 @@ def _reports(r: Recording, flight: Scenario) -> Iterator[tuple[int, bytes]]:
                     'visible markers': markers,
                     **dict(zip(('frames', 'lost frames', 'dropped frames'), counts))}))
             if not truth:
-                row = r.inner.estimator[k]
-                at_t.append(_estimator_report(t, row, row[31:36].astype(int) - not_finite))
+                row, spread = r.inner.estimator[k], r.inner.pose_covariance[k]
+                tilt_std = diagnostic.tilt_deviation(spread.tolist())
+                at_t.append(_estimator_report(
+                    t, row, row[31:36].astype(int) - not_finite, tilt_std))
                 not_finite = row[31:36].astype(int)
         yield from sorted(at_t)
 
@@ -177,12 +179,14 @@ def _level(stage: int) -> bytes:
         stage, diagnostics.ERROR)
 
 
-def _estimator_report(t: int, row: NDArray, not_finite: NDArray) -> tuple[int, bytes]:
+def _estimator_report(
+    t: int, row: NDArray, not_finite: NDArray, tilt_std: float,
+) -> tuple[int, bytes]:
     counts = tuple(row[17:21].astype(int).tolist())
     level, line, numbers = diagnostic.diagnostic_status(
         int(row[0]), float(row[1]), counts[:3], counts[3],
         Health(tuple(row[21:26].astype(int).tolist()), tuple(row[26:31].tolist()), (0,) * 5),
-        tuple(not_finite.tolist()), (0,) * 4)
+        tuple(not_finite.tolist()), (0,) * 4, tilt_std)
     return _report(t, 'estimator_node', diagnostics.LEVELS[level], line, numbers)
 
 

@@ -39,7 +39,10 @@ def _plain(value: Any, depth: int = 0) -> Any:
 
 
 def _load(content: bytes) -> dict[str, Any]:
-    found = scipy.io.loadmat(BytesIO(content), simplify_cells=True)
+    try:
+        found = scipy.io.loadmat(BytesIO(content), simplify_cells=True)
+    except OSError as error:  # of content that ends too early: no file is read here
+        raise ValueError(str(error)) from None
     return {name: _plain(value) for name, value in found.items() if not name.startswith('__')}
 
 
@@ -68,8 +71,8 @@ def variables(path: Path, content: bytes) -> dict[str, Any]:
         raise BagError(f'{path}: a mat file of version 7.3; save it with -v7 in MATLAB first')
     try:
         return bounded.call(lambda _: _load(content), path)
-    except OSError as error:
-        raise BagError(f'{path}: cannot be read ({error.strerror or error})') from None
+    except OSError as error:  # the file has gone since
+        raise BagError(f'{path}: cannot be read ({error.strerror})') from None
     except bounded.UnreadableError as error:
         raise BagError(f'{path}: not a readable mat file ({error})') from None
 

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 COUNT = '''
-from mambo_model import quaternion as quat
+from mambo_model.motion import quaternion as quat
 
 class Number(float):
     """Counts what is done with it; a minus sign is free, as the table has it."""
