@@ -401,7 +401,7 @@ def test_an_existing_output_is_not_touched(tmp_path):
     keep.write_text('mine')
     run = start('--output', keep)
     _, err = run.communicate(timeout=60.0)
-    assert run.returncode == 1 and 'exists' in err
+    assert run.returncode == 2 and 'exists' in err
     assert keep.read_text() == 'mine'
 
 
