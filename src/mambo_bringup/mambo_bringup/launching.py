@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mambo_bags.reader import read_bag
 from mambo_flight import scenario as scenarios
@@ -41,6 +41,14 @@ def choices(argument: str) -> tuple[str, ...]:
     return ('', *leaves[MEANING[argument][0]].metadata['options'])
 
 
+def _read(arguments: Mapping[str, str], name: str) -> Any:
+    """Return the value of a launch argument; raises ParameterError naming the argument."""
+    try:
+        return scenarios.read_value(arguments[name])
+    except schema.ParameterError as error:
+        raise schema.ParameterError(f'{name}:={arguments[name]}: {error}') from None
+
+
 def _recorder(bag: str, topics: str = '') -> list[tuple[str, str, dict[str, object]]]:
     """Return the recorder, or no node where no bag is asked for."""
     if not bag:
@@ -71,7 +79,7 @@ def flight_plan(arguments: Mapping[str, str]) -> Plan:
 
     """
     given = {
-        name: scenarios.read_value(arguments[argument])
+        name: _read(arguments, argument)
         for argument, names in MEANING.items() if arguments[argument] for name in names}
     if arguments['params_file']:
         written = scenarios.load(Path(arguments['params_file']).expanduser())
@@ -115,7 +123,7 @@ def replay_plan(arguments: Mapping[str, str]) -> Plan:
             scenario = scenarios.override(scenario, {'estimator_node.estimator': 'kalman'})
     others = [*_recorder(arguments['output'], RECORDED), (*ESTIMATOR, {})]
     player: dict[str, object] = {
-        'bag': str(bag), 'rate': scenarios.read_value(arguments['rate']),
+        'bag': str(bag), 'rate': _read(arguments, 'rate'),
         'source_namespace': arguments['source_namespace'],
         'wait_for': ','.join(executable for _, executable, _ in others)}
     return Plan([*others, (*PLAYER, player)], scenario)

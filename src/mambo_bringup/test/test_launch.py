@@ -153,7 +153,7 @@ def test_choices_are_those_of_the_nodes_and_to_leave_it_open():
     ({'duration': 'long'}, "duration = 'long' must be a number"),
     ({'duration': '-1'}, 'duration = -1'), ({'seed': '1.5'}, 'seed = 1.5'),
     ({'params_file': 'nowhere.yaml'}, 'nowhere.yaml: No such file'),
-    ({'speed': '['}, 'while parsing')])
+    ({'speed': '['}, r'speed:=\[: ')])
 def test_a_wrong_argument_gets_one_line(given, complaint):
     with pytest.raises(schema.ParameterError, match=complaint) as refusal:
         flight(**given)
@@ -200,7 +200,7 @@ def test_a_bag_without_parameters_is_replayed_with_the_defaults(tmp_path):
                                  output=str(tmp_path / 'new')))
     assert plan.scenario is None
     assert plan.nodes[0] == (
-        'mambo_sim', 'recorder_node', {'bag': str(tmp_path / 'new'), 'topics': RECORDED})
+        'mambo_bags', 'recorder_node', {'bag': str(tmp_path / 'new'), 'topics': RECORDED})
     assert plan.nodes[-1][2]['wait_for'] == 'recorder_node,estimator_node'
     assert set(RECORDED.split(',')) <= {topic.name for topic in topics.RECORDED}
 

@@ -275,3 +275,13 @@ def test_malformed_noisedata_gets_one_line(tmp_path, capsys):
         assert sensors.main([str(tmp_path / 'noisedata.mat')]) == 2
         said = capsys.readouterr().err
         assert said.count('\n') == 1 and 'noisedata' in said
+
+
+def test_the_interval_of_rounded_samples_knows_the_step():
+    rng = np.random.default_rng(3)
+    fine = rng.normal(0.0, 0.005, 400)
+    rounded = np.round(fine / 0.004) * 0.004
+    exact, coarse = statistics.robust_sigma(fine), statistics.robust_sigma(rounded)
+    assert exact.low < 0.005 < exact.high < 0.0065
+    assert coarse.low < 0.005 < coarse.high  # all its medians are one and the same
+    assert coarse.high - coarse.low == pytest.approx(0.004 * statistics.MAD, rel=0.01)

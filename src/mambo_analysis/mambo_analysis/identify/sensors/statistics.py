@@ -51,9 +51,20 @@ def jackknife(statistic: Callable[[NDArray[np.int64]], float], n: int) -> Interv
 
 
 def robust_sigma(x: Array) -> Interval:
-    """Return the standard deviation of samples about zero by their median size."""
+    """
+    Return the standard deviation of samples about zero by their median size.
+
+    Of rounded samples the median is one of few sizes, whatever stretch is left out: the interval
+    reaches half-way to the next smaller and the next larger size besides.
+    """
     size = MAD * np.abs(x)
-    return jackknife(lambda keep: float(np.median(size[keep])), len(x))
+    found = jackknife(lambda keep: float(np.median(size[keep])), len(x))
+    apart = 1e-6 * found.value  # closer sizes are one
+    below, above = size[size < found.value - apart], size[size > found.value + apart]
+    return Interval(
+        found.value,
+        found.low - (0.5 * (found.value - below.max()) if len(below) else 0.0),
+        found.high + (0.5 * (above.min() - found.value) if len(above) else 0.0))
 
 
 def white_sigma(x: Array) -> Interval:
