@@ -62,7 +62,7 @@ def test_the_line_of_the_bench_is_the_constant_of_the_toolbox():
 
 def test_without_recordings_there_is_one_line(tmp_path, capsys):
     for folder in (tmp_path / 'nowhere', tmp_path):
-        assert validate.main([str(folder)]) == 1
+        assert validate.main([str(folder)]) == 2
         said = capsys.readouterr().err
         assert said.startswith(f'validate_recordings: {folder}') and said.count('\n') == 1
 
@@ -77,7 +77,7 @@ def test_a_damaged_recording_is_named_in_one_line(section, file, tmp_path, capsy
     path = tmp_path / file
     path.parent.mkdir()
     path.write_bytes(b'no recording')
-    assert validate.main([str(tmp_path), '--only', section]) == 1
+    assert validate.main([str(tmp_path), '--only', section]) == 2
     said = capsys.readouterr().err
     assert str(path) in said and said.count('\n') == 1
 

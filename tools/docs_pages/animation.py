@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mambo_flight.closed_loop import fly
 from mambo_flight.scenario import scenario
+from mambo_model import palette
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +14,8 @@ SCALE, ORIGIN = 108.0, (255.0, 268.0)  # pixels per metre, where x = y = z = 0 i
 AZIMUTH, ELEVATION = np.radians(35.0), np.radians(28.0)  # of the camera
 STRIPS = (('x', 70), ('y', 170), ('z', 270))  # axis, top of its plot
 LEFT, RIGHT, TALL = 560, 835, 80  # of the plots
-FLOWN, PLANNED = '#1f6feb', '#9aa4b2'
+FLOWN, PLANNED, SOFT = (palette.COLOURS[role] for role in ('truth', 'reference', 'soft'))
+INK, LINE, PAPER, NOW = palette.INK, palette.LINE, palette.PAPER, palette.COLOURS['bad']
 
 
 def project(position: Array) -> Array:
@@ -51,18 +53,18 @@ def _floor() -> str:
     for at in np.arange(-1.5, 1.51, 0.5):
         for ends in ([[at, -1.5, 0.0], [at, 1.5, 0.0]], [[-1.5, at, 0.0], [1.5, at, 0.0]]):
             lines.append(_line(project(np.array(ends))))
-    return f'<path d="{" ".join(lines)}" stroke="#dfe3e8" fill="none"/>'
+    return f'<path d="{" ".join(lines)}" stroke="{LINE}" fill="none"/>'
 
 
 def _vehicle(points: Array, shadow: Array) -> str:
     """Return the vehicle with its four rotors, and its shadow on the floor."""
     arms = [(dx, dy) for dx in (-11, 11) for dy in (-6, 6)]
     rotors = ''.join(
-        f'<line x2="{dx}" y2="{dy}" stroke="#24292f" stroke-width="2.5"/>'
+        f'<line x2="{dx}" y2="{dy}" stroke="{INK}" stroke-width="2.5"/>'
         f'<ellipse cx="{dx}" cy="{dy - 2}" rx="8" ry="3.4" fill="{FLOWN}" fill-opacity=".55" '
-        'stroke="#24292f"/>' for dx, dy in arms)
-    return (f'<g><ellipse rx="14" ry="6" fill="#24292f" fill-opacity=".18"/>{_moving(shadow)}</g>'
-            f'<g>{rotors}<ellipse rx="6" ry="4" fill="#24292f"/>{_moving(points)}</g>')
+        f'stroke="{INK}"/>' for dx, dy in arms)
+    return (f'<g><ellipse rx="14" ry="6" fill="{INK}" fill-opacity=".18"/>{_moving(shadow)}</g>'
+            f'<g>{rotors}<ellipse rx="6" ry="4" fill="{INK}"/>{_moving(points)}</g>')
 
 
 def _strips(t: Array, flown: Array, planned: Array) -> str:
@@ -72,7 +74,7 @@ def _strips(t: Array, flown: Array, planned: Array) -> str:
     for axis, (name, top) in enumerate(STRIPS):
         low, high = (-1.3, 1.3) if axis < 2 else (-0.1, 1.7)
         out.append(f'<rect x="{LEFT}" y="{top}" width="{RIGHT - LEFT}" height="{TALL}" '
-                   'fill="none" stroke="#dfe3e8"/>'
+                   f'fill="none" stroke="{LINE}"/>'
                    f'<text x="{LEFT - 44}" y="{top + TALL / 2 + 4}">{name} [m]</text>')
         for values, colour in ((planned, PLANNED), (flown, FLOWN)):
             down = top + TALL * (high - values[:, axis]) / (high - low)
@@ -80,7 +82,7 @@ def _strips(t: Array, flown: Array, planned: Array) -> str:
                        'stroke-width="1.6" fill="none"/>')
     ends = np.array([[LEFT, 0.0], [RIGHT, 0.0]])
     return (''.join(out) + f'<g><line y1="{STRIPS[0][1]}" y2="{STRIPS[-1][1] + TALL}" '
-            f'stroke="#d1242f"/>{_moving(ends)}</g>'
+            f'stroke="{NOW}"/>{_moving(ends)}</g>'
             f'<text x="{LEFT}" y="370">0 s</text>'
             f'<text x="{RIGHT}" y="370" text-anchor="end">{t[-1]:.0f} s</text>')
 
@@ -96,12 +98,12 @@ def svg() -> str:
     shadow = project(flown * [1.0, 1.0, 0.0])
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" '
-        'font-family="system-ui, sans-serif" font-size="13" fill="#24292f">'
+        f'font-family="system-ui, sans-serif" font-size="13" fill="{INK}">'
         '<title>The simulated Mambo takes off, flies a circle and lands</title>'
-        f'<rect width="{WIDTH}" height="{HEIGHT}" rx="10" fill="#ffffff"/>{_floor()}'
+        f'<rect width="{WIDTH}" height="{HEIGHT}" rx="10" fill="{PAPER}"/>{_floor()}'
         f'<path d="{_line(project(planned))}" stroke="{PLANNED}" stroke-width="1.6" '
         f'stroke-dasharray="5 4" fill="none"/>{_trail(points)}{_vehicle(points, shadow)}'
         f'{_strips(t, flown, planned)}'
         f'<text x="24" y="34"><tspan fill="{PLANNED}" font-weight="700">- - reference</tspan>'
         f'<tspan dx="18" fill="{FLOWN}" font-weight="700">flown</tspan></text>'
-        f'<text x="{LEFT}" y="34" fill="#57606a">take-off, circle, landing</text></svg>\n')
+        f'<text x="{LEFT}" y="34" fill="{SOFT}">take-off, circle, landing</text></svg>\n')

@@ -85,5 +85,7 @@ def tools() -> str:
             script = ['-m', 'benchmarks'] if name == './bench' else ['tools/mutants.py']
             out += _fenced(subprocess.run(
                 [sys.executable, *script, '--help'], cwd=ROOT, text=True, capture_output=True,
-                check=True, env={**os.environ, 'COLUMNS': '88'}).stdout.rstrip())
+                check=True,
+                env={**os.environ, 'COLUMNS': '88', 'PYTHONPATH': os.pathsep.join(
+                    [str(ROOT), os.environ.get('PYTHONPATH', '')])}).stdout.rstrip())
     return '\n'.join(out)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from mambo_model import palette
+
 from .topics import USES
 
 SIZE = {'box': (150, 40), 'picture': (900, 380)}  # pixels
@@ -15,7 +17,7 @@ PATHS = {  # line from node to node; where its label stands
     ('estimator_node', 'controller_node'): ('M545 90 L715 168', (655, 112)),
     ('reference_node', 'controller_node'): ('M545 180 L715 180', (630, 172)),
     ('controller_node', 'sim_node'): ('M790 160 L790 24 L100 24 L100 160', (445, 16))}
-_INK, _SOFT = '#24292f', '#57606a'
+_INK, _SOFT = palette.INK, palette.COLOURS['soft']
 
 
 def between(source: str, target: str) -> list[str]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import dataclasses
 from typing import Any
 
-from mambo_bags.recorder_node import RecorderNodeParams
+from mambo_bags.recorder_parameters import RecorderNodeParams
 from mambo_bags.replay_node import ReplayNodeParams
 from mambo_flight import scenario_file
 from mambo_flight.scenario import Scenario

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 import struct
 from typing import NoReturn
@@ -23,6 +22,7 @@ from mambo_model import schema
 from mambo_ros import layout, node, process, topics
 
 from .log_times import LogTimes
+from .recorder_parameters import RecorderNodeParams
 from .writer import BagWriter, BagWriterError, GRACE, Qos
 
 _TF_STAMP = 4  # bytes between the encapsulation and the stamp of the first transform: the count
@@ -31,20 +31,6 @@ _EARLY = 2000  # messages, and
 _EARLY_SIZE = 1 << 24  # bytes that are held back before the first /clock
 _STAMP = 'with a stamp outside of the flight, recorded at the time of /clock'
 _SIZE = f'of more than {_LARGEST // 1_000_000} MB, left out'
-
-
-@dataclass(frozen=True)
-class RecorderNodeParams:
-    """Parameters of ``recorder_node``."""
-
-    bag: str = schema.text('', 'directory of the bag, must not exist')
-    topics: str = schema.text('', 'names separated by commas, default: every topic of the flight')
-    scenario: str = schema.text('', 'file kept inside the bag: scenario and parameters')
-
-    def __post_init__(self) -> None:
-        schema.check(self)
-        if not self.bag:
-            raise schema.ParameterError('RecorderNodeParams.bag: give the directory of the bag')
 
 
 def _selected(names: str) -> list[topics.Topic]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import tempfile
 
 from mambo_bags.reader import BagError
-from mambo_bags.recorder_node import RecorderNodeParams
+from mambo_bags.recorder_parameters import RecorderNodeParams
 from mambo_bags.replay_node import ReplayNodeParams
 from mambo_bags.writer import BagWriter
 from mambo_bringup.launching import choices, flight_plan, MEANING, replay_plan

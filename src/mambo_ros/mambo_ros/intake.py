@@ -30,6 +30,7 @@ from .layout import LayoutError
 
 LEAP = 1_000_000_000  # ns
 BELIEVED = 10  # messages
+LARGEST_PWM = 65_535.0  # of any vehicle; the limits of one are its motors' own
 LARGEST = 65_536  # bytes; the largest message of the graph has 0.8 kB
 
 STRANGER = 'from a second publisher'
@@ -56,6 +57,15 @@ def _nothing() -> None:
 def finite(*parts: tuple[float, ...]) -> str:
     """Return why the numbers of some tuples cannot be used, empty if they can: all are finite."""
     return '' if math.isfinite(sum(chain.from_iterable(parts))) else NOT_FINITE
+
+
+def check_pwm(command: tuple) -> str:
+    """Return why a decoded motor command cannot be used, empty if it can, as any shutdown."""
+    _, (a, b, c, d), shutdown = command
+    if shutdown or (0.0 <= a <= LARGEST_PWM and 0.0 <= b <= LARGEST_PWM
+                    and 0.0 <= c <= LARGEST_PWM and 0.0 <= d <= LARGEST_PWM):
+        return ''
+    return finite(command[1]) or OUT_OF_LIMITS
 
 
 class Intake:

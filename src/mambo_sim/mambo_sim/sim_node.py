@@ -20,17 +20,7 @@ from .delays import Delays
 from .faults import FaultParams, Outbox
 from .parameters import SimNodeParams, STEP_NS
 
-LARGEST_PWM = 65_535.0  # of any vehicle; the limits of this one are its motors' own
 _STILL = (0.0,) * 4  # PWM
-
-
-def _check_pwm(command: tuple) -> str:
-    """Return why a decoded motor command cannot be used, empty if it can, as any shutdown."""
-    _, (a, b, c, d), shutdown = command
-    if shutdown or (0.0 <= a <= LARGEST_PWM and 0.0 <= b <= LARGEST_PWM
-                    and 0.0 <= c <= LARGEST_PWM and 0.0 <= d <= LARGEST_PWM):
-        return ''
-    return intake.finite(command[1]) or intake.OUT_OF_LIMITS
 
 
 class SimNode(node.MamboNode[SimNodeParams]):
@@ -70,7 +60,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._diagnostics = self.advertise(topics.DIAGNOSTICS)
         self.commands = self.accept(
             topics.MOTOR_PWM, messages.decode_motor_pwm, self._on_pwm, now=self._time,
-            check=_check_pwm)
+            check=intake.check_pwm)
         self.links = links.Links(self, self.params.wait_for)
         self._held = self._begin()
         simulator.sense_held(self._held, 0)  # have the compiled steps in memory before time starts

@@ -56,16 +56,18 @@ def robust_sigma(x: Array) -> Interval:
 
     Of rounded samples the median is one of few sizes, often the same whatever stretch is left out.
     The interval is then at least that of normal samples, whose median size has a relative standard
-    error of 1.17 / sqrt(n).
+    error of 1.17 / sqrt(n), and half-way to the next smaller and the next larger size besides.
     """
     size = MAD * np.abs(x)
     found = jackknife(lambda keep: float(np.median(size[keep])), len(x))
-    ties = np.count_nonzero(np.abs(size - found.value) < 1e-4 * found.value)  # of float32
-    if ties < 2 + 0.01 * len(x):
+    apart = 1e-4 * found.value  # float32 leaves equal sizes a little apart
+    below, above = size[size < found.value - apart], size[size > found.value + apart]
+    if len(x) - len(below) - len(above) < 2 + 0.01 * len(x) or not len(below) or not len(above):
         return found
     reach = 1.96 * 1.17 / np.sqrt(len(x)) * found.value
-    return Interval(found.value, min(found.low, found.value - reach),
-                    max(found.high, found.value + reach))
+    down, up = 0.5 * (found.value - below.max()), 0.5 * (above.min() - found.value)
+    return Interval(found.value, min(found.low, found.value - reach - down),
+                    max(found.high, found.value + reach + up))
 
 
 def white_sigma(x: Array) -> Interval:
