@@ -43,7 +43,7 @@ def svg() -> str:
            '<title>The nodes of a flight and their topics</title>'
            '<defs><marker id="to" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" '
            f'markerHeight="8" orient="auto"><path d="M0 0 L8 4 L0 8 z" fill="{_INK}"/></marker>'
-           f'</defs><rect width="{width}" height="{height}" rx="10" fill="#ffffff"/>']
+           f'</defs><rect width="{width}" height="{height}" rx="10" fill="{palette.PAPER}"/>']
     for (source, target), (path, place) in PATHS.items():
         out += [f'<path d="{path}" fill="none" stroke="{_INK}" marker-end="url(#to)"/>',
                 _label(between(source, target), place)]
@@ -51,7 +51,7 @@ def svg() -> str:
         dashed = ' stroke-dasharray="5 4"' if name == 'recorder_node' else ''
         out.append(
             f'<rect x="{x - wide / 2:g}" y="{y - tall / 2:g}" width="{wide}" height="{tall}" '
-            f'rx="6" fill="#eef4ff" stroke="#1f6feb"{dashed}/>'
+            f'rx="6" fill="#eef4ff" stroke="{palette.COLOURS['optitrack']}"{dashed}/>'
             f'<text x="{x}" y="{y + 5}" text-anchor="middle" fill="{_INK}">{name}</text>')
     out += [f'<text x="560" y="355" fill="{_SOFT}" font-size="12">records every topic</text>',
             '</svg>\n']
