@@ -17,7 +17,8 @@ PATHS = {  # line from node to node; where its label stands
     ('estimator_node', 'controller_node'): ('M545 90 L715 168', (655, 112)),
     ('reference_node', 'controller_node'): ('M545 180 L715 180', (630, 172)),
     ('controller_node', 'sim_node'): ('M790 160 L790 24 L100 24 L100 160', (445, 16))}
-_INK, _SOFT = palette.INK, palette.COLOURS['soft']
+_INK, _SOFT, _CARD, _EDGE = (
+    palette.COLOURS[name] for name in ('ink', 'soft', 'card', 'optitrack'))
 
 
 def between(source: str, target: str) -> list[str]:
@@ -51,7 +52,7 @@ def svg() -> str:
         dashed = ' stroke-dasharray="5 4"' if name == 'recorder_node' else ''
         out.append(
             f'<rect x="{x - wide / 2:g}" y="{y - tall / 2:g}" width="{wide}" height="{tall}" '
-            f'rx="6" fill="#eef4ff" stroke="{palette.COLOURS['optitrack']}"{dashed}/>'
+            f'rx="6" fill="{_CARD}" stroke="{_EDGE}"{dashed}/>'
             f'<text x="{x}" y="{y + 5}" text-anchor="middle" fill="{_INK}">{name}</text>')
     out += [f'<text x="560" y="355" fill="{_SOFT}" font-size="12">records every topic</text>',
             '</svg>\n']
