@@ -62,18 +62,13 @@ def main():
     node.create_subscription(
         topics.GROUND_TRUTH.msg_type, f'/mambo/{topics.GROUND_TRUTH.name}', follow,
         QoSProfile(depth=1), raw=True)
-    publishers = {}
-
-    def advertise(topic):
-        name = topic.name if topic.name.startswith('/') else f'/mambo/{topic.name}'
-        publishers[topic] = node.create_publisher(topic.msg_type, name, QoSProfile(depth=100))
-    for topic in MAKERS:
-        if topic is not topics.CLOCK:
-            advertise(topic)
     print('there', flush=True)
     while now[0] < 2_000_000_000:
         rclpy.spin_once(node, timeout_sec=0.02)
-    advertise(topics.CLOCK)  # not before: a simulator that is not alone with it does not fly
+    # in flight: a simulator that is not alone with /clock at the start does not fly
+    publishers = {topic: node.create_publisher(
+        topic.msg_type, topic.name if topic.name.startswith('/') else f'/mambo/{topic.name}',
+        QoSProfile(depth=100)) for topic in MAKERS}
     while not all(publisher.get_subscription_count() for publisher in publishers.values()):
         rclpy.spin_once(node, timeout_sec=0.02)
     for _ in range(int(sys.argv[1])):

@@ -13,8 +13,13 @@ message accepted by ``LEAP``. A longer gap is believed when ``BELIEVED`` message
 from there.
 
 **Publisher.** ROS does not say who published a message, but each publisher numbers what it sends.
-While a topic has one publisher, any number is that publisher's. With several, the numbers must go
-on where the first publisher's were; a message that does not is another publisher's.
+While a topic has one publisher, higher numbers are that publisher's. With several, the numbers
+must go on where the first publisher's were; a message that does not is another publisher's. The
+graph may learn of a publisher after its first message has come: lower numbers than before, from a
+topic that seems to have one publisher, are believed once the first has said nothing for
+``SILENT``. Numbers alone cannot tell two publishers apart where they coincide, or where the other
+one loses messages: then a message of the first may be refused, or one of the other be taken if
+its stamp and numbers are plausible. The graph's warning of two publishers names both.
 """
 
 from __future__ import annotations
@@ -24,12 +29,15 @@ from collections.abc import Callable
 from itertools import chain
 import math
 import struct
+import time
 from typing import Any
 
 from .layout import LayoutError
 
 LEAP = 1_000_000_000  # ns
 BELIEVED = 10  # messages
+SILENT = 0.5  # s of wall time
+PAUSE = 0.5  # s of wall time without a message of the other publisher
 LARGEST_PWM = 65_535.0  # of any vehicle; the limits of one are its motors' own
 LARGEST = 65_536  # bytes; the largest message of the graph has 0.8 kB
 
@@ -127,6 +135,8 @@ class Intake:
         self._ahead, self._timed, self._lost = LEAP if now is None else ahead, timed, lost
         self._next = 0  # number of the first publisher's next message; 0: none has come
         self._others = 0  # likewise of the other publisher; 0: there is none
+        self._other_at = 0.0  # s of wall time, of its last message
+        self._stood, self._since = 0, 0.0  # number at which the first is silent, s of wall time
         self._there, self._run = -1, 0  # stamp of the last leap, messages that went on from it
 
     def __call__(self, data: bytes, number: int | None = None) -> None:
@@ -209,15 +219,26 @@ class Intake:
         self._there = t
         return self._run >= BELIEVED
 
+    def _is_silent(self) -> bool:
+        """Return whether the first publisher has said nothing for a while: another took over."""
+        now = time.monotonic()
+        if self._stood != self._next:  # it has said something since the last question
+            self._stood, self._since = self._next, now
+        return now - self._since > SILENT
+
     def _from_first(self, number: int) -> bool:
         """Return whether a message out of its turn may be used as the first publisher's."""
-        if self.publishers() < 2:  # it lost some, or another one has taken its place
-            self._others = 0
-            return True
         if not self._next:
             return True
+        if self.publishers() < 2:
+            self._others = 0
+            return number > self._next or self._is_silent()
         if number > self._next and 0 < self._others < self._next:
             return True  # the first one lost some: the other one's numbers are behind
-        # Where both have come to the same number, the one that caught up sends more often.
-        self._others = number + 1
+        # Where both have come to the same number, the one that caught up sends more often, unless
+        # it has stopped there.
+        now = time.monotonic()
+        if number == self._next and now - self._other_at > PAUSE:
+            return True
+        self._others, self._other_at = number + 1, now
         return False

@@ -168,6 +168,18 @@ class TestPublishers:
         assert number > 600  # it has overtaken
         assert len(one.used) >= 398 and {pwm for _, pwm in one.used} == {1.0}
 
+    def test_one_that_stops_where_the_numbers_of_the_first_pass_takes_nothing_with_it(
+            self, one, monkeypatch):
+        wall = 100.0
+        monkeypatch.setattr(intake.time, 'monotonic', lambda: wall)
+        one.count = 2
+        for number in range(1, 112):  # until one before the first's number of k = 12
+            one.say(10, number=number, pwm=500.0, t=20_000 * STEP)
+        wall += 2.0 * intake.PAUSE
+        for k in range(10, 20):
+            one.say(k, number=100 + k)
+        assert one.used == [(k, 1.0) for k in range(20)]
+
     def test_a_first_one_that_loses_messages_is_still_the_first(self, one):
         one.count = 2
         one.say(10, number=5, pwm=500.0)
@@ -175,11 +187,27 @@ class TestPublishers:
         one.say(21, number=121)
         assert one.steps[-2:] == [20, 21] and one.refused == {intake.STRANGER: 1}
 
-    def test_a_publisher_that_is_alone_is_believed_whatever_its_numbers(self, one):
+    def test_a_publisher_that_is_alone_may_lose_messages_and_start_again(self, one, monkeypatch):
+        wall = 100.0
+        monkeypatch.setattr(intake.time, 'monotonic', lambda: wall)
         one.say(20, number=500)
         one.say(21, number=1)  # started again
+        assert one.steps[-1] == 20 and one.refused == {intake.STRANGER: 1}
+        wall += intake.SILENT + 0.1
         one.say(22, number=2)
-        assert one.steps[-3:] == [20, 21, 22] and not one.refused
+        one.say(23, number=3)
+        assert one.steps[-3:] == [20, 22, 23] and one.refused == {intake.STRANGER: 1}
+
+    def test_a_second_publisher_that_the_graph_does_not_know_yet_takes_nothing_over(
+            self, one, monkeypatch):
+        wall = 100.0
+        monkeypatch.setattr(intake.time, 'monotonic', lambda: wall)
+        for k in range(10, 20):
+            one.say(k, number=k - 9, pwm=500.0)
+            one.say(k, number=100 + k)
+            wall += 0.9 * intake.SILENT
+        assert one.used == [(k, 1.0) for k in range(20)]
+        assert one.refused == {intake.STRANGER: 10}
 
     def test_its_refused_messages_are_of_its_own_sequence(self, one):
         one.count = 2
