@@ -7,7 +7,7 @@ import sys
 
 from mambo_bringup import composed_node
 from mambo_control.parameters import ControllerNodeParams
-from mambo_ros import messages, node, topics
+from mambo_ros import messages, node, process, topics
 
 FUTURE = 1_795_307_261_000_000_000  # ns
 PWM = (200.0,) * 4
@@ -24,15 +24,15 @@ GOOD = 1_500_000_000  # ns of flight for which a controller that goes wrong late
 
 
 class GarbageController(node.MamboNode):
-    """Says good commands first if it is told so, then garbage."""
+    """Publishes good commands first if it is told so, then garbage."""
 
     def __init__(self, **kwargs):
         super().__init__('controller_node', ControllerNodeParams, **kwargs)
         kind, _, late = os.environ['MAMBO_GARBAGE'].partition('-')
         self._make, self._good = KINDS[kind], GOOD if late else -1
-        self._pwm = self.say(topics.MOTOR_PWM)
-        self.say(topics.CONTROLLER_STATE)
-        self.say(topics.DIAGNOSTICS)
+        self._pwm = self.advertise(topics.MOTOR_PWM)
+        self.advertise(topics.CONTROLLER_STATE)
+        self.advertise(topics.DIAGNOSTICS)
         self.accept(topics.REFERENCE, messages.decode_reference, lambda *_: None, timed=False)
         self.accept(topics.ESTIMATE, messages.decode_estimate, self._answer, timed=False)
 
@@ -43,7 +43,7 @@ class GarbageController(node.MamboNode):
 
 
 if Path(sys.argv[0]).name == 'controller_node':
-    node.main(GarbageController)
+    process.main(GarbageController)
 composed_node.NODES = tuple(
     GarbageController if kind.__name__ == 'ControllerNode' else kind
     for kind in composed_node.NODES)

@@ -436,6 +436,8 @@ def _tell(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
     if outcome.stopped and (outcome.whole or outcome.stopped != signal.SIGINT):
         return []  # who wants no page, but the end
     said = [outcome.fault] if outcome.fault else []
+    if said and not outcome.flown:
+        return said  # nothing to compare: the bag has no message, or those of the start
     if no_report:
         said += [] if outcome.stopped else ended_early(read_bag(bag, ENDINGS), bool(said))
         print(*said, sep='\n', end='\n' if said else '')

@@ -11,7 +11,8 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from . import topics
-from .intake import Intake
+from .intake import Intake, LARGEST
+from .taking import Taker
 
 AT_ONCE = 100
 """Messages of one topic before timers and the other topics get their turn."""
@@ -88,29 +89,51 @@ class Input(NamedTuple):
     reliable: bool = True
 
 
-class Entry(NamedTuple):
-    """A subscription that a loop serves."""
+class Entry:
+    """
+    A subscription that a loop serves.
 
-    handle: Any
-    msg_type: type
-    take: Callable[..., None]
-    guarded: bool  # whether it wants to know the number of a message
+    Parameters
+    ----------
+    handle
+        Of the subscription.
+    source
+        The input that it serves; an :class:`Intake` also gets the publisher of each message.
 
+    """
 
-def take_all(entry: Entry) -> bool:
-    """Handle what the middleware has of a topic; return whether there was anything."""
-    handle, msg_type, callback, guarded = entry
-    size = 0
-    for _ in range(AT_ONCE):
-        taken = handle.take_message(msg_type, True)
-        if taken is None:
-            break
-        data, about = taken
-        if guarded:
-            callback(data, about['publication_sequence_number'])
-        else:
-            callback(data)
-        size += len(data)
-        if size > _BYTES_AT_ONCE:
-            break
-    return size > 0
+    def __init__(self, handle: Any, source: Input) -> None:
+        self.handle, self._callback = handle, source.take
+        self._msg_type = source.topic.msg_type
+        self.take_all = self._take_unguarded
+        if isinstance(source.take, Intake):
+            self._taker = Taker(handle, LARGEST + 1)
+            self.take_all = source.take.pull = self._take_guarded
+
+    def _take_unguarded(self) -> bool:
+        """Handle what the middleware has of a topic; return whether there was anything."""
+        take, callback, msg_type, size = (
+            self.handle.take_message, self._callback, self._msg_type, 0)
+        for _ in range(AT_ONCE):
+            taken = take(msg_type, True)
+            if taken is None:
+                break
+            callback(taken[0])
+            size += len(taken[0])
+            if size > _BYTES_AT_ONCE:
+                break
+        return size > 0
+
+    def _take_guarded(self) -> bool:
+        """Do the same for a guarded input."""
+        take, callback, size = self._taker, self._callback, 0
+        for _ in range(AT_ONCE):
+            taken = take()
+            if taken is None:
+                break
+            data, length, publisher = taken
+            callback(data, publisher)
+            size += length
+            if size > _BYTES_AT_ONCE:
+                break
+        return size > 0

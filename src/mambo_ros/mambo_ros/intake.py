@@ -12,14 +12,9 @@ clock that caused it. Where an input is itself the clock of its node, it may run
 message accepted by ``LEAP``. A longer gap is believed when ``BELIEVED`` messages in a row go on
 from there.
 
-**Publisher.** ROS does not say who published a message, but each publisher numbers what it sends.
-While a topic has one publisher, higher numbers are that publisher's. With several, the numbers
-must go on where the first publisher's were; a message that does not is another publisher's. The
-graph may learn of a publisher after its first message has come: lower numbers than before, from a
-topic that seems to have one publisher, are believed once the first has said nothing for
-``SILENT``. Numbers alone cannot tell two publishers apart where they coincide, or where the other
-one loses messages: then a message of the first may be refused, or one of the other be taken if
-its stamp and numbers are plausible. The graph's warning of two publishers names both.
+**Publisher.** The middleware says who published a message, by the publisher's global identifier
+(GID). The first publisher with a message that can be used is the one believed; those of any other
+are refused. Another one takes over when the graph has not known the first for ``ABSENT``.
 """
 
 from __future__ import annotations
@@ -36,8 +31,8 @@ from .layout import LayoutError
 
 LEAP = 1_000_000_000  # ns
 BELIEVED = 10  # messages
-SILENT = 0.5  # s of wall time
-PAUSE = 0.5  # s of wall time without a message of the other publisher
+ABSENT = 0.5  # s of wall time
+_LOOK_EVERY = 0.1  # s of wall time between looks at the graph
 LARGEST_PWM = 65_535.0  # of any vehicle; the limits of one are its motors' own
 LARGEST = 65_536  # bytes; the largest message of the graph has 0.8 kB
 
@@ -53,9 +48,9 @@ OUT_OF_LIMITS = 'out of limits'
 _UNREADABLE = (LayoutError, struct.error, IndexError)
 
 
-def _one() -> int:
-    """Return 1: the publisher of an input that no other process can reach."""
-    return 1
+def _nobody() -> set[bytes]:
+    """Return no publisher: of an input that no other process can reach."""
+    return set()
 
 
 def _nothing() -> None:
@@ -111,7 +106,7 @@ class Intake:
     refused : collections.Counter
         Messages refused, by reason.
     publishers
-        Returns how many publishers the topic has in the graph; set by the node.
+        Returns the GIDs of the topic's publishers in the graph; set by the node.
     pull
         Takes what has arrived but waits for its turn; set by the loop.
 
@@ -125,7 +120,7 @@ class Intake:
     ) -> None:
         self.topic, self.last = topic, -1
         self.refused: Counter[str] = Counter()
-        self.publishers: Callable[[], int] = _one
+        self.publishers: Callable[[], set[bytes]] = _nobody
         self.pull: Callable[[], Any] = _nothing
         self._decode, self._use, self._check, self._tolerant = decode, use, check, tolerant
         self._now, self._newest = (
@@ -133,13 +128,12 @@ class Intake:
         # whose newest stamp bounds this input's, if there is one: it is read without a call
         self._clock = self if now is None else now if isinstance(now, Intake) else None
         self._ahead, self._timed, self._lost = LEAP if now is None else ahead, timed, lost
-        self._next = 0  # number of the first publisher's next message; 0: none has come
-        self._others = 0  # likewise of the other publisher; 0: there is none
-        self._other_at = 0.0  # s of wall time, of its last message
-        self._stood, self._since = 0, 0.0  # number at which the first is silent, s of wall time
+        self._first = b''  # GID of the publisher believed, empty before there is one
+        self._next_look = 0.0  # s of wall time, at the graph
+        self._absent_since = math.inf  # s of wall time, of the publisher believed
         self._there, self._run = -1, 0  # stamp of the last leap, messages that went on from it
 
-    def __call__(self, data: bytes, number: int | None = None) -> None:
+    def __call__(self, data: bytes, publisher: bytes = b'') -> None:
         """
         Take a message.
 
@@ -147,15 +141,13 @@ class Intake:
         ----------
         data
             Its bytes.
-        number
-            That its publisher gave it, from 1 on; None: a node of this process, or not known.
+        publisher
+            GID of who published it; empty: a node of this process.
 
         """
-        if number:
-            if (number != self._next or number == self._others) and not self._from_first(number):
-                self.refused[STRANGER] += 1
-                return
-            self._next = number + 1
+        if publisher != self._first and self._first and not self._has_left():
+            self.refused[STRANGER] += 1
+            return
         try:
             value = self._decode(data) if len(data) <= LARGEST else None
         except _UNREADABLE:
@@ -182,6 +174,7 @@ class Intake:
             self.refused[wrong] += 1
         if self._timed:
             self.last = t
+        self._first = publisher
         self._use(*value)
 
     def time(self) -> int:
@@ -219,26 +212,13 @@ class Intake:
         self._there = t
         return self._run >= BELIEVED
 
-    def _is_silent(self) -> bool:
-        """Return whether the first publisher has said nothing for a while: another took over."""
+    def _has_left(self) -> bool:
+        """Return whether the graph has not known the publisher believed for a while."""
         now = time.monotonic()
-        if self._stood != self._next:  # it has said something since the last question
-            self._stood, self._since = self._next, now
-        return now - self._since > SILENT
-
-    def _from_first(self, number: int) -> bool:
-        """Return whether a message out of its turn may be used as the first publisher's."""
-        if not self._next:
-            return True
-        if self.publishers() < 2:
-            self._others = 0
-            return number > self._next or self._is_silent()
-        if number > self._next and 0 < self._others < self._next:
-            return True  # the first one lost some: the other one's numbers are behind
-        # Where both have come to the same number, the one that caught up sends more often, unless
-        # it has stopped there.
-        now = time.monotonic()
-        if number == self._next and now - self._other_at > PAUSE:
-            return True
-        self._others, self._other_at = number + 1, now
-        return False
+        if now >= self._next_look:
+            self._next_look = now + _LOOK_EVERY
+            if self._first in self.publishers():
+                self._absent_since = math.inf
+            else:
+                self._absent_since = min(self._absent_since, now)
+        return now - self._absent_since > ABSENT

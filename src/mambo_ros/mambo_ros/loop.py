@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from functools import partial
 import time
 
 import rclpy
@@ -22,8 +21,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
 from . import peers
-from .endpoints import AT_ONCE, Entry, Input, take_all
-from .intake import Intake
+from .endpoints import AT_ONCE, Entry, Input
 from .node import MamboNode
 
 _HOUSEKEEPING = 0.02  # s, the longest wait at once
@@ -62,7 +60,8 @@ class Loop:
         far = [(node, source) for node in nodes for source in node.inputs
               if not self._join(source)]
         far.sort(key=lambda pair: pair[1].prompt)  # when a prompt one wakes, the others are first
-        self._entries = [self._entry(node, source) for node, source in far]
+        self._entries = [
+            Entry(node.open_input(source).handle, source) for node, source in far]
         self._prompt = [
             entry for entry, (_, source) in zip(self._entries, far, strict=True) if source.prompt]
         self._longest = _HOUSEKEEPING if len(self._prompt) == len(far) else _LAZY
@@ -74,14 +73,6 @@ class Loop:
                 len(self._prompt), 0, 0, 0, 0, 0, self._context.handle)
         self._next_turn = 0.0
         self._peers = [peers.Peers(node, node.ends()) for node in nodes]
-
-    def _entry(self, node: MamboNode, source: Input) -> Entry:
-        """Open an input that nodes elsewhere publish."""
-        guarded = isinstance(source.take, Intake)
-        entry = Entry(node.open_input(source).handle, source.topic.msg_type, source.take, guarded)
-        if guarded:
-            source.take.pull = partial(take_all, entry)
-        return entry
 
     def _join(self, source: Input) -> bool:
         """Join an input to the publishers of this loop; return whether there are any."""
@@ -142,7 +133,7 @@ class Loop:
         """Handle what the middleware has; return whether there was anything."""
         handled = False
         for entry in self._entries:
-            handled = take_all(entry) or handled
+            handled = entry.take_all() or handled
         return handled
 
     def run(self) -> None:

@@ -124,7 +124,7 @@ class MamboNode(Node, Generic[P]):
         """
         name = self.resolve_topic_name(topic.name)
         guard = Intake(name, decode, callback, **bounds)
-        guard.publishers = partial(self.count_publishers, name)
+        guard.publishers = partial(peers.publishers, self, name)
         self.inputs.append(Input(topic, name, guard, prompt, reliable))
         self.advertise(topics.DIAGNOSTICS)
         return guard

@@ -30,6 +30,11 @@ def who(info: TopicEndpointInfo) -> str:
     return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
 
 
+def publishers(node: Node, topic: str) -> set[bytes]:
+    """Return the GIDs of the publishers of a topic that the graph knows."""
+    return {bytes(info.endpoint_gid) for info in node.get_publishers_info_by_topic(topic)}
+
+
 def incompatible(name: str, offered: QoSProfile, asked: QoSProfile, publisher: str,
                  reader: str) -> Iterator[str]:
     """Yield a line for each policy of a reader that a publisher does not fulfil."""

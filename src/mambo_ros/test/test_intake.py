@@ -24,16 +24,17 @@ class Input:
     """Motor commands as they come in, at a time of the flight; publishers in the graph."""
 
     def __init__(self, **bounds):
-        self.used, self.now, self.count = [], 0, 1
+        self.used, self.now, self.present = [], 0, set()
         bounds.setdefault('now', lambda: self.now)
         self.guard = Intake(
             '/mambo/motor_pwm', messages.decode_motor_pwm,
             lambda t, pwm, shutdown: self.used.append((t // STEP, pwm[0])),
             check=lambda command: intake.finite(command[1]), **bounds)
-        self.guard.publishers = lambda: self.count
+        self.guard.publishers = lambda: self.present
 
-    def say(self, k, number=None, pwm=1.0, t=None):
-        self.guard(messages.motor_pwm(k * STEP if t is None else t, (pwm,) * 4, False, 0), number)
+    def say(self, k, publisher=b'', pwm=1.0, t=None):
+        self.guard(
+            messages.motor_pwm(k * STEP if t is None else t, (pwm,) * 4, False, 0), publisher)
 
     @property
     def steps(self):
@@ -140,80 +141,75 @@ class TestClock:
 
 
 class TestPublishers:
-    """Numbers of messages tell publishers apart, by the graph's count."""
+    """Who publishes decides, and who is still in the graph."""
+
+    FIRST, SECOND = b'1' * 16, b'2' * 16
 
     @pytest.fixture
     def one(self):
         one = Input()
-        one.now = 10_000 * STEP
-        for k in range(10):
-            one.say(k, number=100 + k)
+        one.now, one.present = 10_000 * STEP, {self.FIRST, self.SECOND}
+        one.say(0, self.FIRST)
         return one
 
+    @pytest.fixture
+    def wall(self, monkeypatch):
+        wall = [100.0]
+        monkeypatch.setattr(intake.time, 'monotonic', lambda: wall[0])
+        return wall
+
     def test_a_second_publisher_is_refused_whatever_it_says(self, one):
-        one.count = 2
-        for k in range(10, 20):
-            one.say(k, number=k - 9, pwm=500.0)
-            one.say(k, number=100 + k)
+        for k in range(1, 20):
+            one.say(k, self.SECOND, pwm=500.0)
+            one.say(k, self.FIRST)
         assert one.used == [(k, 1.0) for k in range(20)]
-        assert one.refused == {intake.STRANGER: 10}
+        assert one.refused == {intake.STRANGER: 19}
 
-    def test_one_that_sends_faster_and_comes_by_the_same_numbers_takes_nothing_over(self, one):
-        one.count, number = 2, 1
-        for k in range(10, 400):
-            for _ in range(3):
-                one.say(k, number=number, pwm=500.0, t=(20_000 + number) * STEP)
-                number += 1
-            one.say(k, number=100 + k)
-        assert number > 600  # it has overtaken
-        assert len(one.used) >= 398 and {pwm for _, pwm in one.used} == {1.0}
+    def test_who_has_said_nothing_of_use_is_not_the_first(self):
+        one = Input()
+        one.present = {self.FIRST, self.SECOND}
+        one.say(0, self.SECOND, pwm=math.nan)
+        one.say(0, self.SECOND, t=FUTURE)
+        one.say(0, self.FIRST)
+        one.now = STEP
+        one.say(1, self.SECOND, pwm=500.0)
+        one.say(1, self.FIRST)
+        assert one.used == [(0, 1.0), (1, 1.0)]
+        assert one.refused == {intake.NOT_FINITE: 1, intake.AHEAD: 1, intake.STRANGER: 1}
 
-    def test_one_that_stops_where_the_numbers_of_the_first_pass_takes_nothing_with_it(
-            self, one, monkeypatch):
-        wall = 100.0
-        monkeypatch.setattr(intake.time, 'monotonic', lambda: wall)
-        one.count = 2
-        for number in range(1, 112):  # until one before the first's number of k = 12
-            one.say(10, number=number, pwm=500.0, t=20_000 * STEP)
-        wall += 2.0 * intake.PAUSE
-        for k in range(10, 20):
-            one.say(k, number=100 + k)
-        assert one.used == [(k, 1.0) for k in range(20)]
+    def test_a_refused_message_of_the_first_leaves_it_the_first(self, one):
+        one.say(1, self.FIRST, pwm=math.nan)
+        one.say(1, self.SECOND, pwm=500.0)
+        one.say(2, self.FIRST)
+        assert one.used == [(0, 1.0), (2, 1.0)]
 
-    def test_a_first_one_that_loses_messages_is_still_the_first(self, one):
-        one.count = 2
-        one.say(10, number=5, pwm=500.0)
-        one.say(20, number=120)
-        one.say(21, number=121)
-        assert one.steps[-2:] == [20, 21] and one.refused == {intake.STRANGER: 1}
+    def test_another_takes_over_when_the_first_has_left_the_graph(self, one, wall):
+        one.present = {self.SECOND}
+        one.say(1, self.SECOND)
+        assert one.steps == [0]
+        wall[0] += 1.1 * intake.ABSENT
+        one.say(2, self.SECOND)
+        one.say(3, self.SECOND)
+        assert one.steps == [0, 2, 3] and one.refused == {intake.STRANGER: 1}
 
-    def test_a_publisher_that_is_alone_may_lose_messages_and_start_again(self, one, monkeypatch):
-        wall = 100.0
-        monkeypatch.setattr(intake.time, 'monotonic', lambda: wall)
-        one.say(20, number=500)
-        one.say(21, number=1)  # started again
-        assert one.steps[-1] == 20 and one.refused == {intake.STRANGER: 1}
-        wall += intake.SILENT + 0.1
-        one.say(22, number=2)
-        one.say(23, number=3)
-        assert one.steps[-3:] == [20, 22, 23] and one.refused == {intake.STRANGER: 1}
+    def test_a_first_that_the_graph_does_not_know_yet_keeps_its_place(self, one, wall):
+        one.present = {self.SECOND}
+        one.say(1, self.SECOND)
+        wall[0] += 0.9 * intake.ABSENT
+        one.present = {self.FIRST, self.SECOND}
+        one.say(1, self.SECOND)
+        wall[0] += 10.0 * intake.ABSENT
+        one.say(1, self.SECOND)
+        one.say(1, self.FIRST)
+        assert one.steps == [0, 1] and one.refused == {intake.STRANGER: 3}
 
-    def test_a_second_publisher_that_the_graph_does_not_know_yet_takes_nothing_over(
-            self, one, monkeypatch):
-        wall = 100.0
-        monkeypatch.setattr(intake.time, 'monotonic', lambda: wall)
-        for k in range(10, 20):
-            one.say(k, number=k - 9, pwm=500.0)
-            one.say(k, number=100 + k)
-            wall += 0.9 * intake.SILENT
-        assert one.used == [(k, 1.0) for k in range(20)]
-        assert one.refused == {intake.STRANGER: 10}
-
-    def test_its_refused_messages_are_of_its_own_sequence(self, one):
-        one.count = 2
-        one.say(10, number=110, pwm=math.nan)
-        one.say(11, number=111)
-        assert one.steps[-1] == 11 and one.refused == {intake.NOT_FINITE: 1}
+    def test_the_graph_is_not_asked_for_every_message_of_a_flood(self, one, wall):
+        asked = []
+        one.guard.publishers = lambda: asked.append(1) or one.present
+        for _ in range(1000):
+            one.say(1, self.SECOND)
+            wall[0] += 0.0001
+        assert len(asked) <= 2
 
 
 @dataclass(frozen=True)
