@@ -85,6 +85,21 @@ class Messages:
     def __len__(self) -> int:
         return len(self.log_time)
 
+    def __repr__(self) -> str:
+        span = (f', {(self.log_time[-1] - self.log_time[0]) / SECOND:.2f} s' if len(self) else '')
+        return f'<{self.topic}: {len(self)} messages of {self.type_name}{span}>'
+
+    def __dir__(self) -> list[str]:
+        """Return the fields of the messages too, for tab completion."""
+        names = [name for name, _ in self._decode().fielddefs[self.type_name][1]]
+        short = [name for name, paths in SHORT_NAMES.items()
+                 if any(path.split('.')[0] in names for path in paths)]
+        return sorted({*super().__dir__(), *names, *short})
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return what ``messages['...']`` may be, for tab completion."""
+        return list(self._leaves())
+
     @cached_property
     def raw(self) -> list[bytes]:
         """Return the bytes of each message."""
@@ -319,6 +334,26 @@ class Bag:
         return found
 
     messages = __getitem__
+
+    def __iter__(self) -> Iterator[Messages]:
+        """Yield the messages of each topic that has any, by name."""
+        for topic in sorted(self._messages):
+            if topic in self:
+                yield self[topic]
+
+    def __repr__(self) -> str:
+        lines = [f'{self.path}: {(self.end - self.start) / SECOND:.2f} s']
+        for messages in self:
+            seconds = (messages.log_time[-1] - messages.log_time[0]) / SECOND
+            rate = f'{(len(messages) - 1) / seconds:8.1f} Hz' if seconds else ''
+            lines.append(
+                f'  {messages.topic:<32}{len(messages):>8}  {messages.type_name:<36}{rate}')
+        return '\n'.join(lines)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return what ``bag['...']`` may be, for tab completion."""
+        inside = f'{self.namespace}/'
+        return sorted(topic.removeprefix(inside) for topic in self._messages if topic in self)
 
     @property
     def start(self) -> int:

@@ -132,7 +132,11 @@ def _count_all(t, truth, estimate, reference, phase, pwm, stopped, reason, vv):
 
 def fly_with_sensors(flight: Scenario) -> dict[str, Any]:
     """Return the :func:`metrics` of a flight of :func:`closed_loop.fly`."""
-    r = closed_loop.fly(flight)
+    return measure(flight, closed_loop.fly(flight))
+
+
+def measure(flight: Scenario, r: closed_loop.Recording) -> dict[str, Any]:
+    """Return the :func:`metrics` of a flight that was flown."""
     return metrics(_count_all(
         r.t, r.truth, r.estimate, r.reference, r.phase, r.pwm, r.stopped, r.reason,
         flight.controller_node.vehicle.values()))

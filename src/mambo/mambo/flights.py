@@ -1,0 +1,167 @@
+"""Flights in one process, from a script."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+import tempfile
+from typing import Any, TYPE_CHECKING
+
+from mambo_analysis.compare import figures
+from mambo_bags.command import refuse_existing
+from mambo_bags.reader import Bag, read_bag
+from mambo_flight import closed_loop, recording_to_bag, scenario_file
+from mambo_flight.closed_loop import Recording
+from mambo_flight.scenario import override, Scenario
+from mambo_flight.sweep import monte_carlo
+from mambo_model.errors import InputError
+import numpy as np
+from numpy.typing import NDArray
+import pandas
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+STATE = ('x', 'y', 'z', 'u', 'v', 'w', 'qw', 'qx', 'qy', 'qz', 'p', 'q', 'r')
+"""Columns of a state: position m, NED; velocity m/s, body; quaternion; rates rad/s, body."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """
+    A simulated flight.
+
+    Attributes
+    ----------
+    name : str
+        Of the experiment, or of the choices.
+    scenario : Scenario
+        Every parameter of every node.
+    recording : Recording
+        The flight as arrays, one row per control step.
+
+    """
+
+    name: str
+    scenario: Scenario
+    recording: Recording = field(repr=False)
+
+    def __repr__(self) -> str:
+        m = self.metrics
+        ending = f', motors stopped ({m["shutdown_reason"]})' if m['shutdown'] else ''
+        return (f'<Flight {self.name}: {self.t[-1]:g} s, tracking RMS {m["tracking_rms"]:.4g} m, '
+                f'estimation RMS {m["estimation_rms"]:.4g} m{ending}>')
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Return the time of each control step, (n,) s."""
+        return self.recording.t * 1e-9
+
+    @cached_property
+    def metrics(self) -> dict[str, Any]:
+        """Return tracking and estimation errors [m], saturation and shutdown by name."""
+        return monte_carlo.measure(self.scenario, self.recording)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """
+        Return the flight as a table, a row per control step.
+
+        Index ``t`` [s]. Columns by two names: ``truth``, ``estimate`` and ``reference`` with
+        :data:`STATE` (inertial NED, body FRD), ``pwm`` with ``1`` to ``4``, ``command`` with
+        ``thrust`` [N], ``phase`` and ``stopped``. ``table['truth']['x']`` is one of them.
+        """
+        r = self.recording
+        blocks = {
+            'truth': (STATE, r.truth), 'estimate': (STATE, r.estimate),
+            'reference': (STATE, r.reference), 'pwm': ('1234', r.pwm)}
+        columns = {(block, name): rows[:, i] for block, (names, rows) in blocks.items()
+                   for i, name in enumerate(names)}
+        columns |= {('command', 'thrust'): r.thrust, ('command', 'phase'): r.phase,
+                    ('command', 'stopped'): r.stopped}
+        return pandas.DataFrame(columns, index=pandas.Index(self.t, name='t'))
+
+    def save(self, path: Path | str) -> Bag:
+        """
+        Write the bag of the flight, byte for byte that of the graph in lockstep; return it read.
+
+        Raises
+        ------
+        InputError
+            If the path exists or cannot be made.
+
+        """
+        path = Path(path)
+        refuse_existing(path)
+        recording_to_bag.check(self.scenario)
+        recording_to_bag.write(path, self.scenario, self.recording)
+        return read_bag(path)
+
+    @cached_property
+    def bag(self) -> Bag:
+        """Return the flight as a bag in memory."""
+        with tempfile.TemporaryDirectory(prefix='mambo_') as folder:
+            return self.save(Path(folder) / self.name)
+
+    def plot(self) -> Figure:
+        """Return the figures of the flight on one sheet, as on the page of ``./run``."""
+        return figures.overview(self.bag, self.name)
+
+
+def fly(
+    scenario: Scenario | Path | str | None = None, *, trajectory: str | None = None,
+    estimator: str | None = None, controller: str | None = None, duration: float | None = None,
+    seed: int | None = None, vehicle: str | None = None, believed: str | None = None,
+    noise: bool | None = None, landing: bool | None = None,
+    parameters: Mapping[str, Any] | None = None,
+) -> Flight:
+    """
+    Fly in one process, with the numbers of the graph in lockstep, and return the flight.
+
+    Parameters
+    ----------
+    scenario
+        An experiment as ``mambo fly`` takes it (``'fig_5_11'``, ``'experiment/flight'``, a file),
+        or a :class:`Scenario`; None: the circle with the choices below.
+    trajectory, estimator, controller
+        What is flown, and by what; None: as the scenario says.
+    duration : s
+        From start to end.
+    seed
+        Of every noise stream.
+    vehicle, believed
+        Known vehicles or vehicle files: the true one, and the one the controller believes in.
+    noise
+        Whether sensors have noise and bias.
+    landing
+        Whether to descend at the end.
+    parameters
+        {'node.parameter': value}, applied last, as ``--set`` of ``./run``.
+
+    Raises
+    ------
+    InputError
+        For an unknown name or a value out of range, in one line.
+
+    """
+    choices = {
+        'trajectory': trajectory, 'estimator': estimator, 'controller': controller,
+        'duration': duration, 'seed': seed, 'vehicle': vehicle, 'believed': believed,
+        'noise': noise, 'landing': landing}
+    given = {name: scenario_file.Place(value, name)
+             for name, value in choices.items() if value is not None}
+    if isinstance(scenario, Scenario):
+        if given:
+            raise InputError(
+                f'{", ".join(given)}: a Scenario has its own; give them as parameters')
+        name, chosen = 'scenario', scenario
+    elif scenario is None:
+        chosen = scenario_file.from_settings(given)
+        name = f'{chosen.reference_node.plan.trajectory}_{chosen.estimator_node.estimator}'
+    else:
+        name, chosen = scenario_file.load(str(scenario), given)
+    chosen = override(chosen, parameters or {})
+    if not chosen.sim_node.duration > 0.0:
+        raise InputError(f'{name}: sim_node.duration must be more than 0 s')
+    return Flight(name, chosen, closed_loop.fly(chosen, inner=True))

@@ -1,0 +1,184 @@
+"""Recordings from a script: opened, compared, estimated again."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from mambo_analysis.compare import compare as comparing, estimate as estimating, tables
+from mambo_analysis.compare.verdict import verdict
+from mambo_bags.reader import Bag, read_bag
+from mambo_flight import offline_replay, scenario
+from mambo_model.errors import InputError
+import pandas
+
+from .flights import Flight, STATE
+
+
+def open_bag(path: Path | str, namespace: str | None = None) -> Bag:
+    """
+    Read a bag: a rosbag2 directory or an ``.mcap`` file.
+
+    ``bag['estimate/odom'].position`` is (n, 3) m, ``bag['imu/data_raw'].to_pandas()`` a table.
+
+    Parameters
+    ----------
+    path
+        Of the bag.
+    namespace
+        Of the drone, if the bag has several.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+
+    """
+    return read_bag(Path(path), None, namespace)
+
+
+def _bag(source: Bag | Flight | Path | str) -> Bag:
+    """Return the bag of what a user may give as one."""
+    if isinstance(source, Flight):
+        return source.bag
+    return source if isinstance(source, Bag) else open_bag(source)
+
+
+class Comparison(dict):
+    """
+    Result of :func:`compare`: a dict of plain values that prints as the table of ``mambo compare``.
+
+    The keys are those of ``mambo compare --json``.
+    """
+
+    def __init__(self, values: dict[str, Any], text: str) -> None:
+        super().__init__(values)
+        self._text = text
+
+    def __repr__(self) -> str:
+        return self._text
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows."""
+        return f'<pre>{escape(self._text)}</pre>'
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the errors as a table: a row per quantity and part of the flight."""
+        rows = []
+        for section in self['errors']:
+            for row in section['rows']:
+                per_axis = {f'rms_{axis}': value
+                            for axis, value in zip(section['axes'], row['rms'])}
+                rows.append({
+                    'quantity': section['title'], 'unit': section['unit'], 'part': row['part'],
+                    'count': row['count'], 'rms': row['rms_total'], 'max': row['maximum_total'],
+                    **per_axis})
+        return pandas.DataFrame(rows)
+
+
+def compare(
+    a: Bag | Flight | Path | str, b: Bag | Flight | Path | str | None = None, *,
+    a_topic: str | None = None, b_topic: str | None = None, what: Collection[str] | None = None,
+) -> Comparison:
+    """
+    Compare what one flight says of itself, or two flights: A minus B.
+
+    Parameters
+    ----------
+    a, b
+        Bags, flights or paths of bags; without ``b`` (and topics) the streams of ``a``.
+    a_topic, b_topic
+        Odometry or PoseStamped to compare; default: the best that both have.
+    what
+        To be made equal first, as ``--align`` of ``mambo compare``.
+
+    Raises
+    ------
+    InputError
+        If a bag cannot be read, or the two have nothing in common.
+
+    """
+    first = _bag(a)
+    if b is None and a_topic is None and b_topic is None:
+        result = comparing.compare(first)
+        return Comparison(result, tables.table(result))
+    result, _, _ = comparing.compare_bags(
+        first, None if b is None else _bag(b), a_topic, b_topic, what)
+    return Comparison(result, tables.table(result))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """
+    What an estimator makes of the sensors of a bag.
+
+    Attributes
+    ----------
+    bag : Bag
+        ``estimate/odom`` and ``estimator/state``, in memory.
+    comparison : str
+        How it differs from what the recording holds.
+    verdict : str
+        Which sensors were absent or rejected, and whether the estimate diverged.
+    numbers : mambo_flight.offline_replay.Estimates
+        States and covariances as arrays, inertial NED and body FRD.
+
+    """
+
+    bag: Bag = field(repr=False)
+    comparison: str
+    verdict: str
+    numbers: offline_replay.Estimates = field(repr=False)
+
+    def __repr__(self) -> str:
+        return f'{self.comparison}\n{self.verdict}'
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the states, a row per answer: index ``t`` [s], columns :data:`flights.STATE`."""
+        return pandas.DataFrame(
+            self.numbers.state, columns=list(STATE),
+            index=pandas.Index(self.numbers.t * 1e-9, name='t'))
+
+
+def estimate(
+    source: Bag | Flight | Path | str, estimator: str | None = None, *,
+    parameters: Mapping[str, Any] | None = None,
+) -> Estimate:
+    """
+    Estimate the flight of a bag again from its sensors, as the live estimator would to the bit.
+
+    Parameters
+    ----------
+    source
+        Bag, flight, or path of a bag.
+    estimator
+        Which one; default: that of the bag.
+    parameters
+        {'kalman.flow.Q': value}: parameters of ``estimator_node``, applied last.
+
+    Raises
+    ------
+    InputError
+        If the bag has no sensors, or for an unknown name or value.
+
+    """
+    bag = _bag(source)
+    node = estimating.parameters(bag)
+    values = dict(parameters or {})
+    if estimator is not None:
+        values['estimator'] = estimator
+    flight = scenario.override(
+        scenario.Scenario(estimator_node=node),
+        {f'estimator_node.{name}': value for name, value in values.items()})
+    node = flight.estimator_node
+    if node.estimator == 'ground_truth':
+        raise InputError('estimator ground_truth estimates nothing; name another')
+    numbers = offline_replay.estimate(bag, node.filter)
+    if not len(numbers.t):
+        raise InputError(
+            f'{bag.path}: no step of the sensors is complete, nothing to estimate')
+    ours = estimating.answered(bag, numbers)
+    return Estimate(ours, comparing.compare_replay(bag, ours), verdict(bag, ours), numbers)
