@@ -11,6 +11,9 @@ import sys
 from typing import Any, TextIO
 
 from mambo_model.errors import InputError, MamboError
+import numpy as np
+
+from .whole_file import write_text, WRONG_PATH
 
 _LONGEST = 2000  # characters of an error, so that a name of a megabyte does not fill the screen
 
@@ -43,8 +46,6 @@ class _Output:
             raise _OutputError(error) from None
 
 
-_WRONG_PATH = (
-    FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
 _program: str | None = None
 
 
@@ -66,8 +67,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 
 def _json_file(text: str) -> str:
-    path = Path(text)
-    if text != '-' and path.is_file() and path.suffix != '.json':
+    if text != '-' and os.path.isfile(text) and not text.endswith('.json'):
         raise argparse.ArgumentTypeError(
             f'{text} exists and is not a .json file: put a --json without FILE last')
     return text
@@ -146,10 +146,20 @@ class Parser(argparse.ArgumentParser):
             self.error('-o/--output is missing')
         return options
 
+    def print_help(self, file: Any = None) -> None:
+        """Print the help; leave with exit code 1 behind one line if the output takes none."""
+        if code := guard(self.prog, lambda: print(self.format_help(), end='', file=file)):
+            self.exit(code)
+
     def error(self, message: str) -> Any:
         """Write one line to stderr and leave with exit code 2."""
         self.exit(2, f'{self.prog}: {_one_line(message.removeprefix("argument "))}; '
                      f'{self.prog} --help says more\n')
+
+    def _get_values(self, action: argparse.Action, words: list[str]) -> Any:
+        if action.option_strings and '--' in words:  # argparse takes it for the end of options
+            raise argparse.ArgumentError(action, "'--' is no value")
+        return super()._get_values(action, words)
 
     def _get_value(self, action: argparse.Action, text: str) -> Any:
         convert = self._registry_get('type', action.type, action.type)
@@ -179,10 +189,7 @@ def write_json(target: str, text: str) -> Path | None:
     if target == '-':
         print(text)
         return None
-    path = Path(target)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(f'{text}\n', encoding='utf-8')
-    return path
+    return write_text(Path(target), f'{text}\n')
 
 
 def guard(name: str, work: Callable[[], None]) -> int:
@@ -199,14 +206,15 @@ def guard(name: str, work: Callable[[], None]) -> int:
     plain = sys.stdout
     sys.stdout = _Output(plain)
     try:
-        work()
+        with np.errstate(all='ignore'):  # of absurd numbers, the result is inf or nan
+            work()
         sys.stdout.flush()
     except _OutputError as error:
         return _lost_output(name, plain, error.args[0])
     except OSError as error:
         reason = error.strerror or str(error)
         return _complain(name, f'{error.filename}: {reason}' if error.filename else reason,
-                         2 if isinstance(error, _WRONG_PATH) else 1)
+                         2 if isinstance(error, WRONG_PATH) else 1)
     except MamboError as error:
         return _complain(name, str(error), error.exit_code)
     except MemoryError:

@@ -39,7 +39,6 @@ _HEAD = np.dtype([  # of a message, with its frame
     ('log_time', '<u8'), ('publish_time', '<u8')])
 _SHORTEST = _HEAD.itemsize - _FRAME.size
 _FOOTER = _FRAME.size + 20  # bytes
-_RATIO = 20  # a flight packs to a third, one of rest without noise to a tenth
 _NONE = 0  # the opcode that no record may have, hence that of a run of zeros
 Index = dict[int, tuple[int, NDArray[np.uint64]]]
 """{channel: (first byte of its message index, (n, 2) log times and offsets)}"""
@@ -172,8 +171,7 @@ def _unpack(chunk: Chunk, most: int) -> bytes:
     if size > most:
         raise ValueError(
             f'it says that it unpacks to {size / 1e6:.0f} MB, more than may be unpacked of this '
-            f'file; {limits.UNPACKED_MB[0]} (now {limits.limit(limits.UNPACKED_MB)}) raises the '
-            'limit')
+            f'file; {limits.raised_by(limits.UNPACKED_MB)}')
     if chunk.compression == 'zstd':
         return zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
     if chunk.compression == 'lz4':
@@ -191,7 +189,7 @@ class _Scanner:
         self.account = Account()
         self._data, self._is_wanted = data, is_wanted
         self._wanted: dict[int, list[Batch]] = {}
-        self._left = max(limits.limit(limits.UNPACKED_MB) * 1_000_000, _RATIO * len(data))
+        self._left = limits.unpacked(len(data))
         self._bodies: dict[int, list[tuple[int, int]]] = {}  # chunks by their checksum
         self._loose: list[int] = []  # starts of messages outside of chunks
 

@@ -9,6 +9,7 @@ from mambo_bags import command
 from mambo_bags.command import guard
 from mambo_bags.reader import BagError
 from mambo_model.errors import InputError, JobError
+import numpy as np
 import pytest
 
 TOOL = """
@@ -154,3 +155,29 @@ def test_a_disk_that_is_full_is_named(tmp_path, capsys, monkeypatch):
     assert guard('tool', work) == 1
     told = capsys.readouterr().err
     assert 'bag_0.mcap: No space left on device' in told and told.count('\n') == 1
+
+
+@pytest.mark.parametrize('where, code, said', [
+    ('> /dev/full', 1, 'tool: the output cannot be written: No space left on device\n'),
+    ('>&-', 1, 'tool: the output is closed: send it to /dev/null to do without\n'),
+    ('> /dev/null', 0, '')])
+def test_a_help_that_nobody_takes_is_one_line(where, code, said):
+    done = run("command.Parser('tool', 'Makes a bag.').parse_args(['--help'])".replace(
+        'command.', 'from mambo_bags import command; command.', 1), f'"$@" {where}')
+    assert (done.returncode, done.stdout, done.stderr) == (code, '', said)
+
+
+def test_a_value_that_ends_the_options_is_none(line, capsys):
+    with pytest.raises(SystemExit) as end:
+        line.parse_args(['a', '--output=--'])
+    assert end.value.code == 2 and "'--' is no value" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('name', ['x' * 5000, 'a\0b'])
+def test_a_name_that_no_file_can_have_is_not_looked_up(line, name):
+    assert line.parse_args(['a', '-o', 'b', '--json', name]).json == name
+
+
+def test_numbers_that_overflow_do_not_fill_the_screen(capsys, recwarn):
+    assert guard('tool', lambda: print(np.square(np.array([1e308])))) == 0
+    assert capsys.readouterr() == ('[inf]\n', '') and not recwarn.list

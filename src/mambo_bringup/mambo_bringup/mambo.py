@@ -170,12 +170,10 @@ def main(arguments: list[str] | None = None) -> int:
     if not words or words[0] in ('-h', '--help', 'help'):
         if len(words) > 1 and words[0] == 'help':
             return main([*words[1:], '--help'])
-        print(overview(), end='')
-        return 0 if words else 2
+        return command.guard('mambo', lambda: print(overview(), end='')) or (0 if words else 2)
     if len(words) == 2 and words[1] in ('-h', '--help') and any(
             name.startswith(f'{words[0]} ') for name in COMMANDS):
-        print(overview(words[0]), end='')
-        return 0
+        return command.guard('mambo', lambda: print(overview(words[0]), end=''))
     try:
         name, rest = find(words)
     except LookupError as error:

@@ -18,7 +18,6 @@ import yaml
 from . import limits
 from .schema import check_field, ParameterError, shown
 
-MAX_DEPTH = 64  # levels; a parameter of a flight is seven deep
 _BYTES = 160  # characters of a text for each node that it may have
 
 WORDS = yaml.SafeLoader.bool_values  # true and false, and the other words of YAML 1.1
@@ -39,10 +38,10 @@ Loader.add_implicit_resolver(
 
 def _measure(text: str) -> None:
     """Raise YAMLError where a text nests too deep, or has too many nodes with its aliases."""
-    most = limits.limit(limits.YAML_NODES)
+    most, deepest = limits.YAML_NODES.value(), limits.YAML_DEPTH.value()
     if len(text) > _BYTES * most:
         raise yaml.YAMLError(
-            f'longer than {_BYTES * most} characters; {limits.YAML_NODES[0]} raises the limit')
+            f'longer than {_BYTES * most} characters; {limits.raised_by(limits.YAML_NODES)}')
     count, opened, sizes = 0, [], {}  # nodes so far, [(anchor, count before)], {anchor: nodes}
     for event in yaml.parse(text, Loader):
         if isinstance(event, yaml.CollectionStartEvent):
@@ -60,11 +59,12 @@ def _measure(text: str) -> None:
                     problem=f'alias {event.anchor} stands for what it is in',
                     problem_mark=event.start_mark)
             count += sizes.get(event.anchor, 1)
-        if len(opened) > MAX_DEPTH or count > most:
+        if len(opened) > deepest or count > most:
             raise yaml.MarkedYAMLError(
-                problem=f'nested deeper than {MAX_DEPTH} levels' if len(opened) > MAX_DEPTH else
+                problem=f'nested deeper than {deepest} levels; '
+                f'{limits.raised_by(limits.YAML_DEPTH)}' if len(opened) > deepest else
                 f'more than {most} values, those of its aliases counted; '
-                f'{limits.YAML_NODES[0]} raises the limit', problem_mark=event.start_mark)
+                f'{limits.raised_by(limits.YAML_NODES)}', problem_mark=event.start_mark)
 
 
 def compose(text: str) -> yaml.Node | None:
@@ -100,7 +100,7 @@ def read_text(path: Path) -> str:
         If there is no such file, it is not text or far too long.
 
     """
-    most = _BYTES * limits.limit(limits.YAML_NODES)
+    most = _BYTES * limits.YAML_NODES.value()
     try:
         with path.open(encoding='utf-8') as stream:
             text = stream.read(most + 1)
@@ -112,7 +112,7 @@ def read_text(path: Path) -> str:
         raise ParameterError(f'{_shown(path)}: no name of a file') from None
     if len(text) > most:
         raise ParameterError(
-            f'{path}: longer than {most} characters; {limits.YAML_NODES[0]} raises the limit')
+            f'{path}: longer than {most} characters; {limits.raised_by(limits.YAML_NODES)}')
     return text
 
 

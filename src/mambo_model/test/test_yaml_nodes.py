@@ -15,13 +15,13 @@ def laughs(levels):
 
 
 @pytest.mark.parametrize('text, said', [
-    ('[' * 100_000, 'nested deeper than 64 levels'),
+    ('[' * 100_000, 'deeper than 64 levels; MAMBO_MAX_YAML_DEPTH (now 64) raises the limit'),
     ('a: ' + '{a: ' * 100_000, 'nested deeper than 64 levels'),
     ('- ' * 100_000, 'nested deeper than 64 levels'),
-    (laughs(9), 'MAMBO_MAX_YAML_NODES raises the limit'),
+    (laughs(9), 'MAMBO_MAX_YAML_NODES (now 100000) raises the limit'),
     ('a: &a [*a]', 'stands for what it is in'),
-    ('a: ' + 'x' * 17_000_000, 'MAMBO_MAX_YAML_NODES raises the limit'),
-    ('- 0\n' * 100_001, 'MAMBO_MAX_YAML_NODES raises the limit')],
+    ('a: ' + 'x' * 17_000_000, 'MAMBO_MAX_YAML_NODES (now 100000) raises the limit'),
+    ('- 0\n' * 100_001, 'MAMBO_MAX_YAML_NODES (now 100000) raises the limit')],
     ids=['flow', 'mapping', 'block', 'aliases', 'itself', 'long', 'many'])
 @pytest.mark.parametrize('read', [yaml_nodes.load, yaml_nodes.compose])
 def test_a_text_is_measured_before_it_is_built(text, said, read):
@@ -38,6 +38,15 @@ def test_aliases_within_bounds_are_read():
 def test_the_limit_can_be_raised(monkeypatch):
     monkeypatch.setenv('MAMBO_MAX_YAML_NODES', '200000')
     assert len(yaml_nodes.load('- 0\n' * 100_001)) == 100_001
+
+
+def test_the_depth_can_be_raised_to_what_the_stack_takes(monkeypatch):
+    monkeypatch.setenv('MAMBO_MAX_YAML_DEPTH', '400')
+    for read in (yaml_nodes.load, yaml_nodes.compose):
+        assert read('[' * 400 + ']' * 400)
+    monkeypatch.setenv('MAMBO_MAX_YAML_DEPTH', '401')
+    with pytest.raises(schema.ParameterError, match='a whole number from 1 to 400'):
+        yaml_nodes.load('a: 1')
 
 
 @pytest.mark.parametrize('value', ['many', '0', '-3', '1e6', '9' * 30])

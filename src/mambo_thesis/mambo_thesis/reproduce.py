@@ -11,6 +11,7 @@ import json
 from pathlib import Path
 
 from mambo_bags.command import guard, Parser
+from mambo_bags.whole_file import write_text
 from mambo_model.errors import MamboError
 from tqdm import tqdm
 
@@ -58,14 +59,12 @@ def examine(claims: list[Claim]) -> list[Examined]:
 
 def write(examined: list[Examined], folder: Path) -> Path:
     """Write the report and its pictures into a folder; return the path of the page."""
-    folder.mkdir(parents=True, exist_ok=True)
     for each in examined:
         if each.result.figure is not None:
             picture(each.result.figure, folder / f'fig_{_file(each.claim.number)}.png')
-    (folder / 'reproduction.md').write_text(markdown(examined))
-    (folder / 'reproduction.json').write_text(json.dumps(data(examined), indent=1) + '\n')
-    (folder / 'index.html').write_text(page(examined))
-    return folder / 'index.html'
+    write_text(folder / 'reproduction.md', markdown(examined))
+    write_text(folder / 'reproduction.json', json.dumps(data(examined), indent=1) + '\n')
+    return write_text(folder / 'index.html', page(examined))
 
 
 def _file(number: str) -> str:

@@ -240,7 +240,7 @@ def _origin(
     if not pair.simulated(bag):
         return pair.own_origin(estimate, truth, pair.begins_in_air(truth, start))
     here = truth.values(np.array([start]), truth.position)
-    low = not here[0, 2] > pair.align.LEAST_RISE
+    low = not here[0, 2] > pair.time_offset.LEAST_RISE
     return None if low else pair.own_origin(estimate, truth, True)
 
 

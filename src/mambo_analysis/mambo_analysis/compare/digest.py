@@ -7,6 +7,7 @@ import hashlib
 from pathlib import Path
 import struct
 
+from mambo_bags.whole_file import replacing
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -54,8 +55,9 @@ def of_text(*texts: str) -> str:
 
 def save(figure: Figure, path: Path, dpi: float, shows: str = '') -> None:
     """Save a figure as PNG with what it shows, by default its digest."""
-    figure.savefig(path, format='png', dpi=dpi,
-                   metadata={'Software': None, KEY: shows or digest(figure)})
+    with replacing(path) as part:
+        figure.savefig(part, format='png', dpi=dpi,
+                       metadata={'Software': None, KEY: shows or digest(figure)})
 
 
 def saved(path: Path) -> str | None:

@@ -9,8 +9,8 @@ from pathlib import Path
 import re
 from typing import Any
 
-from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
+from mambo_bags.whole_file import write_text
 from mambo_model import palette
 import matplotlib
 
@@ -132,15 +132,9 @@ def write_page(bag: Bag, result: Mapping[str, Any], out: Path) -> Path:
 
     Raises
     ------
-    BagError
+    InputError, JobError
         If the directory cannot be written.
 
     """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        figures.write_overview(bag, out / 'flight.png', result['bag'])
-        page = out / 'index.html'
-        page.write_text(html(bag, result), encoding='utf-8')
-    except OSError as error:
-        raise BagError(f'{out}: cannot write the page ({error.strerror})') from None
-    return page
+    figures.write_overview(bag, out / 'flight.png', result['bag'])
+    return write_text(out / 'index.html', html(bag, result))

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mambo_bags.reader import Bag, BagError
+from mambo_bags.whole_file import write_text
 from mambo_model import palette
 from mambo_signals import metrics, motion
 from mambo_signals.flight_phases import Phases, phases
@@ -367,12 +368,8 @@ def write(path: Path, report: Report) -> Path:
 
     Raises
     ------
-    BagError
+    InputError, JobError
         If the file cannot be written.
 
     """
-    try:
-        path.write_text(html(report), encoding='utf-8')
-    except OSError as error:
-        raise BagError(f'{path}: cannot write the page ({error.strerror})') from None
-    return path
+    return write_text(path, html(report))

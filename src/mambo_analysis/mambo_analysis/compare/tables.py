@@ -7,7 +7,7 @@ import csv
 from pathlib import Path
 from typing import Any
 
-from mambo_bags.mcap_reader import BagError
+from mambo_bags.whole_file import replacing
 
 SHOWN = 12  # parameters that differ, of what may be many
 
@@ -109,23 +109,20 @@ def write_csv(result: Mapping[str, Any], path: Path) -> Path:
 
     Raises
     ------
-    BagError
+    InputError, JobError
         If the file cannot be written.
 
     """
-    try:
-        with path.open('w', newline='', encoding='utf-8') as file:
-            out = csv.writer(file)
-            out.writerow(['comparison', 'quantity', 'unit', 'part', 'axis', 'samples', 'rms',
-                          'maximum', 'final_drift', 'delay_s'])
-            for entry in result['errors']:
-                for row in entry['rows']:
-                    start = [entry['title'], entry['quantity'], entry['unit'], row['part']]
-                    for axis, *values in zip(entry['axes'], row['rms'], row['maximum'],
-                                             row['drift'], row['delay']):
-                        out.writerow([*start, axis, row['count'], *values])
-                    out.writerow([*start, 'total', row['count'], row['rms_total'],
-                                  row['maximum_total'], row['drift_total'], None])
-    except OSError as error:
-        raise BagError(f'{path}: cannot be written ({error.strerror})') from None
+    with replacing(path) as part, part.open('w', newline='', encoding='utf-8') as file:
+        out = csv.writer(file)
+        out.writerow(['comparison', 'quantity', 'unit', 'part', 'axis', 'samples', 'rms',
+                      'maximum', 'final_drift', 'delay_s'])
+        for entry in result['errors']:
+            for row in entry['rows']:
+                start = [entry['title'], entry['quantity'], entry['unit'], row['part']]
+                for axis, *values in zip(entry['axes'], row['rms'], row['maximum'],
+                                         row['drift'], row['delay']):
+                    out.writerow([*start, axis, row['count'], *values])
+                out.writerow([*start, 'total', row['count'], row['rms_total'],
+                              row['maximum_total'], row['drift_total'], None])
     return path

@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mambo_bags.command import guard, Parser, write_json
-from mambo_bags.reader import Bag, read_bag
+from mambo_bags.reader import Bag, BagError, read_bag
+from mambo_bags.whole_file import replacing, write_text
 from mambo_model.schema import ParameterError
 from mambo_model.vehicle import vehicle_file
 from mambo_model.vehicle.parameters import PRESETS, Vehicle
 from matplotlib.figure import Figure
 
-from .regression import IdentifyError, LEVEL, Value
+from .regression import LEVEL, Value
 
 METHOD = ('intervals of 95 %: least squares on residuals whitened by an autoregressive model '
           '(order by BIC), Gauss-Newton covariance, Student t')
@@ -73,7 +74,7 @@ def write(name: str, report: Report, folder: Path, base: str) -> list[Path]:
 
     Raises
     ------
-    IdentifyError
+    InputError, JobError
         If that is not possible.
     mambo_model.schema.ParameterError
         If a value is none that a vehicle can have.
@@ -83,15 +84,12 @@ def write(name: str, report: Report, folder: Path, base: str) -> list[Path]:
     if report.vehicle:
         texts[f'{name}.yaml'] = vehicle_file.to_text(
             report.title, base, report.vehicle, Vehicle)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for file, text in texts.items():
-            (folder / file).write_text(text, encoding='utf-8')
-        figure = Figure(figsize=(9.0, 6.0), layout='constrained')
-        report.draw(figure)
-        figure.savefig(folder / f'{name}.png', dpi=120)
-    except OSError as error:
-        raise IdentifyError(f'{folder}: {error.strerror}') from None
+    for file, text in texts.items():
+        write_text(folder / file, text)
+    figure = Figure(figsize=(9.0, 6.0), layout='constrained')
+    report.draw(figure)
+    with replacing(folder / f'{name}.png') as part:
+        figure.savefig(part, format='png', dpi=120)
     return [folder / file for file in (*texts, f'{name}.png')]
 
 
@@ -126,10 +124,11 @@ def open_bag(path: Path, topics: tuple[str, ...], namespace: str | None = None) 
     Raises
     ------
     mambo_bags.reader.BagError
-        If it cannot be read or lacks one.
+        If it cannot be read, or lacks one or its messages.
 
     """
     bag = read_bag(path, topics, namespace)
     for topic in topics:
-        bag.messages(topic)  # says which there are, if not this one
+        if not len(bag.messages(topic)):  # which says which there are, if not this one
+            raise BagError(f'{path}: {bag.name(topic)} has no messages')
     return bag

@@ -20,8 +20,6 @@ import warnings
 from mambo_model import limits
 from mambo_model.errors import MamboError
 
-SECONDS = 120.0  # of wall time
-_RATIO = 20  # unpacked over packed, as of a chunk of a bag
 _COPIES = 3  # what is unpacked, what is made of it, what is handed over
 _FORK = multiprocessing.get_context('fork')
 
@@ -40,7 +38,7 @@ def call(function: Callable[[Path], Any], path: Path) -> Any:
         What it returns must be picklable.
     path
         Of the file. The process may take ``MAMBO_MAX_UNPACKED_MB`` (default 512) or 20 times its
-        size, whichever is more, for each of three copies, and two minutes.
+        size, whichever is more, for each of three copies, and ``MAMBO_MAX_READING_S`` (120).
 
     Raises
     ------
@@ -50,14 +48,16 @@ def call(function: Callable[[Path], Any], path: Path) -> Any:
         As the function.
 
     """
-    limits.limit(limits.UNPACKED_MB)  # raised here if it is no number
+    limits.UNPACKED_MB.value()  # raised here if it is no number
+    seconds = limits.READING_S.value()
     receive, send = _FORK.Pipe(duplex=False)
     process = _FORK.Process(target=_work, args=(function, path, send), daemon=True)
     process.start()
     send.close()
     try:
-        if not receive.poll(SECONDS):
-            raise UnreadableError(f'reading it took more than {SECONDS:.0f} s')
+        if not receive.poll(seconds):
+            raise UnreadableError(f'reading it took more than {seconds} s; '
+                                  f'{limits.raised_by(limits.READING_S)}')
         result, error = receive.recv()
     except EOFError:
         process.join()
@@ -77,17 +77,18 @@ def _work(function: Callable[[Path], Any], path: Path, send: Connection) -> None
     faulthandler.disable()  # a reader that crashes says so at length
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     own = int(Path('/proc/self/statm').read_text().split()[0]) * os.sysconf('SC_PAGE_SIZE')
-    most = limits.limit(limits.UNPACKED_MB)
     try:
-        room = _COPIES * max(most * 1_000_000, _RATIO * path.stat().st_size)
-        resource.setrlimit(resource.RLIMIT_AS, (own + room, own + room))
+        room = own + _COPIES * limits.unpacked(path.stat().st_size)
+        _, hard = resource.getrlimit(resource.RLIMIT_AS)
+        room = room if hard == resource.RLIM_INFINITY else min(room, hard)
+        resource.setrlimit(resource.RLIMIT_AS, (room, hard))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         send.send((function(path), None))
     except OSError as error:
         send.send((None, error))
     except MemoryError:
         send.send((None, UnreadableError(
-            f'it needs more memory than {limits.UNPACKED_MB[0]} (now {most}) allows')))
+            f'it needs more memory than allowed; {limits.raised_by(limits.UNPACKED_MB)}')))
     except Exception as error:  # readers of damaged bytes raise anything
         reason = ' '.join(str(error).split())[:120] or 'its content is damaged'
         send.send((None, UnreadableError(reason)))

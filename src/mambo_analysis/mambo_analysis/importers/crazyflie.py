@@ -42,7 +42,9 @@ Motion capture
     range is itself
     7 to 35 ms behind the gyro (it averages, and is passed on each 40 ms), and so is a pose stamped
     that way: the standard error that is printed holds 30 ms for it. ``--mocap-offset gyro`` takes
-    the gyro instead, as does a log without a range. NaN is marker loss: no pose.
+    the gyro instead, as does a log without a usable range. Signals that give different clocks
+    (:func:`mambo_signals.time_offset.agreed`) are refused. NaN is marker loss: no pose; nor is
+    there one where the tracker flips the body (:mod:`mambo_signals.outliers`).
 """
 
 from __future__ import annotations
@@ -57,8 +59,10 @@ from typing import Any
 from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
+from mambo_signals import outliers
 from mambo_signals.derivative import body_rates
-from mambo_signals.time_offset import AlignError, Offset, offsets, RANGE_LATE, time_offset
+from mambo_signals.time_offset import (
+    agreed, AlignError, Offset, offsets, RANGE_LATE, time_offset)
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
@@ -72,6 +76,7 @@ COUNTS_PER_RADIAN = 10.0 * 35.0 / 0.71674
 FLOW_PERIOD = 0.01  # [s] over which a count is taken
 FULL_QUALITY = 255
 RANGE_LIMITS = (0.01, 4.0)  # [m] VL53L1x
+RANGE = 'range against z'
 NEAR = 0.08  # [s] how far the gyro's offset may be from the range's
 GAP = 0.05  # [s] over which the parts of one instant are interpolated
 MOTORS = ('m_4', 'm_1', 'm_2', 'm_3')
@@ -98,8 +103,9 @@ class Log:
     drone
         {name without its group: (times (n,) s, values (n,))}.
     mocap : (m, 7)
-        s of its own clock, m, rad; without the rows in which markers were lost.
-    lost
+        s of its own clock, m, rad; without the rows in which markers were lost, and without
+        those that cannot be true.
+    lost, impossible
         How many rows those were.
     ignored
         Names of the signals that nothing is made of.
@@ -109,6 +115,7 @@ class Log:
     drone: dict[str, tuple[Floats, Floats]]
     mocap: Floats
     lost: int
+    impossible: int
     ignored: list[str]
 
     def has(self, *names: str) -> bool:
@@ -174,24 +181,28 @@ def read_log(source: Source) -> Log:
         if good.any():
             group, _, short = name.partition('.')
             drone[short if group == 'ae483log' else name] = t[good], v[good]
-    mocap, lost = _mocap(path, found.get('mocap') or {})
+    mocap, lost, impossible = _mocap(path, found.get('mocap') or {})
     known = {*USED, *(() if 'w_x' in drone else GYRO)}
-    log = Log(drone, mocap, lost, [name for name in drone if name not in known])
+    log = Log(drone, mocap, lost, impossible, [name for name in drone if name not in known])
     if not (log.has('w_x', 'w_y', 'w_z') or log.has('gyro.x', 'gyro.y', 'gyro.z')):
         raise BagError(f'{path}: no gyro (ae483log.w_x, w_y, w_z or gyro.x, y, z) with finite '
                        f'values; it has {", ".join(found["drone"]) or "no signals"}')
     return log
 
 
-def _mocap(path: Path, found: Any) -> tuple[Floats, int]:
+def _mocap(path: Path, found: Any) -> tuple[Floats, int, int]:
+    """Return the poses, how many were lost and how many of the others cannot be true."""
     if not isinstance(found, dict) or (found and not {'time', *MOCAP} <= set(found)):
         raise BagError(f'{path}: mocap is not built as {{time, {", ".join(MOCAP)}}}')
     if not found or not found['time']:
-        return np.empty((0, 7)), 0
+        return np.empty((0, 7)), 0, 0
     columns = [_series(path, f'mocap {name}', found['time'], found[name]) for name in MOCAP]
     table = np.column_stack([columns[0][0], *(v for _, v in columns)])
     seen = np.isfinite(table).all(axis=1)
-    return table[seen], int((~seen).sum())
+    poses = table[seen]
+    wrong = outliers.impossible(
+        poses[:, 0], poses[:, 1:4], np.array(_attitude(poses[:, 4:])).reshape(-1, 4))
+    return poses[~wrong], int((~seen).sum()), int(wrong.sum())
 
 
 def mocap_offset(log: Log) -> Offset:
@@ -214,6 +225,19 @@ def mocap_offset(log: Log) -> Offset:
     return time_offset(t[new], r[new], log.mocap[:, 0], log.mocap[:, 3])
 
 
+def _gyro_offsets(
+    log: Log, limits: tuple[float, float] | None = None,
+) -> tuple[dict[str, Offset], dict[str, AlignError]]:
+    """Return the offset that each axis of the gyro gives, and why others give none; by name."""
+    names = ('w_x', 'w_y', 'w_z')
+    if not log.has(*names):
+        return {}, {'gyro': AlignError(
+            'there is no gyro (ae483log.w_x, w_y, w_z) to align with')}
+    times, rates = body_rates(log.mocap[:, 0], np.array(_attitude(log.mocap[:, 4:])))
+    return offsets({name: (*log.drone[name], times, rates[:, axis])
+                    for axis, name in enumerate(names)}, limits)
+
+
 def gyro_offset(log: Log, near: float | None = None) -> Offset:
     """
     Return the same by the gyro, which is not behind, from among the offsets near another.
@@ -228,13 +252,7 @@ def gyro_offset(log: Log, near: float | None = None) -> Offset:
         If no axis determines it.
 
     """
-    names = ('w_x', 'w_y', 'w_z')
-    if not log.has(*names):
-        raise AlignError('there is no gyro (ae483log.w_x, w_y, w_z) to align with')
-    times, rates = body_rates(log.mocap[:, 0], np.array(_attitude(log.mocap[:, 4:])))
-    found, reasons = offsets({
-        name: (*log.drone[name], times, rates[:, axis]) for axis, name in enumerate(names)
-    }, None if near is None else (near - NEAR, near + NEAR))
+    found, reasons = _gyro_offsets(log, None if near is None else (near - NEAR, near + NEAR))
     if not found:
         raise AlignError('; '.join(f'{name}: {text}' for name, text in reasons.items()))
     best = max(found.values(), key=lambda offset: offset.quality)
@@ -337,6 +355,18 @@ def _publish_mocap(log: Log, out: Publisher, offset: float) -> None:
         out.publish('optitrack/pose', stamp, 'map', pose=out.pose(row[1:4], q))
 
 
+def _range_offset(log: Log) -> Offset | None:
+    """Return the offset by the range; None if only the gyro can tell, AlignError if nothing."""
+    if not log.has('r'):
+        return None
+    try:
+        return mocap_offset(log)
+    except AlignError:
+        if not _gyro_offsets(log)[0]:
+            raise
+        return None
+
+
 def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, Any]]:
     """Return the offset of the motion capture, None to leave it out, and what to say of it."""
     if asked == 'none' or not len(log.mocap):
@@ -348,15 +378,17 @@ def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, 
         return float(asked), {'mocap_offset_s': float(asked), 'mocap_offset_from': 'given'}
     told: dict[str, Any] = {'mocap_offset_from': 'gyro'}
     try:
-        if log.has('r'):
-            found = mocap_offset(log)
+        by_range = _range_offset(log)
+        if by_range is not None:
+            found = by_range
+            agreed({RANGE: found, **_gyro_offsets(log)[0]}, {RANGE: RANGE_LATE})
             height = float(np.median(log.mocap[:, 3]))
             told['range_minus_mocap_z_m'] = found.bias + (found.factor - 1.0) * height
             if asked == 'gyro':
                 found = gyro_offset(log, found.offset)
             else:
                 found = found._replace(sigma=math.hypot(found.sigma, RANGE_LATE))
-                told['mocap_offset_from'] = 'range against z'
+                told['mocap_offset_from'] = RANGE
         else:
             found = gyro_offset(log)
     except AlignError as error:
@@ -409,7 +441,7 @@ def import_crazyflie(
         'counts_per_radian': counts_per_radian, 'flow_period_s': FLOW_PERIOD,
         'flow_rotation': 'not compensated', 'horizontal_acceleration': '0' if level else 'NaN',
         'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535',
-        'mocap_frames_lost': log.lost, 'ignored': ', '.join(log.ignored) or 'nothing', **told})
+        'mocap_frames_lost': log.lost, 'mocap_poses_impossible': log.impossible, 'ignored': ', '.join(log.ignored) or 'nothing', **told})
     with BagWriter(target, metadata=record) as writer:
         out = Publisher(writer, TOPICS)
         _publish_imu(log, out, level)
@@ -461,6 +493,9 @@ def main(arguments: list[str] | None = None) -> int:
             options.level, options.repeated_flow)
         notes = [f'{key}: {told[key]}' for key in told if key.startswith(('mocap', 'range'))]
         ignored = [] if told['ignored'] == 'nothing' else told['ignored'].split(', ')
+        impossible = int(told['mocap_poses_impossible'])
+        if impossible:
+            notes.append(outliers.describe('optitrack/pose', impossible))
         report(options.log, options.output, counts, *notes, *unused(ignored))
 
     return guard('import_crazyflie', work)

@@ -9,10 +9,11 @@ whole.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from contextlib import closing
 from pathlib import Path
 import sqlite3
-from typing import Any, BinaryIO
+from typing import Any
 
 from mambo_bags import columns
 from mambo_bags.mcap_reader import BagError, Batch
@@ -26,7 +27,6 @@ import zstandard
 OWN = 'mambo_interfaces/msg/'
 DISTRIBUTIONS = ('kilted', 'jazzy', 'iron', 'humble', 'galactic', 'foxy', 'eloquent', 'dashing')
 ZSTD = b'\x28\xb5\x2f\xfd'
-LARGEST = 4 << 30  # [byte] that a compressed file may unpack to
 _PIECE = 1 << 20
 _LATEST = 2**63  # [ns]
 
@@ -44,62 +44,55 @@ def unpack(source: Path, target: Path) -> None:
     Raises
     ------
     BagError
-        If it is damaged, cut off or unpacks to more than ``LARGEST``.
+        If it is damaged, cut off or unpacks to more than ``MAMBO_MAX_UNPACKED_MB`` (default 512)
+        or 20 times its size, whichever is more.
 
     """
-    written = 0
+    most = limits.unpacked(source.stat().st_size)
     with source.open('rb') as packed, target.open('wb') as out:
         try:
-            decompressor, whole = zstandard.ZstdDecompressor().decompressobj(), False
-            while piece := packed.read(_PIECE):
-                if whole:
-                    break
-                data = _some(decompressor, piece, out, source, written)
-                written += data
-                whole = decompressor.eof
-        except zstandard.ZstdError as error:
-            raise BagError(f'{source}: damaged compression ({error})') from None
-    if not whole:
-        raise BagError(f'{source}: its compression is cut off')
+            for data in _plain(iter(lambda: packed.read(_PIECE), b''), most):
+                out.write(data)
+        except ValueError as error:
+            raise BagError(f'{source}: {error}') from None
 
 
-def _some(
-    decompressor: Any, piece: bytes, out: BinaryIO, source: Path, written: int,
-) -> int:
-    """Write what a piece gives, in small steps; return how many bytes that is."""
-    done = 0
-    for begin in range(0, len(piece), 4096):
-        done += out.write(decompressor.decompress(piece[begin:begin + 4096]))
-        if written + done > LARGEST:
-            raise BagError(f'{source}: unpacks to more than {LARGEST >> 30} GiB; unpack it first '
-                           'with zstd -d if that is right')
-        if decompressor.eof:
-            break
-    return done
+def _plain(pieces: Iterable[bytes], most: int) -> Iterator[bytes]:
+    """Yield what zstd made pieces of; ValueError of damage, or beyond so many bytes."""
+    decompressor, size = zstandard.ZstdDecompressor().decompressobj(), 0
+    try:
+        for piece in pieces:
+            for begin in range(0, len(piece), 4096):
+                if decompressor.eof:
+                    return
+                data = decompressor.decompress(piece[begin:begin + 4096])
+                size += len(data)
+                if size > most:
+                    raise ValueError(f'it unpacks to more than {most / 1e6:.0f} MB; '
+                                     f'{limits.raised_by(limits.UNPACKED_MB)}')
+                yield data
+    except zstandard.ZstdError as error:
+        raise ValueError(f'damaged compression ({error})') from None
+    if not decompressor.eof:
+        raise ValueError('its compression is cut off')
 
 
-def _message(data: bytes) -> bytes:
+def _message(data: bytes, most: int) -> bytes:
     """Return the bytes of a message, which may be compressed each by itself; ValueError."""
     if not isinstance(data, bytes):
         raise ValueError('a message that is no sequence of bytes')
     if not data.startswith(ZSTD):  # CDR begins with a zero
         return data
-    most, parts, size = limits.limit(limits.UNPACKED_MB), [], 0
-    decompressor = zstandard.ZstdDecompressor().decompressobj()
     try:
-        for begin in range(0, len(data), 4096):
-            parts.append(decompressor.decompress(data[begin:begin + 4096]))
-            size += len(parts[-1])
-            if size > most * 1_000_000:
-                raise ValueError(f'a message that unpacks to more than {most} MB: set '
-                                 f'{limits.UNPACKED_MB[0]} to allow more')
-            if decompressor.eof:
-                break
-    except zstandard.ZstdError as error:
-        raise ValueError(f'a message of damaged compression, {error}') from None
-    if not decompressor.eof:
-        raise ValueError('a message whose compression is cut off')
-    return b''.join(parts)
+        return b''.join(_plain([data], most))
+    except ValueError as error:
+        raise ValueError(f'a compressed message: {error}') from None
+
+
+def _is_plain_read(action: int, *about: str | None) -> int:
+    """Authorize to read tables alone: a view or a function of a file could go on for ever."""
+    plain = action in (sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ) and about[-1] is None
+    return sqlite3.SQLITE_OK if plain else sqlite3.SQLITE_DENY
 
 
 def _carried(database: sqlite3.Connection) -> dict[str, tuple[bytes, str]]:
@@ -153,8 +146,12 @@ class _Bag:
         self.messages: dict[str, list[tuple[int, int, bytes]]] = {}
         self.definitions: dict[str, tuple[bytes, str]] = {}
 
-    def add(self, database: sqlite3.Connection) -> None:
-        """Take a file; sqlite3.Error or ValueError of one that is damaged."""
+    def add(self, database: sqlite3.Connection, most: int) -> None:
+        """
+        Take a file whose messages may unpack to so many bytes in all.
+
+        Of one that is damaged sqlite3.Error or ValueError.
+        """
         self.definitions |= _carried(database)
         names: dict[int, str] = {}
         for number, name, kind, form in database.execute(
@@ -168,7 +165,9 @@ class _Bag:
                 raise ValueError(f'a message of the topic {number}, which is not listed')
             if not isinstance(time, int) or not 0 <= time < _LATEST:
                 raise ValueError(f'a message of the impossible time {time}')
-            self.messages.setdefault(names[number], []).append((time, time, _message(data)))
+            plain = _message(data, most)
+            most -= 0 if plain is data else len(plain)
+            self.messages.setdefault(names[number], []).append((time, time, plain))
 
 
 def _types(where: str, bag: _Bag, topic: str, distribution: str) -> Typestore | BagError:
@@ -216,7 +215,8 @@ def read_sqlite(
         try:
             with closing(sqlite3.connect(
                     f'{file.resolve().as_uri()}?mode=ro', uri=True)) as database:
-                bag.add(database)
+                database.set_authorizer(_is_plain_read)
+                bag.add(database, limits.unpacked(file.stat().st_size))
         except (sqlite3.Error, ValueError, OverflowError, UnicodeDecodeError) as error:
             raise BagError(
                 f'{path}: {file.name}: no rosbag2 file, or damaged ({error})') from None

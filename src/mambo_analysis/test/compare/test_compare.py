@@ -227,7 +227,7 @@ def test_wrong_use_ends_in_one_line(tmp_path, flight, capsys):
     for arguments, text in (
             ([tmp_path / 'none'], 'there is no such bag'),
             ([flight, '--namespace', '/other'], 'nothing in the namespace /other'),
-            ([flight, '--out', tmp_path / 'file'], 'cannot write the page')):
+            ([flight, '--out', tmp_path / 'file'], 'cannot be written')):
         assert main([str(a) for a in arguments]) == 2
         error = capsys.readouterr().err
         assert error.startswith('compare: ') and text in error and error.count('\n') == 1

@@ -161,8 +161,8 @@ def test_two_simulated_flights_share_clock_and_frame(tmp_path):
     (['A', 'B', '--align', 'time,colour'], "'colour' is none of time, position, yaw"),
     (['A', 'B', '--a-topic', 'motor_pwm'], 'no topic'),
     (['A', 'B', '--no-align', '--equal-at', '6'], '--no-align contradicts'),
-    (['A', 'B', '--no-align', '--html', 'none/x.html'], 'cannot write the page'),
-    (['A', 'B', '--no-align', '--csv', 'none/x.csv'], 'cannot be written'),
+    (['A', 'B', '--no-align', '--html', 'A/metadata.yaml/x.html'], 'cannot be written'),
+    (['A', 'B', '--no-align', '--csv', 'A/metadata.yaml/x.csv'], 'cannot be written'),
     (['A', '--a-topic', 'estimate/odom'], 'no topic with a motion')])
 def test_what_cannot_be_compared_ends_in_one_line(tmp_path, monkeypatch, capsys, arguments, text):
     monkeypatch.chdir(tmp_path)

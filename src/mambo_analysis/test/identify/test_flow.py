@@ -6,6 +6,8 @@ from pathlib import Path
 from interval_checks import assert_covers
 from mambo_analysis.identify.flow import fit_factor, from_recording, main, Samples, samples
 from mambo_analysis.identify.regression import IdentifyError
+from mambo_bags.reader import read_bag
+from mambo_bags.writer import BagWriter
 from mambo_flight import closed_loop
 from mambo_flight.scenario import load, scenario
 import numpy as np
@@ -162,3 +164,14 @@ def test_wrong_use_is_one_line(capsys, options, message):
     assert main([str(BAG), *options]) == 2
     error = capsys.readouterr().err
     assert message in error and error.count('\n') == 1 and error.startswith('identify_flow: ')
+
+
+def test_a_topic_without_messages_is_one_line(tmp_path, capsys):
+    with BagWriter(tmp_path / 'bag') as bag:
+        bag.add_topic('/mambo/optical_flow', 'mambo_interfaces/msg/OpticalFlow')
+        bag.add_topic('/mambo/optitrack/pose', 'geometry_msgs/msg/PoseStamped')
+        pose = read_bag(BAG)['optitrack/pose']
+        for stamp, data in zip(pose.stamp.tolist(), pose.raw):
+            bag.write('/mambo/optitrack/pose', data, stamp)
+    assert main([str(tmp_path / 'bag')]) == 2
+    assert '/mambo/optical_flow has no messages\n' in capsys.readouterr().err

@@ -306,13 +306,34 @@ def test_damaged_or_huge_compression_is_one_line(tmp_path, capsys, monkeypatch):
     file.write_bytes(content[:4] + bytes(60) + content[64:])
     refuse(source, tmp_path, capsys, 'damaged compression', entry)
     file.write_bytes(zstandard.compress(bytes(50 << 20)))
-    monkeypatch.setattr('mambo_analysis.importers.sqlite_bag.LARGEST', 1 << 20)
-    refuse(source, tmp_path, capsys, 'unpacks to more than', entry)
+    monkeypatch.setenv('MAMBO_MAX_UNPACKED_MB', '5')
+    refuse(source, tmp_path, capsys, 'unpacks to more than 5 MB; MAMBO_MAX_UNPACKED_MB (now 5) '
+           'raises the limit', entry)
     huge = sqlite_bag(tmp_path / 'huge', {'/imu': TYPES['/imu']})
     with sqlite3.connect(huge / 'huge_0.db3') as database:
         database.execute('UPDATE messages SET data = ?', (zstandard.compress(bytes(9 << 20)),))
+    refuse(huge, tmp_path, capsys, 'unpacks to more than 5 MB; MAMBO_MAX_UNPACKED_MB', entry)
+
+
+def test_messages_that_unpack_to_much_together_are_refused(tmp_path, capsys, monkeypatch):
+    source = sqlite_bag(tmp_path / 'many', {'/imu': TYPES['/imu']})
+    with sqlite3.connect(source / 'many_0.db3') as database:
+        database.execute('UPDATE messages SET data = ?', (zstandard.compress(bytes(2 << 20)),))
     monkeypatch.setenv('MAMBO_MAX_UNPACKED_MB', '5')
-    refuse(huge, tmp_path, capsys, 'unpacks to more than 5 MB: set MAMBO_MAX_UNPACKED_MB', entry)
+    refuse(source, tmp_path, capsys, 'MAMBO_MAX_UNPACKED_MB (now 5)', '/imu:=imu/data_raw')
+
+
+@pytest.mark.parametrize('view', [
+    'WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) '
+    'SELECT x AS id, 1 AS topic_id, x AS timestamp, x AS data FROM c',
+    'SELECT a.id, a.topic_id, a.timestamp, a.data FROM letters a, letters b, letters c, letters d',
+    'SELECT id, topic_id, timestamp, zeroblob(900000000) AS data FROM letters'])
+def test_a_view_that_never_ends_is_refused(tmp_path, capsys, view):
+    source = sqlite_bag(tmp_path / 'odd', {'/imu': TYPES['/imu']})
+    with sqlite3.connect(source / 'odd_0.db3') as database:
+        database.execute('ALTER TABLE messages RENAME TO letters')
+        database.execute(f'CREATE VIEW messages AS {view}')
+    refuse(source, tmp_path, capsys, 'no rosbag2 file, or damaged', '/imu:=imu/data_raw')
 
 
 @pytest.mark.parametrize('change, text', [

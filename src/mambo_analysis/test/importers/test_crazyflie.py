@@ -183,6 +183,39 @@ def test_the_gyro_can_give_the_clock(tmp_path, ranged):
     assert float(record['mocap_offset_s']) == pytest.approx(OFFSET, abs=0.001)
 
 
+def test_a_range_that_determines_nothing_leaves_it_to_the_gyro(tmp_path):
+    log = turning()
+    log['drone']['ae483log.r']['data'] = [0.5] * len(log['drone']['ae483log.r']['time'])
+    import_crazyflie(save(tmp_path / 'log.json', log), tmp_path / 'bag')
+    record = read_bag(tmp_path / 'bag').metadata['import']
+    assert record['mocap_offset_from'] == 'gyro'
+    assert float(record['mocap_offset_s']) == pytest.approx(OFFSET, abs=0.001)
+
+
+def test_range_and_gyro_must_tell_the_same_clock(tmp_path, capsys):
+    log = turning()
+    entry = log['drone']['ae483log.w_z']
+    times = np.array(entry['time'])
+    entry['data'] = np.interp(times - 0.4, times, entry['data']).tolist()
+    refuse(save(tmp_path / 'log.json', log), tmp_path, capsys,
+           'the signals disagree about the clocks')
+
+
+def test_poses_that_a_tracker_flips_are_counted_and_left_out(tmp_path, capsys):
+    log = turning()
+    for name, add in (('roll', np.pi), ('x', 0.2)):
+        values = np.array(log['mocap'][name])
+        values[400:430] += add
+        log['mocap'][name] = values.tolist()
+    assert main([str(save(tmp_path / 'log.json', log)), str(tmp_path / 'bag')]) == 0
+    bag = read_bag(tmp_path / 'bag')
+    assert len(bag['optitrack/pose']) == 1990 - 30
+    assert bag.metadata['import']['mocap_poses_impossible'] == '30'
+    assert '30 poses left out that jump faster than' in capsys.readouterr().out
+    upright = Rotation.from_quat(bag['optitrack/pose'].orientation).apply([0.0, 0.0, 1.0])
+    assert upright[:, 2].min() > 0.9
+
+
 def test_marker_loss_missing_packets_and_unknown_values_are_left_out(tmp_path):
     log = flight()
     for name in ('x', 'y', 'z', 'yaw', 'pitch', 'roll'):

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from mambo_bags.whole_file import replacing
 from mambo_model import palette
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -98,12 +99,12 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
             _band(grid[row, column], np.asarray(data[parameter], dtype=float), values)
             short = '.'.join(parameter.split('.')[-3:])
             grid[row, column].set(xlabel=short, ylabel=label)
-    if colour:
-        grid[0, 0].legend(title='.'.join(colour.split('.')[-2:]), fontsize='small')
-    for row in range(1, rows):
-        grid[row, 0].legend(fontsize='small')
-    for axes in grid.flat:
+    titles = [('.'.join(colour.split('.')[-2:]), grid[0, 0])] if colour else []
+    for heading, axes in [*titles, *((None, axes) for axes in grid[1:, 0])]:
+        if axes.get_legend_handles_labels()[0]:  # nothing is drawn of flights without numbers
+            axes.legend(title=heading, fontsize='small')
         axes.grid(alpha=0.3)
         axes.set_ylim(bottom=0.0)
     figure.suptitle(title)
-    figure.savefig(path, dpi=110, metadata={'Software': None})
+    with replacing(path) as part:
+        figure.savefig(part, format='png', dpi=110, metadata={'Software': None})

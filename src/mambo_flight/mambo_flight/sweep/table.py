@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 import hashlib
 import json
-import os
 from pathlib import Path
 from typing import Any
 
+from mambo_bags.whole_file import replacing
 from mambo_model.compiled import source_digest
 from mambo_model.errors import InputError, JobError
 import pyarrow as pa
@@ -137,18 +137,14 @@ def write(path: Path, data: Mapping[str, Sequence[Any]], title: str) -> None:
 
     Raises
     ------
-    SweepError
+    InputError, JobError
         If the file cannot be written.
 
     """
     table = pa.table({name: pa.array(values) for name, values in data.items()})
     table = table.replace_schema_metadata({'title': title})
-    part = path.with_name(f'{path.name}.part')
-    try:
+    with replacing(path) as part:
         parquet.write_table(table, part, compression='zstd')
-        os.replace(part, path)
-    except OSError as error:
-        raise SweepError(f'{path}: {error.strerror or error}') from None
 
 
 def batches(numbers: Sequence[int], size: int) -> Iterator[Sequence[int]]:

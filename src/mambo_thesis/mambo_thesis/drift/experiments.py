@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from mambo_analysis.compare import digest
 from mambo_bags.command import guard, Parser
-from mambo_bags.mcap_reader import BagError
+from mambo_bags.whole_file import write_text
 from mambo_flight import closed_loop, scenario_file
 import numpy as np
 from tqdm import tqdm
@@ -154,20 +154,15 @@ def _run(options: argparse.Namespace) -> None:
     tables = [report.perfect_table(perfect), report.flown_table(flown), report.found_table(
         found, {key: truth.value for key, truth in TRUTHS.items()})]
     print('\n'.join(tables))
-    try:
-        options.output.mkdir(parents=True, exist_ok=True)
-        (options.output / 'drift.md').write_text('\n'.join(tables))
-        (options.output / 'drift.json').write_text(json.dumps({
-            'table': {k: v.tolist() for k, v in perfect.items()},
-            'flown': {n: {k: f._asdict() for k, f in d.items()} for n, d in flown.items()},
-            'found': [f._asdict() for f in found],
-        }, indent=1) + '\n')
-        digest.save(report.draw(flown), options.output / 'drift.png', 130, report.shows(tables[1]))
-        if options.write:
-            options.write.write_text(report.put(
-                tables, options.write.read_text(), options.write))
-    except OSError as error:
-        raise BagError(f'{error.filename}: cannot be written ({error.strerror})') from None
+    write_text(options.output / 'drift.md', '\n'.join(tables))
+    write_text(options.output / 'drift.json', json.dumps({
+        'table': {k: v.tolist() for k, v in perfect.items()},
+        'flown': {n: {k: f._asdict() for k, f in d.items()} for n, d in flown.items()},
+        'found': [f._asdict() for f in found],
+    }, indent=1) + '\n')
+    digest.save(report.draw(flown), options.output / 'drift.png', 130, report.shows(tables[1]))
+    if options.write:
+        write_text(options.write, report.put(tables, options.write.read_text(), options.write))
     print(f'figure: {options.output / "drift.png"}')
 
 

@@ -154,15 +154,11 @@ def _run(options: argparse.Namespace) -> None:
     said = [line for line in said if line]
     if options.json != '-':
         _tell(flights, lag, fits, evidence.noise, said)
-    try:
-        if options.json:
-            write_json(options.json, json.dumps(
-                data(flights, lag, fits, evidence.noise, said), indent=1))
-        if options.figure:
-            options.figure.parent.mkdir(parents=True, exist_ok=True)
-            picture(draw(flights, fits), options.figure)
-    except OSError as error:
-        raise BagError(f'{error.filename}: cannot be written ({error.strerror})') from None
+    if options.json:
+        write_json(options.json, json.dumps(
+            data(flights, lag, fits, evidence.noise, said), indent=1))
+    if options.figure:
+        picture(draw(flights, fits), options.figure)
 
 
 def _tell(flights: Sequence[Flight], lag: float, fits: Sequence[Fit], noise: Noise,

@@ -7,6 +7,7 @@ import functools
 from pathlib import Path
 from typing import Any
 
+from mambo_bags.whole_file import replacing
 from mambo_model import palette
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -69,5 +70,6 @@ def draw(recording: Recording, curves: dict[str, Any], file: Path) -> bool:
     figure.suptitle(recording.name)
     for axis, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels):
         panel(axis)
-    figure.savefig(file, dpi=110)
+    with replacing(file) as part:
+        figure.savefig(part, format='png', dpi=110)
     return True

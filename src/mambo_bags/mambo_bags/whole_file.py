@@ -1,0 +1,59 @@
+"""Files that are written whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+import os
+from pathlib import Path
+
+from mambo_model.errors import InputError, JobError
+
+WRONG_PATH = (
+    FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
+"""Errors of a path that is not there, or of another kind or owner: those of the user."""
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """
+    Give the path to write a file to; it gets its name in one step, when it is whole.
+
+    The folders of the file are made. What is no plain file, such as ``/dev/stdout``, is written
+    to as it is.
+
+    Parameters
+    ----------
+    path
+        Of the file; an older one is replaced, a link is followed.
+
+    Raises
+    ------
+    InputError
+        If there can be no such file.
+    JobError
+        If the disk does not take it. An older file stays as it is then.
+
+    """
+    target = Path(os.path.realpath(path))
+    is_plain = os.path.isfile(target) or not os.path.lexists(target)
+    part = target.with_name(f'.{os.getpid()}.part') if is_plain else target
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        yield part
+        if is_plain:
+            os.replace(part, target)
+    except OSError as error:
+        kind = InputError if isinstance(error, WRONG_PATH) else JobError
+        raise kind(f'{path}: cannot be written ({error.strerror or error})') from None
+    finally:
+        if is_plain:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> Path:
+    """Write a text file whole, see :func:`replacing`; return its path."""
+    with replacing(path) as part:
+        part.write_text(text, encoding='utf-8')
+    return path

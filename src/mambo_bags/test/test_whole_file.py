@@ -1,0 +1,62 @@
+"""What is written is whole or not there, whatever the disk does."""
+
+import os
+import resource
+import signal
+
+from mambo_bags import whole_file
+from mambo_model.errors import InputError, JobError
+import pytest
+
+
+@pytest.fixture
+def small_disk(monkeypatch):
+    """No file may grow beyond 4 kB: an error as that of a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    signal.signal(signal.SIGXFSZ, handler)
+
+
+def test_a_file_and_its_folders_are_made(tmp_path):
+    file = tmp_path / 'a' / 'b.txt'
+    assert whole_file.write_text(file, 'é') == file and file.read_text(encoding='utf-8') == 'é'
+    assert os.listdir(file.parent) == ['b.txt']
+
+
+def test_what_the_disk_does_not_take_leaves_the_old_file_and_nothing_else(tmp_path, small_disk):
+    for name, left in (('old', ['old']), ('new', ['old'])):
+        (tmp_path / 'old').write_text('as it was')
+        with pytest.raises(JobError, match=f'{name}: cannot be written .File too large'):
+            whole_file.write_text(tmp_path / name, 'x' * 100_000)
+        assert os.listdir(tmp_path) == left and (tmp_path / 'old').read_text() == 'as it was'
+
+
+def test_a_link_is_followed_and_a_device_is_written_to(tmp_path):
+    (tmp_path / 'file').write_text('old')
+    (tmp_path / 'link').symlink_to('file')
+    whole_file.write_text(tmp_path / 'link', 'new')
+    assert (tmp_path / 'link').is_symlink() and (tmp_path / 'file').read_text() == 'new'
+    whole_file.write_text(whole_file.Path('/dev/null'), 'x')
+    assert not os.path.isfile('/dev/null')
+
+
+def test_what_the_work_raises_leaves_nothing(tmp_path):
+    with pytest.raises(ZeroDivisionError), whole_file.replacing(tmp_path / 'a') as part:
+        part.write_text(str(1 / 0))
+    assert not os.listdir(tmp_path)
+
+
+@pytest.mark.parametrize('name', ['.', 'file/x', 'x' * 300 + '/y'])
+def test_a_path_that_cannot_be_is_one_line(tmp_path, name):
+    (tmp_path / 'file').write_text('')
+    with pytest.raises((InputError, JobError), match='cannot be written'):
+        whole_file.write_text(tmp_path / name, 'x')
+    assert os.listdir(tmp_path) == ['file']
+
+
+def test_a_full_device_is_the_fault_of_the_disk():
+    with pytest.raises(JobError, match='/dev/full: cannot be written .No space left'):
+        whole_file.write_text(whole_file.Path('/dev/full'), 'x')
