@@ -49,7 +49,7 @@ def test_any_text_has_a_mapping_or_one_line_that_names_it(text):
 
 @given(VALUES)
 def test_what_is_dumped_is_loaded_again(value):
-    text = yaml.safe_dump(value, allow_unicode=True)
+    text = yaml.safe_dump(value)
     assert yaml_nodes.load(text) == value
     assert type(yaml_nodes.load(text)) is type(value)
 
