@@ -1,7 +1,17 @@
 """For every pytest run below this folder, also a package's own: ROS that only sees itself."""
 
 import os
+from pathlib import Path
 
 # One domain for each run: packages are tested side by side. 1 to 101 avoid the ephemeral ports.
 os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 101)
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+os.environ.setdefault(
+    'HYPOTHESIS_STORAGE_DIRECTORY', str(Path(__file__).parent / '.cache/hypothesis'))
+
+from hypothesis import settings  # noqa: E402 (reads the folder above)
+
+# The same examples in every run, so that a failure repeats and a pass is no luck. No deadline for
+# one example: the first compiles, and machines are shared.
+settings.register_profile('mambo', derandomize=True, database=None, deadline=None, max_examples=60)
+settings.load_profile('mambo')

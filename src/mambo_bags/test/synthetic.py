@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from mambo_bags import columns
+from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriter
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 STEP = 5_000_000  # ns
 FRAME = 8_333_333  # ns of Optitrack
@@ -176,3 +178,37 @@ def make_flight(path: Path, duration=18.0, leave_out=(), drop=None, noise=0.0, d
     assert flight.writer.late == 0
     flight.writer.close({'real_time_factor': '4.25'})
     return Path(path)
+
+
+def loop(t):
+    """Return position (n, 3) m and velocity (n, 3) m/s of a loop that starts on the floor."""
+    rise = np.clip((t - 2.0) / 2.0, 0.0, 1.0)
+    position = np.column_stack([np.sin(2.0 * t), np.cos(t), rise])
+    return position, np.column_stack([2.0 * np.cos(2.0 * t), -np.sin(t), 0.5 * (
+        (t > 2.0) & (t < 4.0))])
+
+
+def rocking(t):
+    """Return a tilt that rocks, and a yaw that turns."""
+    return Rotation.from_euler('ZYX', np.column_stack([
+        0.3 * t, 0.1 * np.sin(2.0 * t), 0.1 * np.cos(3.0 * t)]))
+
+
+FLIP = Rotation.from_euler('x', 180.0, degrees=True)
+
+
+def make_capture(target, flipped=(), lost=None, floor_flow=False):
+    """Write 15 s of a motion capture of a loop, some poses upside down, and return the bag."""
+    topics = ('optitrack/pose', 'optical_flow') if floor_flow else ('optitrack/pose',)
+    maker = Maker(target, topics)
+    t = np.arange(0.0, 15.0, 0.01)
+    position, turns = loop(t)[0], rocking(t)
+    for k in range(len(t)):
+        ns = round(t[k] * 1e9)
+        if not (lost and lost[0] < t[k] < lost[1]):
+            q = (turns[k] * FLIP if k in flipped else turns[k]).as_quat()
+            maker.write('optitrack/pose', ns, pose=maker.pose(position[k], q))
+        if floor_flow and k % 3 == 0:
+            maker.write('optical_flow', ns, rate_x=0.1, rate_y=0.2, quality=200)
+    maker.writer.close()
+    return read_bag(target)

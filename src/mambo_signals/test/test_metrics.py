@@ -1,9 +1,11 @@
-"""Error statistics and interpolation against numbers by hand and against scipy."""
+"""Error statistics against numbers by hand, delays that were put in, and pictures of signals."""
 
-from mambo_signals import metrics, resample
+from hypothesis import given, strategies as st
+from mambo_signals import metrics
 import numpy as np
 import pytest
-from scipy.interpolate import interp1d
+
+PERIOD = 0.01  # s
 
 
 def test_statistics_by_hand():
@@ -20,6 +22,7 @@ def test_total_is_the_root_of_the_summed_squares_of_the_axes():
     s = metrics.statistics(errors)
     assert s.rms_total == pytest.approx(np.sqrt(np.sum(np.square(s.rms))))
     assert s.rms == pytest.approx(np.sqrt(errors.var(axis=0) + errors.mean(axis=0) ** 2))
+    assert s.maximum_total == pytest.approx(np.linalg.norm(errors, axis=1).max())
 
 
 def test_errors_that_are_not_finite_do_not_count():
@@ -27,35 +30,6 @@ def test_errors_that_are_not_finite_do_not_count():
     assert s.count == 1 and s.rms == (1.0, 1.0)
     nothing = metrics.statistics(np.full((3, 2), np.nan))
     assert nothing.count == 0 and np.isnan(nothing.rms_total) and len(nothing.rms) == 2
-
-
-def test_interpolation_equals_scipys_inside():
-    rng = np.random.default_rng(2)
-    source = np.cumsum(rng.integers(1, 10, 200)) * 1_000_000
-    values = rng.normal(size=(200, 3))
-    stamps = rng.integers(source[0], source[-1], 500)
-    ours = resample.interpolate(stamps, source, values, 10**9)
-    np.testing.assert_allclose(ours, interp1d(source, values, axis=0)(stamps), atol=1e-12)
-
-
-def test_a_sample_at_the_very_stamp_is_returned_to_the_bit():
-    values = np.array([[0.1], [0.2], [0.3]])
-    out = resample.interpolate(np.array([10, 20, 30]), np.array([10, 20, 30]), values, 1)
-    np.testing.assert_array_equal(out, values)
-
-
-def test_nothing_is_made_up_outside_and_in_gaps():
-    out = resample.interpolate(
-        np.array([5, 10, 15, 60, 100, 105]), np.array([10, 20, 100]),
-        np.array([[1.0], [2.0], [10.0]]), gap=20)
-    np.testing.assert_array_equal(out[:, 0], [np.nan, 1.0, 1.5, np.nan, 10.0, np.nan])
-    empty = resample.interpolate(np.array([1, 2]), np.array([], int), np.empty((0, 3)), 1)
-    assert empty.shape == (2, 3) and np.isnan(empty).all()
-
-
-def test_unsorted_source_is_sorted_first():
-    out = resample.interpolate(np.array([15]), np.array([20, 10]), np.array([[2.0], [1.0]]), 99)
-    assert out[0, 0] == 1.5
 
 
 def test_missing_counts_gaps_and_not_jitter_or_repeats():
@@ -69,15 +43,71 @@ def test_missing_counts_gaps_and_not_jitter_or_repeats():
     assert metrics.missing(np.array([], int), 5e6) == 0
 
 
-def test_usual_period_is_that_of_most_gaps():
-    frames = np.delete(np.arange(50) * 8_333_333, [10, 11, 30])
-    assert resample.usual_period(frames) == 8_333_333
-    assert np.isnan(resample.usual_period(np.array([5])))
+@given(st.lists(st.integers(0, 200), unique=True, max_size=60))
+def test_missing_is_what_the_grid_lacks_between_its_ends(steps):
+    stamps = np.array(steps, np.int64) * 5_000_000
+    want = max(steps) - min(steps) + 1 - len(steps) if steps else 0
+    assert metrics.missing(stamps, 5e6) == want
 
 
 def test_common_stamps():
     a, b = metrics.common(np.array([1, 3, 5, 7]), np.array([7, 3, 4]))
     assert (a.tolist(), b.tolist()) == ([1, 3], [1, 0])
+    a, b = metrics.common(np.array([1, 2]), np.array([], int))
+    assert len(a) == len(b) == 0
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=400), st.integers(4, 60))
+def test_an_envelope_keeps_the_extremes_and_the_order(values, points):
+    t, values = np.arange(len(values)) * 0.5, np.array(values)
+    at, drawn = metrics.envelope(t, values, points)
+    assert len(at) <= max(points + len(t) // points + 2, 4)
+    assert (np.diff(at) >= 0.0).all()
+    assert (drawn.min(), drawn.max()) == (values.min(), values.max())
+    assert (values[(at / 0.5).astype(int)] == drawn).all()  # samples, not means of them
+
+
+def test_an_envelope_shows_each_peak_and_where_nothing_is():
+    t = np.arange(10_000.0)
+    values = np.zeros(10_000)
+    values[[1234, 7777]] = 5.0, -3.0
+    values[4000:6000] = np.nan
+    at, drawn = metrics.envelope(t, values, 100)
+    assert len(at) < 110
+    assert drawn[at == 1234.0] == 5.0 and drawn[at == 7777.0] == -3.0
+    assert np.isnan(drawn[(at > 4200) & (at < 5800)]).all() and np.isnan(drawn).sum() > 10
+    same = metrics.envelope(t[:100], values[:100], 100)
+    np.testing.assert_array_equal(same[0], t[:100])
+
+
+def test_a_running_rms_ends_with_its_data():
+    errors = np.array([[np.nan], [3.0], [np.nan], [4.0], [np.nan], [np.nan]])
+    found = metrics.running_rms(np.arange(6) * 10, errors)
+    np.testing.assert_allclose(found, [np.nan, 3.0, 3.0, np.sqrt(12.5), np.nan, np.nan])
+    assert np.isnan(metrics.running_rms(np.arange(2), np.full((2, 1), np.nan))).all()
+
+
+def test_a_running_rms_weighs_by_time():
+    """1 for a second and 2 for a second, whatever the rate of each: the root of 2.5."""
+    stamps = np.concatenate([np.arange(100) * 10_000_000, 10**9 + np.arange(10) * 100_000_000])
+    errors = np.where(np.arange(110) < 100, 1.0, 2.0)[:, None]
+    found = metrics.running_rms(stamps, errors)
+    assert found[99] == pytest.approx(1.0) and found[-1] == pytest.approx(np.sqrt(2.5))
+    even = metrics.running_rms(np.arange(50), np.random.default_rng(0).normal(size=(50, 3)))
+    assert len(even) == 50 and np.isfinite(even).all()
+
+
+def test_a_running_rms_at_an_even_rate_ends_at_the_rms():
+    errors = np.random.default_rng(2).normal(size=(300, 3))
+    found = metrics.running_rms(np.arange(300) * 7, errors)
+    assert found[-1] == pytest.approx(metrics.statistics(errors).rms_total)
+    assert found[9] == pytest.approx(metrics.statistics(errors[:10]).rms_total)
+
+
+def test_the_drift_is_the_last_error_there_is():
+    errors = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, np.nan]])
+    assert metrics.drift(errors).tolist() == [3.0, 4.0]
+    assert np.isnan(metrics.drift(errors[2:])).all() and metrics.drift(errors[2:]).shape == (2,)
 
 
 def test_the_variance_at_every_shift_is_that_of_the_difference():
@@ -89,8 +119,39 @@ def test_the_variance_at_every_shift_is_that_of_the_difference():
     np.testing.assert_allclose(got, want, rtol=1e-12)
 
 
-def test_a_running_rms_ends_with_its_data():
-    errors = np.array([[np.nan], [3.0], [np.nan], [4.0], [np.nan], [np.nan]])
-    found = metrics.running_rms(np.arange(6) * 10, errors)
-    np.testing.assert_allclose(found, [np.nan, 3.0, 3.0, np.sqrt(12.5), np.nan, np.nan])
-    assert np.isnan(metrics.running_rms(np.arange(2), np.full((2, 1), np.nan))).all()
+def wandering(seed):
+    """Return a random signal of up to 2 Hz, a function of time [s] without repetition."""
+    rng = np.random.default_rng(seed)
+    frequency, phase = rng.uniform(0.1, 2.0, 25), rng.uniform(0.0, 2.0 * np.pi, 25)
+    return lambda t: np.sin(2.0 * np.pi * np.outer(t, frequency) + phase).sum(axis=1)
+
+
+AT = PERIOD * np.arange(1500)
+
+
+@pytest.mark.parametrize('late', [-0.5, -0.1234, 0.0, 0.0037, 0.25, 0.9])
+def test_a_delay_that_was_put_in_is_found_between_the_samples(late):
+    x = wandering(0)
+    found = metrics.delay(x(AT - late), x(AT) + 3.0, PERIOD)  # another zero
+    # a parabola through a smooth minimum: good to some hundredths of a period
+    assert found == pytest.approx(late, abs=0.03 * PERIOD)
+
+
+def test_the_delay_knows_gaps_and_little_noise():
+    x, rng = wandering(1), np.random.default_rng(1)
+    a, b = x(AT - 0.175), x(AT) + 0.02 * x(AT).std() * rng.standard_normal(1500)
+    a[300:350] = np.nan
+    assert metrics.delay(a, b, PERIOD) == pytest.approx(0.175, abs=0.2 * PERIOD)
+    # a hole in the other signal covers a second either way: too much, and that is said
+    b[200:1300:150] = np.nan
+    assert np.isnan(metrics.delay(a, b, PERIOD))
+
+
+@pytest.mark.parametrize('case', ['short', 'still', 'strangers', 'beyond', 'nothing'])
+def test_a_delay_that_the_signals_do_not_tell_is_none(case):
+    x, other = wandering(2)(AT), wandering(3)(AT)
+    a, b = {
+        'short': (x[:399], x[:399]), 'still': (np.ones(1500), np.ones(1500)),
+        'strangers': (x, other), 'beyond': (wandering(2)(AT - 1.5), x),
+        'nothing': (np.full(1500, np.nan), x)}[case]
+    assert np.isnan(metrics.delay(a, b, PERIOD))

@@ -1,49 +1,74 @@
-"""Gaps have no values, derivatives are those of the motion, flipped poses are found."""
+"""Signals at other instants: straight lines between neighbours, and nothing made up."""
 
-from mambo_analysis.identify import flow
-from mambo_bags.reader import read_bag
-from mambo_signals import outliers, resample
-from mambo_signals.derivative import body_rates, local_fit
-from mambo_signals.motion import read
-from mambo_thesis.recordings.validate_flights import errors, Odometry, seen
+from hypothesis import given, strategies as st
+from mambo_signals import resample
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-from synthetic import Maker
+from scipy.interpolate import interp1d
 
-LOST = (8.0, 10.0)  # s, a gap of 2 s
-FLIP = Rotation.from_euler('x', 180.0, degrees=True)
+STAMPS = st.lists(st.integers(0, 10**12), min_size=2, max_size=30, unique=True).map(sorted)
 
 
-def path(t):
-    """Return position (n, 3) m and velocity (n, 3) m/s of a loop that starts on the floor."""
-    rise = np.clip((t - 2.0) / 2.0, 0.0, 1.0)
-    position = np.column_stack([np.sin(2.0 * t), np.cos(t), rise])
-    return position, np.column_stack([2.0 * np.cos(2.0 * t), -np.sin(t), 0.5 * (
-        (t > 2.0) & (t < 4.0))])
+def test_interpolation_equals_scipys_inside():
+    rng = np.random.default_rng(2)
+    source = np.cumsum(rng.integers(1, 10, 200)) * 1_000_000
+    values = rng.normal(size=(200, 3))
+    stamps = rng.integers(source[0], source[-1], 500)
+    ours = resample.interpolate(stamps, source, values, 10**9)
+    np.testing.assert_allclose(ours, interp1d(source, values, axis=0)(stamps), atol=1e-12)
 
 
-def attitude(t):
-    """Return a tilt that rocks, and a yaw that turns."""
-    return Rotation.from_euler('ZYX', np.column_stack([
-        0.3 * t, 0.1 * np.sin(2.0 * t), 0.1 * np.cos(3.0 * t)]))
+@given(STAMPS, st.integers(0, 10**11), st.data())
+def test_an_interpolated_value_lies_between_its_neighbours(source, gap, data):
+    """And has none where there are no two neighbours that are near enough."""
+    values = np.array(data.draw(st.lists(
+        st.floats(-1e6, 1e6), min_size=len(source), max_size=len(source))))
+    at = data.draw(st.integers(source[0] - 10, source[-1] + 10))
+    out = resample.interpolate(np.array([at]), np.array(source), values[:, None], gap)[0, 0]
+    if at in source:
+        assert out == values[source.index(at)]
+        return
+    after = int(np.searchsorted(source, at))
+    if not 0 < after < len(source) or source[after] - source[after - 1] > gap:
+        assert np.isnan(out)
+    else:
+        low, high = sorted(values[after - 1:after + 1])
+        assert low - 1e-9 <= out <= high + 1e-9
 
 
-def recorded(target, flipped=(), lost=None, floor_flow=False):
-    """Write 15 s of a motion capture, some poses upside down."""
-    topics = ('optitrack/pose', 'optical_flow') if floor_flow else ('optitrack/pose',)
-    maker = Maker(target, topics)
-    t = np.arange(0.0, 15.0, 0.01)
-    position, turns = path(t)[0], attitude(t)
-    for k in range(len(t)):
-        ns = round(t[k] * 1e9)
-        if not (lost and lost[0] < t[k] < lost[1]):
-            q = (turns[k] * FLIP if k in flipped else turns[k]).as_quat()
-            maker.write('optitrack/pose', ns, pose=maker.pose(position[k], q))
-        if floor_flow and k % 3 == 0:
-            maker.write('optical_flow', ns, rate_x=0.1, rate_y=0.2, quality=200)
-    maker.writer.close()
-    return read_bag(target)
+@given(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0), STAMPS)
+def test_a_straight_line_stays_one(slope, start, source):
+    source = np.array(source)
+    at = np.linspace(source[0], source[-1], 50).astype(np.int64)
+    line = start + slope * 1e-9 * source
+    out = resample.interpolate(at, source, line[:, None], 10**12)
+    np.testing.assert_allclose(out[:, 0], start + slope * 1e-9 * at, atol=1e-9)
+
+
+def test_a_sample_at_the_very_stamp_is_returned_to_the_bit():
+    values = np.array([[0.1], [0.2], [0.3]])
+    out = resample.interpolate(np.array([10, 20, 30]), np.array([10, 20, 30]), values, 1)
+    np.testing.assert_array_equal(out, values)
+
+
+def test_nothing_is_made_up_outside_and_in_gaps():
+    out = resample.interpolate(
+        np.array([5, 10, 15, 60, 100, 105]), np.array([10, 20, 100]),
+        np.array([[1.0], [2.0], [10.0]]), gap=20)
+    np.testing.assert_array_equal(out[:, 0], [np.nan, 1.0, 1.5, np.nan, 10.0, np.nan])
+    empty = resample.interpolate(np.array([1, 2]), np.array([], int), np.empty((0, 3)), 1)
+    assert empty.shape == (2, 3) and np.isnan(empty).all()
+
+
+def test_unsorted_source_is_sorted_first():
+    out = resample.interpolate(np.array([15]), np.array([20, 10]), np.array([[2.0], [1.0]]), 99)
+    assert out[0, 0] == 1.5
+
+
+def test_a_value_that_is_missing_is_missing_on_both_sides():
+    values = np.array([[0.0], [np.nan], [2.0], [3.0]])
+    out = resample.interpolate(np.array([5, 10, 15, 20, 25]), np.array([0, 10, 20, 30]), values, 99)
+    np.testing.assert_array_equal(out[:, 0], [np.nan, np.nan, np.nan, 2.0, 2.5])
 
 
 def test_nothing_is_known_inside_a_gap():
@@ -53,105 +78,76 @@ def test_nothing_is_known_inside_a_gap():
     gone = np.isnan(out).any(axis=1)
     assert gone[(at > 2.0) & (at < 4.0)].all() and not gone[(at < 1.98)].any()
     np.testing.assert_allclose(out[~gone], np.column_stack([at, 2.0 * at])[~gone], atol=1e-12)
-    short = np.delete(np.arange(0.0, 1.0, 0.01), [50, 51])  # two lost frames are bridged
-    assert not resample.gaps(short).any()
-    assert resample.gaps(np.delete(short, [50, 51])).any()
 
 
-@pytest.mark.parametrize('jitter', [0.0, 0.003])
-def test_the_derivative_is_that_of_the_motion_and_stops_at_a_gap(jitter):
-    rng = np.random.default_rng(0)
-    t = np.arange(0.0, 15.0, 0.01) + jitter * rng.uniform(size=1500)
-    keep = (t < LOST[0]) | (t > LOST[1])
-    at = np.arange(4.5, 14.5, 0.02)
-    value, slope = local_fit(t[keep], path(t[keep])[0], at, 0.12)
-    known = np.isfinite(slope).all(axis=1)
-    assert not known[(at > 8.0) & (at < 10.0)].any()
-    assert known[(at < 7.9) | (at > 10.1)].all()
-    np.testing.assert_allclose(value[known], path(at[known])[0], atol=3e-4)
-    np.testing.assert_allclose(slope[known], path(at[known])[1], atol=0.02)
+@pytest.mark.parametrize(('lost', 'bridged'), [(0, True), (1, True), (2, True), (3, False)])
+def test_up_to_two_lost_frames_are_bridged(lost, bridged):
+    """With n frames lost a step takes n + 1 periods; one of more than 3.5 is a gap."""
+    t = np.delete(np.arange(0.0, 1.0, 0.01), range(50, 50 + lost))
+    at = np.array([0.1, 0.495, 0.55, 0.9])
+    assert resample.gaps(t).any() != bridged
+    assert resample.inside_gaps(t, at).tolist() == [False, not bridged, False, False]
+    stamps = np.rint(t * 1e9).astype(np.int64)
+    out = resample.interpolate(np.array([495_000_000]), stamps, t[:, None],
+                               resample.longest_step(stamps))
+    assert np.isfinite(out).all() == bridged
 
 
-def test_a_window_across_a_short_gap_has_no_derivative():
-    t = np.arange(0.0, 2.0, 0.01)
-    t = np.delete(t, range(100, 105))  # 60 ms, in the middle of a window of 220 ms
-    _, slope = local_fit(t, t[:, None], np.array([0.5, 0.95, 1.02, 1.1, 1.5]), 0.22)
-    assert np.isnan(slope[:, 0]).tolist() == [False, True, True, True, False]
+def test_the_ends_of_a_gap_are_known_and_what_lies_beyond_the_samples_is_not():
+    t = np.array([0.0, 1.0, 2.0, 10.0, 11.0, 12.0])
+    at = np.array([-1e-9, 0.0, 2.0, 2.0 + 1e-9, 10.0 - 1e-9, 10.0, 12.0, 12.0 + 1e-9])
+    lost = [True, False, False, True, True, False, False, True]
+    assert resample.inside_gaps(t, at).tolist() == lost
+    assert not resample.inside_gaps(t, at[1:-1], periods=9.0).any()
 
 
-def test_body_rates_are_those_of_the_gyro():
-    t = np.arange(0.0, 5.0, 0.01)
-    spin = np.array([0.3, -0.5, 0.8])  # rad/s in the body, constant
-    attitude = Rotation.from_euler('ZYX', [0.7, 0.4, -0.2]) * Rotation.from_rotvec(
-        np.outer(t, spin))
-    keep = (t < 2.0) | (t > 3.0)
-    times, rates = body_rates(t[keep], attitude[keep].as_quat())
-    assert times[0] < 0.05 and times[-1] > 4.94
-    assert not ((times > 2.0) & (times < 3.0)).any()
-    np.testing.assert_allclose(rates, np.tile(spin, (len(rates), 1)), atol=1e-9)
+def test_the_error_of_a_bridged_gap_is_that_of_the_docstring():
+    """A straight line over dt is off by a dt^2 / 8 at most: 2 mm at 10 m/s^2 over 40 ms."""
+    t = np.array([0.0, 0.04])
+    at = np.linspace(0.0, 0.04, 101)
+    off = 0.5 * 10.0 * at ** 2 - resample.columns_at(at, t, 0.5 * 10.0 * t[:, None] ** 2)[:, 0]
+    assert np.abs(off).max() == pytest.approx(10.0 * 0.04 ** 2 / 8.0, rel=1e-9)
 
 
-def test_a_parabola_is_differentiated_exactly():
-    t = 0.01 * np.arange(200) + np.random.default_rng(1).uniform(0.0, 0.005, 200)
-    _, slope = local_fit(t, (3.0 * t * t - t)[:, None], np.array([0.7, 1.1]), 0.2)
-    np.testing.assert_allclose(slope[:, 0], [3.2, 5.6], rtol=1e-9)
+@pytest.mark.parametrize(('known', 'run'), [
+    ([], (0, 0)), ([0, 0], (0, 0)), ([1], (0, 1)), ([1, 1, 0, 1], (0, 2)),
+    ([0, 1, 0, 1, 1, 1], (3, 6)), ([1, 1, 0, 1, 1], (0, 2))])
+def test_the_longest_run(known, run):
+    found = resample.longest_run(np.array(known, bool))
+    assert (found.start, found.stop) == run
 
 
-def test_a_recording_too_short_or_too_sparse_has_no_derivative():
-    t = np.array([0.0, 0.1, 0.2])
-    assert np.isnan(local_fit(t, t[:, None], t, 0.1)[1]).all()
-    assert len(body_rates(t, np.tile([0.0, 0.0, 0.0, 1.0], (3, 1)))[0]) == 0
+def test_usual_period_is_that_of_most_gaps():
+    frames = np.delete(np.arange(50) * 8_333_333, [10, 11, 30])
+    assert resample.usual_period(frames) == 8_333_333
+    assert resample.usual_period(np.random.default_rng(0).permutation(frames)) == 8_333_333
+    assert resample.usual_period(np.repeat(frames, 2)) == 8_333_333  # repeated stamps
+    assert resample.longest_step(frames) == round(3.5 * 8_333_333)
+    for few in (np.array([], np.int64), np.array([5]), np.array([5, 5])):
+        assert np.isnan(resample.usual_period(few)) and resample.longest_step(few) == 0
 
 
-@pytest.mark.parametrize('flipped', [{700}, {0}, {1499}, set(range(600, 640)), {300, 301, 900}])
-def test_poses_that_the_tracker_flips_are_found(flipped):
-    t = np.arange(0.0, 15.0, 0.01)
-    turns = attitude(t).as_quat()
-    for k in flipped:
-        turns[k] = (Rotation.from_quat(turns[k]) * FLIP).as_quat()
-    wrong = outliers.impossible(t, path(t)[0], turns)
-    assert set(np.flatnonzero(wrong)) == flipped
+def test_a_grid_of_whole_periods_lies_within_the_signal():
+    stamps = np.array([7, 20, 33, 101])
+    grid, out = resample.resampled(stamps, stamps[:, None] * 2.0, 10, 20)
+    assert grid.tolist() == [10, 20, 30, 40, 50, 60, 70, 80, 90, 100]
+    np.testing.assert_allclose(out[:3, 0], [20.0, 40.0, 60.0])
+    assert np.isnan(out[3:, 0]).all()
+    grid, out = resample.resampled(np.empty(0, np.int64), np.empty((0, 3)), 10, 20)
+    assert grid.shape == (0,) and out.shape == (0, 3)
 
 
-def test_a_pose_elsewhere_is_found_and_fast_flight_is_not():
-    t = np.arange(0.0, 15.0, 0.01)
-    position, turns = path(t)[0], attitude(t).as_quat()
-    position[500] += [0.0, 1.0, 0.0]
-    assert np.flatnonzero(outliers.impossible(t, position, turns)).tolist() == [500]
-    flip = Rotation.from_euler('x', 25.0 * t[:, None]).as_quat()  # 1400 deg/s
-    assert not outliers.impossible(t, path(t)[0] * 10.0, flip).any()
-    t[700:] += 3.0  # what turns during a gap is no jump
-    assert not outliers.impossible(t, path(t)[0], attitude(t).as_quat()).any()
-
-
-def test_a_flipped_pose_is_left_out_of_a_motion_and_counted(tmp_path):
-    motion = read(recorded(tmp_path / 'b', {700, 1100}), 'optitrack/pose')
-    assert motion.impossible == 2 and len(motion.stamps) == 1498
-    z_up = Rotation.from_quat(motion.quaternion).as_matrix()[:, 2, 2]
-    assert z_up.min() > 0.9
-    assert '2 poses left out' in outliers.describe('optitrack/pose', 2)
-
-
-def test_one_flipped_pose_does_not_change_the_samples_of_the_flow(tmp_path):
-    found = []
-    for name, flipped in (('a', ()), ('b', {700})):
-        recorded(tmp_path / name, flipped, floor_flow=True)
-        found.append(flow.read(tmp_path / name, 0.0, -np.inf, np.inf, 0.0, None))
-    assert [one.impossible for one in found] == [0, 1]
-    assert (found[1].depth > 0.0).all()
-    for column in ('velocity', 'depth', 'rotation'):
-        np.testing.assert_allclose(
-            getattr(found[1], column), getattr(found[0], column), atol=0.02)
-
-
-def test_a_gap_of_the_motion_capture_is_no_truth(tmp_path):
-    truth = seen(recorded(tmp_path / 'b', {300}, LOST))
-    t = truth.stamp * 1e-9
-    lost = (t > LOST[0] + 0.01) & (t < LOST[1] - 0.01)
-    assert np.isnan(truth.position[lost]).all() and np.isnan(truth.velocity[lost]).all()
-    position, velocity = path(t)
-    exact = Odometry(truth.stamp, position, attitude(t).inv().apply(velocity),
-                     attitude(t).as_quat())
-    off = errors(exact, truth)
-    assert off.horizontal < 2e-3 and off.height < 2e-3  # interpolated it is 1 m and more
-    assert off.velocity < 0.03 and off.tilt < 0.1
+def test_quaternions_get_one_sign_and_what_is_none_is_left_out():
+    rng = np.random.default_rng(3)
+    angle = np.linspace(0.0, 12.0, 200)  # twice round: the scalar part goes through zero
+    q = np.column_stack([np.zeros(200), np.zeros(200), np.sin(angle / 2), np.cos(angle / 2)])
+    mixed = q * np.where(rng.random(200) < 0.5, -1.0, 1.0)[:, None]
+    mixed[[20, 90]] = [[0.0, 0.0, 0.0, 0.0], [np.nan, 0.0, 0.0, 1.0]]
+    mixed[150] *= 1.05  # rounded on the way: made unit
+    out = resample.one_sign(mixed)
+    good = np.isfinite(out).all(axis=1)
+    assert np.flatnonzero(~good).tolist() == [20, 90]
+    np.testing.assert_allclose(np.linalg.norm(out[good], axis=1), 1.0)
+    assert ((out[good][1:] * out[good][:-1]).sum(axis=1) > 0.9).all()
+    np.testing.assert_allclose(np.abs((out[good] * q[good]).sum(axis=1)), 1.0, atol=1e-12)
+    np.testing.assert_array_equal(resample.one_sign(np.empty((0, 4))), np.empty((0, 4)))
