@@ -11,7 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 import sys
 
-import mambo_analysis
+import mambo
 from mambo_analysis.compare import report, tables
 from mambo_analysis.compare.compare import compare_bags
 import numpy as np
@@ -21,7 +21,7 @@ HERE = Path(__file__).resolve().parents[1]
 
 def main(first: Path, second: Path, page: Path) -> None:
     """Print the table, the largest difference in position and when it was; write the report."""
-    a, b = mambo_analysis.open_bag(first), mambo_analysis.open_bag(second)
+    a, b = mambo.open_bag(first), mambo.open_bag(second)
     topics = ('estimate/odom', 'ground_truth/odom') if first == second else (None, None)
     result, comparison, alignment = compare_bags(a, b, *topics)
     print(tables.table(result))

@@ -13,7 +13,7 @@ from __future__ import annotations
 from pathlib import Path
 import sys
 
-import mambo_analysis
+import mambo
 from mambo_analysis.compare import tables
 from mambo_analysis.compare.compare import compare_bags
 from mambo_analysis.importers.motive import import_motive
@@ -47,13 +47,13 @@ def export(bag: Bag, path: Path) -> None:
 
 def main(take: Path | None, flight: Path) -> None:
     """Import the take into the folder ``take`` and print how the flight's estimate differs."""
-    bag = mambo_analysis.open_bag(flight)
+    bag = mambo.open_bag(flight)
     if take is None:
         take = Path('take.csv')
         export(bag, take)
     counts, _ = import_motive(take, Path('take'))
     print(counts)
-    seen = mambo_analysis.open_bag('take')
+    seen = mambo.open_bag('take')
     result, _, alignment = compare_bags(bag, seen, 'estimate/odom', 'optitrack/pose')
     print(tables.table(result))
     print(f'\nthe take began {-alignment.offset * 1e-9:.3f} s into the flight')

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 import sys
 
-import mambo_analysis
+import mambo
 from mambo_model import palette
 from matplotlib.figure import Figure
 
@@ -18,7 +18,7 @@ HERE = Path(__file__).resolve().parents[1]
 
 def main(path: Path, picture: Path) -> None:
     """Print the estimate as a table, and draw it."""
-    bag = mambo_analysis.open_bag(path)
+    bag = mambo.open_bag(path)
     estimate = bag['estimate/odom']
     print(estimate.to_pandas()[[f'pose.pose.position.{axis}' for axis in 'xyz']].describe())
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from pathlib import Path
 import sys
 
-import mambo_analysis
+import mambo
 from mambo_analysis.compare import estimate
 from mambo_bags.reader import Bag
 from mambo_flight import offline_replay
@@ -34,7 +34,7 @@ def error(bag: Bag, **values: object) -> float:
 
 def main(flight: Path, name: str = FACTOR, *values: str) -> None:
     """Print the error with the recorded parameters and with each value of one."""
-    bag = mambo_analysis.open_bag(flight)
+    bag = mambo.open_bag(flight)
     print(f'as it was flown: {error(bag):.4f} m')
     for value in values or ('constant', 'linear', 'exponential'):
         print(f'{name} = {value}: {error(bag, **{name: read_value(value)}):.4f} m')
