@@ -13,22 +13,16 @@ from pathlib import Path
 import sys
 
 import mambo
-from mambo_analysis.compare import estimate
-from mambo_bags.reader import Bag
-from mambo_flight import offline_replay
-from mambo_flight.scenario import override, read_value, Scenario
+from mambo_flight.scenario import read_value
 from mambo_signals import metrics, motion
 
 HERE = Path(__file__).resolve().parents[1]
 FACTOR = 'kalman.optical_flow.factor'
 
 
-def error(bag: Bag, **values: object) -> float:
+def error(bag: mambo.Bag, **values: object) -> float:
     """Return the RMS of the estimated position against Optitrack in m, with these parameters."""
-    node = Scenario(estimator_node=estimate.parameters(bag))
-    changed = override(node, {f'estimator_node.{name}': value for name, value in values.items()})
-    found = offline_replay.estimate(bag, changed.estimator_node.filter)
-    again = estimate.answered(bag, found)['estimate/odom']
+    again = mambo.estimate(bag, parameters=values).bag['estimate/odom']
     return metrics.statistics(motion.position_errors(again, bag['optitrack/pose'])[1]).rms_total
 
 

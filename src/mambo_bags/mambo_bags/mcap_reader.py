@@ -23,7 +23,7 @@ import zlib
 
 import lz4.frame
 from mambo_model import limits
-from mambo_model.errors import MamboError
+from mambo_model.errors import InputError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Footer, Metadata, Schema
 import numpy as np
@@ -44,7 +44,7 @@ Index = dict[int, tuple[int, NDArray[np.uint64]]]
 """{channel: (first byte of its message index, (n, 2) log times and offsets)}"""
 
 
-class BagError(MamboError, ValueError):
+class BagError(InputError):
     """A bag cannot be read; one line that says what, where and what to do."""
 
 

@@ -1,0 +1,75 @@
+"""Recordings from a script."""
+
+from pathlib import Path
+
+import mambo
+import numpy as np
+import pytest
+
+CIRCLE = Path(__file__).parents[3] / 'bags/circle_short'
+
+
+@pytest.fixture(scope='module')
+def bag():
+    return mambo.open_bag(CIRCLE)
+
+
+def test_a_bag_says_what_is_in_it(bag):
+    lines = repr(bag).splitlines()
+    assert lines[0].startswith(f'{CIRCLE}: ')
+    assert any('/mambo/imu/data_raw' in line and 'sensor_msgs/msg/Imu' in line and '200.0 Hz' in line
+               for line in lines)
+    assert {messages.topic for messages in bag} <= set(bag.topics)
+    assert all(len(messages) for messages in bag)
+
+
+def test_tab_completion_offers_topics_and_fields(bag):
+    assert 'estimate/odom' in bag._ipython_key_completions_()
+    estimate = bag['estimate/odom']
+    assert {'pose', 'position', 'to_pandas'} <= set(dir(estimate))
+    assert 'pose.pose.position.x' in estimate._ipython_key_completions_()
+    assert repr(estimate).startswith('</mambo/estimate/odom: ')
+
+
+def test_a_comparison_prints_as_the_command_and_is_a_table(bag, capsys):
+    from mambo_analysis.compare import compare as command
+    result = mambo.compare(CIRCLE)
+    assert command.main([str(CIRCLE)]) == 0
+    assert capsys.readouterr().out.strip() == repr(result).strip()
+    table = result.to_pandas()
+    row = table[(table.part == 'after take-off')].iloc[0]
+    assert row.rms == pytest.approx(np.sqrt(row.rms_x**2 + row.rms_y**2 + row.rms_z**2))
+    assert '<pre>' in result._repr_html_()
+
+
+def test_two_flights_are_compared(bag):
+    flight = mambo.fly(duration=12.0, seed=2, landing=False)
+    result = mambo.compare(flight, bag)
+    assert 'minus' in repr(result) and result['compared'][0] == result['compared'][1]
+
+
+def test_an_estimate_answers_what_was_recorded_bit_for_bit(bag):
+    found = mambo.estimate(bag)
+    recorded = bag['estimate/odom']
+    np.testing.assert_array_equal(found.bag['estimate/odom'].position, recorded.position)
+    assert found.to_pandas()['x'].iloc[-1] == recorded.position[-1, 0]
+    assert 'bit for bit' in repr(found) and 'did not diverge' in found.verdict
+
+
+def test_another_parameter_gives_another_estimate(bag):
+    other = mambo.estimate(bag, parameters={'kalman.optical_flow.constant': 1.5})
+    assert not np.array_equal(other.bag['estimate/odom'].position, bag['estimate/odom'].position)
+    toolbox = mambo.estimate(bag, 'toolbox')
+    assert np.isfinite(toolbox.numbers.state).all()
+
+
+@pytest.mark.parametrize('call, what', [
+    (lambda: mambo.open_bag('no/such/bag'), 'no/such/bag'),
+    (lambda: mambo.estimate(CIRCLE, 'kalmann'), 'kalmann'),
+    (lambda: mambo.estimate(CIRCLE, 'ground_truth'), 'ground_truth'),
+    (lambda: mambo.estimate(CIRCLE, parameters={'kalman.x': 1}), 'kalman.x'),
+    (lambda: mambo.compare(CIRCLE, a_topic='nowhere', b_topic='optitrack/pose'), 'nowhere')])
+def test_wrong_input_is_one_line(call, what):
+    with pytest.raises(mambo.InputError) as error:
+        call()
+    assert what in str(error.value) and '\n' not in str(error.value)

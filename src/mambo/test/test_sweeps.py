@@ -1,0 +1,35 @@
+"""Sweeps from a script."""
+
+import mambo
+from mambo_flight.sweep import command
+import pandas
+import pytest
+
+WHAT = {'scenario': 'fig_5_10', 'vary': {
+    'seed': [1, 2], 'sim_node.duration': [2.0], 'sim_node.simulator.vehicle.mass': [0.06, 0.07]}}
+
+
+def test_a_sweep_is_a_data_frame_with_a_row_per_flight(tmp_path):
+    table = mambo.sweep(WHAT, ideal=True, workers=1, output=tmp_path / 'out.parquet')
+    assert len(table) == 4 and set(table['seed']) == {1, 2}
+    assert table['tracking_rms'].gt(0.0).all()
+    pandas.testing.assert_frame_equal(
+        table, pandas.read_parquet(tmp_path / 'out.parquet'), check_dtype=False)
+    assert (tmp_path / 'out.png').exists()
+
+
+def test_a_file_and_its_content_are_the_same_sweep(tmp_path):
+    import yaml
+    file = tmp_path / 'sweep.yaml'
+    file.write_text(yaml.safe_dump(WHAT))
+    theirs = pandas.DataFrame(command.sweep(file, tmp_path / 'o.parquet', True, 1))
+    pandas.testing.assert_frame_equal(mambo.sweep(WHAT, ideal=True, workers=1), theirs)
+
+
+@pytest.mark.parametrize('what, said', [
+    ({'scenario': 'fig_5_10', 'vary': {'sede': [1]}}, 'sede'), ({}, 'sweep.yaml'),
+    ('no/such.yaml', 'no/such.yaml')])
+def test_wrong_input_is_one_line(what, said):
+    with pytest.raises(mambo.InputError) as error:
+        mambo.sweep(what)
+    assert said in str(error.value) and '\n' not in str(error.value)
