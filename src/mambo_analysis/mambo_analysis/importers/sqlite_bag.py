@@ -13,7 +13,6 @@ from collections.abc import Iterable, Iterator
 from contextlib import closing
 from pathlib import Path
 import sqlite3
-from typing import Any
 
 from mambo_bags import columns
 from mambo_bags.mcap_reader import BagError, Batch
