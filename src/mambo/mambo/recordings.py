@@ -49,7 +49,7 @@ def _bag(source: Bag | Flight | Path | str) -> Bag:
 
 class Comparison(dict):
     """
-    Result of :func:`compare`: a dict of plain values that prints as the table of ``mambo compare``.
+    Result of :func:`compare`: a dict of plain values, printed as the table of ``mambo compare``.
 
     The keys are those of ``mambo compare --json``.
     """

@@ -22,7 +22,8 @@ def test_the_table_holds_the_columns_of_the_recording(flight):
     table = flight.to_pandas()
     assert table.index.name == 't' and len(table) == 401
     np.testing.assert_array_equal(table['truth']['z'], flight.recording.truth[:, 2])
-    np.testing.assert_array_equal(table['estimate'][list('pqr')], flight.recording.estimate[:, 10:])
+    np.testing.assert_array_equal(
+        table['estimate'][list('pqr')], flight.recording.estimate[:, 10:])
     np.testing.assert_array_equal(table['pwm']['4'], flight.recording.pwm[:, 3])
     assert table['command']['phase'].max() == 1
 

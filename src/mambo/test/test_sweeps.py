@@ -27,7 +27,7 @@ def test_a_file_and_its_content_are_the_same_sweep(tmp_path):
 
 
 @pytest.mark.parametrize('what, said', [
-    ({'scenario': 'fig_5_10', 'vary': {'sede': [1]}}, 'sede'), ({}, 'sweep.yaml'),
+    ({'scenario': 'fig_5_10', 'vary': {'sede': [1]}}, 'sede'), ({'vray': {'seed': [1]}}, 'vray'),
     ('no/such.yaml', 'no/such.yaml')])
 def test_wrong_input_is_one_line(what, said):
     with pytest.raises(mambo.InputError) as error:
