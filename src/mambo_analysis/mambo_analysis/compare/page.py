@@ -136,5 +136,6 @@ def write_page(bag: Bag, result: Mapping[str, Any], out: Path) -> Path:
         If the directory cannot be written.
 
     """
+    text = html(bag, result)  # what cannot be drawn is known before the folder is made
     figures.write_overview(bag, out / 'flight.png', result['bag'])
-    return write_text(out / 'index.html', html(bag, result))
+    return write_text(out / 'index.html', text)
