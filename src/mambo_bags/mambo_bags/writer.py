@@ -166,7 +166,7 @@ class BagWriter:
         self._stream = self._open()
         try:
             self._start(metadata or {}, attachments or {})
-        except KeyboardInterrupt:  # nobody has the writer, to close it
+        except BaseException:  # nobody has the writer, to close it
             self._abandon()
             raise
 
@@ -185,7 +185,8 @@ class BagWriter:
     def _abandon(self) -> None:
         """Remove a bag that has just been begun."""
         self._closed = True
-        self._stream.close()
+        with suppress(OSError):  # of what is still to be written
+            self._stream.close()
         for path in self.path.iterdir():
             path.unlink()
         self.path.rmdir()
@@ -199,9 +200,8 @@ class BagWriter:
             self._closed = True
             with suppress(OSError):  # of what is still to be written
                 self._stream.close()
-            raise BagDiskError(
-                f'cannot write {self.file}: {error.strerror}; recover reads what is in it'
-            ) from None
+            left = '; recover reads what is in it' if self._by_order else ''
+            raise BagDiskError(f'cannot write {self.file}: {error.strerror}{left}') from None
 
     def _begin(self, stream: BinaryIO) -> McapWriter:
         """Begin a data file."""
@@ -543,5 +543,9 @@ class BagWriter:
     def __enter__(self) -> BagWriter:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Close the bag; remove it if what was to fill it failed, as it would look whole."""
+        if kind is None:
+            self.close()
+        elif not self._closed:  # as it is after an error of the disk: recover reads it
+            self._abandon()
