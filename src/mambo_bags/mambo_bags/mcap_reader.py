@@ -139,8 +139,10 @@ class Contents:
 
 
 def read_file(path: Path) -> bytes:
-    """Return a file's content; BagError if it cannot be read or is empty."""
+    """Return a file's content; BagError if it cannot be read, is empty or no plain file."""
     try:
+        if not (path.is_file() or path.is_dir()) and path.exists():  # a device may never end
+            raise BagError(f'{path}: no plain file; save it as one first')
         data = path.read_bytes()
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from None

@@ -28,6 +28,7 @@ import yaml
 
 from . import message_definition
 from .mcap_writer import McapWriter, records
+from .whole_file import WRONG_PATH
 
 SECOND = 1_000_000_000  # [ns]
 GRACE = 250_000_000  # [ns] a second is complete once a message this much younger has arrived
@@ -231,7 +232,8 @@ class BagWriter:
             self.path.mkdir(parents=True)
             return self.file.open('xb')
         except OSError as error:
-            raise BagDiskError(f'cannot make the bag {self.path}: {error.strerror}') from error
+            kind = BagWriterError if isinstance(error, WRONG_PATH) else BagDiskError
+            raise kind(f'cannot make the bag {self.path}: {error.strerror}') from error
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Append an MCAP metadata record; no wall-clock facts here, see :meth:`close`."""
