@@ -155,3 +155,12 @@ def test_a_gap_of_the_motion_capture_is_no_truth(tmp_path):
     off = errors(exact, truth)
     assert off.horizontal < 2e-3 and off.height < 2e-3  # interpolated it is 1 m and more
     assert off.velocity < 0.03 and off.tilt < 0.1
+
+
+def test_poses_that_all_jump_are_sorted_in_bounded_time():
+    rng = np.random.default_rng(0)
+    count = 20_000
+    wrong = outliers.impossible(
+        0.01 * np.arange(count), 1e6 * rng.normal(size=(count, 3)),
+        Rotation.random(count, rng=0).as_quat())
+    assert wrong.sum() == count - 1

@@ -453,8 +453,9 @@ def import_crazyflie(
 
 
 def _offset(text: str) -> str:
-    if text not in ('auto', 'gyro', 'none') and not math.isfinite(float(text)):
-        raise argparse.ArgumentTypeError(f'{text} is neither auto, gyro, none nor seconds')
+    if text not in ('auto', 'gyro', 'none') and not abs(float(text)) <= LONGEST:
+        raise argparse.ArgumentTypeError(
+            f'{text} is neither auto, gyro, none nor up to {LONGEST:g} seconds')
     return text
 
 
