@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from mambo_model.errors import MamboError
+from mambo_model.whole_file import WRONG_PATH
 from mcap.reader import make_reader
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,6 @@ import yaml
 
 from . import message_definition
 from .mcap_writer import McapWriter, records
-from .whole_file import WRONG_PATH
 
 SECOND = 1_000_000_000  # [ns]
 GRACE = 250_000_000  # [ns] a second is complete once a message this much younger has arrived

@@ -8,9 +8,9 @@ from mambo_bags.reader import BagError, read_bag
 from mambo_bags.writer import BagWriter
 import numpy as np
 import pytest
-import zstandard
 from rosbags.highlevel import AnyReader
 from synthetic import E_TOTAL, make_flight, Maker, SIMULATED, STEP, truth_position
+import zstandard
 
 DATA = Path(__file__).resolve().parents[4] / 'shared' / 'data' / 'mcap_bags'
 needs_data = pytest.mark.skipif(

@@ -10,8 +10,8 @@ import re
 from typing import Any
 
 from mambo_bags.reader import Bag
-from mambo_bags.whole_file import write_text
 from mambo_model import palette
+from mambo_model.whole_file import write_text
 import matplotlib
 
 from . import figures, markup, tables

@@ -12,7 +12,6 @@ from __future__ import annotations
 from contextlib import closing
 from pathlib import Path
 import sqlite3
-from typing import Any
 
 from mambo_bags import columns, compression
 from mambo_bags.mcap_reader import BagError, Batch

@@ -2,7 +2,7 @@
 
 import os
 
-from mambo_bags import whole_file
+from mambo_model import whole_file
 from mambo_model.errors import InputError, JobError
 import pytest
 

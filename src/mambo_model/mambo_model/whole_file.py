@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 import os
 from pathlib import Path
 
-from mambo_model.errors import InputError, JobError
+from .errors import InputError, JobError
 
 WRONG_PATH = (
     FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
