@@ -2,6 +2,9 @@
 
 import os
 from pathlib import Path
+import resource
+
+import pytest
 
 # One domain for each run: packages are tested side by side. 1 to 101 avoid the ephemeral ports.
 os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 101)
@@ -9,9 +12,17 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ.setdefault(
     'HYPOTHESIS_STORAGE_DIRECTORY', str(Path(__file__).parent / '.cache/hypothesis'))
 
-from hypothesis import settings
+from hypothesis import settings  # noqa: E402  its folder is said above
 
 # The same examples in every run, so that a failure repeats and a pass is no luck. No deadline for
 # one example: the first compiles, and machines are shared.
 settings.register_profile('mambo', derandomize=True, database=None, deadline=None, max_examples=60)
 settings.load_profile('mambo')
+
+
+@pytest.fixture
+def small_disk():
+    """Return a function: from now on no file grows beyond so many bytes, as on a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)

@@ -10,6 +10,7 @@ from pathlib import Path
 import re
 
 from mambo_bags.mcap_reader import BagError
+from mambo_bags.writer import BagWriter
 from mambo_thesis.recordings import validate
 import pytest
 
@@ -39,6 +40,19 @@ def assert_agrees(cell, wanted, where):
         digits = len(number.partition('.')[2])
         assert float(got) == pytest.approx(
             float(number), rel=0.02, abs=1.01 * 10.0 ** -digits), where
+
+
+def test_poses_that_the_import_left_out_are_a_table(tmp_path):
+    bags = {}
+    for name, count in (('whole', 0), ('flipped', 12)):
+        bags[name] = tmp_path / name
+        with BagWriter(bags[name], metadata={
+                'import': {'mocap_poses_impossible': str(count)}}) as bag:
+            bag.add_topic('/mambo/imu/data_raw', 'sensor_msgs/msg/Imu')
+            bag.write('/mambo/imu/data_raw', bytes(8), 0)
+    table, = validate.left_out(bags)
+    assert table.rows == [('flipped', 12.0)] and 'poses left out' in table.title
+    assert validate.left_out({'whole': bags['whole']}) == []
 
 
 @recorded

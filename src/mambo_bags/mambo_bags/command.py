@@ -11,9 +11,8 @@ import sys
 from typing import Any, TextIO
 
 from mambo_model.errors import InputError, MamboError
+from mambo_model.whole_file import write_text, WRONG_PATH
 import numpy as np
-
-from .whole_file import write_text, WRONG_PATH
 
 _LONGEST = 2000  # characters of an error, so that a name of a megabyte does not fill the screen
 

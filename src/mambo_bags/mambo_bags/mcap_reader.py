@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 import zstandard
 
+from . import compression
 from .mcap_check import Account, stream
 
 MAGIC = b'\x89MCAP0\r\n'
@@ -138,8 +139,10 @@ class Contents:
 
 
 def read_file(path: Path) -> bytes:
-    """Return a file's content; BagError if it cannot be read or is empty."""
+    """Return a file's content; BagError if it cannot be read, is empty or no plain file."""
     try:
+        if not (path.is_file() or path.is_dir()) and path.exists():  # a device may never end
+            raise BagError(f'{path}: no plain file; save it as one first')
         data = path.read_bytes()
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from None
@@ -315,11 +318,22 @@ class _Scanner:
             self.contents.count += last - first - int(late.sum())
             self.account.counts[channel] = self.account.counts.get(channel, 0) + last - first
             if (batches := self._wanted.get(channel)) is not None and not late.all():
-                batches.append(Batch(
+                batches.append(self._batch(
                     log_times[part], publish_times[part],
                     _cut(data, starts[part] + _HEAD.itemsize, lengths[part] - _SHORTEST)))
         if unknown:
             raise ValueError(f'message of unknown channel {unknown[0]}')
+
+    def _batch(self, log_times: NDArray[np.int64], publish_times: NDArray[np.int64],
+               data: NDArray[np.uint8] | list[bytes]) -> Batch:
+        """Return messages as they were sent: rosbag2 can compress each by itself."""
+        if bytes(data[0][:len(compression.ZSTD)]) != compression.ZSTD:
+            return Batch(log_times, publish_times, data)
+        plain = []
+        for message in map(bytes, data):
+            plain.append(compression.message(message, self._left))
+            self._left -= len(plain[-1])
+        return Batch.of(list(zip(log_times.tolist(), publish_times.tolist(), plain)))
 
     def definition(self, opcode: int, body: bytes) -> None:
         """Take a schema or channel record."""

@@ -377,7 +377,8 @@ class Bag:
 
 _PARTS = {  # of metadata.yaml, what is read of it
     'relative_file_paths': (list, 'a list of names'), 'storage_identifier': (str, 'a name'),
-    'compression_mode': (str, 'a name'), 'custom_data': (dict, 'names and values')}
+    'compression_mode': (str, 'a name'), 'compression_format': (str, 'a name'),
+    'custom_data': (dict, 'names and values')}
 
 
 def read_listing(path: Path) -> dict[str, Any]:
@@ -436,11 +437,12 @@ def bag_files(path: Path) -> tuple[list[Path], dict[str, Any]]:
         raise BagError(f'{path}: there is no such bag')
     listing = read_listing(path)
     storage = listing.get('storage_identifier', 'mcap')
-    if storage != 'mcap' or listing.get('compression_mode', '').lower() in ('file', 'message'):
+    mode, kind = (listing.get(f'compression_{what}', '').lower() for what in ('mode', 'format'))
+    if storage != 'mcap' or mode == 'file' or (mode == 'message' and kind not in ('', 'zstd')):
         raise BagError(
-            f'{path}: a bag of storage {storage}, compression '
-            f'{listing.get("compression_mode") or "none"}; convert it with ros2 bag convert to '
-            'plain mcap first')
+            f'{path}: a bag of storage {storage}, compression {mode or "none"} {kind}'.rstrip()
+            + '; take its topics with mambo import bag, or make plain mcap of it with ros2 bag '
+            'convert')
     if listing:
         files = [path / Path(name).name for name in listing['relative_file_paths']]
     else:

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from mambo_model.errors import MamboError
+from mambo_model.whole_file import WRONG_PATH
 from mcap.reader import make_reader
 import numpy as np
 from numpy.typing import NDArray
@@ -166,7 +167,7 @@ class BagWriter:
         self._stream = self._open()
         try:
             self._start(metadata or {}, attachments or {})
-        except KeyboardInterrupt:  # nobody has the writer, to close it
+        except BaseException:  # nobody has the writer, to close it
             self._abandon()
             raise
 
@@ -185,7 +186,8 @@ class BagWriter:
     def _abandon(self) -> None:
         """Remove a bag that has just been begun."""
         self._closed = True
-        self._stream.close()
+        with suppress(OSError):  # of what is still to be written
+            self._stream.close()
         for path in self.path.iterdir():
             path.unlink()
         self.path.rmdir()
@@ -199,9 +201,8 @@ class BagWriter:
             self._closed = True
             with suppress(OSError):  # of what is still to be written
                 self._stream.close()
-            raise BagDiskError(
-                f'cannot write {self.file}: {error.strerror}; recover reads what is in it'
-            ) from None
+            left = '; recover reads what is in it' if self._by_order else ''
+            raise BagDiskError(f'cannot write {self.file}: {error.strerror}{left}') from None
 
     def _begin(self, stream: BinaryIO) -> McapWriter:
         """Begin a data file."""
@@ -231,7 +232,8 @@ class BagWriter:
             self.path.mkdir(parents=True)
             return self.file.open('xb')
         except OSError as error:
-            raise BagDiskError(f'cannot make the bag {self.path}: {error.strerror}') from error
+            kind = BagWriterError if isinstance(error, WRONG_PATH) else BagDiskError
+            raise kind(f'cannot make the bag {self.path}: {error.strerror}') from error
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Append an MCAP metadata record; no wall-clock facts here, see :meth:`close`."""
@@ -543,5 +545,9 @@ class BagWriter:
     def __enter__(self) -> BagWriter:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Close the bag; remove it if what was to fill it failed, as it would look whole."""
+        if kind is None:
+            self.close()
+        elif not self._closed:  # as it is after an error of the disk: recover reads it
+            self._abandon()

@@ -1,6 +1,9 @@
 """Where the messages of a file are: an index is believed only where it is true."""
 
+import os
+
 from mambo_bags import mcap_reader
+from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
@@ -111,3 +114,10 @@ def test_messages_of_a_channel_that_is_not_defined_are_told_and_the_others_kept(
     contents = mcap_reader.scan(file)
     assert len(taken(contents)['/a']) == contents.count == 5 and not contents.complete
     assert 'message of unknown channel 7' in contents.lost[0]
+
+
+@pytest.mark.parametrize('path', ['/dev/zero', 'pipe'])
+def test_what_may_never_end_is_not_read(tmp_path, path):
+    os.mkfifo(tmp_path / 'pipe')
+    with pytest.raises(BagError, match='no plain file'):
+        mcap_reader.read_file(tmp_path / path)

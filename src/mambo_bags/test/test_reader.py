@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 from synthetic import E_TOTAL, make_flight, Maker, SIMULATED, STEP, truth_position
+import zstandard
 
 DATA = Path(__file__).resolve().parents[4] / 'shared' / 'data' / 'mcap_bags'
 needs_data = pytest.mark.skipif(
@@ -249,11 +250,25 @@ def test_what_is_no_bag_is_named(tmp_path, flight):
     ('rosbag2_bagfile_information: {version: 2001-13-45}', 'month must be in 1..12'),
     ('[' * 1000, 'nested deeper than 64 levels'), ('\0', 'not the metadata'),
     ('rosbag2_bagfile_information: {relative_file_paths: [a.db3], storage_identifier: sqlite3}',
-     'convert it with ros2 bag convert')])
+     'take its topics with mambo import bag')])
 def test_broken_listings_are_named(tmp_path, listing, text):
     (tmp_path / 'metadata.yaml').write_text(listing)
     with pytest.raises(BagError, match=text):
         read_bag(tmp_path)
+
+
+@pytest.mark.parametrize('data, text', [
+    (zstandard.compress(bytes(9 << 20)), r'MAMBO_MAX_UNPACKED_MB .now 5. raises the limit'),
+    (zstandard.compress(bytes(999))[:-2], 'a compressed message: '),
+    (zstandard.compress(bytes(999))[:4] + bytes(40), 'a compressed message: ')])
+def test_a_compressed_message_that_cannot_be_unpacked_is_named(
+        tmp_path, monkeypatch, data, text):
+    monkeypatch.setenv('MAMBO_MAX_UNPACKED_MB', '5')
+    with BagWriter(tmp_path / 'bag') as bag:
+        bag.add_topic('/chatter', 'std_msgs/msg/Header')
+        bag.write('/chatter', data, 0)
+    with pytest.raises(BagError, match=text):
+        read_bag(tmp_path / 'bag')
 
 
 def test_a_bag_that_was_never_closed_points_to_recover(tmp_path, flight):

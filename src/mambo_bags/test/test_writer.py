@@ -2,11 +2,13 @@
 
 from pathlib import Path
 import random
+import resource
 import signal
 import subprocess
 import sys
 
 from mambo_bags import message_definition
+from mambo_bags.recover import recover
 from mambo_bags.writer import (
     BagWriter, BagWriterError, GRACE, Qos, SECOND, SENSOR_DATA, TRANSIENT_LOCAL)
 from mcap.exceptions import EndOfFile
@@ -398,3 +400,36 @@ def test_a_signal_while_a_bag_is_begun_leaves_none(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         BagWriter(tmp_path / 'bag', attachments={'scenario.yaml': 'a: 1'})
     assert not (tmp_path / 'bag').exists()
+
+
+def test_a_bag_whose_source_fails_is_removed(tmp_path):
+    with pytest.raises(ZeroDivisionError), BagWriter(tmp_path / 'bag') as bag:
+        bag.add_topic('/chatter', 'std_msgs/msg/Header')
+        bag.write('/chatter', bytes(8), 1 // 0)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_bag_that_the_disk_refuses_keeps_what_is_in_it(tmp_path, small_disk):
+    data = np.random.default_rng(0).bytes(2000)
+    with pytest.raises(BagWriterError, match='recover reads'), BagWriter(tmp_path / 'bag') as bag:
+        bag.add_topic('/chatter', 'std_msgs/msg/Header')
+        small_disk(30_000)
+        for k in range(100):
+            bag.write('/chatter', data, k * 200_000_000)
+    small_disk(resource.RLIM_INFINITY)
+    assert recover(tmp_path / 'bag', tmp_path / 'saved').counts['/chatter'] >= 5
+
+
+def test_a_disk_too_small_for_the_beginning_of_a_bag_keeps_nothing(tmp_path, small_disk):
+    small_disk(1000)
+    with pytest.raises(BagWriterError, match='bag_0.mcap: File too large$'):
+        BagWriter(tmp_path / 'bag', attachments={'big': 'x' * 10_000})
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_place_that_cannot_be_is_wrong_input(tmp_path):
+    (tmp_path / 'file').touch()
+    for folder, code in (('file/bag', 2), ('x' * 300, 1)):
+        with pytest.raises(BagWriterError, match='cannot make the bag') as refused:
+            BagWriter(tmp_path / folder)
+        assert refused.value.exit_code == code

@@ -3,6 +3,8 @@
 from importlib import import_module
 import os
 from pathlib import Path
+import resource
+import shutil
 import subprocess
 import sys
 
@@ -84,3 +86,41 @@ def test_commands_options_and_choices_complete(line, wanted, tmp_path):
         '_ARGCOMPLETE_STDOUT_FILENAME': str(out), '_ARGCOMPLETE_IFS': '\n'}
     subprocess.run([sys.executable, '-m', 'mambo_bringup.mambo'], env=environment, timeout=100)
     assert set(out.read_text().split('\n')) == wanted
+
+
+SHORT = 'title: short\ntrajectory: circle\nduration: 4\n'
+SWEEP = 'title: t\nscenario: short.yaml\nvary: {seed: [1, 2]}\n'
+
+
+@pytest.mark.parametrize('line, size', [
+    ('fly short.yaml -o OUT', 150_000), ('recover BAG OUT', 150_000),
+    ('estimate BAG -o OUT', 150_000),
+    ('import bag BAG OUT --map /mambo/imu/data_raw:=imu/data_raw', 60_000),
+    ('compare BAG --html OUT', 150_000), ('compare BAG -o OUT', 9_000),
+    ('compare BAG --csv OUT', 600), ('compare BAG --json OUT', 600),
+    ('identify motor BAG -o OUT', 100), ('identify sensors BAG -o OUT', 9_000),
+    ('sweep sweep.yaml -o OUT --workers 1', 1_000), ('reproduce 3.3 -o OUT', 9_000)])
+def test_a_full_disk_is_one_line_and_no_half_file(
+        line, size, tmp_path, monkeypatch, capsys, small_disk):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'short.yaml').write_text(SHORT)
+    (tmp_path / 'sweep.yaml').write_text(SWEEP)
+    bag = ROOT / 'bags/circle_short'
+    words = line.replace('BAG', str(bag)).replace(' OUT', ' {}').split(' ')
+    if words[0] in ('fly', 'estimate', 'sweep', 'reproduce'):  # compiled code has its own files
+        assert mambo.main([word.format('warm') for word in words]) == 0
+        shutil.rmtree('warm') if os.path.isdir('warm') else os.unlink('warm')
+    before = set(os.listdir())
+    small_disk(size)
+    assert mambo.main([word.format('out') for word in words]) == 1
+    error = capsys.readouterr().err
+    assert error.count('\n') == 1 and 'File too large' in error
+    left = [file for file in Path('out').rglob('*') if file.is_file()] + [
+        Path(name) for name in set(os.listdir()) - before if os.path.isfile(name)]
+    assert not [file for file in left if file.suffix == '.part']
+    small_disk(resource.RLIM_INFINITY)
+    if size > 50_000 and words[0] != 'compare':  # a bag: what is in it is not lost
+        assert mambo.main(['recover', 'out', 'saved']) == 0
+        assert mambo.main(['import', 'bag', 'out']) == 2  # nobody takes it for whole
+    else:
+        assert not [file for file in left if file.suffix not in ('.rows', '.json', '.yaml')]

@@ -60,9 +60,9 @@ class EstimatorParams(Parameters):
     max_flow_age: float = quantity(
         0.5, 's', 0.01, 1e4, 'without used flow for longer the status is dead reckoning')
     max_imu_age: float = quantity(
-        0.1, 's', 0.005, 1e4, 'without used inertial samples for longer their sensor is ill')
+        0.1, 's', 0.005, 1e4, 'unhealthy without a used inertial sample for longer')
     max_barometer_age: float = quantity(
-        1.0, 's', 0.01, 1e4, 'without plausible pressure for longer the barometer is ill')
+        1.0, 's', 0.01, 1e4, 'unhealthy without plausible pressure for longer')
     alignment: AlignmentParams = group(AlignmentParams)
     attitude: AttitudeParams = group(AttitudeParams)
     altitude: AltitudeParams = group(AltitudeParams)

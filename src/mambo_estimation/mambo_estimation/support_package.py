@@ -123,9 +123,9 @@ class ToolboxEstimatorParams(Parameters):
     min_pressure: float = quantity(3e4, 'Pa', 1e3, 2e5, 'no reading below')
     max_pressure: float = quantity(1.2e5, 'Pa', 1e3, 2e5, 'no reading above')
     max_imu_age: float = quantity(
-        0.1, 's', 0.005, 1e4, 'without used inertial samples for longer their sensor is ill')
+        0.1, 's', 0.005, 1e4, 'unhealthy without a used inertial sample for longer')
     max_barometer_age: float = quantity(
-        1.0, 's', 0.01, 1e4, 'without plausible pressure for longer the barometer is ill')
+        1.0, 's', 0.01, 1e4, 'unhealthy without plausible pressure for longer')
 
     @derived('s', 'max_imu_age', 'max_barometer_age')
     def limits(self) -> Limits:

@@ -19,6 +19,7 @@ FASTEST_TURN = 35.0  # rad/s, 2000 deg/s: the full scale of the gyros of small d
 FASTEST = 30.0       # m/s
 ALIKE_TURN = 0.5     # rad, between stretches of one mind: what it may really turn over the jumps
 ALIKE = 0.3          # m
+MOST = 100           # minds that are told apart: a tracker has a few, noise has one a pose
 
 
 def _jumps(times: Floats, position: Floats, turns: Rotation) -> Ints:
@@ -51,18 +52,23 @@ def impossible(times: Floats, position: Floats, orientation: Floats) -> Bools:
     turns = Rotation.from_quat(orientation)
     begins = _jumps(times, position, turns)
     lengths = np.diff(np.concatenate([[0], begins, [len(times)]])).astype(int)
-    turn, shift = Rotation.identity(), np.zeros(3)
-    minds, counts, chosen = [(turn, shift)], [int(lengths[0])], [0]
-    for begin, length in zip(begins.tolist(), lengths[1:].tolist()):
-        turn = turn * (turns[begin - 1].inv() * turns[begin])
-        shift = shift + position[begin] - position[begin - 1]
-        mind = next((k for k, (other, place) in enumerate(minds)
-                     if (other.inv() * turn).magnitude() < ALIKE_TURN
-                     and np.linalg.norm(shift - place) < ALIKE), len(minds))
-        if mind == len(minds):
-            minds.append((turn, shift))
-            counts.append(0)
-        turn, shift = minds[mind]  # what it really moves over the jumps does not add up
+    steps, moves = turns[begins - 1].inv() * turns[begins], position[begins] - position[begins - 1]
+    held, places, counts = np.zeros((MOST, 4)), np.zeros((MOST, 3)), np.zeros(MOST, int)
+    turn, shift, count = Rotation.identity(), np.zeros(3), 1
+    held[0], counts[0], chosen = turn.as_quat(), lengths[0], [0]
+    for k, length in enumerate(lengths[1:].tolist()):
+        turn, shift = turn * steps[k], shift + moves[k]
+        q = turn.as_quat()
+        alike = (np.abs(held[:count] @ q) > np.cos(0.5 * ALIKE_TURN)) & (
+            np.linalg.norm(places[:count] - shift, axis=1) < ALIKE)
+        mind = int(np.argmax(alike)) if alike.any() else count
+        if mind == MOST:
+            chosen.append(-1)  # of no mind that counts
+            continue
+        if mind == count:
+            held[mind], places[mind], count = q, shift, count + 1
+        else:  # what it really moves over the jumps does not add up
+            turn, shift = Rotation.from_quat(held[mind]), places[mind].copy()
         counts[mind] += length
         chosen.append(mind)
     return np.repeat(np.array(chosen) != int(np.argmax(counts)), lengths)

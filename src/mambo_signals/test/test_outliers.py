@@ -112,3 +112,12 @@ def test_what_was_left_out_is_said_in_one_line(count, words):
     said = outliers.describe('optitrack/pose', count)
     assert said.startswith(f'optitrack/pose: {words}') and '\n' not in said
     assert '2005 deg/s or 30 m/s' in said
+
+
+def test_poses_that_all_jump_are_sorted_in_bounded_time():
+    rng = np.random.default_rng(0)
+    count = 20_000
+    wrong = outliers.impossible(
+        0.01 * np.arange(count), 1e6 * rng.normal(size=(count, 3)),
+        Rotation.random(count, rng=0).as_quat())
+    assert wrong.sum() == count - 1

@@ -11,8 +11,8 @@ import json
 from pathlib import Path
 
 from mambo_bags.command import guard, Parser
-from mambo_bags.whole_file import write_text
 from mambo_model.errors import MamboError
+from mambo_model.whole_file import write_text
 from tqdm import tqdm
 
 from .figures import (  # noqa: F401 (each registers its figures)

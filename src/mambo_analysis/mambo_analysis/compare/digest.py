@@ -7,7 +7,7 @@ import hashlib
 from pathlib import Path
 import struct
 
-from mambo_bags.whole_file import replacing
+from mambo_model.whole_file import replacing
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure

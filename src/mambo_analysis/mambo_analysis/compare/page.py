@@ -10,8 +10,8 @@ import re
 from typing import Any
 
 from mambo_bags.reader import Bag
-from mambo_bags.whole_file import write_text
 from mambo_model import palette
+from mambo_model.whole_file import write_text
 import matplotlib
 
 from . import figures, markup, tables
@@ -136,5 +136,6 @@ def write_page(bag: Bag, result: Mapping[str, Any], out: Path) -> Path:
         If the directory cannot be written.
 
     """
+    text = html(bag, result)  # what cannot be drawn is known before the folder is made
     figures.write_overview(bag, out / 'flight.png', result['bag'])
-    return write_text(out / 'index.html', html(bag, result))
+    return write_text(out / 'index.html', text)

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mambo_bags.reader import Bag, BagError
-from mambo_bags.whole_file import write_text
 from mambo_model import palette
+from mambo_model.whole_file import write_text
 from mambo_signals import metrics, motion
 from mambo_signals.flight_phases import Phases, phases
 from mambo_signals.metrics import Floats, Ints

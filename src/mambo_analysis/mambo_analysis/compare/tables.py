@@ -7,7 +7,7 @@ import csv
 from pathlib import Path
 from typing import Any
 
-from mambo_bags.whole_file import replacing
+from mambo_model.whole_file import replacing
 
 SHOWN = 12  # parameters that differ, of what may be many
 

@@ -46,9 +46,9 @@ def first_long_run(t: NDArray[np.float64], far: NDArray[np.bool_], least: float)
 def _sensors(bag: Bag, state: Bag) -> list[str]:
     """Return one line for each sensor."""
     inner = state[topics.ESTIMATOR_STATE.name]
-    ill = (inner['health'] > health.OUT_OF_REACH).mean(axis=0)
+    unhealthy = (inner['health'] > health.OUT_OF_REACH).mean(axis=0)
     reach = (inner['health'] == health.OUT_OF_REACH).mean(axis=0)
-    lines = [f'  {name}: unhealthy for {ill[k]:.1%} of the time'
+    lines = [f'  {name}: unhealthy for {unhealthy[k]:.1%} of the time'
              for k, name in enumerate(health.NAMES[:health.SONAR])]
     for k, (topic, refused) in enumerate(_AIDING, health.SONAR):
         count = 0
@@ -61,7 +61,7 @@ def _sensors(bag: Bag, state: Bag) -> list[str]:
         share = min(1.0, int(inner[refused][-1]) / count)
         lines.append(
             f'  {health.NAMES[k]}: {count} samples, {share:.1%} refused; unhealthy for '
-            f'{ill[k]:.1%} of the time, out of reach for {reach[k]:.1%}')
+            f'{unhealthy[k]:.1%} of the time, out of reach for {reach[k]:.1%}')
     return lines
 
 

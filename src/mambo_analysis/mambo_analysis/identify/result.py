@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.reader import Bag, BagError, read_bag
-from mambo_bags.whole_file import replacing, write_text
 from mambo_model.schema import ParameterError
 from mambo_model.vehicle import vehicle_file
 from mambo_model.vehicle.parameters import PRESETS, Vehicle
+from mambo_model.whole_file import replacing, write_text
 from matplotlib.figure import Figure
 
 from .regression import LEVEL, Value

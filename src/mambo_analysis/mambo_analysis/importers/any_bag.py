@@ -30,6 +30,7 @@ from typing import Any, NamedTuple
 
 from mambo_bags import columns
 from mambo_bags.command import guard, Parser
+from mambo_bags.compression import is_compressed, unpack
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Messages, read_bag, read_listing
 from mambo_bags.writer import BagWriter
@@ -40,7 +41,7 @@ from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
 from .common import NAMESPACE, provenance, report, SECOND, unused
-from .sqlite_bag import is_compressed, read_sqlite, unpack
+from .sqlite_bag import read_sqlite
 
 Ints = NDArray[np.int64]
 
@@ -134,6 +135,14 @@ def _read(
     return dict(bag.topics), {name: bag[name] for name in bag.topics if name in bag}
 
 
+def _unpack(file: Path, target: Path) -> None:
+    """Write a file without its compression; BagError if that cannot be."""
+    try:
+        unpack(file, target)
+    except ValueError as error:
+        raise BagError(f'{file}: {error}') from None
+
+
 def _read_unpacked(
     path: Path, files: list[Path], distribution: str,
 ) -> tuple[dict[str, str], dict[str, Messages]]:
@@ -143,7 +152,7 @@ def _read_unpacked(
         try:
             for file, target in zip(files, plain, strict=True):
                 if is_compressed(file):
-                    unpack(file, target)
+                    _unpack(file, target)
                 else:
                     target.symlink_to(file.resolve())
             return _read(Path(folder), plain, distribution)

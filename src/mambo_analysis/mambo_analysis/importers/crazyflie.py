@@ -436,7 +436,8 @@ def import_crazyflie(
         'counts_per_radian': counts_per_radian, 'flow_period_s': FLOW_PERIOD,
         'flow_rotation': 'not compensated', 'horizontal_acceleration': '0' if level else 'NaN',
         'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535',
-        'mocap_frames_lost': log.lost, 'mocap_poses_impossible': log.impossible, 'ignored': ', '.join(log.ignored) or 'nothing', **told})
+        'mocap_frames_lost': log.lost, 'mocap_poses_impossible': log.impossible,
+        'ignored': ', '.join(log.ignored) or 'nothing', **told})
     with BagWriter(target, metadata=record) as writer:
         out = Publisher(writer, TOPICS)
         _publish_imu(log, out, level)
@@ -448,8 +449,9 @@ def import_crazyflie(
 
 
 def _offset(text: str) -> str:
-    if text not in ('auto', 'gyro', 'none') and not math.isfinite(float(text)):
-        raise argparse.ArgumentTypeError(f'{text} is neither auto, gyro, none nor seconds')
+    if text not in ('auto', 'gyro', 'none') and not abs(float(text)) <= LONGEST:
+        raise argparse.ArgumentTypeError(
+            f'{text} is neither auto, gyro, none nor up to {LONGEST:g} seconds')
     return text
 
 

@@ -29,6 +29,7 @@ from mambo_signals.time_offset import (
 import numpy as np
 
 POSE = 'optitrack/pose'
+LONGEST = 2e9  # [s] of an offset: log times since boot and since 1970
 OWN = ('onboard/odom', 'estimate/odom')
 """Poses of the drone itself."""
 LATE = {'height': RANGE_LATE, **dict.fromkeys(OWN, 0.1)}
@@ -186,8 +187,8 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
 
     def work() -> None:
-        if options.offset is not None and not math.isfinite(options.offset):
-            raise InputError(f'--offset {options.offset}: must be finite')
+        if options.offset is not None and not abs(options.offset) <= LONGEST:
+            raise InputError(f'--offset {options.offset}: must be up to {LONGEST:g} s')
         print(join(options.flight, options.mocap, options.output, options.offset))
     return guard('join', work)
 

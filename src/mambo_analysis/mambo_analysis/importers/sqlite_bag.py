@@ -1,5 +1,5 @@
 """
-Bags of the storage sqlite3 (``.db3``), rosbag2's default before Iron; compressed files of bags.
+Bags of the storage sqlite3 (``.db3``), rosbag2's default before Iron.
 
 From Iron on such a file carries the definitions of its messages. Before, it names types alone:
 those of this product are as installed here, others are taken as the distribution named in
@@ -9,83 +9,28 @@ whole.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from contextlib import closing
 from pathlib import Path
 import sqlite3
 
-from mambo_bags import columns
+from mambo_bags import columns, compression
 from mambo_bags.mcap_reader import BagError, Batch
 from mambo_bags.message_definition import DefinitionError
 from mambo_bags.reader import definition_types, Messages, type_name
 from mambo_model import limits
 from rosbags.typesys import get_typestore, Stores
 from rosbags.typesys.store import Typestore
-import zstandard
 
 OWN = 'mambo_interfaces/msg/'
 DISTRIBUTIONS = ('kilted', 'jazzy', 'iron', 'humble', 'galactic', 'foxy', 'eloquent', 'dashing')
-ZSTD = b'\x28\xb5\x2f\xfd'
-_PIECE = 1 << 20
 _LATEST = 2**63  # [ns]
-
-
-def is_compressed(path: Path) -> bool:
-    """Return whether a file begins as one of zstd."""
-    with path.open('rb') as stream:
-        return stream.read(4) == ZSTD
-
-
-def unpack(source: Path, target: Path) -> None:
-    """
-    Write a file without its compression.
-
-    Raises
-    ------
-    BagError
-        If it is damaged, cut off or unpacks to more than ``MAMBO_MAX_UNPACKED_MB`` (default 512)
-        or 20 times its size, whichever is more.
-
-    """
-    most = limits.unpacked(source.stat().st_size)
-    with source.open('rb') as packed, target.open('wb') as out:
-        try:
-            for data in _plain(iter(lambda: packed.read(_PIECE), b''), most):
-                out.write(data)
-        except ValueError as error:
-            raise BagError(f'{source}: {error}') from None
-
-
-def _plain(pieces: Iterable[bytes], most: int) -> Iterator[bytes]:
-    """Yield what zstd made pieces of; ValueError of damage, or beyond so many bytes."""
-    decompressor, size = zstandard.ZstdDecompressor().decompressobj(), 0
-    try:
-        for piece in pieces:
-            for begin in range(0, len(piece), 4096):
-                if decompressor.eof:
-                    return
-                data = decompressor.decompress(piece[begin:begin + 4096])
-                size += len(data)
-                if size > most:
-                    raise ValueError(f'it unpacks to more than {most / 1e6:.0f} MB; '
-                                     f'{limits.raised_by(limits.UNPACKED_MB)}')
-                yield data
-    except zstandard.ZstdError as error:
-        raise ValueError(f'damaged compression ({error})') from None
-    if not decompressor.eof:
-        raise ValueError('its compression is cut off')
 
 
 def _message(data: bytes, most: int) -> bytes:
     """Return the bytes of a message, which may be compressed each by itself; ValueError."""
     if not isinstance(data, bytes):
         raise ValueError('a message that is no sequence of bytes')
-    if not data.startswith(ZSTD):  # CDR begins with a zero
-        return data
-    try:
-        return b''.join(_plain([data], most))
-    except ValueError as error:
-        raise ValueError(f'a compressed message: {error}') from None
+    return compression.message(data, most)
 
 
 def _is_plain_read(action: int, *about: str | None) -> int:

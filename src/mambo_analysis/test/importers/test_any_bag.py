@@ -8,6 +8,7 @@ from damage import check, mutated
 from mambo_analysis.importers.any_bag import import_bag, main, TARGETS
 from mambo_bags import columns
 from mambo_bags.reader import read_bag
+from mambo_bags.recover import recover
 from mambo_bags.writer import BagWriter
 import numpy as np
 import pytest
@@ -195,6 +196,16 @@ def test_a_compressed_mcap_file_is_unpacked(tmp_path):
     check_all(tmp_path / 'dir')
     import_bag(next(source.glob('*.zstd')), tmp_path / 'file', ALL)
     check_all(tmp_path / 'file')
+
+
+def test_an_mcap_bag_of_compressed_messages_is_read_and_recovered(tmp_path):
+    source = recorded(tmp_path / 'late', storage=StoragePlugin.MCAP, mode=CompressionMode.MESSAGE)
+    assert 'compression_mode: message' in (source / 'metadata.yaml').read_text().lower()
+    import_bag(source, tmp_path / 'dir', ALL)
+    check_all(tmp_path / 'dir')
+    recover(source, tmp_path / 'plain')
+    sent = [raw(TYPES['/imu'], i) for i in range(N)]
+    assert read_bag(source)['/imu'].raw == read_bag(tmp_path / 'plain')['/imu'].raw == sent
 
 
 @pytest.mark.parametrize('version', range(1, 10))

@@ -285,6 +285,7 @@ def test_an_existing_bag_is_never_overwritten(tmp_path, capsys):
     assert main([str(save(tmp_path / 'log.json')), str(tmp_path / 'out')]) == 2
     assert 'exists: give another name' in capsys.readouterr().err
     for wrong in (['--mocap-offset', 'nan'], ['--mocap-offset', 'soon'],
+                  ['--mocap-offset', '1e18'], ['--mocap-offset', '-1e10'],
                   ['--counts-per-radian', '0']):
         with pytest.raises(SystemExit) as usage:
             main(['a.json', 'b', *wrong])

@@ -8,9 +8,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from mambo_bags.whole_file import replacing
 from mambo_model.compiled import source_digest
 from mambo_model.errors import InputError, JobError
+from mambo_model.whole_file import replacing
 import pyarrow as pa
 import pyarrow.parquet as parquet
 

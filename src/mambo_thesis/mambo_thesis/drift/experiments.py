@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 from mambo_analysis.compare import digest
 from mambo_bags.command import guard, Parser
-from mambo_bags.whole_file import write_text
 from mambo_flight import closed_loop, scenario_file
+from mambo_model.whole_file import write_text
 import numpy as np
 from tqdm import tqdm
 

@@ -55,6 +55,8 @@ class Flight(NamedTuple):
         Standard deviation of a component of the velocity, from what the local cubic leaves.
     rate_noise : rad/s
         Standard deviation of the angular rate about x and y, from third differences.
+    impossible
+        How many poses of Optitrack were left out that cannot be true.
 
     """
 
@@ -64,6 +66,7 @@ class Flight(NamedTuple):
     heights: Array
     velocity_noise: float
     rate_noise: float = 0.0
+    impossible: int = 0
 
     def height_before(self, lag: float) -> Array:
         """Return the height some seconds earlier, (n,) m."""
@@ -195,10 +198,13 @@ class Source(NamedTuple):
     flow: Stream
     gyro: Stream | None
     height: Stream | None = None
+    impossible: int = 0  # poses left out
 
     def flight(self, lag: float, min_height: float = MIN_HEIGHT) -> Flight:
         """Return the flight, its flow behind by a lag, s."""
-        return assemble(self.name, self.poses, self.flow, self.gyro, lag, self.height, min_height)
+        found = assemble(
+            self.name, self.poses, self.flow, self.gyro, lag, self.height, min_height)
+        return found._replace(impossible=self.impossible)
 
 
 def _unexplained(f: Flight) -> float:
@@ -289,7 +295,7 @@ def _source(path: Path, namespace: str | None, height: str, bag: Bag) -> Source:
         upright = poses.rotation.as_matrix()[:, 2, 2]
         cosine = columns_at(sensors.sonar.t, poses.t, upright[:, None])[:, 0]
         ranged = Stream(sensors.sonar.t, sensors.sonar.values * cosine)
-    return Source(path.name, poses, sensors.flow, sensors.gyro, ranged)
+    return Source(path.name, poses, sensors.flow, sensors.gyro, ranged, seen.impossible)
 
 
 def read(paths: Sequence[Path], namespace: str | None = None, lag: float | None = None,

@@ -20,6 +20,7 @@ from typing import Any
 from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.mcap_reader import BagError
 from mambo_model import palette
+from mambo_signals import outliers
 from matplotlib.figure import Figure
 import numpy as np
 
@@ -168,6 +169,8 @@ def _tell(flights: Sequence[Flight], lag: float, fits: Sequence[Fit], noise: Noi
         print(f'{f.name}: {len(f.flow)} samples, {f.track.height.min():.2f} to '
               f'{f.track.height.max():.2f} m high; flow {1e3 * lag:.0f} ms behind; noise of the '
               f'velocity of Optitrack {f.velocity_noise:.4f} m/s')
+        if f.impossible:
+            print(f'  {outliers.describe("optitrack/pose", f.impossible)}')
     print(f'noise of the flow {noise.sigma:.4f} rad/s, of its slow part '
           f'{noise.long_run:.4f} rad/s\n\n{table(fits)}\n')
     print('\n'.join(said))

@@ -75,7 +75,7 @@ def _interval(v: Value, digits: int) -> str:
 
 def bench(data: Path, _: Path) -> list[Table]:
     """Return both motor maps of the Rolling Spider, beside the toolbox and the thesis."""
-    path, = find(data / 'rolling_spider_bench', 'thrustdata.mat')
+    path = find(data / 'rolling_spider_bench', 'thrustdata.mat')[0]
     table = columns.read(path)
     pwm, force = (columns.column(table, f'thrust_recdata.data[{k}]', path)[1] for k in (0, 3))
     found = thrust.fit_thrust(pwm, force)
@@ -97,7 +97,7 @@ def pendulum(data: Path, _: Path) -> list[Table]:
     """Return frequency and damping of the three swings."""
     rows: list[tuple[Cell, ...]] = []
     for axis in 'xyz':
-        path, = find(data / 'crazyflie_optitrack', f'*lab03_{axis}_data*.json')
+        path = find(data / 'crazyflie_optitrack', f'*lab03_{axis}_data*.json')[0]
         own, rate = columns.column(columns.read(path), f'gyro.{axis}', path)
         one = inertia.fit_swing(own, np.radians(rate))
         rows.append((axis, one.frequency.value, _interval(one.frequency, 3),
@@ -113,7 +113,7 @@ def pendulum(data: Path, _: Path) -> list[Table]:
 
 def hall(data: Path, _: Path) -> list[Table]:
     """Return rate and gaps of a motion capture beside those of the mock."""
-    path, = find(data / 'mcap_bags', 'cub_stabilize*.mcap')
+    path = find(data / 'mcap_bags', 'cub_stabilize*.mcap')[0]
     t = read_bag(path, ('cub1/pose',))['/cub1/pose'].t
     steps = np.diff(t)
     period = float(np.median(steps))
@@ -159,6 +159,15 @@ def _flown(bags: dict[str, Path], found: flights.Identified) -> list[tuple[Cell,
     return rows
 
 
+def left_out(bags: dict[str, Path]) -> list[Table]:
+    """Return the flights of which the import left poses out, as a table; none if it did not."""
+    counts = {name: float(read_bag(path, ()).metadata['import']['mocap_poses_impossible'])
+              for name, path in bags.items()}
+    rows: list[tuple[Cell, ...]] = [row for row in counts.items() if row[1]]
+    return [Table('Crazyflie: poses left out that cannot be true', ('flight', 'poses'),
+                  ('', '.0f'), rows)] if rows else []
+
+
 def crazyflie(data: Path, folder: Path) -> list[Table]:
     """Return factors of the flow, and the estimator against the motion capture."""
     logs = [path for path in find(data / 'crazyflie_optitrack', '*.json')
@@ -171,6 +180,7 @@ def crazyflie(data: Path, folder: Path) -> list[Table]:
             raise BagError(f'{data}: no flight {IDENTIFIED_ON}, on which is identified')
         found = flights.identify(bags[IDENTIFIED_ON])
         if treated == 'leave':
+            out += left_out(bags)
             out.append(Table(
                 f'Crazyflie: what the estimator is told, from {IDENTIFIED_ON}',
                 ('', 'value'), ('', '.3g'), [

@@ -205,7 +205,7 @@ TOPICS = {'optical_flow': 'mambo_interfaces/msg/OpticalFlow',
           'optitrack/pose': 'geometry_msgs/msg/PoseStamped', 'imu/data_raw': 'sensor_msgs/msg/Imu'}
 
 
-def write(path, values, topics=TOPICS, lag=0.03):
+def write(path, values, topics=TOPICS, lag=0.03, flipped=()):
     """Write a bag of the vertical circle, Optitrack at 120 Hz with 0.2 mm of noise."""
     rng = np.random.default_rng(0)
 
@@ -225,6 +225,8 @@ def write(path, values, topics=TOPICS, lag=0.03):
         for k, (x, y, z, w) in enumerate(Rotation.from_matrix(track.R).as_quat().tolist()):
             a, b, c = (track.position[k] + 2e-4 * rng.normal(size=3)).tolist()
             stamp, omega = round(t[k] * 1e9), track.omega[k].tolist()
+            if k in flipped:  # upside down
+                x, y, z, w = w, z, -y, -x
             out.publish('optitrack/pose', stamp, 'map', pose=out.pose((a, -b, -c), (x, -y, -z, w)))
             out.publish('imu/data_raw', stamp, 'base_link', **out.imu(
                 (omega[0], -omega[1], -omega[2]), (0.0, 0.0, 9.81)))
@@ -243,6 +245,17 @@ def test_the_command_finds_a_mechanism_in_a_bag(tmp_path, capsys):
     assert (tmp_path / 'a.png').stat().st_size > 5000
     assert found['mechanisms']['A'] > 0.95
     assert 'factor rises with height, linear' in capsys.readouterr().out
+
+
+def test_poses_upside_down_are_counted_and_change_nothing(tmp_path, capsys):
+    bags = [write(tmp_path / name, {'slope': 0.07}, flipped=where)
+            for name, where in (('whole', ()), ('flipped', range(900, 912)))]
+    (whole, flipped), _ = read(bags, lag=0.03)
+    assert (whole.impossible, flipped.impossible) == (0, 12)
+    assert len(flipped.flow) > len(whole.flow) - 20
+    assert np.abs(flipped.track.omega).max() < 1.01 * np.abs(whole.track.omega).max()
+    assert identify_drift.main([str(bags[1])]) == 0
+    assert 'optitrack/pose: 12 poses left out' in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(('lacks', 'says'), [

@@ -7,8 +7,8 @@ import functools
 from pathlib import Path
 from typing import Any
 
-from mambo_bags.whole_file import replacing
 from mambo_model import palette
+from mambo_model.whole_file import replacing
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np

@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 import os
 from pathlib import Path
 
-from mambo_model.errors import InputError, JobError
+from .errors import InputError, JobError
 
 WRONG_PATH = (
     FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
@@ -45,7 +45,8 @@ def replacing(path: Path) -> Iterator[Path]:
             os.replace(part, target)
     except OSError as error:
         kind = InputError if isinstance(error, WRONG_PATH) else JobError
-        raise kind(f'{path}: cannot be written ({error.strerror or error})') from None
+        reason = os.strerror(error.errno) if error.errno else error
+        raise kind(f'{path}: cannot be written ({reason})') from None
     finally:
         if is_plain:
             with suppress(OSError):
