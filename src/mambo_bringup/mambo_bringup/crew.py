@@ -32,6 +32,8 @@ class Crew:
         Removed at the end.
     children : list[NodeProcess]
         In the order of their start, those that own time last.
+    domain : int
+        ROS domain of the nodes.
     interrupts : Interrupts
         Signals of the user.
     fault : str
@@ -46,7 +48,7 @@ class Crew:
 
     def __enter__(self) -> Crew:
         with ExitStack() as stack:
-            stack.enter_context(Domain())
+            self.domain = stack.enter_context(Domain()).number
             self._keeper = Keeper()
             stack.callback(self._keeper.release)
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix='mambo_'))

@@ -8,7 +8,7 @@ everything recorded, then compared.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 import json
@@ -34,6 +34,11 @@ from .stopping import stoppable
 FLIGHT_NODES = (
     ('mambo_sim', 'optitrack_node'), ('mambo_estimation', 'estimator_node'),
     ('mambo_control', 'reference_node'), ('mambo_control', 'controller_node'))
+REPLACEABLE = {
+    'optitrack': (FLIGHT_NODES[0], 'optitrack/pose'),
+    'estimator': (FLIGHT_NODES[1], 'estimate/odom'),
+    'reference': (FLIGHT_NODES[2], 'reference'), 'controller': (FLIGHT_NODES[3], 'motor_pwm')}
+"""What ``--without`` may name: the node, and the topic that yours publishes in its place."""
 RECORDER = ('mambo_bags', 'recorder_node')
 SIMULATOR = ('mambo_sim', 'sim_node')
 COMPOSED = ('mambo_bringup', 'composed_node')
@@ -116,13 +121,20 @@ class Progress:
         self._bar.close()
 
 
-def _mode() -> dict[str, object]:
+def _ours(without: Collection[str]) -> list[tuple[str, str]]:
+    """Return the nodes between simulator and recorder that the runner starts."""
+    theirs = [REPLACEABLE[name][0] for name in without]
+    return [node for node in FLIGHT_NODES if node not in theirs]
+
+
+def _mode(without: Collection[str]) -> dict[str, object]:
     """Return the sim_node parameters that belong to the run and not to the experiment."""
-    waited = [name for _, name in (*FLIGHT_NODES, RECORDER)]
-    return {'sim_node.wait_for': ','.join(waited)}
+    waited = [name for _, name in (*_ours(without), RECORDER)]
+    return {'sim_node.wait_for': ','.join(waited),
+            'sim_node.wait_for_publishers': ','.join(REPLACEABLE[name][1] for name in without)}
 
 
-def _nodes(file: Path, bag: Path, composed: bool, namespace: str,
+def _nodes(file: Path, bag: Path, composed: bool, namespace: str, without: Collection[str] = (),
            ) -> list[tuple[tuple[str, str], list[str]]]:
     """Return the nodes of a drone and their arguments; the one that owns time is the last."""
     arguments = ['--ros-args']
@@ -137,10 +149,11 @@ def _nodes(file: Path, bag: Path, composed: bool, namespace: str,
             'ros__parameters': {'bag': str(bag), 'scenario': str(file)}}}, ensure_ascii=False))
         return [(COMPOSED, [*flown, '--params-file', str(recorder)])]
     recorded = [*arguments, *parameter('bag', bag), *parameter('scenario', file)]
-    return [(RECORDER, recorded), *((node, flown) for node in (*FLIGHT_NODES, SIMULATOR))]
+    return [(RECORDER, recorded), *((node, flown) for node in (*_ours(without), SIMULATOR))]
 
 
-def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False) -> Outcome:
+def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False,
+        without: Collection[str] = ()) -> Outcome:
     """
     Fly a scenario in the graph and record it.
 
@@ -152,6 +165,8 @@ def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False) -> Outcom
         Directory to make.
     composed
         All nodes in one process instead of one each: the same bag, sooner.
+    without
+        Names in :data:`REPLACEABLE`: nodes that somebody else starts.
 
     Raises
     ------
@@ -160,11 +175,11 @@ def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False) -> Outcom
         until then.
 
     """
-    return fly_several({NAMESPACE: flight}, {NAMESPACE: bag}, composed)[0]
+    return fly_several({NAMESPACE: flight}, {NAMESPACE: bag}, composed, without)[0]
 
 
 def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Path],
-                composed: bool = False) -> list[Outcome]:
+                composed: bool = False, without: Collection[str] = ()) -> list[Outcome]:
     """
     Fly drones side by side, each by its own clock, and record each in its own bag.
 
@@ -174,6 +189,8 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
         By the namespace of the drone; further as :func:`fly`.
     composed
         One process for each drone instead of one for each node.
+    without
+        As of :func:`fly`.
 
     Raises
     ------
@@ -191,11 +208,11 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
         for number, (namespace, flight) in enumerate(flights.items()):
             file = crew.folder / f'scenario{number or ""}.yaml'
             file.write_text(scenarios.commented_yaml(
-                scenarios.override(flight, _mode()), namespace))
+                scenarios.override(flight, _mode(without)), namespace))
             progress[namespace] = bar = Progress(flight.sim_node.duration, shown=not number)
             bars.callback(bar.close)
             crews[namespace] = []
-            *nodes, owner = _nodes(file, bags[namespace], composed, namespace)
+            *nodes, owner = _nodes(file, bags[namespace], composed, namespace, without)
             last.append((namespace, *owner))
             for node, arguments in nodes:
                 crews[namespace].append(
@@ -204,6 +221,8 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
             crews[namespace].append(crew.start(
                 *node, arguments, _listener(progress[namespace], crews[namespace]),
                 _label(namespace, node)))
+        if without:
+            print(_invitation(without, flights, crew.domain), flush=True)
         crew.watch()
     outcomes = [
         _outcome(bags[namespace], progress[namespace], crews[namespace],
@@ -212,6 +231,14 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
     if crew.fault and not crew.interrupts.first:
         raise FlightEndedError(outcomes)
     return outcomes
+
+
+def _invitation(without: Collection[str], namespaces: Collection[str], domain: int) -> str:
+    """Return what whoever starts the missing nodes must know."""
+    topics = ', '.join(f'{namespace}/{REPLACEABLE[name][1]}'
+                       for namespace in namespaces for name in without)
+    return (f'waiting for your {" and ".join(without)} to publish {topics}; in its shell:\n'
+            f'  export ROS_DOMAIN_ID={domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST')
 
 
 def _label(namespace: str, node: tuple[str, str]) -> str:
@@ -318,6 +345,8 @@ def parser() -> Parser:
         help='flight over wall time, with --mode realtime alone (default: 1)')
     add('--composed', action='store_true',
         help='all nodes of a drone in one process: the same bag, sooner')
+    add('--without', action='append', default=[], choices=tuple(REPLACEABLE), metavar='NODE',
+        help=f"leave a node out and wait for yours: one of {', '.join(REPLACEABLE)}; repeatable")
     add('--drones', type=int, default=1, metavar='N',
         help='drones side by side, in namespaces /mambo1 to /mamboN, with seeds from --seed on, '
         'each by its own clock, in its own bag (default: 1)')
@@ -349,6 +378,9 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
     if options.speed is not None and flight.sim_node.mode != 'realtime':
         raise schema.ParameterError(
             f'--speed {options.speed:g} needs --mode realtime: lockstep is as fast as it goes')
+    if options.without and options.composed:
+        raise schema.ParameterError(
+            '--without and --composed: a node of yours needs the others in processes of their own')
     if not 1 <= options.drones <= 16:
         raise schema.ParameterError(f'--drones {options.drones} must be within 1 to 16')
     if not flight.sim_node.duration > 0.0:
@@ -395,7 +427,8 @@ def _fly_and_report(
     problem: FlightError | None = None
     try:
         outcomes = fly_several(
-            flights, {space: path.absolute() for space, path in bags.items()}, options.composed)
+            flights, {space: path.absolute() for space, path in bags.items()}, options.composed,
+            tuple(dict.fromkeys(options.without)))
     except FlightEndedError as error:
         problem, outcomes = error, error.outcomes
     stopped = outcomes[0].stopped

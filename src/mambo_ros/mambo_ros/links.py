@@ -10,6 +10,7 @@ from rclpy.serialization import deserialize_message
 
 from . import node, topics
 from .endpoints import qos
+from .foreign import ForeignNode
 from .loop import Loop
 
 _ASK_AGAIN = 5.0  # s of wall time after which a waiting node says what it waits for
@@ -32,15 +33,21 @@ class Links:
     wait_for
         Names of the expected nodes, separated by commas, relative to the owner's namespace;
         empty: wait for nobody.
+    wait_for_publishers
+        Topics that nodes publish that announce nothing, likewise.
 
     """
 
-    def __init__(self, owner: node.MamboNode, wait_for: str) -> None:
+    def __init__(self, owner: node.MamboNode, wait_for: str, wait_for_publishers: str = '',
+                 ) -> None:
         namespace = owner.get_namespace().rstrip('/')
         self._owner = owner
         self._expected = [
             name if name.startswith('/') else f'{namespace}/{name}'
             for name in map(str.strip, wait_for.split(',')) if name]
+        self._foreign = [
+            ForeignNode(owner, owner.resolve_topic_name(name))
+            for name in map(str.strip, wait_for_publishers.split(',')) if name]
         self._known: dict[str, NodeLinks] = {}
         owner.create_subscription(
             topics.LINKS.msg_type, topics.LINKS.name, self._on_links, qos(topics.LINKS, 100),
@@ -67,9 +74,12 @@ class Links:
         absent = [name for name in self._expected if name not in self._known]
         if absent:
             return f"node {', '.join(absent)}"
+        for foreign in self._foreign:
+            if absence := foreign.missing():
+                return absence
         if not self._expected:
             return ''
-        known = self._known.values()
+        known = [*self._known.values(), *self._foreign]
         readers = Counter(topic for links in known for topic in links.subscribed)
         writers = Counter(topic for links in known for topic in links.published)
         for links in self._known.values():

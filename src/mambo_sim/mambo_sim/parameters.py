@@ -21,6 +21,9 @@ class SimNodeParams:
     speed: float = schema.quantity(1.0, '-', 0.01, 100.0, 'simulated over wall time (realtime)')
     duration: float = schema.quantity(0.0, 's', 0.0, 86400.0, 'flight time, 0: until stopped')
     wait_for: str = schema.text('', 'names of nodes to wait for, separated by commas')
+    wait_for_publishers: str = schema.text(
+        '', 'topics, separated by commas, that a node of another origin publishes: wait for it '
+        'and for every subscription that it has')
     start_patience: float = schema.quantity(
         300.0, 's', 1.0, 3600.0,
         'wall time to wait for nodes and links: the first start compiles the numerics')

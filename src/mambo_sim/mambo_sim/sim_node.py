@@ -61,7 +61,8 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self.commands = self.accept(
             topics.MOTOR_PWM, messages.decode_motor_pwm, self._on_pwm, now=self._time,
             check=intake.check_pwm)
-        self.links = links.Links(self, self.params.wait_for)
+        self.links = links.Links(
+            self, self.params.wait_for, self.params.wait_for_publishers)
         self._held = self._begin()
         simulator.sense_held(self._held, 0)  # have the compiled steps in memory before time starts
         simulator.advance_held(self._held, self._pwm, self._shutdown)
