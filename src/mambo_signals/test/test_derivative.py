@@ -1,4 +1,4 @@
-"""Derivatives against closed forms and scipy: exact where they can be, with the noise they must."""
+"""Derivatives against closed forms and scipy, with the noise that least squares have."""
 
 from mambo_signals.derivative import ATTITUDE, body_rates, local_fit, POSITION, SPARSE
 import numpy as np

@@ -121,7 +121,8 @@ def test_samples_without_a_position_or_with_a_stamp_twice_are_left_out(tmp_path)
     level, still = (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
     bag = recorded(tmp_path / 'b', [
         (10, (1, 0, 0), level, still), (20, (np.nan, 0, 0), level, still),
-        (20, (2, 0, 0), level, still), (20, (9, 0, 0), level, still), (30, (3, 0, 0), level, still),
+        (20, (2, 0, 0), level, still), (20, (9, 0, 0), level, still),
+        (30, (3, 0, 0), level, still),
         (40, (4, 0, 0), (0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0))])
     found = motion.read(bag, 'estimate/odom')
     assert found.stamps.tolist() == [10, 20, 30, 40]

@@ -3,8 +3,8 @@
 from mambo_bags.reader import read_bag
 from mambo_signals import time_offset as align
 from mambo_signals.time_offset import (
-    agreed, AlignError, equalised, find_flight, flight_by_acceleration, flight_by_height, flight_by_thrust,
-    matched, Offset, pose_offset, registration, time_offset)
+    agreed, AlignError, equalised, find_flight, flight_by_acceleration, flight_by_height,
+    flight_by_thrust, matched, Offset, pose_offset, registration, time_offset)
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
