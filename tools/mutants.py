@@ -35,8 +35,8 @@ HEAD = """# Mutants
 
 Files of equations, of alignment, of bags and of nodes with ten errors put in, one at a time, and
 the test of that file that fails. A mutant that no test kills shows code that no test holds. The
-errors are listed in `tests/mutants/`; `tests/workspace/test_mutants.py` checks that each still fits
-its file and that a program of the product calls it. This page is written by
+errors are listed in `tests/mutants/`; `tests/workspace/test_mutants.py` checks that each still
+fits its file and that a program of the product calls it. This page is written by
 
     ./mutants --write                # all of them
     ./mutants mambo_sim --write      # those of a package or of a file, ./mutants rotor
