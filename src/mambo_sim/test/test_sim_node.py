@@ -103,6 +103,14 @@ def test_giving_up_stops_the_motors_and_says_what_was_refused(sim, caplog):
         caplog.text)
 
 
+def test_the_first_stop_is_the_one_that_is_told(sim, wall):
+    sim._tick = 40
+    sim.watch(wall.now + 0.3)
+    sim._tick = 2000
+    sim.give_up()
+    assert sim.starved == 40 * STEP_NS and sim._starved_after == 0.2
+
+
 def test_a_deserted_simulator_has_heard_nothing_for_its_patience(sim, wall):
     assert not sim.is_deserted(wall.now + 4.9) and sim.is_deserted(wall.now + 5.1)
     wall.now += 10.0
