@@ -23,10 +23,9 @@ import tempfile
 import time
 from typing import NamedTuple
 
+import called
 import pytest
 import yaml
-
-import called
 
 ROOT = Path(__file__).resolve().parents[1]
 LISTS = ROOT / 'tests/mutants'

@@ -1,7 +1,7 @@
 """The digest of a figure changes with what it shows, and with nothing else."""
 
-from matplotlib.figure import Figure
 from mambo_analysis.compare import digest
+from matplotlib.figure import Figure
 import numpy as np
 import pytest
 
