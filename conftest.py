@@ -12,7 +12,7 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ.setdefault(
     'HYPOTHESIS_STORAGE_DIRECTORY', str(Path(__file__).parent / '.cache/hypothesis'))
 
-from hypothesis import settings  # its folder is said above
+from hypothesis import settings  # reads the folder above
 
 # The same examples in every run, so that a failure repeats and a pass is no luck. No deadline for
 # one example: the first compiles, and machines are shared.

@@ -5,7 +5,8 @@ A mutant is a copy of a package in which one place of one file is wrong: a sign,
 ``tests/mutants/<package>.yaml`` lists them by hand: those that a tool makes by rule are hundreds a
 file, most of no physical meaning. The tests of the file run with the copy before the real package
 on the path, without compiling, and stop at the first that fails: it has killed the mutant.
-Nothing is changed in the checkout.
+Nothing is changed in the checkout. A place that no program of the product reaches is refused:
+its test would hold nothing but itself.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import tempfile
 import time
 from typing import NamedTuple
 
+import called
 import pytest
 import yaml
 
@@ -30,10 +32,10 @@ LISTS = ROOT / 'tests/mutants'
 REPORT = ROOT / 'docs/evidence/mutants.md'
 HEAD = """# Mutants
 
-Each equation file with ten errors put in, one at a time, and the test of that file that fails. A
-mutant that no test kills shows an equation that no test holds. The errors are listed in
-`tests/mutants/`; `tests/workspace/test_mutants.py` checks that each still fits its file. This page
-is written by
+Files of equations, of alignment, of bags and of nodes with ten errors put in, one at a time, and
+the test of that file that fails. A mutant that no test kills shows code that no test holds. The
+errors are listed in `tests/mutants/`; `tests/workspace/test_mutants.py` checks that each still
+fits its file and that a program of the product calls it. This page is written by
 
     ./mutants --write                # all of them
     ./mutants mambo_sim --write      # those of a package or of a file, ./mutants rotor
@@ -121,6 +123,17 @@ def mutated(source: str, mutant: Mutant, name: str) -> str:
         raise MutantError(f'{name}: {mutant.what}: "{mutant.old}" is there {count} times, not '
                           'once: adjust the entry in tests/mutants')
     return source.replace(mutant.old, mutant.new)
+
+
+def refuse_dead(target: Target, source: str, dead: list[called.Definition]) -> None:
+    """Raise MutantError if a mutant stands in a function that no program of the product calls."""
+    for mutant in target.mutants:
+        line = source[:source.index(mutant.old)].count('\n') + 1
+        for definition in dead:
+            if definition.file == target.source and definition.first <= line <= definition.last:
+                raise MutantError(
+                    f'{target.name}: {mutant.what}: no program calls {definition.name}: take it '
+                    'out with its tests, or let the product use it')
 
 
 def tests_of(target: Target, names: tuple[str, ...]) -> list[str]:
@@ -253,7 +266,9 @@ def main() -> int:
     os.environ |= {'NUMBA_DISABLE_JIT': '1', 'OPENBLAS_NUM_THREADS': '1'}
     began, results, pool = time.monotonic(), {}, ThreadPoolExecutor(options.jobs)
     try:
-        targets = load()
+        targets, dead = load(), called.uncalled(*called.read())
+        for target in targets:
+            refuse_dead(target, target.source.read_text(), dead)
         for target in choose(targets, options.files):
             results[target.name] = run(target, pool)
     except MutantError as error:

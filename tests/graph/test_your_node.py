@@ -5,7 +5,6 @@ from pathlib import Path
 import re
 import subprocess
 import sys
-import threading
 
 from mambo_bags.reader import read_bag
 from mambo_bringup import flight

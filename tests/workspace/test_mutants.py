@@ -9,7 +9,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / 'tools'))
-import mutants  # noqa: E402 (a script of tools/, not a package)
+import called  # noqa: E402 (scripts of tools/, not a package)
+import mutants  # noqa: E402
 
 TARGETS = mutants.load()
 
@@ -72,6 +73,50 @@ def test_a_list_that_no_longer_fits_is_refused_by_name():
         message = f'x.py: sign: "a - b" is there {times} times'
         with pytest.raises(mutants.MutantError, match=message):
             mutants.mutated(source, mutant, 'x.py')
+
+
+@pytest.fixture(scope='module')
+def dead():
+    return called.uncalled(*called.read())
+
+
+@pytest.mark.parametrize('target', TARGETS, ids=lambda target: target.name)
+def test_a_program_of_the_product_calls_what_a_mutant_breaks(target, dead):
+    mutants.refuse_dead(target, target.source.read_text(), dead)
+
+
+def test_a_mutant_of_a_function_that_nothing_calls_is_refused(dead):
+    target, = mutants.choose(TARGETS, ['frames'])
+    source = target.source.read_text()
+    line = source[:source.index(target.mutants[0].old)].count('\n') + 1
+    gone = called.Definition(target.source, 'flip_vector', line - 2, line, frozenset())
+    with pytest.raises(mutants.MutantError, match='y kept: no program calls flip_vector'):
+        mutants.refuse_dead(target, source, [*dead, gone])
+
+
+def test_every_function_is_called_but_those_that_are_offered(dead):
+    """What users and tests of recordings call by name, and no program does."""
+    assert {definition.name for definition in dead} == {
+        'decode_pose', 'find_flight', 'flight_by_acceleration', 'flight_by_thrust',
+        'reference_at'}
+
+
+def test_calls_are_followed_through_functions_classes_and_tables(tmp_path):
+    folder = tmp_path / 'src/mambo_x/mambo_x'
+    folder.mkdir(parents=True)
+    (tmp_path / 'src/mambo_x/setup.py').write_text("scripts = ['run = mambo_x.a:main']\n")
+    (folder / 'a.py').write_text(
+        'from b import alone\n\n'  # an import is no call
+        'def main():\n    return TABLE, Thing()\n\n'
+        'def alone():\n    return alone2()\n\n'
+        'def alone2():\n    return alone()\n\n'  # that call each other
+        'def listed():\n    return 1\n\n'
+        'class Thing:\n    def __init__(self):\n        self.used()\n'
+        '    def used(self): pass\n    def unused(self): pass\n\n'
+        'class Based(Other):\n    def called_by_other(self): pass\n\n'
+        'TABLE = [listed, Based]\n')
+    dead = called.uncalled(*called.read(tmp_path))
+    assert {definition.name for definition in dead} == {'alone', 'alone2', 'unused'}
 
 
 def test_files_are_chosen_by_any_end_of_their_name():

@@ -2,12 +2,14 @@
 
 import re
 
-from mambo_bags import recover
+from mambo_bags import mcap_reader, recover
 from mambo_bags.reader import BagError, read_bag
 from mambo_bags.recover import main
+from mambo_bags.writer import BagWriter
+import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
-from synthetic import make_flight
+from synthetic import make_flight, Maker
 
 
 @pytest.fixture(scope='module')
@@ -73,6 +75,62 @@ def test_a_damaged_first_chunk_does_not_take_the_definitions_with_it(tmp_path, f
     recover.recover(tmp_path / 'bad.mcap', tmp_path / 'saved')
     seconds = set((read_bag(tmp_path / 'saved')['reference'].log_time // 10**9).tolist())
     assert seconds == {1, 2, 3, 4}
+
+
+def odd_bag(path):
+    """Write messages that were published in another order than they were received."""
+    rng = np.random.default_rng(0)
+    maker = Maker(path, ['estimate/odom', 'reference'], attachments={'scenario.yaml': 'a: 1'},
+                  metadata={'note': {'by': 'hand'}})
+    for k in range(40):
+        topic = 'reference' if k % 3 else 'estimate/odom'
+        maker.writer.write(f'/mambo/{topic}', maker.message(topic, k), 10**9 + k * 10**7,
+                           5 * 10**8 + int(rng.integers(0, 10**9)))
+    maker.writer.close({'flown_by': 'nobody'})
+    return path
+
+
+def test_publish_times_are_those_of_the_source_and_not_log_times(tmp_path):
+    source = odd_bag(tmp_path / 'odd')
+    result = recover.recover(source, tmp_path / 'saved')
+    whole, saved = (mcap_reader.scan(path / f'{path.name}_0.mcap')
+                    for path in (source, tmp_path / 'saved'))
+    before, after = recover.in_order(whole), recover.in_order(saved)
+    assert len(before) == 40 and after == before  # topic, log time, publish time, bytes
+    assert [m[1] for m in after] == sorted(m[1] for m in after)
+    assert [m[2] for m in after] != sorted(m[2] for m in after)
+    assert (result.start, result.end) == (10**9, 10**9 + 39 * 10**7)
+    assert str(result).startswith('saved 40 messages over 0.390 s\n')
+    assert result.counts == {'/mambo/estimate/odom': 14, '/mambo/reference': 26}
+
+
+def test_attachments_and_metadata_come_along_and_the_writers_own_record_is_new(tmp_path):
+    recover.recover(odd_bag(tmp_path / 'odd'), tmp_path / 'saved')
+    saved = read_bag(tmp_path / 'saved')
+    assert saved.attachments == {'scenario.yaml': 'a: 1'}
+    assert saved.custom_data == {'recovered_from': 'odd'}
+    contents = mcap_reader.scan(tmp_path / 'saved' / 'saved_0.mcap')
+    assert [record.name for record in contents.metadata].count('rosbag2') == 1
+    assert {record.name: record.metadata for record in contents.metadata}['note'] == {
+        'by': 'hand'}
+
+
+def test_quality_of_service_that_cannot_be_read_is_left_out():
+    assert recover._profiles('- {depth: 3}') == [{'depth': 3}]
+    assert recover._profiles('') == recover._profiles('a: [') == recover._profiles('a: 1') == []
+
+
+def test_one_topic_of_two_types_is_refused(tmp_path):
+    folder = tmp_path / 'two'
+    folder.mkdir()
+    for number, kind in enumerate(('std_msgs/msg/Header', 'geometry_msgs/msg/Point')):
+        with BagWriter(tmp_path / f'part_{number}') as writer:
+            writer.add_topic('/x', kind)
+            writer.write('/x', b'\x00\x01\x00\x00' + bytes(24), 10**9)
+        (tmp_path / f'part_{number}' / f'part_{number}_0.mcap').rename(
+            folder / f'two_{number}.mcap')
+    with pytest.raises(BagError, match='/x has two types in one bag; recover file by file'):
+        recover.recover(folder, tmp_path / 'saved')
 
 
 def test_the_report_says_what_was_saved_and_lost(tmp_path, flight, capsys):

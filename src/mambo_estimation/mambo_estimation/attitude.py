@@ -387,13 +387,6 @@ def with_window(a: Attitude, window: Window) -> Attitude:
 
 
 @jit
-def rotation_covariance(a: Attitude) -> Matrix3:
-    """Return the covariance of delta about inertial axes, (3, 3) rad^2, hidden tilt included."""
-    hidden = a.hidden * a.hidden
-    return sub3(a.P_rr, diagonal3(-hidden, -hidden, 0.0))
-
-
-@jit
 def published_covariance(a: Attitude, aid_age: float) -> Matrix3:
     """
     Return the covariance of delta as its innovations show it, (3, 3) rad^2, inertial axes.

@@ -271,19 +271,6 @@ def rotor_drag(
     return out
 
 
-def lumped_coefficient(k_I: float, k_T1: float, k_p: float, A_1c: float) -> float:
-    """
-    Return k_c = 4 (k_I + k_T1 + k_p + A_1c) of (3.11) in s/m, for speeds up to w.
-
-    Parameters
-    ----------
-    k_I, k_T1, k_p, A_1c : s/m
-        Of (3.5), (3.6), (3.9) and (3.4).
-
-    """
-    return 4.0 * (k_I + k_T1 + k_p + A_1c)
-
-
 @jit
 def through_air(nu: Vec3, q: Quat, wind: Vec3 | None) -> Vec3:
     """

@@ -25,11 +25,6 @@ def flip_vector(v: Vec3) -> Vec3:
     return (v[0], -v[1], -v[2])
 
 
-def flip_quaternion(q: Quat) -> Quat:
-    """Return an attitude, w x y z, FRD-to-NED to FLU-to-z-up, and the same way back."""
-    return (q[0], q[1], -q[2], -q[3])
-
-
 def wire_quaternion(q: Quat) -> Quat:
     """Return x y z w of the FLU-to-z-up attitude from w x y z of the FRD-to-NED one."""
     return (q[1], -q[2], -q[3], q[0])

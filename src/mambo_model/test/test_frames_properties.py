@@ -20,10 +20,15 @@ def bits(numbers):
     return [struct.pack('<d', x) if x == x else b'nan' for x in numbers]
 
 
+def wire(q):
+    """Return the attitude on the wire, w x y z."""
+    x, y, z, w = frames.wire_quaternion(q)
+    return (w, x, y, z)
+
+
 @given(VECTORS, QUATS)
 def test_two_flips_give_back_every_bit(v, q):
     assert bits(frames.flip_vector(frames.flip_vector(v))) == bits(v)
-    assert bits(frames.flip_quaternion(frames.flip_quaternion(q))) == bits(q)
     assert bits(frames.body_quaternion(*frames.wire_quaternion(q))) == bits(q)
 
 
@@ -48,10 +53,10 @@ def test_a_flip_is_a_rotation_by_half_a_turn(v, rotvec, rate):
     q = quat.exp_map(rotvec)
     # the attitude of the flipped body in the flipped world: turn q turn*
     there = quat.multiply(quat.multiply(TURN, q), quat.conjugate(TURN))
-    np.testing.assert_allclose(frames.flip_quaternion(q), there, atol=1e-15)
+    np.testing.assert_allclose(wire(q), there, atol=1e-15)
     # a body vector, flipped and then turned, is the turned one flipped
     np.testing.assert_allclose(
-        quat.rotate(frames.flip_quaternion(q), frames.flip_vector(v)),
+        quat.rotate(wire(q), frames.flip_vector(v)),
         frames.flip_vector(quat.rotate(q, v)), atol=1e-13)
 
 

@@ -146,6 +146,14 @@ def test_a_stamp_is_read_in_either_byte_order(stamp):
         assert stamp_ns(behind, 4) == stamp
 
 
+@given(STAMPS)
+def test_a_message_of_another_byte_order_is_read_all_the_same(stamp):
+    layout = Layout(topics.CLOCK.msg_type)  # without a text whose length would tell
+    data = b'\x00\x00\x00\x00' + struct.pack('>iI', *divmod(stamp, 10**9))
+    assert layout.unpack(data) == divmod(stamp, 10**9)
+    assert layout.unpack(layout.stamped(stamp)) == divmod(stamp, 10**9)
+
+
 @given(st.lists(STAMPS, min_size=1, max_size=5), st.floats(allow_nan=False, width=32))
 def test_many_stamps_at_once_are_those_one_by_one(stamps, value):
     layout = Layout(topics.BAROMETER.msg_type, header__frame_id='base_link')

@@ -1,4 +1,4 @@
-"""Derivatives against closed forms and scipy."""
+"""Derivatives against closed forms and scipy, with the noise that least squares have."""
 
 from mambo_signals.derivative import ATTITUDE, body_rates, local_fit, POSITION, SPARSE
 import numpy as np

@@ -67,8 +67,8 @@ def test_unsorted_source_is_sorted_first():
 
 def test_a_value_that_is_missing_is_missing_on_both_sides():
     values = np.array([[0.0], [np.nan], [2.0], [3.0]])
-    out = resample.interpolate(
-        np.array([5, 10, 15, 20, 25]), np.array([0, 10, 20, 30]), values, 99)
+    at = np.array([5, 10, 15, 20, 25])
+    out = resample.interpolate(at, np.array([0, 10, 20, 30]), values, 99)
     np.testing.assert_array_equal(out[:, 0], [np.nan, np.nan, np.nan, 2.0, 2.5])
 
 

@@ -3,11 +3,12 @@
 from mambo_bags.reader import read_bag
 from mambo_signals import time_offset as align
 from mambo_signals.time_offset import (
-    AlignError, equalised, find_flight, flight_by_acceleration, flight_by_height, flight_by_thrust,
-    matched, pose_offset, registration, time_offset)
+    agreed, AlignError, equalised, find_flight, flight_by_acceleration, flight_by_height,
+    flight_by_thrust, matched, Offset, pose_offset, registration, time_offset)
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 from synthetic import LANDING, make_flight, Maker
 
@@ -255,6 +256,142 @@ def test_a_bag_tells_its_flight_by_the_best_signal_it_has(tmp_path):
         find_flight(bag)
 
 
+def colored(seed, count=4000, rho=0.7):
+    """Return AR(1) scores of unit innovation; the variance of their sum is known."""
+    rng = np.random.default_rng(seed)
+    return lfilter([1.0], [1.0, -rho], rng.standard_normal(count + 200))[200:]
+
+
+@pytest.mark.parametrize(('least', 'lags'), [(1, None), (40, 40), (10**6, 1000)])
+def test_the_variance_of_correlated_scores_is_that_of_newey_and_west(least, lags):
+    """By another hand: the autocovariance at every lag, times the triangle of Bartlett."""
+    x = colored(0)
+    x = x - x.mean()
+    gamma = np.correlate(x, x, 'full')[len(x) - 1:]
+    if lags is None:  # Andrews 1991, eq. 6.2 and 6.4, of an AR(1)
+        rho = gamma[1] / gamma[0]
+        alpha = 4.0 * rho ** 2 / ((1.0 - rho) ** 2 * (1.0 + rho) ** 2)
+        lags = int(1.1447 * (alpha * len(x)) ** (1.0 / 3.0))
+        assert 20 < lags < 60
+    bartlett = np.bartlett(2 * lags + 3)[lags + 1:-1]
+    assert bartlett[0] == 1.0 and len(bartlett) == lags + 1
+    want = gamma[0] + 2.0 * (bartlett[1:] * gamma[1:lags + 1]).sum()
+    assert align._long_run_variance(x, least) == pytest.approx(want, rel=1e-9)
+
+
+def test_the_variance_of_correlated_scores_is_that_of_their_sum():
+    """Of AR(1) scores the sum varies by n / (1 - rho)^2: neither more nor less is promised."""
+    rho, count = 0.7, 4000
+    true = count / (1.0 - rho) ** 2
+    found = [align._long_run_variance(colored(seed), 1) / true for seed in range(40)]
+    # 25 lags of the triangle take off a tenth, and one run scatters by some 12 %
+    assert 0.8 < np.mean(found) < 1.05
+    assert np.std(found) < 0.3
+    sums = [colored(seed).sum() ** 2 / true for seed in range(200)]
+    assert np.mean(sums) == pytest.approx(1.0, abs=0.3)  # 3 sigma of 200 chi-square
+
+
+def test_scores_that_say_nothing_have_no_variance_and_rough_ones_keep_theirs():
+    assert align._long_run_variance(np.zeros(100), 3) == 0.0
+    assert align._long_run_variance(np.full(100, 7.0), 3) == 0.0
+    rough = np.tile([1.0, -1.0], 500)  # what is lost by the next sample: never less than 1 / n
+    assert 0.0 < align._long_run_variance(rough, 1) <= 1000.0
+
+
+@pytest.mark.parametrize('noise', [0.003, 0.03, 0.1])
+def test_the_standard_error_is_neither_too_wide_nor_too_narrow(noise):
+    z = []
+    for seed in range(30):
+        *signals, offset = pair(500 + seed, (100.0, 100.0), (noise, noise), 0)
+        found = time_offset(*signals)
+        z.append((found.offset - offset) / found.sigma)
+    # of 30 trials the rms is known to 13 %: three of these either way. Noise of 0.1 m moves more
+    # per sample than the motion: taken for motion it would promise a tenth of the true error
+    assert 0.6 < np.sqrt(np.mean(np.square(z))) < 1.4
+
+
+def test_more_noise_is_a_wider_error_in_proportion():
+    sigma = []
+    for noise in (0.01, 0.1):
+        *signals, _ = pair(3, (100.0, 100.0), (noise, noise), 0)
+        sigma.append(time_offset(*signals).sigma)
+    # the same noise ten times over; the estimate of its correlation varies a little
+    assert sigma[1] / sigma[0] == pytest.approx(10.0, rel=0.25)
+
+
+def one(offset, sigma):
+    return Offset(offset, sigma, 0.99, 0.0, 1.0, 30.0)
+
+
+def test_the_signal_of_the_smallest_error_tells_the_offset():
+    name, best = agreed({'height': one(1.0, 0.01), 'speed': one(1.002, 0.002)})
+    assert name == 'speed' and best.offset == 1.002 and best.sigma == pytest.approx(0.002)
+    # a range that may be 30 ms behind counts for less than its standard error says
+    name, best = agreed({'range': one(1.0, 1e-4), 'speed': one(1.01, 0.01)}, {'range': 0.03})
+    assert name == 'speed' and best.sigma == pytest.approx(0.01)
+    name, best = agreed({'range': one(1.0, 0.001)}, {'range': 0.03})
+    assert best.sigma == pytest.approx(np.hypot(0.001, 0.03))
+
+
+def test_signals_that_scatter_more_than_they_say_widen_the_error():
+    """Birge's ratio: two others at 3 and 4 sigma make it the root of 12.5 times as wide."""
+    _, best = agreed({'a': one(0.0, 0.001), 'b': one(0.006, 0.002), 'c': one(-0.012, 0.003)})
+    assert best.sigma == pytest.approx(0.001 * np.sqrt((3.0 ** 2 + 4.0 ** 2) / 2.0))
+    _, best = agreed({'a': one(0.0, 0.001), 'b': one(0.001, 0.002)})
+    assert best.sigma == 0.001  # never narrower
+
+
+def test_signals_that_disagree_are_refused_by_name():
+    with pytest.raises(AlignError, match=r'disagree .*speed \+1\.000 s, height \+1\.200 s'):
+        agreed({'height': one(1.2, 0.01), 'speed': one(1.0, 0.002)})
+    assert agreed({'height': one(1.14, 0.01), 'speed': one(1.0, 0.002)})[0] == 'speed'
+
+
+def test_quantities_that_do_not_move_say_so_and_do_not_stop_the_others():
+    t, x = motion(5)
+    small = 0.02 * x  # swings over less than 0.1
+    found, reasons = align.offsets({
+        'height': (t, x, t - 1.0, x), 'speed': (t, small, t - 1.0, small),
+        'yaw_rate': (t, x, t, motion(6)[1])})
+    assert set(found) == {'height'} and set(reasons) == {'speed', 'yaw_rate'}
+    assert isinstance(reasons['speed'], align.NotExcited)
+    assert not isinstance(reasons['yaw_rate'], align.NotExcited)
+    assert 'are needed' in str(reasons['speed'])
+
+
+def test_an_offset_that_is_too_uncertain_is_refused():
+    *signals, _ = pair(0, (100.0, 100.0), (0.1, 0.1), 0)
+    sigma = time_offset(*signals).sigma
+    with pytest.raises(AlignError, match='standard error of .* more than'):
+        time_offset(*signals, worst=0.9 * sigma)
+    assert time_offset(*signals, worst=1.1 * sigma).sigma == sigma
+
+
+def test_the_overlap_is_what_both_have():
+    t, x = motion(7)
+    first, second = t < 25.0, t > 10.0
+    found = time_offset(t[first], x[first], t[second] - 3.0, x[second])
+    assert found.offset == pytest.approx(3.0, abs=1e-3)
+    assert found.overlap == pytest.approx(15.0, abs=0.1)
+    with pytest.raises(AlignError):  # 15 s of 25 s are not 0.8 of them
+        time_offset(t[first], x[first], t[second] - 3.0, x[second], overlap=0.8)
+
+
+@pytest.mark.parametrize(('limits', 'found'), [((2.0, 3.0), True), ((2.6, 3.0), False)])
+def test_an_offset_lies_within_its_limits(limits, found):
+    t, x = motion(8)
+    if found:
+        assert time_offset(t, x, t - 2.5, x, limits=limits).offset == pytest.approx(2.5, abs=1e-3)
+    else:
+        with pytest.raises(AlignError):
+            time_offset(t, x, t - 2.5, x, limits=limits)
+
+
+def test_repeated_times_count_once():
+    t, x = motion(9)
+    t, x = t[::10], x[::10]
+    twice = np.repeat(t, 2), np.repeat(x, 2)
+    assert time_offset(*twice, t - 1.5, x).offset == pytest.approx(1.5, abs=1e-3)
 def test_the_public_names_are_documented():
     for name in ('time_offset', 'pose_offset', 'registration', 'equalised', 'find_flight'):
         assert 'Raises' in getattr(align, name).__doc__

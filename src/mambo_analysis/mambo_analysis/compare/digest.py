@@ -73,6 +73,8 @@ def saved(path: Path) -> str | None:
     data, at = path.read_bytes(), 8
     while at + 8 <= len(data):
         length, kind = struct.unpack_from('>I4s', data, at)
+        if at + 12 + length > len(data):  # cut off within it
+            return None
         key, _, text = data[at + 8:at + 8 + length].partition(b'\0')
         if kind == b'tEXt' and key == KEY.encode():
             return text.decode('latin-1')

@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 
 from interval_checks import assert_covers
+from mambo_analysis.identify import flow
 from mambo_analysis.identify.flow import fit_factor, from_recording, main, Samples, samples
 from mambo_analysis.identify.regression import IdentifyError
 from mambo_bags.reader import read_bag
@@ -13,6 +14,7 @@ from mambo_flight.scenario import load, scenario
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from synthetic import make_capture
 
 BAG = Path(__file__).parents[4] / 'bags/circle_short'
 T = np.arange(0.0, 20.0, 1.0 / 120.0)
@@ -175,3 +177,15 @@ def test_a_topic_without_messages_is_one_line(tmp_path, capsys):
             bag.write('/mambo/optitrack/pose', data, stamp)
     assert main([str(tmp_path / 'bag')]) == 2
     assert '/mambo/optical_flow has no messages\n' in capsys.readouterr().err
+
+
+def test_one_flipped_pose_does_not_change_the_samples_of_the_flow(tmp_path):
+    found = []
+    for name, flipped in (('a', ()), ('b', {700})):
+        make_capture(tmp_path / name, flipped, floor_flow=True)
+        found.append(flow.read(tmp_path / name, 0.0, -np.inf, np.inf, 0.0, None))
+    assert [one.impossible for one in found] == [0, 1]
+    assert (found[1].depth > 0.0).all()
+    for column in ('velocity', 'depth', 'rotation'):
+        np.testing.assert_allclose(
+            getattr(found[1], column), getattr(found[0], column), atol=0.02)

@@ -85,10 +85,10 @@ def test_a_body_tracked_with_wrong_axes_is_told(log, take):
     found = join.signals(bag, poses)
     np.testing.assert_allclose(found['turn rate'][3], known['turn rate'][3], atol=1e-9)
     np.testing.assert_allclose(found['roll rate'][3], known['pitch rate'][3], atol=1e-9)
-    with pytest.raises(AlignError, match=(
-            r'turn rate \+2\.49.*roll rate \+2\.9.*pitch rate \+2\.9.*'
-            'wrong axes of the tracked body')):  # how fast it turns has no axes
+    with pytest.raises(AlignError, match='wrong axes of the tracked body') as told:
         join.find_clock(bag, poses)
+    assert 'turn rate +2.49' in str(told.value)  # how fast it turns has no axes
+    assert 'pitch rate +2.9' in str(told.value)
 
 
 def test_the_take_of_another_flight_is_refused(log, tmp_path):

@@ -31,16 +31,6 @@ def multiply(p: Quat, q: Quat) -> Quat:
 
 
 @jit
-def product_matrix(p: Quat) -> Matrix4:
-    """Return the rows of the (4, 4) matrix Q(p) with ``multiply(p, q) = Q(p) q`` (2.10)."""
-    return (
-        (p[0], -p[1], -p[2], -p[3]),
-        (p[1], p[0], -p[3], p[2]),
-        (p[2], p[3], p[0], -p[1]),
-        (p[3], -p[2], p[1], p[0]))
-
-
-@jit
 def conjugate(q: Quat) -> Quat:
     """Return q*, (4,) (2.7): the inverse rotation if q is unit."""
     return (q[0], -q[1], -q[2], -q[3])

@@ -65,26 +65,6 @@ def image_flow(point: Vec3, V: Vec3, omega: Vec3, f1: float) -> Vec2:
         + (f1 + y * y / f1) * omega[0] - x * y / f1 * omega[1] - x * omega[2])
 
 
-@jit
-def derotate(of: Vec2, omega: Vec3, f1: float) -> Vec2:
-    """
-    Return the flow with the vehicle's sign and without rotation, (2,) rad/s, at the image centre.
-
-    Times the depth Z it is the body velocity along x and y, which makes (5.2) exact.
-
-    Parameters
-    ----------
-    of : (2,) units of f1 per s
-        Image motion (2.18) of the point on the optical axis.
-    omega : (3,) rad/s
-        Rate of the camera.
-    f1
-        Focal length.
-
-    """
-    return (-of[0] / f1 - omega[1], -of[1] / f1 + omega[0])
-
-
 class FlowMemory(NamedTuple):
     """What the sensor remembers."""
 

@@ -60,13 +60,14 @@ def robust_sigma(x: Array) -> Interval:
     """
     size = MAD * np.abs(x)
     found = jackknife(lambda keep: float(np.median(size[keep])), len(x))
+    found = found._replace(low=max(found.low, 0.0))
     apart = 1e-4 * found.value  # float32 leaves equal sizes a little apart
     below, above = size[size < found.value - apart], size[size > found.value + apart]
     if len(x) - len(below) - len(above) < 2 + 0.01 * len(x) or not len(below) or not len(above):
         return found
     reach = 1.96 * 1.17 / np.sqrt(len(x)) * found.value
     down, up = 0.5 * (found.value - below.max()), 0.5 * (above.min() - found.value)
-    return Interval(found.value, min(found.low, found.value - reach - down),
+    return Interval(found.value, max(0.0, min(found.low, found.value - reach - down)),
                     max(found.high, found.value + reach + up))
 
 

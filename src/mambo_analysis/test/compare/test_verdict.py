@@ -1,0 +1,139 @@
+"""What the verdict says of an estimator's state, at and beside each of its limits."""
+
+from mambo_analysis.compare import verdict as judge
+from mambo_analysis.compare.verdict import FAR, FAR_TIME, FASTEST, first_long_run, verdict
+from mambo_estimation import health
+import numpy as np
+import pytest
+
+PERIOD = 0.01  # s
+COUNT = 500
+START = 70 * 10**9  # ns, the clock of the bag does not begin at 0
+
+
+class Messages(dict):
+    """Columns of a topic, by name."""
+
+    @property
+    def stamp(self):
+        return self['stamp']
+
+    def __len__(self):
+        return len(self['stamp'])
+
+    def __getattr__(self, name):
+        return self[name]
+
+
+def stamps():
+    return START + np.arange(COUNT) * round(PERIOD * 1e9)
+
+
+@pytest.fixture
+def flight():
+    """Return a bag of a flight without a fault, whose columns a test may change."""
+    nothing = np.full(COUNT, np.nan)
+    sonar = nothing.copy()
+    sonar[::5] = 0.01
+    inner = Messages(
+        stamp=stamps(), status=np.full(COUNT, 2), sonar_innovation=sonar,
+        health=np.zeros((COUNT, len(health.NAMES)), int), sonar_refused=np.zeros(COUNT, int),
+        flow_refused=np.zeros(COUNT, int), barometer_refused=np.zeros(COUNT, int))
+    return {
+        'estimator/state': inner,
+        'estimate/odom': Messages({'stamp': stamps(),
+                                   'twist.twist.linear': np.zeros((COUNT, 3))})}
+
+
+def first_line(flight):
+    return verdict(flight, flight).splitlines()[0]
+
+
+def test_a_flight_without_a_fault_did_not_diverge(flight):
+    assert first_line(flight) == 'verdict: the estimate did not diverge'
+
+
+@pytest.mark.parametrize(('seconds', 'told'), [(FAR_TIME - 0.1, False), (FAR_TIME + 0.1, True)])
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_height_that_is_far_for_long_diverged_and_when_is_told(flight, seconds, told, sign):
+    innovation = flight['estimator/state']['sonar_innovation']
+    begin = 200
+    innovation[begin:begin + round(seconds / PERIOD) + 1:5] = sign * (FAR + 0.01)
+    assert ('height diverged at 2.00 s: more than 0.5 m' in first_line(flight)) == told
+
+
+def test_a_height_at_the_limit_is_not_far(flight):
+    flight['estimator/state']['sonar_innovation'][::5] = FAR
+    assert 'did not diverge' in first_line(flight)
+
+
+def test_a_range_between_that_fits_ends_the_run(flight):
+    innovation = flight['estimator/state']['sonar_innovation']
+    innovation[100:300:5] = 2.0
+    innovation[180] = 0.0
+    assert 'height diverged' in first_line(flight)  # 1.15 s are left behind it
+    innovation[200:300:5] = 0.0
+    assert 'did not diverge' in first_line(flight)
+
+
+@pytest.mark.parametrize(('velocity', 'told'), [
+    ((0.99 * FASTEST, 0.0, 0.0), False), ((0.8 * FASTEST, 0.0, 0.8 * FASTEST), True),
+    ((0.0, -1.01 * FASTEST, 0.0), True), ((np.nan, 0.0, 0.0), True)])
+def test_a_speed_that_no_vehicle_has_is_a_divergence(flight, velocity, told):
+    flight['estimate/odom']['twist.twist.linear'][150:152] = velocity
+    line = first_line(flight)
+    assert ('velocity diverged at 1.50 s: faster than 10 m/s' in line) == told
+    assert ('did not' in line) == (not told)
+
+
+@pytest.mark.parametrize(('aligning', 'told'), [(COUNT, True), (COUNT - 1, False), (0, False)])
+def test_an_estimator_that_never_aligned_is_told(flight, aligning, told):
+    flight['estimator/state']['status'][:aligning] = judge.ALIGNING
+    assert ('never aligned: the vehicle did not rest' in first_line(flight)) == told
+
+
+def test_everything_that_is_wrong_is_in_the_first_line(flight):
+    flight['estimator/state']['status'][:] = judge.ALIGNING
+    flight['estimator/state']['sonar_innovation'][::5] = 1.0
+    flight['estimate/odom']['twist.twist.linear'][:] = 99.0
+    assert first_line(flight).count(';') == 2
+
+
+def test_each_sensor_is_told_by_its_own_health(flight, monkeypatch):
+    monkeypatch.setattr(judge, 'SENSORS', {
+        topic: (None, lambda messages: (messages['values'],)) for topic, _ in judge._AIDING})
+    inner = flight['estimator/state']
+    inner['health'][:50, 0] = health.OUT_OF_REACH + 1       # a tenth of the time
+    inner['health'][:100, health.SONAR] = health.OUT_OF_REACH + 1
+    inner['health'][100:125, health.SONAR] = health.OUT_OF_REACH
+    inner['sonar_refused'][:] = np.linspace(0, 30, COUNT).astype(int)
+    values = np.ones((100, 1))
+    values[60:] = np.nan  # what is no number is no sample
+    flight['sonar/range'] = Messages(stamp=stamps()[:100], values=values)
+    lines = verdict(flight, flight).splitlines()[1:]
+    assert len(lines) == health.SONAR + len(judge._AIDING)
+    assert lines[0] == f'  {health.NAMES[0]}: unhealthy for 10.0% of the time'
+    assert lines[health.SONAR] == (
+        f'  {health.NAMES[health.SONAR]}: 60 samples, 50.0% refused; unhealthy for 20.0% of the '
+        'time, out of reach for 5.0%')
+    assert lines[health.SONAR + 1] == f'  {health.NAMES[health.SONAR + 1]}: absent'
+    inner['sonar_refused'][-1] = 10**6  # of samples that the bag lacks: all of those it has
+    assert '100.0% refused' in verdict(flight, flight)
+
+
+@pytest.mark.parametrize('state', [None, 'empty'])
+def test_without_the_estimators_own_state_there_is_no_verdict(flight, state):
+    if state is None:
+        del flight['estimator/state']
+    else:
+        flight['estimator/state']['stamp'] = np.empty(0, np.int64)
+    assert verdict(flight, flight) == 'verdict: none, as there is no estimator/state'
+
+
+@pytest.mark.parametrize(('far', 'least', 'begin'), [
+    ([0, 0, 0, 0, 0], 1.0, None), ([1, 1, 1, 0, 1], 2.0, 0.0), ([1, 1, 0, 1, 1], 1.0, 0.0),
+    ([1, 0, 1, 1, 1], 2.0, 2.0), ([1, 1, 1, 1, 1], 4.0, 0.0), ([1, 1, 1, 1, 1], 4.1, None),
+    ([0, 0, 0, 0, 1], 0.0, 4.0), ([], 1.0, None)])
+def test_the_first_run_that_is_long_enough(far, least, begin):
+    found = first_long_run(np.arange(len(far)) * 1.0, np.array(far, bool), least)
+    assert np.isnan(found) if begin is None else found == begin
