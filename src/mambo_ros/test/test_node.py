@@ -15,6 +15,9 @@ from mambo_ros.endpoints import qos
 from mambo_ros.loop import Loop
 from mambo_ros.node import MamboNode
 import pytest
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+import rclpy
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from ros_helpers import PATIENCE, readers, serving, until
 from tf2_msgs.msg import TFMessage
@@ -174,6 +177,29 @@ def test_what_a_prompt_message_overtook_is_looked_for_soon(ros, monkeypatch):
     loop.once(0.1)
     assert waits[-2:] == [0.0003, 0.005]
     loop.close()
+
+
+@pytest.mark.parametrize('service, kind, request_', [
+    ('set_parameters', SetParameters, SetParameters.Request(
+        parameters=[Parameter(name='use_sim_time', value=ParameterValue(type=99))])),
+    ('set_parameters_atomically', SetParametersAtomically, SetParametersAtomically.Request(
+        parameters=[Parameter(name='use_sim_time', value=ParameterValue(type=99))])),
+])
+def test_a_request_that_rclpy_cannot_answer_does_not_end_the_node(ros, service, kind, request_):
+    node, got = listener(topics.CLOCK)
+    asker = rclpy.create_node('asker', namespace='mambo')
+    client = asker.create_client(kind, f'listener/{service}')
+    with serving(node) as loop:
+        assert client.wait_for_service(PATIENCE)
+        for _ in range(3):
+            answer = client.call_async(request_)
+            rclpy.spin_until_future_complete(asker, answer, timeout_sec=PATIENCE)
+            assert answer.done()
+        sender, publish = talker(topics.CLOCK)
+        until(lambda: readers(sender, topics.CLOCK) == 1, 'the link')
+        publish(messages.clock(7))
+        until(lambda: got, 'a message', lambda: time.sleep(0.01))
+        assert not loop.stopping
 
 
 def test_without_messages_a_loop_waits_and_says_so(ros):
