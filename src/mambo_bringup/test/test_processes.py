@@ -391,6 +391,16 @@ def test_a_node_that_is_loaded_begins_as_a_copy_and_ends_like_any_other(tmp_path
     ], done.stderr
 
 
+def test_a_copy_that_the_system_refuses_leaves_the_signals_as_they_were(monkeypatch):
+    def refuse():
+        raise BlockingIOError('no more processes')
+    monkeypatch.setattr(os, 'fork', refuse)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    with pytest.raises(BlockingIOError):
+        processes._Copy('module', [])
+    assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == before
+
+
 def test_a_process_that_has_ros_is_not_copied(tmp_path):
     done = copies(tmp_path, 'import rclpy')
     assert done.returncode == 1
