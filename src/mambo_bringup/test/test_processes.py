@@ -290,14 +290,18 @@ with Crew('recorder') as crew:
 
 def test_shared_memory_of_the_living_stays_and_of_the_dead_goes(tmp_path, monkeypatch):
     monkeypatch.setattr(keeper, '_SHARED', tmp_path)
-    for name in ('fastrtps_1', 'fastrtps_1_el', 'fastrtps_2', 'fastrtps_2_el', 'other_el'):
+    living = ['fastrtps_port1', 'fastrtps_port1_el', 'other_el', 'sem.fastrtps_port1_mutex']
+    for name in (*living, 'fastrtps_2', 'fastrtps_2_el', 'fastrtps_port3', 'fastrtps_port3_el',
+                 'sem.fastrtps_port3_mutex', 'sem.fastrtps_port4_mutex'):
         (tmp_path / name).touch()
         os.utime(tmp_path / name, (1.0, 1.0))
-    with (tmp_path / 'fastrtps_1_el').open() as held:
+    with (tmp_path / 'fastrtps_port1_el').open() as held:
         fcntl.flock(held, fcntl.LOCK_EX)
         keeper.sweep()
-        assert sorted(file.name for file in tmp_path.iterdir()) == [
-            'fastrtps_1', 'fastrtps_1_el', 'other_el']
+        assert sorted(file.name for file in tmp_path.iterdir()) == living
+    (tmp_path / 'sem.fastrtps_port5_mutex').touch()  # of a port that is just being made
+    keeper.sweep()
+    assert (tmp_path / 'sem.fastrtps_port5_mutex').exists()
 
 
 def test_signals_mean_afterwards_what_they_meant_before():
