@@ -16,7 +16,6 @@ from typing import Any, Generic, TypeVar
 from mambo_interfaces.msg import NodeLinks
 import rclpy
 from rclpy.node import Node
-from rclpy.service import Service
 from rclpy.subscription import Subscription
 
 from . import diagnostics, params, peers, topics
@@ -69,22 +68,6 @@ class MamboNode(Node, Generic[P]):
         self._next_report = 0.0  # s of wall time
         self._links = self.create_publisher(
             topics.LINKS.msg_type, topics.LINKS.name, qos(topics.LINKS, 1))
-
-    def create_service(self, srv_type: Any, srv_name: str, callback: Callable,
-                       **kwargs: Any) -> Service:
-        """
-        Create a service as ``rclpy`` does; a request that cannot be answered does not end the node.
-
-        ``rclpy`` creates those of the parameters by this, which anybody may call with anything.
-        """
-        def answer(request: Any, response: Any) -> Any:
-            try:
-                return callback(request, response)
-            except Exception as error:
-                self.get_logger().warning(
-                    f'{srv_name}: ignored a request: {error}', throttle_duration_sec=_REPORT_EVERY)
-                return response
-        return super().create_service(srv_type, srv_name, answer, **kwargs)
 
     def advertise(self, topic: topics.Topic) -> RawPublisher:
         """Advertise a topic; return what publishes serialised messages on it when called."""
