@@ -40,7 +40,7 @@ class Controller:
         self.node = ControllerNode()
         self.answers = []
         self.node._pwm = self.answers.append
-        self.node.count_publishers = lambda topic: topic in self.publish
+        self.node.count_publishers = lambda topic: topic.removeprefix('/mambo/') in self.publish
         self.publish = {'estimate/odom', 'reference'}
 
     def estimate(self, k, variance=0.0):
@@ -116,6 +116,38 @@ def test_a_stream_that_nobody_publishes_any_more_is_not_waited_for(controller):
     controller.node._look()
     controller.reference(3)
     assert controller.stamps == [0, 1, 2]
+
+
+@pytest.mark.parametrize('lost', ['estimate/odom', 'reference'])
+def test_a_stream_under_another_name_is_not_taken_for_lost(lost):
+    rclpy.init(args=['--ros-args', '-r', f'{lost}:=/elsewhere'],
+               signal_handler_options=SignalHandlerOptions.NO)
+    controller = Controller()
+    controller.publish = {'estimate/odom', 'reference', '/elsewhere'} - {lost}
+    controller.estimate(0)
+    controller.reference(0)
+    controller.node._look()
+    first, second = ((controller.reference, controller.estimate)
+                     if lost == 'estimate/odom' else (controller.estimate, controller.reference))
+    first(1)
+    controller.node._look()
+    assert controller.stamps == [0]
+    second(1)
+    assert controller.stamps == [0, 1] and controller.node.stage == failsafe.FLYING
+    controller.node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def test_a_command_before_the_first_sample_has_no_delay(ros):
+    sim = SimNode()
+    sim.commands(messages.motor_pwm(0, (0.0,) * 4, False, 0))
+    assert sim.delays.count == 0
+    sim.sense()
+    sim.advance()
+    sim.sense()
+    sim.commands(messages.motor_pwm(STEP, (0.0,) * 4, False, 0))
+    assert sim.delays.count == 1 and sim.delays.longest < 10.0  # s, not since the machine began
+    sim.destroy_node()
 
 
 def test_variances_of_the_message_reach_the_failsafe(controller):

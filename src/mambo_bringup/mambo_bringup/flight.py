@@ -464,9 +464,10 @@ def _tell(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
     if not outcome.closed:
         print(f'bag: {bag} is not closed; mambo recover {bag} NEW_BAG'
               if bag.exists() else 'bag: none')
-        return [outcome.fault] if outcome.fault else []
+        return [outcome.fault or f'{bag} is not closed']
     print(f'bag: {bag}\n')
-    if outcome.stopped and (outcome.whole or outcome.stopped != signal.SIGINT):
+    if outcome.stopped and (
+            outcome.whole or not outcome.flown or outcome.stopped != signal.SIGINT):
         return []  # who wants no page, but the end
     said = [outcome.fault] if outcome.fault else []
     if said and not outcome.flown:

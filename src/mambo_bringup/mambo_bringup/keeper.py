@@ -41,7 +41,8 @@ def sweep() -> None:
     Remove the shared memory that killed processes have left.
 
     Fast DDS removes its files itself unless its process is killed. Each has a lock beside it,
-    held as long as its process lives: what can be locked has nobody.
+    held as long as its process lives: what can be locked has nobody. The mutex of a port outlives
+    the port.
     """
     for lock in _SHARED.glob('fastrtps_*_el'):
         with contextlib.suppress(OSError):
@@ -51,6 +52,12 @@ def sweep() -> None:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 lock.with_name(lock.name.removesuffix('_el')).unlink(missing_ok=True)
                 lock.unlink()
+    for mutex in _SHARED.glob('sem.fastrtps_port*_mutex'):
+        with contextlib.suppress(OSError):
+            port = mutex.name.removeprefix('sem.').removesuffix('_mutex')
+            old = time.time() - mutex.stat().st_mtime >= _YOUNG
+            if old and not any(_SHARED.glob(f'{port}*')):
+                mutex.unlink()
 
 
 class Keeper:

@@ -111,10 +111,12 @@ class _Copy(_FORK.Process):
         read, write = os.pipe()
         super().__init__(target=_be, args=(module, arguments, write, os.getpid()))
         before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # not to our own handlers
-        self.start()
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        os.close(write)
         self.stdout = open(read, errors='replace')
+        try:
+            self.start()
+        finally:  # where the system has no process to give, too
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+            os.close(write)
 
     def poll(self) -> int | None:
         """Return the exit code, None while the process runs."""

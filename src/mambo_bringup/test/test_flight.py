@@ -349,13 +349,19 @@ def test_names_of_bags_are_written_for_ros_as_they_are(tmp_path):
     assert yaml.safe_load(told['bag']) == str(tmp_path / name)
 
 
-@pytest.mark.parametrize('number, whole, reports', [
-    (signal.SIGINT, False, 1), (signal.SIGINT, True, 0), (signal.SIGTERM, False, 0)])
-def test_ctrl_c_after_all_was_flown_ends_without_a_report(
-        tmp_path, monkeypatch, number, whole, reports):
+@pytest.mark.parametrize('number, flown, whole, reports', [
+    (signal.SIGINT, 4.0, False, 1), (signal.SIGINT, 4.0, True, 0), (signal.SIGINT, 0.0, False, 0),
+    (signal.SIGTERM, 4.0, False, 0)])
+def test_ctrl_c_after_all_was_flown_or_before_ends_without_a_report(
+        tmp_path, monkeypatch, number, flown, whole, reports):
     asked = []
     monkeypatch.setattr(
         flight, 'report', lambda *arguments: asked.append(arguments) or (tmp_path, []))
-    outcome = flight.Outcome(tmp_path, 4.0, 1.0, 0, '', number, {}, {}, True, whole=whole)
+    outcome = flight.Outcome(tmp_path, flown, 1.0, 0, '', number, {}, {}, True, whole=whole)
     assert flight._tell(outcome, tmp_path, no_report=False) == []
     assert len(asked) == reports
+
+
+def test_a_bag_that_is_not_closed_is_a_failure_even_if_no_node_complained(tmp_path):
+    outcome = flight.Outcome(tmp_path, 0.0, 0.0, 0, '', None, {}, {}, False)
+    assert flight._tell(outcome, tmp_path, no_report=True) == [f'{tmp_path} is not closed']

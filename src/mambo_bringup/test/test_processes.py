@@ -290,14 +290,18 @@ with Crew('recorder') as crew:
 
 def test_shared_memory_of_the_living_stays_and_of_the_dead_goes(tmp_path, monkeypatch):
     monkeypatch.setattr(keeper, '_SHARED', tmp_path)
-    for name in ('fastrtps_1', 'fastrtps_1_el', 'fastrtps_2', 'fastrtps_2_el', 'other_el'):
+    living = ['fastrtps_port1', 'fastrtps_port1_el', 'other_el', 'sem.fastrtps_port1_mutex']
+    for name in (*living, 'fastrtps_2', 'fastrtps_2_el', 'fastrtps_port3', 'fastrtps_port3_el',
+                 'sem.fastrtps_port3_mutex', 'sem.fastrtps_port4_mutex'):
         (tmp_path / name).touch()
         os.utime(tmp_path / name, (1.0, 1.0))
-    with (tmp_path / 'fastrtps_1_el').open() as held:
+    with (tmp_path / 'fastrtps_port1_el').open() as held:
         fcntl.flock(held, fcntl.LOCK_EX)
         keeper.sweep()
-        assert sorted(file.name for file in tmp_path.iterdir()) == [
-            'fastrtps_1', 'fastrtps_1_el', 'other_el']
+        assert sorted(file.name for file in tmp_path.iterdir()) == living
+    (tmp_path / 'sem.fastrtps_port5_mutex').touch()  # of a port that is just being made
+    keeper.sweep()
+    assert (tmp_path / 'sem.fastrtps_port5_mutex').exists()
 
 
 def test_signals_mean_afterwards_what_they_meant_before():
@@ -389,6 +393,16 @@ def test_a_node_that_is_loaded_begins_as_a_copy_and_ends_like_any_other(tmp_path
         "3 ['up some_node leave True 1', 'complaint']", 'some_node', '0 0 ready', '-9',
         'None 0', '-2'
     ], done.stderr
+
+
+def test_a_copy_that_the_system_refuses_leaves_the_signals_as_they_were(monkeypatch):
+    def refuse():
+        raise BlockingIOError('no more processes')
+    monkeypatch.setattr(os, 'fork', refuse)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    with pytest.raises(BlockingIOError):
+        processes._Copy('module', [])
+    assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == before
 
 
 def test_a_process_that_has_ros_is_not_copied(tmp_path):

@@ -112,8 +112,9 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
     def _look(self) -> None:
         """See who still publishes, and answer what waits for a stream that nobody does."""
         begun = self._last >= 0  # before that, nobody may have been found yet
-        self._gone = (begun and not self.count_publishers(topics.ESTIMATE.name),
-                      begun and not self.count_publishers(topics.REFERENCE.name))
+        self._gone = tuple(  # by the names that they were remapped to
+            begun and not self.count_publishers(self.resolve_topic_name(topic.name))
+            for topic in (topics.ESTIMATE, topics.REFERENCE))
         for waiting, gone in zip((self._references, self._estimates), self._gone, strict=True):
             for stamp in sorted(waiting) if gone else ():
                 self._answer(stamp)

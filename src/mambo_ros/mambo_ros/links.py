@@ -98,7 +98,9 @@ class Links:
         name = self._owner.resolve_topic_name(topic.name)
         others = [f'{info.node_namespace.rstrip("/")}/{info.node_name}'
                   for info in self._owner.get_publishers_info_by_topic(name)]
-        others.remove(self._owner.get_fully_qualified_name())
+        me = self._owner.get_fully_qualified_name()
+        if me in others:
+            others.remove(me)
         if others:
             self._owner.get_logger().error(
                 f'{", ".join(others)} publishes {name} too: give each of several drones a '
@@ -120,7 +122,8 @@ class Links:
         Returns
         -------
         complete : bool
-            False if patience ended or the loop was stopped.
+            False if patience ended, the loop was stopped or somebody else publishes ``/clock``:
+            the nodes of two flights take each other for theirs.
 
         """
         began = logged = time.monotonic()
@@ -135,5 +138,7 @@ class Links:
                 return False
             if now - logged > _ASK_AGAIN:
                 logged = now
+                if not self.alone(topics.CLOCK):
+                    return False
                 self._owner.get_logger().warning(f'waiting for {missing}')
         return True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 from mambo_model import schema
@@ -9,8 +10,10 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.exceptions import (
     InvalidParameterTypeException, InvalidParameterValueException, ParameterException)
 from rclpy.node import Node
+from rclpy.service import Service
 
 P = TypeVar('P')
+_WARN_EVERY = 1.0  # s
 
 
 def _descriptor(field: Any) -> ParameterDescriptor:
@@ -65,4 +68,30 @@ def declare(node: Node, params_type: type[P]) -> P:
     unknown = sorted(name for name in given if not node.has_parameter(name))
     if unknown:
         raise schema.ParameterError(schema.unknown(unknown[0], known))
+    _guard_services(node)
     return params
+
+
+def _guard_services(node: Node) -> None:
+    """
+    Have no request to the parameter services of a node end it.
+
+    Anybody may call them with anything: ``rclpy`` raises at a type of parameter that does not
+    exist. Such a request gets an empty answer, and the log a warning.
+    """
+    for service in node.services:
+        service.callback = _guarded(node, service)
+
+
+def _guarded(node: Node, service: Service) -> Callable[[Any, Any], Any]:
+    """Return the callback of a service, without its errors."""
+    callback, name = service.callback, service.srv_name
+
+    def answer(request: Any, response: Any) -> Any:
+        try:
+            return callback(request, response)
+        except Exception as error:
+            node.get_logger().warning(
+                f'{name}: ignored a request: {error}', throttle_duration_sec=_WARN_EVERY)
+            return response
+    return answer

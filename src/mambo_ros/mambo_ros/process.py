@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
 import gc
 import os
 from pathlib import Path
@@ -11,6 +12,7 @@ import signal
 import sys
 import time
 import traceback
+from types import FrameType
 from typing import Any, NoReturn
 
 from mambo_model.schema import ParameterError
@@ -24,12 +26,22 @@ from .node import FLUSH, MamboNode
 
 _TEARDOWN = 1.0  # s that the middleware has to say goodbye; it has been seen to hang there
 _PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'  # of the user, or ours
-_REFUSALS = (ParameterError, FileNotFoundError, FileExistsError, _rclpy.RCLError)
+_REFUSALS = (ParameterError, FileNotFoundError, FileExistsError, _rclpy.RCLError,
+             _rclpy.UnknownROSArgsError)
 
 
 def _line(error: BaseException) -> str:
     """Return what an error says as one line, without places in the sources of ROS."""
-    return ' '.join(str(error).split(', at /')[0].split())
+    text = ' '.join(str(error).split(', at /')[0].split())
+    if isinstance(error, _rclpy.UnknownROSArgsError):  # whose text is the list of them
+        return f'unknown arguments after --ros-args: {text}'
+    return text
+
+
+def _say(text: str) -> None:
+    """Print a line, if anybody takes it: a closed or full output must not cost a bag its end."""
+    with suppress(OSError):
+        print(text, flush=True)
 
 
 def main(node_type: type[MamboNode], args: list[str] | None = None,
@@ -60,48 +72,66 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
 
     """
     if usage.asked(sys.argv[1:] if args is None else args):
-        print(_help(node_types))
+        _say(_help(node_types))
         return
     loop: Loop | None = None
     stopped = ''
+    starting = True
     nodes: list[MamboNode] = []
 
-    def stop(number: int, _: Any) -> None:
+    def stop(number: int, where: FrameType | None) -> None:
         nonlocal stopped
         again, stopped = bool(stopped), stopped or signal.Signals(number).name
         if loop is not None:
             loop.urgent = again
             loop.stop()
-        elif not again:
-            raise KeyboardInterrupt
+        elif starting and not again and where is not None and where.f_code is not compose.__code__:
+            raise KeyboardInterrupt  # not between a node and its place in the list: it has a bag
 
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup
-            signal.signal(number, stop)
-    os.environ.setdefault(_PROFILES, str(Path(__file__).with_name('fastdds.xml')))
+    code = 0
     try:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup
+                signal.signal(number, stop)
+        os.environ.setdefault(_PROFILES, str(Path(__file__).with_name('fastdds.xml')))
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         for node_type in node_types:
-            nodes.append(node_type())
-        loop = Loop(*nodes)
+            if not stopped:
+                nodes.append(node_type())
+        if not stopped:
+            loop = Loop(*nodes)
     except BaseException as error:  # stopped while numerics compile, the compiler raises anything
-        for node in nodes:
-            node.finish()
-        if stopped:
-            _leave(nodes, 0)
-        if not isinstance(error, _REFUSALS):
-            traceback.print_exc()
-            _leave(nodes, 1)
-        print(f'{node_types[len(nodes)].__name__}: {_line(error)}', file=sys.stderr)
-        _leave(nodes, 2)
-    if stopped:
-        loop.stop()
-    code = 1
+        starting = False
+        if not stopped:
+            code = _refuse(error, node_types[min(len(nodes), len(node_types) - 1)])
+    starting = False
     try:
-        code = _serve(nodes, loop, run, lambda: stopped) or 0
+        if loop is None:
+            _finish(nodes, stopped)
+        else:
+            code = _serve(nodes, loop, run, lambda: stopped) or 0
+    except SystemExit as end:  # a node has said why
+        code = end.code
     except BaseException:  # an error of a node, whose process leaves like any other
-        traceback.print_exc()
+        _complain()
+        code = 1
     _leave(nodes, code, loop)
+
+
+def _complain() -> None:
+    """Print the error at hand with its place, if anybody takes it."""
+    with suppress(OSError):
+        traceback.print_exc()
+
+
+def _refuse(error: BaseException, node_type: type[MamboNode]) -> int:
+    """Say why a node does not start; return the exit code."""
+    if not isinstance(error, _REFUSALS):
+        _complain()
+        return 1
+    with suppress(OSError):
+        print(f'{node_type.__name__}: {_line(error)}', file=sys.stderr)
+    return 2
 
 
 def _help(node_types: Sequence[type[MamboNode]]) -> str:
@@ -114,7 +144,8 @@ def _help(node_types: Sequence[type[MamboNode]]) -> str:
 
 def _leave(nodes: Sequence[MamboNode], code: int, loop: Loop | None = None) -> NoReturn:
     """End the process; the middleware says goodbye to the graph if it does so in time."""
-    leaving.exit_after(_TEARDOWN, code)
+    with suppress(OSError):  # a system without a timer to give
+        leaving.exit_after(_TEARDOWN, code)
     try:
         sys.stdout.flush()
         sys.stderr.flush()
@@ -127,6 +158,15 @@ def _leave(nodes: Sequence[MamboNode], code: int, loop: Loop | None = None) -> N
         os._exit(code)
 
 
+def _finish(nodes: Sequence[MamboNode], stopped: str) -> None:
+    """Say what signal ended a process, if one did; let every node finish, whatever others do."""
+    if stopped:
+        _say(f'ended by {stopped}')
+    with ExitStack() as stack:  # a bag is closed before anything that may hang
+        for node in reversed(nodes):
+            stack.callback(node.finish)
+
+
 def _serve(nodes: list[MamboNode], loop: Loop,
            run: Callable[[Any, Loop], int | None] | None,
            stopped: Callable[[], str]) -> int | None:
@@ -134,6 +174,8 @@ def _serve(nodes: list[MamboNode], loop: Loop,
     code: int | None = 0
     before = time.process_time()  # with the threads of the middleware
     gc.freeze()  # what is loaded stays: the collector need not look at it while time runs
+    if stopped():
+        loop.stop()
     try:
         if run is None:
             loop.run()
@@ -142,13 +184,10 @@ def _serve(nodes: list[MamboNode], loop: Loop,
         if len(nodes) > 1:
             loop.drain()
     finally:
-        if stopped():
-            print(f'ended by {stopped()}', flush=True)
-        for node in nodes:  # a bag is closed before anything that may hang
-            node.finish()
+        _finish(nodes, stopped())
         limit = time.monotonic() + FLUSH
         for node in nodes:
             node.flush(limit - time.monotonic())
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
-        print(f'used {time.process_time() - before:.2f} s of CPU and {memory} MB', flush=True)
+        _say(f'used {time.process_time() - before:.2f} s of CPU and {memory} MB')
     return code

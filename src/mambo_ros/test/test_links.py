@@ -159,6 +159,18 @@ def test_an_owner_of_time_that_is_not_alone_names_the_other(monkeypatch):
     until(lambda: links.alone(topics.CLOCK), 'its end')
 
 
+def test_an_owner_of_time_waits_no_longer_when_it_is_not_alone(monkeypatch):
+    monkeypatch.setattr('mambo_ros.links._ASK_AGAIN', 0.1)
+    sim, other = node('sim', [topics.CLOCK]), node('sim', [topics.CLOCK], namespace='two')
+    links, loop, said = Links(sim, 'estimator'), Loop(sim), []
+    monkeypatch.setattr(type(sim.get_logger()), 'error', lambda self, text: said.append(text))
+    until(lambda: len(sim.get_publishers_info_by_topic('/clock')) == 2, 'the other')
+    assert links.wait(loop, PATIENCE) is False
+    loop.close()
+    assert len(said) == 1 and said[0].startswith('/two/sim publishes /clock too')
+    other.destroy_node()
+
+
 def test_patience_ends_and_the_log_says_for_what(monkeypatch):
     sim, estimator = flight('sim', 'estimator')
     links, loop, said = Links(sim, 'estimator,controller'), Loop(sim), []

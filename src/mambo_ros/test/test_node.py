@@ -1,6 +1,7 @@
 """The loop that serves a node, and a node as a process."""
 
 from dataclasses import dataclass
+import os
 import re
 import signal
 import subprocess
@@ -332,7 +333,93 @@ def test_a_signal_while_a_node_loads_is_no_error_either(tmp_path, number):
     wait_for(process, 'loading')
     process.send_signal(number)
     out, err = process.communicate(timeout=PATIENCE)
-    assert (process.returncode, out, err) == (0, '', '')
+    assert (process.returncode, out, err) == (0, f'ended by {number.name}\n', '')
+
+
+BETWEEN = """
+import os, operator, signal
+
+def make(_):
+    return Probe()
+
+# all of it in C: the signal comes after the constructor and before anything of Python
+struck = map(os.kill, [os.getpid()], [signal.SIGINT])
+made = map(operator.itemgetter(0), zip(map(make, [0]), struck))
+process.compose([made.__next__], [])
+"""
+
+
+def test_a_signal_between_the_constructor_of_a_node_and_its_start_lets_it_finish(tmp_path):
+    file = tmp_path / 'probe.py'
+    file.write_text(PROGRAM.replace('process.main(Probe, sys.argv)', BETWEEN))
+    done = subprocess.run([sys.executable, str(file)], capture_output=True, text=True,
+                          timeout=PATIENCE)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert done.stdout.splitlines() == ['loading', 'ended by SIGINT', 'finished with 0']
+
+
+@pytest.mark.parametrize('broken', ['closed', 'full'])
+def test_an_output_that_nobody_takes_does_not_keep_a_node_from_finishing(tmp_path, broken):
+    file, trace = tmp_path / 'probe.py', tmp_path / 'finished'
+    file.write_text(PROGRAM.replace(
+        "print('finished with', self.count, flush=True)", f'open({str(trace)!r}, "x").close()'
+    ).replace("print('ready', flush=True)", f'open({str(tmp_path / "ready")!r}, "a").close()'
+              ).replace("print('loading', flush=True)", ''))
+    read, write = os.pipe() if broken == 'closed' else (
+        None, os.open('/dev/full', os.O_WRONLY))
+    process = subprocess.Popen([sys.executable, str(file)], stdout=write, stderr=subprocess.PIPE)
+    until((tmp_path / 'ready').exists, 'the node')
+    os.close(write)
+    if read is not None:
+        os.close(read)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, err) == (0, b'') and trace.exists()
+
+
+def test_every_node_finishes_whatever_another_one_does(tmp_path):
+    file = tmp_path / 'probe.py'
+    file.write_text(PROGRAM.replace('process.main(Probe, sys.argv)', """
+class Worse(node.MamboNode[Params]):
+    def __init__(self):
+        super().__init__('worse', Params)
+
+    def finish(self):
+        raise SystemExit(7)
+
+process.compose([Worse, Probe], [], lambda *_: 0)
+"""))
+    done = subprocess.run([sys.executable, str(file)], capture_output=True, text=True,
+                          timeout=PATIENCE)
+    assert (done.returncode, done.stderr) == (7, '')
+    assert 'finished with 0' in done.stdout
+
+
+def test_a_loop_that_the_system_refuses_is_one_line(tmp_path):
+    file = tmp_path / 'probe.py'
+    file.write_text(PROGRAM.replace('process.main(Probe, sys.argv)', """
+def refuse(*_):
+    raise process._rclpy.RCLError('no more files')
+
+process.Loop = refuse
+process.main(Probe, [])
+"""))
+    done = subprocess.run([sys.executable, str(file)], capture_output=True, text=True,
+                          timeout=PATIENCE)
+    assert (done.returncode, done.stderr) == (2, 'Probe: no more files\n')
+    assert 'finished with 0' in done.stdout
+
+
+def test_a_system_without_timers_does_not_keep_a_node_from_leaving(tmp_path):
+    file = tmp_path / 'probe.py'
+    file.write_text(PROGRAM.replace('process.main(Probe, sys.argv)', """
+import resource
+resource.setrlimit(resource.RLIMIT_SIGPENDING, (0, 0))
+process.main(Probe, [], lambda *_: 0)
+"""))
+    done = subprocess.run([sys.executable, str(file)], capture_output=True, text=True,
+                          timeout=PATIENCE)
+    assert (done.returncode, done.stderr) == (0, '')
 
 
 @pytest.mark.parametrize('code', [0, 3])
@@ -355,6 +442,7 @@ def test_a_middleware_that_hangs_in_its_teardown_does_not_keep_the_process(tmp_p
     (['-p', 'gain:=high'], "Probe: Params.gain = 'high' must be a number"),
     (['--params-file', 'nowhere.yaml'], 'nowhere.yaml'),
     (['-p', 'nonsense'], 'nonsense'),
+    (['--nonsense'], "Probe: unknown arguments after --ros-args: ['--nonsense']"),
 ])
 def test_a_wrong_parameter_ends_a_node_with_one_line(tmp_path, arguments, complaint):
     process = start(tmp_path, *arguments)

@@ -6,7 +6,8 @@ from mambo_model import schema
 from mambo_model.vehicle.parameters import Vehicle
 from mambo_ros.node import MamboNode
 import pytest
-from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.msg import Parameter as ParameterMessage, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -162,3 +163,21 @@ def test_parameter_services_answer_while_the_loop_runs():
         assert gain.double_value == 2.0
     executor.shutdown()
     asker.destroy_node()
+
+
+NONE_SUCH = ParameterMessage(name='use_sim_time', value=ParameterValue(type=99))
+
+
+@pytest.mark.parametrize('service, kind', [
+    ('set_parameters', SetParameters), ('set_parameters_atomically', SetParametersAtomically)])
+def test_a_request_that_rclpy_cannot_answer_does_not_end_the_node(service, kind):
+    served = MamboNode('served', Params)
+    asker = rclpy.create_node('asker', namespace='mambo')
+    client = asker.create_client(kind, f'served/{service}')
+    with serving(served) as loop:
+        assert client.wait_for_service(PATIENCE)
+        for _ in range(3):  # the node is there for the next one, too
+            answer = client.call_async(kind.Request(parameters=[NONE_SUCH]))
+            rclpy.spin_until_future_complete(asker, answer, timeout_sec=PATIENCE)
+            assert answer.done()
+        assert not loop.stopping

@@ -79,7 +79,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
     def _on_pwm(self, t: int, pwm: tuple, shutdown: bool) -> None:
         self._answered, self._pwm, self._shutdown = t, _STILL if shutdown else pwm, shutdown
         self._heard = time.monotonic()
-        if t == self.t:
+        if t == self.t and self.sensed:  # not a command from before the first sample
             self.delays.add(self._heard - self.sensed)
 
     def _time(self) -> int:

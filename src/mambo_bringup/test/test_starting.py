@@ -1,0 +1,55 @@
+"""Ctrl-C is one line while Python loads a command and after the command has ended, too."""
+
+import subprocess
+import sys
+
+import pytest
+
+BEGIN = """
+import os, signal, sys
+from types import SimpleNamespace
+from mambo_bringup import starting
+
+
+def strike(*_):
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+"""
+
+
+def run(text):
+    return subprocess.run([sys.executable, '-c', BEGIN + text], capture_output=True, text=True,
+                          timeout=60)
+
+
+@pytest.mark.parametrize('module, name', [('flight', 'run'), ('mambo', 'mambo')])
+def test_ctrl_c_while_python_loads_a_command_is_one_line(module, name):
+    done = run(f'starting.import_module = strike\nsys.exit(starting.main({module!r}))')
+    assert (done.returncode, done.stdout) == (130, '')
+    assert done.stderr == f'{name}: ended by SIGINT\n'
+
+
+def test_ctrl_c_in_a_command_is_one_line():
+    done = run("""
+starting.import_module = lambda *_: SimpleNamespace(main=strike)
+sys.exit(starting.main('mambo'))
+""")
+    assert (done.returncode, done.stderr) == (130, 'mambo: ended by SIGINT\n')
+
+
+def test_ctrl_c_after_a_command_has_no_line():
+    done = run("""
+starting.import_module = lambda *_: SimpleNamespace(main=lambda: 0)
+starting.main('mambo')
+strike()
+""")
+    assert (done.returncode, done.stderr) == (-2, '')
+
+
+def test_a_command_returns_its_exit_code():
+    done = run("""
+starting.import_module = lambda *_: SimpleNamespace(main=lambda: 7)
+sys.exit(starting.main('flight'))
+""")
+    assert (done.returncode, done.stderr) == (7, '')

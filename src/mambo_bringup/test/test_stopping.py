@@ -1,0 +1,60 @@
+"""Signals of the user become one line and an exit code, however many come and whenever."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+BEGIN = """
+import multiprocessing, os, signal, sys, time
+from mambo_bringup.stopping import stoppable
+
+
+def strike(number):
+    os.kill(os.getpid(), number)
+    time.sleep(20.0)
+
+
+"""
+
+
+def run(text, *arguments):
+    return subprocess.run([sys.executable, '-c', BEGIN + text, *arguments], capture_output=True,
+                          text=True, timeout=60)
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_is_one_line_and_the_exit_code_of_a_shell(number):
+    done = run(f'sys.exit(stoppable("tool", lambda: strike({int(number)})))')
+    assert (done.returncode, done.stdout) == (128 + number, '')
+    assert done.stderr == f'tool: ended by {number.name}\n'
+
+
+def test_a_second_signal_ends_what_is_cleared_away():
+    done = run("""
+def work():
+    try:
+        strike(signal.SIGINT)
+    finally:
+        strike(signal.SIGINT)
+
+sys.exit(stoppable('tool', work))
+""")
+    assert (done.returncode, done.stderr) == (130, 'tool: ended by SIGINT\n')
+
+
+def test_a_copy_that_works_for_the_tool_is_ended_as_ever():
+    done = run("""
+def work():
+    copy = multiprocessing.get_context('fork').Process(target=time.sleep, args=(20.0,))
+    copy.start()
+    time.sleep(0.2)
+    copy.terminate()
+    copy.join()
+    print(copy.exitcode)
+    return 0
+
+sys.exit(stoppable('tool', work))
+""")
+    assert (done.returncode, done.stdout, done.stderr) == (0, '-15\n', '')
