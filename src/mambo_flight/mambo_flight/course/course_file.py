@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import math
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,8 @@ from mambo_model.motion import uav_trajectories
 from mambo_model.motion.polynomial import Course
 from mambo_model.motion.trajectory import COURSE, FlightPlanParams, TRAJECTORIES
 from mambo_model.schema import ParameterError, shown
+
+from . import waypoints
 
 SUFFIXES = ('.csv', '.yaml', '.yml')
 REST = 1.0  # s, hover between the end of a course and the landing
@@ -28,22 +31,40 @@ def check_name(name: str) -> None:
             f'{", ".join(TRAJECTORIES)}')
 
 
-def read(path: Path) -> Course:
+def read(path: Path, over: Mapping[str, Any] | None = None) -> Course:
     """
     Read a course from a file.
 
     Parameters
     ----------
     path
-        CSV file in the format of uav_trajectories.
+        CSV file in the format of :mod:`uav_trajectories`, told by its first column
+        ``duration``, or a CSV or YAML file of :mod:`waypoints`.
+    over
+        Settings of the planner that replace those of the file, flat by name.
 
     Raises
     ------
     ParameterError
         Naming file and row of what is wrong.
+    mambo_model.errors.MamboError
+        As ``waypoints.read``.
 
     """
-    return uav_trajectories.load(path)
+    if is_polynomial(path):
+        if over:
+            raise ParameterError(f'{path}: its polynomials are planned already; '
+                                 f'{", ".join(over)} does not matter')
+        return uav_trajectories.load(path)
+    return waypoints.read(path, over)
+
+
+def is_polynomial(path: Path) -> bool:
+    """Return whether a file is one of polynomials and not of waypoints."""
+    if path.suffix.lower() != '.csv':
+        return False
+    table = uav_trajectories.rows(uav_trajectories.read_text(path))
+    return bool(table) and table[0][1][0].lower() == uav_trajectories.HEADER[0]
 
 
 def plan(trajectory: str, folder: Path = Path()) -> dict[str, Any]:
