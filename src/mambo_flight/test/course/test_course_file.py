@@ -7,6 +7,7 @@ from mambo_bags.reader import read_bag
 from mambo_flight import closed_loop, fly, scenario as scenarios, scenario_file
 from mambo_flight.course import course_file
 from mambo_flight.scenario_file import Place
+from mambo_flight.sweep import design, monte_carlo
 from mambo_model.motion import uav_trajectories
 from mambo_model.motion.polynomial import Course
 from mambo_model.motion.trajectory import LANDED, reference_at, TRACK
@@ -69,6 +70,19 @@ def test_a_hand_carries_along_a_course(line):
     out = closed_loop.fly(flight)
     on = out.phase == TRACK
     np.testing.assert_array_equal(out.truth[on, :3], out.reference[on, :3])
+
+
+def test_a_sweep_varies_the_course_and_its_speed(line):
+    path = line.with_name('sweep.yaml')
+    path.write_text('title: lines\nestimator: ground_truth\nvary:\n'
+                    '  trajectory: [hover, line.csv]\n'
+                    '  reference_node.plan.scale_rate: [1.0, 0.8]\n')
+    flights = design.Flights(design.read(path))
+    plans = [flights[i].reference_node.plan for i in range(4)]
+    assert [plan.trajectory for plan in plans] == ['hover', 'hover', 'course', 'course']
+    assert [plan.flown_course().total for plan in plans[2:]] == pytest.approx([6.0, 7.5])
+    first, second = monte_carlo.fly_many([flights[2], flights[3]])
+    assert 0.0 < second['tracking_rms'] < first['tracking_rms'] < 0.2
 
 
 def test_a_bag_keeps_the_course_and_gives_the_same_flight(line, tmp_path, capsys):
