@@ -69,12 +69,13 @@ def test_a_hand_carries_along_a_course(line):
     assert flight.sim_node.simulator.hand.plan == flight.reference_node.plan
     out = closed_loop.fly(flight)
     on = out.phase == TRACK
-    np.testing.assert_array_equal(out.truth[on, :3], out.reference[on, :3])
+    # the simulator's time and the reference's differ by rounding
+    np.testing.assert_allclose(out.truth[on, :3], out.reference[on, :3], rtol=0.0, atol=1e-13)
 
 
 def test_a_sweep_varies_the_course_and_its_speed(line):
     path = line.with_name('sweep.yaml')
-    path.write_text('title: lines\nestimator: ground_truth\nvary:\n'
+    path.write_text('title: lines\nvary:\n'
                     '  trajectory: [hover, line.csv]\n'
                     '  reference_node.plan.scale_rate: [1.0, 0.8]\n')
     flights = design.Flights(design.read(path))
