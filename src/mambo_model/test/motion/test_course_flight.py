@@ -84,6 +84,12 @@ def test_the_approach_and_the_exit_meet_the_snap_of_the_course():
             assert tr.flat_output(t, values)[4] == pytest.approx(state[:3, 4].tolist(), abs=1e-5)
 
 
+def test_the_vehicle_comes_to_rest_where_an_even_braking_ends():
+    rho, *others, _ = tr.flat_output(BEGIN + COURSE.total + 3.0, params().values())
+    assert rho == pytest.approx((END[:3, 0] + 0.5 * 3.0 * END[:3, 1]).tolist(), abs=1e-12)
+    assert not np.any(others)
+
+
 def test_yaw_is_that_of_the_course():
     vehicle = Vehicle()
     for t in np.linspace(0.0, COURSE.total, 21).tolist():
