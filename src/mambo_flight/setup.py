@@ -20,7 +20,9 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
+            'check_trajectory = mambo_flight.course.check_course:main',
             'fly = mambo_flight.fly:main',
+            'plan_trajectory = mambo_flight.course.plan_course:main',
             'sweep = mambo_flight.sweep.command:main',
         ],
     },

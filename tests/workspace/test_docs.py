@@ -18,7 +18,7 @@ from mambo_analysis.compare.compare import compare, table  # noqa: E402
 from mambo_model import schema  # noqa: E402
 import remake  # noqa: E402
 
-TUTORIALS = sorted((ROOT / 'docs/tutorials').glob('*.md'))
+TUTORIALS = [*sorted((ROOT / 'docs/tutorials').glob('*.md')), ROOT / 'docs/how-to/course.md']
 BLOCK = re.compile(
     r'^```(bash|python|text|yaml)(?: title="([^"]*)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 ELSEWHERE = ('./run', 'source env.bash')  # the graph has its own tests; the shell is there

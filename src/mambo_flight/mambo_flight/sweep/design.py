@@ -278,7 +278,7 @@ class Flights:
             if axis.name == 'seed':
                 parameters.update(dict.fromkeys(_SEEDS, value))
             elif axis.name in FIELDS:
-                if isinstance(value, str) and value.endswith(('.yaml', '.yml')):
+                if isinstance(value, str) and value.endswith(('.yaml', '.yml', '.csv')):
                     value = str((self.sweep.path.parent / value).absolute())
                 settings[axis.name] = Place(value, axis.where)
             else:
