@@ -39,11 +39,13 @@ from .altitude import Altitude, AltitudeParams, AltitudeValues
 from .attitude import Attitude, AttitudeParams, AttitudeValues
 from .blocks import Matrix3, Vec2
 from .gate import Gate
-from .health import Health, Limits, observe, Sensors
+from .health import Health, Limits, Sensors
 from .measurements import barometer, imu, optical_flow
 from .measurements.barometer import BarometerParams, BarometerValues
 from .measurements.imu import ImuParams, ImuValues
 from .measurements.optical_flow import FlowParams, FlowValues
+from .measurements.samples import (
+    bridged, count_broken, observe_all, stuck_sensors, usable_inertial)
 from .measurements.sonar import SonarParams, SonarValues
 from .velocity import Velocity, VelocityParams, VelocityValues
 
@@ -195,21 +197,6 @@ def _start(v: EstimatorValues) -> Memory:
         velocity.start(horizontal * horizontal, v.velocity.initial_accel_bias_std, v.velocity),
         Gates(gate.OPEN, gate.OPEN, gate.OPEN), Counts(0, 0, math.inf, math.inf),
         ZERO, (0.0, 0.0, -v.gravity), (0.0, 0.0, -v.gravity), health.START)
-
-
-@jit
-def _is_broken(x: float) -> bool:
-    """Tell whether a sample is infinite; NaN means that there is none."""
-    return math.isinf(x)
-
-
-@jit
-def _count_broken(sonar: float, flow: Vec2, pressure: float) -> int:
-    """Return how many of the three samples cannot be read."""
-    broken = 1 if _is_broken(sonar) else 0
-    half = math.isnan(flow[0]) != math.isnan(flow[1])
-    broken += 1 if half or _is_broken(flow[0]) or _is_broken(flow[1]) else 0
-    return broken + (1 if _is_broken(pressure) else 0)
 
 
 @jit
@@ -405,10 +392,11 @@ def step(
         m = _with_counts(m, 1, m.counts.equal)
         return m, _estimate(m, NOTHING, v)
     sensors, equal = m.sensors, m.counts.equal + 1 if imu.is_equal(gyro, m.gyro) else 0
-    stuck = _stuck(m, equal, gyro, accel, sonar, flow, pressure, v)
-    usable = _usable(sensors, dt, gyro, accel, stuck, v.imu)
+    stuck = stuck_sensors(
+        sensors, not (m.aligning or m.resting), equal, gyro, accel, sonar, flow, pressure, v)
+    usable = usable_inertial(sensors, dt, gyro, accel, stuck, v.imu)
     valid = usable[0] and usable[1]
-    invalid = _count_broken(sonar, flow, pressure)
+    invalid = count_broken(sonar, flow, pressure)
     invalid += (0 if valid else 1) + (1 if dt > v.imu.max_gap else 0)
     if m.aligning:
         m = _with_counts(m, invalid, equal)
@@ -419,7 +407,9 @@ def step(
         return m, _estimate(m, NOTHING, v)
     late = dt > v.imu.max_interval
     held = (late or not usable[0], late or not valid)
-    gyro_used, accel_used = _bridged(m, dt, gyro, accel, usable, v)
+    gyro_used, accel_used = bridged(
+        sensors, dt, gyro, accel, usable, (m.gyro, m.accel),
+        (m.attitude.bias, m.alignment.accel_bias), v.gravity, v.imu)
     counts = Counts(
         m.counts.invalid + invalid, equal, m.counts.sonar_age, m.counts.flow_age)
     m, results = _run(
@@ -432,74 +422,13 @@ def step(
 
 
 @jit
-def _bridged(
-    m: Memory, dt: float, gyro: Vec3, accel: Vec3, usable: tuple[bool, bool], v: EstimatorValues,
-) -> tuple[Vec3, Vec3]:
-    """
-    Return what is integrated for an inertial sample, which may not be usable.
-
-    That is the sample before; but where a sensor reads anything, so did that one, and no rate and
-    the force of hover are nearer to the truth.
-    """
-    s, p = m.sensors, v.imu
-    if not usable[0]:
-        wild = health.roughness(s.gyro, gyro, dt) > p.gyro_roughness * p.gyro_roughness
-        gyro = m.attitude.bias if wild else m.gyro
-    if not usable[1]:
-        wild = health.roughness(s.accel, accel, dt) > p.accel_roughness * p.accel_roughness
-        accel = add(m.alignment.accel_bias, (0.0, 0.0, -v.gravity)) if wild else m.accel
-    return gyro, accel
-
-
-@jit
-def _stuck(
-    m: Memory, equal: int, gyro: Vec3, accel: Vec3, sonar: float, flow: Vec2, pressure: float,
-    v: EstimatorValues,
-) -> tuple[bool, bool, bool, bool, bool]:
-    """
-    Tell of each sensor whether it repeats itself for too long, in the order of ``health.NAMES``.
-
-    Only in flight: on the floor and without noise all may rest, hence also where the gyro does.
-    """
-    s = m.sensors
-    if m.aligning or m.resting:
-        return (False, False, False, False, False)
-    turning = imu.is_stuck(equal, gyro, v.imu)
-    alive = equal < v.imu.stuck_samples and v.imu.stuck_samples > 0
-    forces = health.repeats(s.accel, accel) if alive else 0
-    ranges = health.repeats(s.sonar, (sonar, sonar, sonar)) if alive else 0
-    flows = health.repeats(s.flow, (flow[0], flow[1], flow[1])) if alive else 0
-    pressures = health.repeats(s.barometer, (pressure, pressure, pressure)) if alive else 0
-    moving = flow[0] != 0.0 or flow[1] != 0.0
-    return (
-        turning, forces >= v.imu.stuck_samples > 0,
-        ranges >= v.sonar.stuck_samples > 0 and sonar >= v.sonar.min_range,
-        flows >= v.optical_flow.stuck_samples > 0 and moving,
-        pressures >= v.barometer.stuck_samples > 0)
-
-
-@jit
-def _usable(
-    s: Sensors, dt: float, gyro: Vec3, accel: Vec3, stuck: tuple[bool, bool, bool, bool, bool],
-    p: ImuValues,
-) -> tuple[bool, bool]:
-    """Tell of gyro and accelerometer whether their samples may be integrated."""
-    return (
-        imu.is_within(gyro, p.gyro_range) and not stuck[0]
-        and health.roughness(s.gyro, gyro, dt) <= p.gyro_roughness * p.gyro_roughness,
-        imu.is_within(accel, p.accel_range) and not stuck[1]
-        and health.roughness(s.accel, accel, dt) <= p.accel_roughness * p.accel_roughness)
-
-
-@jit
 def _observe(
     m: Memory, results: Results, dt: float, gyro: Vec3, accel: Vec3, sonar: float, flow: Vec2,
     pressure: float, usable: tuple[bool, bool], stuck: tuple[bool, bool, bool, bool, bool],
     v: EstimatorValues,
 ) -> Sensors:
     """Return what is known of the sensors after a step; nothing is asked of them at rest."""
-    s, cosine, height = m.sensors, to_matrix(m.attitude.q)[2][2], m.altitude.height
-    came = not (health.is_none(gyro) and health.is_none(accel))
+    cosine, height = to_matrix(m.attitude.q)[2][2], m.altitude.height
     ranged, weighed = results.sonar.used, results.barometer.used
     if m.aligning:
         ranged = math.isfinite(sonar)
@@ -507,16 +436,10 @@ def _observe(
         weighed = barometer.is_valid(pressure, v.barometer) and not stuck[4]
     see = height >= v.optical_flow.min_height and cosine >= v.optical_flow.min_tilt_cos
     hear = height <= v.sonar.max_range * cosine and cosine >= v.sonar.min_tilt_cos
-    return Sensors(
-        observe(s.gyro, dt, gyro, came, usable[0], stuck[0], True),
-        observe(s.accel, dt, accel, came, usable[1], stuck[1], True),
-        observe(s.sonar, dt, (sonar, sonar, sonar), not math.isnan(sonar), ranged, stuck[2],
-                hear),
-        observe(s.flow, dt, (flow[0], flow[1], flow[1]),
-                not (math.isnan(flow[0]) and math.isnan(flow[1])), results.flow.used, stuck[3],
-                see and not m.aligning),
-        observe(s.barometer, dt, (pressure, pressure, pressure), not math.isnan(pressure),
-                weighed, stuck[4], True))
+    return observe_all(
+        m.sensors, dt, gyro, accel, sonar, flow, pressure,
+        (usable[0], usable[1], ranged, results.flow.used, weighed), stuck,
+        (hear, see and not m.aligning))
 
 
 @jit

@@ -38,6 +38,7 @@ from . import health
 from .blocks import Matrix3, Vec2
 from .health import Limits, observe, Sensors
 from .kalman import Estimate, STATUS_ALIGNING, STATUS_DEAD_RECKONING, STATUS_NOMINAL
+from .measurements.samples import count_broken
 
 __all__ = ['Estimate', 'initial', 'Memory', 'step', 'ToolboxEstimatorParams', 'ToolboxValues']
 
@@ -254,15 +255,6 @@ def _start(v: ToolboxValues) -> Memory:
 def _within(x: Vec3, limit: float) -> bool:
     """Tell whether every component is a number of at most that size; NaN is not."""
     return abs(x[0]) <= limit and abs(x[1]) <= limit and abs(x[2]) <= limit
-
-
-@jit
-def _count_broken(sonar: float, flow: Vec2, pressure: float) -> int:
-    """Return how many of the three samples cannot be read; NaN means that there is none."""
-    half = math.isnan(flow[0]) != math.isnan(flow[1])
-    broken = 1 if math.isinf(sonar) else 0
-    broken += 1 if half or math.isinf(flow[0]) or math.isinf(flow[1]) else 0
-    return broken + (1 if math.isinf(pressure) else 0)
 
 
 @jit
@@ -507,7 +499,7 @@ def step(
     usable = (_within(gyro, v.gyro_range), _within(accel, v.accel_range))
     valid, resting = usable[0] and usable[1], m.rest.count < v.calibration_samples
     sensors = _observe(m, dt, gyro, accel, sonar, flow, pressure, usable, resting, v)
-    invalid = m.invalid + _count_broken(sonar, flow, pressure)
+    invalid = m.invalid + count_broken(sonar, flow, pressure)
     invalid += (0 if valid else 1) + (1 if dt > v.max_gap else 0)
     if resting:
         rest = m.rest
