@@ -20,6 +20,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
+            'bound = mambo_flight.judge.judge:main',
             'fly = mambo_flight.fly:main',
             'sweep = mambo_flight.sweep.command:main',
         ],

@@ -45,6 +45,8 @@ GROUPS: dict[str, dict[str, Command]] = {
                        'faster than real time'),
         'sweep': Command('mambo_flight.sweep.command', 'fly a scenario many times over seeds, '
                          'vehicles, wind, gains'),
+        'bound': Command('mambo_flight.judge.judge', 'the joint filter beside the best that any '
+                         'estimator could do'),
     },
     'Bags': {
         'compare': Command('mambo_analysis.compare.compare', 'errors of a flight, or of flight A '

@@ -8,15 +8,15 @@ from typing import NamedTuple
 from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import rotate_inverse, to_matrix
 from mambo_model.motion.rigid_body import State
-from mambo_model.motion.vector import sub, Vec3
+from mambo_model.motion.vector import scale, sub, Vec3
 
 from ..blocks import Matrix3, Vec2
-from ..health import Sensor, Sensors
+from ..health import Sensors
 from .joint_parameters import MotionValues
 from .state import Array, ATTITUDE, GYRO_BIAS, Nominal, VELOCITY
+from .vibration import LEFT, variance
 
 NONE2: Vec2 = (math.nan, math.nan)
-LONGEST = 0.02  # s: a longer step has lost samples, which is worse than vibration
 
 
 class Result(NamedTuple):
@@ -40,10 +40,15 @@ NOTHING = Results(NOT_COMPARED, NOT_COMPARED, NOT_COMPARED)
 
 
 @jit
-def state_of(x: Nominal, gyro: Vec3, aligning: bool) -> State:
-    """Return position, body velocity, attitude and body rate; no rate before the alignment."""
+def state_of(x: Nominal, gyro: Vec3, shake: Vec3, aligning: bool) -> State:
+    """
+    Return position, body velocity, attitude and body rate; no rate before the alignment.
+
+    The velocity is without ``shake``, (3,) m/s, which vibration adds to its integral.
+    """
+    nu = sub(rotate_inverse(x.q, x.v), shake)
     omega = (0.0, 0.0, 0.0) if aligning else sub(gyro, x.gyro_bias)
-    return State(x.p, rotate_inverse(x.q, x.v), x.q, omega)
+    return State(x.p, nu, x.q, omega)
 
 
 @jit
@@ -70,19 +75,6 @@ def _turned(P: Array, R: Matrix3, i: int, j: int) -> float:
 
 
 @jit
-def vibration(accel: Sensor, dt: float) -> Vec3:
-    """
-    Return the variance of the velocity by vibration, (3,) m^2/s^2, body axes.
-
-    The integral of a vibration does not grow, but it is there: of the difference of successive
-    draws with variance s^2 the trapezoidal rule leaves dt^2 s^2 / 4, and `accel.noise` is then
-    3/2 s^2 (:func:`mambo_estimation.health.noise`).
-    """
-    share = min(dt, LONGEST) * min(dt, LONGEST) / 6.0
-    return (share * accel.noise[0], share * accel.noise[1], share * accel.noise[2])
-
-
-@jit
 def twist_covariance(
     P: Array, x: Nominal, sensors: Sensors, dt: float, v: MotionValues,
 ) -> tuple[float, ...]:
@@ -104,11 +96,11 @@ def twist_covariance(
 
     """
     R, b, gyro = to_matrix(x.q), GYRO_BIAS, sensors.gyro
-    shaken = vibration(sensors.accel, dt)
+    left = scale(LEFT, variance(sensors.accel, dt))
     unknown = v.lost_rate_growth * gyro.age
     least, seen = v.rate_noise * v.rate_noise, gyro.noise
-    xx, yy = _turned(P, R, 0, 0) + shaken[0], _turned(P, R, 1, 1) + shaken[1]
-    zz = _turned(P, R, 2, 2) + shaken[2]
+    xx, yy = _turned(P, R, 0, 0) + left[0], _turned(P, R, 1, 1) + left[1]
+    zz = _turned(P, R, 2, 2) + left[2]
     xy, xz, yz = _turned(P, R, 0, 1), _turned(P, R, 0, 2), _turned(P, R, 1, 2)
     r = (
         P[b, b] + unknown * unknown + max(seen[0], least),

@@ -38,14 +38,14 @@ from ..measurements import imu
 from ..measurements.samples import (
     bridged, count_broken, Five, observe_all, stuck_sensors, usable_inertial)
 from .estimate import (
-    NONE2, NOT_COMPARED, NOTHING, pose_covariance, Results, state_of, twist_covariance,
-    vibration)
+    NONE2, NOT_COMPARED, NOTHING, pose_covariance, Results, state_of, twist_covariance)
 from .flow import remember, RING
 from .joint_parameters import JointParams, JointValues
 from .propagation import predict
 from .start import aligned, unaligned
 from .state import Array, Nominal, PRESSURE_OFFSET
 from .update import Noise, use_drag, use_flow, use_pressure, use_range
+from .vibration import CALM, shaken, variance, Vibration
 
 ZERO: Vec3 = (0.0, 0.0, 0.0)
 
@@ -62,6 +62,7 @@ class Memory(NamedTuple):
     at: int              # where the next step goes
     has_pressure: bool
     window: drag.Window
+    shake: Vibration
     noise: Noise
     gates: Gates
     counts: Counts
@@ -81,7 +82,7 @@ def _start(v: JointValues) -> Memory:
     x, P = unaligned(alignment.EMPTY, v)
     sonar, flow = v.sonar.noise, v.optical_flow.noise
     return Memory(
-        True, False, alignment.EMPTY, x, P, np.zeros((RING, 7)), 0, False, drag.EMPTY,
+        True, False, alignment.EMPTY, x, P, np.zeros((RING, 7)), 0, False, drag.EMPTY, CALM,
         Noise(sonar * sonar, flow * flow), Gates(gate.OPEN, gate.OPEN, gate.OPEN),
         Counts(0, 0, math.inf, math.inf), ZERO, (0.0, 0.0, -v.gravity), health.START)
 
@@ -98,7 +99,7 @@ def _align(m: Memory, gyro: Vec3, accel: Vec3, dt: float, v: JointValues) -> Mem
         x, P = aligned(rest, v)
     return Memory(
         verdict == alignment.COLLECTING, verdict == alignment.ALIGNED, rest, x, P, m.ring, m.at,
-        m.has_pressure, m.window, m.noise, m.gates, m.counts, gyro, accel, m.sensors)
+        m.has_pressure, m.window, m.shake, m.noise, m.gates, m.counts, gyro, accel, m.sensors)
 
 
 @jit
@@ -120,11 +121,11 @@ def _replay(x: Nominal, P: Array, ring: Array, at: int, v: JointValues) -> Nomin
 def _advance(
     m: Memory, P: Array, ring: Array, dt: float, gyro: Vec3, accel: Vec3,
     held: tuple[bool, bool], v: JointValues,
-) -> tuple[Alignment, bool, Nominal, drag.Window]:
+) -> tuple[Alignment, bool, Nominal, drag.Window, Vibration]:
     """
     Take one inertial sample: stand still, start to move, or move.
 
-    Return rest, whether it goes on, state and drag; ``P`` and ``ring`` change in place.
+    Return rest, whether it goes on, state, drag and vibration; ``P`` and ``ring`` change in place.
     """
     rate, force = scale(0.5, add(m.gyro, gyro)), scale(0.5, add(m.accel, accel))
     remember(ring, m.at, rate, force, dt)
@@ -132,14 +133,15 @@ def _advance(
     if resting:
         rest, resting = alignment.watch(rest, gyro, accel, dt, v.alignment)
         if not resting:
-            return rest, False, _replay(x, P, ring, (m.at + 1) % RING, v), window
+            return rest, False, _replay(x, P, ring, (m.at + 1) % RING, v), window, CALM
         walk = v.barometer.offset_walk
         P[PRESSURE_OFFSET, PRESSURE_OFFSET] += walk * walk * dt
-        return rest, True, x, window
+        return rest, True, x, window, CALM
     x = _bounded(predict(x, P, rate, force, dt, held, v), v)
     if held[0] or held[1] or -x.p[2] < v.drag.min_height:
-        return rest, False, x, drag.EMPTY
-    return rest, False, x, drag.accumulate(window, m.x, x, force, dt)
+        return rest, False, x, drag.EMPTY, CALM
+    return (rest, False, x, drag.accumulate(window, m.x, x, force, dt),
+            shaken(m.shake, x, force, dt))
 
 
 @jit
@@ -165,7 +167,7 @@ def _run(
 ) -> tuple[Memory, Results]:
     """Predict, with rates and forces that may be held, then use every sample there is."""
     P, ring = m.P.copy(), m.ring.copy()
-    rest, resting, x, window = _advance(m, P, ring, dt, gyro, accel, held, v)
+    rest, resting, x, window, shake = _advance(m, P, ring, dt, gyro, accel, held, v)
     at, noise, has_pressure = (m.at + 1) % RING, m.noise, m.has_pressure
     sonar_gate = gate.advance(m.gates.sonar, dt)
     flow_gate = gate.advance(m.gates.flow, dt)
@@ -184,10 +186,10 @@ def _run(
     if math.isfinite(flow[0]) and math.isfinite(flow[1]):
         x, flow_gate, noise, seen = use_flow(
             x, P, ring, at, flow_gate, flow, quality, noise,
-            vibration(m.sensors.accel, dt), v)
+            variance(m.sensors.accel, dt), v)
         flow_age = 0.0 if seen.used else flow_age
     return Memory(
-        False, resting, rest, x, P, ring, at, has_pressure, window, noise,
+        False, resting, rest, x, P, ring, at, has_pressure, window, shake, noise,
         Gates(sonar_gate, flow_gate, barometer_gate),
         Counts(counts.invalid, counts.equal, sonar_age, flow_age), gyro, accel,
         m.sensors), Results(ranged, seen, weighed)
@@ -289,14 +291,14 @@ def _with_counts(m: Memory, invalid: int, equal: int) -> Memory:
     counts = Counts(m.counts.invalid + invalid, equal, m.counts.sonar_age, m.counts.flow_age)
     return Memory(
         m.aligning, m.resting, m.alignment, m.x, m.P, m.ring, m.at, m.has_pressure, m.window,
-        m.noise, m.gates, counts, m.gyro, m.accel, m.sensors)
+        m.shake, m.noise, m.gates, counts, m.gyro, m.accel, m.sensors)
 
 
 @jit
 def _with_sensors(m: Memory, sensors: Sensors) -> Memory:
     return Memory(
         m.aligning, m.resting, m.alignment, m.x, m.P, m.ring, m.at, m.has_pressure, m.window,
-        m.noise, m.gates, m.counts, m.gyro, m.accel, sensors)
+        m.shake, m.noise, m.gates, m.counts, m.gyro, m.accel, sensors)
 
 
 @jit
@@ -313,7 +315,7 @@ def _estimate(m: Memory, results: Results, dt: float, v: JointValues) -> Estimat
     """Return what the memory says after a step of dt, s."""
     x, ranged, seen, weighed = m.x, results.sonar, results.flow, results.barometer
     return Estimate(
-        state_of(x, m.gyro, m.aligning), pose_covariance(m.P),
+        state_of(x, m.gyro, m.shake.velocity, m.aligning), pose_covariance(m.P),
         twist_covariance(m.P, x, m.sensors, dt, v.motion), _status(m, v), -x.p[2], -x.v[2],
         x.gyro_bias, x.accel_bias, x.pressure_offset if m.has_pressure else math.nan,
         ranged.innovation[0], ranged.ratio, seen.innovation, seen.ratio, weighed.innovation[0],

@@ -41,7 +41,7 @@ class MotionParams:
         6e-5, 'rad/sqrt(s)', 1e-7, 1.0,
         'density: 5e-5 in Rolling Spider logs at rest; vibration does not accumulate')
     accel_noise: float = quantity(
-        0.002, 'm/s^2/sqrt(Hz)', 1e-5, 10.0,
+        0.0015, 'm/s^2/sqrt(Hz)', 1e-5, 10.0,
         'density: 0.0015 in Rolling Spider logs at rest; vibration does not accumulate')
     gyro_bias_walk: float = quantity(
         2e-5, 'rad/s/sqrt(s)', 0.0, 1.0, '1.5e-5 in Rolling Spider calibration values')
@@ -181,10 +181,10 @@ class DragParams:
         'flights of a Crazyflie')
     coefficient_std: float = quantity(0.02, 's/m', 0.0, 1.0, 'uncertainty of both, as the source')
     noise: float = quantity(
-        0.01, 'm/s^2', 1e-4, 10.0,
+        0.005, 'm/s^2', 1e-4, 10.0,
         'of a mean over `window`: vibration in Rolling Spider flights, 1.1, which is the '
-        'difference of successive draws, over 100 samples')
-    window: float = quantity(0.5, 's', 0.005, 10.0, 'over which the accelerometer is averaged')
+        'difference of successive draws, over 200 samples, and as much again')
+    window: float = quantity(1.0, 's', 0.005, 10.0, 'over which the accelerometer is averaged')
     min_height: float = quantity(
         0.15, 'm', 0.0, 10.0, 'not used below: the floor may touch the vehicle')
     gate: float = quantity(4.0, 'sigma', 1.0, 100.0, 'refuses 3e-4 of good means (two axes)')
