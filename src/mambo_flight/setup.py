@@ -21,6 +21,7 @@ setup(
     entry_points={
         'console_scripts': [
             'check_trajectory = mambo_flight.course.check_course:main',
+            'bound = mambo_flight.judge.judge:main',
             'fly = mambo_flight.fly:main',
             'plan_trajectory = mambo_flight.course.plan_course:main',
             'sweep = mambo_flight.sweep.command:main',

@@ -49,6 +49,8 @@ GROUPS: dict[str, dict[str, Command]] = {
                                     'fly a course, and where it fails'),
         'trajectory plan': Command('mambo_flight.course.plan_course', 'polynomials of minimum '
                                    'snap through waypoints'),
+        'bound': Command('mambo_flight.judge.judge', 'the joint filter beside the best that any '
+                         'estimator could do'),
     },
     'Bags': {
         'compare': Command('mambo_analysis.compare.compare', 'errors of a flight, or of flight A '

@@ -44,8 +44,9 @@ from .gate import Gate
 from .health import Limits, observe_all, Sensors
 from .measurements import barometer, imu, optical_flow
 from .measurements.barometer import BarometerParams
-from .measurements.imu import ImuParams, ImuValues
+from .measurements.imu import ImuParams
 from .measurements.optical_flow import FlowParams
+from .measurements.samples import bridged, stuck_sensors, usable_inertial
 from .measurements.sonar import SonarParams
 from .velocity import Velocity, VelocityParams
 
@@ -342,8 +343,9 @@ def step(
         m = _with_counts(m, 1, m.counts.equal)
         return m, _estimate(m, NOTHING, v)
     sensors, equal = m.sensors, m.counts.equal + 1 if imu.is_equal(gyro, m.gyro) else 0
-    stuck = _stuck(m, equal, gyro, accel, sonar, flow, pressure, v)
-    usable = _usable(sensors, dt, gyro, accel, stuck, v.imu)
+    stuck = stuck_sensors(
+        sensors, not (m.aligning or m.resting), equal, gyro, accel, sonar, flow, pressure, v)
+    usable = usable_inertial(sensors, dt, gyro, accel, stuck, v.imu)
     valid = usable[0] and usable[1]
     invalid = count_broken(sonar, flow, pressure)
     invalid += (0 if valid else 1) + (1 if dt > v.imu.max_gap else 0)
@@ -356,7 +358,9 @@ def step(
         return m, _estimate(m, NOTHING, v)
     late = dt > v.imu.max_interval
     held = (late or not usable[0], late or not valid)
-    gyro_used, accel_used = _bridged(m, dt, gyro, accel, usable, v)
+    gyro_used, accel_used = bridged(
+        sensors, dt, gyro, accel, usable, (m.gyro, m.accel),
+        (m.attitude.bias, m.alignment.accel_bias), v.gravity, v.imu)
     counts = Counts(
         m.counts.invalid + invalid, equal, m.counts.sonar_age, m.counts.flow_age)
     m, results = _run(
@@ -366,66 +370,6 @@ def step(
     m = _with_sensors(
         m, _observe(m, results, dt, gyro, accel, sonar, flow, pressure, usable, stuck, v))
     return m, _estimate(m, results, v)
-
-
-@jit
-def _bridged(
-    m: Memory, dt: float, gyro: Vec3, accel: Vec3, usable: tuple[bool, bool], v: EstimatorValues,
-) -> tuple[Vec3, Vec3]:
-    """
-    Return what is integrated for an inertial sample, which may not be usable.
-
-    That is the sample before; but where a sensor reads anything, so did that one, and no rate and
-    the force of hover are nearer to the truth.
-    """
-    s, p = m.sensors, v.imu
-    if not usable[0]:
-        wild = health.roughness(s.gyro, gyro, dt) > p.gyro_roughness * p.gyro_roughness
-        gyro = m.attitude.bias if wild else m.gyro
-    if not usable[1]:
-        wild = health.roughness(s.accel, accel, dt) > p.accel_roughness * p.accel_roughness
-        accel = add(m.alignment.accel_bias, (0.0, 0.0, -v.gravity)) if wild else m.accel
-    return gyro, accel
-
-
-@jit
-def _stuck(
-    m: Memory, equal: int, gyro: Vec3, accel: Vec3, sonar: float, flow: Vec2, pressure: float,
-    v: EstimatorValues,
-) -> tuple[bool, bool, bool, bool, bool]:
-    """
-    Tell of each sensor whether it repeats itself for too long, in the order of ``health.NAMES``.
-
-    Only in flight: on the floor and without noise all may rest, hence also where the gyro does.
-    """
-    s = m.sensors
-    if m.aligning or m.resting:
-        return (False, False, False, False, False)
-    turning = imu.is_stuck(equal, gyro, v.imu)
-    alive = equal < v.imu.stuck_samples and v.imu.stuck_samples > 0
-    forces = health.repeats(s.accel, accel) if alive else 0
-    ranges = health.repeats(s.sonar, (sonar, sonar, sonar)) if alive else 0
-    flows = health.repeats(s.flow, (flow[0], flow[1], flow[1])) if alive else 0
-    pressures = health.repeats(s.barometer, (pressure, pressure, pressure)) if alive else 0
-    moving = flow[0] != 0.0 or flow[1] != 0.0
-    return (
-        turning, forces >= v.imu.stuck_samples > 0,
-        ranges >= v.sonar.stuck_samples > 0 and sonar >= v.sonar.min_range,
-        flows >= v.optical_flow.stuck_samples > 0 and moving,
-        pressures >= v.barometer.stuck_samples > 0)
-
-
-@jit
-def _usable(
-    s: Sensors, dt: float, gyro: Vec3, accel: Vec3, stuck: tuple[bool, bool, bool, bool, bool],
-    p: ImuValues,
-) -> tuple[bool, bool]:
-    """Tell of gyro and accelerometer whether their samples may be integrated."""
-    return (
-        imu.is_within(gyro, p.gyro_range) and not stuck[0]
-        and health.roughness(s.gyro, gyro, dt) <= p.gyro_roughness * p.gyro_roughness,
-        imu.is_within(accel, p.accel_range) and not stuck[1]
-        and health.roughness(s.accel, accel, dt) <= p.accel_roughness * p.accel_roughness)
 
 
 @jit

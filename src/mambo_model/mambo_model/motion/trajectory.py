@@ -68,6 +68,9 @@ TRAJECTORIES: dict[str, Trajectory] = {
         (_COSINE, 0.0, 0.0)),
     'figure_3_3': Trajectory(
         '(3.31)', (0.0, 0.0, -1.5), (1.0, 1.0, 1.0), phase=(_COSINE, 0.0, _UP)),
+    'circle_bobbing': Trajectory(
+        'flow deck of a Crazyflie: circle of 1 m, height 1 m +- 0.3 m', (0.0, 0.0, -1.0),
+        (1.0, 1.0, 0.3), phase=(_COSINE, 0.0, _UP)),
     'default_circle': Trajectory(
         '(4.1)', (0.0, 0.0, -1.5), (0.5, 0.5, 0.5), phase=(0.0, _COSINE, _UP)),
     'y_sine': Trajectory('Fig. 5.4-5.8', (0.0, 0.0, -1.5), (0.0, 1.0, 0.0)),

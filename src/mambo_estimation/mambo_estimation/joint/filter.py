@@ -1,0 +1,313 @@
+"""
+One joint error-state filter: position, velocity, attitude, biases and what the sensors are off by.
+
+One :func:`step` per inertial sample, with the other sensors' samples where they are new, as of
+:func:`mambo_estimation.kalman.step`. All errors stand in one covariance (:mod:`.state`), so each
+measurement corrects everything it tells of: flow the tilt, the accelerometer the scale of the
+flow, the drag the accelerometer's bias.
+
+    predict   x = f(x, gyro, accel)     P = F P F^T + Q              :mod:`.propagation`
+    correct   y = z - h(x)              S = H P H^T + R              :mod:`.flow`, :mod:`.drag`,
+              K = P H^T S^-1            P = P - K S K^T              :mod:`.slant_range`,
+              x = x (+) K y                                          :mod:`.pressure`
+
+A step never fails: samples that are not finite are counted and ignored, an inertial sample that
+cannot be integrated is replaced by the one before it with much more noise, implausible
+measurements are refused by gates that open again (:mod:`mambo_estimation.gate`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from mambo_model.compiled import jit
+from mambo_model.motion.quaternion import to_matrix
+from mambo_model.motion.vector import add, scale, Vec3
+import numpy as np
+
+from . import drag
+from .. import alignment, gate, health
+from ..alignment import Alignment
+from ..blocks import Vec2
+from ..estimate import count_broken, Estimate, status_of
+from ..health import Five, observe_all, Sensors
+from ..kalman import Counts, Gates
+from ..measurements import barometer as pressure_model
+from ..measurements import imu
+from ..measurements.samples import bridged, stuck_sensors, usable_inertial
+from .estimate import (
+    NONE2, NOT_COMPARED, NOTHING, pose_covariance, Results, state_of, twist_covariance)
+from .flow import remember, RING
+from .joint_parameters import JointValues
+from .propagation import predict
+from .start import aligned, unaligned
+from .state import Array, Nominal, PRESSURE_OFFSET
+from .update import Noise, use_drag, use_flow, use_pressure, use_range
+from .vibration import CALM, shaken, variance, Vibration
+
+ZERO: Vec3 = (0.0, 0.0, 0.0)
+
+
+class Memory(NamedTuple):
+    """What the filter remembers between steps."""
+
+    aligning: bool
+    resting: bool        # aligned, and not moved since
+    alignment: Alignment
+    x: Nominal
+    P: Array             # (23, 23) covariance of the error state
+    ring: Array          # (RING, 7) gyro, force and dt of the last steps
+    at: int              # where the next step goes
+    has_pressure: bool
+    window: drag.Window
+    shake: Vibration
+    noise: Noise
+    gates: Gates
+    counts: Counts
+    gyro: Vec3           # (3,) rad/s, body FRD, the last valid sample
+    accel: Vec3          # (3,) m/s^2, body FRD, the last valid sample
+    sensors: Sensors
+
+
+@jit
+def initial(v: JointValues) -> Memory:
+    """
+    Return the memory of a filter that has seen nothing: on the floor, level, yaw 0.
+
+    It has the wide defaults, and collects samples at rest.
+    """
+    x, P = unaligned(alignment.EMPTY, v)
+    sonar, flow = v.sonar.noise, v.optical_flow.noise
+    return Memory(
+        True, False, alignment.EMPTY, x, P, np.zeros((RING, 7)), 0, False, drag.EMPTY, CALM,
+        Noise(sonar * sonar, flow * flow), Gates(gate.OPEN, gate.OPEN, gate.OPEN),
+        Counts(0, 0, math.inf, math.inf), ZERO, (0.0, 0.0, -v.gravity), health.START)
+
+
+@jit
+def _align(m: Memory, gyro: Vec3, accel: Vec3, dt: float, v: JointValues) -> Memory:
+    """Collect one valid sample at rest; start the filter when there are enough."""
+    rest, verdict = alignment.collect(m.alignment, gyro, accel, dt, v.gravity, v.alignment)
+    x, P = m.x, m.P
+    if verdict == alignment.MOVED:
+        rest = alignment.fall_back(rest, v.alignment)
+        x, P = unaligned(rest, v)
+    if verdict == alignment.ALIGNED:
+        x, P = aligned(rest, v)
+    return Memory(
+        verdict == alignment.COLLECTING, verdict == alignment.ALIGNED, rest, x, P, m.ring, m.at,
+        m.has_pressure, m.window, m.shake, m.noise, m.gates, m.counts, gyro, accel, m.sensors)
+
+
+@jit
+def _replay(x: Nominal, P: Array, ring: Array, at: int, v: JointValues) -> Nominal:
+    """
+    Return the state after all steps in the ring: the vehicle has been moving unnoticed.
+
+    It is noticed some 0.1 s late. Until then the state stands still, so nothing is lost.
+    """
+    for k in range(RING):
+        row = ring[(at + k) % RING]
+        if row[6] > 0.0:
+            x = predict(x, P, (row[0], row[1], row[2]), (row[3], row[4], row[5]), row[6],
+                        (False, False), v)
+    return x
+
+
+@jit
+def _advance(
+    m: Memory, P: Array, ring: Array, dt: float, gyro: Vec3, accel: Vec3,
+    held: tuple[bool, bool], v: JointValues,
+) -> tuple[Alignment, bool, Nominal, drag.Window, Vibration]:
+    """
+    Take one inertial sample: stand still, start to move, or move.
+
+    Return rest, whether it goes on, state, drag and vibration; ``P`` and ``ring`` change in place.
+    """
+    rate, force = scale(0.5, add(m.gyro, gyro)), scale(0.5, add(m.accel, accel))
+    remember(ring, m.at, rate, force, dt)
+    rest, resting, x, window = m.alignment, m.resting, m.x, m.window
+    if resting:
+        rest, resting = alignment.watch(rest, gyro, accel, dt, v.alignment)
+        if not resting:
+            return rest, False, _replay(x, P, ring, (m.at + 1) % RING, v), window, CALM
+        walk = v.barometer.offset_walk
+        P[PRESSURE_OFFSET, PRESSURE_OFFSET] += walk * walk * dt
+        return rest, True, x, window, CALM
+    x = _bounded(predict(x, P, rate, force, dt, held, v), v)
+    if held[0] or held[1] or -x.p[2] < v.drag.min_height:
+        return rest, False, x, drag.EMPTY, CALM
+    return (rest, False, x, drag.accumulate(window, m.x, x, force, dt),
+            shaken(m.shake, x, force, dt))
+
+
+@jit
+def _bounded(x: Nominal, v: JointValues) -> Nominal:
+    """
+    Return the state within what is possible: above the floor.
+
+    An estimate at the lowest height does not sink. The covariance stays: such a filter is no
+    surer than before, so that its gates still open.
+    """
+    if x.p[2] <= v.motion.floor_depth:
+        return x
+    return Nominal(
+        (x.p[0], x.p[1], v.motion.floor_depth), (x.v[0], x.v[1], min(x.v[2], 0.0)), x.q,
+        x.gyro_bias, x.accel_bias, x.scale, x.slope, x.drag, x.latency, x.leak, x.range_offset,
+        x.pressure_offset)
+
+
+@jit
+def _run(
+    m: Memory, counts: Counts, dt: float, gyro: Vec3, accel: Vec3, held: tuple[bool, bool],
+    sonar: float, flow: Vec2, quality: int, pressure: float, v: JointValues,
+) -> tuple[Memory, Results]:
+    """Predict, with rates and forces that may be held, then use every sample there is."""
+    P, ring = m.P.copy(), m.ring.copy()
+    rest, resting, x, window, shake = _advance(m, P, ring, dt, gyro, accel, held, v)
+    at, noise, has_pressure = (m.at + 1) % RING, m.noise, m.has_pressure
+    sonar_gate = gate.advance(m.gates.sonar, dt)
+    flow_gate = gate.advance(m.gates.flow, dt)
+    barometer_gate = gate.advance(m.gates.barometer, dt)
+    sonar_age, flow_age = counts.sonar_age + dt, counts.flow_age + dt
+    ranged, seen, weighed = NOT_COMPARED, NOT_COMPARED, NOT_COMPARED
+    if v.drag.enabled and window.time >= v.drag.window:
+        x = use_drag(x, P, window, v)
+        window = drag.EMPTY
+    if math.isfinite(sonar):
+        x, sonar_gate, noise, ranged = use_range(x, P, sonar_gate, sonar, noise, v)
+        sonar_age = 0.0 if ranged.used else sonar_age
+    if v.barometer.enabled and math.isfinite(pressure):
+        x, barometer_gate, has_pressure, weighed = use_pressure(
+            x, P, barometer_gate, pressure, has_pressure, v)
+    if math.isfinite(flow[0]) and math.isfinite(flow[1]):
+        x, flow_gate, noise, seen = use_flow(
+            x, P, ring, at, flow_gate, flow, quality, noise,
+            variance(m.sensors.accel, dt), v)
+        flow_age = 0.0 if seen.used else flow_age
+    return Memory(
+        False, resting, rest, x, P, ring, at, has_pressure, window, shake, noise,
+        Gates(sonar_gate, flow_gate, barometer_gate),
+        Counts(counts.invalid, counts.equal, sonar_age, flow_age), gyro, accel,
+        m.sensors), Results(ranged, seen, weighed)
+
+
+@jit
+def step(
+    memory: Memory, dt: float, gyro: Vec3, accel: Vec3, sonar: float, flow: Vec2,
+    flow_quality: int, pressure: float, values: JointValues,
+) -> tuple[Memory, Estimate]:
+    """
+    Advance the filter by one inertial sample, as :func:`mambo_estimation.kalman.step` does.
+
+    Parameters
+    ----------
+    memory
+        Result of the previous call, at first :func:`initial`; it is not changed.
+    dt : s
+        Since the previous inertial sample, 0 at the first. A negative one or one that is not
+        finite is counted, and the whole step ignored.
+    gyro : (3,) rad/s, body FRD
+        Bias included.
+    accel : (3,) m/s^2, body FRD
+        Specific force, bias included. Where gyro or accel is not finite, out of range, stuck or
+        wild another takes its place, with much more noise.
+    sonar : m
+        New slant range, NaN: none. Infinite: counted as invalid.
+    flow : (2,) rad/s, body FRD
+        New line-of-sight rate along x and y with the sign of the vehicle's motion, NaN: none.
+        Infinite, or only one of them NaN: counted as invalid.
+    flow_quality : 0..255
+        Of the flow, any where there is none.
+    pressure : Pa
+        New static pressure, NaN: none. Infinite: counted as invalid.
+    values
+        ``JointParams.values()``.
+
+    Returns
+    -------
+    memory
+        To be passed to the next call.
+    estimate
+        At the time of the inertial sample.
+
+    """
+    v, m = values, memory
+    if not 0.0 <= dt < math.inf:
+        m = _with_counts(m, 1, m.counts.equal)
+        return m, _estimate(m, NOTHING, 0.0, v)
+    sensors, equal = m.sensors, m.counts.equal + 1 if imu.is_equal(gyro, m.gyro) else 0
+    stuck = stuck_sensors(
+        sensors, not (m.aligning or m.resting), equal, gyro, accel, sonar, flow, pressure, v)
+    usable = usable_inertial(sensors, dt, gyro, accel, stuck, v.imu)
+    valid = usable[0] and usable[1]
+    invalid = count_broken(sonar, flow, pressure)
+    invalid += (0 if valid else 1) + (1 if dt > v.imu.max_gap else 0)
+    m = _with_counts(m, invalid, equal)
+    results = NOTHING
+    if m.aligning:
+        if valid:
+            m = _align(m, gyro, accel, dt, v)
+    else:
+        late = dt > v.imu.max_interval
+        gyro_used, accel_used = bridged(
+            sensors, dt, gyro, accel, usable, (m.gyro, m.accel),
+            (m.x.gyro_bias, m.x.accel_bias), v.gravity, v.imu)
+        m, results = _run(
+            m, m.counts, min(dt, v.imu.max_gap), gyro_used, accel_used,
+            (late or not usable[0], late or not usable[1]), math.nan if stuck[2] else sonar,
+            NONE2 if stuck[3] else flow, flow_quality, math.nan if stuck[4] else pressure, v)
+    m = _with_sensors(
+        m, _observe(m, results, dt, gyro, accel, sonar, flow, pressure, usable, stuck, v))
+    return m, _estimate(m, results, dt, v)
+
+
+@jit
+def _observe(
+    m: Memory, results: Results, dt: float, gyro: Vec3, accel: Vec3, sonar: float, flow: Vec2,
+    pressure: float, usable: tuple[bool, bool], stuck: Five, v: JointValues,
+) -> Sensors:
+    """Return what is known of the sensors after a step; nothing is asked of them at rest."""
+    cosine, height = to_matrix(m.x.q)[2][2], -m.x.p[2]
+    ranged, weighed = results.sonar.used, results.barometer.used
+    if m.aligning:
+        ranged = math.isfinite(sonar)
+    if m.aligning or not v.barometer.enabled:
+        weighed = pressure_model.is_valid(pressure, v.barometer) and not stuck[4]
+    see = height >= v.optical_flow.min_height and cosine >= v.optical_flow.min_tilt_cos
+    hear = height <= v.sonar.max_range * cosine and cosine >= v.sonar.min_tilt_cos
+    return observe_all(
+        m.sensors, dt, gyro, accel, sonar, flow, pressure,
+        (usable[0], usable[1], ranged, results.flow.used, weighed), stuck,
+        (hear, see and not m.aligning))
+
+
+@jit
+def _with_counts(m: Memory, invalid: int, equal: int) -> Memory:
+    """Return the memory with more invalid samples."""
+    counts = Counts(m.counts.invalid + invalid, equal, m.counts.sonar_age, m.counts.flow_age)
+    return Memory(
+        m.aligning, m.resting, m.alignment, m.x, m.P, m.ring, m.at, m.has_pressure, m.window,
+        m.shake, m.noise, m.gates, counts, m.gyro, m.accel, m.sensors)
+
+
+@jit
+def _with_sensors(m: Memory, sensors: Sensors) -> Memory:
+    return Memory(
+        m.aligning, m.resting, m.alignment, m.x, m.P, m.ring, m.at, m.has_pressure, m.window,
+        m.shake, m.noise, m.gates, m.counts, m.gyro, m.accel, sensors)
+
+
+@jit
+def _estimate(m: Memory, results: Results, dt: float, v: JointValues) -> Estimate:
+    """Return what the memory says after a step of dt, s."""
+    x, ranged, seen, weighed = m.x, results.sonar, results.flow, results.barometer
+    return Estimate(
+        state_of(x, m.gyro, m.shake.velocity, m.aligning), pose_covariance(m.P),
+        twist_covariance(m.P, x, m.sensors, dt, v.motion),
+        status_of(m.aligning, m.counts.sonar_age, m.counts.flow_age, v), -x.p[2], -x.v[2],
+        x.gyro_bias, x.accel_bias, x.pressure_offset if m.has_pressure else math.nan,
+        ranged.innovation[0], ranged.ratio, seen.innovation, seen.ratio, weighed.innovation[0],
+        weighed.ratio, m.gates.sonar.refused, m.gates.flow.refused, m.gates.barometer.refused,
+        m.counts.invalid, health.report(m.sensors, v.limits))

@@ -1,0 +1,111 @@
+"""
+How the joint filter starts: state and covariance after the alignment, or without one.
+
+At rest the accelerometer reads b - g R^T e_3. What it says is used as a measurement of both, with
+the slope of the floor and the size of a bias as priors, so that what cannot be told apart stays
+correlated: a tilt that turns out later takes its share of the bias with it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from mambo_model.compiled import jit
+from mambo_model.motion.quaternion import IDENTITY, Quat, to_matrix
+from mambo_model.motion.vector import Vec3
+import numpy as np
+
+from .. import alignment
+from ..alignment import Alignment
+from .joint_parameters import JointValues
+from .state import (
+    ACCEL_BIAS, Array, ATTITUDE, correct, covariance_with, DRAG, GYRO_BIAS, LATENCY, LEAK,
+    Nominal, POSITION, RANGE_OFFSET, SCALE, SIZE, SLOPE, VELOCITY)
+
+STILL = 1e-3  # m/s: deviation of the velocity of a vehicle that stands on the floor
+
+
+@jit
+def _set(P: Array, first: int, count: int, std: float) -> None:
+    """Set some variances, in place."""
+    for i in range(first, first + count):
+        P[i, i] = std * std
+
+
+@jit
+def _nominal(q: Quat, gyro_bias: Vec3, accel_bias: Vec3, v: JointValues) -> Nominal:
+    """Return the state at the start: on the floor, at the origin, at rest."""
+    f = v.optical_flow
+    return Nominal(
+        (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), q, gyro_bias, accel_bias, f.scale, f.slope,
+        (v.drag.coefficient, v.drag.coefficient), f.latency, f.rotation_leak, 0.0, 0.0)
+
+
+@jit
+def _sensors(v: JointValues) -> Array:
+    """Return the covariance with what is known of sensors and drag, and of the yaw."""
+    P, f = np.zeros((SIZE, SIZE)), v.optical_flow
+    _set(P, ATTITUDE + 2, 1, v.motion.initial_yaw_std)
+    _set(P, SCALE, 1, f.scale_std)
+    _set(P, SLOPE, 1, f.slope_std)
+    _set(P, DRAG, 2, v.drag.coefficient_std)
+    _set(P, LATENCY, 1, f.latency_std)
+    _set(P, LEAK, 1, f.rotation_leak_std)
+    _set(P, RANGE_OFFSET, 1, v.sonar.offset_std)
+    return P
+
+
+@jit
+def unaligned(rest: Alignment, v: JointValues) -> tuple[Nominal, Array]:
+    """Return state and covariance with wide defaults and the biases of the parameters."""
+    P, m = _sensors(v), v.motion
+    _set(P, POSITION, 3, m.initial_height_std)
+    _set(P, VELOCITY, 3, m.initial_velocity_std)
+    _set(P, ATTITUDE, 2, m.initial_tilt_std)
+    _set(P, GYRO_BIAS, 3, m.initial_gyro_bias_std)
+    _set(P, ACCEL_BIAS, 3, v.alignment.accel_bias_std)
+    return _nominal(IDENTITY, v.alignment.gyro_bias, rest.accel_bias, v), P
+
+
+@jit
+def aligned(rest: Alignment, v: JointValues) -> tuple[Nominal, Array]:
+    """
+    Return state and covariance of a vehicle that has been at rest.
+
+    Parameters
+    ----------
+    rest
+        Means of gyro and accelerometer, and scatter.
+    v
+        Priors.
+
+    """
+    here, P = alignment.level(rest.accel, v.gravity, v.alignment), _sensors(v)
+    slope = v.alignment.floor_slope_std
+    if math.hypot(rest.accel[0], rest.accel[1]) > alignment.NOT_LEVEL * math.hypot(
+            v.alignment.accel_bias_std, v.gravity * slope):
+        slope = v.motion.initial_tilt_std  # such a vehicle does not stand on a floor
+    _set(P, POSITION, 3, v.motion.initial_height_std)
+    _set(P, VELOCITY, 3, STILL)
+    _set(P, ATTITUDE, 2, slope)
+    _set(P, GYRO_BIAS, 3, math.sqrt(alignment.gyro_bias_variance(rest, v.alignment)))
+    _set(P, ACCEL_BIAS, 3, v.alignment.accel_bias_std)
+    _use_rest(P, here.q, rest.noise.accel / (3.0 * rest.count), v.gravity)
+    return _nominal(here.q, rest.gyro, here.accel_bias, v), P
+
+
+@jit
+def _use_rest(P: Array, q: Quat, noise: float, gravity: float) -> None:
+    """
+    Correct the covariance with the mean specific force at rest, in place.
+
+    d (b - g R^T e_3) = db + g R^T (delta x e_3); the state has been set to what this says.
+    """
+    R = to_matrix(q)
+    h, column, nowhere = np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE)
+    for i in range(3):
+        h[:] = 0.0
+        h[ACCEL_BIAS + i] = 1.0
+        h[ATTITUDE] = -gravity * R[1][i]
+        h[ATTITUDE + 1] = gravity * R[0][i]
+        correct(P, column, 0.0, covariance_with(P, h, column) + noise, nowhere)

@@ -1,0 +1,233 @@
+"""The joint filter on flights whose truth it does not know."""
+
+from estimation_truth import (
+    circle, DT, estimate, fly, hover, NAN, Noise, QUIET, sense, TYPICAL, vertical_circle)
+from mambo_estimation import kalman
+from mambo_estimation.alignment import AlignmentParams
+from mambo_estimation.joint import filter as joint
+from mambo_estimation.joint.joint_parameters import (
+    DragParams, JointParams, MotionParams, RangeParams)
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+WHITE = MotionParams(gyro_noise=2e-4, accel_noise=0.004)  # TYPICAL: 0.002, 0.05 at 200 Hz
+PARAMS = JointParams(motion=WHITE, sonar=RangeParams(noise=0.01))
+K_DRAG = 0.055 * 9.81  # 1/s: k_c / 4 of (3.13) in hover
+
+
+def rms(x):
+    return np.sqrt(np.mean(np.square(x), axis=0))
+
+
+def late(samples, seconds, every=5):
+    """Return the samples with a flow that tells what was seen some seconds ago."""
+    out, shift = samples.copy(), round(seconds / DT)
+    assert shift % every == 0
+    out.flow[shift:] = samples.flow[:len(samples.flow) - shift]
+    out.flow[:shift] = NAN
+    return out
+
+
+def found(samples, params=PARAMS):
+    """Return the memory after a flight, and its standard deviations, (23,)."""
+    memory = estimate(samples, params).memory
+    return memory.x, np.sqrt(np.diag(memory.P))
+
+
+@pytest.mark.parametrize('path', [circle(), vertical_circle()])
+def test_position_velocity_and_tilt_are_known_though_the_scale_is_not(path):
+    truth = fly(path, 60.0, drag=K_DRAG)
+    noise = Noise(**{**vars(TYPICAL), 'scale': 1.1, 'slope': 0.09})
+    run = estimate(sense(truth, noise, seed=11), PARAMS)
+    on = truth.t > 15.0
+    # twice the bound of a path with unknown scale and slope, and 60 s; 1.5 m as they are believed
+    assert np.linalg.norm(run.rho[-1, :2] - truth.p[-1, :2]) < 0.24
+    # one and a half times 10 mm/s and 0.16 degrees of the bound
+    assert (rms(run.nu[on] - truth.nu[on]) < 0.015).all()
+    assert np.degrees(rms(run.tilt_error(truth)[on])) < 0.24
+    assert rms(run.rho[on, 2] - truth.p[on, 2]) < 0.005
+
+
+def test_level_circle_calibrates_the_scale():
+    truth = fly(circle(), 66.0, drag=K_DRAG)
+    errors = []
+    for seed, slope in enumerate(np.random.default_rng(1).uniform(-0.1, 0.15, 4)):
+        noise = Noise(**{**vars(TYPICAL), 'scale': 1.02, 'slope': slope})
+        x, std = found(sense(truth, noise, seed=seed, flow_every=6))
+        errors.append(x.scale - 1.02)
+        assert std[15] < 2 * 0.0035 * 1.06
+    assert rms(errors) < 2 * 0.0035 * 1.06  # twice the bound after 60 s
+
+
+def test_vertical_circle_calibrates_scale_and_slope():
+    truth = fly(vertical_circle(), 66.0, drag=K_DRAG)
+    scales, slopes = [], []
+    for seed, slope in enumerate(np.random.default_rng(2).uniform(-0.1, 0.15, 4)):
+        noise = Noise(**{**vars(TYPICAL), 'scale': 1.11, 'slope': slope})
+        x, _ = found(sense(truth, noise, seed=seed, flow_every=6))
+        scales.append(x.scale - 1.11)
+        slopes.append(x.slope - slope)
+    assert rms(scales) < 2 * 0.0039 * 1.06 and rms(slopes) < 2 * 0.0055  # twice the bounds
+
+
+def test_hover_calibrates_nothing():
+    truth = fly(hover(), 60.0, drag=K_DRAG)
+    noise = Noise(**{**vars(TYPICAL), 'scale': 1.15, 'slope': 0.1})
+    x, std = found(sense(truth, noise, seed=3))
+    start = JointParams().optical_flow
+    assert abs(x.scale - start.scale) < 0.02 and std[15] > 0.9 * start.scale_std
+    assert abs(x.slope) < 0.02 and std[16] > 0.9 * start.slope_std
+
+
+@pytest.mark.parametrize('axis', range(3))
+def test_a_bias_of_the_gyro_is_found_in_ten_seconds_of_flight(axis):
+    truth, bias = fly(circle(takeoff=0.5), 18.0, drag=K_DRAG), [0.0, 0.0, 0.0]
+    bias[axis] = 0.02
+    noise = Noise(**{**vars(TYPICAL), 'gyro_bias': tuple(bias)})
+    # without an alignment: the default of zero, known to 0.03 rad/s
+    params = JointParams(
+        motion=WHITE, sonar=RangeParams(noise=0.01), alignment=AlignmentParams(samples=0))
+    x, std = found(sense(truth, noise, seed=axis), params)
+    error = np.array(x.gyro_bias) - bias
+    assert (np.abs(error) < 4 * std[9:12]).all()
+    assert (np.abs(error[:2]) < 5e-4).all()
+    assert std[11] < 0.3 * params.motion.initial_gyro_bias_std  # without a line of sight
+
+
+@pytest.mark.parametrize('latency', [0.05, 0.1])
+def test_a_late_flow_is_used_at_its_own_time(latency):
+    truth = fly(circle(), 40.0, drag=K_DRAG)
+    x, std = found(late(sense(truth, TYPICAL, seed=5), latency))
+    assert x.latency == pytest.approx(latency, abs=max(0.003, 3 * std[19]))
+    run = estimate(late(sense(truth, TYPICAL, seed=5), latency), PARAMS)
+    on = truth.t > 15.0
+    assert (rms(run.nu[on, :2] - truth.nu[on, :2]) < 0.015).all()
+
+
+def nees(run, truth, k, what):
+    if what == 'position':
+        error, P = truth.p[k] - run.rho[k], run.pose_covariance[k, :3, :3]
+    elif what == 'velocity':
+        error, P = truth.nu[k] - run.nu[k], run.twist_covariance[k, :3, :3]
+    else:
+        error, P = run.rotation_error(truth)[k, :2], run.pose_covariance[k, 3:5, 3:5]
+    return error @ np.linalg.solve(P, error), len(error)
+
+
+@pytest.mark.parametrize('what', ['position', 'velocity', 'tilt'])
+@pytest.mark.parametrize('slope', [0.0, -0.07, 0.14])
+def test_covariance_is_honest(what, slope):
+    truth, rng = fly(circle(), 30.0, drag=K_DRAG), np.random.default_rng(7)
+    total, dimensions = 0.0, 0
+    for seed in range(8):
+        bias = rng.normal(0, (0.3, 0.3, 0.3))
+        noise = Noise(**{
+            **vars(TYPICAL), 'scale': 1.06 + rng.normal(0, 0.05), 'slope': slope,
+            'accel_bias': tuple(bias)})
+        run = estimate(sense(truth, noise, seed=seed), PARAMS)
+        one, size = nees(run, truth, -1, what)
+        total, dimensions = total + one, dimensions + size
+    # upper bound; the floor here is level, so that the tilt is known better than it is believed
+    assert total < chi2.ppf(0.975, dimensions)
+    assert total > chi2.ppf(1e-4, dimensions) * (0.3 if what == 'tilt' else 1.0)
+
+
+def test_perfect_sensors_give_the_truth():
+    truth = fly(circle(), 30.0, drag=K_DRAG)
+    run = estimate(sense(truth, QUIET), PARAMS)
+    on = truth.t > 15.0
+    np.testing.assert_allclose(run.rho[on], truth.p[on], atol=0.01)
+    np.testing.assert_allclose(run.nu[on], truth.nu[on], atol=0.005)
+    assert run.tilt_error(truth)[on].max() < 4e-4
+
+
+def test_take_off_does_not_move_the_position():
+    truth = fly(hover(), 8.0)
+    samples = sense(truth, TYPICAL, seed=9)
+    near = (truth.height < 0.35)
+    samples.flow[near] = np.where(np.isnan(samples.flow[near]), NAN, 3.0)  # a floor too near
+    run = estimate(samples, PARAMS)
+    assert np.abs(run.rho[:, :2]).max() < 0.05
+    assert np.abs(np.diff(run.rho[:, :2], axis=0)).max() < 0.01
+
+
+def test_lost_flow_widens_and_its_return_does_not_make_the_position_jump():
+    truth = fly(circle(), 40.0, drag=K_DRAG)
+    samples = sense(truth, TYPICAL, seed=10)
+    samples.flow[(truth.t > 20.0) & (truth.t < 30.0)] = NAN
+    run = estimate(samples, PARAMS)
+    spread = np.sqrt(run.pose_covariance[:, 0, 0])
+    k = [round(t / DT) for t in (19.9, 29.9)]
+    assert spread[k[1]] > 3 * spread[k[0]]
+    error = np.linalg.norm(run.rho[:, :2] - truth.p[:, :2], axis=1)
+    assert error[k[1]] < 3 * np.hypot(spread[k[1]], spread[k[1]])
+    # a lost velocity is corrected along with the position that it led to, never by more
+    jumps = np.linalg.norm(np.diff(run.rho[:, :2] - truth.p[:, :2], axis=0), axis=1)
+    assert jumps.max() < 0.2 * error[k[1]] + 0.03
+    assert run.status[round(25.0 / DT)] == kalman.STATUS_DEAD_RECKONING
+    assert run.status[-1] == kalman.STATUS_NOMINAL
+
+
+@pytest.mark.parametrize('alive', ['sonar', 'barometer'])
+def test_height_is_bounded_while_either_sensor_is_alive(alive):
+    truth = fly(hover(), 60.0)
+    samples = sense(truth, TYPICAL, seed=12)
+    gone = truth.t > 15.0
+    (samples.pressure if alive == 'sonar' else samples.sonar)[gone] = NAN
+    run = estimate(samples, PARAMS)
+    # 0.05 m/sqrt(s) of weather is what the filter expects of the barometer's offset
+    assert np.abs(run.height - truth.height)[gone].max() < (0.02 if alive == 'sonar' else 1.0)
+
+
+def test_lost_inertial_samples_widen_the_tilt_and_do_not_break_it():
+    truth = fly(circle(), 40.0, drag=K_DRAG)
+    samples = sense(truth, TYPICAL, seed=13)
+    gone = (truth.t % 5.0 > 4.9) & (truth.t > 10.0)   # 0.1 s in each 5 s
+    samples.gyro[gone] = samples.accel[gone] = NAN
+    run = estimate(samples, PARAMS)
+    tilt = np.degrees(run.tilt_error(truth))
+    assert tilt[truth.t > 10.0].max() < 5.8  # what the vehicle is tilted by
+    assert tilt[(truth.t > 10.0) & (truth.t % 5.0 > 2.0) & ~gone].max() < 0.2  # found again
+    assert np.linalg.norm(run.rho[-1, :2] - truth.p[-1, :2]) < 0.5
+
+
+def test_a_vehicle_that_is_never_at_rest_says_so():
+    rng = np.random.default_rng(14)
+    truth = fly(hover(takeoff=0.0), 2.5)
+    samples = sense(truth, TYPICAL, seed=14)
+    samples.gyro += rng.normal(0, 0.5, samples.gyro.shape)
+    run = estimate(samples, PARAMS)
+    moved = run.status > kalman.STATUS_ALIGNING
+    tilt = np.sqrt(run.pose_covariance[:, 3, 3])
+    assert not moved[: round(1.9 / DT)].any() and tilt[: round(2.0 / DT)].min() > 0.05
+
+
+def test_a_sonar_that_jumps_does_not_move_the_horizontal_position():
+    truth = fly(hover(), 20.0)
+    samples = sense(truth, TYPICAL, seed=15)
+    step = truth.t > 10.0
+    samples.sonar[step] += 0.8      # a floor that is lower
+    run = estimate(samples, PARAMS)
+    assert run.height[-1] == pytest.approx(2.3, abs=0.1)  # believed once they agree for 0.5 s
+    jumps = np.linalg.norm(np.diff(run.rho[:, :2], axis=0), axis=1)
+    assert jumps.max() < 0.01
+
+
+def test_memory_is_not_changed_by_a_step():
+    params = PARAMS
+    m = joint.initial(params.values())
+    P, ring = m.P.copy(), m.ring.copy()
+    joint.step(m, 0.005, (0.0, 0.0, 0.0), (0.0, 0.0, -9.81), 1.0, (0.1, 0.1), 255, 1e5,
+               params.values())
+    np.testing.assert_array_equal(m.P, P)
+    np.testing.assert_array_equal(m.ring, ring)
+
+
+def test_without_drag_the_bias_of_the_accelerometer_stays_mixed_with_the_tilt():
+    truth = fly(circle(), 30.0, drag=K_DRAG)
+    samples = sense(truth, TYPICAL, seed=16)
+    _, told = found(samples)
+    _, untold = found(samples, JointParams(
+        motion=WHITE, sonar=RangeParams(noise=0.01), drag=DragParams(enabled=False)))
+    assert (untold[12:14] > 3 * told[12:14]).all()

@@ -1,0 +1,75 @@
+"""The bound against what can be computed by hand."""
+
+from mambo_estimation.joint.joint_parameters import JointParams
+from mambo_estimation.joint.state import POSITION, RANGE_OFFSET, SIZE, VELOCITY
+from mambo_flight.judge import bound
+from mambo_model import schema
+import numpy as np
+import pytest
+
+DT = 0.005
+HOVER = bound.Truth(1.0, 0.0, 0.055, 0.0)
+
+
+def hovering(seconds, flow_every, sonar_every, height=1.0):
+    """Return a hover at 1 m with samples in fixed intervals."""
+    n = round(seconds / DT)
+    state = np.zeros((n, 13))
+    state[:, 2], state[:, 6] = -height, 1.0
+    force, k = np.tile([0.0, 0.0, -9.81], (n, 1)), np.arange(n)
+    return bound.Sensed(
+        state, force, k % flow_every == 0, k % sonar_every == 0, np.zeros(n, np.bool_))
+
+
+def params(**changed):
+    """Return the filter's parameters with others, {'motion.gyro_noise': ...}."""
+    return schema.build(JointParams, {**schema.flatten(JointParams()), **changed}).values()
+
+
+def run(sensed, values, P, truth=HOVER):
+    out = np.empty((len(sensed.state), SIZE, SIZE))
+    bound.covariances(sensed, 0, P, DT, truth, values, out)
+    return out
+
+
+def test_dead_reckoning_by_flow_alone_is_the_closed_form():
+    # inertial noise so large that the flow alone tells the velocity: h sigma sqrt(interval T)
+    values = params(**{
+        'motion.accel_noise': 10.0, 'motion.gyro_noise': 1e-7, 'drag.min_height': 9.0,
+        'optical_flow.noise': 0.0251})
+    every, seconds = 3, 60.0
+    P = run(hovering(seconds, every, 8), values, np.zeros((SIZE, SIZE)))[-1]
+    # each sample stands for its interval; between samples the velocity wanders by itself
+    sampled = 0.0251 ** 2 * every * DT * seconds
+    wandered = 10.0 ** 2 * (every * DT) ** 3 / 12.0 * seconds / (every * DT)
+    low, high = np.sqrt(sampled), np.sqrt(sampled + 4.0 * wandered * every * DT)
+    assert 0.9 * low < np.sqrt(P[0, 0]) < 1.6 * high
+
+
+def test_height_is_known_as_well_as_a_random_walk_observed_by_the_sonar():
+    values = params(**{'motion.accel_noise': 0.01, 'drag.min_height': 9.0, 'sonar.noise': 0.01})
+    P = run(hovering(30.0, 1000000, 8), values, np.zeros((SIZE, SIZE)))[-1]
+    # steady state of a double integrator with density q, observed with density r
+    q, r = 0.01 ** 2, 0.01 ** 2 * 8 * DT
+    expected = np.sqrt(2.0) * (q * r ** 3) ** 0.25
+    assert P[2, 2] == pytest.approx(expected, rel=0.15)
+    expected = np.sqrt(2.0) * (q ** 3 * r) ** 0.25
+    assert P[VELOCITY + 2, VELOCITY + 2] == pytest.approx(expected, rel=0.15)
+
+
+def test_without_samples_only_the_inertial_noise_counts():
+    values = params(**{'motion.accel_noise': 0.02, 'motion.gyro_noise': 1e-7,
+                       'motion.accel_bias_walk': 0.0, 'drag.min_height': 9.0})
+    nothing = hovering(10.0, 10 ** 9, 10 ** 9)
+    nothing.flow[:], nothing.sonar[:] = False, False
+    P = run(nothing, values, np.zeros((SIZE, SIZE)))[-1]
+    assert P[VELOCITY, VELOCITY] == pytest.approx(0.02 ** 2 * 10.0, rel=0.01)
+    assert P[POSITION, POSITION] == pytest.approx(0.02 ** 2 * 10.0 ** 3 / 3.0, rel=0.01)
+
+
+def test_an_unknown_offset_of_the_sonar_stays_in_the_height():
+    values, start = params(), np.zeros((SIZE, SIZE))
+    start[RANGE_OFFSET, RANGE_OFFSET] = 0.05 ** 2
+    start[2, 2] = 1.0
+    P = run(hovering(20.0, 6, 8), values, start)[-1]
+    assert np.sqrt(P[2, 2]) == pytest.approx(0.05, rel=0.02)
