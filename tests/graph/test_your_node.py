@@ -56,12 +56,15 @@ def test_a_controller_of_yours_flies(tmp_path, started_when_invited, capsys, mod
     np.testing.assert_array_equal(bag['motor_pwm'].stamp % 5_000_000, 0)
 
 
-def test_two_flights_with_a_controller_of_yours_are_equal(tmp_path, started_when_invited):
-    started_when_invited(PD)
-    bags = []
+def test_two_flights_with_a_controller_of_yours_are_equal(
+        tmp_path, started_when_invited, capsys):
+    children, bags = started_when_invited(PD), []
     for name in 'ab':
-        assert fly(tmp_path / name) == 0
+        assert fly(tmp_path / name) == 0, capsys.readouterr()
         bags.append(next((tmp_path / name).glob('*.mcap')).read_bytes())
+        for child in children:  # or the next flight would hear two
+            child.kill()
+            child.wait()
     assert bags[0] == bags[1]
 
 
