@@ -63,7 +63,8 @@ def begin(flight: Scenario) -> tuple[Mind, Chance]:
     sim = flight.sim_node.simulator
     state = simulator.initial_state(sim)
     return Mind(
-        state, optitrack.START, state.plant.body, filters.initial(flight.estimator_node.filter),
+        state, optitrack.START, state.plant.body,
+        filters.initial(flight.estimator_node.filter.values()),
         failsafe.initial(flight.controller_node.law)), Chance(
         simulator.generators(sim.seed),
         simulator.generators(flight.optitrack_node.seed)[simulator.OPTITRACK])

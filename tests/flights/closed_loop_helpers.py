@@ -10,7 +10,8 @@ from dataclasses import replace
 import math
 from typing import NamedTuple
 
-from mambo_control.cascaded import CascadedParams, initial as initial_memory, step
+from mambo_control.cascaded import CascadedParams, initial as initial_memory
+from mambo_control.controllers import answer
 from mambo_model.compiled import jit
 from mambo_model.motion.trajectory import FlightPlanParams, reference_step, TRACK
 from mambo_model.vehicle.parameters import VehicleValues
@@ -45,12 +46,12 @@ class Flight(NamedTuple):
 def _loop(state, plan, gains, true, believed, count):
     """Fly ``count`` steps; return (count, 13): t, rho, rho_r, f, PWM, tilt."""
     out = np.empty((count, 13))
-    memory = initial_memory()
+    memory = initial_memory(gains)
     for k in range(count):
         t = k * DT
         ref, _ = reference_step(t, plan, believed.mass, believed.inertia, believed.gravity)
         body = state.body
-        memory, command = step(memory, body, ref, TRACK, DT, gains, believed)
+        memory, command = answer(memory, body, ref, TRACK, DT, gains, believed)
         sine = math.sqrt(body.q[1] * body.q[1] + body.q[2] * body.q[2])
         row = out[k]
         row[0], row[7], row[12] = t, command.thrust, 2.0 * math.asin(min(1.0, sine))

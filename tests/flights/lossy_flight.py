@@ -50,7 +50,7 @@ def fly(flight, spoil=lambda t, phase, *inputs: inputs):
     values, rngs, p = sim.values(), simulator.generators(sim.seed), closed_loop.settings(flight)
     state, estimator = simulator.initial_state(sim), flight.estimator_node
     truth = estimator.estimator == 'ground_truth'
-    memory = None if truth else filters.initial(estimator.filter)
+    memory = None if truth else filters.initial(estimator.filter.values())
     control, plan = failsafe.initial(believed.law), flight.reference_node.plan.values()
     vv, rows = flight.reference_node.vehicle.values(), []
     settings = STEP, believed.law.values(), believed.failsafe.values(), believed.vehicle.values()

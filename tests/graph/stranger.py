@@ -8,7 +8,7 @@ import time
 from mambo_model.motion import trajectory
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.rigid_body import State
-from mambo_ros import layout, messages, topics
+from mambo_ros import cdr, messages, topics
 import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSProfile
@@ -58,7 +58,7 @@ def main():
     now = [-1]
 
     def follow(data):
-        now[0] = layout.stamp_ns(data)
+        now[0] = cdr.stamp_ns(data)
     node.create_subscription(
         topics.GROUND_TRUTH.msg_type, f'/mambo/{topics.GROUND_TRUTH.name}', follow,
         QoSProfile(depth=1), raw=True)

@@ -19,7 +19,7 @@ from mambo_bringup.processes import NodeProcess
 from mambo_bringup.replay import replay
 from mambo_flight import closed_loop, offline_replay, recording_to_bag
 from mambo_flight.scenario import from_yaml, override, scenario, to_yaml
-from mambo_ros import layout, messages, topics
+from mambo_ros import cdr, messages, topics
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message
@@ -213,13 +213,13 @@ def test_the_closed_loop_in_one_process_is_the_graph_to_the_bit(
 
 def test_bad_samples_really_travel_and_the_bag_keeps_their_order(faulty_bag):
     def stamps(topic):
-        return np.array([layout.stamp_ns(data) for data in payloads(faulty_bag, topic)])
+        return np.array([cdr.stamp_ns(data) for data in payloads(faulty_bag, topic)])
 
     late = np.diff(stamps(topics.IMU))
     assert (late < 0).sum() > 10
     assert (np.diff(stamps(topics.OPTICAL_FLOW)) < 0).sum() > 5
     assert (np.diff(stamps(topics.BAROMETER)) == 0).sum() == 350  # 5 s at 70 Hz, each twice
-    tick = {layout.stamp_ns(data): messages.decode_sensor_tick(data)[1][1]
+    tick = {cdr.stamp_ns(data): messages.decode_sensor_tick(data)[1][1]
             for data in payloads(faulty_bag, topics.SENSOR_TICK)}
     assert tick[5_595_000_000] == tick[5_495_000_000]  # what is 0.1 s late is not there yet
     assert tick[6_595_000_000] - tick[5_595_000_000] == 27  # 25, and the first two in time again

@@ -12,7 +12,7 @@ from mambo_model.motion import trajectory
 from mambo_model.motion.flatness import from_flat_output
 from mambo_model.motion.rigid_body import State
 from mambo_model.vehicle.parameters import Vehicle
-from mambo_ros import layout, messages, topics
+from mambo_ros import cdr, messages, topics
 from mambo_sim import pace, sim_node
 from mambo_sim.sim_node import SimNode
 import pytest
@@ -246,7 +246,7 @@ class TestEstimator:
     def estimator(self, **parameters):
         node, estimates = EstimatorNode(parameter_overrides=[
             Parameter(name, value=value) for name, value in parameters.items()]), []
-        node._estimate = lambda data: estimates.append(layout.stamp_ns(data) // STEP)
+        node._estimate = lambda data: estimates.append(cdr.stamp_ns(data) // STEP)
 
         def hear(topic, data):
             (guard,) = [entry.take for entry in node.inputs if entry.topic is topic]

@@ -13,7 +13,7 @@ from mambo_bags.recorder_node import RecorderNode
 from mambo_bringup.domain import Domain
 from mambo_bringup.flight import RECORDER
 from mambo_bringup.processes import NodeProcess, parameter
-from mambo_ros import layout, messages, topics
+from mambo_ros import cdr, messages, topics
 import numpy as np
 import pytest
 import rclpy
@@ -46,13 +46,13 @@ def start(tmp_path):
 def tf(stamp):
     frame = TransformStamped()
     frame.header.stamp = Time(sec=stamp // SECOND, nanosec=stamp % SECOND)
-    return layout.serialize(TFMessage(transforms=[frame]))
+    return cdr.serialize(TFMessage(transforms=[frame]))
 
 
 def diagnostics(stamp):
     out = DiagnosticArray()
     out.header.stamp = Time(sec=stamp // SECOND, nanosec=stamp % SECOND)
-    return layout.serialize(out)
+    return cdr.serialize(out)
 
 
 def pwm(stamp):
@@ -66,7 +66,7 @@ def fly(take, steps, first=1):
 
 
 HOSTILE = {
-    'an empty /tf': (topics.TF, layout.serialize(TFMessage())),
+    'an empty /tf': (topics.TF, cdr.serialize(TFMessage())),
     'a /tf before time began': (topics.TF, tf(-5 * SECOND)),
     'a negative stamp': (topics.DIAGNOSTICS, diagnostics(-SECOND)),
     'a stamp of the wall clock': (topics.DIAGNOSTICS, diagnostics(FAR)),

@@ -113,12 +113,8 @@ def test_what_runs_in_the_graph_is_short():
     """One concern a file: every node, and what cannot be imported without rclpy."""
     long = {}
     for file in (file for package in PACKAGES for file in modules(package)):
-        text = file.read_text()
-        names = [name for node in ast.parse(text).body for name in (
-            [alias.name for alias in node.names] if isinstance(node, ast.Import)
-            else [node.module or ''] if isinstance(node, ast.ImportFrom) else [])]
-        if is_node(file) or any(name.split('.')[0] == 'rclpy' for name in names):
-            long[str(file.relative_to(SRC))] = len(text.splitlines())
+        if is_node(file) or 'rclpy' in imported(file):
+            long[str(file.relative_to(SRC))] = len(file.read_text().splitlines())
     assert len(long) > 10
     assert not {name: lines for name, lines in long.items() if lines > LONGEST}
 

@@ -2,12 +2,14 @@
 Extension of griffe: how docstrings and fields of the sources are shown.
 
 The reStructuredText of docstrings becomes Markdown, formulas become MathML. A field of a class is
-described by the comment behind it, a parameter by its declaration: unit, range and source.
+described by the comment behind it, a parameter by its declaration: unit, range and source. What
+compiled code reads of parameters (``values_type``) shows the fields that were made of them.
 """
 
 from __future__ import annotations
 
 import ast
+import importlib
 import itertools
 import re
 from typing import Any
@@ -87,8 +89,25 @@ def _fields(found: griffe.Class) -> str:
     return '\n'.join(['', '', 'Attributes', '----------', *lines]) if lines else ''
 
 
+def compiled_fields(found: type) -> str:
+    """Return the docstring of a NamedTuple that ``values_type`` made, with its fields."""
+    lines = []
+    for name, kind in found.__annotations__.items():
+        shown = getattr(kind, '__forward_arg__', None) or getattr(kind, '__name__', str(kind))
+        lines += [f'{name} : {shown}', f'    {getattr(found, name).__doc__}']
+    return '\n'.join([found.__doc__ or '', '', 'Attributes', '----------', *lines])
+
+
 class Docstrings(griffe.Extension):
     """Rewrites docstrings, and puts the fields of a class into its own."""
+
+    def on_attribute_instance(self, *, attr: griffe.Attribute, **_: Any) -> None:
+        """Describe what compiled code reads of parameters."""
+        made = attr.value
+        if isinstance(made, griffe.ExprCall) and str(made.function) == 'values_type':
+            module = importlib.import_module(attr.module.path)
+            attr.docstring = griffe.Docstring(
+                compiled_fields(getattr(module, attr.name)), parent=attr)
 
     def on_class_members(self, *, cls: griffe.Class, **_: Any) -> None:
         """Describe the fields of a class that has been read."""

@@ -19,7 +19,7 @@ import struct
 from typing import NoReturn
 
 from mambo_model import schema
-from mambo_ros import layout, node, process, topics
+from mambo_ros import cdr, node, process, topics
 
 from .log_times import LogTimes
 from .recorder_parameters import RecorderNodeParams
@@ -49,7 +49,7 @@ def _stamp(data: bytes, offset: int) -> int | None:
     try:
         if offset and not any(data[4:4 + offset]):  # a sequence without elements
             return None
-        return layout.stamp_ns(data, offset)
+        return cdr.stamp_ns(data, offset)
     except (IndexError, struct.error):
         return None
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import time
 
 from mambo_model import schema
-from mambo_ros import layout, links, messages, node, process, topics
+from mambo_ros import cdr, links, messages, node, process, topics
 from mambo_ros.loop import Loop
 
 from .playback import bag_files, recorded
@@ -43,7 +43,7 @@ class ReplayNodeParams:
 
 
 def _decode_stamp(data: bytes) -> tuple[int]:
-    return layout.stamp_ns(data),
+    return cdr.stamp_ns(data),
 
 
 def _nothing(t: int) -> None:
@@ -92,7 +92,7 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
             if kind != topic.type_name:
                 raise schema.ParameterError(
                     f'{self._path}: {name} has type {kind}, expected {topic.type_name}')
-            t = layout.stamp_ns(data)
+            t = cdr.stamp_ns(data)
             if topic is topics.IMU and t > now:
                 if now >= 0:
                     yield self._publish_step(now, held, counts, has_ticks)

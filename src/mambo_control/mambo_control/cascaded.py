@@ -9,30 +9,23 @@ they follow from its acceleration and the believed vehicle.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.quaternion import angle, multiply, Quat, rotate_inverse
 from mambo_model.motion.rigid_body import State
-from mambo_model.motion.trajectory import GROUND, LANDED
 from mambo_model.motion.vector import Vec3
 from mambo_model.vehicle.parameters import VehicleValues
-from mambo_model.vehicle.rotor import allocate, limit_pwm, pwm_from_thrust
 
 from .attitude_law import attitude_error, rate_error, torque
+from .command import Command, motors, no_thrust
 from .gains import CascadedParams, GainValues
 from .position_law import advance, demand, errors, Memory
-from .safety import REASON_NONE, REASON_REFERENCE, stop_reason, usable
+from .safety import REASON_NONE
 from .thrust_direction import desired_attitude, desired_direction
 
-__all__ = [
-    'CascadedParams', 'Command', 'initial', 'Law', 'law', 'Memory', 'motors', 'no_thrust', 'step',
-    'stopped']
-
-Four = tuple[float, float, float, float]
-Cut = tuple[bool, bool, bool, bool]
+__all__ = ['CascadedParams', 'initial', 'Law', 'law', 'Memory', 'step', 'stopped']
 
 
 class Law(NamedTuple):
@@ -57,34 +50,9 @@ class Law(NamedTuple):
     velocity_error: Vec3  # m/s, inertial NED, R_r nu_e
 
 
-class Command(NamedTuple):
-    """
-    Answer to one estimate.
-
-    While the motors are stopped the law is not evaluated: thrusts and torque are 0, errors,
-    virtual input and desired attitude are NaN.
-    """
-
-    pwm: Four  # 0: stopped, else within the limits of the motors; never NaN
-    shutdown: bool
-    reason: int  # one of safety.REASON_*
-    motor_thrust: Four  # N, wanted, before the limits
-    saturated: Cut  # the motor's PWM was cut
-    thrust: float  # N, (3.20), before the limits
-    torque: Vec3  # N m, body FRD, (3.29), before the limits
-    position_error: Vec3  # m, inertial NED, reference minus estimate
-    velocity_error: Vec3  # m/s, inertial NED, reference minus estimate
-    integral: Vec3  # m, inertial NED, P_e used in this step
-    integral_rate: Vec3  # m/s, inertial NED, p_e used in this step
-    virtual_input: Vec3  # m/s^2, inertial NED, u of (3.18a)
-    attitude_desired: Quat  # q_r q_d: desired body to inertial
-    attitude_error: float  # rad, angle of q_e (3.25)
-    angular_velocity_error: Vec3  # rad/s, body FRD, (3.26)
-
-
 @jit
-def initial() -> Memory:
-    """Return the memory at start: no integral action."""
+def initial(gains: GainValues) -> Memory:
+    """Return the memory at start, with any gains: no integral action."""
     return Memory((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -123,39 +91,9 @@ def law(
 
 
 @jit
-def no_thrust(reason: int, integral: Vec3, integral_rate: Vec3) -> Command:
-    """Return the command that stops the motors of any controller; the last two as they are."""
-    nan3 = (math.nan, math.nan, math.nan)
-    zero4 = (0.0, 0.0, 0.0, 0.0)
-    return Command(
-        zero4, reason != REASON_NONE, reason, zero4, (False, False, False, False), 0.0,
-        (0.0, 0.0, 0.0), nan3, nan3, integral, integral_rate, nan3,
-        (math.nan, math.nan, math.nan, math.nan), math.nan, nan3)
-
-
-@jit
 def stopped(memory: Memory, reason: int) -> Command:
     """Return the command that stops the motors; a shutdown unless reason is REASON_NONE."""
     return no_thrust(reason, memory.P, memory.p)
-
-
-@jit
-def motors(f: float, tau: Vec3, vv: VehicleValues) -> tuple[Four, Four, Cut]:
-    """
-    Return what the motors are told for a thrust f in N and a torque tau in N m, body FRD.
-
-    Returns
-    -------
-    thrust : (4,) N, wanted
-    pwm : (4,) within the limits of the motors
-    saturated : (4,) whether the PWM was cut
-
-    """
-    T = allocate(f, tau, vv)
-    x = (pwm_from_thrust(T[0], vv), pwm_from_thrust(T[1], vv),
-         pwm_from_thrust(T[2], vv), pwm_from_thrust(T[3], vv))
-    pwm = (limit_pwm(x[0], vv), limit_pwm(x[1], vv), limit_pwm(x[2], vv), limit_pwm(x[3], vv))
-    return T, pwm, (pwm[0] != x[0], pwm[1] != x[1], pwm[2] != x[2], pwm[3] != x[3])
 
 
 @jit
@@ -169,17 +107,10 @@ def _flying(out: Law, memory: Memory, ref: Reference, vv: VehicleValues) -> Comm
 
 @jit
 def step(
-    memory: Memory, state: State, ref: Reference, phase: int, dt: float, gains: GainValues,
-    vv: VehicleValues,
+    memory: Memory, state: State, ref: Reference, dt: float, gains: GainValues, vv: VehicleValues,
 ) -> tuple[Memory, Command]:
     """
-    Answer one estimate with motor commands and move the integral action to the next one.
-
-    On the ground before take-off and after landing the motors stand still and the integral
-    action is zero. Inputs that cannot be used (not finite, absurdly large, no unit quaternion,
-    an unknown phase, a reference without a thrust direction) and, in flight, tilt or height
-    beyond the limits stop the motors with ``shutdown``; the memory stays as it is. A shutdown
-    is not remembered here but by :mod:`failsafe`.
+    Answer one estimate in flight, and move the integral action to the next one.
 
     Each motor is cut to its PWM limits on its own, as in the thesis: no axis has priority over
     another, so that thrust and torque both fall short while a motor saturates.
@@ -192,8 +123,6 @@ def step(
         Estimate, inertial NED and body FRD.
     ref
         Reference for the time of the estimate.
-    phase
-        Of the flight, 0 GROUND to 4 LANDED of mambo_model.motion.trajectory.
     dt : s
         Time to the next call, the control period.
     gains
@@ -208,20 +137,6 @@ def step(
     command
         Valid for one period.
 
-    Raises
-    ------
-    ValueError
-        If ``dt`` is not positive and finite.
-
     """
-    if not 0.0 < dt < math.inf:
-        raise ValueError('dt of the controller must be positive and finite, in seconds')
-    reason = stop_reason(state, ref, phase, gains)
-    if reason != REASON_NONE:
-        return memory, stopped(memory, reason)
-    if phase == GROUND or phase == LANDED:
-        return initial(), stopped(initial(), REASON_NONE)
     out = law(state, ref, memory, gains, vv)
-    if not (usable(out.tau) and math.isfinite(out.f)):
-        return memory, stopped(memory, REASON_REFERENCE)
     return advance(memory, out.position_error, dt, gains), _flying(out, memory, ref, vv)

@@ -7,7 +7,8 @@ from mambo_model.motion.flatness import Reference
 from mambo_model.motion.rigid_body import State
 from mambo_ros import diagnostics, intake, messages, node, process, topics
 
-from . import cascaded, failsafe
+from . import failsafe
+from .command import Command
 from .failsafe import NO_REFERENCE, NO_STATE, Spread
 from .parameters import ControllerNodeParams
 
@@ -141,7 +142,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
             {'thrust [N]': thrust, 'phase': phase, 'stage': stage}))
 
 
-def encode_state(t: int, c: cascaded.Command) -> bytes:
+def encode_state(t: int, c: Command) -> bytes:
     """Serialise ``ControllerState`` of one command."""
     return messages.controller_state(
         t, c.position_error, c.velocity_error, c.integral, c.integral_rate, c.virtual_input,

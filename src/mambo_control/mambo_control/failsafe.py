@@ -55,12 +55,13 @@ from mambo_model.motion.flatness import from_flat_output_yaw, Reference
 from mambo_model.motion.quaternion import IDENTITY, rotate, rotate_inverse, to_euler
 from mambo_model.motion.rigid_body import rk4_step, State
 from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
-from mambo_model.schema import check, quantity, values
+from mambo_model.schema import quantity
+from mambo_model.values import Parameters, values_type
 from mambo_model.vehicle.parameters import VehicleValues
 from mambo_model.vehicle.rotor import mix, thrust_from_pwm
 
 from . import controllers
-from .cascaded import Command
+from .command import Command
 from .safety import (
     is_attitude, LARGEST, REASON_ALIGNMENT, REASON_CRASH, REASON_ESTIMATE, REASON_NONE,
     REASON_REFERENCE, usable, usable_reference)
@@ -110,29 +111,8 @@ _REST = State(_ZERO, _ZERO, IDENTITY, _ZERO)
 _POINT = Reference(_ZERO, _ZERO, _ZERO, _ZERO, _ZERO, IDENTITY, _ZERO, _ZERO, 0.0, _ZERO)
 
 
-class FailsafeValues(NamedTuple):
-    """What compiled code reads of :class:`FailsafeParams`; units as there."""
-
-    hold: float
-    descent_speed: float
-    deceleration: float
-    near_floor: float
-    depth: float
-    position_std: float
-    height_std: float
-    velocity_std: float
-    tilt_std: float
-    rate_std: float
-    rate_limit: float
-    attitude_error_limit: float
-    velocity_error_limit: float
-    crash_time: float
-    thrust_deficit: float
-    takeoff_tilt_std: float
-
-
 @dataclass(frozen=True)
-class FailsafeParams:
+class FailsafeParams(Parameters):
     """How long a loss is borne, how the vehicle lands after it, and what is a crash."""
 
     hold: float = quantity(
@@ -170,12 +150,8 @@ class FailsafeParams:
         0.05, 'rad', 0.001, 10.0,
         'no take-off beyond: an alignment at rest leaves 0.03 at most, one that failed 0.1')
 
-    def __post_init__(self) -> None:
-        check(self)
 
-    def values(self) -> FailsafeValues:
-        """Return the values that compiled code takes."""
-        return FailsafeValues(*values(self, FailsafeValues._fields))
+FailsafeValues = values_type(FailsafeParams)
 
 
 class Descent(NamedTuple):
@@ -198,8 +174,8 @@ class Shown(NamedTuple):
 class Memory(NamedTuple):
     """What is passed from step to step."""
 
-    control: controllers.Memory
-    stage: int
+    control: controllers.Memory  # of the control law
+    stage: int  # FLYING ... STOPPED
     reason: int  # one of safety.REASON_*: why the stage is not FLYING
     estimate_lost: float  # s
     reference_lost: float  # s
@@ -207,22 +183,22 @@ class Memory(NamedTuple):
     state: State  # the last one the law got
     ref: Reference  # the last good one
     phase: int  # of the flight plan, the last good one
-    shown: Shown
-    descent: Descent
+    shown: Shown  # what the vehicle weighs
+    descent: Descent  # the last one
     command: Command  # the last one
 
 
 class Known(NamedTuple):
     """Which parts of an estimate can be used."""
 
-    attitude: bool
-    vertical: bool
-    horizontal: bool
+    attitude: bool  # and body rate
+    vertical: bool  # height and vertical velocity
+    horizontal: bool  # position and velocity
 
 
 def initial(params: controllers.Params) -> Memory:
     """Return the memory at start of the controller that has such parameters."""
-    control = controllers.initial(params)
+    control = controllers.initial(params.values())
     return Memory(
         control, FLYING, REASON_NONE, 0.0, 0.0, 0.0, _REST, _POINT, trajectory.GROUND,
         Shown(0.0, 0.0), Descent(_ZERO, _ZERO, 0.0, 0.0, 0.0),
@@ -299,11 +275,7 @@ def lighter(shown: Shown, p: FailsafeValues, vv: VehicleValues) -> VehicleValues
     rest = max(0.0, vv.gravity - shown.pull)  # not shown yet: as believed
     mass = (shown.lift + rest * vv.mass) / (shown.pull + rest)
     mass = min(max(mass, MOST_WRONG[0] * vv.mass), MOST_WRONG[1] * vv.mass)
-    return VehicleValues(
-        (1.0 - p.thrust_deficit) * mass, vv.inertia, vv.gravity, vv.arm, vv.yaw_ratio,
-        vv.thrust_map, vv.linear_gain, vv.power_a, vv.power_b, vv.pwm_min, vv.pwm_max,
-        vv.motor_time_constant, vv.drag_reading, vv.drag_coefficient,
-        vv.vertical_drag_coefficient)
+    return VehicleValues((1.0 - p.thrust_deficit) * mass, *vv[1:])  # mass is its first field
 
 
 @jit

@@ -4,34 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
-from typing import NamedTuple
 
-from mambo_model.schema import check, choice, flag, quantity, values
+from mambo_model.schema import choice, flag, quantity
+from mambo_model.values import derived, Parameters, values_type
 
 DERIVATIVES = ('analytic', 'no_acceleration', 'no_rates')
 ANALYTIC, NO_ACCELERATION, NO_RATES = range(3)  # as compiled code sees them
 _GAINS = 'section 3.4, v.d. Eijnden'
 
 
-class GainValues(NamedTuple):
-    """What compiled code reads of :class:`CascadedParams`; units as there."""
-
-    K_P: float
-    K_p: float
-    k_p: float
-    K_nu: float
-    k_omega: float
-    k_R: float
-    k: tuple[float, float, float]
-    derivatives: int  # one of ANALYTIC, NO_ACCELERATION, NO_RATES
-    drag_feedforward: bool
-    tilt_sine_squared: float  # sin^2 of half the tilt limit
-    height_min: float
-    height_max: float
-
-
 @dataclass(frozen=True)
-class CascadedParams:
+class CascadedParams(Parameters):
     """
     Gains of (3.18) and (3.29) as scalars, how f_d is differentiated, and limits of a flight.
 
@@ -58,13 +41,15 @@ class CascadedParams:
     height_min: float = quantity(-1.0, 'm', -1000.0, 0.0, 'shutdown below (judgement)')
     height_max: float = quantity(10.0, 'm', 0.1, 1000.0, 'shutdown above (judgement)')
 
-    def __post_init__(self) -> None:
-        check(self)
+    @derived('-', 'k1', 'k2', 'k3')
+    def k(self) -> tuple[float, float, float]:
+        """Gains of (3.29) about the three axes."""
+        return (float(self.k1), float(self.k2), float(self.k3))
 
-    def values(self) -> GainValues:
-        """Return the values that compiled code takes."""
-        before = values(self, ('K_P', 'K_p', 'k_p', 'K_nu', 'k_omega', 'k_R'))
-        switches = values(self, ('derivatives', 'drag_feedforward'))
-        return GainValues(
-            *before, (self.k1, self.k2, self.k3), *switches,
-            math.sin(self.tilt_limit / 2) ** 2, self.height_min, self.height_max)
+    @derived('-', 'tilt_limit')
+    def tilt_sine_squared(self) -> float:
+        """Squared sine of half the tilt limit."""
+        return math.sin(self.tilt_limit / 2) ** 2
+
+
+GainValues = values_type(CascadedParams)

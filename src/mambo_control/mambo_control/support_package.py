@@ -21,14 +21,14 @@ from mambo_model.compiled import jit
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.quaternion import angle, conjugate, from_euler, multiply, rotate, to_euler
 from mambo_model.motion.rigid_body import State
-from mambo_model.motion.trajectory import GROUND, LANDED
 from mambo_model.motion.vector import sub, Vec3
-from mambo_model.schema import check, choice, quantity, values
+from mambo_model.schema import choice, quantity
+from mambo_model.values import derived, Parameters, values_type
 from mambo_model.vehicle.parameters import VehicleValues
 from mambo_model.vehicle.rotor import thrust_from_pwm
 
-from .cascaded import Command, motors, no_thrust
-from .safety import REASON_NONE, REASON_REFERENCE, stop_reason, usable
+from .command import Command, motors, no_thrust
+from .safety import REASON_NONE
 
 __all__ = ['initial', 'Memory', 'step', 'stopped', 'ToolboxControllerParams', 'ToolboxGainValues']
 
@@ -38,32 +38,8 @@ _NAN3 = (math.nan, math.nan, math.nan)
 _PACKAGE = 'support package'
 
 
-class ToolboxGainValues(NamedTuple):
-    """What compiled code reads of :class:`ToolboxControllerParams`; units as there."""
-
-    altitude_gain: float
-    altitude_damping: float
-    thrust_share: float
-    yaw_gain: float
-    yaw_damping: float
-    roll_gain: float
-    roll_damping: float
-    pitch_gain: float
-    pitch_damping: float
-    integral_gain: float
-    integral_leak: float
-    integral_limit: float
-    reference: int  # POSITION or ATTITUDE
-    position_gain: float
-    position_damping: float
-    position_limit: float
-    tilt_sine_squared: float  # sin^2 of half the tilt limit
-    height_min: float
-    height_max: float
-
-
 @dataclass(frozen=True)
-class ToolboxControllerParams:
+class ToolboxControllerParams(Parameters):
     """Gains of the support package, what roll and pitch follow, and limits of a flight."""
 
     altitude_gain: float = quantity(0.8, 'N/m', 0.0, 20.0, _PACKAGE)
@@ -93,14 +69,13 @@ class ToolboxControllerParams:
     height_min: float = quantity(-1.0, 'm', -1000.0, 0.0, 'shutdown below (judgement)')
     height_max: float = quantity(10.0, 'm', 0.1, 1000.0, 'shutdown above (judgement)')
 
-    def __post_init__(self) -> None:
-        check(self)
+    @derived('-', 'tilt_limit')
+    def tilt_sine_squared(self) -> float:
+        """Squared sine of half the tilt limit."""
+        return math.sin(self.tilt_limit / 2) ** 2
 
-    def values(self) -> ToolboxGainValues:
-        """Return the values that compiled code takes."""
-        return ToolboxGainValues(
-            *values(self, ToolboxGainValues._fields[:-3]), math.sin(self.tilt_limit / 2) ** 2,
-            float(self.height_min), float(self.height_max))
+
+ToolboxGainValues = values_type(ToolboxControllerParams)
 
 
 class Memory(NamedTuple):
@@ -121,8 +96,8 @@ class Law(NamedTuple):
 
 
 @jit
-def initial() -> Memory:
-    """Return the memory at start: no integral action."""
+def initial(gains: ToolboxGainValues) -> Memory:
+    """Return the memory at start, with any gains: no integral action."""
     return Memory(0.0, 0.0)
 
 
@@ -226,11 +201,11 @@ def _flying(out: Law, state: State, ref: Reference, vv: VehicleValues) -> Comman
 
 @jit
 def step(
-    memory: Memory, state: State, ref: Reference, phase: int, dt: float,
-    gains: ToolboxGainValues, vv: VehicleValues,
+    memory: Memory, state: State, ref: Reference, dt: float, gains: ToolboxGainValues,
+    vv: VehicleValues,
 ) -> tuple[Memory, Command]:
     """
-    Answer one estimate with motor commands, as :func:`cascaded.step` does and with its limits.
+    Answer one estimate in flight, as :func:`cascaded.step` does.
 
     ``integral``, ``integral_rate`` and ``virtual_input`` of the command do not exist here and are
     NaN; ``angular_velocity_error`` is the rate itself, what is wanted being zero.
@@ -243,8 +218,6 @@ def step(
         Estimate, inertial NED and body FRD.
     ref
         Reference for the time of the estimate.
-    phase
-        Of the flight, 0 GROUND to 4 LANDED of mambo_model.motion.trajectory.
     dt : s
         Time to the next call, the control period.
     gains
@@ -259,22 +232,8 @@ def step(
     command
         Valid for one period.
 
-    Raises
-    ------
-    ValueError
-        If ``dt`` is not positive and finite.
-
     """
-    if not 0.0 < dt < math.inf:
-        raise ValueError('dt of the controller must be positive and finite, in seconds')
-    reason = stop_reason(state, ref, phase, gains)
-    if reason != REASON_NONE:
-        return memory, stopped(memory, reason)
-    if phase == GROUND or phase == LANDED:
-        return initial(), stopped(initial(), REASON_NONE)
     out = law(state, ref, memory, gains, vv)
-    if not (usable(out.tau) and math.isfinite(out.f)):
-        return memory, stopped(memory, REASON_REFERENCE)
     memory = Memory(
         _advance(memory.roll, out.roll_error, dt, gains),
         _advance(memory.pitch, out.pitch_error, dt, gains))

@@ -1,7 +1,8 @@
 """Attitude law: hand signs, error dynamics (3.30f), evenness in q, the printed sign diverges."""
 
 from mambo_control.attitude_law import alignment
-from mambo_control.cascaded import CascadedParams, law, step
+from mambo_control.cascaded import CascadedParams, law
+from mambo_control.controllers import answer
 from mambo_model.motion.quaternion import angle, conjugate
 from mambo_model.motion.trajectory import TRACK
 import numpy as np
@@ -79,8 +80,8 @@ def test_q_and_minus_q_give_the_same_bits(seed):
     for s, r in ((turned, ref), (state, other), (turned, other)):
         two = law(s, r, memory, GAINS, vv)
         assert (one.f, one.tau, one.omega_e) == (two.f, two.tau, two.omega_e)
-        _, a = step(memory, state, ref, TRACK, 0.005, GAINS, vv)
-        _, b = step(memory, s, r, TRACK, 0.005, GAINS, vv)
+        _, a = answer(memory, state, ref, TRACK, 0.005, GAINS, vv)
+        _, b = answer(memory, s, r, TRACK, 0.005, GAINS, vv)
         assert (a.pwm, a.attitude_error) == (b.pwm, b.attitude_error)
 
 

@@ -5,7 +5,9 @@ from pathlib import Path
 import re
 
 from mambo_control import safety
-from mambo_control.cascaded import CascadedParams, Command, initial, Memory, step
+from mambo_control.cascaded import CascadedParams, initial, Memory
+from mambo_control.command import Command
+from mambo_control.controllers import answer as guarded
 from mambo_control.position_law import advance
 from mambo_model.compiled import jit
 from mambo_model.motion.flatness import from_flat_output
@@ -40,7 +42,7 @@ def still(**changes):
 
 
 def answer(state, ref=None, memory=None, phase=TRACK, gains=GAINS, vv=MAMBO):
-    return step(memory or initial(), state, ref or hover(), phase, DT, gains, vv)
+    return guarded(memory or initial(gains), state, ref or hover(), phase, DT, gains, vv)
 
 
 @pytest.mark.parametrize(('vehicle', 'pwm'), [
@@ -52,7 +54,8 @@ def test_hover_needs_the_weight_and_no_torque(vehicle, pwm):
     assert command.thrust == pytest.approx(vehicle.mass * 9.81)
     assert command.motor_thrust == pytest.approx((vehicle.mass * 9.81 / 4,) * 4)
     assert command.torque == ZERO and not any(command.saturated)
-    assert (command.shutdown, command.reason, memory) == (False, safety.REASON_NONE, initial())
+    assert (command.shutdown, command.reason, memory) == (
+        False, safety.REASON_NONE, initial(GAINS))
 
 
 def test_too_low_climbs_and_too_high_sinks():
@@ -119,7 +122,7 @@ def test_memory_follows_the_integral_of_the_thesis(error):
 
 
 def test_integral_stays_bounded_however_large_and_long_the_error():
-    memory, largest = initial(), 0.0
+    memory, largest = initial(GAINS), 0.0
     for _ in range(20000):
         memory = advance(memory, (300.0, -400.0, 0.0), DT, GAINS)
         largest = max(largest, math.hypot(*memory.P))
@@ -130,7 +133,7 @@ def test_integral_stays_bounded_however_large_and_long_the_error():
 @pytest.mark.parametrize('phase', [GROUND, LANDED])
 def test_motors_stand_still_on_the_ground_and_the_integral_is_empty(phase):
     memory, command = answer(still(), memory=Memory((1.0, 0.0, 0.0), ZERO), phase=phase)
-    assert memory == initial()
+    assert memory == initial(GAINS)
     assert command.pwm == command.motor_thrust == (0.0,) * 4
     assert (command.shutdown, command.reason) == (False, safety.REASON_NONE)
     assert command.thrust == 0.0 and math.isnan(command.attitude_error)
@@ -194,8 +197,8 @@ def test_unusable_numbers_stop_the_motors_and_name_the_culprit(bad, phase):
 
 @pytest.mark.parametrize('q', [(0.0, 0.0, 0.0, 0.0), (1.01, 0.0, 0.0, 0.0), (0.5, 0.5, 0.5, 0.4)])
 def test_an_attitude_that_is_none_stops_the_motors(q):
-    assert_stopped(answer(still(q=q)), initial(), safety.REASON_ESTIMATE)
-    assert_stopped(answer(still(), hover(q=q)), initial(), safety.REASON_REFERENCE)
+    assert_stopped(answer(still(q=q)), initial(GAINS), safety.REASON_ESTIMATE)
+    assert_stopped(answer(still(), hover(q=q)), initial(GAINS), safety.REASON_REFERENCE)
 
 
 def test_an_attitude_in_single_precision_is_good_enough():
@@ -205,14 +208,14 @@ def test_an_attitude_in_single_precision_is_good_enough():
 
 @pytest.mark.parametrize('phase', [-1, 5, 255])
 def test_an_unknown_phase_stops_the_motors(phase):
-    assert_stopped(answer(still(), phase=phase), initial(), safety.REASON_REFERENCE)
+    assert_stopped(answer(still(), phase=phase), initial(GAINS), safety.REASON_REFERENCE)
 
 
 @pytest.mark.parametrize('fall', [9.81, 12.0])
 def test_a_reference_without_a_thrust_direction_stops_the_motors(fall):
     # 9.81: no thrust at all; 12: thrust exactly opposite to the stated attitude
     ref = hover(a=(0.0, 0.0, fall))
-    assert_stopped(answer(still(), ref), initial(), safety.REASON_REFERENCE)
+    assert_stopped(answer(still(), ref), initial(GAINS), safety.REASON_REFERENCE)
 
 
 @pytest.mark.parametrize('angles', [
@@ -246,15 +249,15 @@ def test_height_limits(height, reason):
 @pytest.mark.parametrize('dt', [0.0, -0.005, math.nan, math.inf])
 def test_rejects_bad_dt(dt):
     with pytest.raises(ValueError, match='dt'):
-        step(initial(), still(), hover(), TRACK, dt, GAINS, MAMBO)
+        guarded(initial(GAINS), still(), hover(), TRACK, dt, GAINS, MAMBO)
 
 
 @jit
 def _loop(state, count, case):
-    memory = initial()
+    memory = initial(GAINS)
     for k in range(count):
-        memory, command = step(memory, state, reference(k * 0.005, case), 2, 0.005, case.gains,
-                               case.believed)
+        memory, command = guarded(
+            memory, state, reference(k * 0.005, case), 2, 0.005, case.gains, case.believed)
         x = command.pwm
         f, tau = mix((thrust_from_pwm(x[0], case.plant), thrust_from_pwm(x[1], case.plant),
                       thrust_from_pwm(x[2], case.plant), thrust_from_pwm(x[3], case.plant)),
@@ -267,9 +270,9 @@ def _loop(state, count, case):
 def test_compiled_loop_gives_the_bits_of_single_steps(feedforward):
     case = setup('identified', CascadedParams(drag_feedforward=feedforward))
     state = first = still(rho=(0.0, 0.0, -0.1), q=from_euler(0.3, -0.2, 0.1))
-    memory, vv = initial(), case.plant
+    memory, vv = initial(GAINS), case.plant
     for k in range(400):
-        memory, command = step(
+        memory, command = guarded(
             memory, state, reference(k * 0.005, case), TRACK, 0.005, case.gains, vv)
         f, tau = mix(tuple(thrust_from_pwm(x, vv) for x in command.pwm), vv)
         state = rk4_step(state, f, tau, 0.005, vv)

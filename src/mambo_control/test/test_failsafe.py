@@ -63,12 +63,12 @@ def moved(state, command):
     ('cascaded', cascaded, CascadedParams()),
     ('toolbox', support_package, support_package.ToolboxControllerParams())])
 def test_with_good_inputs_the_answer_is_that_of_the_law_alone(law, module, params):
-    one, memory = Controller(law), module.initial()
+    one, memory = Controller(law), module.initial(params.values())
     state = hovering(1.4, (0.3, -0.2, 0.1), from_euler(0.1, 0.2, 0.3))
     for _ in range(5):
         got = one.answer(state)
         memory, want = module.step(
-            memory, state, reference(), TRACK, DT, params.values(), MAMBO)
+            memory, state, reference(), DT, params.values(), MAMBO)
         assert (one.memory.control, got.pwm, got.torque) == (memory, want.pwm, want.torque)
         assert (one.stage, got.reason, got.shutdown) == (FLYING, safety.REASON_NONE, False)
         state = moved(state, got)

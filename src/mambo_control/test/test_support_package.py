@@ -3,7 +3,8 @@
 import math
 
 from mambo_control import safety, support_package
-from mambo_control.support_package import Memory, step, ToolboxControllerParams
+from mambo_control.controllers import answer as guarded
+from mambo_control.support_package import Memory, ToolboxControllerParams
 from mambo_model.aerodynamics import lumped_drag
 from mambo_model.compiled import jit
 from mambo_model.motion import rigid_body
@@ -36,8 +37,8 @@ def still(**changes):
 
 
 def answer(state, ref=None, memory=None, phase=TRACK, gains=GAINS, vv=MAMBO):
-    memory = memory or support_package.initial()
-    return step(memory, state, ref or reference(), phase, DT, gains, vv)
+    memory = memory or support_package.initial(GAINS)
+    return guarded(memory, state, ref or reference(), phase, DT, gains, vv)
 
 
 @pytest.mark.parametrize(('vehicle', 'pwm'), [
@@ -48,7 +49,7 @@ def test_hover_needs_the_believed_weight_and_no_torque(vehicle, pwm):
     assert command.thrust == pytest.approx(vehicle.mass * 9.81)
     assert command.torque == ZERO and not any(command.saturated)
     assert (command.shutdown, command.reason, memory) == (
-        False, safety.REASON_NONE, support_package.initial())
+        False, safety.REASON_NONE, support_package.initial(GAINS))
 
 
 @pytest.mark.parametrize(('state', 'more', 'less'), [
@@ -202,12 +203,12 @@ class Flown:
 def loop(state, plan, gains, true, believed, count):
     """Fly at 200 Hz, five steps of the physics in each."""
     out = np.empty((count, 13))
-    memory = support_package.initial()
+    memory = support_package.initial(GAINS)
     for k in range(count):
         rho, v, a, j, s, _ = flat_output(k * DT, plan)
         ref = from_flat_output(
             rho, v, a, j, s, believed.mass, believed.inertia, believed.gravity)
-        memory, command = step(memory, state, ref, TRACK, DT, gains, believed)
+        memory, command = guarded(memory, state, ref, TRACK, DT, gains, believed)
         row = out[k]
         for i in range(3):
             row[i], row[3 + i] = state.rho[i], rho[i]
@@ -301,25 +302,26 @@ def test_tilt_and_height_beyond_the_limits_stop_the_motors_in_flight_only(state,
     for phase in (GROUND, LANDED):
         memory, command = answer(state, memory=Memory(1.0, 1.0), phase=phase)
         assert (command.shutdown, command.pwm) == (False, (0.0,) * 4)
-        assert memory == support_package.initial()
+        assert memory == support_package.initial(GAINS)
 
 
 @pytest.mark.parametrize('dt', [0.0, -0.005, math.nan, math.inf])
 def test_impossible_period_is_refused(dt):
     with pytest.raises(ValueError, match='dt of the controller'):
-        step(support_package.initial(), still(), reference(), TRACK, dt, GAINS, MAMBO)
+        guarded(
+            support_package.initial(GAINS), still(), reference(), TRACK, dt, GAINS, MAMBO)
 
 
 def test_one_step_has_the_same_bits_alone_and_in_a_compiled_loop():
     plan = FlightPlanParams(trajectory='default_circle', takeoff='none').values()
     true, believed = Vehicle().values(), MAMBO
-    state, memory = State((0.1, 0.4, -1.3), ZERO, UPRIGHT, ZERO), support_package.initial()
+    state, memory = State((0.1, 0.4, -1.3), ZERO, UPRIGHT, ZERO), support_package.initial(GAINS)
     inside = loop(state, plan, GAINS, true, believed, 400)
     for k in range(400):
         rho, v, a, j, s, _ = flat_output(k * DT, plan)
         ref = from_flat_output(
             rho, v, a, j, s, believed.mass, believed.inertia, believed.gravity)
-        memory, command = step(memory, state, ref, TRACK, DT, GAINS, believed)
+        memory, command = guarded(memory, state, ref, TRACK, DT, GAINS, believed)
         row = [*state.rho, *rho, command.thrust, *memory, *command.pwm]
         np.testing.assert_array_equal(inside[k], row)
         f, tau = mix(tuple(thrust_from_pwm(x, true) for x in command.pwm), true)
@@ -334,9 +336,9 @@ def test_drag_slows_the_flight_as_assumed_above():
 
 def test_whole_numbers_as_parameters_compile_nothing_anew():
     answer(still())
-    known = len(step.signatures)
+    known = len(support_package.step.signatures)
     answer(still(), gains=ToolboxControllerParams(altitude_gain=1, height_max=9).values())
-    assert len(step.signatures) == known
+    assert len(support_package.step.signatures) == known
 
 
 @pytest.mark.parametrize(('name', 'value'), [

@@ -25,34 +25,14 @@ from typing import NamedTuple
 from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import from_euler, Quat
 from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
-from mambo_model.schema import check, quantity, values
+from mambo_model.schema import quantity
+from mambo_model.values import Parameters, values_type
 
 COLLECTING, ALIGNED, MOVED = range(3)
 
 
-class AlignmentValues(NamedTuple):
-    """:class:`AlignmentParams` as compiled code reads them."""
-
-    samples: int
-    gyro_bias: Vec3
-    accel_bias: Vec3
-    gyro_spread: float
-    accel_spread: float
-    gyro_limit: float
-    gravity_tolerance: float
-    patience: float
-    gyro_bias_floor: float
-    accel_bias_std: float
-    floor_slope_std: float
-    rest_gyro: float
-    rest_accel: float
-    rest_time: float
-    rest_velocity_std: float
-    leave_velocity_std: float
-
-
 @dataclass(frozen=True)
-class AlignmentParams:
+class AlignmentParams(Parameters):
     """When the vehicle counts as being at rest."""
 
     samples: int = quantity(
@@ -94,12 +74,8 @@ class AlignmentParams:
     leave_velocity_std: float = quantity(
         0.05, 'm/s', 0.0, 10.0, 'velocity that may have been gained before the rest was ended')
 
-    def __post_init__(self) -> None:
-        check(self)
 
-    def values(self) -> AlignmentValues:
-        """Return what compiled code reads."""
-        return AlignmentValues(*values(self, AlignmentValues._fields))
+AlignmentValues = values_type(AlignmentParams)
 
 
 class Sample(NamedTuple):

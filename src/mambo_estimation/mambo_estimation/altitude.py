@@ -18,7 +18,8 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.schema import check, quantity, values
+from mambo_model.schema import quantity
+from mambo_model.values import Parameters, values_type
 
 from .blocks import Vec2
 from .fit import faded, updated
@@ -28,22 +29,8 @@ from .measurements.barometer import BarometerValues
 from .measurements.sonar import SonarValues
 
 
-class AltitudeValues(NamedTuple):
-    """:class:`AltitudeParams` as compiled code reads them."""
-
-    accel_noise: float
-    held_accel_noise: float
-    accel_bias_std: float
-    accel_bias_time: float
-    initial_accel_bias_std: float
-    initial_height_std: float
-    initial_velocity_std: float
-    accel_bias_limit: float
-    floor_depth: float
-
-
 @dataclass(frozen=True)
-class AltitudeParams:
+class AltitudeParams(Parameters):
     """Noise and prior knowledge of the altitude filter."""
 
     accel_noise: float = quantity(
@@ -67,12 +54,8 @@ class AltitudeParams:
     floor_depth: float = quantity(
         0.1, 'm', 0.0, 1e4, 'no height is farther below the floor: judgement')
 
-    def __post_init__(self) -> None:
-        check(self)
 
-    def values(self) -> AltitudeValues:
-        """Return what compiled code reads."""
-        return AltitudeValues(*values(self, AltitudeValues._fields))
+AltitudeValues = values_type(AltitudeParams)
 
 
 class Covariance(NamedTuple):
@@ -98,7 +81,7 @@ class Altitude(NamedTuple):
     accel_bias: float      # m/s^2, body z (FRD)
     offset: float          # m, height by pressure minus height
     has_offset: bool       # false until the first pressure
-    P: Covariance
+    P: Covariance          # covariance of (h, w, b, o)
     fit: float             # -, squared innovations of the sonar over what is expected of them
 
 
@@ -107,7 +90,7 @@ class Result(NamedTuple):
 
     innovation: float      # m, of the height, NaN: refused by validity or not comparable
     ratio: float           # -, squared innovation over variance times squared gate
-    used: bool
+    used: bool             # the sample corrected the filter
 
 
 FIT_WEIGHT = 0.04  # of one range: 1 s
@@ -130,8 +113,18 @@ def predict(
     a: Altitude, acceleration: float, tilt_cos: float, dt: float, held: bool,
     offset_walk: float, v: AltitudeValues,
 ) -> Altitude:
-    """
+    r"""
     Integrate the vertical acceleration over dt.
+
+    With :math:`c = R_{33}`, :math:`k = e^{-\Delta/\tau}`, the density S of the noise of the
+    acceleration and the walk :math:`\sigma_o` of the offset the covariance of
+    :math:`x = (h, w, b_z, o)` becomes :math:`F P F^T + Q`, written out below:
+
+    .. math:: F = \begin{pmatrix} 1 & \Delta & c \Delta^2/2 & 0 \\ 0 & 1 & c \Delta & 0 \\
+              0 & 0 & k & 0 \\ 0 & 0 & 0 & 1 \end{pmatrix}, \quad
+              Q = \begin{pmatrix} S^2 \Delta^3/3 & S^2 \Delta^2/2 & 0 & 0 \\
+              S^2 \Delta^2/2 & S^2 \Delta & 0 & 0 \\ 0 & 0 & (1 - k^2) \sigma_b^2 & 0 \\
+              0 & 0 & 0 & \sigma_o^2 \Delta \end{pmatrix}
 
     Parameters
     ----------
@@ -173,11 +166,15 @@ def predict(
 def _correct(
     a: Altitude, column: tuple[float, float, float, float], innovation: float, variance: float,
 ) -> Altitude:
-    """
-    Update with one scalar measurement.
+    r"""
+    Update with one scalar measurement :math:`z = H x` of variance R.
 
-    ``column`` is P H^T (the covariance of the state with the measured quantity) and ``variance``
-    that of the innovation. P - column column^T / variance keeps the triangle it is stored as.
+    .. math:: S = H P H^T + R, \quad K = P H^T S^{-1}, \quad
+              x \leftarrow x + K (z - H x), \quad P \leftarrow P - K S K^T
+
+    with H = (1, 0, 0, 0) for the sonar, (1, 0, 0, 1) for the barometer and (0, 1, 0, 0) for rest
+    on the floor. ``column`` is P H^T (the covariance of the state with the measured quantity) and
+    ``variance`` is S. P - column column^T / variance keeps the triangle it is stored as.
     """
     P = a.P
     h, w, b, o = column

@@ -34,34 +34,16 @@ from typing import NamedTuple
 from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import exp_map, multiply, normalise, Quat, to_matrix
 from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
-from mambo_model.schema import check, quantity, values
+from mambo_model.schema import quantity
+from mambo_model.values import Parameters, values_type
 
 from .blocks import (
     diagonal3, less_outer3, Matrix3, mul3, scale3, sub3, symmetric3, transpose3, Vec2, ZERO3)
 from .fit import faded, updated
 
 
-class AttitudeValues(NamedTuple):
-    """:class:`AttitudeParams` as compiled code reads them."""
-
-    gyro_noise: float
-    held_gyro_noise: float
-    gyro_bias_walk: float
-    initial_tilt_std: float
-    initial_yaw_std: float
-    initial_gyro_bias_std: float
-    rate_noise: float
-    lost_rate_growth: float
-    window: float
-    window_velocity_noise: float
-    window_accel_noise: float
-    unaided_acceleration: float
-    unaided_rate_factor: float
-    gate: float
-
-
 @dataclass(frozen=True)
-class AttitudeParams:
+class AttitudeParams(Parameters):
     """Noise and prior knowledge of the attitude filter."""
 
     gyro_noise: float = quantity(
@@ -99,12 +81,8 @@ class AttitudeParams:
     gate: float = quantity(
         3.0, 'sigma', 1.0, 100.0, 'a larger innovation counts as if it were just so large')
 
-    def __post_init__(self) -> None:
-        check(self)
 
-    def values(self) -> AttitudeValues:
-        """Return what compiled code reads."""
-        return AttitudeValues(*values(self, AttitudeValues._fields))
+AttitudeValues = values_type(AttitudeParams)
 
 
 class Window(NamedTuple):
@@ -127,7 +105,7 @@ class Attitude(NamedTuple):
     P_rb: Matrix3     # (3, 3) rad^2/s, of delta and bias error
     P_bb: Matrix3     # (3, 3) rad^2/s^2, of the bias error
     hidden: float     # rad, deviation of the tilt that an accelerometer bias hides for ever
-    window: Window
+    window: Window    # gravity window under way
     fit: float        # -, squared innovations of tilt over what the filter expects of them
 
 
@@ -167,8 +145,15 @@ def start(
 def predict(
     a: Attitude, rate: Vec3, dt: float, held: bool, v: AttitudeValues,
 ) -> Attitude:
-    """
+    r"""
     Integrate the gyro over dt, (2.14) solved exactly for a constant rate.
+
+    The covariance of :math:`(\delta, \delta b)` becomes :math:`F P F^T + Q`, in blocks of (3, 3),
+    with the densities :math:`\sigma_\omega` of the rate and :math:`\sigma_b` of the bias:
+
+    .. math:: F = \begin{pmatrix} I & -\Delta R \\ 0 & I \end{pmatrix}, \quad
+              Q = \begin{pmatrix} \sigma_\omega^2 \Delta\, I & 0 \\
+              0 & \sigma_b^2 \Delta\, I \end{pmatrix}
 
     Parameters
     ----------
@@ -314,8 +299,8 @@ def unaided_tilt(
 class _Column(NamedTuple):
     """Covariance of delta and of the bias error with one measured quantity."""
 
-    r: Vec3
-    b: Vec3
+    r: Vec3  # (3,) with delta
+    b: Vec3  # (3,) with the bias error
 
 
 @jit
@@ -331,11 +316,17 @@ def _column(a: Attitude, i: int, lever: Vec3) -> _Column:
 def update_tilt(
     a: Attitude, innovation: Vec2, variance: float, length: float, gate: float,
 ) -> Attitude:
-    """
+    r"""
     Correct attitude and gyro bias with the mean tilt error of a window that ends now.
 
     An error of the bias has turned the tilt during the window: its mean is the tilt now plus half
-    the window times R times that error.
+    the window times R times that error. With E the first two rows of the identity, L the length
+    of the window and r the variance of a component,
+
+    .. math:: H = (E,\; \tfrac{L}{2} E R), \quad R_z = r I, \quad S = H P H^T + R_z, \quad
+              K = P H^T S^{-1}, \quad P \leftarrow P - K S K^T
+
+    taken one component after the other, the second freed of what the first one tells.
 
     The gate bends instead of closing: an innovation beyond it is given so much variance that it
     lies on it. No outlier moves the tilt far, and no filter is locked out for ever.

@@ -8,10 +8,11 @@ from geometry_msgs.msg import TransformStamped
 from mambo_model import frames
 from mambo_model.compiled import hold, jit
 from mambo_model.motion import rigid_body
-from mambo_ros import diagnostics, intake, layout, messages, node, process, topics
+from mambo_ros import cdr, diagnostics, intake, messages, node, process, topics
 from tf2_msgs.msg import TFMessage
 
-from . import diagnostic, filters, kalman
+from . import filters
+from .estimate import diagnostic_status, Estimate, tilt_deviation
 from .parameters import EstimatorNodeParams
 from .synchroniser import Step, Synchroniser
 
@@ -69,10 +70,10 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
             self.accept(
                 topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth, check=_check_truth)
             return
-        self._held = hold(filters.initial(p.filter), None, p.filter.values())
+        self._held = hold(filters.initial(p.filter.values()), None, p.filter.values())
         _step(  # have the compiled step in memory before time starts
             self._held, 0.0, _ZERO3, _ZERO3, 0.0, _ZERO3[:2], 0, 0.0)
-        self._held = hold(filters.initial(p.filter), None, p.filter.values())
+        self._held = hold(filters.initial(p.filter.values()), None, p.filter.values())
         watermark = p.synchronise == 'watermark'
         self._sync = Synchroniser(watermark)
         self._next_report, self._reported = 0, (0,) * 9
@@ -122,7 +123,7 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
             if s.last:
                 self._publish(s.t, estimate, s.dropped)
 
-    def _publish(self, t: int, e: kalman.Estimate, dropped: tuple[int, ...]) -> None:
+    def _publish(self, t: int, e: Estimate, dropped: tuple[int, ...]) -> None:
         self._estimate(messages.estimate(t, e.state, e.pose_covariance, e.twist_covariance))
         self._inner(encode_state(t, e, dropped))
         self._broadcast(t, e.state)
@@ -130,15 +131,15 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
             self._next_report = (t // _REPORT_EVERY + 1) * _REPORT_EVERY
             self._report(t, e, dropped)
 
-    def _report(self, t: int, e: kalman.Estimate, dropped: tuple[int, ...]) -> None:
+    def _report(self, t: int, e: Estimate, dropped: tuple[int, ...]) -> None:
         """Say on ``/diagnostics`` how the estimator and each sensor are."""
         counts = e.health.not_finite + dropped
         new = tuple(now - before for now, before in zip(counts, self._reported, strict=True))
         self._reported = counts
-        level, line, numbers = diagnostic.diagnostic_status(
+        level, line, numbers = diagnostic_status(
             e.status, e.height, (e.sonar_refused, e.flow_refused, e.barometer_refused),
             e.invalid_samples + sum(dropped), e.health, new[:5], new[5:],
-            diagnostic.tilt_deviation(e.pose_covariance))
+            tilt_deviation(e.pose_covariance))
         self._diagnostics(diagnostics.report(
             t, self.get_name(), diagnostics.LEVELS[level], line, numbers))
 
@@ -148,10 +149,10 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         transforms = [_transform(t, messages.ODOM, messages.BASE, state)]
         if self.params.map_to_odom:
             transforms.append(_transform(t, messages.MAP, messages.ODOM, None))
-        self._tf(layout.serialize(TFMessage(transforms=transforms)))
+        self._tf(cdr.serialize(TFMessage(transforms=transforms)))
 
 
-def encode_state(t: int, e: kalman.Estimate, dropped: tuple[int, ...]) -> bytes:
+def encode_state(t: int, e: Estimate, dropped: tuple[int, ...]) -> bytes:
     """Serialise ``EstimatorState`` of one estimate and what the synchroniser dropped."""
     return messages.estimator_state(
         t, e.status, e.height, e.vertical_velocity, e.gyro_bias, e.accel_bias,

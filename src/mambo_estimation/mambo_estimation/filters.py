@@ -11,7 +11,7 @@ Values = kalman.EstimatorValues | support_package.ToolboxValues
 Memory = kalman.Memory | support_package.Memory
 
 initial = by_type(0, {
-    kalman.EstimatorParams: kalman.initial,
-    support_package.ToolboxEstimatorParams: support_package.initial})
+    kalman.EstimatorValues: kalman.initial,
+    support_package.ToolboxValues: support_package.initial})
 step = by_type(8, {
     kalman.EstimatorValues: kalman.step, support_package.ToolboxValues: support_package.step})

@@ -9,14 +9,17 @@ nothing is expected of it. Holds no equation of the thesis.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mambo_model.compiled import jit
 from mambo_model.motion.vector import Vec3
 
+from .blocks import Vec2
+
 GYRO, ACCELEROMETER, SONAR, OPTICAL_FLOW, BAROMETER = range(5)  # as in EstimatorState.msg
 GOOD, OUT_OF_REACH, MISSING, NOT_FINITE, IMPLAUSIBLE, STUCK = range(6)  # likewise
 
+Five = tuple[bool, bool, bool, bool, bool]
 NAMES = ('gyro', 'accelerometer', 'sonar', 'optical flow', 'barometer')
 ROUGH_TIME = 0.05  # s, over which the roughness of a signal is averaged
 NOISE_TIME = 0.5   # s, over which its noise is
@@ -39,11 +42,11 @@ class Sensor(NamedTuple):
 class Sensors(NamedTuple):
     """All of them, in the order of ``NAMES``."""
 
-    gyro: Sensor
-    accel: Sensor
-    sonar: Sensor
-    flow: Sensor
-    barometer: Sensor
+    gyro: Sensor  # body rate
+    accel: Sensor  # specific force
+    sonar: Sensor  # slant range
+    flow: Sensor  # optical flow
+    barometer: Sensor  # pressure
 
 
 class Health(NamedTuple):
@@ -57,10 +60,10 @@ class Health(NamedTuple):
 class Limits(NamedTuple):
     """How old the last sample that was used may be, s."""
 
-    imu: float
-    sonar: float
-    flow: float
-    barometer: float
+    imu: float  # s, of gyro and accelerometer
+    sonar: float  # s
+    flow: float  # s
+    barometer: float  # s
 
 
 NEW = Sensor(
@@ -185,6 +188,46 @@ def observe(
     return Sensor(
         trouble, age, silence, repeats(s, value), value, roughness(s, value, dt),
         s.not_finite + (0 if finite else 1), noise(s, value, dt) if used else s.noise)
+
+
+@jit
+def observe_all(
+    s: Sensors, dt: float, gyro: Vec3, accel: Vec3, sonar: float, flow: Vec2, pressure: float,
+    used: Five, stuck: Five, in_reach: tuple[bool, bool],
+) -> Sensors:
+    """
+    Return what is known of all sensors after a step.
+
+    Parameters
+    ----------
+    s
+        Before the step.
+    dt : s
+        Its length.
+    gyro, accel, sonar, flow, pressure
+        New samples, as an estimator gets them; NaN: none.
+    used, stuck : (5,)
+        As for :func:`observe`, in the order of ``NAMES``.
+    in_reach : (2,)
+        Likewise of sonar and flow; the others can measure anywhere.
+
+    """
+    came = not (is_none(gyro) and is_none(accel))
+    looked = not (math.isnan(flow[0]) and math.isnan(flow[1]))
+    return Sensors(
+        observe(s.gyro, dt, gyro, came, used[0], stuck[0], True),
+        observe(s.accel, dt, accel, came, used[1], stuck[1], True),
+        observe(s.sonar, dt, (sonar, sonar, sonar), not math.isnan(sonar), used[2], stuck[2],
+                in_reach[0]),
+        observe(s.flow, dt, (flow[0], flow[1], flow[1]), looked, used[3], stuck[3], in_reach[1]),
+        observe(s.barometer, dt, (pressure, pressure, pressure), not math.isnan(pressure),
+                used[4], stuck[4], True))
+
+
+def limits(params: Any) -> Limits:
+    """Return the limits among an estimator's parameters, ``max_*_age`` in s."""
+    return Limits(float(params.max_imu_age), float(params.max_sonar_age),
+                  float(params.max_flow_age), float(params.max_barometer_age))
 
 
 @jit

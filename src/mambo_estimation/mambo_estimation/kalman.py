@@ -31,45 +31,27 @@ from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import IDENTITY, rotate, rotate_inverse, to_matrix
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import add, scale, sub, Vec3
-from mambo_model.schema import check, group, quantity
+from mambo_model.schema import group, quantity
+from mambo_model.values import derived, Parameters, values_type
 
 from . import alignment, altitude, attitude, gate, health, velocity
 from .alignment import Alignment, AlignmentParams, AlignmentValues
-from .altitude import Altitude, AltitudeParams, AltitudeValues
+from .altitude import Altitude, AltitudeParams
 from .attitude import Attitude, AttitudeParams, AttitudeValues
 from .blocks import Matrix3, Vec2
+from .estimate import count_broken, Estimate, status_of
 from .gate import Gate
-from .health import Health, Limits, observe, Sensors
+from .health import Limits, observe_all, Sensors
 from .measurements import barometer, imu, optical_flow
-from .measurements.barometer import BarometerParams, BarometerValues
+from .measurements.barometer import BarometerParams
 from .measurements.imu import ImuParams, ImuValues
-from .measurements.optical_flow import FlowParams, FlowValues
-from .measurements.sonar import SonarParams, SonarValues
-from .velocity import Velocity, VelocityParams, VelocityValues
-
-STATUS_ALIGNING, STATUS_DEAD_RECKONING, STATUS_NOMINAL = range(3)  # as in EstimatorState.msg
-STATUS = ('aligning', 'dead reckoning', 'nominal')
-
-
-class EstimatorValues(NamedTuple):
-    """:class:`EstimatorParams` as compiled code reads them."""
-
-    gravity: float
-    max_sonar_age: float
-    max_flow_age: float
-    alignment: AlignmentValues
-    attitude: AttitudeValues
-    altitude: AltitudeValues
-    velocity: VelocityValues
-    imu: ImuValues
-    sonar: SonarValues
-    optical_flow: FlowValues
-    barometer: BarometerValues
-    limits: Limits
+from .measurements.optical_flow import FlowParams
+from .measurements.sonar import SonarParams
+from .velocity import Velocity, VelocityParams
 
 
 @dataclass(frozen=True)
-class EstimatorParams:
+class EstimatorParams(Parameters):
     """Parameters of the estimator: one group per filter and per sensor."""
 
     gravity: float = quantity(9.81, 'm/s^2', 9.7, 9.9, 'standard value; the thesis gives none')
@@ -90,18 +72,13 @@ class EstimatorParams:
     optical_flow: FlowParams = group(FlowParams)
     barometer: BarometerParams = group(BarometerParams)
 
-    def __post_init__(self) -> None:
-        check(self)
+    @derived('s', 'max_imu_age', 'max_barometer_age')
+    def limits(self) -> Limits:
+        """How old the last sample that was used may be."""
+        return health.limits(self)
 
-    def values(self) -> EstimatorValues:
-        """Return what compiled code reads."""
-        return EstimatorValues(
-            float(self.gravity), float(self.max_sonar_age), float(self.max_flow_age),
-            self.alignment.values(), self.attitude.values(), self.altitude.values(),
-            self.velocity.values(), self.imu.values(), self.sonar.values(),
-            self.optical_flow.values(), self.barometer.values(),
-            Limits(float(self.max_imu_age), float(self.max_sonar_age), float(self.max_flow_age),
-                   float(self.max_barometer_age)))
+
+EstimatorValues = values_type(EstimatorParams)
 
 
 class Counts(NamedTuple):
@@ -116,59 +93,34 @@ class Counts(NamedTuple):
 class Gates(NamedTuple):
     """Memory of the three gates."""
 
-    sonar: Gate
-    flow: Gate
-    barometer: Gate
+    sonar: Gate  # of the range
+    flow: Gate   # of the body velocity
+    barometer: Gate  # of the height by pressure
 
 
 class Memory(NamedTuple):
     """What the estimator remembers between steps."""
 
-    aligning: bool
+    aligning: bool       # still collecting samples at rest
     resting: bool        # aligned, and not moved since
-    alignment: Alignment
-    attitude: Attitude
-    altitude: Altitude
-    velocity: Velocity
-    gates: Gates
-    counts: Counts
+    alignment: Alignment  # what they have shown
+    attitude: Attitude   # attitude filter
+    altitude: Altitude   # altitude filter
+    velocity: Velocity   # velocity filter
+    gates: Gates         # of the measurements
+    counts: Counts       # of what was not used
     gyro: Vec3           # (3,) rad/s, body FRD, the last valid sample
     accel: Vec3          # (3,) m/s^2, body FRD, the last valid sample
     force: Vec3          # (3,) m/s^2, inertial NED, the same turned at its time
-    sensors: Sensors
-
-
-class Estimate(NamedTuple):
-    """Result of a step; NED and FRD. Fields as in EstimatorState.msg but for the axes."""
-
-    state: State                           # omega without bias
-    pose_covariance: tuple[float, ...]     # (36,) m, rad: both blocks in inertial axes
-    twist_covariance: tuple[float, ...]    # (36,) m/s, rad/s: both blocks in body axes
-    status: int                            # STATUS_*
-    height: float                          # m, above the floor
-    vertical_velocity: float               # m/s, upward
-    gyro_bias: Vec3                        # (3,) rad/s, body FRD
-    accel_bias: Vec3                       # (3,) m/s^2, body FRD
-    barometer_offset: float                # m, NaN: no pressure used
-    sonar_innovation: float                # m, NaN: no sample, or not valid
-    sonar_test_ratio: float                # -, refused above 1
-    flow_innovation: Vec2                  # (2,) m/s, body FRD x and y
-    flow_test_ratio: float                 # -
-    barometer_innovation: float            # m
-    barometer_test_ratio: float            # -
-    sonar_refused: int
-    flow_refused: int
-    barometer_refused: int
-    invalid_samples: int
-    health: Health
+    sensors: Sensors     # their health
 
 
 class Results(NamedTuple):
     """What the samples of one step did."""
 
-    sonar: altitude.Result
-    flow: velocity.Result
-    barometer: altitude.Result
+    sonar: altitude.Result  # of the range
+    flow: velocity.Result   # of the flow
+    barometer: altitude.Result  # of the pressure
 
 
 NOTHING = Results(altitude.NOT_COMPARED, velocity.NOT_COMPARED, altitude.NOT_COMPARED)
@@ -176,14 +128,14 @@ ZERO: Vec3 = (0.0, 0.0, 0.0)
 NONE2: Vec2 = (math.nan, math.nan)
 
 
-def initial(params: EstimatorParams) -> Memory:
-    """Return the memory of an estimator that has seen nothing: on the floor, level, yaw 0."""
-    return _start(params.values())
-
-
 @jit
-def _start(v: EstimatorValues) -> Memory:
-    """Return the filters with the wide defaults, collecting samples at rest."""
+def initial(values: EstimatorValues) -> Memory:
+    """
+    Return the memory of an estimator that has seen nothing: on the floor, level, yaw 0.
+
+    The filters have the wide defaults and samples at rest are collected.
+    """
+    v = values
     tilt, bias = v.attitude.initial_tilt_std, v.attitude.initial_gyro_bias_std
     vertical, horizontal = v.altitude.initial_velocity_std, v.velocity.initial_velocity_std
     hidden = v.alignment.accel_bias_std / v.gravity
@@ -195,21 +147,6 @@ def _start(v: EstimatorValues) -> Memory:
         velocity.start(horizontal * horizontal, v.velocity.initial_accel_bias_std, v.velocity),
         Gates(gate.OPEN, gate.OPEN, gate.OPEN), Counts(0, 0, math.inf, math.inf),
         ZERO, (0.0, 0.0, -v.gravity), (0.0, 0.0, -v.gravity), health.START)
-
-
-@jit
-def _is_broken(x: float) -> bool:
-    """Tell whether a sample is infinite; NaN means that there is none."""
-    return math.isinf(x)
-
-
-@jit
-def _count_broken(sonar: float, flow: Vec2, pressure: float) -> int:
-    """Return how many of the three samples cannot be read."""
-    broken = 1 if _is_broken(sonar) else 0
-    half = math.isnan(flow[0]) != math.isnan(flow[1])
-    broken += 1 if half or _is_broken(flow[0]) or _is_broken(flow[1]) else 0
-    return broken + (1 if _is_broken(pressure) else 0)
 
 
 @jit
@@ -408,7 +345,7 @@ def step(
     stuck = _stuck(m, equal, gyro, accel, sonar, flow, pressure, v)
     usable = _usable(sensors, dt, gyro, accel, stuck, v.imu)
     valid = usable[0] and usable[1]
-    invalid = _count_broken(sonar, flow, pressure)
+    invalid = count_broken(sonar, flow, pressure)
     invalid += (0 if valid else 1) + (1 if dt > v.imu.max_gap else 0)
     if m.aligning:
         m = _with_counts(m, invalid, equal)
@@ -499,7 +436,6 @@ def _observe(
 ) -> Sensors:
     """Return what is known of the sensors after a step; nothing is asked of them at rest."""
     s, cosine, height = m.sensors, to_matrix(m.attitude.q)[2][2], m.altitude.height
-    came = not (health.is_none(gyro) and health.is_none(accel))
     ranged, weighed = results.sonar.used, results.barometer.used
     if m.aligning:
         ranged = math.isfinite(sonar)
@@ -507,16 +443,10 @@ def _observe(
         weighed = barometer.is_valid(pressure, v.barometer) and not stuck[4]
     see = height >= v.optical_flow.min_height and cosine >= v.optical_flow.min_tilt_cos
     hear = height <= v.sonar.max_range * cosine and cosine >= v.sonar.min_tilt_cos
-    return Sensors(
-        observe(s.gyro, dt, gyro, came, usable[0], stuck[0], True),
-        observe(s.accel, dt, accel, came, usable[1], stuck[1], True),
-        observe(s.sonar, dt, (sonar, sonar, sonar), not math.isnan(sonar), ranged, stuck[2],
-                hear),
-        observe(s.flow, dt, (flow[0], flow[1], flow[1]),
-                not (math.isnan(flow[0]) and math.isnan(flow[1])), results.flow.used, stuck[3],
-                see and not m.aligning),
-        observe(s.barometer, dt, (pressure, pressure, pressure), not math.isnan(pressure),
-                weighed, stuck[4], True))
+    return observe_all(
+        s, dt, gyro, accel, sonar, flow, pressure,
+        (usable[0], usable[1], ranged, results.flow.used, weighed), stuck,
+        (hear, see and not m.aligning))
 
 
 @jit
@@ -534,15 +464,6 @@ def _with_sensors(m: Memory, sensors: Sensors) -> Memory:
     return Memory(
         m.aligning, m.resting, m.alignment, m.attitude, m.altitude, m.velocity, m.gates, m.counts,
         m.gyro, m.accel, m.force, sensors)
-
-
-@jit
-def _status(m: Memory, v: EstimatorValues) -> int:
-    if m.aligning:
-        return STATUS_ALIGNING
-    if m.counts.sonar_age <= v.max_sonar_age and m.counts.flow_age <= v.max_flow_age:
-        return STATUS_NOMINAL
-    return STATUS_DEAD_RECKONING
 
 
 @jit
@@ -596,7 +517,8 @@ def _estimate(m: Memory, results: Results, v: EstimatorValues) -> Estimate:
     alt, b = m.altitude, m.velocity.accel_bias
     accel_bias = add(m.alignment.accel_bias, (b[0], b[1], alt.accel_bias))
     return Estimate(
-        _state(m), _pose_covariance(m), _twist_covariance(m, v.attitude), _status(m, v),
+        _state(m), _pose_covariance(m), _twist_covariance(m, v.attitude),
+        status_of(m.aligning, m.counts.sonar_age, m.counts.flow_age, v),
         alt.height, alt.velocity, m.attitude.bias, accel_bias,
         alt.offset if alt.has_offset else math.nan, results.sonar.innovation,
         results.sonar.ratio, results.flow.innovation, results.flow.ratio,

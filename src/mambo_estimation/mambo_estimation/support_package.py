@@ -32,14 +32,16 @@ from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import from_euler, rotate, to_matrix
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
-from mambo_model.schema import check, quantity, values
+from mambo_model.schema import quantity
+from mambo_model.values import derived, Parameters, values_type
 
 from . import health
 from .blocks import Matrix3, Vec2
-from .health import Limits, observe, Sensors
-from .kalman import Estimate, STATUS_ALIGNING, STATUS_DEAD_RECKONING, STATUS_NOMINAL
+from .estimate import count_broken, Estimate, status_of, STATUS_ALIGNING
+from .health import Limits, observe_all, Sensors
+from .measurements.imu import is_within
 
-__all__ = ['Estimate', 'initial', 'Memory', 'step', 'ToolboxEstimatorParams', 'ToolboxValues']
+__all__ = ['initial', 'Memory', 'step', 'ToolboxEstimatorParams', 'ToolboxValues']
 
 _PACKAGE = 'support package'
 _KALMAN = 'support package: gain of a Kalman filter with '
@@ -63,45 +65,8 @@ Window = tuple[Vec3, Vec3, Vec3, Vec3, Vec3, Vec3]
 NOSE_UP = 0.05  # cosine of the pitch at which the Euler rates are held finite
 
 
-class ToolboxValues(NamedTuple):
-    """:class:`ToolboxEstimatorParams` as compiled code reads them."""
-
-    gravity: float
-    calibration_samples: int
-    gyro_range: float
-    accel_range: float
-    max_gap: float
-    hold: float
-    max_sonar_age: float
-    max_flow_age: float
-    attitude_weight: float
-    attitude_tolerance: float
-    height_gain: float
-    climb_gain: float
-    sonar_min: float
-    sonar_max: float
-    sonar_gate: float
-    sonar_far: float
-    pressure_far: float
-    smoothing: float
-    metre_per_pascal: float
-    flow_to_velocity: float
-    flow_gain: float
-    flow_min_height: float
-    flow_min_quality: int
-    flow_gate: float
-    flow_max_tilt: float
-    flow_max_rate: float
-    flow_calm_rate: float
-    acceleration_gain: float
-    low_acceleration_gain: float
-    min_pressure: float
-    max_pressure: float
-    limits: Limits
-
-
 @dataclass(frozen=True)
-class ToolboxEstimatorParams:
+class ToolboxEstimatorParams(Parameters):
     """Parameters of the package's estimator; gains are those of a step of 5 ms."""
 
     gravity: float = quantity(9.81, 'm/s^2', 9.7, 9.9, _PACKAGE)
@@ -162,15 +127,13 @@ class ToolboxEstimatorParams:
     max_barometer_age: float = quantity(
         1.0, 's', 0.01, 1e4, 'without plausible pressure for longer the barometer is ill')
 
-    def __post_init__(self) -> None:
-        check(self)
+    @derived('s', 'max_imu_age', 'max_barometer_age')
+    def limits(self) -> Limits:
+        """How old the last sample that was used may be."""
+        return health.limits(self)
 
-    def values(self) -> ToolboxValues:
-        """Return what compiled code reads."""
-        return ToolboxValues(
-            *values(self, ToolboxValues._fields[:-1]),
-            Limits(float(self.max_imu_age), float(self.max_sonar_age), float(self.max_flow_age),
-                   float(self.max_barometer_age)))
+
+ToolboxValues = values_type(ToolboxEstimatorParams)
 
 
 class Rest(NamedTuple):
@@ -191,7 +154,7 @@ class Altitude(NamedTuple):
     range: float         # m, the newest; NaN: none yet
     age: float           # s, of it
     used_age: float      # s, since a range was used
-    refused: int
+    refused: int         # ranges since start
     smooth_range: float  # m
     by_pressure: float   # m, smoothed; NaN: none yet
 
@@ -204,21 +167,21 @@ class Velocity(NamedTuple):
     flow: Vec2           # (2,) m/s, body FRD, the newest taken for a velocity; NaN: none yet
     age: float           # s, of it
     used_age: float      # s, since one was used
-    refused: int
+    refused: int         # flow samples since start
 
 
 class Memory(NamedTuple):
     """What the estimator remembers between steps."""
 
-    rest: Rest
+    rest: Rest           # calibration
     gyro: Vec3           # (3,) rad/s, body FRD, last valid sample
     accel: Vec3          # (3,) m/s^2, body FRD, last valid sample
     window: Window       # last calibrated specific forces, oldest first, (3,) m/s^2 each
     euler: Vec3          # (3,) rad, roll, pitch, yaw
-    altitude: Altitude
-    velocity: Velocity
+    altitude: Altitude   # vertical motion
+    velocity: Velocity   # horizontal motion
     invalid: int         # samples of any sensor that could not be read
-    sensors: Sensors
+    sensors: Sensors     # their health
 
 
 class Seen(NamedTuple):
@@ -236,33 +199,14 @@ NOTHING = Seen(math.nan, math.nan, NAN2, math.nan)
 UNKNOWN = (0.0,) * 36
 
 
-def initial(params: ToolboxEstimatorParams) -> Memory:
-    """Return the memory of an estimator that has seen nothing: on the floor, level, yaw 0."""
-    return _start(params.values())
-
-
 @jit
-def _start(v: ToolboxValues) -> Memory:
-    g = (0.0, 0.0, -v.gravity)
+def initial(values: ToolboxValues) -> Memory:
+    """Return the memory of an estimator that has seen nothing: on the floor, level, yaw 0."""
+    g = (0.0, 0.0, -values.gravity)
     return Memory(
         Rest(0, ZERO, ZERO, 0, 0.0), ZERO, g, (g, g, g, g, g, g), ZERO,
         Altitude(0.0, 0.0, math.nan, math.inf, math.inf, 0, math.nan, math.nan),
         Velocity((0.0, 0.0), (0.0, 0.0), NAN2, math.inf, math.inf, 0), 0, health.START)
-
-
-@jit
-def _within(x: Vec3, limit: float) -> bool:
-    """Tell whether every component is a number of at most that size; NaN is not."""
-    return abs(x[0]) <= limit and abs(x[1]) <= limit and abs(x[2]) <= limit
-
-
-@jit
-def _count_broken(sonar: float, flow: Vec2, pressure: float) -> int:
-    """Return how many of the three samples cannot be read; NaN means that there is none."""
-    half = math.isnan(flow[0]) != math.isnan(flow[1])
-    broken = 1 if math.isinf(sonar) else 0
-    broken += 1 if half or math.isinf(flow[0]) or math.isinf(flow[1]) else 0
-    return broken + (1 if math.isinf(pressure) else 0)
 
 
 @jit
@@ -352,8 +296,15 @@ def _rise(
     a: Altitude, up: float, dt: float, sonar: float, pressure: float, rest: Rest,
     v: ToolboxValues,
 ) -> tuple[Altitude, float, float]:
-    """
+    r"""
     Return vertical motion, innovation (m) and test ratio after a step.
+
+    A Kalman filter of :math:`x = (h, w)` in its stationary state, P being the solution of its
+    Riccati equation, so that only the gain K is left:
+
+    .. math:: F = \begin{pmatrix} 1 & \Delta \\ 0 & 1 \end{pmatrix}, \quad H = (1, 0), \quad
+              Q = \begin{pmatrix} 0 & 0 \\ 0 & q \end{pmatrix}, \quad
+              K = P H^T (H P H^T + R)^{-1}
 
     Acceleration ``up`` in m/s^2; new range in m and pressure in Pa, NaN: none.
     """
@@ -398,8 +349,11 @@ def _move(
     m: Velocity, a: Altitude, euler: Vec3, omega: Vec3, R: Matrix3, force: Vec3, dt: float,
     new: Vec2, quality: int, v: ToolboxValues,
 ) -> tuple[Velocity, Vec2, float]:
-    """
+    r"""
     Return horizontal motion, innovation (m/s) and test ratio after a step.
+
+    A stationary Kalman filter of each component of the body velocity: F = H = 1 and
+    :math:`K = P / (P + R)` with :math:`P = (q + \sqrt{q^2 + 4 q R}) / 2`.
 
     New flow in rad/s, NaN: none. Force: (3,) m/s^2, body FRD, whose gravity R takes out.
     """
@@ -465,49 +419,20 @@ def step(
     flow_quality: int, pressure: float, values: ToolboxValues,
 ) -> tuple[Memory, Estimate]:
     """
-    Advance the estimator by one IMU sample, as :func:`kalman.step` does.
+    Advance the estimator by one IMU sample.
 
-    Parameters
-    ----------
-    memory
-        Result of the previous call, at first :func:`initial`.
-    dt : s
-        Since the previous IMU sample, 0 at the first. A negative one or one that is not finite is
-        counted, and the whole step ignored.
-    gyro : (3,) rad/s, body FRD
-        Bias included.
-    accel : (3,) m/s^2, body FRD
-        Specific force, bias included. Where gyro or accel is not finite or out of range the
-        previous valid sample takes its place.
-    sonar : m
-        New slant range, NaN: none. Infinite: counted as invalid.
-    flow : (2,) rad/s, body FRD
-        New line-of-sight rate along x and y with the sign of the vehicle's motion, NaN: none.
-        Infinite, or only one of them NaN: counted as invalid.
-    flow_quality : 0..255
-        Of the flow, any where there is none.
-    pressure : Pa
-        New static pressure, NaN: none. Infinite: counted as invalid.
-    values
-        ``ToolboxEstimatorParams.values()``.
-
-    Returns
-    -------
-    memory
-        To be passed to the next call.
-    estimate
-        At the time of the IMU sample. Covariances are zero, unknown.
-
+    Arguments and results are those of :func:`kalman.step`. Where gyro or accel is not finite or
+    out of range the previous valid sample takes its place. Covariances are zero, unknown.
     """
     v, m = values, memory
     if not 0.0 <= dt < math.inf:
         m = Memory(m.rest, m.gyro, m.accel, m.window, m.euler, m.altitude, m.velocity,
                    m.invalid + 1, m.sensors)
         return m, _estimate(m, NOTHING, v)
-    usable = (_within(gyro, v.gyro_range), _within(accel, v.accel_range))
+    usable = (is_within(gyro, v.gyro_range), is_within(accel, v.accel_range))
     valid, resting = usable[0] and usable[1], m.rest.count < v.calibration_samples
     sensors = _observe(m, dt, gyro, accel, sonar, flow, pressure, usable, resting, v)
-    invalid = m.invalid + _count_broken(sonar, flow, pressure)
+    invalid = m.invalid + count_broken(sonar, flow, pressure)
     invalid += (0 if valid else 1) + (1 if dt > v.max_gap else 0)
     if resting:
         rest = m.rest
@@ -535,36 +460,24 @@ def _observe(
     The package looks for no stuck sensor, and nor does this.
     """
     s, a, nu = m.sensors, m.altitude, m.velocity.nu
-    came = not (health.is_none(gyro) and health.is_none(accel))
     near = abs(sonar - a.height) <= v.sonar_gate or resting or a.height < v.sonar_min
     x, y = v.flow_to_velocity * flow[0] - nu[0], v.flow_to_velocity * flow[1] - nu[1]
     seen = abs(x) <= v.flow_gate and abs(y) <= v.flow_gate
     see = a.height >= v.flow_min_height and not resting
-    return Sensors(
-        observe(s.gyro, dt, gyro, came, usable[0], False, True),
-        observe(s.accel, dt, accel, came, usable[1], False, True),
-        observe(s.sonar, dt, (sonar, sonar, sonar), not math.isnan(sonar),
-                near and 0.0 <= sonar <= v.sonar_max, False, True),
-        observe(s.flow, dt, (flow[0], flow[1], flow[1]),
-                not (math.isnan(flow[0]) and math.isnan(flow[1])), seen, False, see),
-        observe(s.barometer, dt, (pressure, pressure, pressure), not math.isnan(pressure),
-                v.min_pressure <= pressure <= v.max_pressure, False, True))
-
-
-@jit
-def _status(m: Memory, v: ToolboxValues) -> int:
-    if m.rest.count < v.calibration_samples:
-        return STATUS_ALIGNING
-    if m.altitude.used_age <= v.max_sonar_age and m.velocity.used_age <= v.max_flow_age:
-        return STATUS_NOMINAL
-    return STATUS_DEAD_RECKONING
+    return observe_all(
+        s, dt, gyro, accel, sonar, flow, pressure,
+        (usable[0], usable[1], near and 0.0 <= sonar <= v.sonar_max, seen,
+         v.min_pressure <= pressure <= v.max_pressure),
+        (False, False, False, False, False), (True, see))
 
 
 @jit
 def _estimate(m: Memory, seen: Seen, v: ToolboxValues) -> Estimate:
     """Return what the memory says; the rate is zero until the calibration has ended."""
     q = from_euler(m.euler[0], m.euler[1], m.euler[2])
-    alt, vel, status = m.altitude, m.velocity, _status(m, v)
+    alt, vel = m.altitude, m.velocity
+    status = status_of(
+        m.rest.count < v.calibration_samples, alt.used_age, vel.used_age, v)
     omega = ZERO if status == STATUS_ALIGNING else sub(m.gyro, m.rest.gyro_bias)
     state = State(
         (vel.position[0], vel.position[1], -alt.height),

@@ -27,7 +27,8 @@ from typing import NamedTuple
 
 from mambo_model.compiled import jit
 from mambo_model.motion.vector import Vec3
-from mambo_model.schema import check, quantity, values
+from mambo_model.schema import quantity
+from mambo_model.values import Parameters, values_type
 
 from .blocks import (
     add2, apply2, diagonal2, inverse2, Matrix2, Matrix3, mul2, mul2_t, outer2, scale2, sub2,
@@ -37,21 +38,8 @@ from .measurements import optical_flow
 from .measurements.optical_flow import FlowValues
 
 
-class VelocityValues(NamedTuple):
-    """:class:`VelocityParams` as compiled code reads them."""
-
-    accel_noise: float
-    held_accel_noise: float
-    scale_noise: float
-    accel_bias_std: float
-    accel_bias_time: float
-    initial_accel_bias_std: float
-    initial_position_std: float
-    initial_velocity_std: float
-
-
 @dataclass(frozen=True)
-class VelocityParams:
+class VelocityParams(Parameters):
     """Noise and prior knowledge of the velocity filter."""
 
     accel_noise: float = quantity(
@@ -77,12 +65,8 @@ class VelocityParams:
     initial_velocity_std: float = quantity(
         0.5, 'm/s', 1e-4, 10.0, 'at start where the alignment failed, and after a reset')
 
-    def __post_init__(self) -> None:
-        check(self)
 
-    def values(self) -> VelocityValues:
-        """Return what compiled code reads."""
-        return VelocityValues(*values(self, VelocityValues._fields))
+VelocityValues = values_type(VelocityParams)
 
 
 class Covariance(NamedTuple):
@@ -110,7 +94,7 @@ class Velocity(NamedTuple):
     position: Vec2      # (2,) m, inertial NED
     velocity: Vec2      # (2,) m/s, inertial NED
     accel_bias: Vec2    # (2,) m/s^2, body x and y
-    P: Covariance
+    P: Covariance       # covariance of (p, v, b)
     scale: Sensitivity  # by the constant part of the error of Q, in scale_std
     slope: Sensitivity  # by the part that grows with height, in slope_std
     yaw: Sensitivity    # by the error of yaw, in its deviation at the time
@@ -121,7 +105,7 @@ class Result(NamedTuple):
 
     innovation: Vec2    # (2,) m/s, body FRD x and y
     ratio: float        # -, squared innovation over its covariance times squared gate
-    used: bool
+    used: bool          # the sample corrected the filter
 
 
 NOT_COMPARED = Result((math.nan, math.nan), math.nan, False)
@@ -143,10 +127,17 @@ def start(velocity_variance: float, accel_bias_std: float, v: VelocityValues) ->
 def _predict_covariance(
     P: Covariance, velocity: Vec2, B: Matrix2, dt: float, held: bool, v: VelocityValues,
 ) -> Covariance:
-    """
-    Return F P F^T + Q, with d acceleration / d bias = -B.
+    r"""
+    Return F P F^T + Q of x = (p, v, b), with d acceleration / d bias = -B.
 
-    Q holds noise of the acceleration, of the bias, and of the velocity's scale.
+    .. math:: F = \begin{pmatrix} I & \Delta I & -\Delta^2 B/2 \\ 0 & I & -\Delta B \\
+              0 & 0 & k I \end{pmatrix}, \quad
+              Q = \begin{pmatrix} S^2 \Delta^3/3\, I + \sigma_s^2 \Delta\, v v^T &
+              S^2 \Delta^2/2\, I & 0 \\ S^2 \Delta^2/2\, I & S^2 \Delta\, I & 0 \\
+              0 & 0 & (1 - k^2) \sigma_b^2 I \end{pmatrix}
+
+    in blocks of (2, 2), :math:`k = e^{-\Delta/\tau}`. Q holds noise of the acceleration (density
+    S), of the bias, and of the velocity's scale (density :math:`\sigma_s`).
     """
     keep = math.exp(-dt / v.accel_bias_time)
     density = v.held_accel_noise if held else v.accel_noise
@@ -233,8 +224,15 @@ class Gain(NamedTuple):
 def _correct(
     f: Velocity, M: Matrix2, innovation: Vec2, S: Matrix2, scale: Vec2, slope: Vec2, yaw: Vec2,
 ) -> Velocity:
-    """
-    Update with a measurement M v of the velocity.
+    r"""
+    Update with a measurement M v of the velocity, of covariance R.
+
+    .. math:: H = (0, M, 0), \quad S = M P_{vv} M^T + R, \quad K = P H^T S^{-1}, \quad
+              x \leftarrow x + K (z - H x), \quad P \leftarrow P - K S K^T
+
+    For flow :math:`R = \sigma^2 I + (P_{hh}/h^2)\, \nu \nu^T`. A sensitivity s to a consider
+    parameter u follows the same gain, :math:`s \leftarrow s + K (\partial z/\partial u - H s)`,
+    and the covariance that is published is :math:`P + \sum s s^T`.
 
     Parameters
     ----------

@@ -289,7 +289,7 @@ def estimate(samples, params=None, memory=None):
     s = samples
     out = np.empty((len(s.dt), COLUMNS))
     memory = run_rows(
-        memory or filters.initial(params), s.dt, s.gyro, s.accel, s.sonar, s.flow,
+        memory or filters.initial(params.values()), s.dt, s.gyro, s.accel, s.sonar, s.flow,
         s.quality.astype(np.int64), s.pressure, params.values(), out)
     return Run(out, memory)
 
@@ -314,6 +314,6 @@ def estimate_with_prior(samples, params):
     s = samples
     out, prior = np.empty((len(s.dt), COLUMNS)), np.empty((len(s.dt), COLUMNS))
     memory = run_prior(
-        filters.initial(params), s.dt, s.gyro, s.accel, s.sonar, s.flow,
+        filters.initial(params.values()), s.dt, s.gyro, s.accel, s.sonar, s.flow,
         s.quality.astype(np.int64), s.pressure, params.values(), out, prior)
     return Run(out, memory), Run(prior, memory)

@@ -21,7 +21,7 @@ def flatten(x):
 
 def alone(samples, params):
     """Call the step from Python, sample by sample, as the node does."""
-    m, values, out = kalman.initial(params), params.values(), []
+    m, values, out = kalman.initial(params.values()), params.values(), []
     for k in range(len(samples.dt)):
         m, e = kalman.step(
             m, float(samples.dt[k]), tuple(samples.gyro[k].tolist()),
@@ -51,7 +51,7 @@ def test_two_runs_give_the_same_bits():
 
 
 def test_step_does_not_change_its_memory():
-    m = kalman.initial(PARAMS)
+    m = kalman.initial(PARAMS.values())
     before = flatten(m)
     kalman.step(m, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, -9.81), 1.0, (0.1, 0.1), 255, 1e5,
                 PARAMS.values())
@@ -63,7 +63,7 @@ def test_a_step_costs_microseconds_in_a_compiled_loop():
     out, best = np.empty((len(s.dt), COLUMNS)), np.inf
     for _ in range(10):
         start = time.perf_counter()
-        run_rows(kalman.initial(PARAMS), s.dt, s.gyro, s.accel, s.sonar, s.flow,
+        run_rows(kalman.initial(PARAMS.values()), s.dt, s.gyro, s.accel, s.sonar, s.flow,
                  s.quality.astype(np.int64), s.pressure, values, out)
         best = min(best, time.perf_counter() - start)
     # 1 to 2 us on an idle core; the bound is for busy machines

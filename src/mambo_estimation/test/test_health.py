@@ -5,6 +5,7 @@ import math
 from estimation_truth import (
     circle, DT, estimate, estimate_with_prior, fly, hover, NAN, QUIET, sense, TYPICAL)
 from mambo_estimation import attitude, health, kalman
+from mambo_estimation.estimate import STATUS_ALIGNING, STATUS_DEAD_RECKONING
 from mambo_estimation.kalman import EstimatorParams
 from mambo_estimation.measurements.barometer import BarometerParams
 import numpy as np
@@ -152,7 +153,7 @@ def test_flow_without_texture_is_refused():
     s = CLEAN.copy()
     s.quality[2000:] = 0
     run = estimate(s)
-    assert run.status[-1] == kalman.STATUS_DEAD_RECKONING
+    assert run.status[-1] == STATUS_DEAD_RECKONING
     assert run.flow_refused[-1] > 500 and np.isnan(run.flow_test_ratio[2600:]).all()
 
 
@@ -224,7 +225,7 @@ def test_dead_imu_from_the_start_keeps_aligning():
     s.gyro[:], s.accel[:] = NAN, NAN
     run = estimate(s)
     check(run)
-    assert (run.status == kalman.STATUS_ALIGNING).all()
+    assert (run.status == STATUS_ALIGNING).all()
     assert run.invalid_samples[-1] == len(s.dt)
 
 

@@ -7,6 +7,7 @@ from estimation_truth import (
 from mambo_estimation import kalman
 from mambo_estimation.alignment import AlignmentParams
 from mambo_estimation.attitude import AttitudeParams
+from mambo_estimation.estimate import STATUS_ALIGNING, STATUS_DEAD_RECKONING, STATUS_NOMINAL
 from mambo_estimation.kalman import EstimatorParams
 from mambo_estimation.measurements.barometer import BarometerParams
 from mambo_estimation.measurements.optical_flow import FlowParams
@@ -169,7 +170,7 @@ def test_rotation_block_is_about_inertial_axes():
     # Only the gyro about body z is uncertain; held nose up by 90 degrees it turns about north.
     params = EstimatorParams(
         alignment=AlignmentParams(samples=0), attitude=AttitudeParams(initial_gyro_bias_std=1e-6))
-    m = kalman.initial(params)
+    m = kalman.initial(params.values())
     q = (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0)
     att = m.attitude._replace(
         q=q, P_bb=((1e-12, 0.0, 0.0), (0.0, 1e-12, 0.0), (0.0, 0.0, 1.0)),
@@ -198,18 +199,18 @@ def test_estimate_is_the_initial_one_while_aligning_and_the_status_follows_the_s
     samples.flow[(k > 1400) & (k < 1900)] = NAN
     run = estimate(samples)
     status = run.status
-    assert (status[:99] == kalman.STATUS_ALIGNING).all()
+    assert (status[:99] == STATUS_ALIGNING).all()
     assert (run.rows[:99, :6] == 0.0).all() and (run.omega[:99] == 0.0).all()
-    assert (status[99:400] == kalman.STATUS_DEAD_RECKONING).all()  # below 0.4 m
-    assert (status[800:1400] == kalman.STATUS_NOMINAL).all()
-    assert (status[1510:1900] == kalman.STATUS_DEAD_RECKONING).all()  # 0.5 s later
-    assert status[1910] == kalman.STATUS_NOMINAL
+    assert (status[99:400] == STATUS_DEAD_RECKONING).all()  # below 0.4 m
+    assert (status[800:1400] == STATUS_NOMINAL).all()
+    assert (status[1510:1900] == STATUS_DEAD_RECKONING).all()  # 0.5 s later
+    assert status[1910] == STATUS_NOMINAL
     std = np.sqrt(run.twist_covariance[:, 0, 0])
     assert std[1900] > 4 * std[1400] > 0 and std[1950] < 2 * std[1400]
 
 
 def test_specific_force_is_integrated_by_the_trapezoidal_rule():
-    m = kalman.initial(EstimatorParams(alignment=AlignmentParams(samples=0)))
+    m = kalman.initial(EstimatorParams(alignment=AlignmentParams(samples=0)).values())
     m = m._replace(aligning=False)
     nothing = (NAN, (NAN, NAN), 0, NAN, EstimatorParams().values())
     _, e = kalman.step(m, 0.01, (0.0, 0.0, 0.0), (1.0, 0.0, -11.81), *nothing)
@@ -247,7 +248,7 @@ def test_vehicle_that_moves_while_aligning_starts_with_the_defaults_and_converge
         patience=0.2, gyro_bias=(0.021, -0.009, 0.016), accel_bias=(0.28, -0.12, 0.35)))
     for params, tilt in ((impatient, 2.5), (calibrated, 0.7)):
         run = estimate(sense(truth, TYPICAL, seed=3), params)
-        aligning = run.status == kalman.STATUS_ALIGNING
+        aligning = run.status == STATUS_ALIGNING
         assert 10 < aligning.sum() < 100
         assert np.degrees(np.sqrt(run.pose_covariance[aligning.sum(), 3, 3])) > 5
         # what stays is the accelerometer bias over g: 2 deg, or what calibration left of it
@@ -282,7 +283,7 @@ def test_large_tilt_error_is_found_and_forgotten():
     truth = fly(circle(), 30.0)
     params = EstimatorParams(alignment=AlignmentParams(samples=0, gyro_bias=TYPICAL.gyro_bias))
     samples = sense(truth, TYPICAL, seed=7)
-    start = kalman.initial(params)
+    start = kalman.initial(params.values())
     wrong = start.attitude._replace(q=(math.cos(0.15), math.sin(0.15), 0.0, 0.0))  # 17 deg
     memory = start._replace(aligning=False, attitude=wrong)
     run = estimate(samples, params, memory)

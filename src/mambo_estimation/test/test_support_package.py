@@ -3,7 +3,8 @@
 import math
 
 from estimation_truth import circle, DT, estimate, fly, G, hover, NAN, Noise, QUIET, sense, TYPICAL
-from mambo_estimation import health, kalman, support_package
+from mambo_estimation import health, support_package
+from mambo_estimation.estimate import STATUS_ALIGNING, STATUS_DEAD_RECKONING, STATUS_NOMINAL
 from mambo_estimation.support_package import ToolboxEstimatorParams
 from mambo_model.schema import ParameterError
 import numpy as np
@@ -31,7 +32,7 @@ def advance(m, samples, params=UNCALIBRATED, gyro=ZERO, accel=REST, flow=NO_FLOW
 
 def at_height(height, params=UNCALIBRATED, **changes):
     """Return the memory of an estimator that hovers at a height."""
-    m = support_package.initial(params)
+    m = support_package.initial(params.values())
     return m._replace(altitude=m.altitude._replace(height=height), **changes)
 
 
@@ -60,14 +61,14 @@ def test_accelerometer_filter_is_the_window_design_of_the_package():
 
 def test_mean_of_the_first_samples_is_the_bias_and_gravity_is_none_of_it():
     rng = np.random.default_rng(2)
-    m = support_package.initial(PARAMS)
+    m = support_package.initial(PARAMS.values())
     gyro = [0.02, -0.01, 0.015] + 0.001 * rng.standard_normal((100, 3))
     accel = [0.3, -0.15, 0.4 - G] + 0.02 * rng.standard_normal((100, 3))
     for k in range(100):
         assert m.rest.count == k
         m, e = support_package.step(
             m, DT, tuple(gyro[k]), tuple(accel[k]), NAN, NO_FLOW, 0, NAN, V)
-        assert (e.status == kalman.STATUS_ALIGNING) == (k < 99)
+        assert (e.status == STATUS_ALIGNING) == (k < 99)
         assert k == 99 or e.state.omega == ZERO
         assert (e.state.rho, e.state.nu, e.state.q) == (ZERO, ZERO, (1.0, 0.0, 0.0, 0.0))
     assert e.gyro_bias == pytest.approx(gyro.mean(axis=0), abs=1e-15)
@@ -161,7 +162,7 @@ def test_ranges_near_the_floor_and_outliers_are_not_used_and_counted():
 @pytest.mark.parametrize('pressure_too', [True, False])
 def test_lost_height_is_found_again_if_sonar_and_pressure_agree_that_it_is_lost(pressure_too):
     params = ToolboxEstimatorParams(calibration_samples=10)
-    m, _ = advance(support_package.initial(params), 10, params, pressure=101325.0)
+    m, _ = advance(support_package.initial(params.values()), 10, params, pressure=101325.0)
     m = m._replace(altitude=m.altitude._replace(height=3.0))
     m, _ = advance(m, 600, params, sonar=1.5,  # 18 Pa less is 1.5 m
                    pressure=101325.0 - 18.0 if pressure_too else NAN)
@@ -170,7 +171,7 @@ def test_lost_height_is_found_again_if_sonar_and_pressure_agree_that_it_is_lost(
 
 def test_pressure_alone_changes_nothing():
     params = ToolboxEstimatorParams(calibration_samples=10)
-    m, _ = advance(support_package.initial(params), 10, params, pressure=101325.0)
+    m, _ = advance(support_package.initial(params.values()), 10, params, pressure=101325.0)
     m, e = advance(m, 400, params, pressure=101000.0)
     assert e.height == 0.0 and math.isnan(e.barometer_offset)
     assert math.isnan(e.barometer_innovation) and e.barometer_refused == 0
@@ -306,11 +307,11 @@ def test_status_follows_the_sensors():
     k = np.arange(len(truth.t))
     samples.flow[(k > 1400) & (k < 1900)] = NAN
     status = estimate(samples, PARAMS).status
-    assert (status[:99] == kalman.STATUS_ALIGNING).all()
-    assert (status[99:400] == kalman.STATUS_DEAD_RECKONING).all()  # below 0.4 m
-    assert (status[800:1400] == kalman.STATUS_NOMINAL).all()
-    assert (status[1530:1900] == kalman.STATUS_DEAD_RECKONING).all()  # held 0.1 s, then 0.5 s
-    assert status[1910] == kalman.STATUS_NOMINAL
+    assert (status[:99] == STATUS_ALIGNING).all()
+    assert (status[99:400] == STATUS_DEAD_RECKONING).all()  # below 0.4 m
+    assert (status[800:1400] == STATUS_NOMINAL).all()
+    assert (status[1530:1900] == STATUS_DEAD_RECKONING).all()  # held 0.1 s, then 0.5 s
+    assert status[1910] == STATUS_NOMINAL
 
 
 def garbage(seed, n=3000):
@@ -386,7 +387,7 @@ def test_nothing_is_claimed_about_the_error():
 def test_one_step_has_the_same_bits_alone_and_in_a_compiled_loop():
     s = sense(fly(circle(), 8.0), TYPICAL, 3)
     inside = estimate(s, PARAMS)
-    m, rows = support_package.initial(PARAMS), []
+    m, rows = support_package.initial(PARAMS.values()), []
     for k in range(len(s.dt)):
         m, e = support_package.step(
             m, s.dt[k], tuple(s.gyro[k]), tuple(s.accel[k]), s.sonar[k], tuple(s.flow[k]),
@@ -397,10 +398,10 @@ def test_one_step_has_the_same_bits_alone_and_in_a_compiled_loop():
 
 
 def test_whole_numbers_as_parameters_compile_nothing_anew():
-    advance(support_package.initial(UNCALIBRATED), 1)
+    advance(support_package.initial(UNCALIBRATED.values()), 1)
     known = len(support_package.step.signatures)
     whole = ToolboxEstimatorParams(calibration_samples=0, flow_to_velocity=2, hold=1)
-    advance(support_package.initial(whole), 1, whole)
+    advance(support_package.initial(whole.values()), 1, whole)
     assert len(support_package.step.signatures) == known
 
 

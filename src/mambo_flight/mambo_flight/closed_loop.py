@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from mambo_control import controllers, failsafe
 from mambo_estimation import filters
-from mambo_estimation.kalman import Estimate
+from mambo_estimation.estimate import Estimate
 from mambo_model.compiled import jit
 from mambo_model.motion.flatness import body_velocity
 from mambo_model.motion.rigid_body import State
@@ -76,18 +76,18 @@ class Recording(NamedTuple):
 class Settings(NamedTuple):
     """Everything compiled code reads that does not change during a flight."""
 
-    simulator: simulator.SimulatorValues
-    optitrack: optitrack.OptitrackValues
-    estimator: filters.Values
-    plan: PlanValues
-    gains: controllers.Gains
-    failsafe: failsafe.FailsafeValues
-    reference_vehicle: VehicleValues
-    controller_vehicle: VehicleValues
-    period: float
-    use_truth: bool
-    sonar_low: float
-    sonar_high: float
+    simulator: simulator.SimulatorValues  # true vehicle and sensors
+    optitrack: optitrack.OptitrackValues  # motion capture
+    estimator: filters.Values             # of the chosen estimator
+    plan: PlanValues                      # flight plan
+    gains: controllers.Gains              # of the chosen controller
+    failsafe: failsafe.FailsafeValues     # limits of the failsafe
+    reference_vehicle: VehicleValues      # that the reference believes in
+    controller_vehicle: VehicleValues     # that the controller believes in
+    period: float                         # s, of the controller
+    use_truth: bool                       # the controller gets the true state
+    sonar_low: float                      # m, least range on the wire
+    sonar_high: float                     # m, largest
 
 
 def settings(flight: Scenario) -> Settings:
@@ -136,7 +136,7 @@ def fly(flight: Scenario, inner: bool = False) -> Recording:
     sim = flight.sim_node.simulator
     mocap_rng = simulator.generators(flight.optitrack_node.seed)[simulator.OPTITRACK]
     _loop(simulator.initial_state(sim), simulator.generators(sim.seed), mocap_rng,
-          filters.initial(flight.estimator_node.filter),
+          filters.initial(flight.estimator_node.filter.values()),
           failsafe.initial(flight.controller_node.law),
           settings(flight), out)
     return out
@@ -176,12 +176,12 @@ def store_state(row: Array, s: State) -> None:
 class Heard(NamedTuple):
     """Samples of a control step as the estimator node has them from the wire; NaN: none."""
 
-    gyro: Vec3
-    accel: Vec3
-    sonar: float
-    flow: tuple[float, float]
-    flow_quality: int
-    pressure: float
+    gyro: Vec3  # (3,) rad/s, body FRD
+    accel: Vec3  # (3,) m/s^2, body FRD
+    sonar: float  # m, slant range
+    flow: tuple[float, float]  # (2,) rad/s
+    flow_quality: int  # 0 ... 255
+    pressure: float  # Pa
 
 
 @jit

@@ -50,7 +50,7 @@ class Estimates(NamedTuple):
 
     t: Ints  # (n,) ns
     state: Floats  # (n, 13) rho m, nu m/s, q w x y z, omega rad/s, as of closed_loop.Recording
-    pose_covariance: Floats  # (n, 36), as of kalman.Estimate
+    pose_covariance: Floats  # (n, 36), as of estimate.Estimate
     twist_covariance: Floats  # (n, 36), likewise
     estimator: Floats  # (n, 36), its other numbers, as of closed_loop.Inner
     dropped: Ints  # (n, 4) samples left out so far: IMU, sonar, flow, pressure
@@ -229,7 +229,7 @@ def run(found: Steps, params: filters.Params) -> Estimates:
     out = Estimates(
         found.t[found.last], *(np.empty((n, width)) for width in (13, 36, 36, 36)),
         found.dropped[found.last])
-    _run(filters.initial(params), params.values(), found, out)
+    _run(filters.initial(params.values()), params.values(), found, out)
     return out
 
 

@@ -14,12 +14,12 @@ from typing import Any
 from geometry_msgs.msg import TransformStamped
 from mambo_bags.writer import BagWriter, BagWriterError, Qos
 from mambo_control import failsafe
-from mambo_estimation import diagnostic
+from mambo_estimation.estimate import diagnostic_status, tilt_deviation
 from mambo_estimation.health import Health
 from mambo_model import frames
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.rigid_body import State
-from mambo_ros import diagnostics, layout, messages, topics
+from mambo_ros import cdr, diagnostics, messages, topics
 import numpy as np
 from numpy.typing import NDArray
 from tf2_msgs.msg import TFMessage
@@ -120,7 +120,7 @@ def _marks(map_to_odom: bool) -> tuple[bytes, list[int], list[int]]:
         transforms[1].header.frame_id = messages.MAP
     for transform in transforms:
         transform.header.stamp.sec, transform.header.stamp.nanosec = sec, nanosec
-    data = layout.serialize(TFMessage(transforms=transforms))
+    data = cdr.serialize(TFMessage(transforms=transforms))
     mark = np.array([sec, nanosec], dtype='<u4').tobytes()
     stamps = [at for at in range(len(data)) if data.startswith(mark, at)]
     return data, stamps, [data.index(np.float64(number).tobytes()) for number in numbers]
@@ -163,7 +163,7 @@ def _reports(r: Recording, flight: Scenario) -> Iterator[tuple[int, bytes]]:
                     **dict(zip(('frames', 'lost frames', 'dropped frames'), counts))}))
             if not truth:
                 row, spread = r.inner.estimator[k], r.inner.pose_covariance[k]
-                tilt_std = diagnostic.tilt_deviation(spread.tolist())
+                tilt_std = tilt_deviation(spread.tolist())
                 at_t.append(_estimator_report(
                     t, row, row[31:36].astype(int) - not_finite, tilt_std))
                 not_finite = row[31:36].astype(int)
@@ -183,7 +183,7 @@ def _estimator_report(
     t: int, row: NDArray, not_finite: NDArray, tilt_std: float,
 ) -> tuple[int, bytes]:
     counts = tuple(row[17:21].astype(int).tolist())
-    level, line, numbers = diagnostic.diagnostic_status(
+    level, line, numbers = diagnostic_status(
         int(row[0]), float(row[1]), counts[:3], counts[3],
         Health(tuple(row[21:26].astype(int).tolist()), tuple(row[26:31].tolist()), (0,) * 5),
         tuple(not_finite.tolist()), (0,) * 4, tilt_std)

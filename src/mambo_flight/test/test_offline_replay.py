@@ -12,7 +12,7 @@ from mambo_estimation import filters, kalman, support_package
 from mambo_estimation.measurements.optical_flow import FlowParams
 from mambo_estimation.synchroniser import Synchroniser
 from mambo_flight import offline_replay
-from mambo_ros import layout, messages, topics
+from mambo_ros import cdr, messages, topics
 import numpy as np
 import pytest
 
@@ -68,7 +68,7 @@ def write(path, samples, order=(topics.SENSOR_TICK, *SENSORS), tick_every=1, los
 
 def by_hand(samples, params=PARAMS):
     """Return [(ns, estimate)] of the filter's own step, called for each IMU sample."""
-    memory, values, out, before = kalman.initial(params), params.values(), [], None
+    memory, values, out, before = kalman.initial(params.values()), params.values(), [], None
     for t, sample in samples:
         dt = 0.0 if before is None else (t - before) * 1e-9
         flow, quality = sample.get(topics.OPTICAL_FLOW, ((NAN, NAN), 0))
@@ -113,7 +113,7 @@ def one_by_one(bag):
         for topic in take if topic.name in bag]
     has_ticks, now = topics.SENSOR_TICK.name in bag, -1
     for _, topic, data in heapq.merge(*streams, key=lambda entry: entry[0]):
-        if topic is topics.IMU and not has_ticks and (t := layout.stamp_ns(data)) > now:
+        if topic is topics.IMU and not has_ticks and (t := cdr.stamp_ns(data)) > now:
             if now >= 0:
                 out += sync.add_tick(now, tuple(counts.values()))
             now = t
@@ -293,7 +293,7 @@ def test_only_what_is_out_of_order_is_taken_one_by_one(tmp_path):
 def test_every_number_is_that_of_the_filter_called_step_by_step(tmp_path, samples, params):
     for name, bag in (('tidy', write(tmp_path / 'tidy', samples[:300])),
                       ('untidy', untidy(tmp_path / 'untidy', FAULTS, 3, True))):
-        memory, values, want = filters.initial(params), params.values(), []
+        memory, values, want = filters.initial(params.values()), params.values(), []
         for s in one_by_one(bag):
             memory, e = filters.step(memory, s.dt, s.gyro, s.accel, s.sonar, s.flow,
                                      s.flow_quality, s.pressure, values)

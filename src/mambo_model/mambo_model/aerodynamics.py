@@ -15,9 +15,8 @@ from .compiled import jit
 from .motion.quaternion import Quat, rotate_inverse
 from .motion.vector import add, norm, sub, Vec3
 from .vehicle.parameters import (
-    DRAG_ACCELERATION, DRAG_FORCE, DRAG_PER_ROTOR, DRAG_TOTAL, VehicleValues)
-from .vehicle.vehicle_options import (
-    DragValues, OptionValues, PROFILE_BLADE_ELEMENT, PROFILE_LINEAR, RotorValues)
+    DRAG_ACCELERATION, DRAG_FORCE, DRAG_PER_ROTOR, DRAG_TOTAL, OptionValues, VehicleValues)
+from .vehicle.vehicle_options import DragValues, PROFILE_BLADE_ELEMENT, PROFILE_LINEAR, RotorValues
 
 NEAREST = 0.5  # radii above the floor: Cheeseman and Bennett's law does not hold below
 

@@ -4,7 +4,7 @@ Parameters that carry their own unit, range and source (no ROS here).
 A component's parameters are a frozen dataclass whose fields are made by :func:`quantity`,
 :func:`choice`, :func:`flag`, :func:`text` or :func:`group`. The same declaration becomes ROS
 parameters (``mambo_ros.params``), sections of a scenario file and, through
-:func:`values`, the NamedTuple that compiled code reads.
+:mod:`mambo_model.values`, the NamedTuple that compiled code reads.
 """
 
 from __future__ import annotations
@@ -213,25 +213,3 @@ def build(params_type: type[P], values: Mapping[str, Any], where: str = '') -> P
         return params_type(**filled)
     except ParameterError as error:
         raise ParameterError(f'{where.rstrip(".: ")}: {error}' if where else str(error)) from None
-
-
-def values(params: Any, names: tuple[str, ...]) -> tuple:
-    """
-    Return the named fields as compiled code wants them, in the order of ``names``.
-
-    Names out of a :func:`choice` become their index, switches stay bool, numbers get the type of
-    their default, so that a whole number given for a float compiles nothing anew.
-    """
-    out = []
-    fields = {field.name: field for field in dataclasses.fields(params)}
-    for name in names:
-        value, default = getattr(params, name), fields[name].default
-        options = fields[name].metadata.get('options')
-        if options:
-            value = options.index(value)
-        elif isinstance(default, float):
-            value = float(value)
-        elif isinstance(default, tuple):
-            value = tuple(float(element) for element in value)
-        out.append(value)
-    return tuple(out)

@@ -19,16 +19,10 @@ from mambo_model.errors import MamboError
 import numpy as np
 from numpy.typing import NDArray
 
-_FORMATS = {
-    'boolean': ('?', 1), 'octet': ('c', 1), 'uint8': ('B', 1), 'int8': ('b', 1),
-    'uint16': ('H', 2), 'int16': ('h', 2), 'uint32': ('I', 4), 'int32': ('i', 4),
-    'uint64': ('Q', 8), 'int64': ('q', 8), 'float': ('f', 4), 'double': ('d', 8)}
-_ENCAPSULATION = b'\x00\x01\x00\x00'  # XCDR1, little endian
-_WORD = 4  # bytes; what is sent is a whole number of them
+from .cdr import ENCAPSULATION, FORMATS, SECOND, WORD
+
 _MANY = 16  # sets of texts of one type that are remembered
 _LONGEST = 256  # characters of a text that is remembered
-_SECOND = 1_000_000_000
-_STAMP = struct.Struct('>iI'), struct.Struct('<iI')  # by the last bit of the encapsulation
 
 
 class LayoutError(MamboError, ValueError):
@@ -47,7 +41,7 @@ def _leaves(msg_type: type, prefix: str = '') -> Iterator[tuple[str, str, int]]:
     for name, kind in msg_type.get_fields_and_field_types().items():
         array = re.fullmatch(r'(.+)\[(\d+)\]', kind)
         base, count = (array[1], int(array[2])) if array else (kind, 1)
-        if base in _FORMATS or base == 'string':
+        if base in FORMATS or base == 'string':
             yield prefix + name, base, count
         elif '/' in base and not array and '<' not in base:
             yield from _leaves(_nested(base), f'{prefix}{name}.')
@@ -97,7 +91,7 @@ class Layout:
                 self._texts.append((4 + offset + pad, struct.pack('<I', len(data)) + data))
                 offset += pad + 4 + len(data)
                 continue
-            code, width = _FORMATS[kind]
+            code, width = FORMATS[kind]
             pad = -offset % width
             form.append(f'{pad}x{length}{code}')
             self._places.append((4 + offset + pad, f'<{code}', length))
@@ -107,12 +101,12 @@ class Layout:
             raise LayoutError(f"{msg_type.__name__} has no text field {', '.join(wanted)}")
         self.size, self.nbytes = count, 4 + offset
         self._struct = struct.Struct(''.join(form))
-        self._filling = b'\0' * (-offset % _WORD)
+        self._filling = b'\0' * (-offset % WORD)
 
     def pack(self, *numbers: float) -> bytes:
         """Return the message's bytes; ``numbers`` are its leaves in the order of definition."""
         data = bytearray(self._struct.pack(*numbers))
-        data[:4] = _ENCAPSULATION
+        data[:4] = ENCAPSULATION
         for start, piece in self._texts:
             data[start:start + len(piece)] = piece
         return bytes(data + self._filling)
@@ -131,7 +125,7 @@ class Layout:
         count = max(np.size(number) for number in numbers)
         width = self.nbytes + len(self._filling)
         out = np.zeros((count, width), dtype=np.uint8)
-        out[:, :4] = np.frombuffer(_ENCAPSULATION, dtype=np.uint8)
+        out[:, :4] = np.frombuffer(ENCAPSULATION, dtype=np.uint8)
         for start, piece in self._texts:
             out[:, start:start + len(piece)] = np.frombuffer(piece, dtype=np.uint8)
         left = iter(numbers)
@@ -150,8 +144,8 @@ class Layout:
         An array of (n,) stamps, with arrays of numbers, gives :meth:`rows`.
         """
         if isinstance(stamp_ns, np.ndarray):
-            return self.rows(stamp_ns // _SECOND, stamp_ns % _SECOND, *numbers)
-        return self.pack(stamp_ns // _SECOND, stamp_ns % _SECOND, *numbers)
+            return self.rows(stamp_ns // SECOND, stamp_ns % SECOND, *numbers)
+        return self.pack(stamp_ns // SECOND, stamp_ns % SECOND, *numbers)
 
     def unpack(self, data: bytes) -> tuple:
         """
@@ -173,7 +167,7 @@ class Layout:
 
     def _fits(self, data: bytes) -> bool:
         """Return whether the numbers of a message stand where this layout has them."""
-        return 0 <= len(data) - self.nbytes < _WORD and data[:2] == b'\x00\x01' and all(
+        return 0 <= len(data) - self.nbytes < WORD and data[:2] == b'\x00\x01' and all(
             data[start:start + 4] == piece[:4] for start, piece in self._texts)
 
     def _unpack_slowly(self, data: bytes) -> tuple:
@@ -197,74 +191,3 @@ class Layout:
         if len(self._others) < _MANY and all(len(text) <= _LONGEST for text in texts.values()):
             self._others.append(Layout(self.msg_type, **texts))
         return tuple(out)
-
-
-def stamp_ns(data: bytes, offset: int = 0) -> int:
-    """
-    Return the stamp in nanoseconds of any serialised message that begins with one.
-
-    That is every message with a header, ``rosgraph_msgs/Clock`` and ``builtin_interfaces/Time``;
-    ``offset`` bytes further in where something stands before it (4 for the count of a sequence).
-    """
-    seconds, nanoseconds = _STAMP[data[1] & 1].unpack_from(data, 4 + offset)
-    return seconds * _SECOND + nanoseconds
-
-
-def restamped(data: bytes, stamp: int) -> bytes:
-    """Return a serialised message that begins with a stamp, with another one in ns."""
-    order = '<' if data[1] & 1 else '>'
-    return data[:4] + struct.pack(f'{order}iI', *divmod(stamp, _SECOND)) + data[12:]
-
-
-class _Writer:
-    """CDR bytes of any message, alignment bytes zero."""
-
-    def __init__(self) -> None:
-        self.data = bytearray(_ENCAPSULATION)
-
-    def align(self, width: int) -> None:
-        """Fill up with zeros to a multiple of so many bytes."""
-        self.data.extend(b'\0' * (-(len(self.data) - 4) % width))
-
-    def primitive(self, kind: str, values: Any) -> None:
-        """Write numbers of a kind."""
-        code, width = _FORMATS[kind]
-        self.align(width)
-        self.data += struct.pack(f'<{len(values)}{code}', *values)
-
-    def one(self, kind: str, value: Any) -> None:
-        """Write a value of any kind."""
-        if kind in _FORMATS:
-            self.primitive(kind, (value,))
-        elif kind == 'string':
-            data = value.encode() + b'\0'
-            self.primitive('uint32', (len(data),))
-            self.data += data
-        else:
-            self.message(value)
-
-    def message(self, message: Any) -> None:
-        """Write the fields of a message."""
-        for name, kind in message.get_fields_and_field_types().items():
-            value = getattr(message, name)
-            many = re.fullmatch(r'sequence<(.+?)(?:, \d+)?>|(.+)\[\d+\]', kind)
-            if not many:
-                self.one(kind, value)
-                continue
-            if many[1]:
-                self.primitive('uint32', (len(value),))
-            for element in value:
-                self.one(many[1] or many[2], element)
-
-
-def serialize(message: Any) -> bytes:
-    """
-    Serialise any message, slowly, with zeros between the fields.
-
-    The middleware's own serialiser leaves whatever was in memory in the alignment bytes, so that
-    equal messages need not have equal bytes; a flight that is to be identical needs these.
-    """
-    writer = _Writer()
-    writer.message(message)
-    writer.align(_WORD)
-    return bytes(writer.data)

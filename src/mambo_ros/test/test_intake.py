@@ -107,9 +107,9 @@ def test_bytes_that_are_no_message_are_refused(data, reason):
 
 
 def test_a_header_that_is_cut_off_is_malformed_where_only_the_stamp_is_read():
-    from mambo_ros import layout
+    from mambo_ros import cdr
     for length in range(12):
-        guard = Intake('/x', lambda data: (layout.stamp_ns(data),), lambda t: None)
+        guard = Intake('/x', lambda data: (cdr.stamp_ns(data),), lambda t: None)
         guard(GOOD[:length])
         assert guard.refused == {intake.MALFORMED: 1}
 

@@ -1,16 +1,14 @@
 """Our bytes are the middleware's bytes, up to alignment bytes that it leaves undefined."""
 
-from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import TransformStamped
-from mambo_interfaces.msg import EstimatorState, MotorPwm, OpticalFlow, Reference
+from mambo_interfaces.msg import MotorPwm
 from mambo_ros import topics
-from mambo_ros.layout import Layout, LayoutError, serialize, stamp_ns
+from mambo_ros.cdr import serialize
+from mambo_ros.layout import Layout, LayoutError
 from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import Imu, Range
+from sensor_msgs.msg import Imu
 from tf2_msgs.msg import TFMessage
 
 FIXED = [topic for topic in topics.RECORDED if topic not in (topics.TF, topics.DIAGNOSTICS)]
@@ -109,25 +107,6 @@ def test_a_type_with_sequences_has_no_layout():
 def test_an_unknown_text_field_is_named():
     with pytest.raises(LayoutError, match='frame'):
         Layout(MotorPwm, frame='x')
-
-
-def test_variable_messages_equal_the_middleware_but_for_alignment():
-    array = DiagnosticArray(status=[
-        DiagnosticStatus(level=b'\x01', name='estimator', message='no flow', hardware_id='m1',
-                         values=[KeyValue(key='a', value='1'), KeyValue(key='bcd', value='')]),
-        DiagnosticStatus()])
-    array.header.frame_id = 'x'
-    for message in (array, TFMessage(transforms=[TransformStamped(), TransformStamped()]),
-                    EstimatorState(), Reference(), OpticalFlow(), Range()):
-        ours, theirs = serialize(message), serialize_message(message)
-        assert len(ours) == whole_words(len(theirs))
-        assert deserialize_message(ours, type(message)) == message
-
-
-def test_stamp_is_read_from_bytes():
-    message = Imu()
-    message.header.stamp = Time(sec=12, nanosec=345)
-    assert stamp_ns(serialize_message(message)) == 12_000_000_345
 
 
 @pytest.mark.parametrize('topic', FIXED, ids=lambda topic: topic.name)

@@ -10,7 +10,8 @@ from mambo_model.motion import flatness
 from mambo_model.motion.quaternion import from_euler
 from mambo_model.motion.rigid_body import State
 from mambo_ros import messages
-from mambo_ros.layout import LayoutError, serialize
+from mambo_ros.cdr import serialize
+from mambo_ros.layout import LayoutError
 from nav_msgs.msg import Odometry
 import numpy as np
 import pytest

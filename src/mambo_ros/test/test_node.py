@@ -9,7 +9,7 @@ import time
 
 from geometry_msgs.msg import TransformStamped
 from mambo_model import schema
-from mambo_ros import layout, messages, topics
+from mambo_ros import cdr, messages, topics
 from mambo_ros.endpoints import qos
 from mambo_ros.loop import Loop
 from mambo_ros.node import MamboNode
@@ -31,7 +31,7 @@ def listener(*heard, name='listener'):
     node, got = MamboNode(name, NoParams), []
     for topic in heard:
         node.subscribe(
-            topic, lambda data, topic=topic: got.append((topic.name, layout.stamp_ns(data))))
+            topic, lambda data, topic=topic: got.append((topic.name, cdr.stamp_ns(data))))
     return node, got
 
 
@@ -60,7 +60,7 @@ def test_nodes_of_one_loop_hear_everything_in_the_order_in_which_it_was_said(ros
     pwm = sender.advertise(topics.MOTOR_PWM)
     first, got = listener(topics.MOTOR_PWM, topics.CLOCK, name='first')
     second = MamboNode('second', NoParams)
-    second.subscribe(topics.CLOCK, lambda data: got.append(('second', layout.stamp_ns(data))))
+    second.subscribe(topics.CLOCK, lambda data: got.append(('second', cdr.stamp_ns(data))))
     loop = Loop(second, first, sender)
     for t in (1, 2):
         clock(messages.clock(t))
@@ -98,7 +98,7 @@ def test_a_topic_that_many_say_is_heard_once_from_inside_and_from_outside(ros):
     node.subscribe(topics.TF, lambda data: got.append(bytes(data)))
     loop, (stranger, tell) = Loop(node, sender), talker(topics.TF, 'outside')
     until(lambda: readers(sender, topics.TF) == readers(stranger, topics.TF) == 1, 'the links')
-    transforms = [layout.serialize(TFMessage(transforms=[TransformStamped()] * n)) for n in (1, 2)]
+    transforms = [cdr.serialize(TFMessage(transforms=[TransformStamped()] * n)) for n in (1, 2)]
     publish(transforms[0])
     tell(transforms[1])
     until(lambda: len(got) >= 2, 'both', lambda: loop.once(0.1))
@@ -112,7 +112,7 @@ def test_one_loop_serves_several_nodes(ros):
     relay, last = MamboNode('relay', NoParams), []
     forward = relay.advertise(topics.MOTOR_PWM)
     relay.subscribe(topics.CLOCK, lambda data: forward(
-        messages.motor_pwm(layout.stamp_ns(data), (1.0,) * 4, False, 0)))
+        messages.motor_pwm(cdr.stamp_ns(data), (1.0,) * 4, False, 0)))
     sink = MamboNode('sink', NoParams)
     sink.subscribe(topics.MOTOR_PWM, lambda data: last.append(messages.decode_motor_pwm(data)[0]))
     with serving(source, relay, sink):

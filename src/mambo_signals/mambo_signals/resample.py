@@ -81,7 +81,7 @@ def interpolate(stamps: Ints, source_stamps: Ints, values: Floats, gap: int) -> 
     Parameters
     ----------
     stamps : (n,) ns
-        Where values are wanted.
+        Where values are wanted. All times may be in another unit as well.
     source_stamps : (m,) ns
     values : (m, k)
     gap : ns

@@ -19,7 +19,8 @@ from typing import NamedTuple
 
 from mambo_model.compiled import jit
 from mambo_model.motion.vector import Vec3
-from mambo_model.schema import check, choice, group, quantity
+from mambo_model.schema import choice, group, quantity
+from mambo_model.values import derived, Parameters, values_type
 import numpy as np
 from numpy.random import Generator
 
@@ -45,18 +46,8 @@ PRESSURE_SPAN = (9e4, 1.1e5)   # Pa
 _NEW, _SOURCE = 'design choice', 'what goes wrong with it'
 
 
-class FaultValues(NamedTuple):
-    """A :class:`FaultParams` as compiled code reads it."""
-
-    kind: int
-    start: int  # ticks
-    end: int    # ticks
-    share: float
-    delay: int  # ticks
-
-
 @dataclass(frozen=True)
-class FaultParams:
+class FaultParams(Parameters):
     """One fault of one sensor."""
 
     kind: str = choice('none', KINDS, _SOURCE)
@@ -65,15 +56,28 @@ class FaultParams:
     share: float = quantity(1.0, '1', 0.0, 1.0, 'design choice: of the samples in this time')
     delay: float = quantity(0.1, 's', STEP, 1.0, 'design choice: of late samples')
 
-    def __post_init__(self) -> None:
-        check(self)
+    @derived('', 'kind')
+    def code(self) -> int:
+        """Index of the kind in KINDS."""
+        return KINDS.index(self.kind)
 
-    def values(self) -> FaultValues:
-        """Return what compiled code reads."""
-        return FaultValues(
-            KINDS.index(self.kind), round(self.start / STEP),
-            round((self.start + self.duration) / STEP), float(self.share),
-            max(1, round(self.delay / STEP)))
+    @derived('ticks', 'start')
+    def first_tick(self) -> int:
+        """Tick at which it begins."""
+        return round(self.start / STEP)
+
+    @derived('ticks', 'duration')
+    def end_tick(self) -> int:
+        """Tick at which it is over."""
+        return round((self.start + self.duration) / STEP)
+
+    @derived('ticks', 'delay')
+    def delay_ticks(self) -> int:
+        """Delay of late samples, at least 1."""
+        return max(1, round(self.delay / STEP))
+
+
+FaultValues = values_type(FaultParams)
 
 
 @dataclass(frozen=True)
@@ -90,19 +94,8 @@ class DeliveryFaultParams(FaultParams):
     kind: str = choice('none', DELIVERIES, _SOURCE)
 
 
-class FaultsValues(NamedTuple):
-    """A :class:`FaultsParams` as compiled code reads it."""
-
-    gyro: FaultValues
-    accel: FaultValues
-    imu: FaultValues
-    sonar: FaultValues
-    optical_flow: FaultValues
-    barometer: FaultValues
-
-
 @dataclass(frozen=True)
-class FaultsParams:
+class FaultsParams(Parameters):
     """Faults of all sensors."""
 
     gyro: ReadingFaultParams = group(ReadingFaultParams)
@@ -112,13 +105,13 @@ class FaultsParams:
     optical_flow: FaultParams = group(FaultParams)
     barometer: FaultParams = group(FaultParams)
 
-    def __post_init__(self) -> None:
-        check(self)
-
     def values(self) -> FaultsValues | None:
         """Return what compiled code reads; None where nothing is to go wrong."""
-        out = FaultsValues(*(getattr(self, name).values() for name in FaultsValues._fields))
-        return out if any(fault.kind != NONE for fault in out) else None
+        out = super().values()
+        return out if any(fault.code != NONE for fault in out) else None
+
+
+FaultsValues = values_type(FaultsParams)
 
 
 class FaultMemory(NamedTuple):
@@ -140,7 +133,7 @@ START = FaultMemory(
 @jit
 def _strikes(tick: int, rng: Generator, p: FaultValues) -> bool:
     """Return whether the fault strikes the sample of this tick."""
-    if p.kind == NONE or not p.start <= tick < p.end:
+    if p.code == NONE or not p.first_tick <= tick < p.end_tick:
         return False
     return p.share >= 1.0 or rng.random() < p.share
 
@@ -175,14 +168,14 @@ def vector(
     """Return what a sensor of three axes reads, and its last reading without fault, (3,)."""
     if not _strikes(tick, rng, p):
         return value, value
-    return (_reading(value[0], last[0], p.kind, rng, span),
-            _reading(value[1], last[1], p.kind, rng, span),
-            _reading(value[2], last[2], p.kind, rng, span)), last
+    return (_reading(value[0], last[0], p.code, rng, span),
+            _reading(value[1], last[1], p.code, rng, span),
+            _reading(value[2], last[2], p.code, rng, span)), last
 
 
 @jit
 def _is_reading(p: FaultValues) -> bool:
-    return NONE < p.kind < MISSING
+    return NONE < p.code < MISSING
 
 
 @jit
@@ -193,7 +186,7 @@ def scalar(
     """Return what a sensor of one value reads, and its last reading without fault."""
     if not (_is_reading(p) and _strikes(tick, rng, p)):
         return value, value
-    return _reading(value, last, p.kind, rng, span), last
+    return _reading(value, last, p.code, rng, span), last
 
 
 @jit
@@ -204,9 +197,9 @@ def flow(
     """Return what the flow sensor reads with its quality, and its last without fault."""
     if not (_is_reading(p) and _strikes(tick, rng, p)):
         return value, value
-    x = _reading(value[0], last[0], p.kind, rng, FLOW_SPAN)
-    y = _reading(value[1], last[1], p.kind, rng, FLOW_SPAN)
-    return (x, y, last[2] if p.kind == STUCK else value[2]), last
+    x = _reading(value[0], last[0], p.code, rng, FLOW_SPAN)
+    y = _reading(value[1], last[1], p.code, rng, FLOW_SPAN)
+    return (x, y, last[2] if p.code == STUCK else value[2]), last
 
 
 @jit
@@ -214,13 +207,13 @@ def delivery(new: bool, held: bool, tick: int, rng: Generator, p: FaultValues) -
     """Return the delivery of a sample, and whether the stream now holds one back."""
     if not new:
         return DELIVERY_LOST, held
-    if p.kind < MISSING or held or not _strikes(tick, rng, p):
+    if p.code < MISSING or held or not _strikes(tick, rng, p):
         return DELIVERY_SENT, False
-    if p.kind == MISSING:
+    if p.code == MISSING:
         return DELIVERY_LOST, False
-    if p.kind == LATE:
+    if p.code == LATE:
         return DELIVERY_LATE, False
-    if p.kind == REPEATED:
+    if p.code == REPEATED:
         return DELIVERY_TWICE, False
     return DELIVERY_HELD, True
 

@@ -22,11 +22,11 @@ from mambo_model.motion.quaternion import (
     conjugate, exp_map, from_euler, multiply, normalise, Quat, rotate, rotate_inverse)
 from mambo_model.motion.rigid_body import NORM_LIMIT, rk4_step, State
 from mambo_model.motion.vector import add, norm, scale, sub, Vec3
-from mambo_model.schema import check, choice, flag, ParameterError, quantity
+from mambo_model.schema import choice, flag, ParameterError, quantity
+from mambo_model.values import derived, Parameters, values_type
 from mambo_model.vehicle.battery import supply
-from mambo_model.vehicle.parameters import VehicleValues
+from mambo_model.vehicle.parameters import OptionValues, VehicleValues
 from mambo_model.vehicle.rotor import faded, Four, limit_pwm, mix, thrust_from_pwm
-from mambo_model.vehicle.vehicle_options import OptionValues
 
 CONTROL_RATE = 200      # Hz, rate at which the motor command changes
 NORMS = ('normalise', 'control', 'free')
@@ -40,19 +40,10 @@ LEVEL = 1e-4            # sine of the tilt taken for level
 _ZERO: Vec3 = (0.0, 0.0, 0.0)
 
 
-class PlantValues(NamedTuple):
-    """A :class:`PlantParams` as compiled code reads it."""
-
-    substeps: int
-    ground: bool
-    norm_gain: float | None  # 1/s
-    floor: Quat | None  # (4,) attitude of what stands on it, yaw 0; None: level
-
-
 class PlantState(NamedTuple):
     """Everything the plant remembers."""
 
-    body: State
+    body: State   # of the rigid body
     thrust: Four  # (4,) N, motors 1 to 4, as if far from the floor; rotor speeds follow from it
     jolt: Vec3    # (3,) m/s^2, body FRD, what the accelerometer still feels of a touch-down
     lost: Four = (0.0, 0.0, 0.0, 0.0)  # (4,) share of thrust that each motor lost to fading
@@ -60,7 +51,7 @@ class PlantState(NamedTuple):
 
 
 @dataclass(frozen=True)
-class PlantParams:
+class PlantParams(Parameters):
     """How finely the plant is integrated, whether there is a floor, where the vehicle starts."""
 
     physics_rate: int = quantity(
@@ -79,7 +70,7 @@ class PlantParams:
         250.0, '1/s', 0.0, 1e4, 'k of (2.16); a quarter of the rate of the physics')
 
     def __post_init__(self) -> None:
-        check(self)
+        super().__post_init__()
         if self.norm == 'control' and self.norm_gain >= NORM_LIMIT * self.physics_rate:
             raise ParameterError(
                 f'PlantParams.norm_gain = {self.norm_gain:g} 1/s is not stable: it must be below '
@@ -93,18 +84,26 @@ class PlantParams:
                 f'PlantParams.initial_position = {self.initial_position} m is below the floor '
                 'at rho_z = 0: make its third number 0 or negative, or switch ground off')
 
-    def values(self) -> PlantValues:
-        """Return what compiled code reads; without a gain the length is set to 1."""
-        gain = {'normalise': None, 'control': float(self.norm_gain), 'free': 0.0}[self.norm]
-        return PlantValues(
-            self.physics_rate // CONTROL_RATE, self.ground, gain, self.floor())
+    @derived('', 'physics_rate')
+    def substeps(self) -> int:
+        """Steps of the physics in one control step."""
+        return self.physics_rate // CONTROL_RATE
 
+    @derived('1/s', 'norm', 'norm_gain')
+    def length_gain(self) -> float | None:
+        """Gain that controls the length of q; None: it is set to 1."""
+        return {'normalise': None, 'control': float(self.norm_gain), 'free': 0.0}[self.norm]
+
+    @derived('', 'initial_position', 'initial_euler', 'floor_slope')
     def floor(self) -> Quat | None:
-        """Return the attitude, (4,) w x y z, of a vehicle that stands; None: level."""
+        """Attitude, (4,) w x y z, of a vehicle that stands; None: level."""
         roll, pitch = map(float, self.floor_slope)
         if not self.ground or roll == pitch == 0.0:
             return None
         return from_euler(roll, pitch, 0.0)
+
+
+PlantValues = values_type(PlantParams)
 
 
 def initial(params: PlantParams) -> PlantState:

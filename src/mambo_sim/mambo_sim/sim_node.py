@@ -68,7 +68,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._held = self._begin()
 
     def _outbox(self, topic: topics.Topic, fault: FaultParams) -> Outbox:
-        return Outbox(self.advertise(topic), fault.values().delay)
+        return Outbox(self.advertise(topic), fault.delay_ticks())
 
     def _begin(self) -> Held:
         """Return the simulator at its start."""

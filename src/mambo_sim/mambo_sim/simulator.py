@@ -14,10 +14,10 @@ from typing import NamedTuple
 from mambo_model.compiled import jit
 from mambo_model.motion.trajectory import PlanValues
 from mambo_model.motion.vector import Vec3
-from mambo_model.schema import check, flag, group, quantity
-from mambo_model.vehicle.parameters import Vehicle, VehicleValues
+from mambo_model.schema import flag, group, quantity
+from mambo_model.values import derived, Parameters, values_type
+from mambo_model.vehicle.parameters import OptionValues, Vehicle
 from mambo_model.vehicle.rotor import Four, mix
-from mambo_model.vehicle.vehicle_options import OptionValues
 import numpy as np
 from numpy.random import Generator
 
@@ -30,40 +30,24 @@ Generators = tuple[
 IMU, SONAR, FLOW, BAROMETER, OPTITRACK, FAULTS, WIND = range(7)  # order of the generators
 
 
-class SimulatorValues(NamedTuple):
-    """A :class:`SimulatorParams` as compiled code reads it."""
-
-    vehicle: VehicleValues
-    plant: plant.PlantValues
-    imu: imu.ImuValues
-    sonar: sonar.SonarValues
-    optical_flow: optical_flow.FlowValues
-    barometer: barometer.BarometerValues
-    noise: bool
-    options: OptionValues | None  # of the vehicle
-    hand: PlanValues | None  # that carries the vehicle
-    faults: faults.FaultsValues | None
-    wind: wind.WindValues | None  # None: still air
-
-
 class SimulatorState(NamedTuple):
     """Everything the simulator remembers."""
 
-    plant: plant.PlantState
-    imu: imu.ImuMemory
-    optical_flow: optical_flow.FlowMemory
-    barometer: barometer.BarometerMemory
-    faults: faults.FaultMemory | None = None
-    wind: wind.WindMemory | None = None
+    plant: plant.PlantState  # vehicle and motors
+    imu: imu.ImuMemory       # biases and vibration
+    optical_flow: optical_flow.FlowMemory  # what has been seen lately
+    barometer: barometer.BarometerMemory  # offset
+    faults: faults.FaultMemory | None = None  # None: none
+    wind: wind.WindMemory | None = None  # None: still air
 
 
 class Deliveries(NamedTuple):
     """What becomes of the samples on their way to the estimator, ``faults.DELIVERY_*``."""
 
-    imu: int
-    sonar: int
-    flow: int
-    barometer: int
+    imu: int  # of gyro and accelerometer
+    sonar: int  # of the range
+    flow: int  # of the flow
+    barometer: int  # of the pressure
 
 
 class Samples(NamedTuple):
@@ -71,14 +55,14 @@ class Samples(NamedTuple):
 
     gyro: Vec3                 # (3,) rad/s, body FRD
     accel: Vec3                # (3,) m/s^2, body FRD, specific force
-    sonar_new: bool
+    sonar_new: bool            # there is a range
     sonar: float               # m, slant range
-    flow_new: bool
+    flow_new: bool             # there is flow
     flow: optical_flow.Vec2    # (2,) rad/s, body x forward and y right, the vehicle's sign
     flow_quality: int          # 0 ... 255; 0: do not use
-    baro_new: bool
+    baro_new: bool             # there is a pressure
     pressure: float            # Pa
-    deliveries: Deliveries
+    deliveries: Deliveries     # of the messages
 
 
 IN_TIME = Deliveries(
@@ -86,7 +70,7 @@ IN_TIME = Deliveries(
 
 
 @dataclass(frozen=True)
-class SimulatorParams:
+class SimulatorParams(Parameters):
     """The true vehicle, its sensors, and the seed of all chance."""
 
     vehicle: Vehicle = group(Vehicle)
@@ -101,16 +85,13 @@ class SimulatorParams:
     wind: wind.WindParams = group(wind.WindParams)
     noise: bool = flag(True, 'design choice: false switches every random part off')
 
-    def __post_init__(self) -> None:
-        check(self)
+    @derived('')
+    def options(self) -> OptionValues | None:
+        """Options of the vehicle; None: none acts."""
+        return self.vehicle.options()
 
-    def values(self) -> SimulatorValues:
-        """Return what compiled code reads; the seed goes to :func:`generators`."""
-        return SimulatorValues(
-            self.vehicle.values(), self.plant.values(), self.imu.values(), self.sonar.values(),
-            self.optical_flow.values(), self.barometer.values(), self.noise,
-            self.vehicle.options(), self.hand.values(), self.faults.values(),
-            self.wind.values())
+
+SimulatorValues = values_type(SimulatorParams, without=('seed',))
 
 
 def initial_state(params: SimulatorParams) -> SimulatorState:
@@ -241,7 +222,8 @@ def advance(
     command = (0.0, 0.0, 0.0, 0.0) if shutdown else pwm
     moved = plant.advance(
         state.plant, command, STEP, values.plant.substeps, values.vehicle, values.plant.ground,
-        values.options, values.plant.norm_gain, wind.air_velocity(state.wind), values.plant.floor)
+        values.options, values.plant.length_gain, wind.air_velocity(state.wind),
+        values.plant.floor)
     return SimulatorState(
         moved, state.imu, state.optical_flow, state.barometer, state.faults, state.wind)
 

@@ -15,18 +15,11 @@ from typing import NamedTuple
 
 from mambo_model.compiled import by_type, jit
 from mambo_model.motion.vector import add, Vec3
-from mambo_model.schema import check, quantity, values
+from mambo_model.schema import quantity
+from mambo_model.values import Parameters, values_type
 from numpy.random import Generator
 
 from .sensors.sampling import STEP
-
-
-class WindValues(NamedTuple):
-    """A :class:`WindParams` as compiled code reads it."""
-
-    velocity: Vec3
-    gust: Vec3
-    gust_time: float
 
 
 class WindMemory(NamedTuple):
@@ -37,7 +30,7 @@ class WindMemory(NamedTuple):
 
 
 @dataclass(frozen=True)
-class WindParams:
+class WindParams(Parameters):
     """How the air moves; still by default."""
 
     velocity: Vec3 = quantity(
@@ -47,14 +40,14 @@ class WindParams:
     gust_time: float = quantity(
         1.0, 's', 0.01, 600.0, 'correlation time of gusts: eddies of 2 m that pass at 2 m/s')
 
-    def __post_init__(self) -> None:
-        check(self)
-
     def values(self) -> WindValues | None:
         """Return what compiled code reads, None for still air: a type of its own."""
         if not (any(self.velocity) or any(self.gust)):
             return None
-        return WindValues(*values(self, WindValues._fields))
+        return super().values()
+
+
+WindValues = values_type(WindParams)
 
 
 def initial(params: WindParams) -> WindMemory | None:

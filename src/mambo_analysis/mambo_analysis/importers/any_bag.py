@@ -34,7 +34,7 @@ from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Messages, read_bag, read_listing
 from mambo_bags.writer import BagWriter
 from mambo_model.errors import InputError
-from mambo_ros import layout
+from mambo_ros import cdr
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
@@ -422,7 +422,7 @@ def import_bag(
         for ours in topics.values():
             writer.add_topic(f'{NAMESPACE}/{ours}', TARGETS[ours])
         everything = [
-            (log_time, ours, layout.restamped(data, stamp)) for theirs, ours in topics.items()
+            (log_time, ours, cdr.restamped(data, stamp)) for theirs, ours in topics.items()
             for log_time, stamp, data in zip(
                 ready[theirs].log_time, stamps[theirs], ready[theirs].data, strict=True)]
         for log_time, ours, data in sorted(everything, key=lambda entry: entry[0]):

@@ -58,6 +58,7 @@ from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
 from mambo_signals.derivative import body_rates
+from mambo_signals.resample import interpolate
 from mambo_signals.time_offset import AlignError, Offset, offsets, RANGE_LATE, time_offset
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -120,13 +121,7 @@ class Log:
         out = np.full((len(times), len(names)), math.nan)
         for column, name in enumerate(names):
             t, v = self.drone[name]
-            after = np.searchsorted(t, times, side='left')
-            exact = (after < len(t)) & (t[np.minimum(after, len(t) - 1)] == times)
-            inner = np.clip(after, 1, max(len(t) - 1, 1))
-            near = (after > 0) & (after < len(t)) & (len(t) > 1)
-            near &= t[np.minimum(inner, len(t) - 1)] - t[inner - 1] <= GAP
-            use = exact | near
-            out[use, column] = np.interp(times[use], t, v)
+            out[:, column] = interpolate(times, t, v[:, None], GAP)[:, 0]
         return out
 
 

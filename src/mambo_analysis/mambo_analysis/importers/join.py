@@ -21,7 +21,7 @@ from mambo_bags.reader import Bag, bag_files, read_bag
 from mambo_bags.recover import declare, extras, in_order, OWN_RECORD
 from mambo_bags.writer import BagWriter, BagWriterError
 from mambo_model.errors import InputError
-from mambo_ros import layout
+from mambo_ros import cdr
 from mambo_signals import motion
 from mambo_signals.derivative import body_rates
 from mambo_signals.time_offset import (
@@ -144,7 +144,7 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -
     end = max(log_time for _, log_time, _, _ in copied)
     stamps = poses.stamp + shift
     inside = (stamps >= 0) & (stamps <= end)
-    added = [(bag.name(POSE), stamp, stamp, layout.restamped(data, stamp))
+    added = [(bag.name(POSE), stamp, stamp, cdr.restamped(data, stamp))
              for data, stamp, is_in in zip(poses.raw, stamps.tolist(), inside) if is_in]
     if not added:
         raise BagError(f'{mocap}: no pose is within the flight with an offset of '

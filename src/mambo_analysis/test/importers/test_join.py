@@ -6,7 +6,7 @@ from mambo_analysis.importers import join
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriter
-from mambo_ros import layout
+from mambo_ros import cdr
 from mambo_signals.time_offset import AlignError
 from mambo_thesis.drift import identify_drift
 import numpy as np
@@ -28,7 +28,7 @@ def copy(path, keep, shift=0):
         for topic in keep:
             for stamp, data in zip((bag[topic].stamp + shift).tolist(), bag[topic].raw):
                 if stamp >= 0:
-                    writer.write(bag.name(topic), layout.restamped(data, stamp), stamp)
+                    writer.write(bag.name(topic), cdr.restamped(data, stamp), stamp)
     return path
 
 
@@ -100,7 +100,7 @@ def test_the_take_of_another_flight_is_refused(log, tmp_path):
         raw = np.array(bag['optitrack/pose'].raw, dtype=object)
         for stamp, data in zip(bag['optitrack/pose'].stamp.tolist(),
                                np.concatenate([raw[100 * i:100 * i + 100] for i in order])):
-            writer.write(POSE, layout.restamped(data, stamp), stamp)
+            writer.write(POSE, cdr.restamped(data, stamp), stamp)
     with pytest.raises(AlignError, match='--offset SECONDS'):
         join.join(log, tmp_path / 'other', tmp_path / 'joined')
     assert not (tmp_path / 'joined').exists()
@@ -122,7 +122,7 @@ def test_wrong_use_ends_in_one_line_and_leaves_no_bag(log, take, tmp_path, capsy
 
 def test_a_stamp_is_written_in_the_byte_order_of_the_message():
     for order, flag in (('little', 1), ('big', 0)):
-        data = layout.restamped(bytes([0, flag, 0, 0]) + bytes(8) + b'rest', 3_000_000_007)
+        data = cdr.restamped(bytes([0, flag, 0, 0]) + bytes(8) + b'rest', 3_000_000_007)
         assert int.from_bytes(data[4:8], order) == 3 and int.from_bytes(data[8:12], order) == 7
         assert data[12:] == b'rest'
 

@@ -8,31 +8,18 @@ Holds no equation of the thesis; the relation is that of the International Stand
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.schema import check, flag, quantity, values
+from mambo_model.schema import flag, quantity
+from mambo_model.values import Parameters, values_type
 
 SEA_LEVEL_PRESSURE = 101325.0  # Pa
 SCALE_HEIGHT = 44330.769       # m, temperature at sea level over its lapse rate
 EXPONENT = 0.19026312          # -, gas constant times lapse rate over gravity
 
 
-class BarometerValues(NamedTuple):
-    """:class:`BarometerParams` as compiled code reads them."""
-
-    enabled: bool
-    noise: float
-    offset_walk: float
-    min_pressure: float
-    max_pressure: float
-    gate: float
-    recovery_time: float
-    stuck_samples: int
-
-
 @dataclass(frozen=True)
-class BarometerParams:
+class BarometerParams(Parameters):
     """What the altitude filter believes of the barometer."""
 
     enabled: bool = flag(False, 'the estimator of thesis sec. 5.1 does not use it')
@@ -48,12 +35,8 @@ class BarometerParams:
     stuck_samples: int = quantity(
         20, '-', 0, 100000, 'in flight, so many equal pressures mean a dead sensor; 0: never')
 
-    def __post_init__(self) -> None:
-        check(self)
 
-    def values(self) -> BarometerValues:
-        """Return what compiled code reads."""
-        return BarometerValues(*values(self, BarometerValues._fields))
+BarometerValues = values_type(BarometerParams)
 
 
 @jit

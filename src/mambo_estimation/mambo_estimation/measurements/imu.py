@@ -9,27 +9,15 @@ predictions, so there is no innovation to gate: a sample is judged by itself.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from mambo_model.compiled import jit
 from mambo_model.motion.vector import Vec3
-from mambo_model.schema import check, quantity, values
-
-
-class ImuValues(NamedTuple):
-    """:class:`ImuParams` as compiled code reads them."""
-
-    gyro_range: float
-    accel_range: float
-    stuck_samples: int
-    max_interval: float
-    max_gap: float
-    gyro_roughness: float
-    accel_roughness: float
+from mambo_model.schema import quantity
+from mambo_model.values import Parameters, values_type
 
 
 @dataclass(frozen=True)
-class ImuParams:
+class ImuParams(Parameters):
     """What the filters believe of the inertial sensors."""
 
     gyro_range: float = quantity(
@@ -51,12 +39,8 @@ class ImuParams:
         30.0, 'm/s^2', 1.0, 1e4,
         'likewise: 2 to 8 by vibration, 25 by a hard landing, 55 where anything is read')
 
-    def __post_init__(self) -> None:
-        check(self)
 
-    def values(self) -> ImuValues:
-        """Return what compiled code reads."""
-        return ImuValues(*values(self, ImuValues._fields))
+ImuValues = values_type(ImuParams)
 
 
 @jit

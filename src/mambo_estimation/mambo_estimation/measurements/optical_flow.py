@@ -12,11 +12,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
-from typing import NamedTuple
 
 from mambo_model.compiled import jit
 from mambo_model.motion.vector import Vec3
-from mambo_model.schema import check, choice, flag, quantity, values
+from mambo_model.schema import choice, flag, quantity
+from mambo_model.values import Parameters, values_type
 
 from ..blocks import Matrix2, Matrix3, Vec2
 
@@ -24,34 +24,8 @@ FACTORS = ('constant', 'linear', 'exponential')
 FACTOR_CONSTANT, FACTOR_LINEAR, FACTOR_EXPONENTIAL = range(len(FACTORS))
 
 
-class FlowValues(NamedTuple):
-    """:class:`FlowParams` as compiled code reads them."""
-
-    factor: int
-    constant: float
-    linear_offset: float
-    linear_slope: float
-    exponential_offset: float
-    exponential_gain: float
-    factor_min_height: float
-    factor_max_height: float
-    height_scaling: bool
-    rotation_leak: float
-    noise: float
-    scale_std: float
-    slope_std: float
-    reference_height: float
-    min_height: float
-    max_rate: float
-    min_tilt_cos: float
-    min_quality: int
-    gate: float
-    recovery_time: float
-    stuck_samples: int
-
-
 @dataclass(frozen=True)
-class FlowParams:
+class FlowParams(Parameters):
     """What the velocity filter believes of the optical flow."""
 
     factor: str = choice('constant', FACTORS, 'Q of (5.2), or Q(h) of (C.2b), (C.2a) with C5')
@@ -86,12 +60,8 @@ class FlowParams:
     stuck_samples: int = quantity(
         8, '-', 0, 100000, 'so many equal rates but zero mean a dead sensor; 0: never')
 
-    def __post_init__(self) -> None:
-        check(self)
 
-    def values(self) -> FlowValues:
-        """Return what compiled code reads."""
-        return FlowValues(*values(self, FlowValues._fields))
+FlowValues = values_type(FlowParams)
 
 
 @jit

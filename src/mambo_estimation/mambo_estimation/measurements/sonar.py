@@ -9,27 +9,14 @@ sensor reads that or a little more: such a reading says that the floor is near, 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.schema import check, quantity, values
-
-
-class SonarValues(NamedTuple):
-    """:class:`SonarParams` as compiled code reads them."""
-
-    noise: float
-    min_range: float
-    max_range: float
-    min_tilt_cos: float
-    gate: float
-    recovery_time: float
-    agreement: float
-    stuck_samples: int
+from mambo_model.schema import quantity
+from mambo_model.values import Parameters, values_type
 
 
 @dataclass(frozen=True)
-class SonarParams:
+class SonarParams(Parameters):
     """What the altitude filter believes of the sonar."""
 
     noise: float = quantity(
@@ -52,12 +39,8 @@ class SonarParams:
     stuck_samples: int = quantity(
         20, '-', 0, 100000, 'in flight, so many equal ranges mean a dead sensor; 0: never')
 
-    def __post_init__(self) -> None:
-        check(self)
 
-    def values(self) -> SonarValues:
-        """Return what compiled code reads."""
-        return SonarValues(*values(self, SonarValues._fields))
+SonarValues = values_type(SonarParams)
 
 
 @jit

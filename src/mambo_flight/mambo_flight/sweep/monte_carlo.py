@@ -17,8 +17,7 @@ from mambo_control import controllers, failsafe
 from mambo_model.compiled import jit
 from mambo_model.motion.trajectory import PlanValues, reference_step
 from mambo_model.motion.vector import add, dot, mul, sub, Vec3
-from mambo_model.vehicle.parameters import VehicleValues
-from mambo_model.vehicle.vehicle_options import OptionValues
+from mambo_model.vehicle.parameters import OptionValues, VehicleValues
 from mambo_sim import plant, simulator, wind
 from mambo_sim.parameters import STEP_NS
 import numpy as np

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
-from typing import NamedTuple
 
 from ..compiled import jit
-from ..schema import check, choice, ParameterError, quantity, values
+from ..schema import choice, ParameterError, quantity
+from ..values import derived, Parameters, values_type
 from ..vehicle.parameters import Vehicle
 from .flatness import from_flat_output, Reference
 from .vector import add, scale, Vec3
@@ -91,27 +91,8 @@ TAKEOFFS = ('smooth', 'step', 'none')
 SMOOTH, STEP, NONE = range(len(TAKEOFFS))
 
 
-class PlanValues(NamedTuple):
-    """A :class:`FlightPlanParams` with its trajectory as compiled code reads it."""
-
-    hover: Vec3          # (3,) m, inertial NED, where the trajectory is joined and left
-    amplitude: Vec3      # (3,) m
-    rate: float          # rad/s of path time
-    phase: Vec3          # (3,) rad
-    slope: Vec3          # (3,) m/s of path time
-    step: Vec3           # (3,) m
-    turn_time: float     # s of path time at the middle of turning round; inf: never
-    time_scale: float    # path seconds per second
-    takeoff: int
-    takeoff_time: float  # s
-    climb_duration: float
-    start_time: float
-    blend_duration: float
-    landing_time: float  # s; inf: never
-
-
 @dataclass(frozen=True)
-class FlightPlanParams:
+class FlightPlanParams(Parameters):
     """
     Which trajectory is flown, and how it is reached and left.
 
@@ -137,29 +118,56 @@ class FlightPlanParams:
         0.0, 'm', 0.0, 100.0, 'of the hover point, thesis sec. 5.4; 0: that of the trajectory')
 
     def __post_init__(self) -> None:
-        check(self)
+        super().__post_init__()
         _check_order(self)
         _check_vertical(self)
 
-    @property
+    @derived('m', 'height')
     def hover(self) -> Vec3:
-        """Return the point where the trajectory is joined and left, (3,) m, inertial NED."""
+        """Point where the trajectory is joined and left, (3,) inertial NED."""
         x, y, z = TRAJECTORIES[self.trajectory].offset
         return (x, y, -float(self.height) if self.height > 0.0 else z)
 
-    def values(self) -> PlanValues:
-        """Return what compiled code reads: the trajectory resolved and scaled, times in s."""
-        path, landing = TRAJECTORIES[self.trajectory], float(self.landing_time)
-        turn_time = math.inf
-        if path.loops:
-            turn_time = 2.0 * math.pi * path.loops / path.rate + 2.0 * TURN_DURATION * _BLEND_HALF
-        size, time_scale, *times = values(self, (
-            'scale_amplitude', 'scale_rate',
-            'takeoff_time', 'climb_duration', 'start_time', 'blend_duration'))
-        return PlanValues(
-            self.hover, scale(size, path.amplitude), path.rate, path.phase,
-            scale(size, path.slope), scale(size, path.step), turn_time, time_scale,
-            TAKEOFFS.index(self.takeoff), *times, landing if landing > 0.0 else math.inf)
+    @derived('m')
+    def amplitude(self) -> Vec3:
+        """Amplitude of the periodic motion, (3,) inertial NED."""
+        return scale(float(self.scale_amplitude), TRAJECTORIES[self.trajectory].amplitude)
+
+    @derived('rad/s')
+    def rate(self) -> float:
+        """Angular rate of the motion per second of path time."""
+        return TRAJECTORIES[self.trajectory].rate
+
+    @derived('rad')
+    def phase(self) -> Vec3:
+        """Phase of the motion, (3,)."""
+        return TRAJECTORIES[self.trajectory].phase
+
+    @derived('m/s')
+    def slope(self) -> Vec3:
+        """Mean velocity per second of path time, (3,) inertial NED."""
+        return scale(float(self.scale_amplitude), TRAJECTORIES[self.trajectory].slope)
+
+    @derived('m', 'trajectory', 'scale_amplitude')
+    def step(self) -> Vec3:
+        """Step at ``start_time``, (3,) inertial NED."""
+        return scale(float(self.scale_amplitude), TRAJECTORIES[self.trajectory].step)
+
+    @derived('s')
+    def turn_time(self) -> float:
+        """Path time at the middle of turning round; infinite: never."""
+        path = TRAJECTORIES[self.trajectory]
+        if not path.loops:
+            return math.inf
+        return 2.0 * math.pi * path.loops / path.rate + 2.0 * TURN_DURATION * _BLEND_HALF
+
+    @derived('s', 'landing_time')
+    def leaving_time(self) -> float:
+        """Flight time at which the landing begins; infinite: never."""
+        return float(self.landing_time) if self.landing_time > 0.0 else math.inf
+
+
+PlanValues = values_type(FlightPlanParams)
 
 
 def _check_order(plan: FlightPlanParams) -> None:
@@ -186,7 +194,7 @@ def _check_order(plan: FlightPlanParams) -> None:
 def _check_vertical(plan: FlightPlanParams) -> None:
     """Raise ParameterError if the plan meets the ground or falls faster than 9 m/s^2."""
     path = TRAJECTORIES[plan.trajectory]
-    height, depth = -plan.hover[2], plan.scale_amplitude * path.amplitude[2]
+    height, depth = -plan.hover()[2], plan.scale_amplitude * path.amplitude[2]
     if depth >= height:
         raise ParameterError(
             f'FlightPlanParams.scale_amplitude = {plan.scale_amplitude:g} takes {plan.trajectory} '
@@ -268,7 +276,7 @@ def _fall(t: float, begin: float, duration: float) -> Jet:
 @jit
 def _path_time(t: float, plan: PlanValues) -> Jet:
     """Return path time in s at trajectory time t in s; it runs back after ``turn_time``."""
-    k = plan.time_scale
+    k = plan.scale_rate
     p = k * t
     if plan.turn_time == math.inf:
         return (p, k, 0.0, 0.0, 0.0)
@@ -301,7 +309,7 @@ def _axis(p: Jet, slope: float, amplitude: float, rate: float, phase: float) -> 
 @jit
 def _phase(t: float, plan: PlanValues) -> int:
     """Return the phase of the flight at t in s, one of GROUND ... LANDED."""
-    leave = plan.landing_time + plan.blend_duration
+    leave = plan.leaving_time + plan.blend_duration
     if plan.takeoff != NONE and t < plan.takeoff_time:
         return GROUND
     if plan.takeoff != NONE and t < plan.start_time:
@@ -324,11 +332,11 @@ def _weights(t: float, plan: PlanValues) -> tuple[Jet, Jet, Jet]:
         climb = _ONE if t >= plan.takeoff_time else _ZERO
         join = _ONE if t >= plan.start_time else _ZERO
     step = _ONE if t >= plan.start_time else _ZERO
-    if t >= plan.landing_time:
-        leave = _fall(t, plan.landing_time, plan.blend_duration)
+    if t >= plan.leaving_time:
+        leave = _fall(t, plan.leaving_time, plan.blend_duration)
         join, step = _product(join, leave), _product(step, leave)
         climb = _product(climb, _fall(
-            t, plan.landing_time + plan.blend_duration, plan.climb_duration))
+            t, plan.leaving_time + plan.blend_duration, plan.climb_duration))
     return climb, join, step
 
 

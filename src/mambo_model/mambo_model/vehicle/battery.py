@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 
 from ..compiled import jit
+from .parameters import OptionValues
 from .rotor import Four
-from .vehicle_options import BatteryValues, OptionValues
+from .vehicle_options import BatteryValues
 
 
 @jit

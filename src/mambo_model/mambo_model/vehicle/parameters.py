@@ -11,14 +11,14 @@ from collections.abc import Iterator, Mapping, Sequence
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 from . import vehicle_file
 from ..motion.vector import Vec3
-from ..schema import check, choice, group, ParameterError, quantity, shown, values
+from ..schema import choice, group, ParameterError, quantity, shown
+from ..values import Parameters, values, values_type
 from .mass_properties import Point, with_points
 from .vehicle_options import (
-    BatteryParams, DragParams, FadeParams, GroundEffectParams, OptionValues, RotorParams)
+    BatteryParams, DragParams, FadeParams, GroundEffectParams, RotorParams)
 
 THRUST_MAPS = ('linear', 'power')
 THRUST_LINEAR, THRUST_POWER = range(len(THRUST_MAPS))
@@ -31,28 +31,8 @@ MAX_PRODUCT = 0.02   # of inertia, over the least moment: what the model of prin
 MAX_SHIFT = 1e-3     # m, of the centre of mass away from the middle of the rotors, likewise
 
 
-class VehicleValues(NamedTuple):
-    """A :class:`Vehicle` as compiled code reads it, but for its options; names are indices."""
-
-    mass: float
-    inertia: Vec3
-    gravity: float
-    arm: float
-    yaw_ratio: float
-    thrust_map: int
-    linear_gain: float
-    power_a: float
-    power_b: float
-    pwm_min: float
-    pwm_max: float
-    motor_time_constant: float
-    drag_reading: int
-    drag_coefficient: float
-    vertical_drag_coefficient: float
-
-
 @dataclass(frozen=True)
-class Vehicle:
+class Vehicle(Parameters):
     """
     Parrot Mambo as identified: weighed mass, pendulum inertia, measured motor map, rotor drag.
 
@@ -98,7 +78,7 @@ class Vehicle:
     battery: BatteryParams = group(BatteryParams)
 
     def __post_init__(self) -> None:
-        check(self)
+        super().__post_init__()
         if not self.pwm_min < self.pwm_max:
             raise ParameterError(
                 f'Vehicle.pwm_min = {self.pwm_min:g} PWM must be below '
@@ -107,10 +87,6 @@ class Vehicle:
             raise ParameterError(
                 'Vehicle.rotor.torques = True needs a motor_time_constant above 0 s, 0.05 s say: '
                 'rotors that jump to their speed kick the vehicle')
-
-    def values(self) -> VehicleValues:
-        """Return what compiled code reads: names as indices, numbers as they are."""
-        return VehicleValues(*values(self, VehicleValues._fields))
 
     def options(self) -> OptionValues | None:
         """
@@ -123,9 +99,12 @@ class Vehicle:
         if not (parts or d.profile != 'none' or self.rotor.torques or self.ground_effect.enabled
                 or self.fade.enabled or self.battery.enabled):
             return None
-        return OptionValues(
-            float(self.air_density), self.rotor.values(), d.values(),
-            self.ground_effect.values(), self.fade.values(), self.battery.values())
+        return values(self, OptionValues)
+
+
+_OPTIONS = ('air_density', 'rotor', 'drag', 'ground_effect', 'fade', 'battery')
+VehicleValues = values_type(Vehicle, without=_OPTIONS)  # what controllers know as well
+OptionValues = values_type(Vehicle, 'Options', only=_OPTIONS)
 
 
 def with_markers(vehicle: Vehicle, markers: Sequence[Point]) -> Vehicle:

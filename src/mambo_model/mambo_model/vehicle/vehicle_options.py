@@ -10,28 +10,17 @@ the arm, yaw ratio and thrust of the Mambo's (EduDroneToolbox, Parrot-Developers
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from ..motion.vector import Vec3
-from ..schema import check, choice, flag, ParameterError, quantity, values
+from ..schema import choice, flag, ParameterError, quantity
+from ..values import Parameters, values_type
 
 PROFILES = ('none', 'linear', 'blade_element')
 PROFILE_NONE, PROFILE_LINEAR, PROFILE_BLADE_ELEMENT = range(len(PROFILES))
 
 
-class RotorValues(NamedTuple):
-    """A :class:`RotorParams` as compiled code reads it."""
-
-    radius: float
-    chord: float
-    pitch: float
-    speed_coefficient: float
-    inertia: float
-    torques: bool
-
-
 @dataclass(frozen=True)
-class RotorParams:
+class RotorParams(Parameters):
     """One of four equal rotors of two blades."""
 
     radius: float = quantity(0.033, 'm', 0.005, 0.5, 'R of (3.8): toolbox of the Rolling Spider')
@@ -50,36 +39,12 @@ class RotorParams:
         'reaction of rotors that change speed, gyroscopic torque; the thesis has none. Needs a '
         'lag of the motors, as a rotor that jumps to its speed kicks the vehicle')
 
-    def __post_init__(self) -> None:
-        check(self)
 
-    def values(self) -> RotorValues:
-        """Return what compiled code reads."""
-        return RotorValues(*values(self, RotorValues._fields))
-
-
-class DragValues(NamedTuple):
-    """A :class:`DragParams` as compiled code reads it; ``profile`` is an index."""
-
-    blade_flapping: bool
-    flapping_velocity: float
-    flapping_rate: float
-    induced: bool
-    induced_coefficient: float
-    translational: bool
-    translational_coefficient: float
-    translational_fast: float
-    slow_limit: float
-    profile: int
-    profile_coefficient: float
-    profile_zero: float
-    profile_slope: float
-    parasitic: bool
-    parasitic_coefficient: Vec3
+RotorValues = values_type(RotorParams)
 
 
 @dataclass(frozen=True)
-class DragParams:
+class DragParams(Parameters):
     """
     Which parts of (3.12) act, in addition to each other and to (3.13), and how strongly.
 
@@ -116,48 +81,24 @@ class DragParams:
         (0.0014, 0.0014, 0.004), 'kg/m', 0.0, 1.0,
         'K_par of (3.10), assumed: drag coefficient 1 of 24 cm^2, from above 1.1 of 62 cm^2')
 
-    def __post_init__(self) -> None:
-        check(self)
 
-    def values(self) -> DragValues:
-        """Return what compiled code reads."""
-        return DragValues(*values(self, DragValues._fields))
-
-
-class GroundEffectValues(NamedTuple):
-    """A :class:`GroundEffectParams` as compiled code reads it."""
-
-    enabled: bool
-    rotor_height: float
+DragValues = values_type(DragParams)
 
 
 @dataclass(frozen=True)
-class GroundEffectParams:
+class GroundEffectParams(Parameters):
     """Lift that rotors gain near the floor."""
 
     enabled: bool = flag(False, 'thesis sec. 3.2.7 neglects it')
     rotor_height: float = quantity(
         0.03, 'm', 0.005, 1.0, 'of the rotors above the floor, vehicle on its feet; assumed')
 
-    def __post_init__(self) -> None:
-        check(self)
 
-    def values(self) -> GroundEffectValues:
-        """Return what compiled code reads."""
-        return GroundEffectValues(*values(self, GroundEffectValues._fields))
-
-
-class FadeValues(NamedTuple):
-    """A :class:`FadeParams` as compiled code reads it."""
-
-    enabled: bool
-    pwm: float
-    loss: float
-    time_constant: float
+GroundEffectValues = values_type(GroundEffectParams)
 
 
 @dataclass(frozen=True)
-class FadeParams:
+class FadeParams(Parameters):
     """Thrust that a motor slowly loses while its command is high, and regains."""
 
     enabled: bool = flag(False, 'design choice: seen on the bench, thesis sec. 4.4.2')
@@ -167,28 +108,12 @@ class FadeParams:
     time_constant: float = quantity(
         2.0, 's', 0.01, 600.0, 'assumed: the thesis says rapidly, with readings of a scale')
 
-    def __post_init__(self) -> None:
-        check(self)
 
-    def values(self) -> FadeValues:
-        """Return what compiled code reads."""
-        return FadeValues(*values(self, FadeValues._fields))
-
-
-class BatteryValues(NamedTuple):
-    """A :class:`BatteryParams` as compiled code reads it."""
-
-    enabled: bool
-    capacity: float
-    full_voltage: float
-    empty_voltage: float
-    resistance: float
-    reference_voltage: float
-    efficiency: float
+FadeValues = values_type(FadeParams)
 
 
 @dataclass(frozen=True)
-class BatteryParams:
+class BatteryParams(Parameters):
     """One lithium-polymer cell: open-circuit voltage falling with its charge, and a resistance."""
 
     enabled: bool = flag(False, 'design choice: false means a supply that does not sag')
@@ -207,23 +132,11 @@ class BatteryParams:
         'minutes of flight and has 0.55 A h')
 
     def __post_init__(self) -> None:
-        check(self)
+        super().__post_init__()
         if not self.empty_voltage < self.full_voltage:
             raise ParameterError(
                 f'BatteryParams.empty_voltage = {self.empty_voltage:g} V must be below '
                 f'full_voltage = {self.full_voltage:g} V')
 
-    def values(self) -> BatteryValues:
-        """Return what compiled code reads."""
-        return BatteryValues(*values(self, BatteryValues._fields))
 
-
-class OptionValues(NamedTuple):
-    """All of these as compiled code reads them; by default none of them acts."""
-
-    air_density: float
-    rotor: RotorValues
-    drag: DragValues
-    ground_effect: GroundEffectValues
-    fade: FadeValues
-    battery: BatteryValues
+BatteryValues = values_type(BatteryParams)

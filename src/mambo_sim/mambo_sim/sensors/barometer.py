@@ -12,7 +12,8 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.schema import check, quantity
+from mambo_model.schema import quantity
+from mambo_model.values import derived, Parameters, values_type
 from numpy.random import Generator
 
 from .sampling import due, period_ns, quantise
@@ -22,28 +23,17 @@ TEMPERATURE = 288.15                        # K, ISO 2533
 EXPONENT = 9.80665 / (287.05287 * LAPSE)    # 5.2559, ISO 2533
 
 
-class BarometerValues(NamedTuple):
-    """A :class:`BarometerParams` as compiled code reads it."""
-
-    period: int  # ns
-    ground_pressure: float
-    noise: float
-    offset: float
-    walk: float
-    resolution: float
-
-
 class BarometerMemory(NamedTuple):
     """Offset of this flight."""
 
-    started: bool
+    started: bool  # the offset has been drawn
     offset: float  # Pa
 
 
 class BarometerSample(NamedTuple):
     """Output of the sensor at one tick."""
 
-    new: bool
+    new: bool        # there is one at this tick
     pressure: float  # Pa; NaN if not new
 
 
@@ -51,7 +41,7 @@ START = BarometerMemory(False, 0.0)
 
 
 @dataclass(frozen=True)
-class BarometerParams:
+class BarometerParams(Parameters):
     """Weather, rate and noise of the barometer; the offset is drawn once a flight and walks."""
 
     rate: float = quantity(
@@ -67,14 +57,13 @@ class BarometerParams:
         'changes over 4 s in 7 free flights, height removed, median rms 3.6 Pa; 0.3 at rest')
     resolution: float = quantity(0.23, 'Pa', 0.0, 100.0, 'steps in the flights; 0: none')
 
-    def __post_init__(self) -> None:
-        check(self)
+    @derived('ns', 'rate')
+    def period(self) -> int:
+        """Time between samples."""
+        return period_ns(self.rate)
 
-    def values(self) -> BarometerValues:
-        """Return what compiled code reads: period for rate."""
-        return BarometerValues(
-            period_ns(self.rate), self.ground_pressure, self.noise, self.offset, self.walk,
-            self.resolution)
+
+BarometerValues = values_type(BarometerParams)
 
 
 @jit

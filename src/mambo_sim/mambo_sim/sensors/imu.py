@@ -16,39 +16,18 @@ from typing import NamedTuple
 
 from mambo_model.compiled import jit
 from mambo_model.motion.vector import add, mul, scale, sub, Vec3
-from mambo_model.schema import check, quantity, values
+from mambo_model.schema import quantity
+from mambo_model.values import derived, Parameters, values_type
 import numpy as np
 from numpy.random import Generator
 
 from .sampling import clamp, quantise, STEP
 
 
-class ImuValues(NamedTuple):
-    """An :class:`ImuParams` as compiled code reads it."""
-
-    gyro_noise: Vec3
-    accel_noise: Vec3
-    gyro_vibration: Vec3
-    accel_vibration: Vec3
-    gyro_constant: Vec3  # of the drone, the same in every flight
-    accel_constant: Vec3
-    gyro_bias: Vec3      # standard deviation of what is drawn at turn-on
-    accel_bias: Vec3
-    gyro_warm_up: Vec3
-    accel_warm_up: Vec3
-    warming: float       # share of the remaining warm-up in one sample
-    gyro_walk: float
-    accel_walk: float
-    gyro_resolution: float
-    accel_resolution: float
-    gyro_range: float
-    accel_range: float
-
-
 class ImuMemory(NamedTuple):
     """Biases of this flight and the last draws of the vibration."""
 
-    started: bool
+    started: bool     # the biases have been drawn
     gyro_bias: Vec3   # (3,) rad/s, body FRD
     accel_bias: Vec3  # (3,) m/s^2, body FRD
     warmth: float     # 1, share of the warm-up that has passed
@@ -68,7 +47,7 @@ START = ImuMemory(False, _ZERO, _ZERO, 0.0, _ZERO, _ZERO)
 
 
 @dataclass(frozen=True)
-class ImuParams:
+class ImuParams(Parameters):
     """
     Noise of the inertial measurement unit, one sample each 5 ms.
 
@@ -124,24 +103,40 @@ class ImuParams:
         math.radians(2000.0), 'rad/s', 0.1, 1000.0, '16 bit of gyro_resolution')
     accel_range: float = quantity(4.0 * 9.80665, 'm/s^2', 10.0, 1000.0, '16 bit')
 
-    def __post_init__(self) -> None:
-        check(self)
+    def _of_drone(self) -> tuple[Vec3, Vec3]:
+        """Return the constant biases of gyro and accelerometer, zero for drone 0."""
+        if not self.drone:
+            return _ZERO, _ZERO
+        draw = np.random.default_rng(self.drone).standard_normal((2, 3)).tolist()
+        return mul(self.gyro_bias, (*draw[0],)), mul(self.accel_bias, (*draw[1],))
 
-    def values(self) -> ImuValues:
-        """Return what compiled code reads."""
-        gyro, accel = _ZERO, _ZERO
-        gyro_drawn, accel_drawn = self.gyro_bias, self.accel_bias
-        if self.drone > 0:
-            draw = np.random.default_rng(self.drone).standard_normal((2, 3)).tolist()
-            gyro, accel = mul(self.gyro_bias, (*draw[0],)), mul(self.accel_bias, (*draw[1],))
-            gyro_drawn, accel_drawn = self.gyro_turn_on, self.accel_turn_on
-        plain = ('gyro_noise', 'accel_noise', 'gyro_vibration', 'accel_vibration')
-        limits = ('gyro_walk', 'accel_walk', 'gyro_resolution', 'accel_resolution', 'gyro_range',
-                  'accel_range')
-        return ImuValues(
-            *values(self, plain), gyro, accel, gyro_drawn, accel_drawn,
-            *values(self, ('gyro_warm_up', 'accel_warm_up')),
-            -math.expm1(-STEP / self.warm_up_time), *values(self, limits))
+    @derived('rad/s', 'drone')
+    def gyro_constant(self) -> Vec3:
+        """Bias of this drone, the same in every flight, (3,)."""
+        return self._of_drone()[0]
+
+    @derived('m/s^2')
+    def accel_constant(self) -> Vec3:
+        """Bias of this drone, the same in every flight, (3,)."""
+        return self._of_drone()[1]
+
+    @derived('rad/s', 'gyro_bias', 'gyro_turn_on')
+    def gyro_drawn(self) -> Vec3:
+        """Standard deviation of the bias that is drawn at turn-on, (3,)."""
+        return self.gyro_turn_on if self.drone else self.gyro_bias
+
+    @derived('m/s^2', 'accel_bias', 'accel_turn_on')
+    def accel_drawn(self) -> Vec3:
+        """Standard deviation of the bias that is drawn at turn-on, (3,)."""
+        return self.accel_turn_on if self.drone else self.accel_bias
+
+    @derived('-', 'warm_up_time')
+    def warming(self) -> float:
+        """Share of the remaining warm-up in one sample."""
+        return -math.expm1(-STEP / self.warm_up_time)
+
+
+ImuValues = values_type(ImuParams)
 
 
 @jit
@@ -176,8 +171,8 @@ def _drift(memory: ImuMemory, rng: Generator, p: ImuValues) -> tuple[Vec3, Vec3]
     """Return the biases of this sample, gyro and accelerometer, drawn at the first one."""
     if not memory.started:
         return (
-            _vary(p.gyro_constant, p.gyro_bias, 1.0, _draw(rng)),
-            _vary(p.accel_constant, p.accel_bias, 1.0, _draw(rng)))
+            _vary(p.gyro_constant, p.gyro_drawn, 1.0, _draw(rng)),
+            _vary(p.accel_constant, p.accel_drawn, 1.0, _draw(rng)))
     ones = (1.0, 1.0, 1.0)
     k = math.sqrt(STEP)
     return (

@@ -12,12 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 import itertools
 import math
-from typing import NamedTuple
 
 from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import Quat, rotate
 from mambo_model.motion.vector import add, Vec3
-from mambo_model.schema import check, choice, ParameterError, quantity
+from mambo_model.schema import choice, ParameterError, quantity
+from mambo_model.values import derived, Parameters, values, values_type
 from mambo_model.vehicle import parameters
 import numpy as np
 from numpy.random import Generator
@@ -31,25 +31,13 @@ Seen = tuple[bool, bool, bool, bool, bool]
 ALL: Seen = (True,) * COUNT
 
 
-class MarkerValues(NamedTuple):
-    """A :class:`MarkerParams` as compiled code reads it."""
-
-    positions: Five
-    noise: float
-    hide: float       # probability from one frame to the next
-    show: float
-    min_markers: int
-    deflection: float
-    gate: float       # m, half the least distance between two markers
-
-
 def file_positions() -> tuple[float, ...]:
     """Return the positions in ``vehicles/identified_markers.yaml``, (15,) m, body FRD."""
     return tuple(x for _, at in parameters.markers('identified_markers') for x in at)
 
 
 @dataclass(frozen=True)
-class MarkerParams:
+class MarkerParams(Parameters):
     """
     Where the markers are, how well they are seen, and how strict the tracker is.
 
@@ -75,7 +63,7 @@ class MarkerParams:
         'assumed: how far a point may be from its marker; deflection in Motive')
 
     def __post_init__(self) -> None:
-        check(self)
+        super().__post_init__()
         five = np.array(self.five())
         if np.linalg.svd(five - five.mean(axis=0))[1][1] < NARROW * math.sqrt(COUNT):
             raise ParameterError(
@@ -86,8 +74,9 @@ class MarkerParams:
                 f'which takes a deflection below {500.0 * self.gate():.3g} mm, '
                 f'not {1000.0 * self.deflection:.3g} mm')
 
+    @derived('m', 'layout', 'positions')
     def five(self) -> Five:
-        """Return the positions of the layout, (5, 3) m, body FRD."""
+        """Positions of the layout, (5, 3) body FRD."""
         x = [float(number) for number in self.positions]
         five = tuple((x[i], x[i + 1], x[i + 2]) for i in range(0, 3 * COUNT, 3))
         if self.layout == 'asymmetric':
@@ -98,22 +87,36 @@ class MarkerParams:
         return (*((math.copysign(mean[0], a[0]), math.copysign(mean[1], a[1]), height)
                   for a in five[:4]), (0.0, 0.0, five[4][2]))
 
+    @derived('m')
     def gate(self) -> float:
-        """Return half the least distance between two markers, in m."""
+        """Half the least distance between two markers."""
         return 0.5 * min(math.dist(a, b) for a, b in itertools.combinations(self.five(), 2))
 
-    def values(self, period: int) -> MarkerValues:
+    @derived('-', 'occlusion')
+    def hide(self, period: int) -> float:
+        """Probability that a visible marker is hidden in the next frame, after a period of ns."""
+        return self.occlusion * self._change(period)
+
+    @derived('-', 'occlusion_time')
+    def show(self, period: int) -> float:
+        """Probability that a hidden marker is visible in the next frame, after a period of ns."""
+        return (1.0 - self.occlusion) * self._change(period)
+
+    def _change(self, period: int) -> float:
         """
-        Return what compiled code reads, for frames a period of ns apart.
+        Return the probability of a change in a period of ns, of either kind.
 
         A marker that is hidden for a share s of the time, for a mean time T each, changes with
         the rates 1/T and s/(1 - s)/T; between frames their sum decays exponentially.
         """
-        s = self.occlusion
-        change = -math.expm1(-period * 1e-9 / (self.occlusion_time * (1.0 - s)))
-        return MarkerValues(
-            self.five(), float(self.noise), s * change, (1.0 - s) * change, self.min_markers,
-            float(self.deflection), self.gate())
+        return -math.expm1(-period * 1e-9 / (self.occlusion_time * (1.0 - self.occlusion)))
+
+    def values(self, period: int) -> MarkerValues:
+        """Return what compiled code reads, for frames a period of ns apart."""
+        return values(self, hide=self.hide(period), show=self.show(period))
+
+
+MarkerValues = values_type(MarkerParams)
 
 
 @jit
@@ -149,7 +152,7 @@ def reconstruct(
         From :meth:`MarkerParams.values`.
 
     """
-    a, b, c, d, e = p.positions
+    a, b, c, d, e = p.five
     if not noise:
         return (
             add(rho, rotate(q, a)), add(rho, rotate(q, b)), add(rho, rotate(q, c)),

@@ -21,7 +21,8 @@ from typing import NamedTuple
 from mambo_model.compiled import jit
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import Vec3
-from mambo_model.schema import check, choice, ParameterError, quantity
+from mambo_model.schema import choice, ParameterError, quantity
+from mambo_model.values import derived, Parameters, values_type
 from numpy.random import Generator
 
 from .sampling import clamp, due_in_bursts, period_ns, STEP, tilt_cosine
@@ -84,42 +85,18 @@ def derotate(of: Vec2, omega: Vec3, f1: float) -> Vec2:
     return (-of[0] / f1 - omega[1], -of[1] / f1 + omega[0])
 
 
-class FlowValues(NamedTuple):
-    """An :class:`OpticalFlowParams` as compiled code reads it."""
-
-    period: int  # ns
-    burst: int
-    pause: int  # ns
-    noise: float
-    texture: float
-    dropout: float
-    latency: int  # ticks
-    min_height: float
-    min_cosine: float
-    factor_law: int
-    factor_offset: float
-    factor_slope: float
-    factor_low: float
-    factor_high: float
-    leakage: float
-    nonlinearity: float
-    vertical_coupling: Vec2
-    height_offset: float
-    height_delay: float  # ticks
-
-
 class FlowMemory(NamedTuple):
     """What the sensor remembers."""
 
     heights: tuple[float, ...]  # (31,) m, oldest first, the last one now; NaN: unknown
     x: tuple[float, ...]        # (31,) rad/s, what was seen, as heights; NaN: nothing
-    y: tuple[float, ...]
+    y: tuple[float, ...]        # (31,) rad/s, likewise
 
 
 class FlowSample(NamedTuple):
     """Output of the sensor at one tick."""
 
-    new: bool
+    new: bool     # there is one at this tick
     rate: Vec2    # (2,) rad/s along body x forward, y right, the vehicle's sign; NaN: no value
     quality: int  # 0 ... 255; 0 if not new
 
@@ -129,7 +106,7 @@ START = FlowMemory(_UNKNOWN, _UNKNOWN, _UNKNOWN)
 
 
 @dataclass(frozen=True)
-class OpticalFlowParams:
+class OpticalFlowParams(Parameters):
     """
     Rate, noise, factor and switchable errors of the optical flow sensor.
 
@@ -181,7 +158,7 @@ class OpticalFlowParams:
     height_delay: float = quantity(0.0, 's', 0.0, DELAY_TICKS * STEP, 'unknown')
 
     def __post_init__(self) -> None:
-        check(self)
+        super().__post_init__()
         if self.factor_low > self.factor_high:
             raise ParameterError(
                 f'OpticalFlowParams.factor_low = {self.factor_low:g} m must not exceed '
@@ -195,17 +172,38 @@ class OpticalFlowParams:
                 f'OpticalFlowParams.factor_slope = {self.factor_slope:g} makes the factor '
                 f'{lowest:.3g} between factor_low and factor_high; it must stay above 0.1')
 
-    def values(self) -> FlowValues:
-        """Return what compiled code reads: period for rate, ticks for delay, cosine for tilt."""
-        period = period_ns(self.rate)
-        return FlowValues(
-            period, self.burst, max(round(self.pause * 1e9), period), self.noise, self.texture,
-            min(self.dropout + self.texture_dropout * (1.0 - self.texture), 1.0),
-            round(self.latency / STEP), self.min_height,
-            math.cos(self.max_tilt), FACTOR_LAWS.index(self.factor_law), self.factor_offset,
-            self.factor_slope, self.factor_low, self.factor_high, self.leakage,
-            self.nonlinearity, self.vertical_coupling, self.height_offset,
-            self.height_delay / STEP)
+    @derived('ns', 'rate')
+    def period(self) -> int:
+        """Time between samples."""
+        return period_ns(self.rate)
+
+    @derived('ns', 'pause')
+    def pause_ns(self) -> int:
+        """Time from the last sample of a burst to the next one, at least the period."""
+        return max(round(self.pause * 1e9), self.period())
+
+    @derived('-', 'dropout', 'texture_dropout')
+    def failure(self) -> float:
+        """Probability of a failed measurement over this texture."""
+        return min(self.dropout + self.texture_dropout * (1.0 - self.texture), 1.0)
+
+    @derived('ticks', 'latency')
+    def latency_ticks(self) -> int:
+        """Delay of the samples."""
+        return round(self.latency / STEP)
+
+    @derived('-', 'max_tilt')
+    def min_cosine(self) -> float:
+        """Cosine of the largest tilt with a value."""
+        return math.cos(self.max_tilt)
+
+    @derived('ticks', 'height_delay')
+    def height_ticks(self) -> float:
+        """Delay of the height by which the sensor scales its rate."""
+        return self.height_delay / STEP
+
+
+FlowValues = values_type(OpticalFlowParams)
 
 
 @jit
@@ -264,8 +262,8 @@ def _see(memory: FlowMemory, body: State, p: FlowValues) -> Vec2:
     if h < p.min_height or tilt_cosine(body.q) < p.min_cosine:
         return (math.nan, math.nan)
     believed = h
-    if p.height_delay > 0.0:
-        believed = _delayed_height(memory, p.height_delay)
+    if p.height_ticks > 0.0:
+        believed = _delayed_height(memory, p.height_ticks)
     return deliver(body, believed + p.height_offset, p)
 
 
@@ -295,21 +293,21 @@ def step(
         From :meth:`OpticalFlowParams.values`.
 
     """
-    if p.height_delay > 0.0:
+    if p.height_ticks > 0.0:
         memory = FlowMemory(memory.heights[1:] + (-body.rho[2],), memory.x, memory.y)
-    if p.latency > 0:
+    if p.latency_ticks > 0:
         x, y = _see(memory, body, p)
         memory = FlowMemory(memory.heights, memory.x[1:] + (x,), memory.y[1:] + (y,))
-    if not due_in_bursts(tick, p.period, p.burst, p.pause):
+    if not due_in_bursts(tick, p.period, p.burst, p.pause_ns):
         return memory, FlowSample(False, (math.nan, math.nan), 0)
     error_x, error_y, failed = 0.0, 0.0, False
     if noise:
         sigma = p.noise / p.texture
         error_x, error_y = sigma * rng.standard_normal(), sigma * rng.standard_normal()
-        if p.dropout > 0.0:
-            failed = rng.random() < p.dropout
-    if p.latency > 0:
-        x, y = memory.x[DELAY_TICKS - p.latency], memory.y[DELAY_TICKS - p.latency]
+        if p.failure > 0.0:
+            failed = rng.random() < p.failure
+    if p.latency_ticks > 0:
+        x, y = memory.x[DELAY_TICKS - p.latency_ticks], memory.y[DELAY_TICKS - p.latency_ticks]
     else:
         x, y = _see(memory, body, p)
     if failed or math.isnan(x):

@@ -21,7 +21,8 @@ from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import exp_map, multiply, normalise, Quat
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import add, scale, sub, Vec3
-from mambo_model.schema import check, choice, flag, group, quantity
+from mambo_model.schema import choice, flag, group, quantity
+from mambo_model.values import derived, Parameters, values, values_type
 from numpy.random import Generator
 
 from . import markers, tracker
@@ -34,21 +35,6 @@ MODEL_MARKERS, MODEL_POSE = range(len(MODELS))
 
 STAMPS = ('exposure', 'arrival')
 STAMP_EXPOSURE, STAMP_ARRIVAL = range(len(STAMPS))
-
-
-class OptitrackValues(NamedTuple):
-    """An :class:`OptitrackParams` as compiled code reads it."""
-
-    period: int   # ns
-    latency: int  # ns
-    stamp: int
-    model: int
-    position_noise: float
-    attitude_noise: float
-    lose: float     # probability from a frame that arrives to one that does not
-    recover: float  # and back
-    noise: bool
-    markers: markers.MarkerValues
 
 
 class Pose(NamedTuple):
@@ -70,20 +56,20 @@ class Counts(NamedTuple):
 class OptitrackMemory(NamedTuple):
     """Queue of poses not yet delivered (the last ``pending``, oldest first), and the counts."""
 
-    pending: int
-    queue: tuple[Pose, ...]
-    counts: Counts
+    pending: int          # poses in the queue
+    queue: tuple[Pose, ...]  # (QUEUE,) not yet delivered, oldest first
+    counts: Counts        # of the frames
     seen: markers.Seen    # which markers the last frame showed
     dropping: bool        # the last frame did not arrive
-    track: tracker.Track
+    track: tracker.Track  # of the body
 
 
 class OptitrackSample(NamedTuple):
     """What a step brings."""
 
-    new: bool
+    new: bool   # a pose is delivered
     stamp: int  # ns, to be published with the pose
-    pose: Pose
+    pose: Pose  # as seen at the exposure
 
 
 _NOWHERE = Pose(0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
@@ -93,7 +79,7 @@ START = OptitrackMemory(
 
 
 @dataclass(frozen=True)
-class OptitrackParams:
+class OptitrackParams(Parameters):
     """
     Rate, latency, losses on the way and noise of the motion capture.
 
@@ -120,17 +106,32 @@ class OptitrackParams:
     noise: bool = flag(True, 'design choice: false switches every random part off')
     markers: markers.MarkerParams = group(markers.MarkerParams)
 
-    def __post_init__(self) -> None:
-        check(self)
+    @derived('ns', 'rate')
+    def period(self) -> int:
+        """Time from frame to frame."""
+        return period_ns(self.rate)
+
+    @derived('ns', 'latency')
+    def latency_ns(self) -> int:
+        """Exposure to delivery."""
+        return round(self.latency * 1e9)
+
+    @derived('-', 'frame_loss')
+    def lose(self) -> float:
+        """Probability that a frame is lost after one that arrived."""
+        return self.frame_loss / ((1.0 - self.frame_loss) * self.loss_length)
+
+    @derived('-', 'loss_length')
+    def recover(self) -> float:
+        """Probability that a frame arrives after one that was lost."""
+        return 1.0 / self.loss_length
 
     def values(self) -> OptitrackValues:
-        """Return what compiled code reads: whole ns for times, indices, chances per frame."""
-        period, loss = period_ns(self.rate), self.frame_loss
-        return OptitrackValues(
-            period, round(self.latency * 1e9), STAMPS.index(self.stamp), MODELS.index(self.model),
-            float(self.position_noise), float(self.attitude_noise),
-            loss / ((1.0 - loss) * self.loss_length), 1.0 / self.loss_length, self.noise,
-            self.markers.values(period))
+        """Return what compiled code reads."""
+        return values(self, markers=self.markers.values(self.period()))
+
+
+OptitrackValues = values_type(OptitrackParams)
 
 
 @jit
@@ -231,7 +232,7 @@ def step(
     pending, queue, counts, seen, dropping, track = memory
     if pending > 0:
         oldest = queue[QUEUE - pending]
-        arrival = oldest.exposure + p.latency
+        arrival = oldest.exposure + p.latency_ns
         if arrival <= now_ns:
             stamp = arrival if p.stamp == STAMP_ARRIVAL else oldest.exposure
             memory = OptitrackMemory(pending - 1, queue, counts, seen, dropping, track)

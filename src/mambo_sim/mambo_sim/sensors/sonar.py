@@ -15,7 +15,8 @@ from typing import NamedTuple
 
 from mambo_model.compiled import jit
 from mambo_model.motion.rigid_body import State
-from mambo_model.schema import check, ParameterError, quantity
+from mambo_model.schema import ParameterError, quantity
+from mambo_model.values import derived, Parameters, values_type
 import numpy as np
 from numpy.random import Generator
 
@@ -24,31 +25,15 @@ from .sampling import clamp, due, period_ns, quantise, tilt_cosine
 RESOLUTION = 1.284958e-3  # m
 
 
-class SonarValues(NamedTuple):
-    """A :class:`SonarParams` as compiled code reads it."""
-
-    period: int  # ns
-    noise: float
-    offset: float
-    resolution: float
-    min_range: float
-    max_range: float
-    min_cosine: float
-    outlier_probability: float
-    multipath_probability: float
-    multipath_excess: float
-    dropout_probability: float
-
-
 class SonarSample(NamedTuple):
     """Output of the sensor at one tick."""
 
-    new: bool
+    new: bool     # there is one at this tick
     range: float  # m, slant, a float32 number; NaN if not new
 
 
 @dataclass(frozen=True)
-class SonarParams:
+class SonarParams(Parameters):
     """
     Range, rate and noise of the sonar.
 
@@ -82,7 +67,7 @@ class SonarParams:
         'design choice; 0.0028 of the values in 8 free flights read 0 (identify_sensors)')
 
     def __post_init__(self) -> None:
-        check(self)
+        super().__post_init__()
         if not self.min_range < self.max_range:
             raise ParameterError(
                 f'SonarParams.min_range = {self.min_range:g} m must be below '
@@ -94,12 +79,18 @@ class SonarParams:
                 'SonarParams.outlier_probability, multipath_probability and dropout_probability '
                 f'sum to {sum(chances):g}; at most 1 of each sample can go wrong')
 
-    def values(self) -> SonarValues:
-        """Return what compiled code reads: period for rate, cosine for tilt."""
-        return SonarValues(
-            period_ns(self.rate), self.noise, self.offset, self.resolution, self.min_range,
-            self.max_range, math.cos(self.max_tilt), self.outlier_probability,
-            self.multipath_probability, self.multipath_excess, self.dropout_probability)
+    @derived('ns', 'rate')
+    def period(self) -> int:
+        """Time between samples."""
+        return period_ns(self.rate)
+
+    @derived('-', 'max_tilt')
+    def min_cosine(self) -> float:
+        """Cosine of the largest tilt with an echo."""
+        return math.cos(self.max_tilt)
+
+
+SonarValues = values_type(SonarParams)
 
 
 @jit

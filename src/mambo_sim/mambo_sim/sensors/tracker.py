@@ -57,7 +57,7 @@ def _nearest(point: Vec3, visible: bool, places: Five, gate: float) -> int:
 @jit
 def _follow(points: Five, seen: Seen, rho: Vec3, q: Quat, p: MarkerValues) -> Labels:
     """Return the labels of points by where the body is expected; none if two points claim one."""
-    a, b, c, d, e = p.positions
+    a, b, c, d, e = p.five
     places = (add(rho, rotate(q, a)), add(rho, rotate(q, b)), add(rho, rotate(q, c)),
               add(rho, rotate(q, d)), add(rho, rotate(q, e)))
     labels = (
@@ -89,7 +89,7 @@ def _possible(order: np.ndarray, points: Five, seen: Seen, p: MarkerValues) -> b
         for j in range(i):
             if seen[j]:
                 apart = norm(sub(points[i], points[j]))
-                wanted = norm(sub(p.positions[order[i]], p.positions[order[j]]))
+                wanted = norm(sub(p.five[order[i]], p.five[order[j]]))
                 if abs(apart - wanted) > 2.0 * p.deflection:
                     return False
     return True
@@ -114,7 +114,7 @@ def search(points: Five, seen: Seen, p: MarkerValues) -> Fit:
     for k in range(len(_ORDERS)):
         order = _ORDERS[k]
         if _possible(order, points, seen, p):
-            found = fit(p.positions, points, (
+            found = fit(p.five, points, (
                 order[0] if seen[0] else UNLABELLED, order[1] if seen[1] else UNLABELLED,
                 order[2] if seen[2] else UNLABELLED, order[3] if seen[3] else UNLABELLED,
                 order[4] if seen[4] else UNLABELLED))
@@ -167,7 +167,7 @@ def step(track: Track, exposure: int, points: Five, seen: Seen, p: MarkerValues)
         place = add(track.rho, scale(passed, track.velocity))
         labels = _follow(points, seen, place, track.q, p)
         if _count(labels) >= p.min_markers:
-            best = fit(p.positions, points, labels)
+            best = fit(p.five, points, labels)
         followed = best.found and best.deviation <= p.deflection
     if not followed:
         best = search(points, seen, p)

@@ -287,7 +287,7 @@ def _source(path: Path, namespace: str | None, height: str, bag: Bag) -> Source:
         if sensors.sonar is None:
             raise BagError(f'{path}: no sonar/range in it; take --height optitrack')
         upright = poses.rotation.as_matrix()[:, 2, 2]
-        cosine = np.interp(sensors.sonar.t, poses.t, upright)
+        cosine = columns_at(sensors.sonar.t, poses.t, upright[:, None])[:, 0]
         ranged = Stream(sensors.sonar.t, sensors.sonar.values * cosine)
     return Source(path.name, poses, sensors.flow, sensors.gyro, ranged)
 

@@ -95,6 +95,7 @@ def _compared(recording: Recording) -> Array | None:
     if len(use) < 3 * rate or rate < 4 * LATENCY_BANDS[-1][1]:
         return None
     speed = stream.values[seen] * heights(recording.sonar, times)[:, None]
+    # the filters below need a value at every instant, in the sensor's pauses too
     even = np.stack([np.interp(imu.t, times, speed[:, k]) for k in range(2)], axis=1)
     starts = np.arange(STRETCHES) * len(use) // STRETCHES
     sums = np.empty((3, 2, len(LATENCY_BANDS), len(LAGS), STRETCHES))
