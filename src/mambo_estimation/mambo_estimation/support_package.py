@@ -37,7 +37,7 @@ from mambo_model.values import derived, Parameters, values_type
 
 from . import health
 from .blocks import Matrix3, Vec2
-from .estimate import count_broken, Estimate, status_of, STATUS_ALIGNING
+from .estimate import count_broken, Estimate, STATUS_ALIGNING, status_of
 from .health import Limits, observe_all, Sensors
 from .measurements.imu import is_within
 

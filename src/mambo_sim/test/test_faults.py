@@ -142,4 +142,5 @@ def test_a_fault_that_cannot_be_is_refused_by_name(values, complaint):
 
 
 def test_the_window_is_in_whole_ticks():
-    assert FaultParams(kind='wild', start=1.0, duration=0.5).values()[1:3] == (200, 300)
+    values = FaultParams(kind='wild', start=1.0, duration=0.5).values()
+    assert (values.first_tick, values.end_tick) == (200, 300)

@@ -224,7 +224,7 @@ def lengths(norm, gain=250.0, omega=(12.0, -16.0, 0.0), seconds=2.0):
     for _ in range(round(seconds / 0.005)):
         state = plant.advance(
             state, (0.0,) * 4, 0.005, values.substeps, Vehicle().values(), values.ground, None,
-            values.norm_gain)
+            values.length_gain)
         out.append(sum(x * x for x in state.body.q))
     return np.array(out)
 

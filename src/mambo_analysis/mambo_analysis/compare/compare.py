@@ -23,6 +23,7 @@ from mambo_bags.reader import Bag, BagError, Messages, read_bag
 from mambo_signals import metrics, motion, resample
 from mambo_signals.flight_phases import found, Phases, phases
 from mambo_signals.resample import Floats, Ints, one_sign
+from mambo_signals.time_offset import LEAST_RISE
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -240,7 +241,7 @@ def _origin(
     if not pair.simulated(bag):
         return pair.own_origin(estimate, truth, pair.begins_in_air(truth, start))
     here = truth.values(np.array([start]), truth.position)
-    low = not here[0, 2] > pair.align.LEAST_RISE
+    low = not here[0, 2] > LEAST_RISE
     return None if low else pair.own_origin(estimate, truth, True)
 
 

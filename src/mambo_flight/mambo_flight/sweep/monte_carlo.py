@@ -169,7 +169,7 @@ def _ideal(state, air, rng, control, steps, p):
         if k < steps - 1:
             state = plant.advance(
                 state, c.pwm, STEP, p.plant.substeps, p.vehicle, p.plant.ground, p.options,
-                p.plant.norm_gain, wind.air_velocity(air), p.plant.floor)
+                p.plant.length_gain, wind.air_velocity(air), p.plant.floor)
     return tally
 
 
