@@ -46,7 +46,8 @@ from .flight import (
     attitude_acceleration, attitude_of, error_of, FlightLimits, flying, thrust_wanted)
 from .lowpass import lowpass
 
-__all__ = ['IndiParams', 'IndiValues', 'initial', 'Memory', 'observe', 'step', 'stopped']
+__all__ = [
+    'applied', 'IndiParams', 'IndiValues', 'initial', 'Memory', 'observe', 'step', 'stopped']
 
 _ZERO = (0.0, 0.0, 0.0)
 
@@ -157,7 +158,7 @@ def observe(
 
 
 @jit
-def _done(pwm: Four, vv: VehicleValues) -> tuple[float, Vec3]:
+def applied(pwm: Four, vv: VehicleValues) -> tuple[float, Vec3]:
     """Return the thrust in N and the torque in N m of four PWM, by the believed map."""
     return mix((thrust_from_pwm(pwm[0], vv), thrust_from_pwm(pwm[1], vv),
                 thrust_from_pwm(pwm[2], vv), thrust_from_pwm(pwm[3], vv)), vv)
@@ -205,6 +206,6 @@ def step(
     command = flying(
         vv.mass * dot(n, rotate(state.q, (0.0, 0.0, 1.0))), torque(state.omega, alpha, vv.inertia),
         state, ref, wanted, d, d_dot, q_d, sub(state.omega, rotate_inverse(q_e, omega_d)), vv)
-    thrust, moment = _done(command.pwm, vv)
+    thrust, moment = applied(command.pwm, vv)
     return Memory(
         memory.steps + 1, v, state.q, state.omega, thrust, moment, d, d_dot, e, e_dot), command
