@@ -14,8 +14,9 @@ from mambo_bringup.launching import choices, flight_plan
 
 ARGUMENTS = [
     DeclareLaunchArgument(
-        'trajectory', default_value='', choices=choices('trajectory'),
-        description='Flight plan; empty: as params_file says, else circle.'),
+        'trajectory', default_value='',
+        description='A trajectory by its name, as mambo run --help lists them, or full path to '
+                    'the file of a course; empty: as params_file says, else circle.'),
     DeclareLaunchArgument(
         'estimator', default_value='', choices=choices('estimator'),
         description='What answers the sensors; empty: as params_file says, else kalman.'),

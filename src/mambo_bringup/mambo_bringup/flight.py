@@ -23,7 +23,7 @@ from mambo_control.parameters import ControllerNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_flight import scenario as scenarios, scenario_file
 from mambo_model import schema
-from mambo_model.motion.trajectory import TRAJECTORIES
+from mambo_model.motion.trajectory import COURSE, TRAJECTORIES
 from mambo_model.vehicle.parameters import PRESETS
 from tqdm import tqdm
 
@@ -299,8 +299,8 @@ def parser() -> Parser:
     add('--list-scenarios', action='store_true', help='print the experiments and end')
     add('--print-scenario', action='store_true',
         help='print every parameter with unit, range and source and end')
-    add('--trajectory', choices=tuple(TRAJECTORIES), metavar='NAME',
-        help=f"one of: {', '.join(TRAJECTORIES)} (default: circle)")
+    add('--trajectory', metavar='NAME',
+        help=f"one of: {', '.join(TRAJECTORIES)}, or the file of a course (default: circle)")
     add('--estimator', choices=_options(EstimatorNodeParams, 'estimator'),
         help='default: kalman')
     add('--controller', choices=_options(ControllerNodeParams, 'controller'),
@@ -342,7 +342,8 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
     else:
         flight = scenario_file.from_settings(given)
         plan, estimator = flight.reference_node.plan, flight.estimator_node.estimator
-        name = f'{plan.trajectory}_{estimator}'
+        flown = plan.trajectory if plan.trajectory != COURSE else Path(options.trajectory).stem
+        name = f'{flown}_{estimator}'
     flight = scenarios.override(flight, {
         'sim_node.mode': options.mode, 'sim_node.speed': 1.0 if options.speed is None else
         options.speed, **_overrides(options.set)})

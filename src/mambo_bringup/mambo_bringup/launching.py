@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from mambo_bags.reader import read_bag
 from mambo_flight import scenario as scenarios
+from mambo_flight.course import course_file
 from mambo_model import schema
 
 from .flight import FLIGHT_NODES, RECORDER, SIMULATOR
@@ -15,7 +16,6 @@ from .processes import FlightInputError
 from .replay import ESTIMATOR, PLAYER, RECORDED
 
 MEANING = {
-    'trajectory': ('reference_node.plan.trajectory',),
     'estimator': ('estimator_node.estimator',), 'controller': ('controller_node.controller',),
     'mode': ('sim_node.mode',), 'speed': ('sim_node.speed',),
     'duration': ('sim_node.duration',),
@@ -67,8 +67,8 @@ def flight_plan(arguments: Mapping[str, str]) -> Plan:
     Parameters
     ----------
     arguments
-        Texts by name: those of ``MEANING``, ``params_file`` and ``bag``; an empty one leaves the
-        choice to the parameter file, or to the defaults: real time, until stopped.
+        Texts by name: ``trajectory``, those of ``MEANING``, ``params_file`` and ``bag``; an empty
+        one leaves the choice to the parameter file, or to the defaults: real time, until stopped.
 
     Raises
     ------
@@ -81,6 +81,10 @@ def flight_plan(arguments: Mapping[str, str]) -> Plan:
     given = {
         name: _read(arguments, argument)
         for argument, names in MEANING.items() if arguments[argument] for name in names}
+    if trajectory := arguments['trajectory']:
+        course_file.check_name(trajectory)
+        given |= {f'reference_node.plan.{name}': value
+                  for name, value in course_file.plan(trajectory).items()}
     if arguments['params_file']:
         written = scenarios.load(Path(arguments['params_file']).expanduser())
         scenario = scenarios.override(written, given)

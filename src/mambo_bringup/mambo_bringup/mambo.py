@@ -45,6 +45,10 @@ GROUPS: dict[str, dict[str, Command]] = {
                        'faster than real time'),
         'sweep': Command('mambo_flight.sweep.command', 'fly a scenario many times over seeds, '
                          'vehicles, wind, gains'),
+        'trajectory check': Command('mambo_flight.course.check_course', 'whether the vehicle can '
+                                    'fly a course, and where it fails'),
+        'trajectory plan': Command('mambo_flight.course.plan_course', 'polynomials of minimum '
+                                   'snap through waypoints'),
     },
     'Bags': {
         'compare': Command('mambo_analysis.compare.compare', 'errors of a flight, or of flight A '

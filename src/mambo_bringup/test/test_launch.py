@@ -14,9 +14,11 @@ from mambo_bringup.processes import FlightError
 from mambo_bringup.replay import RECORDED
 from mambo_flight.scenario import from_yaml, load, override, Scenario, scenario, to_yaml
 from mambo_model import schema
-from mambo_model.motion.trajectory import TRAJECTORIES
+from mambo_model.motion import uav_trajectories
+from mambo_model.motion.polynomial import Course
 from mambo_ros import messages, topics
 from mambo_sim.parameters import SimNodeParams
+import numpy as np
 import pytest
 
 SRC = Path(__file__).parents[2]
@@ -113,6 +115,16 @@ def test_arguments_of_a_flight_are_parameters():
     assert plan.scenario.reference_node.plan.landing_time == 21.0  # as the runner lands
 
 
+def test_a_trajectory_is_a_name_or_the_file_of_a_course(tmp_path):
+    file = tmp_path / 'course.csv'
+    file.write_text(uav_trajectories.to_text(Course(
+        np.array([4.0]), np.array([[[0.0, 0.0], [0.0, 0.5], [-1.0, 0.0], [0.0, 0.0]]]))))
+    plan = flight(trajectory=str(file)).scenario.reference_node.plan
+    assert (plan.trajectory, plan.course) == ('course', file.read_text())
+    with pytest.raises(schema.ParameterError, match="trajectory 'loop' is unknown: give a file"):
+        flight(trajectory='loop')
+
+
 def test_the_parameter_file_comes_before_the_arguments(tmp_path):
     file, written = tmp_path / 'mine.yaml', override(scenario('z_sine', seed=4, land=False), {
         'sim_node.simulator.vehicle.mass': 0.07})
@@ -141,7 +153,6 @@ def test_a_bag_is_named_from_where_the_user_is(tmp_path, monkeypatch):
 
 
 def test_choices_are_those_of_the_nodes_and_to_leave_it_open():
-    assert choices('trajectory') == ('', *TRAJECTORIES)
     assert choices('mode') == ('', 'realtime', 'lockstep')
     for argument, names in MEANING.items():
         assert argument in declared(FILES[0])

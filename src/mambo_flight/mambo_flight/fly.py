@@ -7,6 +7,7 @@ The messages are those that the graph in lockstep records, byte for byte.
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 import time
 
 from mambo_bags.command import guard, Parser, refuse_existing
@@ -17,9 +18,15 @@ from . import closed_loop, recording_to_bag, scenario_file
 
 def _run(options: argparse.Namespace) -> None:
     refuse_existing(options.output)
-    given = {} if options.seed is None else {
-        'seed': scenario_file.Place(options.seed, '--seed')}
-    name, flight = scenario_file.load(options.scenario, given)
+    given = {
+        name: scenario_file.Place(value, f'--{name}') for name in ('seed', 'trajectory')
+        if (value := getattr(options, name)) is not None}
+    if options.scenario:
+        name, flight = scenario_file.load(options.scenario, given)
+    elif options.trajectory:
+        name, flight = Path(options.trajectory).stem, scenario_file.from_settings(given)
+    else:
+        raise InputError('give a SCENARIO or a --trajectory')
     if not flight.sim_node.duration > 0.0:
         raise InputError(f'{name}: sim_node.duration must be more than 0 s')
     recording_to_bag.check(flight)
@@ -38,8 +45,11 @@ def parser() -> Parser:
     """Return the command line."""
     out = Parser('fly', __doc__)
     out.add_argument(
-        'scenario', metavar='SCENARIO', help='an experiment, experiment/flight, or a file')
+        'scenario', metavar='SCENARIO', nargs='?',
+        help='an experiment, experiment/flight, or a file')
     out.add_output('BAG', 'directory of the bag to make', required=True)
+    out.add_argument('--trajectory', metavar='NAME', help='a trajectory or the file of a course, '
+                     'flown instead of that of the scenario')
     out.add_argument('--seed', type=int, metavar='N', help='of every noise stream')
     return out
 

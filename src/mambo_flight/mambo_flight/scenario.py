@@ -22,6 +22,8 @@ from mambo_model.yaml_nodes import load as load_yaml, Reader, reason
 from mambo_sim.parameters import OptitrackNodeParams, SimNodeParams
 import yaml
 
+from .course import course_file
+
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
@@ -55,7 +57,7 @@ def scenario(
     Parameters
     ----------
     trajectory
-        Name in ``mambo_model.motion.trajectory``.
+        Name in ``mambo_model.motion.trajectory``, or a file: see :func:`course_file.read`.
     estimator, controller
         Choices of ``estimator_node`` and ``controller_node``.
     duration : s
@@ -74,7 +76,7 @@ def scenario(
     carried
         Whether a hand carries the vehicle along the trajectory, level.
     folder
-        What paths of vehicle files are relative to.
+        What paths of vehicle files and courses are relative to.
 
     Raises
     ------
@@ -89,7 +91,8 @@ def scenario(
             'seed': seed, 'noise': noise, 'vehicle': true_vehicle}},
         'optitrack_node': {'seed': seed, 'optitrack': {'noise': noise}},
         'estimator_node': {'estimator': estimator},
-        'reference_node': {'vehicle': believed_vehicle, 'plan': {'trajectory': trajectory}},
+        'reference_node': {
+            'vehicle': believed_vehicle, 'plan': course_file.plan(trajectory, folder)},
         'controller_node': {'controller': controller, 'vehicle': believed_vehicle},
     }
     if not noise:  # a sensor without noise may repeat itself
@@ -119,10 +122,13 @@ def override(flight: Scenario, values: Mapping[str, Any]) -> Scenario:
     return schema.build(Scenario, {**flat, **values})
 
 
+LANDING = 9.0  # s, of a flight's end: blend out 3 s, descent 4 s, rest
+SHORTEST = LANDING + 10.0  # s, a flight that lands
+
+
 def landing_time(duration: float) -> float:
     """Return when landing begins [s]; 0 (never) where the flight is too short for it."""
-    before_end = 9.0  # s: blend out 3 s, descent 4 s, rest
-    return duration - before_end if duration >= before_end + 10.0 else 0.0
+    return duration - LANDING if duration >= SHORTEST else 0.0
 
 
 def to_yaml(flight: Scenario, namespace: str = '/mambo') -> str:
@@ -160,6 +166,10 @@ def _commented(params: Any, indent: str) -> Iterator[str]:
         if 'group' in field.metadata:
             yield f'{indent}{field.name}:'
             yield from _commented(value, indent + '  ')
+            continue
+        if 'text' in field.metadata and '\n' in value:
+            yield f'{indent}{field.name}: |  # {_comment(field.metadata)}'
+            yield from (f'{indent}  {line}' for line in value.splitlines())
             continue
         plain = list(value) if isinstance(value, tuple) else value
         # in brackets, as a scalar of its own has an end marker

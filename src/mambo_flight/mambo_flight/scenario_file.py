@@ -27,10 +27,11 @@ from typing import NamedTuple
 from mambo_control.parameters import ControllerNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model import schema
-from mambo_model.motion.trajectory import TAKEOFFS, TRAJECTORIES
+from mambo_model.motion.trajectory import FlightPlanParams, TAKEOFFS
 import yaml
 
 from . import scenario as scenarios
+from .course import course_file
 from .scenario import ParameterReader, Place
 
 FOLDER = Path(__file__).with_name('scenarios')
@@ -45,10 +46,11 @@ def _options(params_type: type, name: str) -> tuple[str, ...]:
 class Settings:
     """The choices a person makes of a flight; every other parameter follows from them."""
 
-    trajectory: str = schema.choice('circle', tuple(TRAJECTORIES), 'what is flown')
+    trajectory: str = schema.text('circle', 'what is flown: a built-in one, or a course file')
     takeoff: str = schema.choice('smooth', TAKEOFFS, 'how it is reached')
     landing: bool = schema.flag(True, 'whether to descend at the end')
-    duration: float = schema.quantity(40.0, 's', 0.005, 36000.0, 'of the flight')
+    duration: float = schema.quantity(
+        40.0, 's', 0.005, 36000.0, 'of the flight; without one a course is flown to its end')
     vehicle: str = schema.text('identified', 'true vehicle: a known one, or a vehicle file')
     believed: str = schema.text('', 'that of reference and controller; empty: the true one')
     estimator: str = schema.choice(
@@ -61,6 +63,7 @@ class Settings:
 
     def __post_init__(self) -> None:
         schema.check(self)
+        course_file.check_name(self.trajectory)
 
 
 FIELDS = {field.name: field for field in dataclasses.fields(Settings)}
@@ -221,6 +224,8 @@ def _build(path: Path, layer: _Layer) -> scenarios.Scenario:
     """Return the scenario of one flight."""
     try:
         s = Settings(**{name: place.value for name, place in layer.settings.items()})
+        if course_file.is_file(s.trajectory) and 'duration' not in layer.settings:
+            s = dataclasses.replace(s, duration=_duration(s, layer, path.parent))
         return scenarios.scenario(
             s.trajectory, s.estimator, s.controller, s.duration, s.seed, s.vehicle, s.believed,
             s.noise, s.landing, {
@@ -230,3 +235,14 @@ def _build(path: Path, layer: _Layer) -> scenarios.Scenario:
     except schema.ParameterError as error:
         raise scenarios.located(
             path, {**layer.settings, **layer.parameters}, error) from None
+
+
+def _duration(s: Settings, layer: _Layer, folder: Path) -> float:
+    """Return how long a flight must be, in s, to fly its course to the end and land."""
+    prefix = 'reference_node.plan.'
+    plan = schema.build(FlightPlanParams, {
+        **course_file.plan(s.trajectory, folder), 'takeoff': s.takeoff,
+        **{name.removeprefix(prefix): place.value for name, place in layer.parameters.items()
+           if name.startswith(prefix)}})
+    return max(course_file.end(plan) + (scenarios.LANDING if s.landing else 0.0),
+               scenarios.SHORTEST)

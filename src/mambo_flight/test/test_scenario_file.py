@@ -105,7 +105,7 @@ def test_a_ros_parameter_file_is_a_scenario_too(file, write):
 
 
 @pytest.mark.parametrize(('line', 'message'), [
-    ('trajectory: spiral', r":2: Scenario.trajectory = 'spiral' is not one of hover, step, circ"),
+    ('trajectory: spiral', ":2: trajectory: trajectory 'spiral' is unknown: give a file"),
     ('sed: 3', ':2: sed: unknown parameter; did you mean seed'),
     ('seed: 1.5', r':2: Scenario.seed = 1.5 must be a whole number'),
     ('seed: -1', r':2: Scenario.seed = -1 1 is outside \[0,'),

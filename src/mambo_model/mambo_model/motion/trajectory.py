@@ -4,24 +4,27 @@ Trajectories of the thesis as data, and the flight plan that takes off, joins, l
 Holds (3.31), (4.1), (5.1), (5.3)-(5.6) and the paths of the other experiments. A trajectory is,
 on each axis, an offset, a slope and one sine of path time; a flight plan blends it with the point
 above the origin and with the ground so that position is four times continuously differentiable,
-what (3.14) needs. All derivatives are analytic.
+what (3.14) needs. All derivatives are analytic. A course, made of polynomials, is flown as
+:mod:`course_flight` says.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 import math
 
 from ..compiled import jit
-from ..schema import choice, ParameterError, quantity
+from ..schema import choice, ParameterError, quantity, text
 from ..values import derived, Parameters, values_type
 from ..vehicle.parameters import Vehicle
-from .flatness import from_flat_output, Reference
+from .course_flight import assemble, Timing
+from .flatness import from_flat_output, from_flat_output_yaw, Reference
+from .polynomial import Course, evaluate, Jet, NO_PIECES, Pieces, raised, resized, stretched
+from .uav_trajectories import parse
 from .vector import add, scale, Vec3
 
 GROUND, TAKEOFF, TRACK, LANDING, LANDED = range(5)  # PHASE_* of mambo_interfaces/Reference
-
-Jet = tuple[float, float, float, float, float]  # a function of time and four derivatives
 
 _ONE: Jet = (1.0, 0.0, 0.0, 0.0, 0.0)
 _ZERO: Jet = (0.0, 0.0, 0.0, 0.0, 0.0)
@@ -87,6 +90,7 @@ TRAJECTORIES: dict[str, Trajectory] = {
         'Fig. C.4-C.6', (0.0, 0.0, -1.5), (1.0, 0.0, 1.0), phase=(_COSINE, 0.0, _UP)),
 }
 
+COURSE = 'course'  # name of what is in FlightPlanParams.course
 TAKEOFFS = ('smooth', 'step', 'none')
 SMOOTH, STEP, NONE = range(len(TAKEOFFS))
 
@@ -102,9 +106,13 @@ class FlightPlanParams(Parameters):
     ``takeoff_time`` and to the trajectory at ``start_time``. ``takeoff`` none: the reference
     is the trajectory from t = 0, as in the thesis's simulations. A landing blends the trajectory
     out and then descends, with the same two durations. A step happens at ``start_time``.
+
+    The trajectory ``course`` is what ``course`` holds; :func:`course_flight.assemble` says how it
+    is reached and left. Its own time 0 is ``start_time + blend_duration`` after a smooth take-off.
     """
 
-    trajectory: str = choice('circle', tuple(TRAJECTORIES), 'thesis chapters 3 to 6, appendix C')
+    trajectory: str = choice(
+        'circle', (*TRAJECTORIES, COURSE), 'thesis chapters 3 to 6, appendix C; course: see there')
     takeoff: str = choice('smooth', TAKEOFFS, 'none: thesis sec. 3.4; step: sec. 4.3, 5.2')
     takeoff_time: float = quantity(1.0, 's', 0.0, 600.0, 'design choice: motors start')
     climb_duration: float = quantity(3.0, 's', 0.5, 60.0, 'design choice')
@@ -116,47 +124,78 @@ class FlightPlanParams(Parameters):
     scale_rate: float = quantity(1.0, '1', 0.05, 5.0, 'design choice: speed along the path')
     height: float = quantity(
         0.0, 'm', 0.0, 100.0, 'of the hover point, thesis sec. 5.4; 0: that of the trajectory')
+    course: str = text('', 'pieces that trajectory course flies, CSV as uav_trajectories writes')
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_order(self)
-        _check_vertical(self)
+        if self.trajectory == COURSE:
+            _pieces(self)
+        else:
+            _check_vertical(self)
+
+    def flown_course(self) -> Course:
+        """
+        Return the trajectory ``course`` in the size, at the height and rate of this plan.
+
+        Raises
+        ------
+        ParameterError
+            If ``course`` holds none.
+
+        """
+        if not self.course:
+            raise ParameterError('FlightPlanParams.course is empty: trajectory course needs one')
+        out = resized(parse(self.course, 'FlightPlanParams.course'), self.scale_amplitude)
+        if self.height > 0.0:
+            out = raised(out, self.height)
+        return stretched(out, 1.0 / self.scale_rate)
+
+    @property
+    def timing(self) -> Timing:
+        """Return when the course of this plan is reached and left."""
+        return Timing(
+            self.takeoff, float(self.takeoff_time), float(self.climb_duration),
+            float(self.start_time), float(self.blend_duration),
+            float(self.landing_time) or math.inf)
 
     @derived('m', 'height')
     def hover(self) -> Vec3:
         """Point where the trajectory is joined and left, (3,) inertial NED."""
-        x, y, z = TRAJECTORIES[self.trajectory].offset
+        if self.trajectory == COURSE:
+            return (0.0, 0.0, float(self.flown_course().coefficients[0, 2, 0]))
+        x, y, z = self._path.offset
         return (x, y, -float(self.height) if self.height > 0.0 else z)
 
     @derived('m')
     def amplitude(self) -> Vec3:
         """Amplitude of the periodic motion, (3,) inertial NED."""
-        return scale(float(self.scale_amplitude), TRAJECTORIES[self.trajectory].amplitude)
+        return scale(float(self.scale_amplitude), self._path.amplitude)
 
     @derived('rad/s')
     def rate(self) -> float:
         """Angular rate of the motion per second of path time."""
-        return TRAJECTORIES[self.trajectory].rate
+        return self._path.rate
 
     @derived('rad')
     def phase(self) -> Vec3:
         """Phase of the motion, (3,)."""
-        return TRAJECTORIES[self.trajectory].phase
+        return self._path.phase
 
     @derived('m/s')
     def slope(self) -> Vec3:
         """Mean velocity per second of path time, (3,) inertial NED."""
-        return scale(float(self.scale_amplitude), TRAJECTORIES[self.trajectory].slope)
+        return scale(float(self.scale_amplitude), self._path.slope)
 
     @derived('m', 'trajectory', 'scale_amplitude')
     def step(self) -> Vec3:
         """Step at ``start_time``, (3,) inertial NED."""
-        return scale(float(self.scale_amplitude), TRAJECTORIES[self.trajectory].step)
+        return scale(float(self.scale_amplitude), self._path.step)
 
     @derived('s')
     def turn_time(self) -> float:
         """Path time at the middle of turning round; infinite: never."""
-        path = TRAJECTORIES[self.trajectory]
+        path = self._path
         if not path.loops:
             return math.inf
         return 2.0 * math.pi * path.loops / path.rate + 2.0 * TURN_DURATION * _BLEND_HALF
@@ -166,8 +205,24 @@ class FlightPlanParams(Parameters):
         """Flight time at which the landing begins; infinite: never."""
         return float(self.landing_time) if self.landing_time > 0.0 else math.inf
 
+    @derived('')
+    def pieces(self) -> Pieces:
+        """Polynomials of the whole flight on a course; none: it is that of the other fields."""
+        return _pieces(self) if self.trajectory == COURSE else NO_PIECES
+
+    @property
+    def _path(self) -> Trajectory:
+        """Return the trajectory; one without motion on a course."""
+        return TRAJECTORIES.get(self.trajectory, Trajectory('', _ORIGIN))
+
 
 PlanValues = values_type(FlightPlanParams)
+
+
+@lru_cache(maxsize=8)
+def _pieces(plan: FlightPlanParams) -> Pieces:
+    """Return the flight of the trajectory ``course``; ParameterError if it cannot be flown."""
+    return assemble(plan.flown_course(), plan.timing)
 
 
 def _check_order(plan: FlightPlanParams) -> None:
@@ -183,7 +238,8 @@ def _check_order(plan: FlightPlanParams) -> None:
     if plan.takeoff == 'smooth':
         joined = plan.start_time + plan.blend_duration
         what = 'the trajectory is reached, start_time + blend_duration'
-    elif plan.takeoff == 'step' or any(TRAJECTORIES[plan.trajectory].step):
+    elif plan.takeoff == 'step' or (
+            plan.trajectory != COURSE and any(TRAJECTORIES[plan.trajectory].step)):
         joined, what = plan.start_time, 'the step, start_time'
     if 0.0 < plan.landing_time < joined:
         raise ParameterError(
@@ -341,14 +397,24 @@ def _weights(t: float, plan: PlanValues) -> tuple[Jet, Jet, Jet]:
 
 
 @jit
+def _course_output(
+    t: float, pieces: Pieces,
+) -> tuple[Vec3, Vec3, Vec3, Vec3, Vec3, Vec3]:
+    """Return position to snap of a course, (3,) each, and yaw with two derivatives."""
+    x, y, z, psi = evaluate(t, pieces)
+    return ((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]), (x[3], y[3], z[3]),
+            (x[4], y[4], z[4]), (psi[0], psi[1], psi[2]))
+
+
+@jit
 def flat_output(
     t: float, plan: PlanValues,
 ) -> tuple[Vec3, Vec3, Vec3, Vec3, Vec3, int]:
     """
     Return position and its first four derivatives, and the phase of the flight.
 
-    Position is ``u hover + w (path - hover) + step`` with weights u and w that blend; a step
-    jumps, with zero derivatives on both sides.
+    A course is flown as its pieces say. Else position is ``u hover + w (path - hover) + step``
+    with weights u and w that blend; a step jumps, with zero derivatives on both sides.
 
     Parameters
     ----------
@@ -360,11 +426,15 @@ def flat_output(
     Returns
     -------
     rho, v, a, j, s : (3,) m ... m/s^4, inertial NED
-        All zero in the phases GROUND and LANDED, where every weight is: the origin.
+        At rest on the ground in the phases GROUND and LANDED: at the origin, where every weight
+        is zero, or where the vehicle has landed after a course.
     phase
         One of GROUND ... LANDED.
 
     """
+    if len(plan.pieces.begin) > 0:
+        rho, v, a, j, s, _ = _course_output(t, plan.pieces)
+        return rho, v, a, j, s, _phase(t, plan)
     u, w, g = _weights(t, plan)
     p = _path_time(t - plan.start_time if plan.takeoff != NONE else t, plan)
     A, F = plan.amplitude, plan.phase
@@ -386,11 +456,16 @@ def reference_step(
     t: float, plan: PlanValues, mass: float, inertia: Vec3, gravity: float,
 ) -> tuple[Reference, int]:
     """
-    Return the feasible reference (3.14) of the plan at t in s, yaw by least rotation, and phase.
+    Return the feasible reference (3.14) of the plan at t in s, and the phase.
 
-    Mass in kg, inertia in kg m^2 and gravity in m/s^2 are those the controller believes. In the
-    phases GROUND and LANDED the reference is at rest at the origin with hover thrust.
+    Yaw is that of a course, else by least rotation. Mass in kg, inertia in kg m^2 and gravity in
+    m/s^2 are those the controller believes. In the phases GROUND and LANDED the reference is at
+    rest with hover thrust: at the origin, or where the vehicle has landed after a course.
     """
+    if len(plan.pieces.begin) > 0:
+        rho, v, a, j, s, psi = _course_output(t, plan.pieces)
+        return from_flat_output_yaw(
+            rho, v, a, j, s, psi[0], psi[1], psi[2], mass, inertia, gravity), _phase(t, plan)
     rho, v, a, j, s, phase = flat_output(t, plan)
     return from_flat_output(rho, v, a, j, s, mass, inertia, gravity), phase
 

@@ -1,0 +1,194 @@
+"""
+What a course asks of a vehicle, by flatness (3.14), and whether the vehicle can give it.
+
+Thrust, attitude, rates and torque follow from position, yaw and their derivatives, the PWM of each
+motor from the mixer (4.4) and the motor map (4.7), the charge of the battery from the power of
+the rotors. Drag is that of (3.13), with its derivatives, as the controller's feedforward has it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from mambo_control.drag_feedforward import drag_acceleration, reference_drag_rates
+from mambo_control.gains import CascadedParams
+from mambo_model.compiled import jit
+from mambo_model.errors import JobError
+from mambo_model.motion.flatness import body_velocity, from_flat_output_yaw
+from mambo_model.motion.polynomial import Array, Course, evaluate, Pieces, stretched
+from mambo_model.motion.rigid_body import State
+from mambo_model.motion.vector import norm, sub
+from mambo_model.vehicle.battery import supply
+from mambo_model.vehicle.parameters import Vehicle
+from mambo_model.vehicle.rotor import allocate, pwm_from_thrust, thrust_from_pwm
+from mambo_sim.sensors.imu import ImuParams
+import numpy as np
+
+STEP = 0.005        # s, between samples: the period of the controller
+MOST = 2_000_000    # samples
+LONGEST = 100.0     # factor of time that is tried
+PRECISION = 1e-4    # relative, of the smallest factor
+
+QUANTITIES = {  # column: unit
+    'height': 'm', 'speed': 'm/s', 'acceleration': 'm/s^2', 'thrust': 'N', 'tilt': 'deg',
+    'body rate': 'deg/s', 'PWM of motor 1': 'PWM', 'PWM of motor 2': 'PWM',
+    'PWM of motor 3': 'PWM', 'PWM of motor 4': 'PWM', 'battery': '%'}
+"""What a course is judged by, in the order of the columns of :func:`demand`."""
+
+
+class Limit(NamedTuple):
+    """The range of one quantity."""
+
+    low: float
+    high: float
+
+
+class Failure(NamedTuple):
+    """Where a course first leaves what the vehicle can do."""
+
+    t: float        # s of the course
+    quantity: str
+    value: float
+    limit: float
+
+    def __str__(self) -> str:
+        unit = QUANTITIES[self.quantity]
+        side = 'below' if self.value < self.limit else 'above'
+        return (f'{self.quantity} {self.value:.4g} {unit} at t = {self.t:.3f} s, {side} the '
+                f'limit of {self.limit:.4g} {unit}')
+
+
+@jit
+def _demand(t, pieces, vv, options, out):
+    """Fill out, (n, 11), at the times t, (n,); options: None, or those with the battery."""
+    charge = 0.0
+    for k in range(len(t)):
+        x, y, z, psi = evaluate(t[k], pieces)
+        rho, v, a = (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
+        j, s = (x[3], y[3], z[3]), (x[4], y[4], z[4])
+        free = from_flat_output_yaw(
+            rho, v, a, j, s, psi[0], psi[1], psi[2], vv.mass, vv.inertia, vv.gravity)
+        drag = drag_acceleration(
+            State(rho, body_velocity(free), free.q, free.omega), free.f, vv)
+        rate, second = reference_drag_rates(free, vv)
+        ref = from_flat_output_yaw(
+            rho, v, sub(a, drag), sub(j, rate), sub(s, second), psi[0], psi[1], psi[2],
+            vv.mass, vv.inertia, vv.gravity)
+        thrust = allocate(ref.f, ref.tau, vv)
+        row, share = out[k], 1.0
+        row[10] = 100.0
+        if options is not None:
+            voltage, current = supply(charge, thrust, options)
+            charge += current * (t[k] - t[k - 1] if k else 0.0)
+            row[10] = 100.0 * (1.0 - charge / (3600.0 * options.battery.capacity))
+            share = options.battery.reference_voltage / voltage if voltage > 0.0 else np.inf
+        row[0], row[1], row[2], row[3] = -rho[2], norm(v), norm(a), ref.f
+        q = ref.q
+        row[4] = math.degrees(2.0 * math.asin(min(1.0, math.sqrt(q[1] * q[1] + q[2] * q[2]))))
+        row[5] = math.degrees(norm(ref.omega))
+        for i in range(4):
+            row[6 + i] = share * pwm_from_thrust(thrust[i], vv)
+
+
+def demand(course: Course, vehicle: Vehicle) -> tuple[Array, Array]:
+    """
+    Return what a course asks of a vehicle.
+
+    Parameters
+    ----------
+    course
+        In m and rad, inertial NED.
+    vehicle
+        Its battery counts if it is enabled; it is full at the beginning.
+
+    Returns
+    -------
+    t : (n,) s of the course, every 5 ms and its end
+    columns : (n, 11) of :data:`QUANTITIES`; battery: what is
+        left of its charge, 100 without one
+
+    Raises
+    ------
+    JobError
+        If the course is longer than 10 000 s.
+
+    """
+    count = math.ceil(course.total / STEP)
+    if count > MOST:
+        raise JobError(f'the course lasts {course.total:.0f} s, limit {MOST * STEP:.0f} s')
+    t = np.append(np.arange(count) * STEP, course.total)
+    n, axes, width = course.coefficients.shape
+    padded = np.zeros((n, axes, 10))
+    padded[:, :, :width] = course.coefficients
+    out = np.empty((len(t), len(QUANTITIES)))
+    options = vehicle.options() if vehicle.battery.enabled else None
+    _demand(t, Pieces(course.begin, padded), vehicle.values(), options, out)
+    return t, out
+
+
+def limits(vehicle: Vehicle) -> dict[str, Limit]:
+    """
+    Return the range of each limited quantity of :data:`QUANTITIES`.
+
+    Thrust and PWM are the vehicle's, tilt and height those at which the controller shuts down by
+    default, the body rate that which the gyro measures.
+    """
+    vv, control = vehicle.values(), CascadedParams()
+    pwm = Limit(vv.pwm_min, vv.pwm_max)
+    out = {
+        'battery': Limit(1e-9, math.inf),  # first, as a drained one asks for an infinite PWM
+        'height': Limit(0.0, control.height_max),
+        'thrust': Limit(*(4.0 * thrust_from_pwm(x, vv) for x in pwm)),
+        'tilt': Limit(-math.inf, math.degrees(control.tilt_limit)),
+        'body rate': Limit(-math.inf, math.degrees(ImuParams().gyro_range))}
+    out |= {name: pwm for name in QUANTITIES if name.startswith('PWM')}
+    return out
+
+
+def failure(t: Array, columns: Array, vehicle: Vehicle) -> Failure | None:
+    """Return where what :func:`demand` returned first leaves the limits; None: nowhere."""
+    first: tuple[int, Failure] | None = None
+    for name, (low, high) in limits(vehicle).items():
+        values = columns[:, list(QUANTITIES).index(name)]
+        wrong = np.flatnonzero(~((values >= low) & (values <= high)))
+        if len(wrong) and (first is None or wrong[0] < first[0]):
+            k = int(wrong[0])
+            first = k, Failure(float(t[k]), name, float(values[k]),
+                               low if values[k] < low else high)
+    return first[1] if first else None
+
+
+def check(course: Course, vehicle: Vehicle) -> Failure | None:
+    """Return where a course first asks for more than a vehicle can do; None: nowhere."""
+    return failure(*demand(course, vehicle), vehicle)
+
+
+def stretch(course: Course, vehicle: Vehicle) -> float:
+    """
+    Return the smallest factor, at least 1, by which time must be stretched to be feasible.
+
+    Found by bisection to a relative precision of 1e-4, from above: the course stretched by it is
+    feasible.
+
+    Raises
+    ------
+    JobError
+        If it is not feasible at a hundred times its duration; with the reason.
+
+    """
+    if check(course, vehicle) is None:
+        return 1.0
+    low, high = 1.0, 2.0
+    while reason := check(stretched(course, high), vehicle):
+        low, high = high, 2.0 * high
+        if high > LONGEST:
+            raise JobError(f'no slower course is feasible either: {reason}, at {low:g} times '
+                           'the time')
+    while high - low > PRECISION * low:
+        middle = 0.5 * (low + high)
+        if check(stretched(course, middle), vehicle) is None:
+            high = middle
+        else:
+            low = middle
+    return high

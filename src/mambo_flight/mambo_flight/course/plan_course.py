@@ -1,0 +1,42 @@
+"""
+Plan a course: polynomials of minimum snap or jerk through waypoints, as a CSV file to fly.
+
+Takes a function of time and a file of polynomials, too, and writes them in the same format, that
+of uav_trajectories, moved, resized and stretched as asked. A file of waypoints is described in
+mambo_flight/course/waypoints.py.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from mambo_bags.command import guard, Parser, refuse_existing
+from mambo_model.motion.uav_trajectories import to_text
+
+from . import feasibility
+from .check_course import add_course, chosen
+
+
+def _run(options: argparse.Namespace) -> None:
+    refuse_existing(options.output)
+    course, vehicle, factor = chosen(options)
+    options.output.parent.mkdir(parents=True, exist_ok=True)
+    options.output.write_text(to_text(course), encoding='utf-8')
+    print(f'{options.output}: {course.total:.3f} s, {len(course.duration)} polynomials' + (
+        f', stretched {factor:.4f} times' if factor != 1.0 else ''))
+    if failure := feasibility.check(course, vehicle):
+        print(f'warning: {options.vehicle} cannot fly it: {failure}; --stretch auto slows it')
+
+
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('trajectory plan', __doc__)
+    add_course(out)
+    out.add_output('CSV', 'file of polynomials to write', required=True)
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``mambo trajectory plan``; return the exit code."""
+    options = parser().parse_args(arguments)
+    return guard('trajectory plan', lambda: _run(options))

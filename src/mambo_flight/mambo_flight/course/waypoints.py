@@ -1,0 +1,337 @@
+"""
+Files of waypoints: where to be, and when or how fast; CSV or YAML.
+
+A CSV file has a header with the names of its columns and a row for each waypoint, in order:
+
+``x``, ``y`` and ``z`` in m, inertial NED; ``height`` in m stands for ``z`` and points up.
+``t`` in s when the waypoint is passed, or ``speed`` in m/s, the mean one from the waypoint before.
+``yaw`` in rad or ``yaw_deg``; ``vx``, ``vy``, ``vz`` in m/s, the velocity there.
+``tube`` in m, radius of the corridor round the straight line from the waypoint before.
+
+A cell that is empty leaves its quantity free. A YAML file has the same names in a list called
+``waypoints``, a ``box`` for the leg to a waypoint, and the settings of :class:`Settings`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mambo_model import schema
+from mambo_model.motion.polynomial import Course
+from mambo_model.motion.uav_trajectories import (
+    fail, FARTHEST, LONGEST, MAX_PIECES, number, read_text, rows)
+from mambo_model.schema import ParameterError
+from mambo_model.yaml_nodes import Reader
+import numpy as np
+import yaml
+
+from . import constrained, minimum_snap
+from .constrained import Bounds, DERIVATIVES
+from .minimum_snap import Waypoints
+
+COLUMNS = ('t', 'speed', 'x', 'y', 'z', 'height', 'yaw', 'yaw_deg', 'vx', 'vy', 'vz', 'tube')
+FASTEST = 100.0  # m/s, mean of a leg
+_MOST_YAW = 4.0 * math.pi
+
+
+@dataclasses.dataclass(frozen=True)
+class LimitParams:
+    """Largest lengths of the derivatives of the path, and of the yaw rate; 0: no limit."""
+
+    speed: float = schema.quantity(0.0, 'm/s', 0.0, 100.0, 'design choice; 0: none')
+    acceleration: float = schema.quantity(0.0, 'm/s^2', 0.0, 1000.0, 'design choice; 0: none')
+    jerk: float = schema.quantity(0.0, 'm/s^3', 0.0, 1e5, 'design choice; 0: none')
+    snap: float = schema.quantity(0.0, 'm/s^4', 0.0, 1e7, 'design choice; 0: none')
+    yaw_rate: float = schema.quantity(0.0, 'rad/s', 0.0, 100.0, 'design choice; 0: none')
+
+    def __post_init__(self) -> None:
+        schema.check(self)
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """What is asked of a course besides its waypoints."""
+
+    minimise: str = schema.choice(
+        'snap', tuple(minimum_snap.ORDERS), 'Mellinger 2011; jerk: lower degree, calmer')
+    speed: float = schema.quantity(
+        0.0, 'm/s', 0.0, FASTEST, 'mean one of legs without t and speed; 0: they need one')
+    tube: float = schema.quantity(0.0, 'm', 0.0, 100.0, 'radius of legs without tube; 0: none')
+    pieces: int = schema.quantity(
+        3, '1', 1, 20, 'polynomials for each leg where there are corridors or limits')
+    limits: LimitParams = schema.group(LimitParams)
+
+    def __post_init__(self) -> None:
+        schema.check(self)
+
+
+class Row(NamedTuple):
+    """A waypoint as written."""
+
+    line: int
+    values: dict[str, float]  # by column
+    box: tuple[tuple[float, float], ...] | None  # of x, y, z in m, NED
+
+
+def read(path: Path, over: Mapping[str, Any] | None = None) -> Course:
+    """
+    Plan the course of a file of waypoints.
+
+    Parameters
+    ----------
+    path
+        CSV or YAML.
+    over
+        Settings that replace those of the file, flat by name.
+
+    Raises
+    ------
+    ParameterError
+        Naming file and line of what is wrong.
+    mambo_model.errors.InputError
+        If corridors or limits need a solver that is not installed.
+    mambo_model.errors.JobError
+        If no course keeps to the corridors and limits.
+
+    """
+    if path.suffix.lower() == '.csv':
+        return plan(str(path), from_csv(read_text(path), str(path)),
+                    schema.build(Settings, over or {}))
+    points, settings = _Reader(path).content()
+    return plan(str(path), points, schema.build(
+        Settings, {**schema.flatten(settings), **(over or {})}))
+
+
+def plan(where: str, points: list[Row], settings: Settings) -> Course:
+    """Return the course through waypoints as read; errors as those of :func:`read`."""
+    waypoints, bounds = assemble(where, points, settings)
+    if not bounds.binding:
+        return minimum_snap.minimum(waypoints, settings.minimise)
+    pieces = min(settings.pieces, MAX_PIECES // (len(points) - 1))
+    return constrained.minimum(waypoints, bounds, settings.minimise, pieces)
+
+
+def from_csv(text: str, where: str) -> list[Row]:
+    """Return the waypoints of a CSV text; ParameterError naming file and row."""
+    table = rows(text)
+    header = [cell.lower() for cell in table[0][1]] if table else []
+    first = table[0][0] if table else 1
+    for name in header:
+        if name not in COLUMNS:
+            fail(where, first, f'{schema.shown(name)} is no column: the first row names them, '
+                 f'out of {", ".join(COLUMNS)}')
+        if header.count(name) > 1:
+            fail(where, first, f'column {name} is there twice')
+    out = []
+    for line, cells in table[1:]:
+        if len(cells) > len(header):
+            fail(where, line, f'{len(cells)} cells; the header has {len(header)} columns')
+        out.append(Row(line, {
+            name: number(where, line, name, cell)
+            for name, cell in zip(header, cells, strict=False) if cell}, None))
+    return out
+
+
+class _Reader(Reader):
+    """Reads a YAML file of waypoints."""
+
+    def content(self) -> tuple[list[Row], Settings]:
+        """Return waypoints and settings; ParameterError naming file and line."""
+        keys = self.mapping(self.root(), 'file')
+        if 'waypoints' not in keys:
+            raise ParameterError(f'{self.path}: waypoints: missing')
+        key, node = keys.pop('waypoints')
+        if not isinstance(node, yaml.SequenceNode):
+            self.fail(key, 'waypoints', 'must be a list')
+        settings = self.settings(keys, Settings, '')
+        return [self.row(one) for one in node.value], schema.build(Settings, settings)
+
+    def settings(
+        self, keys: Mapping[str, tuple[yaml.Node, yaml.Node]], kind: type, prefix: str,
+    ) -> dict[str, Any]:
+        """Return settings by name."""
+        fields = {field.name: field for field in dataclasses.fields(kind)}
+        out: dict[str, Any] = {}
+        for name, (key, node) in keys.items():
+            if name not in fields:
+                known = [*fields] if prefix else [*fields, 'waypoints']
+                raise ParameterError(f'{self.where(key)}: {prefix}{schema.unknown(name, known)}')
+            if 'group' in fields[name].metadata:
+                out[name] = self.settings(
+                    self.mapping(node, name), fields[name].metadata['group'], f'{name}.')
+            else:
+                out[name] = self.leaf(
+                    f'course.{prefix}'.rstrip('.'), name, fields[name], node)
+        return out
+
+    def row(self, node: yaml.Node) -> Row:
+        """Return one waypoint."""
+        values, box = {}, None
+        for name, (key, below) in self.mapping(node, 'waypoint').items():
+            if name == 'box':
+                box = self.box(below)
+            elif name in COLUMNS:
+                values[name] = number(
+                    str(self.path), below.start_mark.line + 1, name, self.text(below, name))
+            else:
+                raise ParameterError(
+                    f'{self.where(key)}: {schema.unknown(name, [*COLUMNS, "box"])}')
+        return Row(node.start_mark.line + 1, values, box)
+
+    def box(self, node: yaml.Node) -> tuple[tuple[float, float], ...]:
+        """Return lowest and highest x, y and z of a box; what it does not name is unbounded."""
+        edges = dict.fromkeys(('x', 'y', 'z'), (-math.inf, math.inf))
+        for name, (key, below) in self.mapping(node, 'box').items():
+            low, high = self.numbers(below, name, 2)
+            if not low < high:
+                self.fail(below, name, f'[{low:g}, {high:g}] must be the lowest and the highest')
+            if name == 'height':
+                edges['z'] = (-high, -low)
+            elif name in edges:
+                edges[name] = (low, high)
+            else:
+                self.fail(key, name, 'a box has x, y and z or height')
+        return tuple(edges.values())
+
+
+def assemble(where: str, points: list[Row], settings: Settings) -> tuple[Waypoints, Bounds]:
+    """
+    Return waypoints and bounds as the planner takes them.
+
+    Raises
+    ------
+    ParameterError
+        Naming file and line of what is missing, out of range or contradictory.
+
+    """
+    if len(points) < 2:
+        raise ParameterError(
+            f'{where}: {len(points)} waypoint{"s" * (len(points) != 1)}; a course has at least 2')
+    if len(points) > MAX_PIECES:
+        raise ParameterError(
+            f'{where}: {len(points)} waypoints; a course has at most {MAX_PIECES}')
+    fixed = np.full((len(points), 4, 4), np.nan)
+    fixed[[0, -1], :, 1:] = 0.0
+    for i, row in enumerate(points):
+        fixed[i, :3, 0] = _position(where, row, 0 < i < len(points) - 1)
+        velocity = [row.values.get(name, np.nan) for name in ('vx', 'vy', 'vz')]
+        fixed[i, :3, 1] = np.where(np.isnan(velocity), fixed[i, :3, 1], velocity)
+    fixed[:, 3, 0] = _yaw(where, points)
+    t = _times(where, points, fixed[:, :3, 0], settings)
+    limits = np.array([getattr(settings.limits, name) or np.inf for name in DERIVATIVES])
+    bounds = Bounds(
+        limits, settings.limits.yaw_rate or np.inf, *_corridors(where, points, fixed, settings))
+    _check_limits(where, points, t, fixed, bounds)
+    return Waypoints(t, fixed), bounds
+
+
+def _position(where: str, row: Row, may_be_free: bool) -> list[float]:
+    """Return x, y and z of a waypoint in m, NED; NaN where they are free."""
+    values = dict(row.values)
+    if 'z' in values and 'height' in values:
+        fail(where, row.line, 'z and height: give one of them')
+    if 'height' in values:
+        values['z'] = 0.0 - values['height']
+    elif values.get('z', 0.0) > 0.0:
+        fail(where, row.line, f'z = {values["z"]:g} m is below the ground, as z points down: '
+             f'write {-values["z"]:g}, or call the column height')
+    out = [values.get(name, np.nan) for name in ('x', 'y', 'z')]
+    for name, value in zip(('x', 'y', 'z'), out, strict=True):
+        if np.isnan(value) and not may_be_free:
+            fail(where, row.line, f'{name} is missing: the first and the last waypoint have all')
+        if abs(value) > FARTHEST:
+            fail(where, row.line, f'{name} = {value:g} m is outside [-{FARTHEST:g}, '
+                 f'{FARTHEST:g}]: positions are in metres')
+    return out
+
+
+def _yaw(where: str, points: list[Row]) -> np.ndarray:
+    """Return the yaw at each waypoint in rad, each the shorter way round; NaN where it is free."""
+    out = np.full(len(points), np.nan)
+    before = 0.0
+    for i, row in enumerate(points):
+        if 'yaw' in row.values and 'yaw_deg' in row.values:
+            fail(where, row.line, 'yaw and yaw_deg: give one of them')
+        yaw = row.values.get('yaw', math.radians(row.values.get('yaw_deg', np.nan)))
+        if abs(yaw) > _MOST_YAW:
+            fail(where, row.line, f'yaw = {yaw:g} rad is more than two turns: call the column '
+                 'yaw_deg if it is in degrees')
+        if not np.isnan(yaw):
+            before = out[i] = before + math.remainder(yaw - before, 2.0 * math.pi)
+    return out
+
+
+def _times(where: str, points: list[Row], at: np.ndarray, settings: Settings) -> np.ndarray:
+    """Return when each waypoint is passed, (n,) s, the first at 0."""
+    start = points[0].values.get('t', 0.0)
+    out = np.zeros(len(points))
+    for i, row in enumerate(points[1:], 1):
+        speed = row.values.get('speed', settings.speed)
+        if 't' in row.values:
+            if 'speed' in row.values:
+                fail(where, row.line, 't and speed: give one of them')
+            out[i] = row.values['t'] - start
+            if not out[i] > out[i - 1]:
+                fail(where, row.line, f't = {row.values["t"]:g} s is not after '
+                     f'{out[i - 1] + start:g} s of the waypoint before')
+        elif 'speed' not in row.values and speed == 0.0:
+            fail(where, row.line, 'neither t nor speed')
+        elif not speed > 0.0:
+            fail(where, row.line, f'speed = {speed:g} m/s must be above 0')
+        else:
+            way = np.linalg.norm(at[i] - at[i - 1])
+            if not way > 0.0:
+                fail(where, row.line, 'a speed needs a way: give t where the vehicle stays, or '
+                     'where a coordinate is free')
+            out[i] = out[i - 1] + way / speed
+        duration, way = out[i] - out[i - 1], np.nan_to_num(np.linalg.norm(at[i] - at[i - 1]))
+        if duration > LONGEST or way / duration > FASTEST:
+            fail(where, row.line, f'{way:.3g} m in {duration:.3g} s: positions are in metres, '
+                 'times in seconds')
+    return out
+
+
+def _corridors(
+    where: str, points: list[Row], fixed: np.ndarray, settings: Settings,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return radius and box of the corridor of each leg."""
+    nothing = constrained.unbounded(len(points) - 1)
+    for leg, row in enumerate(points[1:]):
+        tube = row.values.get('tube', settings.tube or np.nan)
+        ends = fixed[leg:leg + 2, :3, 0]
+        if tube <= 0.0:
+            fail(where, row.line, f'tube = {tube:g} m must be above 0')
+        if 'tube' in row.values and np.isnan(ends).any():
+            fail(where, row.line, 'a tube needs x, y and z of both ends of its leg')
+        if not np.isnan(ends).any():
+            nothing.tube[leg] = tube
+        if row.box is None:
+            continue
+        nothing.box[leg] = row.box
+        low, high = nothing.box[leg].T
+        for point, other in zip(ends, points[leg:leg + 2], strict=True):
+            if ((point < low) | (point > high)).any():
+                fail(where, row.line, f'the box excludes the waypoint of line {other.line}')
+    return nothing.tube, nothing.box
+
+
+def _check_limits(
+    where: str, points: list[Row], t: np.ndarray, fixed: np.ndarray, bounds: Bounds,
+) -> None:
+    """Raise ParameterError if the mean speed of a leg, or a velocity given, is above the limit."""
+    way = np.linalg.norm(np.diff(fixed[:, :3, 0], axis=0), axis=1)
+    for name, ways, most, unit in (
+            ('speed', way, bounds.limits[0], 'm/s'),
+            ('yaw_rate', np.abs(np.diff(fixed[:, 3, 0])), bounds.yaw_rate, 'rad/s')):
+        for row, mean in zip(points[1:], ways / np.diff(t), strict=True):
+            if mean > most:
+                fail(where, row.line, f'the leg takes {mean:.3g} {unit} on average, more than '
+                     f'the limit {name} = {most:g} {unit}: give it more time')
+    for row, speed in zip(points, np.linalg.norm(fixed[:, :3, 1], axis=1), strict=True):
+        if speed > bounds.limits[0]:
+            fail(where, row.line, f'the velocity of {speed:.3g} m/s is above the limit speed = '
+                 f'{bounds.limits[0]:g} m/s')

@@ -1,0 +1,116 @@
+"""The commands that check and plan courses, as they are typed."""
+
+import json
+from pathlib import Path
+
+from mambo_flight.course import check_course, course_file, feasibility, plan_course
+from mambo_model.motion.polynomial import state_at
+from mambo_model.motion.uav_trajectories import load
+from mambo_model.vehicle.parameters import Vehicle
+import pytest
+
+EIGHT = str(Path(__file__).parents[4] / 'examples/figure_eight.csv')
+FAST = 't,x,y,height\n0,0,0,1.5\n1.4,6,0,1.5\n2.8,0,0,1.5\n'
+
+
+@pytest.fixture
+def fast(tmp_path):
+    path = tmp_path / 'fast.csv'
+    path.write_text(FAST)
+    return str(path)
+
+
+def lines(capsys):
+    out, err = capsys.readouterr()
+    return out.splitlines(), err.splitlines()
+
+
+def test_a_course_that_can_be_flown_is_a_table_and_a_picture(tmp_path, capsys):
+    picture = tmp_path / 'eight.png'
+    assert check_course.main([EIGHT, '-o', str(picture)]) == 0
+    out, err = lines(capsys)
+    assert out[0] == f'{EIGHT}: 8.062 s, 8 polynomials' and not err
+    assert [line.split(' [')[0] for line in out[2:-1]] == list(feasibility.QUANTITIES)[:-1]
+    assert out[-1] == f'picture: {picture}'
+    assert picture.read_bytes().startswith(b'\x89PNG') and picture.stat().st_size > 20000
+
+
+def test_one_that_cannot_is_exit_code_1_with_time_and_quantity(fast, capsys):
+    assert check_course.main([fast]) == 1
+    out, (line,) = lines(capsys)
+    failure = feasibility.check(course_file.read(Path(fast)), Vehicle())
+    assert line == (f'trajectory check: {fast}: cannot be flown: {failure}; '
+                    '--stretch auto slows it')
+    assert 'thrust [N]' in out[5]
+    assert check_course.main([fast, '--stretch', 'auto']) == 0
+    out, err = lines(capsys)
+    assert ', stretched 1.' in out[0] and not err
+    assert check_course.main([fast, '--stretch', '2']) == 0
+
+
+def test_numbers_as_json_are_those_of_the_table(fast, capsys):
+    assert check_course.main([fast, '--json']) == 1
+    out, _ = capsys.readouterr()
+    said = json.loads(out)
+    failure = feasibility.check(course_file.read(Path(fast)), Vehicle())
+    assert said['feasible'] is False and said['failure'] == failure._asdict()
+    assert said['duration'] == 2.8 and set(said['quantities']) == set(feasibility.QUANTITIES)
+
+
+def test_a_plan_is_a_file_that_is_flown_as_planned(fast, tmp_path, capsys):
+    plan = tmp_path / 'new/plan.csv'
+    assert plan_course.main([fast, '--stretch', 'auto', '--height', '2', '--scale', '0.9',
+                             '-o', str(plan)]) == 0
+    out, err = lines(capsys)
+    course = load(plan)
+    assert out == [f'{plan}: {course.total:.3f} s, 2 polynomials, stretched '
+                   f'{course.total / 2.8:.4f} times'] and not err
+    assert feasibility.check(course, Vehicle()) is None
+    middle = state_at(course, 0.5 * course.total)
+    assert middle[:3, 0] == pytest.approx([5.4, 0.0, -2.0], abs=1e-9)
+    assert plan_course.main([fast, '-o', str(plan)]) == 2
+    assert lines(capsys)[1] == [
+        f'trajectory plan: {plan} exists: give another --output or remove it']
+
+
+def test_a_plan_that_cannot_be_flown_is_written_with_a_warning(fast, tmp_path, capsys):
+    assert plan_course.main([fast, '-o', str(tmp_path / 'plan.csv')]) == 0
+    out, _ = lines(capsys)
+    assert out[1].startswith('warning: identified cannot fly it: ')
+    assert out[1].endswith('--stretch auto slows it')
+
+
+def test_a_function_is_planned(tmp_path, capsys):
+    mine = tmp_path / 'mine.py'
+    mine.write_text('from math import sin\n\ndef wave(t):\n    return sin(t), 0.0, -1.5\n')
+    plan = tmp_path / 'wave.csv'
+    assert plan_course.main([f'{mine}:wave', '--duration', '6', '-o', str(plan)]) == 0
+    assert load(plan).total == pytest.approx(6.0)
+
+
+def test_options_of_the_planner_are_settings(tmp_path):
+    plan = tmp_path / 'slow.csv'
+    waypoints = tmp_path / 'w.csv'
+    waypoints.write_text('x,y,height\n0,0,1\n2,0,1\n')
+    assert plan_course.main([str(waypoints), '--speed', '0.5', '--minimise', 'jerk',
+                             '-o', str(plan)]) == 0
+    course = load(plan)
+    assert course.total == 4.0 and not course.coefficients[:, :, 6:].any()
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    (['no.csv'], 'no.csv: No such file or directory'),
+    ([EIGHT, '--stretch', 'much'], '--stretch much: write a number, or auto'),
+    ([EIGHT, '--stretch', '0'], '--stretch 0 must be within 0.01 to 100'),
+    ([EIGHT, '--scale', 'nan'], '--scale nan must be within 0.01 to 100'),
+    ([EIGHT, '--height', 'nan'], '--height nan must be at most 1000 m'),
+    ([EIGHT, '--duration', '3'], '--duration is for a function; --stretch makes a file longer'),
+    ([EIGHT, '--vehicle', 'eagle'], "vehicle 'eagle' is unknown"),
+    ([EIGHT, '--tube', '-1'], 'tube = -1.0 m is outside'),
+    ([EIGHT, '-o', 'x.doc'], 'x.doc: a picture ends in .png, .svg, .pdf'),
+    (['mine.py:f'], 'mine.py:f: a function needs --duration'),
+    (['mine.py:f', '--duration', '3'], 'mine.py: No such file or directory')])
+def test_what_is_wrong_is_one_line_and_exit_code_2(capsys, arguments, message):
+    assert check_course.main(arguments) == 2
+    out, (line,) = lines(capsys)
+    assert not out and line.startswith('trajectory check: ') and message in line

@@ -1,0 +1,67 @@
+"""Functions of time as courses: against their own derivatives; faults name file and line."""
+
+import math
+
+from mambo_flight.course import sampled
+from mambo_model.errors import InputError
+from mambo_model.motion.polynomial import state_at
+from mambo_model.motion.uav_trajectories import parse, to_text
+import numpy as np
+import pytest
+
+
+def circle(t):
+    """Return a circle of 1 m at 1 rad/s that rises, with its yaw."""
+    return math.cos(t), math.sin(t), -1.5 - 0.1 * math.sin(2.0 * t), 0.3 * math.sin(t)
+
+
+def test_a_function_is_followed_with_its_derivatives():
+    course = sampled.fit(circle, 2.0 * math.pi)
+    assert course.total == pytest.approx(2.0 * math.pi, rel=1e-14)
+    for t in np.linspace(0.0, course.total, 400).tolist():
+        at = state_at(course, t)
+        assert at[:, 0] == pytest.approx(circle(t), abs=1e-6)
+        assert at[0, 1:] == pytest.approx(
+            [-math.sin(t), -math.cos(t), math.sin(t), math.cos(t)], abs=0.02)
+    again = parse(to_text(course))
+    assert again.coefficients.tobytes() == course.coefficients.tobytes()
+
+
+def test_three_numbers_have_no_yaw():
+    course = sampled.fit(lambda t: np.array([t, 0.0, -1.0]), 2.0)
+    assert not course.coefficients[:, 3].any()
+
+
+@pytest.mark.parametrize(('function', 'message'), [
+    (lambda t: (t, 0.0), r'the function: gives an array of shape \(2,\) at t = 0 s; it must be'),
+    (lambda t: (t, math.nan, -1.0), r'the function: gives \[0.0, nan, -1.0, .*|gives \[0.0, nan'),
+    (lambda t: (abs(t - 0.9), 0.0, -1.0), 'is not smooth enough: 512 polynomials miss it by'),
+])
+def test_functions_that_are_no_path_are_refused(function, message):
+    with pytest.raises(InputError, match=message):
+        sampled.fit(function, 2.0)
+
+
+@pytest.mark.parametrize('duration', [0.0, -1.0, math.nan, 4000.0])
+def test_durations_that_are_none_are_refused(duration):
+    with pytest.raises(InputError, match='must be above 0 and at most 3600 s'):
+        sampled.fit(circle, duration)
+
+
+def test_faults_of_a_file_name_its_line(tmp_path):
+    path = tmp_path / 'mine.py'
+    path.write_text('def bad(t):\n    return 1 / (t - 1), 0, 0\n\n\nNUMBER = 3\n')
+    with pytest.raises(InputError, match=r'mine.py:2: ZeroDivisionError: .*, at t = 1 s'):
+        sampled.fit(sampled.load(f'{path}:bad'), 22.0, f'{path}:bad')
+    for name, message in ((f'{path}:none', 'mine.py: has no function none'),
+                          (f'{path}:NUMBER', 'mine.py: has no function NUMBER'),
+                          (f'{tmp_path}/no.py:x', 'no.py: No such file or directory'),
+                          (str(path), 'write FILE.py:FUNCTION')):
+        with pytest.raises(InputError, match=message):
+            sampled.load(name)
+    path.write_text('x = 1\ndef f(:\n')
+    with pytest.raises(InputError, match=r'mine.py:2: invalid syntax'):
+        sampled.load(f'{path}:f')
+    path.write_text('\nimport nothing_like_that\n')
+    with pytest.raises(InputError, match=r'mine.py:2: ModuleNotFoundError: No module'):
+        sampled.load(f'{path}:f')

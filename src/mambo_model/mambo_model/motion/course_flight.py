@@ -1,0 +1,168 @@
+"""
+A whole flight along a course as one piecewise polynomial: climb, approach, course, exit, landing.
+
+Position and yaw are four times continuously differentiable wherever the course is, what (3.14)
+needs. The vehicle climbs above the origin, flies to the state in which the course begins, and
+lands where it is at rest after the course.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..schema import ParameterError
+from .polynomial import (
+    Array, connect, Course, DEGREE, evaluate, largest, Pieces, state_at)
+
+MAX_DOWNWARD = 9.0  # m/s^2, below free fall
+
+
+class Timing(NamedTuple):
+    """When what happens in a flight, in s of flight time; see ``FlightPlanParams``."""
+
+    takeoff: str
+    takeoff_time: float
+    climb_duration: float
+    start_time: float
+    blend_duration: float
+    landing_time: float  # inf: never
+
+    @property
+    def course_begin(self) -> float:
+        """Return when the course itself begins."""
+        if self.takeoff == 'none':
+            return 0.0
+        return self.start_time + (self.blend_duration if self.takeoff == 'smooth' else 0.0)
+
+
+class _Timeline:
+    """Pieces so far, one after the other."""
+
+    def __init__(self) -> None:
+        self.begin: list[float] = []
+        self.coefficients: list[Array] = []
+
+    def add(self, begin: float, coefficients: Array) -> None:
+        """Add what is flown from a time on."""
+        padded = np.zeros((4, DEGREE + 1))
+        padded[:, :coefficients.shape[1]] = coefficients
+        self.begin.append(begin)
+        self.coefficients.append(padded)
+
+    def rest(self, begin: float, point: Array) -> None:
+        """Add rest at a point, (4,) m and rad."""
+        self.add(begin, point[:, None])
+
+    def move(self, begin: float, duration: float, start: Array, end: Array) -> None:
+        """Add the way from one state to another, (4, 5), and rest there if that is at rest."""
+        if not np.array_equal(start, end) or start[:, 1:].any():
+            self.add(begin, connect(start, end, duration))
+        else:
+            self.rest(begin, end[:, 0])
+
+    def pieces(self) -> Pieces:
+        """Return what compiled code reads."""
+        return Pieces(np.array(self.begin), np.array(self.coefficients))
+
+
+def _at_rest(point: Array) -> Array:
+    """Return the state, (4, 5), of rest at a point, (4,)."""
+    return np.hstack((point[:, None], np.zeros((4, 4))))
+
+
+def _stop(state: Array, duration: float) -> Array:
+    """Return where a vehicle comes to rest after a duration in s if it slows down evenly, (4,)."""
+    return state[:, 0] + 0.5 * duration * state[:, 1]
+
+
+def assemble(course: Course, timing: Timing) -> Pieces:
+    """
+    Return the pieces of a flight.
+
+    Parameters
+    ----------
+    course
+        Size, height and speed as flown.
+    timing
+        With takeoff ``smooth``: on the ground until ``takeoff_time``, a climb to the height of
+        the beginning of the course, at ``start_time`` a blend to its first state, then the
+        course. ``step``: the reference jumps to that height and, at ``start_time``, onto the
+        course. ``none``: the course from t = 0. At the end of the course, or at ``landing_time``
+        if that is earlier, the vehicle comes to rest in ``blend_duration``. The descent begins
+        ``blend_duration`` after ``landing_time``.
+
+    Raises
+    ------
+    ParameterError
+        If the flight meets the ground or falls faster than 9 m/s^2; with the time.
+
+    """
+    line, first = _Timeline(), state_at(course, 0.0)
+    above = np.array([0.0, 0.0, first[2, 0], 0.0])
+    if timing.takeoff != 'none':
+        line.rest(0.0, np.zeros(4))
+        if timing.takeoff == 'smooth':
+            line.move(timing.takeoff_time, timing.climb_duration,
+                      _at_rest(np.zeros(4)), _at_rest(above))
+        line.rest(timing.takeoff_time + (
+            timing.climb_duration if timing.takeoff == 'smooth' else 0.0), above)
+        if timing.takeoff == 'smooth':
+            line.move(timing.start_time, timing.blend_duration, _at_rest(above), first)
+    for begin, piece in zip(course.begin, course.coefficients, strict=True):
+        line.add(timing.course_begin + begin, piece)
+    end = timing.course_begin + course.total
+    point = _leave(line, end, state_at(course, math.inf), timing.blend_duration)
+    line.rest(end + timing.blend_duration, point)
+    if timing.landing_time < math.inf:
+        _land(line, timing)
+    pieces = line.pieces()
+    _check(pieces, timing)
+    return pieces
+
+
+def _leave(line: _Timeline, begin: float, state: Array, duration: float) -> Array:
+    """Add the way from a state to rest; return the point, (4,), where that is."""
+    end = _stop(state, duration)
+    line.move(begin, duration, state, _at_rest(end))
+    return end
+
+
+def _land(line: _Timeline, timing: Timing) -> None:
+    """Replace what comes after the landing time by the way to rest and to the ground."""
+    begin = timing.landing_time
+    state = np.array(evaluate(begin, line.pieces()))
+    kept = sum(other < begin for other in line.begin)
+    del line.begin[kept:], line.coefficients[kept:]
+    above = _leave(line, begin, state, timing.blend_duration)
+    down = above * np.array([1.0, 1.0, 0.0, 1.0])
+    begin += timing.blend_duration
+    line.move(begin, timing.climb_duration, _at_rest(above), _at_rest(down))
+    line.rest(begin + timing.climb_duration, down)
+
+
+def _check(pieces: Pieces, timing: Timing) -> None:
+    """Raise ParameterError if a flight meets the ground in the air or falls too fast."""
+    aloft = timing.start_time if timing.takeoff != 'none' else 0.0
+    landed = timing.landing_time + timing.blend_duration
+    stop = [*pieces.begin[1:], math.inf]
+    for begin, end, piece in zip(pieces.begin, stop, pieces.coefficients, strict=True):
+        duration = end - begin if end < math.inf else 0.0
+        depth, when = largest(piece[2], duration, 0)
+        if aloft <= begin < landed and depth >= 0.0:
+            raise ParameterError(
+                f'the trajectory reaches a height of {0.0 - depth:.3g} m '
+                f'{_when(begin + when, timing)}: set height, that of its beginning in m')
+        fall, when = largest(piece[2], duration, 2)
+        if fall > MAX_DOWNWARD:
+            raise ParameterError(
+                f'the trajectory asks for {fall:.3g} m/s^2 downward '
+                f'{_when(begin + when, timing)}, limit {MAX_DOWNWARD:g} m/s^2: lower scale_rate, '
+                'or lengthen blend_duration or climb_duration')
+
+
+def _when(t: float, timing: Timing) -> str:
+    """Return a flight time in words, with the time of the course."""
+    return f'at t = {t:.3g} s of the flight, {t - timing.course_begin:.3g} s of the course'
