@@ -10,7 +10,7 @@ from mambo_model.compiled import jit
 from mambo_model.motion.flatness import minimal_rotation, Reference
 from mambo_model.motion.quaternion import angle, conjugate, multiply, Quat, rotate, rotate_inverse
 from mambo_model.motion.rigid_body import State
-from mambo_model.motion.vector import add, cross, direction, dot, scale, sub, Vec3
+from mambo_model.motion.vector import add, cross, direction, dot, norm, scale, sub, Vec3
 from mambo_model.schema import quantity
 from mambo_model.values import derived, Parameters
 from mambo_model.vehicle.parameters import VehicleValues
@@ -38,8 +38,8 @@ class FlightLimits(Parameters):
 
 @jit
 def thrust_wanted(
-    state: State, ref: Reference, k_x: float, k_v: float, d: Vec3, d_dot: Vec3,
-    vv: VehicleValues,
+    state: State, ref: Reference, k_x: float, k_v: float, reach: float, d: Vec3,
+    d_dot: Vec3, vv: VehicleValues,
 ) -> tuple[Vec3, Vec3, Vec3]:
     r"""
     Return the thrust that tracks the position, and its derivatives along the flight.
@@ -54,6 +54,8 @@ def thrust_wanted(
     state, ref
         Estimate and reference; e_x and e_v are the first minus the second.
     k_x, k_v : 1/s^2, 1/s
+    reach : m
+        Longest e_x that counts, so that a step asks for no tilt beyond the limits.
     d, d_dot : (3,) m/s^2, m/s^3, inertial NED
         Acceleration that is neither gravity nor thrust, as far as it is known.
     vv
@@ -66,16 +68,21 @@ def thrust_wanted(
 
     """
     e_x, e_v = sub(state.rho, ref.rho), sub(rotate(state.q, state.nu), ref.v)
+    away = norm(e_x)
+    if away > reach:
+        e_x, k_x_dot = scale(reach / away, e_x), 0.0
+    else:
+        k_x_dot = k_x
     free = add((0.0, 0.0, vv.gravity), d)
     n = add(sub(free, ref.a), add(scale(k_x, e_x), scale(k_v, e_v)))
     b3 = rotate(state.q, (0.0, 0.0, 1.0))
     b3_dot = rotate(state.q, (state.omega[1], -state.omega[0], 0.0))
     pull = dot(n, b3)
     e_a = sub(sub(free, scale(pull, b3)), ref.a)
-    n_dot = add(sub(d_dot, ref.j), add(scale(k_x, e_v), scale(k_v, e_a)))
+    n_dot = add(sub(d_dot, ref.j), add(scale(k_x_dot, e_v), scale(k_v, e_a)))
     pull_dot = dot(n_dot, b3) + dot(n, b3_dot)
     e_j = sub(sub(d_dot, add(scale(pull_dot, b3), scale(pull, b3_dot))), ref.j)
-    n_ddot = sub(add(scale(k_x, e_a), scale(k_v, e_j)), ref.s)
+    n_ddot = sub(add(scale(k_x_dot, e_a), scale(k_v, e_j)), ref.s)
     return n, n_dot, n_ddot
 
 

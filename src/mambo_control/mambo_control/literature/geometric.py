@@ -22,6 +22,7 @@ has no integral action.
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
@@ -107,7 +108,8 @@ def law(state: State, ref: Reference, gains: GeometricValues, vv: VehicleValues)
         Believed vehicle.
 
     """
-    n, n_dot, n_ddot = thrust_wanted(state, ref, gains.k_x, gains.k_v, _ZERO, _ZERO, vv)
+    n, n_dot, n_ddot = thrust_wanted(
+        state, ref, gains.k_x, gains.k_v, math.inf, _ZERO, _ZERO, vv)
     q_d, omega_d, omega_d_dot = attitude_of(n, n_dot, n_ddot, ref)
     if not gains.rates:
         omega_d, omega_d_dot = _ZERO, _ZERO

@@ -58,13 +58,17 @@ class IndiParams(FlightLimits):
 
     k_x: float = quantity(16.0, '1/s^2', 0.01, 400.0, 'judgement: as the geometric law')
     k_v: float = quantity(5.6, '1/s', 0.01, 100.0, 'judgement: as the geometric law')
-    k_R: float = quantity(430.0, '1/s^2', 0.1, 5000.0, 'judgement: as the geometric law')
-    k_omega: float = quantity(33.0, '1/s', 0.1, 300.0, 'judgement: as the geometric law')
+    reach: float = quantity(
+        0.4, 'm', 0.01, 1000.0, 'longest position error that counts: 6.4 m/s^2 (judgement)')
+    k_R: float = quantity(
+        300.0, '1/s^2', 0.1, 5000.0, 'judgement: with a lag of the motors of 30 ms, unknown')
+    k_omega: float = quantity(30.0, '1/s', 0.1, 300.0, 'judgement: as k_R')
     rate_filter: float = quantity(
-        50.0, 'rad/s', 0.1, 500.0, 'Smeur 2016: omega_n of the angular acceleration')
+        3.0, 'rad/s', 0.1, 500.0, 'omega_n of the angular acceleration: Smeur 2016 has 50, where '
+        'the lag of the motors is known; here it may be 30 ms and is not (judgement)')
     velocity_filter: float = quantity(
-        50.0, 'rad/s', 0.1, 500.0, 'Smeur 2018: omega_n of the acceleration, the same filter')
-    damping: float = quantity(0.55, '1', 0.1, 0.99, 'Smeur 2016: zeta of both filters')
+        30.0, 'rad/s', 0.1, 500.0, 'omega_n of the acceleration, likewise (judgement)')
+    damping: float = quantity(0.7, '1', 0.1, 0.99, 'zeta of both filters; Smeur 2016 has 0.55 (judgement)')
     force_limit: float = quantity(
         6.0, 'm/s^2', 0.0, 100.0, 'longest d: half of the weight and 1 m/s^2 (judgement)')
     torque_limit: float = quantity(
@@ -197,7 +201,8 @@ def step(
     """
     v = rotate(state.q, state.nu)
     d, d_dot, e, e_dot = observe(memory, v, state, dt, gains, vv)
-    n, n_dot, n_ddot = thrust_wanted(state, ref, gains.k_x, gains.k_v, d, d_dot, vv)
+    n, n_dot, n_ddot = thrust_wanted(
+        state, ref, gains.k_x, gains.k_v, gains.reach, d, d_dot, vv)
     q_d, omega_d, omega_d_dot = attitude_of(n, n_dot, n_ddot, ref)
     q_e = error_of(state.q, q_d)
     alpha = sub(attitude_acceleration(

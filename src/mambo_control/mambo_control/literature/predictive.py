@@ -68,12 +68,12 @@ class PredictiveParams(FlightLimits):
         math.radians(40.0), 'rad', 0.01, 1.0, 'of the thrust along each axis (judgement)')
     thrust_share: float = quantity(
         0.9, '1', 0.1, 1.0, 'of the full thrust, the rest is for the attitude (judgement)')
-    k_R: float = quantity(430.0, '1/s^2', 0.1, 5000.0, 'judgement: as the geometric law')
-    k_omega: float = quantity(33.0, '1/s', 0.1, 300.0, 'judgement: as the geometric law')
-    rate_filter: float = quantity(50.0, 'rad/s', 0.1, 500.0, 'judgement: as incremental inversion')
+    k_R: float = quantity(300.0, '1/s^2', 0.1, 5000.0, 'judgement: as incremental inversion')
+    k_omega: float = quantity(30.0, '1/s', 0.1, 300.0, 'judgement: as incremental inversion')
+    rate_filter: float = quantity(3.0, 'rad/s', 0.1, 500.0, 'judgement: as incremental inversion')
     velocity_filter: float = quantity(
-        50.0, 'rad/s', 0.1, 500.0, 'judgement: as incremental inversion')
-    damping: float = quantity(0.55, '1', 0.1, 0.99, 'judgement: as incremental inversion')
+        30.0, 'rad/s', 0.1, 500.0, 'judgement: as incremental inversion')
+    damping: float = quantity(0.7, '1', 0.1, 0.99, 'judgement: as incremental inversion')
     force_limit: float = quantity(
         6.0, 'm/s^2', 0.0, 100.0, 'judgement: as incremental inversion')
     torque_limit: float = quantity(

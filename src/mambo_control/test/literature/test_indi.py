@@ -10,7 +10,7 @@ import pytest
 from scipy import signal
 
 DT = 0.005
-GAINS = IndiParams().values()
+GAINS = IndiParams(rate_filter=50.0, velocity_filter=50.0).values()  # the papers'
 
 
 def test_the_filter_is_scipys_of_the_same_transfer_function():
@@ -41,7 +41,7 @@ def fly(push, twist, count=400, target=None, gains=GAINS):
 
 def test_a_push_and_a_twist_are_measured_and_leave_no_error():
     push, twist = (0.8, -0.5, 1.5), (2e-4, -3e-4, 1e-4)
-    memory, state, _ = fly(push, twist)
+    memory, state, _ = fly(push, twist, count=800)
     np.testing.assert_allclose(memory.d, push, atol=1e-3)
     np.testing.assert_allclose(memory.e, np.array(twist) / VV.inertia, atol=1e-2)
     assert np.linalg.norm(np.array(state.rho) - circle(0.0, 1e-9).rho) < 1e-4  # 0.1 m without
@@ -86,12 +86,13 @@ def test_the_command_is_the_increment_of_the_papers():
 
 
 def test_without_limits_to_learn_within_it_is_the_geometric_law():
-    gains = IndiParams(force_limit=0.0, torque_limit=0.0).values()
+    gains = IndiParams(force_limit=0.0, torque_limit=0.0, reach=1000.0).values()
     ref = circle(0.3)
     memory, _ = step(initial(gains), on(circle(0.29)), circle(0.29), DT, gains, VV)
     off = on(ref)._replace(rho=ZERO)
     _, ours = step(memory, off, ref, DT, gains, VV)
-    plain = geometric.law(off, ref, geometric.GeometricParams().values(), VV)
+    plain = geometric.law(off, ref, geometric.GeometricParams(
+        k_R=gains.k_R, k_omega=gains.k_omega).values(), VV)
     assert ours.thrust == pytest.approx(plain.f, rel=1e-12)
     np.testing.assert_allclose(ours.torque, plain.tau, atol=1e-14)
 

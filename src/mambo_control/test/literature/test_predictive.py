@@ -16,7 +16,8 @@ DT = 0.005
 GAINS = PredictiveParams().values()
 FREE = PredictiveParams(jerk=1e4, tilt=1.0).values()
 needs_osqp = pytest.mark.skipif(
-    find_spec('osqp') is None, reason='OSQP is not installed: pip install -r requirements/osqp.txt')
+    find_spec('osqp') is None,
+    reason='OSQP is not installed: pip install -r requirements/osqp.txt')
 
 
 def model(gains):
@@ -66,17 +67,21 @@ def test_with_bounds_the_jerks_are_those_of_scipy():
             for k in range(N):
                 total += x @ Q @ x + r * w[k] ** 2
                 x = A @ x + B[:, 0] * w[k]
-            return (total + x @ S @ x) / r
+            return 1e-2 * (total + x @ S @ x)  # of a size that SLSQP can differentiate
         found = minimize(
             cost, np.zeros(N), method='SLSQP', options={'maxiter': 500, 'ftol': 1e-12},
             bounds=list(zip(-GAINS.jerk - j_r, GAINS.jerk - j_r)),
             constraints=[{'type': 'ineq', 'fun': lambda w, i=axis: accelerations(w) - low[i]},
                          {'type': 'ineq', 'fun': lambda w, i=axis: high[i] - accelerations(w)}])
         assert found.success
-        np.testing.assert_allclose(ours[axis], found.x + j_r, atol=0.05)
+        w = ours[axis] - j_r  # late jerks hardly matter: the cost decides, and the first one
+        assert cost(w) <= found.fun * (1.0 + 1e-5)
+        assert w[0] == pytest.approx(found.x[0], abs=0.05)
+        assert accelerations(w).min() > low[axis] - 1e-3
+        assert accelerations(w).max() < high[axis] + 1e-3
         if axis == 0:  # 2.5 m: both bounds act
             assert ours[0, 0] == pytest.approx(-GAINS.jerk, abs=0.05)
-            assert (accelerations(ours[0] - j_r) > low[0] - 1e-3).all()
+            assert accelerations(w).min() == pytest.approx(low[0], abs=1e-3)
 
 
 @needs_osqp
