@@ -29,7 +29,7 @@ from mambo_model.compiled import jit
 from mambo_model.motion.flatness import Reference, torque
 from mambo_model.motion.quaternion import Quat, rotate
 from mambo_model.motion.rigid_body import State
-from mambo_model.motion.vector import add, direction, dot, scale, sub, Vec3
+from mambo_model.motion.vector import add, direction, dot, norm, scale, sub, Vec3
 from mambo_model.schema import quantity
 from mambo_model.values import values_type
 from mambo_model.vehicle.parameters import VehicleValues
@@ -50,6 +50,8 @@ class FlatnessDragParams(FlightLimits):
 
     k_x: float = quantity(16.0, '1/s^2', 0.01, 400.0, 'judgement: as the geometric law')
     k_v: float = quantity(5.6, '1/s', 0.01, 100.0, 'judgement: as the geometric law')
+    reach: float = quantity(
+        0.4, 'm', 0.01, 1000.0, 'longest position error that counts: 6.4 m/s^2 (judgement)')
     k_q: float = quantity(13.0, '1/s', 0.1, 100.0, 'judgement: with k_omega as the geometric law')
     k_omega: float = quantity(33.0, '1/s', 0.1, 300.0, 'judgement: as the geometric law')
 
@@ -143,7 +145,8 @@ def step(
     """
     _, _, omega_r, omega_r_dot, drag = reference_with_drag(ref, vv)
     e_x, e_v = sub(state.rho, ref.rho), sub(rotate(state.q, state.nu), ref.v)
-    feedback = add(scale(gains.k_x, e_x), scale(gains.k_v, e_v))
+    share = min(1.0, gains.reach / max(norm(e_x), 1e-9))
+    feedback = add(scale(share * gains.k_x, e_x), scale(gains.k_v, e_v))
     wanted = sub(feedback, drag)
     n = add(sub((0.0, 0.0, vv.gravity), ref.a), wanted)
     q_d, _, _ = attitude_of(n, _ZERO, _ZERO, ref)

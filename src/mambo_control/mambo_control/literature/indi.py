@@ -68,7 +68,8 @@ class IndiParams(FlightLimits):
         'the lag of the motors is known; here it may be 30 ms and is not (judgement)')
     velocity_filter: float = quantity(
         30.0, 'rad/s', 0.1, 500.0, 'omega_n of the acceleration, likewise (judgement)')
-    damping: float = quantity(0.7, '1', 0.1, 0.99, 'zeta of both filters; Smeur 2016 has 0.55 (judgement)')
+    damping: float = quantity(
+        0.7, '1', 0.1, 0.99, 'zeta of both filters; Smeur 2016 has 0.55 (judgement)')
     force_limit: float = quantity(
         6.0, 'm/s^2', 0.0, 100.0, 'longest d: half of the weight and 1 m/s^2 (judgement)')
     torque_limit: float = quantity(

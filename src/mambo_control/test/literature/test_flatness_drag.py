@@ -96,3 +96,7 @@ def test_an_error_is_turned_back():
     _, right = step(initial(GAINS), state, ref, 0.005, GAINS, VV)
     b33 = matrix(ref.q)[2, 2]
     assert low.thrust - right.thrust == pytest.approx(VV.mass * GAINS.k_x * 0.1 * b33, rel=1e-9)
+    far = state._replace(rho=(ref.rho[0], ref.rho[1], ref.rho[2] + 3.0))
+    _, cut = step(initial(GAINS), far, ref, 0.005, GAINS, VV)
+    assert cut.thrust - right.thrust == pytest.approx(
+        VV.mass * GAINS.k_x * GAINS.reach * b33, rel=1e-9)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 import math
 from pathlib import Path
+import textwrap
 from typing import Any, NamedTuple
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -159,5 +160,5 @@ def draw(path: Path, found: Sequence[Result], condition: str) -> None:
         axes.set(title=_STATES[ideal], ylabel='RMS error, median [mm]')
         axes.grid(alpha=0.3)
     figure.axes[0].legend(fontsize='small')
-    figure.suptitle(TITLES[condition])
+    figure.suptitle(textwrap.fill(TITLES[condition], 30 * len(kinds) + 20), fontsize='medium')
     figure.savefig(path, dpi=110, metadata={'Software': None})
