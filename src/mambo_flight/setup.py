@@ -21,7 +21,7 @@ setup(
     entry_points={
         'console_scripts': [
             'fly = mambo_flight.fly:main',
-            'race = mambo_flight.race.command:main',
+            'race = mambo_flight.race.race:main',
             'sweep = mambo_flight.sweep.command:main',
         ],
     },

@@ -49,7 +49,7 @@ GROUPS: dict[str, dict[str, Command]] = {
                                     'fly a course, and where it fails'),
         'trajectory plan': Command('mambo_flight.course.plan_course', 'polynomials of minimum '
                                    'snap through waypoints'),
-        'race': Command('mambo_flight.race.command', 'fly every controller over the same courses '
+        'race': Command('mambo_flight.race.race', 'fly every controller over the same courses '
                         'in the same wind'),
     },
     'Bags': {

@@ -45,8 +45,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.linalg import block_diag, solve_discrete_are
 
-from ..command import Command, no_thrust
 from . import indi
+from ..command import Command, no_thrust
 from .flight import attitude_acceleration, attitude_of, error_of, FlightLimits, flying
 
 __all__ = ['initial', 'Memory', 'plan', 'PredictiveParams', 'PredictiveValues', 'step', 'stopped']

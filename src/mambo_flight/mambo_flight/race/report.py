@@ -8,9 +8,9 @@ from pathlib import Path
 import textwrap
 from typing import Any, NamedTuple
 
+from mambo_model import palette
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from mambo_model import palette
 import numpy as np
 
 from .field import ENTRANTS, Start

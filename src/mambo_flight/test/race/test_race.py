@@ -2,7 +2,7 @@
 
 import json
 
-from mambo_flight.race import command
+from mambo_flight.race import race
 import pytest
 
 
@@ -13,7 +13,7 @@ import pytest
     (['--draws', '0'], '--draws 0: must be 1 or more'),
     (['--workers', '0'], '--workers 0: must be 1 or more')])
 def test_what_cannot_be_flown_is_refused_in_one_line(tmp_path, capsys, options, said):
-    assert command.main(['-o', str(tmp_path / 'out'), *options]) == 2
+    assert race.main(['-o', str(tmp_path / 'out'), *options]) == 2
     error = capsys.readouterr().err
     assert said in error and error.count('\n') == 1
     assert not (tmp_path / 'out').exists()
@@ -30,12 +30,12 @@ def test_a_race_writes_its_page_and_goes_on_after_an_interruption(tmp_path, monk
             raise KeyboardInterrupt
         return [rows for _ in flights]
     monkeypatch.setattr('mambo_flight.sweep.run.fly', fly)
-    monkeypatch.setattr(command, 'step_time', lambda flight: 0.5)
+    monkeypatch.setattr(race, 'step_time', lambda flight: 0.5)
     arguments = ['-o', str(out), '--controllers', 'indi', '--courses', 'circle,step',
                  '--conditions', 'twenty_percent', '--draws', '2', '--workers', '1']
-    assert command.main([*arguments, '--state', 'true']) == 1
+    assert race.main([*arguments, '--state', 'true']) == 1
     assert not (out / 'controllers.md').exists()
-    assert command.main([*arguments, '--state', 'true']) == 0
+    assert race.main([*arguments, '--state', 'true']) == 0
     assert sum(flown) == 5  # four flights, the interrupted one twice
     page = json.loads((out / 'controllers.json').read_text())
     assert [(r['course'], r['flights'], r['rms']) for r in page['results']] == [
