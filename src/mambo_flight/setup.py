@@ -24,6 +24,7 @@ setup(
             'bound = mambo_flight.judge.judge:main',
             'fly = mambo_flight.fly:main',
             'plan_trajectory = mambo_flight.course.plan_course:main',
+            'race = mambo_flight.race.race:main',
             'sweep = mambo_flight.sweep.command:main',
         ],
     },

@@ -51,6 +51,8 @@ GROUPS: dict[str, dict[str, Command]] = {
                                    'snap through waypoints'),
         'bound': Command('mambo_flight.judge.judge', 'the joint filter beside the best that any '
                          'estimator could do'),
+        'race': Command('mambo_flight.race.race', 'fly every controller over the same courses '
+                        'in the same wind'),
     },
     'Bags': {
         'compare': Command('mambo_analysis.compare.compare', 'errors of a flight, or of flight A '

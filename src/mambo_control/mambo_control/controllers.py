@@ -13,18 +13,26 @@ from mambo_model.vehicle.parameters import VehicleValues
 from . import cascaded, support_package
 from .command import Command
 from .gains import CascadedParams, GainValues
+from .literature import extended, flatness_drag, geometric, indi
 from .safety import REASON_NONE, REASON_REFERENCE, stop_reason, usable
 from .support_package import ToolboxControllerParams, ToolboxGainValues
 
-Memory = cascaded.Memory | support_package.Memory
-Gains = GainValues | ToolboxGainValues
-Params = CascadedParams | ToolboxControllerParams
+# Values, memory and functions of each controller, built in or from the literature.
+_LAWS = (
+    (GainValues, cascaded), (ToolboxGainValues, support_package),
+    (extended.ExtendedValues, extended), (flatness_drag.FlatnessDragValues, flatness_drag),
+    (geometric.GeometricValues, geometric), (indi.IndiValues, indi))
 
-initial = by_type(0, {
-    GainValues: cascaded.initial, ToolboxGainValues: support_package.initial})
-stopped = by_type(0, {
-    cascaded.Memory: cascaded.stopped, support_package.Memory: support_package.stopped})
-_step = by_type(4, {GainValues: cascaded.step, ToolboxGainValues: support_package.step})
+Memory = (cascaded.Memory | support_package.Memory | extended.Memory | flatness_drag.Memory
+          | geometric.Memory | indi.Memory)
+Gains = (GainValues | ToolboxGainValues | extended.ExtendedValues
+         | flatness_drag.FlatnessDragValues | geometric.GeometricValues | indi.IndiValues)
+Params = (CascadedParams | ToolboxControllerParams | extended.ExtendedParams
+          | flatness_drag.FlatnessDragParams | geometric.GeometricParams | indi.IndiParams)
+
+initial = by_type(0, {values: law.initial for values, law in _LAWS})
+stopped = by_type(0, {law.Memory: law.stopped for _, law in _LAWS})
+_step = by_type(4, {values: law.step for values, law in _LAWS})
 
 
 @jit

@@ -251,6 +251,9 @@ class Flights:
         self.sweep = sweep
         self.bases: dict[tuple[Any, ...], scenarios.Scenario] = {}
 
+    def __len__(self) -> int:
+        return len(self.sweep.rows)
+
     def _base(self, settings: dict[str, Place]) -> scenarios.Scenario:
         key = tuple(place.value for place in settings.values())
         if key not in self.bases:

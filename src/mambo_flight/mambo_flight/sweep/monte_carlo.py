@@ -17,7 +17,8 @@ from mambo_control import controllers, failsafe
 from mambo_model.compiled import jit
 from mambo_model.motion.trajectory import PlanValues, reference_step
 from mambo_model.motion.vector import add, dot, mul, sub, Vec3
-from mambo_model.vehicle.parameters import OptionValues, VehicleValues
+from mambo_model.vehicle.parameters import OptionValues, Vehicle, VehicleValues
+from mambo_model.vehicle.rotor import thrust_from_pwm
 from mambo_sim import plant, simulator, wind
 from mambo_sim.parameters import STEP_NS
 import numpy as np
@@ -41,12 +42,13 @@ class Tally(NamedTuple):
     running: int  # steps with turning motors
     saturated: int  # of these, with a motor at a limit of its PWM
     pwm_max: float
+    effort: float  # N^1.5, thrust of each motor to the power 1.5, by the believed map
     stopped_at: float  # s, of the shutdown; NaN: none
     reason: int  # of the shutdown, safety.REASON_*
 
 
 START = Tally(
-    0, (0.0, 0.0, 0.0), 0.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0, 0, 0.0, math.nan, 0)
+    0, (0.0, 0.0, 0.0), 0.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0, 0, 0.0, 0.0, math.nan, 0)
 
 
 @jit
@@ -77,6 +79,9 @@ def count(
     track, drift = math.sqrt(dot(off, off)), math.sqrt(dot(wrong, wrong))
     highest = max(max(pwm[0], pwm[1]), max(pwm[2], pwm[3]))
     lowest = min(min(pwm[0], pwm[1]), min(pwm[2], pwm[3]))
+    effort = a.effort
+    for x in pwm:
+        effort += thrust_from_pwm(x, vv) ** 1.5
     at = a.stopped_at
     if stopped and math.isnan(at):
         at = t
@@ -85,22 +90,23 @@ def count(
     if not failsafe.in_flight(phase):
         return Tally(
             a.steps, a.tracking, a.tracking_max, track, a.estimation, a.estimation_max, drift,
-            a.running + runs, a.saturated + cut, max(a.pwm_max, highest), at,
+            a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
             reason if stopped else a.reason)
     return Tally(
         a.steps + 1, add(a.tracking, mul(off, off)), max(a.tracking_max, track), track,
         add(a.estimation, mul(wrong, wrong)), max(a.estimation_max, drift), drift,
-        a.running + runs, a.saturated + cut, max(a.pwm_max, highest), at,
+        a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
         reason if stopped else a.reason)
 
 
-def metrics(a: Tally) -> dict[str, Any]:
+def metrics(a: Tally, vehicle: Vehicle) -> dict[str, Any]:
     """
-    Return the numbers of a flight by name.
+    Return the numbers of a flight by name; the vehicle is the one the controller believes in.
 
     ``tracking`` is truth minus reference, ``estimation`` estimate minus truth, in m: ``rms`` over
     the steps in flight, total and along x, y, z (NED), ``max`` of their length there, ``final``
-    its value at the end. NaN where nothing was flown.
+    its value at the end. ``energy`` is what the commanded thrusts take, in J: ideal power of the
+    rotors over the efficiency of the drive. NaN where nothing was flown.
     """
     out: dict[str, Any] = {}
     for name in ('tracking', 'estimation'):
@@ -112,6 +118,8 @@ def metrics(a: Tally) -> dict[str, Any]:
         out[f'{name}_final'] = getattr(a, f'{name}_last')
     out['saturated_share'] = a.saturated / a.running if a.running else math.nan
     out['pwm_max'] = a.pwm_max
+    ideal = a.effort / (vehicle.rotor.radius * math.sqrt(2.0 * math.pi * vehicle.air_density))
+    out['energy'] = STEP * ideal / vehicle.battery.efficiency
     out['shutdown'], out['shutdown_time'] = not math.isnan(a.stopped_at), a.stopped_at
     out['shutdown_reason'] = failsafe.REASONS[a.reason]
     return out
@@ -138,7 +146,7 @@ def measure(flight: Scenario, r: closed_loop.Recording) -> dict[str, Any]:
     """Return the :func:`metrics` of a flight that was flown."""
     return metrics(_count_all(
         r.t, r.truth, r.estimate, r.reference, r.phase, r.pwm, r.stopped, r.reason,
-        flight.controller_node.vehicle.values()))
+        flight.controller_node.vehicle.values()), flight.controller_node.vehicle)
 
 
 class _Ideal(NamedTuple):
@@ -202,7 +210,7 @@ def fly_many(flights: Iterable[Scenario]) -> Iterator[dict[str, Any]]:
         yield metrics(_ideal(
             plant.initial(sim.plant), wind.initial(sim.wind),
             simulator.generators(sim.seed)[simulator.WIND], failsafe.initial(controller.law),
-            closed_loop.step_count(flight), p))
+            closed_loop.step_count(flight), p), controller.vehicle)
 
 
 class Speed(NamedTuple):

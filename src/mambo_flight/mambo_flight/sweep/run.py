@@ -9,17 +9,26 @@ import contextlib
 import multiprocessing
 import os
 import signal
-from typing import Any
+from typing import Any, Protocol
 
 from tqdm import tqdm
 
 from . import monte_carlo
 from ..scenario import Scenario
-from .design import Flights
 from .table import batches, Journal, SweepEndedError, SweepError
 
 BATCH = 16  # flights at most that a worker gets at once
 AHEAD = 3  # batches for each worker that wait or are flown
+
+
+class Numbered(Protocol):
+    """Scenarios by number."""
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+
+    def __getitem__(self, number: int) -> Scenario:
+        """Return one of them."""
 
 
 def fly(flights: Sequence[Scenario], ideal: bool) -> list[dict[str, Any]]:
@@ -61,7 +70,7 @@ def _dask(address: str) -> Iterator[tuple[Executor, int]]:
 
 
 def run(
-    flights: Flights, journal: Journal, ideal: bool, workers: int | None = None,
+    flights: Numbered, journal: Journal, ideal: bool, workers: int | None = None,
     dask: str | None = None,
 ) -> None:
     """
@@ -70,7 +79,7 @@ def run(
     Parameters
     ----------
     flights
-        Of the sweep.
+        Scenarios by number, made when they are asked for.
     journal
         Gets each row as it is finished.
     ideal
@@ -86,8 +95,8 @@ def run(
         If a worker fails; what is finished is in the journal.
 
     """
-    left = [number for number in range(len(flights.sweep.rows)) if number not in journal.rows]
-    with tqdm(total=len(flights.sweep.rows), initial=len(journal.rows), unit='flight',
+    left = [number for number in range(len(flights)) if number not in journal.rows]
+    with tqdm(total=len(flights), initial=len(journal.rows), unit='flight',
               desc='sweep', disable=None, leave=False) as bar:
         def keep(numbers: Sequence[int], rows: list[dict[str, Any]]) -> None:
             for number, row in zip(numbers, rows, strict=True):
@@ -106,7 +115,7 @@ def run(
                 _spread(flights, left, ideal, executor, count, keep)
 
 
-def _spread(flights: Flights, left: Sequence[int], ideal: bool, executor: Executor, count: int,
+def _spread(flights: Numbered, left: Sequence[int], ideal: bool, executor: Executor, count: int,
             keep: Any) -> None:
     """Fly numbers on an executor with so many workers, never more than a few ahead."""
     size = max(1, min(BATCH, len(left) // (4 * count)))

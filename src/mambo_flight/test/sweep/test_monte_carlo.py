@@ -6,7 +6,9 @@ from mambo_flight import closed_loop
 from mambo_flight.scenario import scenario
 from mambo_flight.sweep import monte_carlo
 from mambo_model.motion.trajectory import GROUND, LANDED
+from mambo_model.vehicle.battery import electric_power
 from mambo_model.vehicle.parameters import Vehicle
+from mambo_model.vehicle.vehicle_options import BatteryParams
 import numpy as np
 import pytest
 
@@ -44,6 +46,9 @@ def test_metrics_are_those_of_the_arrays():
     limited = (r.pwm >= 330.0).any(axis=1) | (r.pwm <= 10.0).any(axis=1)
     assert 0.0 < row['saturated_share'] == (limited & running).sum() / running.sum() < 0.5
     assert row['pwm_max'] == 330.0
+    options = Vehicle(battery=BatteryParams(enabled=True)).options()
+    power = [electric_power(tuple(4.29e-5 * x ** 1.47 for x in pwm), options) for pwm in r.pwm]
+    assert row['energy'] == pytest.approx(0.005 * sum(power), rel=1e-12)
     assert not row['shutdown'] and math.isnan(row['shutdown_time'])
     assert row['shutdown_reason'] == ''
 
@@ -58,7 +63,7 @@ def test_a_shutdown_is_told_with_its_first_instant_and_its_reason():
     tally = count(monte_carlo.START, 0.5, 1.0)
     for t in (1.0, 1.5):
         tally = count(tally, t, 3.0, True, 5, (0.0,) * 4)
-    row = monte_carlo.metrics(tally)
+    row = monte_carlo.metrics(tally, Vehicle())
     assert (row['shutdown'], row['shutdown_time'], row['shutdown_reason']) == (True, 1.0, 'crash')
     assert row['tracking_rms'] == pytest.approx(math.sqrt(19.0 / 3.0), rel=1e-15)
     assert row['estimation_rms_z'] == 2.0 and row['estimation_rms_x'] == 0.0
@@ -67,12 +72,13 @@ def test_a_shutdown_is_told_with_its_first_instant_and_its_reason():
 
 def test_what_is_not_in_flight_counts_for_the_end_alone():
     tally = count(count(monte_carlo.START, 0.0, 1.0), 0.5, 9.0, phase=4)
-    row = monte_carlo.metrics(tally)
+    row = monte_carlo.metrics(tally, Vehicle())
     assert row['tracking_rms'] == row['tracking_max'] == 1.0 and row['tracking_final'] == 9.0
-    nothing = monte_carlo.metrics(count(monte_carlo.START, 0.0, 0.0, pwm=(0.0,) * 4, phase=0))
+    idle = count(monte_carlo.START, 0.0, 0.0, pwm=(0.0,) * 4, phase=0)
+    nothing = monte_carlo.metrics(idle, Vehicle())
     assert math.isnan(nothing['tracking_rms']) and math.isnan(nothing['saturated_share'])
     low = count(monte_carlo.START, 0.0, 0.0, pwm=(10.0, 200.0, 200.0, 200.0))
-    assert monte_carlo.metrics(low)['saturated_share'] == 1.0
+    assert monte_carlo.metrics(low, Vehicle())['saturated_share'] == 1.0
 
 
 def test_a_scenario_without_an_end_is_refused():

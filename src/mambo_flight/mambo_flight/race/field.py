@@ -1,0 +1,162 @@
+"""
+Who races over what: entrants, courses and what each flight has wrong, as scenarios.
+
+What is wrong depends on the condition and the number of the draw alone, so that every entrant
+flies the same vehicles in the same wind on every course.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+import math
+from typing import Any, NamedTuple
+
+from mambo_model.motion import uav_trajectories
+from mambo_model.vehicle.parameters import Vehicle
+import numpy as np
+
+from ..course import minimum_snap, sampled
+from ..scenario import override, Scenario, scenario
+
+DURATION = 30.0  # s
+WRONG = 0.2      # of mass and drag
+GUST = 0.5       # m/s, standard deviation on each axis
+
+
+class Entrant(NamedTuple):
+    """A controller with settings of its own."""
+
+    controller: str
+    settings: dict[str, Any]  # of its parameters
+    title: str
+
+
+ENTRANTS = {
+    'cascaded': Entrant('cascaded', {}, 'cascade of the thesis'),
+    'feedforward': Entrant('cascaded', {'drag_feedforward': True},
+                           'the same with its drag feed-forward'),
+    'extended': Entrant('extended', {}, 'the same, drag and mass estimated, exact integral'),
+    'geometric': Entrant('geometric', {}, 'Lee 2010'),
+    'flatness_drag': Entrant('flatness_drag', {}, 'Faessler 2018'),
+    'indi': Entrant('indi', {}, 'Smeur 2016, Sun 2022'),
+}
+
+
+def lemniscate(t: float) -> tuple[float, float, float]:
+    """Return Gerono's lemniscate, 2 m long, 1.5 m high, in 8 s a turn; (3,) m, inertial NED."""
+    w = 0.25 * math.pi
+    return math.sin(w * t), 0.5 * math.sin(2.0 * w * t), -1.5
+
+
+@lru_cache(maxsize=1)
+def _lemniscate() -> str:
+    return uav_trajectories.to_text(sampled.fit(lemniscate, 16.0, 'lemniscate'))
+
+
+@lru_cache(maxsize=1)
+def _minimum_snap() -> str:
+    """Return a course through eight gates at up to 2 m/s, as text."""
+    points = np.array([
+        (0.0, 0.0, -1.5), (1.2, 0.6, -1.8), (1.8, -0.6, -1.4), (0.6, -1.4, -1.1),
+        (-0.8, -0.8, -1.6), (-1.6, 0.4, -2.0), (-0.6, 1.2, -1.5), (0.0, 0.0, -1.5)])
+    legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    t = np.concatenate(([0.0], np.cumsum(legs / 1.1 + np.array([0.6, 0, 0, 0, 0, 0, 0.6]))))
+    return uav_trajectories.to_text(
+        minimum_snap.minimum(minimum_snap.from_points(t, points), 'snap'))
+
+
+def _plan(course: str) -> dict[str, Any]:
+    """Return parameters of the flight plan for a course."""
+    texts = {'lemniscate': _lemniscate, 'minimum_snap': _minimum_snap}
+    if course in texts:
+        return {'trajectory': 'course', 'course': texts[course]()}
+    return {'trajectory': course}
+
+
+COURSES = ('circle', 'circle_fast', 'lemniscate', 'vertical_circle', 'step', 'minimum_snap')
+
+
+def known(draw: int) -> dict[str, Any]:
+    """Return what is wrong in the condition known: nothing."""
+    return {}
+
+
+def twenty_percent(draw: int) -> dict[str, Any]:
+    """Return mass and drag wrong by exactly 20 %, either way, in gusts of 0.5 m/s."""
+    mass, drag = (1.0 + sign * WRONG for sign in ((1, 1), (1, -1), (-1, 1), (-1, -1))[draw % 4])
+    return _true(mass, drag, (0.0, 0.0, 0.0), 0.0, 1.0)
+
+
+def everything(draw: int) -> dict[str, Any]:
+    """Return mass and drag wrong by up to 20 %, battery, lag of the motors, wind and gusts."""
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(draw, spawn_key=(1,))))
+    mass, drag = rng.uniform(1.0 - WRONG, 1.0 + WRONG, 2).tolist()
+    wind = rng.uniform(-0.5, 0.5, 2).tolist()
+    lag, supply = float(rng.uniform(0.0, 0.03)), float(rng.uniform(3.5, 4.0)) / 3.7
+    return _true(mass, drag, (*wind, 0.0), lag, supply)
+
+
+def _true(mass: float, drag: float, wind: tuple, lag: float, supply: float) -> dict[str, Any]:
+    """Return the true vehicle by its factors, wind in m/s, lag in s, supply over 3.7 V."""
+    believed, at = Vehicle(), 'sim_node.simulator.'
+    return {
+        f'{at}vehicle.mass': mass * believed.mass,
+        f'{at}vehicle.drag_coefficient': drag * believed.drag_coefficient,
+        # a motor at the command X does what it did at X V/V_ref: mambo_model.vehicle.battery
+        f'{at}vehicle.power_a': supply ** believed.power_b * believed.power_a,
+        f'{at}vehicle.motor_time_constant': lag,
+        f'{at}wind.velocity': wind, f'{at}wind.gust': (GUST, GUST, GUST)}
+
+
+CONDITIONS = {'known': known, 'twenty_percent': twenty_percent, 'everything': everything}
+
+
+class Start(NamedTuple):
+    """One flight of a race."""
+
+    entrant: str
+    course: str
+    condition: str
+    draw: int  # from 0: what is wrong, and the seed of all noise
+
+
+class Field:
+    """
+    The flights of a race, by number; made when they are asked for.
+
+    Parameters
+    ----------
+    entrants, courses, conditions
+        Names out of :data:`ENTRANTS`, :data:`COURSES`, :data:`CONDITIONS`.
+    draws
+        Flights of each of these; one where nothing is wrong and nothing is noisy.
+    ideal
+        Whether they are flown on the true state.
+
+    """
+
+    def __init__(
+        self, entrants: Sequence[str], courses: Sequence[str], conditions: Sequence[str],
+        draws: int, ideal: bool,
+    ) -> None:
+        self.ideal = ideal
+        self.starts = [
+            Start(entrant, course, condition, draw)
+            for entrant in entrants for condition in conditions for course in courses
+            for draw in range(1 if condition == 'known' and ideal else draws)]
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    def __getitem__(self, number: int) -> Scenario:
+        start = self.starts[number]
+        entrant, node = ENTRANTS[start.entrant], 'controller_node.'
+        flight = scenario(
+            controller=entrant.controller, duration=DURATION, seed=start.draw + 1, land=False)
+        return override(flight, {
+            **{f'reference_node.plan.{name}': value
+               for name, value in _plan(start.course).items()},
+            **{f'{node}{entrant.controller}.{name}': value
+               for name, value in entrant.settings.items()},
+            **CONDITIONS[start.condition](start.draw)})

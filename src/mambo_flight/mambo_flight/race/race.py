@@ -1,0 +1,142 @@
+"""
+Fly every controller over the same courses, in the same wind, with the same wrong beliefs.
+
+Writes controllers.md, controllers.json and a plot for each condition into a folder. What is
+finished is kept when it is interrupted: the same command goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import hashlib
+import json
+from pathlib import Path
+
+from mambo_bags.command import guard, Parser
+from mambo_model.compiled import source_digest
+from mambo_model.errors import InputError
+
+from . import report
+from ..sweep.run import run
+from ..sweep.table import Journal, SweepEndedError
+from .field import CONDITIONS, COURSES, ENTRANTS, Field
+from .timing import step_time
+
+
+def race(
+    folder: Path, entrants: Sequence[str], courses: Sequence[str], conditions: Sequence[str],
+    draws: int, states: Sequence[bool], workers: int | None = None,
+) -> list[report.Result]:
+    """
+    Fly a race and write its page.
+
+    Parameters
+    ----------
+    folder
+        For the page, the numbers and the plots.
+    entrants, courses, conditions, draws
+        As for :class:`Field`.
+    states
+        Whether on the true state; both, one after the other.
+    workers
+        Processes; None: one for each core.
+
+    Raises
+    ------
+    InputError
+        If the unfinished rows in the folder are of another race.
+    SweepEndedError
+        If it ended early; the finished rows are kept.
+
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    found: list[report.Result] = []
+    journals = []
+    for ideal in states:
+        flights = Field(entrants, courses, conditions, draws, ideal)
+        digest = hashlib.sha256(f'{source_digest()} {flights.starts}'.encode()).hexdigest()
+        name = 'true_state' if ideal else 'estimates'
+        journals.append(Journal(folder / f'race_{name}.rows', digest))
+        try:
+            run(flights, journals[-1], ideal, workers)
+        except BaseException:
+            for journal in journals:
+                journal.close()
+            raise
+        found += report.results(flights.starts, journals[-1].rows, ideal)
+    times = {name: step_time(Field([name], courses[:1], ['known'], 1, True)[0])
+             for name in entrants}
+    _write(folder, found, times, conditions, draws)
+    for journal in journals:
+        journal.remove()
+    return found
+
+
+def _write(
+    folder: Path, found: Sequence[report.Result], times: dict[str, float],
+    conditions: Sequence[str], draws: int,
+) -> None:
+    pictures = []
+    for condition in conditions:
+        pictures.append(f'controllers_{condition}.png')
+        report.draw(folder / pictures[-1], found, condition)
+    about = (f'{sum(r.flights for r in found)} flights of 30 s, {draws} draws of each kind '
+             '(one where nothing is wrong and nothing is noisy).')
+    (folder / 'controllers.md').write_text(report.markdown(found, times, about, pictures))
+    (folder / 'controllers.json').write_text(json.dumps(
+        {'draws': draws, 'step_us': times, 'results': [r._asdict() for r in found]}, indent=1)
+        + '\n')
+
+
+def _names(text: str, known: Sequence[str], option: str) -> list[str]:
+    """Return the names of a list with commas; InputError for one that is not known."""
+    names = text.split(',') if text else list(known)
+    for name in names:
+        if name not in known:
+            raise InputError(f'{option}: {name} is unknown; known: {", ".join(known)}')
+    return names
+
+
+def _run(options: argparse.Namespace) -> None:
+    if options.draws < 1:
+        raise InputError(f'--draws {options.draws}: must be 1 or more')
+    if options.workers is not None and options.workers < 1:
+        raise InputError(f'--workers {options.workers}: must be 1 or more')
+    names = (_names(options.controllers, list(ENTRANTS), '--controllers'),
+             _names(options.courses, COURSES, '--courses'),
+             _names(options.conditions, list(CONDITIONS), '--conditions'))
+    states = {'both': (True, False), 'true': (True,), 'estimated': (False,)}[options.state]
+    try:
+        race(options.output, *names, options.draws, states, options.workers)
+    except KeyboardInterrupt:
+        raise SweepEndedError(
+            'stopped by you; what is finished is kept, the same command goes on') from None
+    print(f'page: {options.output / "controllers.md"}')
+
+
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('race', __doc__)
+    add = out.add_argument
+    add('-o', '--output', type=Path, metavar='FOLDER', required=True,
+        help='for the page, the numbers and the plots')
+    add('--draws', type=int, default=1000, metavar='N',
+        help='flights of each controller, course and condition (default: 1000)')
+    for name, known in (('controllers', ENTRANTS), ('courses', COURSES),
+                        ('conditions', CONDITIONS)):
+        add(f'--{name}', default='', metavar='A,B,...', help=f'out of {", ".join(known)}')
+    add('--state', default='both', choices=('both', 'true', 'estimated'),
+        help='what the controllers get (default: both, one after the other)')
+    add('--workers', type=int, metavar='N', help='processes (default: one for each core)')
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``race``; return the exit code."""
+    options = parser().parse_args(arguments)
+    return guard('race', lambda: _run(options))
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

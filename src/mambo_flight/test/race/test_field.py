@@ -1,0 +1,66 @@
+"""Who races over what: the same vehicles and wind for everybody, courses that can be flown."""
+
+import itertools
+
+from mambo_flight.course import feasibility
+from mambo_flight.race.field import (
+    CONDITIONS, COURSES, DURATION, ENTRANTS, Field, GUST, Start)
+from mambo_model.motion.trajectory import reference_at
+from mambo_model.vehicle.parameters import Vehicle
+import numpy as np
+import pytest
+
+
+def true(flight):
+    sim = flight.sim_node.simulator
+    return sim.vehicle, sim.wind, sim.seed
+
+
+def test_every_entrant_flies_the_same_vehicles_in_the_same_wind():
+    field = Field(('indi', 'geometric'), ('circle', 'step'), ('everything',), 3, True)
+    flights = [field[number] for number in range(len(field))]
+    assert len(flights) == 12
+    for (a, one), (b, other) in itertools.combinations(zip(field.starts, flights), 2):
+        assert (true(one) == true(other)) == (a.draw == b.draw)
+        # nobody is told: all believe in the same vehicle
+        assert one.controller_node.vehicle == other.controller_node.vehicle == Vehicle()
+    assert field.starts[0] == Start('indi', 'circle', 'everything', 0)
+
+
+def test_what_is_wrong_is_what_the_condition_says():
+    known, = (f for f in [Field(('indi',), ('circle',), ('known',), 9, True)[0]])
+    assert true(known)[0] == Vehicle() and known.sim_node.simulator.wind.values() is None
+    field = Field(('indi',), ('circle',), ('twenty_percent',), 4, True)
+    vehicles = [true(field[k])[0] for k in range(4)]
+    assert {(round(v.mass / 0.068, 9), round(v.drag_coefficient / 0.22, 9)) for v in vehicles} == {
+        (1.2, 1.2), (1.2, 0.8), (0.8, 1.2), (0.8, 0.8)}
+    assert true(field[0])[1].gust == (GUST,) * 3
+    drawn = [CONDITIONS['everything'](draw) for draw in range(300)]
+    mass = np.array([d['sim_node.simulator.vehicle.mass'] for d in drawn]) / 0.068
+    lag = np.array([d['sim_node.simulator.vehicle.motor_time_constant'] for d in drawn])
+    # a uniform draw of 300 leaves 1 % of its range at either end once in e^3
+    assert 0.8 <= mass.min() < 0.81 and 1.19 < mass.max() <= 1.2
+    assert 0.0 <= lag.min() < 0.001 and 0.029 < lag.max() <= 0.03
+
+
+def test_a_flight_where_nothing_is_drawn_is_flown_once():
+    assert len(Field(('indi',), COURSES, ('known',), 50, True)) == len(COURSES)
+    assert len(Field(('indi',), COURSES, ('known',), 50, False)) == 50 * len(COURSES)
+
+
+def test_settings_of_an_entrant_reach_its_controller():
+    flight = Field(('feedforward',), ('circle',), ('known',), 1, True)[0]
+    assert flight.controller_node.controller == 'cascaded'
+    assert flight.controller_node.law.drag_feedforward
+    assert not Field(('cascaded',), ('circle',), ('known',), 1, True)[0].controller_node.law \
+        .drag_feedforward
+    assert set(ENTRANTS) >= {'extended', 'flatness_drag', 'geometric', 'indi'}
+
+
+@pytest.mark.parametrize('course', ['lemniscate', 'minimum_snap'])
+def test_the_vehicle_can_fly_the_courses(course):
+    plan = Field(('indi',), (course,), ('known',), 1, True)[0].reference_node.plan
+    assert feasibility.check(plan.flown_course(), Vehicle()) is None
+    speeds = [np.linalg.norm(reference_at(float(t), plan, Vehicle())[0].v)
+              for t in np.arange(5.0, DURATION, 0.1)]
+    assert 0.5 < max(speeds) < 3.0

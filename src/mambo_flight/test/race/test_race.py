@@ -1,0 +1,46 @@
+"""The command race: refusals in one line, a race that goes on, its page."""
+
+import json
+
+from mambo_flight.race import race
+import pytest
+
+
+@pytest.mark.parametrize('options, said', [
+    (['--controllers', 'indi,foo'], '--controllers: foo is unknown; known: cascaded, '),
+    (['--courses', 'square'], '--courses: square is unknown; known: circle, '),
+    (['--conditions', 'storm'], '--conditions: storm is unknown; known: known, '),
+    (['--draws', '0'], '--draws 0: must be 1 or more'),
+    (['--workers', '0'], '--workers 0: must be 1 or more')])
+def test_what_cannot_be_flown_is_refused_in_one_line(tmp_path, capsys, options, said):
+    assert race.main(['-o', str(tmp_path / 'out'), *options]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count('\n') == 1
+    assert not (tmp_path / 'out').exists()
+
+
+def test_a_race_writes_its_page_and_goes_on_after_an_interruption(tmp_path, monkeypatch):
+    out, flown = tmp_path / 'out', []
+    rows = {'tracking_rms': 0.01, 'tracking_max': 0.1, 'tracking_final': 0.02,
+            'saturated_share': 0.0, 'energy': 50.0, 'shutdown': False}
+
+    def fly(flights, ideal):
+        flown.append(len(flights))
+        if len(flown) == 2:
+            raise KeyboardInterrupt
+        return [rows for _ in flights]
+    monkeypatch.setattr('mambo_flight.sweep.run.fly', fly)
+    monkeypatch.setattr(race, 'step_time', lambda flight: 0.5)
+    arguments = ['-o', str(out), '--controllers', 'indi', '--courses', 'circle,step',
+                 '--conditions', 'twenty_percent', '--draws', '2', '--workers', '1']
+    assert race.main([*arguments, '--state', 'true']) == 1
+    assert not (out / 'controllers.md').exists()
+    assert race.main([*arguments, '--state', 'true']) == 0
+    assert sum(flown) == 5  # four flights, the interrupted one twice
+    page = json.loads((out / 'controllers.json').read_text())
+    assert [(r['course'], r['flights'], r['rms']) for r in page['results']] == [
+        ('circle', 2, 0.01), ('step', 2, 0.01)]
+    assert page['step_us'] == {'indi': 0.5}
+    assert (out / 'controllers.md').read_text().startswith('# Controllers compared')
+    assert (out / 'controllers_twenty_percent.png').exists()
+    assert not list(out.glob('*.rows'))
