@@ -96,9 +96,10 @@ def scenario(
         'controller_node': {'controller': controller, 'vehicle': believed_vehicle},
     }
     if not noise:  # a sensor without noise may repeat itself
-        sections['estimator_node']['kalman'] = {
-            sensor: {'stuck_samples': 0}
-            for sensor in ('imu', 'sonar', 'optical_flow', 'barometer')}
+        for one in ('kalman', 'joint'):
+            sections['estimator_node'][one] = {
+                sensor: {'stuck_samples': 0}
+                for sensor in ('imu', 'sonar', 'optical_flow', 'barometer')}
     if land:
         sections['reference_node']['plan']['landing_time'] = landing_time(duration)
     flight = override(schema.build(Scenario, sections), overrides or {})

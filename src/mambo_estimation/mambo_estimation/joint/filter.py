@@ -123,9 +123,12 @@ def _advance(
     """
     Take one inertial sample: stand still, start to move, or move.
 
+    Rate and drag change evenly from sample to sample; the thrust, along body z, is held.
+
     Return rest, whether it goes on, state, drag and vibration; ``P`` and ``ring`` change in place.
     """
-    rate, force = scale(0.5, add(m.gyro, gyro)), scale(0.5, add(m.accel, accel))
+    rate = scale(0.5, add(m.gyro, gyro))
+    force = (0.5 * (m.accel[0] + accel[0]), 0.5 * (m.accel[1] + accel[1]), accel[2])
     remember(ring, m.at, rate, force, dt)
     rest, resting, x, window = m.alignment, m.resting, m.x, m.window
     if resting:

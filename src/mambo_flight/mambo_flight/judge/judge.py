@@ -53,7 +53,7 @@ class Quantity(NamedTuple):
 
 
 def _nees(error: Array, P: Array) -> float:
-    """Return the squared error over its covariance; NaN where the filter states none."""
+    """Return the squared error over its covariance; NaN where the filter is certain."""
     if not np.all(np.linalg.eigvalsh(P) > 0.0):
         return math.nan
     return float(error @ np.linalg.solve(P, error))
@@ -134,7 +134,8 @@ def summary(judged: list[Judged]) -> Report:
             for field in ('bound', 'reached'))
         degrees = sum(row.components for row in rows)
         lines.append(Line(
-            quantity.name, quantity.unit, bound, reached, reached / bound,
+            quantity.name, quantity.unit, bound, reached,
+            reached / bound if bound > 0.0 else math.nan,
             sum(row.nees for row in rows) / degrees,
             *(float(chi2.ppf(p, degrees)) / degrees for p in (0.025, 0.975))))
     nis = {}
