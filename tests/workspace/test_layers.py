@@ -42,7 +42,8 @@ ROS_MESSAGES = {'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'nav_m
 ROSDEP = {'argcomplete': 'python3-argcomplete', 'clarabel': None, 'distributed': None, 'lz4': None,
           'matplotlib': 'python3-matplotlib', 'mcap': None,
           'numba': 'python3-numba', 'numpy': 'python3-numpy', 'osqp': None,
-          'pandas': 'python3-pandas', 'plotly': None, 'pyarrow': None, 'rosbags': None, 'scipy': 'python3-scipy',
+          'pandas': 'python3-pandas', 'plotly': None, 'pyarrow': None, 'rosbags': None,
+          'scipy': 'python3-scipy',
           'tqdm': 'python3-tqdm', 'yaml': 'python3-yaml', 'zstandard': None}
 
 
