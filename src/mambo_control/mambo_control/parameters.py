@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from mambo_model import schema
+from mambo_model.components import built_in_groups
 from mambo_model.motion.trajectory import FlightPlanParams
 from mambo_model.vehicle.parameters import Vehicle
 
-from .controllers import Params
+from .controllers import OwnParams, REGISTRY
 from .failsafe import FailsafeParams
-from .gains import CascadedParams
-from .support_package import ToolboxControllerParams
 
 
 @dataclass(frozen=True)
@@ -22,17 +22,16 @@ class ReferenceNodeParams:
     vehicle: Vehicle = schema.group(Vehicle)
 
 
+@built_in_groups(REGISTRY, before='failsafe')
 @dataclass(frozen=True)
 class ControllerNodeParams:
     """Parameters of ``controller_node``; the vehicle is the one the controller believes in."""
 
-    controller: str = schema.choice('cascaded', ('cascaded', 'toolbox'), 'which control law')
+    controller: str = schema.component('cascaded', REGISTRY, 'which control law')
     period: float = schema.quantity(0.005, 's', 0.001, 0.1, '200 Hz, section 4.2')
     patience: float = schema.quantity(
         0.1, 's', 0.0, 10.0, 'an estimate or a reference is missing when the other stream is '
         'ahead by so much stamped time (judgement)')
-    cascaded: CascadedParams = schema.group(CascadedParams)
-    toolbox: ToolboxControllerParams = schema.group(ToolboxControllerParams)
     failsafe: FailsafeParams = schema.group(FailsafeParams)
     vehicle: Vehicle = schema.group(Vehicle)
 
@@ -40,6 +39,8 @@ class ControllerNodeParams:
         schema.check(self)
 
     @property
-    def law(self) -> Params:
+    def law(self) -> Any:
         """Return the parameters of the chosen control law."""
-        return getattr(self, self.controller)
+        chosen = REGISTRY.find(self.controller)
+        params = getattr(self, chosen.name)
+        return OwnParams(chosen, params) if chosen.own else params

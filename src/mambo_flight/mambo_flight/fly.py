@@ -10,19 +10,32 @@ import argparse
 import time
 
 from mambo_bags.command import guard, Parser, refuse_existing
-from mambo_model.errors import InputError
+from mambo_model import slots
+from mambo_model.components import remarks
+from mambo_model.errors import InputError, JobError
 
 from . import closed_loop, recording_to_bag, scenario_file
+
+CHOICES = ('controller', 'estimator')  # components that a command line may name
 
 
 def _run(options: argparse.Namespace) -> None:
     refuse_existing(options.output)
-    given = {} if options.seed is None else {
-        'seed': scenario_file.Place(options.seed, '--seed')}
-    name, flight = scenario_file.load(options.scenario, given)
+    given = {
+        name: scenario_file.Place(value, f'--{name}') for name in ('seed', *CHOICES)
+        if (value := getattr(options, name)) is not None}
+    if options.scenario:
+        name, flight = scenario_file.load(options.scenario, given)
+    elif given:
+        name, flight = 'flight', scenario_file.from_settings(given)
+    else:
+        raise InputError(f'give a SCENARIO or one of --{", --".join(CHOICES)}')
     if not flight.sim_node.duration > 0.0:
         raise InputError(f'{name}: sim_node.duration must be more than 0 s')
     recording_to_bag.check(flight)
+    for line in remarks(flight):
+        print(line)
+    slots.latest_fault()  # what went wrong before is not of this flight
     began = time.monotonic()
     recording = closed_loop.fly(flight, inner=True)
     flown = time.monotonic()
@@ -32,14 +45,21 @@ def _run(options: argparse.Namespace) -> None:
     print(f'{name}: {seconds:.2f} s flown in {flown - began:.2f} s, bag written in '
           f'{end - flown:.2f} s: {seconds / (end - began):.0f} times real time\n'
           f'bag: {options.output}')
+    if fault := slots.latest_fault():
+        raise JobError(f'{name}: {fault}')
 
 
 def parser() -> Parser:
     """Return the command line."""
     out = Parser('fly', __doc__)
     out.add_argument(
-        'scenario', metavar='SCENARIO', help='an experiment, experiment/flight, or a file')
+        'scenario', metavar='SCENARIO', nargs='?',
+        help='an experiment, experiment/flight, or a file')
     out.add_output('BAG', 'directory of the bag to make', required=True)
+    for name in CHOICES:
+        out.add_argument(f'--{name}', metavar='NAME', help=(
+            f'{name} instead of that of the scenario: a built-in one, FILE.py, FILE.py:NAME, or '
+            'an installed one'))
     out.add_argument('--seed', type=int, metavar='N', help='of every noise stream')
     return out
 
