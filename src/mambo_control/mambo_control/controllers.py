@@ -14,7 +14,7 @@ import math
 from typing import Any, NamedTuple
 
 from mambo_model import slots
-from mambo_model.compiled import by_type, jit
+from mambo_model.compiled import by_type, jit, objmode, typeof
 from mambo_model.components import Component, Registry
 from mambo_model.motion.flatness import from_flat_output, Reference
 from mambo_model.motion.quaternion import IDENTITY
@@ -24,7 +24,6 @@ from mambo_model.slots import PlainMemory, PlainValues, UnusableError
 from mambo_model.values import values
 from mambo_model.vehicle.parameters import Vehicle, VehicleValues
 from mambo_model.vehicle.rotor import limit_pwm
-from numba import objmode, typeof
 
 from . import cascaded, support_package
 from .command import Command, no_thrust

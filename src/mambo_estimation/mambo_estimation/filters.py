@@ -14,12 +14,11 @@ import math
 from typing import Any, NamedTuple
 
 from mambo_model import slots
-from mambo_model.compiled import by_type, jit
+from mambo_model.compiled import by_type, jit, objmode, typeof
 from mambo_model.components import Component, Registry
 from mambo_model.motion.rigid_body import State
 from mambo_model.slots import PlainMemory, PlainValues, UnusableError
 from mambo_model.values import values
-from numba import objmode, typeof
 
 from . import kalman, support_package
 from .estimate import Estimate, of_state, STATUS, STATUS_DEAD_RECKONING

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+import contextlib
 import hashlib
 import importlib.abc
 import importlib.machinery
@@ -61,7 +62,7 @@ def _stand_in(owner: Any, name: str) -> type:
     return found
 
 
-sys.meta_path.append(_Forgotten())
+sys.meta_path.insert(0, _Forgotten())
 
 
 def source_digest() -> str:
@@ -102,7 +103,9 @@ def _cache_root() -> Path:
 
 os.environ.setdefault('NUMBA_CACHE_DIR', str(_cache_root() / f'numba-{source_digest()}'))
 
-import numba  # noqa: E402 (reads NUMBA_CACHE_DIR while it is imported)
+import numba  # noqa: E402 (reads NUMBA_CACHE_DIR while it is imported; all others import it here)
+from numba import objmode, typeof  # noqa: E402, F401
+from numba.core.errors import NumbaError  # noqa: E402, F401
 from numba.experimental import structref  # noqa: E402
 from numba.extending import overload  # noqa: E402
 
@@ -115,6 +118,17 @@ def jit(function: F) -> F:
     gets the same bits.
     """
     return numba.njit(cache=True, error_model='numpy')(function)
+
+
+@contextlib.contextmanager
+def own_cache(name: str) -> Iterator[None]:
+    """Keep what functions compile to that are defined meanwhile in a folder of this name."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(Path(os.environ['NUMBA_CACHE_DIR']) / name)
+    try:
+        yield
+    finally:
+        numba.config.CACHE_DIR = before
 
 
 class _Held(structref.StructRefProxy):

@@ -27,9 +27,7 @@ import sys
 from types import ModuleType
 from typing import Any
 
-import numba
-
-from .compiled import OWN_MODULES
+from .compiled import own_cache, OWN_MODULES
 from .schema import component_fields, group, ParameterError, shown
 from .values import values_type
 
@@ -323,10 +321,9 @@ def load_file(path: Path) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     sys.path.insert(0, str(path.parent))  # for files beside it
-    cache = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(Path(cache) / name)  # what is compiled goes with this content
     try:
-        spec.loader.exec_module(module)
+        with own_cache(name):  # what is compiled goes with this content
+            spec.loader.exec_module(module)
     except BaseException as error:
         del sys.modules[name]
         if isinstance(error, KeyboardInterrupt):
@@ -337,7 +334,6 @@ def load_file(path: Path) -> ModuleType:
             f'{fault_place(path, error)}: {type(error).__name__}: {error}') from None
     finally:
         sys.path.remove(str(path.parent))
-        numba.config.CACHE_DIR = cache
     return module
 
 

@@ -202,7 +202,10 @@ def extended(params_type: type[P], given: Mapping[str, Any]) -> type[P]:
         value = given.get(field.name, field.default)
         if 'component' in field.metadata and isinstance(value, str) and (
                 field.metadata['component'].is_own(value)):
-            found = field.metadata['component'].find(value)
+            try:
+                found = field.metadata['component'].find(value)
+            except ParameterError as error:
+                raise ParameterError(f'{field.name}: {error}') from None
             groups[found.name] = found.params
     known = {field.name for field in dataclasses.fields(params_type)}
     return _with_groups(params_type, tuple(

@@ -12,14 +12,13 @@ from collections import OrderedDict
 from collections.abc import Callable
 import dataclasses
 import itertools
+from pathlib import Path
 import re
 import signal
 import threading
 from typing import Any, NamedTuple
 
-from numba import typeof
-from numba.core.errors import NumbaError
-
+from .compiled import NumbaError, typeof
 from .components import Component, fault_place, python, where
 from .schema import ParameterError, shown
 from .values import values
@@ -123,7 +122,7 @@ def call(memory: int, values: int, arguments: tuple, read: Callable[[Any], Any])
     given = tuple(slot.values if x is None else x for x in arguments)
 
     def step() -> Any:
-        after, answer = slot.component.step(holder.memory, *given)
+        after, answer = _pair(slot.component.step(holder.memory, *given))
         out = read(answer)
         holder.memory = after
         return out
@@ -136,7 +135,7 @@ def report(number: int, memory: Any, arguments: tuple, read: Callable[[Any], Any
     if slot.fault:
         return
     given = tuple(slot.values if x is None else x for x in arguments)
-    _guarded(slot, lambda: read(python(slot.component.step)(memory, *given)[1]))
+    _guarded(slot, lambda: read(_pair(python(slot.component.step)(memory, *given))[1]))
     if not slot.fault:  # it shows in compiled arithmetic alone
         slot.fault = f'{where(slot.component.path, slot.component.step)}: the compiled step failed'
 
@@ -168,7 +167,7 @@ def tried(component: Component, arguments: tuple, read: Callable[[Any], Any]) ->
     try:
         found = _guarded(slot, work, LONGEST_TRIAL)
     except NumbaError as error:
-        raise ParameterError(f'{_uncompiled(error, place)}') from None
+        raise ParameterError(_uncompiled(error, component)) from None
     if slot.fault and component.compiled:  # compiled code does not say its line
         slot.fault = ''
         _guarded(slot, lambda: python(component.step)(
@@ -177,17 +176,22 @@ def tried(component: Component, arguments: tuple, read: Callable[[Any], Any]) ->
     if slot.fault or found is None:
         raise ParameterError(f'{slot.fault}, in a trial at hover')
     memory, result = found
-    if not isinstance(result, tuple) or len(result) != 2:
-        raise ParameterError(f'{place}: step must answer two things: the memory after it, and '
-                             f'what the others get; it answers {_kind(result)}')
+    try:
+        read(_pair(result)[1])
+    except UnusableError as error:
+        raise ParameterError(f'{place}: {error}') from None
     if component.compiled and typeof(result[0]) != typeof(memory):
         raise ParameterError(
             f'{place}: the memory is {_kind(memory)} at start and {_kind(result[0])} after a '
             'step; in compiled code every number of it keeps its type')
-    try:
-        read(result[1])
-    except UnusableError as error:
-        raise ParameterError(f'{place}: {error}') from None
+
+
+def _pair(result: Any) -> tuple[Any, Any]:
+    """Return what a step answers, memory and answer; UnusableError if it is anything else."""
+    if type(result) is not tuple or len(result) != 2:
+        raise UnusableError('step must answer two things: the memory after it, and what the '
+                            f'others get; it answers {_kind(result)}')
+    return result
 
 
 def _kind(value: Any) -> str:
@@ -195,13 +199,15 @@ def _kind(value: Any) -> str:
     return f'{type(value).__name__} {shown(value)}'
 
 
-def _uncompiled(error: Exception, place: str) -> str:
+def _uncompiled(error: Exception, component: Component) -> str:
     """Return what the compiler says of a user's code, one line with file and line."""
     text = str(error)
-    places = re.findall(r'File "([^"]+)", line (\d+)', text)
+    path = component.path
+    told = [f'{file}:{line}' for file, line in re.findall(r'File "([^"]+)", line (\d+)', text)
+            if path is not None and Path(file).name == path.name]
+    at = told[-1] if told else fault_place(path, error)
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     said = next((line for line in lines if 'nopython mode pipeline' not in line), 'no reason')
-    at = f'{places[-1][0]}:{places[-1][1]}' if places else place
     return f'{at}: does not compile: {said}'
 
 
