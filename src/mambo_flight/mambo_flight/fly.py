@@ -14,7 +14,7 @@ from mambo_model import slots
 from mambo_model.components import remarks
 from mambo_model.errors import InputError, JobError
 
-from . import closed_loop, recording_to_bag, scenario_file
+from . import closed_loop, recording_to_bag, scenario as scenarios, scenario_file
 
 CHOICES = ('controller', 'estimator')  # components that a command line may name
 
@@ -27,7 +27,8 @@ def _run(options: argparse.Namespace) -> None:
     if options.scenario:
         name, flight = scenario_file.load(options.scenario, given)
     elif given:
-        name, flight = 'flight', scenario_file.from_settings(given)
+        name, flight = 'flight', scenarios.override(
+            scenario_file.from_settings(given), {'sim_node.mode': 'lockstep'})
     else:
         raise InputError(f'give a SCENARIO or one of --{", --".join(CHOICES)}')
     if not flight.sim_node.duration > 0.0:
