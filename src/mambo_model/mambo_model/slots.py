@@ -135,7 +135,8 @@ def report(number: int, memory: Any, arguments: tuple, read: Callable[[Any], Any
     if slot.fault:
         return
     given = tuple(slot.values if x is None else x for x in arguments)
-    _guarded(slot, lambda: read(_pair(python(slot.component.step)(memory, *given))[1]))
+    _guarded(slot, lambda: read(_pair(python(slot.component.step)(memory, *given))[1]),
+             LONGEST_TRIAL)  # what it calls may compile
     if not slot.fault:  # it shows in compiled arithmetic alone
         slot.fault = f'{where(slot.component.path, slot.component.step)}: the compiled step failed'
 
