@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from mambo_control.command import thrust_and_torque
 from mambo_model.compiled import jit
-from mambo_model.motion.quaternion import from_euler, multiply, conjugate, rotate, to_euler
+from mambo_model.motion.quaternion import conjugate, from_euler, multiply, rotate, to_euler
 from mambo_model.schema import quantity
 from mambo_model.values import Parameters
 

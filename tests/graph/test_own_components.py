@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from mambo_bags.reader import read_bag
-from mambo_bringup.flight import fly, FlightEndedError
+from mambo_bringup.flight import FlightEndedError, fly
 from mambo_flight import closed_loop, recording_to_bag
 from mambo_flight.scenario import scenario
 from mambo_ros import topics
