@@ -20,6 +20,7 @@ GENERATED = {
     'nodes': commands.nodes, 'tools': commands.tools, 'topics': topics.topic_table,
     'messages': topics.messages, 'import targets': formats.import_targets,
     'scenarios': formats.scenarios}
+ROOT = Path(__file__).resolve().parents[2]
 _MARK = re.compile(r'^<!-- generated: (.*) -->$', re.MULTILINE)
 
 
@@ -28,8 +29,12 @@ def _fill(found: re.Match[str]) -> str:
     name = found[1]
     if name.startswith('docstring '):
         return source.docstring(name.split()[1])
+    if name.startswith('example '):
+        text = (ROOT / 'examples' / name.split()[1]).read_text(encoding='utf-8')
+        return f'```python\n{text}```'
     if name not in GENERATED:
-        raise PluginError(f'{found[0]}: known are {", ".join(GENERATED)}, docstring MODULE')
+        raise PluginError(
+            f'{found[0]}: known are {", ".join(GENERATED)}, docstring MODULE, example FILE')
     return GENERATED[name]()
 
 

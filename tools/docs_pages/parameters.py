@@ -37,6 +37,8 @@ def _limits(meta: Any) -> tuple[str, str]:
         return meta['unit'], f'{_limit(meta["low"])} to {_limit(meta["high"])}'
     if 'options' in meta:
         return '', ', '.join(f'`{option}`' for option in meta['options'])
+    if 'component' in meta:
+        return '', ', '.join([*(f'`{name}`' for name in meta['component'].names), 'a file'])
     return '', '`true`, `false`' if 'flag' in meta else 'text'
 
 

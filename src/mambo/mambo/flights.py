@@ -158,7 +158,8 @@ def fly(
         name, chosen = 'scenario', scenario
     elif scenario is None:
         chosen = scenario_file.from_settings(given)
-        name = f'{chosen.reference_node.plan.trajectory}_{chosen.estimator_node.estimator}'
+        name = '_'.join(Path(one).stem for one in (
+            trajectory or 'circle', chosen.estimator_node.estimator))
     else:
         name, chosen = scenario_file.load(str(scenario), given)
     chosen = override(chosen, parameters or {})

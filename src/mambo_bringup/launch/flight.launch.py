@@ -18,11 +18,13 @@ ARGUMENTS = [
         description='A trajectory by its name, as mambo run --help lists them, or full path to '
                     'the file of a course; empty: as params_file says, else circle.'),
     DeclareLaunchArgument(
-        'estimator', default_value='', choices=choices('estimator'),
-        description='What answers the sensors; empty: as params_file says, else kalman.'),
+        'estimator', default_value='',
+        description='What answers the sensors: a name, or full path to a Python file; empty: as '
+                    'params_file says, else kalman.'),
     DeclareLaunchArgument(
-        'controller', default_value='', choices=choices('controller'),
-        description='Control law; empty: as params_file says, else cascaded.'),
+        'controller', default_value='',
+        description='Control law: a name, or full path to a Python file; empty: as params_file '
+                    'says, else cascaded.'),
     DeclareLaunchArgument(
         'mode', default_value='', choices=choices('mode'),
         description='How time advances: paced to the wall clock, or in lockstep as fast as the '

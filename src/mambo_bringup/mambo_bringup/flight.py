@@ -19,10 +19,11 @@ import signal
 from mambo_analysis.compare.ending import ended_early, ENDINGS
 from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import read_bag
-from mambo_control.parameters import ControllerNodeParams
-from mambo_estimation.parameters import EstimatorNodeParams
+from mambo_control.controllers import REGISTRY as CONTROLLERS
+from mambo_estimation.filters import REGISTRY as ESTIMATORS
 from mambo_flight import scenario as scenarios, scenario_file
 from mambo_model import schema
+from mambo_model.components import remarks
 from mambo_model.motion.trajectory import COURSE, TRAJECTORIES
 from mambo_model.vehicle.parameters import PRESETS
 from tqdm import tqdm
@@ -303,10 +304,6 @@ def _overrides(assignments: list[str]) -> dict[str, object]:
     return out
 
 
-def _options(params_type: type, name: str) -> tuple[str, ...]:
-    return dict(schema.walk(params_type))[name].metadata['options']
-
-
 def parser() -> Parser:
     """Return the command line of ``./run``."""
     out = Parser(
@@ -328,10 +325,11 @@ def parser() -> Parser:
         help='print every parameter with unit, range and source and end')
     add('--trajectory', metavar='NAME',
         help=f"one of: {', '.join(TRAJECTORIES)}, or the file of a course (default: circle)")
-    add('--estimator', choices=_options(EstimatorNodeParams, 'estimator'),
-        help='default: kalman')
-    add('--controller', choices=_options(ControllerNodeParams, 'controller'),
-        help='default: cascaded')
+    for kind, registry, default in (
+            ('estimator', ESTIMATORS, 'kalman'), ('controller', CONTROLLERS, 'cascaded')):
+        add(f'--{kind}', metavar='NAME',
+            help=f"one of: {', '.join(registry.names)}; FILE.py or FILE.py:NAME; or the name of "
+            f'an installed one (default: {default})')
     add('--duration', type=float, metavar='S',
         help='flight time in s, landing included where it fits (default: 40)')
     add('--seed', type=int, metavar='N', help='of every noise stream (default: 1)')
@@ -370,9 +368,10 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
         name, flight = scenario_file.load(options.scenario, given)
     else:
         flight = scenario_file.from_settings(given)
-        plan, estimator = flight.reference_node.plan, flight.estimator_node.estimator
+        plan = flight.reference_node.plan
         flown = plan.trajectory if plan.trajectory != COURSE else Path(options.trajectory).stem
-        name = f'{flown}_{estimator}'
+        estimator = ESTIMATORS.find(flight.estimator_node.estimator)
+        name = f'{flown}_{estimator.name if estimator else flight.estimator_node.estimator}'
     flight = scenarios.override(flight, {
         'sim_node.mode': options.mode, 'sim_node.speed': 1.0 if options.speed is None else
         options.speed, **_overrides(options.set)})
@@ -413,6 +412,8 @@ def _run(options: argparse.Namespace) -> None:
     if options.print_scenario:
         print(scenarios.commented_yaml(flight), end='')
     else:
+        for line in remarks(flight):
+            print(line)
         _fly_and_report(name, flight, options)
 
 

@@ -6,8 +6,10 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.motion.quaternion import Quat
-from mambo_model.motion.vector import Vec3
+from mambo_model.motion.flatness import Reference
+from mambo_model.motion.quaternion import angle, conjugate, multiply, Quat, rotate
+from mambo_model.motion.rigid_body import State
+from mambo_model.motion.vector import sub, Vec3
 from mambo_model.vehicle.parameters import VehicleValues
 from mambo_model.vehicle.rotor import allocate, limit_pwm, pwm_from_thrust
 
@@ -70,3 +72,34 @@ def motors(f: float, tau: Vec3, vv: VehicleValues) -> tuple[Four, Four, Cut]:
          pwm_from_thrust(T[2], vv), pwm_from_thrust(T[3], vv))
     pwm = (limit_pwm(x[0], vv), limit_pwm(x[1], vv), limit_pwm(x[2], vv), limit_pwm(x[3], vv))
     return T, pwm, (pwm[0] != x[0], pwm[1] != x[1], pwm[2] != x[2], pwm[3] != x[3])
+
+
+@jit
+def thrust_and_torque(
+    f: float, tau: Vec3, state: State, ref: Reference, vv: VehicleValues,
+) -> Command:
+    """
+    Return the command of a controller that asks for a thrust and a torque.
+
+    Parameters
+    ----------
+    f : N
+        Total thrust, along -z of the body.
+    tau : (3,) N m, body FRD
+    state, ref
+        Estimate and reference, whose difference the command shows.
+    vv
+        Believed vehicle.
+
+    Returns
+    -------
+    command
+        What such a controller does not have is NaN.
+
+    """
+    nan3 = (math.nan, math.nan, math.nan)
+    thrust, pwm, saturated = motors(f, tau, vv)
+    return Command(
+        pwm, False, REASON_NONE, thrust, saturated, f, tau, sub(ref.rho, state.rho),
+        sub(ref.v, rotate(state.q, state.nu)), nan3, nan3, nan3, ref.q,
+        angle(multiply(conjugate(ref.q), state.q)), sub(state.omega, ref.omega))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mambo_model import slots
 from mambo_model.compiled import Held, hold, jit
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.rigid_body import State
@@ -86,9 +87,10 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
 
     def _begin(self) -> Held:
         """Return the controller at its start."""
-        p = self.params
-        return hold(failsafe.initial(p.law), None, (
-            p.period, p.law.values(), p.failsafe.values(), p.vehicle.values()))
+        p, gains = self.params, self.params.law.values()
+        self._slot = getattr(gains, 'slot', None)
+        return hold(failsafe.begin(gains), None, (
+            p.period, gains, p.failsafe.values(), p.vehicle.values()))
 
     def _on_estimate(self, t: int, state: State, variances: tuple[float, ...]) -> None:
         self._pair(
@@ -125,6 +127,8 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         estimate = self._estimates.get(t, _NO_ESTIMATE)
         reference, phase = self._references.get(t, (NO_REFERENCE, 0))
         c, self.stage, reason, phase = _step(self._held, *estimate, reference, phase)
+        if self._slot is not None:
+            self.fail(slots.fault(self._slot))
         for store in (self._estimates, self._references):
             for old in [stamp for stamp in store if stamp <= t]:
                 del store[old]

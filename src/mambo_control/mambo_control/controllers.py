@@ -1,38 +1,245 @@
-"""One name for every controller: the types of its memory and its gains say which one answers."""
+"""
+Every controller by its name, and the guard that flies any of them.
+
+A controller is a dataclass of parameters, ``initial`` and ``step``: one line of ``REGISTRY`` for a
+built-in one, a file or an installed package for one from outside. One from outside that raises,
+answers NaN or takes too long is not asked again: the cascaded controller flies in its place, and
+the failsafe lands the vehicle.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from typing import Any, NamedTuple
 
-from mambo_model.compiled import by_type, jit
-from mambo_model.motion.flatness import Reference
+from mambo_model import slots
+from mambo_model.compiled import by_type, jit, objmode, typeof
+from mambo_model.components import Component, Registry
+from mambo_model.motion.flatness import from_flat_output, Reference
+from mambo_model.motion.quaternion import IDENTITY
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.trajectory import GROUND, LANDED
-from mambo_model.vehicle.parameters import VehicleValues
+from mambo_model.slots import PlainMemory, PlainValues, UnusableError
+from mambo_model.values import values
+from mambo_model.vehicle.parameters import Vehicle, VehicleValues
+from mambo_model.vehicle.rotor import limit_pwm
 
 from . import cascaded, support_package
-from .command import Command
+from .command import Command, no_thrust
 from .gains import CascadedParams, GainValues
 from .literature import extended, flatness_drag, geometric, indi
-from .safety import REASON_NONE, REASON_REFERENCE, stop_reason, usable
-from .support_package import ToolboxControllerParams, ToolboxGainValues
+from .literature.extended import ExtendedParams
+from .literature.flatness_drag import FlatnessDragParams
+from .literature.geometric import GeometricParams
+from .literature.indi import IndiParams
+from .safety import LARGEST, REASON_NONE, REASON_REFERENCE, stop_reason, usable
+from .support_package import ToolboxControllerParams
 
-# Values, memory and functions of each controller, built in or from the literature.
-_LAWS = (
-    (GainValues, cascaded), (ToolboxGainValues, support_package),
-    (extended.ExtendedValues, extended), (flatness_drag.FlatnessDragValues, flatness_drag),
-    (geometric.GeometricValues, geometric), (indi.IndiValues, indi))
+REGISTRY = Registry(
+    'controller', ('memory', 'state', 'reference', 'dt', 'gains', 'vehicle'), {
+        'cascaded': (CascadedParams, cascaded),
+        'toolbox': (ToolboxControllerParams, support_package),
+        'extended': (ExtendedParams, extended),
+        'flatness_drag': (FlatnessDragParams, flatness_drag),
+        'geometric': (GeometricParams, geometric), 'indi': (IndiParams, indi)})
 
-Memory = (cascaded.Memory | support_package.Memory | extended.Memory | flatness_drag.Memory
-          | geometric.Memory | indi.Memory)
-Gains = (GainValues | ToolboxGainValues | extended.ExtendedValues
-         | flatness_drag.FlatnessDragValues | geometric.GeometricValues | indi.IndiValues)
-Params = (CascadedParams | ToolboxControllerParams | extended.ExtendedParams
-          | flatness_drag.FlatnessDragParams | geometric.GeometricParams | indi.IndiParams)
+Memory = Any  # of any of them
+Gains = Any   # the values of its parameters
+Params = Any  # a dataclass with such values
 
-initial = by_type(0, {values: law.initial for values, law in _LAWS})
-stopped = by_type(0, {law.Memory: law.stopped for _, law in _LAWS})
-_step = by_type(4, {values: law.step for values, law in _LAWS})
+_NAN3 = (math.nan, math.nan, math.nan)
+_NOTHING = no_thrust(REASON_NONE, _NAN3, _NAN3)
+_COMMAND = typeof(_NOTHING)
+
+
+class OwnValues(NamedTuple):
+    """Parameters of a controller from outside, and what the guard and the failsafe need."""
+
+    values: Any                # its own, or the slot of a plain one
+    slot: int                  # that keeps its fault
+    tilt_sine_squared: float   # -, limits of a flight, as of the cascaded controller
+    height_min: float          # m
+    height_max: float          # m
+    backup: GainValues         # of the cascaded controller, which lands the vehicle
+
+
+class OwnMemory(NamedTuple):
+    """What such a controller remembers."""
+
+    memory: Any                # its own, or the slot of a plain one
+    fault: bool                # it has failed
+    backup: cascaded.Memory    # of the controller in its place
+
+
+@dataclasses.dataclass(frozen=True)
+class OwnParams:
+    """Parameters of a controller from outside, used as those of a built-in one."""
+
+    component: Component
+    params: Any
+
+    def values(self) -> OwnValues:
+        """Return what compiled code takes, for one flight; limits are the user's if there are."""
+        own, backup = values(self.params), CascadedParams()
+        slot = slots.open_slot(self.component, own)
+        limits = dataclasses.replace(backup, **{
+            name: getattr(self.params, name) for name in ('tilt_limit', 'height_min', 'height_max')
+            if hasattr(self.params, name)})
+        return OwnValues(
+            own if self.component.compiled else PlainValues(slot), slot,
+            limits.tilt_sine_squared(), float(limits.height_min), float(limits.height_max),
+            backup.values())
+
+
+def read(answer: Any) -> Command:
+    """
+    Return a command from outside with numbers as compiled code has them.
+
+    Raises
+    ------
+    UnusableError
+        If it is no command, or its numbers cannot be used.
+
+    """
+    if not isinstance(answer, Command):
+        raise UnusableError(
+            f'step answers {type(answer).__name__} where a Command belongs: make it by '
+            'mambo_control.command.thrust_and_torque')
+    try:
+        out = Command(*(
+            tuple(type(n)(x) for x, n in zip(given, like, strict=True))
+            if isinstance(like, tuple) else type(like)(given)
+            for given, like in zip(answer, _NOTHING, strict=True)))
+    except (TypeError, ValueError):
+        raise UnusableError('a field of the command has another type or shape') from None
+    for name, numbers in (('thrust', (out.thrust,)), ('torque', out.torque), ('pwm', out.pwm)):
+        if not all(abs(x) <= LARGEST for x in numbers):
+            raise UnusableError(f'step answers {name} = {getattr(out, name)}')
+    return out
+
+
+def _try(component: Component) -> None:
+    """Refuse a controller that does not answer a hovering vehicle as one must."""
+    vv, zero = Vehicle().values(), (0.0, 0.0, 0.0)
+    at = (0.0, 0.0, -1.0)
+    ref = from_flat_output(at, zero, zero, zero, zero, vv.mass, vv.inertia, vv.gravity)
+    slots.tried(component, (State(at, zero, IDENTITY, zero), ref, 0.005, None, vv), read)
+    if component.compiled:
+        _STEPS[component.params.Values] = component.step
+        _INITIALS[component.params.Values] = component.initial
+
+
+REGISTRY.trial = _try
+
+
+def _call(memory, own, state, ref, dt, vv):
+    """Take a step of a plain controller; return whether it failed, and the command."""
+    out = slots.call(memory, own, (state, ref, dt, None, vv), read)
+    return (True, _NOTHING) if out is None else (False, out)
+
+
+def _report(slot, memory, state, ref, dt, vv):
+    """Keep what a compiled controller did wrong."""
+    slots.report(slot, memory, (state, ref, dt, None, vv), read)
+
+
+@jit
+def _plain_initial(own: PlainValues) -> PlainMemory:
+    """Start a plain controller."""
+    with objmode():
+        slots.begin(own.slot)
+    return PlainMemory(own.slot)
+
+
+@jit
+def _plain_step(memory, state, ref, dt, own, slot, vv):
+    """Take a step of a plain controller; return whether it failed, memory and command."""
+    with objmode(failed='boolean', command=_COMMAND):
+        failed, command = _call(memory.slot, own.slot, state, ref, dt, vv)
+    return failed, memory, command
+
+
+@jit
+def _sound(c: Command) -> bool:
+    """Tell whether the numbers of a command can be used."""
+    x = c.pwm
+    return usable(c.torque) and abs(c.thrust) <= LARGEST and (
+        abs(x[0]) <= LARGEST and abs(x[1]) <= LARGEST and abs(x[2]) <= LARGEST
+        and abs(x[3]) <= LARGEST)
+
+
+_STEPS: dict[type, Any] = {}  # of compiled ones from outside, by the type of their values
+_INITIALS: dict[type, Any] = {}
+_compiled = by_type(4, _STEPS)
+
+
+@jit
+def _compiled_step(memory, state, ref, dt, own, slot, vv):
+    """Take a step of a compiled controller; return whether it failed, memory and command."""
+    failed, after, command = False, memory, no_thrust(REASON_NONE, _NAN3, _NAN3)
+    try:
+        after, command = _compiled(memory, state, ref, dt, own, vv)
+    except Exception:
+        failed = True
+    if failed or not _sound(command):
+        failed = True
+        with objmode():
+            _report(slot, memory, state, ref, dt, vv)
+    return failed, after, command
+
+
+_begin = by_type(0, {PlainValues: _plain_initial}, by_type(0, _INITIALS))
+_take = by_type(4, {PlainValues: _plain_step}, _compiled_step)
+
+
+@jit
+def _own_initial(gains: OwnValues) -> OwnMemory:
+    """Return the memory of a controller from outside at start."""
+    return OwnMemory(_begin(gains.values), False, cascaded.initial(gains.backup))
+
+
+@jit
+def _own_step(
+    memory: OwnMemory, state: State, ref: Reference, dt: float, gains: OwnValues,
+    vv: VehicleValues,
+) -> tuple[OwnMemory, Command]:
+    """Take a step of a controller from outside, or of the one in its place."""
+    if not memory.fault:
+        failed, after, c = _take(memory.memory, state, ref, dt, gains.values, gains.slot, vv)
+        if not failed:
+            x = c.pwm
+            pwm = (limit_pwm(x[0], vv), limit_pwm(x[1], vv), limit_pwm(x[2], vv),
+                   limit_pwm(x[3], vv))
+            return OwnMemory(after, False, memory.backup), Command(pwm, *c[1:])
+    backup, c = cascaded.step(memory.backup, state, ref, dt, gains.backup, vv)
+    return OwnMemory(memory.memory, True, backup), c
+
+
+@jit
+def _own_stopped(memory: OwnMemory, reason: int) -> Command:
+    """Return the command that stops the motors."""
+    return no_thrust(reason, _NAN3, _NAN3)
+
+
+@jit
+def _own_is_faulty(memory: OwnMemory) -> bool:
+    """Tell whether a controller from outside has failed."""
+    return memory.fault
+
+
+@jit
+def _is_sound(memory: Memory) -> bool:
+    """Return False: a built-in controller does not fail."""
+    return False
+
+
+_ALL = tuple(REGISTRY.built_in.values())
+initial = by_type(
+    0, {OwnValues: _own_initial} | {c.params.Values: c.initial for c in _ALL})
+stopped = by_type(0, {OwnMemory: _own_stopped} | {c.more.Memory: c.more.stopped for c in _ALL})
+_step = by_type(4, {OwnValues: _own_step} | {c.params.Values: c.step for c in _ALL})
+is_faulty = by_type(0, {OwnMemory: _own_is_faulty}, _is_sound)
 
 
 @jit

@@ -10,7 +10,8 @@ stage             when                                           what the contro
 FLYING            estimate and reference are good                both of them
 HOLDING           either is lost, not longer than ``hold``       the last reference; a prediction
 LANDING           lost for longer, attitude and height known,    a descent of its own
-                  or the law cannot follow its reference
+                  or the law cannot follow its reference, or a
+                  controller from outside has failed
 DESCENDING_BLIND  attitude or height lost for longer             its own descent, a prediction, a
                                                                  vehicle believed to be lighter
 STOPPED           touched down; a limit exceeded; a crash; lost  nothing: the motors stand still
@@ -63,15 +64,15 @@ from mambo_model.vehicle.rotor import mix, thrust_from_pwm
 from . import controllers
 from .command import Command
 from .safety import (
-    is_attitude, LARGEST, REASON_ALIGNMENT, REASON_CRASH, REASON_ESTIMATE, REASON_NONE,
-    REASON_REFERENCE, usable, usable_reference)
+    is_attitude, LARGEST, REASON_ALIGNMENT, REASON_CONTROLLER, REASON_CRASH, REASON_ESTIMATE,
+    REASON_NONE, REASON_REFERENCE, usable, usable_reference)
 
 FLYING, HOLDING, LANDING, DESCENDING_BLIND, STOPPED = range(5)
 STAGES = ('flying', 'holding', 'landing', 'descending blind', 'motors shut down')
 REASONS = (
     '', 'tilt limit', 'height limit', 'estimate lost or unusable',
     'reference lost or unusable', 'crash',
-    'estimator not aligned: let the vehicle rest, start again')
+    'estimator not aligned: let the vehicle rest, start again', 'controller failed')
 
 SHORTEST_BLEND = 0.5  # s, in which a descent takes up its speed
 SETTLING = 0.5  # s after that, before a vehicle that does not sink counts as being on the floor
@@ -198,7 +199,12 @@ class Known(NamedTuple):
 
 def initial(params: controllers.Params) -> Memory:
     """Return the memory at start of the controller that has such parameters."""
-    control = controllers.initial(params.values())
+    return begin(params.values())
+
+
+def begin(gains: controllers.Gains) -> Memory:
+    """Return the memory at start of the controller that has such gains."""
+    control = controllers.initial(gains)
     return Memory(
         control, FLYING, REASON_NONE, 0.0, 0.0, 0.0, _REST, _POINT, trajectory.GROUND,
         Shown(0.0, 0.0), Descent(_ZERO, _ZERO, 0.0, 0.0, 0.0),
@@ -411,6 +417,14 @@ def _descend(
 
 
 @jit
+def _with_control(m: Memory, control: controllers.Memory) -> Memory:
+    """Return the memory with another one of the control law."""
+    return Memory(
+        control, m.stage, m.reason, m.estimate_lost, m.reference_lost, m.crash, m.state, m.ref,
+        m.phase, m.shown, m.descent, m.command)
+
+
+@jit
 def _follow(
     memory: Memory, stage: int, reason: int, state: State, dt: float,
     gains: controllers.Gains, p: FailsafeValues, vv: VehicleValues,
@@ -418,6 +432,9 @@ def _follow(
     """Answer in FLYING or HOLDING, with a state that is complete and the last reference."""
     control, command = controllers.answer(
         memory.control, state, memory.ref, memory.phase, dt, gains, vv)
+    if controllers.is_faulty(control):
+        return _descend(
+            _with_control(memory, control), LANDING, REASON_CONTROLLER, state, dt, gains, p, vv)
     if command.reason == REASON_REFERENCE:
         return _descend(memory, LANDING, REASON_REFERENCE, state, dt, gains, p, vv)
     if command.reason != REASON_NONE:

@@ -19,6 +19,7 @@ REASON_ESTIMATE = 3
 REASON_REFERENCE = 4
 REASON_CRASH = 5
 REASON_ALIGNMENT = 6
+REASON_CONTROLLER = 7
 
 LARGEST = 1e6  # of any component in SI units; keeps every product of the controller finite
 UNIT_TOLERANCE = 1e-3  # of |q|^2

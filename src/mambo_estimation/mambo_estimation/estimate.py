@@ -7,6 +7,7 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
+from mambo_model.motion.quaternion import rotate
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import Vec3
 
@@ -17,6 +18,7 @@ from .health import Health
 STATUS_ALIGNING, STATUS_DEAD_RECKONING, STATUS_NOMINAL = range(3)  # as in EstimatorState.msg
 STATUS = ('aligning', 'dead reckoning', 'nominal')
 GOOD, DOUBTFUL, BAD = range(3)
+UNKNOWN = (0.0,) * 36  # covariance of an estimator that publishes none
 NOT_ALIGNED = 0.05  # rad: as the controller's limit of a take-off
 
 
@@ -74,6 +76,32 @@ def status_of(aligning: bool, sonar_age: float, flow_age: float, values) -> int:
     if sonar_age <= values.max_sonar_age and flow_age <= values.max_flow_age:
         return STATUS_NOMINAL
     return STATUS_DEAD_RECKONING
+
+
+@jit
+def of_state(state: State, status: int, gyro_bias: Vec3, accel_bias: Vec3) -> Estimate:
+    """
+    Return the estimate of an estimator that knows a state and its biases, and nothing else.
+
+    Parameters
+    ----------
+    state
+        Inertial NED and body FRD, rate without bias.
+    status
+        ``STATUS_*``.
+    gyro_bias, accel_bias : (3,) rad/s, m/s^2, body FRD
+
+    Returns
+    -------
+    estimate
+        Covariances are zero (unknown), innovations NaN, sensors in good health.
+
+    """
+    nan, nan2, none = math.nan, (math.nan, math.nan), (0, 0, 0, 0, 0)
+    return Estimate(
+        state, UNKNOWN, UNKNOWN, status, -state.rho[2], -rotate(state.q, state.nu)[2], gyro_bias,
+        accel_bias, nan, nan, nan, nan2, nan, nan, nan, 0, 0, 0, 0,
+        Health(none, (0.0, 0.0, 0.0, 0.0, 0.0), none))
 
 
 def tilt_deviation(pose_covariance: Sequence[float]) -> float:

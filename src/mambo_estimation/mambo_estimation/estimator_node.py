@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from geometry_msgs.msg import TransformStamped
-from mambo_model import frames
-from mambo_model.compiled import hold, jit
+from mambo_model import frames, slots
+from mambo_model.compiled import Held, hold, jit
 from mambo_model.motion import rigid_body
 from mambo_ros import cdr, diagnostics, intake, messages, node, process, topics
 from tf2_msgs.msg import TFMessage
@@ -70,10 +70,10 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
             self.accept(
                 topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth, check=_check_truth)
             return
-        self._held = hold(filters.initial(p.filter.values()), None, p.filter.values())
+        self._held = self._begin()
         _step(  # have the compiled step in memory before time starts
             self._held, 0.0, _ZERO3, _ZERO3, 0.0, _ZERO3[:2], 0, 0.0)
-        self._held = hold(filters.initial(p.filter.values()), None, p.filter.values())
+        self._held = self._begin()
         watermark = p.synchronise == 'watermark'
         self._sync = Synchroniser(watermark)
         self._next_report, self._reported = 0, (0,) * 9
@@ -91,6 +91,12 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         self._subscribe_sensor(topics.IMU, messages.decode_imu, sync.add_imu)
         # the last message of a step: nothing can be done before it
         self.accept(topics.SENSOR_TICK, messages.decode_sensor_tick, self._adder(sync.add_tick))
+
+    def _begin(self) -> Held:
+        """Return the estimator at its start."""
+        values = self.params.filter.values()
+        self._slot = getattr(values, 'slot', None)
+        return hold(filters.initial(values), None, values)
 
     @property
     def _reliable(self) -> bool:
@@ -120,6 +126,8 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         for s in steps:
             estimate = _step(
                 self._held, s.dt, s.gyro, s.accel, s.sonar, s.flow, s.flow_quality, s.pressure)
+            if self._slot is not None:
+                self.fail(slots.fault(self._slot))
             if s.last:
                 self._publish(s.t, estimate, s.dropped)
 

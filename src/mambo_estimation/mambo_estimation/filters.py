@@ -1,20 +1,203 @@
-"""The estimators: the type of the parameters says which one answers, compiled code or not."""
+"""
+Every estimator by its name; the types of memory and values say which one answers.
+
+An estimator is a dataclass of parameters, ``initial`` and ``step``: one line of ``REGISTRY`` for a
+built-in one, a file or an installed package for one from outside. One from outside that raises,
+answers what is not finite or takes too long is not asked again: its estimate is lost from then on,
+which the failsafe of the controller knows to land from.
+"""
 
 from __future__ import annotations
 
-from mambo_model.compiled import by_type
+import dataclasses
+import math
+from typing import Any, NamedTuple
+
+from mambo_model import slots
+from mambo_model.compiled import by_type, jit, objmode, typeof
+from mambo_model.components import Component, Registry
+from mambo_model.motion.rigid_body import State
+from mambo_model.slots import PlainMemory, PlainValues, UnusableError
+from mambo_model.values import values
 
 from . import kalman, support_package
+from .estimate import Estimate, of_state, STATUS, STATUS_DEAD_RECKONING
 from .joint import filter as joint
-from .joint.joint_parameters import JointParams, JointValues
+from .joint.joint_parameters import JointParams
+from .kalman import EstimatorParams
+from .support_package import ToolboxEstimatorParams
 
-Params = kalman.EstimatorParams | support_package.ToolboxEstimatorParams | JointParams
-Values = kalman.EstimatorValues | support_package.ToolboxValues | JointValues
-Memory = kalman.Memory | support_package.Memory | joint.Memory
+REGISTRY = Registry(
+    'estimator', (
+        'memory', 'dt', 'gyro', 'accel', 'sonar', 'flow', 'flow_quality', 'pressure', 'values'), {
+        'kalman': (EstimatorParams, kalman),
+        'toolbox': (ToolboxEstimatorParams, support_package),
+        'joint': (JointParams, joint)}, others=('ground_truth',))
 
-initial = by_type(0, {
-    kalman.EstimatorValues: kalman.initial,
-    support_package.ToolboxValues: support_package.initial, JointValues: joint.initial})
-step = by_type(8, {
-    kalman.EstimatorValues: kalman.step, support_package.ToolboxValues: support_package.step,
-    JointValues: joint.step})
+Memory = Any  # of any of them
+Values = Any  # of its parameters
+Params = Any  # a dataclass with such values
+
+_NAN3, _NAN4 = (math.nan, math.nan, math.nan), (math.nan, math.nan, math.nan, math.nan)
+_LOST = of_state(
+    State(_NAN3, _NAN3, _NAN4, _NAN3), STATUS_DEAD_RECKONING, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+_ESTIMATE = typeof(_LOST)
+_HOVER = (0.005, (0.0, 0.0, 0.0), (0.0, 0.0, -9.81), math.nan, (math.nan, math.nan), 0, math.nan)
+
+
+class OwnValues(NamedTuple):
+    """Parameters of an estimator from outside."""
+
+    values: Any  # its own, or the slot of a plain one
+    slot: int    # that keeps its fault
+
+
+class OwnMemory(NamedTuple):
+    """What such an estimator remembers."""
+
+    memory: Any  # its own, or the slot of a plain one
+    fault: bool  # it has failed
+
+
+@dataclasses.dataclass(frozen=True)
+class OwnParams:
+    """Parameters of an estimator from outside, used as those of a built-in one."""
+
+    component: Component
+    params: Any
+
+    def values(self) -> OwnValues:
+        """Return what compiled code takes, for one flight."""
+        own = values(self.params)
+        slot = slots.open_slot(self.component, own)
+        return OwnValues(own if self.component.compiled else PlainValues(slot), slot)
+
+
+def read(answer: Any) -> Estimate:
+    """
+    Return an estimate from outside with numbers as compiled code has them.
+
+    Raises
+    ------
+    UnusableError
+        If it is no estimate, or its state is not finite.
+
+    """
+    if not isinstance(answer, Estimate):
+        raise UnusableError(
+            f'step answers {type(answer).__name__} where an Estimate belongs: make it by '
+            'mambo_estimation.estimate.of_state')
+    try:
+        out = _typed(answer, _LOST)
+    except (TypeError, ValueError):
+        raise UnusableError('a field of the estimate has another type or shape') from None
+    for name, numbers in zip(('position', 'velocity', 'attitude', 'body rate'), out.state):
+        if not all(map(math.isfinite, numbers)):
+            raise UnusableError(f'step answers {name} = {numbers}')
+    if not 0 <= out.status < len(STATUS):
+        raise UnusableError(f'step answers status = {out.status}')
+    return out
+
+
+def _typed(value: Any, like: Any) -> Any:
+    """Return a value in the types and the shape of another one."""
+    if not isinstance(like, tuple):
+        return type(like)(value)
+    parts = [_typed(x, part) for x, part in zip(value, like, strict=True)]
+    return type(like)(*parts) if hasattr(like, '_fields') else tuple(parts)
+
+
+def _try(component: Component) -> None:
+    """Refuse an estimator that does not answer a vehicle at rest as one must."""
+    slots.tried(component, (*_HOVER, None), read)
+    if component.compiled:
+        _STEPS[component.params.Values] = component.step
+        _INITIALS[component.params.Values] = component.initial
+
+
+REGISTRY.trial = _try
+
+
+def _call(memory, own, dt, gyro, accel, sonar, flow, quality, pressure):
+    """Take a step of a plain estimator; return whether it failed, and the estimate."""
+    out = slots.call(memory, own, (dt, gyro, accel, sonar, flow, quality, pressure, None), read)
+    return (True, _LOST) if out is None else (False, out)
+
+
+def _report(slot, memory, dt, gyro, accel, sonar, flow, quality, pressure):
+    """Keep what a compiled estimator did wrong."""
+    slots.report(slot, memory, (dt, gyro, accel, sonar, flow, quality, pressure, None), read)
+
+
+@jit
+def _plain_initial(own: PlainValues) -> PlainMemory:
+    """Start a plain estimator."""
+    with objmode():
+        slots.begin(own.slot)
+    return PlainMemory(own.slot)
+
+
+@jit
+def _plain_step(memory, dt, gyro, accel, sonar, flow, quality, pressure, own, slot):
+    """Take a step of a plain estimator; return whether it failed, memory and estimate."""
+    with objmode(failed='boolean', estimate=_ESTIMATE):
+        failed, estimate = _call(
+            memory.slot, own.slot, dt, gyro, accel, sonar, flow, quality, pressure)
+    return failed, memory, estimate
+
+
+@jit
+def _sound(e: Estimate) -> bool:
+    """Tell whether an estimate can be used."""
+    s = e.state
+    total = s.rho[0] + s.rho[1] + s.rho[2] + s.nu[0] + s.nu[1] + s.nu[2]
+    total += s.q[0] + s.q[1] + s.q[2] + s.q[3] + s.omega[0] + s.omega[1] + s.omega[2]
+    return math.isfinite(total)
+
+
+_STEPS: dict[type, Any] = {}  # of compiled ones from outside, by the type of their values
+_INITIALS: dict[type, Any] = {}
+_compiled = by_type(8, _STEPS)
+
+
+@jit
+def _compiled_step(memory, dt, gyro, accel, sonar, flow, quality, pressure, own, slot):
+    """Take a step of a compiled estimator; return whether it failed, memory and estimate."""
+    failed, after, estimate = False, memory, _LOST
+    try:
+        after, estimate = _compiled(
+            memory, dt, gyro, accel, sonar, flow, quality, pressure, own)
+    except Exception:
+        failed = True
+    if failed or not _sound(estimate):
+        failed = True
+        with objmode():
+            _report(slot, memory, dt, gyro, accel, sonar, flow, quality, pressure)
+    return failed, after, estimate
+
+
+_begin = by_type(0, {PlainValues: _plain_initial}, by_type(0, _INITIALS))
+_take = by_type(8, {PlainValues: _plain_step}, _compiled_step)
+
+
+@jit
+def _own_initial(own: OwnValues) -> OwnMemory:
+    """Return the memory of an estimator from outside at start."""
+    return OwnMemory(_begin(own.values), False)
+
+
+@jit
+def _own_step(memory, dt, gyro, accel, sonar, flow, quality, pressure, own):
+    """Take a step of an estimator from outside; nothing is known any more after a fault."""
+    if memory.fault:
+        return memory, _LOST
+    failed, after, estimate = _take(
+        memory.memory, dt, gyro, accel, sonar, flow, quality, pressure, own.values, own.slot)
+    if failed:
+        return OwnMemory(memory.memory, True), _LOST
+    return OwnMemory(after, False), estimate
+
+
+_ALL = tuple(REGISTRY.built_in.values())
+initial = by_type(0, {OwnValues: _own_initial} | {c.params.Values: c.initial for c in _ALL})
+step = by_type(8, {OwnValues: _own_step} | {c.params.Values: c.step for c in _ALL})

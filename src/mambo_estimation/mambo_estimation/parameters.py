@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from mambo_model import schema
+from mambo_model.components import built_in_groups
 
-from .filters import Params
-from .joint.joint_parameters import JointParams
-from .kalman import EstimatorParams
-from .support_package import ToolboxEstimatorParams
+from .filters import OwnParams, REGISTRY
 
 
+@built_in_groups(REGISTRY)
 @dataclass(frozen=True)
 class EstimatorNodeParams:
     """Parameters of ``estimator_node``."""
 
-    estimator: str = schema.choice(
-        'kalman', ('kalman', 'joint', 'toolbox', 'ground_truth'),
-        'which estimator answers the sensors')
+    estimator: str = schema.component(
+        'kalman', REGISTRY, 'which estimator answers the sensors')
     synchronise: str = schema.choice(
         'watermark', ('watermark', 'arrival'),
         'wait for every sample the watermark announces, or use what has arrived (real hardware)')
@@ -27,16 +26,13 @@ class EstimatorNodeParams:
         'what the subscriptions of the sensors ask for; best_effort also hears drivers that offer '
         'no more, with synchronise = arrival, as a lost sample is never announced twice')
     map_to_odom: bool = schema.flag(True, 'publish the identity map to odom on /tf')
-    kalman: EstimatorParams = schema.group(EstimatorParams)
-    joint: JointParams = schema.group(JointParams)
-    toolbox: ToolboxEstimatorParams = schema.group(ToolboxEstimatorParams)
 
     def __post_init__(self) -> None:
         schema.check(self)
 
     @property
-    def filter(self) -> Params:
+    def filter(self) -> Any:
         """Return the parameters of the chosen filter; with the ground truth, one not used."""
-        if self.estimator == 'joint':
-            return self.joint
-        return self.toolbox if self.estimator == 'toolbox' else self.kalman
+        chosen = REGISTRY.find(self.estimator) or REGISTRY.find('kalman')
+        params = getattr(self, chosen.name)
+        return OwnParams(chosen, params) if chosen.own else params

@@ -37,7 +37,7 @@ from mambo_model.values import derived, Parameters, values_type
 
 from . import health
 from .blocks import Matrix3, Vec2
-from .estimate import count_broken, Estimate, STATUS_ALIGNING, status_of
+from .estimate import count_broken, Estimate, STATUS_ALIGNING, status_of, UNKNOWN
 from .health import Limits, observe_all, Sensors
 from .measurements.imu import is_within
 
@@ -196,7 +196,6 @@ class Seen(NamedTuple):
 ZERO: Vec3 = (0.0, 0.0, 0.0)
 NAN2: Vec2 = (math.nan, math.nan)
 NOTHING = Seen(math.nan, math.nan, NAN2, math.nan)
-UNKNOWN = (0.0,) * 36
 
 
 @jit

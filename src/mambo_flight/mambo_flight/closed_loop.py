@@ -91,7 +91,7 @@ class Settings(NamedTuple):
 
 
 def settings(flight: Scenario) -> Settings:
-    """Return what compiled code reads of a scenario."""
+    """Return what compiled code reads of a scenario, for one flight."""
     sim, estimator = flight.sim_node.simulator, flight.estimator_node
     return Settings(
         sim.values(), flight.optitrack_node.optitrack.values(), estimator.filter.values(),
@@ -133,12 +133,10 @@ def fly(flight: Scenario, inner: bool = False) -> Recording:
         np.zeros((steps, 5), dtype=np.int64), np.zeros((steps, 6)), np.zeros((steps, 6)),
         np.zeros(steps, dtype=np.bool_), np.zeros(steps, dtype=np.int64),
         _inner(steps) if inner else None)
-    sim = flight.sim_node.simulator
+    sim, p = flight.sim_node.simulator, settings(flight)
     mocap_rng = simulator.generators(flight.optitrack_node.seed)[simulator.OPTITRACK]
     _loop(simulator.initial_state(sim), simulator.generators(sim.seed), mocap_rng,
-          filters.initial(flight.estimator_node.filter.values()),
-          failsafe.initial(flight.controller_node.law),
-          settings(flight), out)
+          filters.initial(p.estimator), failsafe.begin(p.gains), p, out)
     return out
 
 

@@ -8,7 +8,7 @@ reads the same text.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 import dataclasses
 from pathlib import Path
 import re
@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from mambo_control.parameters import ControllerNodeParams, ReferenceNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model import schema
+from mambo_model.components import absolute
 from mambo_model.vehicle.parameters import find
 from mambo_model.yaml_nodes import load as load_yaml, Reader, reason
 from mambo_sim.parameters import OptitrackNodeParams, SimNodeParams
@@ -43,6 +44,35 @@ class Scenario:
 
 NODES = tuple(field.name for field in dataclasses.fields(Scenario))
 LEAVES = dict(schema.walk(Scenario))
+COMPONENTS = {name: field.metadata['component'] for name, field in LEAVES.items()
+              if 'component' in field.metadata}
+"""Parameters that choose a component, and who finds it."""
+
+
+def own_leaves(chosen: Iterable[tuple[str, Any]]) -> dict[str, dataclasses.Field]:
+    """
+    Return the parameters of components from outside.
+
+    Parameters
+    ----------
+    chosen
+        Names out of ``COMPONENTS``, or their last part, and what is chosen; others are ignored.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        If a component is not found or is not what it must be.
+
+    """
+    out: dict[str, dataclasses.Field] = {}
+    for name, value in chosen:
+        for full, registry in COMPONENTS.items():
+            if name in (full, full.rpartition('.')[2]) and isinstance(value, str) and (
+                    registry.is_own(value)):
+                found = registry.find(value)
+                out.update(schema.walk(
+                    found.params, f'{full.rpartition(".")[0]}.{found.name}.'))
+    return out
 
 
 def scenario(
@@ -59,7 +89,7 @@ def scenario(
     trajectory
         Name in ``mambo_model.motion.trajectory``, or a file: see :func:`course_file.read`.
     estimator, controller
-        Choices of ``estimator_node`` and ``controller_node``.
+        Names, files or installed components: see :mod:`mambo_model.components`.
     duration : s
         Flight time from start to end.
     seed
@@ -76,7 +106,7 @@ def scenario(
     carried
         Whether a hand carries the vehicle along the trajectory, level.
     folder
-        What paths of vehicle files and courses are relative to.
+        What paths of vehicle files, courses and components are relative to.
 
     Raises
     ------
@@ -90,10 +120,11 @@ def scenario(
         'sim_node': {'duration': float(duration), 'simulator': {
             'seed': seed, 'noise': noise, 'vehicle': true_vehicle}},
         'optitrack_node': {'seed': seed, 'optitrack': {'noise': noise}},
-        'estimator_node': {'estimator': estimator},
+        'estimator_node': {'estimator': absolute(estimator, folder)},
         'reference_node': {
             'vehicle': believed_vehicle, 'plan': course_file.plan(trajectory, folder)},
-        'controller_node': {'controller': controller, 'vehicle': believed_vehicle},
+        'controller_node': {
+            'controller': absolute(controller, folder), 'vehicle': believed_vehicle},
     }
     if not noise:  # a sensor without noise may repeat itself
         for one in ('kalman', 'joint'):
@@ -117,10 +148,12 @@ def by_hand(flight: Scenario) -> Scenario:
 def override(flight: Scenario, values: Mapping[str, Any]) -> Scenario:
     """Return a scenario with other values, {'node.parameter': value}; errors as its own."""
     flat = schema.flatten(flight)
+    known = {**LEAVES, **own_leaves((name, values.get(name, flat[name])) for name in COMPONENTS)}
     for name in values:
-        if name not in flat:
-            raise schema.ParameterError(schema.unknown(name, flat))
-    return schema.build(Scenario, {**flat, **values})
+        if name not in known:
+            raise schema.ParameterError(schema.unknown(name, known))
+    kept = {name: value for name, value in flat.items() if name in known}
+    return schema.build(Scenario, {**kept, **values})
 
 
 LANDING = 9.0  # s, of a flight's end: blend out 3 s, descent 4 s, rest
@@ -175,11 +208,16 @@ def _commented(params: Any, indent: str) -> Iterator[str]:
         plain = list(value) if isinstance(value, tuple) else value
         # in brackets, as a scalar of its own has an end marker
         written = yaml.safe_dump([plain], default_flow_style=True, width=10 ** 9)[1:-2]
-        yield f'{f"{indent}{field.name}: {written}":<47} # {_comment(field.metadata)}'
+        yield f'{f"{indent}{field.name}: {written}":<47} # {_comment(field.metadata, value)}'
 
 
-def _comment(meta: Mapping[str, Any]) -> str:
-    """Return what a parameter's declaration says of it."""
+def _comment(meta: Mapping[str, Any], value: Any) -> str:
+    """Return what a parameter's declaration says of it; of a component which source it is."""
+    if 'component' in meta:
+        found = meta['component'].find(value)
+        if found is not None and found.own:
+            return found.describe()
+        return f"{' | '.join(meta['component'].names)} | FILE.py[:NAME], {meta['source']}"
     if 'unit' in meta:
         low, high = (
             str(x) if isinstance(x, int) else f'{x:g}' for x in (meta['low'], meta['high']))
@@ -213,19 +251,51 @@ class Place(NamedTuple):
 
 
 class ParameterReader(Reader):
-    """Reads parameters of the nodes of a flight."""
+    """
+    Reads parameters of the nodes of a flight.
+
+    Attributes
+    ----------
+    leaves
+        Parameters that there may be, by name.
+
+    """
+
+    leaves: Mapping[str, dataclasses.Field] = LEAVES
+
+    def learn(self, node: yaml.Node, others: Mapping[str, Any] | None = None) -> None:
+        """Know the parameters of the components that are chosen in a file, or besides."""
+        chosen = [*self._chosen(node), *(others or {}).items()]
+        for one in chosen:
+            try:
+                self.leaves = {**self.leaves, **own_leaves([one])}
+            except schema.ParameterError:
+                continue  # told where it is read
+
+    def _chosen(self, node: yaml.Node) -> Iterator[tuple[str, str]]:
+        """Yield every choice of a component in a file, wherever it stands."""
+        if isinstance(node, yaml.SequenceNode):
+            for below in node.value:
+                yield from self._chosen(below)
+        for key, below in node.value if isinstance(node, yaml.MappingNode) else ():
+            several = below.value if isinstance(below, yaml.SequenceNode) else [below]
+            yield from ((key.value, absolute(one.value, Path(self.path).parent)) for one in several
+                        if isinstance(one, yaml.ScalarNode) and isinstance(key.value, str))
+            yield from self._chosen(below)
 
     def parameters(self, node: yaml.Node, prefix: str) -> Iterator[tuple[str, Place]]:
         """Yield (node.parameter, value and place) of everything below a node."""
         for part, (key, below) in self.mapping(node, prefix.rstrip('.') or 'parameters').items():
             name = f'{prefix}{part}'
-            if name in LEAVES:
+            if name in self.leaves:
                 owner = name.rpartition('.')[0]
-                yield name, Place(self.leaf(owner, name, LEAVES[name], below), self.where(below))
-            elif any(known.startswith(f'{name}.') for known in LEAVES):
+                yield name, Place(
+                    self.leaf(owner, name, self.leaves[name], below), self.where(below))
+            elif any(known.startswith(f'{name}.') for known in self.leaves):
                 yield from self.parameters(below, f'{name}.')
             else:
-                raise schema.ParameterError(f'{self.where(key)}: {schema.unknown(name, LEAVES)}')
+                raise schema.ParameterError(
+                    f'{self.where(key)}: {schema.unknown(name, self.leaves)}')
 
     def ros_parameters(self, keys: Mapping[str, tuple[yaml.Node, yaml.Node]]) -> dict[str, Place]:
         """Return {node.parameter: value and place} of a ROS 2 parameter file."""
@@ -277,11 +347,14 @@ def from_yaml(text: str, where: str = 'scenario') -> Scenario:
 
     """
     reader = ParameterReader(where)
-    return from_parameters(where, reader.ros_parameters(
-        reader.mapping(reader.parse(text), 'file')))
+    root = reader.parse(text)
+    reader.learn(root)
+    return from_parameters(where, reader.ros_parameters(reader.mapping(root, 'file')))
 
 
 def load(path: Path) -> Scenario:
     """Read a ROS 2 parameter file as :func:`from_yaml`."""
     reader = ParameterReader(path)
-    return from_parameters(path, reader.ros_parameters(reader.mapping(reader.root(), 'file')))
+    root = reader.root()
+    reader.learn(root)
+    return from_parameters(path, reader.ros_parameters(reader.mapping(root, 'file')))

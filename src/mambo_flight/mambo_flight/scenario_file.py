@@ -24,9 +24,10 @@ from pathlib import Path
 import re
 from typing import NamedTuple
 
-from mambo_control.parameters import ControllerNodeParams
-from mambo_estimation.parameters import EstimatorNodeParams
+from mambo_control.controllers import REGISTRY as CONTROLLERS
+from mambo_estimation.filters import REGISTRY as ESTIMATORS
 from mambo_model import schema
+from mambo_model.components import absolute
 from mambo_model.motion.trajectory import FlightPlanParams, TAKEOFFS
 import yaml
 
@@ -35,11 +36,6 @@ from .course import course_file
 from .scenario import ParameterReader, Place
 
 FOLDER = Path(__file__).with_name('scenarios')
-
-
-def _options(params_type: type, name: str) -> tuple[str, ...]:
-    """Return what a parameter of a node may be."""
-    return dict(schema.walk(params_type))[name].metadata['options']
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,10 +49,8 @@ class Settings:
         40.0, 's', 0.005, 36000.0, 'of the flight; without one a course is flown to its end')
     vehicle: str = schema.text('identified', 'true vehicle: a known one, or a vehicle file')
     believed: str = schema.text('', 'that of reference and controller; empty: the true one')
-    estimator: str = schema.choice(
-        'kalman', _options(EstimatorNodeParams, 'estimator'), 'of estimator_node')
-    controller: str = schema.choice(
-        'cascaded', _options(ControllerNodeParams, 'controller'), 'of controller_node')
+    estimator: str = schema.component('kalman', ESTIMATORS, 'of estimator_node')
+    controller: str = schema.component('cascaded', CONTROLLERS, 'of controller_node')
     noise: bool = schema.flag(True, 'whether sensors have noise and bias')
     carried: bool = schema.flag(False, 'whether a hand carries the vehicle, level')
     seed: int = schema.quantity(1, '1', 0, 2**31 - 1, 'of every noise stream')
@@ -157,8 +151,10 @@ def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
 
     """
     reader = _Reader(Path(path))
-    keys = reader.mapping(reader.root(), 'file')
-    last = _Layer(dict(over or {}), {})
+    root = reader.root()
+    last = _Layer(_from_here(over or {}), {})
+    reader.learn(root, {name: place.value for name, place in last.settings.items()})
+    keys = reader.mapping(root, 'file')
     if any(name.startswith('/') or name.endswith('_node') for name in keys):
         if over:
             raise schema.ParameterError(
@@ -215,9 +211,16 @@ def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scena
     return '_'.join(filter(None, (found.name, flight))), found.flights[flight]
 
 
+def _from_here(settings: Mapping[str, Place]) -> dict[str, Place]:
+    """Return settings from outside of a file: paths of components are those of the user."""
+    return {name: Place(absolute(place.value), place.where)
+            if 'component' in FIELDS[name].metadata and isinstance(place.value, str) else place
+            for name, place in settings.items()}
+
+
 def from_settings(settings: Mapping[str, Place]) -> scenarios.Scenario:
     """Return the scenario of choices that come from no file; errors as those of :func:`read`."""
-    return _build(Path('scenario'), _Layer(dict(settings), {}))
+    return _build(Path('scenario'), _Layer(_from_here(settings), {}))
 
 
 def _build(path: Path, layer: _Layer) -> scenarios.Scenario:

@@ -203,8 +203,8 @@ def test_without_noise_neither_sensors_nor_cameras_have_any():
 
 @pytest.mark.parametrize('choices, complaint', [
     ({'trajectory': 'loop'}, "trajectory = 'loop' is not one of"),
-    ({'estimator': 'guess'}, "estimator = 'guess' is not one of"),
-    ({'controller': 'pid'}, "controller = 'pid' is not one of"),
+    ({'estimator': 'guess'}, "estimator_node.estimator: estimator 'guess' is unknown: give"),
+    ({'controller': 'pid'}, "controller 'pid' is unknown: give .* one of cascaded, toolbox"),
     ({'vehicle': 'eagle'}, 'eagle'), ({'believed': 'eagle'}, 'eagle'),
     ({'seed': -1}, 'seed = -1'), ({'seed': 1.5}, r'seed = 1\.5 must be a whole number'),
     ({'duration': -1.0}, 'duration'), ({'duration': math.nan}, 'duration = nan')])

@@ -2,13 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+import contextlib
 import hashlib
+import importlib.abc
+import importlib.machinery
+import importlib.metadata
+import importlib.util
 import os
 from pathlib import Path
+import sys
 from typing import Any, TypeVar
 
 F = TypeVar('F', bound=Callable)
+OWN_MODULES = 'mambo_own_'  # begins the names of modules made of users' files
+ENTRY_POINTS = ('mambo.controllers', 'mambo.estimators')
+
+
+class _Forgotten(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """
+    Finds the module of a user's file that is not loaded in this process, as an empty one.
+
+    The index of what is compiled names the types that it was compiled for, those of files that
+    were flown once among them. They must not keep it from being read.
+    """
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> Any:
+        """Return the specification of such a module, None for any other."""
+        if name.startswith(OWN_MODULES):
+            return importlib.machinery.ModuleSpec(name, self)
+        return None
+
+    def exec_module(self, module: Any) -> None:
+        """Give the module a class of any name that is asked for."""
+        def anything(name: str) -> type:
+            if name.startswith('__'):
+                raise AttributeError(name)
+            return _stand_in(module, name)
+        module.__getattr__ = anything
+
+
+class _StandIn(type):
+    """Type of classes that stand for those of a file that is not loaded, and for those inside."""
+
+    def __getattr__(cls, name: str) -> type:
+        """Return a class inside."""
+        if name.startswith('__'):
+            raise AttributeError(name)
+        return _stand_in(cls, name)
+
+
+def _stand_in(owner: Any, name: str) -> type:
+    """Return the class of a name in a module or a class that is not loaded."""
+    inside = isinstance(owner, type)
+    found = _StandIn(name, (), {
+        '__module__': owner.__module__ if inside else owner.__name__,
+        '__qualname__': f'{owner.__qualname__}.{name}' if inside else name})
+    setattr(owner, name, found)
+    return found
+
+
+sys.meta_path.insert(0, _Forgotten())
 
 
 def source_digest() -> str:
@@ -20,8 +74,12 @@ def source_digest() -> str:
     mambo_flight and mambo_analysis, which are mostly not compiled, only the files that compile
     something count.
     """
-    import importlib.util
     digest = hashlib.sha256()
+    for entry in sorted(  # components that are installed may be part of what is compiled
+            (entry for group in ENTRY_POINTS for entry in importlib.metadata.entry_points(
+                group=group)), key=lambda entry: (entry.group, entry.name)):
+        version = entry.dist.version if entry.dist else ''
+        digest.update(f'{entry.group} {entry.name} {entry.value} {version}'.encode())
     for name in ('mambo_model', 'mambo_sim', 'mambo_estimation', 'mambo_control',
                  'mambo_flight', 'mambo_analysis'):
         spec = importlib.util.find_spec(name)
@@ -45,7 +103,9 @@ def _cache_root() -> Path:
 
 os.environ.setdefault('NUMBA_CACHE_DIR', str(_cache_root() / f'numba-{source_digest()}'))
 
-import numba  # noqa: E402 (reads NUMBA_CACHE_DIR while it is imported)
+import numba  # noqa: E402 (reads NUMBA_CACHE_DIR while it is imported; all others import it here)
+from numba import objmode, typeof  # noqa: E402, F401
+from numba.core.errors import NumbaError  # noqa: E402, F401
 from numba.experimental import structref  # noqa: E402
 from numba.extending import overload  # noqa: E402
 
@@ -58,6 +118,17 @@ def jit(function: F) -> F:
     gets the same bits.
     """
     return numba.njit(cache=True, error_model='numpy')(function)
+
+
+@contextlib.contextmanager
+def own_cache(name: str) -> Iterator[None]:
+    """Keep what functions compile to that are defined meanwhile in a folder of this name."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(Path(os.environ['NUMBA_CACHE_DIR']) / name)
+    try:
+        yield
+    finally:
+        numba.config.CACHE_DIR = before
 
 
 class _Held(structref.StructRefProxy):
@@ -109,7 +180,9 @@ def memory_of(held):
     return held.memory
 
 
-def by_type(position: int, functions: Mapping[type, Callable]) -> Callable:
+def by_type(
+    position: int, functions: Mapping[type, Callable], default: Callable | None = None,
+) -> Callable:
     """
     Return one function for several: which one is called depends on the type of one argument.
 
@@ -123,16 +196,18 @@ def by_type(position: int, functions: Mapping[type, Callable]) -> Callable:
         Of the argument that decides, from 0.
     functions
         Function for each type of this argument, NamedTuples and ``type(None)``; for compiled
-        code compiled ones.
+        code compiled ones. One that is added later is chosen from then on.
+    default
+        Function for NamedTuples that are not among them.
 
     """
     def chosen(*arguments):
         """Choose when called from Python."""
         kind = type(arguments[position])
-        if kind not in functions:
+        if kind not in functions and default is None:
             known = ', '.join(sorted(one.__name__ for one in functions))
             raise TypeError(f'argument {position} is {kind.__name__}; known: {known}')
-        return functions[kind](*arguments)
+        return functions.get(kind, default)(*arguments)
 
     @overload(chosen)
     def _choose(*arguments):
@@ -141,7 +216,7 @@ def by_type(position: int, functions: Mapping[type, Callable]) -> Callable:
         if isinstance(kind, numba.types.NoneType):
             found = functions.get(type(None))
         else:
-            found = functions.get(getattr(kind, 'instance_class', None))
+            found = functions.get(getattr(kind, 'instance_class', None), default)
         return found and (lambda *arguments: found(*arguments))
 
     return chosen

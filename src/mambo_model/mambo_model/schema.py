@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 import dataclasses
 import difflib
+import functools
 import math
 from typing import Any, TypeVar
 
@@ -49,6 +50,17 @@ def text(default: str, source: str) -> Any:
 def group(params_type: type) -> Any:
     """Nest another parameter dataclass."""
     return dataclasses.field(default_factory=params_type, metadata={'group': params_type})
+
+
+def component(default: str, registry: Any, source: str) -> Any:
+    """
+    Declare the name of a component: a built-in one, a file, or an installed one.
+
+    ``registry`` is the :class:`mambo_model.components.Registry` that finds it. A group of
+    parameters of this name belongs to it.
+    """
+    return dataclasses.field(
+        default=default, metadata={'component': registry, 'source': source})
 
 
 class ParameterError(InputError):
@@ -101,6 +113,13 @@ def check_field(owner: str, field: dataclasses.Field, value: Any) -> None:
         if value not in meta['options']:
             raise ParameterError(
                 f"{name} = {shown(value)} is not one of {', '.join(meta['options'])}")
+    elif 'component' in meta:
+        if not isinstance(value, str):
+            raise ParameterError(f'{name} = {shown(value)} must be text')
+        try:
+            meta['component'].find(value)
+        except ParameterError as error:
+            raise ParameterError(f'{name}: {error}') from None
     elif 'flag' in meta:
         if not isinstance(value, bool):
             raise ParameterError(f'{name} = {shown(value)} must be true or false')
@@ -161,6 +180,59 @@ def flatten(params: Any, prefix: str = '') -> dict[str, Any]:
     return out
 
 
+def extended(params_type: type[P], given: Mapping[str, Any]) -> type[P]:
+    """
+    Return a parameter dataclass with the groups of the components from outside that are chosen.
+
+    Parameters
+    ----------
+    params_type
+        Declared with this module.
+    given
+        Values by name; those that are missing keep their defaults.
+
+    Raises
+    ------
+    ParameterError
+        If a component is not found or is not what it must be.
+
+    """
+    groups = {}
+    for field in dataclasses.fields(params_type):
+        value = given.get(field.name, field.default)
+        if 'component' in field.metadata and isinstance(value, str) and (
+                field.metadata['component'].is_own(value)):
+            try:
+                found = field.metadata['component'].find(value)
+            except ParameterError as error:
+                raise ParameterError(f'{field.name}: {error}') from None
+            groups[found.name] = found.params
+    known = {field.name for field in dataclasses.fields(params_type)}
+    return _with_groups(params_type, tuple(
+        (name, kind) for name, kind in groups.items() if name not in known))
+
+
+@functools.cache
+def _with_groups(params_type: type, groups: tuple[tuple[str, type], ...]) -> type:
+    if not groups:
+        return params_type
+    return dataclasses.make_dataclass(
+        params_type.__name__, [(name, kind, group(kind)) for name, kind in groups],
+        bases=(params_type,), frozen=True, namespace={
+            '__module__': params_type.__module__, '__doc__': params_type.__doc__,
+            '__reduce__': lambda self: (build, (params_type, flatten(self)))})
+
+
+def component_fields(params: Any) -> Iterator[tuple[dataclasses.Field, str]]:
+    """Yield the field and the value of every choice of a component, at any depth."""
+    for field in dataclasses.fields(params):
+        value = getattr(params, field.name)
+        if 'group' in field.metadata:
+            yield from component_fields(value)
+        elif 'component' in field.metadata:
+            yield field, value
+
+
 def build(params_type: type[P], values: Mapping[str, Any], where: str = '') -> P:
     """
     Fill a parameter dataclass from a nested mapping, missing keys keeping their defaults.
@@ -189,6 +261,10 @@ def build(params_type: type[P], values: Mapping[str, Any], where: str = '') -> P
             raise ParameterError(
                 f'{where}{head} = {shown(section)} must be a section of parameters')
         nested[head] = {**old, **new} if isinstance(new, Mapping) else new
+    try:
+        params_type = extended(params_type, nested)
+    except ParameterError as error:
+        raise ParameterError(f'{where}{error}') from None
     fields = {field.name: field for field in dataclasses.fields(params_type)}
     filled: dict[str, Any] = {}
     for key, value in nested.items():
@@ -203,6 +279,8 @@ def build(params_type: type[P], values: Mapping[str, Any], where: str = '') -> P
             continue
         if isinstance(value, list):
             value = tuple(value)
+        if 'component' in field.metadata and isinstance(value, str):
+            value = field.metadata['component'].absolute(value)
         if isinstance(field.default, float) and _is_number(value):
             value = _as_float(value)
         elif isinstance(field.default, tuple) and isinstance(value, tuple) and all(

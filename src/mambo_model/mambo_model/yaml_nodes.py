@@ -208,6 +208,9 @@ class Reader:
             out = WORDS.get(self.text(node, name).lower(), node.value)
         elif isinstance(node, yaml.ScalarNode) and 'text' in field.metadata:
             out = node.value
+        elif 'component' in field.metadata:
+            out = field.metadata['component'].absolute(
+                self.text(node, name), Path(self.path).parent)
         else:
             out = self.text(node, name)
         try:

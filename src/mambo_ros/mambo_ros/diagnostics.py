@@ -42,3 +42,23 @@ def report(t: int, name: str, level: bytes, message: str, values: Mapping[str, o
 def refusals_line(counts: Mapping[str, int]) -> str:
     """Return as one line how many messages were refused, by topic and reason."""
     return f'{REFUSED} ' + ', '.join(f'{count} {what}' for what, count in counts.items())
+
+
+class Faulty:
+    """
+    A node that goes on with a fault, and ends with a code that tells of it.
+
+    Attributes
+    ----------
+    fault : str
+        The first one, one line; empty: none.
+
+    """
+
+    fault = ''
+
+    def fail(self, what: str) -> None:
+        """Keep and log a fault; the first one counts, an empty text is none."""
+        if what and not self.fault:
+            self.fault = what
+            self.get_logger().error(what)  # type: ignore[attr-defined]  # of the node

@@ -30,7 +30,7 @@ _REPORT_EVERY = 1.0  # s between reports of refused messages
 _LOCAL = 2**32 - 1  # publishers found of a topic that the same process publishes
 
 
-class MamboNode(Node, Generic[P]):
+class MamboNode(diagnostics.Faulty, Node, Generic[P]):
     """
     A node with schema parameters, byte topics and announced links.
 

@@ -31,6 +31,10 @@ def _descriptor(field: Any) -> ParameterDescriptor:
                 IntegerRange(from_value=int(meta['low']), to_value=int(meta['high']))]
     elif 'options' in meta:
         about.description = f'one of: {", ".join(meta["options"])}; source: {meta["source"]}'
+    elif 'component' in meta:
+        about.description = (
+            f'one of: {", ".join(meta["component"].names)}, or FILE.py, FILE.py:NAME, or an '
+            f'installed one; source: {meta["source"]}')
     else:
         about.description = f'source: {meta["source"]}'
     return about
@@ -55,6 +59,7 @@ def declare(node: Node, params_type: type[P]) -> P:
 
     """
     given = {name: parameter.value for name, parameter in node._parameter_overrides.items()}
+    params_type = schema.extended(params_type, given)
     known = dict(schema.walk(params_type))
     params = schema.build(
         params_type, {name: value for name, value in given.items() if name in known})

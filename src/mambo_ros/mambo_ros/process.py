@@ -181,6 +181,8 @@ def _serve(nodes: list[MamboNode], loop: Loop,
             loop.run()
         else:
             code = run(nodes[-1], loop)
+        if any(node.fault for node in nodes):
+            code = 1
         if len(nodes) > 1:
             loop.drain()
     finally:

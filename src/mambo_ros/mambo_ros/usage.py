@@ -41,6 +41,8 @@ def _parameter(name: str, field: dataclasses.Field) -> Iterator[str]:
         bounds = f' (range {meta["low"]:g} to {meta["high"]:g})'
     elif 'options' in meta:
         bounds = f" (one of: {', '.join(meta['options'])})"
+    elif 'component' in meta:
+        bounds = f" (one of: {', '.join(meta['component'].names)}, or FILE.py[:NAME])"
     yield f'  {name} = {_default(field)}{unit}{bounds}'
     yield f'      {meta["source"]}'
 

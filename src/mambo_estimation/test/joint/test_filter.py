@@ -240,7 +240,7 @@ def test_same_bits_where_the_node_keeps_the_memory():
     truth = fly(circle(), 6.0)
     s = sense(truth, TYPICAL, seed=17)
     loop = estimate(s, PARAMS)
-    held = hold(filters.initial(PARAMS), None, PARAMS.values())
+    held = hold(filters.initial(PARAMS.values()), None, PARAMS.values())
     for k in range(len(s.dt)):
         e = held_step(
             held, float(s.dt[k]), tuple(s.gyro[k].tolist()), tuple(s.accel[k].tolist()),
@@ -256,7 +256,7 @@ def test_a_step_costs_microseconds_in_a_compiled_loop():
     out, best = np.empty((len(s.dt), COLUMNS)), np.inf
     for _ in range(5):
         begin = time.process_time()
-        run_rows(filters.initial(PARAMS), s.dt, s.gyro, s.accel, s.sonar, s.flow,
+        run_rows(filters.initial(PARAMS.values()), s.dt, s.gyro, s.accel, s.sonar, s.flow,
                  s.quality.astype(np.int64), s.pressure, values, out)
         best = min(best, time.process_time() - begin)
     # 2 to 4 us on an idle core: 500 times real time is 10

@@ -31,12 +31,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mambo_model import schema
-from mambo_model.yaml_nodes import Reader
 import numpy as np
 import yaml
 
 from .. import scenario as scenarios, scenario_file
-from ..scenario import LEAVES, Place
+from ..scenario import ParameterReader, Place
 from ..scenario_file import FIELDS
 
 DISTRIBUTIONS = ('normal', 'range', 'uniform')
@@ -79,20 +78,20 @@ class Sweep(NamedTuple):
     rows: list[tuple[Any, ...]]
 
 
-class _Reader(Reader):
+class _Reader(ParameterReader):
     """Reads a sweep file."""
 
     def axes(self, node: yaml.Node, prefix: str = '') -> Iterator[Axis]:
         """Yield what is under ``vary``; names may be dotted or nested."""
         for part, (key, below) in self.mapping(node, prefix.rstrip('.') or 'vary').items():
             name = f'{prefix}{part}'
-            field = LEAVES.get(name) or (None if prefix else FIELDS.get(name))
+            field = self.leaves.get(name) or (None if prefix else FIELDS.get(name))
             if field is not None:
                 yield self.axis(name, field, below)
-            elif any(known.startswith(f'{name}.') for known in LEAVES):
+            elif any(known.startswith(f'{name}.') for known in self.leaves):
                 yield from self.axes(below, f'{name}.')
             else:
-                known = LEAVES if '.' in name else [*FIELDS, *LEAVES]
+                known = self.leaves if '.' in name else [*FIELDS, *self.leaves]
                 raise schema.ParameterError(f'{self.where(key)}: {schema.unknown(name, known)}')
 
     def axis(self, name: str, field: dataclasses.Field, node: yaml.Node) -> Axis:
@@ -209,7 +208,13 @@ def read(path: Path) -> Sweep:
 
     """
     reader = _Reader(Path(path))
-    keys = reader.mapping(reader.root(), 'file')
+    root = reader.root()
+    keys = reader.mapping(root, 'file')
+    if 'scenario' in keys and isinstance(keys['scenario'][1], yaml.ScalarNode):
+        base = _base(Path(path), keys['scenario'][1].value, {})
+        reader.learn(root, schema.flatten(base))
+    else:
+        reader.learn(root)
     said, axes = {}, ()
     for name, (key, node) in keys.items():
         if name == 'vary':
@@ -229,8 +234,23 @@ def read(path: Path) -> Sweep:
     return Sweep(Path(path), head, axes, _table(axes, head, reader))
 
 
+def _base(
+    path: Path, name: str, settings: Mapping[str, Place],
+) -> scenarios.Scenario:
+    """Return the scenario of a sweep file that this name stands for, with settings in force."""
+    if not name:
+        return scenario_file.from_settings(settings)
+    if '.yaml' in name or '.yml' in name:
+        name = str(path.parent / name)
+    return scenario_file.load(name, settings)[1]
+
+
 def _replaced(params: Any, values: Mapping[str, Any]) -> Any:
-    """Return parameters with other values of the right types, {dotted name: value}."""
+    """
+    Return parameters with other values of the right types, {dotted name: value}.
+
+    Those of a component that is not flown do not matter.
+    """
     own: dict[str, Any] = {}
     below: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
@@ -240,6 +260,8 @@ def _replaced(params: Any, values: Mapping[str, Any]) -> Any:
         else:
             own[head] = value
     for head, inner in below.items():
+        if not hasattr(params, head):
+            continue
         own[head] = _replaced(getattr(params, head), inner)
     return dataclasses.replace(params, **own)
 
@@ -257,13 +279,7 @@ class Flights:
     def _base(self, settings: dict[str, Place]) -> scenarios.Scenario:
         key = tuple(place.value for place in settings.values())
         if key not in self.bases:
-            name = self.sweep.head.scenario
-            if not name:
-                self.bases[key] = scenario_file.from_settings(settings)
-            else:
-                if '.yaml' in name or '.yml' in name:
-                    name = str(self.sweep.path.parent / name)
-                self.bases[key] = scenario_file.load(name, settings)[1]
+            self.bases[key] = _base(self.sweep.path, self.sweep.head.scenario, settings)
         return self.bases[key]
 
     def __getitem__(self, number: int) -> scenarios.Scenario:

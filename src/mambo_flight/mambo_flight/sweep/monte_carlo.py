@@ -209,7 +209,7 @@ def fly_many(flights: Iterable[Scenario]) -> Iterator[dict[str, Any]]:
             controller.vehicle.values(), controller.period)
         yield metrics(_ideal(
             plant.initial(sim.plant), wind.initial(sim.wind),
-            simulator.generators(sim.seed)[simulator.WIND], failsafe.initial(controller.law),
+            simulator.generators(sim.seed)[simulator.WIND], failsafe.begin(p.gains),
             closed_loop.step_count(flight), p), controller.vehicle)
 
 

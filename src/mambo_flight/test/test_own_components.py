@@ -1,0 +1,173 @@
+"""Controllers and estimators from files in the closed loop: the same numbers, and their faults."""
+
+import dataclasses
+from pathlib import Path
+import pickle
+import re
+
+from mambo_bags.reader import read_bag
+from mambo_control.failsafe import REASONS
+from mambo_control.safety import REASON_CONTROLLER
+from mambo_flight import closed_loop, fly, scenario as scenarios, scenario_file
+from mambo_flight.sweep import design
+from mambo_model import schema, slots
+import numpy as np
+import pytest
+
+EXAMPLES = Path(__file__).parents[3] / 'examples'
+PD, HEIGHT = EXAMPLES / 'pd_controller.py', EXAMPLES / 'alpha_beta_filter.py'
+
+
+@pytest.fixture
+def plain(tmp_path):
+    """Return the PD controller as plain Python, with changes."""
+    def write(old='', new='', name='plain.py'):
+        text = PD.read_text().replace('@jit\n', '').replace(
+            'from mambo_model.compiled import jit\n', '')
+        assert old in text
+        path = tmp_path / name
+        path.write_text(text.replace(old, new, 1))
+        return str(path)
+    return write
+
+
+def flight(controller, duration=9.0, **more):
+    return scenarios.scenario(
+        estimator='ground_truth', controller=str(controller), duration=duration, land=False,
+        **more)
+
+
+def flown(controller, **more):
+    slots.latest_fault()
+    return closed_loop.fly(flight(controller, **more))
+
+
+def test_a_compiled_and_a_plain_one_fly_the_same_numbers(plain):
+    one, two = flown(PD), flown(plain())
+    assert not slots.latest_fault()
+    for name in ('truth', 'pwm', 'thrust', 'phase', 'reason'):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+    late = one.t > 5_000_000_000
+    error = np.linalg.norm(one.truth[late, :3] - one.reference[late, :3], axis=1)
+    assert error.max() < 0.5  # m, of 1 m of radius: it flies
+    assert not one.stopped.any()
+
+
+def test_its_parameters_are_those_of_the_scenario(plain):
+    mine = plain()
+    changed = scenarios.override(flight(mine), {'controller_node.plain.position_gain': 6.0})
+    assert changed.controller_node.plain.position_gain == 6.0
+    text = scenarios.commented_yaml(changed)
+    assert 'position_gain: 6.0' in text and f'controller: {mine}' in text
+    assert scenarios.from_yaml(text) == changed == pickle.loads(pickle.dumps(changed))
+    assert 'plain 1.0, sha256 ' in text
+    with pytest.raises(schema.ParameterError, match='position_gane.*did you mean.*position_gain'):
+        scenarios.override(flight(mine), {'controller_node.plain.position_gane': 6.0})
+    back = scenarios.override(changed, {'controller_node.controller': 'toolbox'})
+    assert not hasattr(back.controller_node, 'plain')
+
+
+def test_a_scenario_file_names_a_file_beside_it(plain, tmp_path):
+    mine = plain()
+    file = tmp_path / 'mine.yaml'
+    file.write_text('title: mine\ncontroller: plain.py\nduration: 5\nparameters:\n'
+                    '  controller_node: {plain: {rate_gain: 21.0}}\n')
+    _, found = scenario_file.load(str(file))
+    assert found.controller_node.controller == mine
+    assert found.controller_node.plain.rate_gain == 21.0
+    file.write_text('title: mine\ncontroller: none.py\n')
+    with pytest.raises(schema.ParameterError, match=r'mine.yaml:2: .*none.py: No such file'):
+        scenario_file.load(str(file))
+
+
+def test_a_sweep_varies_a_component_and_its_parameters(plain, tmp_path):
+    mine, file = plain(), tmp_path / 'sweep.yaml'
+    file.write_text('title: t\nvary:\n  controller: [cascaded, plain.py]\n  duration: 5\n'
+                    '  controller_node.plain.rate_gain: [20.0, 25.0]\n')
+    flights = design.Flights(design.read(file))
+    chosen = [flights[i].controller_node for i in range(4)]
+    assert [c.controller for c in chosen] == ['cascaded', 'cascaded', mine, mine]
+    assert [c.plain.rate_gain for c in chosen[2:]] == [20.0, 25.0]
+
+
+STEP = 'return Memory(memory.steps + 1), thrust'
+
+
+@pytest.mark.parametrize(('old', 'new', 'said'), [
+    (STEP, f"if memory.steps > 1000:\n        raise RuntimeError('lost my way')\n    {STEP}",
+     r'plain.py:\d+: RuntimeError: lost my way'),
+    (STEP, f"if memory.steps > 1000:\n        thrust = float('nan')\n    {STEP}",
+     r'plain.py:\d+: step answers thrust = nan'),
+    (STEP, f'while memory.steps > 1000:\n        pass\n    {STEP}',
+     r'plain.py:\d+: takes too long'),
+    (STEP, f'if memory.steps > 1000:\n        return None\n    {STEP}',
+     r'plain.py:\d+: step must answer two things: .* it answers NoneType None')])
+def test_one_that_fails_in_flight_is_landed_and_its_line_told(plain, old, new, said):
+    out = flown(plain(old, new), duration=12.0)
+    fault = slots.latest_fault()
+    assert re.search(said, fault), fault
+    assert '\n' not in fault
+    bad = int(np.flatnonzero(out.reason == REASON_CONTROLLER)[0])
+    assert 5.9 < out.t[bad] * 1e-9 < 6.2  # s: in the air for 1000 steps of 5 ms, from 1 s on
+    assert abs(out.truth[-1, 2]) < 0.05 and not out.pwm[-1].any()  # it has landed
+    assert np.abs(np.diff(out.truth[bad:, 2])).max() < 0.01  # m in 5 ms: it did not fall
+    assert REASONS[REASON_CONTROLLER] == 'controller failed'
+
+
+def test_a_compiled_one_that_fails_is_landed_and_its_line_told(tmp_path):
+    path = tmp_path / 'broken.py'
+    path.write_text(PD.read_text().replace(
+        STEP, f"if memory.steps > 1000:\n        raise ValueError('lost my way')\n    {STEP}"))
+    out = flown(path, duration=12.0)
+    line = next(i for i, text in enumerate(path.read_text().splitlines(), 1) if 'raise' in text)
+    assert slots.latest_fault() == f'{path}:{line}: ValueError: lost my way'
+    assert (out.reason == REASON_CONTROLLER).any() and abs(out.truth[-1, 2]) < 0.05
+
+
+@pytest.mark.parametrize(('old', 'new', 'said'), [
+    ('return Memory(memory.steps + 1), thrust', 'return thrust',
+     r'step must answer two things: .* it answers Command'),
+    ('thrust_and_torque(thrust, torque, state, reference, vehicle)', '(thrust, torque)',
+     r'step answers tuple where a Command belongs'),
+    ('thrust_and_torque(thrust, torque,', 'thrust_and_torque(thrust, torque[:2],',
+     r'controller_node.controller: .*plain.py:\d+: does not compile: tuple index out of range'),
+    ('    v = rotate(state.q, state.nu)\n', '    v = rotate(state.q, state.velocity)\n',
+     r'plain.py:\d+: AttributeError: .*velocity.*in a trial at hover')])
+def test_a_wrong_one_is_refused_before_anything_flies(plain, old, new, said):
+    with pytest.raises(schema.ParameterError, match=said) as error:
+        flight(plain(old, new))
+    assert '\n' not in str(error.value)
+
+
+def test_an_estimator_of_a_file_flies_and_is_lost_when_it_fails(tmp_path):
+    base = scenarios.scenario(duration=14.0, land=False, estimator=str(HEIGHT))
+    slots.latest_fault()
+    out = closed_loop.fly(base)
+    assert not slots.latest_fault()
+    late = out.t > 6_000_000_000
+    assert np.abs(out.estimate[late, 2] - out.truth[late, 2]).max() < 0.2  # m
+    kalman = closed_loop.fly(scenarios.scenario(duration=14.0, land=False))
+    assert not np.array_equal(out.estimate[late, 2], kalman.estimate[late, 2])
+    broken = tmp_path / 'broken.py'
+    broken.write_text(HEIGHT.read_text().replace(
+        'rest, height, climb, since = memory',
+        'rest, height, climb, since = memory\n    if height > 1.3:\n        height / 0', 1))
+    out = closed_loop.fly(dataclasses.replace(base, estimator_node=scenarios.scenario(
+        estimator=str(broken)).estimator_node))
+    assert f'{broken}:' in (fault := slots.latest_fault()) and 'ZeroDivisionError' in fault
+    assert np.isnan(out.estimate[-1]).all()
+    assert abs(out.truth[-1, 2]) < 0.1 and not out.pwm[-1].any()
+
+
+def test_the_command_closes_the_bag_and_tells_of_the_fault(plain, tmp_path, capsys):
+    mine = plain(STEP, f"if memory.steps > 300:\n        raise RuntimeError('lost')\n    {STEP}")
+    bag, file = tmp_path / 'bag', tmp_path / 'short.yaml'
+    file.write_text('title: short\nestimator: ground_truth\nduration: 5\nlanding: false\n')
+    assert fly.main([str(file), '--controller', mine, '-o', str(bag)]) == 1
+    said = capsys.readouterr()
+    assert 'plain is plain Python: it flies slower' in said.out
+    assert said.err.startswith('fly: short: ') and 'RuntimeError: lost' in said.err
+    text = str(read_bag(bag, ()).attachments['scenario.yaml'])
+    assert f'controller: {mine}' in text and 'plain 1.0, sha256' in text
+    assert fly.main(['--controller', 'none.py', '-o', str(tmp_path / 'other')]) == 2
+    assert 'none.py: No such file or directory' in capsys.readouterr().err

@@ -1,0 +1,380 @@
+"""
+Components that somebody brings: found by name, file or entry point, and checked before a flight.
+
+A component is three things: the dataclass of its parameters, ``initial`` and ``step``. It is
+named by a built-in name, by a Python file (``mine.py``, or ``mine.py:Name`` for one of several in
+it), or by the name of an installed entry point. In a file they are ``Params``, ``initial`` and
+``step`` of the module, or attributes of ``Name``. One :class:`Registry` for each kind of component
+holds the built-in ones, which are found and started in the same way.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping
+import copy
+import dataclasses
+import hashlib
+import importlib.abc
+import importlib.machinery
+import importlib.metadata
+import importlib.util
+import inspect
+import keyword
+from pathlib import Path
+import re
+import sys
+from types import ModuleType
+from typing import Any
+
+from .compiled import own_cache, OWN_MODULES
+from .schema import component_fields, group, ParameterError, shown
+from .values import values_type
+
+_FILE = re.compile(r'(.+\.py)(?::(\w+))?')
+_DECLARED = ('unit', 'options', 'flag', 'text', 'group')
+PARTS = ('Params', 'initial', 'step')
+
+
+@dataclasses.dataclass(frozen=True)
+class Component:
+    """
+    A controller or an estimator.
+
+    Attributes
+    ----------
+    name
+        Of its group of parameters.
+    params
+        Dataclass of its parameters.
+    initial
+        From the values of the parameters to the memory at start.
+    step
+        One step; its arguments are those of the registry.
+    compiled
+        Whether ``initial`` and ``step`` are functions of numba.
+    version
+        Of the installed package, or ``__version__`` of the file; empty: none.
+    sha256
+        Of the source; empty for a built-in one.
+    path
+        Of the source; None for a built-in one.
+    more
+        Functions that built-in ones may have besides.
+
+    """
+
+    name: str
+    params: type
+    initial: Callable
+    step: Callable
+    compiled: bool = True
+    version: str = ''
+    sha256: str = ''
+    path: Path | None = None
+    more: Any = None
+
+    @property
+    def own(self) -> bool:
+        """Return whether it comes from outside."""
+        return self.path is not None
+
+    def describe(self) -> str:
+        """Return name, version and hash of the source in one line."""
+        version = f' {self.version}' if self.version else ''
+        return f'{self.name}{version}, sha256 {self.sha256}'
+
+
+def is_file(name: str) -> bool:
+    """Return whether the name of a component is that of a file."""
+    return _FILE.fullmatch(name) is not None
+
+
+def absolute(name: str, folder: Path = Path()) -> str:
+    """Return the name of a component with the path of its file, if it is one, made absolute."""
+    found = _FILE.fullmatch(name)
+    if not found:
+        return name
+    path = (folder / Path(found[1]).expanduser()).absolute()
+    return f'{path}:{found[2]}' if found[2] else str(path)
+
+
+def python(function: Callable) -> Callable:
+    """Return a function as Python has it, compiled or not."""
+    return getattr(function, 'py_func', function)
+
+
+class Registry:
+    """
+    The components of one kind.
+
+    Parameters
+    ----------
+    kind
+        What messages call one of them: ``controller``.
+    arguments
+        Of ``step``, by name.
+    built_in
+        Parameters and module of each built-in one, by name; the module has ``initial``, ``step``.
+    others
+        Names that the parameter may have besides, which are no components.
+
+    Attributes
+    ----------
+    trial : Callable
+        Called with a component from outside before it is used; raises ParameterError for one that
+        answers a simple case with something else than its kind does.
+
+    """
+
+    def __init__(self, kind: str, arguments: tuple[str, ...],
+                 built_in: Mapping[str, tuple[type, Any]], others: tuple[str, ...] = ()) -> None:
+        self.kind, self.arguments, self.others = kind, arguments, others
+        self.built_in = {
+            name: Component(name, params, module.initial, module.step, more=module)
+            for name, (params, module) in built_in.items()}
+        self.trial: Callable[[Component], None] = lambda component: None
+        self._found: dict[str, Component] = {}
+
+    @property
+    def group(self) -> str:
+        """Return the group of entry points."""
+        return f'mambo.{self.kind}s'
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the names of the built-in ones, and the others."""
+        return (*self.built_in, *self.others)
+
+    absolute = staticmethod(absolute)
+
+    def is_own(self, name: str) -> bool:
+        """Return whether a name is that of a component from outside."""
+        return name not in self.names
+
+    def find(self, name: str) -> Component | None:
+        """
+        Return a component, None for one of the others.
+
+        Raises
+        ------
+        ParameterError
+            If there is none of this name, or it is not what its kind must be; in one line.
+
+        """
+        if name in self.others:
+            return None
+        if name in self.built_in:
+            return self.built_in[name]
+        name = absolute(name)
+        if name not in self._found:
+            self._found[name] = self._checked(self._load(name))
+        return self._found[name]
+
+    def _load(self, name: str) -> Component:
+        """Return a component from outside as it stands there."""
+        if found := _FILE.fullmatch(name):
+            path = Path(found[1])
+            module = load_file(path)
+            holder, title = module, path.stem
+            if found[2]:
+                holder, title = getattr(module, found[2], None), found[2]
+                if holder is None:
+                    raise ParameterError(f'{path}: has no {found[2]}')
+            version = str(getattr(module, '__version__', ''))
+        else:
+            entry = next((e for e in importlib.metadata.entry_points(group=self.group)
+                          if e.name == name), None)
+            if entry is None:
+                raise ParameterError(
+                    f'{self.kind} {shown(name)} is unknown: give a file (mine.py or mine.py:Name),'
+                    f' an installed one (entry point of {self.group}) or one of '
+                    f'{", ".join(self.names)}')
+            try:
+                holder = entry.load()
+            except Exception as error:  # whatever a package raises while it is imported
+                raise ParameterError(f'{name}: {entry.value} cannot be loaded: {error}') from None
+            title, version = name, entry.dist.version if entry.dist else ''
+            path = Path(inspect.getsourcefile(holder) or '')
+        missing = [part for part in PARTS if not hasattr(holder, part)]
+        if missing:
+            raise ParameterError(
+                f'{where(path, holder)}: has no {", ".join(missing)}; a {self.kind} has '
+                f'{", ".join(PARTS)}')
+        compiled = [hasattr(getattr(holder, part), 'py_func') for part in ('initial', 'step')]
+        return Component(
+            title, holder.Params, holder.initial, holder.step, all(compiled), version,
+            digest(path), path)
+
+    def _checked(self, c: Component) -> Component:
+        """Return a component that is what its kind must be."""
+        if not c.name.isidentifier() or keyword.iskeyword(c.name) or c.name in self.names:
+            raise ParameterError(
+                f'{c.path}: the {self.kind} must have a name that is a word and not one of '
+                f'{", ".join(self.names)}: rename the file, or give it as {c.path.name}:Name')
+        self._check_params(c)
+        for part, wanted in (('initial', ('values',)), ('step', self.arguments)):
+            _check_arguments(c, getattr(c, part), part, wanted)
+        self.trial(c)
+        return c
+
+    def _check_params(self, c: Component) -> None:
+        place = where(c.path, c.params)
+        if not dataclasses.is_dataclass(c.params) or not isinstance(c.params, type):
+            raise ParameterError(f'{place}: Params must be a dataclass')
+        for field in dataclasses.fields(c.params):
+            if not any(key in field.metadata for key in _DECLARED):
+                raise ParameterError(
+                    f'{place}: parameter {field.name}: declare it with quantity, choice, flag, '
+                    'text or group of mambo_model.schema')
+        if not c.params.__dataclass_params__.frozen:
+            raise ParameterError(f'{place}: Params must be a frozen dataclass')
+        try:
+            c.params()
+        except Exception as error:
+            raise ParameterError(f'{place}: the defaults are refused: {error}') from None
+        values_type(c.params)
+
+
+def where(path: Path | None, thing: Any) -> str:
+    """Return file and line of a function or class of a user's file."""
+    try:
+        return f'{path}:{inspect.getsourcelines(python(thing))[1] or 1}'
+    except (OSError, TypeError):
+        return str(path)
+
+
+def _check_arguments(
+    c: Component, function: Callable, part: str, wanted: tuple[str, ...],
+) -> None:
+    """Refuse a function that cannot be called with the arguments of its kind."""
+    place = where(c.path, function)
+    if not callable(function):
+        raise ParameterError(f'{place}: {part} must be a function')
+    try:
+        inspect.signature(python(function)).bind(*wanted)
+    except TypeError:
+        has = ', '.join(inspect.signature(python(function)).parameters)
+        raise ParameterError(
+            f'{place}: {part}({has}) must take {len(wanted)} arguments: {", ".join(wanted)}'
+        ) from None
+
+
+def _siblings(path: Path, known: set[Path]) -> set[Path]:
+    """Return a file and those beside it that it imports."""
+    if path in known or not path.is_file():
+        return known
+    known.add(path)
+    try:
+        tree = ast.parse(path.read_bytes())
+    except (SyntaxError, ValueError):
+        return known
+    for node in ast.walk(tree):
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else (
+            [node.module or ''] if isinstance(node, ast.ImportFrom) else [])
+        for name in names:
+            _siblings(path.with_name(f'{name.partition(".")[0]}.py'), known)
+    return known
+
+
+def digest(path: Path) -> str:
+    """Return the sha256 of a source, with those beside it that it imports if there are any."""
+    files = sorted(_siblings(path, set()))
+    if files == [path]:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    out = hashlib.sha256()
+    for file in files:
+        out.update(file.name.encode() + b'\0' + file.read_bytes())
+    return out.hexdigest()
+
+
+def fault_place(path: Path | None, error: BaseException) -> str:
+    """Return file and line of a user's code at which an error was raised."""
+    at, trace = '', error.__traceback__
+    while trace is not None:
+        if path is not None and Path(trace.tb_frame.f_code.co_filename).parent == path.parent:
+            at = f'{trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}'
+        trace = trace.tb_next
+    return at or str(path)
+
+
+def load_file(path: Path) -> ModuleType:
+    """
+    Return the module of a file, loaded once for each content.
+
+    Its name holds the hash of the source, so that what was compiled for another version of the
+    file is not taken for it.
+
+    Raises
+    ------
+    ParameterError
+        If the file is not there or fails while it is loaded; with its line.
+
+    """
+    if not path.is_file():
+        raise ParameterError(f'{path}: No such file or directory')
+    name = f'{OWN_MODULES}{path.stem}_{digest(path)[:16]}'
+    if getattr(sys.modules.get(name), '__file__', None):
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None  # of a .py file
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    sys.path.insert(0, str(path.parent))  # for files beside it
+    try:
+        with own_cache(name):  # what is compiled goes with this content
+            spec.loader.exec_module(module)
+    except BaseException as error:
+        del sys.modules[name]
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        if isinstance(error, SyntaxError):
+            raise ParameterError(f'{error.filename}:{error.lineno}: {error.msg}') from None
+        raise ParameterError(
+            f'{fault_place(path, error)}: {type(error).__name__}: {error}') from None
+    finally:
+        sys.path.remove(str(path.parent))
+    return module
+
+
+def built_in_groups(registry: Registry, before: str = '') -> Callable[[type], type]:
+    """
+    Return what puts the parameters of every built-in component into a dataclass of parameters.
+
+    Parameters
+    ----------
+    registry
+        Of these components.
+    before
+        Name of the field in front of which they stand; empty: at the end.
+
+    """
+    def put(params_type: type) -> type:
+        fields = [(field.name, field.type, field) for field in dataclasses.fields(params_type)]
+        at = [name for name, _, _ in fields].index(before) if before else len(fields)
+        groups = [(c.name, c.params, group(c.params)) for c in registry.built_in.values()]
+        kept = {name: member for name, member in vars(params_type).items()
+                if isinstance(member, property) or name in (
+                    '__post_init__', '__doc__', '__module__', '__qualname__')}
+        return dataclasses.make_dataclass(
+            params_type.__name__, [
+                (name, kind, copy.copy(field)) for name, kind, field in
+                (*fields[:at], *groups, *fields[at:])], frozen=True, namespace=kept)
+    return put
+
+
+def own_components(params: Any) -> list[Component]:
+    """Return the components from outside that parameters choose, at any depth, in order."""
+    out = []
+    for field, value in component_fields(params):
+        registry = field.metadata['component']
+        if registry.is_own(value):
+            out.append(registry.find(value))
+    return out
+
+
+def remarks(params: Any) -> list[str]:
+    """Return what to say of the components from outside before a flight, a line each."""
+    return [f'{c.path}: {c.name} is plain Python: it flies slower than with initial and step '
+            'compiled by @jit of mambo_model.compiled'
+            for c in own_components(params) if not c.compiled]

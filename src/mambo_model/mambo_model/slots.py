@@ -1,0 +1,241 @@
+"""
+What runs a component from outside inside compiled code, and what becomes of its faults.
+
+A compiled component is part of the compiled loop. A plain one is called by it: the loop holds the
+number of a slot, and the memory and the parameters stay in Python. A component that raises or
+answers what cannot be used is not called again; its slot keeps the line that says where.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+import dataclasses
+import itertools
+from pathlib import Path
+import re
+import signal
+import threading
+from typing import Any, NamedTuple
+
+from .compiled import NumbaError, typeof
+from .components import Component, fault_place, python, where
+from .schema import ParameterError, shown
+from .values import values
+
+LONGEST_STEP = 2.0   # s of wall time for one step of a component in Python
+LONGEST_TRIAL = 300.0  # s, for the first one, which may compile
+_KEPT = 64  # slots, of the last flights of this process
+_SLOTS: OrderedDict[int, Slot] = OrderedDict()
+_NUMBERS = itertools.count()
+
+
+class UnusableError(ValueError):
+    """What a component answered cannot be used; the text says why."""
+
+
+class PlainValues(NamedTuple):
+    """Parameters that stay in Python, for compiled code."""
+
+    slot: int  # that holds them
+
+
+class PlainMemory(NamedTuple):
+    """A memory that stays in Python, for compiled code."""
+
+    slot: int  # that holds it
+
+
+@dataclasses.dataclass
+class Slot:
+    """
+    One component in one flight.
+
+    Attributes
+    ----------
+    component, values
+        What is flown, and the values of its parameters.
+    memory
+        Of a component in Python.
+    fault
+        What it did wrong, one line with file and line; empty: nothing.
+
+    """
+
+    component: Component
+    values: Any
+    memory: Any = None
+    fault: str = ''
+
+
+def open_slot(component: Component, values: Any) -> int:
+    """Return the number of a new slot."""
+    number = next(_NUMBERS)
+    _SLOTS[number] = Slot(component, values)
+    while len(_SLOTS) > _KEPT:
+        _SLOTS.popitem(last=False)
+    return number
+
+
+def slot_of(number: int) -> Slot:
+    """Return a slot by its number."""
+    return _SLOTS[number]
+
+
+def fault(number: int) -> str:
+    """Return what the component of a slot did wrong, one line; empty: nothing."""
+    return _SLOTS[number].fault
+
+
+def latest_fault() -> str:
+    """Return the first fault among the slots that are kept, and forget all of them; or ''."""
+    found = next((slot.fault for slot in _SLOTS.values() if slot.fault), '')
+    for slot in _SLOTS.values():
+        slot.fault = ''
+    return found
+
+
+def begin(number: int) -> None:
+    """Start the memory of a component in Python."""
+    slot = _SLOTS[number]
+    if not slot.fault:
+        _guarded(slot, lambda: setattr(slot, 'memory', slot.component.initial(slot.values)))
+
+
+def call(memory: int, values: int, arguments: tuple, read: Callable[[Any], Any]) -> Any:
+    """
+    Return what a step of a component in Python answers, None where it did wrong.
+
+    Parameters
+    ----------
+    memory, values
+        Slots of the two.
+    arguments
+        Of the step, where ``memory`` is its first one and None stands for the values.
+    read
+        From its answer to what compiled code gets; raises ValueError for one that is not usable.
+
+    """
+    slot, holder = _SLOTS[values], _SLOTS[memory]
+    if slot.fault or holder.fault:
+        return None
+    given = tuple(slot.values if x is None else x for x in arguments)
+
+    def step() -> Any:
+        after, answer = _pair(slot.component.step(holder.memory, *given))
+        out = read(answer)
+        holder.memory = after
+        return out
+    return _guarded(slot, step)
+
+
+def report(number: int, memory: Any, arguments: tuple, read: Callable[[Any], Any]) -> None:
+    """Find what a compiled step did wrong: take it again in Python, with the same arguments."""
+    slot = _SLOTS[number]
+    if slot.fault:
+        return
+    given = tuple(slot.values if x is None else x for x in arguments)
+    _guarded(slot, lambda: read(_pair(python(slot.component.step)(memory, *given))[1]),
+             LONGEST_TRIAL)  # what it calls may compile
+    if not slot.fault:  # it shows in compiled arithmetic alone
+        slot.fault = f'{where(slot.component.path, slot.component.step)}: the compiled step failed'
+
+
+def tried(component: Component, arguments: tuple, read: Callable[[Any], Any]) -> None:
+    """
+    Take one step of a component before it is flown.
+
+    Parameters
+    ----------
+    component
+        From outside.
+    arguments, read
+        As of :func:`call`.
+
+    Raises
+    ------
+    ParameterError
+        In one line with file and line, if it raises, does not compile or answers something else.
+
+    """
+    own = values(component.params())
+    given = tuple(own if x is None else x for x in arguments)
+    slot, place = Slot(component, own), where(component.path, component.step)
+
+    def work() -> tuple[Any, Any]:
+        memory = component.initial(own)
+        return memory, component.step(memory, *given)
+    try:
+        found = _guarded(slot, work, LONGEST_TRIAL)
+    except NumbaError as error:
+        raise ParameterError(_uncompiled(error, component)) from None
+    if slot.fault and component.compiled:  # compiled code does not say its line
+        slot.fault = ''
+        _guarded(slot, lambda: python(component.step)(
+            python(component.initial)(own), *given), LONGEST_TRIAL)
+        slot.fault = slot.fault or f'{place}: the compiled step fails'
+    if slot.fault or found is None:
+        raise ParameterError(f'{slot.fault}, in a trial at hover')
+    memory, result = found
+    try:
+        read(_pair(result)[1])
+    except UnusableError as error:
+        raise ParameterError(f'{place}: {error}') from None
+    if component.compiled and typeof(result[0]) != typeof(memory):
+        raise ParameterError(
+            f'{place}: the memory is {_kind(memory)} at start and {_kind(result[0])} after a '
+            'step; in compiled code every number of it keeps its type')
+
+
+def _pair(result: Any) -> tuple[Any, Any]:
+    """Return what a step answers, memory and answer; UnusableError if it is anything else."""
+    if type(result) is not tuple or len(result) != 2:
+        raise UnusableError('step must answer two things: the memory after it, and what the '
+                            f'others get; it answers {_kind(result)}')
+    return result
+
+
+def _kind(value: Any) -> str:
+    """Return what a value is, in words."""
+    return f'{type(value).__name__} {shown(value)}'
+
+
+def _uncompiled(error: Exception, component: Component) -> str:
+    """Return what the compiler says of a user's code, one line with file and line."""
+    text = str(error)
+    path = component.path
+    told = [f'{file}:{line}' for file, line in re.findall(r'File "([^"]+)", line (\d+)', text)
+            if path is not None and Path(file).name == path.name]
+    at = told[-1] if told else fault_place(path, error)
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    said = next((line for line in lines if 'nopython mode pipeline' not in line), 'no reason')
+    return f'{at}: does not compile: {said}'
+
+
+def _too_long(*_: Any) -> None:
+    raise TimeoutError('takes too long')
+
+
+def _guarded(slot: Slot, work: Callable[[], Any], limit: float = LONGEST_STEP) -> Any:
+    """Return the result of work of a component; None, and the fault in its slot, if it fails."""
+    timed = threading.current_thread() is threading.main_thread()
+    if timed:
+        before = signal.signal(signal.SIGALRM, _too_long)
+        signal.setitimer(signal.ITIMER_REAL, limit)
+    try:
+        return work()
+    except NumbaError:
+        raise
+    except Exception as error:  # whatever a user's code raises
+        what = str(error) or 'no message'
+        place = fault_place(slot.component.path, error)
+        if isinstance(error, UnusableError):
+            place = where(slot.component.path, slot.component.step)
+        name = '' if isinstance(error, UnusableError | TimeoutError) else (
+            f'{type(error).__name__}: ')
+        slot.fault = f'{place}: {name}{" ".join(what.split())}'
+        return None
+    finally:
+        if timed:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, before)

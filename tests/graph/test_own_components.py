@@ -1,0 +1,44 @@
+"""Components of files in the graph: the numbers of the closed loop, and a fault that is landed."""
+
+from pathlib import Path
+
+from mambo_bags.reader import read_bag
+from mambo_bringup.flight import FlightEndedError, fly
+from mambo_flight import closed_loop, recording_to_bag
+from mambo_flight.scenario import scenario
+from mambo_ros import topics
+import numpy as np
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / 'examples'
+PD, HEIGHT = EXAMPLES / 'pd_controller.py', EXAMPLES / 'alpha_beta_filter.py'
+LOCKSTEP = {'sim_node.mode': 'lockstep'}
+
+
+def test_a_compiled_and_a_plain_one_are_the_closed_loop_to_the_bit(tmp_path):
+    flight = scenario(
+        controller=str(PD), estimator=str(HEIGHT), duration=7.0, land=False, overrides=LOCKSTEP)
+    fly(flight, tmp_path / 'graph', composed=True)
+    recording_to_bag.write(tmp_path / 'alone', flight, closed_loop.fly(flight, inner=True))
+    graph, alone = (read_bag(tmp_path / name) for name in ('graph', 'alone'))
+    for topic in topics.RECORDED:
+        name = topic.name if topic.name.startswith('/') else f'/mambo/{topic.name}'
+        assert graph[name].raw and graph[name].raw == alone[name].raw, name
+    assert 'alpha_beta_filter 1.0, sha256' in str(graph.attachments['scenario.yaml'])
+
+
+def test_one_that_raises_is_landed_and_ends_the_flight_with_its_line(tmp_path):
+    broken = tmp_path / 'broken.py'
+    broken.write_text(PD.read_text().replace('@jit\n', '').replace(
+        'return Memory(memory.steps + 1), thrust',
+        "if memory.steps > 600:\n        raise RuntimeError('lost my way')\n"
+        '    return Memory(memory.steps + 1), thrust'))
+    flight = scenario(controller=str(broken), estimator='ground_truth', duration=9.0, land=False,
+                      overrides=LOCKSTEP)
+    with pytest.raises(FlightEndedError, match=r'broken.py:\d+: RuntimeError: lost my way') as end:
+        fly(flight, tmp_path / 'bag')
+    outcome, = end.value.outcomes
+    assert outcome.closed and outcome.whole and outcome.flown == pytest.approx(9.0)
+    truth = read_bag(tmp_path / 'bag')
+    height = np.asarray(truth['/mambo/ground_truth/odom']['pose.pose.position.z'])
+    assert height.max() > 1.0 and abs(height[-1]) < 0.05
