@@ -228,6 +228,25 @@ def test_memory_is_not_changed_by_a_step():
     np.testing.assert_array_equal(m.ring, ring)
 
 
+def test_over_a_gap_a_turning_vehicle_is_not_turned_on():
+    truth = fly(circle(2.0), 30.0, drag=K_DRAG)
+    samples = sense(truth, TYPICAL, seed=19)
+    start, length = round(20.0 / DT), 120   # 0.6 s without any sample
+    keep = np.r_[0:start, start + length:len(truth.t)]
+    cut = samples.copy()
+    for name in vars(cut):
+        setattr(cut, name, getattr(samples, name)[keep])
+    cut.dt[start] = DT * (length + 1)
+    run = estimate(cut, PARAMS)
+    tilt = np.degrees(np.arccos(np.sum(
+        run.R.as_matrix()[:, 2] * truth.R[keep].as_matrix()[:, 2], axis=1).clip(-1.0, 1.0)))
+    swing = np.degrees(np.arccos(truth.tilt_cos)).max()
+    assert tilt[start] < 1.5 * swing   # no more than the vehicle may have swung
+    assert tilt[start + 600:].max() < 0.5
+    spread = np.degrees(np.sqrt(run.pose_covariance[:, 3, 3]))
+    assert spread[start] > 3.0 and spread[-1] < 0.3
+
+
 @jit
 def held_step(held, dt, gyro, accel, sonar, flow, quality, pressure):
     """Step a filter whose memory compiled code keeps, as the node does."""
