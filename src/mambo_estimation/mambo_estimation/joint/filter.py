@@ -129,6 +129,8 @@ def _advance(
     """
     rate = scale(0.5, add(m.gyro, gyro))
     force = (0.5 * (m.accel[0] + accel[0]), 0.5 * (m.accel[1] + accel[1]), accel[2])
+    if dt > v.imu.max_interval:  # over a gap a controlled vehicle turns to and fro
+        rate = m.x.gyro_bias
     remember(ring, m.at, rate, force, dt)
     rest, resting, x, window = m.alignment, m.resting, m.x, m.window
     if resting:

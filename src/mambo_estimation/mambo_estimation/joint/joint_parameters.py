@@ -26,9 +26,9 @@ class MotionParams(Parameters):
         0.0015, 'm/s^2/sqrt(Hz)', 1e-5, 10.0,
         'density: 0.0015 in Rolling Spider logs at rest; vibration does not accumulate')
     gyro_bias_walk: float = quantity(
-        2e-5, 'rad/s/sqrt(s)', 0.0, 1.0, '1.5e-5 in Rolling Spider calibration values')
+        1.5e-5, 'rad/s/sqrt(s)', 0.0, 1.0, '1.5e-5 in Rolling Spider calibration values')
     accel_bias_walk: float = quantity(
-        5e-4, 'm/s^2/sqrt(s)', 0.0, 1.0, '3.6e-4 in Rolling Spider calibration values')
+        4e-4, 'm/s^2/sqrt(s)', 0.0, 1.0, '3.6e-4 in Rolling Spider calibration values')
     held_gyro_noise: float = quantity(
         0.1, 'rad/sqrt(s)', 1e-7, 10.0,
         'density while a sample is missing: 0.3 rad/s wrong for 0.1 s')
@@ -75,7 +75,7 @@ class FlowParams(Parameters):
     factor_min_height: float = quantity(0.5, 'm', 0.0, 10.0, 'Q(h) is held below: not calibrated')
     factor_max_height: float = quantity(2.5, 'm', 0.0, 10.0, 'Q(h) is held above: not calibrated')
     scale_walk: float = quantity(
-        1e-4, '1/sqrt(s)', 0.0, 1.0, 'change of Q, texture and light: judgement')
+        3e-5, '1/sqrt(s)', 0.0, 1.0, 'change of Q, texture and light: judgement')
     excitation: float = quantity(
         4.0, 'sigma', 0.0, 100.0,
         'a slower motion, over its own deviation, calibrates nothing: it may be noise')
@@ -117,9 +117,9 @@ class DragParams(Parameters):
         'flights of a Crazyflie')
     coefficient_std: float = quantity(0.02, 's/m', 0.0, 1.0, 'uncertainty of both, as the source')
     noise: float = quantity(
-        0.005, 'm/s^2', 1e-4, 10.0,
+        0.004, 'm/s^2', 1e-4, 10.0,
         'of a mean over `window`: vibration in Rolling Spider flights, 1.1, which is the '
-        'difference of successive draws, over 200 samples, and as much again')
+        'difference of successive draws, over 200 samples, and some more')
     window: float = quantity(1.0, 's', 0.005, 10.0, 'over which the accelerometer is averaged')
     min_height: float = quantity(
         0.15, 'm', 0.0, 10.0, 'not used below: the floor may touch the vehicle')

@@ -18,7 +18,7 @@ from ..measurements import sonar as range_model
 from .estimate import NOT_COMPARED, Result
 from .joint_parameters import JointValues
 from .state import (
-    ACCEL_BIAS, Array, correct, covariance_with, forget, inject, LATENCY, LEAK, Nominal,
+    ACCEL_BIAS, Array, correct, covariance_with, DRAG, forget, inject, LATENCY, LEAK, Nominal,
     PRESSURE_OFFSET, SCALE, SIZE, VELOCITY)
 
 Z_POSITION, Z_VELOCITY, Z_BIAS = 2, VELOCITY + 2, ACCEL_BIAS + 2
@@ -197,11 +197,18 @@ def _correct_pair(
 
 @jit
 def use_drag(x: Nominal, P: Array, window: drag.Window, v: JointValues) -> Nominal:
-    """Return the state corrected with the mean specific force of a window; P in place."""
+    """
+    Return the state corrected with the mean specific force of a window; P in place.
+
+    Drag is a product of coefficient and velocity. While neither is known the product of their
+    errors, which no Jacobian holds, counts as noise.
+    """
     H, columns = np.empty((2, SIZE)), np.empty((2, SIZE))
     y = drag.innovation(window, x)
     drag.jacobian(window, x, H)
-    pair = _compare(P, H, columns, y, v.drag.noise * v.drag.noise)
+    thrust = window.thrust / window.time
+    unknown = P[DRAG, DRAG] * (P[VELOCITY, VELOCITY] + P[VELOCITY + 1, VELOCITY + 1])
+    pair = _compare(P, H, columns, y, v.drag.noise * v.drag.noise + thrust * thrust * unknown)
     if pair.squared > v.drag.gate * v.drag.gate:
         return x
     return _correct_pair(x, P, columns, y, pair, True)
