@@ -13,7 +13,7 @@ from mambo_bags.reader import Bag, Messages
 from mambo_flight.scenario import Scenario
 from mambo_model.errors import InputError, JobError, MamboError
 
-from .flights import fly, Flight
+from .flights import Flight, fly
 from .recordings import compare, Comparison, estimate, Estimate, open_bag
 from .sweeps import sweep
 

@@ -14,7 +14,8 @@ from pathlib import Path
 import time
 
 from mambo_model import schema
-from mambo_ros import cdr, links, messages, node, process, topics
+from mambo_ros import cdr, messages, node, process, topics
+from mambo_ros.graph import links
 from mambo_ros.loop import Loop
 
 from .playback import bag_files, recorded

@@ -5,6 +5,7 @@ from mambo_flight import scenario_file
 from mambo_flight.scenario import (
     commented_yaml, from_yaml, landing_time, LEAVES, override, Scenario, scenario, to_yaml)
 from mambo_model import schema
+from mambo_model.motion.trajectory import TRAJECTORIES
 from mambo_model.yaml_nodes import load
 import pytest
 import yaml
@@ -19,6 +20,8 @@ def allowed(field):
     meta = field.metadata
     if 'options' in meta:
         return st.sampled_from(meta['options'])
+    if 'component' in meta:
+        return st.sampled_from(meta['component'].names)
     if 'flag' in meta:
         return st.booleans()
     if 'text' in meta:
@@ -60,9 +63,12 @@ def test_both_ways_to_print_say_the_same(flight):
     assert all(len(line) < 1000 for line in commented_yaml(flight).splitlines())
 
 
+FILES = {  # names that may be files, too
+    'vehicle': ['identified', 'toolbox'], 'believed': ['identified', 'toolbox'],
+    'trajectory': sorted(TRAJECTORIES)}
 SETTINGS = st.fixed_dictionaries({}, optional={
-    name: allowed(field) if name not in ('vehicle', 'believed') else
-    st.sampled_from(['identified', 'toolbox']) for name, field in scenario_file.FIELDS.items()})
+    name: st.sampled_from(FILES[name]) if name in FILES else allowed(field)
+    for name, field in scenario_file.FIELDS.items()})
 
 
 @pytest.fixture(scope='module')

@@ -20,8 +20,8 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
-from . import peers
 from .endpoints import AT_ONCE, Entry, Input
+from .graph import peers
 from .node import MamboNode
 
 _HOUSEKEEPING = 0.02  # s, the longest wait at once

@@ -18,8 +18,9 @@ import rclpy
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
-from . import diagnostics, params, peers, topics
+from . import diagnostics, params, topics
 from .endpoints import Input, LoopGroup, qos, RawPublisher
+from .graph import peers
 from .intake import Intake
 
 P = TypeVar('P')

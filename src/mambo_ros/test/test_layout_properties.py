@@ -5,7 +5,8 @@ import struct
 
 from hypothesis import given, settings, strategies as st
 from mambo_ros import topics
-from mambo_ros.layout import Layout, LayoutError, restamped, serialize, stamp_ns
+from mambo_ros.cdr import restamped, serialize, stamp_ns
+from mambo_ros.layout import Layout, LayoutError
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message

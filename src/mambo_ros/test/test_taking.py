@@ -3,7 +3,8 @@
 import gc
 import time
 
-from mambo_ros import messages, peers, topics
+from mambo_ros import messages, topics
+from mambo_ros.graph import peers
 from mambo_ros.taking import Taker
 import pytest
 from rclpy.node import Node

@@ -12,7 +12,8 @@ from __future__ import annotations
 import time
 
 from mambo_model.compiled import Held, hold
-from mambo_ros import diagnostics, intake, links, messages, node, process, topics
+from mambo_ros import diagnostics, intake, messages, node, process, topics
+from mambo_ros.graph import links
 from mambo_ros.loop import Loop
 
 from . import pace, simulator

@@ -8,10 +8,10 @@ import time
 from mambo_interfaces.msg import NodeLinks
 from rclpy.serialization import deserialize_message
 
-from . import node, topics
-from .endpoints import qos
 from .foreign import ForeignNode
-from .loop import Loop
+from .. import node, topics
+from ..endpoints import qos
+from ..loop import Loop
 
 _ASK_AGAIN = 5.0  # s of wall time after which a waiting node says what it waits for
 

@@ -7,7 +7,7 @@ import time
 from mambo_interfaces.msg import NodeLinks
 from mambo_ros import messages, topics
 from mambo_ros.endpoints import qos
-from mambo_ros.links import Links
+from mambo_ros.graph.links import Links
 from mambo_ros.loop import Loop
 from mambo_ros.node import MamboNode
 import pytest
@@ -160,7 +160,7 @@ def test_an_owner_of_time_that_is_not_alone_names_the_other(monkeypatch):
 
 
 def test_an_owner_of_time_waits_no_longer_when_it_is_not_alone(monkeypatch):
-    monkeypatch.setattr('mambo_ros.links._ASK_AGAIN', 0.1)
+    monkeypatch.setattr('mambo_ros.graph.links._ASK_AGAIN', 0.1)
     sim, other = node('sim', [topics.CLOCK]), node('sim', [topics.CLOCK], namespace='two')
     links, loop, said = Links(sim, 'estimator'), Loop(sim), []
     monkeypatch.setattr(type(sim.get_logger()), 'error', lambda self, text: said.append(text))
@@ -196,7 +196,7 @@ def test_a_stopped_loop_waits_no_longer(monkeypatch):
 
 
 def test_a_waiting_node_says_for_what_every_now_and_then(monkeypatch):
-    monkeypatch.setattr('mambo_ros.links._ASK_AGAIN', 0.05)
+    monkeypatch.setattr('mambo_ros.graph.links._ASK_AGAIN', 0.05)
     (sim,) = flight('sim')
     links, loop, said = Links(sim, 'estimator'), Loop(sim), []
     monkeypatch.setattr(type(sim.get_logger()), 'warning', lambda self, text: said.append(text))
