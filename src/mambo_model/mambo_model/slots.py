@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 from .compiled import NumbaError, typeof
 from .components import Component, fault_place, python, where
+from .errors import InputError
 from .schema import ParameterError, shown
 from .values import values
 
@@ -30,7 +31,7 @@ _SLOTS: OrderedDict[int, Slot] = OrderedDict()
 _NUMBERS = itertools.count()
 
 
-class UnusableError(ValueError):
+class UnusableError(InputError):
     """What a component answered cannot be used; the text says why."""
 
 
@@ -75,11 +76,6 @@ def open_slot(component: Component, values: Any) -> int:
     while len(_SLOTS) > _KEPT:
         _SLOTS.popitem(last=False)
     return number
-
-
-def slot_of(number: int) -> Slot:
-    """Return a slot by its number."""
-    return _SLOTS[number]
 
 
 def fault(number: int) -> str:

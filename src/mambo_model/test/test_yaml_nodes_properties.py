@@ -3,7 +3,7 @@
 import time
 
 from hypothesis import given, settings, strategies as st
-from mambo_model import yaml_nodes
+from mambo_model import limits, yaml_nodes
 from mambo_model.schema import ParameterError
 import pytest
 import yaml
@@ -79,7 +79,7 @@ def test_any_bytes_of_a_file_are_text_or_one_line(tmp_path_factory, data):
 def test_the_depth_has_one_limit(levels, opening):
     text = opening * levels
     text += 'x' + {'[': ']', '{a: ': '}', '- ': ''}[opening] * levels
-    if levels > yaml_nodes.MAX_DEPTH:
+    if levels > limits.YAML_DEPTH.value():
         with pytest.raises(yaml.YAMLError, match='nested deeper'):
             yaml_nodes.load(text)
     else:

@@ -17,6 +17,7 @@ PRINTED = {
     'circle': lambda t: [cos(t), sin(t), -1.5],
     'circle_fast': lambda t: [cos(2 * t), sin(2 * t), -1.5],
     'figure_3_3': lambda t: [cos(t), sin(t), -1.5 - sin(t)],
+    'circle_bobbing': lambda t: [cos(t), sin(t), -1 - 0.3 * sin(t)],
     'default_circle': lambda t: [0.5 * sin(t), 0.5 * cos(t), -1.5 - 0.5 * sin(t)],
     'y_sine': lambda t: [0, sin(t), -1.5],
     'y_sine_high': lambda t: [0, 0.5 * sin(t), -2.5],
