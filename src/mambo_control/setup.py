@@ -22,5 +22,6 @@ setup(
             'controller_node = mambo_control.controller_node:main',
             'reference_node = mambo_control.reference_node:main',
         ],
+        'mambo.controllers': ['predictive = mambo_control.literature.predictive'],
     },
 )

@@ -81,6 +81,7 @@ class PredictiveParams(FlightLimits):
 
 
 PredictiveValues = values_type(PredictiveParams)
+Params = PredictiveParams  # as an installed component has it
 
 
 class Memory(NamedTuple):

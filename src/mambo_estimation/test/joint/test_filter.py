@@ -5,8 +5,10 @@ import time
 from estimation_truth import (
     circle, COLUMNS, DT, estimate, fly, hover, NAN, Noise, QUIET, run_rows, sense, TYPICAL,
     vertical_circle)
-from mambo_estimation import filters, kalman
+from mambo_estimation import filters
 from mambo_estimation.alignment import AlignmentParams
+from mambo_estimation.estimate import (
+    STATUS_ALIGNING, STATUS_DEAD_RECKONING, STATUS_NOMINAL)
 from mambo_estimation.joint import filter as joint
 from mambo_estimation.joint.joint_parameters import (
     DragParams, FlowParams, JointParams, MotionParams, RangeParams)
@@ -171,8 +173,8 @@ def test_lost_flow_widens_and_its_return_does_not_make_the_position_jump():
     # a lost velocity is corrected along with the position that it led to, never by more
     jumps = np.linalg.norm(np.diff(run.rho[:, :2] - truth.p[:, :2], axis=0), axis=1)
     assert jumps.max() < 0.2 * error[k[1]] + 0.03
-    assert run.status[round(25.0 / DT)] == kalman.STATUS_DEAD_RECKONING
-    assert run.status[-1] == kalman.STATUS_NOMINAL
+    assert run.status[round(25.0 / DT)] == STATUS_DEAD_RECKONING
+    assert run.status[-1] == STATUS_NOMINAL
 
 
 @pytest.mark.parametrize('alive', ['sonar', 'barometer'])
@@ -204,7 +206,7 @@ def test_a_vehicle_that_is_never_at_rest_says_so():
     samples = sense(truth, TYPICAL, seed=14)
     samples.gyro += rng.normal(0, 0.5, samples.gyro.shape)
     run = estimate(samples, PARAMS)
-    moved = run.status > kalman.STATUS_ALIGNING
+    moved = run.status > STATUS_ALIGNING
     tilt = np.sqrt(run.pose_covariance[:, 3, 3])
     assert not moved[: round(1.9 / DT)].any() and tilt[: round(2.0 / DT)].min() > 0.05
 
