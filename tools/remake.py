@@ -19,6 +19,7 @@ import tempfile
 
 from mambo_analysis.compare import figures
 from mambo_bags.reader import Bag, read_bag
+from mambo_bringup.flight import CONTROLLER
 from mambo_flight import closed_loop, recording_to_bag
 from mambo_flight.scenario import scenario, Scenario
 from mambo_thesis.drift import experiments
@@ -35,13 +36,13 @@ def fly(flight: Scenario, path: Path) -> Path:
 
 
 def circle_short(folder: Path) -> Path:
-    """Return the bag of ``./run --duration 8 --no-landing``, made in a folder."""
+    """Return the bag of ``./run --duration 8 --no-landing --controller cascaded``."""
     return fly(scenario(duration=8.0, land=False), folder / 'circle_short')
 
 
 def circle(folder: Path) -> Bag:
     """Return the default flight of ``./run``, flown into a folder."""
-    return read_bag(fly(scenario(), folder / TITLE))
+    return read_bag(fly(scenario(controller=CONTROLLER), folder / TITLE))
 
 
 def circle_figure(folder: Path) -> Figure:

@@ -118,6 +118,11 @@ class Parser(argparse.ArgumentParser):
                               help='the same as --output')
         self._needs_output, self._takes_last = required, positional
 
+    @staticmethod
+    def complete(names: Iterable[str], option: argparse.Action) -> None:
+        """Have the shell offer names for an option that takes other values, too."""
+        option.completer = lambda **_: list(names)  # type: ignore[attr-defined]
+
     def add_json(self) -> None:
         """Add ``--json [FILE]``; see :func:`write_json`."""
         self.add_argument('--json', type=_json_file, nargs='?', const='-', metavar='FILE',

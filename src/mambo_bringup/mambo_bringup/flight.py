@@ -44,6 +44,8 @@ RECORDER = ('mambo_bags', 'recorder_node')
 SIMULATOR = ('mambo_sim', 'sim_node')
 COMPOSED = ('mambo_bringup', 'composed_node')
 NAMESPACE = '/mambo'
+CONTROLLER = 'flatness_drag'
+"""Where nobody names one: unlike that of the thesis, it knows the drag of the rotors."""
 OWN = ('clock', 'tf', 'diagnostics')
 """Absolute topics that each of several drones has in its namespace instead."""
 _FLOWN = re.compile(
@@ -323,13 +325,15 @@ def parser() -> Parser:
     add('--list-scenarios', action='store_true', help='print the experiments and end')
     add('--print-scenario', action='store_true',
         help='print every parameter with unit, range and source and end')
-    add('--trajectory', metavar='NAME',
-        help=f"one of: {', '.join(TRAJECTORIES)}, or the file of a course (default: circle)")
+    out.complete(TRAJECTORIES, add(
+        '--trajectory', metavar='NAME',
+        help=f"one of: {', '.join(TRAJECTORIES)}, or the file of a course (default: circle)"))
     for kind, registry, default in (
-            ('estimator', ESTIMATORS, 'kalman'), ('controller', CONTROLLERS, 'cascaded')):
-        add(f'--{kind}', metavar='NAME',
+            ('estimator', ESTIMATORS, 'kalman'), ('controller', CONTROLLERS, CONTROLLER)):
+        out.complete(registry.names, add(
+            f'--{kind}', metavar='NAME',
             help=f"one of: {', '.join(registry.names)}; FILE.py or FILE.py:NAME; or the name of "
-            f'an installed one (default: {default})')
+            f'an installed one (default: {default})'))
     add('--duration', type=float, metavar='S',
         help='flight time in s, landing included where it fits (default: 40)')
     add('--seed', type=int, metavar='N', help='of every noise stream (default: 1)')
@@ -367,7 +371,8 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
     if options.scenario:
         name, flight = scenario_file.load(options.scenario, given)
     else:
-        flight = scenario_file.from_settings(given)
+        flight = scenario_file.from_settings(
+            {'controller': scenario_file.Place(CONTROLLER, 'default'), **given})
         plan = flight.reference_node.plan
         flown = plan.trajectory if plan.trajectory != COURSE else Path(options.trajectory).stem
         estimator = ESTIMATORS.find(flight.estimator_node.estimator)

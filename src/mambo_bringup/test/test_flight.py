@@ -33,7 +33,7 @@ def run(*arguments):
     """Return the scenario and bag that a command line would fly, or SystemExit."""
     seen = []
 
-    def fly(flights, bags, composed):
+    def fly(flights, bags, composed, without):
         seen.append((flights['/mambo'], bags['/mambo']))
         raise FlightError('far enough')
     with pytest.MonkeyPatch.context() as patch:
@@ -47,7 +47,8 @@ def run(*arguments):
 
 def test_without_arguments_the_circle_is_flown_in_lockstep():
     flown, bag = run()
-    assert flown == scenario(overrides={'sim_node.mode': 'lockstep'})
+    assert flown == scenario(
+        controller='flatness_drag', overrides={'sim_node.mode': 'lockstep'})
     assert flown.reference_node.plan.trajectory == 'circle'
     assert flown.sim_node.duration == 40.0 and flown.seed == 1
     assert bag.is_absolute() and bag.parent.name == 'bags'

@@ -202,7 +202,7 @@ def _commented(params: Any, indent: str) -> Iterator[str]:
             yield from _commented(value, indent + '  ')
             continue
         if 'text' in field.metadata and '\n' in value:
-            yield f'{indent}{field.name}: |  # {_comment(field.metadata)}'
+            yield f'{indent}{field.name}: |  # {_comment(field.metadata, value)}'
             yield from (f'{indent}  {line}' for line in value.splitlines())
             continue
         plain = list(value) if isinstance(value, tuple) else value

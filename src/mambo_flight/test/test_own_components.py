@@ -53,6 +53,16 @@ def test_a_compiled_and_a_plain_one_fly_the_same_numbers(plain):
     assert not one.stopped.any()
 
 
+def test_two_compiled_ones_with_classes_of_equal_names_are_told_apart(tmp_path):
+    text = PD.read_text().replace(STEP, f'thrust *= 0.9\n    {STEP}')
+    (tmp_path / 'other.py').write_text(text)
+    (tmp_path / 'renamed.py').write_text(text.replace('steps', 'count'))  # a field of its memory
+    one, two, three = flown(PD), flown(tmp_path / 'other.py'), flown(tmp_path / 'renamed.py')
+    assert not slots.latest_fault()
+    assert not np.array_equal(one.thrust, two.thrust)
+    np.testing.assert_array_equal(two.thrust, three.thrust)
+
+
 def test_its_parameters_are_those_of_the_scenario(plain):
     mine = plain()
     changed = scenarios.override(flight(mine), {'controller_node.plain.position_gain': 6.0})

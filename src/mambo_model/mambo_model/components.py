@@ -11,7 +11,7 @@ holds the built-in ones, which are found and started in the same way.
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 import copy
 import dataclasses
 import hashlib
@@ -233,7 +233,7 @@ class Registry:
             c.params()
         except Exception as error:
             raise ParameterError(f'{place}: the defaults are refused: {error}') from None
-        values_type(c.params)
+        _name_apart(values_type(c.params), c.sha256)
 
 
 def where(path: Path | None, thing: Any) -> str:
@@ -258,6 +258,22 @@ def _check_arguments(
         raise ParameterError(
             f'{place}: {part}({has}) must take {len(wanted)} arguments: {", ".join(wanted)}'
         ) from None
+
+
+def _name_apart(kind: type, sha256: str) -> None:
+    """Give a NamedTuple a name of its own: numba takes those of equal names for one type."""
+    if not kind.__name__.endswith(f'_{sha256[:12]}'):
+        kind.__name__ = f'{kind.__name__}_{sha256[:12]}'
+
+
+def _named_tuples(holder: Any, module: str) -> Iterator[type]:
+    """Yield the NamedTuples that a module defines, also within its classes."""
+    for value in list(vars(holder).values()):
+        if isinstance(value, type) and value.__module__ == module:
+            if issubclass(value, tuple):
+                yield value
+            else:
+                yield from _named_tuples(value, module)
 
 
 def _siblings(path: Path, known: set[Path]) -> set[Path]:
@@ -324,6 +340,8 @@ def load_file(path: Path) -> ModuleType:
     try:
         with own_cache(name):  # what is compiled goes with this content
             spec.loader.exec_module(module)
+        for kind in _named_tuples(module, name):
+            _name_apart(kind, digest(path))
     except BaseException as error:
         del sys.modules[name]
         if isinstance(error, KeyboardInterrupt):

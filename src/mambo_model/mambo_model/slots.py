@@ -26,6 +26,7 @@ from .values import values
 
 LONGEST_STEP = 2.0   # s of wall time for one step of a component in Python
 LONGEST_TRIAL = 300.0  # s, for the first one, which may compile
+_COLOUR = re.compile(r'\x1b\[\d*m')  # of a compiler that takes every output for a terminal
 _KEPT = 64  # slots, of the last flights of this process
 _SLOTS: OrderedDict[int, Slot] = OrderedDict()
 _NUMBERS = itertools.count()
@@ -198,7 +199,7 @@ def _kind(value: Any) -> str:
 
 def _uncompiled(error: Exception, component: Component) -> str:
     """Return what the compiler says of a user's code, one line with file and line."""
-    text = str(error)
+    text = _COLOUR.sub('', str(error))
     path = component.path
     told = [f'{file}:{line}' for file, line in re.findall(r'File "([^"]+)", line (\d+)', text)
             if path is not None and Path(file).name == path.name]

@@ -40,9 +40,6 @@ LEAST_QUALITY = 0.6  # [-] correlation below which two signals are not of one mo
 RIVAL = 1.3  # [-] how much more unexplained variance the second best lag must leave
 UNEXPLAINED = 1e-3  # [-] part of the variance that is never counted as explained there
 SETTLED_OFFSET = 1e-6  # [s] change of the offset that ends the fit
-STEPS = 100  # [-] of the fit: the noise in the slope of b makes each a fraction of the way
-ROUGH = 0.2  # [-] power of the noise in the slope, over that of the motion, that smoothing ends
-SMOOTHEST = 0.1  # [s] beyond which nothing is smoothed
 LEAST_RISE = 0.1  # [m] a flight is at least this high
 LEAST_SWING = 0.1  # [m], [m/s], [rad/s] over which a signal swings that tells the time
 RANGE_LATE = 0.03  # [s] that a range may be behind: it is measured, kept and passed on
@@ -225,19 +222,14 @@ def _long_run_variance(scores: Floats, least_lag: int) -> float:
     return max(total, power / n)
 
 
-def _refined(a: _Grid, b: _Grid, lag: float, smooth: float) -> tuple[Offset, float]:
-    """
-    Fit offset, bias and factor to the samples of a by Gauss-Newton.
-
-    Also returns the power of the slope of what is left, over that of the motion: noise in the
-    slope of b is taken for motion, which makes the standard error too small.
-    """
+def _refined(a: _Grid, b: _Grid, lag: float, smooth: float) -> Offset:
+    """Fit offset, bias and factor to the samples of a by Gauss-Newton."""
     times_a = a.start + a.step * np.arange(len(a.values))
     times_b = b.start + b.step * np.arange(len(b.values))
     curve = CubicSpline(times_b, b.values)
     slope = curve.derivative()
     offset = a.start - b.start + lag
-    for _ in range(STEPS):
+    for _ in range(20):
         at = times_a - offset
         place = (at - b.start) / b.step
         before = np.clip(np.floor(place).astype(int), 0, len(b.values) - 2)
@@ -262,9 +254,8 @@ def _refined(a: _Grid, b: _Grid, lag: float, smooth: float) -> tuple[Offset, flo
     sigma = math.sqrt(_long_run_variance(moved * residual, least_lag)) / power
     spread = float(((y - y.mean()) ** 2).sum())
     quality = math.sqrt(max(1.0 - float(residual @ residual) / spread, 0.0))
-    rough = float(np.square(np.diff(residual)).sum()) / (a.step * a.step * power)
     return Offset(float(offset), sigma, quality, float(bias), float(factor),
-                  float(use.sum() * a.step)), rough
+                  float(use.sum() * a.step))
 
 
 def time_offset(
@@ -316,12 +307,7 @@ def time_offset(
     least = max(overlap * min(grid_a.there.sum(), grid_b.there.sum()), 8.0)
     lags, r = _correlation(grid_a, grid_b, least)
     best = _peak(lags, r, step, grid_a.start - grid_b.start, limits)
-    found, rough = _refined(grid_a, grid_b, float(lags[best]) * step, smooth)
-    while rough > ROUGH and smooth < SMOOTHEST:
-        smooth *= 2.0
-        grid_a, grid_b = _on_grid(ta, va, step, smooth), _on_grid(tb, vb, step, smooth)
-        lag = found.offset - grid_a.start + grid_b.start
-        found, rough = _refined(grid_a, grid_b, lag, smooth)
+    found = _refined(grid_a, grid_b, float(lags[best]) * step, smooth)
     if found.factor <= 0.0 or found.quality < LEAST_QUALITY:
         raise AlignError('the signals do not resemble each other at any offset')
     if not found.sigma <= worst:

@@ -118,7 +118,8 @@ def test_what_is_no_trajectory_is_refused(name, message):
 
 def test_the_command_needs_something_to_fly(capsys, tmp_path):
     assert fly.main(['-o', str(tmp_path / 'bag')]) == 2
-    assert capsys.readouterr().err == 'fly: give a SCENARIO or a --trajectory\n'
+    assert capsys.readouterr().err == (
+        'fly: give a SCENARIO or one of --trajectory, --controller, --estimator\n')
 
 
 def test_names_of_files_are_told_from_names_of_trajectories():
