@@ -38,12 +38,23 @@ def fly(flights: Sequence[Scenario], ideal: bool) -> list[dict[str, Any]]:
     return [monte_carlo.fly_with_sensors(flight) for flight in flights]
 
 
+def _nothing() -> None:
+    """Do nothing: what starts a worker."""
+
+
 @contextlib.contextmanager
 def _processes(workers: int) -> Iterator[tuple[Executor, int]]:
     """Give an executor of processes and their count."""
     pool = ProcessPoolExecutor(
         workers, mp_context=multiprocessing.get_context('spawn'),
         initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN))  # Ctrl-C is for us
+    # a worker inherits what is blocked, and so is deaf to Ctrl-C from its first moment
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        for _ in range(workers):
+            pool.submit(_nothing)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
     try:
         yield pool, workers
     finally:
