@@ -314,7 +314,8 @@ def start(*arguments):
 @pytest.mark.parametrize('how', [[], ['--composed']], ids=['separate', 'composed'])
 def test_ctrl_c_lands_a_closed_bag_and_leaves_no_process(tmp_path, how):
     bag = tmp_path / 'stopped'
-    run = start('--duration', 600, '--mode', 'realtime', '--output', bag, '--no-report', *how)
+    run = start('--duration', 600, '--mode', 'realtime', '--output', bag, '--no-report',
+                '--controller', 'cascaded', *how)  # compiled by now
     limit = time.monotonic() + 60.0
     while not list(bag.glob('*.mcap')) and time.monotonic() < limit:
         time.sleep(0.1)

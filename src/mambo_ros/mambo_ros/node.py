@@ -26,7 +26,6 @@ from .intake import Intake
 P = TypeVar('P')
 
 FLUSH = 2.0  # s in which readers acknowledge what a leaving process has published
-
 _REPORT_EVERY = 1.0  # s between reports of refused messages
 _LOCAL = 2**32 - 1  # publishers found of a topic that the same process publishes
 

@@ -36,7 +36,7 @@ from ..kalman import Counts, Gates
 from ..measurements import barometer as pressure_model
 from ..measurements import imu
 from ..measurements.samples import bridged, stuck_sensors, usable_inertial
-from .estimate import (
+from .answer import (
     NONE2, NOT_COMPARED, NOTHING, pose_covariance, Results, state_of, twist_covariance)
 from .flow import remember, RING
 from .joint_parameters import JointValues

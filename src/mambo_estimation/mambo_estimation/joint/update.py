@@ -15,7 +15,7 @@ from ..blocks import Vec2
 from ..gate import ACCEPT, accept, DISTRUST, Gate, judge, RECOVER, refuse_invalid, Trial
 from ..measurements import barometer as pressure_model
 from ..measurements import sonar as range_model
-from .estimate import NOT_COMPARED, Result
+from .answer import NOT_COMPARED, Result
 from .joint_parameters import JointValues
 from .state import (
     ACCEL_BIAS, Array, correct, covariance_with, DRAG, forget, inject, LATENCY, LEAK, Nominal,

@@ -8,10 +8,10 @@ import time
 from mambo_interfaces.msg import NodeLinks
 from rclpy.serialization import deserialize_message
 
-from .foreign import ForeignNode
 from .. import node, topics
 from ..endpoints import qos
 from ..loop import Loop
+from .foreign import ForeignNode
 
 _ASK_AGAIN = 5.0  # s of wall time after which a waiting node says what it waits for
 
