@@ -317,9 +317,10 @@ def test_ctrl_c_lands_a_closed_bag_and_leaves_no_process(tmp_path, how):
     run = start('--duration', 600, '--mode', 'realtime', '--output', bag, '--no-report',
                 '--controller', 'cascaded', *how)  # compiled by now
     limit = time.monotonic() + 60.0
-    while not list(bag.glob('*.mcap')) and time.monotonic() < limit:
+    while time.monotonic() < limit and not any(  # under way: more than the start of a bag
+            file.stat().st_size > 300_000 for file in bag.glob('*.mcap')):
         time.sleep(0.1)
-    time.sleep(6.0)
+    time.sleep(2.0)
     run.send_signal(signal.SIGINT)
     out, err = run.communicate(timeout=60.0)
     assert run.returncode == 128 + signal.SIGINT, err
