@@ -23,9 +23,12 @@ import tempfile
 import time
 from typing import NamedTuple
 
-import called
 import pytest
 import yaml
+
+sys.path.append(str(Path(__file__).parent))  # also where Python is told to leave it out
+
+import called
 
 ROOT = Path(__file__).resolve().parents[1]
 LISTS = ROOT / 'tests/mutants'

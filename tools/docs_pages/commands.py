@@ -86,7 +86,6 @@ def tools() -> str:
             out += _fenced(subprocess.run(
                 [sys.executable, *script, '--help'], cwd=ROOT, text=True, capture_output=True,
                 check=True,
-                env={**os.environ, 'COLUMNS': '88', 'PYTHONSAFEPATH': '',
-                     'PYTHONPATH': os.pathsep.join(
-                         [str(ROOT), os.environ.get('PYTHONPATH', '')])}).stdout.rstrip())
+                env={**os.environ, 'COLUMNS': '88', 'PYTHONPATH': os.pathsep.join(
+                    [str(ROOT), os.environ.get('PYTHONPATH', '')])}).stdout.rstrip())
     return '\n'.join(out)

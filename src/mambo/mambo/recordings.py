@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from mambo_analysis.compare import compare as comparing, estimate as estimating, tables
-from mambo_analysis.compare.verdict import verdict
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight import offline_replay, scenario
 from mambo_model.errors import InputError
@@ -176,9 +175,5 @@ def estimate(
     node = flight.estimator_node
     if node.estimator == 'ground_truth':
         raise InputError('estimator ground_truth estimates nothing; name another')
-    numbers = offline_replay.estimate(bag, node.filter)
-    if not len(numbers.t):
-        raise InputError(
-            f'{bag.path}: no step of the sensors is complete, nothing to estimate')
-    ours = estimating.answered(bag, numbers)
-    return Estimate(ours, comparing.compare_replay(bag, ours), verdict(bag, ours), numbers)
+    ours = estimating.answer(bag, node)
+    return Estimate(ours.bag, ours.comparison, ours.verdict, ours.found)

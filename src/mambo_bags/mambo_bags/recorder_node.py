@@ -109,6 +109,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         is_clock = topic is topics.CLOCK
 
         def put(data: bytes, log_time: int) -> None:
+            """Write a message under a log time, or a later one that keeps the order."""
             nonlocal newest
             newest = log_time if shared else max(newest, log_time)
             try:
@@ -117,6 +118,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
                 self._fail(error)
 
         def record(data: bytes) -> None:
+            """Write a message under its stamp if that is of this flight, else the clock's."""
             stamp = _stamp(data, offset)
             if is_clock and not times.update(stamp):
                 stamp = None
@@ -126,6 +128,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
             put(data, log_time)
 
         def take(data: bytes) -> None:
+            """Write a message, hold it until there is a clock, or leave it out."""
             stamp = None if is_clock else _stamp(data, offset)
             if stamp is not None and times.low <= stamp <= times.high and len(data) <= _LARGEST:
                 put(data, stamp)  # nearly every message

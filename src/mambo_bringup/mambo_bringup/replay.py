@@ -107,6 +107,7 @@ def main(arguments: list[str] | None = None) -> int:
     output = options.output or options.bag.with_name(f'{options.bag.name}_replay')
 
     def work() -> None:
+        """Replay, compare, and print both."""
         if not 0.0 <= options.rate <= 1000.0:
             raise InputError(f'--rate {options.rate:g} must be within 0 to 1000')
         load('.'.join(node) for node in (RECORDER, ESTIMATOR, PLAYER))

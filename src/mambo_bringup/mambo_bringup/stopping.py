@@ -35,6 +35,7 @@ def stoppable(name: str, work: Callable[[], int]) -> int:
     tool = os.getpid()
 
     def stop(number: int, _: object) -> None:
+        """Raise KeyboardInterrupt with the signal; in a copy of the process do as without us."""
         if os.getpid() != tool:  # a copy that works for the tool: as without us
             signal.signal(number, signal.SIG_DFL if number != signal.SIGINT
                           else signal.default_int_handler)

@@ -107,10 +107,7 @@ def read(answer: Any) -> Command:
             f'step answers {type(answer).__name__} where a Command belongs: make it by '
             'mambo_control.command.thrust_and_torque')
     try:
-        out = Command(*(
-            tuple(type(n)(x) for x, n in zip(given, like, strict=True))
-            if isinstance(like, tuple) else type(like)(given)
-            for given, like in zip(answer, _NOTHING, strict=True)))
+        out = slots.typed(answer, _NOTHING)
     except (TypeError, ValueError):
         raise UnusableError('a field of the command has another type or shape') from None
     for name, numbers in (('thrust', (out.thrust,)), ('torque', out.torque), ('pwm', out.pwm)):

@@ -205,33 +205,10 @@ def step(
     vv: VehicleValues,
 ) -> tuple[Memory, Command]:
     """
-    Answer one estimate in flight, as :func:`cascaded.step` does.
+    Answer one estimate in flight; arguments and result as of :func:`cascaded.step`.
 
     ``integral``, ``integral_rate`` and ``virtual_input`` of the command do not exist here and are
     NaN; ``angular_velocity_error`` is the rate itself, what is wanted being zero.
-
-    Parameters
-    ----------
-    memory
-        Result of the previous call; :func:`initial` at start.
-    state
-        Estimate, inertial NED and body FRD.
-    ref
-        Reference for the time of the estimate.
-    dt : s
-        Time to the next call, the control period.
-    gains
-        From :meth:`ToolboxControllerParams.values`.
-    vv
-        Believed vehicle.
-
-    Returns
-    -------
-    memory
-        To be passed to the next call.
-    command
-        Valid for one period.
-
     """
     out = law(state, ref, memory, gains, vv)
     memory = Memory(

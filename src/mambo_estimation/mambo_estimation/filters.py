@@ -88,7 +88,7 @@ def read(answer: Any) -> Estimate:
             f'step answers {type(answer).__name__} where an Estimate belongs: make it by '
             'mambo_estimation.estimate.of_state')
     try:
-        out = _typed(answer, _LOST)
+        out = slots.typed(answer, _LOST)
     except (TypeError, ValueError):
         raise UnusableError('a field of the estimate has another type or shape') from None
     for name, numbers in zip(('position', 'velocity', 'attitude', 'body rate'), out.state):
@@ -97,14 +97,6 @@ def read(answer: Any) -> Estimate:
     if not 0 <= out.status < len(STATUS):
         raise UnusableError(f'step answers status = {out.status}')
     return out
-
-
-def _typed(value: Any, like: Any) -> Any:
-    """Return a value in the types and the shape of another one."""
-    if not isinstance(like, tuple):
-        return type(like)(value)
-    parts = [_typed(x, part) for x, part in zip(value, like, strict=True)]
-    return type(like)(*parts) if hasattr(like, '_fields') else tuple(parts)
 
 
 def _try(component: Component) -> None:

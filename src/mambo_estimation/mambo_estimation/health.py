@@ -8,11 +8,14 @@ nothing is expected of it. Holds no equation of the thesis.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 import math
 from typing import Any, NamedTuple
 
 from mambo_model.compiled import jit
 from mambo_model.motion.vector import Vec3
+from mambo_model.schema import quantity
+from mambo_model.values import derived, Parameters
 
 from .blocks import Vec2
 
@@ -228,6 +231,26 @@ def limits(params: Any) -> Limits:
     """Return the limits among an estimator's parameters, ``max_*_age`` in s."""
     return Limits(float(params.max_imu_age), float(params.max_sonar_age),
                   float(params.max_flow_age), float(params.max_barometer_age))
+
+
+@dataclass(frozen=True)
+class AgeParams(Parameters):
+    """What every filter of our own has: gravity, and how old the last sample used may be."""
+
+    gravity: float = quantity(9.81, 'm/s^2', 9.7, 9.9, 'standard value; the thesis gives none')
+    max_sonar_age: float = quantity(
+        1.0, 's', 0.01, 1e4, 'without a used range for longer the status is dead reckoning')
+    max_flow_age: float = quantity(
+        0.5, 's', 0.01, 1e4, 'without used flow for longer the status is dead reckoning')
+    max_imu_age: float = quantity(
+        0.1, 's', 0.005, 1e4, 'unhealthy without a used inertial sample for longer')
+    max_barometer_age: float = quantity(
+        1.0, 's', 0.01, 1e4, 'unhealthy without plausible pressure for longer')
+
+    @derived('s', 'max_imu_age', 'max_barometer_age')
+    def limits(self) -> Limits:
+        """How old the last sample that was used may be."""
+        return limits(self)
 
 
 @jit

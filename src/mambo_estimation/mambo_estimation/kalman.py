@@ -31,8 +31,8 @@ from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import IDENTITY, rotate, rotate_inverse, to_matrix
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import add, scale, sub, Vec3
-from mambo_model.schema import group, quantity
-from mambo_model.values import derived, Parameters, values_type
+from mambo_model.schema import group
+from mambo_model.values import values_type
 
 from . import alignment, altitude, attitude, gate, health, velocity
 from .alignment import Alignment, AlignmentParams, AlignmentValues
@@ -41,7 +41,7 @@ from .attitude import Attitude, AttitudeParams, AttitudeValues
 from .blocks import Matrix3, Vec2
 from .estimate import count_broken, Estimate, status_of
 from .gate import Gate
-from .health import Limits, observe_all, Sensors
+from .health import AgeParams, observe_all, Sensors
 from .measurements import barometer, imu, optical_flow
 from .measurements.barometer import BarometerParams
 from .measurements.imu import ImuParams
@@ -52,18 +52,9 @@ from .velocity import Velocity, VelocityParams
 
 
 @dataclass(frozen=True)
-class EstimatorParams(Parameters):
+class EstimatorParams(AgeParams):
     """Parameters of the estimator: one group per filter and per sensor."""
 
-    gravity: float = quantity(9.81, 'm/s^2', 9.7, 9.9, 'standard value; the thesis gives none')
-    max_sonar_age: float = quantity(
-        1.0, 's', 0.01, 1e4, 'without a used range for longer the status is dead reckoning')
-    max_flow_age: float = quantity(
-        0.5, 's', 0.01, 1e4, 'without used flow for longer the status is dead reckoning')
-    max_imu_age: float = quantity(
-        0.1, 's', 0.005, 1e4, 'unhealthy without a used inertial sample for longer')
-    max_barometer_age: float = quantity(
-        1.0, 's', 0.01, 1e4, 'unhealthy without plausible pressure for longer')
     alignment: AlignmentParams = group(AlignmentParams)
     attitude: AttitudeParams = group(AttitudeParams)
     altitude: AltitudeParams = group(AltitudeParams)
@@ -72,11 +63,6 @@ class EstimatorParams(Parameters):
     sonar: SonarParams = group(SonarParams)
     optical_flow: FlowParams = group(FlowParams)
     barometer: BarometerParams = group(BarometerParams)
-
-    @derived('s', 'max_imu_age', 'max_barometer_age')
-    def limits(self) -> Limits:
-        """How old the last sample that was used may be."""
-        return health.limits(self)
 
 
 EstimatorValues = values_type(EstimatorParams)

@@ -8,35 +8,17 @@ from mambo_model import schema
 from mambo_model.motion.trajectory import TRAJECTORIES
 from mambo_model.yaml_nodes import load
 import pytest
+from schema_strategies import allowed, words
 import yaml
 
-WORDS = st.text(
-    st.characters(exclude_categories=('C', 'Zl', 'Zp')), min_size=1, max_size=30,
-).filter(lambda text: bool(text.strip()))
-
-
-def allowed(field):
-    """Return every value of a parameter that its declaration allows."""
-    meta = field.metadata
-    if 'options' in meta:
-        return st.sampled_from(meta['options'])
-    if 'component' in meta:
-        return st.sampled_from(meta['component'].names)
-    if 'flag' in meta:
-        return st.booleans()
-    if 'text' in meta:
-        return WORDS
-    if isinstance(field.default, int):
-        return st.integers(meta['low'], meta['high'])
-    number = st.floats(meta['low'], meta['high'])
-    many = isinstance(field.default, tuple)
-    return st.tuples(*[number] * len(field.default)) if many else number
+WORDS = words(30).filter(lambda text: bool(text.strip()))
 
 
 def changes(most):
     """Return parameters of any nodes, {name: allowed value}."""
     return st.lists(st.sampled_from(sorted(LEAVES)), unique=True, max_size=most).flatmap(
-        lambda names: st.fixed_dictionaries({name: allowed(LEAVES[name]) for name in names}))
+        lambda names: st.fixed_dictionaries(
+            {name: allowed(LEAVES[name], WORDS) for name in names}))
 
 
 @st.composite
@@ -67,7 +49,7 @@ FILES = {  # names that may be files, too
     'vehicle': ['identified', 'toolbox'], 'believed': ['identified', 'toolbox'],
     'trajectory': sorted(TRAJECTORIES)}
 SETTINGS = st.fixed_dictionaries({}, optional={
-    name: st.sampled_from(FILES[name]) if name in FILES else allowed(field)
+    name: st.sampled_from(FILES[name]) if name in FILES else allowed(field, WORDS)
     for name, field in scenario_file.FIELDS.items()})
 
 

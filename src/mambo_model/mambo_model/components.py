@@ -368,6 +368,7 @@ def built_in_groups(registry: Registry, before: str = '') -> Callable[[type], ty
 
     """
     def put(params_type: type) -> type:
+        """Return the dataclass with a group for each built-in component."""
         fields = [(field.name, field.type, field) for field in dataclasses.fields(params_type)]
         at = [name for name, _, _ in fields].index(before) if before else len(fields)
         groups = [(c.name, c.params, group(c.params)) for c in registry.built_in.values()]

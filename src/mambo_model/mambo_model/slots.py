@@ -192,6 +192,22 @@ def _pair(result: Any) -> tuple[Any, Any]:
     return result
 
 
+def typed(value: Any, like: Any) -> Any:
+    """
+    Return what a component answers in the types and the shape of another answer.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it has another shape, or a number that cannot have its type.
+
+    """
+    if not isinstance(like, tuple):
+        return type(like)(value)
+    parts = [typed(x, part) for x, part in zip(value, like, strict=True)]
+    return type(like)(*parts) if hasattr(like, '_fields') else tuple(parts)
+
+
 def _kind(value: Any) -> str:
     """Return what a value is, in words."""
     return f'{type(value).__name__} {shown(value)}'

@@ -93,6 +93,7 @@ def _guarded(node: Node, service: Service) -> Callable[[Any, Any], Any]:
     callback, name = service.callback, service.srv_name
 
     def answer(request: Any, response: Any) -> Any:
+        """Answer as before; warn of a request that cannot be answered."""
         try:
             return callback(request, response)
         except Exception as error:

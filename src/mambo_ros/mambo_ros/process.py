@@ -80,6 +80,7 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
     nodes: list[MamboNode] = []
 
     def stop(number: int, where: FrameType | None) -> None:
+        """Ask the loop to stop; at a second signal, or before there is a loop, at once."""
         nonlocal stopped
         again, stopped = bool(stopped), stopped or signal.Signals(number).name
         if loop is not None:

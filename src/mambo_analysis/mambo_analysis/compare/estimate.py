@@ -13,6 +13,7 @@ import argparse
 from functools import cache
 from pathlib import Path
 import time
+from typing import NamedTuple
 
 from mambo_bags import columns
 from mambo_bags.command import guard, Parser, refuse_existing
@@ -99,6 +100,32 @@ def write(path: Path, bag: Bag, found: offline_replay.Estimates) -> None:
             names[topic]: (found.t, [table]) for topic, table in messages(found).items()})
 
 
+class Answer(NamedTuple):
+    """What an estimator makes of a bag."""
+
+    found: offline_replay.Estimates  # states and covariances as arrays
+    bag: Bag  # the same as messages, in memory
+    comparison: str  # how it differs from what the bag holds
+    verdict: str  # which sensors were absent or rejected, and whether the estimate diverged
+
+
+def answer(bag: Bag, node: EstimatorNodeParams) -> Answer:
+    """
+    Estimate the flight of a bag, and compare with what it holds.
+
+    Raises
+    ------
+    BagError
+        If it has nothing to estimate from.
+
+    """
+    found = offline_replay.estimate(bag, node.filter)
+    if not len(found.t):
+        raise BagError(f'{bag.path}: no step of the sensors is complete, nothing to estimate')
+    ours = answered(bag, found)
+    return Answer(found, ours, compare_replay(bag, ours), verdict(bag, ours))
+
+
 def again(
     path: Path, file: Path | None = None, namespace: str | None = None,
 ) -> tuple[Bag, offline_replay.Estimates, str]:
@@ -116,11 +143,8 @@ def again(
 
     """
     bag = read_bag(path, READ, namespace)
-    found = offline_replay.estimate(bag, parameters(bag, file).filter)
-    if not len(found.t):
-        raise BagError(f'{path}: no step of the sensors is complete, nothing to estimate')
-    ours = answered(bag, found)
-    return bag, found, f'{compare_replay(bag, ours)}\n{verdict(bag, ours)}'
+    ours = answer(bag, parameters(bag, file))
+    return bag, ours.found, f'{ours.comparison}\n{ours.verdict}'
 
 
 def _work(options: argparse.Namespace) -> None:

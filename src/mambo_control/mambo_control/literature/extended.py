@@ -206,30 +206,9 @@ def step(
     vv: VehicleValues,
 ) -> tuple[Memory, Command]:
     """
-    Answer one estimate in flight.
+    Answer one estimate in flight; arguments and result as of :func:`cascaded.step`.
 
-    Parameters
-    ----------
-    memory
-        Result of the previous call; :func:`initial` at start.
-    state
-        Estimate, inertial NED and body FRD.
-    ref
-        Reference for the time of the estimate.
-    dt : s
-        Time to the next call, the control period; the last one was as long.
-    gains
-        From ``ExtendedParams.values``.
-    vv
-        Believed vehicle.
-
-    Returns
-    -------
-    memory
-        To be passed to the next call.
-    command
-        Valid for one period.
-
+    The last period was as long as ``dt``.
     """
     known = _learn(memory, state, dt, gains, vv)
     vehicle = corrected(known, vv) if gains.estimate else vv

@@ -117,32 +117,7 @@ def step(
     memory: Memory, state: State, ref: Reference, dt: float, gains: FlatnessDragValues,
     vv: VehicleValues,
 ) -> tuple[Memory, Command]:
-    """
-    Answer one estimate in flight.
-
-    Parameters
-    ----------
-    memory
-        Result of the previous call; :func:`initial` at start.
-    state
-        Estimate, inertial NED and body FRD.
-    ref
-        Reference for the time of the estimate.
-    dt : s
-        Time to the next call, the control period.
-    gains
-        From ``FlatnessDragParams.values``.
-    vv
-        Believed vehicle.
-
-    Returns
-    -------
-    memory
-        To be passed to the next call.
-    command
-        Valid for one period.
-
-    """
+    """Answer one estimate in flight; arguments and result as of :func:`cascaded.step`."""
     _, _, omega_r, omega_r_dot, drag = reference_with_drag(ref, vv)
     e_x, e_v = sub(state.rho, ref.rho), sub(rotate(state.q, state.nu), ref.v)
     share = min(1.0, gains.reach / max(norm(e_x), 1e-9))

@@ -127,32 +127,7 @@ def step(
     memory: Memory, state: State, ref: Reference, dt: float, gains: GeometricValues,
     vv: VehicleValues,
 ) -> tuple[Memory, Command]:
-    """
-    Answer one estimate in flight.
-
-    Parameters
-    ----------
-    memory
-        Result of the previous call; :func:`initial` at start.
-    state
-        Estimate, inertial NED and body FRD.
-    ref
-        Reference for the time of the estimate.
-    dt : s
-        Time to the next call, the control period.
-    gains
-        From ``GeometricParams.values``.
-    vv
-        Believed vehicle.
-
-    Returns
-    -------
-    memory
-        To be passed to the next call.
-    command
-        Valid for one period.
-
-    """
+    """Answer one estimate in flight; arguments and result as of :func:`cascaded.step`."""
     out = law(state, ref, gains, vv)
     wanted = add(sub(out.n, (0.0, 0.0, vv.gravity)), ref.a)
     return memory, flying(

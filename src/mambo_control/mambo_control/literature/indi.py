@@ -170,40 +170,33 @@ def applied(pwm: Four, vv: VehicleValues) -> tuple[float, Vec3]:
 
 
 @jit
-def step(
-    memory: Memory, state: State, ref: Reference, dt: float, gains: IndiValues,
-    vv: VehicleValues,
+def follow(
+    memory: Memory, state: State, ref: Reference, v: Vec3, jet: tuple[Vec3, Vec3, Vec3],
+    unexplained: tuple[Vec3, Vec3, Vec3, Vec3], gains: IndiValues, vv: VehicleValues,
 ) -> tuple[Memory, Command]:
     """
-    Answer one estimate in flight.
+    Return the memory and the command for a thrust that is wanted.
 
     Parameters
     ----------
     memory
-        Result of the previous call; :func:`initial` at start.
-    state
-        Estimate, inertial NED and body FRD.
-    ref
-        Reference for the time of the estimate.
-    dt : s
-        Time to the next call, the control period; the last one was as long.
+        Of the step before.
+    state, ref
+        Estimate and reference.
+    v : (3,) m/s, inertial NED
+        Velocity of the estimate.
+    jet : (3,) m/s^2, m/s^3, m/s^4, inertial NED
+        Thrust over mass, reversed, and its derivatives.
+    unexplained
+        Result of :func:`observe`.
     gains
-        From ``IndiParams.values``.
+        Of the attitude: ``k_R`` and ``k_omega`` are used.
     vv
         Believed vehicle.
 
-    Returns
-    -------
-    memory
-        To be passed to the next call.
-    command
-        Valid for one period; ``integral`` and ``integral_rate`` show d and its derivative.
-
     """
-    v = rotate(state.q, state.nu)
-    d, d_dot, e, e_dot = observe(memory, v, state, dt, gains, vv)
-    n, n_dot, n_ddot = thrust_wanted(
-        state, ref, gains.k_x, gains.k_v, gains.reach, d, d_dot, vv)
+    n, n_dot, n_ddot = jet
+    d, d_dot, e, e_dot = unexplained
     q_d, omega_d, omega_d_dot = attitude_of(n, n_dot, n_ddot, ref)
     q_e = error_of(state.q, q_d)
     alpha = sub(attitude_acceleration(
@@ -215,3 +208,21 @@ def step(
     thrust, moment = applied(command.pwm, vv)
     return Memory(
         memory.steps + 1, v, state.q, state.omega, thrust, moment, d, d_dot, e, e_dot), command
+
+
+@jit
+def step(
+    memory: Memory, state: State, ref: Reference, dt: float, gains: IndiValues,
+    vv: VehicleValues,
+) -> tuple[Memory, Command]:
+    """
+    Answer one estimate in flight; arguments and result as of :func:`cascaded.step`.
+
+    The last period was as long as ``dt``. In the command ``integral`` and ``integral_rate`` show d
+    and its derivative.
+    """
+    v = rotate(state.q, state.nu)
+    d, d_dot, e, e_dot = observe(memory, v, state, dt, gains, vv)
+    n, n_dot, n_ddot = thrust_wanted(
+        state, ref, gains.k_x, gains.k_v, gains.reach, d, d_dot, vv)
+    return follow(memory, state, ref, v, (n, n_dot, n_ddot), (d, d_dot, e, e_dot), gains, vv)

@@ -30,12 +30,11 @@ from functools import lru_cache
 import math
 from typing import Any, NamedTuple
 
-from mambo_model.compiled import jit
 from mambo_model.errors import InputError
-from mambo_model.motion.flatness import Reference, torque
-from mambo_model.motion.quaternion import rotate, rotate_inverse
+from mambo_model.motion.flatness import Reference
+from mambo_model.motion.quaternion import rotate
 from mambo_model.motion.rigid_body import State
-from mambo_model.motion.vector import dot, sub, Vec3
+from mambo_model.motion.vector import sub, Vec3
 from mambo_model.schema import quantity
 from mambo_model.values import values_type
 from mambo_model.vehicle.parameters import VehicleValues
@@ -47,7 +46,7 @@ from scipy.linalg import block_diag, solve_discrete_are
 
 from . import indi
 from ..command import Command, no_thrust
-from .flight import attitude_acceleration, attitude_of, error_of, FlightLimits, flying
+from .flight import FlightLimits
 
 __all__ = ['initial', 'Memory', 'plan', 'PredictiveParams', 'PredictiveValues', 'step', 'stopped']
 
@@ -217,56 +216,15 @@ def plan(
     return jerks if np.isfinite(jerks).all() else None
 
 
-@jit
-def _answer(
-    state: State, ref: Reference, a: Vec3, j: Vec3, observer: indi.Memory, v: Vec3, d: Vec3,
-    d_dot: Vec3, e: Vec3, e_dot: Vec3, gains: PredictiveValues, vv: VehicleValues,
-) -> tuple[indi.Memory, Command]:
-    """Return the observer's next memory and the command for an acceleration and its jerk."""
-    n = sub((d[0], d[1], vv.gravity + d[2]), a)
-    q_d, omega_d, omega_d_dot = attitude_of(n, sub(d_dot, j), sub(_ZERO, ref.s), ref)
-    q_e = error_of(state.q, q_d)
-    alpha = sub(attitude_acceleration(
-        q_e, state.omega, omega_d, omega_d_dot, gains.k_R, gains.k_omega), e)
-    command = flying(
-        vv.mass * dot(n, rotate(state.q, (0.0, 0.0, 1.0))), torque(state.omega, alpha, vv.inertia),
-        state, ref, sub(ref.a, sub((0.0, 0.0, vv.gravity), n)), d, d_dot, q_d,
-        sub(state.omega, rotate_inverse(q_e, omega_d)), vv)
-    thrust, moment = indi.applied(command.pwm, vv)
-    return indi.Memory(observer.steps + 1, v, state.q, state.omega, thrust, moment, d, d_dot, e,
-                       e_dot), command
-
-
 def step(
     memory: Memory, state: State, ref: Reference, dt: float, gains: PredictiveValues,
     vv: VehicleValues,
 ) -> tuple[Memory, Command]:
     """
-    Answer one estimate in flight.
+    Answer one estimate in flight; arguments and result as of :func:`cascaded.step`.
 
-    Where the programme has no solution the jerk is that of the reference.
-
-    Parameters
-    ----------
-    memory
-        Result of the previous call; :func:`initial` at start.
-    state
-        Estimate, inertial NED and body FRD.
-    ref
-        Reference for the time of the estimate.
-    dt : s
-        Time to the next call, the control period; the last one was as long.
-    gains
-        From ``PredictiveParams.values``.
-    vv
-        Believed vehicle.
-
-    Returns
-    -------
-    memory
-        To be passed to the next call.
-    command
-        Valid for one period; ``integral`` and ``integral_rate`` show d and its derivative.
+    The last period was as long as ``dt``. In the command ``integral`` and ``integral_rate`` show d
+    and its derivative. Where the programme has no solution the jerk is that of the reference.
 
     Raises
     ------
@@ -285,7 +243,8 @@ def step(
     low, high = bounds(d, gains, vv)
     jerks = plan(solver, error, ref, low, high, gains)
     j = np.array(ref.j) if jerks is None else jerks[:, 0]
-    observer, command = _answer(
-        state, ref, memory.acceleration, tuple(j.tolist()), memory.observer, v, d, d_dot, e,
-        e_dot, gains, vv)
+    jet = (sub((d[0], d[1], vv.gravity + d[2]), memory.acceleration),
+           sub(d_dot, tuple(j.tolist())), sub(_ZERO, ref.s))
+    observer, command = indi.follow(
+        memory.observer, state, ref, v, jet, (d, d_dot, e, e_dot), gains, vv)
     return Memory(solver, tuple((a + dt * j).tolist()), observer), command

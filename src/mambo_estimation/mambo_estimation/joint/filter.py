@@ -204,39 +204,9 @@ def step(
     flow_quality: int, pressure: float, values: JointValues,
 ) -> tuple[Memory, Estimate]:
     """
-    Advance the filter by one inertial sample, as :func:`mambo_estimation.kalman.step` does.
+    Advance the filter by one inertial sample.
 
-    Parameters
-    ----------
-    memory
-        Result of the previous call, at first :func:`initial`; it is not changed.
-    dt : s
-        Since the previous inertial sample, 0 at the first. A negative one or one that is not
-        finite is counted, and the whole step ignored.
-    gyro : (3,) rad/s, body FRD
-        Bias included.
-    accel : (3,) m/s^2, body FRD
-        Specific force, bias included. Where gyro or accel is not finite, out of range, stuck or
-        wild another takes its place, with much more noise.
-    sonar : m
-        New slant range, NaN: none. Infinite: counted as invalid.
-    flow : (2,) rad/s, body FRD
-        New line-of-sight rate along x and y with the sign of the vehicle's motion, NaN: none.
-        Infinite, or only one of them NaN: counted as invalid.
-    flow_quality : 0..255
-        Of the flow, any where there is none.
-    pressure : Pa
-        New static pressure, NaN: none. Infinite: counted as invalid.
-    values
-        ``JointParams.values()``.
-
-    Returns
-    -------
-    memory
-        To be passed to the next call.
-    estimate
-        At the time of the inertial sample.
-
+    Arguments and result as of :func:`mambo_estimation.kalman.step`; ``memory`` is not changed.
     """
     v, m = values, memory
     if not 0.0 <= dt < math.inf:

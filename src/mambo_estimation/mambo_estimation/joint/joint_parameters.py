@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mambo_model.schema import flag, group, quantity
-from mambo_model.values import derived, Parameters, values_type
+from mambo_model.values import Parameters, values_type
 
-from .. import health
 from ..alignment import AlignmentParams
-from ..health import Limits
+from ..health import AgeParams
 from ..measurements.barometer import BarometerParams
 from ..measurements.imu import ImuParams
 from ..measurements.sonar import SonarParams
@@ -151,18 +150,9 @@ class PressureParams(BarometerParams):
 
 
 @dataclass(frozen=True)
-class JointParams(Parameters):
+class JointParams(AgeParams):
     """Parameters of the joint filter: one group per sensor and per model."""
 
-    gravity: float = quantity(9.81, 'm/s^2', 9.7, 9.9, 'standard value; the thesis gives none')
-    max_sonar_age: float = quantity(
-        1.0, 's', 0.01, 1e4, 'without a used range for longer the status is dead reckoning')
-    max_flow_age: float = quantity(
-        0.5, 's', 0.01, 1e4, 'without used flow for longer the status is dead reckoning')
-    max_imu_age: float = quantity(
-        0.1, 's', 0.005, 1e4, 'without used inertial samples for longer they are unhealthy')
-    max_barometer_age: float = quantity(
-        1.0, 's', 0.01, 1e4, 'without plausible pressure for longer the barometer is unhealthy')
     alignment: AlignmentParams = group(AlignmentParams)
     motion: MotionParams = group(MotionParams)
     imu: ImuParams = group(ImuParams)
@@ -170,11 +160,6 @@ class JointParams(Parameters):
     optical_flow: FlowParams = group(FlowParams)
     barometer: PressureParams = group(PressureParams)
     drag: DragParams = group(DragParams)
-
-    @derived('s', 'max_imu_age', 'max_barometer_age')
-    def limits(self) -> Limits:
-        """How old the last sample that was used may be."""
-        return health.limits(self)
 
 
 JointValues = values_type(JointParams)

@@ -7,31 +7,16 @@ from mambo_model import schema
 from mambo_model.vehicle import parameters, vehicle_file
 from mambo_model.vehicle.parameters import Vehicle
 import pytest
+from schema_strategies import allowed, words
 
 FIELDS = dict(schema.walk(Vehicle))
-WORDS = st.text(st.characters(exclude_categories=('C', 'Zl', 'Zp')), min_size=1, max_size=40)
+WORDS = words(40)
 SOURCES = WORDS.filter(lambda text: bool(text.strip()))
-
-
-def allowed(field):
-    """Return every value of a field that its declaration allows."""
-    meta = field.metadata
-    if 'options' in meta:
-        return st.sampled_from(meta['options'])
-    if 'flag' in meta:
-        return st.booleans()
-    if 'text' in meta:
-        return WORDS
-    if isinstance(field.default, int):
-        return st.integers(meta['low'], meta['high'])
-    number = st.floats(meta['low'], meta['high'])
-    many = isinstance(field.default, tuple)
-    return st.tuples(*[number] * len(field.default)) if many else number
 
 
 CHANGES = st.lists(st.sampled_from(sorted(FIELDS)), unique=True, max_size=6).flatmap(
     lambda names: st.fixed_dictionaries(
-        {name: st.tuples(allowed(FIELDS[name]), SOURCES) for name in names}))
+        {name: st.tuples(allowed(FIELDS[name], WORDS), SOURCES) for name in names}))
 
 
 @pytest.fixture(scope='module')
