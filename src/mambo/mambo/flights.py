@@ -16,6 +16,7 @@ from mambo_flight import closed_loop, recording_to_bag, scenario_file
 from mambo_flight.closed_loop import Recording
 from mambo_flight.scenario import override, Scenario
 from mambo_flight.sweep import monte_carlo
+from mambo_model import slots
 from mambo_model.errors import InputError
 import numpy as np
 from numpy.typing import NDArray
@@ -41,18 +42,22 @@ class Flight:
         Every parameter of every node.
     recording : Recording
         The flight as arrays, one row per control step.
+    fault : str
+        What a controller or estimator of yours did wrong, with file and line; empty: nothing.
 
     """
 
     name: str
     scenario: Scenario
     recording: Recording = field(repr=False)
+    fault: str = ''
 
     def __repr__(self) -> str:
         m = self.metrics
         ending = f', motors stopped ({m["shutdown_reason"]})' if m['shutdown'] else ''
         return (f'<Flight {self.name}: {self.t[-1]:g} s, tracking RMS {m["tracking_rms"]:.4g} m, '
-                f'estimation RMS {m["estimation_rms"]:.4g} m{ending}>')
+                f'estimation RMS {m["estimation_rms"]:.4g} m{ending}>'
+                + (f' {self.fault}' if self.fault else ''))
 
     @property
     def t(self) -> NDArray[np.float64]:
@@ -165,4 +170,6 @@ def fly(
     chosen = override(chosen, parameters or {})
     if not chosen.sim_node.duration > 0.0:
         raise InputError(f'{name}: sim_node.duration must be more than 0 s')
-    return Flight(name, chosen, closed_loop.fly(chosen, inner=True))
+    slots.latest_fault()  # what went wrong before is not of this flight
+    recording = closed_loop.fly(chosen, inner=True)
+    return Flight(name, chosen, recording, slots.latest_fault())

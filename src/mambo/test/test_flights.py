@@ -1,5 +1,7 @@
 """Flights from a script."""
 
+from pathlib import Path
+
 import mambo
 from mambo_flight import closed_loop, fly as command
 from mambo_flight.scenario import to_yaml
@@ -72,3 +74,17 @@ def test_a_bag_that_exists_is_not_overwritten(flight, tmp_path):
 def test_the_figure_shows_the_flight(flight, tmp_path):
     flight.plot().savefig(tmp_path / 'flight.png')
     assert (tmp_path / 'flight.png').stat().st_size > 20_000
+
+
+def test_a_controller_that_fails_in_flight_is_told_with_its_line(flight, tmp_path):
+    pd = Path(__file__).parents[3] / 'examples/pd_controller.py'
+    text = pd.read_text().replace('@jit\n', '').replace(
+        'from mambo_model.compiled import jit\n', '')
+    end = 'return Memory(memory.steps + 1)'
+    assert end in text
+    mine = tmp_path / 'mine.py'
+    mine.write_text(text.replace(end, (
+        f"if memory.steps > 400:\n        raise RuntimeError('lost')\n    {end}")))
+    failed = mambo.fly(controller=str(mine), estimator='ground_truth', duration=6.0)
+    assert 'mine.py:' in failed.fault and failed.fault.endswith('RuntimeError: lost')
+    assert failed.fault in repr(failed) and not flight.fault
