@@ -6,7 +6,8 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(exclude=['test']),
-    package_data={package_name: ['compare/report.css', 'compare/report.js']},
+    package_data={package_name: [
+        'compare/report.css', 'compare/report.js', 'importers/maps/*.yaml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -35,6 +36,7 @@ setup(
             'import_crazyflie = mambo_analysis.importers.crazyflie:main',
             'import_minidrone = mambo_analysis.importers.minidrone:main',
             'import_motive = mambo_analysis.importers.motive:main',
+            'import_table = mambo_analysis.importers.any_table:main',
             'join = mambo_analysis.importers.join:main',
             'recover = mambo_bags.recover:main',
             'reproduce = mambo_thesis.reproduce:main',

@@ -68,6 +68,8 @@ GROUPS: dict[str, dict[str, Command]] = {
         'import minidrone': Command('mambo_analysis.importers.minidrone', 'Parrot minidrone log '
                                     '(.mat)'),
         'import motive': Command('mambo_analysis.importers.motive', 'Optitrack Motive take (CSV)'),
+        'import table': Command('mambo_analysis.importers.any_table', 'CSV or Parquet table, by a '
+                                'mapping of its columns'),
     },
     'Identify, each value with its interval': {
         'identify thrust': Command('mambo_analysis.identify.thrust', 'motor map from a bench'),
@@ -94,6 +96,8 @@ GROUPS: dict[str, dict[str, Command]] = {
         'mutants': Command('mutants', 'break the equations one at a time; a test must notice'),
     },
 }
+TABLES = ('.csv', '.parquet', '.pq')
+"""Endings of files that `mambo import FILE` takes for tables."""
 COMMANDS = {name: entry for group in GROUPS.values() for name, entry in group.items()}
 
 
@@ -123,6 +127,8 @@ def find(words: list[str]) -> tuple[str, list[str]]:
         name = ' '.join(words[:count])
         if name in COMMANDS:
             return name, words[count:]
+    if words[0] == 'import' and Path(words[1] if len(words) > 1 else '').suffix in TABLES:
+        return 'import table', words[1:]
     kinds = [name for name in COMMANDS if name.split()[0] == words[0]]
     if kinds:
         given = f'{words[1]} is none' if len(words) > 1 else 'say which'

@@ -75,6 +75,11 @@ def test_a_typing_error_is_one_line_and_exit_code_2(words, said, capsys):
     assert said in error and error.count('\n') == bool(words)
 
 
+def test_a_table_is_imported_without_a_word_for_its_kind():
+    words = ['import', 'flight.csv', 'BAG', '--map', 'nanobench']
+    assert mambo.find(words) == ('import table', words[1:])
+
+
 @pytest.mark.parametrize('line, wanted', [
     ('mambo rec', {'recover', 'recordings'}), ('mambo identify th', {'thrust '}),
     ('mambo compare --ht', {'--html '}), ('mambo run --estimator k', {'kalman '})])

@@ -1,0 +1,343 @@
+"""
+Tables as bags: ``import_table FLIGHT.csv BAG --map MAPPING.yaml``, CSV and Parquet.
+
+The mapping says which columns become which topic, in which unit, frame and clock
+(:mod:`mambo_analysis.importers.table_map`). Mappings that come with the package are chosen by
+name: ``nanobench`` for the data set of that name (a Crazyflie 2.1 under Vicon, 100 Hz).
+
+Stamps count from the first row. A row that lacks a value of a topic gives no message there, and is
+counted. Poses that cannot be true are left out, too (:mod:`mambo_signals.outliers`). What the
+mapping does not use is printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from mambo_bags.command import guard, nearest, Parser
+from mambo_bags.mcap_reader import BagError
+from mambo_bags.writer import BagWriter
+from mambo_signals import outliers
+import numpy as np
+from numpy.typing import NDArray
+import pandas
+from scipy.spatial.transform import Rotation
+
+from . import bounded
+from .common import (
+    LARGEST, LONGEST, new_samples, provenance, Publisher, quoted, read_source, report, shortened,
+    stamps_ns, unused)
+from .table_map import Map, Quantity, read_map, Topic
+
+Floats = NDArray[np.float64]
+MAPS = Path(__file__).parent / 'maps'
+_UPRIGHT = Rotation.from_euler('x', 90.0, degrees=True)
+_OVER = Rotation.from_euler('x', 180.0, degrees=True)
+WORLD = {'z_up': Rotation.identity(), 'z_down': _OVER, 'y_up': _UPRIGHT}
+"""Turns positions of a table into z up; y up as Motive's: (x, -z, y)."""
+BODY = {'flu': Rotation.identity(), 'frd': _OVER, 'y_up': _UPRIGHT}
+"""Turns vectors of the body into FLU."""
+TYPES = {
+    'optitrack/pose': 'geometry_msgs/msg/PoseStamped', 'onboard/odom': 'nav_msgs/msg/Odometry',
+    'onboard/reference': 'geometry_msgs/msg/PoseStamped', 'imu/data_raw': 'sensor_msgs/msg/Imu',
+    'sonar/range': 'sensor_msgs/msg/Range',
+    'optical_flow': 'mambo_interfaces/msg/OpticalFlow',
+    'barometer/pressure': 'sensor_msgs/msg/FluidPressure',
+    'motor_pwm': 'mambo_interfaces/msg/MotorPwm', 'battery': 'sensor_msgs/msg/BatteryState'}
+LOOSE_NORM = 0.1       # [-] how far from 1 the norm of a quaternion may be
+RANGE_LIMITS = (0.0, 10.0)  # [m] of a range finder that is not known
+FULL_QUALITY = 255
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+
+
+def shipped() -> dict[str, Path]:
+    """Return the mappings that come with the package, by name."""
+    return {file.stem: file for file in sorted(MAPS.glob('*.yaml'))}
+
+
+def find_map(word: str) -> Path:
+    """Return the file of a mapping by name or path; BagError if it is neither."""
+    if word in shipped():
+        return shipped()[word]
+    if not Path(word).is_file():
+        raise BagError(f'{word}: no mapping file, nor the name of one{nearest(word, shipped())}; '
+                       f'names: {", ".join(shipped())}')
+    return Path(word)
+
+
+def _frame(path: Path, delimiter: str) -> dict[str, Any]:
+    """Return {column: values} of a table; in a process of its own."""
+    if path.suffix.lower() in ('.parquet', '.pq'):
+        frame = pandas.read_parquet(path)
+    else:
+        frame = pandas.read_csv(path, sep=delimiter, skipinitialspace=True, encoding='utf-8-sig',
+                                index_col=False, on_bad_lines='error')
+    frame.columns = [str(name).strip() for name in frame.columns]
+    return {name: frame[name].to_numpy() for name in frame.columns}
+
+
+def read_table(path: Path, wanted: list[str], delimiter: str) -> tuple[dict[str, Any], list[str]]:
+    """
+    Return {column: (n,) numbers, NaN where a cell is empty} and the names of other columns.
+
+    Raises
+    ------
+    BagError
+        If it is no table, lacks a column, or holds something else than numbers.
+
+    """
+    try:
+        found = bounded.call(lambda file: _frame(file, delimiter), path)
+    except bounded.UnreadableError as error:
+        raise BagError(f'{path}: no table that can be read: {error}') from None
+    except OSError as error:
+        raise BagError(f'{path}: {error.strerror or error}') from None
+    missing = [name for name in wanted if name not in found]
+    if missing:
+        raise BagError(f'{path}: no column {quoted(missing[0])}{nearest(missing[0], found)}; '
+                       f'it has {shortened(list(found))}')
+    out = {}
+    for name in wanted:
+        if found[name].dtype.kind in 'iufb':
+            values = found[name].astype(float)
+        else:
+            values = pandas.to_numeric(found[name], errors='coerce').astype(float)
+            bad = np.flatnonzero(np.isnan(values) & ~pandas.isna(found[name]))
+            if len(bad):
+                raise BagError(f'{path}: row {bad[0] + 2}, column {name}: '
+                               f'{quoted(str(found[name][bad[0]]))} is not a number')
+        wrong = np.flatnonzero(np.abs(values) >= LARGEST)
+        if len(wrong):
+            raise BagError(f'{path}: row {wrong[0] + 2}, column {name}: {values[wrong[0]]:g} is '
+                           'absurd')
+        out[name] = values
+    return out, [name for name in found if name not in wanted]
+
+
+def _seconds(path: Path, table: dict[str, Floats], mapping: Map) -> dict[str, Floats]:
+    """Return the times of each topic, (n,) s from the first row; BagError if they go back."""
+    def times(clock: Any) -> Floats:
+        values = table[clock.column]
+        if not np.isfinite(values).all():
+            raise BagError(f'{path}: row {np.flatnonzero(~np.isfinite(values))[0] + 2}: no time '
+                           f'in column {clock.column}')
+        return values
+    first = times(mapping.clock)
+    if not len(first):
+        raise BagError(f'{path}: no rows')
+    zero, out = first[0] * mapping.clock.factor, {}
+    for name, topic in mapping.topics.items():
+        clock = topic.clock
+        # the difference first, in the unit of the file: it is exact for counts of ns
+        start = first[0] if clock.factor == mapping.clock.factor else zero / clock.factor
+        out[name] = (times(clock) - start) * clock.factor + clock.offset
+        back = np.flatnonzero(np.diff(out[name]) <= 0.0)
+        if len(back):
+            raise BagError(f'{path}: row {back[0] + 3}: the time in column {clock.column} does '
+                           f'not increase ({times(clock)[back[0] + 1]:.15g})')
+        if not np.abs(out[name]).max() < LONGEST:
+            raise BagError(f'{path}: column {clock.column} spans more than {LONGEST:g} s: its '
+                           'unit is not as the mapping says')
+    return out
+
+
+def _vectors(table: dict[str, Floats], quantity: Quantity) -> Floats:
+    return quantity.factor * np.column_stack([table[name] for name in quantity.columns])
+
+
+def _attitude(
+    path: Path, table: dict[str, Floats], topic: Topic, world: Rotation, usable: NDArray[np.bool_],
+) -> Floats:
+    """Return x y z w of FLU in a world with z up, (n, 4), upright where not usable."""
+    out = np.tile(UPRIGHT, (len(usable), 1))
+    if 'quaternion' in topic.quantities:
+        quantity = topic.quantities['quaternion']
+        given = _vectors(table, quantity)[usable]
+        given = given if quantity.order == 'xyzw' else given[:, [1, 2, 3, 0]]
+        wrong = np.flatnonzero(np.abs(np.linalg.norm(given, axis=1) - 1.0) > LOOSE_NORM)
+        if len(wrong):
+            row = np.flatnonzero(usable)[wrong[0]] + 2
+            raise BagError(f'{path}: row {row}: the quaternion in {", ".join(quantity.columns)} '
+                           f'has the norm {np.linalg.norm(given[wrong[0]]):.3g}, not 1')
+        turns = Rotation.from_quat(given)
+    else:
+        quantity = topic.quantities['euler']
+        turns = Rotation.from_euler(quantity.order, _vectors(table, quantity)[usable])
+    out[usable] = (world * turns * BODY[topic.body].inv()).as_quat()
+    return out
+
+
+class _Rows:
+    """Publishes the rows of one topic."""
+
+    def __init__(self, path: Path, table: dict[str, Floats], mapping: Map) -> None:
+        self.path, self.table, self.mapping = path, table, mapping
+        self.times = _seconds(path, table, mapping)
+        self.notes: list[str] = []
+
+    def publish(self, name: str, out: Publisher) -> None:
+        """Write what the rows say of a topic."""
+        topic = self.mapping.topics[name]
+        found = {key: _vectors(self.table, one) for key, one in topic.quantities.items()}
+        values = np.concatenate(list(found.values()), axis=1)
+        usable = np.isfinite(values).all(axis=1)
+        lost = int(np.count_nonzero(~usable))
+        if lost:
+            self.notes.append(f'{name}: {lost} of {len(usable)} rows lack a value')
+        if topic.only_changes:
+            new = np.zeros(len(usable), bool)
+            new[new_samples(values)] = True
+            new[:1] = True
+            usable &= new
+        before = usable & (self.times[name] < 0.0)
+        if before.any():
+            self.notes.append(f'{name}: {int(before.sum())} rows before the first time left out')
+            usable &= ~before
+        fields = getattr(self, '_' + name.replace('/', '_'))(topic, found, usable, out)
+        frame = {'optitrack/pose': 'map', 'onboard/odom': 'odom', 'onboard/reference': 'odom',
+                 'motor_pwm': ''}.get(name, 'base_link')
+        stamps = stamps_ns(self.times[name]).tolist()
+        for row in np.flatnonzero(usable).tolist():
+            out.publish(name, stamps[row], frame, **fields(row))
+
+    def _pose(self, topic: Topic, found: dict[str, Floats], usable: Any) -> tuple[Any, Any]:
+        world = WORLD[self.mapping.world]
+        position = world.apply(np.where(usable[:, None], found['position'], 0.0))
+        return position, _attitude(self.path, self.table, topic, world, usable)
+
+    def _optitrack_pose(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
+        position, turn = self._pose(topic, found, usable)
+        rows = np.flatnonzero(usable)
+        wrong = outliers.impossible(self.times['optitrack/pose'][rows], position[rows], turn[rows])
+        if wrong.any():
+            usable[rows[wrong]] = False
+            self.notes.append(outliers.describe('optitrack/pose', int(wrong.sum())))
+        return lambda row: {'pose': out.pose(position[row].tolist(), turn[row].tolist())}
+
+    def _onboard_odom(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
+        position, turn = self._pose(topic, found, usable)
+        velocity = np.where(usable[:, None], found['velocity'], 0.0)
+        if topic.velocity_axes == 'world':
+            velocity = Rotation.from_quat(turn).inv().apply(
+                WORLD[self.mapping.world].apply(velocity))
+        else:
+            velocity = BODY[topic.body].apply(velocity)
+        rates = np.full(position.shape, np.nan)
+        if 'angular_velocity' in found:
+            rates = BODY[topic.body].apply(found['angular_velocity'])
+        return lambda row: out.odometry(
+            out.pose(position[row].tolist(), turn[row].tolist()), velocity[row].tolist(),
+            rates[row].tolist())
+
+    def _onboard_reference(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
+        world = WORLD[self.mapping.world]
+        position = world.apply(np.where(usable[:, None], found['position'], 0.0))
+        if {'quaternion', 'euler'} & set(found):
+            turn = _attitude(self.path, self.table, topic, world, usable)
+        elif 'yaw' in found:  # about the axis that points down or up in the file
+            sign = -1.0 if self.mapping.world == 'z_down' else 1.0
+            yaw = np.where(usable, sign * found['yaw'][:, 0], 0.0)
+            turn = Rotation.from_euler('z', yaw[:, None]).as_quat()
+        else:
+            turn = np.tile(UPRIGHT, (len(usable), 1))
+        return lambda row: {'pose': out.pose(position[row].tolist(), turn[row].tolist())}
+
+    def _imu_data_raw(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
+        unknown = np.full((len(usable), 3), np.nan)
+        body = BODY[topic.body]
+        rates, force = (body.apply(found[key]) if key in found else unknown
+                        for key in ('angular_velocity', 'acceleration'))
+        return lambda row: out.imu(rates[row].tolist(), force[row].tolist())
+
+    def _sonar_range(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
+        return lambda row: {'radiation_type': 1, 'min_range': RANGE_LIMITS[0],
+                            'max_range': RANGE_LIMITS[1], 'range': float(found['range'][row, 0])}
+
+    def _optical_flow(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
+        # along x and y of the body; the rotations to FLU keep x and may turn y over
+        sign = -1.0 if topic.body == 'frd' else 1.0
+        return lambda row: {'rate_x': float(found['rate'][row, 0]),
+                            'rate_y': sign * float(found['rate'][row, 1]),
+                            'quality': FULL_QUALITY}
+
+    def _barometer_pressure(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
+        return lambda row: {'fluid_pressure': float(found['pressure'][row, 0])}
+
+    def _motor_pwm(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
+        return lambda row: {'pwm': found['pwm'][row]}
+
+    def _battery(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
+        return lambda row: out.battery(float(found['voltage'][row, 0]), float('nan'))
+
+
+def import_table(
+    source: Path, target: Path, mapping: Path,
+) -> tuple[dict[str, int], list[str]]:
+    """
+    Write a bag from a table.
+
+    Parameters
+    ----------
+    source
+        CSV or Parquet file.
+    target
+        Directory to make.
+    mapping
+        Mapping file, as :func:`find_map` finds it.
+
+    Returns
+    -------
+    {topic: messages}; lines on what was left out.
+
+    Raises
+    ------
+    BagError
+        If the table is not usable; nothing is written then.
+    mambo_model.schema.ParameterError
+        If the mapping is wrong.
+    mambo_bags.writer.BagWriterError
+        If the target exists.
+
+    """
+    wanted = read_map(mapping)
+    file = read_source(source)
+    table, others = read_table(source, wanted.columns(), wanted.delimiter)
+    rows = _Rows(source, table, wanted)
+    record = provenance(source.name, file.sha256, 'import_table', 'table', {
+        'mapping': mapping.name, 'mapping_sha256': read_source(mapping).sha256,
+        'time_zero': repr(float(table[wanted.clock.column][0])),
+        'ignored': ', '.join(others) or 'nothing'})
+    with BagWriter(target, metadata=record) as writer:
+        out = Publisher(writer, {name: TYPES[name] for name in wanted.topics})
+        for name in wanted.topics:
+            rows.publish(name, out)
+        return writer.counts, [*rows.notes, *unused(others)]
+
+
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('import_table', __doc__.split('\n\n')[0])
+    out.add_argument('table', type=Path, help='CSV or Parquet file')
+    out.add_output('BAG', 'bag to make', required=True, positional=True)
+    option = out.add_argument('--map', required=True, metavar='MAPPING',
+                              help='YAML file, or one of: ' + ', '.join(shipped()))
+    Parser.complete(shipped(), option)
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``import_table``; return the exit code."""
+    options: argparse.Namespace = parser().parse_args(arguments)
+
+    def work() -> None:
+        """Import, and print what was found."""
+        counts, notes = import_table(options.table, options.output, find_map(options.map))
+        report(options.table, options.output, counts, *notes)
+
+    return guard('import_table', work)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

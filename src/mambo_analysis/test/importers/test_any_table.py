@@ -1,0 +1,186 @@
+"""Tables of known motion come back as that motion, whatever unit, frame and clock they are in."""
+
+from mambo_analysis.importers import any_table
+from mambo_analysis.importers.any_table import import_table, main
+from mambo_bags.reader import read_bag
+import numpy as np
+import pandas
+import pytest
+from scipy.spatial.transform import Rotation
+
+N = 50
+TIMES = np.arange(N) / 100.0
+POSITION = np.column_stack([0.3 * TIMES, 1.0 + 0.5 * TIMES, 0.8 - 0.2 * TIMES])
+ATTITUDE = Rotation.from_euler('ZYX', np.column_stack([0.4 + TIMES, 0.1 + TIMES, -0.3 * TIMES]))
+VELOCITY = np.tile([0.3, 0.5, -0.2], (N, 1))
+RATES = np.column_stack([0.1 + TIMES, -0.2 * TIMES, 0.3 + 0.0 * TIMES])
+"""In the frames of the bag: z up and body FLU."""
+UP = {'z_up': np.eye(3), 'z_down': np.diag([1.0, -1.0, -1.0]),
+      'y_up': np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])}
+BODY = {'flu': UP['z_up'], 'frd': UP['z_down'], 'y_up': UP['y_up']}
+MAP = """\
+time: {{column: t, unit: {unit}}}
+world: {world}
+body: {body}
+topics:
+  optitrack/pose:
+    position: {{columns: [x, y, z], unit: cm}}
+    quaternion: {{columns: [qw, qx, qy, qz], order: wxyz}}
+  onboard/odom:
+    position: {{columns: [x, y, z], unit: cm}}
+    euler: {{columns: [yaw, pitch, roll], unit: deg, order: ZYX}}
+    velocity: [vx, vy, vz]
+    angular_velocity: {{columns: [p, q, r], unit: deg/s}}
+  imu/data_raw:
+    angular_velocity: {{columns: [p, q, r], unit: deg/s}}
+    acceleration: {{columns: [ax, ay, az], unit: g}}
+"""
+
+
+def frame(world='z_up', body='flu', seconds=1.0):
+    """Return the motion as somebody else would write it."""
+    into, turned = UP[world].T, Rotation.from_matrix(UP[world].T @ ATTITUDE.as_matrix()
+                                                     @ BODY[body])
+    w = np.degrees(RATES @ BODY[body])
+    a = (np.array([0.0, 0.0, 9.80665]) @ BODY[body]) / 9.80665
+    q = turned.as_quat()
+    angles = turned.as_euler('ZYX', degrees=True)
+    columns = {'t': 1.77e9 / seconds + TIMES / seconds}
+    columns |= dict(zip(('x', 'y', 'z'), (100.0 * POSITION @ into.T).T))
+    columns |= dict(zip(('qx', 'qy', 'qz', 'qw'), q.T))
+    columns |= dict(zip(('yaw', 'pitch', 'roll'), angles.T))
+    columns |= dict(zip(('vx', 'vy', 'vz'), (VELOCITY @ into.T).T))
+    columns |= dict(zip(('p', 'q', 'r'), w.T))
+    columns |= {name: np.full(N, value) for name, value in zip(('ax', 'ay', 'az'), a)}
+    return pandas.DataFrame(columns)
+
+
+def files(tmp_path, data, world='z_up', body='flu', unit='s', text=MAP, suffix='.csv'):
+    source, mapping = tmp_path / f'flight{suffix}', tmp_path / 'map.yaml'
+    if suffix == '.csv':
+        data.to_csv(source, index=False)
+    else:
+        data.to_parquet(source)
+    mapping.write_text(text.format(world=world, body=body, unit=unit))
+    return source, mapping
+
+
+@pytest.mark.parametrize('world, body', [
+    ('z_up', 'flu'), ('z_down', 'frd'), ('z_up', 'frd'), ('z_down', 'flu'), ('y_up', 'y_up')])
+def test_frames(tmp_path, world, body):
+    source, mapping = files(tmp_path, frame(world, body), world, body)
+    counts, notes = import_table(source, tmp_path / 'bag', mapping)
+    assert set(counts.values()) == {N} and not notes
+    bag = read_bag(tmp_path / 'bag')
+    for topic in ('optitrack/pose', 'onboard/odom'):
+        found = bag[topic]
+        assert np.allclose(found.position, POSITION, atol=1e-9)
+        q = np.asarray(found.orientation)
+        wrong = (Rotation.from_quat(q).inv() * ATTITUDE).magnitude()
+        assert np.allclose(wrong, 0.0, atol=1e-7)
+        assert np.abs(found.stamp - np.rint(TIMES * 1e9)).max() < 1000  # ns in 1.77e9 s
+    odom = bag['onboard/odom']
+    assert np.allclose(odom['twist.twist.linear'], ATTITUDE.inv().apply(VELOCITY), atol=1e-9)
+    assert np.allclose(odom['twist.twist.angular'], RATES, atol=1e-9)
+    assert np.allclose(bag['imu/data_raw'].angular_velocity, RATES, atol=1e-9)
+    assert np.allclose(bag['imu/data_raw'].linear_acceleration, [0.0, 0.0, 9.80665], atol=1e-9)
+
+
+def test_velocity_in_the_axes_of_the_body(tmp_path):
+    text = MAP.replace('    velocity:', '    velocity_axes: body\n    velocity:')
+    source, mapping = files(tmp_path, frame(body='frd'), body='frd', text=text)
+    import_table(source, tmp_path / 'bag', mapping)
+    found = read_bag(tmp_path / 'bag')['onboard/odom']['twist.twist.linear']
+    assert np.allclose(found, VELOCITY * [1.0, -1.0, -1.0], atol=1e-12)
+
+
+@pytest.mark.parametrize('unit, seconds', [('ms', 1e-3), ('us', 1e-6), ('ns', 1e-9)])
+def test_units_of_time(tmp_path, unit, seconds):
+    data = frame()
+    data['t'] = np.rint((1.0e6 + TIMES) / seconds).astype(np.int64)
+    source, mapping = files(tmp_path, data, unit=unit, suffix='.parquet')
+    import_table(source, tmp_path / 'bag', mapping)
+    assert (read_bag(tmp_path / 'bag')['optitrack/pose'].stamp == np.rint(TIMES * 1e9)).all()
+
+
+def test_a_clock_of_its_own_held_values_and_missing_ones(tmp_path):
+    text = MAP + ('  battery: {{voltage: {{columns: [v], unit: mV}}, only_changes: true, '
+                  'time: {{offset: 0.005}}}}\n')
+    data = frame()
+    data['v'] = np.repeat(4100.0 - np.arange(N // 10), 10)
+    data.loc[7, 'ax'] = np.nan
+    source, mapping = files(tmp_path, data, text=text)
+    counts, notes = import_table(source, tmp_path / 'bag', mapping)
+    assert counts['/mambo/battery'] == N // 10 and counts['/mambo/imu/data_raw'] == N - 1
+    assert notes == ['imu/data_raw: 1 of 50 rows lack a value']
+    battery = read_bag(tmp_path / 'bag')['battery']
+    assert np.allclose(battery.voltage, 4.1 - 0.001 * np.arange(N // 10))
+    assert abs(battery.stamp[1] - 105_000_000) < 1000
+
+
+def test_impossible_poses_are_left_out(tmp_path):
+    data = frame()
+    data.loc[20:22, 'x'] += 300.0
+    source, mapping = files(tmp_path, data)
+    counts, notes = import_table(source, tmp_path / 'bag', mapping)
+    assert counts['/mambo/optitrack/pose'] == N - 3
+    assert '3 poses left out' in notes[0]
+
+
+def damage(tmp_path, change, capsys, **options):
+    """Import what change makes of a table; return exit code and what is said."""
+    source, mapping = files(tmp_path, frame(), **options)
+    change(source)
+    code = main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)])
+    said = capsys.readouterr().err.strip()
+    assert '\n' not in said and not (tmp_path / 'bag').exists()
+    return code, said
+
+
+@pytest.mark.parametrize('old, new, text', [
+    ('t,x,', 'time,x,', "no column 't'"),
+    ('pitch', 'pich', "no column 'pitch'; did you mean pich?"),
+])
+def test_missing_columns(tmp_path, capsys, old, new, text):
+    code, said = damage(
+        tmp_path, lambda file: file.write_text(file.read_text().replace(old, new, 1)), capsys)
+    assert code == 2 and text in said
+
+
+@pytest.mark.parametrize('row, column, value, text', [
+    (4, 'x', 'north', "row 6, column x: 'north' is not a number"),
+    (4, 'x', 'inf', 'row 6, column x: inf is absurd'),
+    (4, 't', '1770000000.0', 'row 6: the time in column t does not increase'),
+    (4, 't', '', 'row 6: no time in column t'),
+    (4, 't', '9e20', 'row 7: the time in column t does not increase'),
+    (4, 'qw', '7', 'row 6: the quaternion in qw, qx, qy, qz has the norm 7'),
+])
+def test_bad_cells(tmp_path, capsys, row, column, value, text):
+    def change(file):
+        data = pandas.read_csv(file, dtype=str)
+        data.loc[row, column] = value
+        data.to_csv(file, index=False)
+    code, said = damage(tmp_path, change, capsys)
+    assert code == 2 and text in said
+
+
+@pytest.mark.parametrize('content', [b'', b'\x00' * 100, b't,x\n1,2,3,4\n', b'PAR1 broken PAR1'])
+@pytest.mark.parametrize('suffix', ['.csv', '.parquet'])
+def test_what_is_no_table(tmp_path, capsys, content, suffix):
+    code, said = damage(tmp_path, lambda file: file.write_bytes(content), capsys, suffix=suffix)
+    assert code == 2 and 'flight' in said
+
+
+def test_a_unit_of_time_that_cannot_be(tmp_path, capsys):
+    data = frame()
+    data['t'] = 1.77e18 + TIMES * 1e12
+    source, mapping = files(tmp_path, data)
+    assert main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)]) == 2
+    assert 'its unit is not as the mapping says' in capsys.readouterr().err
+
+
+def test_names_of_mappings(capsys, tmp_path):
+    assert any_table.find_map('nanobench') == any_table.shipped()['nanobench']
+    source, _ = files(tmp_path, frame())
+    assert main([str(source), str(tmp_path / 'bag'), '--map', 'nanobank']) == 2
+    assert 'did you mean nanobench?' in capsys.readouterr().err
