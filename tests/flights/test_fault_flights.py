@@ -50,12 +50,12 @@ def test_a_bad_aiding_sensor_is_flown_through(sensor, kind):
     # two seconds missing at 0.8 m/s and a height that the accelerometer alone keeps
     limit = tracking(clean, 9.0, 30.0) + 0.25
     assert tracking(flight, BEGIN, 30.0) < limit
-    told = flight.health[:, SENSORS.index(sensor)] > 0
+    flagged = flight.health[:, SENSORS.index(sensor)] > 0
     t = seconds(flight)
-    assert not told[(t > 9.0) & (t < BEGIN)].any()
+    assert not flagged[(t > 9.0) & (t < BEGIN)].any()
     if sensor != 'barometer' and kind in ('not_a_number', 'infinite', 'stuck', 'missing', 'late'):
-        assert told[(t > BEGIN + 1.9) & (t < END)].all()
-    assert not told[t > END + 2.0].any()
+        assert flagged[(t > BEGIN + 1.9) & (t < END)].all()
+    assert not flagged[t > END + 2.0].any()
 
 
 @pytest.mark.parametrize('kind', LOST)

@@ -77,8 +77,8 @@ def test_the_line_of_the_bench_is_the_constant_of_the_toolbox():
 def test_without_recordings_there_is_one_line(tmp_path, capsys):
     for folder in (tmp_path / 'nowhere', tmp_path):
         assert validate.main([str(folder)]) == 2
-        said = capsys.readouterr().err
-        assert said.startswith(f'validate_recordings: {folder}') and said.count('\n') == 1
+        output = capsys.readouterr().err
+        assert output.startswith(f'validate_recordings: {folder}') and output.count('\n') == 1
 
 
 @pytest.mark.parametrize('section, file', [
@@ -92,8 +92,8 @@ def test_a_damaged_recording_is_named_in_one_line(section, file, tmp_path, capsy
     path.parent.mkdir()
     path.write_bytes(b'no recording')
     assert validate.main([str(tmp_path), '--only', section]) == 2
-    said = capsys.readouterr().err
-    assert str(path) in said and said.count('\n') == 1
+    output = capsys.readouterr().err
+    assert str(path) in output and output.count('\n') == 1
 
 
 def test_a_missing_folder_is_an_error_of_its_own(tmp_path):

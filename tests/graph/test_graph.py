@@ -245,15 +245,15 @@ def test_with_bad_samples_closed_loop_and_replays_are_the_graph_to_the_bit(fault
 
 
 def test_diagnostics_name_the_bad_sensor(faulty_bag):
-    said = {}
+    logged = {}
     for message in read_bag(faulty_bag, ['/diagnostics'])['/diagnostics'].objects():
         for status in message.status:
             if status.name == 'estimator_node':
-                said[message.header.stamp.sec] = (status.level, status.message)
-    assert said[1][1].startswith('dead reckoning') and ';' not in said[1][1]
-    assert 'sonar: ' in said[6][1] and 'samples late, repeated or out of order' in said[6][1]
-    assert 'accelerometer: ' in said[6][1] and 'samples not finite' in said[6][1]
-    assert 'optical flow: ' in said[6][1] and 'barometer: ' in said[4][1]
+                logged[message.header.stamp.sec] = (status.level, status.message)
+    assert logged[1][1].startswith('dead reckoning') and ';' not in logged[1][1]
+    assert 'sonar: ' in logged[6][1] and 'samples late, repeated or out of order' in logged[6][1]
+    assert 'accelerometer: ' in logged[6][1] and 'samples not finite' in logged[6][1]
+    assert 'optical flow: ' in logged[6][1] and 'barometer: ' in logged[4][1]
 
 
 def test_cameras_that_lose_the_body_say_so_and_publish_no_pose(tmp_path):
@@ -338,11 +338,11 @@ def test_a_flight_that_a_failsafe_ended_is_told_and_no_success(tmp_path, how):
                 '--set', 'controller_node.failsafe.height_std=0.001')
     out, err = run.communicate(timeout=120.0)
     assert run.returncode == 1, out
-    said = err.strip().splitlines()[-1]
-    assert re.fullmatch(r'run: controller_node at [\d.]+ s: .*estimate lost or unusable', said)
-    assert said.removeprefix('run: ') in out
+    logged = err.strip().splitlines()[-1]
+    assert re.fullmatch(r'run: controller_node at [\d.]+ s: .*estimate lost or unusable', logged)
+    assert logged.removeprefix('run: ') in out
     if not how:
-        assert said.removeprefix('run: ') in (bag / 'index.html').read_text()
+        assert logged.removeprefix('run: ') in (bag / 'index.html').read_text()
 
 
 def test_a_node_ended_in_flight_is_told_on_the_table_and_the_page(tmp_path):
@@ -358,9 +358,9 @@ def test_a_node_ended_in_flight_is_told_on_the_table_and_the_page(tmp_path):
     os.kill(int(node), signal.SIGTERM)
     out, err = run.communicate(timeout=60.0)
     assert run.returncode == 1
-    said = err.strip().splitlines()[-1].removeprefix('run: ')
-    assert re.fullmatch(r'flew [\d.]+ of 600 s: estimator_node was ended by SIGTERM', said)
-    assert said in out and said in (bag / 'index.html').read_text()
+    logged = err.strip().splitlines()[-1].removeprefix('run: ')
+    assert re.fullmatch(r'flew [\d.]+ of 600 s: estimator_node was ended by SIGTERM', logged)
+    assert logged in out and logged in (bag / 'index.html').read_text()
 
 
 def test_a_killed_recorder_ends_the_flight_with_one_line(tmp_path):
@@ -421,22 +421,22 @@ def test_a_node_that_is_gone_in_flight_lands_the_vehicle(tmp_path, mode, lost):
     seconds, up = (16, 3.0) if mode == 'realtime' else (120, 8.0)
     file.write_text(to_yaml(override(scenario(duration=float(seconds), land=False), {
         'sim_node.mode': mode, 'sim_node.wait_for': ','.join(names)})))
-    arguments, said = ['--ros-args', '--params-file', str(file)], []
+    arguments, logged = ['--ros-args', '--params-file', str(file)], []
     with Domain():
         children = {RECORDER[1]: NodeProcess(*RECORDER, ['--ros-args', '-p', f'bag:={bag}'])}
         for package, name in FLIGHT_NODES:
             children[name] = NodeProcess(package, name, arguments)
         try:
-            sim = NodeProcess(*SIMULATOR, arguments, said.append)
+            sim = NodeProcess(*SIMULATOR, arguments, logged.append)
             limit = time.monotonic() + 300.0
-            while time_said(said) < up and time.monotonic() < limit:
+            while time_said(logged) < up and time.monotonic() < limit:
                 time.sleep(0.01)
             children[lost].end(20.0)
             code = sim.wait(120.0)
         finally:
             codes = {name: child.end(20.0) for name, child in reversed(children.items())}
             sim.end(20.0)
-    assert code == 0, said  # flown to its end, in lockstep too
+    assert code == 0, logged  # flown to its end, in lockstep too
     assert set(codes.values()) == {0}
     answers = [messages.decode_motor_pwm(data) for data in payloads(bag, topics.MOTOR_PWM)]
     assert answers[-1][1:] == ((0.0,) * 4, True)

@@ -43,8 +43,8 @@ def test_a_stranger_on_every_input_changes_nothing(tmp_path, mode):
         finally:
             stranger.kill()
             codes = [node.end(20.0) for node in reversed(nodes)]
-    said = {node.name: '\n'.join(node.lines) for node in nodes}
-    assert code == 0 and set(codes) == {0}, said
+    output = {node.name: '\n'.join(node.lines) for node in nodes}
+    assert code == 0 and set(codes) == {0}, output
     recorded = read_bag(bag)
     truth = [messages.decode_odometry(data)[1]
              for data in recorded['/mambo/ground_truth/odom'].raw]
@@ -60,8 +60,8 @@ def test_a_stranger_on_every_input_changes_nothing(tmp_path, mode):
                 reports.setdefault(status.name.split(':')[0], {}).update(
                     {pair.key: int(pair.value) for pair in status.values})
     for name, inputs in INPUTS.items():
-        assert 'Traceback' not in said[name]
+        assert 'Traceback' not in output[name]
         for topic in inputs:
             full = topic if topic.startswith('/') else f'/mambo/{topic}'
             assert reports[name][f'{full} from a second publisher'] > 0
-            assert f'{full}: 2 publishers (' in said[name], said[name]
+            assert f'{full}: 2 publishers (' in output[name], output[name]

@@ -210,10 +210,10 @@ class TestGarbage:
     def sim(self, **parameters):
         node = SimNode(parameter_overrides=[
             Parameter(name.replace('__', '.'), value=value) for name, value in parameters.items()])
-        node.said = []
+        node.logged = []
         node._diagnostics = lambda data: None
         node.get_logger = lambda: SimpleNamespace(
-            info=node.said.append, warning=node.said.append, error=node.said.append)
+            info=node.logged.append, warning=node.logged.append, error=node.logged.append)
         return node
 
     def loop(self, sim, good=5):
@@ -233,7 +233,7 @@ class TestGarbage:
         began = time.monotonic()
         assert sim_node.fly(sim, self.loop(sim)) == 1
         assert time.monotonic() - began < 5.0
-        (line,) = [line for line in sim.said if line.startswith('no motor_pwm')]
+        (line,) = [line for line in sim.logged if line.startswith('no motor_pwm')]
         assert line.startswith(
             'no motor_pwm for t = 0.025 s within 1 s: motors stopped; refused: ')
         assert all(reason in line for reason in self.GARBAGE)

@@ -99,9 +99,9 @@ def test_any_message_is_recorded_within_the_flight_and_nothing_else_suffers(
 
 def test_what_was_not_as_it_should_be_is_counted_in_one_line(start, monkeypatch):
     node, take = start()
-    said = {'info': [], 'warning': []}
+    logged = {'info': [], 'warning': []}
     log = node.get_logger()
-    for level, lines in said.items():
+    for level, lines in logged.items():
         monkeypatch.setattr(log, level, lines.append, raising=False)
     monkeypatch.setattr(type(node), 'get_logger', lambda self: log)
     fly(take, 100)
@@ -109,9 +109,9 @@ def test_what_was_not_as_it_should_be_is_counted_in_one_line(start, monkeypatch)
         take[topics.TF](tf(FAR))
         take[topics.IMU](bytes(LARGE))
     node.finish()
-    assert len(said['warning']) == 2 and len(said['info']) == 1
-    assert '/tf: 3 with a stamp outside of the flight' in said['info'][0]
-    assert '/mambo/imu/data_raw: 3 of more than 1 MB, left out' in said['info'][0]
+    assert len(logged['warning']) == 2 and len(logged['info']) == 1
+    assert '/tf: 3 with a stamp outside of the flight' in logged['info'][0]
+    assert '/mambo/imu/data_raw: 3 of more than 1 MB, left out' in logged['info'][0]
 
 
 def test_a_little_ahead_of_the_clock_is_not_ahead_of_the_end(start, tmp_path):

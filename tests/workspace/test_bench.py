@@ -122,8 +122,8 @@ def test_time_and_factor_belong_together():
 
 def test_an_unknown_name_is_refused_in_one_line(capsys):
     assert command.main(['closed_lop']) == 2
-    said = capsys.readouterr().err
-    assert re.fullmatch(r'bench: closed_lop is unknown; groups: reference, .*\n', said)
+    output = capsys.readouterr().err
+    assert re.fullmatch(r'bench: closed_lop is unknown; groups: reference, .*\n', output)
 
 
 def test_every_group_has_its_rows(tmp_path):

@@ -136,10 +136,10 @@ def test_the_pictures_are_those_of_today(name):
     assert made == pytest.approx(kept, abs=0.3)  # pixels
 
 
-def has(said, shown):
+def has(output, shown):
     """Return whether a line is among those said: its words, and its numbers as far as it goes."""
     number = re.compile(r'-?\d+(?:\.\d+)?(?:e-?\d+)?')
-    for line in said.splitlines():
+    for line in output.splitlines():
         if ' '.join(number.sub('#', line).split()) == ' '.join(number.sub('#', shown).split()):
             pairs = zip(map(float, number.findall(line)), map(float, number.findall(shown)))
             if all(a == pytest.approx(b, rel=0.1, abs=0.003) for a, b in pairs):
@@ -148,11 +148,11 @@ def has(said, shown):
 
 
 def test_the_default_flight_is_the_one_that_is_shown(tmp_path):
-    said = table(compare(remake.circle(tmp_path)))
+    output = table(compare(remake.circle(tmp_path)))
     tutorial = (ROOT / 'docs/tutorials/first-flight.md').read_text(encoding='utf-8')
     printed = tutorial.partition('take-off ends at')[2].partition('\npage: ')[0].splitlines()[1:]
     assert len(printed) > 30
-    assert not [line for line in printed if not has(said, line)], said
+    assert not [line for line in printed if not has(output, line)], output
 
 
 def blocks(page):
@@ -208,6 +208,6 @@ def test_without_a_network_one_line_says_so(tmp_path, monkeypatch, capsys):
     docs.REQUIREMENTS.write_text('mkdocs==0.0.0\n')
     monkeypatch.setenv('PIP_NO_INDEX', '1')
     assert docs.main(['build']) == 1
-    installing, said = capsys.readouterr().err.splitlines()
+    installing, output = capsys.readouterr().err.splitlines()
     assert installing.startswith('docs: installing MkDocs')
-    assert said.startswith('docs: MkDocs could not be installed (no network?): ERROR: ')
+    assert output.startswith('docs: MkDocs could not be installed (no network?): ERROR: ')

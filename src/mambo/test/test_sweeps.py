@@ -26,10 +26,10 @@ def test_a_file_and_its_content_are_the_same_sweep(tmp_path):
     pandas.testing.assert_frame_equal(mambo.sweep(WHAT, ideal=True, workers=1), theirs)
 
 
-@pytest.mark.parametrize('what, said', [
+@pytest.mark.parametrize('what, message', [
     ({'scenario': 'fig_5_10', 'vary': {'sede': [1]}}, 'sede'), ({'vray': {'seed': [1]}}, 'vray'),
     ('no/such.yaml', 'no/such.yaml')])
-def test_wrong_input_is_one_line(what, said):
+def test_wrong_input_is_one_line(what, message):
     with pytest.raises(mambo.InputError) as error:
         mambo.sweep(what)
-    assert said in str(error.value) and '\n' not in str(error.value)
+    assert message in str(error.value) and '\n' not in str(error.value)

@@ -259,14 +259,14 @@ KINDS = {'bag': (base_bag, damage_bag, try_bag), 'yaml': (base_yaml, damage_yaml
 
 def attempt(trial, file, folder):
     """Return what became of an input, and what is wrong with that or ''."""
-    said = io.StringIO()
+    output = io.StringIO()
     began = time.monotonic()
     try:
-        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):
+        with contextlib.redirect_stderr(output), contextlib.redirect_stdout(io.StringIO()):
             outcome = trial(file, folder)
     except BaseException as error:
         return 'raised', f'{type(error).__name__}: {str(error)[:200]}'
-    took, lines = time.monotonic() - began, said.getvalue().splitlines()
+    took, lines = time.monotonic() - began, output.getvalue().splitlines()
     if took > SLOWEST:
         return outcome, f'took {took:.0f} s'
     if any(not line.startswith(('recover: ', 'compare: ', 'fuzz: ', 'identify_thrust: '))

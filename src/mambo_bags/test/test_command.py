@@ -31,13 +31,13 @@ def run(work, shell='"$@"'):
 
 
 @pytest.mark.parametrize('work', ["print('short')", MANY], ids=['short', 'long'])
-@pytest.mark.parametrize('where, said', [
+@pytest.mark.parametrize('where, message', [
     ('> /dev/full', 'tool: the output cannot be written: No space left on device\n'),
     ('>&-', 'tool: the output is closed: send it to /dev/null to do without\n'),
     ('>&- 2>&-', '')])
-def test_an_output_that_takes_nothing_is_one_line(work, where, said):
+def test_an_output_that_takes_nothing_is_one_line(work, where, message):
     done = run(work, f'"$@" {where}')
-    assert (done.returncode, done.stdout, done.stderr) == (1, '', said)
+    assert (done.returncode, done.stdout, done.stderr) == (1, '', message)
 
 
 def test_a_reader_that_goes_is_no_word_worth():
@@ -45,7 +45,7 @@ def test_a_reader_that_goes_is_no_word_worth():
     assert (done.returncode, done.stdout, done.stderr) == (1, '0\n', '')
 
 
-@pytest.mark.parametrize('error, code, said', [
+@pytest.mark.parametrize('error, code, message', [
     (OSError(28, 'No space left on device', '/disk/bag'), 1, '/disk/bag: No space left on device'),
     (OSError(28, 'No space left on device'), 1, 'No space left on device'),
     (OSError(36, 'File name too long', 'x' * 9000), 1, 'File name too long'),
@@ -54,13 +54,13 @@ def test_a_reader_that_goes_is_no_word_worth():
     (RecursionError(), 2, 'what is to be read is nested too deep'),
     (JobError('no engine'), 1, 'no engine'),
     (BagError('two\nlines'), 2, 'two lines')])
-def test_errors_are_one_short_line_and_the_right_exit_code(error, code, said, capsys):
+def test_errors_are_one_short_line_and_the_right_exit_code(error, code, message, capsys):
     def work():
         raise error
     assert guard('tool', work) == code
-    told = capsys.readouterr().err
-    assert told.startswith('tool: ') and said in told
-    assert told.count('\n') == 1 and len(told) < 2100
+    printed = capsys.readouterr().err
+    assert printed.startswith('tool: ') and message in printed
+    assert printed.count('\n') == 1 and len(printed) < 2100
 
 
 @pytest.fixture
@@ -88,18 +88,18 @@ def test_help_has_one_name_for_the_output(line):
     assert '--output BAG' in line.format_help() and '--out ' not in line.format_help()
 
 
-@pytest.mark.parametrize('arguments, said', [
+@pytest.mark.parametrize('arguments, message', [
     (['a'], '--output is missing'), (['a', 'b', '-o', 'c'], '--output is given already'),
     (['a', 'b', '--seed', '1', '--sede', '1'], '--sede: unknown option; did you mean --seed?'),
     (['a', 'b', 'c'], 'c: unknown argument'), (['a', 'b', '--seed', 'x'], "'x' is not a whole"),
     (['a', 'b', '--height', 'x'], "--height: 'x' is not a number"),
     (['a', 'b', '--mode', 'realtme'], 'did you mean realtime?'), ([], 'source')])
-def test_wrong_use_is_one_line_with_a_suggestion_and_exit_code_2(line, arguments, said, capsys):
+def test_wrong_use_is_one_line_with_a_suggestion_and_exit_code_2(line, arguments, message, capsys):
     with pytest.raises(SystemExit) as end:
         line.parse_args(arguments)
     error = capsys.readouterr().err
     assert end.value.code == 2 and error.startswith('tool: ') and error.count('\n') == 1
-    assert said in error and '_' not in error and 'lambda' not in error
+    assert message in error and '_' not in error and 'lambda' not in error
 
 
 def test_the_words_of_the_user_name_a_command(monkeypatch, capsys):
@@ -153,18 +153,18 @@ def test_a_disk_that_is_full_is_named(tmp_path, capsys, monkeypatch):
         with writer.BagWriter(tmp_path / 'bag', {'a.txt': bytes(100_000)}) as bag:
             bag.close()
     assert guard('tool', work) == 1
-    told = capsys.readouterr().err
-    assert 'bag_0.mcap: No space left on device' in told and told.count('\n') == 1
+    printed = capsys.readouterr().err
+    assert 'bag_0.mcap: No space left on device' in printed and printed.count('\n') == 1
 
 
-@pytest.mark.parametrize('where, code, said', [
+@pytest.mark.parametrize('where, code, message', [
     ('> /dev/full', 1, 'tool: the output cannot be written: No space left on device\n'),
     ('>&-', 1, 'tool: the output is closed: send it to /dev/null to do without\n'),
     ('> /dev/null', 0, '')])
-def test_a_help_that_nobody_takes_is_one_line(where, code, said):
+def test_a_help_that_nobody_takes_is_one_line(where, code, message):
     done = run("command.Parser('tool', 'Makes a bag.').parse_args(['--help'])".replace(
         'command.', 'from mambo_bags import command; command.', 1), f'"$@" {where}')
-    assert (done.returncode, done.stdout, done.stderr) == (code, '', said)
+    assert (done.returncode, done.stdout, done.stderr) == (code, '', message)
 
 
 def test_a_value_that_ends_the_options_is_none(line, capsys):

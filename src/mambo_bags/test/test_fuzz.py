@@ -18,6 +18,6 @@ def test_damaged_files_end_well_or_in_one_line(tmp_path, kind, count):
         capture_output=True, timeout=280,
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))})
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert told['wrong'] == []
-    assert sum(told['outcomes'].values()) == count and len(told['outcomes']) > 1
+    output = json.loads(done.stdout)
+    assert output['wrong'] == []
+    assert sum(output['outcomes'].values()) == count and len(output['outcomes']) > 1

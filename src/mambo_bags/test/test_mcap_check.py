@@ -54,19 +54,19 @@ def group(parts, number):
     return first, last
 
 
-def damaged(file, *said, count=None):
+def damaged(file, *expected, count=None):
     """Check that a file is refused by compare and told by recover, with these words."""
     with pytest.raises(BagError, match='recover') as refused:
         read_bag(file)
     assert '\n' not in str(refused.value)
     contents = mcap_reader.scan(file)
-    for words in said:
+    for words in expected:
         assert any(words in line for line in contents.damage), contents.damage
     assert not contents.complete
     if count is not None:
         assert contents.count == count
-        told = str(recover.recover(file, file.parent.parent / 'saved'))
-        assert all(words in told for words in said) and 'whole' not in told
+        output = str(recover.recover(file, file.parent.parent / 'saved'))
+        assert all(words in output for words in expected) and 'whole' not in output
         assert mcap_reader.scan(file.parent.parent / 'saved/saved_0.mcap').complete
 
 
@@ -77,8 +77,8 @@ def test_a_missing_chunk_is_told_with_its_time(file, capsys):
     damaged(file, 'the chunk of 2.000 to 2.900 s is missing',
             '40 messages, 50 were written (/clock 40 of 50)', count=40)
     assert compare.main([str(file)]) == 2
-    told = capsys.readouterr().err
-    assert told.count('\n') == 1 and 'damaged' in told and 'recover' in told
+    output = capsys.readouterr().err
+    assert output.count('\n') == 1 and 'damaged' in output and 'recover' in output
 
 
 def test_a_chunk_that_is_there_twice_is_taken_once(file):
@@ -95,21 +95,21 @@ def test_a_chunk_without_its_statistics_is_missed_by_its_index(file):
     damaged(file, 'the chunk of 4.000 to 4.900 s is missing')
 
 
-@pytest.mark.parametrize('field, said', [
+@pytest.mark.parametrize('field, expected', [
     ('message_count', '50 messages, 51 were written'),
     ('chunk_count', '5 records of kind chunk, 6 were written'),
     ('attachment_count', '1 records of kind attachment, 2 were written')])
-def test_lying_statistics_are_told(file, field, said):
+def test_lying_statistics_are_told(file, field, expected):
     def change(record):
-        told = Statistics.read(mcap_reader.stream(record[9:]))
-        setattr(told, field, getattr(told, field) + 1)
+        output = Statistics.read(mcap_reader.stream(record[9:]))
+        setattr(output, field, getattr(output, field) + 1)
         builder = RecordBuilder()
-        told.write(builder)
+        output.write(builder)
         return builder.end()
     parts = records(file.read_bytes())
     put(file, [(opcode, change(data) if opcode == Opcode.STATISTICS else data)
                for opcode, data in parts])
-    damaged(file, said, 'the checksum of the summary does not match')
+    damaged(file, expected, 'the checksum of the summary does not match')
 
 
 @pytest.mark.parametrize('offset', [6, 14], ids=['time', 'place'])

@@ -35,16 +35,16 @@ def test_a_folder_a_file_and_a_folder_without_a_listing_are_bags(flight, tmp_pat
     assert playback.bag_files(tmp_path) == [tmp_path / 'a.mcap', tmp_path / 'b.mcap']
 
 
-@pytest.mark.parametrize(('text', 'said'), [
+@pytest.mark.parametrize(('text', 'message'), [
     ('rosbag2_bagfile_information: {relative_file_paths: [gone.mcap]}',
      'gone.mcap: listed in metadata.yaml but missing'),
     ('rosbag2_bagfile_information: {relative_file_paths: []}', 'no bag here'),
     ('rosbag2_bagfile_information: 3', 'metadata.yaml: not the metadata of a rosbag2 bag'),
     ('a: [', 'metadata.yaml: not the metadata'), ('', 'metadata.yaml: not the metadata'),
     ('[1]', 'metadata.yaml: not the metadata')])
-def test_a_listing_that_does_not_fit_is_one_line(tmp_path, text, said):
+def test_a_listing_that_does_not_fit_is_one_line(tmp_path, text, message):
     (tmp_path / 'metadata.yaml').write_text(text)
-    with pytest.raises(ParameterError, match=said) as refused:
+    with pytest.raises(ParameterError, match=message) as refused:
         playback.bag_files(tmp_path)
     assert '\n' not in str(refused.value)
 

@@ -1,9 +1,9 @@
 """
-Plays the sensors of a bag to a live estimator, for viewers, recorded if asked.
+Play the sensors of a bag to a live estimator, for viewers; record on request.
 
     ros2 launch mambo_bringup replay.launch.py bag:=bags/my_flight rate:=2.0
 
-Launch is over when the bag is.
+Launch ends with the bag.
 """
 
 from launch import LaunchDescription
@@ -15,17 +15,17 @@ ARGUMENTS = [
     DeclareLaunchArgument('bag', description='Rosbag2 directory or .mcap file.'),
     DeclareLaunchArgument(
         'rate', default_value='1.0',
-        description='Recorded over wall time; 0: as fast as the estimator answers.'),
+        description='Ratio of recorded time to wall time; 0: as fast as the estimator answers.'),
     DeclareLaunchArgument(
         'params_file', default_value='',
-        description='Full path to a ROS 2 parameter file of the estimator; empty: what the bag '
-                    'holds, if any.'),
+        description='Full path to a ROS 2 parameter file of the estimator; empty: that of '
+                    'the bag, if any.'),
     DeclareLaunchArgument(
         'namespace', default_value='mambo', description='Namespace of the replayed drone.'),
     DeclareLaunchArgument(
         'own_clock', default_value='false', choices=('true', 'false'),
-        description='Have /clock, /tf and /diagnostics in the namespace, as each of several '
-                    'drones in one ROS domain needs them.'),
+        description='Put /clock, /tf and /diagnostics into the namespace; needed for several '
+                    'drones in one ROS domain.'),
     DeclareLaunchArgument(
         'source_namespace', default_value='/mambo',
         description='Namespace of the topics in the bag.'),

@@ -1,8 +1,8 @@
 """
-Every node of a flight in one process, for speed: the same topics, the same bag.
+Every node of a flight in one process, for speed, with the same topics and the same bag.
 
-Nodes hand each other their messages directly; who subscribes from another process gets them from
-the middleware as ever. Parameters of a node stand in its section of a parameter file.
+The nodes pass each other their messages directly; subscribers in other processes get them from
+the middleware. Each node has its own section in a parameter file.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""One flight per ROS domain: two graphs that hear each other would spoil both."""
+"""One flight per ROS domain, so that two graphs do not receive each other's messages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import tempfile
 from .processes import FlightError
 
 _FREE = range(0, 101)  # domains whose ports are free of the ephemeral range on Linux
-_HIGHEST = 232  # the ports of a higher one do not exist
+_HIGHEST = 232  # a higher domain has no valid ports
 
 
 def check_loopback() -> None:
@@ -21,7 +21,7 @@ def check_loopback() -> None:
     Raises
     ------
     FlightError
-        If discovery is to stay on this machine and its loopback interface is down.
+        If discovery is limited to this machine and its loopback interface is down.
 
     """
     if os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') not in ('', None, 'LOCALHOST'):
@@ -40,12 +40,12 @@ def check_loopback() -> None:
 
 class Domain:
     """
-    Claim of a ROS domain until :meth:`release`, the end of ``with`` or of the object.
+    A ROS domain reserved until :meth:`release`, the end of ``with`` or of the object.
 
-    ``ROS_DOMAIN_ID`` is taken as it is where the user has set it, else the first domain that no
-    other flight of this machine holds. Discovery stays on this machine unless
-    ``ROS_AUTOMATIC_DISCOVERY_RANGE`` says otherwise. Both variables are set for the nodes to
-    come, and left as they were at release.
+    Uses ``ROS_DOMAIN_ID`` if the user has set it, else the first domain that no other flight on
+    this machine has reserved. Discovery is limited to this machine unless
+    ``ROS_AUTOMATIC_DISCOVERY_RANGE`` is set. Both variables are set for nodes started from now
+    on, and restored at release.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Domain:
     Raises
     ------
     FlightError
-        If the domain asked for does not exist or is taken by another flight, or none is free; if
+        If the requested domain does not exist or is used by another flight, if none is free, or if
         the loopback interface is down.
 
     """
@@ -74,8 +74,8 @@ class Domain:
                 break
         else:
             raise FlightError(
-                f'another flight is under way in ROS domain {asked}: wait, or set ROS_DOMAIN_ID'
-                if asked else 'no free ROS domain: other flights hold all of them')
+                f'another flight is running in ROS domain {asked}: wait, or set ROS_DOMAIN_ID'
+                if asked else 'no free ROS domain: other flights use all of them')
         for name, value in (('ROS_DOMAIN_ID', str(self.number)),
                             ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')):
             if not os.environ.get(name):
@@ -86,7 +86,8 @@ class Domain:
         path = Path(tempfile.gettempdir()) / f'mambo_domain_{number}.lock'
         try:
             lock = os.open(path, os.O_RDONLY | os.O_CREAT, 0o666)
-        except PermissionError:  # of another user: Linux lets one open it, but not so as to create
+        # another user's file: Linux allows opening it, but not with O_CREAT
+        except PermissionError:
             try:
                 lock = os.open(path, os.O_RDONLY)
             except OSError:
@@ -102,7 +103,7 @@ class Domain:
         return True
 
     def release(self) -> None:
-        """Let others have the domain; what children still use it is up to the caller."""
+        """Free the domain for others; the caller must have ended the nodes that use it."""
         if self._lock >= 0:
             os.close(self._lock)
             self._lock = -1

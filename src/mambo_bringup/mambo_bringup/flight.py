@@ -1,8 +1,8 @@
 """
-Fly a scenario in the real graph: every node its own process, or all of them composed in one,
-everything recorded, then compared.
+Fly a scenario in the ROS graph, record it and compare: the implementation of ``mambo run``.
 
-``./run``, ``mambo run`` and ``mambo run`` end here.
+Every node is a process of its own, or all are composed in one. ``./run`` and ``mambo run`` are
+the command lines of this module.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from mambo_model.motion.trajectory import COURSE, TRAJECTORIES
 from mambo_model.vehicle.parameters import PRESETS
 from tqdm import tqdm
 
-from .crew import Crew
+from .node_group import NodeGroup
 from .processes import FlightError, FlightInputError, load, NodeProcess, parameter
 from .stopping import stoppable
 
@@ -39,15 +39,15 @@ REPLACEABLE = {
     'optitrack': (FLIGHT_NODES[0], 'optitrack/pose'),
     'estimator': (FLIGHT_NODES[1], 'estimate/odom'),
     'reference': (FLIGHT_NODES[2], 'reference'), 'controller': (FLIGHT_NODES[3], 'motor_pwm')}
-"""What ``--without`` may name: the node, and the topic that yours publishes in its place."""
+"""Choices of ``--without``: the node, and the topic that the user's node publishes instead."""
 RECORDER = ('mambo_bags', 'recorder_node')
 SIMULATOR = ('mambo_sim', 'sim_node')
 COMPOSED = ('mambo_bringup', 'composed_node')
 NAMESPACE = '/mambo'
 CONTROLLER = 'flatness_drag'
-"""Where nobody names one: unlike that of the thesis, it knows the drag of the rotors."""
+"""Default controller of ``./run``; unlike that of the thesis it compensates rotor drag."""
 OWN = ('clock', 'tf', 'diagnostics')
-"""Absolute topics that each of several drones has in its namespace instead."""
+"""Absolute topics that are moved into the namespace if there are several drones."""
 _FLOWN = re.compile(
     r'flew ([\d.]+) s in ([\d.]+) s of wall time, (\d+) steps without their motor command')
 _DELAY = re.compile(r'IMU sample to motor command: .*')
@@ -60,19 +60,19 @@ _TIME = re.compile(r't = ([\d.]+) s$')
 
 @dataclass
 class Outcome:
-    """What a flight was."""
+    """Result of a flight."""
 
     bag: Path
     flown: float  # s of flight time
-    took: float  # s of wall time, from the first to the last step
-    missed: int  # steps that had no motor command in time
+    took: float  # s of wall time from the first to the last step
+    missed: int  # steps without a motor command in time
     delay: str  # wall time from IMU sample to motor command, one line
-    stopped: signal.Signals | None  # of the user, who ended the flight
-    used: dict[str, tuple[float, int]]  # by node: s of CPU, MB of memory at most
-    refused: dict[str, str]  # by node: how many messages it refused, by topic and reason
+    stopped: signal.Signals | None  # signal by which the user ended the flight
+    used: dict[str, tuple[float, int]]  # by node: s of CPU, peak memory in MB
+    refused: dict[str, str]  # by node: numbers of refused messages by topic and reason
     closed: bool  # the bag
-    fault: str = ''  # what ended the flight early, one line
-    whole: bool = False  # whether all was flown that was asked for
+    fault: str = ''  # why the flight ended early, one line
+    whole: bool = False  # whether the full duration was flown
 
     @property
     def real_time_factor(self) -> float:
@@ -80,7 +80,7 @@ class Outcome:
         return self.flown / self.took if self.took else float('nan')
 
     def spent(self) -> str:
-        """Return what the nodes used as one line, those with most first."""
+        """Return the CPU time and memory of the nodes as one line, the largest first."""
         cpu = {name.removesuffix('_node'): seconds / self.took
                for name, (seconds, _) in self.used.items()}
         nodes = ', '.join(f'{name} {cpu[name]:.2f}' for name in sorted(cpu, key=cpu.get)[::-1])
@@ -89,7 +89,7 @@ class Outcome:
 
 
 class FlightEndedError(FlightError):
-    """A flight that was started went wrong; ``outcomes`` says what was flown until then."""
+    """A flight failed after its start; ``outcomes`` describes what was flown until then."""
 
     def __init__(self, outcomes: list[Outcome]) -> None:
         super().__init__(outcomes[0].fault)
@@ -97,7 +97,7 @@ class FlightEndedError(FlightError):
 
 
 class Progress:
-    """Progress bar of flight time, fed by the simulator's own lines."""
+    """Progress bar of flight time, updated from the lines that the simulator prints."""
 
     def __init__(self, duration: float, shown: bool = True) -> None:
         self.flown, self.took, self.missed, self.delay = 0.0, 0.0, 0, ''
@@ -107,7 +107,7 @@ class Progress:
             bar_format='{desc} {bar} {n:.1f}/{total:.0f} s of flight, {elapsed} elapsed')
 
     def line(self, text: str) -> None:
-        """Take one line of the simulator."""
+        """Update from one line of the simulator."""
         if found := _FLOWN.search(text):
             self.flown, self.took, self.missed = float(found[1]), float(found[2]), int(found[3])
         elif found := _DELAY.search(text):
@@ -120,18 +120,18 @@ class Progress:
             self._bar.update(float(found[1]) - self._bar.n)
 
     def close(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         self._bar.close()
 
 
 def _ours(without: Collection[str]) -> list[tuple[str, str]]:
-    """Return the nodes between simulator and recorder that the runner starts."""
+    """Return the nodes, other than simulator and recorder, that the runner starts."""
     theirs = [REPLACEABLE[name][0] for name in without]
     return [node for node in FLIGHT_NODES if node not in theirs]
 
 
 def _mode(without: Collection[str]) -> dict[str, object]:
-    """Return the sim_node parameters that belong to the run and not to the experiment."""
+    """Return the sim_node parameters that belong to the run, not to the experiment."""
     waited = [name for _, name in (*_ours(without), RECORDER)]
     return {'sim_node.wait_for': ','.join(waited),
             'sim_node.wait_for_publishers': ','.join(REPLACEABLE[name][1] for name in without)}
@@ -141,14 +141,14 @@ def _nodes(file: Path, bag: Path, composed: bool, namespace: str, without: Colle
            ) -> list[tuple[tuple[str, str], list[str]]]:
     """Return the nodes of a drone and their arguments; the one that owns time is the last."""
     arguments = ['--ros-args']
-    if namespace != NAMESPACE:  # one of several: its own time, frames and health
+    if namespace != NAMESPACE:  # one of several drones: its own clock, frames and diagnostics
         arguments += ['-r', f'__ns:={namespace}']
         for topic in OWN:
             arguments += ['-r', f'/{topic}:={topic}']
     flown = [*arguments, '--params-file', str(file)]
     if composed:
         recorder = file.with_name(f'recorder_{file.name}')
-        recorder.write_text(json.dumps({f'{namespace}/recorder_node': {  # which is YAML
+        recorder.write_text(json.dumps({f'{namespace}/recorder_node': {  # parsed as YAML
             'ros__parameters': {'bag': str(bag), 'scenario': str(file)}}}, ensure_ascii=False))
         return [(COMPOSED, [*flown, '--params-file', str(recorder)])]
     recorded = [*arguments, *parameter('bag', bag), *parameter('scenario', file)]
@@ -165,16 +165,16 @@ def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False,
     flight
         Scenario with a duration.
     bag
-        Directory to make.
+        Directory to create.
     composed
-        All nodes in one process instead of one each: the same bag, sooner.
+        Run all nodes in one process: the same bag, faster.
     without
-        Names in :data:`REPLACEABLE`: nodes that somebody else starts.
+        Names in :data:`REPLACEABLE` of nodes that the user starts.
 
     Raises
     ------
     FlightError
-        If a node does not start, dies, is stopped or leaves early; the bag holds what was flown
+        If a node does not start, crashes, is stopped or exits early; the bag holds the flight
         until then.
 
     """
@@ -184,14 +184,14 @@ def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False,
 def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Path],
                 composed: bool = False, without: Collection[str] = ()) -> list[Outcome]:
     """
-    Fly drones side by side, each by its own clock, and record each in its own bag.
+    Fly several drones at once, each with its own clock and its own bag.
 
     Parameters
     ----------
     flights, bags
-        By the namespace of the drone; further as :func:`fly`.
+        Scenario and bag of each drone by namespace; see :func:`fly`.
     composed
-        One process for each drone instead of one for each node.
+        One process per drone instead of one per node.
     without
         As of :func:`fly`.
 
@@ -205,39 +205,39 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
         if bag.exists():
             raise FlightInputError(f'{bag} exists: give another --output or remove it')
     progress: dict[str, Progress] = {}
-    crews: dict[str, list[NodeProcess]] = {}
-    with ExitStack() as bars, Crew(RECORDER[1], len(flights)) as crew:
+    started: dict[str, list[NodeProcess]] = {}
+    with ExitStack() as bars, NodeGroup(RECORDER[1], len(flights)) as group:
         last = []
         for number, (namespace, flight) in enumerate(flights.items()):
-            file = crew.folder / f'scenario{number or ""}.yaml'
+            file = group.folder / f'scenario{number or ""}.yaml'
             file.write_text(scenarios.commented_yaml(
                 scenarios.override(flight, _mode(without)), namespace))
             progress[namespace] = bar = Progress(flight.sim_node.duration, shown=not number)
             bars.callback(bar.close)
-            crews[namespace] = []
+            started[namespace] = []
             *nodes, owner = _nodes(file, bags[namespace], composed, namespace, without)
             last.append((namespace, *owner))
             for node, arguments in nodes:
-                crews[namespace].append(
-                    crew.start(*node, arguments, label=_label(namespace, node)))
+                started[namespace].append(
+                    group.start(*node, arguments, label=_label(namespace, node)))
         for namespace, node, arguments in last:
-            crews[namespace].append(crew.start(
-                *node, arguments, _listener(progress[namespace], crews[namespace]),
+            started[namespace].append(group.start(
+                *node, arguments, _listener(progress[namespace], started[namespace]),
                 _label(namespace, node)))
         if without:
-            print(_invitation(without, flights, crew.domain), flush=True)
-        crew.watch()
+            print(_invitation(without, flights, group.domain), flush=True)
+        group.watch()
     outcomes = [
-        _outcome(bags[namespace], progress[namespace], crews[namespace],
-                 flights[namespace].sim_node.duration, crew)
+        _outcome(bags[namespace], progress[namespace], started[namespace],
+                 flights[namespace].sim_node.duration, group)
         for namespace in flights]
-    if crew.fault and not crew.interrupts.first:
+    if group.fault and not group.interrupts.first:
         raise FlightEndedError(outcomes)
     return outcomes
 
 
 def _invitation(without: Collection[str], namespaces: Collection[str], domain: int) -> str:
-    """Return what whoever starts the missing nodes must know."""
+    """Return instructions for the user who starts the missing nodes."""
     topics = ', '.join(f'{namespace}/{REPLACEABLE[name][1]}'
                        for namespace in namespaces for name in without)
     return (f'waiting for your {" and ".join(without)} to publish {topics}; in its shell:\n'
@@ -245,47 +245,47 @@ def _invitation(without: Collection[str], namespaces: Collection[str], domain: i
 
 
 def _label(namespace: str, node: tuple[str, str]) -> str:
-    """Return what messages call a node: its name, with the namespace where there are several."""
+    """Return the name of a node in messages, with its namespace if there are several drones."""
     return node[1] if namespace == NAMESPACE else f'{namespace}/{node[1]}'
 
 
 def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess], asked: float,
-             crew: Crew) -> Outcome:
-    """Return what the flight of one drone was."""
+             group: NodeGroup) -> Outcome:
+    """Return the result of one drone's flight."""
     closed = nodes[0].exit_code == 0 and bag.exists()
-    fault = crew.fault
+    fault = group.fault
     if fault and progress.flown:
         fault = f'flew {progress.flown:.2f} of {asked:g} s: {fault}'
     return Outcome(
         bag, progress.flown, progress.took, progress.missed, progress.delay,
-        crew.interrupts.first, _used(nodes), _refused(nodes), closed, fault,
+        group.interrupts.first, _used(nodes), _refused(nodes), closed, fault,
         whole=progress.flown >= asked)
 
 
 def _listener(progress: Progress, children: list[NodeProcess]) -> Callable[[str], None]:
-    """Return what hears a simulator: once time is real, all hurry who must answer in time."""
-    def hear(text: str) -> None:
+    """Return a callback for the simulator's lines: in real time it raises the nodes' priority."""
+    def on_line(text: str) -> None:
         progress.line(text)
         for child in children if _PACED.search(text) else ():
             if child.name != RECORDER[1]:
-                child.hurry()
-    return hear
+                child.raise_priority()
+    return on_line
 
 
-def _used(crew: list[NodeProcess]) -> dict[str, tuple[float, int]]:
-    """Return what nodes said at their end that they had used."""
-    said = {child.name: _USED.search('\n'.join(child.lines)) for child in crew}
-    return {name: (float(found[1]), int(found[2])) for name, found in said.items() if found}
+def _used(nodes: list[NodeProcess]) -> dict[str, tuple[float, int]]:
+    """Return the CPU time and memory that the nodes printed when they ended."""
+    matches = {child.name: _USED.search('\n'.join(child.lines)) for child in nodes}
+    return {name: (float(found[1]), int(found[2])) for name, found in matches.items() if found}
 
 
-def _refused(crew: list[NodeProcess]) -> dict[str, str]:
-    """Return the last that nodes said of messages they had refused, by node."""
-    lines = '\n'.join(line for child in crew for line in child.lines)
+def _refused(nodes: list[NodeProcess]) -> dict[str, str]:
+    """Return the last line that each node printed about refused messages, by node."""
+    lines = '\n'.join(line for child in nodes for line in child.lines)
     return {found[1]: found[2] for found in _REFUSED.finditer(lines)}
 
 
 def _free(folder: Path, name: str) -> Path:
-    """Return folder/name, numbered where that exists."""
+    """Return folder/name, with a number appended if it exists."""
     path, number = folder / name, 2
     while path.exists():
         path, number = folder / f'{name}_{number}', number + 1
@@ -320,14 +320,14 @@ def parser() -> Parser:
                '  ./run --set sim_node.simulator.vehicle.drag_coefficient=0.3\n')
     add = out.add_argument
     add('--scenario', metavar='NAME',
-        help='an experiment: a name of --list-scenarios, NAME/FLIGHT for one of its flights, or '
-        'a file; the choices below replace its own')
+        help='an experiment: a name from --list-scenarios, NAME/FLIGHT for one of its flights, or '
+                     'a file; the options below override it')
     add('--list-scenarios', action='store_true', help='print the experiments and end')
     add('--print-scenario', action='store_true',
         help='print every parameter with unit, range and source and end')
     out.complete(TRAJECTORIES, add(
         '--trajectory', metavar='NAME',
-        help=f"one of: {', '.join(TRAJECTORIES)}, or the file of a course (default: circle)"))
+        help=f"one of: {', '.join(TRAJECTORIES)}, or a course file (default: circle)"))
     for kind, registry, default in (
             ('estimator', ESTIMATORS, 'kalman'), ('controller', CONTROLLERS, CONTROLLER)):
         out.complete(registry.names, add(
@@ -336,35 +336,35 @@ def parser() -> Parser:
             f'an installed one (default: {default})'))
     add('--duration', type=float, metavar='S',
         help='flight time in s, landing included where it fits (default: 40)')
-    add('--seed', type=int, metavar='N', help='of every noise stream (default: 1)')
+    add('--seed', type=int, metavar='N', help='seed of every noise stream (default: 1)')
     add('--vehicle', metavar='NAME',
         help=f"true vehicle, one of: {', '.join(PRESETS)}, or a file (default: identified)")
     add('--believed', metavar='NAME',
-        help='vehicle that the controller believes in (default: the true one)')
+        help='vehicle model of the controller (default: the true one)')
     add('--mode', default='lockstep', choices=('lockstep', 'realtime'),
-        help='lockstep: as fast as the machine allows, repeatable to the bit (default)')
+        help='lockstep: as fast as the machine allows, bit-for-bit repeatable (default)')
     add('--speed', type=float, metavar='X',
-        help='flight over wall time, with --mode realtime alone (default: 1)')
+        help='flight time over wall time, only with --mode realtime (default: 1)')
     add('--composed', action='store_true',
-        help='all nodes of a drone in one process: the same bag, sooner')
+        help='all nodes of a drone in one process: the same bag, faster')
     add('--without', action='append', default=[], choices=tuple(REPLACEABLE), metavar='NODE',
         help=f"leave a node out and wait for yours: one of {', '.join(REPLACEABLE)}; repeatable")
     add('--drones', type=int, default=1, metavar='N',
-        help='drones side by side, in namespaces /mambo1 to /mamboN, with seeds from --seed on, '
-        'each by its own clock, in its own bag (default: 1)')
+        help='number of drones, in namespaces /mambo1 to /mamboN, with consecutive seeds from '
+                     '--seed, each with its own clock and bag (default: 1)')
     add('--no-noise', dest='noise', action='store_false', default=None,
         help='sensors without noise and bias')
     add('--no-landing', dest='landing', action='store_false', default=None,
         help='stay on the trajectory to the end')
     add('--set', action='append', default=[], metavar='NODE.PARAMETER=VALUE',
-        help='any parameter of any node, repeatable')
-    out.add_output('BAG', 'bag to make (default: a new one under bags/)')
+        help='set any parameter of any node; repeatable')
+    out.add_output('BAG', 'bag to create (default: a new one under bags/)')
     add('--no-report', action='store_true', help='record only: no table, no page of plots')
     return out
 
 
 def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
-    """Return name and scenario of the flight that the command line asks for."""
+    """Return name and scenario of the flight that the command line selects."""
     given = {
         name: scenario_file.Place(value, f'--{name}') for name in scenario_file.FIELDS
         if (value := getattr(options, name, None)) is not None}
@@ -382,10 +382,10 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
         options.speed, **_overrides(options.set)})
     if options.speed is not None and flight.sim_node.mode != 'realtime':
         raise schema.ParameterError(
-            f'--speed {options.speed:g} needs --mode realtime: lockstep is as fast as it goes')
+            f'--speed {options.speed:g} needs --mode realtime: lockstep always runs at full speed')
     if options.without and options.composed:
         raise schema.ParameterError(
-            '--without and --composed: a node of yours needs the others in processes of their own')
+            '--without and --composed exclude each other: your node needs the others as processes')
     if not 1 <= options.drones <= 16:
         raise schema.ParameterError(f'--drones {options.drones} must be within 1 to 16')
     if not flight.sim_node.duration > 0.0:
@@ -409,7 +409,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
-    """List, print or fly, as asked."""
+    """List the scenarios, print the parameters, or fly."""
     if options.list_scenarios:
         _list_scenarios()
         return
@@ -442,8 +442,8 @@ def _fly_and_report(
     for space, outcome in zip(spaces, outcomes, strict=True):
         if len(spaces) > 1:
             print(f'{space}:')
-        said = _tell(outcome, bags[space], options.no_report)
-        problem = problem or (FlightError(said[0]) if said else None)
+        reasons = _print_outcome(outcome, bags[space], options.no_report)
+        problem = problem or (FlightError(reasons[0]) if reasons else None)
     if stopped:
         raise KeyboardInterrupt(stopped)
     if problem:
@@ -451,14 +451,14 @@ def _fly_and_report(
 
 
 def _reseeded(flight: scenarios.Scenario, number: int) -> scenarios.Scenario:
-    """Return the flight of a drone: that of the first with seeds of its own."""
+    """Return the flight of a drone: that of the first drone with its own seeds."""
     return scenarios.override(flight, {
         'sim_node.simulator.seed': flight.sim_node.simulator.seed + number,
         'optitrack_node.seed': flight.optitrack_node.seed + number})
 
 
-def _tell(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
-    """Print what a flight was; return what ended it before its time, a line each."""
+def _print_outcome(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
+    """Print the result of a flight; return the reasons for an early end, one line each."""
     what = 'stopped by you after' if outcome.stopped else 'flew'
     print(f'{what} {outcome.flown:.2f} s in {outcome.took:.2f} s of wall time, '
           f'{outcome.missed} steps without their motor command')
@@ -475,17 +475,17 @@ def _tell(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
     print(f'bag: {bag}\n')
     if outcome.stopped and (
             outcome.whole or not outcome.flown or outcome.stopped != signal.SIGINT):
-        return []  # who wants no page, but the end
-    said = [outcome.fault] if outcome.fault else []
-    if said and not outcome.flown:
-        return said  # nothing to compare: the bag has no message, or those of the start
+        return []  # no page, but the reasons for an early end
+    reasons = [outcome.fault] if outcome.fault else []
+    if reasons and not outcome.flown:
+        return reasons  # nothing to compare: the bag has at most the messages of the start
     if no_report:
-        said += [] if outcome.stopped else ended_early(read_bag(bag, ENDINGS), bool(said))
-        print(*said, sep='\n', end='\n' if said else '')
-        return said
-    page, said = report(bag, outcome.real_time_factor, said, bool(outcome.stopped))
+        reasons += [] if outcome.stopped else ended_early(read_bag(bag, ENDINGS), bool(reasons))
+        print(*reasons, sep='\n', end='\n' if reasons else '')
+        return reasons
+    page, reasons = report(bag, outcome.real_time_factor, reasons, bool(outcome.stopped))
     print(f'\npage: {page}')
-    return said
+    return reasons
 
 
 def report(bag: Path, real_time_factor: float | None = None, fault: Sequence[str] = (),
@@ -500,13 +500,13 @@ def report(bag: Path, real_time_factor: float | None = None, fault: Sequence[str
     real_time_factor
         Flight time over wall time, if known.
     fault
-        What is known to have ended the flight, a line each.
+        Known reasons for the end of the flight, one line each.
     stopped
-        Whether the user ended it: it may be shorter than planned.
+        Whether the user ended the flight, which may then be shorter than planned.
 
     Returns
     -------
-    Path of the page; what ended the flight before its time, a line each.
+    Path of the page; reasons for an early end, one line each.
 
     Raises
     ------

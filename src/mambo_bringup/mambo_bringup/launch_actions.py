@@ -25,14 +25,14 @@ def description(
     arguments: Iterable[DeclareLaunchArgument], plan: Callable[[Mapping[str, str]], Plan],
 ) -> LaunchDescription:
     """
-    Return what a launch file hands to launch.
+    Return the launch description of a launch file.
 
     Parameters
     ----------
     arguments
-        Of the launch file; ``namespace`` and ``own_clock`` are among them.
+        Arguments of the launch file, including ``namespace`` and ``own_clock``.
     plan
-        Makes the nodes out of the arguments' texts by name.
+        Returns the nodes, given the texts of the arguments by name.
 
     """
     arguments = list(arguments)
@@ -46,7 +46,7 @@ def description(
 
 
 def _start(plan: Plan, namespace: str, own_clock: bool) -> list[Action]:
-    """Return the nodes, with their parameters in a file until the launch is over."""
+    """Return the nodes, with their parameters in a file that exists until the launch ends."""
     actions: list[Action] = []
     common: list[str] = []
     if plan.scenario is not None:

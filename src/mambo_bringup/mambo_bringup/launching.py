@@ -1,4 +1,4 @@
-"""What the launch files decide, without launch: which nodes, with which parameters."""
+"""Nodes and parameters of the launch files, without importing launch."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ MEANING = {
     'mode': ('sim_node.mode',), 'speed': ('sim_node.speed',),
     'duration': ('sim_node.duration',),
     'seed': ('sim_node.simulator.seed', 'optitrack_node.seed')}
-"""Launch argument of a flight: the parameters it stands for."""
+"""Parameters that each launch argument of a flight sets."""
 
 
 class Plan(NamedTuple):
     """
     Nodes to start.
 
-    The node that owns time is the last: when it ends, so does everything. Parameters of a node
-    are those of the file and these besides.
+    The last node owns time; when it ends, all end. The parameters given here override those of
+    the file.
     """
 
     nodes: list[tuple[str, str, dict[str, object]]]  # package, executable, parameters
@@ -36,7 +36,7 @@ class Plan(NamedTuple):
 
 
 def choices(argument: str) -> tuple[str, ...]:
-    """Return what an argument out of ``MEANING`` may be; empty: as the parameter file says."""
+    """Return the choices of an argument in ``MEANING``; empty: as in the parameter file."""
     leaves = dict(schema.walk(scenarios.Scenario))
     return ('', *leaves[MEANING[argument][0]].metadata['options'])
 
@@ -50,7 +50,7 @@ def _read(arguments: Mapping[str, str], name: str) -> Any:
 
 
 def _recorder(bag: str, topics: str = '') -> list[tuple[str, str, dict[str, object]]]:
-    """Return the recorder, or no node where no bag is asked for."""
+    """Return the recorder, or no node if no bag is requested."""
     if not bag:
         return []
     path = Path(bag).expanduser().absolute()
@@ -67,8 +67,8 @@ def flight_plan(arguments: Mapping[str, str]) -> Plan:
     Parameters
     ----------
     arguments
-        Texts by name: ``trajectory``, those of ``MEANING``, ``params_file`` and ``bag``; an empty
-        one leaves the choice to the parameter file, or to the defaults: real time, until stopped.
+        Texts by name: ``trajectory``, those of ``MEANING``, ``params_file`` and ``bag``. An empty
+        text means the value of the parameter file, or the default: real time, until stopped.
 
     Raises
     ------
@@ -123,7 +123,8 @@ def replay_plan(arguments: Mapping[str, str]) -> Plan:
         scenario = scenarios.load(Path(arguments['params_file']).expanduser())
     elif text := read_bag(bag, topics=()).attachments.get('scenario.yaml'):
         scenario = scenarios.from_yaml(str(text), f'scenario.yaml in {bag}')
-        if scenario.estimator_node.estimator == 'ground_truth':  # which does not hear sensors
+        # the recorder does not subscribe to sensors
+        if scenario.estimator_node.estimator == 'ground_truth':
             scenario = scenarios.override(scenario, {'estimator_node.estimator': 'kalman'})
     others = [*_recorder(arguments['output'], RECORDED), (*ESTIMATOR, {})]
     player: dict[str, object] = {

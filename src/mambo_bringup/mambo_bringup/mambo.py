@@ -42,15 +42,15 @@ GROUPS: dict[str, dict[str, Command]] = {
     'Fly': {
         'run': Command('mambo_bringup.flight', 'fly a scenario in the ROS graph, record, report'),
         'fly': Command('mambo_flight.fly', 'fly a scenario in one process, hundreds of times '
-                       'faster than real time'),
+        'faster than real time'),
         'sweep': Command('mambo_flight.sweep.command', 'fly a scenario many times over seeds, '
                          'vehicles, wind, gains'),
         'trajectory check': Command('mambo_flight.course.check_course', 'whether the vehicle can '
                                     'fly a course, and where it fails'),
         'trajectory plan': Command('mambo_flight.course.plan_course', 'polynomials of minimum '
                                    'snap through waypoints'),
-        'bound': Command('mambo_flight.judge.judge', 'the joint filter beside the best that any '
-                         'estimator could do'),
+        'bound': Command('mambo_flight.judge.judge', 'the joint filter beside the lower bound of '
+                         'any estimator (Cramer-Rao)'),
         'race': Command('mambo_flight.race.race', 'fly every controller over the same courses '
                         'in the same wind'),
     },
@@ -87,7 +87,7 @@ GROUPS: dict[str, dict[str, Command]] = {
         'reproduce': Command('mambo_thesis.reproduce', 'fly and redraw every figure, judge every '
                              'claim'),
         'drift': Command('mambo_thesis.drift.experiments', 'the experiments on the drift'),
-        'recordings': Command('mambo_thesis.recordings.validate', 'what public recordings say'),
+        'recordings': Command('mambo_thesis.recordings.validate', 'measure the public recordings'),
     },
     'Workspace': {
         'docs': Command('tools/docs.py', 'build or serve the documentation'),
@@ -120,7 +120,7 @@ def find(words: list[str]) -> tuple[str, list[str]]:
     Raises
     ------
     LookupError
-        In one line, if there is no such command; with the nearest one.
+        If there is no such command; the one-line message suggests the nearest one.
 
     """
     for count in (2, 1):
@@ -140,7 +140,7 @@ def find(words: list[str]) -> tuple[str, list[str]]:
 
 
 def is_script(entry: Command) -> bool:
-    """Tell whether a command is a script of the checkout."""
+    """Return whether a command is a script of the checkout."""
     return '.' not in entry.module or '/' in entry.module
 
 
@@ -149,14 +149,14 @@ def run_script(entry: Command, arguments: list[str]) -> int:
     root = os.environ.get('MAMBO_ROOT')
     script = Path(root or '.') / entry.module
     if not root or not script.is_file():
-        print('mambo: this needs the checkout: source its env.bash first', file=sys.stderr)
+        print('mambo: this command needs the checkout: source its env.bash first', file=sys.stderr)
         return 2
     start = [sys.executable] if script.suffix == '.py' else []
     return subprocess.call([*start, str(script), *arguments])
 
 
 def completion_parser(line: str) -> argparse.ArgumentParser:
-    """Return the command line that completes ``line``: all commands, the options of the one."""
+    """Return the parser that completes ``line``: all commands, or the options of one command."""
     try:
         words = shlex.split(line)[1:]
     except ValueError:  # an open quote
@@ -177,7 +177,7 @@ def completion_parser(line: str) -> argparse.ArgumentParser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point ``mambo``; return the exit code."""
-    if '_ARGCOMPLETE' in os.environ:  # the shell asks for what may come next
+    if '_ARGCOMPLETE' in os.environ:  # the shell requests completions
         import argcomplete
         argcomplete.autocomplete(completion_parser(os.environ.get('COMP_LINE', 'mambo')))
     words = sys.argv[1:] if arguments is None else arguments

@@ -1,4 +1,4 @@
-"""Child processes of a flight: started together, ended in order, never left behind."""
+"""Child processes of a flight: start them together and end them in order."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ament_index_python.packages import get_package_prefix, PackageNotFoundError
 from mambo_model import compiled
 from mambo_model.errors import JobError
 
-from .keeper import ASK, is_stopped, TELL
+from .watchdog import INTERRUPT_TIMEOUT, is_stopped, TERMINATE_TIMEOUT
 
 _PR_SET_PDEATHSIG, _PR_SET_NAME = 1, 15
 _LIBC = ctypes.CDLL(None, use_errno=True)
@@ -31,20 +31,20 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _LOOK = 0.01  # s
 _ONE = 0.3  # s within which a closing terminal sends its signals
 _KILL = 5.0  # s within which the kernel ends a process
-_WORKS = 0.2  # s of CPU a second: so busy a process is not hung, it closes a long bag
-_LONGEST = 120.0  # s that a busy process may take to leave
+_WORKS = 0.2  # s of CPU per second; a process this busy does not hang but closes a long bag
+_LONGEST = 120.0  # s that a busy process may take to exit
 _HURRIED = 1.0  # s that a recorder has after a second Ctrl-C
 _HALTED = 1.0  # s for which a process may be stopped
-_ENDED = re.compile(r'ended by (SIG\w+)')  # what a node says
+_ENDED = re.compile(r'ended by (SIG\w+)')  # printed by a node
 _ENVIRONMENT = {'PYTHONUNBUFFERED': '1', 'RCUTILS_LOGGING_BUFFERED_STREAM': '0'}
 
 
 class FlightError(JobError):
-    """A flight cannot be flown or went wrong; the text says why in one line."""
+    """A flight cannot be flown or failed; the message gives the reason in one line."""
 
 
 class FlightInputError(FlightError):
-    """A flight cannot be flown as asked; the text says why in one line."""
+    """A flight cannot be flown as specified; the message gives the reason in one line."""
 
     exit_code = 2
 
@@ -70,14 +70,14 @@ def executable(package: str, name: str) -> Path:
 
 
 def parameter(name: str, text: str | Path) -> list[str]:
-    """Return the arguments that give a node a text as it is, whatever YAML would make of it."""
+    """Return the arguments that set a text parameter verbatim, protected from YAML parsing."""
     return ['-p', f'{name}:={json.dumps(str(text), ensure_ascii=False)}']
 
 
-def _die_with(parent: int) -> None:
-    """Let the kernel interrupt this process when its parent is gone."""
+def _interrupt_with_parent(parent: int) -> None:
+    """Have the kernel interrupt this process when its parent dies."""
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
-    if os.getppid() != parent:  # it was gone before that
+    if os.getppid() != parent:  # the parent died before this call
         os.kill(os.getpid(), signal.SIGINT)
 
 
@@ -87,34 +87,35 @@ _LOADED = set[str]()  # modules of nodes that a copy of this process can run
 
 def load(modules: Iterable[str]) -> None:
     """
-    Load nodes, so that each begins as a copy of this process instead of loading Python again.
+    Import node modules, so that each node starts as a fork of this process and not a new Python.
 
-    Copies share the memory of what was loaded before them. A process that has ROS already is
-    left alone: it may have threads of the middleware, which a copy lacks.
+    Forks share the memory of the imported modules. Nothing is imported if this process uses ROS
+    already: it may have threads of the middleware, which a fork does not get.
     """
     if 'rclpy' in sys.modules:
         return
     for module in modules:
         import_module(module)
         _LOADED.add(module)
-    sys.modules['scipy.linalg.cython_blas'] = None  # our compiled code has no linear algebra
-    compiled.hold(None, None, None)  # what numba loads for its first function, without scipy's
+    sys.modules['scipy.linalg.cython_blas'] = None  # our compiled code uses no linear algebra
+    compiled.hold(None, None, None)  # loaded by numba for its first function, without scipy's
     del sys.modules['scipy.linalg.cython_blas']
     gc.collect()
-    gc.freeze()  # nor does the collector touch what the copies share
+    gc.freeze()  # keeps the garbage collector off the shared memory
 
 
 class _Copy(_FORK.Process):
-    """A node as a copy of this process that has loaded it, to be used as ``Popen``."""
+    """A node as a fork of this process, with the interface of ``Popen``."""
 
     def __init__(self, module: str, arguments: list[str]) -> None:
         read, write = os.pipe()
-        super().__init__(target=_be, args=(module, arguments, write, os.getpid()))
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # not to our own handlers
+        super().__init__(target=_run_node, args=(module, arguments, write, os.getpid()))
+        # do not run the handlers of this process
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
         self.stdout = open(read, errors='replace')
         try:
             self.start()
-        finally:  # where the system has no process to give, too
+        finally:  # also if the system refuses to fork
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
             os.close(write)
 
@@ -124,7 +125,7 @@ class _Copy(_FORK.Process):
 
     def wait(self, seconds: float | None = None) -> int:
         """Wait for the end; return the exit code."""
-        # join() waits for a pipe that the child holds open, and _be has closed all it holds
+        # join() waits for a pipe that the child keeps open, but _run_node has closed all of them
         limit = None if seconds is None else time.monotonic() + seconds
         while self.exitcode is None:
             if limit is not None and time.monotonic() >= limit:
@@ -137,14 +138,14 @@ class _Copy(_FORK.Process):
         os.kill(self.pid, number)
 
 
-def _be(module: str, arguments: list[str], output: int, parent: int) -> None:
-    """Be a node: what a new process and the shell's redirections would have given it."""
+def _run_node(module: str, arguments: list[str], output: int, parent: int) -> None:
+    """Run a node in this fork, set up like a new process with redirected output."""
     for number in _SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
     os.setsid()
-    _die_with(parent)
+    _interrupt_with_parent(parent)
     name = module.rpartition('.')[2]
     _LIBC.prctl(_PR_SET_NAME, name.encode())
     for number, stream in enumerate((os.open(os.devnull, os.O_RDONLY), output, output)):
@@ -163,13 +164,13 @@ class NodeProcess:
     Parameters
     ----------
     package, name : str
-        What to start.
+        Executable to start.
     arguments : list[str]
-        After the executable.
+        Command-line arguments.
     on_line : callable
-        Gets each line that the node prints, from a thread.
+        Called from a thread with each line that the node prints.
     label : str
-        What messages call the node, default its name.
+        Name of the node in messages; default: ``name``.
 
     """
 
@@ -184,7 +185,7 @@ class NodeProcess:
         self._process = _Copy(module, arguments) if module in _LOADED else subprocess.Popen(
             [str(executable(package, name)), *arguments], stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors='replace',
-            start_new_session=True, preexec_fn=lambda: _die_with(parent),
+            start_new_session=True, preexec_fn=lambda: _interrupt_with_parent(parent),
             env={**os.environ, **_ENVIRONMENT})
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -193,7 +194,7 @@ class NodeProcess:
         for line in self._process.stdout:
             self.lines.append(line.rstrip())
             if self._on_line:
-                with contextlib.suppress(OSError):  # the terminal is gone, the pipe is to be read
+                with contextlib.suppress(OSError):  # the terminal is closed; keep reading the pipe
                     self._on_line(line.rstrip())
 
     @property
@@ -203,7 +204,7 @@ class NodeProcess:
 
     @property
     def halted(self) -> bool:
-        """Return whether the process is stopped, and was so for a while, as often as asked."""
+        """Return whether the process has been stopped for a while, over repeated calls."""
         if self.exit_code is not None or not is_stopped(self.pid):
             self._halted_since = None
             return False
@@ -216,12 +217,12 @@ class NodeProcess:
         """Return the exit code, None while the process runs."""
         return self._process.poll()
 
-    def hurry(self) -> None:
-        """Have the scheduler prefer this process to others, where the user may ask for that."""
+    def raise_priority(self) -> None:
+        """Raise the priority of this process, if the user is allowed to."""
         try:
             for thread in os.listdir(f'/proc/{self._process.pid}/task'):
                 os.sched_setscheduler(int(thread), os.SCHED_RR, os.sched_param(1))
-        except OSError:  # not allowed, or it has just ended
+        except OSError:  # not permitted, or it has just ended
             pass
 
     def interrupt(self) -> None:
@@ -230,18 +231,18 @@ class NodeProcess:
         self.send(signal.SIGINT)
 
     def resume(self) -> None:
-        """Have the process go on if it is stopped."""
+        """Resume the process if it is stopped."""
         if self.exit_code is None:
             self._process.send_signal(signal.SIGCONT)
 
     def send(self, number: int) -> None:
-        """Send a signal, which a stopped process takes too."""
+        """Send a signal; resume the process first if it is stopped."""
         if self.exit_code is None:
             self._process.send_signal(number)
             self._process.send_signal(signal.SIGCONT)
 
     def wait(self, seconds: float) -> int | None:
-        """Wait for the end; return the exit code, None if it has not come."""
+        """Wait for the end; return the exit code, None if the process still runs."""
         try:
             code = self._process.wait(seconds)
         except subprocess.TimeoutExpired:
@@ -250,12 +251,12 @@ class NodeProcess:
         return code
 
     def end(self, seconds: float) -> int:
-        """Interrupt, wait, and kill what does not listen; return the exit code."""
+        """Interrupt, wait, and kill the process if it still runs; return the exit code."""
         end([self], seconds)
         return self.exit_code
 
     def cpu(self) -> float:
-        """Return the time that the process has computed, s; 0 when it has ended."""
+        """Return the CPU time of the process, s; 0 after it has ended."""
         try:
             fields = Path(f'/proc/{self.pid}/stat').read_text().rpartition(')')[2].split()
         except OSError:
@@ -264,12 +265,12 @@ class NodeProcess:
 
     def trouble(self, owner: bool = False) -> str:
         """
-        Return what is wrong with how the process ended or stands, empty if nothing is.
+        Return what is wrong with the process or its end; empty if nothing is.
 
         Parameters
         ----------
         owner
-            Whether the node may leave without being asked.
+            Whether the node may end by itself.
 
         """
         code = self.exit_code
@@ -277,35 +278,35 @@ class NodeProcess:
             return f'{self.label} was stopped by SIGSTOP'
         self._reader.join(1.0)
         if code > 0:
-            return f'{self.label} ended with exit code {code}: {self.complaint()}'
+            return f'{self.label} ended with exit code {code}: {self.last_error()}'
         if self._asked and code in (0, -signal.SIGINT):
-            # a node that is interrupted while Python still loads it ends by the signal
+            # a node that is interrupted while Python still imports ends by the signal
             return ''
         if code < 0:
-            how = 'did not leave when asked, ended by' if self._asked else 'was ended by'
+            how = 'did not exit when interrupted, ended by' if self._asked else 'was ended by'
             return f'{self.label} {how} {signal.Signals(-code).name}'
-        said = [found[1] for line in self.lines if (found := _ENDED.fullmatch(line))]
-        if said:
-            return f'{self.label} was ended by {said[-1]}'
-        return '' if owner else f'{self.label} left before the flight was over'
+        signals = [found[1] for line in self.lines if (found := _ENDED.fullmatch(line))]
+        if signals:
+            return f'{self.label} was ended by {signals[-1]}'
+        return '' if owner else f'{self.label} ended before the flight was over'
 
-    def complaint(self) -> str:
-        """Return the last line that tells what went wrong."""
-        telling = [line for line in self.lines if line.strip() and not line.startswith('  ')]
-        errors = [line for line in telling if 'ERROR' in line or 'Error' in line]
-        return (errors or telling or ['no output'])[-1]
+    def last_error(self) -> str:
+        """Return the last printed line that describes the error."""
+        printed = [line for line in self.lines if line.strip() and not line.startswith('  ')]
+        errors = [line for line in printed if 'ERROR' in line or 'Error' in line]
+        return (errors or printed or ['no output'])[-1]
 
 
 class Interrupts:
     """
-    Counts Ctrl-C, SIGTERM and SIGHUP instead of dying by them.
+    Counts SIGINT (Ctrl-C), SIGTERM and SIGHUP instead of ending the process.
 
     Attributes
     ----------
     count : int
-        How many have come.
+        Number of signals received.
     first : signal.Signals or None
-        The first of them.
+        The first signal.
 
     """
 
@@ -333,11 +334,11 @@ class Interrupts:
 
 def watch(children: Sequence[NodeProcess], interrupts: Interrupts, owners: int = 1) -> str:
     """
-    Wait until the last children, which own time, have ended, one fails or the user stops.
+    Wait until the last children, which own time, end, any child fails, or the user stops.
 
     Returns
     -------
-    What went wrong as a phrase that begins with the node, empty if nothing did.
+    What went wrong, beginning with the name of the node; empty if nothing did.
 
     """
     last = children[-owners:]
@@ -354,26 +355,26 @@ def watch(children: Sequence[NodeProcess], interrupts: Interrupts, owners: int =
     return ''
 
 
-def end(children: Sequence[NodeProcess], seconds: float = ASK,
+def end(children: Sequence[NodeProcess], seconds: float = INTERRUPT_TIMEOUT,
         interrupts: Interrupts | None = None) -> None:
     """
-    End processes together: ask, then tell, then kill what does not listen.
+    End processes together by SIGINT, then SIGTERM, then SIGKILL.
 
     Parameters
     ----------
     children
-        What to end.
+        Processes to end.
     seconds : s
-        How long a process may take after it was asked; one that computes may take longer.
+        Time to exit after SIGINT; a busy process gets more.
     interrupts
-        Of the user: the second one kills what has not left within a second, the next at once.
+        Signals of the user: the second kills what still runs after a second, the next at once.
 
     """
     heard = interrupts.count if interrupts else 0
     allowed, seconds = max(1, heard), min(seconds, _HURRIED) if heard > 1 else seconds
 
     def wait(limit: float) -> list[NodeProcess]:
-        """Return what has not left."""
+        """Return the processes that still run."""
         began = now = time.monotonic()
         before = {id(child): child.cpu() for child in children}
         while left := [child for child in children if child.exit_code is None]:
@@ -393,7 +394,7 @@ def end(children: Sequence[NodeProcess], seconds: float = ASK,
         child.interrupt()
     for child in wait(seconds):
         child.send(signal.SIGTERM)
-    for child in wait(min(seconds, TELL)):
+    for child in wait(min(seconds, TERMINATE_TIMEOUT)):
         child.send(signal.SIGKILL)
     for child in children:
         child.wait(_KILL)

@@ -1,10 +1,10 @@
 """
-Replay a bag's sensors through a live estimator node, record its answer, say how it differs.
+Replay a bag's sensors through a live estimator node, record its estimate and compare it.
 
-``mambo replay BAG``: for a simulated flight the answer must be the recorded
-estimate, bit for bit; for an imported flight of a real drone it is compared with the drone's own
-onboard estimate. ``mambo estimate BAG`` tells the same without ROS running,
-hundreds of times faster than real time.
+The command is ``mambo replay BAG``. For a simulated flight the new estimate must equal the
+recorded one, bit for bit; for an imported flight of a real drone it is compared with the drone's
+onboard estimate. ``mambo estimate BAG`` gives the same result without ROS, hundreds of times
+faster than real time.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from mambo_bags.reader import Bag, read_bag
 from mambo_flight import scenario as scenarios
 from mambo_model.errors import InputError
 
-from .crew import Crew
 from .flight import RECORDER
+from .node_group import NodeGroup
 from .processes import FlightError, FlightInputError, load, parameter
 from .stopping import stoppable
 
@@ -33,47 +33,47 @@ RECORDED = (
 def replay(bag: Path, output: Path, rate: float = 0.0,
            estimator_file: Path | None = None) -> None:
     """
-    Play the sensors of a bag to a live estimator and record what it answers.
+    Play the sensors of a bag to a live estimator and record its estimate.
 
     Parameters
     ----------
     bag
         Source.
     output
-        Bag to make.
+        Bag to create.
     rate
-        Recorded over wall time; 0: as fast as the estimator answers.
+        Ratio of recorded time to wall time; 0: as fast as the estimator answers.
     estimator_file
         ROS 2 parameter file of the estimator; default: the one inside the bag, if any.
 
     Raises
     ------
     FlightError
-        If a node does not start, dies or cannot read the bag.
+        If a node does not start, crashes or cannot read the bag.
     mambo_bags.reader.BagError
         If the bag is foreign, damaged or was never closed.
     KeyboardInterrupt
-        If the user ended it, with the signal; the output is closed.
+        If the user ended it; carries the signal. The output is closed.
 
     """
     if output.exists():
         raise FlightInputError(f'{output} exists: give another --output or remove it')
-    recording = read_bag(bag, topics=())  # a damaged one is not played
-    with Crew(RECORDER[1]) as crew:
-        file = estimator_file or _recorded_parameters(recording, crew.folder)
+    recording = read_bag(bag, topics=())  # a damaged bag is refused here
+    with NodeGroup(RECORDER[1]) as group:
+        file = estimator_file or _recorded_parameters(recording, group.folder)
         parameters = ['--params-file', str(file)] if file else []
         scenario = parameter('scenario', file) if file else []
-        crew.start(*RECORDER, [
+        group.start(*RECORDER, [
             '--ros-args', *parameter('bag', output), *parameter('topics', RECORDED), *scenario])
-        crew.start(*ESTIMATOR, ['--ros-args', *parameters])
-        crew.start(*PLAYER, [
+        group.start(*ESTIMATOR, ['--ros-args', *parameters])
+        group.start(*PLAYER, [
             '--ros-args', *parameter('bag', bag), '-p', f'rate:={float(rate)}',
             '-p', 'wait_for:=estimator_node,recorder_node'])
-        crew.watch()
-    if crew.interrupts.first:
-        raise KeyboardInterrupt(crew.interrupts.first)
-    if crew.fault:
-        raise FlightError(crew.fault)
+        group.watch()
+    if group.interrupts.first:
+        raise KeyboardInterrupt(group.interrupts.first)
+    if group.fault:
+        raise FlightError(group.fault)
 
 
 def _recorded_parameters(bag: Bag, folder: Path) -> Path | None:
@@ -93,9 +93,9 @@ def parser() -> Parser:
     """Return the command line."""
     out = Parser('replay', __doc__.split('\n\n')[0])
     out.add_argument('bag', type=Path, help='rosbag2 directory or .mcap file')
-    out.add_output('NEW_BAG', 'bag to make (default: BAG_replay)')
+    out.add_output('NEW_BAG', 'bag to create (default: BAG_replay)')
     out.add_argument('--rate', type=float, default=0.0, metavar='X',
-                     help='recorded over wall time, 0: as fast as it goes (default)')
+                     help='ratio of recorded time to wall time, 0: as fast as possible (default)')
     out.add_argument('--parameters', type=Path, metavar='FILE',
                      help='ROS 2 parameter file of the estimator (default: that of the bag)')
     return out

@@ -1,9 +1,9 @@
 """
-Start a command so that Ctrl-C is one line from the first moment to the last.
+Start a command so that Ctrl-C prints one line at any moment.
 
-Python loads for seconds before a command begins, and takes a moment to leave after it has ended:
-a Ctrl-C in between would print where in the libraries it came. ``./run`` and ``./mambo`` start by
-``python3 -m mambo_bringup.starting MODULE``; nothing is loaded here that takes time.
+Python imports for seconds before a command begins and takes a moment to exit after it has ended;
+a Ctrl-C at these times would print a traceback. ``./run`` and ``./mambo`` therefore start with
+``python3 -m mambo_bringup.starting MODULE``, which imports nothing slow.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import sys
 from .stopping import leave_at_once, stoppable
 
 NAMES = {'flight': 'run', 'mambo': 'mambo'}
-"""By module of this package: what its command is called."""
+"""Name of the command of each module."""
 
 
 def main(module: str) -> int:
@@ -27,7 +27,7 @@ def main(module: str) -> int:
     try:
         return stoppable(name, command.main)
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # what is left has no line to add
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # later signals need no message
 
 
 if __name__ == '__main__':

@@ -1,4 +1,4 @@
-"""Signals of the user at a command line tool become one line and an exit code."""
+"""Turn signals to a command-line tool into one line and an exit code."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def _line(name: str, number: int) -> str:
 
 
 def leave_at_once(name: str) -> Callable[[int, object], None]:
-    """Return a handler that ends the process behind one line: there is nothing to clear away."""
+    """Return a signal handler that prints one line and ends the process without clean-up."""
     def leave(number: int, _: object) -> None:
         with contextlib.suppress(OSError):
             os.write(2, _line(name, number).encode())
@@ -28,15 +28,15 @@ def stoppable(name: str, work: Callable[[], int]) -> int:
     """
     Run a tool that SIGINT, SIGTERM and SIGHUP end; return its exit code.
 
-    The exit code is that of ``work``, or 128 plus the number of the signal, as of a shell, behind
-    one line on stderr that begins with the name of the tool. A second signal ends the process at
-    once, whatever the tool still clears away.
+    The exit code is that of ``work``. After a signal it is 128 plus the signal's number, as in a
+    shell, and one line on stderr that begins with the name of the tool. A second signal ends the
+    process at once, without clean-up.
     """
     tool = os.getpid()
 
     def stop(number: int, _: object) -> None:
-        """Raise KeyboardInterrupt with the signal; in a copy of the process do as without us."""
-        if os.getpid() != tool:  # a copy that works for the tool: as without us
+        """Raise KeyboardInterrupt with the signal; in a fork use the default action."""
+        if os.getpid() != tool:  # in a worker process of the tool: default action
             signal.signal(number, signal.SIG_DFL if number != signal.SIGINT
                           else signal.default_int_handler)
             os.kill(os.getpid(), number)

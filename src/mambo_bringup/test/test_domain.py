@@ -36,7 +36,7 @@ def test_a_second_flight_in_the_domain_of_the_user_is_refused_with_one_line(monk
         with pytest.raises(FlightError) as refusal:
             Domain()
     assert str(refusal.value) == (
-        'another flight is under way in ROS domain 42: wait, or set ROS_DOMAIN_ID')
+        'another flight is running in ROS domain 42: wait, or set ROS_DOMAIN_ID')
 
 
 def test_without_a_choice_the_first_free_domain_is_taken(monkeypatch):
@@ -108,7 +108,7 @@ def test_a_domain_that_cannot_be_is_refused_with_one_line(monkeypatch, nonsense)
         f'ROS_DOMAIN_ID = {nonsense!r} is not a whole number from 0 to 232')
 
 
-def test_all_domains_taken_is_said(monkeypatch):
+def test_an_error_names_that_all_domains_are_taken(monkeypatch):
     monkeypatch.setattr(domain, '_FREE', range(2))
     claims = []
     for _ in range(2):
@@ -116,7 +116,7 @@ def test_all_domains_taken_is_said(monkeypatch):
         monkeypatch.setenv('ROS_DOMAIN_ID', '')
     with pytest.raises(FlightError) as refusal:
         Domain()
-    assert str(refusal.value) == 'no free ROS domain: other flights hold all of them'
+    assert str(refusal.value) == 'no free ROS domain: other flights use all of them'
 
 
 def deny(monkeypatch, is_denied):

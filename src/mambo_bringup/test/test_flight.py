@@ -115,7 +115,7 @@ def test_set_can_be_repeated_and_comes_last():
     assert (flown.seed, flown.optitrack_node.seed, flown.sim_node.speed) == (3, 4, 5.0)
 
 
-@pytest.mark.parametrize('arguments, complaint', [
+@pytest.mark.parametrize('arguments, last_error', [
     (['--set', 'nonsense'], 'node.parameter=value'),
     (['--set', 'sim_node.simulator.vehicle.mass'], 'node.parameter=value'),
     (['--set', 'sim_node.simulator.vehicle.mass=[0.1'], '--set sim_node.simulator.vehicle.mass'),
@@ -130,12 +130,12 @@ def test_set_can_be_repeated_and_comes_last():
     (['--believed', 'eagle'], 'known: crazyflie'), (['--vehicle', 'no.yaml'], 'No such file'),
     (['--scenario', 'fig_1_1'], 'one of fig_3_3'), (['--scenario', 'no.yaml'], 'No such file'),
     (['--scenario', 'fig_6_1/third'], 'experiment_old_map')])
-def test_a_wrong_value_gets_one_line_and_exit_code_2(capsys, arguments, complaint):
+def test_a_wrong_value_gets_one_line_and_exit_code_2(capsys, arguments, last_error):
     with pytest.raises(SystemExit) as end:
         run(*arguments)
     out, err = capsys.readouterr()
     assert end.value.code == 2 and out == ''
-    assert err.startswith('run: ') and complaint in err and len(err.splitlines()) == 1
+    assert err.startswith('run: ') and last_error in err and len(err.splitlines()) == 1
 
 
 @pytest.mark.parametrize('arguments', [
@@ -250,7 +250,7 @@ def test_what_nodes_refused_is_of_the_outcome_the_last_count_of_each(graph, tmp_
     graph(sim_node=FLEW + says % ('sim_node', 1) + says % ('sim_node', 35))
     outcome = flight.fly(short(), tmp_path / 'bag')
     assert outcome.refused == {'sim_node': '35 /mambo/motor_pwm not finite'}
-    flight._tell(outcome, tmp_path / 'bag', no_report=True)
+    flight._print_outcome(outcome, tmp_path / 'bag', no_report=True)
     assert ('warning: sim_node refused messages: 35 /mambo/motor_pwm not finite'
             in capsys.readouterr().out.splitlines())
 
@@ -258,7 +258,7 @@ def test_what_nodes_refused_is_of_the_outcome_the_last_count_of_each(graph, tmp_
 def test_when_time_is_real_all_but_the_recorder_go_before_others(graph, tmp_path, monkeypatch):
     hurried = []
     monkeypatch.setattr(
-        processes.NodeProcess, 'hurry', lambda process: hurried.append(process.name))
+        processes.NodeProcess, 'raise_priority', lambda process: hurried.append(process.name))
     graph(sim_node="print('[INFO] [1.0] [mambo.sim_node]: flying in lockstep mode')" + FLEW)
     flight.fly(short(), tmp_path / 'first')
     assert not hurried
@@ -332,7 +332,7 @@ def test_a_damaged_bag_is_not_replayed(tmp_path, monkeypatch):
         bag.write('/clock', bytes(12), 0)
     data = bag.file.read_bytes()
     bag.file.write_bytes(data[:len(data) // 2])
-    monkeypatch.setattr(replay, 'Crew', None)  # nothing is started
+    monkeypatch.setattr(replay, 'NodeGroup', None)  # nothing is started
     with pytest.raises(BagError, match='recover'):
         replay.replay(tmp_path / 'bag', tmp_path / 'out', estimator_file=tmp_path / 'file.yaml')
 
@@ -344,8 +344,8 @@ def test_names_of_bags_are_written_for_ros_as_they_are(tmp_path):
     parameters = yaml.safe_load(Path(arguments[-1]).read_text())['/mambo/recorder_node']
     assert parameters['ros__parameters']['bag'] == str(tmp_path / name)
     _, arguments = flight._nodes(file, tmp_path / name, False, '/mambo')[0]
-    told = dict(text.split(':=', 1) for text in arguments if ':=' in text)
-    assert yaml.safe_load(told['bag']) == str(tmp_path / name)
+    given = dict(text.split(':=', 1) for text in arguments if ':=' in text)
+    assert yaml.safe_load(given['bag']) == str(tmp_path / name)
 
 
 @pytest.mark.parametrize('number, flown, whole, reports', [
@@ -357,10 +357,11 @@ def test_ctrl_c_after_all_was_flown_or_before_ends_without_a_report(
     monkeypatch.setattr(
         flight, 'report', lambda *arguments: asked.append(arguments) or (tmp_path, []))
     outcome = flight.Outcome(tmp_path, flown, 1.0, 0, '', number, {}, {}, True, whole=whole)
-    assert flight._tell(outcome, tmp_path, no_report=False) == []
+    assert flight._print_outcome(outcome, tmp_path, no_report=False) == []
     assert len(asked) == reports
 
 
 def test_a_bag_that_is_not_closed_is_a_failure_even_if_no_node_complained(tmp_path):
     outcome = flight.Outcome(tmp_path, 0.0, 0.0, 0, '', None, {}, {}, False)
-    assert flight._tell(outcome, tmp_path, no_report=True) == [f'{tmp_path} is not closed']
+    assert flight._print_outcome(outcome, tmp_path, no_report=True) == [
+        f'{tmp_path} is not closed']

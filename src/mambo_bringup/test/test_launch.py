@@ -160,13 +160,13 @@ def test_choices_are_those_of_the_nodes_and_to_leave_it_open():
             assert name in dict(schema.walk(Scenario))
 
 
-@pytest.mark.parametrize('given, complaint', [
+@pytest.mark.parametrize('given, last_error', [
     ({'duration': 'long'}, "duration = 'long' must be a number"),
     ({'duration': '-1'}, 'duration = -1'), ({'seed': '1.5'}, 'seed = 1.5'),
     ({'params_file': 'nowhere.yaml'}, 'nowhere.yaml: No such file'),
     ({'speed': '['}, r'speed:=\[: ')])
-def test_a_wrong_argument_gets_one_line(given, complaint):
-    with pytest.raises(schema.ParameterError, match=complaint) as refusal:
+def test_a_wrong_argument_gets_one_line(given, last_error):
+    with pytest.raises(schema.ParameterError, match=last_error) as refusal:
         flight(**given)
     assert '\n' not in str(refusal.value)
 

@@ -64,15 +64,15 @@ def test_help_of_one_command_and_of_a_family(capsys):
     assert 'identify thrust' in text and 'recover' not in text
 
 
-@pytest.mark.parametrize('words, said', [
+@pytest.mark.parametrize('words, message', [
     (['comapre'], 'did you mean compare?'),
     (['identify', 'trust'], 'did you mean identify thrust?'),
     (['import'], 'say which of import bag'), (['xyzzy'], 'mambo --help lists them'),
     ([], '')])
-def test_a_typing_error_is_one_line_and_exit_code_2(words, said, capsys):
+def test_a_typing_error_is_one_line_and_exit_code_2(words, message, capsys):
     assert mambo.main(words) == 2
     error = capsys.readouterr().err
-    assert said in error and error.count('\n') == bool(words)
+    assert message in error and error.count('\n') == bool(words)
 
 
 def test_a_table_is_imported_without_a_word_for_its_kind():

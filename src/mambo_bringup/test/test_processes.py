@@ -9,13 +9,13 @@ import sys
 import threading
 import time
 
-from mambo_bringup import keeper, processes
-from mambo_bringup.crew import Crew
+from mambo_bringup import processes, watchdog
+from mambo_bringup.node_group import NodeGroup
 from mambo_bringup.processes import executable, FlightError, Interrupts, NodeProcess, watch
 import pytest
 
 PATIENCE = 20.0  # s; what is waited for takes a fraction of a second on an idle machine
-OBEDIENT = """
+COOPERATIVE = """
 import signal, sys, time
 def leave(*_):
     print('asked to leave', flush=True)
@@ -25,7 +25,7 @@ print('up', *sys.argv[1:], flush=True)
 while True:
     time.sleep(0.01)
 """
-DEAF = OBEDIENT.replace('sys.exit(0)', 'pass').replace(
+HANGING = COOPERATIVE.replace('sys.exit(0)', 'pass').replace(
     'signal.signal(', 'signal.signal(signal.SIGTERM, leave); signal.signal(')
 
 
@@ -85,9 +85,9 @@ def test_an_installed_node_is_found(tmp_path, monkeypatch):
         executable('here', 'other')
 
 
-def test_a_node_is_asked_to_leave_and_leaves(start):
+def test_a_node_ends_when_interrupted(start):
     heard = []
-    process = start(OBEDIENT, '--flag', 'x', on_line=heard.append)
+    process = start(COOPERATIVE, '--flag', 'x', on_line=heard.append)
     assert process.exit_code is None
     until(lambda: heard == ['up --flag x'], 'the first line')
     assert process.end(PATIENCE) == 0
@@ -96,7 +96,7 @@ def test_a_node_is_asked_to_leave_and_leaves(start):
 
 
 def test_a_node_that_does_not_listen_is_killed(start):
-    process = start(DEAF)
+    process = start(HANGING)
     until(lambda: process.lines, 'the first line')
     began = time.monotonic()
     assert process.end(0.3) == -signal.SIGKILL
@@ -112,17 +112,17 @@ def test_to_end_what_has_ended_keeps_its_exit_code(start):
 
 
 def test_waiting_can_be_in_vain(start):
-    process = start(OBEDIENT)
+    process = start(COOPERATIVE)
     assert process.wait(0.05) is None
 
 
 def test_an_interrupt_of_the_terminal_does_not_reach_the_nodes(start):
-    process = start(OBEDIENT)
+    process = start(COOPERATIVE)
     until(lambda: process.lines, 'the first line')
     assert os.getpgid(process._process.pid) != os.getpgid(0)
 
 
-@pytest.mark.parametrize('lines, telling', [
+@pytest.mark.parametrize('lines, printed', [
     ([], 'no output'),
     (['all is well', ''], 'all is well'),
     (['[ERROR] [1.0] [sim]: no motor_pwm', '[INFO] [2.0] [sim]: flew 3 s'],
@@ -134,29 +134,29 @@ def test_an_interrupt_of_the_terminal_does_not_reach_the_nodes(start):
     (['SimNode: vehicle: Vehicle.mass = -1.0 kg is outside [0.01, 1]'],
      'SimNode: vehicle: Vehicle.mass = -1.0 kg is outside [0.01, 1]'),
 ])
-def test_the_complaint_is_the_line_that_tells_most(start, lines, telling):
+def test_the_last_error_is_the_most_informative_line(start, lines, printed):
     process = start(f'for line in {lines!r}:\n    print(line)')
     process.wait(PATIENCE)
-    assert process.complaint() == telling
+    assert process.last_error() == printed
 
 
 def test_a_node_in_a_hurry_goes_before_others(start):
-    process = start(OBEDIENT)
+    process = start(COOPERATIVE)
     try:
         os.sched_setscheduler(process._process.pid, os.SCHED_RR, os.sched_param(1))
         os.sched_setscheduler(process._process.pid, os.SCHED_OTHER, os.sched_param(0))
     except PermissionError:
         pytest.skip('this user may not ask for it')
-    process.hurry()
+    process.raise_priority()
     assert os.sched_getscheduler(process._process.pid) == os.SCHED_RR
     process.end(PATIENCE)
-    process.hurry()  # too late, and no harm
+    process.raise_priority()  # too late, and no harm
 
 
 def test_bytes_that_are_no_text_do_not_stop_the_reading(start):
     process = start('import os\nos.write(1, b"\\xff\\nError: seen\\n")')
     process.wait(PATIENCE)
-    assert process.complaint() == 'Error: seen'
+    assert process.last_error() == 'Error: seen'
 
 
 def test_only_the_last_lines_are_kept(start):
@@ -166,7 +166,7 @@ def test_only_the_last_lines_are_kept(start):
 
 
 def test_the_flight_is_over_when_the_owner_of_time_has_ended(start):
-    other = start(OBEDIENT, name='other')
+    other = start(COOPERATIVE, name='other')
     owner = start('pass', name='owner')
     watch([other, owner], Interrupts())
     assert owner.exit_code == 0 and other.exit_code is None
@@ -174,50 +174,50 @@ def test_the_flight_is_over_when_the_owner_of_time_has_ended(start):
 
 def test_the_flight_is_over_when_another_node_dies(start):
     other = start('raise SystemExit(1)', name='other')
-    owner = start(OBEDIENT, name='owner')
+    owner = start(COOPERATIVE, name='owner')
     watch([other, owner], Interrupts())
     assert other.exit_code == 1 and owner.exit_code is None
 
 
 @pytest.fixture
-def crew(tmp_path, monkeypatch):
-    """Return what starts programs as nodes of a crew, the last as the owner of time."""
+def run_group(tmp_path, monkeypatch):
+    """Return a function that starts programs as nodes of a group; the last one owns time."""
     monkeypatch.setattr(processes, 'executable', lambda package, name: tmp_path / name)
     monkeypatch.delenv('ROS_DOMAIN_ID', raising=False)
     log = tmp_path / 'log'
 
     def fly(act, **programs):
-        with Crew('recorder') as crew:
+        with NodeGroup('recorder') as group:
             for name, text in programs.items():
                 script(tmp_path / name, text.replace(
                     "print('asked to leave', flush=True)",
                     f"open({str(log)!r}, 'a').write({name!r} + ' ')"))
-                crew.start('some_package', name, [])
-            until(lambda: all(child.lines for child in crew.children), 'all nodes')
-            act({child.name: child for child in crew.children})
-            crew.watch()
-        return crew, log.read_text().split() if log.exists() else []
+                group.start('some_package', name, [])
+            until(lambda: all(child.lines for child in group.children), 'all nodes')
+            act({child.name: child for child in group.children})
+            group.watch()
+        return group, log.read_text().split() if log.exists() else []
     return fly
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_the_owner_of_time_first_and_the_recorder_last(crew, number):
-    ended, order = crew(lambda nodes: os.kill(os.getpid(), number),
-                        recorder=OBEDIENT, other=OBEDIENT, owner=OBEDIENT)
+def test_a_signal_ends_the_owner_of_time_first_and_the_recorder_last(run_group, number):
+    ended, order = run_group(lambda nodes: os.kill(os.getpid(), number),
+                            recorder=COOPERATIVE, other=COOPERATIVE, owner=COOPERATIVE)
     assert (ended.interrupts.first, ended.fault) == (number, '')
     assert order == ['owner', 'other', 'recorder']
     assert not ended.folder.exists()
 
 
-@pytest.mark.parametrize('number, said', [
+@pytest.mark.parametrize('number, message', [
     (signal.SIGKILL, 'other was ended by SIGKILL'), (signal.SIGHUP, 'other was ended by SIGHUP'),
     (signal.SIGSTOP, 'other was stopped by SIGSTOP'),
-    (signal.SIGINT, 'other left before the flight was over')])
-def test_a_signal_to_a_node_ends_the_flight_and_is_named(crew, number, said):
+    (signal.SIGINT, 'other ended before the flight was over')])
+def test_a_signal_to_a_node_ends_the_flight_and_is_named(run_group, number, message):
     began = time.monotonic()
-    ended, order = crew(lambda nodes: os.kill(nodes['other'].pid, number),
-                        recorder=OBEDIENT, other=OBEDIENT, owner=OBEDIENT)
-    assert ended.fault == said
+    ended, order = run_group(lambda nodes: os.kill(nodes['other'].pid, number),
+                            recorder=COOPERATIVE, other=COOPERATIVE, owner=COOPERATIVE)
+    assert ended.fault == message
     assert order[-1] == 'recorder'
     assert not any(alive(child.pid) for child in ended.children)
     assert time.monotonic() - began < 15.0
@@ -225,41 +225,41 @@ def test_a_signal_to_a_node_ends_the_flight_and_is_named(crew, number, said):
 
 def test_one_of_several_owners_of_time_that_is_ended_ends_the_flight(start):
     first = start("print('ended by SIGTERM')", name='first')
-    second = start(OBEDIENT, name='second')
+    second = start(COOPERATIVE, name='second')
     assert watch([first, second], Interrupts(), 2) == 'first was ended by SIGTERM'
     assert second.exit_code is None
 
 
-def test_a_node_says_by_which_signal_it_left(crew):
-    polite = OBEDIENT.replace("print('asked to leave', flush=True)",
+def test_a_node_names_the_signal_that_ended_it(run_group):
+    polite = COOPERATIVE.replace("print('asked to leave', flush=True)",
                               "print('ended by SIGTERM', flush=True)").replace('SIGINT', 'SIGTERM')
-    ended, _ = crew(lambda nodes: os.kill(nodes['other'].pid, signal.SIGTERM),
-                    other=polite, owner=OBEDIENT)
+    ended, _ = run_group(lambda nodes: os.kill(nodes['other'].pid, signal.SIGTERM),
+                    other=polite, owner=COOPERATIVE)
     assert ended.fault == 'other was ended by SIGTERM'
 
 
-def test_a_second_signal_ends_deaf_nodes_at_once(crew):
+def test_a_second_signal_ends_hanging_nodes_at_once(run_group):
     def twice(nodes):
         os.kill(os.getpid(), signal.SIGINT)
         threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
     began = time.monotonic()
-    ended, _ = crew(twice, other=DEAF, owner=OBEDIENT)
+    ended, _ = run_group(twice, other=HANGING, owner=COOPERATIVE)
     assert time.monotonic() - began < 5.0  # 9 s where nobody hurries
-    assert ended.fault == 'other did not leave when asked, ended by SIGKILL'
+    assert ended.fault == 'other did not exit when interrupted, ended by SIGKILL'
 
 
 def test_a_suspended_runner_is_told_to_end(tmp_path):
-    script(tmp_path / 'node', OBEDIENT)
+    script(tmp_path / 'node', COOPERATIVE)
     runner = subprocess.Popen([sys.executable, '-c', f"""
 import pathlib
 from mambo_bringup import processes
-from mambo_bringup.crew import Crew
+from mambo_bringup.node_group import NodeGroup
 processes.executable = lambda package, name: pathlib.Path({str(tmp_path)!r}) / name
-with Crew('recorder') as crew:
-    crew.start('some_package', 'node', [])
-    print(crew.folder, flush=True)
-    crew.watch()
-print(crew.interrupts.first.name)
+with NodeGroup('recorder') as group:
+    group.start('some_package', 'node', [])
+    print(group.folder, flush=True)
+    group.watch()
+print(group.interrupts.first.name)
 """], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env={**os.environ, 'ROS_DOMAIN_ID': ''})
     folder = runner.stdout.readline().strip()
@@ -269,27 +269,27 @@ print(crew.interrupts.first.name)
     assert not Path(folder).exists()
 
 
-def test_a_killed_runner_leaves_neither_stopped_nodes_nor_its_folder(tmp_path):
-    script(tmp_path / 'node', OBEDIENT)
+def test_after_a_killed_runner_neither_nodes_nor_its_folder_remain(tmp_path):
+    script(tmp_path / 'node', COOPERATIVE)
     runner = subprocess.Popen([sys.executable, '-c', f"""
 import pathlib, time
 from mambo_bringup import processes
-from mambo_bringup.crew import Crew
+from mambo_bringup.node_group import NodeGroup
 processes.executable = lambda package, name: pathlib.Path({str(tmp_path)!r}) / name
-with Crew('recorder') as crew:
-    child = crew.start('some_package', 'node', [])
-    print(crew.folder, child.pid, flush=True)
-    crew.watch()
+with NodeGroup('recorder') as group:
+    child = group.start('some_package', 'node', [])
+    print(group.folder, child.pid, flush=True)
+    group.watch()
 """], stdout=subprocess.PIPE, text=True, env={**os.environ, 'ROS_DOMAIN_ID': ''})
     folder, pid = runner.stdout.readline().split()
     os.kill(int(pid), signal.SIGSTOP)  # so that the kernel's interrupt is not heard
     runner.kill()
     runner.communicate(timeout=PATIENCE)
-    until(lambda: not alive(pid) and not Path(folder).exists(), 'the keeper')
+    until(lambda: not alive(pid) and not Path(folder).exists(), 'the watchdog')
 
 
-def test_shared_memory_of_the_living_stays_and_of_the_dead_goes(tmp_path, monkeypatch):
-    monkeypatch.setattr(keeper, '_SHARED', tmp_path)
+def test_only_shared_memory_of_dead_processes_is_removed(tmp_path, monkeypatch):
+    monkeypatch.setattr(watchdog, '_SHARED', tmp_path)
     living = ['fastrtps_port1', 'fastrtps_port1_el', 'other_el', 'sem.fastrtps_port1_mutex']
     for name in (*living, 'fastrtps_2', 'fastrtps_2_el', 'fastrtps_port3', 'fastrtps_port3_el',
                  'sem.fastrtps_port3_mutex', 'sem.fastrtps_port4_mutex'):
@@ -297,10 +297,10 @@ def test_shared_memory_of_the_living_stays_and_of_the_dead_goes(tmp_path, monkey
         os.utime(tmp_path / name, (1.0, 1.0))
     with (tmp_path / 'fastrtps_port1_el').open() as held:
         fcntl.flock(held, fcntl.LOCK_EX)
-        keeper.sweep()
+        watchdog.sweep()
         assert sorted(file.name for file in tmp_path.iterdir()) == living
     (tmp_path / 'sem.fastrtps_port5_mutex').touch()  # of a port that is just being made
-    keeper.sweep()
+    watchdog.sweep()
     assert (tmp_path / 'sem.fastrtps_port5_mutex').exists()
 
 
@@ -313,7 +313,7 @@ def test_signals_mean_afterwards_what_they_meant_before():
 
 def test_children_end_in_order_when_their_parent_is_killed(tmp_path):
     log = tmp_path / 'log'
-    script(tmp_path / 'node', OBEDIENT.replace(
+    script(tmp_path / 'node', COOPERATIVE.replace(
         "print('asked to leave', flush=True)", f"open({str(log)!r}, 'w').write('left')"))
     parent = subprocess.Popen(
         [sys.executable, '-c', f"""
@@ -338,7 +338,7 @@ NODE = """
 import os, signal, sys, time
 def main():
     print('up', *sys.argv, os.getsid(0) == os.getpid(), os.environ['PYTHONUNBUFFERED'])
-    print('complaint', file=sys.stderr)
+    print('last_error', file=sys.stderr)
     if 'leave' in sys.argv:
         sys.exit(3)
     if 'load' in sys.argv:
@@ -390,12 +390,12 @@ def copies(folder, before=''):
 def test_a_node_that_is_loaded_begins_as_a_copy_and_ends_like_any_other(tmp_path):
     done = copies(tmp_path)
     assert done.stdout.splitlines() == [
-        "3 ['up some_node leave True 1', 'complaint']", 'some_node', '0 0 ready', '-9',
+        "3 ['up some_node leave True 1', 'last_error']", 'some_node', '0 0 ready', '-9',
         'None 0', '-2'
     ], done.stderr
 
 
-def test_a_copy_that_the_system_refuses_leaves_the_signals_as_they_were(monkeypatch):
+def test_a_failed_fork_restores_the_signal_handlers(monkeypatch):
     def refuse():
         raise BlockingIOError('no more processes')
     monkeypatch.setattr(os, 'fork', refuse)

@@ -6,7 +6,7 @@ from mambo_model import slots
 from mambo_model.compiled import Held, hold, jit
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.rigid_body import State
-from mambo_ros import diagnostics, intake, messages, node, process, topics
+from mambo_ros import diagnostics, input_guard, messages, node, process, topics
 
 from . import failsafe
 from .command import Command
@@ -30,13 +30,13 @@ def _step(held, state, spread, ref, phase):
 
 def _check_estimate(estimate: tuple) -> str:
     """Return what is wrong with the numbers of a decoded estimate, empty if nothing."""
-    return intake.finite(*estimate[1])
+    return input_guard.finite(*estimate[1])
 
 
 def _check_reference(reference: tuple) -> str:
     """Return what is wrong with the numbers of a decoded reference, empty if nothing."""
     ref = reference[1]
-    return intake.finite(
+    return input_guard.finite(
         ref.rho, ref.v, ref.a, ref.j, ref.s, ref.q, ref.omega, ref.omega_dot, (ref.f,), ref.tau)
 
 

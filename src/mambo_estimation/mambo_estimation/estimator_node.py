@@ -8,7 +8,7 @@ from geometry_msgs.msg import TransformStamped
 from mambo_model import frames, slots
 from mambo_model.compiled import Held, hold, jit
 from mambo_model.motion import rigid_body
-from mambo_ros import cdr, diagnostics, intake, messages, node, process, topics
+from mambo_ros import cdr, diagnostics, input_guard, messages, node, process, topics
 from tf2_msgs.msg import TFMessage
 
 from . import filters
@@ -24,7 +24,7 @@ _ZERO3, _ZERO36 = (0.0,) * 3, (0.0,) * 36
 
 def _check_truth(truth: tuple) -> str:
     """Return why a decoded true state cannot be used, empty if it can."""
-    return intake.finite(*truth[1])
+    return input_guard.finite(*truth[1])
 
 
 def _transform(

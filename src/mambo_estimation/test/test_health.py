@@ -378,7 +378,7 @@ def test_the_covariance_grows_while_a_sensor_is_lost(kind):
             assert P[last, axis, axis] > 4.0 * Q[last, axis, axis]
 
 
-@pytest.mark.parametrize('h, new, lost, said', [
+@pytest.mark.parametrize('h, new, lost, expected_text', [
     (((0,) * 5, (0.0,) * 5, (0,) * 5), (0,) * 5, (0,) * 4, []),
     (((0, 0, 5, 1, 0), (0.0, 0.0, 2.04, 3.0, 0.0), (0,) * 5), (0,) * 5, (0,) * 4,
      ['sonar stuck for 2.0 s']),
@@ -387,8 +387,8 @@ def test_the_covariance_grows_while_a_sensor_is_lost(kind):
     (((3, 0, 0, 0, 4), (0.5, 0.0, 0.0, 0.0, 1.5), (0,) * 5), (12, 0, 0, 0, 0), (0, 7, 0, 0),
      ['gyro not finite for 0.5 s', 'barometer implausible for 1.5 s',
       'gyro: 12 samples not finite', 'sonar: 7 samples late, repeated or out of order'])])
-def test_complaints_name_the_sensor_and_its_trouble(h, new, lost, said):
-    assert health.complaints(health.Health(*h), new, lost) == said
+def test_complaints_name_the_sensor_and_its_trouble(h, new, lost, expected_text):
+    assert health.complaints(health.Health(*h), new, lost) == expected_text
 
 
 def test_without_a_gyro_the_body_rate_becomes_unknown():

@@ -103,7 +103,7 @@ def test_a_sweep_varies_a_component_and_its_parameters(plain, tmp_path):
 STEP = 'return Memory(memory.steps + 1), thrust'
 
 
-@pytest.mark.parametrize(('old', 'new', 'said'), [
+@pytest.mark.parametrize(('old', 'new', 'output'), [
     (STEP, f"if memory.steps > 1000:\n        raise RuntimeError('lost my way')\n    {STEP}",
      r'plain.py:\d+: RuntimeError: lost my way'),
     (STEP, f"if memory.steps > 1000:\n        thrust = float('nan')\n    {STEP}",
@@ -112,10 +112,10 @@ STEP = 'return Memory(memory.steps + 1), thrust'
      r'plain.py:\d+: takes too long'),
     (STEP, f'if memory.steps > 1000:\n        return None\n    {STEP}',
      r'plain.py:\d+: step must answer two things: .* it answers NoneType None')])
-def test_one_that_fails_in_flight_is_landed_and_its_line_told(plain, old, new, said):
+def test_one_that_fails_in_flight_is_landed_and_its_line_told(plain, old, new, output):
     out = flown(plain(old, new), duration=12.0)
     fault = slots.latest_fault()
-    assert re.search(said, fault), fault
+    assert re.search(output, fault), fault
     assert '\n' not in fault
     bad = int(np.flatnonzero(out.reason == REASON_CONTROLLER)[0])
     assert 5.9 < out.t[bad] * 1e-9 < 6.2  # s: in the air for 1000 steps of 5 ms, from 1 s on
@@ -134,7 +134,7 @@ def test_a_compiled_one_that_fails_is_landed_and_its_line_told(tmp_path):
     assert (out.reason == REASON_CONTROLLER).any() and abs(out.truth[-1, 2]) < 0.05
 
 
-@pytest.mark.parametrize(('old', 'new', 'said'), [
+@pytest.mark.parametrize(('old', 'new', 'output'), [
     ('return Memory(memory.steps + 1), thrust', 'return thrust',
      r'step must answer two things: .* it answers Command'),
     ('thrust_and_torque(thrust, torque, state, reference, vehicle)', '(thrust, torque)',
@@ -143,8 +143,8 @@ def test_a_compiled_one_that_fails_is_landed_and_its_line_told(tmp_path):
      r'controller_node.controller: .*plain.py:\d+: does not compile: tuple index out of range'),
     ('    v = rotate(state.q, state.nu)\n', '    v = rotate(state.q, state.velocity)\n',
      r'plain.py:\d+: AttributeError: .*velocity.*in a trial at hover')])
-def test_a_wrong_one_is_refused_before_anything_flies(plain, old, new, said):
-    with pytest.raises(schema.ParameterError, match=said) as error:
+def test_a_wrong_one_is_refused_before_anything_flies(plain, old, new, output):
+    with pytest.raises(schema.ParameterError, match=output) as error:
         flight(plain(old, new))
     assert '\n' not in str(error.value)
 
@@ -174,9 +174,9 @@ def test_the_command_closes_the_bag_and_tells_of_the_fault(plain, tmp_path, caps
     bag, file = tmp_path / 'bag', tmp_path / 'short.yaml'
     file.write_text('title: short\nestimator: ground_truth\nduration: 5\nlanding: false\n')
     assert fly.main([str(file), '--controller', mine, '-o', str(bag)]) == 1
-    said = capsys.readouterr()
-    assert 'plain is plain Python: it flies slower' in said.out
-    assert said.err.startswith('fly: short: ') and 'RuntimeError: lost' in said.err
+    output = capsys.readouterr()
+    assert 'plain is plain Python: it flies slower' in output.out
+    assert output.err.startswith('fly: short: ') and 'RuntimeError: lost' in output.err
     text = str(read_bag(bag, ()).attachments['scenario.yaml'])
     assert f'controller: {mine}' in text and 'plain 1.0, sha256' in text
     assert fly.main(['--controller', 'none.py', '-o', str(tmp_path / 'other')]) == 2

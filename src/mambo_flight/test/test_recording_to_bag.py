@@ -46,12 +46,12 @@ def test_its_sensors_through_the_estimator_give_its_estimate(bag):
         assert table.tobytes() == b''.join(found[topic.name].raw)
 
 
-@pytest.mark.parametrize('arguments, said', [
+@pytest.mark.parametrize('arguments, message', [
     (['fig_99'], 'fig_99'), (['fig_5_10', '--seed', '-1'], 'seed')])
-def test_careless_arguments_get_one_line(tmp_path, capsys, arguments, said):
+def test_careless_arguments_get_one_line(tmp_path, capsys, arguments, message):
     code = fly.main([*arguments, '--out', str(tmp_path / 'bag')])
     error = capsys.readouterr().err
-    assert code == 2 and error.count('\n') == 1 and said in error
+    assert code == 2 and error.count('\n') == 1 and message in error
     assert not (tmp_path / 'bag').exists()
 
 

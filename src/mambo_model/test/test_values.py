@@ -53,12 +53,12 @@ def test_numbers_have_the_type_of_their_default():
 
 
 def test_each_field_says_its_unit_and_source():
-    said = {name: getattr(KiteValues, name).__doc__ for name in KiteValues._fields}
-    assert said['pull'] == '[N] a spring balance'
-    assert said['form'] == 'Index in box, delta; the maker'
-    assert said['cosine'] == '[-] Cosine of the angle.'
-    assert said['lit'] == 'the maker'
-    assert 'WingParams' in said['wing'] and 'KiteParams' in KiteValues.__doc__
+    docs = {name: getattr(KiteValues, name).__doc__ for name in KiteValues._fields}
+    assert docs['pull'] == '[N] a spring balance'
+    assert docs['form'] == 'Index in box, delta; the maker'
+    assert docs['cosine'] == '[-] Cosine of the angle.'
+    assert docs['lit'] == 'the maker'
+    assert 'WingParams' in docs['wing'] and 'KiteParams' in KiteValues.__doc__
 
 
 def test_the_type_can_be_pickled_and_stays_the_same():

@@ -14,7 +14,7 @@ def laughs(levels):
         f'a{k + 1}: &a{k + 1} [{", ".join([f"*a{k}"] * 10)}]' for k in range(levels))])
 
 
-@pytest.mark.parametrize('text, said', [
+@pytest.mark.parametrize('text, message', [
     ('[' * 100_000, 'deeper than 64 levels; MAMBO_MAX_YAML_DEPTH (now 64) raises the limit'),
     ('a: ' + '{a: ' * 100_000, 'nested deeper than 64 levels'),
     ('- ' * 100_000, 'nested deeper than 64 levels'),
@@ -24,10 +24,10 @@ def laughs(levels):
     ('- 0\n' * 100_001, 'MAMBO_MAX_YAML_NODES (now 100000) raises the limit')],
     ids=['flow', 'mapping', 'block', 'aliases', 'itself', 'long', 'many'])
 @pytest.mark.parametrize('read', [yaml_nodes.load, yaml_nodes.compose])
-def test_a_text_is_measured_before_it_is_built(text, said, read):
+def test_a_text_is_measured_before_it_is_built(text, message, read):
     with pytest.raises(yaml.YAMLError) as refused:
         read(text)
-    assert said in yaml_nodes.reason(refused.value)
+    assert message in yaml_nodes.reason(refused.value)
     assert '\n' not in yaml_nodes.reason(refused.value)
 
 
@@ -63,19 +63,19 @@ def test_what_is_no_value_is_no_yaml(text):
         yaml_nodes.load(text)
 
 
-@pytest.mark.parametrize('text, said', [
+@pytest.mark.parametrize('text, message', [
     ('description: x\nmass: {value: 1e400, unit: kg, source: x}', 'vehicle.mass = inf'),
     (f'description: x\nmass: {{value: {"9" * 1000}, unit: kg, source: x}}', 'vehicle.mass = inf'),
     (f'description: x\nmass: {{value: {"x" * 5000}, unit: kg, source: x}}', '(5002 characters)'),
     (f'description: x\n{"x" * 900}: 1', 'unknown parameter'),
     (f'description: x\nmass: {{value: 1, unit: {"x" * 5000}, source: x}}', 'is in kg, not in xxx'),
     (laughs(9), 'MAMBO_MAX_YAML_NODES'), ('a: ' + '[' * 5000, 'nested deeper')])
-def test_a_vehicle_gets_a_short_line(tmp_path, text, said):
+def test_a_vehicle_gets_a_short_line(tmp_path, text, message):
     file = tmp_path / 'vehicle.yaml'
     file.write_text(text)
     with pytest.raises(schema.ParameterError) as refused:
         parameters.load(file)
-    assert said in str(refused.value) and str(file) in str(refused.value)
+    assert message in str(refused.value) and str(file) in str(refused.value)
     assert '\n' not in str(refused.value) and len(str(refused.value)) < 1500
 
 

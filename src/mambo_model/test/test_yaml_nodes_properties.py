@@ -32,8 +32,8 @@ def test_any_text_has_a_value_or_one_error_of_yaml(text):
         try:
             read(text)
         except yaml.YAMLError as error:
-            said = yaml_nodes.reason(error)
-            assert said and '\n' not in said and len(said) < 1000
+            message = yaml_nodes.reason(error)
+            assert message and '\n' not in message and len(message) < 1000
     assert time.monotonic() - began < SOON
 
 

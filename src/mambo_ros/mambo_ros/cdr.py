@@ -1,8 +1,8 @@
 """
-CDR bytes of any message, XCDR1 little endian: its stamp read and replaced, and a serialiser.
+CDR bytes of any message (XCDR1, little endian): read and replace its stamp, serialise it.
 
-The middleware's own serialiser leaves whatever was in memory in the alignment bytes, so that
-equal messages need not have equal bytes; a flight that is to be identical needs these.
+The middleware's own serialiser leaves the alignment bytes uninitialised, so equal messages may
+have different bytes. Byte-identical flights need this serialiser, which writes zeros there.
 """
 
 from __future__ import annotations
@@ -16,46 +16,47 @@ FORMATS = {
     'uint16': ('H', 2), 'int16': ('h', 2), 'uint32': ('I', 4), 'int32': ('i', 4),
     'uint64': ('Q', 8), 'int64': ('q', 8), 'float': ('f', 4), 'double': ('d', 8)}
 ENCAPSULATION = b'\x00\x01\x00\x00'  # XCDR1, little endian
-WORD = 4  # bytes; what is sent is a whole number of them
+WORD = 4  # bytes; a sent message is padded to a multiple of this
 SECOND = 1_000_000_000  # ns
-_STAMP = struct.Struct('>iI'), struct.Struct('<iI')  # by the last bit of the encapsulation
+# byte order, selected by the last bit of the encapsulation
+_STAMP = struct.Struct('>iI'), struct.Struct('<iI')
 
 
 def stamp_ns(data: bytes, offset: int = 0) -> int:
     """
     Return the stamp in nanoseconds of any serialised message that begins with one.
 
-    That is every message with a header, ``rosgraph_msgs/Clock`` and ``builtin_interfaces/Time``;
-    ``offset`` bytes further in where something stands before it (4 for the count of a sequence).
+    These are all messages with a header, ``rosgraph_msgs/Clock`` and ``builtin_interfaces/Time``.
+    ``offset`` is the number of bytes before the stamp (4 for the count of a sequence).
     """
     seconds, nanoseconds = _STAMP[data[1] & 1].unpack_from(data, 4 + offset)
     return seconds * SECOND + nanoseconds
 
 
 def restamped(data: bytes, stamp: int) -> bytes:
-    """Return a serialised message that begins with a stamp, with another one in ns."""
+    """Return a copy of a serialised message whose leading stamp is replaced by ``stamp`` in ns."""
     order = '<' if data[1] & 1 else '>'
     return data[:4] + struct.pack(f'{order}iI', *divmod(stamp, SECOND)) + data[12:]
 
 
 class _Writer:
-    """CDR bytes of any message, alignment bytes zero."""
+    """Serialiser of any message, with zeros as alignment bytes."""
 
     def __init__(self) -> None:
         self.data = bytearray(ENCAPSULATION)
 
     def align(self, width: int) -> None:
-        """Fill up with zeros to a multiple of so many bytes."""
+        """Pad with zeros to a multiple of ``width`` bytes."""
         self.data.extend(b'\0' * (-(len(self.data) - 4) % width))
 
     def primitive(self, kind: str, values: Any) -> None:
-        """Write numbers of a kind."""
+        """Write numbers of one primitive type."""
         code, width = FORMATS[kind]
         self.align(width)
         self.data += struct.pack(f'<{len(values)}{code}', *values)
 
     def one(self, kind: str, value: Any) -> None:
-        """Write a value of any kind."""
+        """Write a value of any type."""
         if kind in FORMATS:
             self.primitive(kind, (value,))
         elif kind == 'string':
@@ -81,7 +82,7 @@ class _Writer:
 
 def serialize(message: Any) -> bytes:
     """
-    Return the bytes of any message, slowly, with zeros between the fields.
+    Return the CDR bytes of any message, with zeros as alignment bytes. Slow.
 
     Frequent messages of fixed layout go through :class:`mambo_ros.layout.Layout`.
     """

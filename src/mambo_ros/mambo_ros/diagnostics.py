@@ -11,7 +11,7 @@ from .cdr import serialize
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 LEVELS = (OK, WARN, ERROR)
 REFUSED = 'refused messages:'
-"""Begin of the line that says how many."""
+"""Start of the log line that counts refused messages."""
 
 
 def report(t: int, name: str, level: bytes, message: str, values: Mapping[str, object]) -> bytes:
@@ -21,15 +21,15 @@ def report(t: int, name: str, level: bytes, message: str, values: Mapping[str, o
     Parameters
     ----------
     t : ns
-        Flight time.
+        Time of the flight.
     name : str
         Node name.
     level : bytes
         ``OK``, ``WARN`` or ``ERROR``.
     message : str
-        One line for a person.
+        One line for a human reader.
     values
-        Numbers behind it.
+        Values that belong to the message.
 
     """
     array = DiagnosticArray(status=[DiagnosticStatus(
@@ -40,25 +40,25 @@ def report(t: int, name: str, level: bytes, message: str, values: Mapping[str, o
 
 
 def refusals_line(counts: Mapping[str, int]) -> str:
-    """Return as one line how many messages were refused, by topic and reason."""
+    """Return one line with the number of refused messages by topic and reason."""
     return f'{REFUSED} ' + ', '.join(f'{count} {what}' for what, count in counts.items())
 
 
 class Faulty:
     """
-    A node that goes on with a fault, and ends with a code that tells of it.
+    A node that continues after a fault and then ends with exit code 1.
 
     Attributes
     ----------
     fault : str
-        The first one, one line; empty: none.
+        The first fault in one line; empty if there was none.
 
     """
 
     fault = ''
 
     def fail(self, what: str) -> None:
-        """Keep and log a fault; the first one counts, an empty text is none."""
+        """Log a fault and keep the first one; ignore an empty text."""
         if what and not self.fault:
             self.fault = what
             self.get_logger().error(what)  # type: ignore[attr-defined]  # of the node

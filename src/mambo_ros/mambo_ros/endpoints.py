@@ -1,4 +1,4 @@
-"""The ends of a topic at a node: raw publishers, inputs and their quality of service."""
+"""Endpoints of a node's topics: raw publishers, inputs and their quality of service."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from . import topics
-from .intake import Intake, LARGEST
-from .taking import Taker
+from .input_guard import InputGuard, LARGEST
+from .message_taker import MessageTaker
 
 AT_ONCE = 100
-"""Messages of one topic before timers and the other topics get their turn."""
-_BYTES_AT_ONCE = 1_000_000  # likewise
+"""Most messages taken from one topic before timers and other topics are served."""
+_BYTES_AT_ONCE = 1_000_000  # most bytes, likewise
 
 
 class LoopGroup(CallbackGroup):
-    """Entities that only ``loop.Loop`` serves: the ordinary executor passes them over."""
+    """Entities that only ``loop.Loop`` serves; the ordinary executor skips them."""
 
     def can_execute(self, entity: Any) -> bool:
         """Refuse."""
@@ -35,7 +35,7 @@ class LoopGroup(CallbackGroup):
 
 
 def qos(topic: topics.Topic, depth: int = topics.QUEUE, reliable: bool = True) -> QoSProfile:
-    """Return the quality of service of a topic: reliable, deep, volatile unless it says so."""
+    """Return the quality of service of a topic; volatile unless the topic is transient local."""
     durability = (DurabilityPolicy.TRANSIENT_LOCAL if topic.transient_local
                   else DurabilityPolicy.VOLATILE)
     reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
@@ -50,7 +50,7 @@ class RawPublisher:
     Attributes
     ----------
     publisher
-        Of the middleware; its subscriptions are in other loops.
+        Publisher of the middleware, for subscriptions outside this loop.
     local
         Callbacks of the subscriptions in the same loop.
     shared : bool
@@ -84,7 +84,7 @@ class Input(NamedTuple):
 
     topic: topics.Topic
     name: str  # resolved
-    take: Callable[[bytes], None] | Intake
+    take: Callable[[bytes], None] | InputGuard
     prompt: bool
     reliable: bool = True
 
@@ -98,7 +98,7 @@ class Entry:
     handle
         Of the subscription.
     source
-        The input that it serves; an :class:`Intake` also gets the publisher of each message.
+        The input that it serves; an :class:`InputGuard` also gets the publisher of each message.
 
     """
 
@@ -106,12 +106,12 @@ class Entry:
         self.handle, self._callback = handle, source.take
         self._msg_type = source.topic.msg_type
         self.take_all = self._take_unguarded
-        if isinstance(source.take, Intake):
-            self._taker = Taker(handle, LARGEST + 1)
+        if isinstance(source.take, InputGuard):
+            self._taker = MessageTaker(handle, LARGEST + 1)
             self.take_all = source.take.pull = self._take_guarded
 
     def _take_unguarded(self) -> bool:
-        """Handle what the middleware has of a topic; return whether there was anything."""
+        """Handle the messages that wait at the middleware; return whether there were any."""
         take, callback, msg_type, size = (
             self.handle.take_message, self._callback, self._msg_type, 0)
         for _ in range(AT_ONCE):

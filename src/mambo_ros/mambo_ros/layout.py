@@ -1,5 +1,5 @@
 """
-CDR codec for messages of fixed layout: the bytes of a message from numbers, without the message.
+Fast CDR codec for messages of fixed layout: from numbers to bytes without a message object.
 
 Building an ``Imu`` field by field and serialising it costs tens of microseconds in Python, five
 hundred times a simulated second. A message whose only variable part is its frame names has a
@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from .cdr import ENCAPSULATION, FORMATS, SECOND, WORD
 
-_MANY = 16  # sets of texts of one type that are remembered
-_LONGEST = 256  # characters of a text that is remembered
+_MANY = 16  # cached sets of texts of one type
+_LONGEST = 256  # longest text that is cached, characters
 
 
 class LayoutError(MamboError, ValueError):
@@ -64,9 +64,9 @@ class Layout:
     Attributes
     ----------
     slices : dict[str, slice]
-        Where each leaf (dotted name) stands in the flat tuple of numbers.
+        Position of each leaf (dotted name) in the flat tuple of numbers.
     size : int
-        Count of numbers, and of bytes without the filling in ``nbytes``.
+        Number of values in the flat tuple.
 
     Raises
     ------
@@ -80,7 +80,8 @@ class Layout:
         self.msg_type = msg_type
         self.slices: dict[str, slice] = {}
         self._texts: list[tuple[int, bytes]] = []
-        self._others: list[Layout] = []  # of the same type with other texts that came
+        # layouts of the same type with other texts, from received messages
+        self._others: list[Layout] = []
         self._places: list[tuple[int, str, int]] = []  # offset, type and count of each leaf
         form, offset, count = ['<4x'], 0, 0
         for name, kind, length in _leaves(msg_type):
@@ -151,8 +152,8 @@ class Layout:
         """
         Return the flat tuple of numbers of a serialised message.
 
-        Bytes with other texts (frame names) are read as well, the first of their kind and those
-        of another byte order through the message class.
+        Messages with other texts (frame names) are read too. The first with new texts, and all in
+        another byte order, go through the message class, which is slower.
 
         Raises
         ------
@@ -166,12 +167,12 @@ class Layout:
         return self._unpack_slowly(data)
 
     def _fits(self, data: bytes) -> bool:
-        """Return whether the numbers of a message stand where this layout has them."""
+        """Return whether the numbers of a message are at the offsets of this layout."""
         return 0 <= len(data) - self.nbytes < WORD and data[:2] == b'\x00\x01' and all(
             data[start:start + 4] == piece[:4] for start, piece in self._texts)
 
     def _unpack_slowly(self, data: bytes) -> tuple:
-        """Unpack bytes of another layout by the middleware; remember theirs for the next."""
+        """Unpack bytes of another layout through the message class; cache their layout."""
         from rclpy.serialization import deserialize_message
         try:
             message = deserialize_message(bytes(data), self.msg_type)

@@ -6,8 +6,8 @@ of a simulated step. Messages of the graph instead go through one wait set built
 (:class:`Loop`); timers, parameters and services keep their turn in an ordinary executor every
 few milliseconds.
 
-Nodes that share a loop hand each other their messages directly, and the middleware gets only
-what somebody outside reads.
+Nodes that share a loop pass each other their messages directly. The middleware gets a message
+only if a node outside the loop subscribes to it.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from .graph import peers
 from .node import MamboNode
 
 _HOUSEKEEPING = 0.02  # s, the longest wait at once
-_TURN = 0.05  # s between turns of the ordinary executor, each of which costs most of a step
-_LAZY = 0.005  # s between looks at topics that need not be prompt
-_SOON = 0.0003  # s, within which what belongs to a prompt message follows it
-_QUIET = 0.1  # s without a message after which a stopping node has taken everything
+_TURN = 0.05  # s between turns of the ordinary executor; one turn costs most of a step
+_LAZY = 0.005  # s between looks at topics that are not prompt
+_SOON = 0.0003  # s, within which the messages that belong to a prompt one arrive
+_QUIET = 0.1  # s without a message after which a stopping node has received everything
 
 
 class Loop:
     """
-    What runs some nodes of one process: their wait set, and the queue between them.
+    Runs nodes of one process: holds their wait set and the message queue between them.
 
-    Nodes of the loop get each other's messages from its queue, in the order of publication. They
+    Nodes of the loop get each other's messages from this queue, in the order of publication. They
     subscribe at the middleware only to topics that no node of the loop publishes, and to shared
-    ones, which nodes elsewhere publish too.
+    topics, which nodes outside the loop publish too.
 
     Attributes
     ----------
     stopping : bool
-        Set by :meth:`stop` or a signal; :meth:`run` then takes what has arrived and returns.
+        Set by :meth:`stop` or a signal; :meth:`run` then handles what has arrived and returns.
     urgent : bool
-        Set by a second signal: what has arrived is left.
+        Set by a second signal; messages that have arrived are then dropped.
 
     """
 
@@ -59,7 +59,8 @@ class Loop:
                 output.queue = self._queue
         far = [(node, source) for node in nodes for source in node.inputs
               if not self._join(source)]
-        far.sort(key=lambda pair: pair[1].prompt)  # when a prompt one wakes, the others are first
+        # after a prompt message wakes the loop, the other topics are handled first
+        far.sort(key=lambda pair: pair[1].prompt)
         self._entries = [
             Entry(node.open_input(source).handle, source) for node, source in far]
         self._prompt = [
@@ -75,7 +76,7 @@ class Loop:
         self._peers = [peers.Peers(node, node.ends()) for node in nodes]
 
     def _join(self, source: Input) -> bool:
-        """Join an input to the publishers of this loop; return whether there are any."""
+        """Connect an input to the publishers of this loop; return whether there are any."""
         local = [output for node in self._nodes for output in node.outputs
                   if output.publisher.topic_name == source.name and not output.shared]
         for output in local:
@@ -130,20 +131,20 @@ class Loop:
         wait_set.wait(int(timeout * 1e9))
 
     def _take(self) -> bool:
-        """Handle what the middleware has; return whether there was anything."""
+        """Handle the messages that wait at the middleware; return whether there were any."""
         handled = False
         for entry in self._entries:
             handled = entry.take_all() or handled
         return handled
 
     def run(self) -> None:
-        """Handle messages until :meth:`stop`, then what has arrived by then."""
+        """Handle messages until :meth:`stop`, then those that have arrived by then."""
         while not self.stopping and self._context.ok():
             self.once(_HOUSEKEEPING)
         self.drain()
 
     def drain(self) -> None:
-        """Handle messages until none has come for a moment, or a second signal has."""
+        """Handle messages until none has come for a moment or a second signal arrives."""
         limit = time.monotonic() + 5.0
         quiet_since = time.monotonic()
         while not self.urgent and (
@@ -152,7 +153,7 @@ class Loop:
                 quiet_since = time.monotonic()
 
     def turn(self) -> None:
-        """Announce links, report; give timers, parameters and services their turn."""
+        """Announce links, report refusals, and serve timers, parameters and services once."""
         now = time.monotonic()
         for node in self._nodes:
             node.announce()

@@ -1,9 +1,9 @@
 """
-Every message of the graph to and from the tuples that the mathematics uses.
+Convert every message of the graph to and from the tuples that the mathematics uses.
 
 Inside: NED world, FRD body, quaternion w x y z. On the wire: z up, body FLU, quaternion x y z w
-(REP-103). The signs are those of ``mambo_model.frames``; this module only knows which field is
-which. A stamp is an int in nanoseconds.
+(REP-103). The signs are those of ``mambo_model.frames``; this module only maps the fields. A stamp
+is an int in nanoseconds.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def sonar(t: int, distance: float, low: float, high: float, field_of_view: float
 
 
 def decode_sonar(data: bytes) -> tuple[int, float]:
-    """Return (stamp ns, slant range m); NaN where the sensor saw nothing within its limits."""
+    """Return (stamp ns, slant range m); NaN without an echo within the limits."""
     n = _RANGE.unpack(data)
     low, high, distance = n[4], n[5], n[6]
     return _stamp(n), distance if low <= distance <= high else float('nan')
@@ -166,7 +166,7 @@ def estimate(t: int, state: State, pose_covariance: tuple, twist_covariance: tup
 
 
 def decode_odometry(data: bytes) -> tuple[int, State]:
-    """Return (stamp ns, state) of ``nav_msgs/Odometry``, covariances left aside."""
+    """Return (stamp ns, state) of ``nav_msgs/Odometry``; ignore the covariances."""
     n = _ESTIMATE.unpack(data)
     x, y, z, w = n[5:9]
     return _stamp(n), State(
@@ -179,8 +179,8 @@ def decode_estimate(data: bytes) -> tuple[int, State, tuple[float, ...]]:
     Return (stamp ns, state, variances) of ``nav_msgs/Odometry``.
 
     Variances: of the horizontal position m^2, of the height m^2, of the velocity along body x
-    and y m^2/s^2, of the tilt rad^2, of the body rate rad^2/s^2; the largest of several. Axes
-    that only change their sign between wire and inside keep their variances.
+    and y m^2/s^2, of the tilt rad^2, of the body rate rad^2/s^2. Where a quantity has several
+    axes, the largest variance. A change of sign between the frames does not change a variance.
     """
     n = _ESTIMATE.unpack(data)
     x, y, z, w = n[5:9]

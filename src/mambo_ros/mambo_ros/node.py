@@ -1,5 +1,5 @@
 """
-The node that every node of the graph extends.
+Base class of every node of the graph.
 
 Messages are published and received as bytes (``mambo_ros.messages``) and served by
 ``mambo_ros.loop``, not by ``rclpy``'s executor.
@@ -21,13 +21,13 @@ from rclpy.subscription import Subscription
 from . import diagnostics, params, topics
 from .endpoints import Input, LoopGroup, qos, RawPublisher
 from .graph import peers
-from .intake import Intake
+from .input_guard import InputGuard
 
 P = TypeVar('P')
 
-FLUSH = 2.0  # s in which readers acknowledge what a leaving process has published
+FLUSH = 2.0  # s to wait for readers to acknowledge what an ending process has published
 _REPORT_EVERY = 1.0  # s between reports of refused messages
-_LOCAL = 2**32 - 1  # publishers found of a topic that the same process publishes
+_LOCAL = 2**32 - 1  # number of publishers of a topic that the same process publishes
 
 
 class MamboNode(diagnostics.Faulty, Node, Generic[P]):
@@ -50,7 +50,7 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
 
     """
 
-    # what ``--help`` says of a node, whatever its parameters are
+    # shown by ``--help`` of a node, whatever its parameters are
     publishes: tuple[topics.Topic, ...] = ()
     subscribes: tuple[topics.Topic, ...] = ()
     example = ''
@@ -70,7 +70,7 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
             topics.LINKS.msg_type, topics.LINKS.name, qos(topics.LINKS, 1))
 
     def advertise(self, topic: topics.Topic) -> RawPublisher:
-        """Advertise a topic; return what publishes serialised messages on it when called."""
+        """Advertise a topic; return a publisher, which is called with serialised messages."""
         name = self.resolve_topic_name(topic.name)
         for output in self.outputs:
             if output.publisher.topic_name == name:
@@ -100,7 +100,7 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
 
     def accept(self, topic: topics.Topic, decode: Callable[[bytes], tuple],
                callback: Callable[..., Any], prompt: bool = True, reliable: bool = True,
-               **bounds: Any) -> Intake:
+               **bounds: Any) -> InputGuard:
         """
         Call ``callback`` with the decoded values of each usable message; return the guard.
 
@@ -118,12 +118,12 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
             Whether to ask for reliable delivery; without it the node also
             receives from publishers that offer best effort only.
         bounds
-            What can be used, as of ``intake.Intake``. What cannot is refused, with a warning and
-            a count on ``/diagnostics``.
+            Limits of usable messages, as for ``input_guard.InputGuard``. Others are refused, with
+            a warning and a count on ``/diagnostics``.
 
         """
         name = self.resolve_topic_name(topic.name)
-        guard = Intake(name, decode, callback, **bounds)
+        guard = InputGuard(name, decode, callback, **bounds)
         guard.publishers = partial(peers.publishers, self, name)
         self.inputs.append(Input(topic, name, guard, prompt, reliable))
         self.advertise(topics.DIAGNOSTICS)
@@ -137,13 +137,13 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
         return self._sources[entry.name]
 
     @property
-    def intakes(self) -> list[Intake]:
+    def input_guards(self) -> list[InputGuard]:
         """Return the guards of all inputs."""
-        return [entry.take for entry in self.inputs if isinstance(entry.take, Intake)]
+        return [entry.take for entry in self.inputs if isinstance(entry.take, InputGuard)]
 
     def refused(self) -> dict[str, int]:
         """Return how many messages were refused, by topic and reason."""
-        return {f'{guard.topic} {reason}': count for guard in self.intakes
+        return {f'{guard.topic} {reason}': count for guard in self.input_guards
                 for reason, count in sorted(guard.refused.items())}
 
     def ends(self) -> list[peers.End]:
@@ -157,7 +157,7 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
 
     def report_refusals(self, now: float) -> None:
         """
-        Warn of messages that were refused since the last report, once a second.
+        Log, at most once a second, how many messages were refused since the last report.
 
         Parameters
         ----------
@@ -171,15 +171,15 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
         self._refusals, self._next_report = counts, now + _REPORT_EVERY
         line = diagnostics.refusals_line(counts)
         self.get_logger().warning(line)
-        stamp = max([0, *(guard.last for guard in self.intakes)])
+        stamp = max([0, *(guard.last for guard in self.input_guards)])
         self.advertise(topics.DIAGNOSTICS)(diagnostics.report(
             stamp, f'{self.get_name()}: inputs', diagnostics.WARN, line, counts))
 
     def finish(self) -> None:
-        """Do what is left after the last message; called once while the graph still works."""
+        """Finish the node's work; called once, after the last message, while the graph works."""
 
     def announce(self) -> None:
-        """Tell the graph which links of this node are matched, when that has changed."""
+        """Publish which links of this node are matched, when that has changed."""
         matched = [output.matched for output in self.outputs] + [
             self._sources[entry.name].get_publisher_count() if entry.name in self._sources
             else _LOCAL
@@ -192,7 +192,7 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
             published=[output.publisher.topic_name for output in self.outputs], matched=matched))
 
     def flush(self, seconds: float = FLUSH) -> None:
-        """Publish what is left; wait at most so long until every reader has acknowledged it."""
+        """Wait up to ``seconds`` until every reader has acknowledged all published messages."""
         self.report_refusals(math.inf)
         limit = time.monotonic() + seconds
         for output in self.outputs:

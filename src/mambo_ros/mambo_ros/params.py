@@ -48,14 +48,14 @@ def declare(node: Node, params_type: type[P]) -> P:
     """
     Declare every field of a parameter dataclass, nested ones with dotted names, and fill it.
 
-    A whole number given for a real one is taken as such. Parameters are read only: they are
+    An integer is accepted for a floating-point parameter. Parameters are read-only: they are
     fixed when the node starts.
 
     Raises
     ------
     mambo_model.schema.ParameterError
-        Naming the parameter, its value, unit and range, also for a parameter that was given
-        but does not exist.
+        If a given parameter is unknown or its value unusable; the message names the parameter,
+        its value, unit and range.
 
     """
     given = {name: parameter.value for name, parameter in node._parameter_overrides.items()}
@@ -79,21 +79,21 @@ def declare(node: Node, params_type: type[P]) -> P:
 
 def _guard_services(node: Node) -> None:
     """
-    Have no request to the parameter services of a node end it.
+    Keep requests to the parameter services from ending a node.
 
-    Anybody may call them with anything: ``rclpy`` raises at a type of parameter that does not
-    exist. Such a request gets an empty answer, and the log a warning.
+    Any client may call them with any content, and ``rclpy`` raises if a parameter type does not
+    exist. Such a request gets an empty response and is logged as a warning.
     """
     for service in node.services:
         service.callback = _guarded(node, service)
 
 
 def _guarded(node: Node, service: Service) -> Callable[[Any, Any], Any]:
-    """Return the callback of a service, without its errors."""
+    """Return the callback of a service, with its errors caught."""
     callback, name = service.callback, service.srv_name
 
     def answer(request: Any, response: Any) -> Any:
-        """Answer as before; warn of a request that cannot be answered."""
+        """Call the original callback; warn of a request that it cannot handle."""
         try:
             return callback(request, response)
         except Exception as error:

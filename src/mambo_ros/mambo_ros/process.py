@@ -1,4 +1,4 @@
-"""A process of the graph: its entry point, its signals and its end."""
+"""A process of the graph: entry point, signal handling and shutdown."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from . import leaving, usage
+from . import exit_timer, usage
 from .loop import Loop
 from .node import FLUSH, MamboNode
 
-_TEARDOWN = 1.0  # s that the middleware has to say goodbye; it has been seen to hang there
-_PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'  # of the user, or ours
+_TEARDOWN = 1.0  # s for the middleware to shut down, which has been seen to hang
+_PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'  # the user's own file, or ours
 _REFUSALS = (ParameterError, FileNotFoundError, FileExistsError, _rclpy.RCLError,
              _rclpy.UnknownROSArgsError)
 
 
 def _line(error: BaseException) -> str:
-    """Return what an error says as one line, without places in the sources of ROS."""
+    """Return the message of an error as one line, without locations in the sources of ROS."""
     text = ' '.join(str(error).split(', at /')[0].split())
-    if isinstance(error, _rclpy.UnknownROSArgsError):  # whose text is the list of them
+    if isinstance(error, _rclpy.UnknownROSArgsError):  # its text is the list of arguments
         return f'unknown arguments after --ros-args: {text}'
     return text
 
 
-def _say(text: str) -> None:
-    """Print a line, if anybody takes it: a closed or full output must not cost a bag its end."""
+def _print_line(text: str) -> None:
+    """Print a line; ignore a closed or full output, so that a bag is still finished."""
     with suppress(OSError):
         print(text, flush=True)
 
 
 def main(node_type: type[MamboNode], args: list[str] | None = None,
          run: Callable[[Any, Loop], int | None] | None = None) -> None:
-    """Run one node as a process, as :func:`compose`: entry point of every ``*_node``."""
+    """Run one node as a process, like :func:`compose`; the entry point of every ``*_node``."""
     compose((node_type,), args, run)
 
 
@@ -55,10 +55,10 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
     """
     Run nodes as one process.
 
-    ``--help`` prints what they are and returns. SIGINT, SIGTERM and SIGHUP let the nodes take
-    what has arrived, finish and leave; a second one lets them leave the rest. A wrong parameter
-    or parameter file ends them with one line and exit code 2. The process leaves as soon as it
-    has finished and flushed, even where the middleware hangs in its teardown.
+    ``--help`` prints their help and returns. After SIGINT, SIGTERM or SIGHUP the nodes handle the
+    messages that have arrived, finish and exit; after a second signal they skip those messages. A
+    wrong parameter or parameter file ends them with one line and exit code 2. The process exits as
+    soon as it has finished and flushed, even if the middleware hangs while it shuts down.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
 
     """
     if usage.asked(sys.argv[1:] if args is None else args):
-        _say(_help(node_types))
+        _print_line(_help(node_types))
         return
     loop: Loop | None = None
     stopped = ''
@@ -80,14 +80,15 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
     nodes: list[MamboNode] = []
 
     def stop(number: int, where: FrameType | None) -> None:
-        """Ask the loop to stop; at a second signal, or before there is a loop, at once."""
+        """Ask the loop to stop; stop at once after a second signal, or before there is a loop."""
         nonlocal stopped
         again, stopped = bool(stopped), stopped or signal.Signals(number).name
         if loop is not None:
             loop.urgent = again
             loop.stop()
         elif starting and not again and where is not None and where.f_code is not compose.__code__:
-            raise KeyboardInterrupt  # not between a node and its place in the list: it has a bag
+            # not before a new node is in the list: it may have an open bag
+            raise KeyboardInterrupt
 
     code = 0
     try:
@@ -101,34 +102,34 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
                 nodes.append(node_type())
         if not stopped:
             loop = Loop(*nodes)
-    except BaseException as error:  # stopped while numerics compile, the compiler raises anything
+    except BaseException as error:  # a signal during compilation can raise any error
         starting = False
         if not stopped:
-            code = _refuse(error, node_types[min(len(nodes), len(node_types) - 1)])
+            code = _start_failure(error, node_types[min(len(nodes), len(node_types) - 1)])
     starting = False
     try:
         if loop is None:
             _finish(nodes, stopped)
         else:
             code = _serve(nodes, loop, run, lambda: stopped) or 0
-    except SystemExit as end:  # a node has said why
+    except SystemExit as end:  # the node has logged the reason
         code = end.code
-    except BaseException:  # an error of a node, whose process leaves like any other
-        _complain()
+    except BaseException:  # an error in a node; its process still exits in order
+        _print_traceback()
         code = 1
-    _leave(nodes, code, loop)
+    _exit(nodes, code, loop)
 
 
-def _complain() -> None:
-    """Print the error at hand with its place, if anybody takes it."""
+def _print_traceback() -> None:
+    """Print the traceback of the current error; ignore a closed output."""
     with suppress(OSError):
         traceback.print_exc()
 
 
-def _refuse(error: BaseException, node_type: type[MamboNode]) -> int:
-    """Say why a node does not start; return the exit code."""
+def _start_failure(error: BaseException, node_type: type[MamboNode]) -> int:
+    """Print why a node does not start; return the exit code."""
     if not isinstance(error, _REFUSALS):
-        _complain()
+        _print_traceback()
         return 1
     with suppress(OSError):
         print(f'{node_type.__name__}: {_line(error)}', file=sys.stderr)
@@ -136,17 +137,17 @@ def _refuse(error: BaseException, node_type: type[MamboNode]) -> int:
 
 
 def _help(node_types: Sequence[type[MamboNode]]) -> str:
-    """Return the help of this process, by the path of its executable if it has several nodes."""
+    """Return the help of this process, named after its executable if it has several nodes."""
     package, *_, executable = node_types[0].__module__.split('.')
     if len(node_types) > 1:
         package, executable = Path(sys.argv[0]).parts[-2:]
     return usage.text(node_types, package, executable)
 
 
-def _leave(nodes: Sequence[MamboNode], code: int, loop: Loop | None = None) -> NoReturn:
-    """End the process; the middleware says goodbye to the graph if it does so in time."""
-    with suppress(OSError):  # a system without a timer to give
-        leaving.exit_after(_TEARDOWN, code)
+def _exit(nodes: Sequence[MamboNode], code: int, loop: Loop | None = None) -> NoReturn:
+    """Shut the middleware down, within a time limit, and end the process."""
+    with suppress(OSError):  # the system provides no timer
+        exit_timer.exit_after(_TEARDOWN, code)
     try:
         sys.stdout.flush()
         sys.stderr.flush()
@@ -155,15 +156,15 @@ def _leave(nodes: Sequence[MamboNode], code: int, loop: Loop | None = None) -> N
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
-    finally:  # nor through what the middleware does when an interpreter ends
+    finally:  # skip the exit handlers, in which the middleware may hang
         os._exit(code)
 
 
 def _finish(nodes: Sequence[MamboNode], stopped: str) -> None:
-    """Say what signal ended a process, if one did; let every node finish, whatever others do."""
+    """Print the signal that ended the process, if any; finish all nodes, even if one fails."""
     if stopped:
-        _say(f'ended by {stopped}')
-    with ExitStack() as stack:  # a bag is closed before anything that may hang
+        _print_line(f'ended by {stopped}')
+    with ExitStack() as stack:  # bags are closed before anything that may hang
         for node in reversed(nodes):
             stack.callback(node.finish)
 
@@ -171,10 +172,10 @@ def _finish(nodes: Sequence[MamboNode], stopped: str) -> None:
 def _serve(nodes: list[MamboNode], loop: Loop,
            run: Callable[[Any, Loop], int | None] | None,
            stopped: Callable[[], str]) -> int | None:
-    """Run nodes to their end in order, say what that took and by what; return the exit code."""
+    """Run nodes to their end, print the CPU time and memory used; return the exit code."""
     code: int | None = 0
-    before = time.process_time()  # with the threads of the middleware
-    gc.freeze()  # what is loaded stays: the collector need not look at it while time runs
+    before = time.process_time()  # includes the threads of the middleware
+    gc.freeze()  # loaded objects stay: the garbage collector can skip them
     if stopped():
         loop.stop()
     try:
@@ -192,5 +193,5 @@ def _serve(nodes: list[MamboNode], loop: Loop,
         for node in nodes:
             node.flush(limit - time.monotonic())
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
-        _say(f'used {time.process_time() - before:.2f} s of CPU and {memory} MB')
+        _print_line(f'used {time.process_time() - before:.2f} s of CPU and {memory} MB')
     return code

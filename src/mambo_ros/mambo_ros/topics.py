@@ -1,4 +1,4 @@
-"""Every topic of the graph in one table: relative name, message type, rate, quality of service."""
+"""Table of every topic of the graph: relative name, message type, rate, quality of service."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sensor_msgs.msg import FluidPressure, Imu, Range
 from tf2_msgs.msg import TFMessage
 
 QUEUE = 2000
-"""Depth of every queue, 10 s of a 200 Hz topic: a slow reader lags, it does not lose."""
+"""Depth of every queue, 10 s of a 200 Hz topic: a slow reader lags but loses nothing."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Topic:
     msg_type : type
         Message class.
     rate : float
-        Hz by design, 0 for event driven; where a parameter sets it, its default.
+        Nominal rate in Hz, 0 if event-driven; the default where a parameter sets it.
     transient_local : bool
         Whether late joiners get the last message.
     shared : bool
@@ -70,4 +70,4 @@ DIAGNOSTICS = Topic('/diagnostics', DiagnosticArray, 1.0, shared=True)
 RECORDED = (
     CLOCK, IMU, SONAR, OPTICAL_FLOW, BAROMETER, SENSOR_TICK, GROUND_TRUTH, OPTITRACK, ESTIMATE,
     ESTIMATOR_STATE, REFERENCE, CONTROLLER_STATE, MOTOR_PWM, TF, DIAGNOSTICS)
-"""What the recorder takes by default: every topic that is a function of the simulated flight."""
+"""Topics recorded by default: all that depend on the simulated flight alone."""

@@ -1,4 +1,4 @@
-"""What a node answers to ``--help``, from its class: no ROS is started for it."""
+"""The ``--help`` text of a node, made from its class without starting ROS."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .topics import Topic
 
 
 def asked(words: Sequence[str]) -> bool:
-    """Return whether a command line asks for help, ahead of what belongs to ROS."""
+    """Return whether a command line asks for help before ``--ros-args``."""
     own = words[:words.index('--ros-args')] if '--ros-args' in words else words
     return '-h' in own or '--help' in own
 
@@ -24,7 +24,7 @@ def _params_type(node_type: type) -> type:
 
 
 def _default(field: dataclasses.Field) -> str:
-    """Return a default as it is written on the command line."""
+    """Return a default value as written on the command line."""
     if isinstance(field.default, bool):
         return str(field.default).lower()
     if isinstance(field.default, tuple):

@@ -1,4 +1,4 @@
-"""What the tests of nodes share."""
+"""Fixtures shared by the tests of nodes."""
 
 import gc
 
@@ -10,7 +10,7 @@ from rclpy.signals import SignalHandlerOptions
 
 @pytest.fixture
 def ros():
-    """Have ROS in this process for one test, which may leave its nodes lying about."""
+    """Initialise ROS for one test and destroy the nodes that it leaves behind."""
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     yield
     for thing in gc.get_objects():

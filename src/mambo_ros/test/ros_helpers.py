@@ -1,4 +1,4 @@
-"""Nodes in this process: made, matched, served by a loop in a thread, and cleared away."""
+"""Helpers for nodes in this process: wait for links, serve nodes from a thread, clean up."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import time
 from mambo_ros.loop import Loop
 from mambo_ros.node import MamboNode
 
-PATIENCE = 20.0  # s; what is waited for takes milliseconds on an idle machine
+PATIENCE = 20.0  # s; the condition takes milliseconds on an idle machine
 
 
 def until(condition, what, step=None):
-    """Wait for a condition, doing ``step`` meanwhile."""
+    """Wait for a condition; call ``step`` meanwhile."""
     limit = time.monotonic() + PATIENCE
     while not condition():
         assert time.monotonic() < limit, f'waited {PATIENCE:g} s for {what}'
@@ -24,7 +24,7 @@ def until(condition, what, step=None):
 
 
 def readers(node: MamboNode, topic) -> int:
-    """Return how many readers what a node says on a topic reaches."""
+    """Return the number of readers that a node's messages on a topic reach."""
     name = node.resolve_topic_name(topic.name)
     return sum(output.matched for output in node.outputs if output.publisher.topic_name == name)
 

@@ -1,4 +1,4 @@
-"""Our bytes are the middleware's bytes, up to alignment bytes that it leaves undefined."""
+"""Our bytes equal the middleware's bytes except for its undefined alignment bytes."""
 
 from mambo_interfaces.msg import MotorPwm
 from mambo_ros import topics
@@ -58,7 +58,7 @@ def test_a_leaf_is_found_by_its_dotted_name():
     assert layout.unpack(serialize(message))[layout.slices['angular_velocity.y']] == (2.5,)
 
 
-def test_a_foreign_frame_name_is_read_all_the_same():
+def test_another_frame_name_is_read_too():
     layout = Layout(Imu, header__frame_id='base_link')
     message = Imu()
     message.header.frame_id = 'imu_link_of_another_driver'
@@ -67,7 +67,7 @@ def test_a_foreign_frame_name_is_read_all_the_same():
     assert values[layout.slices['linear_acceleration.z']] == (9.81,)
 
 
-def test_a_frame_name_of_equal_length_is_no_obstacle():
+def test_a_frame_name_of_equal_length_is_read_too():
     layout = Layout(Odometry, header__frame_id='odom', child_frame_id='base_link')
     message = Odometry()
     message.header.frame_id, message.child_frame_id = 'hall', 'body_link'
@@ -75,7 +75,7 @@ def test_a_frame_name_of_equal_length_is_no_obstacle():
     assert layout.unpack(serialize(message))[layout.slices['pose.pose.position.x']] == (-3.0,)
 
 
-def test_bytes_are_read_with_the_filling_of_the_wire_and_without():
+def test_bytes_are_read_with_and_without_padding():
     layout = Layout(MotorPwm)
     values = numbers(layout, np.random.default_rng(2))
     data = layout.pack(*values)

@@ -1,4 +1,4 @@
-"""Any contents of any message: our bytes, the middleware's bytes and the numbers are one thing."""
+"""For random contents of any message our bytes and the middleware's decode to equal numbers."""
 
 import re
 import struct
@@ -84,7 +84,7 @@ def test_a_layout_reads_every_message_of_the_middleware(message):
 
 
 @given(ANY_FIXED)
-def test_a_layout_writes_what_the_general_serialiser_writes(message):
+def test_a_layout_and_the_general_serialiser_write_the_same_bytes(message):
     texts = {}
     for name in ('header__frame_id', 'child_frame_id'):
         value = message
@@ -100,10 +100,10 @@ def test_a_layout_writes_what_the_general_serialiser_writes(message):
 
 @given(ANY_FIXED, st.data())
 def test_a_message_cut_short_is_refused_by_name(message, data):
-    """Whatever is lost at the end, no number of another message is made up for it."""
+    """A message cut short at any length never yields numbers."""
     whole = serialize_message(message)
     layout = Layout(type(message))
-    layout.unpack(whole)  # from now on its texts are known
+    layout.unpack(whole)  # its texts are cached from here on
     left = data.draw(st.integers(0, len(whole) - 1))
     with pytest.raises(LayoutError, match=type(message).__name__) as refused:
         layout.unpack(whole[:left])
@@ -117,7 +117,7 @@ def test_any_bytes_are_numbers_or_one_error(message, noise):
         assert len(layout.unpack(noise)) == layout.size
     except LayoutError as error:
         assert type(message).__name__ in str(error)
-    try:  # and so is a message with a stretch of something else in it
+    try:  # the same for a message with some of its bytes replaced
         whole = bytearray(serialize_message(message))
         whole[4:4 + len(noise)] = noise[:len(whole) - 4]
         assert len(layout.unpack(bytes(whole))) == layout.size
@@ -148,8 +148,8 @@ def test_a_stamp_is_read_in_either_byte_order(stamp):
 
 
 @given(STAMPS)
-def test_a_message_of_another_byte_order_is_read_all_the_same(stamp):
-    layout = Layout(topics.CLOCK.msg_type)  # without a text whose length would tell
+def test_a_message_of_another_byte_order_is_read_too(stamp):
+    layout = Layout(topics.CLOCK.msg_type)  # it has no text whose length reveals the byte order
     data = b'\x00\x00\x00\x00' + struct.pack('>iI', *divmod(stamp, 10**9))
     assert layout.unpack(data) == divmod(stamp, 10**9)
     assert layout.unpack(layout.stamped(stamp)) == divmod(stamp, 10**9)

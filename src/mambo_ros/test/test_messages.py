@@ -1,4 +1,6 @@
-"""Every message as the middleware reads it: z up, body FLU, quaternion x y z w, by hand cases."""
+"""
+Every message as the middleware reads it: z up, body FLU, quaternion x y z w; hand-made cases.
+"""
 
 import math
 import struct
@@ -29,7 +31,7 @@ HALF_TURN = np.diag([1.0, -1.0, -1.0])  # about x: NED to z up, FRD to FLU
 
 
 def awkward(count, start=0):
-    """Return numbers that any arithmetic but a sign would change."""
+    """Return numbers that any arithmetic other than a change of sign would alter."""
     return tuple(AWKWARD[(start + i) % len(AWKWARD)] for i in range(count))
 
 
@@ -102,7 +104,7 @@ def test_moving_right_and_down_is_moving_negative_left_and_negative_up():
     ((0.3, 0.0, 0.0), (0, 1, 0), (0.0, math.cos(0.3), math.sin(0.3))),  # right side down
     ((0.0, 0.0, 0.3), (1, 0, 0), (math.cos(0.3), -math.sin(0.3), 0.0)),  # nose to the right
 ])
-def test_an_attitude_turns_the_body_where_a_viewer_shall_see_it(euler, axis, points):
+def test_an_attitude_is_turned_into_the_frame_of_a_viewer(euler, axis, points):
     message = odometry(state(q=from_euler(*euler)))
     turned = Rotation.from_quat(xyzw(message.pose.pose.orientation)).apply(axis)
     np.testing.assert_allclose(turned, points, atol=1e-15)  # rounding of a few products
@@ -132,7 +134,7 @@ def test_covariances_turn_with_their_axes():
 def test_the_variances_of_an_estimate_come_back():
     rng = np.random.default_rng(2)
     pose, twist = np.diag(rng.random(6)), np.diag(rng.random(6))
-    for _ in range(2):  # the larger one counts, whichever it is
+    for _ in range(2):  # the larger one counts
         data = messages.estimate(
             T, state(), tuple(pose.reshape(-1)), tuple(twist.reshape(-1)))
         p, w = np.diag(pose), np.diag(twist)
@@ -153,7 +155,7 @@ def test_an_imu_at_rest_reads_gravity_upward_and_no_orientation():
     assert list(message.linear_acceleration_covariance) == [0.01, 0, 0, 0, 0.02, 0, 0, 0, 0.03]
 
 
-def test_a_sonar_says_what_it_is_and_what_it_can_see():
+def test_a_sonar_message_has_its_kind_and_limits():
     message = read(messages.sonar(T, 1.5, 0.25, 5.25, 1.4), Range)
     assert message.header.frame_id == 'base_link'
     assert message.radiation_type == Range.ULTRASOUND

@@ -28,7 +28,7 @@ class NoParams:
 
 
 def listener(*heard, name='listener'):
-    """Return a node and the list that gets (topic name, stamp) of what it hears."""
+    """Return a node and the list of (topic name, stamp) of the messages it receives."""
     node, got = MamboNode(name, NoParams), []
     for topic in heard:
         node.subscribe(
@@ -56,7 +56,7 @@ def test_messages_arrive_all_in_order_and_undecoded(ros, together):
     loop.close()
 
 
-def test_nodes_of_one_loop_hear_everything_in_the_order_in_which_it_was_said(ros):
+def test_nodes_of_one_loop_receive_everything_in_order_of_publication(ros):
     sender, clock = talker(topics.CLOCK)
     pwm = sender.advertise(topics.MOTOR_PWM)
     first, got = listener(topics.MOTOR_PWM, topics.CLOCK, name='first')
@@ -66,7 +66,7 @@ def test_nodes_of_one_loop_hear_everything_in_the_order_in_which_it_was_said(ros
     for t in (1, 2):
         clock(messages.clock(t))
         pwm(messages.motor_pwm(t, (0.0,) * 4, False, 0))
-    assert got == []  # nobody is called while somebody speaks
+    assert got == []  # no callback runs while another one publishes
     assert loop.once(0.0) is True
     assert got == [('second', 1), ('/clock', 1), ('motor_pwm', 1),
                    ('second', 2), ('/clock', 2), ('motor_pwm', 2)]
@@ -74,7 +74,7 @@ def test_nodes_of_one_loop_hear_everything_in_the_order_in_which_it_was_said(ros
     loop.close()
 
 
-def test_the_middleware_gets_what_nodes_of_one_loop_say_as_soon_as_somebody_else_reads(ros):
+def test_messages_inside_a_loop_reach_the_middleware_once_there_is_an_outside_reader(ros):
     sender, publish = talker(topics.CLOCK)
     near, heard_near = listener(topics.CLOCK, name='near')
     loop = Loop(near, sender)
@@ -93,7 +93,7 @@ def test_the_middleware_gets_what_nodes_of_one_loop_say_as_soon_as_somebody_else
     loop.close()
 
 
-def test_a_topic_that_many_say_is_heard_once_from_inside_and_from_outside(ros):
+def test_a_shared_topic_arrives_once_from_inside_and_once_from_outside(ros):
     sender, publish = talker(topics.TF, 'inside')
     node, got = MamboNode('listener', NoParams), []
     node.subscribe(topics.TF, lambda data: got.append(bytes(data)))
@@ -125,7 +125,7 @@ def test_one_loop_serves_several_nodes(ros):
     assert last == list(range(10))
 
 
-def test_what_has_arrived_is_taken_before_the_loop_stops(ros):
+def test_messages_that_have_arrived_are_handled_before_the_loop_stops(ros):
     sender, publish = talker(topics.CLOCK)
     node, got = listener(topics.CLOCK)
     loop = Loop(node)
@@ -138,7 +138,7 @@ def test_what_has_arrived_is_taken_before_the_loop_stops(ros):
     loop.close()
 
 
-def test_a_flood_keeps_neither_timers_nor_other_topics_nor_the_end_from_their_turn(ros):
+def test_a_flood_starves_neither_timers_nor_other_topics_nor_the_stop(ros):
     flood, others, turns = [], [], []
     node = MamboNode('node', NoParams)
     echo, publish = node.advertise(topics.CLOCK), node.advertise(topics.MOTOR_PWM)
@@ -160,7 +160,7 @@ def test_a_flood_keeps_neither_timers_nor_other_topics_nor_the_end_from_their_tu
     assert turns == sorted(turns) and turns[-1] > turns[0]
 
 
-def test_what_a_prompt_message_overtook_is_looked_for_soon(ros, monkeypatch):
+def test_messages_overtaken_by_a_prompt_one_are_handled_soon(ros, monkeypatch):
     sender, publish = talker(topics.MOTOR_PWM)
     node, got = listener(topics.MOTOR_PWM)
     node.subscribe(topics.CLOCK, got.append, prompt=False)
@@ -176,7 +176,7 @@ def test_what_a_prompt_message_overtook_is_looked_for_soon(ros, monkeypatch):
     loop.close()
 
 
-def test_without_messages_a_loop_waits_and_says_so(ros):
+def test_without_messages_a_loop_waits_and_returns_false(ros):
     for node in (listener(topics.CLOCK)[0], MamboNode('deaf', NoParams)):
         loop = Loop(node)
         began = time.monotonic()
@@ -304,15 +304,15 @@ def test_a_signal_ends_a_node_in_order(ros, tmp_path, number):
     until(lambda: readers(sender, topics.CLOCK) == 1, 'the link')
     for t in range(300):
         publish(messages.clock(t))
-    sender.flush()  # all of them are in the other process, taken or not
+    sender.flush()  # all of them have reached the other process
     process.send_signal(number)
     out, err = process.communicate(timeout=PATIENCE)
     assert (process.returncode, err) == (0, '')
     assert out.splitlines()[-3:-1] == [f'ended by {number.name}', 'finished with 300']
 
 
-def test_a_node_that_leaves_soon_knows_that_all_it_said_has_arrived(ros, tmp_path):
-    """A quarter of the 3 s after which Fast DDS by itself asks what has arrived."""
+def test_an_ending_node_waits_until_its_messages_are_acknowledged(ros, tmp_path):
+    """Fast DDS alone would ask for acknowledgement after 3 s; a node needs a quarter of that."""
     file = tmp_path / 'talker.py'
     file.write_text(TALKER)
     node, got = listener(topics.CLOCK)
@@ -328,7 +328,7 @@ def test_a_node_that_leaves_soon_knows_that_all_it_said_has_arrived(ros, tmp_pat
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_while_a_node_loads_is_no_error_either(tmp_path, number):
+def test_a_signal_while_a_node_loads_is_no_error(tmp_path, number):
     process = start(tmp_path, '-p', 'loading:=60.0')
     wait_for(process, 'loading')
     process.send_signal(number)
@@ -359,7 +359,7 @@ def test_a_signal_between_the_constructor_of_a_node_and_its_start_lets_it_finish
 
 
 @pytest.mark.parametrize('broken', ['closed', 'full'])
-def test_an_output_that_nobody_takes_does_not_keep_a_node_from_finishing(tmp_path, broken):
+def test_a_closed_output_does_not_keep_a_node_from_finishing(tmp_path, broken):
     file, trace = tmp_path / 'probe.py', tmp_path / 'finished'
     file.write_text(PROGRAM.replace(
         "print('finished with', self.count, flush=True)", f'open({str(trace)!r}, "x").close()'
@@ -377,7 +377,7 @@ def test_an_output_that_nobody_takes_does_not_keep_a_node_from_finishing(tmp_pat
     assert (process.returncode, err) == (0, b'') and trace.exists()
 
 
-def test_every_node_finishes_whatever_another_one_does(tmp_path):
+def test_every_node_finishes_even_if_another_fails(tmp_path):
     file = tmp_path / 'probe.py'
     file.write_text(PROGRAM.replace('process.main(Probe, sys.argv)', """
 class Worse(node.MamboNode[Params]):
@@ -395,7 +395,7 @@ process.compose([Worse, Probe], [], lambda *_: 0)
     assert 'finished with 0' in done.stdout
 
 
-def test_a_loop_that_the_system_refuses_is_one_line(tmp_path):
+def test_a_loop_that_cannot_be_created_is_one_line(tmp_path):
     file = tmp_path / 'probe.py'
     file.write_text(PROGRAM.replace('process.main(Probe, sys.argv)', """
 def refuse(*_):
@@ -410,7 +410,7 @@ process.main(Probe, [])
     assert 'finished with 0' in done.stdout
 
 
-def test_a_system_without_timers_does_not_keep_a_node_from_leaving(tmp_path):
+def test_a_node_exits_on_a_system_without_timers(tmp_path):
     file = tmp_path / 'probe.py'
     file.write_text(PROGRAM.replace('process.main(Probe, sys.argv)', """
 import resource
@@ -423,7 +423,7 @@ process.main(Probe, [], lambda *_: 0)
 
 
 @pytest.mark.parametrize('code', [0, 3])
-def test_a_middleware_that_hangs_in_its_teardown_does_not_keep_the_process(tmp_path, code):
+def test_a_process_exits_although_the_middleware_hangs(tmp_path, code):
     file = tmp_path / 'talker.py'  # as Fast DDS does, with the lock of Python
     file.write_text(TALKER.replace('    def __init__', """    def destroy_node(self):
         import ctypes
@@ -453,7 +453,7 @@ def test_a_wrong_parameter_ends_a_node_with_one_line(tmp_path, arguments, compla
     assert out == ''
 
 
-def test_an_error_in_a_node_is_not_taken_for_a_wrong_parameter(tmp_path):
+def test_an_error_in_a_node_is_not_reported_as_a_wrong_parameter(tmp_path):
     process = start(tmp_path)
     process.kill()
     process.communicate(timeout=PATIENCE)

@@ -114,7 +114,7 @@ def test_a_parameter_file_is_read_as_ros_reads_it(tmp_path):
     assert node().params == Params(gain=0.1, count=7, label='hall', rates=Rates(bias=(0.5, 1.0)))
 
 
-def test_a_description_tells_unit_range_and_source():
+def test_a_description_has_unit_range_and_source():
     probe = node()
     gain, count = probe.describe_parameter('gain'), probe.describe_parameter('count')
     assert gain.description == '[1/s] source: equation (1)'

@@ -1,4 +1,4 @@
-"""Every node answers ``--help`` without ROS, and what it says is so."""
+"""Every node answers ``--help`` without ROS, and the text is correct."""
 
 import importlib
 from pathlib import Path
@@ -67,7 +67,7 @@ def test_help_of_the_composed_nodes_has_a_section_for_each():
         assert f'--- {name}_node ---' in done.stdout
 
 
-def test_help_behind_the_words_of_ros_is_not_asked_for():
+def test_help_after_ros_args_is_not_handled_here():
     assert not usage.asked(['--ros-args', '-p', '--help'])
 
 

@@ -109,9 +109,9 @@ def test_an_estimate_may_jump(tmp_path):
 @pytest.mark.parametrize(('count', 'words'), [(1, '1 pose left out that jumps'),
                                               (2, '2 poses left out that jump ')])
 def test_what_was_left_out_is_said_in_one_line(count, words):
-    said = outliers.describe('optitrack/pose', count)
-    assert said.startswith(f'optitrack/pose: {words}') and '\n' not in said
-    assert '2005 deg/s or 30 m/s' in said
+    message = outliers.describe('optitrack/pose', count)
+    assert message.startswith(f'optitrack/pose: {words}') and '\n' not in message
+    assert '2005 deg/s or 30 m/s' in message
 
 
 def test_poses_that_all_jump_are_sorted_in_bounded_time():

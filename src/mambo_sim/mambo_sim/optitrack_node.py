@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mambo_model.compiled import Held, hold, jit, memory_of
 from mambo_model.motion.rigid_body import State
-from mambo_ros import diagnostics, intake, messages, node, process, topics
+from mambo_ros import diagnostics, input_guard, messages, node, process, topics
 
 from . import simulator
 from .parameters import OptitrackNodeParams
@@ -25,7 +25,7 @@ def _step(held, t, state):
 
 def _check(truth: tuple) -> str:
     """Return why a decoded true state cannot be used, empty if it can."""
-    return intake.finite(*truth[1])
+    return input_guard.finite(*truth[1])
 
 
 class OptitrackNode(node.MamboNode[OptitrackNodeParams]):

@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 
 from mambo_model.compiled import Held, hold
-from mambo_ros import diagnostics, intake, messages, node, process, topics
+from mambo_ros import diagnostics, input_guard, messages, node, process, topics
 from mambo_ros.graph import links
 from mambo_ros.loop import Loop
 
@@ -61,7 +61,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._diagnostics = self.advertise(topics.DIAGNOSTICS)
         self.commands = self.accept(
             topics.MOTOR_PWM, messages.decode_motor_pwm, self._on_pwm, now=self._time,
-            check=intake.check_pwm)
+            check=input_guard.check_pwm)
         self.links = links.Links(
             self, self.params.wait_for, self.params.wait_for_publishers)
         self._held = self._begin()

@@ -108,8 +108,8 @@ def test_waiting_in_lockstep_is_said_every_five_seconds(clock, caplog):
     sim = Sim(mode='lockstep', duration=0.005, patience=60.0)
     with caplog.at_level(logging.WARNING):
         assert pace.run(sim, Loop(sim, clock, lambda t: 12.0)) == 0
-    said = [record.message for record in caplog.records]
-    assert said.count('waiting for motor_pwm of t = 0.000 s') == 2 and len(said) == 4
+    logged = [record.message for record in caplog.records]
+    assert logged.count('waiting for motor_pwm of t = 0.000 s') == 2 and len(logged) == 4
 
 
 def test_somebody_who_stops_the_flight_ends_it_without_a_failure(clock):

@@ -37,8 +37,9 @@ def flown(**choices):
 def test_it_tells_errors_and_writes_the_estimates(tmp_path, capsys):
     source, out = rest(tmp_path / 'source'), tmp_path / 'out'
     assert estimate.main([str(source), '--out', str(out)]) == 0
-    said = capsys.readouterr().out
-    assert 'times real time' in said and 'replayed estimate/odom minus ground_truth/odom' in said
+    output = capsys.readouterr().out
+    assert 'times real time' in output
+    assert 'replayed estimate/odom minus ground_truth/odom' in output
     bag, (_, found, _) = read_bag(out), estimate.again(source)
     for topic, table in estimate.messages(found).items():
         assert b''.join(bag[topic.name].raw) == table.tobytes() and len(table) == 100
@@ -49,9 +50,9 @@ def test_it_tells_errors_and_writes_the_estimates(tmp_path, capsys):
 def test_a_simulated_flight_is_judged_by_its_optitrack(capsys):
     bag = Path(__file__).parents[4] / 'bags/circle_short'
     assert estimate.main([str(bag)]) == 0
-    said = capsys.readouterr().out
-    assert 'estimation error: replayed estimate/odom minus optitrack/pose' in said
-    assert 'note: ' not in said  # both frames begin where the vehicle stood
+    output = capsys.readouterr().out
+    assert 'estimation error: replayed estimate/odom minus optitrack/pose' in output
+    assert 'note: ' not in output  # both frames begin where the vehicle stood
 
 
 def test_what_was_estimated_again_is_compared_with_what_the_bag_holds(tmp_path, capsys):
@@ -76,19 +77,19 @@ def test_the_estimator_is_that_of_the_bag_or_of_a_file(tmp_path):
         assert estimate.parameters(bag) == scenario().estimator_node
 
 
-@pytest.mark.parametrize('options, text, said', [
+@pytest.mark.parametrize('options, text, output', [
     (['--out', 'SOURCE'], '', 'exists: give another --out'),
     (['--parameters', 'nowhere.yaml'], '', 'nowhere.yaml: No such file'),
     (['--parameters', 'FILE'], to_yaml(scenario(estimator='ground_truth')), 'ground_truth'),
     (['--parameters', 'FILE'], '][', 'FILE:1: no YAML'),
     (['--namespace', 'other'], '', 'nothing in the namespace /other')])
-def test_careless_arguments_get_one_line(tmp_path, monkeypatch, capsys, options, text, said):
+def test_careless_arguments_get_one_line(tmp_path, monkeypatch, capsys, options, text, output):
     monkeypatch.chdir(tmp_path)
     rest(tmp_path / 'SOURCE')
     (tmp_path / 'FILE').write_text(text)
     assert estimate.main(['SOURCE', *options]) == 2
     complaint = capsys.readouterr().err
-    assert complaint.startswith('estimate: ') and said in complaint
+    assert complaint.startswith('estimate: ') and output in complaint
     assert complaint.count('\n') == 1
 
 
@@ -111,10 +112,10 @@ def test_a_bag_without_sensors_gets_one_line(tmp_path, capsys):
 
 def test_the_verdict_names_what_was_absent_and_whether_it_diverged(tmp_path, capsys):
     assert estimate.main([str(rest(tmp_path / 'source'))]) == 0
-    said = capsys.readouterr().out
-    assert 'verdict: the estimate did not diverge' in said
+    output = capsys.readouterr().out
+    assert 'verdict: the estimate did not diverge' in output
     for sensor in ('sonar', 'optical flow', 'barometer'):
-        assert f'  {sensor}: absent' in said
+        assert f'  {sensor}: absent' in output
 
 
 def test_the_verdict_says_when_the_height_diverged_and_what_was_refused(tmp_path):

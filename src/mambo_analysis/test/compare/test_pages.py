@@ -152,14 +152,14 @@ def ended(tmp_path_factory):
 def test_every_page_says_what_ended_a_flight_early_and_what_was_refused(flights, ended):
     result = compare(ended)
     against, comparison, alignment = compare_bags(flights[0], ended)
-    for shown, told, name in (
+    for shown, entries, name in (
             (page.html(ended, result), result, ''),
             (report.html(report.of_one(ended, result)), result, ''),
             (report.html(report.of_two(flights[0], ended, against, comparison, alignment)),
              against, 'B: ')):
         for line in (f'{name}sim_node at 9.000 s: failsafe: motors stopped',
                      f'{name}sim_node refused messages: 7 motor_pwm too far in the future'):
-            assert line in shown and line in tables.table(told)
+            assert line in shown and line in tables.table(entries)
         assert '>A: sim_node' not in shown and 'refused messages: 1 ' not in shown
 
 

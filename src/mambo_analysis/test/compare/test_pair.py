@@ -249,15 +249,15 @@ def test_an_estimate_that_begins_in_the_air_has_no_error_of_its_altitude(tmp_pat
 def test_a_part_of_too_few_samples_has_no_statistics(flights):
     _, comparison, _ = compare_bags(*flights)
     quantity = comparison['position']
-    for few, told in ((1, '1 sample: too few'), (9, '9 samples: too few'), (10, None)):
+    for few, expected_text in ((1, '1 sample: too few'), (9, '9 samples: too few'), (10, None)):
         stamp = quantity.stamps[np.flatnonzero(np.isfinite(quantity.error[:, 0]))[-few]]
         entry = pair.section(quantity, 'x', Phases(int(stamp), None, ''))
         parts = {row['part'] for row in entry['rows']}
-        assert ('after take-off' in parts) == (told is None)
+        assert ('after take-off' in parts) == (expected_text is None)
         assert tables.main_row(entry)['part'] == (
-            'after take-off' if told is None else 'whole flight')
-        if told:
-            assert f'after take-off    {told}' in '\n'.join(tables.section(entry))
+            'after take-off' if expected_text is None else 'whole flight')
+        if expected_text:
+            assert f'after take-off    {expected_text}' in '\n'.join(tables.section(entry))
 
 
 def resting(path, seed):

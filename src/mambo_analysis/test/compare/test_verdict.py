@@ -53,13 +53,14 @@ def test_a_flight_without_a_fault_did_not_diverge(flight):
     assert first_line(flight) == 'verdict: the estimate did not diverge'
 
 
-@pytest.mark.parametrize(('seconds', 'told'), [(FAR_TIME - 0.1, False), (FAR_TIME + 0.1, True)])
+@pytest.mark.parametrize(('seconds', 'reported'), [
+    (FAR_TIME - 0.1, False), (FAR_TIME + 0.1, True)])
 @pytest.mark.parametrize('sign', [1.0, -1.0])
-def test_a_height_that_is_far_for_long_diverged_and_when_is_told(flight, seconds, told, sign):
+def test_a_height_that_is_far_for_long_diverged_at_a_named_time(flight, seconds, reported, sign):
     innovation = flight['estimator/state']['sonar_innovation']
     begin = 200
     innovation[begin:begin + round(seconds / PERIOD) + 1:5] = sign * (FAR + 0.01)
-    assert ('height diverged at 2.00 s: more than 0.5 m' in first_line(flight)) == told
+    assert ('height diverged at 2.00 s: more than 0.5 m' in first_line(flight)) == reported
 
 
 def test_a_height_at_the_limit_is_not_far(flight):
@@ -76,20 +77,20 @@ def test_a_range_between_that_fits_ends_the_run(flight):
     assert 'did not diverge' in first_line(flight)
 
 
-@pytest.mark.parametrize(('velocity', 'told'), [
+@pytest.mark.parametrize(('velocity', 'reported'), [
     ((0.99 * FASTEST, 0.0, 0.0), False), ((0.8 * FASTEST, 0.0, 0.8 * FASTEST), True),
     ((0.0, -1.01 * FASTEST, 0.0), True), ((np.nan, 0.0, 0.0), True)])
-def test_a_speed_that_no_vehicle_has_is_a_divergence(flight, velocity, told):
+def test_a_speed_that_no_vehicle_has_is_a_divergence(flight, velocity, reported):
     flight['estimate/odom']['twist.twist.linear'][150:152] = velocity
     line = first_line(flight)
-    assert ('velocity diverged at 1.50 s: faster than 10 m/s' in line) == told
-    assert ('did not' in line) == (not told)
+    assert ('velocity diverged at 1.50 s: faster than 10 m/s' in line) == reported
+    assert ('did not' in line) == (not reported)
 
 
-@pytest.mark.parametrize(('aligning', 'told'), [(COUNT, True), (COUNT - 1, False), (0, False)])
-def test_an_estimator_that_never_aligned_is_told(flight, aligning, told):
+@pytest.mark.parametrize(('aligning', 'reported'), [(COUNT, True), (COUNT - 1, False), (0, False)])
+def test_an_estimator_that_never_aligned_is_reported(flight, aligning, reported):
     flight['estimator/state']['status'][:aligning] = judge.ALIGNING
-    assert ('never aligned: the vehicle did not rest' in first_line(flight)) == told
+    assert ('never aligned: the vehicle did not rest' in first_line(flight)) == reported
 
 
 def test_everything_that_is_wrong_is_in_the_first_line(flight):

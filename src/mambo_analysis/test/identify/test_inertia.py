@@ -129,8 +129,8 @@ def test_a_real_pendulum_shows_its_frequency_whatever_the_model(axis, hertz, cap
     file, = DATA.glob(f'*lab03_{axis}_data*.json')
     assert main([str(file), '--axis', axis, '--unit', 'deg/s', '--rig', 'physical', '--mass',
                  '0.035', '--json']) == 0
-    said = json.loads(capsys.readouterr().out)
-    omega = said['values']['omega_0']
+    output = json.loads(capsys.readouterr().out)
+    omega = output['values']['omega_0']
     # crossings of zero, counted: swings of at most 0.45 rad last up to 0.45^2/16 = 1.3 % longer
     raw = json.loads(file.read_text())['drone'][f'gyro.{axis}']
     t, w = np.array(raw['time']), np.array(raw['data'])
@@ -138,4 +138,4 @@ def test_a_real_pendulum_shows_its_frequency_whatever_the_model(axis, hertz, cap
     counted = (len(up) - 1) / (up[-1] - up[0])
     assert 0.998 < omega['value'] / (2.0 * np.pi) / counted < 1.013
     assert omega['value'] / (2.0 * np.pi) == pytest.approx(hertz, abs=0.002)
-    assert said['facts']['J at most [kg m^2]'] < 4e-5
+    assert output['facts']['J at most [kg m^2]'] < 4e-5

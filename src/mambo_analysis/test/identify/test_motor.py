@@ -125,8 +125,8 @@ def test_what_shows_no_lag_is_refused(change, message):
 
 def test_the_command_reads_a_bag_and_writes_a_vehicle(tmp_path, capsys):
     assert main([str(BAG), '--out', str(tmp_path)]) == 0
-    said = capsys.readouterr().out
-    assert 'time constant' in said and 'thrust over that of the map' in said
+    output = capsys.readouterr().out
+    assert 'time constant' in output and 'thrust over that of the map' in output
     got = parameters.load(tmp_path / 'identify_motor.yaml')
     assert got.motor_time_constant < 0.02  # the bag's vehicle has none, its commands hardly change
     assert (tmp_path / 'identify_motor.png').stat().st_size > 10000

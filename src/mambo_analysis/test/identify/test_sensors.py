@@ -166,9 +166,9 @@ def test_missing_values_are_those_due_or_those_said_to_be():
     t = np.delete(np.arange(100) * 0.04, [10, 50, 51])
     values = np.full(97, 1.0) + 0.01 * np.arange(97) % 2
     values[20] = np.nan
-    said, due = (found(sensors.measure(Recording('s', sonar=Stream(t, values), held=held))[0],
+    output, due = (found(sensors.measure(Recording('s', sonar=Stream(t, values), held=held))[0],
                        'sonar', 'dropouts') for held in (True, False))
-    assert round(said.value * said.samples) == 1 and round(due.value * due.samples) == 4
+    assert round(output.value * output.samples) == 1 and round(due.value * due.samples) == 4
 
 
 def test_bag_of_the_simulator_gives_its_parameters():
@@ -263,9 +263,9 @@ def test_foreign_files_get_one_line(tmp_path, capsys, name, content, message):
     if content is not None:
         file.write_bytes(content)
     assert sensors.main([str(BAG), str(file)]) == 2
-    said = capsys.readouterr()
-    assert said.err.startswith('identify_sensors: ') and message in said.err
-    assert said.err.count('\n') == 1 and not said.out
+    output = capsys.readouterr()
+    assert output.err.startswith('identify_sensors: ') and message in output.err
+    assert output.err.count('\n') == 1 and not output.out
 
 
 def test_malformed_noisedata_gets_one_line(tmp_path, capsys):
@@ -273,8 +273,8 @@ def test_malformed_noisedata_gets_one_line(tmp_path, capsys):
     for values in (np.zeros((10, 5)), np.full((10, 6), np.nan), np.zeros((10, 6))):
         savemat(tmp_path / 'noisedata.mat', {'noisedata': values})
         assert sensors.main([str(tmp_path / 'noisedata.mat')]) == 2
-        said = capsys.readouterr().err
-        assert said.count('\n') == 1 and 'noisedata' in said
+        output = capsys.readouterr().err
+        assert output.count('\n') == 1 and 'noisedata' in output
 
 
 def test_the_interval_of_rounded_samples_is_not_that_of_their_ties():

@@ -47,11 +47,11 @@ def take(tmp_path_factory):
 
 
 def test_the_clock_comes_back_and_nothing_of_the_flight_is_lost(log, take, tmp_path):
-    said = join.join(log, take, tmp_path / 'joined')
+    message = join.join(log, take, tmp_path / 'joined')
     joined, before, circle = (read_bag(path) for path in (tmp_path / 'joined', log, CIRCLE))
     offset = float(joined.metadata['join']['offset_s'])
     assert offset == pytest.approx(BEGAN, abs=2e-3)  # half a sample of the gyro
-    assert f'moved by {offset:+.4f} s' in said
+    assert f'moved by {offset:+.4f} s' in message
     best, _, every = joined.metadata['join']['offset_from'].partition(' of ')
     assert best in BODY_RATES and every == 'roll rate, pitch rate, turn rate, height'
     assert float(joined.metadata['join']['offset_sigma_s']) < 1e-3  # the height alone: 5e-3
@@ -66,8 +66,8 @@ def test_the_clock_comes_back_and_nothing_of_the_flight_is_lost(log, take, tmp_p
 
 
 def test_a_given_offset_is_taken_and_poses_outside_of_the_flight_are_counted(log, take, tmp_path):
-    said = join.join(log, take, tmp_path / 'joined', -1.0)
-    assert 'moved by -1.0000 s, by given' in said and '120 outside' in said  # 1 s at 120 Hz
+    message = join.join(log, take, tmp_path / 'joined', -1.0)
+    assert 'moved by -1.0000 s, by given' in message and '120 outside' in message  # 1 s at 120 Hz
     assert read_bag(tmp_path / 'joined')[POSE].stamp[0] >= 0
 
 
@@ -85,10 +85,10 @@ def test_a_body_tracked_with_wrong_axes_is_told(log, take):
     found = join.signals(bag, poses)
     np.testing.assert_allclose(found['turn rate'][3], known['turn rate'][3], atol=1e-9)
     np.testing.assert_allclose(found['roll rate'][3], known['pitch rate'][3], atol=1e-9)
-    with pytest.raises(AlignError, match='wrong axes of the tracked body') as told:
+    with pytest.raises(AlignError, match='wrong axes of the tracked body') as refused:
         join.find_clock(bag, poses)
-    assert 'turn rate +2.49' in str(told.value)  # how fast it turns has no axes
-    assert 'pitch rate +2.9' in str(told.value)
+    assert 'turn rate +2.49' in str(refused.value)  # how fast it turns has no axes
+    assert 'pitch rate +2.9' in str(refused.value)
 
 
 def test_the_take_of_another_flight_is_refused(log, tmp_path):

@@ -300,15 +300,15 @@ def test_wrong_usage_is_exit_code_2(tmp_path):
 def test_the_bag_gives_the_estimator_the_calibration_of_the_log(log, tmp_path):
     import_minidrone(log, tmp_path / 'bag')
     bag = read_bag(tmp_path / 'bag', topics=())
-    told = bag.metadata['import']
+    details = bag.metadata['import']
     if log.stem.startswith('1a_y_rest'):  # lies on its side: no accelerometer bias but gravity
         assert 'scenario.yaml' not in bag.attachments
         return
     alignment = from_yaml(bag.attachments['scenario.yaml']).estimator_node.kalman.alignment
-    x, y, z = map(float, told['calibration_accel_flu'].split())
+    x, y, z = map(float, details['calibration_accel_flu'].split())
     assert alignment.samples == 0
     np.testing.assert_allclose(alignment.accel_bias, (x, -y, -z + 9.81), atol=1e-7)  # 9 digits
-    x, y, z = map(float, told['calibration_gyro_flu'].split())
+    x, y, z = map(float, details['calibration_gyro_flu'].split())
     np.testing.assert_allclose(alignment.gyro_bias, (x, -y, -z), atol=1e-9)
 
 

@@ -132,12 +132,12 @@ def assert_flown_again(flight, bag):
 
 
 def test_scopes_named_per_signal_give_the_flight_again(flight, tmp_path, capsys):
-    bag, said = imported(tmp_path, capsys, scopes(flight))
+    bag, output = imported(tmp_path, capsys, scopes(flight))
     assert_flown_again(flight, bag)
-    assert 'gyro taken for rad/s: its integral is a tilt of 4 deg' in said
-    assert 'sonar is negative upwards: its sign was turned' in said
-    assert 'flow of 1 taken for 1 rad/s' in said
-    unused = next(line for line in said.splitlines() if 'not used: ' in line)
+    assert 'gyro taken for rad/s: its integral is a tilt of 4 deg' in output
+    assert 'sonar is negative upwards: its sign was turned' in output
+    assert 'flow of 1 taken for 1 rad/s' in output
+    unused = next(line for line in output.splitlines() if 'not used: ' in line)
     assert 'rt_Commands (4001, 4), rt_phi_drone' in unused and unused.endswith('and 91 more')
     assert len(unused) < 300
     got = read_bag(bag)
@@ -169,9 +169,9 @@ def test_names_of_nobody_are_told_by_a_map(flight, tmp_path, capsys):
         'pressure: ScopeData1[0]\nflow: of\n'
     found = {'imu': block(np.column_stack([force, np.degrees(gyro)])), 'of': block(flow),
              'ScopeData1': block(np.column_stack([pressure, -sonar]))}
-    bag, said = imported(tmp_path, capsys, found, *mapping(tmp_path, names))
+    bag, output = imported(tmp_path, capsys, found, *mapping(tmp_path, names))
     assert_flown_again(flight, bag)
-    assert 'not used' not in said
+    assert 'not used' not in output
 
 
 @pytest.mark.parametrize('text, wanted', [
@@ -195,16 +195,16 @@ def test_a_map_that_is_not_there(flight, tmp_path, capsys):
 
 
 def test_what_a_map_says_is_none_is_left_out(flight, tmp_path, capsys):
-    bag, said = imported(tmp_path, capsys, scopes(flight), *mapping(
+    bag, output = imported(tmp_path, capsys, scopes(flight), *mapping(
         tmp_path, 'pressure: none\nsonar: none\n'))
     assert 'barometer/pressure' not in read_bag(bag) and 'sonar/range' not in read_bag(bag)
-    assert 'rt_pressure (4001, 1), rt_z_ultrasonic (4001, 1)' in said
+    assert 'rt_pressure (4001, 1), rt_z_ultrasonic (4001, 1)' in output
 
 
 def test_a_gyro_in_degrees_is_found_out_or_told(flight, tmp_path, capsys):
     degrees = scopes(flight, gyro_unit=math.degrees(1.0))
-    bag, said = imported(tmp_path, capsys, degrees)
-    assert 'gyro taken for deg/s' in said
+    bag, output = imported(tmp_path, capsys, degrees)
+    assert 'gyro taken for deg/s' in output
     assert_flown_again(flight, bag)
     for other, unit in (('told', 'deg/s'), ('wrong', 'rad/s')):
         folder = tmp_path / other
@@ -250,22 +250,23 @@ def test_clocks_of_other_rates_are_brought_together_and_told(flight, tmp_path, c
     found = scopes(flight)
     for name in ('rt_r', 'rt_v'):
         found[name] = block(found[name]['signals']['values'][::2], 2 * STEP * np.arange(2001))
-    bag, said = imported(tmp_path, capsys, found)
-    assert 'rt_r was brought to the times of rt_a_x' in said
-    assert 'rt_v was brought to the times of rt_u' in said
+    bag, output = imported(tmp_path, capsys, found)
+    assert 'rt_r was brought to the times of rt_a_x' in output
+    assert 'rt_v was brought to the times of rt_u' in output
     assert_flown_again(flight, bag)
 
 
 def test_the_ten_columns_of_the_class_template(flight, tmp_path, capsys):
-    bag, said = imported(tmp_path, capsys, template(flight))
+    bag, output = imported(tmp_path, capsys, template(flight))
     assert_flown_again(flight, bag)
     got = read_bag(bag)
     assert {'sonar/range', 'barometer/pressure', 'optical_flow', 'battery', 'onboard/odom',
             'motor_pwm'} <= {topic.removeprefix('/mambo/') for topic in got.topics}
     assert got['battery'].voltage[0] == np.float32(3.9)
     assert got['battery'].percentage[0] == np.float32(0.81)
-    assert 'flow of 1 taken for 20 rad/s' in said and 'rt_optical[4] refuses the flow at' in said
-    assert 'not used: rt_optical[0,3,5,6,7], rt_calib[6], rt_cmd (4001, 9)' in said
+    assert 'flow of 1 taken for 20 rad/s' in output
+    assert 'rt_optical[4] refuses the flow at' in output
+    assert 'not used: rt_optical[0,3,5,6,7], rt_calib[6], rt_cmd (4001, 9)' in output
     assert not (got['optical_flow'].rate_x == 0.0).any()
     assert 'gyro_bias' in got.attachments['scenario.yaml']
     np.testing.assert_allclose(
@@ -282,8 +283,8 @@ def test_a_vector_of_flow_with_its_flag(flight, tmp_path, capsys):
     found = scopes(flight)
     flow = np.column_stack([found.pop(f'rt_{name}')['signals']['values'] for name in 'uvw'])
     flow[1000:1200, 2] = 0.0
-    bag, said = imported(tmp_path, capsys, found | {'rt_optical_flow': block(flow)})
-    assert 'rt_optical_flow[2] refuses the flow at 200 of 4001 steps' in said
+    bag, output = imported(tmp_path, capsys, found | {'rt_optical_flow': block(flow)})
+    assert 'rt_optical_flow[2] refuses the flow at 200 of 4001 steps' in output
     times = read_bag(bag)['optical_flow'].t
     assert not ((times > 5.0) & (times < 6.0)).any() and (times < 5.0).sum() > 50
 
@@ -291,10 +292,10 @@ def test_a_vector_of_flow_with_its_flag(flight, tmp_path, capsys):
 @pytest.mark.parametrize('name', ['rt_estimatedStates', 'estimatedStates_rt'])
 def test_a_workspace_with_an_onboard_estimate_alone(flight, tmp_path, capsys, name):
     estim = template(flight)['rt_estim']
-    bag, said = imported(tmp_path, capsys, {
+    bag, output = imported(tmp_path, capsys, {
         name: estim, 'Out_Pos_rt': block(flight.truth[:, :3]), 'Kp': 3.0})
     assert list(read_bag(bag).topics) == ['/mambo/onboard/odom']
-    assert 'not used: Out_Pos_rt (4001, 3), Kp' in said
+    assert 'not used: Out_Pos_rt (4001, 3), Kp' in output
 
 
 def test_the_estimate_of_scopes_is_one_where_it_has_a_pose(flight, tmp_path, capsys):

@@ -124,6 +124,7 @@ def test_without_the_solver_one_line_says_what_to_install():
             'from mambo_control.literature import predictive as p\n'
             'try: p._solver(p.programme(10, 0.05, 5.0))\n'
             'except InputError as error: print(error)')
-    said = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
-    assert said.stdout.count('\n') == 1
-    assert 'pip install -r requirements/osqp.txt' in said.stdout
+    output = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert output.stdout.count('\n') == 1
+    assert 'pip install -r requirements/osqp.txt' in output.stdout

@@ -289,7 +289,7 @@ def test_a_step_costs_microseconds_in_a_compiled_loop():
 def test_without_drag_the_bias_of_the_accelerometer_stays_mixed_with_the_tilt():
     truth = fly(circle(), 30.0, drag=K_DRAG)
     samples = sense(truth, TYPICAL, seed=16)
-    _, told = found(samples)
-    _, untold = found(samples, JointParams(
+    _, informed = found(samples)
+    _, uninformed = found(samples, JointParams(
         motion=WHITE, sonar=RangeParams(noise=0.01), drag=DragParams(enabled=False)))
-    assert (untold[12:14] > 3 * told[12:14]).all()
+    assert (uninformed[12:14] > 3 * informed[12:14]).all()

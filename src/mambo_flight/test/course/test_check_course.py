@@ -51,10 +51,10 @@ def test_one_that_cannot_is_exit_code_1_with_time_and_quantity(fast, capsys):
 def test_numbers_as_json_are_those_of_the_table(fast, capsys):
     assert check_course.main([fast, '--json']) == 1
     out, _ = capsys.readouterr()
-    said = json.loads(out)
+    printed = json.loads(out)
     failure = feasibility.check(course_file.read(Path(fast)), Vehicle())
-    assert said['feasible'] is False and said['failure'] == failure._asdict()
-    assert said['duration'] == 2.8 and set(said['quantities']) == set(feasibility.QUANTITIES)
+    assert printed['feasible'] is False and printed['failure'] == failure._asdict()
+    assert printed['duration'] == 2.8 and set(printed['quantities']) == set(feasibility.QUANTITIES)
 
 
 def test_a_plan_is_a_file_that_is_flown_as_planned(fast, tmp_path, capsys):

@@ -6,16 +6,16 @@ from mambo_flight.race import race
 import pytest
 
 
-@pytest.mark.parametrize('options, said', [
+@pytest.mark.parametrize('options, message', [
     (['--controllers', 'indi,foo'], '--controllers: foo is unknown; known: cascaded, '),
     (['--courses', 'square'], '--courses: square is unknown; known: circle, '),
     (['--conditions', 'storm'], '--conditions: storm is unknown; known: known, '),
     (['--draws', '0'], '--draws 0: must be 1 or more'),
     (['--workers', '0'], '--workers 0: must be 1 or more')])
-def test_what_cannot_be_flown_is_refused_in_one_line(tmp_path, capsys, options, said):
+def test_what_cannot_be_flown_is_refused_in_one_line(tmp_path, capsys, options, message):
     assert race.main(['-o', str(tmp_path / 'out'), *options]) == 2
     error = capsys.readouterr().err
-    assert said in error and error.count('\n') == 1
+    assert message in error and error.count('\n') == 1
     assert not (tmp_path / 'out').exists()
 
 

@@ -104,7 +104,7 @@ def test_vectors_are_listed_and_drawn_by_component(sweep):
     assert np.std(np.array(drawn)[:, 1]) == pytest.approx(0.5, rel=0.15)
 
 
-@pytest.mark.parametrize(('text', 'said'), [
+@pytest.mark.parametrize(('text', 'message'), [
     ('vary: {sead: 1}', ':2: sead: unknown parameter; did you mean seed'),
     ('vary: {sim_node.sped: 1}', ':2: sim_node.sped: unknown parameter; did you mean'),
     ('vary: {seed: []}', ':2: seed: is an empty list'),
@@ -126,8 +126,8 @@ def test_vectors_are_listed_and_drawn_by_component(sweep):
     ('design: random', 'samples: missing; a random design needs it'),
     ('samples: 0', ':2: Sweep.samples = 0 flights is outside'),
     ('desing: grid', ':2: desing: unknown parameter; did you mean design')])
-def test_what_is_wrong_is_named_by_file_line_and_key(sweep, tmp_path, text, said):
-    with pytest.raises(schema.ParameterError, match=re.escape(said)) as refused:
+def test_what_is_wrong_is_named_by_file_line_and_key(sweep, tmp_path, text, message):
+    with pytest.raises(schema.ParameterError, match=re.escape(message)) as refused:
         sweep(text)
     assert str(tmp_path / 'mine.yaml') in str(refused.value) and '\n' not in str(refused.value)
 

@@ -125,7 +125,7 @@ def test_flights_are_the_scenarios_with_these_values(tmp_path):
     assert first.sim_node.simulator.imu.accel_noise == (0.1, 0.2, 0.3)
 
 
-@pytest.mark.parametrize('line, text, said', [
+@pytest.mark.parametrize('line, text, message', [
     (2, 'vary:\n  colour: 1', 'colour: unknown parameter'),
     (2, 'vary:\n  sim_node.simulator.vehicle.mas: 0.1', 'did you mean'),
     (2, f'vary:\n  {MASS}: [0.068, -1]', 'outside'),
@@ -146,22 +146,22 @@ def test_flights_are_the_scenarios_with_these_values(tmp_path):
     (2, 'vary:\n  sim_node.simulator.plant.physics_rate: [1001]', 'multiple'),
     (2, 'vary:\n  duration: 1\n  duration: 2', 'twice'),
 ])
-def test_a_wrong_file_is_refused_by_file_line_and_key(tmp_path, capsys, line, text, said):
+def test_a_wrong_file_is_refused_by_file_line_and_key(tmp_path, capsys, line, text, message):
     path = file(tmp_path, text)
     code = main([str(path), '--out', str(tmp_path / 'r.parquet'), '--ideal'])
     error = capsys.readouterr().err
     assert code == 2 and error.count('\n') == 1
-    assert f'{path}:' in error and said in error
+    assert f'{path}:' in error and message in error
     if 'stands there twice' not in error:
         assert f'{path}:{line}: ' in error
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.parametrize('text, said', [
+@pytest.mark.parametrize('text, message', [
     ('design: random', 'samples'), ('scenario: fig_99', 'fig_99'),
     ('vary:\n  seed: {range: [1, 100000]}\n  duration: {range: [1, 9, 1000]}', 'more than')])
-def test_what_has_no_line_is_refused_by_file(tmp_path, text, said):
-    with pytest.raises(ParameterError, match=said):
+def test_what_has_no_line_is_refused_by_file(tmp_path, text, message):
+    with pytest.raises(ParameterError, match=message):
         design.Flights(design.read(file(tmp_path, text)))[0]
 
 

@@ -1,4 +1,4 @@
-"""A node of another origin, as the graph knows it: what it publishes and subscribes to."""
+"""A node that does not announce its links: its topics, taken from the ROS graph."""
 
 from __future__ import annotations
 
@@ -6,26 +6,27 @@ import time
 
 from rclpy.node import Node, NodeNameNonExistentError
 
-_SETTLED = 1.0  # s of wall time for which a node has made no further subscription
+# s of wall time without a new subscription, after which the node counts as complete
+_SETTLED = 1.0
 _NOT_ITS_OWN = ('/parameter_events', '/rosout')
 
 
 class ForeignNode:
     """
-    The node that publishes a topic and announces no links.
+    A node that publishes a topic but does not announce its links.
 
     Parameters
     ----------
     owner
         Node that waits.
     topic
-        Full name of the topic that the other one publishes.
+        Full name of the topic that the node publishes.
 
     Attributes
     ----------
     published, subscribed : list[str]
-        Full names of its topics, as far as others must have found it for a flight to begin:
-        ``topic``, and all that it has subscribed to when nothing is :meth:`missing`.
+        Full names of the topics whose links must be matched before a flight begins: ``topic``,
+        and, once nothing is :meth:`missing`, every topic that the node subscribes to.
 
     """
 
@@ -33,10 +34,10 @@ class ForeignNode:
         self._owner, self._topic = owner, topic
         self.published = [topic]
         self.subscribed: list[str] = []
-        self._since = time.monotonic()  # s, since when its subscriptions are these
+        self._since = time.monotonic()  # s, time of the last change of its subscriptions
 
     def missing(self) -> str:
-        """Return what is not there yet as a phrase, empty when nothing is."""
+        """Return a phrase that names what is still missing; empty if nothing is."""
         infos = self._owner.get_publishers_info_by_topic(self._topic)
         if not infos:
             self._since = time.monotonic()

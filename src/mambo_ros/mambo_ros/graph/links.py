@@ -1,4 +1,4 @@
-"""Start of a flight: every expected node is there and every link between them is matched."""
+"""Start of a flight: wait until every expected node is up and every link is matched."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from ..endpoints import qos
 from ..loop import Loop
 from .foreign import ForeignNode
 
-_ASK_AGAIN = 5.0  # s of wall time after which a waiting node says what it waits for
+_ASK_AGAIN = 5.0  # s of wall time between log lines that name what a node waits for
 
 
 class Links:
     """
-    What is known of the nodes of the graph and their links.
+    The nodes of the graph and the state of their links.
 
-    A publisher that sees its own reader knows nothing of the next link, nor whether the reader
-    has found it in turn: each side discovers the other on its own, and a volatile message sent
-    before both have is lost. Every node therefore announces what its publishers and its
-    subscriptions have matched (``NodeLinks``), and the node that owns time starts when neither
-    side of any link is missing.
+    Both ends of a link discover each other independently, and a volatile message that is sent
+    before both have done so is lost. A publisher that has found its reader cannot tell whether
+    the reader has found it, or whether the next link is matched. Every node therefore announces
+    what its publishers and subscriptions have matched (``NodeLinks``), and the node that owns
+    time starts when both sides of every link are matched.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Links:
         Names of the expected nodes, separated by commas, relative to the owner's namespace;
         empty: wait for nobody.
     wait_for_publishers
-        Topics that nodes publish that announce nothing, likewise.
+        Topics of the expected publishers that do not announce their links, likewise.
 
     """
 
@@ -54,10 +54,10 @@ class Links:
             raw=True)
 
     def _on_links(self, data: bytes) -> None:
-        """Take what one node announced; ignore what cannot be read."""
+        """Decode and store the links of one node; ignore a message that cannot be read."""
         try:
             links = deserialize_message(data, NodeLinks)
-        except Exception:  # of a kind that the middleware chooses
+        except Exception:  # the type of the exception depends on the middleware
             self._owner.get_logger().warning(
                 f'{topics.LINKS.name}: ignored {len(data)} bytes that are not a NodeLinks',
                 throttle_duration_sec=_ASK_AGAIN)
@@ -65,12 +65,12 @@ class Links:
         self.update(links)
 
     def update(self, links: NodeLinks) -> None:
-        """Take what one node announced, if it is complete."""
+        """Store the links of one node, if they are complete."""
         if len(links.published) + len(links.subscribed) == len(links.matched):
             self._known[links.node] = links
 
     def missing(self) -> str:
-        """Return the first thing that is not there yet as a phrase, empty when all is matched."""
+        """Return a phrase that names the first thing still missing; empty if there is none."""
         absent = [name for name in self._expected if name not in self._known]
         if absent:
             return f"node {', '.join(absent)}"
@@ -94,7 +94,7 @@ class Links:
         return ''
 
     def alone(self, topic: topics.Topic) -> bool:
-        """Return whether only the owner publishes a topic; name in the log who else does."""
+        """Return whether only the owner publishes a topic; log the names of other publishers."""
         name = self._owner.resolve_topic_name(topic.name)
         others = [f'{info.node_namespace.rstrip("/")}/{info.node_name}'
                   for info in self._owner.get_publishers_info_by_topic(name)]
@@ -122,8 +122,8 @@ class Links:
         Returns
         -------
         complete : bool
-            False if patience ended, the loop was stopped or somebody else publishes ``/clock``:
-            the nodes of two flights take each other for theirs.
+            False if the patience ran out, the loop was stopped, or another node publishes
+            ``/clock`` (two flights in one domain would mix their messages).
 
         """
         began = logged = time.monotonic()

@@ -1,4 +1,4 @@
-"""Who else publishes or reads a node's topics: what keeps them apart is said in one line each."""
+"""Other publishers and readers of a node's topics: one warning for each incompatibility."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 
-_UNKNOWN = '_NODE_NAME_UNKNOWN_'  # in the graph until the node itself is discovered
-_LOOKS = 5  # at a topic before a publisher without a node is taken for one of another middleware
+_UNKNOWN = '_NODE_NAME_UNKNOWN_'  # name in the graph until the node itself is discovered
+_LOOKS = 5  # looks before a publisher without a node is assumed to belong to another middleware
 
 
 class End(NamedTuple):
     """One topic of a node."""
 
-    name: str  # full
+    name: str  # full name
     shared: bool  # whether it may have several publishers
     profile: QoSProfile
-    published: bool  # by the node, else read
+    published: bool  # True: the node publishes it; False: it subscribes to it
 
 
 def who(info: TopicEndpointInfo) -> str:
@@ -37,21 +37,21 @@ def publishers(node: Node, topic: str) -> set[bytes]:
 
 def incompatible(name: str, offered: QoSProfile, asked: QoSProfile, publisher: str,
                  reader: str) -> Iterator[str]:
-    """Yield a line for each policy of a reader that a publisher does not fulfil."""
+    """Yield a line for each policy that a reader requests and a publisher does not offer."""
     for policy, weak, strong, remedy in (
             ('reliability', ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE,
-             'have the reader ask for best_effort (sensor_reliability of the estimator) or the '
+             'let the reader request best_effort (sensor_reliability of the estimator) or the '
              'publisher offer reliable'),
             ('durability', DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL,
-             'have the reader ask for volatile or the publisher offer transient_local')):
+             'let the reader request volatile or the publisher offer transient_local')):
         if getattr(offered, policy) == weak and getattr(asked, policy) == strong:
-            yield (f'{name}: {publisher} offers {policy} {weak.name.lower()}, {reader} asks for '
+            yield (f'{name}: {publisher} offers {policy} {weak.name.lower()}, {reader} requests '
                    f'{strong.name.lower()}: nothing arrives; {remedy}')
 
 
 class Peers:
     """
-    Watch over the topics of one node.
+    Monitor of the other ends of one node's topics.
 
     Parameters
     ----------
@@ -66,11 +66,11 @@ class Peers:
         self._node, self._ends = node, ends
         self._next = 0
         self._counts: dict[int, int] = {}  # by the number of the topic
-        self._waited: dict[int, int] = {}  # looks at one whose nodes are not all known
-        self._said: set[str] = set()
+        self._waited: dict[int, int] = {}  # looks at a topic while some of its nodes are unknown
+        self._warned: set[str] = set()
 
     def look(self) -> None:
-        """Look at one topic, the next one each time; warn of what is new."""
+        """Check one topic per call, in turn; log new warnings."""
         if not self._ends:
             return
         number = self._next
@@ -86,12 +86,12 @@ class Peers:
             return
         self._counts[number], self._waited[number] = count, 0
         for line in self._lines(end, infos):
-            if line not in self._said:
-                self._said.add(line)
+            if line not in self._warned:
+                self._warned.add(line)
                 self._node.get_logger().warning(line)
 
     def _infos(self, end: End) -> list[TopicEndpointInfo]:
-        """Return who is at the other end of a topic."""
+        """Return the endpoints at the other end of a topic."""
         look = (self._node.get_subscriptions_info_by_topic if end.published
                 else self._node.get_publishers_info_by_topic)
         return look(end.name)
@@ -105,5 +105,5 @@ class Peers:
                 yield from incompatible(end.name, info.qos_profile, end.profile, who(info), me)
         if len(infos) > 1 and not end.shared and not end.published:
             names = ', '.join(sorted(map(who, infos)))
-            yield (f'{end.name}: {len(infos)} publishers ({names}), there must be one: '
-                   'only the first is believed; end the others')
+            yield (f'{end.name}: {len(infos)} publishers ({names}), expected one: '
+            'only the first is used; end the others')

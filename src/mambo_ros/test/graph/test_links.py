@@ -1,4 +1,4 @@
-"""A flight starts when every node is there and every link between them is matched."""
+"""A flight starts when every node is up and every link between them is matched."""
 
 from dataclasses import dataclass
 import threading
@@ -34,7 +34,7 @@ def node(name, says=(), hears=(), **options):
 
 
 def announced(name, published=None, subscribed=None):
-    """Return what a node announces, from how many ends each of its topics has matched."""
+    """Return the announcement of a node, from the number of matched ends of each topic."""
     published, subscribed = published or {}, subscribed or {}
     return NodeLinks(node=name, published=list(published), subscribed=list(subscribed),
                      matched=[*published.values(), *subscribed.values()])
@@ -42,11 +42,13 @@ def announced(name, published=None, subscribed=None):
 
 @pytest.fixture
 def links():
-    """Return what a simulator knows that waits for two nodes and has heard of none."""
+    """
+    Return the links of a simulator that waits for two nodes and has received no announcement.
+    """
     return Links(node('sim', [topics.IMU], [topics.MOTOR_PWM]), 'estimator, controller')
 
 
-def test_nobody_is_waited_for_unless_named():
+def test_only_named_nodes_are_waited_for():
     assert Links(node('sim'), '').missing() == ''
     assert Links(node('sim'), ' , ').missing() == ''
 
@@ -93,7 +95,7 @@ def test_a_publisher_that_a_reader_has_not_matched_is_counted_and_named(links):
 def test_every_publisher_of_a_shared_topic_must_know_every_reader(links):
     links.update(announced('/mambo/estimator', published={'/tf': 1}))
     links.update(announced('/mambo/controller', published={'/tf': 0}))
-    assert links.missing() == ''  # nobody reads
+    assert links.missing() == ''  # no readers
     links.update(announced('/mambo/viewer', subscribed={'/tf': 2}))
     assert links.missing() == '1 of 1 readers of /tf at /mambo/controller'
 
@@ -104,7 +106,7 @@ def test_a_topic_without_readers_or_a_foreign_reader_is_no_obstacle(links):
     assert links.missing() == ''
 
 
-def test_an_announcement_without_one_side_of_its_links_is_not_taken(links):
+def test_an_incomplete_announcement_is_ignored(links):
     links.update(announced('/mambo/estimator'))
     links.update(NodeLinks(
         node='/mambo/controller', published=[PWM], subscribed=[IMU], matched=[1]))
@@ -149,66 +151,66 @@ def test_links_between_nodes_of_one_loop_count_as_others_do():
 
 def test_an_owner_of_time_that_is_not_alone_names_the_other(monkeypatch):
     sim, other = node('sim', [topics.CLOCK]), node('sim', [topics.CLOCK], namespace='two')
-    said = []
-    monkeypatch.setattr(type(sim.get_logger()), 'error', lambda self, text: said.append(text))
+    logged = []
+    monkeypatch.setattr(type(sim.get_logger()), 'error', lambda self, text: logged.append(text))
     links = Links(sim, '')
     until(lambda: len(sim.get_publishers_info_by_topic('/clock')) == 2, 'the other')
     assert not links.alone(topics.CLOCK)
-    assert said[0].startswith('/two/sim publishes /clock too: give each of several drones')
+    assert logged[0].startswith('/two/sim publishes /clock too: give each of several drones')
     other.destroy_node()
     until(lambda: links.alone(topics.CLOCK), 'its end')
 
 
-def test_an_owner_of_time_waits_no_longer_when_it_is_not_alone(monkeypatch):
+def test_an_owner_of_time_stops_waiting_when_it_is_not_alone(monkeypatch):
     monkeypatch.setattr('mambo_ros.graph.links._ASK_AGAIN', 0.1)
     sim, other = node('sim', [topics.CLOCK]), node('sim', [topics.CLOCK], namespace='two')
-    links, loop, said = Links(sim, 'estimator'), Loop(sim), []
-    monkeypatch.setattr(type(sim.get_logger()), 'error', lambda self, text: said.append(text))
+    links, loop, logged = Links(sim, 'estimator'), Loop(sim), []
+    monkeypatch.setattr(type(sim.get_logger()), 'error', lambda self, text: logged.append(text))
     until(lambda: len(sim.get_publishers_info_by_topic('/clock')) == 2, 'the other')
     assert links.wait(loop, PATIENCE) is False
     loop.close()
-    assert len(said) == 1 and said[0].startswith('/two/sim publishes /clock too')
+    assert len(logged) == 1 and logged[0].startswith('/two/sim publishes /clock too')
     other.destroy_node()
 
 
-def test_patience_ends_and_the_log_says_for_what(monkeypatch):
+def test_the_log_names_what_is_missing_when_patience_ends(monkeypatch):
     sim, estimator = flight('sim', 'estimator')
-    links, loop, said = Links(sim, 'estimator,controller'), Loop(sim), []
-    monkeypatch.setattr(type(sim.get_logger()), 'error', lambda self, text: said.append(text))
+    links, loop, logged = Links(sim, 'estimator,controller'), Loop(sim), []
+    monkeypatch.setattr(type(sim.get_logger()), 'error', lambda self, text: logged.append(text))
     with serving(estimator):
         until(lambda: links.missing() == 'node /mambo/controller', 'the estimator', loop.turn)
         began = time.monotonic()
         assert links.wait(loop, 0.2) is False
         assert 0.2 <= time.monotonic() - began < PATIENCE
-    assert said == ['gave up after 0.2 s without node /mambo/controller']
+    assert logged == ['gave up after 0.2 s without node /mambo/controller']
     loop.close()
 
 
-def test_a_stopped_loop_waits_no_longer(monkeypatch):
+def test_a_stopped_loop_ends_the_wait(monkeypatch):
     (sim,) = flight('sim')
-    links, loop, said = Links(sim, 'estimator,controller'), Loop(sim), []
-    monkeypatch.setattr(type(sim.get_logger()), 'error', lambda self, text: said.append(text))
+    links, loop, logged = Links(sim, 'estimator,controller'), Loop(sim), []
+    monkeypatch.setattr(type(sim.get_logger()), 'error', lambda self, text: logged.append(text))
     timer = threading.Timer(0.1, loop.stop)
     timer.start()
     assert links.wait(loop, PATIENCE) is False
-    assert said == []
+    assert logged == []
     loop.close()
 
 
-def test_a_waiting_node_says_for_what_every_now_and_then(monkeypatch):
+def test_a_waiting_node_logs_regularly_what_it_waits_for(monkeypatch):
     monkeypatch.setattr('mambo_ros.graph.links._ASK_AGAIN', 0.05)
     (sim,) = flight('sim')
-    links, loop, said = Links(sim, 'estimator'), Loop(sim), []
-    monkeypatch.setattr(type(sim.get_logger()), 'warning', lambda self, text: said.append(text))
+    links, loop, logged = Links(sim, 'estimator'), Loop(sim), []
+    monkeypatch.setattr(type(sim.get_logger()), 'warning', lambda self, text: logged.append(text))
     assert links.wait(loop, 0.3) is False
-    assert 1 <= len(said) <= 6 and set(said) == {'waiting for node /mambo/estimator'}
+    assert 1 <= len(logged) <= 6 and set(logged) == {'waiting for node /mambo/estimator'}
     loop.close()
 
 
 def test_a_late_joiner_learns_of_the_links_that_were_announced_before():
     estimator, controller = flight('estimator', 'controller')
     with serving(estimator, controller):
-        time.sleep(0.3)  # their announcements are over
+        time.sleep(0.3)  # they have made their announcements
         late = node('late')
         links = Links(late, 'estimator,controller')
         loop = Loop(late)
@@ -238,7 +240,7 @@ def test_a_change_of_the_graph_is_announced_again():
         count = len(got)
         for _ in range(20):
             turn()
-        assert len(got) == count  # nothing changed: nothing said
+        assert len(got) == count  # nothing changed, so nothing is announced
         loop.close()
         reader.destroy_node()
         until(lambda: list(got[-1].matched) == [0, 0], 'the loss of the reader', turn)

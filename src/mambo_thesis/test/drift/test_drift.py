@@ -157,7 +157,7 @@ def test_the_experiment_that_separates_the_factor_from_rotation_is_another_speed
 
 def test_probabilities_come_true_as_often_as_they_say():
     """Mechanism and value from the prior, a short and noisy flight: often undecided."""
-    rng, said, hits, trials = np.random.default_rng(7), 0.0, 0, 60
+    rng, predicted, hits, trials = np.random.default_rng(7), 0.0, 0, 60
     noise = evidence.Noise(np.zeros(8), 0.15)
     spread = 0.0
     for seed in range(trials):
@@ -167,10 +167,10 @@ def test_probabilities_come_true_as_often_as_they_say():
         values['scale'] = 1.0 + 0.1 * rng.normal()
         best = Evidence([flown('(5.4)', values, seed, duration=10.0, noise=0.15)],
                         noise=noise).compare(ALONE)[0]
-        said, hits = said + best.probability, hits + (best.model == model)
+        predicted, hits = predicted + best.probability, hits + (best.model == model)
         spread += best.probability * (1.0 - best.probability)
-    assert 0.2 * trials < said < 0.95 * trials  # neither always sure nor never
-    assert abs(hits - said) < 3.0 * math.sqrt(spread)
+    assert 0.2 * trials < predicted < 0.95 * trials  # neither always sure nor never
+    assert abs(hits - predicted) < 3.0 * math.sqrt(spread)
 
 
 def test_intervals_cover_the_truth_as_often_as_they_say():
@@ -268,9 +268,9 @@ def test_a_bag_that_lacks_something_is_refused_in_one_line(lacks, says, tmp_path
                 out.publish('optical_flow', k * 10**7, 'base_link', rate_x=0.1, quality=9)
             out.publish('imu/data_raw', k * 10**7, 'base_link', **out.imu((0.0,) * 3, (0.0,) * 3))
     assert identify_drift.main([str(tmp_path / 'bag')]) == 2
-    said = capsys.readouterr().err.strip()
-    assert says in said
-    assert '\n' not in said
+    output = capsys.readouterr().err.strip()
+    assert says in output
+    assert '\n' not in output
 
 
 def test_too_long_a_window_is_refused(tmp_path, capsys):

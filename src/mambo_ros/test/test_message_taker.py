@@ -5,7 +5,7 @@ import time
 
 from mambo_ros import messages, topics
 from mambo_ros.graph import peers
-from mambo_ros.taking import Taker
+from mambo_ros.message_taker import MessageTaker
 import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -36,9 +36,9 @@ def take_one(take):
     return taken[-1]
 
 
-def test_each_message_comes_whole_and_with_its_publisher(ends):
+def test_each_message_is_complete_and_names_its_publisher(ends):
     node, source, first, second = ends
-    take = Taker(source.handle, 10_000)
+    take = MessageTaker(source.handle, 10_000)
     known = peers.publishers(node, PWM.name)
     assert take() is None and len(known) == 2
     seen = []
@@ -51,17 +51,17 @@ def test_each_message_comes_whole_and_with_its_publisher(ends):
     assert seen[0] == seen[2] != seen[1] and {*seen} == known
 
 
-def test_of_a_long_message_only_the_beginning_is_copied(ends):
+def test_only_the_beginning_of_a_long_message_is_copied(ends):
     _, source, first, _ = ends
-    take = Taker(source.handle, 100)
+    take = MessageTaker(source.handle, 100)
     first.publish(message(1, 2_000_000))
     data, size, _ = take_one(take)
     assert len(data) == 100 and size > 2_000_000
 
 
-def test_a_destroyed_subscription_is_there_until_its_last_taker_goes(ends):
+def test_a_subscription_is_destroyed_after_its_last_message_taker(ends):
     node, source, first, _ = ends
-    take = Taker(source.handle, 100)
+    take = MessageTaker(source.handle, 100)
     node.destroy_subscription(source)
     first.publish(message(1))
     time.sleep(0.05)

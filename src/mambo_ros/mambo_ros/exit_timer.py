@@ -1,5 +1,5 @@
 """
-A limit on the end of a process that needs neither Python nor the middleware.
+A time limit on the exit of a process that depends on neither Python nor the middleware.
 
 Fast DDS can deadlock while it destroys its entities, and rclpy then holds Python's lock: no
 thread, signal handler or exit handler of Python runs any more. A timer of the C library does.
@@ -31,7 +31,7 @@ class _TimerSpec(ctypes.Structure):
 
 def exit_after(seconds: float, code: int) -> None:
     """
-    Have the C library end this process by ``_exit`` after a while, whatever it does then.
+    Have the C library end this process with ``_exit`` after ``seconds``, even if it hangs.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def exit_after(seconds: float, code: int) -> None:
     Raises
     ------
     OSError
-        If the system has no timer to give.
+        If the system provides no timer.
 
     """
     ending = ctypes.cast(_LIBC._exit, ctypes.c_void_p).value

@@ -1,4 +1,4 @@
-"""The processes of one graph, from the first start to the last end."""
+"""The node processes of one flight: start, supervise and end them."""
 
 from __future__ import annotations
 
@@ -8,36 +8,37 @@ from pathlib import Path
 import tempfile
 
 from .domain import Domain
-from .keeper import Keeper
 from .processes import end, Interrupts, NodeProcess, watch
+from .watchdog import Watchdog
 
 
-class Crew:
+class NodeGroup:
     """
-    Nodes in a ROS domain of their own, with a folder for what they read.
+    Starts and ends the nodes of a flight, in a ROS domain and with a temporary folder of their
+    own.
 
-    ``with`` ends them whatever happens: those that own time first, the recorders last. Nothing is
-    left of them, even where this process is killed.
+    Leaving ``with`` ends all nodes: those that own time first, the recorders last. No process or
+    file remains, even if this process is killed.
 
     Parameters
     ----------
     recorder : str
-        Name of the nodes that the others must have left before they end.
+        Name of the recorder nodes, which end after all others.
     owners : int
-        How many nodes own time; they are started last.
+        Number of nodes that own time; they are started last.
 
     Attributes
     ----------
     folder : Path
-        Removed at the end.
+        Temporary folder, removed at the end.
     children : list[NodeProcess]
         In the order of their start, those that own time last.
     domain : int
         ROS domain of the nodes.
     interrupts : Interrupts
-        Signals of the user.
+        Signals received from the user.
     fault : str
-        What went wrong as a phrase that begins with the node, empty if nothing did.
+        What went wrong, beginning with the name of the node; empty if nothing did.
 
     """
 
@@ -46,13 +47,13 @@ class Crew:
         self.children: list[NodeProcess] = []
         self.fault = ''
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> NodeGroup:
         with ExitStack() as stack:
             self.domain = stack.enter_context(Domain()).number
-            self._keeper = Keeper()
-            stack.callback(self._keeper.release)
+            self._watchdog = Watchdog()
+            stack.callback(self._watchdog.release)
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix='mambo_'))
-            self._keeper.keep(folder)
+            self._watchdog.keep(folder)
             self.folder = Path(folder)
             self.interrupts = stack.enter_context(Interrupts())
             stack.callback(self._end)
@@ -67,7 +68,7 @@ class Crew:
         """Start a node, as :class:`NodeProcess`; one that owns time after all others."""
         child = NodeProcess(package, name, arguments, on_line, label)
         self.children.append(child)
-        self._keeper.keep(f'+{child.pid}')
+        self._watchdog.keep(f'+{child.pid}')
         return child
 
     def watch(self) -> None:
@@ -81,7 +82,7 @@ class Crew:
         others = [child for child in self.children if child not in (*last, *recorders)]
         for child in self.children:
             child.resume()
-        # those who own time are answered until they have left
+        # nodes that own time get their answers until they have ended
         for group in (last, others, recorders):
             end(group, interrupts=self.interrupts)
         for child in self.children:

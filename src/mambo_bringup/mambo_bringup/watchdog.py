@@ -1,13 +1,13 @@
 """
-Keeper of a flight: ends the nodes and removes the folder of a runner that was killed.
+Watchdog of a flight: ends the nodes and removes the folder of a runner that was killed.
 
-The kernel interrupts a node whose runner is gone, but a node that is stopped or deaf does not
-hear that, and nobody is left to remove what the runner made. This program runs beside the runner
-and reads what to look after from its standard input, a line each: ``+PID`` of a node, or a
-folder. The end of the input is the end of the runner. A runner that is suspended for some seconds
-is told to end its flight, as nobody watches its nodes meanwhile.
+When a runner dies, the kernel interrupts its nodes, but a node that is stopped or hangs does not
+react, and the runner's files remain. This program runs beside the runner and reads what to clean
+up from its standard input, one line each: ``+PID`` of a node, or a folder. End of input means
+that the runner has ended. A runner that is suspended for some seconds has to end its flight,
+because its nodes run unsupervised meanwhile.
 
-It is run as a file, by a Python without packages: standard library only.
+It runs as a script with the standard library only.
 """
 
 from __future__ import annotations
@@ -23,14 +23,15 @@ import subprocess
 import sys
 import time
 
-ASK, TELL = 6.0, 3.0  # s that a node has to leave after SIGINT, and after SIGTERM
-SUSPENDED = 4.0  # s for which a runner may be stopped
-_YOUNG = 1.0  # s of age within which a lock may not be held yet
+# s that a node has to exit after SIGINT, and after SIGTERM
+INTERRUPT_TIMEOUT, TERMINATE_TIMEOUT = 6.0, 3.0
+SUSPENDED = 4.0  # s for which a runner may be suspended
+_YOUNG = 1.0  # s; a younger lock file may not be locked yet
 _SHARED = Path('/dev/shm')
 
 
 def is_stopped(pid: int) -> bool:
-    """Return whether a process is stopped by a signal; one that a debugger holds is not."""
+    """Return whether a process is stopped by a signal, and not by a debugger."""
     with contextlib.suppress(OSError):
         return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] == 'T'
     return False
@@ -40,9 +41,9 @@ def sweep() -> None:
     """
     Remove the shared memory that killed processes have left.
 
-    Fast DDS removes its files itself unless its process is killed. Each has a lock beside it,
-    held as long as its process lives: what can be locked has nobody. The mutex of a port outlives
-    the port.
+    Fast DDS removes its files unless its process is killed. Each file has a lock file that its
+    process holds; a file whose lock is free has no owner. The mutex of a port remains after the
+    port.
     """
     for lock in _SHARED.glob('fastrtps_*_el'):
         with contextlib.suppress(OSError):
@@ -60,8 +61,8 @@ def sweep() -> None:
                 mutex.unlink()
 
 
-class Keeper:
-    """The runner's side: starts the program, tells it what to look after, ends it."""
+class Watchdog:
+    """The runner's side: starts the watchdog, names what to clean up, ends it."""
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
@@ -69,13 +70,14 @@ class Keeper:
             text=True, start_new_session=True)
 
     def keep(self, what: str) -> None:
-        """Look after a folder, or a process as ``+PID``."""
-        with contextlib.suppress(BrokenPipeError):  # it was killed: the flight goes on without
+        """Add a folder, or a process as ``+PID``, to what the watchdog cleans up."""
+        # it was killed: the flight continues without it
+        with contextlib.suppress(BrokenPipeError):
             self._process.stdin.write(f'{what}\n')
             self._process.stdin.flush()
 
     def release(self) -> None:
-        """Leave the keeper with nothing to do, and see it end."""
+        """End the watchdog without any clean-up."""
         with contextlib.suppress(BrokenPipeError):
             self._process.stdin.close()
         try:
@@ -85,8 +87,8 @@ class Keeper:
             self._process.wait()
 
 
-def _tell_suspended(runner: int) -> None:
-    """Have a suspended runner continue, and end its flight."""
+def _end_suspended(runner: int) -> None:
+    """Resume a suspended runner so that it ends its flight."""
     with contextlib.suppress(OSError):
         print(f'suspended for {SUSPENDED:g} s: the flight ends', file=sys.stderr, flush=True)
         os.kill(runner, signal.SIGTERM)
@@ -94,7 +96,7 @@ def _tell_suspended(runner: int) -> None:
 
 
 def _listen(runner: int) -> tuple[list[int], list[str]]:
-    """Read until the runner is gone; return handles of the nodes, and the folders."""
+    """Read until the runner has ended; return handles of the nodes, and the folders."""
     handles, folders, stopped_since, rest = [], [], None, ''
     while True:
         if select.select([sys.stdin], [], [], 0.5)[0]:
@@ -112,12 +114,14 @@ def _listen(runner: int) -> tuple[list[int], list[str]]:
             stopped_since = time.monotonic()
         elif time.monotonic() - stopped_since > SUSPENDED:
             stopped_since = None
-            _tell_suspended(runner)
+            _end_suspended(runner)
 
 
 def _end(handles: list[int]) -> None:
-    """End nodes: ask, tell, kill."""
-    for number, seconds in ((signal.SIGINT, ASK), (signal.SIGTERM, TELL), (signal.SIGKILL, TELL)):
+    """End nodes by SIGINT, then SIGTERM, then SIGKILL."""
+    for number, seconds in ((signal.SIGINT, INTERRUPT_TIMEOUT),
+                            (signal.SIGTERM, TERMINATE_TIMEOUT),
+                            (signal.SIGKILL, TERMINATE_TIMEOUT)):
         for handle in handles:
             with contextlib.suppress(ProcessLookupError):
                 signal.pidfd_send_signal(handle, number)
@@ -129,7 +133,7 @@ def _end(handles: list[int]) -> None:
 
 
 def main() -> None:
-    """Look after what the runner names until it is gone, then end and remove that."""
+    """Wait until the runner has ended, then end its nodes and remove its folders."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     handles, folders = _listen(int(sys.argv[1]))

@@ -1,20 +1,19 @@
 """
-What a node accepts: every message of every input goes through one :class:`Intake`.
+Checks on what a node accepts: every message of an input passes through an :class:`InputGuard`.
 
 A message is used when it comes from the first publisher of its topic, can be decoded, has a
 stamp that is newer than the last one accepted and not ahead of the flight, and holds numbers
-within limits. Any other is refused and counted by its reason; nothing that is refused has an
-effect on the node.
+within limits. All others are refused and counted by reason, and have no effect on the node.
 
-**Time.** A node that knows the time of the flight (the simulator, or who hears ``/clock``) gives
-it as ``now``, and a stamp may be ahead of it by ``ahead`` at most: a message may overtake the
-clock that caused it. Where an input is itself the clock of its node, it may run ahead of the last
-message accepted by ``LEAP``. A longer gap is believed when ``BELIEVED`` messages in a row go on
-from there.
+**Time.** A node that knows the time of the flight (the simulator, or a subscriber of ``/clock``)
+passes it as ``now``. A stamp may be ahead of it by at most ``ahead``, because a message may
+overtake the clock message that caused it. If the input itself is the clock of its node, it may
+run ahead of the last accepted message by ``LEAP``. A longer leap is accepted when
+``CONFIRMATIONS`` consecutive messages continue from it.
 
-**Publisher.** The middleware says who published a message, by the publisher's global identifier
-(GID). The first publisher with a message that can be used is the one believed; those of any other
-are refused. Another one takes over when the graph has not known the first for ``ABSENT``.
+**Publisher.** The middleware identifies the publisher of a message by its global identifier
+(GID). The first publisher of a usable message is accepted; messages of any other are refused.
+Another one takes over when the first has been absent from the graph for ``ABSENT``.
 """
 
 from __future__ import annotations
@@ -30,13 +29,13 @@ from typing import Any
 from .layout import LayoutError
 
 LEAP = 1_000_000_000  # ns
-BELIEVED = 10  # messages
+CONFIRMATIONS = 10  # messages after a leap before it is accepted
 ABSENT = 0.5  # s of wall time
 _LOOK_EVERY = 0.1  # s of wall time between looks at the graph
-LARGEST_PWM = 65_535.0  # of any vehicle; the limits of one are its motors' own
+LARGEST_PWM = 65_535.0  # for any vehicle; each motor map has its own limits
 LARGEST = 65_536  # bytes; the largest message of the graph has 0.8 kB
 
-STRANGER = 'from a second publisher'
+SECOND_PUBLISHER = 'from a second publisher'
 MALFORMED = 'malformed'
 TOO_LARGE = 'too large'
 NEGATIVE = 'stamp below 0'
@@ -49,7 +48,7 @@ _UNREADABLE = (LayoutError, struct.error, IndexError)
 
 
 def _nobody() -> set[bytes]:
-    """Return no publisher: of an input that no other process can reach."""
+    """Return no publisher, for an input that no other process can reach."""
     return set()
 
 
@@ -58,12 +57,12 @@ def _nothing() -> None:
 
 
 def finite(*parts: tuple[float, ...]) -> str:
-    """Return why the numbers of some tuples cannot be used, empty if they can: all are finite."""
+    """Return the reason to refuse some tuples; empty if all their numbers are finite."""
     return '' if math.isfinite(sum(chain.from_iterable(parts))) else NOT_FINITE
 
 
 def check_pwm(command: tuple) -> str:
-    """Return why a decoded motor command cannot be used, empty if it can, as any shutdown."""
+    """Return the reason to refuse a motor command; empty if it is usable, as any shutdown."""
     _, (a, b, c, d), shutdown = command
     if shutdown or (0.0 <= a <= LARGEST_PWM and 0.0 <= b <= LARGEST_PWM
                     and 0.0 <= c <= LARGEST_PWM and 0.0 <= d <= LARGEST_PWM):
@@ -71,33 +70,33 @@ def check_pwm(command: tuple) -> str:
     return finite(command[1]) or OUT_OF_LIMITS
 
 
-class Intake:
+class InputGuard:
     """
-    Guard of one input of a node; called with each message as it arrives.
+    Checks the messages of one input of a node; called with each message as it arrives.
 
     Parameters
     ----------
     topic : str
         Full name.
     decode
-        From the bytes of a message to a tuple that begins with the stamp in ns.
+        Converts the bytes of a message to a tuple that begins with the stamp in ns.
     use
-        Gets that tuple as arguments.
+        Called with the elements of that tuple.
     now
-        Time of the flight: what returns it in ns, -1 while it is not known, or the intake of the
-        clock; None: the input itself is the clock of its node.
+        Time of the flight: a function that returns it in ns, or -1 while it is not known; or the
+        guard of the clock; None: the input itself is the clock of its node.
     ahead : ns
-        By which a stamp may be ahead of ``now``.
+        Largest amount by which a stamp may be ahead of ``now``.
     check
-        Gets the tuple; returns why its numbers cannot be used, empty if they can.
+        Called with the tuple; returns the reason to refuse it, empty if it is usable.
     tolerant
-        Whether a message that ``check`` refuses is counted and used all the same, by a node that
-        knows how to do without some of its numbers.
+        Whether a message that ``check`` refuses is counted but still used, for a node that can do
+        without some of its numbers.
     timed
-        Whether the stamp is bounded here; False for inputs whose node itself puts late, repeated
-        and early samples in order.
+        Whether the stamp is checked here; False if the node itself sorts late, repeated and early
+        samples.
     lost
-        Called for a message of the first publisher that is refused, None: nobody needs to know.
+        Called when a message of the first publisher is refused; None: no callback.
 
     Attributes
     ----------
@@ -108,13 +107,13 @@ class Intake:
     publishers
         Returns the GIDs of the topic's publishers in the graph; set by the node.
     pull
-        Takes what has arrived but waits for its turn; set by the loop.
+        Handles messages that have arrived but not yet been served; set by the loop.
 
     """
 
     def __init__(
         self, topic: str, decode: Callable[[bytes], tuple], use: Callable[..., Any],
-        now: Callable[[], int] | Intake | None = None, ahead: int = 0,
+        now: Callable[[], int] | InputGuard | None = None, ahead: int = 0,
         check: Callable[[tuple], str] | None = None, tolerant: bool = False, timed: bool = True,
         lost: Callable[[], Any] | None = None,
     ) -> None:
@@ -124,29 +123,29 @@ class Intake:
         self.pull: Callable[[], Any] = _nothing
         self._decode, self._use, self._check, self._tolerant = decode, use, check, tolerant
         self._now, self._newest = (
-            (now.time, now.newest) if isinstance(now, Intake) else (now, now))
-        # whose newest stamp bounds this input's, if there is one: it is read without a call
-        self._clock = self if now is None else now if isinstance(now, Intake) else None
+            (now.time, now.newest) if isinstance(now, InputGuard) else (now, now))
+        # guard whose newest stamp limits this one, if any; read directly, without a call
+        self._clock = self if now is None else now if isinstance(now, InputGuard) else None
         self._ahead, self._timed, self._lost = LEAP if now is None else ahead, timed, lost
-        self._first = b''  # GID of the publisher believed, empty before there is one
-        self._next_look = 0.0  # s of wall time, at the graph
-        self._absent_since = math.inf  # s of wall time, of the publisher believed
-        self._there, self._run = -1, 0  # stamp of the last leap, messages that went on from it
+        self._first = b''  # GID of the accepted publisher, empty before the first
+        self._next_look = 0.0  # s of wall time of the next look at the graph
+        self._absent_since = math.inf  # s of wall time when the publisher left the graph
+        self._there, self._run = -1, 0  # stamp of the last leap, messages that continued from it
 
     def __call__(self, data: bytes, publisher: bytes = b'') -> None:
         """
-        Take a message.
+        Check a message and use it if it is accepted.
 
         Parameters
         ----------
         data
             Its bytes.
         publisher
-            GID of who published it; empty: a node of this process.
+            GID of its publisher; empty: a node of this process.
 
         """
         if publisher != self._first and self._first and not self._has_left():
-            self.refused[STRANGER] += 1
+            self.refused[SECOND_PUBLISHER] += 1
             return
         try:
             value = self._decode(data) if len(data) <= LARGEST else None
@@ -157,7 +156,7 @@ class Intake:
             self._refuse(TOO_LARGE)
             return
         t = value[0]
-        if self._timed:  # nearly every stamp is the next one and not ahead: no call to find out
+        if self._timed:  # fast path: nearly every stamp is the next one and not ahead
             now = self._now() if self._clock is None else self._clock.last
             if self.last < t <= now + self._ahead:
                 self._run = 0
@@ -182,18 +181,18 @@ class Intake:
         return self.last
 
     def newest(self) -> int:
-        """Return the same after a look at what has arrived."""
+        """Return the newest stamp accepted after handling the messages that have arrived."""
         self.pull()
         return self.last
 
     def _refuse(self, reason: str) -> None:
-        """Count a message of the first publisher that is not used."""
+        """Count a refused message of the accepted publisher."""
         self.refused[reason] += 1
         if self._lost is not None:
             self._lost()
 
     def _mistimed(self, t: int) -> str:
-        """Return what is wrong with a stamp that is not next in time, empty if nothing."""
+        """Return the reason to refuse a stamp that is not simply the next one; empty if none."""
         if t < 0:
             return NEGATIVE
         if t <= self.last:
@@ -207,13 +206,13 @@ class Intake:
         return ''
 
     def _goes_on(self, t: int) -> bool:
-        """Return whether enough messages in a row went on from a leap to believe it."""
+        """Return whether enough consecutive messages continued from a leap to accept it."""
         self._run = self._run + 1 if self._there < t <= self._there + LEAP else 1
         self._there = t
-        return self._run >= BELIEVED
+        return self._run >= CONFIRMATIONS
 
     def _has_left(self) -> bool:
-        """Return whether the graph has not known the publisher believed for a while."""
+        """Return whether the accepted publisher has been absent from the graph for ``ABSENT``."""
         now = time.monotonic()
         if now >= self._next_look:
             self._next_look = now + _LOOK_EVERY

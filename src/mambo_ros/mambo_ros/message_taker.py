@@ -16,7 +16,7 @@ import weakref
 _TAKEN = 0  # RCL_RET_OK
 _NOTHING = 401  # RCL_RET_SUBSCRIPTION_TAKE_FAILED: there is no message
 _GID = 16  # bytes, RMW_GID_STORAGE_SIZE
-_ROOM = 1024  # bytes to begin with; the middleware makes more when a message needs it
+_ROOM = 1024  # bytes of the initial buffer; the middleware enlarges it when a message needs it
 
 
 class _Gid(ctypes.Structure):
@@ -41,7 +41,7 @@ class _Bytes(ctypes.Structure):
                 ('buffer_capacity', ctypes.c_size_t), ('allocator', _Allocator)]
 
 
-# PyDLL keeps the interpreter's lock: a take does not wait, and giving the lock back costs more
+# PyDLL keeps the GIL: taking a message does not block, and releasing the lock costs more
 _rcl, _rcutils = ctypes.PyDLL('librcl.so'), ctypes.PyDLL('librcutils.so')
 _take = _rcl.rcl_take_serialized_message
 _take.argtypes = [ctypes.c_void_p] * 4
@@ -54,16 +54,16 @@ _fini.argtypes = [ctypes.c_void_p]
 _string_at = ctypes.string_at
 
 
-class Taker:
+class MessageTaker:
     """
-    What takes the messages of one subscription.
+    Takes the serialised messages of one subscription.
 
     Parameters
     ----------
     handle
-        Of an ``rclpy`` subscription; kept from being destroyed while this exists.
+        Handle of an ``rclpy`` subscription; it is not destroyed while this object exists.
     largest
-        Bytes of a message that are copied at most.
+        Largest number of bytes of a message that are copied.
 
     Raises
     ------
@@ -92,9 +92,9 @@ class Taker:
         Returns
         -------
         taken : (data, size, publisher) or None
-            The serialised message, or the beginning of one longer than ``largest``; the bytes of
-            the whole; the GID of the publisher, (16,), as ``TopicEndpointInfo.endpoint_gid`` has
-            it. None if there is no message.
+            The serialised message, or the beginning of one longer than ``largest``; the size of
+            the complete message in bytes; the GID of the publisher, (16,), as in
+            ``TopicEndpointInfo.endpoint_gid``. None if there is no message.
 
         Raises
         ------
@@ -113,6 +113,6 @@ class Taker:
 
 
 def _release(handle: Any, data: _Bytes) -> None:
-    """Give back what a :class:`Taker` held."""
+    """Release the memory and the handle of a :class:`MessageTaker`."""
     _fini(ctypes.byref(data))
     handle.__exit__(None, None, None)

@@ -1,4 +1,4 @@
-"""What a node accepts: the guard of one input, and the nodes that have one."""
+"""Checks on the messages of one input, alone and in a node."""
 
 import ast
 from dataclasses import dataclass
@@ -6,8 +6,8 @@ import math
 from pathlib import Path
 import struct
 
-from mambo_ros import intake, messages, topics
-from mambo_ros.intake import Intake
+from mambo_ros import input_guard, messages, topics
+from mambo_ros.input_guard import InputGuard
 from mambo_ros.loop import Loop
 from mambo_ros.node import MamboNode
 import pytest
@@ -26,13 +26,13 @@ class Input:
     def __init__(self, **bounds):
         self.used, self.now, self.present = [], 0, set()
         bounds.setdefault('now', lambda: self.now)
-        self.guard = Intake(
+        self.guard = InputGuard(
             '/mambo/motor_pwm', messages.decode_motor_pwm,
             lambda t, pwm, shutdown: self.used.append((t // STEP, pwm[0])),
-            check=lambda command: intake.finite(command[1]), **bounds)
+            check=lambda command: input_guard.finite(command[1]), **bounds)
         self.guard.publishers = lambda: self.present
 
-    def say(self, k, publisher=b'', pwm=1.0, t=None):
+    def send(self, k, publisher=b'', pwm=1.0, t=None):
         self.guard(
             messages.motor_pwm(k * STEP if t is None else t, (pwm,) * 4, False, 0), publisher)
 
@@ -47,38 +47,38 @@ class Input:
 
 def test_a_stamp_of_the_future_is_refused_and_what_follows_is_not():
     one = Input()
-    one.say(0)
-    one.say(0, t=FUTURE)
+    one.send(0)
+    one.send(0, t=FUTURE)
     one.now = STEP
-    one.say(1)
+    one.send(1)
     assert one.steps == [0, 1]
-    assert one.refused == {intake.AHEAD: 1}
+    assert one.refused == {input_guard.AHEAD: 1}
 
 
-def test_a_stamp_may_be_ahead_by_what_is_allowed_and_no_more():
+def test_a_stamp_may_be_ahead_by_the_allowance_and_no_more():
     one = Input(ahead=STEP)
-    one.say(1)
-    one.say(0, t=STEP + STEP + 1)
-    assert one.steps == [1] and one.refused == {intake.AHEAD: 1}
+    one.send(1)
+    one.send(0, t=STEP + STEP + 1)
+    assert one.steps == [1] and one.refused == {input_guard.AHEAD: 1}
 
 
-def test_a_message_that_overtook_the_clock_has_it_looked_for_before_it_is_refused():
-    clock = Intake('/clock', messages.decode_clock, lambda t: None)
+def test_before_a_stamp_is_refused_waiting_clock_messages_are_handled():
+    clock = InputGuard('/clock', messages.decode_clock, lambda t: None)
     one = Input(now=clock, ahead=STEP)
     clock(messages.clock(0))
     clock.pull = lambda: clock(messages.clock(9 * STEP))
-    one.say(10)
-    one.say(11)
-    assert one.steps == [10] and one.refused == {intake.AHEAD: 1}
+    one.send(10)
+    one.send(11)
+    assert one.steps == [10] and one.refused == {input_guard.AHEAD: 1}
 
 
 @pytest.mark.parametrize('t, reason', [
-    (3 * STEP, intake.BEHIND), (2 * STEP, intake.BEHIND), (-1, intake.NEGATIVE)])
+    (3 * STEP, input_guard.BEHIND), (2 * STEP, input_guard.BEHIND), (-1, input_guard.NEGATIVE)])
 def test_a_stamp_that_is_not_new_is_refused(t, reason):
     one = Input()
     one.now = 4 * STEP
-    one.say(3)
-    one.say(0, t=t)
+    one.send(3)
+    one.send(0, t=t)
     assert one.steps == [3] and one.refused == {reason: 1}
 
 
@@ -86,8 +86,8 @@ def test_a_stamp_that_is_not_new_is_refused(t, reason):
 def test_numbers_that_are_not_finite_are_refused_or_only_counted(value):
     strict, tolerant = Input(), Input(tolerant=True)
     for one in (strict, tolerant):
-        one.say(0, pwm=value)
-        assert one.refused == {intake.NOT_FINITE: 1}
+        one.send(0, pwm=value)
+        assert one.refused == {input_guard.NOT_FINITE: 1}
     assert strict.steps == [] and tolerant.steps == [0]
 
 
@@ -95,23 +95,24 @@ GOOD = messages.motor_pwm(0, STILL, False, 0)
 
 
 @pytest.mark.parametrize('data, reason', [
-    (b'', intake.MALFORMED), (b'\x00', intake.MALFORMED), (GOOD[:-9], intake.MALFORMED),
-    (b'\xff' * len(GOOD), intake.MALFORMED),
-    (GOOD[:12] + struct.pack('<I', 0xfffffff0) + GOOD[16:], intake.MALFORMED),  # frame name
-    (GOOD[:12] + struct.pack('<I', 5_000_000) + b'x' * 5_000_000, intake.TOO_LARGE)])
+    (b'', input_guard.MALFORMED), (b'\x00', input_guard.MALFORMED),
+    (GOOD[:-9], input_guard.MALFORMED),
+    (b'\xff' * len(GOOD), input_guard.MALFORMED),
+    (GOOD[:12] + struct.pack('<I', 0xfffffff0) + GOOD[16:], input_guard.MALFORMED),  # frame name
+    (GOOD[:12] + struct.pack('<I', 5_000_000) + b'x' * 5_000_000, input_guard.TOO_LARGE)])
 def test_bytes_that_are_no_message_are_refused(data, reason):
     one = Input()
     one.guard(data)
-    one.say(0)
+    one.send(0)
     assert one.steps == [0] and one.refused == {reason: 1}
 
 
 def test_a_header_that_is_cut_off_is_malformed_where_only_the_stamp_is_read():
     from mambo_ros import cdr
     for length in range(12):
-        guard = Intake('/x', lambda data: (cdr.stamp_ns(data),), lambda t: None)
+        guard = InputGuard('/x', lambda data: (cdr.stamp_ns(data),), lambda t: None)
         guard(GOOD[:length])
-        assert guard.refused == {intake.MALFORMED: 1}
+        assert guard.refused == {input_guard.MALFORMED: 1}
 
 
 class TestClock:
@@ -120,28 +121,28 @@ class TestClock:
     @pytest.fixture
     def clock(self):
         one = Input(now=None)
-        one.say(0)
+        one.send(0)
         return one
 
-    def test_one_far_stamp_does_not_silence_it(self, clock):
-        clock.say(0, t=FUTURE)
-        clock.say(1)
-        assert clock.steps == [0, 1] and clock.refused == {intake.AHEAD: 1}
+    def test_one_far_stamp_does_not_block_it(self, clock):
+        clock.send(0, t=FUTURE)
+        clock.send(1)
+        assert clock.steps == [0, 1] and clock.refused == {input_guard.AHEAD: 1}
 
-    def test_a_leap_is_believed_when_enough_goes_on_from_there(self, clock):
-        for k in range(intake.BELIEVED + 1):
-            clock.say(10_000 + k)
+    def test_a_leap_is_accepted_when_enough_messages_continue_from_it(self, clock):
+        for k in range(input_guard.CONFIRMATIONS + 1):
+            clock.send(10_000 + k)
         assert clock.steps == [0, 10_009, 10_010]
 
-    def test_a_leap_that_the_flight_contradicts_is_never_believed(self, clock):
-        for k in range(1, 4 * intake.BELIEVED):
-            clock.say(k)
-            clock.say(10_000 + k)
-        assert clock.steps == list(range(4 * intake.BELIEVED))
+    def test_a_leap_that_the_flight_contradicts_is_never_accepted(self, clock):
+        for k in range(1, 4 * input_guard.CONFIRMATIONS):
+            clock.send(k)
+            clock.send(10_000 + k)
+        assert clock.steps == list(range(4 * input_guard.CONFIRMATIONS))
 
 
 class TestPublishers:
-    """Who publishes decides, and who is still in the graph."""
+    """Messages are accepted by their publisher and its presence in the graph."""
 
     FIRST, SECOND = b'1' * 16, b'2' * 16
 
@@ -149,65 +150,66 @@ class TestPublishers:
     def one(self):
         one = Input()
         one.now, one.present = 10_000 * STEP, {self.FIRST, self.SECOND}
-        one.say(0, self.FIRST)
+        one.send(0, self.FIRST)
         return one
 
     @pytest.fixture
     def wall(self, monkeypatch):
         wall = [100.0]
-        monkeypatch.setattr(intake.time, 'monotonic', lambda: wall[0])
+        monkeypatch.setattr(input_guard.time, 'monotonic', lambda: wall[0])
         return wall
 
-    def test_a_second_publisher_is_refused_whatever_it_says(self, one):
+    def test_every_message_of_a_second_publisher_is_refused(self, one):
         for k in range(1, 20):
-            one.say(k, self.SECOND, pwm=500.0)
-            one.say(k, self.FIRST)
+            one.send(k, self.SECOND, pwm=500.0)
+            one.send(k, self.FIRST)
         assert one.used == [(k, 1.0) for k in range(20)]
-        assert one.refused == {intake.STRANGER: 19}
+        assert one.refused == {input_guard.SECOND_PUBLISHER: 19}
 
-    def test_who_has_said_nothing_of_use_is_not_the_first(self):
+    def test_a_publisher_of_unusable_messages_does_not_become_the_first(self):
         one = Input()
         one.present = {self.FIRST, self.SECOND}
-        one.say(0, self.SECOND, pwm=math.nan)
-        one.say(0, self.SECOND, t=FUTURE)
-        one.say(0, self.FIRST)
+        one.send(0, self.SECOND, pwm=math.nan)
+        one.send(0, self.SECOND, t=FUTURE)
+        one.send(0, self.FIRST)
         one.now = STEP
-        one.say(1, self.SECOND, pwm=500.0)
-        one.say(1, self.FIRST)
+        one.send(1, self.SECOND, pwm=500.0)
+        one.send(1, self.FIRST)
         assert one.used == [(0, 1.0), (1, 1.0)]
-        assert one.refused == {intake.NOT_FINITE: 1, intake.AHEAD: 1, intake.STRANGER: 1}
+        assert one.refused == {
+            input_guard.NOT_FINITE: 1, input_guard.AHEAD: 1, input_guard.SECOND_PUBLISHER: 1}
 
     def test_a_refused_message_of_the_first_leaves_it_the_first(self, one):
-        one.say(1, self.FIRST, pwm=math.nan)
-        one.say(1, self.SECOND, pwm=500.0)
-        one.say(2, self.FIRST)
+        one.send(1, self.FIRST, pwm=math.nan)
+        one.send(1, self.SECOND, pwm=500.0)
+        one.send(2, self.FIRST)
         assert one.used == [(0, 1.0), (2, 1.0)]
 
     def test_another_takes_over_when_the_first_has_left_the_graph(self, one, wall):
         one.present = {self.SECOND}
-        one.say(1, self.SECOND)
+        one.send(1, self.SECOND)
         assert one.steps == [0]
-        wall[0] += 1.1 * intake.ABSENT
-        one.say(2, self.SECOND)
-        one.say(3, self.SECOND)
-        assert one.steps == [0, 2, 3] and one.refused == {intake.STRANGER: 1}
+        wall[0] += 1.1 * input_guard.ABSENT
+        one.send(2, self.SECOND)
+        one.send(3, self.SECOND)
+        assert one.steps == [0, 2, 3] and one.refused == {input_guard.SECOND_PUBLISHER: 1}
 
-    def test_a_first_that_the_graph_does_not_know_yet_keeps_its_place(self, one, wall):
+    def test_a_first_publisher_not_yet_in_the_graph_keeps_its_place(self, one, wall):
         one.present = {self.SECOND}
-        one.say(1, self.SECOND)
-        wall[0] += 0.9 * intake.ABSENT
+        one.send(1, self.SECOND)
+        wall[0] += 0.9 * input_guard.ABSENT
         one.present = {self.FIRST, self.SECOND}
-        one.say(1, self.SECOND)
-        wall[0] += 10.0 * intake.ABSENT
-        one.say(1, self.SECOND)
-        one.say(1, self.FIRST)
-        assert one.steps == [0, 1] and one.refused == {intake.STRANGER: 3}
+        one.send(1, self.SECOND)
+        wall[0] += 10.0 * input_guard.ABSENT
+        one.send(1, self.SECOND)
+        one.send(1, self.FIRST)
+        assert one.steps == [0, 1] and one.refused == {input_guard.SECOND_PUBLISHER: 3}
 
-    def test_the_graph_is_not_asked_for_every_message_of_a_flood(self, one, wall):
+    def test_the_graph_is_not_queried_for_every_message_of_a_flood(self, one, wall):
         asked = []
         one.guard.publishers = lambda: asked.append(1) or one.present
         for _ in range(1000):
-            one.say(1, self.SECOND)
+            one.send(1, self.SECOND)
             wall[0] += 0.0001
         assert len(asked) <= 2
 
@@ -222,7 +224,9 @@ class TestInTheGraph:
 
     @pytest.fixture
     def graph(self, ros):
-        """Return a node with a guarded input, its loop, and what it used, warned and reported."""
+        """
+        Return a node with a guarded input, with its loop and lists of its messages and warnings.
+        """
         made = MamboNode('listener', NoParams)
         made.used, made.warned, made.reported = [], [], []
         made.get_logger = lambda: made
@@ -235,8 +239,8 @@ class TestInTheGraph:
         loop.close()
 
     def other(self, name, reliability=ReliabilityPolicy.RELIABLE):
-        stranger = rclpy.node.Node(name, namespace='mambo')
-        return stranger.create_publisher(
+        outsider = rclpy.node.Node(name, namespace='mambo')
+        return outsider.create_publisher(
             topics.MOTOR_PWM.msg_type, topics.MOTOR_PWM.name,
             QoSProfile(depth=100, reliability=reliability))  # the fixture ends its node
 
@@ -258,7 +262,7 @@ class TestInTheGraph:
         assert 'refused messages: 1 /mambo/motor_pwm from a second publisher' in node.warned
         assert b'/mambo/motor_pwm from a second publisher' in node.reported[0]
 
-    def test_a_publisher_that_cannot_be_heard_is_named_with_both_policies(self, graph):
+    def test_an_incompatible_publisher_is_named_with_both_policies(self, graph):
         node, loop = graph
         driver = self.other('driver', ReliabilityPolicy.BEST_EFFORT)
         until(lambda: node.warned, 'the warning', lambda: loop.once(0.01))
@@ -267,17 +271,17 @@ class TestInTheGraph:
             'for reliable: nothing arrives; ')
         assert not driver.get_subscription_count()
 
-    def test_a_reader_that_hears_nothing_of_ours_is_named_too(self, graph):
+    def test_an_incompatible_reader_is_named_too(self, graph):
         node, loop = graph
-        stranger = rclpy.node.Node('viewer', namespace='mambo')
+        outsider = rclpy.node.Node('viewer', namespace='mambo')
         from rclpy.qos import DurabilityPolicy
-        stranger.create_subscription(
+        outsider.create_subscription(
             topics.DIAGNOSTICS.msg_type, topics.DIAGNOSTICS.name, print,
             QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         until(lambda: node.warned, 'the warning', lambda: loop.once(0.01))
         assert '/mambo/viewer asks for transient_local' in node.warned[0]
 
-    def test_a_flood_of_large_messages_leaves_the_loop_its_turns(self, graph):
+    def test_a_flood_of_large_messages_does_not_starve_the_loop(self, graph):
         node, loop = graph
         first = self.other('first')
         until(first.get_subscription_count, 'the link', lambda: loop.once(0.01))
@@ -286,10 +290,11 @@ class TestInTheGraph:
             first.publish(data)
         first.wait_for_all_acked()
         loop.once(0.1)
-        assert node.guard.refused[intake.TOO_LARGE] <= 1
-        until(lambda: node.guard.refused[intake.TOO_LARGE] == 5, 'all', lambda: loop.once(0.01))
+        assert node.guard.refused[input_guard.TOO_LARGE] <= 1
+        until(lambda: node.guard.refused[input_guard.TOO_LARGE] == 5, 'all',
+              lambda: loop.once(0.01))
 
-    def test_a_best_effort_publisher_is_heard_by_who_asks_for_no_more(self, ros):
+    def test_a_best_effort_reader_receives_from_a_best_effort_publisher(self, ros):
         node, used = MamboNode('listener', NoParams), []
         node.accept(topics.MOTOR_PWM, messages.decode_motor_pwm, lambda t, *_: used.append(t),
                     reliable=False)
@@ -306,7 +311,7 @@ SOURCES = [file for file in sorted((Path(__file__).parents[2]).glob('*/mambo_*/*
 
 
 def assigned(tree):
-    """Yield the names that the methods of a node's classes assign on ``self``, or define."""
+    """Yield the attribute names that the classes of a node define or assign on ``self``."""
     for kind in ast.walk(tree):
         if not isinstance(kind, ast.ClassDef) or 'Node' not in ' '.join(
                 ast.unparse(base) for base in kind.bases):
