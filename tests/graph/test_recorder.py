@@ -111,7 +111,7 @@ def test_what_was_not_as_it_should_be_is_counted_in_one_line(start, monkeypatch)
     node.finish()
     assert len(logged['warning']) == 2 and len(logged['info']) == 1
     assert '/tf: 3 with a stamp outside of the flight' in logged['info'][0]
-    assert '/mambo/imu/data_raw: 3 of more than 1 MB, left out' in logged['info'][0]
+    assert '/mambo/imu/data_raw: 3 of more than 1 MB, not recorded' in logged['info'][0]
 
 
 def test_a_little_ahead_of_the_clock_is_not_ahead_of_the_end(start, tmp_path):

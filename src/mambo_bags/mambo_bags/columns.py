@@ -2,9 +2,9 @@
 CDR messages as numpy columns, and typed messages to CDR, without ROS.
 
 A message whose strings and sequences have the same lengths throughout a topic has one fixed
-layout (XCDR1, alignment counted from behind the 4-byte header). :func:`layout` derives it from
-the type's definition and the first message; the lengths are then compared in every message, so
-that a column is either exact or refused.
+layout (XCDR1, alignment counted from the end of the 4-byte header). :func:`layout` derives it
+from the type's definition and the first message, then compares the lengths in every message. A
+column is therefore either exact or refused.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _SIZES = {
     'int8': ('i1', 1), 'uint8': ('u1', 1), 'int16': ('<i2', 2), 'uint16': ('<u2', 2),
     'int32': ('<i4', 4), 'uint32': ('<u4', 4), 'int64': ('<i8', 8), 'uint64': ('<u8', 8),
     'float32': ('<f4', 4), 'float64': ('<f8', 8)}
-_MAX_ITEMS = 256  # sequences of messages longer than this are not spread over columns
+_MAX_ITEMS = 256  # longer sequences of messages are not spread over columns
 
 
 class NoLayout(MamboError):
@@ -38,7 +38,7 @@ class NoLayout(MamboError):
 
 @dataclasses.dataclass(frozen=True)
 class Column:
-    """Where a field stands in every message of a topic."""
+    """Position and type of a field in every message of a topic."""
 
     offset: int
     dtype: str
@@ -46,7 +46,7 @@ class Column:
 
 
 class _Walk:
-    """Walks one message along its type's definition and notes where everything stands."""
+    """Walks through one message by its type definition and records the position of each field."""
 
     def __init__(self, store: Typestore, data: bytes) -> None:
         self.columns: dict[str, Column] = {}
@@ -80,8 +80,9 @@ class _Walk:
             raise NoLayout
 
     def field(self, path: str, kind: tuple[Any, Any]) -> None:
-        """Take one field of any type."""
-        if self._at > len(self._data):  # or an array of arrays is walked to its last element
+        """Walk over one field of any type."""
+        # without this limit an array of arrays would be walked to its last element
+        if self._at > len(self._data):
             raise NoLayout
         node, detail = kind
         if node == Nodetype.BASE:
@@ -101,7 +102,7 @@ class _Walk:
                 raise NoLayout
 
     def message(self, type_name: str, prefix: str = '') -> None:
-        """Take all fields of a message type."""
+        """Walk over all fields of a message type."""
         fields = self._store.fielddefs[type_name][1]
         if not fields:
             raise NoLayout
@@ -117,8 +118,8 @@ class _Walk:
         """
         Return whether the message ends where its type ends.
 
-        Middlewares pad to four bytes, and Fast CDR reserves up to eight bytes for the alignment
-        of each empty sequence, which it does not need and leaves behind the message.
+        Middlewares pad to four bytes. Fast CDR also reserves up to eight bytes for the alignment
+        of each empty sequence; they are not needed and remain at the end of the message.
         """
         slack = 3 + 8 * sum(length == 0 for length in self.lengths.values())
         return self._at <= len(self._data) <= self._at + slack
@@ -165,7 +166,7 @@ def layout(
 
 
 def trimmed(store: Typestore, type_name: str, data: bytes) -> bytes:
-    """Return a message without what a middleware left behind its end."""
+    """Return a message without the padding that a middleware appended."""
     walk = _Walk(store, data)
     try:
         walk.message(type_name)
@@ -204,7 +205,7 @@ def load_types(type_names: Iterable[str]) -> Typestore:
 
 
 def zero(store: Typestore, type_name: str, **fields: Any) -> Any:
-    """Return a message with every field 0, empty or false but those given."""
+    """Return a message whose fields are 0, empty or false, except the given ones."""
     values: dict[str, Any] = {}
     for name, kind in store.fielddefs[type_name][1]:
         values[name] = fields.pop(name) if name in fields else _zero_field(store, kind)

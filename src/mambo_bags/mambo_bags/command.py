@@ -1,4 +1,4 @@
-"""What the commands share: their options, errors of one line, and the exit codes."""
+"""Shared by all commands: common options, one-line errors and exit codes."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from mambo_model.errors import InputError, MamboError
 from mambo_model.whole_file import write_text, WRONG_PATH
 import numpy as np
 
-_LONGEST = 2000  # characters of an error, so that a name of a megabyte does not fill the screen
+_LONGEST = 2000  # longest error, characters, so that a huge name does not fill the screen
 
 
 class _OutputError(Exception):
-    """Standard output does not take what is written to it."""
+    """Standard output cannot be written."""
 
 
 class _Output:
-    """Standard output whose failure is told from that of a file."""
+    """Standard output whose errors can be distinguished from those of a file."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -31,7 +31,7 @@ class _Output:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Write; _OutputError if that is not taken."""
+        """Write; raise _OutputError on failure."""
         try:
             return self._stream.write(text)
         except OSError as error:
@@ -49,13 +49,13 @@ _program: str | None = None
 
 
 def set_program(name: str | None) -> None:
-    """Set by what words the user started this process, such as ``mambo fly``."""
+    """Set the name under which the user started this process, such as ``mambo fly``."""
     global _program
     _program = name
 
 
 def program(name: str) -> str:
-    """Return what a command calls itself: the words of the user, else its own name."""
+    """Return the name of a command in messages: as the user typed it, else its own name."""
     return _program or name
 
 
@@ -79,11 +79,11 @@ class Parser(argparse.ArgumentParser):
     Parameters
     ----------
     name : str
-        Of the command, where :func:`set_program` was not called.
+        Name of the command, used if :func:`set_program` was not called.
     description : str
-        What ``--help`` says in front of the options; line breaks are kept.
+        Text of ``--help`` before the options; line breaks are kept.
     epilog : str
-        What it says behind them.
+        Text of ``--help`` after the options.
 
     """
 
@@ -102,11 +102,11 @@ class Parser(argparse.ArgumentParser):
         metavar, help
             As of ``add_argument``.
         default
-            Path without the option.
+            Path if the option is not given.
         required
-            Whether it must be given.
+            Whether the option is required.
         positional
-            Whether it can be given as the last positional, too.
+            Whether the path can also be given as the last positional argument.
 
         """
         self.add_argument('-o', '--output', type=Path, metavar=metavar, help=help,
@@ -120,7 +120,7 @@ class Parser(argparse.ArgumentParser):
 
     @staticmethod
     def complete(names: Iterable[str], option: argparse.Action) -> None:
-        """Have the shell offer names for an option that takes other values, too."""
+        """Let the shell complete names for an option that also accepts other values."""
         option.completer = lambda **_: list(names)  # type: ignore[attr-defined]
 
     def add_json(self) -> None:
@@ -132,11 +132,11 @@ class Parser(argparse.ArgumentParser):
     def parse_args(  # type: ignore[override]
         self, args: list[str] | None = None, namespace: argparse.Namespace | None = None,
     ) -> argparse.Namespace:
-        """Parse; exit code 2 behind one line for what is not understood."""
+        """Parse; print one line and exit with code 2 on an error."""
         options, rest = self.parse_known_args(args, namespace)
         if self._takes_last:
             if options.last is None and len(rest) == 1 and not rest[0].startswith('-'):
-                options.last = Path(rest.pop())  # behind an option
+                options.last = Path(rest.pop())  # given after an option
             if options.last is not None and options.output is not None:
                 self.error(f'{options.last}: --output is given already')
             options.output = options.last if options.output is None else options.output
@@ -151,18 +151,18 @@ class Parser(argparse.ArgumentParser):
         return options
 
     def print_help(self, file: Any = None) -> None:
-        """Print the help; leave with exit code 1 behind one line if the output takes none."""
+        """Print the help; if the output cannot be written, print one line and exit with code 1."""
         if code := guard(self.prog, lambda: print(self.format_help(), end='', file=file)):
             self.exit(code)
 
     def error(self, message: str) -> Any:
-        """Write one line to stderr and leave with exit code 2."""
+        """Write one line to stderr and exit with code 2."""
         self.exit(2, f'{self.prog}: {_one_line(message.removeprefix("argument "))}; '
                      f'{self.prog} --help says more\n')
 
     def _get_values(self, action: argparse.Action, words: list[str]) -> Any:
-        if action.option_strings and '--' in words:  # argparse takes it for the end of options
-            raise argparse.ArgumentError(action, "'--' is no value")
+        if action.option_strings and '--' in words:  # argparse reads it as the end of the options
+            raise argparse.ArgumentError(action, "'--' is not a value")
         return super()._get_values(action, words)
 
     def _get_value(self, action: argparse.Action, text: str) -> Any:
@@ -179,17 +179,17 @@ class Parser(argparse.ArgumentParser):
         if action.choices is not None and value not in action.choices:
             known = list(map(str, action.choices))
             raise argparse.ArgumentError(
-                action, f'{value!r} is none of {", ".join(known)}{nearest(str(value), known)}')
+                action, f'{value!r} is not one of {", ".join(known)}{nearest(str(value), known)}')
 
 
 def refuse_existing(path: Path | None) -> None:
-    """Raise InputError if a path that is to be made exists; before anything is done for it."""
+    """Raise InputError if an output path exists, before any work is done."""
     if path is not None and path.exists():
         raise InputError(f'{path} exists: give another --output or remove it')
 
 
 def write_json(target: str, text: str) -> Path | None:
-    """Print the text of ``--json``, or write its file with its folders; return its path."""
+    """Print the JSON text or write it to its file, with missing folders; return the path."""
     if target == '-':
         print(text)
         return None
@@ -198,19 +198,19 @@ def write_json(target: str, text: str) -> Path | None:
 
 def guard(name: str, work: Callable[[], None]) -> int:
     """
-    Run a command; return its exit code, if not 0 behind one line on stderr with its name.
+    Run a command and return its exit code; on failure print one line with its name to stderr.
 
-    The code is that of a :class:`mambo_model.errors.MamboError`, 2 for a path that is not there
-    or of another kind or owner, and 1 for what else the disk or the memory refuses and for an
-    output that is closed or full.
+    The code is that of a :class:`mambo_model.errors.MamboError`, 2 for a path that is missing, not
+    permitted or of the wrong kind, and 1 for other disk errors, exhausted memory, and an output
+    that is closed or full.
     """
     name = program(name)
     if sys.stdout is None:
-        return _complain(name, 'the output is closed: send it to /dev/null to do without')
+        return _complain(name, 'the output is closed: redirect it to /dev/null to discard it')
     plain = sys.stdout
     sys.stdout = _Output(plain)
     try:
-        with np.errstate(all='ignore'):  # of absurd numbers, the result is inf or nan
+        with np.errstate(all='ignore'):  # extreme numbers: the result is inf or nan
             work()
         sys.stdout.flush()
     except _OutputError as error:
@@ -222,9 +222,9 @@ def guard(name: str, work: Callable[[], None]) -> int:
     except MamboError as error:
         return _complain(name, str(error), error.exit_code)
     except MemoryError:
-        return _complain(name, 'the memory of this machine is too small for that')
+        return _complain(name, 'out of memory')
     except RecursionError:
-        return _complain(name, 'what is to be read is nested too deep', 2)
+        return _complain(name, 'the input is nested too deeply', 2)
     finally:
         sys.stdout = plain
     return 0
@@ -245,8 +245,8 @@ def _complain(name: str, text: str, exit_code: int = 1) -> int:
 
 
 def _lost_output(name: str, stream: TextIO, error: OSError) -> int:
-    """Drop what nobody takes, so that Python does not try again; return the exit code."""
+    """Discard unwritten output, so that Python does not try again; return the exit code."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-    if isinstance(error, BrokenPipeError):  # the reader, such as head, has gone
+    if isinstance(error, BrokenPipeError):  # the reader, such as head, has closed the pipe
         return 1
     return _complain(name, f'the output cannot be written: {error.strerror}')

@@ -1,4 +1,4 @@
-"""What rosbag2 compresses with zstd: whole files, or each message by itself."""
+"""Decompression of rosbag2's zstd modes: whole files, or each message by itself."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from mambo_model import limits
 import zstandard
 
 ZSTD = b'\x28\xb5\x2f\xfd'
-"""What a frame of zstd begins with; a message of CDR begins with a zero."""
+"""First bytes of a zstd frame; a CDR message begins with a zero."""
 _PIECE = 1 << 20
-_STEP = 4096  # of a piece: what it gives is bounded before it is counted
+_STEP = 4096  # bytes of a piece, which bounds the output before it is counted
 
 
 def is_compressed(path: Path) -> bool:
-    """Return whether a file begins as one of zstd."""
+    """Return whether a file begins with a zstd frame."""
     with path.open('rb') as stream:
         return stream.read(4) == ZSTD
 
 
 def unpack(source: Path, target: Path) -> None:
     """
-    Write a file without its compression.
+    Decompress a file.
 
     Raises
     ------
     ValueError
-        If it is damaged, cut off or unpacks to more than ``MAMBO_MAX_UNPACKED_MB`` (default 512)
+        If it is damaged, truncated or unpacks to more than ``MAMBO_MAX_UNPACKED_MB`` (default 512)
         or 20 times its size, whichever is more.
 
     """
@@ -39,19 +39,19 @@ def unpack(source: Path, target: Path) -> None:
 
 def message(data: bytes, most: int) -> bytes:
     """
-    Return a message, which may be compressed, as it was sent.
+    Return a message as it was sent, decompressed if necessary.
 
     Parameters
     ----------
     data
-        As recorded.
+        Bytes as recorded.
     most : byte
-        More is refused.
+        Largest accepted size.
 
     Raises
     ------
     ValueError
-        If its compression is damaged, cut off or unpacks to more.
+        If its compression is damaged or truncated, or it unpacks to more than ``most``.
 
     """
     if not data.startswith(ZSTD):
@@ -63,7 +63,7 @@ def message(data: bytes, most: int) -> bytes:
 
 
 def _plain(pieces: Iterable[bytes], most: int) -> Iterator[bytes]:
-    """Yield what zstd made pieces of; ValueError of damage, or beyond so many bytes."""
+    """Yield decompressed pieces; ValueError if damaged or larger than ``most``."""
     decompressor, size = zstandard.ZstdDecompressor().decompressobj(), 0
     try:
         for piece in pieces:

@@ -1,11 +1,11 @@
 """
-The time under which a message is recorded, bounded by ``/clock`` (no ROS here).
+Log time of a recorded message, limited by ``/clock`` (no ROS here).
 
-A message is logged at its own stamp, so that a flight has the same bag however fast it is flown.
-What anybody may publish has any stamp: one of 2026 in a flight that began at 0 would make a bag of
-fifty years. So a stamp counts only from 10 s before the first ``/clock`` to 10 s after the newest,
-the longest that a queue of 2000 messages lets a topic run ahead; anything else is logged at the
-time of ``/clock``. A ``/clock`` that leaps by more than that is believed when 20 in a row agree.
+A message is logged at its own stamp, so that a flight has the same bag at any speed. But any node
+may publish any stamp: one of the year 2026 in a flight that began at 0 would make a bag of fifty
+years. A stamp is therefore accepted only from 10 s before the first ``/clock`` to 10 s after the
+newest, the longest that a queue of 2000 messages lets a topic run ahead. Other messages are logged
+at the time of ``/clock``. A larger leap of ``/clock`` is accepted when 20 messages in a row agree.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import time
 
 SECOND = 1_000_000_000  # ns
 WINDOW = 10 * SECOND  # ns
-AGREEING = 20  # messages of /clock
+AGREEING = 20  # messages of /clock that confirm a leap
 
 
 class LogTimes:
@@ -26,7 +26,7 @@ class LogTimes:
     now : int or None
         Newest time of ``/clock``, ns; None before the first one.
     low, high : int
-        Stamps that certainly count, ns, both included; none where ``low`` is larger.
+        Range of stamps accepted without further checks, ns, inclusive; empty if ``low > high``.
 
     """
 
@@ -35,10 +35,10 @@ class LogTimes:
         self.low, self.high = 1, 0
         self._first = 0
         self._wall = False
-        self._leapt: list[int] = []  # to where /clock leaps, while that is not believed
+        self._leapt: list[int] = []  # time to which /clock leaps, until the leap is accepted
 
     def update(self, stamp: int | None) -> bool:
-        """Take a stamp of ``/clock`` in ns, None if it is not readable; return if it counts."""
+        """Update from a ``/clock`` stamp in ns, None if unreadable; return if it is accepted."""
         if stamp is None or stamp < 0:
             return False
         if self.now is None or self._wall:
@@ -58,18 +58,18 @@ class LogTimes:
         return True
 
     def use_wall_clock(self) -> None:
-        """Bound stamps by the clock of this machine, as there is no ``/clock``."""
+        """Limit stamps by the clock of this machine, because there is no ``/clock``."""
         self._wall, self.now = True, time.time_ns()
         self._first = self.now
 
     def of(self, stamp: int | None) -> tuple[int, bool]:
         """
-        Return the log time of a message and whether it is its own stamp.
+        Return the log time of a message and whether that is its own stamp.
 
         Parameters
         ----------
         stamp : ns
-            Of the message; None if it has no readable one.
+            Stamp of the message; None if it has no readable one.
 
         """
         if self._wall:

@@ -1,14 +1,14 @@
 """
-One MCAP file taken apart, whole, damaged or cut off.
+Read one MCAP file, intact, damaged or truncated.
 
-The framing (one byte of opcode, eight of length) is walked here, so that a record that runs past
-the end of the file is noticed instead of read short; the records themselves are parsed by the
-``mcap`` library. Messages, of which a second of flight has 2000, are not taken one by one: where
-they stand is kept as arrays.
+The framing (one byte of opcode, eight of length) is parsed here, so that a record that extends
+past the end of the file is detected; the records themselves are parsed by the ``mcap`` library.
+A second of flight has 2000 messages, so they are not parsed one by one: their positions are kept
+as arrays.
 
-A chunk may unpack to no more than it says, and a file to no more than ``MAMBO_MAX_UNPACKED_MB``
-(default 512) or 20 times its own size, whichever is more: a few kilobytes of it could otherwise
-fill the memory.
+A chunk may unpack to at most its stated size, and a file to at most ``MAMBO_MAX_UNPACKED_MB``
+(default 512) or 20 times its own size, whichever is more; otherwise a few kilobytes could fill
+the memory.
 """
 
 from __future__ import annotations
@@ -35,48 +35,48 @@ from .mcap_check import Account, stream
 
 MAGIC = b'\x89MCAP0\r\n'
 _FRAME = struct.Struct('<BQ')
-_HEAD = np.dtype([  # of a message, with its frame
+_HEAD = np.dtype([  # header of a message, with its frame
     ('opcode', 'u1'), ('length', '<u8'), ('channel', '<u2'), ('sequence', '<u4'),
     ('log_time', '<u8'), ('publish_time', '<u8')])
 _SHORTEST = _HEAD.itemsize - _FRAME.size
 _FOOTER = _FRAME.size + 20  # bytes
-_NONE = 0  # the opcode that no record may have, hence that of a run of zeros
+_NONE = 0  # opcode reserved by the format; a run of zeros has it
 Index = dict[int, tuple[int, NDArray[np.uint64]]]
 """{channel: (first byte of its message index, (n, 2) log times and offsets)}"""
 
 
 class BagError(InputError):
-    """A bag cannot be read; one line that says what, where and what to do."""
+    """A bag cannot be read; the message is one line that names what, where and what to do."""
 
 
 def windows(data: bytes, starts: NDArray[np.int64], size: int) -> NDArray[np.uint8]:
-    """Return a copy of the ``size`` bytes behind each start, (n, size)."""
+    """Return a copy of the ``size`` bytes from each start, (n, size)."""
     every = np.ndarray((max(len(data) - size + 1, 0), size), np.uint8, data, strides=(1, 1))
     return every[starts]
 
 
 class Heads(NamedTuple):
-    """Where the records of n messages begin, and what they begin with, (n,) of ``_HEAD``."""
+    """Offsets of n message records, and their headers, (n,) of ``_HEAD``."""
 
     starts: NDArray[np.int64]
     table: NDArray[Any]
 
     @classmethod
     def at(cls, data: bytes, starts: NDArray[np.int64]) -> Heads:
-        """Return the heads that stand there."""
+        """Return the message headers at the given offsets."""
         return cls(starts, windows(data, starts, _HEAD.itemsize).view(_HEAD)[:, 0])
 
 
 @dataclasses.dataclass(frozen=True)
 class Batch:
     """
-    Messages of one topic that stand together; it iterates over (log time, publish time, bytes).
+    Consecutive messages of one topic; iterates over (log time, publish time, bytes).
 
     Attributes
     ----------
     log_time, publish_time : (n,) ns
     data
-        (n, size) bytes where the messages have one size, else one after the other.
+    (n, size) bytes if the messages have one size, else concatenated.
 
     """
 
@@ -86,7 +86,7 @@ class Batch:
 
     @classmethod
     def of(cls, messages: list[tuple[int, int, bytes]]) -> Batch:
-        """Return the batch of messages given one by one, as it iterates over them."""
+        """Return the batch of the given (log time, publish time, bytes) messages."""
         data = [payload for _, _, payload in messages]
         times = np.array([times for *times, _ in messages], np.int64).reshape(-1, 2)
         if len(set(map(len, data))) != 1:
@@ -101,7 +101,7 @@ class Batch:
 @dataclasses.dataclass
 class Contents:
     """
-    What a file holds.
+    Content of a file.
 
     Attributes
     ----------
@@ -114,11 +114,11 @@ class Contents:
     attachments, metadata
         In the order of the file.
     complete
-        True if the file was closed, all of it could be read and is what the file itself says.
+        True if the file was closed, all of it could be read and it agrees with its summary.
     lost
         What could not be read, one line each.
     wrong
-        What else is not as the file says of itself: what is missing, what stands there twice.
+        Other contradictions with the file's summary: missing or duplicate records.
 
     """
 
@@ -134,15 +134,15 @@ class Contents:
 
     @property
     def damage(self) -> list[str]:
-        """Return all that is not as it should be, one line each."""
+        """Return all damage, one line each."""
         return [*self.lost, *self.wrong]
 
 
 def read_file(path: Path) -> bytes:
-    """Return a file's content; BagError if it cannot be read, is empty or no plain file."""
+    """Return a file's content; BagError if it cannot be read, is empty or not a regular file."""
     try:
-        if not (path.is_file() or path.is_dir()) and path.exists():  # a device may never end
-            raise BagError(f'{path}: no plain file; save it as one first')
+        if not (path.is_file() or path.is_dir()) and path.exists():  # a device may be endless
+            raise BagError(f'{path}: not a regular file; copy it to one first')
         data = path.read_bytes()
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from None
@@ -154,7 +154,7 @@ def read_file(path: Path) -> bytes:
 
 
 def _records(data: bytes, start: int) -> Iterator[tuple[int, int, int]]:
-    """Yield (opcode, start, end) of each record; an end past the data is a record cut off."""
+    """Yield (opcode, start, end) of each record; an end past the data means a truncated record."""
     position, size = start, len(data)
     while position + _FRAME.size <= size:
         opcode, length = _FRAME.unpack_from(data, position)
@@ -165,15 +165,15 @@ def _records(data: bytes, start: int) -> Iterator[tuple[int, int, int]]:
 
 def _unpack(chunk: Chunk, most: int) -> bytes:
     """
-    Return a chunk's records, no more bytes than it says.
+    Return the uncompressed records of a chunk, at most its stated size.
 
-    Of a chunk cut off it is what its compression gives back; ValueError if it says more than
-    ``most`` bytes.
+    For a truncated chunk this is the part that can be decompressed. ValueError if it states more
+    than ``most`` bytes.
     """
     size = chunk.uncompressed_size
     if size > most:
         raise ValueError(
-            f'it says that it unpacks to {size / 1e6:.0f} MB, more than may be unpacked of this '
+            f'its stated size is {size / 1e6:.0f} MB, more than may be unpacked of this '
             f'file; {limits.raised_by(limits.UNPACKED_MB)}')
     if chunk.compression == 'zstd':
         return zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
@@ -193,11 +193,11 @@ class _Scanner:
         self._data, self._is_wanted = data, is_wanted
         self._wanted: dict[int, list[Batch]] = {}
         self._left = limits.unpacked(len(data))
-        self._bodies: dict[int, list[tuple[int, int]]] = {}  # chunks by their checksum
+        self._bodies: dict[int, list[tuple[int, int]]] = {}  # chunks by checksum
         self._loose: list[int] = []  # starts of messages outside of chunks
 
     def walk(self) -> None:
-        """Take the whole file."""
+        """Scan the whole file."""
         closed, end = False, len(MAGIC)
         self._repeated_definitions(len(MAGIC))
         for opcode, start, end in _records(self._data, len(MAGIC)):
@@ -218,7 +218,7 @@ class _Scanner:
             self.contents.lost.append(str(error))
         if closed:
             if self._data[end:] != MAGIC:
-                self.contents.wrong.append('what follows the end of the file is not its mark')
+                self.contents.wrong.append('the magic bytes at the end of the file are missing')
             self.contents.wrong += self.account.contradictions(
                 {number: channel.topic for number, channel in self.contents.channels.items()})
         elif not self.contents.lost:
@@ -226,7 +226,7 @@ class _Scanner:
         self.contents.complete = closed and not self.contents.damage
 
     def _take(self, opcode: int, start: int, end: int) -> None:
-        """Take a record of the top level; what cannot be read is lost."""
+        """Add a top-level record; an unreadable one is listed as lost."""
         data, whole = self._data, end <= len(self._data)
         try:
             if whole:
@@ -235,16 +235,16 @@ class _Scanner:
                 self.chunk(start, end)
             elif whole and opcode == Opcode.MESSAGE:
                 if end - start < _SHORTEST:
-                    raise ValueError('shorter than the head of a message')
+                    raise ValueError('shorter than the header of a message')
                 self._loose.append(start - _FRAME.size)
             elif whole:
                 self.record(opcode, data[start:end])
-        except Exception as error:  # parsers of damaged bytes raise anything
+        except Exception as error:  # parsers may raise any error on damaged bytes
             self.contents.lost.append(
                 f'{_name(opcode)} at byte {start}: {str(error) or "not readable"}')
 
     def _summary(self) -> int | None:
-        """Return where the summary begins, by the footer at the end of the file."""
+        """Return the offset of the summary, from the footer at the end of the file."""
         at = len(self._data) - len(MAGIC) - _FOOTER
         if at < len(MAGIC) or not self._data.endswith(MAGIC) or _FRAME.unpack_from(
                 self._data, at) != (Opcode.FOOTER, 20):
@@ -253,31 +253,31 @@ class _Scanner:
         return begin if len(MAGIC) < begin < at else None
 
     def _repeated_definitions(self, begin: int) -> None:
-        """Take the definitions that a closed file repeats, in case their chunk is damaged."""
+        """Add the definitions that a closed file repeats, in case their chunk is damaged."""
         for place in dict.fromkeys((self._summary() or begin, begin)):
             for opcode, start, end in _records(self._data, place):
                 if opcode == _NONE or end > len(self._data):
                     break
                 if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                    with suppress(Exception):  # of damaged bytes; reading in order says what
+                    with suppress(Exception):  # damaged; reading in order reports what
                         self.definition(opcode, self._data[start:end])
 
     def _passed_over(self, closed: bool) -> None:
-        """Take the chunks behind a record that did not lead to the next, by the chunk index."""
+        """Use the chunk index to add the chunks after a record with a wrong length."""
         begin = None if closed else self._summary()
         for opcode, start, end in _records(self._data, begin) if begin else ():
             if opcode == Opcode.CHUNK_INDEX and end <= len(self._data):
-                with suppress(Exception):  # of damaged bytes; reading in order says what
+                with suppress(Exception):  # damaged; reading in order reports what
                     self.account.take(opcode, self._data, start, end)
         found = set(self.account.found)
-        for place in sorted(self.account.told.keys() - found):
+        for place in sorted(self.account.stated.keys() - found):
             end = place.offset + place.length
             if place.opcode == Opcode.CHUNK and end <= len(self._data) and _FRAME.unpack_from(
                     self._data, place.offset) == (Opcode.CHUNK, place.length - _FRAME.size):
                 self._take(Opcode.CHUNK, place.offset + _FRAME.size, end)
 
     def inner(self, data: bytes, index: Index, where: int) -> bool:
-        """Take the records of the chunk at a byte; False if the last one is cut off."""
+        """Add the records of the chunk at ``where``; False if the last one is truncated."""
         heads, whole = _indexed(data, index), True
         if heads is None:
             found = []
@@ -296,7 +296,7 @@ class _Scanner:
         return whole
 
     def messages(self, data: bytes, heads: Heads) -> None:
-        """Take the messages with these heads, of the wanted topics."""
+        """Add the messages with these headers, of the wanted topics."""
         order = np.argsort(heads.table['channel'], kind='stable')
         channels, log_times, publish_times, lengths = (
             heads.table[name][order].astype(np.int64)
@@ -309,7 +309,7 @@ class _Scanner:
                 unknown.append(channel)
                 continue
             part = slice(first, last)
-            late = (log_times[part] < 0) | (publish_times[part] < 0)  # 2^63 ns and more
+            late = (log_times[part] < 0) | (publish_times[part] < 0)  # stamps of 2^63 ns and more
             if late.any():
                 topic = self.contents.channels[channel].topic
                 self.contents.lost.append(
@@ -326,7 +326,7 @@ class _Scanner:
 
     def _batch(self, log_times: NDArray[np.int64], publish_times: NDArray[np.int64],
                data: NDArray[np.uint8] | list[bytes]) -> Batch:
-        """Return messages as they were sent: rosbag2 can compress each by itself."""
+        """Return messages as they were sent; rosbag2 may have compressed each by itself."""
         if bytes(data[0][:len(compression.ZSTD)]) != compression.ZSTD:
             return Batch(log_times, publish_times, data)
         plain = []
@@ -336,7 +336,7 @@ class _Scanner:
         return Batch.of(list(zip(log_times.tolist(), publish_times.tolist(), plain)))
 
     def definition(self, opcode: int, body: bytes) -> None:
-        """Take a schema or channel record."""
+        """Add a schema or channel record."""
         if opcode == Opcode.SCHEMA:
             schema = Schema.read(stream(body))
             self.contents.schemas[schema.id] = schema
@@ -349,14 +349,15 @@ class _Scanner:
                     self._wanted[channel.id] = messages
 
     def chunk(self, start: int, end: int) -> None:
-        """Take a chunk record; of one cut off or broken, the messages that are still whole."""
+        """Add a chunk record; of a truncated or damaged one, the messages that are intact."""
         body, where = self._data[start:end], start - _FRAME.size
         whole = end <= len(self._data)
         same = self._bodies.setdefault(zlib.crc32(body), [])
         for first, last in same:
             if self._data[first:last] == body:
                 self.contents.wrong.append(
-                    f'the chunk at byte {where} is that at byte {first - _FRAME.size} once more: '
+                    f'the chunk at byte {where} is a duplicate of that at byte '
+                    f'{first - _FRAME.size}: '
                     'taken once')
                 return
         same.append((start, end))
@@ -366,17 +367,17 @@ class _Scanner:
         if whole and len(data) != chunk.uncompressed_size:
             raise ValueError(
                 f'it unpacks to {"more" if len(data) > chunk.uncompressed_size else "fewer"} than '
-                f'the {chunk.uncompressed_size} bytes it says')
+                f'the stated {chunk.uncompressed_size} bytes')
         if whole and chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
             raise ValueError('checksum does not match')
         if not self.inner(data, _index(self._data, end), where) and whole:
-            raise ValueError('a record inside is cut off or none')
+            raise ValueError('a record inside is truncated or invalid')
 
     def record(self, opcode: int, body: bytes) -> None:
-        """Take a record of the top level."""
+        """Add a top-level record."""
         if opcode == Opcode.ATTACHMENT:
-            told = int.from_bytes(body[-4:], 'little')
-            if told and zlib.crc32(body[:-4]) != told:
+            stated = int.from_bytes(body[-4:], 'little')
+            if stated and zlib.crc32(body[:-4]) != stated:
                 raise ValueError('checksum does not match')
             self.contents.attachments.append(Attachment.read(stream(body)))
         elif opcode == Opcode.METADATA:
@@ -388,7 +389,7 @@ class _Scanner:
 def _cut(
     data: bytes, starts: NDArray[np.int64], sizes: NDArray[np.int64],
 ) -> NDArray[np.uint8] | list[bytes]:
-    """Return the bytes that stand there, as :class:`Batch` has them."""
+    """Return the bytes of the given messages, in the form of :class:`Batch`."""
     if (sizes == sizes[0]).all():
         return windows(data, starts, int(sizes[0]))
     return [data[start:start + size] for start, size in zip(starts.tolist(), sizes.tolist())]
@@ -396,10 +397,10 @@ def _cut(
 
 def _indexed(data: bytes, index: Index) -> Heads | None:
     """
-    Return the heads of the messages of a chunk, by the index that follows it in the file.
+    Return the message headers of a chunk, using the index that follows it in the file.
 
-    None if it holds anything else, or the index is not true: a record begins at the first byte
-    and where another ends, and nowhere else.
+    None if the chunk contains other records or the index is wrong: records must begin at the
+    first byte and at the end of the previous record, and nowhere else.
     """
     starts = np.sort(np.concatenate(
         [np.empty(0, np.uint64), *(pairs[:, 1] for _, pairs in index.values())]))
@@ -416,7 +417,7 @@ def _indexed(data: bytes, index: Index) -> Heads | None:
 
 
 def _index(data: bytes, behind: int) -> Index:
-    """Return the message indexes that the records behind a chunk begin with."""
+    """Return the message indexes that follow a chunk."""
     out: Index = {}
     for opcode, start, end in _records(data, behind):
         if opcode != Opcode.MESSAGE_INDEX or end > len(data) or end - start < 6:
@@ -443,13 +444,13 @@ def scan(path: Path, is_wanted: Callable[[str], bool] = lambda topic: True) -> C
     path
         File.
     is_wanted
-        Says by its name whether a topic's messages are kept; default: all.
+        Called with a topic's name; returns whether its messages are kept. Default: all.
 
     Raises
     ------
     BagError
-        If the file cannot be opened or is no MCAP file. Damage inside does not raise: it is
-        listed in ``damage``, and what surrounds it is kept.
+        If the file cannot be opened or is not an MCAP file. Damage inside does not raise: it is
+        listed in ``damage``, and everything around it is kept.
 
     """
     data = read_file(path)

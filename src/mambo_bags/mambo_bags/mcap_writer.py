@@ -1,8 +1,8 @@
 """
-MCAP files, many messages at a time: byte for byte those of the writer of the package mcap.
+Write MCAP files many messages at a time, byte for byte as the writer of the package mcap.
 
-That one assembles each message field by field, which costs ten microseconds; a whole flight at
-once needs a tenth of that. Chunks are compressed with zstd, each with its message indexes.
+That writer assembles each message field by field, which costs ten microseconds; writing a whole
+flight at once costs a tenth of that. Chunks are compressed with zstd and have message indexes.
 """
 
 from __future__ import annotations
@@ -65,9 +65,9 @@ class McapWriter:
     Parameters
     ----------
     stream
-        Where to.
+        Binary stream to write to.
     chunk_size : byte
-        A chunk that is longer is closed.
+        Size at which a chunk is closed.
 
     """
 
@@ -97,14 +97,14 @@ class McapWriter:
         return len(data)
 
     def start(self, profile: str, library: str) -> None:
-        """Write the head of the file."""
+        """Write the header of the file."""
         self._stream.write(MAGIC)
         self._put(Header(profile, library))
 
     def add_attachment(
         self, create_time: int, log_time: int, name: str, media_type: str, data: bytes,
     ) -> None:
-        """Write a file into the file."""
+        """Write an attachment record."""
         offset = self._stream.tell()
         length = self._put(Attachment(
             create_time=create_time, log_time=log_time, name=name, media_type=media_type,
@@ -115,7 +115,7 @@ class McapWriter:
         self._statistics.attachment_count += 1
 
     def add_metadata(self, name: str, data: Mapping[str, str]) -> None:
-        """Write texts by key."""
+        """Write a metadata record of texts by key."""
         offset = self._stream.tell()
         length = self._put(Metadata(name=name, metadata=dict(data)))
         self._metadata.append(MetadataIndex(offset=offset, length=length, name=name))
@@ -160,7 +160,7 @@ class McapWriter:
     def add_message(
         self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int = 0,
     ) -> None:
-        """Add a message to the chunk that is open."""
+        """Add a message to the open chunk."""
         self._count(channel_id, 1, log_time, log_time)
         self._index.setdefault(channel_id, bytearray()).extend(
             _ENTRY.pack(log_time, self._length))
@@ -174,7 +174,7 @@ class McapWriter:
         pieces: Sequence[bytes],
     ) -> None:
         """
-        Add the messages of one time after the other to the chunk that is open.
+        Add messages, sorted by time, to the open chunk.
 
         Parameters
         ----------
@@ -182,7 +182,7 @@ class McapWriter:
             Number of the channel of each message.
         log_times : (n,) ns
         pieces
-            The record of each one, as :func:`records` makes it.
+            The record of each message, from :func:`records`.
 
         """
         ends = np.cumsum(np.fromiter(map(len, pieces), dtype=np.int64, count=len(pieces)))
@@ -234,7 +234,7 @@ class McapWriter:
         self._begin_chunk()
 
     def flush(self) -> None:
-        """Write all there is to the disk, the open chunk among it."""
+        """Write all data, including the open chunk, to disk."""
         self._finish_chunk()
         self._stream.flush()
 

@@ -1,4 +1,4 @@
-"""Definitions and type hashes of ROS messages, found as ROS finds them: in the ament prefixes."""
+"""Definitions and type hashes of ROS messages, looked up in the ament prefixes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FIELD_TYPE = re.compile(r'^[ \t]*([a-zA-Z0-9_/]+)(?:<=\d+)?(?:\[[^\]]*\])?[ \t]+
 
 
 class DefinitionError(MamboError, ValueError):
-    """A message type has no readable definition; the text says which and what to do."""
+    """A message type has no readable definition; the message names it and what to do."""
 
 
 def _split(type_name: str) -> tuple[str, str]:
@@ -51,7 +51,7 @@ def find_file(type_name: str, suffix: str) -> Path:
 
 
 def dependencies(text: str, package: str) -> list[str]:
-    """Return the message types (``package/Name``, sorted) that fields of a .msg text name."""
+    """Return the message types (``package/Name``, sorted) used by the fields of a .msg text."""
     lines = '\n'.join(line.partition('#')[0] + ' ' for line in text.splitlines())
     found = {match[1] for match in FIELD_TYPE.finditer(lines)} - PRIMITIVES
     return sorted(name if '/' in name else f'{package}/{name}' for name in found)
@@ -61,8 +61,8 @@ def full_text(type_name: str) -> str:
     """
     Return the ``ros2msg`` schema of a type as rosbag2 writes it.
 
-    The root's .msg text, then each message it needs, depth first and once each, behind a line
-    of 80 equal signs and ``MSG: package/Name``.
+    The root's .msg text, then each message it needs, depth first and once each, preceded by a
+    line of 80 equal signs and ``MSG: package/Name``.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def full_text(type_name: str) -> str:
     seen: set[str] = set()
 
     def append(name: str, depth: int) -> str:
-        """Return a definition and, behind it, those it needs that are not there yet."""
+        """Return a definition followed by those it needs that have not been added yet."""
         if depth > MAX_DEPTH:
             raise DefinitionError(f'{type_name}: definitions nested deeper than {MAX_DEPTH}')
         package, _ = _split(name)

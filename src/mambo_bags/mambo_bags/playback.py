@@ -1,4 +1,4 @@
-"""Recorded messages of a bag in the order of their log time, as a replay needs them."""
+"""Recorded messages of a bag in the order of their log time, for replay."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def bag_files(path: Path) -> list[Path]:
     if missing or not files:
         raise schema.ParameterError(
             f'{missing[0]}: listed in metadata.yaml but missing' if missing
-            else f'{path}: no bag here; give a rosbag2 directory or an .mcap file')
+            else f'{path}: not a bag; give a rosbag2 directory or an .mcap file')
     return files
 
 

@@ -40,7 +40,7 @@ SHORT_NAMES = {
     'twist_covariance': ('twist.covariance',),
     'pressure': ('fluid_pressure',),
 }
-"""Attribute: the field it stands for, the first that the message type has."""
+"""Short attribute name: candidate fields, of which the first existing one is used."""
 
 
 class FieldError(BagError, KeyError, AttributeError):
@@ -97,7 +97,7 @@ class Messages:
         return sorted({*super().__dir__(), *names, *short})
 
     def _ipython_key_completions_(self) -> list[str]:
-        """Return what ``messages['...']`` may be, for tab completion."""
+        """Return the valid keys of ``messages['...']``, for tab completion."""
         return list(self._leaves())
 
     @cached_property
@@ -108,7 +108,7 @@ class Messages:
 
     @cached_property
     def table(self) -> NDArray[np.uint8] | None:
-        """Return the bytes of all messages, (n, size); None where they differ in length."""
+        """Return the bytes of all messages, (n, size); None if they differ in length."""
         tables = [batch.data for batch in self._batches]
         sizes = {table.shape[1] if isinstance(table, np.ndarray) else 0 for table in tables}
         if len(sizes) != 1 or 0 in sizes:
@@ -137,7 +137,7 @@ class Messages:
         Raises
         ------
         BagError
-            If a message is not what its type says.
+            If a message does not match its type.
 
         """
         if isinstance(self._store, BagError):
@@ -146,13 +146,14 @@ class Messages:
             try:
                 whole = cdr.trimmed(self._store, self.type_name, data)
                 yield self._store.deserialize_cdr(whole, self.type_name)
-            except Exception as error:  # foreign bytes make the decoder raise anything
+            except Exception as error:  # the decoder may raise any error on invalid bytes
                 reason = ' '.join(str(error).split())[:120]
                 raise BagError(
-                    f'{self.topic}: message {number} is no {self.type_name} ({reason})') from None
+                    f'{self.topic}: message {number} is not a {self.type_name} '
+                    f'({reason})') from None
 
     def __getitem__(self, path: str) -> NDArray[Any]:
-        """Return a field by its dotted path; FieldError if the type has none such."""
+        """Return a field by its dotted path; FieldError if there is no such field."""
         if path not in self._cache:
             self._decode()
             self._cache[path] = self._field(path)
@@ -169,7 +170,7 @@ class Messages:
         values = [self[f'{path}.{name}'] for name in parts]
         if any(value.dtype.kind not in 'fiub' or value.ndim != 1 for value in values):
             raise FieldError(
-                f'{self.topic}: {path} is no vector; its fields: {", ".join(parts)}')
+                f'{self.topic}: {path} is not a vector; its fields: {", ".join(parts)}')
         return np.stack(values, axis=1)
 
     def _parts(self, path: str) -> list[str] | None:
@@ -233,7 +234,7 @@ class Messages:
         return self.stamp * 1e-9
 
     def _leaves(self, path: str = '') -> Iterator[str]:
-        """Yield the paths of all fields that are no messages themselves."""
+        """Yield the paths of all leaf fields."""
         store = self._decode()
         names = self._parts(path) if path else [
             name for name, _ in store.fielddefs[self.type_name][1]]
@@ -248,7 +249,7 @@ class Messages:
         Return the messages as a table: one row each, one column a number or text.
 
         The index is the stamp [s], named ``t``; columns are dotted paths such as
-        ``pose.pose.position.x``, items of arrays ``pwm[0]``. The stamp itself is no column.
+        ``pose.pose.position.x``, items of arrays ``pwm[0]``. The stamp is only in the index.
 
         Raises
         ------
@@ -288,15 +289,15 @@ class Bag:
     ----------
     path : Path
     namespace : str
-        Of the drone, for example ``/mambo``; empty if no topic is namespaced.
+        Namespace of the drone, for example ``/mambo``; empty if no topic is namespaced.
     topics : dict[str, str]
-        {absolute name: type}, those without messages too.
+        {absolute name: type}, including topics without messages.
     metadata : dict[str, dict[str, str]]
         MCAP metadata records by name.
     attachments : dict[str, str | bytes]
         Files inside the bag by name; text where it is UTF-8.
     custom_data : dict[str, str]
-        Of metadata.yaml: what is about the run and not about the flight.
+        Entries of metadata.yaml about the run, such as the real-time factor.
 
     """
 
@@ -310,7 +311,7 @@ class Bag:
         self._messages: dict[str, Messages] = {}
 
     def add(self, messages: Messages) -> None:
-        """Take the messages of a topic."""
+        """Add the messages of a topic."""
         self.topics[messages.topic] = messages.type_name
         self._messages[messages.topic] = messages
 
@@ -325,7 +326,7 @@ class Bag:
         return len(self._messages.get(self.name(topic), ())) > 0
 
     def __getitem__(self, topic: str) -> Messages:
-        """Return the messages of a topic; BagError if the bag has none such."""
+        """Return the messages of a topic; BagError if there is no such topic."""
         found = self._messages.get(self.name(topic))
         if found is None:
             raise BagError(
@@ -351,7 +352,7 @@ class Bag:
         return '\n'.join(lines)
 
     def _ipython_key_completions_(self) -> list[str]:
-        """Return what ``bag['...']`` may be, for tab completion."""
+        """Return the valid keys of ``bag['...']``, for tab completion."""
         inside = f'{self.namespace}/'
         return sorted(topic.removeprefix(inside) for topic in self._messages if topic in self)
 
@@ -367,15 +368,15 @@ class Bag:
 
     @cached_property
     def scenario(self) -> dict[str, Any] | None:
-        """Return the attached ``scenario.yaml``; None if there is none or it is no mapping."""
+        """Return the attached ``scenario.yaml``; None if there is none or it is not a mapping."""
         try:
             content = yaml_nodes.load(self.attachments.get('scenario.yaml', ''))
-        except (yaml.YAMLError, TypeError):  # no YAML, or bytes that are no text
+        except (yaml.YAMLError, TypeError):  # not YAML, or not text
             return None
         return content if isinstance(content, dict) else None
 
 
-_PARTS = {  # of metadata.yaml, what is read of it
+_PARTS = {  # keys of metadata.yaml that are read
     'relative_file_paths': (list, 'a list of names'), 'storage_identifier': (str, 'a name'),
     'compression_mode': (str, 'a name'), 'compression_format': (str, 'a name'),
     'custom_data': (dict, 'names and values')}
@@ -388,7 +389,7 @@ def read_listing(path: Path) -> dict[str, Any]:
     Raises
     ------
     BagError
-        If it is no YAML, beyond the limits of ``mambo_model.yaml_nodes``, or not of a bag.
+        If it is not YAML, exceeds the limits of ``mambo_model.yaml_nodes``, or is not of a bag.
 
     """
     file = path / 'metadata.yaml'
@@ -405,7 +406,7 @@ def read_listing(path: Path) -> dict[str, Any]:
         fail(yaml_nodes.reason(error))
     if not isinstance(content, dict) or not isinstance(
             content.get('rosbag2_bagfile_information'), dict):
-        fail('it holds no rosbag2_bagfile_information')
+        fail('it has no rosbag2_bagfile_information')
     content = content['rosbag2_bagfile_information']
     if 'relative_file_paths' not in content:
         fail('relative_file_paths is missing')
@@ -426,7 +427,7 @@ def bag_files(path: Path) -> tuple[list[Path], dict[str, Any]]:
     Raises
     ------
     BagError
-        If the path holds no MCAP bag, or one that another tool must convert first.
+        If the path is not an MCAP bag, or is one that another tool must convert first.
 
     """
     if path.is_file():
@@ -434,21 +435,21 @@ def bag_files(path: Path) -> tuple[list[Path], dict[str, Any]]:
             raise BagError(f'{path}: give the directory of the bag, not its metadata.yaml')
         return [path], {}
     if not path.is_dir():
-        raise BagError(f'{path}: there is no such bag')
+        raise BagError(f'{path}: no such bag')
     listing = read_listing(path)
     storage = listing.get('storage_identifier', 'mcap')
     mode, kind = (listing.get(f'compression_{what}', '').lower() for what in ('mode', 'format'))
     if storage != 'mcap' or mode == 'file' or (mode == 'message' and kind not in ('', 'zstd')):
         raise BagError(
             f'{path}: a bag of storage {storage}, compression {mode or "none"} {kind}'.rstrip()
-            + '; take its topics with mambo import bag, or make plain mcap of it with ros2 bag '
+            + '; import its topics with mambo import bag, or convert it to mcap with ros2 bag '
             'convert')
     if listing:
         files = [path / Path(name).name for name in listing['relative_file_paths']]
     else:
         files = sorted(path.glob('*.mcap'))
     if not files:
-        raise BagError(f'{path}: no bag here; give a rosbag2 directory or an .mcap file')
+        raise BagError(f'{path}: not a bag; give a rosbag2 directory or an .mcap file')
     for file in files:
         if not file.is_file():
             raise BagError(f'{file}: listed in metadata.yaml, but missing')
@@ -456,25 +457,25 @@ def bag_files(path: Path) -> tuple[list[Path], dict[str, Any]]:
 
 
 def type_name(name: str) -> str:
-    """Return ``package/msg/Name`` for it or for ``package/Name``."""
+    """Return ``package/msg/Name``, given that or ``package/Name``."""
     package, _, rest = name.partition('/')
     return name if '/' in rest else f'{package}/msg/{rest}'
 
 
 def _types(schema: Any, encoding: str, where: str) -> Typestore | BagError:
-    """Return the types of a schema; the error that asking for its messages shall raise."""
+    """Return the types of a schema, or the error to raise when its messages are read."""
     if encoding != 'cdr':
         return BagError(f'{where}: messages are encoded as {encoding!r}, only cdr is read')
     if schema is not None and not schema.data and schema.name.startswith('mambo_interfaces/'):
         return cdr.load_types([type_name(schema.name)])
     if schema is None or not schema.data:
-        return BagError(f'{where}: the bag does not say what the messages look like (no schema)')
+        return BagError(f'{where}: the bag has no schema for these messages')
     return definition_types(schema.data, schema.encoding, type_name(schema.name), where)
 
 
 def definition_types(data: bytes, kind: str, name: str, where: str) -> Typestore | BagError:
     """
-    Return the types of a definition that a bag carries, or what is wrong with it.
+    Return the types of a message definition in a bag, or the error in it.
 
     Parameters
     ----------
@@ -483,23 +484,23 @@ def definition_types(data: bytes, kind: str, name: str, where: str) -> Typestore
     kind
         ``ros2msg`` or ``ros2idl``.
     name
-        Of the type, ``package/msg/Name``.
+        Name of the type, ``package/msg/Name``.
     where
-        Of the topic, for the error.
+        Name of the topic, for the error.
 
     """
     if kind not in ('ros2msg', 'ros2idl'):
         return BagError(f'{where}: schema of kind {kind!r}, only ros2msg and ros2idl are read')
     try:
         return _parsed(data, kind, name)
-    except Exception as error:  # the parser of a foreign schema raises anything
+    except Exception as error:  # the parser may raise any error on an invalid schema
         reason = str(error).split('\n')[0]
         return BagError(f'{where}: the schema of {name} cannot be read ({reason})')
 
 
 @cache
 def _parsed(data: bytes, encoding: str, name: str) -> Typestore:
-    """Return the types of a schema; what the parser raises, and ValueError for another's."""
+    """Return the types of a schema; ValueError if it does not define ``name``."""
     store, text = get_typestore(Stores.EMPTY), data.decode()
     store.register(
         get_types_from_msg(text, name) if encoding == 'ros2msg' else get_types_from_idl(text))
@@ -509,7 +510,7 @@ def _parsed(data: bytes, encoding: str, name: str) -> Typestore:
 
 
 def _namespace(topics: Collection[str], path: Path, wanted: str | None) -> str:
-    """Return the namespace asked for, or the one that a drone's topics are in, or an empty one."""
+    """Return the requested namespace, or the only one of a drone in the bag, or an empty one."""
     if wanted is not None:
         wanted = f"/{wanted.strip('/')}"
         if not any(topic.startswith(f'{wanted}/') for topic in topics):
@@ -524,7 +525,7 @@ def _namespace(topics: Collection[str], path: Path, wanted: str | None) -> str:
         if topic.endswith('/' + name)})
     if len(found) > 1:
         raise BagError(
-            f'{path}: several drones, in the namespaces {", ".join(found)}; say which '
+            f'{path}: several drones, in the namespaces {", ".join(found)}; choose one '
             '(namespace=..., on the command line --namespace)')
     return found[0] if found else ''
 
@@ -540,15 +541,15 @@ def read_bag(
     path
         Directory of a rosbag2 bag (one or several MCAP files) or an MCAP file.
     topics
-        Which topics' messages to read, absolute or relative; default: all. With ``()`` only
-        what the bag says about itself is kept.
+        Topics to read, absolute or relative; default: all. With ``()`` only the metadata and
+        the list of topics are read.
     namespace
-        Of the drone; default: the only one in the bag.
+        Namespace of the drone; default: the only one in the bag.
 
     Raises
     ------
     BagError
-        If there is no bag, it is foreign, empty, damaged or was never closed.
+        If there is no bag, or it is of another format, empty, damaged or was never closed.
 
     """
     path = Path(path)
@@ -571,7 +572,7 @@ def _assemble(
     path: Path, parts: list[tuple[Path, mcap_reader.Contents]], listing: dict[str, Any],
     topics: Collection[str] | None, namespace: str | None,
 ) -> Bag:
-    """Put the files of a bag together."""
+    """Combine the files of a bag."""
     bag = Bag(path)
     bag.custom_data = {
         str(key): str(value) for key, value in (listing.get('custom_data') or {}).items()}
@@ -591,7 +592,7 @@ def _assemble(
             gathered.setdefault(channel.topic, []).extend(content.messages[number])
             schemas.setdefault(channel.topic, (schema, channel.message_encoding))
     if not any(content.count for _, content in parts):
-        raise BagError(f'{path}: the bag holds no messages')
+        raise BagError(f'{path}: the bag has no messages')
     bag.namespace = _namespace(bag.topics, path, namespace)
     wanted = None if topics is None else {bag.name(topic) for topic in topics}
     for topic, batches in gathered.items():

@@ -1,13 +1,14 @@
 """
-Recorder: every topic of the flight, undecoded, into one bag.
+Recorder: writes every topic of the flight, undecoded, to one bag.
 
-Log and publish time are the stamp inside the message, never the wall clock, so that a simulated
-flight has the same bag whenever and however fast it is flown. A message older than one before it
-on its topic (a sensor that is out of order) gets the time of that one: the order stays.
+Log and publish time are the stamp of the message, never the wall clock, so that a simulated flight
+gives the same bag at any time and speed. A message older than the previous one of its topic (a
+sensor that is out of order) gets the time of that one, which keeps the order.
 
-Anybody may publish anything on these topics. A message without a readable stamp, or with one that
-is not of this flight (``log_times``), is recorded at the time of ``/clock``; one of more than a
-megabyte is left out. The first of each kind and topic is a warning, all are counted at the end.
+Any node may publish on these topics. A message without a readable stamp, or with one outside of
+this flight (``log_times``), is recorded at the time of ``/clock``; a message of more than a
+megabyte is not recorded. The first of each kind and topic is logged as a warning, and all are
+counted at the end.
 """
 
 from __future__ import annotations
@@ -25,12 +26,12 @@ from .log_times import LogTimes
 from .recorder_parameters import RecorderNodeParams
 from .writer import BagWriter, BagWriterError, GRACE, Qos
 
-_TF_STAMP = 4  # bytes between the encapsulation and the stamp of the first transform: the count
-_LARGEST = 1_000_000  # bytes of a message; those of a flight have less than a thousand
-_EARLY = 2000  # messages, and
-_EARLY_SIZE = 1 << 24  # bytes that are held back before the first /clock
+_TF_STAMP = 4  # bytes between the encapsulation and the stamp of the first transform: their count
+_LARGEST = 1_000_000  # largest message, bytes; those of a flight have less than a thousand
+_EARLY = 2000  # messages,
+_EARLY_SIZE = 1 << 24  # bytes: limits of what is held back before the first /clock
 _STAMP = 'with a stamp outside of the flight, recorded at the time of /clock'
-_SIZE = f'of more than {_LARGEST // 1_000_000} MB, left out'
+_SIZE = f'of more than {_LARGEST // 1_000_000} MB, not recorded'
 
 
 def _selected(names: str) -> list[topics.Topic]:
@@ -45,7 +46,7 @@ def _selected(names: str) -> list[topics.Topic]:
 
 
 def _stamp(data: bytes, offset: int) -> int | None:
-    """Return the stamp of a message in ns, None if it is too short to have one."""
+    """Return the stamp of a message in ns, None if it is too short."""
     try:
         if offset and not any(data[4:4 + offset]):  # a sequence without elements
             return None
@@ -78,12 +79,12 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
             raise schema.ParameterError(f'RecorderNodeParams.bag: {error}') from None
         try:
             self._record(selected)
-        except BaseException:  # a signal, too: nobody else knows of the bag yet
+        except BaseException:  # also after a signal: nothing else would close the bag yet
             self._bag.close()
             raise
 
     def _record(self, selected: list[topics.Topic]) -> None:
-        """Hear topics, and declare them in the bag."""
+        """Subscribe to topics and declare them in the bag."""
         for topic in selected:
             name = self.resolve_topic_name(topic.name)
             self._bag.add_topic(
@@ -93,7 +94,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
             self.subscribe(topics.CLOCK, self._on_clock, prompt=False)
 
     def _on_clock(self, data: bytes) -> None:
-        """Take the time from a ``/clock`` that is not recorded."""
+        """Update the time from a ``/clock`` that is not recorded."""
         self._times.update(_stamp(data, 0))
         self._release()
 
@@ -101,15 +102,15 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         """
         Return the callback that records one topic.
 
-        A late message of one publisher stays behind the one it came after; of several publishers
-        the order of arrival is chance, and the stamp alone counts.
+        Messages of one publisher keep their order even if one is late. With several publishers the
+        order of arrival is random, and only the stamp counts.
         """
         offset = _TF_STAMP if topic is topics.TF else 0
         times, write, shared, newest = self._times, self._bag.write, topic.shared, 0
         is_clock = topic is topics.CLOCK
 
         def put(data: bytes, log_time: int) -> None:
-            """Write a message under a log time, or a later one that keeps the order."""
+            """Write a message with a log time, or a later one that keeps the order."""
             nonlocal newest
             newest = log_time if shared else max(newest, log_time)
             try:
@@ -118,7 +119,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
                 self._fail(error)
 
         def record(data: bytes) -> None:
-            """Write a message under its stamp if that is of this flight, else the clock's."""
+            """Write a message at its stamp if in this flight, else at the clock's time."""
             stamp = _stamp(data, offset)
             if is_clock and not times.update(stamp):
                 stamp = None
@@ -128,7 +129,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
             put(data, log_time)
 
         def take(data: bytes) -> None:
-            """Write a message, hold it until there is a clock, or leave it out."""
+            """Write a message, hold it until there is a clock, or drop it."""
             stamp = None if is_clock else _stamp(data, offset)
             if stamp is not None and times.low <= stamp <= times.high and len(data) <= _LARGEST:
                 put(data, stamp)  # nearly every message
@@ -144,7 +145,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         return take
 
     def _hold(self, record: Callable[[bytes], None], data: bytes) -> None:
-        """Keep a message until there is a ``/clock``, or too many of them without one."""
+        """Hold a message until a ``/clock`` arrives or too many messages are held."""
         self._early.append((record, bytes(data)))
         self._early_size += len(data)
         if len(self._early) >= _EARLY or self._early_size > _EARLY_SIZE:
@@ -155,26 +156,26 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         if not self._early:
             return
         if self._times.now is None:
-            self.get_logger().warning('no /clock: stamps are bounded by the clock of this machine')
+            self.get_logger().warning('no /clock: stamps are limited by the clock of this machine')
             self._times.use_wall_clock()
         early, self._early = self._early, []
         for record, data in early:
             record(data)
 
     def _notice(self, name: str, kind: str) -> None:
-        """Count a message that is not as it should be, and warn of the first."""
+        """Count an irregular message, and warn of the first."""
         if not self._odd[name, kind]:
             self.get_logger().warning(f'{name}: a message {kind}')
         self._odd[name, kind] += 1
 
     def _fail(self, error: BagWriterError) -> NoReturn:
-        """End the process: a flight that is not recorded is not flown on."""
+        """End the process, because an unrecorded flight shall not continue."""
         self._failed = True
         self.get_logger().error(str(error))
         raise SystemExit(1)
 
     def finish(self) -> None:
-        """Close the bag and say what is in it."""
+        """Close the bag and log its irregular messages."""
         if self._failed:
             return
         self._release()

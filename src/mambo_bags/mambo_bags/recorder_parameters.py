@@ -11,7 +11,7 @@ from mambo_model import schema
 class RecorderNodeParams:
     """Parameters of ``recorder_node``."""
 
-    bag: str = schema.text('', 'directory of the bag, must not exist')
+    bag: str = schema.text('', 'directory of the bag; must not exist')
     topics: str = schema.text('', 'names separated by commas, default: every topic of the flight')
     scenario: str = schema.text('', 'file kept inside the bag: scenario and parameters')
 

@@ -1,7 +1,7 @@
 """
-Save what is readable of a bag whose recorder was killed: ``recover BAG NEW_BAG``.
+Recover a bag whose recorder was killed: ``recover BAG NEW_BAG``.
 
-The source is only read. Everything in front of the damage, and what lies whole behind it, is
+The source is not changed. Everything before the damage, and every intact chunk after it, is
 written to a new, properly closed bag with the same topics, types, times and attachments.
 """
 
@@ -20,13 +20,13 @@ from .mcap_reader import BagError
 from .reader import bag_files
 from .writer import BagWriter
 
-OWN_RECORD = 'rosbag2'  # written anew by the writer
+OWN_RECORD = 'rosbag2'  # created by the writer
 
 
 @dataclasses.dataclass(frozen=True)
 class Recovered:
     """
-    What was saved.
+    Result of a recovery.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Recovered:
     lost
         What could not be read, one line each.
     wrong
-        What else is not as the source says of itself; both are empty if it was whole.
+        Other contradictions in the source; ``lost`` and ``wrong`` are empty if it was intact.
 
     """
 
@@ -54,12 +54,12 @@ class Recovered:
         lines += [f'lost: {what}' for what in self.lost]
         lines += [f'damaged: {what}' for what in self.wrong]
         if not self.lost and not self.wrong:
-            lines.append('nothing was lost: the source is whole')
+            lines.append('nothing was lost: the source is intact')
         return '\n'.join(lines)
 
 
 def _profiles(text: str) -> list[dict[str, Any]]:
-    """Return the QoS profiles that a channel carries as YAML; none if they cannot be read."""
+    """Return the QoS profiles of a channel, parsed from YAML; none if unreadable."""
     try:
         profiles = load(text)
     except yaml.YAMLError:
@@ -68,7 +68,7 @@ def _profiles(text: str) -> list[dict[str, Any]]:
 
 
 def declare(writer: BagWriter, contents: mcap_reader.Contents, known: dict[str, bytes]) -> None:
-    """Declare the topics of one file as it has them, but those known: {topic: definition}."""
+    """Declare the topics of one file, except the known ones, {topic: definition}."""
     for channel in contents.channels.values():
         schema = contents.schemas.get(channel.schema_id)
         definition = schema.data if schema else b''
@@ -103,14 +103,14 @@ def extras(parts: list[mcap_reader.Contents]) -> tuple[dict[str, Any], dict[str,
 
 def recover(source: Path, target: Path) -> Recovered:
     """
-    Write a new bag of everything readable in a bag or MCAP file.
+    Write everything readable in a bag or MCAP file to a new bag.
 
     Parameters
     ----------
     source
         Directory or MCAP file; not changed.
     target
-        Directory to make.
+        Directory to create.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def recover(source: Path, target: Path) -> Recovered:
     files, _ = bag_files(source)
     parts = [mcap_reader.scan(file) for file in files]
     if not any(part.count for part in parts):
-        raise BagError(f'{source}: no message can be read, there is nothing to recover')
+        raise BagError(f'{source}: no message can be read; there is nothing to recover')
     lost, wrong = (
         [f'{file.name}: {what}' for file, part in zip(files, parts)
          for what in getattr(part, kind)] for kind in ('lost', 'wrong'))
@@ -148,8 +148,8 @@ def recover(source: Path, target: Path) -> Recovered:
 def parser() -> Parser:
     """Return the command line."""
     out = Parser('recover', __doc__.split('\n\n')[0])
-    out.add_argument('bag', type=Path, help='rosbag2 directory or .mcap file, only read')
-    out.add_output('NEW_BAG', 'bag to make', required=True, positional=True)
+    out.add_argument('bag', type=Path, help='rosbag2 directory or .mcap file; not changed')
+    out.add_output('NEW_BAG', 'bag to create', required=True, positional=True)
     return out
 
 

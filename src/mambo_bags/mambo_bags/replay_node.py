@@ -1,9 +1,9 @@
 """
-Replay: the recorded sensors of a bag, live again, with ``/clock``.
+Replay: publishes the recorded sensors of a bag, with ``/clock``.
 
-At a chosen rate, or as fast as the estimator answers; nothing is lost either way. The watermark
-of the sensors (``sensor_tick``) comes from the bag, or from the samples themselves where a bag
-has none (real hardware), so that a replayed estimate is the same at every rate.
+It runs at a chosen rate or as fast as the estimator answers; no message is lost in either case.
+The watermark of the sensors (``sensor_tick``) comes from the bag, or from the samples themselves
+if the bag has none (real hardware), so that a replayed estimate is the same at every rate.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class ReplayNodeParams:
 
     bag: str = schema.text('', 'rosbag2 directory or .mcap file')
     rate: float = schema.quantity(
-        0.0, '-', 0.0, 1000.0, 'recorded over wall time, 0: as fast as the estimator answers')
+        0.0, '-', 0.0, 1000.0, 'recorded time over wall time, 0: as fast as the estimator answers')
     also: str = schema.text('', 'more topics of the bag to publish, separated by commas')
     source_namespace: str = schema.text('/mambo', 'namespace of the recorded topics')
     wait_for: str = schema.text('', 'names of nodes to wait for, separated by commas')
@@ -48,7 +48,7 @@ def _decode_stamp(data: bytes) -> tuple[int]:
 
 
 def _nothing(t: int) -> None:
-    """Do nothing: the guard of the estimates knows the newest stamp."""
+    """Do nothing: the guard of the estimates keeps the newest stamp."""
 
 
 class ReplayNode(node.MamboNode[ReplayNodeParams]):
@@ -86,7 +86,7 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
         has_ticks = any(
             name for name, _, _ in recorded(self._path, {self._name(topics.SENSOR_TICK)}))
         counts = dict.fromkeys(_SENSORS, 0)
-        held: list[tuple] = []  # of the step that is not complete yet
+        held: list[tuple] = []  # messages of the step that is not yet complete
         now = -1
         for name, kind, data in recorded(self._path, set(self._topics)):
             topic, publish = self._topics[name]
@@ -118,7 +118,7 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
         return t
 
     def wait_for_answer(self, loop: Loop, t: int) -> bool:
-        """Serve the graph until the estimate of ``t`` is there."""
+        """Serve the graph until the estimate of ``t`` has arrived."""
         began = time.monotonic()
         while self._estimates.last < t:
             loop.once(0.02)

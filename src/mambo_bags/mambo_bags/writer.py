@@ -1,14 +1,14 @@
 """
-A rosbag2 directory whose bytes depend on the messages alone (no ROS here).
+Write a rosbag2 directory whose bytes depend on the messages alone (no ROS here).
 
-DDS keeps the order within a topic, not across topics, and knows the wall clock only. Two runs of
-one flight hence reach a recorder in two orders. This writer holds messages back until their
-second of ROS time is surely complete, sorts the second by (log time, topic, arrival within the
-topic) and writes it as one MCAP chunk. Same payloads give the same file, byte for byte; a killed
-recorder loses the open second and the grace after it, nothing before.
+DDS keeps the order within a topic but not across topics, so two runs of one flight reach a
+recorder in different orders. This writer holds messages back until their second of ROS time is
+complete, sorts the second by (log time, topic, arrival within the topic) and writes it as one MCAP
+chunk. Equal payloads give the same file, byte for byte. A killed recorder loses the open second
+and the grace period after it, and nothing before.
 
-Layout as by rosbag2 of Jazzy: ``metadata.yaml`` of version 9 beside ``<name>_0.mcap`` with profile
-``ros2``, cdr messages, ``ros2msg`` schemas, QoS and type hash on each channel.
+The layout is that of rosbag2 in Jazzy: ``metadata.yaml`` of version 9 beside ``<name>_0.mcap``
+with profile ``ros2``, cdr messages, ``ros2msg`` schemas, QoS and type hash on each channel.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ from . import message_definition
 from .mcap_writer import McapWriter, records
 
 SECOND = 1_000_000_000  # [ns]
-GRACE = 250_000_000  # [ns] a second is complete once a message this much younger has arrived
-PENDING_LIMIT = 1 << 26  # [byte] of messages that are held back, at most
+# [ns] a second is complete once a message later than its end by this much has arrived
+GRACE = 250_000_000
+PENDING_LIMIT = 1 << 26  # [byte] largest total of messages that are held back
 CHUNK_LIMIT = 1 << 20  # [byte] a fuller second is cut into chunks of this size
 INFINITE = (9223372036, 854775807)  # [s], [ns] RMW_DURATION_INFINITE
 NO_TIME = 2**63 - 1  # [ns] starting time that rosbag2 gives to a bag without messages
@@ -43,11 +44,11 @@ MEDIA_TYPES = {
 
 
 class BagWriterError(MamboError, ValueError):
-    """A bag cannot be written as asked; the text says what, where and what to do."""
+    """A bag cannot be written as requested; the message names what, where and what to do."""
 
 
 class BagDiskError(BagWriterError):
-    """The disk does not take a bag; the text says what and where."""
+    """The disk cannot store a bag; the message names what and where."""
 
     exit_code = 1
 
@@ -55,7 +56,7 @@ class BagDiskError(BagWriterError):
 @dataclasses.dataclass(frozen=True)
 class Qos:
     """
-    Offered quality of service of a topic, in the words of rosbag2.
+    Offered quality of service of a topic, in rosbag2's terms.
 
     Attributes
     ----------
@@ -90,7 +91,7 @@ TRANSIENT_LOCAL = Qos(durability='transient_local', depth=1)
 
 @dataclasses.dataclass
 class _Topic:
-    """What is known of a declared topic; ``channel`` is set once it is in the file."""
+    """A declared topic; ``channel`` is set once it is in the file."""
 
     type_name: str
     profiles: list[dict[str, Any]]
@@ -106,7 +107,7 @@ class _Topic:
 
 
 class _PlainDumper(yaml.SafeDumper):
-    """Repeats equal parts in full: rosbag2 writes no YAML anchors."""
+    """Writes equal parts in full, because rosbag2 uses no YAML anchors."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
@@ -123,7 +124,7 @@ class BagWriter:
     Parameters
     ----------
     path
-        Directory of the bag; made here, with missing parents.
+        Directory of the bag; created here, with missing parents.
     attachments
         {file name: text or bytes}, e.g. the scenario; stored at the start of the file, so that a
         killed bag has them.
@@ -135,16 +136,16 @@ class BagWriter:
     Attributes
     ----------
     late
-        Messages that came after their second had been written, as a recorder that stalls gets
-        them. They are kept, in a later chunk, until :meth:`close` puts the file in order.
+        Number of messages that arrived after their second had been written, for example because
+        the recorder stalled. They are in a later chunk until :meth:`close` sorts the file.
     beyond
-        Messages that :meth:`close` found behind the end it was given.
+        Number of messages after the end given to :meth:`close`.
 
     Raises
     ------
     BagWriterError
-        If the path exists (a bag is never overwritten) or cannot be made, and from every method
-        once the disk takes no more: what was written until then stays, for ``recover``.
+        If the path exists (a bag is never overwritten) or cannot be created, and from every
+        method after a disk error; what was written until then remains for ``recover``.
 
     """
 
@@ -163,17 +164,18 @@ class BagWriter:
         self._first, self._last = NO_TIME, -1
         self._closed = False
         self._library = library
-        self._extras: list[tuple[str, tuple]] = []  # method and arguments of metadata, attachments
+        # method and arguments that add metadata and attachments
+        self._extras: list[tuple[str, tuple]] = []
         self._stream = self._open()
         try:
             self._start(metadata or {}, attachments or {})
-        except BaseException:  # nobody has the writer, to close it
+        except BaseException:  # the caller has no writer to close
             self._abandon()
             raise
 
     def _start(self, metadata: Mapping[str, Mapping[str, str]],
                attachments: Mapping[str, str | bytes]) -> None:
-        """Begin the file with what a killed bag has, too."""
+        """Write metadata and attachments at the start, so that a killed bag has them."""
         with self._disk():
             self._writer = self._begin(self._stream)
             for name, values in metadata.items():
@@ -184,9 +186,9 @@ class BagWriter:
             self._write_yaml(RECORDING)
 
     def _abandon(self) -> None:
-        """Remove a bag that has just been begun."""
+        """Remove a bag that has just been created."""
         self._closed = True
-        with suppress(OSError):  # of what is still to be written
+        with suppress(OSError):  # raised while flushing the rest
             self._stream.close()
         for path in self.path.iterdir():
             path.unlink()
@@ -194,18 +196,18 @@ class BagWriter:
 
     @contextmanager
     def _disk(self) -> Iterator[None]:
-        """Turn what the disk refuses into BagWriterError, and leave the bag as it is then."""
+        """Turn disk errors into BagWriterError, and leave the bag as it is."""
         try:
             yield
         except OSError as error:
             self._closed = True
-            with suppress(OSError):  # of what is still to be written
+            with suppress(OSError):  # raised while flushing the rest
                 self._stream.close()
             left = '; recover reads what is in it' if self._by_order else ''
             raise BagDiskError(f'cannot write {self.file}: {error.strerror}{left}') from None
 
     def _begin(self, stream: BinaryIO) -> McapWriter:
-        """Begin a data file."""
+        """Start a data file."""
         writer = McapWriter(stream, CHUNK_LIMIT)
         writer.start(profile='ros2', library=self._library)
         return writer
@@ -216,27 +218,28 @@ class BagWriter:
             getattr(self._writer, method)(*arguments)
 
     def _open(self):
-        """Make the directory and open the data file, refusing what exists."""
+        """Create the directory and open the data file; refuse an existing path."""
         if os.path.lexists(self.path):
             raise BagWriterError(
                 f'{self.path} exists: give another name or remove it (a bag is never overwritten)')
         if self.path.name in ('', '.', '..'):
-            raise BagWriterError(f'{str(self.path)!r} is no name for a bag: give a new directory')
+            raise BagWriterError(
+                f'{str(self.path)!r} cannot be the name of a bag: give a new directory')
         try:
             str(self.path).encode()
         except UnicodeEncodeError:  # it is written into metadata.yaml
             raise BagWriterError(
-                f'{str(self.path)!r} is no name for a bag: it is not UTF-8') from None
+                f'{str(self.path)!r} cannot be the name of a bag: it is not UTF-8') from None
         self.file = self.path / f'{self.path.name}_0.mcap'
         try:
             self.path.mkdir(parents=True)
             return self.file.open('xb')
         except OSError as error:
             kind = BagWriterError if isinstance(error, WRONG_PATH) else BagDiskError
-            raise kind(f'cannot make the bag {self.path}: {error.strerror}') from error
+            raise kind(f'cannot create the bag {self.path}: {error.strerror}') from error
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Append an MCAP metadata record; no wall-clock facts here, see :meth:`close`."""
+        """Append an MCAP metadata record; wall-clock values belong in :meth:`close`."""
         self._add_extra(
             'add_metadata', name, {str(key): str(value) for key, value in values.items()})
 
@@ -253,9 +256,9 @@ class BagWriter:
         type_hash: str | None = None, encoding: str = 'cdr', shared: bool = False,
     ) -> None:
         """
-        Declare a topic; all of them before the first message, in any order.
+        Declare a topic; declare all topics before the first message, in any order.
 
-        A topic that stays silent is listed with 0 messages, as rosbag2 does.
+        A topic without messages is listed with 0 messages, as in rosbag2.
 
         Parameters
         ----------
@@ -266,8 +269,8 @@ class BagWriter:
         qos
             Offered profile, or rosbag2's list of profiles.
         shared
-            Whether several nodes publish the topic: messages of one stamp then stand in the order
-            of their bytes, as that of their arrival is chance.
+            Whether several nodes publish the topic: messages of equal stamps are then sorted by
+            their bytes, because their order of arrival is random.
         schema, schema_encoding, type_hash, encoding
             Given when a bag is copied; otherwise looked up in the ament prefixes.
 
@@ -299,7 +302,7 @@ class BagWriter:
         now_ns: int | None = None,
     ) -> None:
         """
-        Take one serialised message; it reaches the file once its second is complete.
+        Add one serialised message; it is written to the file once its second is complete.
 
         Parameters
         ----------
@@ -310,8 +313,8 @@ class BagWriter:
         log_time_ns, publish_time_ns
             ROS time; the publish time defaults to the log time.
         now_ns
-            ROS time that has been reached, which decides what is complete: a message may be
-            ahead of it. Default: the log time.
+            Current ROS time, which decides which seconds are complete; a message may be ahead of
+            it. Default: the log time.
 
         Raises
         ------
@@ -349,13 +352,13 @@ class BagWriter:
         self, messages: Mapping[str, tuple[NDArray[np.int64], list[NDArray[np.uint8]]]],
     ) -> None:
         """
-        Write all messages of a bag at once; the file is the one that :meth:`write` makes of them.
+        Write all messages of a bag at once; the file equals that of repeated :meth:`write`.
 
         Parameters
         ----------
         messages
-            {topic: (log times in ns, (n,) rising; messages as blocks of (k, size) bytes, those
-            of one block of one size, n in all)}.
+            {topic: (log times in ns, (n,) ascending; messages as blocks of (k, size) bytes, n
+            messages in total)}.
 
         Raises
         ------
@@ -367,7 +370,7 @@ class BagWriter:
             self._register()
         if self._newest >= 0 or self._closed or not messages.keys() <= self._topics.keys():
             raise BagWriterError(
-                f'{self.path}: a whole flight goes into an empty bag, with its topics declared')
+                f'{self.path}: write a whole flight to an empty bag whose topics are declared')
         pieces: list[bytes] = []  # not views: 100 000 of those keep the garbage collector busy
         times, orders = [], []
         for name, (stamps, blocks) in sorted(messages.items()):
@@ -384,7 +387,7 @@ class BagWriter:
         if not pieces:
             return
         log_times, order = np.concatenate(times), np.concatenate(orders)
-        ranks = np.lexsort((order, log_times))  # stable: within a topic as they came
+        ranks = np.lexsort((order, log_times))  # stable: keeps the order of arrival within a topic
         log_times, order = log_times[ranks], order[ranks]
         channels = np.array([topic.channel for topic in self._by_order])[order]
         cuts = np.flatnonzero(np.diff(log_times // SECOND)) + 1
@@ -398,11 +401,11 @@ class BagWriter:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Return {topic: messages taken so far}."""
+        """Return {topic: messages added so far}."""
         return {name: topic.received for name, topic in self._topics.items()}
 
     def _register(self) -> None:
-        """Put schemas and channels into the file, ordered by topic name."""
+        """Write schemas and channels, ordered by topic name."""
         if not self._topics:
             raise BagWriterError(f'{self.path}: declare topics before the first message')
         with self._disk():
@@ -423,7 +426,7 @@ class BagWriter:
             self._by_order.append(topic)
 
     def _end_of_pending(self) -> int:
-        """Return the time [ns] just behind all that is held back or was reached."""
+        """Return the time [ns] just after the last held message and the time reached."""
         return max([self._newest, *(message[0] for message in self._pending)]) + 1
 
     def _write_until(self, end: int) -> None:
@@ -450,15 +453,15 @@ class BagWriter:
         self, custom_data: Mapping[str, str] | None = None, end_ns: int | None = None,
     ) -> None:
         """
-        Write what is pending, the index and the final ``metadata.yaml``; idempotent.
+        Write pending messages, the index and the final ``metadata.yaml``; idempotent.
 
         Parameters
         ----------
         custom_data
-            {key: text} for metadata.yaml alone: the place of what differs from run to run, such
-            as the real-time factor. The data file stays a function of the messages.
+            {key: text} for metadata.yaml alone, for values that differ from run to run, such as
+            the real-time factor. The data file depends on the messages alone.
         end_ns
-            ROS time at which the recording ended: what is logged later than that gets this time.
+            ROS time at which the recording ended; later messages are logged at this time.
 
         Raises
         ------
@@ -478,7 +481,7 @@ class BagWriter:
             self._write_yaml(custom_data or {})
 
     def _finish(self) -> None:
-        """Write what is pending and the index; nothing in the file depends on its own name."""
+        """Write pending messages and the index; nothing in the file depends on its own name."""
         self._write_until(self._end_of_pending())
         nameless = {**self._information({}), 'relative_file_paths': [], 'files': []}
         self._writer.add_metadata('rosbag2', {'serialized_metadata': _dump(nameless)})
@@ -486,7 +489,7 @@ class BagWriter:
         self._stream.close()
 
     def _put_in_order(self, end: int | None) -> None:
-        """Write the data file anew, second by second, as if no message had been late or beyond."""
+        """Rewrite the data file by seconds, as if no message had been late or after the end."""
         for topic in self._topics.values():
             topic.written = 0
         self._by_order, self._written_until, self._newest = [], -1, -1
@@ -536,7 +539,7 @@ class BagWriter:
             'ros_distro': 'jazzy'}
 
     def _write_yaml(self, custom_data: Mapping[str, str]) -> None:
-        """Replace metadata.yaml in one step, so that it is never half written."""
+        """Replace metadata.yaml atomically."""
         text = _dump({'rosbag2_bagfile_information': self._information(custom_data)})
         temporary = self.path / 'metadata.yaml.part'
         temporary.write_text(text, encoding='utf-8')
@@ -546,8 +549,8 @@ class BagWriter:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Close the bag; remove it if what was to fill it failed, as it would look whole."""
+        """Close the bag; remove it if writing failed, because it would look complete."""
         if kind is None:
             self.close()
-        elif not self._closed:  # as it is after an error of the disk: recover reads it
+        elif not self._closed:  # left as it is after a disk error, for recover
             self._abandon()

@@ -33,7 +33,7 @@ def run(work, shell='"$@"'):
 @pytest.mark.parametrize('work', ["print('short')", MANY], ids=['short', 'long'])
 @pytest.mark.parametrize('where, message', [
     ('> /dev/full', 'tool: the output cannot be written: No space left on device\n'),
-    ('>&-', 'tool: the output is closed: send it to /dev/null to do without\n'),
+    ('>&-', 'tool: the output is closed: redirect it to /dev/null to discard it\n'),
     ('>&- 2>&-', '')])
 def test_an_output_that_takes_nothing_is_one_line(work, where, message):
     done = run(work, f'"$@" {where}')
@@ -50,8 +50,8 @@ def test_a_reader_that_goes_is_no_word_worth():
     (OSError(28, 'No space left on device'), 1, 'No space left on device'),
     (OSError(36, 'File name too long', 'x' * 9000), 1, 'File name too long'),
     (FileNotFoundError(2, 'No such file or directory', 'x'), 2, 'x: No such file'),
-    (MemoryError(), 1, 'the memory of this machine is too small for that'),
-    (RecursionError(), 2, 'what is to be read is nested too deep'),
+    (MemoryError(), 1, 'out of memory'),
+    (RecursionError(), 2, 'the input is nested too deeply'),
     (JobError('no engine'), 1, 'no engine'),
     (BagError('two\nlines'), 2, 'two lines')])
 def test_errors_are_one_short_line_and_the_right_exit_code(error, code, message, capsys):
@@ -159,7 +159,7 @@ def test_a_disk_that_is_full_is_named(tmp_path, capsys, monkeypatch):
 
 @pytest.mark.parametrize('where, code, message', [
     ('> /dev/full', 1, 'tool: the output cannot be written: No space left on device\n'),
-    ('>&-', 1, 'tool: the output is closed: send it to /dev/null to do without\n'),
+    ('>&-', 1, 'tool: the output is closed: redirect it to /dev/null to discard it\n'),
     ('> /dev/null', 0, '')])
 def test_a_help_that_nobody_takes_is_one_line(where, code, message):
     done = run("command.Parser('tool', 'Makes a bag.').parse_args(['--help'])".replace(
@@ -170,7 +170,7 @@ def test_a_help_that_nobody_takes_is_one_line(where, code, message):
 def test_a_value_that_ends_the_options_is_none(line, capsys):
     with pytest.raises(SystemExit) as end:
         line.parse_args(['a', '--output=--'])
-    assert end.value.code == 2 and "'--' is no value" in capsys.readouterr().err
+    assert end.value.code == 2 and "'--' is not a value" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('name', ['x' * 5000, 'a\0b'])

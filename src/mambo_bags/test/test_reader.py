@@ -82,7 +82,7 @@ def test_two_drones_must_be_told_apart(tmp_path):
     for ns, name in ((0, '/a'), (STEP, '/b')):
         maker.writer.write(f'{name}/motor_pwm', maker.message('motor_pwm', ns), ns)
     maker.writer.close()
-    with pytest.raises(BagError, match='several drones, in the namespaces /a, /b; say which'):
+    with pytest.raises(BagError, match='several drones, in the namespaces /a, /b; choose one'):
         read_bag(tmp_path / 'two')
     for name in ('/b', 'b/'):
         assert read_bag(tmp_path / 'two', namespace=name)['motor_pwm'].stamp.tolist() == [STEP]
@@ -239,7 +239,7 @@ def test_what_is_no_bag_is_named(tmp_path, flight):
     ('rosbag2_bagfile_information: {relative_file_paths: 3}', 'not the metadata'),
     ('rosbag2_bagfile_information: {relative_file_paths: [3]}', 'not a list of names'),
     ('rosbag2_bagfile_information: {relative_file_paths: ["a\\0"]}', 'not a list of names'),
-    ('rosbag2_bagfile_information: [1]', 'it holds no rosbag2_bagfile_information'),
+    ('rosbag2_bagfile_information: [1]', 'it has no rosbag2_bagfile_information'),
     ('rosbag2_bagfile_information: {version: 9}', 'relative_file_paths is missing'),
     ('rosbag2_bagfile_information: {relative_file_paths: [], storage_identifier: [1]}',
      'storage_identifier is not a name'),

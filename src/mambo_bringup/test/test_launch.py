@@ -217,7 +217,7 @@ def test_a_bag_without_parameters_is_replayed_with_the_defaults(tmp_path):
 
 
 def test_a_bag_that_is_none_is_named():
-    with pytest.raises(BagError, match='nowhere: there is no such bag'):
+    with pytest.raises(BagError, match='nowhere: no such bag'):
         replay_plan(arguments('replay.launch.py', bag='nowhere'))
 
 

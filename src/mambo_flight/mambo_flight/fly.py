@@ -57,7 +57,7 @@ def parser() -> Parser:
     out.add_argument(
         'scenario', metavar='SCENARIO', nargs='?',
         help='an experiment, experiment/flight, or a file')
-    out.add_output('BAG', 'directory of the bag to make', required=True)
+    out.add_output('BAG', 'directory of the bag to create', required=True)
     for name in CHOICES:
         kinds = ('or the file of a course' if name == 'trajectory' else
                  'FILE.py, FILE.py:NAME, or an installed one')

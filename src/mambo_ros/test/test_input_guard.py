@@ -267,8 +267,8 @@ class TestInTheGraph:
         driver = self.other('driver', ReliabilityPolicy.BEST_EFFORT)
         until(lambda: node.warned, 'the warning', lambda: loop.once(0.01))
         assert node.warned[0].startswith(
-            '/mambo/motor_pwm: /mambo/driver offers reliability best_effort, /mambo/listener asks '
-            'for reliable: nothing arrives; ')
+            '/mambo/motor_pwm: /mambo/driver offers reliability best_effort, /mambo/listener '
+            'requests reliable: nothing arrives; ')
         assert not driver.get_subscription_count()
 
     def test_an_incompatible_reader_is_named_too(self, graph):
@@ -279,7 +279,7 @@ class TestInTheGraph:
             topics.DIAGNOSTICS.msg_type, topics.DIAGNOSTICS.name, print,
             QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         until(lambda: node.warned, 'the warning', lambda: loop.once(0.01))
-        assert '/mambo/viewer asks for transient_local' in node.warned[0]
+        assert '/mambo/viewer requests transient_local' in node.warned[0]
 
     def test_a_flood_of_large_messages_does_not_starve_the_loop(self, graph):
         node, loop = graph

@@ -164,7 +164,7 @@ def parser() -> Parser:
     """Return the command line."""
     out = Parser('estimate', __doc__)
     out.add_argument('bag', type=Path, help='rosbag2 directory or .mcap file')
-    out.add_output('BAG', 'bag to make, with estimate/odom and estimator/state')
+    out.add_output('BAG', 'bag to create, with estimate/odom and estimator/state')
     out.add_argument('--parameters', type=Path, metavar='FILE',
                      help='ROS 2 parameter file of the estimator (default: that of the bag)')
     out.add_argument('--namespace', help='of the drone, if the bag has several')

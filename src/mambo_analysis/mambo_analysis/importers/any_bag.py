@@ -105,7 +105,7 @@ def _files(path: Path) -> tuple[list[Path], str]:
     if path.is_file():
         return [path], ''
     if not path.is_dir():
-        raise BagError(f'{path}: there is no such bag')
+        raise BagError(f'{path}: no such bag')
     listing = read_listing(path)
     files = [path / Path(name).name for name in listing.get('relative_file_paths', [])]
     files = files or sorted(file for file in path.iterdir() if file.name.endswith(
@@ -451,7 +451,7 @@ def parser() -> Parser:
     """Return the command line."""
     out = Parser('import_bag', __doc__.split('\n\n')[0])
     out.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
-    out.add_output('BAG', 'bag to make', positional=True)
+    out.add_output('BAG', 'bag to create', positional=True)
     out.add_argument('--map', type=_map, action='append', default=[], metavar='/THEIRS:=OURS',
                      help='a topic to take, and its name here; without: list the topics')
     out.add_argument('--time', choices=('header', 'log'),
@@ -471,7 +471,7 @@ def main(arguments: list[str] | None = None) -> int:
             print('\n'.join(_table(options.bag, read_foreign(options.bag))))
             return
         if options.output is None:
-            raise InputError('give the bag to make behind the one to read')
+            raise InputError('give the bag to create behind the one to read')
         if len(dict(options.map)) < len(options.map):
             raise BagError('a topic is mapped twice: give each --map once')
         counts, told = import_bag(

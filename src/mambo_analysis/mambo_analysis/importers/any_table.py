@@ -320,7 +320,7 @@ def parser() -> Parser:
     """Return the command line."""
     out = Parser('import_table', __doc__.split('\n\n')[0])
     out.add_argument('table', type=Path, help='CSV or Parquet file')
-    out.add_output('BAG', 'bag to make', required=True, positional=True)
+    out.add_output('BAG', 'bag to create', required=True, positional=True)
     option = out.add_argument('--map', required=True, metavar='MAPPING',
                               help='YAML file, or one of: ' + ', '.join(shipped()))
     Parser.complete(shipped(), option)

@@ -466,7 +466,7 @@ def parser() -> Parser:
     """Return the command line."""
     out = Parser('import_crazyflie', __doc__.split('\n\n')[0])
     out.add_argument('log', type=Path, help='JSON file of a flight')
-    out.add_output('BAG', 'bag to make', required=True, positional=True)
+    out.add_output('BAG', 'bag to create', required=True, positional=True)
     out.add_argument('--counts-per-radian', type=_counts, default=COUNTS_PER_RADIAN,
                      metavar='N', help='of the flow sensor (default: %(default).4g)')
     out.add_argument('--mocap-offset', type=_offset, default='auto', metavar='SECONDS',

@@ -176,7 +176,7 @@ def parser() -> Parser:
     out = Parser('join', __doc__)
     out.add_argument('flight', type=Path, help="bag of the drone's log")
     out.add_argument('mocap', type=Path, help='bag with optitrack/pose of the same flight')
-    out.add_output('BAG', 'bag to make', required=True, positional=True)
+    out.add_output('BAG', 'bag to create', required=True, positional=True)
     out.add_argument('--offset', type=float, metavar='SECONDS',
                      help="to add to the motion capture's clock; default: by correlation")
     return out

@@ -383,7 +383,7 @@ def parser() -> Parser:
     """Return the command line."""
     out = Parser('import_minidrone', __doc__.split('\n\n')[0])
     out.add_argument('log', type=Path, help='mat file of a flight')
-    out.add_output('BAG', 'bag to make', required=True, positional=True)
+    out.add_output('BAG', 'bag to create', required=True, positional=True)
     out.add_argument('--flow-scale', type=_scale, metavar='RAD_PER_S',
                      help='rad/s for a logged optical flow of 1 (default: 20 for the units of '
                           "the toolbox, 1 for those of the later package's signals)")

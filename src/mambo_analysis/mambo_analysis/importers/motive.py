@@ -326,7 +326,7 @@ def parser() -> Parser:
     """Return the command line."""
     out = Parser('import_motive', __doc__.split('\n\n')[0])
     out.add_argument('take', type=Path, help='CSV export of Motive')
-    out.add_output('BAG', 'bag to make', required=True, positional=True)
+    out.add_output('BAG', 'bag to create', required=True, positional=True)
     out.add_argument('--body', help='name of the rigid body, if there are several')
     out.add_argument('--up', choices=tuple(UP), default='y',
                      help="axis that is up in the file (default: %(default)s, Motive's own)")

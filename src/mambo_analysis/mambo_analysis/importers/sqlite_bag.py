@@ -63,7 +63,7 @@ def _is_whole(store: Typestore, name: str, data: bytes) -> bool:
     try:
         whole = columns.trimmed(store, name, data)
         again = store.serialize_cdr(store.deserialize_cdr(whole, name), name)
-    except Exception:  # foreign bytes make the decoder raise anything
+    except Exception:  # the decoder may raise any error on invalid bytes
         return False
     return 0 <= len(whole) - len(again) < 4  # a middleware pads to four bytes
 
@@ -165,7 +165,7 @@ def read_sqlite(
             raise BagError(
                 f'{path}: {file.name}: no rosbag2 file, or damaged ({error})') from None
     if not bag.messages:
-        raise BagError(f'{path}: the bag holds no messages')
+        raise BagError(f'{path}: the bag has no messages')
     return bag.topics, {
         topic: Messages(topic, bag.topics[topic],
                         _types(f'{path}: {topic}', bag, topic, distribution), [Batch.of(messages)])
