@@ -44,28 +44,3 @@ def test_its_sensors_through_the_estimator_give_its_estimate(bag):
     node = scenario_file.load(str(bag.parent / 'short.yaml'))[1].estimator_node
     for topic, table in messages(offline_replay.estimate(found, node.filter)).items():
         assert table.tobytes() == b''.join(found[topic.name].raw)
-
-
-@pytest.mark.parametrize('arguments, message', [
-    (['fig_99'], 'fig_99'), (['fig_5_10', '--seed', '-1'], 'seed')])
-def test_careless_arguments_get_one_line(tmp_path, capsys, arguments, message):
-    code = fly.main([*arguments, '--out', str(tmp_path / 'bag')])
-    error = capsys.readouterr().err
-    assert code == 2 and error.count('\n') == 1 and message in error
-    assert not (tmp_path / 'bag').exists()
-
-
-def test_an_existing_bag_is_not_touched(bag, capsys):
-    before = sorted((path.name, path.read_bytes()) for path in bag.iterdir())
-    code = fly.main(['fig_5_10', '--out', str(bag)])
-    assert code == 2 and 'exists' in capsys.readouterr().err
-    assert sorted((path.name, path.read_bytes()) for path in bag.iterdir()) == before
-
-
-def test_a_flight_with_ill_sensors_is_left_to_the_graph(tmp_path, capsys):
-    file = tmp_path / 'ill.yaml'
-    file.write_text(SCENARIO + 'parameters:\n  sim_node.simulator.faults.sonar.kind: late\n')
-    code = fly.main([str(file), '--out', str(tmp_path / 'bag')])
-    error = capsys.readouterr().err
-    assert code == 2 and error.count('\n') == 1 and 'faults' in error
-    assert not (tmp_path / 'bag').exists()

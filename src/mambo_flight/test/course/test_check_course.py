@@ -1,11 +1,9 @@
-"""The commands that check and plan courses, as they are typed."""
+"""The command that checks courses, as it is typed."""
 
 import json
 from pathlib import Path
 
-from mambo_flight.course import check_course, course_file, feasibility, plan_course
-from mambo_model.motion.polynomial import state_at
-from mambo_model.motion.uav_trajectories import load
+from mambo_flight.course import check_course, course_file, feasibility
 from mambo_model.vehicle.parameters import Vehicle
 import pytest
 
@@ -55,47 +53,6 @@ def test_numbers_as_json_are_those_of_the_table(fast, capsys):
     failure = feasibility.check(course_file.read(Path(fast)), Vehicle())
     assert printed['feasible'] is False and printed['failure'] == failure._asdict()
     assert printed['duration'] == 2.8 and set(printed['quantities']) == set(feasibility.QUANTITIES)
-
-
-def test_a_plan_is_a_file_that_is_flown_as_planned(fast, tmp_path, capsys):
-    plan = tmp_path / 'new/plan.csv'
-    assert plan_course.main([fast, '--stretch', 'auto', '--height', '2', '--scale', '0.9',
-                             '-o', str(plan)]) == 0
-    out, err = lines(capsys)
-    course = load(plan)
-    assert out == [f'{plan}: {course.total:.3f} s, 2 polynomials, stretched '
-                   f'{course.total / 2.8:.4f} times'] and not err
-    assert feasibility.check(course, Vehicle()) is None
-    middle = state_at(course, 0.5 * course.total)
-    assert middle[:3, 0] == pytest.approx([5.4, 0.0, -2.0], abs=1e-9)
-    assert plan_course.main([fast, '-o', str(plan)]) == 2
-    assert lines(capsys)[1] == [
-        f'trajectory plan: {plan} exists: give another --output or remove it']
-
-
-def test_a_plan_that_cannot_be_flown_is_written_with_a_warning(fast, tmp_path, capsys):
-    assert plan_course.main([fast, '-o', str(tmp_path / 'plan.csv')]) == 0
-    out, _ = lines(capsys)
-    assert out[1].startswith('warning: identified cannot fly it: ')
-    assert out[1].endswith('--stretch auto slows it')
-
-
-def test_a_function_is_planned(tmp_path, capsys):
-    mine = tmp_path / 'mine.py'
-    mine.write_text('from math import sin\n\ndef wave(t):\n    return sin(t), 0.0, -1.5\n')
-    plan = tmp_path / 'wave.csv'
-    assert plan_course.main([f'{mine}:wave', '--duration', '6', '-o', str(plan)]) == 0
-    assert load(plan).total == pytest.approx(6.0)
-
-
-def test_options_of_the_planner_are_settings(tmp_path):
-    plan = tmp_path / 'slow.csv'
-    waypoints = tmp_path / 'w.csv'
-    waypoints.write_text('x,y,height\n0,0,1\n2,0,1\n')
-    assert plan_course.main([str(waypoints), '--speed', '0.5', '--minimise', 'jerk',
-                             '-o', str(plan)]) == 0
-    course = load(plan)
-    assert course.total == 4.0 and not course.coefficients[:, :, 6:].any()
 
 
 @pytest.mark.parametrize(('arguments', 'message'), [

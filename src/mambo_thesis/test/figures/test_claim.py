@@ -1,6 +1,7 @@
 """What a figure claims and what was measured of it: numbers as text, order, verdict."""
 
-from mambo_thesis.figures.claim import Claim, Measured, Result
+from mambo_thesis.figures import claim as claims
+from mambo_thesis.figures.claim import at_least, at_most, Claim, Measured, near, Result, verdict
 import pytest
 
 
@@ -27,3 +28,43 @@ def test_figures_are_in_the_order_of_the_thesis():
     ('5.11', 'Figure 5.11'), ('5.9, 5.10', 'Figures 5.9, 5.10')])
 def test_a_title_says_one_figure_or_several(number, title):
     assert Claim(number, '', '', lambda: Result([])).title == title
+
+
+@pytest.mark.parametrize(('holds', 'expected'), [
+    ((), 'nothing to measure'), ((True, True), 'reproduced'), ((True, False), 'partly'),
+    ((False, False), 'not reproduced')])
+def test_a_verdict_is_by_what_holds(holds, expected):
+    found = [measured(0.0, 1.0)._replace(holds=h) for h in holds]
+    assert verdict(Result(found)) == expected
+
+
+@pytest.mark.parametrize(('values', 'holds'), [
+    (0.3, True), (0.31, False), ([0.1, 0.3], True), ([0.1, 0.31], False)])
+def test_at_most_is_for_every_seed(values, holds):
+    found = at_most('error', values, 0.3, 'm')
+    assert found.holds is holds and found.wanted == 'at most 0.3' and found.unit == 'm'
+    assert type(found.low) is float
+
+
+@pytest.mark.parametrize(('values', 'holds'), [
+    (0.3, True), (0.29, False), ([0.3, 9.0], True), ([0.29, 9.0], False)])
+def test_at_least_is_for_every_seed(values, holds):
+    assert at_least('error', values, 0.3).holds is holds
+
+
+@pytest.mark.parametrize(('values', 'holds'), [
+    (1.1, True), (1.11, False), ([0.9, 1.1], True), ([0.89, 1.0], False), ([1.0, 1.11], False)])
+def test_near_is_within_a_tolerance_for_every_seed(values, holds):
+    found = near('factor', values, 1.0, 0.1 + 1e-12)
+    assert found.holds is holds and found.wanted == '1 within 0.1'
+
+
+def test_a_figure_registers_itself(monkeypatch):
+    monkeypatch.setattr(claims, 'CLAIMS', {})
+
+    @claims.claim('9.9', 'nothing', 'fig_9_9')
+    def figure_9_9():
+        return Result([])
+    entry, = claims.CLAIMS.values()
+    assert (entry.number, entry.says, entry.flights) == ('9.9', 'nothing', 'fig_9_9')
+    assert entry.examine is figure_9_9

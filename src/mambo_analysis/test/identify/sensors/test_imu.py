@@ -1,0 +1,113 @@
+"""The lines of gyro and accelerometer: known noise at rest, known vibration in the air."""
+
+import functools
+
+from mambo_analysis.identify.recording import Recording, Stream
+from mambo_analysis.identify.sensors.imu import measure
+import numpy as np
+import pytest
+
+RATE = 200.0
+GYRO, ACCEL = np.array([1e-3, 2e-3, 3e-3]), np.array([0.02, 0.03, 0.04])
+
+
+def resting(seed=0, n=2000, round_to=None, rate=RATE):
+    rng, t = np.random.default_rng(seed), np.arange(n) / rate
+    gyro, accel = (s * rng.standard_normal((n, 3)) for s in (GYRO, ACCEL))
+    accel = accel - [0.0, 0.0, 9.81]
+    if round_to is not None:
+        accel = np.round(accel / round_to) * round_to
+    return Recording('r', Stream(t, gyro), Stream(t, accel))
+
+
+def flying(seed=0, n=2000, rate=RATE):
+    """Return a recording in the air: white noise, and a sway of 2 Hz that is no vibration."""
+    rng, t = np.random.default_rng(seed), np.arange(n) / rate
+    sway = 2.0 * np.sin(2.0 * np.pi * 2.0 * t)[:, None]
+    high = Stream(t[::8], np.full(len(t[::8]), 1.2))
+    return Recording(
+        'r', Stream(t, sway + 0.1 * rng.standard_normal((n, 3))),
+        Stream(t, sway + 0.5 * rng.standard_normal((n, 3))), sonar=high,
+        pwm=Stream(t, np.full((n, 4), 250.0)))
+
+
+@functools.cache
+def still():
+    return lines(resting())
+
+
+def lines(recording):
+    return {line[:2]: line for line in measure(recording)[0]}
+
+
+def test_noise_at_rest_is_told_for_each_axis_of_each_sensor():
+    found = still()
+    for axis, name in enumerate('xyz'):
+        gyro, accel = (found[f'{sensor} {name}', 'noise at rest'] for sensor in ('gyro', 'accel'))
+        assert gyro.value == pytest.approx(GYRO[axis], rel=0.1) and gyro.unit == 'rad/s'
+        assert accel.value == pytest.approx(ACCEL[axis], rel=0.1) and accel.unit == 'm/s^2'
+    assert found['imu', 'rate'].value == pytest.approx(RATE)
+
+
+@pytest.mark.parametrize(('key', 'truth', 'freedom'), [
+    (('gyro y', 'noise at rest'), GYRO[1], 2000),
+    (('gyro z', 'angle random walk'), GYRO[2] / np.sqrt(RATE), 150),
+    (('accel x', 'velocity random walk'), ACCEL[0] / np.sqrt(RATE), 150)])
+def test_intervals_at_rest_hold_white_noise_and_are_as_narrow_as_samples_allow(
+        key, truth, freedom):
+    """How often they cover is a matter of the Allan deviation: test_allan.py."""
+    line = still()[key]
+    assert line.low < truth < line.high
+    # a deviation of n degrees of freedom is known to 1 / sqrt(2 n), 1.96 of it on both sides;
+    # white noise averaged over 20 samples has 1.5 * 2000 / 20 of them, Riley (2008)
+    free = 2.0 * 1.96 / np.sqrt(2.0 * freedom)
+    assert 0.8 * free < (line.high - line.low) / truth < 1.3 * free
+
+
+def test_white_noise_has_a_bias_instability_of_at_most_its_lowest_point():
+    line = still()['gyro x', 'bias instability']
+    assert line.note == 'at most: the curve still falls' and line.value < GYRO[0] / 10.0
+
+
+def test_curves_come_by_signal_and_fall_with_the_root_of_time():
+    _, curves = measure(resting())
+    assert sorted(curves) == [f'{sensor} {axis}' for sensor in ('accel', 'gyro') for axis in 'xyz']
+    curve = curves['accel z']
+    slope = np.polyfit(np.log(curve.tau[:5]), np.log(curve.deviation[:5]), 1)[0]
+    assert slope == pytest.approx(-0.5, abs=0.1)
+
+
+def test_an_axis_that_never_changes_has_no_noise_line():
+    whole = resting()
+    gyro = whole.gyro.values.copy()
+    gyro[:, 1] = 0.25
+    found = lines(Recording('r', Stream(whole.gyro.t, gyro), whole.accel))
+    assert ('gyro y', 'noise at rest') not in found and ('gyro x', 'noise at rest') in found
+
+
+def test_vibration_is_what_is_above_15_hz():
+    found = lines(flying())
+    left = np.sqrt((RATE / 2.0 - 15.0) / (RATE / 2.0))  # of white noise
+    assert found['gyro x', 'vibration in flight'].value == pytest.approx(0.1 * left, rel=0.1)
+    assert found['accel z', 'vibration in flight'].value == pytest.approx(0.5 * left, rel=0.1)
+    assert ('gyro x', 'noise at rest') not in found
+
+
+def test_an_imu_below_60_hz_or_on_the_ground_tells_no_vibration():
+    assert ('gyro x', 'vibration in flight') not in lines(flying(rate=50.0))
+    whole = flying()
+    grounded = Recording('r', whole.gyro, whole.accel, sonar=whole.sonar)
+    assert ('gyro x', 'vibration in flight') not in lines(grounded)
+
+
+def test_the_resolution_is_that_of_the_axis_that_knows_it_best():
+    found = lines(resting(round_to=0.01))['accel', 'resolution']
+    assert found.value == pytest.approx(0.01, rel=1e-6)
+    assert ('gyro', 'resolution') not in lines(resting())
+
+
+def test_one_sensor_alone_or_forty_samples_less_one_tell_nothing():
+    whole = resting()
+    assert measure(Recording('r', gyro=whole.gyro)) == ([], {})
+    assert measure(Recording('r', accel=whole.accel)) == ([], {})
+    assert measure(resting(n=39)) == ([], {})

@@ -1,0 +1,118 @@
+"""What every identification command writes: table, JSON, picture and vehicle file."""
+
+import json
+
+from mambo_analysis.identify import result
+from mambo_analysis.identify.regression import IdentifyError, Value
+from mambo_bags.mcap_reader import BagError
+from mambo_model.schema import ParameterError
+from mambo_model.vehicle.parameters import load, PRESETS
+import pytest
+from synthetic import Maker
+
+
+def report(**changed):
+    drawn = []
+    out = result.Report(
+        'Drag of a test', {'drag': Value(0.0425, 0.04, 0.045, 'kg/s'),
+                           'k': Value(-2.0, -3.0, -1.0, '1')},
+        {'samples': 4000, 'rms': 0.1234567, 'file': 'a.csv'}, ['only forward'],
+        {'mass': (0.07, 'a scale')}, lambda figure: drawn.append(figure))
+    return out._replace(**changed), drawn
+
+
+def test_the_table_has_every_value_with_unit_and_interval_in_a_column():
+    lines = result.table(report()[0]).splitlines()
+    assert lines[0] == 'Drag of a test' and not lines[1]
+    assert lines[2].split() == ['drag', '0.0425', 'kg/s', '95', '%:', '0.04', '..', '0.045']
+    assert lines[3].split()[:3] == ['k', '-2', '1']
+    assert lines[2].index('95 %') == lines[3].index('95 %')
+    assert lines[4].split() == ['samples', '4000']       # a count as it is
+    assert lines[5].split() == ['rms', '0.123457']       # a number to six digits
+    assert lines[-2:] == ['note: only forward', result.METHOD]
+
+
+def test_json_holds_the_same_and_no_nan():
+    content = json.loads(result.as_json(report()[0]))
+    assert content['values']['drag'] == {
+        'value': 0.0425, 'low': 0.04, 'high': 0.045, 'unit': 'kg/s'}
+    assert (content['level'], content['notes']) == (0.95, ['only forward'])
+    assert content['facts'] == {'samples': 4000, 'rms': 0.1234567, 'file': 'a.csv'}
+    with pytest.raises(ValueError, match='JSON'):
+        result.as_json(report(facts={'rms': float('nan')})[0])
+
+
+def test_a_folder_gets_json_picture_vehicle_and_what_is_besides(tmp_path):
+    base, (found, drawn) = next(iter(PRESETS)), report(files={'raw.csv': 't,x\n'})
+    files = result.write('drag', found, tmp_path / 'new' / 'out', base)
+    assert [file.name for file in files] == ['drag.json', 'raw.csv', 'drag.yaml', 'drag.png']
+    assert all(file.parent == tmp_path / 'new' / 'out' for file in files)
+    assert json.loads(files[0].read_text())['title'] == found.title
+    assert files[1].read_text() == 't,x\n'
+    assert files[3].read_bytes()[:4] == b'\x89PNG' and len(drawn) == 1
+    vehicle = load(files[2])
+    assert vehicle.mass == 0.07
+    assert vehicle.arm == PRESETS[base].arm  # all else is the base's
+
+
+def test_without_vehicle_values_there_is_no_vehicle_file(tmp_path):
+    files = result.write('drag', report(vehicle={})[0], tmp_path, next(iter(PRESETS)))
+    assert [file.name for file in files] == ['drag.json', 'drag.png']
+    assert sorted(file.name for file in tmp_path.iterdir()) == ['drag.json', 'drag.png']
+
+
+def test_a_value_no_vehicle_can_have_writes_nothing(tmp_path):
+    with pytest.raises(ParameterError, match='mass'):
+        result.write('drag', report(vehicle={'mass': (-1.0, 'a scale')})[0], tmp_path / 'out',
+                     next(iter(PRESETS)))
+    assert not (tmp_path / 'out').exists()
+
+
+def run(arguments, work):
+    options = result.parser('drag', 'Measures drag.').parse_args(arguments)
+    return result.run('drag', options, work)
+
+
+def test_a_command_prints_its_table_and_names_its_files(tmp_path, capsys):
+    found, _ = report()
+    assert run(['--output', str(tmp_path)], lambda: found) == 0
+    output = capsys.readouterr().out
+    assert output.startswith(result.table(found))
+    assert str(tmp_path / 'drag.json') in output and str(tmp_path / 'drag.png') in output
+
+
+def test_json_to_stdout_is_json_alone(capsys):
+    found, _ = report()
+    assert run(['--json', '-'], lambda: found) == 0
+    assert json.loads(capsys.readouterr().out)['title'] == found.title
+
+
+def test_an_unknown_base_is_told_before_the_work(capsys):
+    assert run(['--base', 'mamba'], lambda: pytest.fail('worked')) == 2
+    output = capsys.readouterr()
+    assert output.err.startswith("drag: --base: vehicle 'mamba' is unknown; known: ")
+    assert output.err.count('\n') == 1 and not output.out
+
+
+def test_data_that_cannot_answer_ends_in_one_line(capsys):
+    def work():
+        raise IdentifyError('a.csv: too short')
+    assert run([], work) == 2
+    assert capsys.readouterr().err == 'drag: a.csv: too short\n'
+
+
+def test_bags_are_folders_and_mcap_files(tmp_path):
+    (tmp_path / 'bag').mkdir()
+    assert result.is_bag(tmp_path / 'bag') and result.is_bag(tmp_path / 'a.mcap')
+    assert not result.is_bag(tmp_path / 'a.csv')
+
+
+def test_a_bag_must_have_messages_of_each_topic(tmp_path):
+    maker = Maker(tmp_path / 'bag', ('motor_pwm', 'optical_flow'))
+    maker.write('motor_pwm', 0)
+    maker.writer.close()
+    assert len(result.open_bag(tmp_path / 'bag', ('motor_pwm',))['motor_pwm']) == 1
+    with pytest.raises(BagError, match='bag: .*optical_flow has no messages'):
+        result.open_bag(tmp_path / 'bag', ('motor_pwm', 'optical_flow'))
+    with pytest.raises(BagError, match='imu/data_raw'):
+        result.open_bag(tmp_path / 'bag', ('imu/data_raw',))

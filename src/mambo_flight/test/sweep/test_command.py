@@ -1,0 +1,106 @@
+"""The command sweep: what is refused before a flight, what is kept, and what is printed."""
+
+import math
+
+from mambo_flight.sweep import command, table
+from mambo_flight.sweep.command import main, summary, sweep
+from mambo_model.errors import InputError
+from mambo_model.schema import ParameterError
+import pyarrow.parquet as parquet
+import pytest
+
+TEXT = """
+title: Two masses
+design: grid
+samples: 1
+vary:
+  duration: 2.5
+  sim_node.simulator.vehicle.mass: [0.063, 0.068]
+"""
+ROW = dict.fromkeys(command.SHOWN, 0.5) | {'shutdown': False}
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / 'sweep.yaml'
+    path.write_text(TEXT)
+    return path
+
+
+@pytest.fixture
+def flown(monkeypatch):
+    """Return what `run` was asked for: rows are made up, nothing is flown or drawn."""
+    asked = []
+
+    def run(flights, journal, ideal, workers, dask):
+        asked.append((len(flights.sweep.rows), ideal, workers, dask))
+        for number in range(len(flights.sweep.rows)):
+            if number not in journal.rows:
+                journal.add(number, dict(ROW))
+    monkeypatch.setattr(command, 'run', run)
+    monkeypatch.setattr(command.plot, 'draw', lambda *_: None, raising=False)
+    return asked
+
+
+def test_a_sweep_is_a_table_and_no_journal_is_left(file, tmp_path, flown):
+    data = sweep(file, tmp_path / 'a.parquet', True, 2)
+    assert flown == [(2, True, 2, None)]
+    assert data['flight'] == [0, 1]
+    assert data['sim_node.simulator.vehicle.mass'] == [0.063, 0.068]
+    assert parquet.read_table(tmp_path / 'a.parquet').num_rows == 2
+    assert not (tmp_path / 'a.parquet.rows').exists()
+
+
+def test_what_is_finished_is_kept_when_the_rest_fails(file, tmp_path, monkeypatch):
+    def failing(flights, journal, *_):
+        journal.add(0, dict(ROW))
+        raise table.SweepEndedError('a worker died')
+    monkeypatch.setattr(command, 'run', failing)
+    with pytest.raises(table.SweepEndedError):
+        sweep(file, tmp_path / 'a.parquet')
+    assert (tmp_path / 'a.parquet.rows').read_bytes().count(b'\n') == 2
+    assert not (tmp_path / 'a.parquet').exists()
+
+
+def test_a_result_that_is_there_is_not_flown_again(file, tmp_path, flown):
+    (tmp_path / 'a.parquet').write_text('precious')
+    with pytest.raises(InputError, match=r'a.parquet exists'):
+        sweep(file, tmp_path / 'a.parquet')
+    assert not flown and (tmp_path / 'a.parquet').read_text() == 'precious'
+
+
+def test_a_flight_that_contradicts_itself_is_refused_before_any_is_flown(file, tmp_path, flown):
+    file.write_text(TEXT.replace('duration: 2.5', 'duration: [2.5, 0.0]'))
+    with pytest.raises(ParameterError, match='sweep.yaml:6: .*duration = 0.0 s is outside'):
+        sweep(file, tmp_path / 'a.parquet')
+    assert not flown
+
+
+@pytest.mark.parametrize(('arguments', 'wanted'), [
+    ([], 'give --output RESULT.parquet'),
+    (['-o', 'a.parquet', '--workers', '0'], '--workers 0: must be 1 or more')])
+def test_wrong_options_are_one_line(file, capsys, flown, arguments, wanted):
+    assert main([str(file), *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error == f'sweep: {wanted}\n' and not flown
+
+
+def test_ctrl_c_says_that_the_same_command_goes_on(file, tmp_path, capsys, monkeypatch):
+    def stopped(*_):
+        raise KeyboardInterrupt
+    monkeypatch.setattr(command, 'run', stopped)
+    assert main([str(file), '-o', str(tmp_path / 'a.parquet')]) == 1
+    assert capsys.readouterr().err == (
+        'sweep: stopped by you; what is finished is kept, the same command goes on\n')
+
+
+def test_a_summary_has_percentiles_of_what_is_finite_and_counts_shutdowns():
+    values = [float(k) for k in range(101)] + [math.nan, math.inf]
+    data = {name: list(values) for name in command.SHOWN}
+    data['pwm_max'] = [math.nan] * 103
+    data |= {'flight': list(range(103)), 'shutdown': [True] * 3 + [False] * 100}
+    lines = summary(data).splitlines()
+    row = next(line for line in lines if line.startswith('tracking_rms'))
+    assert row.split()[1:] == ['5', '50', '95', '100']
+    assert not any(line.startswith('pwm_max') for line in lines)  # nothing to tell
+    assert lines[-1] == '3 of 103 flights were shut down'

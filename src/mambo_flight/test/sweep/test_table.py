@@ -1,0 +1,132 @@
+"""The journal of a sweep and its table: nothing finished is lost, nothing foreign is taken."""
+
+from types import SimpleNamespace
+
+from mambo_flight.sweep import table
+from mambo_flight.sweep.table import batches, columns, Journal, parameters, SweepError, write
+import numpy as np
+import pyarrow.parquet as parquet
+import pytest
+
+
+def swept(*rows, names=('mass', 'wind'), defaults=(0.068, 'none')):
+    """Return a sweep of two axes, one of them a number."""
+    axes = [SimpleNamespace(name=name, field=SimpleNamespace(default=default))
+            for name, default in zip(names, defaults)]
+    return SimpleNamespace(axes=axes, rows=list(rows))
+
+
+def test_a_vector_is_a_column_for_each_element_and_a_number_is_a_float():
+    sweep = swept((1, (0.5, -1.0, 0.0)))
+    found = parameters(sweep, 0)
+    assert found == {'mass': 1.0, 'wind.0': 0.5, 'wind.1': -1.0, 'wind.2': 0.0}
+    assert type(found['mass']) is float
+    counted = parameters(swept((3, 'calm'), defaults=(7, 'none')), 0)
+    assert counted == {'mass': 3, 'wind': 'calm'} and type(counted['mass']) is int
+
+
+def test_the_table_has_a_row_for_each_flight_in_the_order_of_the_sweep():
+    sweep = swept((0.06, 'calm'), (0.07, 'gust'))
+    found = columns(sweep, {1: {'rms': 0.2}, 0: {'rms': 0.1}})  # finished in any order
+    assert found == {'flight': [0, 1], 'mass': [0.06, 0.07], 'wind': ['calm', 'gust'],
+                     'rms': [0.1, 0.2]}
+    assert list(found) == ['flight', 'mass', 'wind', 'rms']
+    with pytest.raises(KeyError):
+        columns(sweep, {0: {'rms': 0.1}})
+
+
+def rows_of(path, head='a'):
+    journal = Journal(path, head)
+    journal.close()
+    return journal.rows
+
+
+def test_rows_come_back_to_the_bit(tmp_path):
+    value = 0.1 + 0.2
+    journal = Journal(tmp_path / 'new' / 'folder' / 'rows', 'a')
+    journal.add(3, {'rms': value, 'worst': float('nan'), 'why': 'tilt'})
+    journal.add(0, {'rms': -0.0})
+    journal.close()
+    found = rows_of(journal.path)
+    assert sorted(found) == [0, 3] and found[3]['rms'] == value
+    assert np.isnan(found[3]['worst']) and found[3]['why'] == 'tilt'
+    assert np.signbit(found[0]['rms'])
+
+
+@pytest.mark.parametrize('cut', [1, 5, 17])
+def test_a_line_that_was_cut_off_is_flown_again_and_written_over(tmp_path, cut):
+    journal = Journal(tmp_path / 'rows', 'a')
+    for number in range(3):
+        journal.add(number, {'rms': 0.125 * number})
+    journal.close()
+    content = journal.path.read_bytes()
+    journal.path.write_bytes(content[:-cut])
+    again = Journal(journal.path, 'a')
+    assert sorted(again.rows) == [0, 1]
+    again.add(2, {'rms': 0.25})
+    again.close()
+    assert journal.path.read_bytes() == content
+
+
+def test_damage_in_the_middle_loses_what_is_behind_it_and_no_more(tmp_path):
+    journal = Journal(tmp_path / 'rows', 'a')
+    for number in range(4):
+        journal.add(number, {'rms': 1.0})
+    journal.close()
+    lines = journal.path.read_bytes().splitlines(keepends=True)
+    journal.path.write_bytes(b''.join([*lines[:2], b'[1, 2]\n', *lines[3:]]))
+    assert sorted(rows_of(journal.path)) == [0]
+    assert rows_of(journal.path).keys() == {0}
+
+
+def test_the_rows_of_another_sweep_are_refused_and_stay(tmp_path):
+    journal = Journal(tmp_path / 'rows', 'a')
+    journal.add(0, {'rms': 1.0})
+    journal.close()
+    before = journal.path.read_bytes()
+    with pytest.raises(SweepError, match='rows: begun by another sweep file or another version'):
+        Journal(journal.path, 'b')
+    assert journal.path.read_bytes() == before
+
+
+def test_a_journal_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / 'file').write_text('')
+    with pytest.raises(SweepError, match='file'):
+        Journal(tmp_path / 'file' / 'rows', 'a')
+
+
+def test_a_journal_is_removed_when_the_result_has_everything(tmp_path):
+    journal = Journal(tmp_path / 'rows', 'a')
+    journal.add(0, {'rms': 1.0})
+    journal.remove()
+    assert not list(tmp_path.iterdir())
+
+
+def flights(rows=((0.06, 'calm'),), names=('mass', 'wind')):
+    return SimpleNamespace(sweep=swept(*rows, names=names), bases={})
+
+
+def test_the_digest_depends_on_values_names_sensors_and_numerics(monkeypatch):
+    first = table.digest(flights(), False)
+    assert first == table.digest(flights(), False)
+    others = {table.digest(flights(), True), table.digest(flights(((0.07, 'calm'),)), False),
+              table.digest(flights(names=('mass', 'gust')), False),
+              table.digest(flights(((0.06, 'calm'), (0.06, 'calm'))), False)}
+    monkeypatch.setattr(table, 'source_digest', lambda: 'another version')
+    others.add(table.digest(flights(), False))
+    assert len(others | {first}) == 6
+
+
+def test_a_file_has_columns_of_their_type_and_its_title(tmp_path):
+    write(tmp_path / 'a.parquet', {'flight': [0, 1], 'rms': [0.5, float('nan')],
+                                   'why': ['', 'tilt']}, 'Short flights')
+    found = parquet.read_table(tmp_path / 'a.parquet')
+    assert found.schema.metadata == {b'title': b'Short flights'}
+    assert [str(field.type) for field in found.schema] == ['int64', 'double', 'string']
+    assert found['why'].to_pylist() == ['', 'tilt'] and np.isnan(found['rms'][1].as_py())
+
+
+def test_batches_hold_every_number_once():
+    assert list(batches(range(7), 3)) == [range(0, 3), range(3, 6), range(6, 7)]
+    assert list(batches([], 3)) == []
+    assert list(batches([5, 2], 10)) == [[5, 2]]

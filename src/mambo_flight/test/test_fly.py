@@ -1,0 +1,118 @@
+"""The command fly: which flight is meant, what it says, and what it refuses before it flies."""
+
+from types import SimpleNamespace
+
+from mambo_flight import fly
+import pytest
+
+SCENARIO = """
+title: A short flight
+duration: 3
+landing: false
+seed: 2
+"""
+
+
+@pytest.fixture
+def flown(monkeypatch):
+    """Return the flights that would be flown; nothing is, and no bag is written."""
+    flights = []
+
+    def record(flight, inner):
+        flights.append(flight)
+        return SimpleNamespace(inner=inner)
+    monkeypatch.setattr(fly.closed_loop, 'fly', record)
+    monkeypatch.setattr(fly.recording_to_bag, 'write', lambda path, *_: path.mkdir())
+    return flights
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / 'short.yaml'
+    path.write_text(SCENARIO)
+    return str(path)
+
+
+def test_a_file_is_flown_as_it_says(file, tmp_path, capsys, flown):
+    assert fly.main([file, '-o', str(tmp_path / 'bag')]) == 0
+    flight, = flown
+    assert (flight.sim_node.duration, flight.sim_node.simulator.seed) == (3.0, 2)
+    output = capsys.readouterr().out.splitlines()
+    assert output[-2].startswith(f'{file}: 3.00 s flown in ') or ': 3.00 s flown in ' in output[-2]
+    assert output[-2].endswith(' times real time') and output[-1] == f'bag: {tmp_path / "bag"}'
+
+
+def test_what_is_typed_counts_before_the_file(file, tmp_path, flown):
+    assert fly.main([file, '--seed', '9', '--controller', 'toolbox',
+                     '-o', str(tmp_path / 'bag')]) == 0
+    flight, = flown
+    assert flight.sim_node.simulator.seed == 9
+    assert flight.controller_node.controller == 'toolbox'
+    assert flight.sim_node.duration == 3.0
+
+
+def test_a_trajectory_alone_is_a_flight(tmp_path, capsys, flown):
+    assert fly.main(['--trajectory', 'circle', '-o', str(tmp_path / 'bag')]) == 0
+    flight, = flown
+    assert flight.reference_node.plan.trajectory == 'circle'
+    assert capsys.readouterr().out.splitlines()[-2].startswith('circle: ')
+
+
+def test_nothing_at_all_says_what_to_give(tmp_path, capsys, flown):
+    assert fly.main(['-o', str(tmp_path / 'bag')]) == 2
+    assert capsys.readouterr().err == (
+        'fly: give a SCENARIO or one of --trajectory, --controller, --estimator\n')
+    assert not flown
+
+
+def test_a_flight_of_no_time_is_refused(tmp_path, capsys, flown):
+    path = tmp_path / 'none.yaml'
+    path.write_text(SCENARIO.replace('duration: 3', 'duration: 0'))
+    assert fly.main([str(path), '-o', str(tmp_path / 'bag')]) == 2
+    assert 'duration = 0.0 s is outside' in capsys.readouterr().err
+    assert not flown
+
+
+def test_a_fault_of_a_component_of_yours_is_told_after_the_bag(file, tmp_path, capsys, flown,
+                                                              monkeypatch):
+    faults = iter([None, 'your controller: division by zero at 1.005 s'])
+    monkeypatch.setattr(fly.slots, 'latest_fault', lambda: next(faults))
+    assert fly.main([file, '-o', str(tmp_path / 'bag')]) == 1
+    error = capsys.readouterr().err
+    assert error.endswith('your controller: division by zero at 1.005 s\n')
+    assert error.count('\n') == 1 and (tmp_path / 'bag').exists()
+
+
+def test_a_fault_of_an_earlier_flight_is_not_of_this_one(file, tmp_path, flown, monkeypatch):
+    faults = ['an old one']
+    monkeypatch.setattr(
+        fly.slots, 'latest_fault', lambda: faults.pop() if faults else None)
+    assert fly.main([file, '-o', str(tmp_path / 'bag')]) == 0
+
+
+@pytest.mark.parametrize('arguments, message', [
+    (['fig_99'], 'fig_99'), (['fig_5_10', '--seed', '-1'], 'seed')])
+def test_careless_arguments_get_one_line(tmp_path, capsys, arguments, message):
+    code = fly.main([*arguments, '--out', str(tmp_path / 'bag')])
+    error = capsys.readouterr().err
+    assert code == 2 and error.count('\n') == 1 and message in error
+    assert not (tmp_path / 'bag').exists()
+
+
+def test_an_existing_bag_is_not_touched(tmp_path, capsys, flown):
+    bag = tmp_path / 'bag'
+    bag.mkdir()
+    (bag / 'metadata.yaml').write_text('precious')
+    before = sorted((path.name, path.read_bytes()) for path in bag.iterdir())
+    code = fly.main(['fig_5_10', '--out', str(bag)])
+    assert code == 2 and 'exists' in capsys.readouterr().err
+    assert sorted((path.name, path.read_bytes()) for path in bag.iterdir()) == before
+
+
+def test_a_flight_with_ill_sensors_is_left_to_the_graph(tmp_path, capsys):
+    file = tmp_path / 'ill.yaml'
+    file.write_text(SCENARIO + 'parameters:\n  sim_node.simulator.faults.sonar.kind: late\n')
+    code = fly.main([str(file), '--out', str(tmp_path / 'bag')])
+    error = capsys.readouterr().err
+    assert code == 2 and error.count('\n') == 1 and 'faults' in error
+    assert not (tmp_path / 'bag').exists()

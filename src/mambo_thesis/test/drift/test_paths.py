@@ -1,0 +1,76 @@
+"""Motion on the paths of the thesis: velocity, tilt and rates belong together."""
+
+from mambo_thesis.drift.paths import DRAG_RATE, LEVEL, one_turn, PATHS, perfect
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+def test_the_motion_of_a_path_is_consistent():
+    dt = 1e-4
+    t = np.arange(0.0, 3.0, dt)
+    track = perfect(PATHS['(5.4)'], t, 1.3, 0.8, drag_rate=DRAG_RATE)
+    np.testing.assert_allclose(np.gradient(track.position, dt, axis=0)[1:-1],
+                               track.velocity[1:-1], atol=1e-6)  # second order of the difference
+    turned = Rotation.from_matrix(track.R)
+    rates = (turned[:-1].inv() * turned[1:]).as_rotvec() / dt
+    # what the heading of the least rotation adds is about b3
+    np.testing.assert_allclose(rates[:, :2], track.omega[:-1, :2], atol=0.02)
+    a = np.gradient(track.velocity, dt, axis=0)
+    force = a - [0, 0, 9.81] + DRAG_RATE * track.velocity * [1, 1, 0]
+    assert np.abs(np.cross(force, track.R[:, :, 2]))[1:-1].max() < 1e-3
+
+
+def test_a_path_is_that_of_the_trajectory_at_any_speed_and_size():
+    path, t = PATHS['(5.4)'], np.linspace(0.0, 7.0, 30)
+    track = perfect(path, t, 1.7, 0.6)
+    angle = 1.7 * path.rate * t[:, None] + np.array(path.phase)
+    np.testing.assert_allclose(
+        track.position, path.offset + 0.6 * np.array(path.amplitude) * np.sin(angle), atol=1e-12)
+
+
+def test_a_path_by_hand_is_level_and_does_not_turn():
+    track = perfect(PATHS[LEVEL], np.linspace(0.0, 6.0, 20), level=True)
+    assert (track.R == np.eye(3)).all() and not track.omega.any()
+    np.testing.assert_array_equal(track.nu, track.velocity)
+    np.testing.assert_array_equal(track.depth, track.height)
+
+
+@pytest.mark.parametrize('name', list(PATHS))
+def test_the_thrust_axis_is_along_g_less_the_acceleration(name):
+    """(3.14): without drag b3 is along g e3 - a, with it g e3 - a - D v."""
+    turn = one_turn(name, steps=200)
+    if name == LEVEL:
+        return
+    T = turn.t[1] * 200
+    closed = np.vstack([turn.velocity[-1:], turn.velocity, turn.velocity[:1]])
+    a = (closed[2:] - closed[:-2]) / (2.0 * T / 200)
+    wanted = [0.0, 0.0, 9.81] - a
+    wanted /= np.linalg.norm(wanted, axis=1)[:, None]
+    # second order of the difference: a of 1 rad/s, 200 steps a turn: (2 pi / 200)^2 / 6
+    np.testing.assert_allclose(turn.R[:, :, 2], wanted, atol=2e-4)
+    np.testing.assert_allclose(np.linalg.det(turn.R), 1.0, atol=1e-12)
+
+
+def test_drag_leans_the_vehicle_into_its_motion():
+    t = np.array([0.0])
+    without, with_drag = (perfect(PATHS['(5.3)'], t, drag_rate=rate) for rate in (0.0, 0.54))
+    v = without.velocity[0, :2]
+    lean = with_drag.R[0, :2, 2] - without.R[0, :2, 2]
+    assert lean @ v < 0.0  # b3 points down: thrust, -b3, forward
+    assert abs(lean[0] * v[1] - lean[1] * v[0]) < 0.02  # along it
+
+
+def test_depth_is_height_over_the_cosine_of_the_tilt():
+    turn = one_turn('C.4', steps=50)
+    euler = Rotation.from_matrix(turn.R).as_euler('ZYX')
+    np.testing.assert_allclose(
+        turn.depth, turn.height / (np.cos(euler[:, 1]) * np.cos(euler[:, 2])), rtol=1e-9)
+
+
+def test_one_turn_ends_where_it_began_and_leaves_the_end_out():
+    turn = one_turn('(5.4)', speed=2.0, steps=100)
+    step = turn.t[1] - turn.t[0]
+    assert len(turn.t) == 100 and turn.t[-1] + step == pytest.approx(2.0 * np.pi / 2.0)
+    end = perfect(PATHS['(5.4)'], np.array([turn.t[-1] + step]), 2.0)
+    np.testing.assert_allclose(end.position[0], turn.position[0], atol=1e-9)
+    assert turn.part(turn.t > 1.0).position.shape == (int((turn.t > 1.0).sum()), 3)

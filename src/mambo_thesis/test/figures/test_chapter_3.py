@@ -1,0 +1,38 @@
+"""Figure 3.3 on made flights: when the error is small for good, and how the angle is told."""
+
+import math
+
+from made_flights import made, path
+from mambo_thesis.figures import chapter_3
+import numpy as np
+import pytest
+
+
+def examined(monkeypatch, error, tilt=0.0):
+    flight = made(path(lambda t: -error(t)), None, path(), seconds=20.0)
+    flight.recording.truth[:, 6:8] = math.cos(0.5 * tilt), math.sin(0.5 * tilt)
+    monkeypatch.setattr(chapter_3, 'fly', lambda name: {'fig_3_3': flight}[name])
+    return chapter_3.figure_3_3()
+
+
+def test_the_error_is_below_5_cm_for_good_and_not_for_a_moment(monkeypatch):
+    def error(t):  # small at 2 s, large again until 5.8 s
+        return np.where((t < 2.0) | (t > 2.5) & (t < 5.8), 0.2, 0.01)
+    settled, at_six, late, _ = examined(monkeypatch, error).measured
+    assert settled.low == pytest.approx(5.8, abs=0.006)
+    assert at_six.low == pytest.approx(10.0) and at_six.unit == 'mm'
+    assert late.high == pytest.approx(10.0) and not late.holds
+
+
+def test_the_largest_motor_command_is_of_all_motors(monkeypatch):
+    *_, command = examined(monkeypatch, lambda t: np.exp(-t)).measured
+    assert command.low == 250.0 and not command.holds
+
+
+def test_position_velocity_and_attitude_are_drawn(monkeypatch):
+    figure = examined(monkeypatch, lambda t: np.exp(-t), tilt=0.3).figure
+    curves = {axes.get_ylabel(): axes.lines[-1].get_ydata() for axes in figure.axes}
+    np.testing.assert_allclose(curves['angle to $q_r$ [rad]'], 0.3, atol=1e-9)
+    np.testing.assert_allclose(curves[r'$|\nu_e|$ [m/s]'], 0.0)
+    assert curves[r'$|\rho_e|$ [m]'][0] == pytest.approx(1.0)
+    assert curves['$x$ [m]'][0] == pytest.approx(-1.0)

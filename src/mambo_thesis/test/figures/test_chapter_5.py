@@ -1,0 +1,105 @@
+"""Chapter 5 on made flights: the factor of the flow and the errors that figures tell."""
+
+from made_flights import made, path
+from mambo_thesis.figures import chapter_5
+import numpy as np
+import pytest
+
+
+def on(monkeypatch, *flights, module=chapter_5):
+    monkeypatch.setattr(module, 'seeds', lambda name: list(flights))
+
+
+def by_what(result):
+    return {m.what: m for m in result.measured}
+
+
+@pytest.mark.parametrize(('height', 'factor'), [
+    (1.5, 1.5 * 1.025), (2.5, 2.5 * 1.095), (4.0, 4.0 * 1.095), (0.2, 0.2 * 0.955)])
+def test_the_factor_of_the_sensor_is_linear_between_half_and_two_and_a_half_metres(height, factor):
+    assert chapter_5.sensor_factor(height) == pytest.approx(factor)
+
+
+def test_positions_are_made_equal_at_6_s():
+    f = made(path(lambda t: t), path(lambda t: 1.1 * t + 3.0), seconds=10.0)
+    t, estimate, truth = chapter_5.equalised(f)
+    assert t[0] == 6.0 and (estimate[0] == truth[0]).all()
+    np.testing.assert_allclose(estimate[:, 0] - truth[:, 0], 0.1 * (t - 6.0), atol=1e-9)
+    figure = chapter_5.against_optitrack(f, (0,))
+    np.testing.assert_allclose(
+        figure.axes[1].lines[0].get_ydata()[-1],
+        np.sqrt(np.mean((0.1 * (t - 6.0))**2)), rtol=1e-6)
+
+
+def test_hovering_errors_are_those_after_12_s(monkeypatch):
+    def estimate(t):
+        return np.where(t < 12.0, 5.0, 0.03)
+    on(monkeypatch, made(path(), path(estimate, 0.04, -1.495), seconds=20.0))
+    found = by_what(chapter_5.figure_5_3())
+    assert found['error of the height, RMS'].low == pytest.approx(0.005)
+    assert found['horizontal error over that of the height'].low == pytest.approx(0.05 / 0.005)
+
+
+def test_a_wrong_amplitude_is_true_over_estimated(monkeypatch):
+    expected = chapter_5.sensor_factor(1.5)
+    flight = made(path(y=lambda t: expected * np.sin(t)), path(y=np.sin), seconds=40.0)
+    on(monkeypatch, flight)
+    found = by_what(chapter_5.figure_5_4())
+    assert found['true over estimated amplitude'].low == pytest.approx(expected, rel=1e-6)
+    assert found['the same, h Q(h) being expected'].holds
+
+
+def test_the_accelerometer_is_calibrated_by_its_first_half_second():
+    def imu(t):
+        rows = np.zeros((len(t), 6))
+        rows[:, 4] = 0.5 + np.where(t < 0.5, 0.0, 0.01)
+        return rows
+    velocity = chapter_5._velocity(made(path(), seconds=10.5, imu=imu))
+    assert velocity[99] == pytest.approx(0.0, abs=1e-12)
+    assert velocity[-1] == pytest.approx(0.1, rel=1e-3)  # 10 s of 0.01 m/s^2
+
+
+def test_the_best_factor_is_found_beside_an_offset():
+    x = np.linspace(-1.0, 2.0, 100)
+    assert chapter_5._best_factor(x, 1.5 * x + 0.3) == pytest.approx((1.5, 0.0), abs=1e-12)
+    rest = np.where(np.arange(100) % 2, 0.1, -0.1)
+    factor, left = chapter_5._best_factor(x, 1.5 * x + rest)
+    assert factor == pytest.approx(1.5, abs=0.01) and left == pytest.approx(0.1, rel=1e-3)
+
+
+def sine(height, factor):
+    """Return a sine in y whose flow is the velocity over height and factor, from 6 s on."""
+    return made(path(y=lambda t: np.sin(t), z=-height), path(y=lambda t: np.sin(t) / factor),
+                seconds=30.0, flow=lambda t: np.stack(
+                    [np.zeros_like(t), np.cos(t) / factor], axis=1))
+
+
+@pytest.mark.parametrize(('figure', 'height'), [
+    (chapter_5.figure_5_8, 1.5), (chapter_5.figure_5_9, 2.5)])
+def test_a_constant_makes_the_integrated_flow_the_truth(monkeypatch, figure, height):
+    factor = chapter_5.sensor_factor(height)
+    on(monkeypatch, sine(height, factor))
+    found = by_what(figure())
+    assert found['best constant, h Q(h) expected'].low == pytest.approx(factor, rel=1e-2)
+    assert found['the same over the height, Q'].low == pytest.approx(factor / height, rel=1e-2)
+    assert found['error that is left, RMS'].high < 0.01
+    on(monkeypatch, sine(height, 1.2 * factor))
+    assert not by_what(figure())['best constant, h Q(h) expected'].holds
+
+
+def test_estimate_and_flow_are_the_same_and_the_truth_differs_by_a_factor(monkeypatch):
+    on(monkeypatch, sine(1.5, chapter_5.sensor_factor(1.5)))
+    found = by_what(chapter_5.figure_5_7())
+    assert all(m.holds for m in found.values()), [str(m) for m in found.values()]
+
+
+def test_a_drift_has_no_sign_and_is_by_turn():
+    turn = 2.0 * np.pi
+    f = made(path(), path(lambda t: -0.1 * t / turn, lambda t: 0.05 * t / turn), seconds=40.0)
+    assert chapter_5._drifts([f], 0)[0] == pytest.approx(0.1, rel=1e-3)
+    assert chapter_5._ratios([f], 1, 0)[0] == pytest.approx(0.5, rel=1e-3)
+
+
+def test_block_diagrams_and_photographs_have_nothing_to_measure():
+    for figure in (chapter_5.figure_5_1, chapter_5.figure_5_2):
+        assert not figure().measured and figure().why_not

@@ -1,0 +1,116 @@
+"""What came of the figures, as text, Markdown, JSON and one page: every verdict everywhere."""
+
+from html.parser import HTMLParser
+import json
+
+from mambo_thesis.figures.claim import at_most, Claim, Measured, Result
+from mambo_thesis.figures.page import data, Examined, line, markdown, page, picture, summary
+from matplotlib.figure import Figure
+import pytest
+
+
+def examined(number, *holds, figure=None, why='', flights='', says='the drone hovers'):
+    measured = [Measured(f'error {k}', 0.1, 0.2, 'm', 'at most 0.3', h)
+                for k, h in enumerate(holds)]
+    return Examined(Claim(number, says, flights, lambda: None), Result(measured, figure, why))
+
+
+ALL = [examined('5.3', True, True, flights='fig_5_3'), examined('5.4', True, False),
+       examined('C.1', False, why='no wind'), examined('4.1, 4.2', why='they show no data')]
+
+
+def test_a_summary_counts_each_verdict():
+    assert summary(ALL) == '1 reproduced, 1 partly, 1 not reproduced, 1 nothing to measure'
+    assert summary([ALL[0], ALL[0]]) == '2 reproduced'
+
+
+def test_a_line_has_the_verdict_and_every_number():
+    rows = line(ALL[1]).splitlines()
+    assert rows[0].split() == ['Figure', '5.4', 'partly']
+    assert rows[1] == '    ok  error 0: 0.1 to 0.2 m (wanted: at most 0.3)'
+    assert rows[2].startswith('    NO  error 1: ')
+
+
+def test_markdown_has_a_section_and_a_table_for_each_figure():
+    text = markdown(ALL)
+    assert text.count('\n## ') == 4 and f': {summary(ALL)}.' in text
+    assert '## Figure 5.3: reproduced\n\nThe drone hovers. Scenario `fig_5_3`.' in text
+    assert '| error 1 | 0.1 to 0.2 m | at most 0.3 | **no** |' in text
+    assert '| error 0 | 0.1 to 0.2 m | at most 0.3 | yes |' in text
+    assert '\nNo wind.\n' in text
+    nothing = text[text.index('## Figures 4.1, 4.2'):]
+    assert '|' not in nothing and 'They show no data.' in nothing
+
+
+def test_data_is_plain_and_whole():
+    found = json.loads(json.dumps(data(ALL)))
+    assert [entry['verdict'] for entry in found] == [
+        'reproduced', 'partly', 'not reproduced', 'nothing to measure']
+    assert found[2]['why_not'] == 'no wind' and found[0]['scenario'] == 'fig_5_3'
+    assert found[1]['measured'][1] == {
+        'what': 'error 1', 'low': 0.1, 'high': 0.2, 'unit': 'm', 'wanted': 'at most 0.3',
+        'holds': False}
+
+
+class Checker(HTMLParser):
+    """Collects ids, links and texts; every tag that opens must close."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.ids, self.links, self.sources, self.text = [], [], [], [], ''
+        self.feed(text)
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        attrs = dict(attrs)
+        if tag not in ('meta', 'img', '!doctype'):
+            self.open.append(tag)
+        self.ids += [attrs['id']] if 'id' in attrs else []
+        self.links += [attrs['href']] if 'href' in attrs else []
+        self.sources += [attrs['src']] if 'src' in attrs else []
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def test_a_page_is_whole_and_every_link_leads_to_a_figure():
+    checker = Checker(page(ALL))
+    assert checker.links == [f'#{name}' for name in checker.ids]
+    assert checker.ids == ['figure-5-3', 'figure-5-4', 'figure-c-1', 'figure-4-1--4-2']
+    assert 'No wind' in checker.text and summary(ALL) in checker.text
+
+
+def test_a_page_needs_no_network():
+    figure = Figure()
+    figure.subplots().plot([0, 1])
+    checker = Checker(page([examined('5.3', True, figure=figure)]))
+    source, = checker.sources
+    assert source.startswith('data:image/png;base64,iVBORw0KGgo')
+
+
+def test_what_a_claim_says_is_text_and_no_markup():
+    text = page([examined('5.3', says='x < y & "z" <script>')])
+    assert '<script>' not in text and 'X &lt; y &amp; &quot;z&quot; &lt;script&gt;' in text
+
+
+@pytest.mark.parametrize(('holds', 'mark'), [
+    ((True,), '✓'), ((True, False), '½'), ((False,), '✗')])
+def test_a_link_shows_its_verdict_without_its_colour(holds, mark):
+    checker = Checker(page([examined('5.3', *holds)]))
+    assert f'5.3 {mark}' in checker.text
+
+
+def test_a_picture_is_a_png_file(tmp_path):
+    figure = Figure()
+    figure.subplots().plot([0, 1])
+    picture(figure, tmp_path / 'a.png')
+    assert (tmp_path / 'a.png').read_bytes()[:4] == b'\x89PNG'
+
+
+def test_a_measurement_in_the_page_is_that_of_the_claim():
+    result = Result([at_most('height', [0.1, 0.25], 0.2, 'm')])
+    text = page([Examined(Claim('5.3', 'x', '', lambda: result), result)])
+    assert '0.1 to 0.25 m' in text and 'at most 0.2' in text and '>no<' in text

@@ -1,0 +1,78 @@
+"""The command reproduce: which figures are meant, and what is written of them."""
+
+import json
+
+from mambo_thesis import reproduce
+from mambo_thesis.figures.claim import Claim, CLAIMS, Measured, Result
+from mambo_thesis.figures.page import Examined
+from matplotlib.figure import Figure
+import pytest
+
+
+@pytest.fixture
+def claims(monkeypatch):
+    """Let there be three figures that need no flight."""
+    figure = Figure()
+    figure.subplots().plot([0, 1])
+
+    def result(holds, drawn):
+        return Result([Measured('x', 1.0, 1.0, 'm', 'at most 1', holds)], drawn)
+    found = {number: Claim(number, 'a claim', '', lambda r=r: r) for number, r in (
+        ('C.1', result(False, None)), ('5.10', result(True, None)), ('5.3', result(True, figure)),
+        ('5.9, 5.12', result(True, figure)))}
+    monkeypatch.setattr(reproduce, 'CLAIMS', found)
+    return found
+
+
+def numbers(*arguments):
+    return [claim.number for claim in reproduce.chosen(list(arguments))]
+
+
+def test_none_is_all_in_the_order_of_the_thesis(claims):
+    assert numbers() == ['5.3', '5.9, 5.12', '5.10', 'C.1']
+
+
+def test_a_number_a_chapter_or_an_appendix_is_chosen(claims):
+    assert numbers('5.10') == ['5.10']
+    assert numbers('c.1') == numbers('C') == ['C.1']
+    assert numbers('5') == ['5.3', '5.9, 5.12', '5.10']
+    assert numbers('C', '5.3') == ['5.3', 'C.1']  # in the order of the thesis
+
+
+def test_5_1_is_not_5_10(claims, capsys):
+    assert reproduce.main(['5.1']) == 2
+    assert capsys.readouterr().err == (
+        "reproduce: no figure '5.1'; known: 5.3; 5.9, 5.12; 5.10; C.1; or a chapter\n")
+
+
+def test_a_report_has_a_page_its_data_and_a_picture_of_each_figure(claims, tmp_path, capsys):
+    assert reproduce.main(['-o', str(tmp_path / 'out')]) == 0
+    assert sorted(path.name for path in (tmp_path / 'out').iterdir()) == [
+        'fig_5_3.png', 'fig_5_9_and_5_12.png', 'index.html', 'reproduction.json',
+        'reproduction.md']
+    output = capsys.readouterr().out
+    assert '3 reproduced, 1 not reproduced' in output
+    assert output.endswith(f'page: {tmp_path / "out" / "index.html"}\n')
+    found = json.loads((tmp_path / 'out' / 'reproduction.json').read_text())
+    assert [entry['figure'] for entry in found][-1] == 'Figure C.1'
+
+
+def test_a_file_in_place_of_the_folder_is_told_before_anything_is_flown(
+        claims, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(reproduce, 'examine', lambda _: pytest.fail('flown'))
+    (tmp_path / 'out').write_text('')
+    assert reproduce.main(['5.3', '-o', str(tmp_path / 'out')]) != 0
+    assert capsys.readouterr().err == (
+        f'reproduce: {tmp_path / "out"} is no folder: give another --output\n')
+
+
+def test_each_claim_is_examined_once_and_keeps_its_place(claims):
+    found = reproduce.examine(reproduce.chosen(['5']))
+    assert [type(e) for e in found] == [Examined] * 3
+    assert [e.verdict for e in found] == ['reproduced'] * 3
+
+
+def test_every_figure_of_the_thesis_is_there():
+    assert {f'5.{k}' for k in (3, 4, 5, 6, 7, 8, 9, 10)} <= set(CLAIMS)
+    assert {f'C.{k}' for k in range(1, 9)} <= set(CLAIMS)
+    assert {f'6.{k}' for k in range(1, 7)} <= set(CLAIMS)
