@@ -13,12 +13,12 @@ import re
 import subprocess
 import sys
 
-from . import graph, in_c, loops, measure, report, rotorpy_peer, sweeping
+from . import agents, graph, in_c, loops, measure, report, rotorpy_peer, sweeping
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / 'docs' / 'evidence' / 'performance.md'
 FOLDER = ROOT / '.cache' / 'bench'
-GROUPS = ('reference', 'closed_loop', 'rotorpy', 'sweep', 'graph', 'endurance', 'replay',
+GROUPS = ('reference', 'closed_loop', 'rotorpy', 'sweep', 'gym', 'graph', 'endurance', 'replay',
           'profile', 'idle')
 
 
@@ -44,7 +44,7 @@ def machine() -> dict[str, str]:
 
 def chosen(names: list[str], quick: bool, folder: Path) -> Iterator[measure.Contender]:
     """Yield the contenders of the groups or rows that are named, all without names."""
-    for module in (in_c, loops, rotorpy_peer, sweeping, graph):
+    for module in (in_c, loops, rotorpy_peer, sweeping, agents, graph):
         for contender in module.contenders(quick, folder):
             if not names or {contender.group, contender.name} & set(names):
                 yield contender

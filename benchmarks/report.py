@@ -17,7 +17,7 @@ UNITS = {
     'factor': 'times real time', 'start': 'first second [s]', 'memory': 'largest node [MB]',
     'lost': 'messages lost', 'missed': 'steps missed', 'cpu': 'CPU s per s of flight',
     'different': 'replays that differ', 'slowdown': 'late over early',
-    'steps': 'million drone-steps/s'}
+    'steps': 'million drone-steps/s', 'agent': 'thousand control steps/s'}
 DIVIDED = ('graph_separate', 'endurance_realtime_separate')
 """Rows whose CPU time is divided by process."""
 ORDER = ('reference_c', 'reference_numba')  # then the others as they come
@@ -104,6 +104,17 @@ def _sweep(results: list[Result]) -> str:
         'flight more costs, as the start of processes is there once.\n')
 
 
+def _gym(results: list[Result]) -> str:
+    rows = [r for r in results if r.contender.group == 'gym']
+    return '' if not rows else '## Gymnasium environments, 256 drones\n\n' + markdown(
+        ('', 'thousand control steps/s', 'thousand per CPU second'),
+        [(r.contender.title, spread(r.values('agent')), spread(r.values('agent_cpu')))
+         for r in rows]) + missing(rows) + (
+        '\n\nWall time of `step`, in Python: a control step is 5 ms of flight of one drone, with '
+        'action, observation and reward; the PWM is constant. The flights up to the handover '
+        'are not in it.\n')
+
+
 def _delay(result: Result) -> str:
     """Return median, 99th percentile and most from an IMU sample to its motor command."""
     return ', '.join(number(result.median(f'delay {name}')) for name in ('median', 'p99', 'most'))
@@ -185,8 +196,8 @@ def text(results: list[Result], machine: dict[str, Any], repetitions: int) -> st
     profile = _profile(results)
     if profile:
         profile += '\nWhat was tried, and what it gave:\n\n' + TRIED.read_text()
-    sections = (head, _side_by_side(results), _sweep(results), _graph(results), _replay(results),
-                profile, _idle(results), _wanted(results))
+    sections = (head, _side_by_side(results), _sweep(results), _gym(results), _graph(results),
+                _replay(results), profile, _idle(results), _wanted(results))
     return '\n'.join(filter(None, sections))
 
 

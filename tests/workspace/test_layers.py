@@ -41,7 +41,8 @@ ROS = {'ament_index_python', 'launch', 'launch_ros', 'rclpy', 'rosbag2_py', 'tf2
 ROS_MESSAGES = {'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs',
                 'rcl_interfaces', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs', 'tf2_msgs'}
 # rosdep's name of what Python imports under another; None where rosdep has none
-ROSDEP = {'argcomplete': 'python3-argcomplete', 'clarabel': None, 'distributed': None, 'lz4': None,
+ROSDEP = {'argcomplete': 'python3-argcomplete', 'clarabel': None, 'distributed': None,
+          'gymnasium': None, 'lz4': None,
           'matplotlib': 'python3-matplotlib', 'mcap': None,
           'numba': 'python3-numba', 'numpy': 'python3-numpy', 'osqp': None,
           'pandas': 'python3-pandas', 'plotly': None, 'pyarrow': None, 'rosbags': None,

@@ -47,6 +47,8 @@ LEAVES = dict(schema.walk(Scenario))
 COMPONENTS = {name: field.metadata['component'] for name, field in LEAVES.items()
               if 'component' in field.metadata}
 """Parameters that choose a component, and who finds it."""
+SEEDS = ('sim_node.simulator.seed', 'optitrack_node.seed')
+"""Parameters that are the seed of every noise stream."""
 
 
 def own_leaves(chosen: Iterable[tuple[str, Any]]) -> dict[str, dataclasses.Field]:
@@ -154,6 +156,28 @@ def override(flight: Scenario, values: Mapping[str, Any]) -> Scenario:
             raise schema.ParameterError(schema.unknown(name, known))
     kept = {name: value for name, value in flat.items() if name in known}
     return schema.build(Scenario, {**kept, **values})
+
+
+def replaced(params: Any, values: Mapping[str, Any]) -> Any:
+    """
+    Return parameters with other values of the right types, {dotted name: value}.
+
+    A hundred times as fast as :func:`override`, which also reads components from outside. Those
+    of a component that is not flown do not matter.
+    """
+    own: dict[str, Any] = {}
+    below: dict[str, dict[str, Any]] = {}
+    for name, value in values.items():
+        head, _, tail = name.partition('.')
+        if tail:
+            below.setdefault(head, {})[tail] = value
+        else:
+            own[head] = value
+    for head, inner in below.items():
+        if not hasattr(params, head):
+            continue
+        own[head] = replaced(getattr(params, head), inner)
+    return dataclasses.replace(params, **own)
 
 
 LANDING = 9.0  # s, of a flight's end: blend out 3 s, descent 4 s, rest

@@ -108,6 +108,7 @@ from numba import objmode, typeof  # noqa: E402, F401
 from numba.core.errors import NumbaError  # noqa: E402, F401
 from numba.experimental import structref  # noqa: E402
 from numba.extending import overload  # noqa: E402
+from numba.typed import List  # noqa: E402
 
 
 def jit(function: F) -> F:
@@ -118,6 +119,11 @@ def jit(function: F) -> F:
     gets the same bits.
     """
     return numba.njit(cache=True, error_model='numpy')(function)
+
+
+def jit_beside_python(function: F) -> F:
+    """Compile as :func:`jit` what several threads run at once: it does not hold Python's lock."""
+    return numba.njit(cache=True, error_model='numpy', nogil=True)(function)
 
 
 @contextlib.contextmanager
@@ -178,6 +184,24 @@ def hold(memory, rng, values):
 def memory_of(held):
     """Return the memory of a holder to Python."""
     return held.memory
+
+
+@jit
+def hold_again(held, memory, rng, values):
+    """Let a holder hold something else, of the same types."""
+    held.memory, held.rng, held.values = memory, rng, values
+
+
+@jit
+def row_of(held):
+    """Return a list for compiled code with one holder; :func:`lengthen` appends others."""
+    return List([held])
+
+
+@jit
+def lengthen(row, held):
+    """Append a holder to a list for compiled code."""
+    row.append(held)
 
 
 def by_type(

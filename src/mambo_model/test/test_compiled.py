@@ -9,7 +9,7 @@ import sys
 from typing import NamedTuple
 
 from mambo_model import compiled
-from mambo_model.compiled import by_type, hold, jit, memory_of
+from mambo_model.compiled import by_type, hold, hold_again, jit, lengthen, memory_of, row_of
 from mambo_model.motion import rigid_body, trajectory
 from mambo_model.motion.quaternion import to_euler
 from mambo_model.motion.rigid_body import State
@@ -36,6 +36,14 @@ def one_step(state, t, plan, vv):
         rotor.thrust_from_pwm(rotor.limit_pwm(rotor.pwm_from_thrust(T4, vv), vv), vv))
     f, torque = rotor.mix(thrust, vv)
     return rigid_body.rk4_step(state, f, torque, 0.005, vv)
+
+
+@jit
+def digits(row):
+    out = 0.0
+    for held in row:
+        out = held.values * out + held.memory
+    return out
 
 
 @jit
@@ -100,6 +108,16 @@ def test_generators_that_are_held_are_those_of_the_caller():
     drawn = [draw(held) for _ in range(5)]
     assert drawn == [same.standard_normal() for _ in range(5)]
     assert rng.standard_normal() == same.standard_normal()
+
+
+def test_a_list_of_holders_has_all_of_them_in_their_order():
+    holders = [hold(digit, None, 10.0) for digit in (1.0, 2.0, 3.0)]
+    row = row_of(holders[0])
+    for held in holders[1:]:
+        lengthen(row, held)
+    assert digits(row) == 123.0
+    hold_again(holders[1], 7.0, None, 10.0)
+    assert memory_of(holders[1]) == 7.0 and digits(row) == 173.0
 
 
 def test_whole_numbers_as_parameters_compile_nothing_anew():

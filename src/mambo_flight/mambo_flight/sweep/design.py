@@ -40,7 +40,6 @@ from ..scenario_file import FIELDS
 
 DISTRIBUTIONS = ('normal', 'range', 'uniform')
 MOST = 10_000_000  # flights
-_SEEDS = ('sim_node.simulator.seed', 'optitrack_node.seed')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -245,27 +244,6 @@ def _base(
     return scenario_file.load(name, settings)[1]
 
 
-def _replaced(params: Any, values: Mapping[str, Any]) -> Any:
-    """
-    Return parameters with other values of the right types, {dotted name: value}.
-
-    Those of a component that is not flown do not matter.
-    """
-    own: dict[str, Any] = {}
-    below: dict[str, dict[str, Any]] = {}
-    for name, value in values.items():
-        head, _, tail = name.partition('.')
-        if tail:
-            below.setdefault(head, {})[tail] = value
-        else:
-            own[head] = value
-    for head, inner in below.items():
-        if not hasattr(params, head):
-            continue
-        own[head] = _replaced(getattr(params, head), inner)
-    return dataclasses.replace(params, **own)
-
-
 class Flights:
     """The scenarios of a sweep, made one by one; those that differ in parameters share a base."""
 
@@ -295,7 +273,7 @@ class Flights:
         settings, parameters = {}, {}
         for axis, value in zip(self.sweep.axes, self.sweep.rows[number]):
             if axis.name == 'seed':
-                parameters.update(dict.fromkeys(_SEEDS, value))
+                parameters.update(dict.fromkeys(scenarios.SEEDS, value))
             elif axis.name in FIELDS:
                 if isinstance(value, str) and value.endswith(('.yaml', '.yml', '.csv')):
                     value = str((self.sweep.path.parent / value).absolute())
@@ -303,7 +281,7 @@ class Flights:
             else:
                 parameters[axis.name] = value
         try:
-            flight = _replaced(self._base(settings), parameters)
+            flight = scenarios.replaced(self._base(settings), parameters)
         except schema.ParameterError as error:
             raise self._located(error, number) from None
         if not flight.sim_node.duration > 0.0:

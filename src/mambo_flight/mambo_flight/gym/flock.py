@@ -1,0 +1,191 @@
+"""N drones that fly in compiled code on several threads: what both environments are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+import os
+from typing import Any
+
+from mambo_control import failsafe
+from mambo_estimation import filters
+from mambo_model.compiled import hold, hold_again, lengthen, row_of
+from mambo_model.errors import InputError, JobError
+from mambo_model.motion.flatness import from_flat_output
+from mambo_model.vehicle.parameters import Vehicle
+from mambo_sim import simulator
+import numpy as np
+from numpy.typing import NDArray
+
+from . import episode
+from .. import closed_loop
+from ..scenario import Scenario
+from .assignment import Assignment
+from .task import ACTIONS, Channel, commanded, PLAN
+
+_ZERO = (0.0, 0.0, 0.0)
+
+
+def _target(flight: Scenario, shift: tuple[float, float, float]) -> Any:
+    """Return the reference that rests beside the hover point of the flight plan."""
+    v: Vehicle = flight.reference_node.vehicle
+    x, y, z = (a + b for a, b in zip(flight.reference_node.plan.hover(), shift))
+    return from_flat_output(
+        (x, y, z), _ZERO, _ZERO, _ZERO, _ZERO, v.mass, v.inertia, v.gravity)
+
+
+class Flock:
+    """
+    Drones in flight.
+
+    Attributes
+    ----------
+    scenarios : list of Scenario
+        Of the present episode of each drone: flown by ``closed_loop.fly`` it is the same flight
+        up to the handover.
+    out : episode.Outcome
+        What the last steps brought; overwritten by the next ones.
+
+    """
+
+    def __init__(self, assignment: Assignment, count: int, threads: int | None = None) -> None:
+        self.assignment, self.out = assignment, episode.outcome(count)
+        self.scenarios: list[Scenario] = [assignment.scenario] * count
+        self._kind = ACTIONS.index(assignment.action)
+        self._handover = assignment.params.ticks(assignment.params.handover)
+        self._holders: list[Any] = []
+        self._row: Any = None
+        self._threads = min(threads or len(os.sched_getaffinity(0)), count)
+        self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+
+    def _episode(self, flight: Scenario, shift: tuple[float, float, float]) -> tuple[Any, ...]:
+        """Return memory, generators and values of a drone at the start of an episode."""
+        sim, settings = flight.sim_node.simulator, closed_loop.settings(flight)
+        state, target = simulator.initial_state(sim), _target(flight, shift)
+        drone = episode.Drone(
+            state, filters.initial(settings.estimator), failsafe.begin(settings.gains),
+            state.plant.body, failsafe.EXACT, target, 0, episode.WAITING, (0.0, 0.0, 0.0, 0.0),
+            False)
+        values = episode.Episode(
+            settings, flight.controller_node.cascaded.values(),
+            self.assignment.params.values(), self.assignment.task == 'hover', target,
+            self._handover)
+        return drone, simulator.generators(sim.seed), values
+
+    def _prepare(self, i: int, rng: np.random.Generator) -> None:
+        """Put a drone on the floor, at the start of an episode that is drawn."""
+        self.scenarios[i], shift = self.assignment.drawn(rng)
+        parts = self._episode(self.scenarios[i], shift)
+        if i < len(self._holders):
+            hold_again(self._holders[i], *parts)
+            return
+        self._holders.append(hold(*parts))
+        if self._row is None:
+            self._row = row_of(self._holders[0])
+        else:
+            lengthen(self._row, self._holders[-1])
+
+    def advance(
+        self, actions: NDArray[np.float64], begin: Sequence[int],
+        rngs: Sequence[np.random.Generator], go_on: Sequence[int],
+    ) -> None:
+        """
+        Begin the episode of some drones, and fly others on by one action.
+
+        Parameters
+        ----------
+        actions : (N, 4)
+            As :meth:`checked` returns them; only rows of drones that go on are read.
+        begin : (n,)
+            Drones whose episode begins, in rising order; all of them at first.
+        rngs : (N,)
+            Of each drone, from which its episodes are drawn.
+        go_on : (m,)
+            Drones that fly on.
+
+        Raises
+        ------
+        InputError
+            If a parameter that is drawn has an impossible value.
+        JobError
+            If the scenario's controller does not bring a drone to the handover.
+
+        """
+        for i in begin:
+            self._prepare(i, rngs[i])
+        work = [(rows, PLAN, self._handover + 1) for rows in self._shares(begin)]
+        work += [(rows, self._kind, self.assignment.params.repeat) for rows in self._shares(go_on)]
+        self._fly(actions, work)
+        for i in begin:
+            self.out.reward[i], self.out.reason[i] = 0.0, episode.NOTHING
+            if self.out.stage[i] not in (failsafe.FLYING, failsafe.HOLDING):
+                raise JobError(
+                    f'the controller {self.scenarios[i].controller_node.controller} has not '
+                    f'brought the vehicle to the handover (seed {self.scenarios[i].seed}): it is '
+                    f'{failsafe.STAGES[self.out.stage[i]]}')
+
+    def _shares(self, rows: Sequence[int]) -> list[NDArray[np.int64]]:
+        """Return the rows as so many lists as there are threads."""
+        whole = np.asarray(rows, dtype=np.int64)
+        return [share for share in np.array_split(whole, self._threads) if len(share)]
+
+    def _fly(self, actions: NDArray[np.float64], work: list[tuple[Any, int, int]]) -> None:
+        """Do all work, one piece in this thread."""
+        def fly(piece: tuple[Any, int, int]) -> None:
+            episode.fly(self._row, piece[0], actions, piece[1], piece[2], self.out)
+        if self._pool is None or len(work) < 2:
+            for piece in work:
+                fly(piece)
+            return
+        others = [self._pool.submit(fly, piece) for piece in work[1:]]
+        fly(work[0])
+        for other in others:
+            other.result()
+
+    def channels(self) -> tuple[Channel, ...]:
+        """Return the numbers of an action."""
+        return commanded(
+            self.assignment.action, self.assignment.scenario.controller_node.vehicle)
+
+    def checked(self, actions: Any, count: int | None) -> NDArray[np.float64]:
+        """
+        Return actions as compiled code reads them, (N, 4), cut to their limits.
+
+        Parameters
+        ----------
+        actions : (count, n), or (n,) without a count
+            In the units of :meth:`channels`, of which there are n.
+        count
+            How many drones; None: one, which has no row of its own.
+
+        Raises
+        ------
+        InputError
+            If they have another shape or are not finite numbers.
+
+        """
+        channels = self.channels()
+        shape = (len(channels),) if count is None else (count, len(channels))
+        names = ', '.join(f'{c.name} [{c.unit}]' for c in channels)
+        try:
+            given = np.asarray(actions, dtype=float)
+        except (TypeError, ValueError):
+            raise InputError(f'action must be numbers: {names}') from None
+        if given.shape != shape:
+            raise InputError(f'action has shape {given.shape}, must have {shape}: {names}')
+        if not np.isfinite(given).all():
+            row, column = np.argwhere(~np.isfinite(given.reshape(-1, len(channels))))[0]
+            where = '' if count is None else f' of drone {row}'
+            raise InputError(
+                f'action{where} has {channels[column].name} = '
+                f'{given.reshape(-1, len(channels))[row, column]}, must be finite')
+        out = np.zeros((len(self.scenarios), 4))
+        np.clip(given, [c.low for c in channels], [c.high for c in channels],
+                out=out[:, :len(channels)] if count is not None else out[0, :len(channels)])
+        return out

@@ -1,0 +1,102 @@
+"""Many drones are so many single ones, to the bit, whatever the threads and the autoreset."""
+
+import gymnasium
+from gymnasium.utils.env_checker import data_equivalence
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from mambo_flight.gym.registration import register
+from mambo_model.errors import InputError
+import numpy as np
+import pytest
+
+register()
+DRONES = 5
+SHORT = {'observation': 'estimate', 'handover': 0.1, 'episode': 0.2, 'target_spread': 1.9,
+         'randomise': {'sim_node.simulator.vehicle.mass': (0.06, 0.07)}}
+
+
+def vector(**more):
+    return gymnasium.make_vec('mambo/Hover-v0', num_envs=DRONES, **SHORT | more)
+
+
+def singles(mode):
+    return SyncVectorEnv(
+        [lambda: gymnasium.make('mambo/Hover-v0', **SHORT).unwrapped] * DRONES,
+        autoreset_mode=mode)
+
+
+@pytest.mark.parametrize('mode', [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_the_drones_are_single_ones_with_their_seeds(mode):
+    many, alone = vector(autoreset_mode=mode, threads=2), singles(mode)
+    assert many.metadata['autoreset_mode'] == alone.metadata['autoreset_mode'] == mode
+    assert many.action_space == alone.action_space
+    assert many.observation_space == alone.observation_space
+    assert data_equivalence(many.reset(seed=7), alone.reset(seed=7), exact=True)
+    assert many.np_random_seed == (7, 8, 9, 10, 11)
+    rng, ended = np.random.default_rng(1), np.zeros(2)
+    for _ in range(130):
+        actions = rng.uniform(0.0, 500.0, (DRONES, 4))
+        one, other = many.step(actions), alone.step(actions)
+        assert data_equivalence(one, other, exact=True)
+        ended += [one[2].sum(), one[3].sum()]
+    assert (ended > 3).all()  # by limits and by time
+
+
+def test_the_number_of_threads_changes_nothing():
+    rows = []
+    for threads in (1, 2, 3, None):
+        envs = vector(threads=threads)
+        envs.reset(seed=[3, 1, 4, 1, 5])
+        rows.append(np.array([envs.step(np.full((DRONES, 4), 270.0))[0] for _ in range(60)]))
+        envs.close()
+    np.testing.assert_array_equal(rows, rows[:1] * 4)
+    np.testing.assert_array_equal(rows[0][:, 1], rows[0][:, 3])  # one seed
+
+
+def test_a_drone_without_autoreset_rests_until_it_is_reset():
+    envs = vector(autoreset_mode='Disabled', target_spread=0.3)
+    envs.reset(seed=1)
+    act = np.full((DRONES, 4), 270.0)
+    for _ in range(40):  # 0.2 s
+        seen, _, terminated, truncated, info = envs.step(act)
+    assert (terminated | truncated).all()
+    again, reward, still, ended, _ = envs.step(act)
+    np.testing.assert_array_equal(again, seen)
+    assert not reward.any() and np.array_equal(still | ended, np.ones(DRONES, dtype=bool))
+    mask = np.array([False, True, False, False, True])
+    new, about = envs.reset(options={'reset_mask': mask})
+    assert (new[mask] != seen[mask]).any(axis=1).all()
+    np.testing.assert_array_equal(new[~mask], seen[~mask])
+    np.testing.assert_array_equal(about['_time'], mask)
+    later, reward, *over, info = envs.step(act)
+    np.testing.assert_array_equal(over[0] | over[1], ~mask)
+    np.testing.assert_array_equal(info['time'] < 0.11, mask)
+    assert (reward != 0.0).tolist() == mask.tolist()
+
+
+@pytest.mark.parametrize(('arguments', 'said'), [
+    ({'num_envs': 0}, 'num_envs = 0'), ({'threads': 0}, 'threads = 0'),
+    ({'autoreset_mode': 'never'}, 'NextStep, SameStep, Disabled'),
+    ({'render_mode': 'human'}, 'render_mode')])
+def test_wrong_arguments_are_refused_in_one_line(arguments, said):
+    with pytest.raises(InputError, match=said) as error:
+        gymnasium.make_vec('mambo/Hover-v0', **{'num_envs': 2, **arguments})
+    assert '\n' not in str(error.value)
+
+
+def test_impossible_actions_seeds_and_masks_are_refused():
+    envs = vector()
+    with pytest.raises(InputError, match=r'call reset\(\)'):
+        envs.step(np.zeros((DRONES, 4)))
+    with pytest.raises(InputError, match='first reset is for every drone'):
+        envs.reset(options={'reset_mask': np.ones(DRONES, dtype=bool)})
+    with pytest.raises(InputError, match='seed has 2 numbers'):
+        envs.reset(seed=[1, 2])
+    envs.reset(seed=1)
+    with pytest.raises(InputError, match='must be 5 booleans'):
+        envs.reset(options={'reset_mask': np.zeros(DRONES, dtype=bool)})
+    wrong = np.zeros((DRONES, 4))
+    wrong[3, 1] = np.nan
+    with pytest.raises(InputError, match='action of drone 3 has motor_2 = nan'):
+        envs.step(wrong)
+    with pytest.raises(InputError, match=r'shape \(4,\), must have \(5, 4\)'):
+        envs.step(np.zeros(4))
