@@ -22,6 +22,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
+            'check_node = mambo_bringup.checking.check_node:main',
             'composed_node = mambo_bringup.composed_node:main',
             'fly = mambo_bringup.flight:main',
             'replay = mambo_bringup.replay:main',

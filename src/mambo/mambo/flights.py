@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -12,8 +12,11 @@ from typing import Any, TYPE_CHECKING
 from mambo_analysis.compare import figures
 from mambo_bags.command import refuse_existing
 from mambo_bags.reader import Bag, read_bag
+from mambo_control.controllers import REGISTRY as CONTROLLERS
+from mambo_estimation.filters import REGISTRY as ESTIMATORS
 from mambo_flight import closed_loop, recording_to_bag, scenario_file
 from mambo_flight.closed_loop import Recording
+from mambo_flight.course import sampled
 from mambo_flight.scenario import override, Scenario
 from mambo_flight.sweep import monte_carlo
 from mambo_model import slots
@@ -114,12 +117,18 @@ class Flight:
         return figures.overview(self.bag, self.name)
 
 
+def _named(thing: Any, offer: Callable[[Any], str]) -> str | None:
+    """Return the name of what is flown: itself, or one under which an object is offered."""
+    return thing if thing is None or isinstance(thing, str) else (
+        str(thing) if isinstance(thing, Path) else offer(thing))
+
+
 def fly(
-    scenario: Scenario | Path | str | None = None, *, trajectory: str | None = None,
-    estimator: str | None = None, controller: str | None = None, duration: float | None = None,
-    seed: int | None = None, vehicle: str | None = None, believed: str | None = None,
-    noise: bool | None = None, landing: bool | None = None,
-    parameters: Mapping[str, Any] | None = None,
+    scenario: Scenario | Path | str | None = None, *,
+    trajectory: str | Path | Callable[[float], Any] | None = None, estimator: Any = None,
+    controller: Any = None, duration: float | None = None, seed: int | None = None,
+    vehicle: str | None = None, believed: str | None = None, noise: bool | None = None,
+    landing: bool | None = None, parameters: Mapping[str, Any] | None = None,
 ) -> Flight:
     """
     Fly in one process, with the numbers of the graph in lockstep, and return the flight.
@@ -129,8 +138,15 @@ def fly(
     scenario
         An experiment as ``mambo fly`` takes it (``'fig_5_11'``, ``'experiment/flight'``, a file),
         or a :class:`Scenario`; None: the circle with the choices below.
-    trajectory, estimator, controller
-        What is flown, and by what; None: as the scenario says.
+    trajectory
+        What is flown: a name as the command takes it, or a function of time: t [s] to x, y, z
+        [m], inertial NED, and yaw [rad] or nothing, or up to five rows of these with the
+        derivatives. Its attribute ``duration`` [s], if it has one, says how long it is. None: as
+        the scenario says.
+    estimator, controller
+        By what: a name, a class or module with ``Params``, ``initial`` and ``step``, or a
+        function that takes the arguments of ``step`` without memory and parameters and returns
+        the answer. One that is given itself is flown as plain Python. None: as the scenario says.
     duration : s
         From start to end.
     seed
@@ -147,11 +163,14 @@ def fly(
     Raises
     ------
     InputError
-        For an unknown name or a value out of range, in one line.
+        For an unknown name, a value out of range, or a component or function that does not
+        answer as it must, in one line.
 
     """
     choices = {
-        'trajectory': trajectory, 'estimator': estimator, 'controller': controller,
+        'trajectory': _named(trajectory, sampled.offer),
+        'estimator': _named(estimator, ESTIMATORS.offer),
+        'controller': _named(controller, CONTROLLERS.offer),
         'duration': duration, 'seed': seed, 'vehicle': vehicle, 'believed': believed,
         'noise': noise, 'landing': landing}
     given = {name: scenario_file.Place(value, name)
@@ -163,8 +182,8 @@ def fly(
         name, chosen = 'scenario', scenario
     elif scenario is None:
         chosen = scenario_file.from_settings(given)
-        name = '_'.join(Path(one).stem for one in (
-            trajectory or 'circle', chosen.estimator_node.estimator))
+        name = '_'.join(Path(one).stem.partition(' ')[0] for one in (
+            choices['trajectory'] or 'circle', chosen.estimator_node.estimator))
     else:
         name, chosen = scenario_file.load(str(scenario), given)
     chosen = override(chosen, parameters or {})

@@ -1,10 +1,16 @@
 """Flights from a script."""
 
+import dataclasses
+import math
 from pathlib import Path
+import re
 
 import mambo
+from mambo_control.command import thrust_and_torque
 from mambo_flight import closed_loop, fly as command
 from mambo_flight.scenario import to_yaml
+from mambo_model.schema import quantity
+from mambo_model.values import Parameters
 import numpy as np
 import pytest
 
@@ -88,3 +94,71 @@ def test_a_controller_that_fails_in_flight_is_told_with_its_line(flight, tmp_pat
     failed = mambo.fly(controller=str(mine), estimator='ground_truth', duration=6.0)
     assert 'mine.py:' in failed.fault and failed.fault.endswith('RuntimeError: lost')
     assert failed.fault in repr(failed) and not flight.fault
+
+
+def spiral(t):
+    """Return a spiral, with its velocity."""
+    return [(0.1 * t * math.cos(t), 0.1 * t * math.sin(t), -1.0 - 0.05 * t),
+            (0.1 * (math.cos(t) - t * math.sin(t)), 0.1 * (math.sin(t) + t * math.cos(t)), -0.05)]
+
+
+spiral.duration = 5.0
+
+
+class Keep:
+    """A controller in a cell: it answers with the weight, and keeps how often it was asked."""
+
+    @dataclasses.dataclass(frozen=True)
+    class Params(Parameters):
+        """Its parameters."""
+
+        share: float = quantity(1.0, '-', 0.0, 2.0, 'a test')
+
+    def initial(values):
+        return 0
+
+    def step(memory, state, reference, dt, gains, vehicle):
+        thrust = gains.share * vehicle.mass * vehicle.gravity
+        return memory + 1, thrust_and_torque(thrust, (0.0,) * 3, state, reference, vehicle)
+
+
+def weight(state, reference, dt, vehicle):
+    """Do the same without memory and parameters."""
+    return thrust_and_torque(
+        vehicle.mass * vehicle.gravity, (0.0,) * 3, state, reference, vehicle)
+
+
+def test_a_function_is_flown_as_a_trajectory():
+    flight = mambo.fly(trajectory=spiral, controller='flatness_drag', estimator='ground_truth')
+    plan = flight.scenario.reference_node.plan
+    assert re.match(r'# spiral of a script, sha256 [0-9a-f]{64}\n', plan.course)
+    assert flight.t[-1] == 23.0  # s: 8 before it, 5, 1 of rest, 9 of landing
+    on = np.searchsorted(flight.t, 8.0 + 3.0)
+    assert flight.recording.reference[on, :3] == pytest.approx(spiral(3.0)[0], abs=1e-6)
+    assert flight.metrics['tracking_rms'] < 0.02
+    short = mambo.fly(trajectory=lambda t: (0.0, 0.0, -1.0), duration=20.0)
+    assert short.t[-1] == 20.0 and repr(short).startswith('<Flight lambda_kalman: 20 s')
+
+
+def test_a_controller_of_a_cell_is_flown_with_its_parameters():
+    common = {'trajectory': 'hover', 'estimator': 'ground_truth', 'duration': 3.0,
+              'landing': False}
+    one = mambo.fly(controller=Keep, **common)
+    two = mambo.fly(controller=weight, **common)
+    assert not one.fault + two.fault
+    np.testing.assert_array_equal(one.recording.truth, two.recording.truth)
+    less = mambo.fly(one.scenario, parameters={'controller_node.Keep.share': 0.5})
+    assert less.recording.thrust.max() == pytest.approx(0.5 * one.recording.thrust.max())
+    assert 'Keep, sha256' in str(one.bag.attachments['scenario.yaml'])
+
+
+@pytest.mark.parametrize('arguments, what', [
+    ({'trajectory': lambda t: (0.0, t)}, 'lambda: gives an array of shape (2,) at t = 0 s'),
+    ({'controller': lambda state: None},
+     'lambda(state) must take 4 arguments: state, reference, dt, vehicle'),
+    ({'estimator': Keep}, 'step(memory, state, reference, dt, gains, vehicle) must take 9'),
+    ({'controller': dataclasses}, 'has no Params, initial, step')])
+def test_what_is_no_component_is_refused_in_one_line(arguments, what):
+    with pytest.raises(mambo.InputError) as error:
+        mambo.fly(**{'duration': 20.0} | arguments)
+    assert what in str(error.value) and '\n' not in str(error.value)

@@ -19,13 +19,10 @@ import signal
 from mambo_analysis.compare.ending import ended_early, ENDINGS
 from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import read_bag
-from mambo_control.controllers import REGISTRY as CONTROLLERS
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
-from mambo_flight import scenario as scenarios, scenario_file
+from mambo_flight import choices, scenario as scenarios, scenario_file
 from mambo_model import schema
-from mambo_model.components import remarks
-from mambo_model.motion.trajectory import COURSE, TRAJECTORIES
-from mambo_model.vehicle.parameters import PRESETS
+from mambo_model.motion.trajectory import COURSE
 from tqdm import tqdm
 
 from .node_group import NodeGroup
@@ -292,20 +289,6 @@ def _free(folder: Path, name: str) -> Path:
     return path
 
 
-def _overrides(assignments: list[str]) -> dict[str, object]:
-    """Read ``node.parameter=value`` arguments."""
-    out = {}
-    for assignment in assignments:
-        name, equals, value = assignment.partition('=')
-        if not equals:
-            raise schema.ParameterError(f'--set {assignment}: write node.parameter=value')
-        try:
-            out[name.strip()] = scenarios.read_value(value)
-        except schema.ParameterError:
-            raise schema.ParameterError(f'--set {assignment}: cannot read the value') from None
-    return out
-
-
 def parser() -> Parser:
     """Return the command line of ``./run``."""
     out = Parser(
@@ -323,24 +306,7 @@ def parser() -> Parser:
         help='an experiment: a name from --list-scenarios, NAME/FLIGHT for one of its flights, or '
                      'a file; the options below override it')
     add('--list-scenarios', action='store_true', help='print the experiments and end')
-    add('--print-scenario', action='store_true',
-        help='print every parameter with unit, range and source and end')
-    out.complete(TRAJECTORIES, add(
-        '--trajectory', metavar='NAME',
-        help=f"one of: {', '.join(TRAJECTORIES)}, or a course file (default: circle)"))
-    for kind, registry, default in (
-            ('estimator', ESTIMATORS, 'kalman'), ('controller', CONTROLLERS, CONTROLLER)):
-        out.complete(registry.names, add(
-            f'--{kind}', metavar='NAME',
-            help=f"one of: {', '.join(registry.names)}; FILE.py or FILE.py:NAME; or the name of "
-            f'an installed one (default: {default})'))
-    add('--duration', type=float, metavar='S',
-        help='flight time in s, landing included where it fits (default: 40)')
-    add('--seed', type=int, metavar='N', help='seed of every noise stream (default: 1)')
-    add('--vehicle', metavar='NAME',
-        help=f"true vehicle, one of: {', '.join(PRESETS)}, or a file (default: identified)")
-    add('--believed', metavar='NAME',
-        help='vehicle model of the controller (default: the true one)')
+    choices.add(out, 'circle', CONTROLLER)
     add('--mode', default='lockstep', choices=('lockstep', 'realtime'),
         help='lockstep: as fast as the machine allows, bit-for-bit repeatable (default)')
     add('--speed', type=float, metavar='X',
@@ -352,12 +318,6 @@ def parser() -> Parser:
     add('--drones', type=int, default=1, metavar='N',
         help='number of drones, in namespaces /mambo1 to /mamboN, with consecutive seeds from '
                      '--seed, each with its own clock and bag (default: 1)')
-    add('--no-noise', dest='noise', action='store_false', default=None,
-        help='sensors without noise and bias')
-    add('--no-landing', dest='landing', action='store_false', default=None,
-        help='stay on the trajectory to the end')
-    add('--set', action='append', default=[], metavar='NODE.PARAMETER=VALUE',
-        help='set any parameter of any node; repeatable')
     out.add_output('BAG', 'bag to create (default: a new one under bags/)')
     add('--no-report', action='store_true', help='record only: no table, no page of plots')
     return out
@@ -365,21 +325,20 @@ def parser() -> Parser:
 
 def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
     """Return name and scenario of the flight that the command line selects."""
-    given = {
-        name: scenario_file.Place(value, f'--{name}') for name in scenario_file.FIELDS
-        if (value := getattr(options, name, None)) is not None}
+    given = choices.given(options)
     if options.scenario:
         name, flight = scenario_file.load(options.scenario, given)
     else:
         flight = scenario_file.from_settings(
             {'controller': scenario_file.Place(CONTROLLER, 'default'), **given})
         plan = flight.reference_node.plan
-        flown = plan.trajectory if plan.trajectory != COURSE else Path(options.trajectory).stem
+        flown = plan.trajectory if plan.trajectory != COURSE else (
+            Path(options.trajectory).stem)
         estimator = ESTIMATORS.find(flight.estimator_node.estimator)
         name = f'{flown}_{estimator.name if estimator else flight.estimator_node.estimator}'
     flight = scenarios.override(flight, {
         'sim_node.mode': options.mode, 'sim_node.speed': 1.0 if options.speed is None else
-        options.speed, **_overrides(options.set)})
+        options.speed, **choices.overrides(options.set)})
     if options.speed is not None and flight.sim_node.mode != 'realtime':
         raise schema.ParameterError(
             f'--speed {options.speed:g} needs --mode realtime: lockstep always runs at full speed')
@@ -417,7 +376,7 @@ def _run(options: argparse.Namespace) -> None:
     if options.print_scenario:
         print(scenarios.commented_yaml(flight), end='')
     else:
-        for line in remarks(flight):
+        for line in choices.remarks(flight):
             print(line)
         _fly_and_report(name, flight, options)
 

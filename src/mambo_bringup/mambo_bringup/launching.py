@@ -60,6 +60,9 @@ def _recorder(bag: str, topics: str = '') -> list[tuple[str, str, dict[str, obje
     return [(*RECORDER, {**parameters, 'topics': topics} if topics else parameters)]
 
 
+ROOM = 22.0  # s, for a function that does not state its duration: as in a flight of 40 s
+
+
 def flight_plan(arguments: Mapping[str, str]) -> Plan:
     """
     Return the nodes of a flight.
@@ -84,7 +87,7 @@ def flight_plan(arguments: Mapping[str, str]) -> Plan:
     if trajectory := arguments['trajectory']:
         course_file.check_name(trajectory)
         given |= {f'reference_node.plan.{name}': value
-                  for name, value in course_file.plan(trajectory).items()}
+                  for name, value in course_file.plan(trajectory, room=ROOM).items()}
     if arguments['params_file']:
         written = scenarios.load(Path(arguments['params_file']).expanduser())
         scenario = scenarios.override(written, given)

@@ -49,6 +49,8 @@ GROUPS: dict[str, dict[str, Command]] = {
                                     'fly a course, and where it fails'),
         'trajectory plan': Command('mambo_flight.course.plan_course', 'polynomials of minimum '
                                    'snap through waypoints'),
+        'check-node': Command('mambo_bringup.checking.check', 'whether a node of yours keeps the '
+                              'contract of the graph'),
         'bound': Command('mambo_flight.judge.judge', 'the joint filter beside the lower bound of '
                          'any estimator (Cramer-Rao)'),
         'race': Command('mambo_flight.race.race', 'fly every controller over the same courses '

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 import tempfile
@@ -64,9 +64,10 @@ class NodeGroup:
         self._stack.close()
 
     def start(self, package: str, name: str, arguments: list[str],
-              on_line: Callable[[str], None] | None = None, label: str = '') -> NodeProcess:
+              on_line: Callable[[str], None] | None = None, label: str = '',
+              command: Sequence[str] = ()) -> NodeProcess:
         """Start a node, as :class:`NodeProcess`; one that owns time after all others."""
-        child = NodeProcess(package, name, arguments, on_line, label)
+        child = NodeProcess(package, name, arguments, on_line, label, command)
         self.children.append(child)
         self._watchdog.keep(f'+{child.pid}')
         return child

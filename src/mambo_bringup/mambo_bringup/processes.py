@@ -171,22 +171,39 @@ class NodeProcess:
         Called from a thread with each line that the node prints.
     label : str
         Name of the node in messages; default: ``name``.
+    command : list[str]
+        Command line to start instead: a node of the user.
+
+    Raises
+    ------
+    FlightError
+        If it is not installed.
+    FlightInputError
+        If there is no such command.
 
     """
 
     def __init__(self, package: str, name: str, arguments: list[str],
-                 on_line: Callable[[str], None] | None = None, label: str = '') -> None:
+                 on_line: Callable[[str], None] | None = None, label: str = '',
+                 command: Sequence[str] = ()) -> None:
         self.name, self.label = name, label or name
         self.lines: deque[str] = deque(maxlen=200)
         self._on_line = on_line
         self._asked = False
         self._halted_since: float | None = None
         parent, module = os.getpid(), f'{package}.{name}'
-        self._process = _Copy(module, arguments) if module in _LOADED else subprocess.Popen(
-            [str(executable(package, name)), *arguments], stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors='replace',
-            start_new_session=True, preexec_fn=lambda: _interrupt_with_parent(parent),
-            env={**os.environ, **_ENVIRONMENT})
+        if module in _LOADED and not command:
+            self._process = _Copy(module, arguments)
+        else:
+            start = [*command] or [str(executable(package, name)), *arguments]
+            try:
+                self._process = subprocess.Popen(
+                    start, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                    stderr=subprocess.STDOUT, text=True, errors='replace',
+                    start_new_session=True, preexec_fn=lambda: _interrupt_with_parent(parent),
+                    env={**os.environ, **_ENVIRONMENT})
+            except OSError as error:
+                raise FlightInputError(f'{start[0]}: {error.strerror}') from None
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 

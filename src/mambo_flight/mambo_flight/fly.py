@@ -12,30 +12,36 @@ import time
 
 from mambo_bags.command import guard, Parser, refuse_existing
 from mambo_model import slots
-from mambo_model.components import remarks
 from mambo_model.errors import InputError, JobError
 
-from . import closed_loop, recording_to_bag, scenario_file
+from . import choices, closed_loop, recording_to_bag, scenario_file
+from .scenario import commented_yaml, override, Scenario
 
-CHOICES = ('trajectory', 'controller', 'estimator')  # what a command line may name
-
-
-def _run(options: argparse.Namespace) -> None:
-    refuse_existing(options.output)
-    given = {
-        name: scenario_file.Place(value, f'--{name}') for name in ('seed', *CHOICES)
-        if (value := getattr(options, name)) is not None}
+def _scenario(options: argparse.Namespace) -> tuple[str, Scenario]:
+    """Return the name and the scenario of the flight that the command line asks for."""
+    given = choices.given(options)
     if options.scenario:
         name, flight = scenario_file.load(options.scenario, given)
     elif given:
         name = Path(options.trajectory or 'flight').stem
         flight = scenario_file.from_settings(given)
     else:
-        raise InputError(f'give a SCENARIO or one of --{", --".join(CHOICES)}')
+        raise InputError('give a SCENARIO or one of --trajectory, --controller, --estimator')
+    return name, override(flight, choices.overrides(options.set))
+
+
+def _run(options: argparse.Namespace) -> None:
+    if options.print_scenario:
+        print(commented_yaml(_scenario(options)[1]), end='')
+        return
+    if options.output is None:
+        raise InputError('-o/--output is missing')
+    refuse_existing(options.output)
+    name, flight = _scenario(options)
     if not flight.sim_node.duration > 0.0:
         raise InputError(f'{name}: sim_node.duration must be more than 0 s')
     recording_to_bag.check(flight)
-    for line in remarks(flight):
+    for line in choices.remarks(flight):
         print(line)
     slots.latest_fault()  # what went wrong before is not of this flight
     began = time.monotonic()
@@ -57,13 +63,8 @@ def parser() -> Parser:
     out.add_argument(
         'scenario', metavar='SCENARIO', nargs='?',
         help='an experiment, experiment/flight, or a file')
-    out.add_output('BAG', 'directory of the bag to create', required=True)
-    for name in CHOICES:
-        kinds = ('or the file of a course' if name == 'trajectory' else
-                 'FILE.py, FILE.py:NAME, or an installed one')
-        out.add_argument(f'--{name}', metavar='NAME', help=(
-            f'{name} instead of that of the scenario: a built-in one, {kinds}'))
-    out.add_argument('--seed', type=int, metavar='N', help='of every noise stream')
+    out.add_output('BAG', 'directory of the bag to create')
+    choices.add(out)
     return out
 
 

@@ -18,6 +18,7 @@ from mambo_control.parameters import ControllerNodeParams, ReferenceNodeParams
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model import schema
 from mambo_model.components import absolute
+from mambo_model.motion.trajectory import FlightPlanParams
 from mambo_model.vehicle.parameters import find
 from mambo_model.yaml_nodes import load as load_yaml, Reader, reason
 from mambo_sim.parameters import OptitrackNodeParams, SimNodeParams
@@ -89,7 +90,8 @@ def scenario(
     Parameters
     ----------
     trajectory
-        Name in ``mambo_model.motion.trajectory``, or a file: see :func:`course_file.read`.
+        Name in ``mambo_model.motion.trajectory``, a file or a function: see
+        :func:`course_file.plan`.
     estimator, controller
         Names, files or installed components: see :mod:`mambo_model.components`.
     duration : s
@@ -124,7 +126,8 @@ def scenario(
         'optitrack_node': {'seed': seed, 'optitrack': {'noise': noise}},
         'estimator_node': {'estimator': absolute(estimator, folder)},
         'reference_node': {
-            'vehicle': believed_vehicle, 'plan': course_file.plan(trajectory, folder)},
+            'vehicle': believed_vehicle,
+            'plan': course_file.plan(trajectory, folder, _room(duration, land, overrides or {}))},
         'controller_node': {
             'controller': absolute(controller, folder), 'vehicle': believed_vehicle},
     }
@@ -137,6 +140,17 @@ def scenario(
         sections['reference_node']['plan']['landing_time'] = landing_time(duration)
     flight = override(schema.build(Scenario, sections), overrides or {})
     return by_hand(flight) if carried else flight
+
+
+def _room(duration: float, land: bool, overrides: Mapping[str, Any]) -> float:
+    """Return what a flight leaves for a course that does not know how long it is, s."""
+    plan = FlightPlanParams()
+    takeoff, start, blend, rate = (
+        overrides.get(f'reference_node.plan.{name}', getattr(plan, name))
+        for name in ('takeoff', 'start_time', 'blend_duration', 'scale_rate'))
+    begin = plan.timing._replace(
+        takeoff=takeoff, start_time=start, blend_duration=blend).course_begin
+    return (duration - (LANDING if land else 0.0) - course_file.REST - begin) * rate
 
 
 def by_hand(flight: Scenario) -> Scenario:

@@ -22,7 +22,7 @@ from collections.abc import Mapping
 import dataclasses
 from pathlib import Path
 import re
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mambo_control.controllers import REGISTRY as CONTROLLERS
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
@@ -42,7 +42,8 @@ FOLDER = Path(__file__).with_name('scenarios')
 class Settings:
     """The choices a person makes of a flight; every other parameter follows from them."""
 
-    trajectory: str = schema.text('circle', 'what is flown: a built-in one, or a course file')
+    trajectory: str = schema.text(
+        'circle', 'what is flown: a built-in one, the file of a course, or a function')
     takeoff: str = schema.choice('smooth', TAKEOFFS, 'how it is reached')
     landing: bool = schema.flag(True, 'whether to descend at the end')
     duration: float = schema.quantity(
@@ -152,7 +153,7 @@ def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
     """
     reader = _Reader(Path(path))
     root = reader.root()
-    last = _Layer(_from_here(over or {}), {})
+    last = _Layer(_from_here(over or {}, Path(path).parent), {})
     reader.learn(root, {name: place.value for name, place in last.settings.items()})
     keys = reader.mapping(root, 'file')
     if any(name.startswith('/') or name.endswith('_node') for name in keys):
@@ -211,23 +212,29 @@ def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scena
     return '_'.join(filter(None, (found.name, flight))), found.flights[flight]
 
 
-def _from_here(settings: Mapping[str, Place]) -> dict[str, Place]:
-    """Return settings from outside of a file: paths of components are those of the user."""
-    return {name: Place(absolute(place.value), place.where)
-            if 'component' in FIELDS[name].metadata and isinstance(place.value, str) else place
+def _from_here(settings: Mapping[str, Place], folder: Path) -> dict[str, Place]:
+    """Return settings from outside of a file in a folder: their paths are those of the user."""
+    def here(name: str, value: Any) -> Any:
+        if not isinstance(value, str):
+            return value
+        if name in ('trajectory', 'vehicle', 'believed') and folder != Path():
+            return course_file.absolute(value, Path())
+        return absolute(value) if 'component' in FIELDS[name].metadata else value
+    return {name: Place(here(name, place.value), place.where)
             for name, place in settings.items()}
 
 
 def from_settings(settings: Mapping[str, Place]) -> scenarios.Scenario:
     """Return the scenario of choices that come from no file; errors as those of :func:`read`."""
-    return _build(Path('scenario'), _Layer(_from_here(settings), {}))
+    return _build(Path('scenario'), _Layer(_from_here(settings, Path()), {}))
 
 
 def _build(path: Path, layer: _Layer) -> scenarios.Scenario:
     """Return the scenario of one flight."""
     try:
         s = Settings(**{name: place.value for name, place in layer.settings.items()})
-        if course_file.is_file(s.trajectory) and 'duration' not in layer.settings:
+        if 'duration' not in layer.settings and course_file.is_course(s.trajectory) and (
+                course_file.states_duration(s.trajectory, path.parent)):
             s = dataclasses.replace(s, duration=_duration(s, layer, path.parent))
         return scenarios.scenario(
             s.trajectory, s.estimator, s.controller, s.duration, s.seed, s.vehicle, s.believed,

@@ -10,25 +10,19 @@ holds the built-in ones, which are found and started in the same way.
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 import copy
 import dataclasses
-import hashlib
-import importlib.abc
-import importlib.machinery
 import importlib.metadata
-import importlib.util
 import inspect
 import keyword
 from pathlib import Path
 import re
-import sys
-from types import ModuleType
 from typing import Any
 
-from .compiled import own_cache, OWN_MODULES
+from .own_file import digest, load_file, name_apart
 from .schema import component_fields, group, ParameterError, shown
+from .script import python, script_source, WithoutMemory
 from .values import values_type
 
 _FILE = re.compile(r'(.+\.py)(?::(\w+))?')
@@ -90,6 +84,12 @@ def is_file(name: str) -> bool:
     return _FILE.fullmatch(name) is not None
 
 
+def file_and_name(name: str) -> tuple[str, str] | None:
+    """Return the file in the name of a component, and what is named in it or ''; None: no file."""
+    found = _FILE.fullmatch(name)
+    return (found[1], found[2] or '') if found else None
+
+
 def absolute(name: str, folder: Path = Path()) -> str:
     """Return the name of a component with the path of its file, if it is one, made absolute."""
     found = _FILE.fullmatch(name)
@@ -97,11 +97,6 @@ def absolute(name: str, folder: Path = Path()) -> str:
         return name
     path = (folder / Path(found[1]).expanduser()).absolute()
     return f'{path}:{found[2]}' if found[2] else str(path)
-
-
-def python(function: Callable) -> Callable:
-    """Return a function as Python has it, compiled or not."""
-    return getattr(function, 'py_func', function)
 
 
 class Registry:
@@ -171,6 +166,43 @@ class Registry:
             self._found[name] = self._checked(self._load(name))
         return self._found[name]
 
+    def offer(self, thing: Any) -> str:
+        """
+        Return a name under which a component of this process, such as of a notebook, is found.
+
+        Parameters
+        ----------
+        thing
+            A class, module or object with ``Params``, ``initial`` and ``step``; or a function
+            of the arguments of ``step`` without memory and parameters, which keeps nothing. It
+            is flown as plain Python, compiled or not, as what a cell calls may change.
+
+        Raises
+        ------
+        ParameterError
+            As :meth:`find`.
+
+        """
+        path, sha256 = script_source(thing)
+        title = getattr(python(thing), '__name__', type(thing).__name__).strip('<>')
+        holder: Any = thing
+        if callable(thing) and not any(hasattr(thing, part) for part in PARTS):
+            holder = WithoutMemory(thing, self.arguments, f'{path}: {title}')
+        self._check_parts(holder, path)
+        name = f'{title} of a script, sha256 {sha256}'
+        self._found[name] = self._checked(Component(
+            title, holder.Params, python(holder.initial), python(holder.step), False, '', sha256,
+            path))
+        return name
+
+    def _check_parts(self, holder: Any, path: Path) -> None:
+        """Refuse what lacks a part of a component."""
+        missing = [part for part in PARTS if not hasattr(holder, part)]
+        if missing:
+            raise ParameterError(
+                f'{where(path, holder)}: has no {", ".join(missing)}; a {self.kind} has '
+                f'{", ".join(PARTS)}')
+
     def _load(self, name: str) -> Component:
         """Return a component from outside as it stands there."""
         if found := _FILE.fullmatch(name):
@@ -196,11 +228,7 @@ class Registry:
                 raise ParameterError(f'{name}: {entry.value} cannot be loaded: {error}') from None
             title, version = name, entry.dist.version if entry.dist else ''
             path = Path(inspect.getsourcefile(holder) or '')
-        missing = [part for part in PARTS if not hasattr(holder, part)]
-        if missing:
-            raise ParameterError(
-                f'{where(path, holder)}: has no {", ".join(missing)}; a {self.kind} has '
-                f'{", ".join(PARTS)}')
+        self._check_parts(holder, path)
         compiled = [hasattr(getattr(holder, part), 'py_func') for part in ('initial', 'step')]
         return Component(
             title, holder.Params, holder.initial, holder.step, all(compiled), version,
@@ -233,7 +261,8 @@ class Registry:
             c.params()
         except Exception as error:
             raise ParameterError(f'{place}: the defaults are refused: {error}') from None
-        _name_apart(values_type(c.params), c.sha256)
+        if c.compiled:
+            name_apart(values_type(c.params), c.sha256)
 
 
 def where(path: Path | None, thing: Any) -> str:
@@ -258,101 +287,6 @@ def _check_arguments(
         raise ParameterError(
             f'{place}: {part}({has}) must take {len(wanted)} arguments: {", ".join(wanted)}'
         ) from None
-
-
-def _name_apart(kind: type, sha256: str) -> None:
-    """Give a NamedTuple a name of its own: numba takes those of equal names for one type."""
-    if not kind.__name__.endswith(f'_{sha256[:12]}'):
-        kind.__name__ = f'{kind.__name__}_{sha256[:12]}'
-
-
-def _named_tuples(holder: Any, module: str) -> Iterator[type]:
-    """Yield the NamedTuples that a module defines, also within its classes."""
-    for value in list(vars(holder).values()):
-        if isinstance(value, type) and value.__module__ == module:
-            if issubclass(value, tuple):
-                yield value
-            else:
-                yield from _named_tuples(value, module)
-
-
-def _siblings(path: Path, known: set[Path]) -> set[Path]:
-    """Return a file and those beside it that it imports."""
-    if path in known or not path.is_file():
-        return known
-    known.add(path)
-    try:
-        tree = ast.parse(path.read_bytes())
-    except (SyntaxError, ValueError):
-        return known
-    for node in ast.walk(tree):
-        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else (
-            [node.module or ''] if isinstance(node, ast.ImportFrom) else [])
-        for name in names:
-            _siblings(path.with_name(f'{name.partition(".")[0]}.py'), known)
-    return known
-
-
-def digest(path: Path) -> str:
-    """Return the sha256 of a source, with those beside it that it imports if there are any."""
-    files = sorted(_siblings(path, set()))
-    if files == [path]:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    out = hashlib.sha256()
-    for file in files:
-        out.update(file.name.encode() + b'\0' + file.read_bytes())
-    return out.hexdigest()
-
-
-def fault_place(path: Path | None, error: BaseException) -> str:
-    """Return file and line of a user's code at which an error was raised."""
-    at, trace = '', error.__traceback__
-    while trace is not None:
-        if path is not None and Path(trace.tb_frame.f_code.co_filename).parent == path.parent:
-            at = f'{trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}'
-        trace = trace.tb_next
-    return at or str(path)
-
-
-def load_file(path: Path) -> ModuleType:
-    """
-    Return the module of a file, loaded once for each content.
-
-    Its name holds the hash of the source, so that what was compiled for another version of the
-    file is not taken for it.
-
-    Raises
-    ------
-    ParameterError
-        If the file is not there or fails while it is loaded; with its line.
-
-    """
-    if not path.is_file():
-        raise ParameterError(f'{path}: No such file or directory')
-    name = f'{OWN_MODULES}{path.stem}_{digest(path)[:16]}'
-    if getattr(sys.modules.get(name), '__file__', None):
-        return sys.modules[name]
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None  # of a .py file
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    sys.path.insert(0, str(path.parent))  # for files beside it
-    try:
-        with own_cache(name):  # what is compiled goes with this content
-            spec.loader.exec_module(module)
-        for kind in _named_tuples(module, name):
-            _name_apart(kind, digest(path))
-    except BaseException as error:
-        del sys.modules[name]
-        if isinstance(error, KeyboardInterrupt):
-            raise
-        if isinstance(error, SyntaxError):
-            raise ParameterError(f'{error.filename}:{error.lineno}: {error.msg}') from None
-        raise ParameterError(
-            f'{fault_place(path, error)}: {type(error).__name__}: {error}') from None
-    finally:
-        sys.path.remove(str(path.parent))
-    return module
 
 
 def built_in_groups(registry: Registry, before: str = '') -> Callable[[type], type]:

@@ -19,9 +19,11 @@ import threading
 from typing import Any, NamedTuple
 
 from .compiled import NumbaError, typeof
-from .components import Component, fault_place, python, where
+from .components import Component, where
 from .errors import InputError
+from .own_file import fault_place
 from .schema import ParameterError, shown
+from .script import python
 from .values import values
 
 LONGEST_STEP = 2.0   # s of wall time for one step of a component in Python

@@ -6,7 +6,8 @@ import pickle
 from types import SimpleNamespace
 
 from mambo_model import components, schema
-from mambo_model.components import absolute, digest, own_components, Registry, remarks
+from mambo_model.components import absolute, own_components, Registry, remarks
+from mambo_model.own_file import digest
 from mambo_model.values import Parameters
 import pytest
 

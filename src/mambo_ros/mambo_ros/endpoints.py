@@ -73,6 +73,11 @@ class RawPublisher:
                 return
         self._publish(data)
 
+    def divert(self, publish: Callable[[bytes], None]) -> Callable[[bytes], None]:
+        """Have a function get what goes to other processes; return what got it until now."""
+        before, self._publish = self._publish, publish
+        return before
+
     @property
     def matched(self) -> int:
         """Return how many subscriptions the next message reaches."""

@@ -20,7 +20,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
-from .endpoints import AT_ONCE, Entry, Input
+from .endpoints import AT_ONCE, Entry, Input, RawPublisher
 from .graph import peers
 from .node import MamboNode
 
@@ -41,6 +41,8 @@ class Loop:
 
     Attributes
     ----------
+    nodes : tuple[MamboNode, ...]
+        Served by the loop.
     stopping : bool
         Set by :meth:`stop` or a signal; :meth:`run` then handles what has arrived and returns.
     urgent : bool
@@ -50,7 +52,7 @@ class Loop:
 
     def __init__(self, *nodes: MamboNode) -> None:
         self.stopping = self.urgent = False
-        self._nodes = nodes
+        self.nodes = nodes
         self._executor = SingleThreadedExecutor()
         self._queue: deque[tuple[Callable[[bytes], None], bytes]] = deque()
         for node in nodes:
@@ -77,11 +79,19 @@ class Loop:
 
     def _join(self, source: Input) -> bool:
         """Connect an input to the publishers of this loop; return whether there are any."""
-        local = [output for node in self._nodes for output in node.outputs
+        local = [output for node in self.nodes for output in node.outputs
                   if output.publisher.topic_name == source.name and not output.shared]
         for output in local:
             output.local.append(source.take)
         return bool(local)
+
+    def output(self, name: str) -> RawPublisher:
+        """Return the publisher of a topic by its full name; LookupError if no node has it."""
+        for node in self.nodes:
+            for output in node.outputs:
+                if output.publisher.topic_name == name:
+                    return output
+        raise LookupError(f'no node of this process publishes {name}')
 
     def stop(self) -> None:
         """Ask :meth:`run` to return."""
@@ -155,7 +165,7 @@ class Loop:
     def turn(self) -> None:
         """Announce links, report refusals, and serve timers, parameters and services once."""
         now = time.monotonic()
-        for node in self._nodes:
+        for node in self.nodes:
             node.announce()
             node.report_refusals(now)
         for watch in self._peers:

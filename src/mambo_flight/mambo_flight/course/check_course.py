@@ -9,6 +9,7 @@ cannot fly it.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 import json
 import math
 from pathlib import Path
@@ -36,8 +37,10 @@ def add_course(out: Parser) -> None:
     """Add the options that say which course."""
     add = out.add_argument
     add('course', metavar='COURSE',
-        help='a file of waypoints (.csv, .yaml) or polynomials (.csv), or FILE.py:FUNCTION')
-    add('--duration', type=float, metavar='S', help='of a function, which gets the time from 0 on')
+        help='a file of waypoints (.csv, .yaml) or polynomials (.csv), or a function: FILE.py, '
+             'FILE.py:NAME or an installed one')
+    add('--duration', type=float, metavar='S',
+        help='of a function, which gets the time from 0 on (default: as its file says)')
     leaves = dict(schema.walk(Settings))
     for option, name in PLANNER.items():
         meta, flag = leaves[name].metadata, f'--{option.replace("_", "-")}'
@@ -81,11 +84,9 @@ def chosen(options: argparse.Namespace) -> tuple[Course, Vehicle, float]:
     over: dict[str, Any] = {
         name: value for option, name in PLANNER.items()
         if (value := getattr(options, option)) is not None}
-    if sampled.is_function(options.course):
-        if options.duration is None or over:
-            raise InputError(f'{options.course}: a function needs --duration' + (
-                ' and no planning' if over else ''))
-        course = sampled.fit(sampled.load(options.course), options.duration, options.course)
+    is_table = Path(options.course).suffix.lower() in course_file.SUFFIXES
+    if not is_table and course_file.is_course(options.course):
+        course = _of_function(options, over)
     elif options.duration is not None:
         raise InputError('--duration is for a function; --stretch makes a file longer')
     else:
@@ -102,6 +103,19 @@ def chosen(options: argparse.Namespace) -> tuple[Course, Vehicle, float]:
                   else _factor(options.stretch, '--stretch'))
         course = stretched(course, factor)
     return course, vehicle, factor
+
+
+def _of_function(options: argparse.Namespace, over: Mapping[str, Any]) -> Course:
+    """Return the course of a function."""
+    source = sampled.load(options.course)
+    duration = source.duration if options.duration is None else options.duration
+    if duration is None:
+        raise InputError(f'{source.name}: how long? give --duration, or state duration = 12.0 (s) '
+                         'in the file')
+    if over:
+        raise InputError(f'{source.name}: a function is no plan of waypoints; '
+                         f'{", ".join(over)} does not matter')
+    return sampled.fit(source, duration)
 
 
 def table(t: Array, columns: Array, vehicle: Vehicle) -> str:

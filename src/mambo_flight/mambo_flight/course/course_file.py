@@ -1,4 +1,4 @@
-"""Courses by the names that people give: a file, and the flight that it needs."""
+"""Courses by the names that people give: a file or a function, and the flight that it needs."""
 
 from __future__ import annotations
 
@@ -7,28 +7,41 @@ import math
 from pathlib import Path
 from typing import Any
 
+from mambo_model import components
+from mambo_model.errors import InputError
 from mambo_model.motion import uav_trajectories
 from mambo_model.motion.polynomial import Course
 from mambo_model.motion.trajectory import COURSE, FlightPlanParams, TRAJECTORIES
+from mambo_model.own_file import digest
 from mambo_model.schema import ParameterError, shown
 
-from . import waypoints
+from . import sampled, waypoints
 
 SUFFIXES = ('.csv', '.yaml', '.yml')
 REST = 1.0  # s, hover between the end of a course and the landing
 
 
-def is_file(name: str) -> bool:
-    """Return whether the name of a trajectory is that of a file."""
-    return Path(name).suffix.lower() in SUFFIXES
+def is_course(name: str) -> bool:
+    """Return whether the name of a trajectory is that of a file or a function: no built-in one."""
+    return name not in TRAJECTORIES and (
+        Path(name).suffix.lower() in SUFFIXES or sampled.is_function(name)
+        or name in sampled.installed())
 
 
 def check_name(name: str) -> None:
-    """Raise ParameterError if the name of a trajectory is neither a built-in one nor a file."""
-    if name not in TRAJECTORIES and not is_file(name):
+    """Raise ParameterError if a name is neither a built-in trajectory nor a file or function."""
+    if name not in TRAJECTORIES and not is_course(name):
         raise ParameterError(
-            f'trajectory {shown(name)} is unknown: give a file ({", ".join(SUFFIXES)}) or one of '
-            f'{", ".join(TRAJECTORIES)}')
+            f'trajectory {shown(name)} is unknown: give a file ({", ".join(SUFFIXES)}), a '
+            'function (mine.py or mine.py:NAME), an installed one (entry point of '
+            f'{sampled.GROUP}) or one of {", ".join(TRAJECTORIES)}')
+
+
+def absolute(name: str, folder: Path) -> str:
+    """Return the name of a trajectory with the path of its file, if it is one, made absolute."""
+    if Path(name).suffix.lower() in SUFFIXES:
+        return str((folder / Path(name).expanduser()).absolute())
+    return name if name in TRAJECTORIES else components.absolute(name, folder)
 
 
 def read(path: Path, over: Mapping[str, Any] | None = None) -> Course:
@@ -67,27 +80,68 @@ def is_polynomial(path: Path) -> bool:
     return bool(table) and table[0][1][0].lower() == uav_trajectories.HEADER[0]
 
 
-def plan(trajectory: str, folder: Path = Path()) -> dict[str, Any]:
+def states_duration(trajectory: str, folder: Path = Path()) -> bool:
+    """Return whether a course knows how long it is: a function may leave that to the flight."""
+    if Path(trajectory).suffix.lower() in SUFFIXES:
+        return True
+    try:
+        return sampled.load(trajectory, folder).duration is not None
+    except InputError as error:
+        raise ParameterError(str(error)) from None
+
+
+def plan(trajectory: str, folder: Path = Path(), room: float = math.nan) -> dict[str, Any]:
     """
     Return the values of FlightPlanParams that choose a trajectory.
 
     Parameters
     ----------
     trajectory
-        Name of a built-in one or of a file.
+        Name of a built-in one, of a file, or of a function.
     folder
         What a path is relative to.
+    room : s
+        What the flight leaves for a function that does not state its duration; NaN: unknown.
+
+    Returns
+    -------
+    values
+        By name; the text of a course begins with a comment that has name and sha256 of its source.
 
     Raises
     ------
     ParameterError
-        As :func:`read`.
+        As :func:`read`; for a function that is no path, or that has no time to be flown.
 
     """
-    if not is_file(trajectory):
+    if not is_course(trajectory):
         return {'trajectory': trajectory}
-    course = read(folder / Path(trajectory).expanduser())
-    return {'trajectory': COURSE, 'course': uav_trajectories.to_text(course)}
+    if Path(trajectory).suffix.lower() in SUFFIXES:
+        path = folder / Path(trajectory).expanduser()
+        course, about = read(path), f'{path.name}, sha256 {digest(path)}'
+    else:
+        course, about = _function(trajectory, folder, room)
+    return {'trajectory': COURSE, 'course': f'# {about}\n{uav_trajectories.to_text(course)}'}
+
+
+def _function(trajectory: str, folder: Path, room: float) -> tuple[Course, str]:
+    """Return the course of a function, and what its source is."""
+    try:
+        source = sampled.load(trajectory, folder)
+        duration = room if source.duration is None else source.duration
+        if math.isnan(duration) or duration <= 0.0:
+            raise InputError(
+                f'{source.name}: the flight leaves no time for it: give a longer duration, or '
+                f'state that of the path, duration = 12.0 (s), in the file')
+        return sampled.fit(source, duration), source.about
+    except InputError as error:
+        raise ParameterError(str(error)) from None
+
+
+def source(plan: FlightPlanParams) -> str:
+    """Return what the course of a plan comes from, with the hash; '' for one that says nothing."""
+    first = plan.course.partition('\n')[0]
+    return first.removeprefix('# ') if first.startswith('# ') else ''
 
 
 def end(plan: FlightPlanParams) -> float:

@@ -1,97 +1,214 @@
-"""Any function of time as a course: a spline through its values, refined until it fits."""
+"""
+Any function of time as a course: a spline through its values, refined until it fits.
+
+A function is named by its file (``mine.py``, or ``mine.py:NAME`` for one of several in it) or as
+an installed entry point of the group ``mambo.trajectories``; a script may offer one by itself.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-import importlib.util
+import importlib.metadata
+import inspect
 from pathlib import Path
-import re
-import traceback
+from typing import Any, NamedTuple
 
+from mambo_model.components import absolute, file_and_name
 from mambo_model.errors import InputError
 from mambo_model.motion.polynomial import Array, AXES, Course
 from mambo_model.motion.uav_trajectories import LONGEST, MAX_PIECES
+from mambo_model.own_file import digest, fault_place, load_file
+from mambo_model.script import script_source
 import numpy as np
 from scipy.interpolate import make_interp_spline, PPoly
 
 Function = Callable[[float], Sequence[float]]
 
+GROUP = 'mambo.trajectories'
+USUAL = 'trajectory'  # name of the function that is meant where a file has several
 DEGREE = 7
 FIRST = 16        # pieces that are tried at first
 POSITION = 1e-6   # m and rad, that the spline may be away between its knots
 SNAP = 0.02       # of the largest snap, that two splines may differ by
-_NAME = re.compile(r'(.+\.py):(\w+)')
+STATED = 0.01     # of the largest value of a derivative, that the function's own may be away
+_ROWS = ('position', 'velocity', 'acceleration', 'jerk', 'snap')
+_SHAPES = ('it must be x, y, z in m, NED, and yaw in rad or nothing; or rows of these: '
+           f'{", ".join(_ROWS)}')
+
+
+class Source(NamedTuple):
+    """A function and where it comes from."""
+
+    function: Function
+    name: str             # what errors call it
+    path: Path | None     # of its file, if it has one
+    about: str            # name, version and hash of the source in one line
+    duration: float | None  # s, as the file says; None: it says nothing
+
+
+_OFFERED: dict[str, Source] = {}  # by scripts, by name
 
 
 def is_function(name: str) -> bool:
-    """Return whether a name is ``FILE.py:FUNCTION``."""
-    return _NAME.fullmatch(name) is not None
+    """Return whether a name is that of a Python file, or of a function that a script offered."""
+    return name in _OFFERED or file_and_name(name) is not None
 
 
-def load(name: str) -> Function:
+def installed() -> dict[str, importlib.metadata.EntryPoint]:
+    """Return the functions that installed packages bring, by name."""
+    return {entry.name: entry for entry in importlib.metadata.entry_points(group=GROUP)}
+
+
+def offer(function: Function) -> str:
     """
-    Return the function ``FILE.py:FUNCTION``.
+    Return a name under which a function of this process can be flown.
+
+    Its source may stand in a notebook; the hash is that of the text, where Python has it, else
+    of the compiled function.
+    """
+    name = getattr(function, '__name__', type(function).__name__).strip('<>')
+    path, sha256 = script_source(function)
+    key = f'{name} of a script, sha256 {sha256}'
+    _OFFERED[key] = Source(function, name, path, key, _stated(function, None, name))
+    return key
+
+
+def load(name: str, folder: Path = Path()) -> Source:
+    """
+    Return a function by name: ``FILE.py``, ``FILE.py:NAME``, an installed or an offered one.
+
+    Parameters
+    ----------
+    name
+        As above.
+    folder
+        What a path is relative to.
 
     Raises
     ------
     InputError
-        If the file is not there or fails, or has no such function.
+        If the file is not there or fails, or has no such function, or several and none is named.
 
     """
-    found = _NAME.fullmatch(name)
-    if not found:
-        raise InputError(f'{name}: write FILE.py:FUNCTION')
-    path, function = Path(found[1]), found[2]
-    if not path.is_file():
-        raise InputError(f'{path}: No such file or directory')
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None and spec.loader is not None  # of a .py file
-    module = importlib.util.module_from_spec(spec)
+    if name in _OFFERED:
+        return _OFFERED[name]
+    found = file_and_name(absolute(name, folder))
+    if found is None:
+        return _load_installed(name)
+    path, chosen = Path(found[0]), found[1]
+    module = load_file(path)
+    if not chosen:
+        own = [key for key, value in vars(module).items() if not key.startswith('_') and (
+            inspect.isfunction(value) and value.__module__ == module.__name__)]
+        if USUAL not in own and len(own) != 1:
+            has = f'has the functions {", ".join(own)}' if own else 'has no function'
+            raise InputError(f'{path}: {has}: write {path.name}:NAME, or call one {USUAL}')
+        chosen = USUAL if USUAL in own else own[0]
+    function = getattr(module, chosen, None)
+    if isinstance(function, type):
+        function = _made(path, function)
+    if not callable(function):
+        raise InputError(f'{path}: has no function {chosen}')
+    version = getattr(module, '__version__', '')
+    about = f'{path.name}:{chosen}{version and f" {version}"}, sha256 {digest(path)}'
+    return Source(function, f'{path}:{chosen}', path, about,
+                  _stated(function, module, f'{path}:{chosen}'))
+
+
+def _load_installed(name: str) -> Source:
+    """Return the function of an entry point."""
+    entry = installed().get(name)
+    if entry is None:
+        raise InputError(f'{name}: write FILE.py or FILE.py:FUNCTION')
     try:
-        spec.loader.exec_module(module)
+        function = entry.load()
+    except Exception as error:  # whatever a package raises while it is imported
+        raise InputError(f'{name}: {entry.value} cannot be loaded: {error}') from None
+    path = Path(inspect.getsourcefile(inspect.getmodule(function)) or '')
+    version = f' {entry.dist.version}' if entry.dist else ''
+    return Source(function, name, path, f'{name}{version}, sha256 {digest(path)}',
+                  _stated(function, inspect.getmodule(function), name))
+
+
+def _made(path: Path, kind: type) -> Any:
+    """Return an object of a class whose objects are functions of time."""
+    try:
+        return kind()
     except Exception as error:
         raise InputError(_said(path, error)) from None
-    if not callable(getattr(module, function, None)):
-        raise InputError(f'{path}: has no function {function}')
-    return getattr(module, function)
 
 
-def _said(path: Path, error: Exception) -> str:
+def _stated(function: Any, module: Any, where: str) -> float | None:
+    """Return the duration that a function or its file states, in s; None: there is none."""
+    value = getattr(function, 'duration', getattr(module, 'duration', None))
+    if value is None or callable(value):
+        return None
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise InputError(f'{where}: duration = {value!r} is not a number of seconds') from None
+
+
+def _said(path: Path | None, error: Exception, name: str = '') -> str:
     """Return where in a file of the user an error comes from, and what it says."""
-    if isinstance(error, SyntaxError):
-        return f'{path}:{error.lineno}: {error.msg}'
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__)
-             if Path(frame.filename).name == path.name]
-    return f'{path}:{lines[-1] if lines else 1}: {type(error).__name__}: {error}'
+    at = fault_place(path, error) if path is not None else name
+    return f'{at}: {type(error).__name__}: {error}'
 
 
-def _sample(function: Function, times: Array, where: str) -> Array:
+def _values(source: Source, t: float) -> Array:
+    """Return what a function gives at a time, rows of x, y, z and yaw; InputError if it cannot."""
+    try:
+        values = np.asarray(source.function(t), dtype=float)
+    except Exception as error:
+        raise InputError(f'{_said(source.path, error, source.name)}, at t = {t:g} s') from None
+    rows = values if values.ndim == 2 else values[None]
+    if values.ndim not in (1, 2) or rows.shape[1] not in (3, 4) or not (
+            1 <= len(rows) <= len(_ROWS)):
+        raise InputError(
+            f'{source.name}: gives an array of shape {values.shape} at t = {t:g} s; {_SHAPES}')
+    if not np.isfinite(rows).all():
+        raise InputError(f'{source.name}: gives {values.tolist()} at t = {t:g} s')
+    return rows
+
+
+def _sample(source: Source, times: Array) -> Array:
     """Return x, y, z and yaw at times, (n, 4); InputError if the function gives anything else."""
     out = np.zeros((len(times), len(AXES)))
     for k, t in enumerate(times.tolist()):
-        try:
-            values = np.asarray(function(t), dtype=float)
-        except Exception as error:
-            raise InputError(f'{_said(Path(where.partition(":")[0]), error)}, at t = {t:g} s'
-                             ) from None
-        if values.shape not in ((3,), (4,)):
-            raise InputError(f'{where}: gives an array of shape {values.shape} at t = {t:g} s; '
-                             'it must be x, y, z in m, NED, and yaw in rad or nothing')
-        if not np.isfinite(values).all():
-            raise InputError(f'{where}: gives {values.tolist()} at t = {t:g} s')
-        out[k, :len(values)] = values
+        row = _values(source, t)[0]
+        out[k, :len(row)] = row
     return out
 
 
-def _spline(function: Function, duration: float, pieces: int, where: str) -> PPoly:
+def _check_derivatives(source: Source, spline: PPoly) -> None:
+    """Refuse derivatives that are not those of the position."""
+    times = np.linspace(spline.x[0], spline.x[-1], 41)[1:-1]
+    given = [_values(source, t) for t in times.tolist()]
+    if any(rows.shape != given[0].shape for rows in given):
+        raise InputError(f'{source.name}: gives arrays of different shapes; {_SHAPES}')
+    stated = np.array(given)  # (times, derivative, axis)
+    for order in range(1, stated.shape[1]):
+        own = spline.derivative(order)(times)[:, :stated.shape[2]]
+        wrong = np.abs(stated[:, order] - own)
+        k, axis = np.unravel_index(int(wrong.argmax()), wrong.shape)
+        if wrong[k, axis] > STATED * max(np.abs(own).max(), 1.0):
+            raise InputError(
+                f'{source.name}: says that the {_ROWS[order]} along {AXES[axis]} is '
+                f'{stated[k, order, axis]:.4g} at t = {times[k]:.4g} s, but its position has '
+                f'{own[k, axis]:.4g}')
+
+
+def _spline(source: Source, duration: float, pieces: int) -> PPoly:
     """Return the spline of degree 7 through evenly spaced values with so many pieces."""
     times = np.linspace(0.0, duration, pieces + DEGREE)
-    spline = make_interp_spline(times, _sample(function, times, where), k=DEGREE)
+    spline = make_interp_spline(times, _sample(source, times), k=DEGREE)
     axes = [PPoly.from_spline((spline.t, c, DEGREE)) for c in spline.c.T]
     return PPoly(np.stack([axis.c for axis in axes], axis=-1), axes[0].x)
 
 
-def fit(function: Function, duration: float, where: str = 'the function') -> Course:
+def fit(
+    function: Function | Source, duration: float, where: str = 'the function',
+) -> Course:
     """
     Return a course that follows a function of time.
 
@@ -99,10 +216,12 @@ def fit(function: Function, duration: float, where: str = 'the function') -> Cou
     ----------
     function
         Takes the time in s, from 0 on; returns x, y, z in m, inertial NED, and yaw in rad if
-        it has four. Smooth: the controller needs four derivatives.
+        it has four; or up to five rows of these, the value and its derivatives by time. Smooth:
+        the controller needs four derivatives, which are those of the position; stated ones are
+        checked.
     duration : s
     where
-        What errors call the function.
+        What errors call a function that does not know where it comes from.
 
     Returns
     -------
@@ -112,25 +231,29 @@ def fit(function: Function, duration: float, where: str = 'the function') -> Cou
     Raises
     ------
     InputError
-        If the function fails, returns something else, or is not smooth enough for 1000 pieces.
+        If the function fails, returns something else, states derivatives that are not those of
+        its position, or is not smooth enough for 1000 pieces.
 
     """
     if not 0.0 < duration <= LONGEST:
         raise InputError(f'duration = {duration:g} s must be above 0 and at most {LONGEST:g} s')
+    source = function if isinstance(function, Source) else Source(
+        function, where, None, where, None)
     pieces = FIRST
-    spline = _spline(function, duration, pieces, where)
+    spline = _spline(source, duration, pieces)
     while 2 * pieces <= MAX_PIECES:
         pieces *= 2
-        finer = _spline(function, duration, pieces, where)
+        finer = _spline(source, duration, pieces)
         times = np.linspace(0.0, duration, 4 * pieces + 1)
-        gap = np.abs(finer(times) - _sample(function, times, where)).max()
+        gap = np.abs(finer(times) - _sample(source, times)).max()
         snap, other = (one.derivative(4)(times) for one in (finer, spline))
         if gap <= POSITION and np.abs(snap - other).max() <= SNAP * max(np.abs(snap).max(), 1.0):
+            _check_derivatives(source, finer)
             return _course(finer)
         spline = finer
     raise InputError(
-        f'{where}: is not smooth enough: {pieces} polynomials miss it by {gap:.2g} m or rad, or '
-        'its snap does not converge')
+        f'{source.name}: is not smooth enough: {pieces} polynomials miss it by {gap:.2g} m or '
+        'rad, or its snap does not converge')
 
 
 def _course(spline: PPoly) -> Course:

@@ -35,6 +35,7 @@ import numpy as np
 import yaml
 
 from .. import scenario as scenarios, scenario_file
+from ..course import course_file
 from ..scenario import ParameterReader, Place
 from ..scenario_file import FIELDS
 
@@ -275,8 +276,8 @@ class Flights:
             if axis.name == 'seed':
                 parameters.update(dict.fromkeys(scenarios.SEEDS, value))
             elif axis.name in FIELDS:
-                if isinstance(value, str) and value.endswith(('.yaml', '.yml', '.csv')):
-                    value = str((self.sweep.path.parent / value).absolute())
+                if isinstance(value, str):
+                    value = course_file.absolute(value, self.sweep.path.parent)
                 settings[axis.name] = Place(value, axis.where)
             else:
                 parameters[axis.name] = value

@@ -65,9 +65,24 @@ def test_numbers_as_json_are_those_of_the_table(fast, capsys):
     ([EIGHT, '--vehicle', 'eagle'], "vehicle 'eagle' is unknown"),
     ([EIGHT, '--tube', '-1'], 'tube = -1.0 m is outside'),
     ([EIGHT, '-o', 'x.doc'], 'x.doc: a picture ends in .png, .svg, .pdf'),
-    (['mine.py:f'], 'mine.py:f: a function needs --duration'),
     (['mine.py:f', '--duration', '3'], 'mine.py: No such file or directory')])
 def test_what_is_wrong_is_one_line_and_exit_code_2(capsys, arguments, message):
     assert check_course.main(arguments) == 2
     out, (line,) = lines(capsys)
     assert not out and line.startswith('trajectory check: ') and message in line
+
+
+def test_a_function_is_as_long_as_its_file_says_or_the_option(capsys, tmp_path):
+    path = tmp_path / 'mine.py'
+    path.write_text('def line(t):\n    return 0.1 * t, 0.0, -1.0\n')
+    assert check_course.main([str(path)]) == 2
+    assert lines(capsys)[1] == [
+        f'trajectory check: {path}:line: how long? give --duration, or state duration = 12.0 (s) '
+        'in the file']
+    path.write_text(f'duration = 6.0\n{path.read_text()}')
+    assert check_course.main([str(path), '--json']) == 0
+    assert '"duration": 6.0' in capsys.readouterr().out
+    assert check_course.main([str(path), '--duration', '3', '--json']) == 0
+    assert '"duration": 3.0' in capsys.readouterr().out
+    assert check_course.main([str(path), '--tube', '1']) == 2
+    assert 'a function is no plan of waypoints; tube does not matter' in lines(capsys)[1][0]

@@ -1,6 +1,7 @@
 """Courses by name, in scenarios, scenario files, the closed loop and bags."""
 
 import dataclasses
+import hashlib
 from pathlib import Path
 
 from mambo_bags.reader import read_bag
@@ -35,7 +36,9 @@ def settings(**given):
 def test_a_file_is_flown_to_its_end_and_landed(line):
     flight = settings(trajectory=str(line), estimator='ground_truth')
     plan = flight.reference_node.plan
-    assert (plan.trajectory, plan.course) == ('course', line.read_text())
+    assert plan.trajectory == 'course'
+    sha256 = hashlib.sha256(line.read_bytes()).hexdigest()
+    assert plan.course == f'# line.csv, sha256 {sha256}\n{line.read_text()}'
     # take-off and approach 8 s, the course, at least 1 s of rest, 9 s of landing
     assert (flight.sim_node.duration, plan.landing_time) == (24.0, 15.0)
     out = closed_loop.fly(flight)
@@ -123,7 +126,7 @@ def test_the_command_needs_something_to_fly(capsys, tmp_path):
 
 
 def test_names_of_files_are_told_from_names_of_trajectories():
-    assert not course_file.is_file('circle')
-    assert all(map(course_file.is_file, ('a.csv', 'b/c.YAML', 'd.yml')))
+    assert not course_file.is_course('circle')
+    assert all(map(course_file.is_course, ('a.csv', 'b/c.YAML', 'd.yml', 'e.py', 'e.py:f')))
     course_file.check_name('circle')
     assert course_file.plan('circle', Path('/none')) == {'trajectory': 'circle'}

@@ -52,11 +52,11 @@ def test_faults_of_a_file_name_its_line(tmp_path):
     path = tmp_path / 'mine.py'
     path.write_text('def bad(t):\n    return 1 / (t - 1), 0, 0\n\n\nNUMBER = 3\n')
     with pytest.raises(InputError, match=r'mine.py:2: ZeroDivisionError: .*, at t = 1 s'):
-        sampled.fit(sampled.load(f'{path}:bad'), 22.0, f'{path}:bad')
+        sampled.fit(sampled.load(f'{path}:bad'), 22.0)
     for name, message in ((f'{path}:none', 'mine.py: has no function none'),
                           (f'{path}:NUMBER', 'mine.py: has no function NUMBER'),
                           (f'{tmp_path}/no.py:x', 'no.py: No such file or directory'),
-                          (str(path), 'write FILE.py:FUNCTION')):
+                          ('mine.csv', 'write FILE.py or FILE.py:FUNCTION')):
         with pytest.raises(InputError, match=message):
             sampled.load(name)
     path.write_text('x = 1\ndef f(:\n')

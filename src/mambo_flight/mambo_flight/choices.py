@@ -1,0 +1,109 @@
+"""The options of a command line that say what is flown: those of ``mambo fly`` and ``./run``."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from typing import Any
+
+from mambo_bags.command import Parser
+from mambo_control.controllers import REGISTRY as CONTROLLERS
+from mambo_estimation.filters import REGISTRY as ESTIMATORS
+from mambo_model import schema
+from mambo_model.components import remarks as component_remarks
+from mambo_model.motion.trajectory import COURSE, TRAJECTORIES
+from mambo_model.vehicle.parameters import PRESETS
+
+from . import scenario as scenarios
+from .course import course_file, feasibility
+from .scenario import Scenario
+from .scenario_file import FIELDS, Place
+
+
+def add(out: Parser, trajectory: str = '', controller: str = '') -> None:
+    """
+    Add the options.
+
+    Parameters
+    ----------
+    out
+        Where to.
+    trajectory, controller
+        What is flown where nothing else says so, for the help.
+
+    """
+    def default(name: str) -> str:
+        return f' (default: {name})' if name else ''
+    add = out.add_argument
+    out.complete(TRAJECTORIES, add(
+        '--trajectory', metavar='NAME',
+        help=f"one of: {', '.join(TRAJECTORIES)}; the file of a course; a function FILE.py or "
+        f'FILE.py:NAME; or the name of an installed one{default(trajectory)}'))
+    for kind, registry, usual in (
+            ('estimator', ESTIMATORS, 'kalman'), ('controller', CONTROLLERS, controller)):
+        out.complete(registry.names, add(
+            f'--{kind}', metavar='NAME',
+            help=f"one of: {', '.join(registry.names)}; FILE.py or FILE.py:NAME; or the name of "
+            f'an installed one{default(usual)}'))
+    add('--duration', type=float, metavar='S',
+        help='flight time in s, landing included where it fits (default: 40)')
+    add('--seed', type=int, metavar='N', help='seed of every noise stream (default: 1)')
+    add('--vehicle', metavar='NAME',
+        help=f"true vehicle, one of: {', '.join(PRESETS)}, or a file (default: identified)")
+    add('--believed', metavar='NAME',
+        help='vehicle model of the controller (default: the true one)')
+    add('--no-noise', dest='noise', action='store_false', default=None,
+        help='sensors without noise and bias')
+    add('--no-landing', dest='landing', action='store_false', default=None,
+        help='stay on the trajectory to the end')
+    add('--set', action='append', default=[], metavar='NODE.PARAMETER=VALUE',
+        help='set any parameter of any node; repeatable')
+    add('--print-scenario', action='store_true',
+        help='print every parameter with unit, range and source and end')
+
+
+def given(options: argparse.Namespace) -> dict[str, Place]:
+    """Return the choices that a command line makes, each with its option as its place."""
+    return {name: Place(value, f'--{name}') for name in FIELDS
+            if (value := getattr(options, name, None)) is not None}
+
+
+def overrides(assignments: list[str]) -> dict[str, Any]:
+    """
+    Read ``node.parameter=value`` arguments of ``--set``.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        In one line with the argument.
+
+    """
+    out = {}
+    for assignment in assignments:
+        name, equals, value = assignment.partition('=')
+        if not equals:
+            raise schema.ParameterError(f'--set {assignment}: write node.parameter=value')
+        try:
+            out[name.strip()] = scenarios.read_value(value)
+        except schema.ParameterError:
+            raise schema.ParameterError(f'--set {assignment}: cannot read the value') from None
+    return out
+
+
+def remarks(flight: Scenario) -> Iterator[str]:
+    """Yield what to say of a flight before it, a line each: slow code, courses out of reach."""
+    yield from component_remarks(flight)
+    plan = flight.reference_node.plan
+    if plan.trajectory != COURSE:
+        return
+    course, vehicle = plan.flown_course(), flight.reference_node.vehicle
+    failure = feasibility.check(course, vehicle)
+    if failure is None:
+        return
+    name = course_file.source(plan).partition(',')[0] or 'the course'
+    try:
+        rate = plan.scale_rate / feasibility.stretch(course, vehicle)
+        remedy = f'--set reference_node.plan.scale_rate={rate:.3f} slows it'
+    except feasibility.JobError:
+        remedy = 'mambo trajectory check says more'
+    yield (f'warning: the vehicle cannot fly {name}: {failure} of the course; {remedy}')

@@ -1,0 +1,110 @@
+"""A user's file as a module: loaded once for each content, which its hash tells apart."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+import hashlib
+import importlib.util
+from pathlib import Path
+import sys
+from types import ModuleType
+from typing import Any
+
+from .compiled import own_cache, OWN_MODULES
+from .schema import ParameterError
+
+
+def name_apart(kind: type, sha256: str) -> None:
+    """Give a NamedTuple a name of its own: numba takes those of equal names for one type."""
+    if not kind.__name__.endswith(f'_{sha256[:12]}'):
+        kind.__name__ = f'{kind.__name__}_{sha256[:12]}'
+
+
+def _named_tuples(holder: Any, module: str) -> Iterator[type]:
+    """Yield the NamedTuples that a module defines, also within its classes."""
+    for value in list(vars(holder).values()):
+        if isinstance(value, type) and value.__module__ == module:
+            if issubclass(value, tuple):
+                yield value
+            else:
+                yield from _named_tuples(value, module)
+
+
+def _siblings(path: Path, known: set[Path]) -> set[Path]:
+    """Return a file and those beside it that it imports."""
+    if path in known or not path.is_file():
+        return known
+    known.add(path)
+    try:
+        tree = ast.parse(path.read_bytes())
+    except (SyntaxError, ValueError):
+        return known
+    for node in ast.walk(tree):
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else (
+            [node.module or ''] if isinstance(node, ast.ImportFrom) else [])
+        for name in names:
+            _siblings(path.with_name(f'{name.partition(".")[0]}.py'), known)
+    return known
+
+
+def digest(path: Path) -> str:
+    """Return the sha256 of a source, with those beside it that it imports if there are any."""
+    files = sorted(_siblings(path, set()))
+    if files == [path]:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    out = hashlib.sha256()
+    for file in files:
+        out.update(file.name.encode() + b'\0' + file.read_bytes())
+    return out.hexdigest()
+
+
+def fault_place(path: Path | None, error: BaseException) -> str:
+    """Return file and line of a user's code at which an error was raised."""
+    at, trace = '', error.__traceback__
+    while trace is not None:
+        if path is not None and Path(trace.tb_frame.f_code.co_filename).parent == path.parent:
+            at = f'{trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}'
+        trace = trace.tb_next
+    return at or str(path)
+
+
+def load_file(path: Path) -> ModuleType:
+    """
+    Return the module of a file, loaded once for each content.
+
+    Its name holds the hash of the source, so that what was compiled for another version of the
+    file is not taken for it.
+
+    Raises
+    ------
+    ParameterError
+        If the file is not there or fails while it is loaded; with its line.
+
+    """
+    if not path.is_file():
+        raise ParameterError(f'{path}: No such file or directory')
+    name = f'{OWN_MODULES}{path.stem}_{digest(path)[:16]}'
+    if getattr(sys.modules.get(name), '__file__', None):
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None  # of a .py file
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    sys.path.insert(0, str(path.parent))  # for files beside it
+    try:
+        with own_cache(name):  # what is compiled goes with this content
+            spec.loader.exec_module(module)
+        for kind in _named_tuples(module, name):
+            name_apart(kind, digest(path))
+    except BaseException as error:
+        del sys.modules[name]
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        if isinstance(error, SyntaxError):
+            raise ParameterError(f'{error.filename}:{error.lineno}: {error.msg}') from None
+        raise ParameterError(
+            f'{fault_place(path, error)}: {type(error).__name__}: {error}') from None
+    finally:
+        sys.path.remove(str(path.parent))
+    return module

@@ -1,0 +1,70 @@
+"""What stands in a script or a notebook and in no file of its own: its source, and functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import dataclasses
+import hashlib
+import inspect
+from pathlib import Path
+from typing import Any
+
+from .schema import ParameterError
+from .values import Parameters
+
+
+_LEFT = ('memory', 'gains', 'values')  # arguments of a step that a function does without
+
+
+def python(function: Callable) -> Callable:
+    """Return a function as Python has it, compiled or not."""
+    return getattr(function, 'py_func', function)
+
+
+def script_source(thing: Any) -> tuple[Path, str]:
+    """
+    Return file and sha256 of the source of a function, a class or an object of a script.
+
+    Where Python has no source, as of what was typed at its prompt, the hash is that of the code.
+    """
+    thing = python(thing)
+    if not (inspect.isroutine(thing) or inspect.ismodule(thing) or isinstance(thing, type)):
+        thing = type(thing)
+    code = getattr(thing, '__code__', None)
+    try:
+        source = inspect.getsource(thing)
+        path = Path(inspect.getsourcefile(thing) or '')
+    except (OSError, TypeError):
+        parts = [code] if code else [
+            member.__code__ for member in vars(thing).values() if inspect.isfunction(member)]
+        source = repr([(part.co_code, part.co_names) for part in parts])
+        path = Path(parts[0].co_filename if parts else '')
+    return path, hashlib.sha256(source.encode()).hexdigest()
+
+
+class WithoutMemory:
+    """A function of a script as a component that has no parameters and keeps nothing."""
+
+    @dataclasses.dataclass(frozen=True)
+    class Params(Parameters):
+        """None."""
+
+    def __init__(self, function: Callable, arguments: tuple[str, ...], title: str) -> None:
+        taken = [i for i, name in enumerate(arguments) if name not in _LEFT]
+        wanted = ', '.join(arguments[i] for i in taken)
+        try:
+            inspect.signature(python(function)).bind(*taken)
+        except TypeError:
+            has = ', '.join(inspect.signature(python(function)).parameters)
+            raise ParameterError(f'{title}({has}) must take {len(taken)} arguments: {wanted}'
+                                 ) from None
+        def step(*arguments: Any) -> tuple[None, Any]:
+            """Return no memory, and what the function answers."""
+            return None, python(function)(*(arguments[i] for i in taken))
+        step.__wrapped__ = python(function)  # type: ignore[attr-defined]  # its place in the file
+        step.__signature__ = inspect.Signature([  # type: ignore[attr-defined]
+            inspect.Parameter(name, inspect.Parameter.POSITIONAL_ONLY) for name in arguments])
+        self.step = step
+
+    def initial(self, values: Any) -> None:
+        """Return the memory at start: none."""
