@@ -241,7 +241,7 @@ def refusals(nodes: Sequence[Any], topic: str) -> dict[str, int]:
     """Return what the nodes of the graph refused of a topic, by reason."""
     out: dict[str, int] = {}
     for node in nodes:
-        for guard in node.intakes:
+        for guard in node.input_guards:
             if guard.topic == topic:
                 for reason, count in guard.refused.items():
                     out[reason] = max(out.get(reason, 0), count)
