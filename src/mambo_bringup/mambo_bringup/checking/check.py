@@ -118,7 +118,7 @@ def check(nodes: list[str], command: list[str], wait: float = 60.0, patience: fl
         while not listener.ready and graph.exit_code is None and not group.interrupts.count:
             if mine is not None and mine.exit_code is not None:
                 raise JobError(f'{" ".join(command)} ended with exit code {mine.exit_code} before '
-                               f'the check was over: {mine.complaint()}')
+                               f'the check was over: {mine.last_error()}')
             time.sleep(0.02)
         if group.interrupts.count:
             raise KeyboardInterrupt(group.interrupts.first)
@@ -142,7 +142,7 @@ def _ending(node: str, mine: NodeProcess | None) -> Finding:
     if code in (0, -2, 130):
         return Finding(node, rule, KEPT, f'ended after {took:.1f} s')
     return Finding(node, rule, BROKEN, f'ended with exit code {code}, wanted 0: '
-                   f'{mine.complaint()}')
+                   f'{mine.last_error()}')
 
 
 def table(findings: list[Finding], times: list[dict[str, Any]], several: bool) -> str:
