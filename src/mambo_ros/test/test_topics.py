@@ -1,0 +1,35 @@
+"""The topics of the graph: names, types and rates that bags and nodes rely on."""
+
+import importlib
+
+from mambo_ros import topics
+from mambo_ros.topics import Topic
+import pytest
+
+EVERY = [value for value in vars(topics).values() if isinstance(value, Topic)]
+
+
+@pytest.mark.parametrize('topic', EVERY, ids=lambda topic: topic.name)
+def test_a_type_name_leads_back_to_its_class(topic):
+    package, kind, name = topic.type_name.split('/')
+    assert kind == 'msg'
+    assert getattr(importlib.import_module(f'{package}.msg'), name) is topic.msg_type
+
+
+def test_names_differ_and_those_of_the_whole_graph_are_absolute():
+    names = [topic.name for topic in EVERY]
+    assert len(set(names)) == len(names)
+    assert {name for name in names if name.startswith('/')} == {'/clock', '/tf', '/diagnostics'}
+
+
+def test_what_depends_on_the_simulated_flight_alone_is_recorded():
+    left_out = set(EVERY) - set(topics.RECORDED)
+    assert left_out == {topics.LINKS}  # who heard whom is of the run and not of the flight
+    assert len(set(topics.RECORDED)) == len(topics.RECORDED)
+
+
+def test_what_several_nodes_publish_is_shared_and_links_wait_for_latecomers():
+    assert {topic.name for topic in EVERY if topic.shared} == {
+        '/tf', '/diagnostics', 'graph/links'}
+    assert [topic for topic in EVERY if topic.transient_local] == [topics.LINKS]
+    assert all(topic.rate > 0.0 for topic in topics.RECORDED)
