@@ -1,6 +1,7 @@
 """A flight and its motion capture, recorded apart, become one bag on one clock."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 from mambo_analysis.importers import join
 from mambo_bags.mcap_reader import BagError
@@ -11,6 +12,7 @@ from mambo_signals.time_offset import AlignError
 from mambo_thesis.drift import identify_drift
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 CIRCLE = Path(__file__).parents[4] / 'bags/circle_short'
@@ -113,7 +115,7 @@ def test_wrong_use_ends_in_one_line_and_leaves_no_bag(log, take, tmp_path, capsy
             ((log, log, out), 'no topic /mambo/optitrack/pose'),
             ((log, take, out, '--offset', '100'), 'no pose is within the flight'),
             ((log, take, take), 'exists'),
-            ((log, tmp_path / 'none', out), 'there is no such bag')):
+            ((log, tmp_path / 'none', out), 'no such bag')):
         assert join.main([str(argument) for argument in arguments]) == 2
         error = capsys.readouterr().err
         assert error.startswith('join: ') and error.count('\n') == 1 and says in error
@@ -143,3 +145,67 @@ def test_the_standard_error_of_a_range_knows_that_a_range_is_late(log, take, tmp
     assert 'height' not in by_gyro.source  # a log without a range is aligned as well
     assert by_gyro.offset == pytest.approx(BEGAN, abs=2e-3) and by_gyro.sigma < 1e-3
     assert join.find_clock(read_bag(log), poses).source.startswith(BODY_RATES)
+
+
+def recorded_apart(seed, offset, seconds=20.0):
+    """Return gyro and sonar of a random flight, and poses on a clock behind by ``offset`` s."""
+    rng = np.random.default_rng(seed)
+    fine = np.arange(0.0, seconds, 1e-3)
+
+    def smooth(size, width=0.25):
+        x = gaussian_filter1d(rng.standard_normal(len(fine)), width / 1e-3)
+        return size * x / x.std()
+    turns = Rotation.from_euler('ZYX', np.column_stack([smooth(0.4), smooth(0.1), smooth(0.1)]))
+    height = 1.2 + smooth(0.3, 0.5)
+    step = 5  # ms
+    rates = (turns[:-step].inv() * turns[step:]).as_rotvec() / (1e-3 * step)
+    rows = np.arange(0, len(fine) - step, step)
+    gyro = rates[rows] + 0.02 * rng.standard_normal((len(rows), 3)) + [0.01, -0.02, 0.03]
+    echo = np.arange(0, len(fine), 40)
+    frames = np.arange(0, len(fine), 8)
+    bag = {'imu/data_raw': SimpleNamespace(
+        t=fine[rows] + 0.5e-3 * step, angular_velocity=gyro),
+        'sonar/range': SimpleNamespace(
+            t=fine[echo], range=height[echo] + 0.005 * rng.standard_normal(len(echo)),
+            min_range=np.full(len(echo), 0.1), max_range=np.full(len(echo), 4.0))}
+    wobble = Rotation.from_rotvec(1e-3 * rng.standard_normal((len(frames), 3)))
+    poses = SimpleNamespace(
+        t=fine[frames] - offset, orientation=(turns[frames] * wobble).as_quat(),
+        position=np.column_stack([np.zeros((len(frames), 2)), height[frames]]))
+    return bag, poses
+
+
+def test_the_clock_is_as_sure_as_it_says_and_no_surer():
+    """Over seeded flights: within 1.96 standard errors near 95 %, and the errors no smaller."""
+    offsets = np.random.default_rng(0).uniform(-50.0, 50.0, 25)
+    clocks = [join.find_clock(*recorded_apart(seed, offset))
+              for seed, offset in enumerate(offsets)]
+    assert all(clock.source.partition(' of ')[0] != 'height' for clock in clocks)
+    z = np.array([(clock.offset - offset) / clock.sigma
+                  for clock, offset in zip(clocks, offsets)])
+    # 25 flights: the RMS of z is known to 14 %, so to 1.42 for honest errors; they are widened
+    # where the four signals scatter, which makes it 0.65 here: errors twice as wide are seen
+    assert 0.45 < np.sqrt(np.mean(z**2)) < 1.42
+    assert np.mean(np.abs(z) < 1.96) >= 0.84  # 95 % less two and a half binomial deviations
+    assert np.median([clock.sigma for clock in clocks]) < 1e-3
+
+
+def test_a_range_alone_is_no_surer_than_it_may_be_late():
+    bag, poses = recorded_apart(3, 7.0)
+    clock = join.find_clock({'sonar/range': bag['sonar/range']}, poses)
+    assert clock.offset == pytest.approx(7.0, abs=0.01)
+    assert clock.sigma >= 0.03 and clock.source == 'height of height'
+
+
+def test_signals_that_disagree_are_told():
+    bag, poses = recorded_apart(4, 0.0)
+    sonar = bag['sonar/range']
+    bag['sonar/range'] = SimpleNamespace(**{**vars(sonar), 't': sonar.t + 0.4})
+    with pytest.raises(AlignError, match='the signals disagree about the clocks .*height'):
+        join.find_clock(bag, poses)
+
+
+def test_without_a_signal_it_says_what_to_give():
+    _, poses = recorded_apart(5, 0.0, 5.0)
+    with pytest.raises(AlignError, match='no gyro, sonar or pose of the drone.*--offset SECONDS'):
+        join.find_clock({}, poses)

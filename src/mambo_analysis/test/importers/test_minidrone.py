@@ -4,6 +4,7 @@ import hashlib
 import os
 from pathlib import Path
 
+from hypothesis import given, settings, strategies as st
 from mambo_analysis.importers.common import read_source
 from mambo_analysis.importers.mat_file import variables
 from mambo_analysis.importers.minidrone import (
@@ -385,3 +386,29 @@ def test_malformed_simulink_logs_are_named(tmp_path, capsys):
             ({'rt_motor': block(-np.ones((N, 4)))}, 'not the signs + - + -')):
         source, _ = package(tmp_path / 'bad.mat', **change)
         refuse(source, tmp_path, capsys, text)
+
+
+@settings(max_examples=3)  # imports, each of 400 random samples
+@given(st.integers(0, 2**31))
+def test_every_vector_and_attitude_survives_from_ned_to_z_up(tmp_path_factory, seed):
+    """Turned back by the half turn about x that takes NED to z up and FRD to FLU."""
+    folder, rng = tmp_path_factory.mktemp('property'), np.random.default_rng(seed)
+    values = signals()
+    names = ('X', 'Y', 'Z', 'dx', 'dy', 'dz', 'pb', 'qb', 'rb', 'ddxb', 'ddyb', 'ddzb', 'pa',
+             'qa', 'ra')
+    values |= {name: rng.uniform(-5.0, 5.0, N) for name in names}
+    values |= {name: rng.uniform(-1.5, 1.5, N) for name in ('yaw', 'pitch', 'roll')}
+    import_minidrone(save(folder / 'log.mat', values), folder / 'bag')
+    bag, half = read_bag(folder / 'bag'), Rotation.from_euler('x', np.pi)
+    imu, onboard = bag['imu/data_raw'], bag['onboard/odom']
+    for found, columns in (
+            (imu.acceleration, ('ddxb', 'ddyb', 'ddzb')),
+            (imu.angular_velocity, ('pa', 'qa', 'ra')),
+            (onboard.position, ('X', 'Y', 'Z')), (onboard.velocity, ('dx', 'dy', 'dz')),
+            (onboard.angular_velocity, ('pb', 'qb', 'rb'))):
+        logged = np.stack([values[name] for name in columns], axis=1)
+        np.testing.assert_allclose(half.inv().apply(found), logged, atol=1e-9)
+    ned = Rotation.from_euler('ZYX', np.stack(
+        [values[name] for name in ('yaw', 'pitch', 'roll')], axis=1))
+    back = half.inv() * Rotation.from_quat(onboard.orientation) * half
+    assert (back * ned.inv()).magnitude().max() < 1e-7

@@ -1,8 +1,11 @@
 """Takes in the layouts of real exports, made here with known poses, and what is no take."""
 
 import hashlib
+from pathlib import Path
 
-from mambo_analysis.importers.motive import import_motive, main
+from hypothesis import given, settings, strategies as st
+from mambo_analysis.importers.common import Source
+from mambo_analysis.importers.motive import import_motive, main, poses, read_take, Take
 from mambo_bags.reader import read_bag
 import numpy as np
 import pytest
@@ -230,3 +233,52 @@ def test_two_imports_are_the_same_bytes(tmp_path):
         import_motive(source, tmp_path / folder / 'bag')
     a, b = ((tmp_path / folder / 'bag' / 'bag_0.mcap').read_bytes() for folder in ('a', 'b'))
     assert a == b
+
+
+COORDINATE = st.floats(-20.0, 20.0)
+ANGLE = st.floats(-3.1, 3.1)
+POSES = st.lists(st.tuples(st.tuples(*[COORDINATE] * 3), st.tuples(*[ANGLE] * 3)),
+                 min_size=1, max_size=20)
+# what is up in the file, as columns: east, north and up of a right-handed frame seen in it
+IN_FILE = {'y': [[1, 0, 0], [0, 0, 1], [0, -1, 0]], 'z': np.eye(3)}
+
+
+@given(POSES, st.sampled_from('yz'), ANGLE)
+def test_any_pose_survives_whatever_axis_is_up_and_wherever_the_nose_is(rows, up, nose):
+    """Written in the axes of the file and read again: the same pose, z up, body FLU."""
+    position, rotvec = (np.array(column) for column in zip(*rows))
+    attitude, to_file = Rotation.from_rotvec(rotvec), Rotation.from_matrix(IN_FILE[up])
+    tracked = attitude * Rotation.from_euler('z', -nose)  # the body as it was defined
+    take = Take(np.arange(len(rows)) / RATE, to_file.apply(position),
+                (to_file * tracked * to_file.inv()).as_quat(), 'drone', {}, [])
+    t, found, q = poses(take, up, nose)
+    np.testing.assert_allclose(found, position, atol=1e-9)
+    assert (Rotation.from_quat(q) * attitude.inv()).magnitude().max() < 1e-7
+    np.testing.assert_array_equal(t, take.times)
+
+
+@settings(max_examples=20)
+@given(POSES, st.sampled_from(['Quaternion', 'XYZ', 'XZY', 'YXZ', 'YZX', 'ZXY', 'ZYX']),
+       st.sampled_from([('Meters', 1.0), ('Centimeters', 0.01), ('Millimeters', 0.001)]))
+def test_any_pose_is_read_as_it_was_written_in_any_unit_and_order_of_angles(rows, order, unit):
+    name, metres = unit
+    position, rotvec = (np.array(column) for column in zip(*rows))
+    attitude = Rotation.from_rotvec(rotvec)
+    if order == 'Quaternion':
+        turns = attitude.as_quat()
+    else:
+        angles = np.degrees(attitude.as_euler(order))
+        turns = angles[:, [order.index(axis) for axis in 'XYZ']]
+    axes = 'XYZW' if order == 'Quaternion' else 'XYZ'
+    kinds = [*('Rotation' for _ in axes), *['Position'] * 3]
+    lines = [
+        f'Format Version,1.23,Rotation Type,{order},Length Units,{name},'
+        f'Total Exported Frames,{len(rows)},Coordinate Space,Global',
+        ',Type' + ',Rigid Body' * len(kinds), ',Name' + ',drone' * len(kinds),
+        ',ID' + ',1' * len(kinds), ',,' + ','.join(kinds),
+        'Frame,Time (Seconds),' + ','.join([*axes, *'XYZ'])]
+    for k, (turn, p) in enumerate(zip(turns, position / metres)):
+        lines.append(','.join([str(k), f'{k / RATE:.6f}', *(f'{v:.9f}' for v in (*turn, *p))]))
+    take = read_take(Source(Path('take.csv'), '\r\n'.join(lines).encode(), ''))
+    np.testing.assert_allclose(take.position, position, atol=1e-7)
+    assert (Rotation.from_quat(take.rotation) * attitude.inv()).magnitude().max() < 1e-6

@@ -2,6 +2,8 @@
 
 from mambo_flight.race import report
 from mambo_flight.race.field import Start
+from matplotlib.figure import Figure
+import numpy as np
 import pytest
 
 
@@ -41,3 +43,67 @@ def test_a_picture_is_drawn(tmp_path):
     found = report.results(STARTS, ROWS, True) + report.results(STARTS, ROWS, False)
     report.draw(tmp_path / 'a.png', found, 'known')
     assert (tmp_path / 'a.png').read_bytes().startswith(b'\x89PNG')
+
+
+@pytest.mark.parametrize(('changed', 'alive'), [
+    ({}, True), ({'shutdown': True}, False), ({'tracking_max': 2.0}, False),
+    ({'tracking_max': 1.999}, True), ({'tracking_max': float('nan')}, False)])
+def test_a_flight_survives_if_it_is_neither_shut_down_nor_two_metres_off(changed, alive):
+    assert report.survived({**row(0.01), **changed}) is alive
+
+
+@pytest.mark.parametrize(('metres', 'text'), [
+    (0.0123456, '12.3'), (0.9994, '999'), (1.2345, '1234'), (1e-5, '0.01')])
+def test_a_length_has_three_digits_in_mm(metres, text):
+    assert report._mm(metres) == text
+
+
+def many():
+    """Return results of two entrants, two courses, one condition, both kinds of state."""
+    starts = [Start(entrant, course, 'known', draw) for entrant in ('indi', 'geometric')
+              for course in ('circle', 'step') for draw in range(2)]
+    out = []
+    for ideal, scale in ((True, 1.0), (False, 10.0)):
+        rows = {k: row(scale * 0.001 * (k + 1), shutdown=k == 7) for k in range(8)}
+        out += report.results(starts, rows, ideal)
+    return out
+
+
+def test_an_overview_is_of_one_condition_and_state():
+    lines = report._overview(many(), 'known', True).splitlines()
+    assert lines[0] == '|  | `circle` | `step` | survived | saturated | energy [J] |'
+    assert lines[1].split('|')[1].strip() == '---'
+    assert lines[2] == '| `indi` | 1.5 | 3.5 | 100.0 % | 25.00 % | 0 |'
+    assert lines[3].startswith('| `geometric` | 5.5 | 7.5 | 75.0 % |')  # one of four shut down
+    assert '| `indi` | 15 | 35 |' in report._overview(many(), 'known', False)
+
+
+def test_details_have_a_line_for_each_entrant_course_and_state():
+    lines = report._details(many()).splitlines()
+    assert len(lines) == 2 + 8
+    assert lines[2] == ('| `indi` | `circle` | `known` | true state | 2 | 1.5 | 1.95 | 100 | 3 | '
+                        '100.0 % |')
+    assert lines[-1].endswith('| 50.0 % |') and 'estimates' in lines[-1]
+
+
+def test_the_page_has_both_states_in_their_order():
+    text = report.markdown(many(), {'indi': 0.5}, 'Eight flights.', [])
+    assert text.index('## Everything known: true state') < text.index(
+        '## Everything known: estimates') < text.index('## A step')
+    assert '![' not in text and text.startswith('# Controllers compared\n')
+
+
+def test_a_picture_has_a_panel_for_each_state_and_a_curve_for_each_entrant(tmp_path, monkeypatch):
+    figures = []
+
+    def make(*args, **options):
+        figures.append(Figure(*args, **options))
+        return figures[-1]
+    monkeypatch.setattr(report, 'Figure', make)
+    report.draw(tmp_path / 'a.png', many(), 'known')
+    true, estimated = figures[0].axes
+    assert (true.get_title(), estimated.get_title()) == ('true state', 'estimates')
+    assert [line.get_label() for line in true.lines] == ['indi', 'geometric']
+    np.testing.assert_allclose(true.lines[0].get_ydata(), [1.5, 3.5])  # mm
+    np.testing.assert_allclose(estimated.lines[1].get_ydata(), [55.0, 75.0])
+    assert [label.get_text() for label in true.get_xticklabels()] == ['circle', 'step']
