@@ -1,7 +1,9 @@
 """Tables of known motion come back as that motion, whatever unit, frame and clock they are in."""
 
+from hypothesis import given, settings, strategies as st
 from mambo_analysis.importers import any_table
 from mambo_analysis.importers.any_table import import_table, main
+from mambo_analysis.importers.table_map import ORDERS, UNITS
 from mambo_bags.reader import read_bag
 import numpy as np
 import pandas
@@ -184,3 +186,50 @@ def test_names_of_mappings(capsys, tmp_path):
     source, _ = files(tmp_path, frame())
     assert main([str(source), str(tmp_path / 'bag'), '--map', 'nanobank']) == 2
     assert 'did you mean nanobench?' in capsys.readouterr().err
+
+
+@settings(max_examples=12)  # each is a table written, read and imported
+@given(seed=st.integers(0, 2**31), world=st.sampled_from(sorted(UP)),
+       length=st.sampled_from(sorted(UNITS['length'])),
+       speed=st.sampled_from(sorted(UNITS['speed'])), angle=st.sampled_from(['rad', 'deg']),
+       rate=st.sampled_from(sorted(UNITS['rate'])), order=st.sampled_from(ORDERS['euler']))
+def test_any_motion_comes_back_from_any_frame_unit_and_order_of_angles(
+        tmp_path_factory, seed, world, length, speed, angle, rate, order):
+    """Forty random poses, velocities and rates at a time, in one of all combinations."""
+    folder, rng, n = tmp_path_factory.mktemp('table'), np.random.default_rng(seed), 40
+    position, velocity = rng.uniform(-9.0, 9.0, (2, n, 3))
+    attitude, rates = Rotation.random(n, rng), rng.uniform(-3.0, 3.0, (n, 3))
+    body = {'z_up': 'flu', 'z_down': 'frd', 'y_up': 'y_up'}[world]
+    turned = Rotation.from_matrix(UP[world].T @ attitude.as_matrix() @ BODY[body])
+    values = np.hstack([
+        np.arange(n)[:, None] * 0.01, position @ UP[world] / UNITS['length'][length],
+        turned.as_euler(order) / UNITS['angle'][angle],
+        velocity @ UP[world] / UNITS['speed'][speed], rates @ BODY[body] / UNITS['rate'][rate]])
+    names = ['t', 'x', 'y', 'z', 'a', 'b', 'c', 'u', 'v', 'w', 'p', 'q', 'r']
+    pandas.DataFrame(values, columns=names).to_csv(
+        folder / 'a.csv', index=False, float_format='%.17g')
+    (folder / 'map.yaml').write_text(
+        f'time: {{column: t, unit: s}}\nworld: {world}\nbody: {body}\ntopics:\n'
+        '  onboard/odom:\n'
+        f'    position: {{columns: [x, y, z], unit: {length}}}\n'
+        f'    euler: {{columns: [a, b, c], unit: {angle}, order: {order}}}\n'
+        f'    velocity: {{columns: [u, v, w], unit: {speed}}}\n'
+        f'    angular_velocity: {{columns: [p, q, r], unit: {rate}}}\n')
+    import_table(folder / 'a.csv', folder / 'bag', folder / 'map.yaml')
+    odom = read_bag(folder / 'bag')['onboard/odom']
+    np.testing.assert_allclose(odom.position, position, atol=1e-9)
+    q = Rotation.from_quat(np.asarray(odom.orientation))
+    assert (q * attitude.inv()).magnitude().max() < 1e-6
+    np.testing.assert_allclose(
+        odom['twist.twist.linear'], attitude.inv().apply(velocity), atol=1e-6)
+    np.testing.assert_allclose(odom['twist.twist.angular'], rates, atol=1e-9)
+
+
+@pytest.mark.parametrize(('dimension', 'unit', 'value'), [
+    ('time', 'us', 1e-6), ('length', 'mm', 1e-3), ('speed', 'cm/s', 1e-2),
+    ('rate', 'deg/s', np.pi / 180.0), ('angle', 'deg', np.pi / 180.0),
+    ('acceleration', 'mg', 9.80665e-3), ('pressure', 'mbar', 100.0), ('pressure', 'kPa', 1e3),
+    ('voltage', 'mV', 1e-3), ('number', '%', 0.01)])
+def test_a_unit_is_what_it_is_in_si(dimension, unit, value):
+    assert UNITS[dimension][unit] == pytest.approx(value, rel=1e-15)
+    assert next(iter(UNITS[dimension].values())) == 1.0  # the first is that of SI

@@ -4,6 +4,7 @@ import hashlib
 import json
 from pathlib import Path
 
+from hypothesis import given, settings, strategies as st
 from mambo_analysis.importers.common import read_source
 from mambo_analysis.importers.crazyflie import (
     COUNTS_PER_RADIAN, gyro_offset, import_crazyflie, main, mocap_offset, read_log)
@@ -345,3 +346,37 @@ def test_left_motors_roll_the_real_drone_to_the_right(tmp_path):
         omega = imu.angular_velocity[:, axis]
         angular = np.interp(motors.t[inside] + 0.02, imu.t, np.gradient(omega, imu.t))
         assert np.corrcoef(pwm @ signs, angular)[0, 1] > 0.2, axis
+
+
+@settings(max_examples=4)  # imports, each of 2000 random poses
+@given(seed=st.integers(0, 2**31), offset=st.floats(-1000.0, -900.0))
+def test_every_pose_of_the_drone_and_of_the_hall_survives(tmp_path_factory, seed, offset):
+    """Both are z up and FLU already; angles are yaw, pitch, roll; velocities of the body."""
+    folder, rng, log = tmp_path_factory.mktemp('property'), np.random.default_rng(seed), flight()
+    n, m = 2000, 1990
+    names = ('p_x', 'p_y', 'p_z', 'psi', 'theta', 'phi', 'v_x', 'v_y', 'v_z')
+    t = np.array(log['drone']['ae483log.p_x']['time'])
+    wanted = dict(zip(names, rng.uniform(-1.5, 1.5, (9, n))))
+    for name, values in wanted.items():  # in one packet: nothing is interpolated
+        log['drone'][f'ae483log.{name}'] = {'time': t.tolist(), 'data': values.tolist()}
+    hall = dict(zip(('x', 'y', 'z', 'yaw', 'pitch', 'roll'), rng.uniform(-1.5, 1.5, (6, m))))
+    log['mocap'] |= {name: values.tolist() for name, values in hall.items()}
+    import_crazyflie(save(folder / 'log.json', log), folder / 'bag', mocap=f'{offset}')
+    bag = read_bag(folder / 'bag')
+    for topic, values, axes, angles in (
+            ('onboard/odom', wanted, ('p_x', 'p_y', 'p_z'), ('psi', 'theta', 'phi')),
+            ('optitrack/pose', hall, ('x', 'y', 'z'), ('yaw', 'pitch', 'roll'))):
+        found = bag[topic]
+        stamps = np.round(1e9 * (t if topic == 'onboard/odom' else np.array(
+            log['mocap']['time']) + offset))
+        kept = np.abs(stamps[:, None] - found.stamp[None, ::100]).argmin(axis=0)
+        assert np.abs(stamps[kept] - found.stamp[::100]).max() <= 1000.0  # ns
+        position = np.stack([values[name] for name in axes], axis=1)
+        np.testing.assert_allclose(found.position[::100], position[kept], atol=1e-9)
+        attitude = Rotation.from_euler('ZYX', np.stack(
+            [values[name] for name in angles], axis=1)[kept])
+        wrong = Rotation.from_quat(found.orientation[::100]) * attitude.inv()
+        assert wrong.magnitude().max() < 1e-9
+    velocity = np.stack([wanted[name] for name in ('v_x', 'v_y', 'v_z')], axis=1)
+    rows = np.searchsorted(np.round(1e9 * t), bag['onboard/odom'].stamp - 1000)
+    np.testing.assert_allclose(bag['onboard/odom'].velocity, velocity[rows], atol=1e-9)

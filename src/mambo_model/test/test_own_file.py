@@ -1,0 +1,78 @@
+"""A user's file as a module: one for each content, with the helpers beside it; errors by line."""
+
+import sys
+
+from mambo_model.own_file import digest, fault_place, load_file
+from mambo_model.schema import ParameterError
+import pytest
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text, name='mine.py'):
+        (tmp_path / name).write_text(text)
+        return tmp_path / name
+    return write
+
+
+def test_a_file_is_loaded_once_for_each_content(write):
+    path = write('answer = 1\n')
+    first = load_file(path)
+    assert load_file(path) is first and first.answer == 1
+    write('answer = 2\n')
+    assert load_file(path).answer == 2
+    write('answer = 1\n')
+    assert load_file(path) is first
+
+
+def test_the_digest_is_that_of_the_file_and_of_what_it_imports_beside_it(write):
+    write('SIZE = 1\n', 'helper.py')
+    write('UNUSED = 1\n', 'other.py')
+    path = write('from helper import SIZE\nimport math\n')
+    before = digest(path)
+    write('UNUSED = 2\n', 'other.py')
+    assert digest(path) == before
+    write('SIZE = 2\n', 'helper.py')
+    assert digest(path) != before
+
+
+def test_helpers_that_import_each_other_have_an_end(write):
+    write('import b\n', 'a.py')
+    write('import a\n', 'b.py')
+    assert digest(write('import a\n')) == digest(write('import a\n'))
+
+
+def test_named_tuples_of_two_versions_have_names_of_their_own(write):
+    text = 'from typing import NamedTuple\n\n\nclass State(NamedTuple):\n    x: float\n'
+    first = load_file(write(text)).State
+    second = load_file(write(f'{text}    y: float\n')).State
+    assert first.__name__ != second.__name__
+    assert first.__name__.startswith('State_') and second(1.0, 2.0).y == 2.0
+
+
+@pytest.mark.parametrize(('text', 'wanted'), [
+    ('x = (\n', r"mine.py:1: '\(' was never closed"),
+    ('def f():\n    return 1\n\n\nf() / 0\n', 'mine.py:5: ZeroDivisionError: division by zero'),
+    ('import no_such_module\n', 'mine.py:1: ModuleNotFoundError')])
+def test_what_fails_while_it_is_loaded_is_told_by_line(write, text, wanted):
+    path, before = write(text), list(sys.path)
+    with pytest.raises(ParameterError, match=wanted) as caught:
+        load_file(path)
+    assert '\n' not in str(caught.value) and sys.path == before
+    assert not [name for name in sys.modules if name.endswith(digest(path)[:16])]
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(ParameterError, match='none.py: No such file or directory'):
+        load_file(tmp_path / 'none.py')
+
+
+def test_a_fault_is_at_the_innermost_line_of_the_users_folder(write):
+    write('def inner():\n    return [][3]\n', 'helper.py')
+    path = write('import helper\n\n\ndef outer():\n    return helper.inner()\n')
+    try:
+        load_file(path).outer()
+    except IndexError as error:
+        assert fault_place(path, error) == f'{path.parent / "helper.py"}:2'
+        assert fault_place(None, error) == 'None'
+    sys.modules.pop('helper', None)
