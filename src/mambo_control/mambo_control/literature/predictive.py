@@ -246,5 +246,5 @@ def step(
     jet = (sub((d[0], d[1], vv.gravity + d[2]), memory.acceleration),
            sub(d_dot, tuple(j.tolist())), sub(_ZERO, ref.s))
     observer, command = indi.follow(
-        memory.observer, state, ref, v, jet, (d, d_dot, e, e_dot), gains, vv)
+        memory.observer, state, ref, v, jet, (d, d_dot, e, e_dot), dt, gains, vv)
     return Memory(solver, tuple((a + dt * j).tolist()), observer), command

@@ -2,7 +2,7 @@
 
 from literature_truth import circle, matrix, moved, on, STILL, VV, ZERO
 from mambo_control.literature import geometric
-from mambo_control.literature.indi import IndiParams, initial, observe, step
+from mambo_control.literature.indi import applied, IndiParams, initial, observe, step
 from mambo_control.literature.lowpass import lowpass
 from mambo_model.motion.rigid_body import State
 import numpy as np
@@ -47,6 +47,56 @@ def test_a_push_and_a_twist_are_measured_and_leave_no_error():
     assert np.linalg.norm(np.array(state.rho) - circle(0.0, 1e-9).rho) < 1e-4  # 0.1 m without
     _, state, _ = fly(push, twist, gains=IndiParams(force_limit=0.0).values())
     assert np.linalg.norm(np.array(state.rho) - circle(0.0, 1e-9).rho) > 0.05
+
+
+def farthest(believed_lag, lag, mass, seconds=6.0):
+    """
+    Return how far in m a vehicle with lagging motors gets from a point, in the last 2 s.
+
+    Its mass is that many times the believed one. It starts 0.2 m beside the point.
+    """
+    vv, gains = VV._replace(motor_time_constant=believed_lag), IndiParams().values()
+    target, left = circle(0.0, 1e-9), np.exp(-DT / lag)
+    memory, state = initial(gains), on(target)
+    state = state._replace(rho=tuple(np.add(state.rho, (0.2, 0.0, 0.0))))
+    now, off = np.array([VV.mass * VV.gravity, 0.0, 0.0, 0.0]), []
+    for _ in range(round(seconds / DT)):
+        memory, command = step(memory, state, target, DT, gains, vv)
+        thrust, torque = applied(command.pwm, vv)
+        goal = np.array([thrust, *torque])
+        mean = goal + (1.0 - left) * lag / DT * (now - goal)
+        now = goal + left * (now - goal)
+        state = moved(state, mean[0] / mass, mean[1:], DT, STILL, lambda s: np.zeros(3))
+        off.append(np.linalg.norm(np.subtract(state.rho, target.rho)))
+    return np.max(off[-round(2.0 / DT):])
+
+
+@pytest.mark.parametrize(('lag', 'mass'), [(0.035, 0.8), (0.04, 0.8), (0.05, 0.8), (0.05, 1.2)])
+def test_a_lag_that_is_believed_is_borne_with_a_wrong_mass(lag, mass):
+    assert farthest(lag, lag, mass) < 0.002
+
+
+def test_a_lag_that_nobody_tells_is_borne_to_30_ms():
+    assert farthest(0.0, 0.03, 0.8) < 0.002
+    assert not farthest(0.0, 0.04, 0.8) < 0.5  # what believing in it is good for
+
+
+def test_what_lagging_motors_explain_is_their_mean_over_the_period():
+    lag = 0.04
+    vv, ref = VV._replace(motor_time_constant=lag), circle(0.3)
+    first, second = on(circle(0.295)), on(ref)
+    memory, one = step(initial(GAINS), first, circle(0.295), DT, GAINS, vv)
+    assert memory.thrust == memory.thrust_now == applied(one.pwm, vv)[0]  # no lag at first
+    second = second._replace(rho=tuple(np.add(second.rho, (0.0, 0.1, 0.3))))
+    after, other = step(memory, second, ref, DT, GAINS, vv)
+    thrust, torque = applied(other.pwm, vv)
+    t = (np.arange(1000) + 0.5) * DT / 1000
+    for began, goal, mean, end in (
+            (memory.thrust_now, thrust, after.thrust, after.thrust_now),
+            (np.array(memory.torque_now), np.array(torque), after.torque, after.torque_now)):
+        path = goal + np.multiply.outer(np.exp(-t / lag), began - goal)
+        np.testing.assert_allclose(mean, path.mean(axis=0), rtol=1e-6)
+        np.testing.assert_allclose(end, goal + np.exp(-DT / lag) * (began - goal), rtol=1e-12)
 
 
 def test_what_the_motors_explain_is_no_disturbance():

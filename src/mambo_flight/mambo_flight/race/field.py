@@ -7,11 +7,14 @@ flies the same vehicles in the same wind on every course.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 import math
 from typing import Any, NamedTuple
 
+from mambo_control.controllers import REGISTRY
+from mambo_model.components import absolute
+from mambo_model.errors import InputError
 from mambo_model.motion import uav_trajectories
 from mambo_model.vehicle.parameters import Vehicle
 import numpy as np
@@ -27,7 +30,7 @@ GUST = 0.5       # m/s, standard deviation on each axis
 class Entrant(NamedTuple):
     """A controller with settings of its own."""
 
-    controller: str
+    controller: str  # a built-in one, a file, or an installed one
     settings: dict[str, Any]  # of its parameters
     title: str
 
@@ -41,6 +44,39 @@ ENTRANTS = {
     'flatness_drag': Entrant('flatness_drag', {}, 'Faessler 2018'),
     'indi': Entrant('indi', {}, 'Smeur 2016, Sun 2022'),
 }
+
+
+def enter(names: Sequence[str]) -> dict[str, Entrant]:
+    """
+    Return who races, by the name that the page has.
+
+    Parameters
+    ----------
+    names
+        Out of :data:`ENTRANTS`; a file (``mine.py``, ``mine.py:Name``) or an installed
+        controller.
+
+    Raises
+    ------
+    InputError
+        If there is no such controller, or two have one name.
+
+    """
+    out: dict[str, Entrant] = {}
+    for name in names:
+        if name in ENTRANTS:
+            label, entrant = name, ENTRANTS[name]
+        else:
+            found = REGISTRY.find(name)
+            title = found.describe() if found.own else 'built-in'
+            label, entrant = found.name, Entrant(absolute(name), {}, title)
+            if label in ENTRANTS:
+                raise InputError(
+                    f'{name}: the race has a {label} of its own: give yours another name')
+        if label in out:
+            raise InputError(f'{name}: {label} races already')
+        out[label] = entrant
+    return out
 
 
 def lemniscate(t: float) -> tuple[float, float, float]:
@@ -127,8 +163,10 @@ class Field:
 
     Parameters
     ----------
-    entrants, courses, conditions
-        Names out of :data:`ENTRANTS`, :data:`COURSES`, :data:`CONDITIONS`.
+    entrants
+        From :func:`enter`.
+    courses, conditions
+        Names out of :data:`COURSES`, :data:`CONDITIONS`.
     draws
         Flights of each of these; one where nothing is wrong and nothing is noisy.
     ideal
@@ -137,10 +175,10 @@ class Field:
     """
 
     def __init__(
-        self, entrants: Sequence[str], courses: Sequence[str], conditions: Sequence[str],
+        self, entrants: Mapping[str, Entrant], courses: Sequence[str], conditions: Sequence[str],
         draws: int, ideal: bool,
     ) -> None:
-        self.ideal = ideal
+        self.entrants, self.ideal = entrants, ideal
         self.starts = [
             Start(entrant, course, condition, draw)
             for entrant in entrants for condition in conditions for course in courses
@@ -151,7 +189,7 @@ class Field:
 
     def __getitem__(self, number: int) -> Scenario:
         start = self.starts[number]
-        entrant, node = ENTRANTS[start.entrant], 'controller_node.'
+        entrant, node = self.entrants[start.entrant], 'controller_node.'
         flight = scenario(
             controller=entrant.controller, duration=DURATION, seed=start.draw + 1, land=False)
         return override(flight, {

@@ -8,7 +8,7 @@ finished is kept when it is interrupted: the same command goes on.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import hashlib
 import json
 from pathlib import Path
@@ -20,13 +20,13 @@ from mambo_model.errors import InputError
 from . import report
 from ..sweep.run import run
 from ..sweep.table import Journal, SweepEndedError
-from .field import CONDITIONS, COURSES, ENTRANTS, Field
+from .field import CONDITIONS, COURSES, enter, Entrant, ENTRANTS, Field
 from .timing import step_time
 
 
 def race(
-    folder: Path, entrants: Sequence[str], courses: Sequence[str], conditions: Sequence[str],
-    draws: int, states: Sequence[bool], workers: int | None = None,
+    folder: Path, entrants: Mapping[str, Entrant], courses: Sequence[str],
+    conditions: Sequence[str], draws: int, states: Sequence[bool], workers: int | None = None,
 ) -> list[report.Result]:
     """
     Fly a race and write its page.
@@ -55,7 +55,8 @@ def race(
     journals = []
     for ideal in states:
         flights = Field(entrants, courses, conditions, draws, ideal)
-        digest = hashlib.sha256(f'{source_digest()} {flights.starts}'.encode()).hexdigest()
+        digest = hashlib.sha256(
+            f'{source_digest()} {entrants} {flights.starts}'.encode()).hexdigest()
         name = 'true_state' if ideal else 'estimates'
         journals.append(Journal(folder / f'race_{name}.rows', digest))
         try:
@@ -65,17 +66,17 @@ def race(
                 journal.close()
             raise
         found += report.results(flights.starts, journals[-1].rows, ideal)
-    times = {name: step_time(Field([name], courses[:1], ['known'], 1, True)[0])
-             for name in entrants}
-    _write(folder, found, times, conditions, draws)
+    times = {name: step_time(Field({name: entrant}, courses[:1], ['known'], 1, True)[0])
+             for name, entrant in entrants.items()}
+    _write(folder, found, entrants, times, conditions, draws)
     for journal in journals:
         journal.remove()
     return found
 
 
 def _write(
-    folder: Path, found: Sequence[report.Result], times: dict[str, float],
-    conditions: Sequence[str], draws: int,
+    folder: Path, found: Sequence[report.Result], entrants: Mapping[str, Entrant],
+    times: dict[str, float], conditions: Sequence[str], draws: int,
 ) -> None:
     pictures = []
     for condition in conditions:
@@ -83,7 +84,8 @@ def _write(
         report.draw(folder / pictures[-1], found, condition)
     about = (f'{sum(r.flights for r in found)} flights of 30 s, {draws} draws of each kind '
              '(one where nothing is wrong and nothing is noisy).')
-    (folder / 'controllers.md').write_text(report.markdown(found, times, about, pictures))
+    steps = {name: (entrants[name].title, took) for name, took in times.items()}
+    (folder / 'controllers.md').write_text(report.markdown(found, steps, about, pictures))
     (folder / 'controllers.json').write_text(json.dumps(
         {'draws': draws, 'step_us': times, 'results': [r._asdict() for r in found]}, indent=1)
         + '\n')
@@ -103,7 +105,8 @@ def _run(options: argparse.Namespace) -> None:
         raise InputError(f'--draws {options.draws}: must be 1 or more')
     if options.workers is not None and options.workers < 1:
         raise InputError(f'--workers {options.workers}: must be 1 or more')
-    names = (_names(options.controllers, list(ENTRANTS), '--controllers'),
+    given = options.controllers.split(',') if options.controllers else list(ENTRANTS)
+    names = (enter([*given, *options.controller]),
              _names(options.courses, COURSES, '--courses'),
              _names(options.conditions, list(CONDITIONS), '--conditions'))
     states = {'both': (True, False), 'true': (True,), 'estimated': (False,)}[options.state]
@@ -123,8 +126,12 @@ def parser() -> Parser:
         help='for the page, the numbers and the plots')
     add('--draws', type=int, default=1000, metavar='N',
         help='flights of each controller, course and condition (default: 1000)')
-    for name, known in (('controllers', ENTRANTS), ('courses', COURSES),
-                        ('conditions', CONDITIONS)):
+    add('--controller', default=[], action='append', metavar='NAME',
+        help='a controller of yours besides: FILE.py, FILE.py:NAME, or an installed one; may be '
+        'given several times')
+    add('--controllers', default='', metavar='A,B,...',
+        help=f'out of {", ".join(ENTRANTS)}, and yours')
+    for name, known in (('courses', COURSES), ('conditions', CONDITIONS)):
         add(f'--{name}', default='', metavar='A,B,...', help=f'out of {", ".join(known)}')
     add('--state', default='both', choices=('both', 'true', 'estimated'),
         help='what the controllers get (default: both, one after the other)')

@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 import numpy as np
 
-from .field import ENTRANTS, Start
+from .field import Start
 
 LOST = 2.0  # m, of the largest error: such a flight did not survive
 TITLES = {
@@ -106,7 +106,8 @@ def _details(found: Sequence[Result]) -> str:
 
 
 def markdown(
-    found: Sequence[Result], times: Mapping[str, float], about: str, pictures: Sequence[str],
+    found: Sequence[Result], steps: Mapping[str, tuple[str, float]], about: str,
+    pictures: Sequence[str],
 ) -> str:
     """
     Return the page of a race.
@@ -115,8 +116,8 @@ def markdown(
     ----------
     found
         From :func:`results`.
-    times : us
-        Of a step, by entrant.
+    steps : us
+        What an entrant is, and the time of a step, by entrant.
     about
         What was flown, in a sentence or two.
     pictures
@@ -136,7 +137,7 @@ def markdown(
     out += [line for name in pictures for line in (f'![{name}]({name})', '')]
     out += ['## A step', '', _table(
         ['', 'controller', 'us'],
-        ([f'`{name}`', ENTRANTS[name].title, f'{took:.2f}'] for name, took in times.items())), '',
+        ([f'`{name}`', title, f'{took:.2f}'] for name, (title, took) in steps.items())), '',
         'The guard of the controller is included, on one core.', '', '## Every course', '',
         _details(found), '']
     return '\n'.join(out)

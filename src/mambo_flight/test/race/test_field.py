@@ -1,14 +1,18 @@
 """Who races over what: the same vehicles and wind for everybody, courses that can be flown."""
 
 import itertools
+from pathlib import Path
 
 from mambo_flight.course import feasibility
 from mambo_flight.race.field import (
-    CONDITIONS, COURSES, DURATION, ENTRANTS, Field, GUST, Start)
+    CONDITIONS, COURSES, DURATION, enter, ENTRANTS, Field, GUST, Start)
+from mambo_model.errors import InputError
 from mambo_model.motion.trajectory import reference_at
 from mambo_model.vehicle.parameters import Vehicle
 import numpy as np
 import pytest
+
+PD = Path(__file__).parents[4] / 'examples/pd_controller.py'
 
 
 def true(flight):
@@ -17,7 +21,7 @@ def true(flight):
 
 
 def test_every_entrant_flies_the_same_vehicles_in_the_same_wind():
-    field = Field(('indi', 'geometric'), ('circle', 'step'), ('everything',), 3, True)
+    field = Field(enter(('indi', 'geometric')), ('circle', 'step'), ('everything',), 3, True)
     flights = [field[number] for number in range(len(field))]
     assert len(flights) == 12
     for (a, one), (b, other) in itertools.combinations(zip(field.starts, flights), 2):
@@ -28,9 +32,9 @@ def test_every_entrant_flies_the_same_vehicles_in_the_same_wind():
 
 
 def test_what_is_wrong_is_what_the_condition_says():
-    known, = (f for f in [Field(('indi',), ('circle',), ('known',), 9, True)[0]])
+    known, = (f for f in [Field(enter(('indi',)), ('circle',), ('known',), 9, True)[0]])
     assert true(known)[0] == Vehicle() and known.sim_node.simulator.wind.values() is None
-    field = Field(('indi',), ('circle',), ('twenty_percent',), 4, True)
+    field = Field(enter(('indi',)), ('circle',), ('twenty_percent',), 4, True)
     vehicles = [true(field[k])[0] for k in range(4)]
     assert {(round(v.mass / 0.068, 9), round(v.drag_coefficient / 0.22, 9)) for v in vehicles} == {
         (1.2, 1.2), (1.2, 0.8), (0.8, 1.2), (0.8, 0.8)}
@@ -44,22 +48,49 @@ def test_what_is_wrong_is_what_the_condition_says():
 
 
 def test_a_flight_where_nothing_is_drawn_is_flown_once():
-    assert len(Field(('indi',), COURSES, ('known',), 50, True)) == len(COURSES)
-    assert len(Field(('indi',), COURSES, ('known',), 50, False)) == 50 * len(COURSES)
+    assert len(Field(enter(('indi',)), COURSES, ('known',), 50, True)) == len(COURSES)
+    assert len(Field(enter(('indi',)), COURSES, ('known',), 50, False)) == 50 * len(COURSES)
+
+
+def test_a_controller_from_a_file_races_under_its_own_name():
+    entrants = enter(['indi', f'{PD}', 'toolbox'])
+    assert list(entrants) == ['indi', 'pd_controller', 'toolbox']
+    assert 'sha256' in entrants['pd_controller'].title
+    field = Field(entrants, ('circle',), ('everything',), 2, True)
+    assert [start.entrant for start in field.starts[::2]] == list(entrants)
+    assert field[2].controller_node.controller == str(PD)
+    assert true(field[3]) == true(field[1])
+
+
+@pytest.mark.parametrize(('names', 'said'), [
+    (['foo'], "controller 'foo' is unknown: give a file"),
+    (['indi', 'indi'], 'indi: indi races already'),
+    ([f'{PD}', f'{PD}'], 'pd_controller races already'),
+    (['none.py'], 'none.py: No such file')])
+def test_who_cannot_race_is_refused_in_one_line(names, said):
+    with pytest.raises(InputError, match=said) as error:
+        enter(names)
+    assert '\n' not in str(error.value)
+
+
+def test_a_file_with_the_name_of_an_entrant_is_refused(tmp_path):
+    (tmp_path / 'feedforward.py').write_text(PD.read_text())
+    with pytest.raises(InputError, match='the race has a feedforward of its own'):
+        enter([str(tmp_path / 'feedforward.py')])
 
 
 def test_settings_of_an_entrant_reach_its_controller():
-    flight = Field(('feedforward',), ('circle',), ('known',), 1, True)[0]
+    flight = Field(enter(('feedforward',)), ('circle',), ('known',), 1, True)[0]
     assert flight.controller_node.controller == 'cascaded'
     assert flight.controller_node.law.drag_feedforward
-    assert not Field(('cascaded',), ('circle',), ('known',), 1, True)[0].controller_node.law \
-        .drag_feedforward
+    plain = Field(enter(('cascaded',)), ('circle',), ('known',), 1, True)[0]
+    assert not plain.controller_node.law.drag_feedforward
     assert set(ENTRANTS) >= {'extended', 'flatness_drag', 'geometric', 'indi'}
 
 
 @pytest.mark.parametrize('course', ['lemniscate', 'minimum_snap'])
 def test_the_vehicle_can_fly_the_courses(course):
-    plan = Field(('indi',), (course,), ('known',), 1, True)[0].reference_node.plan
+    plan = Field(enter(('indi',)), (course,), ('known',), 1, True)[0].reference_node.plan
     assert feasibility.check(plan.flown_course(), Vehicle()) is None
     speeds = [np.linalg.norm(reference_at(float(t), plan, Vehicle())[0].v)
               for t in np.arange(5.0, DURATION, 0.1)]

@@ -1,13 +1,19 @@
 """The command race: refusals in one line, a race that goes on, its page."""
 
 import json
+from pathlib import Path
+import re
 
 from mambo_flight.race import race
 import pytest
 
+ROW = {'tracking_rms': 0.01, 'tracking_max': 0.1, 'tracking_final': 0.02, 'saturated_share': 0.0,
+       'energy': 50.0, 'shutdown': False}
+
 
 @pytest.mark.parametrize('options, message', [
-    (['--controllers', 'indi,foo'], '--controllers: foo is unknown; known: cascaded, '),
+    (['--controllers', 'indi,foo'], "controller 'foo' is unknown: give a file"),
+    (['--controller', 'none.py'], 'none.py: No such file'),
     (['--courses', 'square'], '--courses: square is unknown; known: circle, '),
     (['--conditions', 'storm'], '--conditions: storm is unknown; known: known, '),
     (['--draws', '0'], '--draws 0: must be 1 or more'),
@@ -21,14 +27,12 @@ def test_what_cannot_be_flown_is_refused_in_one_line(tmp_path, capsys, options, 
 
 def test_a_race_writes_its_page_and_goes_on_after_an_interruption(tmp_path, monkeypatch):
     out, flown = tmp_path / 'out', []
-    rows = {'tracking_rms': 0.01, 'tracking_max': 0.1, 'tracking_final': 0.02,
-            'saturated_share': 0.0, 'energy': 50.0, 'shutdown': False}
 
     def fly(flights, ideal):
         flown.append(len(flights))
         if len(flown) == 2:
             raise KeyboardInterrupt
-        return [rows for _ in flights]
+        return [ROW for _ in flights]
     monkeypatch.setattr('mambo_flight.sweep.run.fly', fly)
     monkeypatch.setattr(race, 'step_time', lambda flight: 0.5)
     arguments = ['-o', str(out), '--controllers', 'indi', '--courses', 'circle,step',
@@ -44,3 +48,21 @@ def test_a_race_writes_its_page_and_goes_on_after_an_interruption(tmp_path, monk
     assert (out / 'controllers.md').read_text().startswith('# Controllers compared')
     assert (out / 'controllers_twenty_percent.png').exists()
     assert not list(out.glob('*.rows'))
+
+
+def test_a_controller_of_ones_own_races_beside_the_others(tmp_path, monkeypatch):
+    flown = []
+
+    def fly(flights, ideal):
+        flown.extend(flight.controller_node.controller for flight in flights)
+        return [ROW for _ in flights]
+    monkeypatch.setattr('mambo_flight.sweep.run.fly', fly)
+    monkeypatch.setattr(race, 'step_time', lambda flight: 0.5)
+    pd = str(Path(__file__).parents[4] / 'examples/pd_controller.py')
+    assert race.main([
+        '-o', str(tmp_path / 'out'), '--controllers', 'indi', '--controller', pd, '--courses',
+        'circle', '--conditions', 'known', '--state', 'true', '--workers', '1']) == 0
+    assert flown == ['indi', pd]
+    page = (tmp_path / 'out/controllers.md').read_text()
+    assert '| `pd_controller` | 10 |' in page
+    assert re.search(r'\| `pd_controller` \| pd_controller .*sha256 [0-9a-f]{64} \| 0.50 \|', page)

@@ -32,7 +32,9 @@ def test_each_entrant_course_and_condition_is_a_line():
     assert [(r.entrant, r.course, r.rms) for r in found] == [
         ('indi', 'circle', 0.001), ('indi', 'step', 0.002), ('geometric', 'circle', 0.003),
         ('geometric', 'step', 0.004)]
-    text = report.markdown(found, {'indi': 0.51, 'geometric': 0.3}, 'Four flights.', ['a.png'])
+    text = report.markdown(found, {
+        'indi': ('Smeur 2016, Sun 2022', 0.51), 'geometric': ('Lee 2010', 0.3)},
+        'Four flights.', ['a.png'])
     assert '| `indi` | 1 | 2 | 100.0 % |' in text
     assert '| `geometric` | 3 | 4 | 100.0 % |' in text
     assert '| `indi` | Smeur 2016, Sun 2022 | 0.51 |' in text
