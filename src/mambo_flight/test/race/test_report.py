@@ -89,7 +89,7 @@ def test_details_have_a_line_for_each_entrant_course_and_state():
 
 
 def test_the_page_has_both_states_in_their_order():
-    text = report.markdown(many(), {'indi': 0.5}, 'Eight flights.', [])
+    text = report.markdown(many(), {'indi': ('INDI', 0.5)}, 'Eight flights.', [])
     assert text.index('## Everything known: true state') < text.index(
         '## Everything known: estimates') < text.index('## A step')
     assert '![' not in text and text.startswith('# Controllers compared\n')
