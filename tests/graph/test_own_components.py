@@ -4,27 +4,44 @@ from pathlib import Path
 
 from mambo_bags.reader import read_bag
 from mambo_bringup.flight import FlightEndedError, fly
-from mambo_flight import closed_loop, recording_to_bag
-from mambo_flight.scenario import scenario
+from mambo_flight import closed_loop, recording_to_bag, scenario_file
+from mambo_flight.scenario import override, Place, scenario
+from mambo_flight.sweep import design
 from mambo_ros import topics
 import numpy as np
 import pytest
 
 EXAMPLES = Path(__file__).parents[2] / 'examples'
-PD, HEIGHT = EXAMPLES / 'pd_controller.py', EXAMPLES / 'alpha_beta_filter.py'
+PD = EXAMPLES / 'pd_controller.py'
 LOCKSTEP = {'sim_node.mode': 'lockstep'}
 
 
-def test_a_compiled_and_a_plain_one_are_the_closed_loop_to_the_bit(tmp_path):
-    flight = scenario(
-        controller=str(PD), estimator=str(HEIGHT), duration=7.0, land=False, overrides=LOCKSTEP)
+def test_the_four_of_ones_own_are_the_closed_loop_to_the_bit(tmp_path):
+    """A compiled controller, a plain estimator, a course and a vehicle, from files."""
+    short = {'duration': Place(9.0, 'test'), 'landing': Place(False, 'test')}
+    _, flight = scenario_file.load(str(EXAMPLES / 'yours.yaml'), short)
+    flight = override(flight, LOCKSTEP)
+    assert flight.sim_node.simulator.vehicle.mass == 0.074
     fly(flight, tmp_path / 'graph', composed=True)
     recording_to_bag.write(tmp_path / 'alone', flight, closed_loop.fly(flight, inner=True))
     graph, alone = (read_bag(tmp_path / name) for name in ('graph', 'alone'))
     for topic in topics.RECORDED:
         name = topic.name if topic.name.startswith('/') else f'/mambo/{topic.name}'
         assert graph[name].raw and graph[name].raw == alone[name].raw, name
-    assert 'alpha_beta_filter 1.0, sha256' in str(graph.attachments['scenario.yaml'])
+    for source in ('alpha_beta_filter 1.0', 'pd_controller 1.0', '# figure_eight.csv'):
+        assert f'{source}, sha256 ' in str(graph.attachments['scenario.yaml'])
+    height = graph['ground_truth/odom'].position[:, 2]
+    assert 1.0 < height[-1] < 1.4  # the course begins at 1.2 m
+
+
+def test_a_sweep_varies_the_four_of_ones_own():
+    flights = design.Flights(design.read(EXAMPLES / 'yours_sweep.yaml'))
+    assert len(flights) == 12
+    last = flights[11]
+    assert last.controller_node.pd_controller.position_gain == 6.0
+    assert last.estimator_node.alpha_beta_filter.alpha == 0.4 and last.seed == 3
+    assert last.reference_node.plan.course == flights[0].reference_node.plan.course != ''
+    assert last.sim_node.simulator.vehicle.mass == 0.074
 
 
 def test_one_that_raises_is_landed_and_ends_the_flight_with_its_line(tmp_path):

@@ -53,7 +53,6 @@ HELD = {
     'mambo_flight/gym/flock.py': DRONES,
     'mambo_flight/gym/registration.py': DRONES,
     # components of the user: tested in a flight
-    'mambo_model/script.py': 'src/mambo/test/test_flights.py',
     'mambo_model/slots.py': 'src/mambo_flight/test/test_own_components.py',
     # options: tested by the parts that they switch
     'mambo_model/vehicle/vehicle_options.py': 'src/mambo_model/test/test_drag_parts.py',

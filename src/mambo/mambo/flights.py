@@ -14,12 +14,11 @@ from mambo_bags.command import refuse_existing
 from mambo_bags.reader import Bag, read_bag
 from mambo_control.controllers import REGISTRY as CONTROLLERS
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
-from mambo_flight import closed_loop, recording_to_bag, scenario_file
+from mambo_flight import recording_to_bag, scenario_file, supervised
 from mambo_flight.closed_loop import Recording
 from mambo_flight.course import sampled
 from mambo_flight.scenario import override, Scenario
 from mambo_flight.sweep import monte_carlo
-from mambo_model import slots
 from mambo_model.errors import InputError
 import numpy as np
 from numpy.typing import NDArray
@@ -189,6 +188,5 @@ def fly(
     chosen = override(chosen, parameters or {})
     if not chosen.sim_node.duration > 0.0:
         raise InputError(f'{name}: sim_node.duration must be more than 0 s')
-    slots.latest_fault()  # what went wrong before is not of this flight
-    recording = closed_loop.fly(chosen, inner=True)
-    return Flight(name, chosen, recording, slots.latest_fault())
+    recording, fault = supervised.fly(chosen, inner=True)
+    return Flight(name, chosen, recording, fault)

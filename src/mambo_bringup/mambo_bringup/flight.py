@@ -28,6 +28,7 @@ from tqdm import tqdm
 from .node_group import NodeGroup
 from .processes import FlightError, FlightInputError, load, NodeProcess, parameter
 from .stopping import stoppable
+from .stuck import stuck
 
 FLIGHT_NODES = (
     ('mambo_sim', 'optitrack_node'), ('mambo_estimation', 'estimator_node'),
@@ -226,7 +227,7 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
         group.watch()
     outcomes = [
         _outcome(bags[namespace], progress[namespace], started[namespace],
-                 flights[namespace].sim_node.duration, group)
+                 flights[namespace], group)
         for namespace in flights]
     if group.fault and not group.interrupts.first:
         raise FlightEndedError(outcomes)
@@ -246,11 +247,13 @@ def _label(namespace: str, node: tuple[str, str]) -> str:
     return node[1] if namespace == NAMESPACE else f'{namespace}/{node[1]}'
 
 
-def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess], asked: float,
-             group: NodeGroup) -> Outcome:
+def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess],
+             flight: scenarios.Scenario, group: NodeGroup) -> Outcome:
     """Return the result of one drone's flight."""
+    asked = flight.sim_node.duration
+    killed = [node.name for node in nodes if node.exit_code == -signal.SIGKILL]
     closed = nodes[0].exit_code == 0 and bag.exists()
-    fault = group.fault
+    fault = '; '.join(filter(None, (group.fault, stuck(flight, killed))))
     if fault and progress.flown:
         fault = f'flew {progress.flown:.2f} of {asked:g} s: {fault}'
     return Outcome(

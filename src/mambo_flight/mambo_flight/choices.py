@@ -106,4 +106,4 @@ def remarks(flight: Scenario) -> Iterator[str]:
         remedy = f'--set reference_node.plan.scale_rate={rate:.3f} slows it'
     except feasibility.JobError:
         remedy = 'mambo trajectory check says more'
-    yield (f'warning: the vehicle cannot fly {name}: {failure} of the course; {remedy}')
+    yield f'warning: the vehicle cannot fly {name}: {failure} (time of the course); {remedy}'

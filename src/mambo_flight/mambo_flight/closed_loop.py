@@ -124,8 +124,15 @@ def fly(flight: Scenario, inner: bool = False) -> Recording:
         If the scenario has no duration.
 
     """
+    out = blank(flight, inner)
+    run(flight, out)
+    return out
+
+
+def blank(flight: Scenario, inner: bool = False) -> Recording:
+    """Return the recording of a scenario before it is flown; arguments as of :func:`fly`."""
     steps = step_count(flight)
-    out = Recording(
+    return Recording(
         np.arange(steps, dtype=np.int64) * STEP_NS, *(np.empty((steps, 13)) for _ in range(3)),
         np.empty(steps, dtype=np.int64), np.empty(steps), np.empty((steps, 4)),
         np.full((steps, 7), np.nan), np.zeros(steps, dtype=np.int64), np.empty((steps, 6)),
@@ -133,11 +140,14 @@ def fly(flight: Scenario, inner: bool = False) -> Recording:
         np.zeros((steps, 5), dtype=np.int64), np.zeros((steps, 6)), np.zeros((steps, 6)),
         np.zeros(steps, dtype=np.bool_), np.zeros(steps, dtype=np.int64),
         _inner(steps) if inner else None)
+
+
+def run(flight: Scenario, out: Recording) -> None:
+    """Fly a scenario into a recording of :func:`blank`, as many steps as that has rows."""
     sim, p = flight.sim_node.simulator, settings(flight)
     mocap_rng = simulator.generators(flight.optitrack_node.seed)[simulator.OPTITRACK]
     _loop(simulator.initial_state(sim), simulator.generators(sim.seed), mocap_rng,
           filters.initial(p.estimator), failsafe.begin(p.gains), p, out)
-    return out
 
 
 def step_count(flight: Scenario) -> int:

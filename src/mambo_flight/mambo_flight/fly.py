@@ -11,10 +11,9 @@ from pathlib import Path
 import time
 
 from mambo_bags.command import guard, Parser, refuse_existing
-from mambo_model import slots
 from mambo_model.errors import InputError, JobError
 
-from . import choices, closed_loop, recording_to_bag, scenario_file
+from . import choices, recording_to_bag, scenario_file, supervised
 from .scenario import commented_yaml, override, Scenario
 
 def _scenario(options: argparse.Namespace) -> tuple[str, Scenario]:
@@ -43,17 +42,16 @@ def _run(options: argparse.Namespace) -> None:
     recording_to_bag.check(flight)
     for line in choices.remarks(flight):
         print(line)
-    slots.latest_fault()  # what went wrong before is not of this flight
     began = time.monotonic()
-    recording = closed_loop.fly(flight, inner=True)
+    recording, fault = supervised.fly(flight, inner=True)
     flown = time.monotonic()
     recording_to_bag.write(options.output, flight, recording)
     end = time.monotonic()
-    seconds = flight.sim_node.duration
+    seconds = recording.t[-1] * 1e-9
     print(f'{name}: {seconds:.2f} s flown in {flown - began:.2f} s, bag written in '
           f'{end - flown:.2f} s: {seconds / (end - began):.0f} times real time\n'
           f'bag: {options.output}')
-    if fault := slots.latest_fault():
+    if fault:
         raise JobError(f'{name}: {fault}')
 
 

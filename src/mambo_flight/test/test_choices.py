@@ -1,11 +1,12 @@
 """Options that say what is flown: which count, and what is said before the flight."""
 
 from mambo_bags.command import Parser
-from mambo_flight import choices
+from mambo_flight import choices, fly
 from mambo_flight.scenario import override, Scenario
 from mambo_flight.scenario_file import from_settings, Place
 from mambo_model.schema import ParameterError
 import pytest
+import yaml
 
 
 def given(*arguments):
@@ -52,3 +53,18 @@ def test_a_course_that_is_too_fast_is_told_with_what_slows_it(tmp_path):
     assert 0.1 < rate < 1.0
     slower = override(flight, {'reference_node.plan.scale_rate': 0.99 * rate})
     assert list(choices.remarks(slower)) == []
+
+
+def test_the_command_prints_what_it_would_fly(tmp_path, capsys):
+    path = tmp_path / 'slow.py'
+    path.write_text('duration = 4.0\n\n\ndef line(t):\n    return 0.1 * t, 0.0, -1.5\n')
+    assert fly.main([
+        '--trajectory', str(path), '--vehicle', 'toolbox', '--duration', '30', '--set',
+        'reference_node.plan.scale_rate=0.5', '--print-scenario']) == 0
+    printed = yaml.safe_load(capsys.readouterr().out)
+    plan = printed['/mambo/reference_node']['ros__parameters']['plan']
+    assert plan['scale_rate'] == 0.5 and plan['course'].startswith('# slow.py:line, sha256 ')
+    sim = printed['/mambo/sim_node']['ros__parameters']
+    assert sim['duration'] == 30.0 and sim['simulator']['vehicle']['mass'] == 0.063
+    assert fly.main(['--trajectory', 'circle']) == 2
+    assert capsys.readouterr().err == 'fly: -o/--output is missing\n'

@@ -173,6 +173,7 @@ class Stand:
 
     def _pause(self) -> None:
         """Let the time of the flight stand still."""
+        self.settle(_HOLD)  # who has a rate of its own may be behind
         before = [len(one.heard) for one in self.transcripts]
         self.settle(_PAUSE)
         for one, count in zip(self.transcripts, before, strict=True):

@@ -90,6 +90,8 @@ class Transcript:
 
     def latencies(self, paced: bool) -> np.ndarray:
         """Return the wall time from question to answer, s, in lockstep or in real time."""
+        if self.contract.own_rate:
+            return np.array([])
         return np.array([
             one.wall - self.asked[one.stamp] for one in self.heard
             if one.stamp in self.asked and one.stamp not in self.optional

@@ -108,7 +108,7 @@ def load(name: str, folder: Path = Path()) -> Source:
     if isinstance(function, type):
         function = _made(path, function)
     if not callable(function):
-        raise InputError(f'{path}: has no function {chosen}')
+        raise InputError(f'{path}:{chosen}: there is no such function')
     version = getattr(module, '__version__', '')
     about = f'{path.name}:{chosen}{version and f" {version}"}, sha256 {digest(path)}'
     return Source(function, f'{path}:{chosen}', path, about,

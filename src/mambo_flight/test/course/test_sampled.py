@@ -53,8 +53,8 @@ def test_faults_of_a_file_name_its_line(tmp_path):
     path.write_text('def bad(t):\n    return 1 / (t - 1), 0, 0\n\n\nNUMBER = 3\n')
     with pytest.raises(InputError, match=r'mine.py:2: ZeroDivisionError: .*, at t = 1 s'):
         sampled.fit(sampled.load(f'{path}:bad'), 22.0)
-    for name, message in ((f'{path}:none', 'mine.py: has no function none'),
-                          (f'{path}:NUMBER', 'mine.py: has no function NUMBER'),
+    for name, message in ((f'{path}:none', 'mine.py:none: there is no such function'),
+                          (f'{path}:NUMBER', 'mine.py:NUMBER: there is no such function'),
                           (f'{tmp_path}/no.py:x', 'no.py: No such file or directory'),
                           ('mine.csv', 'write FILE.py or FILE.py:FUNCTION')):
         with pytest.raises(InputError, match=message):
@@ -65,3 +65,46 @@ def test_faults_of_a_file_name_its_line(tmp_path):
     path.write_text('\nimport nothing_like_that\n')
     with pytest.raises(InputError, match=r'mine.py:2: ModuleNotFoundError: No module'):
         sampled.load(f'{path}:f')
+
+
+def with_rates(t):
+    """Return a line with its velocity and acceleration."""
+    return [[t * t, 0.0, -1.0, 0.1 * t], [2.0 * t, 0.0, 0.0, 0.1], [2.0, 0.0, 0.0, 0.0]]
+
+
+def test_derivatives_that_are_those_of_the_position_are_taken():
+    assert state_at(sampled.fit(with_rates, 3.0), 2.0)[:, 0] == pytest.approx([4.0, 0, -1, 0.2])
+    with pytest.raises(InputError, match='says that the velocity along x is 1 at t = .* has 2'):
+        sampled.fit(lambda t: [(2.0 * t, 0.0, -1.0), (1.0, 0.0, 0.0)], 3.0)
+    with pytest.raises(InputError, match='arrays of different shapes'):
+        sampled.fit(lambda t: [(0, 0, -1)] * (2 if t > 1.0 else 1), 3.0)
+
+
+def test_a_file_with_several_functions_has_a_usual_one(tmp_path):
+    path = tmp_path / 'several.py'
+    path.write_text('from math import sin\n\n__version__ = "2"\nduration = 3\n\n\n'
+                    'def a(t):\n    return t, 0, -1\n\n\ndef b(t):\n    return 0, t, -1\n')
+    with pytest.raises(InputError, match='has the functions a, b: write several.py:NAME'):
+        sampled.load(str(path))
+    source = sampled.load(f'{path.name}:b', tmp_path)
+    assert source.function(1.0) == (0, 1.0, -1) and source.duration == 3.0
+    assert source.about.startswith('several.py:b 2, sha256 ')
+    path.write_text(
+        'def a(t):\n    return t, 0, -1\n\n\ndef trajectory(t):\n    return 0, t, -1\n')
+    found = sampled.load(str(path))
+    assert found.name.endswith('several.py:trajectory') and found.duration is None
+    path.write_text('duration = "long"\n\n\ndef f(t):\n    return 0, t, -1\n')
+    with pytest.raises(InputError, match="duration = 'long' is not a number of seconds"):
+        sampled.load(str(path))
+
+
+def test_an_installed_function_is_found_by_its_entry_point(monkeypatch):
+    class Entry:
+        name, value, dist = 'ring', 'package:circle', None
+
+        def load(self):
+            return circle
+    monkeypatch.setattr(sampled.importlib.metadata, 'entry_points',
+                        lambda group: [Entry()] if group == 'mambo.trajectories' else [])
+    source = sampled.load('ring')
+    assert source.function is circle and source.about.startswith('ring, sha256 ')

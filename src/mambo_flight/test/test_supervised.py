@@ -1,0 +1,59 @@
+"""Compiled code of a user that never ends: the flight does, with a line and what was flown."""
+
+from pathlib import Path
+import time
+
+from mambo_bags.reader import read_bag
+from mambo_flight import closed_loop, fly, scenario as scenarios, supervised
+from mambo_model.errors import JobError
+import numpy as np
+import pytest
+
+PD = Path(__file__).parents[3] / 'examples/pd_controller.py'
+STEP = '    v = rotate(state.q, state.nu)\n'
+
+
+@pytest.fixture
+def hung(tmp_path, monkeypatch):
+    """Return a compiled controller whose step with a number in flight never ends."""
+    monkeypatch.setattr(supervised, 'HUNG', 2.0)
+    path = tmp_path / 'hung.py'
+    path.write_text(PD.read_text().replace(
+        STEP, f'    while memory.steps == 600:\n        pass\n{STEP}'))
+    return path
+
+
+def flight(controller):
+    return scenarios.scenario(
+        'hover', controller=str(controller), estimator='ground_truth', duration=7.0, land=False)
+
+
+def test_a_compiled_controller_flies_the_numbers_of_the_closed_loop():
+    scenario = flight(PD)
+    out, fault = supervised.fly(scenario, inner=True)
+    again = closed_loop.fly(scenario, inner=True)
+    assert fault == ''
+    for one, two in zip((*out[:-1], *out.inner), (*again[:-1], *again.inner), strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_a_step_that_never_ends_leaves_what_was_flown_in_a_closed_bag(hung, tmp_path, capsys):
+    bag, began = tmp_path / 'bag', time.monotonic()
+    assert fly.main(['--controller', str(hung), '--trajectory', 'hover', '--estimator',
+                     'ground_truth', '--duration', '7', '--no-landing', '-o', str(bag)]) == 1
+    text = capsys.readouterr()
+    line = next(i for i, text in enumerate(hung.read_text().splitlines(), 1) if '@jit' in text and
+                'def step' in hung.read_text().splitlines()[i])
+    assert text.err == (f'fly: hover: {hung}:{line}: the compiled step at t = 4.000 s did not end '
+                        'within 2 s\n')
+    assert len(read_bag(bag)['motor_pwm']) == 800  # from t = 0, 200 steps of it on the ground
+    assert time.monotonic() - began < 300.0
+
+
+def test_an_error_of_the_copy_is_that_of_the_flight(monkeypatch):
+    def fail(scenario, out):
+        if len(out.t):
+            raise JobError('the disk is full')
+    monkeypatch.setattr(closed_loop, 'run', fail)
+    with pytest.raises(JobError, match='the disk is full'):
+        supervised.fly(flight(PD))
