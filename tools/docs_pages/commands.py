@@ -18,6 +18,7 @@ TOOLS = {
     './run': 'the same as `mambo run`',
     './test': 'every test; `./test FILE ...` only these, `./test -k NAME` by name',
     './bench': 'speed, beside C and RotorPy',
+    './chaos': 'inject faults into flights; each must end as it should',
     './mutants': 'break the equations one at a time and see whether a test notices'}
 
 
@@ -81,8 +82,9 @@ def tools() -> str:
     out = []
     for name, what in TOOLS.items():
         out += [f'### {name}', '', what[0].upper() + what[1:] + '.', '']
-        if name in ('./bench', './mutants'):
-            script = ['-m', 'benchmarks'] if name == './bench' else ['tools/mutants.py']
+        if name in ('./bench', './chaos', './mutants'):
+            script = (['-m', 'benchmarks'] if name == './bench' else
+                      [f'tools/{name[2:]}.py'])
             out += _fenced(subprocess.run(
                 [sys.executable, *script, '--help'], cwd=ROOT, text=True, capture_output=True,
                 check=True,

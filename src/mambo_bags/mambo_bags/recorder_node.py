@@ -8,7 +8,8 @@ sensor that is out of order) gets the time of that one, which keeps the order.
 Any node may publish on these topics. A message without a readable stamp, or with one outside of
 this flight (``log_times``), is recorded at the time of ``/clock``; a message of more than a
 megabyte is not recorded. The first of each kind and topic is logged as a warning, and all are
-counted at the end.
+counted at the end. On a topic that only one node publishes, messages of a second publisher are
+refused.
 """
 
 from __future__ import annotations
@@ -89,9 +90,9 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
             name = self.resolve_topic_name(topic.name)
             self._bag.add_topic(
                 name, topic.type_name, Qos(depth=topics.QUEUE), shared=topic.shared)
-            self.subscribe(topic, self._writer(name, topic), prompt=False)
+            self.subscribe(topic, self._writer(name, topic), prompt=False, single=not topic.shared)
         if topics.CLOCK not in selected:
-            self.subscribe(topics.CLOCK, self._on_clock, prompt=False)
+            self.subscribe(topics.CLOCK, self._on_clock, prompt=False, single=True)
 
     def _on_clock(self, data: bytes) -> None:
         """Update the time from a ``/clock`` that is not recorded."""

@@ -5,37 +5,15 @@ from __future__ import annotations
 import fcntl
 import os
 from pathlib import Path
-import socket
 import tempfile
+
+from mambo_model.errors import JobError
+from mambo_ros.graph import loopback
 
 from .processes import FlightError
 
 _FREE = range(0, 101)  # domains whose ports are free of the ephemeral range on Linux
 _HIGHEST = 232  # a higher domain has no valid ports
-
-
-def check_loopback() -> None:
-    """
-    Refuse to start nodes that could not find each other.
-
-    Raises
-    ------
-    FlightError
-        If discovery is limited to this machine and its loopback interface is down.
-
-    """
-    if os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') not in ('', None, 'LOCALHOST'):
-        return
-    try:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(('127.0.0.1', 0))
-            probe.settimeout(1.0)
-            probe.sendto(b'mambo', probe.getsockname())
-            probe.recv(16)
-    except OSError as error:
-        raise FlightError(
-            f'nodes cannot find each other, the loopback interface does not work ({error}): '
-            'ip link set lo up') from None
 
 
 class Domain:
@@ -63,7 +41,10 @@ class Domain:
     def __init__(self) -> None:
         self._lock = -1
         self._added: list[str] = []
-        check_loopback()
+        try:
+            loopback.check()
+        except JobError as error:
+            raise FlightError(str(error)) from None
         asked = os.environ.get('ROS_DOMAIN_ID', '')
         if asked and not (asked.isascii() and asked.isdigit() and int(asked) <= _HIGHEST):
             raise FlightError(

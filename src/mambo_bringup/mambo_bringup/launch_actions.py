@@ -15,8 +15,8 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from mambo_flight.scenario import to_yaml
+from mambo_ros.graph import loopback
 
-from .domain import check_loopback
 from .flight import OWN, RECORDER
 from .launching import Plan
 
@@ -40,7 +40,7 @@ def description(
     def nodes(context: LaunchContext) -> list[Action]:
         texts = {argument.name: LaunchConfiguration(argument.name).perform(context)
                  for argument in arguments}
-        check_loopback()
+        loopback.check()
         return _start(plan(texts), texts['namespace'].strip('/'), texts['own_clock'] == 'true')
     return LaunchDescription([*arguments, OpaqueFunction(function=nodes)])
 

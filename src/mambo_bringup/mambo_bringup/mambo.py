@@ -95,6 +95,7 @@ GROUPS: dict[str, dict[str, Command]] = {
         'docs': Command('tools/docs.py', 'build or serve the documentation'),
         'test': Command('test', 'run every test'),
         'bench': Command('bench', 'measure speed beside C and another simulator'),
+        'chaos': Command('chaos', 'inject faults into flights; each must end as it should'),
         'mutants': Command('mutants', 'break the equations one at a time; a test must notice'),
     },
 }

@@ -16,6 +16,7 @@ import contextlib
 import fcntl
 import os
 from pathlib import Path
+import re
 import select
 import shutil
 import signal
@@ -28,6 +29,7 @@ INTERRUPT_TIMEOUT, TERMINATE_TIMEOUT = 6.0, 3.0
 SUSPENDED = 4.0  # s for which a runner may be suspended
 _YOUNG = 1.0  # s; a younger lock file may not be locked yet
 _SHARED = Path('/dev/shm')
+_MAPPED = re.compile(r'/dev/shm/(\S+)$', re.MULTILINE)
 
 
 def is_stopped(pid: int) -> bool:
@@ -37,28 +39,52 @@ def is_stopped(pid: int) -> bool:
     return False
 
 
-def sweep() -> None:
+def _mapped() -> set[str]:
+    """Return the names of shared memory files that some process of this user has mapped."""
+    found = set()
+    for maps in Path('/proc').glob('[0-9]*/maps'):
+        with contextlib.suppress(OSError):
+            found |= set(_MAPPED.findall(maps.read_text()))
+    return found
+
+
+def _remove_unlocked(lock: Path) -> bool:
+    """Remove a file whose lock is free, and the lock; return whether they are too young for it."""
+    with contextlib.suppress(OSError), lock.open() as file:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if time.time() - lock.stat().st_mtime < _YOUNG:
+            return True
+        lock.with_name(lock.name.removesuffix('_el')).unlink(missing_ok=True)
+        lock.unlink()
+    return False
+
+
+def sweep() -> bool:
     """
-    Remove the shared memory that killed processes have left.
+    Remove the shared memory that killed processes have left; return whether any is too young.
 
     Fast DDS removes its files unless its process is killed. Each file has a lock file that its
-    process holds; a file whose lock is free has no owner. The mutex of a port remains after the
-    port.
+    process holds; a file whose lock is free has no owner. A port that was opened to send to a
+    killed process has no lock file; it has no owner when no process has mapped it. The mutex of a
+    port remains after the port.
     """
-    for lock in _SHARED.glob('fastrtps_*_el'):
+    young = [_remove_unlocked(lock) for lock in _SHARED.glob('fastrtps_*_el')]
+    ports = [port for port in _SHARED.glob('fastrtps_port*')
+             if not port.name.endswith(('_el', '_sl'))
+             and not any(map(Path.exists, (port.with_name(f'{port.name}_el'),
+                                           port.with_name(f'{port.name}_sl'))))]
+    mapped = _mapped() if ports else set()
+    for file in [*(port for port in ports if port.name not in mapped),
+                 *_SHARED.glob('sem.fastrtps_port*_mutex')]:
+        port = file.name.removeprefix('sem.').removesuffix('_mutex')
         with contextlib.suppress(OSError):
-            if time.time() - lock.stat().st_mtime < _YOUNG:
+            if file.name != port and any(_SHARED.glob(f'{port}*')):
                 continue
-            with lock.open() as file:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                lock.with_name(lock.name.removesuffix('_el')).unlink(missing_ok=True)
-                lock.unlink()
-    for mutex in _SHARED.glob('sem.fastrtps_port*_mutex'):
-        with contextlib.suppress(OSError):
-            port = mutex.name.removeprefix('sem.').removesuffix('_mutex')
-            old = time.time() - mutex.stat().st_mtime >= _YOUNG
-            if old and not any(_SHARED.glob(f'{port}*')):
-                mutex.unlink()
+            if time.time() - file.stat().st_mtime < _YOUNG:
+                young.append(True)
+            else:
+                file.unlink()
+    return any(young)
 
 
 class Watchdog:
@@ -140,7 +166,9 @@ def main() -> None:
     _end([handle for handle in handles if not select.select([handle], [], [], 0.0)[0]])
     for folder in folders:
         shutil.rmtree(folder, ignore_errors=True)
-    sweep()
+    if sweep():  # of nodes that were killed as soon as they began
+        time.sleep(_YOUNG)
+        sweep()
 
 
 if __name__ == '__main__':

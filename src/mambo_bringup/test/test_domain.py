@@ -145,14 +145,20 @@ def test_a_domain_whose_file_cannot_be_opened_is_passed_over(monkeypatch):
     assert Domain().number == 2
 
 
-def test_without_a_loopback_interface_a_flight_is_refused_at_once_with_one_line(tmp_path):
+@pytest.mark.parametrize('module, name', [
+    ('mambo_bringup.flight', 'run'), ('mambo_sim.sim_node', 'sim_node'),
+    ('mambo_bringup.composed_node', 'recorder_node')])
+def test_without_a_loopback_interface_all_is_refused_at_once_with_one_line(
+        tmp_path, module, name):
     alone = ['unshare', '--user', '--map-root-user', '--net']
     if subprocess.run([*alone, 'true'], capture_output=True).returncode:
         pytest.skip('this user may not make a network namespace')
     done = subprocess.run(
-        [*alone, sys.executable, '-m', 'mambo_bringup.flight', '--output', str(tmp_path / 'bag')],
+        [*alone, sys.executable, '-c', f'from {module} import main; raise SystemExit(main())',
+         *(['--output', str(tmp_path / 'bag')] if name == 'run' else [])],
         text=True, capture_output=True, timeout=60.0)
     assert (done.returncode, done.stdout) == (1, '')
     (line,) = done.stderr.splitlines()
-    assert line.startswith('run: nodes cannot find each other, the loopback interface does not')
+    assert line.startswith(
+        f'{name}: nodes cannot find each other, the loopback interface does not work')
     assert line.endswith('ip link set lo up')

@@ -1,11 +1,13 @@
 """Nodes as children: started, watched, ended in order, never left behind."""
 
 import fcntl
+import mmap
 import os
 from pathlib import Path
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 
@@ -288,20 +290,37 @@ with NodeGroup('recorder') as group:
     until(lambda: not alive(pid) and not Path(folder).exists(), 'the watchdog')
 
 
-def test_only_shared_memory_of_dead_processes_is_removed(tmp_path, monkeypatch):
+def test_shared_memory_of_the_living_stays_and_of_the_dead_goes(tmp_path, monkeypatch):
     monkeypatch.setattr(watchdog, '_SHARED', tmp_path)
-    living = ['fastrtps_port1', 'fastrtps_port1_el', 'other_el', 'sem.fastrtps_port1_mutex']
-    for name in (*living, 'fastrtps_2', 'fastrtps_2_el', 'fastrtps_port3', 'fastrtps_port3_el',
-                 'sem.fastrtps_port3_mutex', 'sem.fastrtps_port4_mutex'):
-        (tmp_path / name).touch()
-        os.utime(tmp_path / name, (1.0, 1.0))
+    monkeypatch.setattr(watchdog, '_mapped', lambda: {'fastrtps_port6'})
+    living = ['fastrtps_port1', 'fastrtps_port1_el', 'fastrtps_port6', 'other_el',
+              'sem.fastrtps_port1_mutex', 'sem.fastrtps_port6_mutex']
+    dead = ['fastrtps_2', 'fastrtps_2_el', 'fastrtps_port3', 'fastrtps_port3_el',
+            'sem.fastrtps_port3_mutex', 'sem.fastrtps_port4_mutex', 'fastrtps_port7',
+            'sem.fastrtps_port7_mutex']
+
+    def make(time):
+        for name in (*living, *dead):
+            (tmp_path / name).touch()
+            os.utime(tmp_path / name, time)
+    make((1.0, 1.0))
     with (tmp_path / 'fastrtps_port1_el').open() as held:
         fcntl.flock(held, fcntl.LOCK_EX)
-        watchdog.sweep()
+        assert watchdog.sweep() is False
         assert sorted(file.name for file in tmp_path.iterdir()) == living
-    (tmp_path / 'sem.fastrtps_port5_mutex').touch()  # of a port that is just being made
-    watchdog.sweep()
-    assert (tmp_path / 'sem.fastrtps_port5_mutex').exists()
+        make(None)
+        assert watchdog.sweep() is True  # may be just being made
+        assert sorted(file.name for file in tmp_path.iterdir()) == sorted([*living, *dead])
+
+
+def test_shared_memory_that_a_process_has_mapped_is_found():
+    with tempfile.NamedTemporaryFile(dir='/dev/shm', prefix='mambo_test_') as file:
+        file.write(bytes(4096))
+        file.flush()
+        name = Path(file.name).name
+        assert name not in watchdog._mapped()
+        with mmap.mmap(file.fileno(), 4096):
+            assert name in watchdog._mapped()
 
 
 def test_signals_mean_afterwards_what_they_meant_before():

@@ -178,7 +178,7 @@ def test_an_unknown_override_is_named(name, complaint):
 
 
 def test_an_override_out_of_range_is_named():
-    with pytest.raises(schema.ParameterError, match=r'Vehicle\.mass = -1\.0 kg'):
+    with pytest.raises(schema.ParameterError, match=r'sim_node.simulator.vehicle.mass = -1\.0 kg'):
         scenario(overrides={'sim_node.simulator.vehicle.mass': -1})
 
 

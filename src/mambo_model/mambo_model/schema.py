@@ -290,4 +290,7 @@ def build(params_type: type[P], values: Mapping[str, Any], where: str = '') -> P
     try:
         return params_type(**filled)
     except ParameterError as error:
-        raise ParameterError(f'{where.rstrip(".: ")}: {error}' if where else str(error)) from None
+        field = str(error).removeprefix(f'{params_type.__name__}.')  # a class means nothing here
+        if where and field == str(error):
+            raise ParameterError(f'{where.rstrip(".: ")}: {error}') from None
+        raise ParameterError(f'{where}{field}') from None

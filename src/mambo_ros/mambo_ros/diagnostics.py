@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from . import topics
 from .cdr import serialize
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 LEVELS = (OK, WARN, ERROR)
 REFUSED = 'refused messages:'
 """Start of the log line that counts refused messages."""
+_REPORT_EVERY = 1.0  # s between reports of refused messages
 
 
 def report(t: int, name: str, level: bytes, message: str, values: Mapping[str, object]) -> bytes:
@@ -62,3 +65,32 @@ class Faulty:
         if what and not self.fault:
             self.fault = what
             self.get_logger().error(what)  # type: ignore[attr-defined]  # of the node
+
+
+class Refusals:
+    """
+    Reports of the messages that a node has refused.
+
+    Parameters
+    ----------
+    owner : mambo_ros.node.MamboNode
+        The node.
+
+    """
+
+    def __init__(self, owner: Any) -> None:
+        self._owner = owner
+        self._reported: dict[str, int] = {}  # by topic and reason
+        self._next = 0.0  # s of wall time
+
+    def report(self, now: float) -> None:
+        """Warn of messages refused since the last report, once a second; s of wall time."""
+        counts = self._owner.refused() if now >= self._next else self._reported
+        if counts == self._reported:
+            return
+        self._reported, self._next = counts, now + _REPORT_EVERY
+        line = refusals_line(counts)
+        self._owner.get_logger().warning(line)
+        stamp = max([0, *(guard.last for guard in self._owner.input_guards)])
+        self._owner.advertise(topics.DIAGNOSTICS)(report(
+            stamp, f'{self._owner.get_name()}: inputs', WARN, line, counts))

@@ -11,7 +11,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from . import topics
-from .input_guard import InputGuard, LARGEST
+from .graph.publisher_guard import PublisherGuard
 from .message_taker import MessageTaker
 
 AT_ONCE = 100
@@ -89,7 +89,7 @@ class Input(NamedTuple):
 
     topic: topics.Topic
     name: str  # resolved
-    take: Callable[[bytes], None] | InputGuard
+    take: Callable[[bytes], None] | PublisherGuard
     prompt: bool
     reliable: bool = True
 
@@ -103,7 +103,8 @@ class Entry:
     handle
         Of the subscription.
     source
-        The input that it serves; an :class:`InputGuard` also gets the publisher of each message.
+        The input that it serves; a :class:`PublisherGuard` also gets the publisher of each
+        message.
 
     """
 
@@ -111,8 +112,8 @@ class Entry:
         self.handle, self._callback = handle, source.take
         self._msg_type = source.topic.msg_type
         self.take_all = self._take_unguarded
-        if isinstance(source.take, InputGuard):
-            self._taker = MessageTaker(handle, LARGEST + 1)
+        if isinstance(source.take, PublisherGuard):
+            self._taker = MessageTaker(handle, source.take.largest + 1)
             self.take_all = source.take.pull = self._take_guarded
 
     def _take_unguarded(self) -> bool:

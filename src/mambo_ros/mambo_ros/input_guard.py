@@ -11,31 +11,25 @@ overtake the clock message that caused it. If the input itself is the clock of i
 run ahead of the last accepted message by ``LEAP``. A longer leap is accepted when
 ``CONFIRMATIONS`` consecutive messages continue from it.
 
-**Publisher.** The middleware identifies the publisher of a message by its global identifier
-(GID). The first publisher of a usable message is accepted; messages of any other are refused.
-Another one takes over when the first has been absent from the graph for ``ABSENT``.
+**Publisher.** The first publisher of a usable message is accepted (``graph.publisher_guard``).
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable
 from itertools import chain
 import math
 import struct
-import time
 from typing import Any
 
+from .graph.publisher_guard import PublisherGuard
 from .layout import LayoutError
 
 LEAP = 1_000_000_000  # ns
 CONFIRMATIONS = 10  # messages after a leap before it is accepted
-ABSENT = 0.5  # s of wall time
-_LOOK_EVERY = 0.1  # s of wall time between looks at the graph
 LARGEST_PWM = 65_535.0  # for any vehicle; each motor map has its own limits
 LARGEST = 65_536  # bytes; the largest message of the graph has 0.8 kB
 
-SECOND_PUBLISHER = 'from a second publisher'
 MALFORMED = 'malformed'
 TOO_LARGE = 'too large'
 NEGATIVE = 'stamp below 0'
@@ -45,15 +39,6 @@ NOT_FINITE = 'not finite'
 OUT_OF_LIMITS = 'out of limits'
 
 _UNREADABLE = (LayoutError, struct.error, IndexError)
-
-
-def _nobody() -> set[bytes]:
-    """Return no publisher, for an input that no other process can reach."""
-    return set()
-
-
-def _nothing() -> None:
-    """Do nothing."""
 
 
 def finite(*parts: tuple[float, ...]) -> str:
@@ -70,7 +55,7 @@ def check_pwm(command: tuple) -> str:
     return finite(command[1]) or OUT_OF_LIMITS
 
 
-class InputGuard:
+class InputGuard(PublisherGuard):
     """
     Checks the messages of one input of a node; called with each message as it arrives.
 
@@ -102,12 +87,8 @@ class InputGuard:
     ----------
     last : int
         Newest stamp accepted, ns; -1 before the first, and of inputs that are not ``timed``.
-    refused : collections.Counter
-        Messages refused, by reason.
-    publishers
-        Returns the GIDs of the topic's publishers in the graph; set by the node.
-    pull
-        Handles messages that have arrived but not yet been served; set by the loop.
+
+    Others as of :class:`mambo_ros.graph.publisher_guard.PublisherGuard`.
 
     """
 
@@ -117,19 +98,13 @@ class InputGuard:
         check: Callable[[tuple], str] | None = None, tolerant: bool = False, timed: bool = True,
         lost: Callable[[], Any] | None = None,
     ) -> None:
-        self.topic, self.last = topic, -1
-        self.refused: Counter[str] = Counter()
-        self.publishers: Callable[[], set[bytes]] = _nobody
-        self.pull: Callable[[], Any] = _nothing
-        self._decode, self._use, self._check, self._tolerant = decode, use, check, tolerant
+        super().__init__(topic, use, LARGEST)
+        self._decode, self._check, self._tolerant = decode, check, tolerant
         self._now, self._newest = (
             (now.time, now.newest) if isinstance(now, InputGuard) else (now, now))
         # guard whose newest stamp limits this one, if any; read directly, without a call
         self._clock = self if now is None else now if isinstance(now, InputGuard) else None
         self._ahead, self._timed, self._lost = LEAP if now is None else ahead, timed, lost
-        self._first = b''  # GID of the accepted publisher, empty before the first
-        self._next_look = 0.0  # s of wall time of the next look at the graph
-        self._absent_since = math.inf  # s of wall time when the publisher left the graph
         self._there, self._run = -1, 0  # stamp of the last leap, messages that continued from it
 
     def __call__(self, data: bytes, publisher: bytes = b'') -> None:
@@ -144,8 +119,7 @@ class InputGuard:
             GID of its publisher; empty: a node of this process.
 
         """
-        if publisher != self._first and self._first and not self._has_left():
-            self.refused[SECOND_PUBLISHER] += 1
+        if publisher != self._first and self._first and self._is_foreign(publisher):
             return
         try:
             value = self._decode(data) if len(data) <= LARGEST else None
@@ -174,7 +148,13 @@ class InputGuard:
         if self._timed:
             self.last = t
         self._first = publisher
-        self._use(*value)
+        self.accepted += 1
+        self.use(*value)
+
+    @property
+    def local(self) -> Callable[[bytes], None]:
+        """What takes messages of the same process: this guard."""
+        return self
 
     def time(self) -> int:
         """Return the newest stamp accepted, ns; -1 before the first."""
@@ -210,14 +190,3 @@ class InputGuard:
         self._run = self._run + 1 if self._there < t <= self._there + LEAP else 1
         self._there = t
         return self._run >= CONFIRMATIONS
-
-    def _has_left(self) -> bool:
-        """Return whether the accepted publisher has been absent from the graph for ``ABSENT``."""
-        now = time.monotonic()
-        if now >= self._next_look:
-            self._next_look = now + _LOOK_EVERY
-            if self._first in self.publishers():
-                self._absent_since = math.inf
-            else:
-                self._absent_since = min(self._absent_since, now)
-        return now - self._absent_since > ABSENT

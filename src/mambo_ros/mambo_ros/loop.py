@@ -22,6 +22,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
 from .endpoints import AT_ONCE, Entry, Input, RawPublisher
 from .graph import peers
+from .graph.floods import Floods
+from .graph.publisher_guard import PublisherGuard
 from .node import MamboNode
 
 _HOUSEKEEPING = 0.02  # s, the longest wait at once
@@ -75,6 +77,10 @@ class Loop:
             self._wait_set = _rclpy.WaitSet(
                 len(self._prompt), 0, 0, 0, 0, 0, self._context.handle)
         self._next_turn = 0.0
+        floods = Floods(nodes)
+        for node in nodes:
+            for guard in node.input_guards:
+                guard.flooded = floods.ignore
         self._peers = [peers.Peers(node, node.ends()) for node in nodes]
 
     def _join(self, source: Input) -> bool:
@@ -82,7 +88,8 @@ class Loop:
         local = [output for node in self.nodes for output in node.outputs
                   if output.publisher.topic_name == source.name and not output.shared]
         for output in local:
-            output.local.append(source.take)
+            output.local.append(
+                source.take.local if isinstance(source.take, PublisherGuard) else source.take)
         return bool(local)
 
     def output(self, name: str) -> RawPublisher:

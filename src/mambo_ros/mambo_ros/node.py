@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 import math
+import sys
 import time
 from typing import Any, Generic, TypeVar
 
@@ -21,12 +22,12 @@ from rclpy.subscription import Subscription
 from . import diagnostics, params, topics
 from .endpoints import Input, LoopGroup, qos, RawPublisher
 from .graph import peers
+from .graph.publisher_guard import PublisherGuard
 from .input_guard import InputGuard
 
 P = TypeVar('P')
 
 FLUSH = 2.0  # s to wait for readers to acknowledge what an ending process has published
-_REPORT_EVERY = 1.0  # s between reports of refused messages
 _LOCAL = 2**32 - 1  # number of publishers of a topic that the same process publishes
 
 
@@ -64,8 +65,7 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
         self._lean = LoopGroup()
         self._sources: dict[str, Subscription] = {}  # by topic
         self._matched: list[int] | None = None
-        self._refusals: dict[str, int] = {}  # by topic and reason, as last reported
-        self._next_report = 0.0  # s of wall time
+        self._refusals = diagnostics.Refusals(self)
         self._links = self.create_publisher(
             topics.LINKS.msg_type, topics.LINKS.name, qos(topics.LINKS, 1))
 
@@ -81,7 +81,7 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
         return output
 
     def subscribe(self, topic: topics.Topic, callback: Callable[[bytes], None],
-                  prompt: bool = True) -> None:
+                  prompt: bool = True, single: bool = False) -> None:
         """
         Call ``callback`` with each serialised message of a topic, in order.
 
@@ -94,9 +94,13 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
         prompt
             Whether the process wakes up for a message; otherwise it is taken together with the
             next prompt one, or some milliseconds later.
+        single
+            Whether messages of a second publisher are refused, with a warning and a count.
 
         """
-        self.inputs.append(Input(topic, self.resolve_topic_name(topic.name), callback, prompt))
+        name = self.resolve_topic_name(topic.name)
+        self.inputs.append(Input(topic, name, self._guard(PublisherGuard(
+            name, callback, sys.maxsize)) if single else callback, prompt))
 
     def accept(self, topic: topics.Topic, decode: Callable[[bytes], tuple],
                callback: Callable[..., Any], prompt: bool = True, reliable: bool = True,
@@ -124,8 +128,12 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
         """
         name = self.resolve_topic_name(topic.name)
         guard = InputGuard(name, decode, callback, **bounds)
-        guard.publishers = partial(peers.publishers, self, name)
-        self.inputs.append(Input(topic, name, guard, prompt, reliable))
+        self.inputs.append(Input(topic, name, self._guard(guard), prompt, reliable))
+        return guard
+
+    def _guard(self, guard: PublisherGuard) -> PublisherGuard:
+        """Let a guard know the publishers of its topic; advertise where it reports."""
+        guard.publishers = partial(peers.publishers, self, guard.topic)
         self.advertise(topics.DIAGNOSTICS)
         return guard
 
@@ -137,9 +145,9 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
         return self._sources[entry.name]
 
     @property
-    def input_guards(self) -> list[InputGuard]:
-        """Return the guards of all inputs."""
-        return [entry.take for entry in self.inputs if isinstance(entry.take, InputGuard)]
+    def input_guards(self) -> list[PublisherGuard]:
+        """Return the guards of all inputs that have one."""
+        return [entry.take for entry in self.inputs if isinstance(entry.take, PublisherGuard)]
 
     def refused(self) -> dict[str, int]:
         """Return how many messages were refused, by topic and reason."""
@@ -165,15 +173,7 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
             Wall time, of ``time.monotonic``.
 
         """
-        counts = self.refused() if now >= self._next_report else self._refusals
-        if counts == self._refusals:
-            return
-        self._refusals, self._next_report = counts, now + _REPORT_EVERY
-        line = diagnostics.refusals_line(counts)
-        self.get_logger().warning(line)
-        stamp = max([0, *(guard.last for guard in self.input_guards)])
-        self.advertise(topics.DIAGNOSTICS)(diagnostics.report(
-            stamp, f'{self.get_name()}: inputs', diagnostics.WARN, line, counts))
+        self._refusals.report(now)
 
     def finish(self) -> None:
         """Finish the node's work; called once, after the last message, while the graph works."""

@@ -15,18 +15,19 @@ import traceback
 from types import FrameType
 from typing import Any, NoReturn
 
-from mambo_model.schema import ParameterError
+from mambo_model.errors import MamboError
 import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from . import exit_timer, usage
+from .graph import loopback
 from .loop import Loop
 from .node import FLUSH, MamboNode
 
 _TEARDOWN = 1.0  # s for the middleware to shut down, which has been seen to hang
 _PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'  # the user's own file, or ours
-_REFUSALS = (ParameterError, FileNotFoundError, FileExistsError, _rclpy.RCLError,
+_REFUSALS = (MamboError, FileNotFoundError, FileExistsError, _rclpy.RCLError,
              _rclpy.UnknownROSArgsError)
 
 
@@ -95,6 +96,7 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup
                 signal.signal(number, stop)
+        loopback.check()
         os.environ.setdefault(_PROFILES, str(Path(__file__).with_name('fastdds.xml')))
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         for node_type in node_types:
@@ -131,9 +133,10 @@ def _start_failure(error: BaseException, node_type: type[MamboNode]) -> int:
     if not isinstance(error, _REFUSALS):
         _print_traceback()
         return 1
+    name = node_type.__module__.rpartition('.')[2].replace('__main__', Path(sys.argv[0]).stem)
     with suppress(OSError):
-        print(f'{node_type.__name__}: {_line(error)}', file=sys.stderr)
-    return 2
+        print(f'{name}: {_line(error)}', file=sys.stderr)
+    return getattr(error, 'exit_code', 2)
 
 
 def _help(node_types: Sequence[type[MamboNode]]) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 import struct
 
 from mambo_ros import input_guard, messages, topics
+from mambo_ros.graph import publisher_guard
 from mambo_ros.input_guard import InputGuard
 from mambo_ros.loop import Loop
 from mambo_ros.node import MamboNode
@@ -156,7 +157,7 @@ class TestPublishers:
     @pytest.fixture
     def wall(self, monkeypatch):
         wall = [100.0]
-        monkeypatch.setattr(input_guard.time, 'monotonic', lambda: wall[0])
+        monkeypatch.setattr(publisher_guard.time, 'monotonic', lambda: wall[0])
         return wall
 
     def test_every_message_of_a_second_publisher_is_refused(self, one):
@@ -164,7 +165,7 @@ class TestPublishers:
             one.send(k, self.SECOND, pwm=500.0)
             one.send(k, self.FIRST)
         assert one.used == [(k, 1.0) for k in range(20)]
-        assert one.refused == {input_guard.SECOND_PUBLISHER: 19}
+        assert one.refused == {publisher_guard.SECOND_PUBLISHER: 19}
 
     def test_a_publisher_of_unusable_messages_does_not_become_the_first(self):
         one = Input()
@@ -177,7 +178,7 @@ class TestPublishers:
         one.send(1, self.FIRST)
         assert one.used == [(0, 1.0), (1, 1.0)]
         assert one.refused == {
-            input_guard.NOT_FINITE: 1, input_guard.AHEAD: 1, input_guard.SECOND_PUBLISHER: 1}
+            input_guard.NOT_FINITE: 1, input_guard.AHEAD: 1, publisher_guard.SECOND_PUBLISHER: 1}
 
     def test_a_refused_message_of_the_first_leaves_it_the_first(self, one):
         one.send(1, self.FIRST, pwm=math.nan)
@@ -189,21 +190,21 @@ class TestPublishers:
         one.present = {self.SECOND}
         one.send(1, self.SECOND)
         assert one.steps == [0]
-        wall[0] += 1.1 * input_guard.ABSENT
+        wall[0] += 1.1 * publisher_guard.ABSENT
         one.send(2, self.SECOND)
         one.send(3, self.SECOND)
-        assert one.steps == [0, 2, 3] and one.refused == {input_guard.SECOND_PUBLISHER: 1}
+        assert one.steps == [0, 2, 3] and one.refused == {publisher_guard.SECOND_PUBLISHER: 1}
 
     def test_a_first_publisher_not_yet_in_the_graph_keeps_its_place(self, one, wall):
         one.present = {self.SECOND}
         one.send(1, self.SECOND)
-        wall[0] += 0.9 * input_guard.ABSENT
+        wall[0] += 0.9 * publisher_guard.ABSENT
         one.present = {self.FIRST, self.SECOND}
         one.send(1, self.SECOND)
-        wall[0] += 10.0 * input_guard.ABSENT
+        wall[0] += 10.0 * publisher_guard.ABSENT
         one.send(1, self.SECOND)
         one.send(1, self.FIRST)
-        assert one.steps == [0, 1] and one.refused == {input_guard.SECOND_PUBLISHER: 3}
+        assert one.steps == [0, 1] and one.refused == {publisher_guard.SECOND_PUBLISHER: 3}
 
     def test_the_graph_is_not_queried_for_every_message_of_a_flood(self, one, wall):
         asked = []

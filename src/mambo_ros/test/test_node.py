@@ -406,7 +406,7 @@ process.main(Probe, [])
 """))
     done = subprocess.run([sys.executable, str(file)], capture_output=True, text=True,
                           timeout=PATIENCE)
-    assert (done.returncode, done.stderr) == (2, 'Probe: no more files\n')
+    assert (done.returncode, done.stderr) == (2, 'probe: no more files\n')
     assert 'finished with 0' in done.stdout
 
 
@@ -437,19 +437,19 @@ def test_a_process_exits_although_the_middleware_hangs(tmp_path, code):
 
 
 @pytest.mark.parametrize('arguments, complaint', [
-    (['-p', 'gain:=7.0'], 'Probe: Params.gain = 7.0 1/s is outside [0, 5]'),
-    (['-p', 'gian:=1.0'], 'Probe: gian: unknown parameter; did you mean gain?'),
-    (['-p', 'gain:=high'], "Probe: Params.gain = 'high' must be a number"),
+    (['-p', 'gain:=7.0'], 'probe: gain = 7.0 1/s is outside [0, 5]'),
+    (['-p', 'gian:=1.0'], 'probe: gian: unknown parameter; did you mean gain?'),
+    (['-p', 'gain:=high'], "probe: gain = 'high' must be a number"),
     (['--params-file', 'nowhere.yaml'], 'nowhere.yaml'),
     (['-p', 'nonsense'], 'nonsense'),
-    (['--nonsense'], "Probe: unknown arguments after --ros-args: ['--nonsense']"),
+    (['--nonsense'], "probe: unknown arguments after --ros-args: ['--nonsense']"),
 ])
 def test_a_wrong_parameter_ends_a_node_with_one_line(tmp_path, arguments, complaint):
     process = start(tmp_path, *arguments)
     out, err = process.communicate(timeout=PATIENCE)
     ours = [line for line in err.splitlines() if '[rcl]' not in line]  # what ROS itself says
     assert process.returncode == 2
-    assert len(ours) == 1 and complaint in ours[0] and ours[0].startswith('Probe: ')
+    assert len(ours) == 1 and complaint in ours[0] and ours[0].startswith('probe: ')
     assert out == ''
 
 

@@ -165,17 +165,17 @@ def test_every_switch_turns_the_options_on(switch):
 
 
 @pytest.mark.parametrize(('values', 'message'), [
-    ({'mass': -0.068}, r'Vehicle.mass = -0.068 kg is outside \[0.01, 1\]'),
-    ({'mass': 68.0}, r'Vehicle.mass = 68.0 kg is outside \[0.01, 1\]'),
-    ({'inertia': [0.69, 0.775, 1.5]}, r'Vehicle.inertia = .* kg m\^2 is outside \[1e-06, 0.01\]'),
-    ({'inertia': [7e-5, 7e-5]}, r'Vehicle.inertia = .* must be 3 numbers'),
-    ({'gravity': -9.81}, r'Vehicle.gravity = -9.81 m/s\^2 is outside \[9.7, 9.9\]'),
-    ({'drag_reading': 'quadratic'}, r"Vehicle.drag_reading = 'quadratic' is not one of none, per"),
-    ({'pwm_min': 400.0, 'pwm_max': 300.0}, r'Vehicle.pwm_min = 400 PWM must be below pwm_max'),
+    ({'mass': -0.068}, r'mass = -0.068 kg is outside \[0.01, 1\]'),
+    ({'mass': 68.0}, r'mass = 68.0 kg is outside \[0.01, 1\]'),
+    ({'inertia': [0.69, 0.775, 1.5]}, r'inertia = .* kg m\^2 is outside \[1e-06, 0.01\]'),
+    ({'inertia': [7e-5, 7e-5]}, r'inertia = .* must be 3 numbers'),
+    ({'gravity': -9.81}, r'gravity = -9.81 m/s\^2 is outside \[9.7, 9.9\]'),
+    ({'drag_reading': 'quadratic'}, r"drag_reading = 'quadratic' is not one of none, per"),
+    ({'pwm_min': 400.0, 'pwm_max': 300.0}, r'pwm_min = 400 PWM must be below pwm_max'),
     ({'rotor.torques': True}, r'rotor.torques = True needs a motor_time_constant above 0 s'),
     ({'weight': 0.068}, r'weight: unknown parameter; known: air_density, arm, '),
-    ({'drag.induced': 1.0}, r'drag: DragParams.induced = 1.0 must be true or false'),
-    ({'fade.loss': 1.0}, r'fade: FadeParams.loss = 1.0 1 is outside \[0, 0.9\]'),
+    ({'drag.induced': 1.0}, r'drag.induced = 1.0 must be true or false'),
+    ({'fade.loss': 1.0}, r'fade.loss = 1.0 1 is outside \[0, 0.9\]'),
 ])
 def test_bad_vehicles_are_refused_with_the_reason(values, message):
     with pytest.raises(ParameterError, match=message):

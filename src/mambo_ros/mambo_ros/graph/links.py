@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections import Counter
 import time
 
-from mambo_interfaces.msg import NodeLinks
-from rclpy.serialization import deserialize_message
-
+from . import peers
 from .. import node, topics
-from ..endpoints import qos
+from ..endpoints import Input
 from ..loop import Loop
+from .announcements import Announcements
 from .foreign import ForeignNode
 
-_ASK_AGAIN = 5.0  # s of wall time between log lines that name what a node waits for
+_LOOK_EVERY = 0.1  # s of wall time between looks at who announces
+_ASK_AGAIN = 5.0  # s of wall time after which a waiting node says what it waits for
+_GUESTS = 5.0  # s of wall time for which the links of nodes that nobody expects are waited for
+_CROWDED = 10.0  # s of wall time that a second publisher or a namesake has to leave
 
 
 class Links:
@@ -25,6 +27,10 @@ class Links:
     the reader has found it, or whether the next link is matched. Every node therefore announces
     what its publishers and subscriptions have matched (``NodeLinks``), and the node that owns
     time starts when both sides of every link are matched.
+
+    Anybody may announce anything (``announcements``). Nodes that nobody expects
+    hold up the start by ``_GUESTS`` at most, and a topic with a second publisher or a second node
+    of one name by ``_CROWDED``: the flight then does not begin.
 
     Parameters
     ----------
@@ -48,30 +54,44 @@ class Links:
         self._foreign = [
             ForeignNode(owner, owner.resolve_topic_name(name))
             for name in map(str.strip, wait_for_publishers.split(',')) if name]
-        self._known: dict[str, NodeLinks] = {}
-        owner.create_subscription(
-            topics.LINKS.msg_type, topics.LINKS.name, self._on_links, qos(topics.LINKS, 100),
-            raw=True)
+        self._crowd, self._next_look = '', 0.0  # what is one too many; s of wall time
+        self._heard = Announcements(owner)
+        owner.inputs.append(Input(topics.LINKS, self._heard.topic, self._heard, False))
 
-    def _on_links(self, data: bytes) -> None:
-        """Decode and store the links of one node; ignore a message that cannot be read."""
-        try:
-            links = deserialize_message(data, NodeLinks)
-        except Exception:  # the type of the exception depends on the middleware
-            self._owner.get_logger().warning(
-                f'{topics.LINKS.name}: ignored {len(data)} bytes that are not a NodeLinks',
-                throttle_duration_sec=_ASK_AGAIN)
-            return
-        self.update(links)
+    def _look(self, now: float) -> None:
+        """Take what is new from the nodes of the graph."""
+        if now >= self._next_look:
+            self._next_look = now + _LOOK_EVERY
+            self._crowd = self._too_many(self._heard.look())
 
-    def update(self, links: NodeLinks) -> None:
-        """Store the links of one node, if they are complete."""
-        if len(links.published) + len(links.subscribed) == len(links.matched):
-            self._known[links.node] = links
+    def _too_many(self, announcing: list[str]) -> str:
+        """Return what there is one too many of, by the names of nodes that announce, or ''."""
+        mine = self._owner.get_fully_qualified_name()
+        for name in (mine, *self._expected):
+            if announcing.count(name) > 1:
+                return (f'{announcing.count(name)} nodes are named {name}, expected one: '
+                        'end the other flight, or set another ROS_DOMAIN_ID')
+        shared = {self._owner.resolve_topic_name(topic.name)
+                  for topic in (topics.TF, topics.DIAGNOSTICS, topics.LINKS)}
+        members = (self._heard.known.get(name) for name in (mine, *self._expected))
+        for topic in sorted({topic for links in (*filter(None, members), *self._foreign)
+                             for topic in links.published} - shared):
+            if self._owner.count_publishers(topic) > 1:
+                infos = self._owner.get_publishers_info_by_topic(topic)
+                return f'{peers.crowd(topic, infos)}: end the others'
+        return ''
 
-    def missing(self) -> str:
-        """Return a phrase that names the first thing still missing; empty if there is none."""
-        absent = [name for name in self._expected if name not in self._known]
+    def missing(self, guests: bool = True) -> str:
+        """
+        Return the first thing that is not there yet as a phrase, empty when all is matched.
+
+        Parameters
+        ----------
+        guests
+            Whether nodes that nobody expects count.
+
+        """
+        absent = [name for name in self._expected if name not in self._heard.known]
         if absent:
             return f"node {', '.join(absent)}"
         for foreign in self._foreign:
@@ -79,10 +99,13 @@ class Links:
                 return absence
         if not self._expected:
             return ''
-        known = [*self._known.values(), *self._foreign]
+        mine = self._owner.get_fully_qualified_name()
+        announced = [links for name, links in self._heard.known.items()
+                     if guests or name == mine or name in self._expected]
+        known = [*announced, *self._foreign]
         readers = Counter(topic for links in known for topic in links.subscribed)
         writers = Counter(topic for links in known for topic in links.published)
-        for links in self._known.values():
+        for links in announced:
             for topic, matched in zip(links.published, links.matched):
                 if matched < readers[topic]:
                     return (f'{readers[topic] - matched} of {readers[topic]} readers of {topic} '
@@ -127,18 +150,31 @@ class Links:
 
         """
         began = logged = time.monotonic()
-        while missing := self.missing():
-            loop.once(0.01)
-            loop.turn()
+        since = dict.fromkeys(('crowd', 'guests'), began)
+        while True:
             now = time.monotonic()
-            if loop.stopping:
+            self._look(now)
+            missing = self.missing()
+            since['crowd'] = since['crowd'] if self._crowd else now
+            since['guests'] = since['guests'] if missing and not self.missing(False) else now
+            if not missing and not self._crowd:
+                return True
+            if now - since['crowd'] > _CROWDED:
+                self._owner.get_logger().error(f'the flight does not begin: {self._crowd}')
                 return False
+            if now - since['guests'] > _GUESTS and not self._crowd:
+                self._owner.get_logger().warning(f'begins without {missing}')
+                return True
             if now - began > patience:
-                self._owner.get_logger().error(f'gave up after {patience:g} s without {missing}')
+                self._owner.get_logger().error(
+                    f'gave up after {patience:g} s without {missing}')
                 return False
             if now - logged > _ASK_AGAIN:
                 logged = now
                 if not self.alone(topics.CLOCK):
                     return False
-                self._owner.get_logger().warning(f'waiting for {missing}')
-        return True
+                self._owner.get_logger().warning(f'waiting for {missing or self._crowd}')
+            loop.once(0.01)
+            loop.turn()
+            if loop.stopping:
+                return False

@@ -35,6 +35,12 @@ def publishers(node: Node, topic: str) -> set[bytes]:
     return {bytes(info.endpoint_gid) for info in node.get_publishers_info_by_topic(topic)}
 
 
+def crowd(topic: str, infos: list[TopicEndpointInfo]) -> str:
+    """Return a line that names the publishers of a topic that should have one."""
+    names = ', '.join(sorted(map(who, infos)))
+    return f'{topic}: {len(infos)} publishers ({names}), expected one'
+
+
 def incompatible(name: str, offered: QoSProfile, asked: QoSProfile, publisher: str,
                  reader: str) -> Iterator[str]:
     """Yield a line for each policy that a reader requests and a publisher does not offer."""
@@ -104,6 +110,4 @@ class Peers:
             else:
                 yield from incompatible(end.name, info.qos_profile, end.profile, who(info), me)
         if len(infos) > 1 and not end.shared and not end.published:
-            names = ', '.join(sorted(map(who, infos)))
-            yield (f'{end.name}: {len(infos)} publishers ({names}), expected one: '
-            'only the first is used; end the others')
+            yield f'{crowd(end.name, infos)}: only the first is used; end the others'

@@ -55,16 +55,16 @@ def test_only_named_nodes_are_waited_for():
 
 def test_missing_nodes_are_named_one_and_all(links):
     assert links.missing() == 'node /mambo/estimator, /mambo/controller'
-    links.update(announced('/mambo/estimator'))
+    links._heard.update(announced('/mambo/estimator'))
     assert links.missing() == 'node /mambo/controller'
-    links.update(announced('/mambo/controller'))
+    links._heard.update(announced('/mambo/controller'))
     assert links.missing() == ''
 
 
 def test_a_node_of_another_namespace_can_be_named():
     links = Links(node('sim'), '/hall/mocap')
     assert links.missing() == 'node /hall/mocap'
-    links.update(announced('/hall/mocap'))
+    links._heard.update(announced('/hall/mocap'))
     assert links.missing() == ''
 
 
@@ -73,42 +73,42 @@ def test_names_are_relative_to_the_namespace_of_the_waiting_node():
 
 
 def test_a_reader_that_a_publisher_has_not_matched_is_counted_and_named(links):
-    links.update(announced('/mambo/estimator', subscribed={IMU: 1}))
-    links.update(announced('/mambo/controller', published={PWM: 0}, subscribed={IMU: 1}))
-    links.update(announced('/mambo/sim', published={IMU: 1}, subscribed={PWM: 1}))
+    links._heard.update(announced('/mambo/estimator', subscribed={IMU: 1}))
+    links._heard.update(announced('/mambo/controller', published={PWM: 0}, subscribed={IMU: 1}))
+    links._heard.update(announced('/mambo/sim', published={IMU: 1}, subscribed={PWM: 1}))
     assert links.missing() == f'1 of 1 readers of {PWM} at /mambo/controller'
-    links.update(announced('/mambo/controller', published={PWM: 1}, subscribed={IMU: 1}))
+    links._heard.update(announced('/mambo/controller', published={PWM: 1}, subscribed={IMU: 1}))
     assert links.missing() == f'1 of 2 readers of {IMU} at /mambo/sim'
-    links.update(announced('/mambo/sim', published={IMU: 2}, subscribed={PWM: 1}))
+    links._heard.update(announced('/mambo/sim', published={IMU: 2}, subscribed={PWM: 1}))
     assert links.missing() == ''
 
 
 def test_a_publisher_that_a_reader_has_not_matched_is_counted_and_named(links):
-    links.update(announced('/mambo/estimator'))
-    links.update(announced('/mambo/controller', published={PWM: 1}))
-    links.update(announced('/mambo/sim', published={IMU: 0}, subscribed={PWM: 0}))
+    links._heard.update(announced('/mambo/estimator'))
+    links._heard.update(announced('/mambo/controller', published={PWM: 1}))
+    links._heard.update(announced('/mambo/sim', published={IMU: 0}, subscribed={PWM: 0}))
     assert links.missing() == f'1 of 1 publishers of {PWM} at /mambo/sim'
-    links.update(announced('/mambo/sim', published={IMU: 0}, subscribed={PWM: 1}))
+    links._heard.update(announced('/mambo/sim', published={IMU: 0}, subscribed={PWM: 1}))
     assert links.missing() == ''
 
 
 def test_every_publisher_of_a_shared_topic_must_know_every_reader(links):
-    links.update(announced('/mambo/estimator', published={'/tf': 1}))
-    links.update(announced('/mambo/controller', published={'/tf': 0}))
+    links._heard.update(announced('/mambo/estimator', published={'/tf': 1}))
+    links._heard.update(announced('/mambo/controller', published={'/tf': 0}))
     assert links.missing() == ''  # no readers
-    links.update(announced('/mambo/viewer', subscribed={'/tf': 2}))
+    links._heard.update(announced('/mambo/viewer', subscribed={'/tf': 2}))
     assert links.missing() == '1 of 1 readers of /tf at /mambo/controller'
 
 
 def test_a_topic_without_readers_or_a_foreign_reader_is_no_obstacle(links):
-    links.update(announced('/mambo/estimator', published={IMU: 3}))
-    links.update(announced('/mambo/controller', subscribed={PWM: 0}))
+    links._heard.update(announced('/mambo/estimator', published={IMU: 3}))
+    links._heard.update(announced('/mambo/controller', subscribed={PWM: 0}))
     assert links.missing() == ''
 
 
 def test_an_incomplete_announcement_is_ignored(links):
-    links.update(announced('/mambo/estimator'))
-    links.update(NodeLinks(
+    links._heard.update(announced('/mambo/estimator'))
+    links._heard.update(NodeLinks(
         node='/mambo/controller', published=[PWM], subscribed=[IMU], matched=[1]))
     assert links.missing() == 'node /mambo/controller'
 
@@ -178,7 +178,8 @@ def test_the_log_names_what_is_missing_when_patience_ends(monkeypatch):
     links, loop, logged = Links(sim, 'estimator,controller'), Loop(sim), []
     monkeypatch.setattr(type(sim.get_logger()), 'error', lambda self, text: logged.append(text))
     with serving(estimator):
-        until(lambda: links.missing() == 'node /mambo/controller', 'the estimator', loop.turn)
+        until(lambda: links.missing() == 'node /mambo/controller', 'the estimator',
+              serve(links, loop))
         began = time.monotonic()
         assert links.wait(loop, 0.2) is False
         assert 0.2 <= time.monotonic() - began < PATIENCE
@@ -247,14 +248,96 @@ def test_a_change_of_the_graph_is_announced_again():
     executor.shutdown()
 
 
-def test_announcements_that_cannot_be_read_are_ignored(ros):
+def announcer(name='stranger'):
+    """Return a node of another origin, and what publishes its announcements."""
+    stranger = Node(name, namespace='mambo')
+    return stranger, stranger.create_publisher(NodeLinks, '/mambo/graph/links', qos(topics.LINKS))
+
+
+def serve(links, loop):
+    """Return what takes announcements and looks at the graph once."""
+    def step():
+        loop.once(0.01)
+        links._look(time.monotonic())
+    return step
+
+
+def said_by(monkeypatch, sim, level):
+    said = []
+    monkeypatch.setattr(type(sim.get_logger()), level, lambda self, text, **_: said.append(text))
+    return said
+
+
+def test_announcements_that_cannot_be_read_or_name_another_node_are_ignored():
     sim = node('sim', [topics.IMU])
-    links, loop, stranger = Links(sim, 'controller'), Loop(sim), Node('stranger')
-    tell = stranger.create_publisher(NodeLinks, '/mambo/graph/links', qos(topics.LINKS))
-    until(tell.get_subscription_count, 'the link', loop.turn)
-    tell.publish(b'\xff' * 64)
-    tell.publish(NodeLinks(node='/mambo/controller', published=['/x', '/y'], matched=[1]))
-    tell.publish(announced('/mambo/other'))
-    until(lambda: '/mambo/other' in links._known, 'the last one', loop.turn)
+    links, loop, (_, publisher) = Links(sim, 'controller'), Loop(sim), announcer('other')
+    until(publisher.get_subscription_count, 'the link', loop.turn)
+    for data in (b'\xff' * 64, bytes(100_000), announced('/mambo/controller'),
+                 announced('/mambo/sim', published={IMU: 0}, subscribed={IMU: 0}),
+                 NodeLinks(node='/mambo/other', published=['/x', '/y'], matched=[1])):
+        publisher.publish(data)
+        for _ in range(30):
+            serve(links, loop)()
+    assert set(links._heard.known) <= {'/mambo/sim'}
+    assert list(links._heard.known.get('/mambo/sim', announced('')).subscribed) != [IMU]
+    publisher.publish(announced('/mambo/other'))
+    until(lambda: '/mambo/other' in links._heard.known, 'the honest one', serve(links, loop))
     assert links.missing() == 'node /mambo/controller'
     loop.close()
+
+
+def test_a_flood_of_forged_announcements_delays_no_start():
+    sim, estimator, controller = flight()
+    links, loop, (_, publisher) = Links(sim, 'estimator,controller'), Loop(sim), announcer()
+    until(publisher.get_subscription_count, 'the link', loop.turn)
+    over = threading.Event()
+
+    def forge():
+        number = 0
+        while not over.is_set():
+            for name in ('/mambo/estimator', '/mambo/controller', f'/mambo/x{number}'):
+                publisher.publish(announced(name, subscribed={IMU: 0}, published={PWM: 0}))
+            number += 1
+            time.sleep(0.001)
+    thread = threading.Thread(target=forge)
+    thread.start()
+    try:
+        with serving(estimator, controller):
+            assert links.wait(loop, PATIENCE) is True
+    finally:
+        over.set()
+        thread.join()
+    assert set(links._heard.known) == {'/mambo/sim', '/mambo/estimator', '/mambo/controller'}
+    loop.close()
+
+
+def test_a_node_that_nobody_expects_holds_up_the_start_for_a_while_only(monkeypatch):
+    monkeypatch.setattr('mambo_ros.graph.links._GUESTS', 0.5)
+    sim, estimator, controller = flight()
+    links, loop, (_, publisher) = Links(sim, 'estimator,controller'), Loop(sim), announcer()
+    until(publisher.get_subscription_count, 'the link', loop.turn)
+    publisher.publish(announced('/mambo/stranger', subscribed={IMU: 1}))
+    until(lambda: '/mambo/stranger' in links._heard.known, 'the guest', serve(links, loop))
+    said = said_by(monkeypatch, sim, 'warning')
+    with serving(estimator, controller):
+        assert links.wait(loop, PATIENCE) is True
+    assert f'begins without 1 of 2 readers of {IMU} at /mambo/sim' in said
+    loop.close()
+
+
+@pytest.mark.parametrize('kind', ['namesake', 'publisher'])
+def test_a_second_node_of_a_name_or_publisher_of_a_topic_is_no_flight(monkeypatch, kind):
+    monkeypatch.setattr('mambo_ros.graph.links._CROWDED', 0.5)
+    sim, estimator, controller = flight()
+    links, loop = Links(sim, 'estimator,controller'), Loop(sim)
+    other = node('controller') if kind == 'namesake' else node('other', [topics.IMU])
+    until(lambda: len(sim.get_publishers_info_by_topic('/mambo/graph/links')) > 2, 'the other')
+    said = said_by(monkeypatch, sim, 'error')
+    with serving(estimator, controller):
+        assert links.wait(loop, PATIENCE) is False
+    begin = {
+        'namesake': '2 nodes are named /mambo/controller, expected one: end the other',
+        'publisher': f'{IMU}: 2 publishers (/mambo/other, /mambo/sim), expected one'}[kind]
+    assert said[0].startswith(f'the flight does not begin: {begin}')
+    loop.close()
+    other.destroy_node()

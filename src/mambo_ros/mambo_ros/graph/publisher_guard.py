@@ -1,0 +1,131 @@
+"""
+Accept one publisher of a topic, refuse the others, report a flood.
+
+The middleware identifies the publisher of a message by its global identifier (GID). The first
+publisher is accepted; messages of any other are refused and counted before anything is decoded.
+Another one takes over when the first has been absent from the graph for ``ABSENT``.
+
+A second publisher that sends much more than the first fills the queue that both share, until
+messages of the first are lost. So it is reported (``flooded``) as soon as ``FLOOD`` of its
+messages have come within a second, twice as many as were accepted meanwhile.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+import math
+import time
+from typing import Any
+
+ABSENT = 0.5  # s of wall time
+FLOOD = 500  # messages; a queue holds four times as many (topics.QUEUE)
+SECOND_PUBLISHER = 'from a second publisher'
+_LOOK_EVERY = 0.1  # s of wall time between looks at the graph
+_WINDOW = 1.0  # s of wall time in which the messages of a flood are counted
+
+
+def _nobody() -> set[bytes]:
+    """Return no publisher: of an input that no other process can reach."""
+    return set()
+
+
+def _nothing(*_: Any) -> None:
+    """Do nothing."""
+
+
+class PublisherGuard:
+    """
+    Guard of one input that accepts one publisher; called with each message as it arrives.
+
+    Parameters
+    ----------
+    topic : str
+        Full name.
+    use
+        Called for each accepted message, here with its bytes.
+    largest
+        Bytes of a message that can be used.
+
+    Attributes
+    ----------
+    last : int
+        Newest stamp accepted, ns; -1: none, or stamps are of no concern.
+    accepted : int
+        Messages accepted.
+    refused : collections.Counter
+        Messages refused, by reason.
+    publishers
+        Returns the GIDs of the topic's publishers in the graph; set by the node.
+    pull
+        Handles messages that have arrived but not yet been served; set by the loop.
+    flooded
+        Called with this guard and the GID of a publisher that floods the input; set by the loop.
+
+    """
+
+    def __init__(self, topic: str, use: Callable[..., Any], largest: int) -> None:
+        self.topic, self.use, self.largest = topic, use, largest
+        self.last, self.accepted = -1, 0
+        self.refused: Counter[str] = Counter()
+        self.publishers: Callable[[], set[bytes]] = _nobody
+        self.pull: Callable[[], Any] = _nothing
+        self.flooded: Callable[[PublisherGuard, bytes], Any] = _nothing
+        self._first = b''  # GID of the accepted publisher, empty before the first
+        self._next_look = 0.0  # s of wall time of the next look at the graph
+        self._absent_since = math.inf  # s of wall time when the publisher left the graph
+        self._since, self._until = 0, 0.0  # accepted before the window; end of the window, s
+        self._foreign: Counter[bytes] = Counter()  # messages in the window, by publisher
+
+    def __call__(self, data: bytes, publisher: bytes = b'') -> None:
+        """
+        Take a message.
+
+        Parameters
+        ----------
+        data
+            Its bytes.
+        publisher
+            GID of its publisher; empty: a node of this process.
+
+        """
+        if publisher != self._first and self._first and self._is_foreign(publisher):
+            return
+        self._first = publisher
+        self.accepted += 1
+        self.use(data)
+
+    @property
+    def first(self) -> bytes:
+        """GID of the accepted publisher, empty before the first."""
+        return self._first
+
+    @property
+    def local(self) -> Callable[[bytes], None]:
+        """What takes messages of the same process."""
+        return self.use
+
+    def _is_foreign(self, publisher: bytes) -> bool:
+        """Return whether a message is to be refused for its publisher; count it if so."""
+        now = time.monotonic()
+        if self._has_left(now):
+            return False
+        self.refused[SECOND_PUBLISHER] += 1
+        if now >= self._until:
+            self._until, self._since = now + _WINDOW, self.accepted
+            self._foreign.clear()
+        self._foreign[publisher] += 1
+        if self._foreign[publisher] >= max(FLOOD, 2 * (self.accepted - self._since)):
+            self._until = now  # a new window, lest each further message be reported
+            self.flooded(self, publisher)
+        return True
+
+    def _has_left(self, now: float) -> bool:
+        """Return whether the accepted publisher has been absent from the graph for ``ABSENT``."""
+        if now >= self._next_look:
+            self._next_look = now + _LOOK_EVERY
+            if self._first in self.publishers():
+                self._absent_since = math.inf
+            else:
+                self._absent_since = min(self._absent_since, now)
+        return now - self._absent_since > ABSENT

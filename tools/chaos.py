@@ -1,0 +1,307 @@
+"""
+Injects faults into flights and checks that each ends as it should.
+
+``./chaos processes`` sends a signal to one process of a flight or of a replay: any signal, any
+process, in any mode, at any time. A fault is survived if everything is over within 15 s behind
+one line and a non-zero exit code, the bag is closed or can be recovered, and no process, no
+temporary folder and no shared memory is left.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterable, Iterator
+from itertools import product
+import os
+from pathlib import Path
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from typing import NamedTuple
+
+from mambo_bags.reader import BagError, read_bag
+from mambo_bags.recover import recover
+from mambo_bringup.domain import Domain
+from mambo_bringup.flight import FLIGHT_NODES, RECORDER, SIMULATOR
+from mambo_bringup.replay import ESTIMATOR, PLAYER
+
+ROOT = Path(__file__).resolve().parents[1]
+WITHIN = 15.0  # s from the signal to the end of all
+BUSY = 240.0  # s that a loaded machine may take to come to the phase
+SIGNALS = ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGKILL', 'SIGSTOP')
+NODES = tuple(name for _, name in (RECORDER, *FLIGHT_NODES, SIMULATOR))
+REPLAYED = tuple(name for _, name in (RECORDER, ESTIMATOR, PLAYER))
+MODES = {'processes': [], 'composed': ['--composed'], 'realtime': ['--mode', 'realtime'],
+         'drones': ['--drones', '4']}
+OWNERS = ('sim_node', 'composed_node', 'replay_node')
+_PLAN = '--set=reference_node.plan.'
+PHASES = {
+    'start': ['--duration=200'],
+    'calibration': ['--duration=200', f'{_PLAN}takeoff_time=190', f'{_PLAN}start_time=195'],
+    'flight': ['--duration=200'],
+    'landing': ['--duration=200', f'{_PLAN}start_time=4', f'{_PLAN}blend_duration=0.5',
+                f'{_PLAN}landing_time=5'],
+    'closing': ['--duration=4'],
+    'report': ['--duration=4']}
+"""Options of the flight that is struck in each phase; most phases are made to last."""
+_SHARED = '/dev/shm/'
+_BEGUN = 250_000  # bytes of a bag with more in it than schemas and scenario
+_LANDS = 1_150_000  # bytes of a bag after the landing has begun
+
+
+class Fault(NamedTuple):
+    """A signal to one process of a flight or replay."""
+
+    signal: str
+    target: str  # name of a node, 'runner' or 'watchdog'
+    mode: str    # of MODES, or 'replay'
+    phase: str   # of PHASES
+
+
+class Verdict(NamedTuple):
+    """How a fault went."""
+
+    lost: str    # what was wrong, empty: survived
+    took: float  # s from the signal to the end of all
+    line: str    # that the runner ended with
+    missed: bool = False  # whether the flight was over before the signal
+
+
+def every() -> Iterator[Fault]:
+    """Yield every fault there is."""
+    for number, mode, phase in product(SIGNALS, (*MODES, 'replay'), PHASES):
+        if mode == 'replay' and phase in ('calibration', 'landing'):
+            continue
+        nodes = {'composed': ('composed_node',), 'replay': REPLAYED}.get(mode, NODES)
+        for target in ('runner', 'watchdog', *nodes):
+            if phase == 'report' and target != 'runner':
+                continue  # nothing else runs
+            if phase == 'closing' and target in OWNERS:
+                continue  # it has left
+            if target == 'watchdog' and phase not in ('start', 'closing'):
+                continue  # the flight goes on without: one that is long would be waited for
+            if (number, phase) == ('SIGSTOP', 'report'):
+                continue  # the watchdog that would end it has left
+            yield Fault(number, target, mode, phase)
+
+
+def _processes(mark: str) -> dict[int, str]:
+    """Return {number: name} of the living processes whose environment holds a text."""
+    found = {}
+    for entry in Path('/proc').iterdir():
+        try:
+            if entry.name.isdigit() and mark.encode() in (entry / 'environ').read_bytes():
+                if (entry / 'stat').read_text().rpartition(')')[2].split()[0] != 'Z':
+                    command = (entry / 'cmdline').read_text()
+                    name = (entry / 'comm').read_text().strip()
+                    found[int(entry.name)] = 'watchdog' if 'watchdog.py' in command else name
+        except OSError:
+            pass
+    return found
+
+
+def _shared(pids: Iterable[int]) -> set[Path]:
+    """Return the files of shared memory that processes have mapped."""
+    found = set()
+    for pid in pids:
+        try:
+            lines = Path(f'/proc/{pid}/maps').read_text().splitlines()
+        except OSError:
+            continue
+        found |= {Path(line.split()[-1]) for line in lines if _SHARED in line}
+    return found
+
+
+def _wait(condition: Callable[[], object], seconds: float) -> bool:
+    """Wait until a condition holds; return whether it does."""
+    limit = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > limit:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+class Struck:
+    """
+    A flight or replay that a fault is injected into.
+
+    Parameters
+    ----------
+    fault
+        What to inject.
+    folder
+        Empty folder for the bag and the temporary files.
+    recording
+        Bag that a replay plays.
+    delay : s
+        From the first sight of the phase to the signal.
+
+    """
+
+    def __init__(self, fault: Fault, folder: Path, recording: Path, delay: float = 0.0) -> None:
+        self.fault, self.bag, self._delay = fault, folder / 'bag', delay
+        self._temporary = folder / 'tmp'
+        self._temporary.mkdir()
+        self._older = set(Path(_SHARED).iterdir())
+        self._tool = 'replay' if fault.mode == 'replay' else 'run'
+        if self._tool == 'replay':
+            command = ['mambo', 'replay', str(recording), '--output', str(self.bag)]
+            if fault.phase not in ('closing', 'report'):
+                command += ['--rate', '1']
+        else:
+            command = ['flight', '--no-landing', '--output', str(self.bag), *MODES[fault.mode],
+                       *PHASES[fault.phase]]
+            if fault.phase == 'landing':
+                command.remove('--no-landing')
+            if fault.target == 'watchdog':
+                command.append('--duration=4')
+            if fault.phase != 'report':
+                command.append('--no-report')
+        self.run = subprocess.Popen(
+            [sys.executable, '-m', 'mambo_bringup.starting', *command],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+            env={**os.environ, 'TMPDIR': str(self._temporary)})
+
+    def _living(self) -> dict[int, str]:
+        """Return the processes of the flight but its runner."""
+        found = _processes(str(self._temporary))
+        found.pop(self.run.pid, None)
+        return found
+
+    def _reached(self) -> bool:
+        """Return whether the flight has come to the phase, and the target is there."""
+        phase, there = self.fault.phase, set(self._living().values())
+        if phase == 'start':
+            return self.fault.target in ({*there, 'runner'} if there else there)
+        bags = 4 if self.fault.mode == 'drones' else 1
+        files = list(self.bag.rglob('*.mcap'))
+        size = _LANDS if phase == 'landing' else _BEGUN
+        if len(files) < bags or any(file.stat().st_size < size for file in files):
+            return False
+        if phase in ('closing', 'report'):
+            return not there & {*OWNERS, *(NODES if phase == 'report' else ())}
+        return bool(there)
+
+    def strike(self) -> Verdict:
+        """Send the signal at the time; see how everything ends."""
+        fault = self.fault
+        try:
+            _wait(lambda: self._reached() or self.run.poll() is not None, BUSY)
+            time.sleep(self._delay)
+            living = self._living()
+            living[self.run.pid] = 'runner'
+            struck = [pid for pid, name in living.items() if name == fault.target]
+            if self.run.poll() is not None or not struck:
+                return self._missed()
+            memory = _shared(living) - self._older
+            os.kill(struck[0], getattr(signal, fault.signal))
+            began = time.monotonic()
+            out, err = self.run.communicate(timeout=BUSY)
+            left = not _wait(lambda: not self._living(), WITHIN)
+            took = time.monotonic() - began
+        except subprocess.TimeoutExpired:
+            return Verdict(f'hung: {self._living()}', BUSY, '')
+        finally:
+            self.run.kill()
+        lines = err.strip().splitlines()
+        wrong = f'left running: {self._living()}' if left else (
+            self._wrong_words(out, err) or self._wrong_files() or self._wrong_memory(memory))
+        if not wrong and took >= WITHIN and fault.target != 'watchdog':
+            wrong = 'took too long'
+        return Verdict(wrong, took, lines[-1] if lines else '')
+
+    def _missed(self) -> Verdict:
+        """Return the verdict on a flight that was over before, which may not have failed."""
+        try:
+            _, err = self.run.communicate(timeout=BUSY)
+        except subprocess.TimeoutExpired:
+            return Verdict(f'hung without a signal: {self._living()}', BUSY, '')
+        code = self.run.returncode
+        return Verdict(f'failed without a signal: {err}' if code else '', 0.0, '', not code)
+
+    def _wrong_words(self, out: str, err: str) -> str:
+        """Return what is wrong with the exit code and the line of the runner."""
+        fault, code = self.fault, self.run.returncode
+        if 'Traceback' in out + err:
+            return f'traceback: {err}'
+        if (fault.signal, fault.target) == ('SIGKILL', 'runner'):
+            return '' if code == -signal.SIGKILL else f'exit code {code}'
+        late = fault.phase in ('closing', 'report') and fault.target != 'runner'
+        if code == 0 and (late or fault.target == 'watchdog'):  # all was flown
+            return ''
+        lines = [line for line in err.splitlines() if f'{self._tool}: ' in line]
+        if code <= 0 or len(lines) != 1 or err.splitlines()[-1] != lines[0]:
+            return f'exit code {code}, stderr: {err!r}, stdout: {out!r}'
+        return ''
+
+    def _wrong_files(self) -> str:
+        """Return what is wrong with the bags and the temporary folder."""
+        if not _wait(lambda: not [x for x in self._temporary.iterdir() if x.is_dir()], WITHIN):
+            return f'folder left: {sorted(self._temporary.iterdir())}'
+        for file in self.bag.rglob('*.mcap') if self.fault.phase != 'start' else ():
+            path = file.parent
+            try:
+                if 'state: recording' in (path / 'metadata.yaml').read_text():  # not closed
+                    path = self._temporary / path.name
+                    recover(file.parent, path)
+                if not any('imu/data_raw' in name for name in read_bag(path).topics):
+                    return f'{file.parent} has no sensors'
+            except (BagError, OSError) as error:
+                return f'{file.parent} is neither closed nor recoverable: {error}'
+        return ''
+
+    def _wrong_memory(self, memory: set[Path]) -> str:
+        """Return the shared memory of the flight that is left and that nobody has mapped."""
+        def left() -> set[Path]:
+            there = {path for path in memory if path.exists()}
+            everybody = (int(path.name) for path in Path('/proc').glob('[0-9]*'))
+            return there and there - _shared(everybody)
+        return '' if _wait(lambda: not left(), 3.0) else f'shared memory left: {sorted(left())}'
+
+
+def try_fault(fault: Fault, recording: Path, delay: float = 0.0,
+              folder: Path | None = None) -> Verdict:
+    """Inject a fault in a domain of its own; return how it went. Parameters as of Struck."""
+    with Domain(), tempfile.TemporaryDirectory(prefix='chaos_', dir=folder) as place:
+        return Struck(fault, Path(place), recording, delay).strike()
+
+
+def processes(count: int, seed: int, recording: Path) -> int:
+    """Inject ``count`` process faults, chosen by ``seed``; print each; return the exit code."""
+    chance = random.Random(seed)
+    chosen = chance.choices(sorted(every()), k=count)
+    survived, missed, lost = 0, 0, []
+    for number, fault in enumerate(chosen, 1):
+        delay = chance.choice((0.0, chance.uniform(0.0, 2.0)))
+        verdict = try_fault(fault, recording, delay)
+        word = 'lost' if verdict.lost else 'missed' if verdict.missed else 'survived'
+        survived += word == 'survived'
+        missed += word == 'missed'
+        print(f'{number:3d} {word} {" ".join(fault)} +{delay:.2f} s: over after '
+              f'{verdict.took:.1f} s: {verdict.lost or verdict.line}', flush=True)
+        if verdict.lost:
+            lost.append(fault)
+    print(f'tried {count}, survived {survived}, lost {len(lost)}, over before the signal {missed}')
+    return 1 if lost else 0
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command line."""
+    out = argparse.ArgumentParser(prog='chaos', description=__doc__.split('\n\n')[0].strip())
+    kinds = out.add_subparsers(dest='kind', required=True)
+    add = kinds.add_parser(
+        'processes', help='signals to any process of a flight or replay, at any time').add_argument
+    add('--count', type=int, default=100, metavar='N', help='faults to inject (default: 100)')
+    add('--seed', type=int, default=1, metavar='S', help='of their choice (default: 1)')
+    add('--recording', type=Path, default=ROOT / 'bags/circle_short', metavar='BAG',
+        help='bag that replays play (default: bags/circle_short)')
+    return out
+
+
+if __name__ == '__main__':
+    options = parser().parse_args()
+    sys.exit(processes(options.count, options.seed, options.recording.absolute()))
