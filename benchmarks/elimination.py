@@ -41,7 +41,7 @@ class Tape(NamedTuple):
     command: Array    # (n, 5) PWM, shutdown
 
 
-class Mind(NamedTuple):
+class FlightMemory(NamedTuple):
     """Everything that the flight remembers from step to step."""
 
     state: simulator.SimulatorState
@@ -51,21 +51,21 @@ class Mind(NamedTuple):
     control: failsafe.Memory
 
 
-class Chance(NamedTuple):
+class Generators(NamedTuple):
     """Generators of the flight."""
 
     sensors: simulator.Generators
     mocap: np.random.Generator
 
 
-def begin(flight: Scenario) -> tuple[Mind, Chance]:
+def begin(flight: Scenario) -> tuple[FlightMemory, Generators]:
     """Return memories and generators at the start of a flight."""
     sim = flight.sim_node.simulator
     state = simulator.initial_state(sim)
-    return Mind(
+    return FlightMemory(
         state, optitrack.START, state.plant.body,
         filters.initial(flight.estimator_node.filter.values()),
-        failsafe.initial(flight.controller_node.law)), Chance(
+        failsafe.initial(flight.controller_node.law)), Generators(
         simulator.generators(sim.seed),
         simulator.generators(flight.optitrack_node.seed)[simulator.OPTITRACK])
 
@@ -120,13 +120,13 @@ def _put_reference(row, ref):
 
 
 @jit
-def _heard(row):
-    return closed_loop.Heard(
+def _readings_of(row):
+    return closed_loop.SensorReadings(
         _three(row, 0), _three(row, 3), row[6], (row[7], row[8]), int(row[9]), row[10])
 
 
 @jit
-def _put_heard(row, h):
+def _put_readings(row, h):
     at = _put(row, _put(row, 0, h.gyro), h.accel)
     row[at] = h.sonar
     _put(row, at + 1, h.flow)
@@ -143,11 +143,11 @@ def _played(state, row):
 
 
 @jit
-def _record(tape, k, truth, heard, estimated, spread, ref, phase, pwm, shutdown):
+def _record(tape, k, truth, readings, estimated, spread, ref, phase, pwm, shutdown):
     """Write what every part answered."""
     row = tape.plant[k]
     _put(row, _put(row, _put_state(row, truth.body), truth.thrust), truth.jolt)
-    _put_heard(tape.samples[k], heard)
+    _put_readings(tape.samples[k], readings)
     _put(tape.estimate[k], _put_state(tape.estimate[k], estimated), spread)
     _put_reference(tape.reference[k], ref)
     tape.reference[k, 32], tape.command[k, 4] = phase, shutdown
@@ -170,9 +170,9 @@ def fly(mind, chance, p, tape, start, stop, parts):
         body = state.plant.body
         if parts & SENSORS:
             state, samples = simulator.sense(state, k, chance.sensors, p.simulator)
-            heard = closed_loop.hear(samples, p)
+            readings = closed_loop.delivered_readings(samples, p)
         else:
-            heard = _heard(tape.samples[k])
+            readings = _readings_of(tape.samples[k])
         t_before = t - STEP_NS if k else t
         if parts & MOCAP:
             mocap, seen = optitrack.step(
@@ -182,8 +182,8 @@ def fly(mind, chance, p, tape, start, stop, parts):
         estimated, spread = body, failsafe.EXACT
         if parts & ESTIMATOR:
             memory, estimate = filters.step(
-                memory, (t - t_before) * 1e-9, heard.gyro, heard.accel, heard.sonar, heard.flow,
-                heard.flow_quality, heard.pressure, p.estimator)
+                memory, (t - t_before) * 1e-9, readings.gyro, readings.accel, readings.sonar,
+                readings.flow, readings.flow_quality, readings.pressure, p.estimator)
             estimated, spread = estimate.state, failsafe.spread_of(
                 estimate.pose_covariance, estimate.twist_covariance)
         else:
@@ -206,8 +206,8 @@ def fly(mind, chance, p, tape, start, stop, parts):
             pwm, shutdown = _four(row, 0), row[4] > 0.0
         if parts & RECORDING:
             _record(
-                tape, k, state.plant, heard, estimated, spread, ref, phase, pwm, shutdown)
-        total += pwm[0] + heard.gyro[0] + estimated.rho[0] + ref.rho[0]
+                tape, k, state.plant, readings, estimated, spread, ref, phase, pwm, shutdown)
+        total += pwm[0] + readings.gyro[0] + estimated.rho[0] + ref.rho[0]
         if parts & PLANT:
             state = simulator.advance(state, pwm, shutdown, p.simulator)
-    return Mind(state, mocap, before, memory, control), total
+    return FlightMemory(state, mocap, before, memory, control), total

@@ -9,8 +9,8 @@ from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import to_matrix
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import add, cross, dot, mul, norm, scale, sub, Vec3
+from mambo_model.vehicle.motor_mixer import allocate, Four, limit_pwm, pwm_from_thrust
 from mambo_model.vehicle.parameters import VehicleValues
-from mambo_model.vehicle.rotor import allocate, Four, limit_pwm, pwm_from_thrust
 from mambo_sim import plant
 import numpy as np
 from numpy.typing import NDArray

@@ -103,7 +103,7 @@ def _waiting(where: str) -> scenario.Scenario:
         duration=DURATION, noise=False, land=False, overrides=overrides)
 
 
-def idle(where: str, seconds: float) -> tuple[list[float], elimination.Mind]:
+def idle(where: str, seconds: float) -> tuple[list[float], elimination.FlightMemory]:
     """Wait so long; return the CPU time in s of each piece of ``IDLE`` steps, and the memories."""
     flight = _waiting(where)
     settings, tape = closed_loop.settings(flight), elimination.tape(IDLE)

@@ -1,5 +1,5 @@
 """
-Count what the tests of a run said, and what they did not say; the end of ``./test``.
+Summarise the results of a test run, and list tests without a result; the end of ``./test``.
 
 usage: count_tests.py all|chosen|files TESTS_XML [STAGE ...]
 

@@ -11,8 +11,8 @@ is there, with one motor command of that stamp: this is all that lockstep asks o
 from __future__ import annotations
 
 from mambo_interfaces.msg import MotorPwm, Reference
+from mambo_model.vehicle.motor_mixer import allocate, limit_pwm, pwm_from_thrust
 from mambo_model.vehicle.parameters import preset
-from mambo_model.vehicle.rotor import allocate, limit_pwm, pwm_from_thrust
 from nav_msgs.msg import Odometry
 import numpy as np
 import rclpy

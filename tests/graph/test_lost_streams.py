@@ -13,7 +13,7 @@ from mambo_model.motion.flatness import from_flat_output
 from mambo_model.motion.rigid_body import State
 from mambo_model.vehicle.parameters import Vehicle
 from mambo_ros import cdr, messages, topics
-from mambo_sim import pace, sim_node
+from mambo_sim import lockstep, sim_node
 from mambo_sim.sim_node import SimNode
 import pytest
 import rclpy
@@ -170,7 +170,7 @@ class TestWatchdog:
 
     def command(self, sim, pwm, shutdown=False):
         sim.commands(messages.motor_pwm(sim.t, (pwm,) * 4, shutdown, 0))
-        return sim._heard
+        return sim._last_command
 
     def rise(self, sim, steps):
         for _ in range(steps):
@@ -339,8 +339,8 @@ class TestPace:
                 after = sim.now + timeout + 1e-9  # a wait is never too short
                 sim.now = min(after, answer) if sim.now < answer else after
                 sim.answered = sim.now >= answer
-            monkeypatch.setattr(pace.time, 'monotonic', lambda: sim.now)
-            pace.wait_for_deadline(sim, SimpleNamespace(stopping=False, once=once), deadline)
+            monkeypatch.setattr(lockstep.time, 'monotonic', lambda: sim.now)
+            lockstep.wait_for_deadline(sim, SimpleNamespace(stopping=False, once=once), deadline)
             return sim.now, sim.missed
         return step
 

@@ -124,7 +124,7 @@ def test_files_are_chosen_by_any_end_of_their_name():
     def chosen(*names):
         return [target.name for target in mutants.choose(TARGETS, list(names))]
 
-    rotor = 'mambo_model/vehicle/rotor.py'
+    rotor = 'mambo_model/vehicle/motor_mixer.py'
     assert chosen('rotor') == chosen(rotor) == [rotor]
     assert len(chosen('support_package')) == 2
     assert all(name.startswith('mambo_sim/') for name in chosen('mambo_sim', 'sensors/imu'))
@@ -162,7 +162,7 @@ def test_a_survivor_is_named_and_makes_the_command_fail(frames, capsys):
 
 
 def test_the_report_keeps_the_tables_of_other_files(frames):
-    other = '## mambo_model/vehicle/rotor.py: 10 of 10\n\n| error | killed by |\n|---|---|\n'
+    other = '## mambo_model/vehicle/motor_mixer.py: 10 of 10\n\n| error | killed by |\n|---|---|\n'
     mutants.REPORT.write_text('Of old.\n\n' + other)
     assert frames(1, '--write') == 1
     text = mutants.REPORT.read_text()

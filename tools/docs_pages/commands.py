@@ -38,10 +38,10 @@ def _width(columns: int):
 def help_of(target: str) -> str:
     """Return what ``--help`` of a console script ``module:function`` prints."""
     module, function = target.split(':')
-    said = io.StringIO()
-    with _width(88), contextlib.redirect_stdout(said), contextlib.suppress(SystemExit):
+    output = io.StringIO()
+    with _width(88), contextlib.redirect_stdout(output), contextlib.suppress(SystemExit):
         getattr(importlib.import_module(module), function)(['--help'])
-    return said.getvalue().rstrip()
+    return output.getvalue().rstrip()
 
 
 def _fenced(text: str) -> list[str]:

@@ -2,8 +2,8 @@
 Extension of griffe: how docstrings and fields of the sources are shown.
 
 The reStructuredText of docstrings becomes Markdown, formulas become MathML. A field of a class is
-described by the comment behind it, a parameter by its declaration: unit, range and source. What
-compiled code reads of parameters (``values_type``) shows the fields that were made of them.
+described by the comment after it, a parameter by its declaration: unit, range and source. The
+tuples that compiled code uses instead of parameters (``values_type``) show their fields.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ _TABLE = re.compile(
 
 
 def _displayed(found: re.Match[str]) -> str:
-    """Return a displayed formula; a comma and a backslash part it, as print does."""
+    """Return a displayed formula as MathML."""
     return f'{found[1]}{convert(" ".join(found[2].split()), display="block")}\n\n'
 
 
 def _fenced(found: re.Match[str]) -> str:
-    """Return a table of reStructuredText as it stands."""
+    """Return a table of reStructuredText as preformatted text."""
     return f'{found[1]}```text\n{found[1]}{found[2].rstrip()}\n{found[1]}```\n'
 
 
 def markdown(text: str) -> str:
-    """Return a docstring with its roles, literals, formulas and tables as Markdown has them."""
+    """Return a docstring as Markdown: convert roles, literals, formulas and tables."""
     text = _DISPLAYED.sub(_displayed, _TABLE.sub(_fenced, text))
     text = _FORMULA.sub(lambda found: convert(found[1]), text)
     return _LITERAL.sub(r'`\1`', _ROLE.sub(r'`\1`', text))
 
 
-def _said(expression: ast.expr) -> str:
-    """Return what an argument of a declaration is: its text, or its code."""
+def _as_text(expression: ast.expr) -> str:
+    """Return an argument of a declaration as text: its value, or its code."""
     try:
         return str(ast.literal_eval(expression))
     except ValueError:
@@ -57,16 +57,16 @@ def declared(code: str) -> str:
     if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Attribute | ast.Name):
         return ''
     kind = call.func.attr if isinstance(call.func, ast.Attribute) else call.func.id
-    said = [_said(argument) for argument in call.args]
-    if kind == 'quantity' and len(said) == 5:
-        return f'[{said[1]}] {said[2]} to {said[3]}; {said[4]}'
-    if kind == 'choice' and len(said) == 3:
-        return f'One of {said[1]}; {said[2]}'
-    return said[1] if kind in ('flag', 'text') and len(said) == 2 else ''
+    arguments = [_as_text(argument) for argument in call.args]
+    if kind == 'quantity' and len(arguments) == 5:
+        return f'[{arguments[1]}] {arguments[2]} to {arguments[3]}; {arguments[4]}'
+    if kind == 'choice' and len(arguments) == 3:
+        return f'One of {arguments[1]}; {arguments[2]}'
+    return arguments[1] if kind in ('flag', 'text') and len(arguments) == 2 else ''
 
 
 def _comment(field: griffe.Attribute) -> str:
-    """Return the comment behind a field, with the lines that continue it."""
+    """Return the comment after a field, with its continuation lines."""
     after = field.lines[-1].partition('  # ')[2] if field.lines else ''
     if not after:
         return ''
@@ -81,11 +81,12 @@ def _fields(found: griffe.Class) -> str:
     for field in found.attributes.values():
         if field.is_alias or field.docstring or field.is_private or 'property' in field.labels:
             continue
-        said = declared(str(field.value)) if isinstance(field.value, griffe.ExprCall) else ''
-        if said:
+        description = (declared(str(field.value))
+                       if isinstance(field.value, griffe.ExprCall) else '')
+        if description:
             field.value = field.value.arguments[0]  # the signature shows the default alone
         lines += [f'{field.name} : {field.annotation or ""}',
-                  f'    {said or _comment(field) or "&nbsp;"}']
+                  f'    {description or _comment(field) or "&nbsp;"}']
     return '\n'.join(['', '', 'Attributes', '----------', *lines]) if lines else ''
 
 
@@ -102,15 +103,16 @@ class Docstrings(griffe.Extension):
     """Rewrites docstrings, and puts the fields of a class into its own."""
 
     def on_attribute_instance(self, *, attr: griffe.Attribute, **_: Any) -> None:
-        """Describe what compiled code reads of parameters."""
+        """Describe the fields of a ``values_type``."""
         made = attr.value
         if isinstance(made, griffe.ExprCall) and str(made.function) == 'values_type':
             module = importlib.import_module(attr.module.path)
             attr.docstring = griffe.Docstring(
-                compiled_fields(getattr(module, attr.name)), parent=attr)
+                compiled_fields(getattr(module, attr.name)), parent=attr, parser='numpy',
+                parser_options={'warn_unknown_params': False, 'warn_missing_types': False})
 
     def on_class_members(self, *, cls: griffe.Class, **_: Any) -> None:
-        """Describe the fields of a class that has been read."""
+        """Describe the fields of a class."""
         if cls.docstring and '\nAttributes\n---' not in cls.docstring.value:
             cls.docstring.value += _fields(cls)
 

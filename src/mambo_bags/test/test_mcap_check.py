@@ -182,7 +182,7 @@ def bomb(file, compression, data, says):
 @pytest.mark.parametrize('says', [1000, 600_000_000, 2**63])
 def test_a_chunk_unpacks_to_no_more_than_it_says_and_may(file, compression, pack, says):
     bomb(file, compression, pack(bytes(50_000_000)), says)
-    damaged(file, 'it unpacks to more than the 1000 bytes' if says == 1000 else
+    damaged(file, 'it unpacks to more than the stated 1000 bytes' if says == 1000 else
             'MAMBO_MAX_UNPACKED_MB (now 512) raises the limit', count=50)
 
 

@@ -21,9 +21,9 @@ from mambo_model.vehicle.parameters import VehicleValues
 from .attitude_law import attitude_error, rate_error, torque
 from .command import Command, motors, no_thrust
 from .gains import CascadedParams, GainValues
-from .position_law import advance, demand, errors, Memory
 from .safety import REASON_NONE
 from .thrust_direction import desired_attitude, desired_direction
+from .virtual_thrust import advance, demand, errors, Memory
 
 __all__ = ['CascadedParams', 'initial', 'Law', 'law', 'Memory', 'step', 'stopped']
 

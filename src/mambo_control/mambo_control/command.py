@@ -10,8 +10,8 @@ from mambo_model.motion.flatness import Reference
 from mambo_model.motion.quaternion import angle, conjugate, multiply, Quat, rotate
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import sub, Vec3
+from mambo_model.vehicle.motor_mixer import allocate, limit_pwm, pwm_from_thrust
 from mambo_model.vehicle.parameters import VehicleValues
-from mambo_model.vehicle.rotor import allocate, limit_pwm, pwm_from_thrust
 
 from .safety import REASON_NONE
 

@@ -22,8 +22,8 @@ from mambo_model.motion.rigid_body import State
 from mambo_model.motion.trajectory import GROUND, LANDED
 from mambo_model.slots import PlainMemory, PlainValues, UnusableError
 from mambo_model.values import values
+from mambo_model.vehicle.motor_mixer import limit_pwm
 from mambo_model.vehicle.parameters import Vehicle, VehicleValues
-from mambo_model.vehicle.rotor import limit_pwm
 
 from . import cascaded, support_package
 from .command import Command, no_thrust

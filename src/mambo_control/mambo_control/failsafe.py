@@ -58,8 +58,8 @@ from mambo_model.motion.rigid_body import rk4_step, State
 from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
 from mambo_model.schema import quantity
 from mambo_model.values import Parameters, values_type
+from mambo_model.vehicle.motor_mixer import mix, thrust_from_pwm
 from mambo_model.vehicle.parameters import VehicleValues
-from mambo_model.vehicle.rotor import mix, thrust_from_pwm
 
 from . import controllers
 from .command import Command

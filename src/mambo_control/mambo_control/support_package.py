@@ -24,8 +24,8 @@ from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import sub, Vec3
 from mambo_model.schema import choice, quantity
 from mambo_model.values import derived, Parameters, values_type
+from mambo_model.vehicle.motor_mixer import thrust_from_pwm
 from mambo_model.vehicle.parameters import VehicleValues
-from mambo_model.vehicle.rotor import thrust_from_pwm
 
 from .command import Command, motors, no_thrust
 from .safety import REASON_NONE

@@ -8,15 +8,15 @@ from mambo_control import safety
 from mambo_control.cascaded import CascadedParams, initial, Memory
 from mambo_control.command import Command
 from mambo_control.controllers import answer as guarded
-from mambo_control.position_law import advance
+from mambo_control.virtual_thrust import advance
 from mambo_model.compiled import jit
 from mambo_model.motion.flatness import from_flat_output
 from mambo_model.motion.quaternion import from_euler
 from mambo_model.motion.rigid_body import rk4_step, State
 from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
 from mambo_model.schema import ParameterError
+from mambo_model.vehicle.motor_mixer import mix, thrust_from_pwm
 from mambo_model.vehicle.parameters import preset, Vehicle
-from mambo_model.vehicle.rotor import mix, thrust_from_pwm
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

@@ -1,7 +1,7 @@
 """Integral action under a constant disturbance, and recovery from large attitude errors."""
 
 from mambo_control.cascaded import CascadedParams
-from mambo_model.vehicle.rotor import allocate
+from mambo_model.vehicle.motor_mixer import allocate
 import numpy as np
 import pytest
 from thesis_flight import control, flight, reference, setup, start

@@ -11,8 +11,8 @@ from mambo_model.motion.flatness import from_flat_output, from_flat_output_yaw
 from mambo_model.motion.quaternion import from_euler, rotate, rotate_inverse
 from mambo_model.motion.rigid_body import rk4_step, State
 from mambo_model.motion.trajectory import GROUND, LANDED, TAKEOFF, TRACK
+from mambo_model.vehicle.motor_mixer import mix, thrust_from_pwm
 from mambo_model.vehicle.parameters import Vehicle
-from mambo_model.vehicle.rotor import mix, thrust_from_pwm
 import numpy as np
 import pytest
 

@@ -2,8 +2,8 @@
 
 from mambo_control.cascaded import CascadedParams
 from mambo_model.motion.quaternion import angle
+from mambo_model.vehicle.motor_mixer import allocate, pwm_from_thrust
 from mambo_model.vehicle.parameters import THRUST_MAPS
-from mambo_model.vehicle.rotor import allocate, pwm_from_thrust
 import numpy as np
 import pytest
 from thesis_flight import control, flight, reference, setup, start

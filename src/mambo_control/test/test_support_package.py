@@ -14,8 +14,8 @@ from mambo_model.motion.rigid_body import State
 from mambo_model.motion.trajectory import (
     flat_output, FlightPlanParams, GROUND, LANDED, LANDING, TAKEOFF, TRACK)
 from mambo_model.schema import ParameterError
+from mambo_model.vehicle.motor_mixer import mix, thrust_from_pwm
 from mambo_model.vehicle.parameters import preset, Vehicle
-from mambo_model.vehicle.rotor import mix, thrust_from_pwm
 import numpy as np
 import pytest
 

@@ -1,18 +1,18 @@
 """
-Start at rest: biases and tilt from the mean of the first samples, and how long rest lasts.
+Alignment at rest: biases and tilt from the mean of the first samples, and detection of motion.
 
-The mean of the gyro is its bias. The mean of the accelerometer is gravity, tilted, plus a bias,
-and cannot tell which: what it reads sideways is split between a floor that slopes and a sensor
-that is off in the ratio of their variances. The thesis's estimator gives all of it to the sensor
-(sec. 5.3.1), the textbook all of it to the tilt; both are limits of this one. A reading too large
-for either is taken for a slope.
+The mean of the gyro is its bias. The mean of the accelerometer is tilted gravity plus a bias,
+which cannot be separated: its horizontal part is split between the slope of the floor and the bias
+in the ratio of their variances. The thesis's estimator attributes all of it to the bias (sec.
+5.3.1), textbooks attribute all of it to the tilt; both are limiting cases. A reading too large for
+either is attributed to the slope.
 
-Rest is judged by statistics, whatever noise the sensors have: the mean of each block of samples
-must equal that of all before it but for what the samples' own scatter explains. If the vehicle
-moves, the collection starts anew; if it has not rested for ``patience``, the filters start with
-wide defaults, which say that the tilt is not known (and no controller takes off on them).
+Rest is decided by a statistical test that needs no noise level: the mean of each block of samples
+must equal that of all samples before it within the scatter of the samples. If the vehicle moves,
+the collection restarts. If it does not rest within ``patience``, the filters start with wide
+defaults; the tilt is then unknown and no controller takes off.
 
-After the alignment the vehicle is known to be still on the floor until something moves: its
+After the alignment the vehicle is assumed to be at rest on the floor until motion is detected. Its
 velocity is zero, which keeps the filters from drifting while they wait.
 """
 
@@ -105,13 +105,13 @@ class Alignment(NamedTuple):
     last: Sample       # the one before
     block: Sample      # sum of those since the last block was judged
     waited: float      # s, since the first sample
-    accel_bias: Vec3   # (3,) m/s^2, body FRD, to be taken off every sample
+    accel_bias: Vec3   # (3,) m/s^2, body FRD, subtracted from every sample
     gyro_off: Vec3     # (3,) rad/s, smoothed distance from the mean
     accel_off: Vec3    # (3,) m/s^2, smoothed distance from the mean
 
 
 class Level(NamedTuple):
-    """What a mean specific force at rest says."""
+    """Tilt and bias derived from the mean specific force at rest."""
 
     q: Quat            # (4,) w x y z, body to inertial, yaw 0
     accel_bias: Vec3   # (3,) m/s^2, body FRD
@@ -126,9 +126,10 @@ BLOCK = 10       # samples: 50 ms
 UNLIKELY = 10.3  # chi squared with three degrees of freedom over 3 exceeds it once in 10^6 blocks
 NOT_LEVEL = 4.3
 """
-Deviations of a level start that a tilt explains better: sqrt(2 ln(100 * 10^2)), by Bayes, if one
-start in a hundred is not level and tilted by 0.3 rad then, ten times the deviation. One level
-start in 10000 is beyond it; beyond 3, one in 90 took off with a tilt that was 5 degrees wrong.
+Number of deviations beyond which a tilt is more likely than a level start. By Bayes it is
+sqrt(2 ln(100 * 10^2)) if one start in a hundred is tilted, by 0.3 rad, ten times the deviation.
+One level start in 10000 exceeds it. With a threshold of 3, one in 90 took off with a tilt error of
+5 degrees.
 """
 
 
@@ -139,7 +140,7 @@ def level(mean: Vec3, gravity: float, v: AlignmentValues) -> Level:
 
     The floor pushes up: the body sees -g R^T e_3. Signs by hand: nose up reads positive on x,
     right side down reads negative on y. The bias along z makes the rest as large as gravity.
-    A reading beyond ``NOT_LEVEL`` deviations is that of a vehicle that does not stand on a floor.
+    With a reading beyond ``NOT_LEVEL`` deviations the vehicle does not stand on a level floor.
 
     Parameters
     ----------
@@ -174,7 +175,7 @@ def gyro_bias_variance(m: Alignment, v: AlignmentValues) -> float:
 @jit
 def _is_rest(m: Alignment, size: int, gravity: float, v: AlignmentValues) -> bool:
     """
-    Tell whether the last block of samples is one of a vehicle at rest.
+    Return whether the vehicle was at rest during the last block of samples.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ from .measurements.sonar import SonarValues
 
 @dataclass(frozen=True)
 class AltitudeParams(Parameters):
-    """Noise and prior knowledge of the altitude filter."""
+    """Noise and priors of the altitude filter."""
 
     accel_noise: float = quantity(
         0.2, 'm/s^2/sqrt(Hz)', 1e-6, 10.0,
@@ -86,9 +86,9 @@ class Altitude(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What one sample did."""
+    """Result of one measurement update."""
 
-    innovation: float      # m, of the height, NaN: refused by validity or not comparable
+    innovation: float      # m, innovation of the height; NaN: sample not valid or not comparable
     ratio: float           # -, squared innovation over variance times squared gate
     used: bool             # the sample corrected the filter
 
@@ -195,9 +195,9 @@ def _with_fit(a: Altitude, fit: float) -> Altitude:
 @jit
 def published_variances(a: Altitude, aid_age: float) -> Vec2:
     """
-    Return the variances of height and vertical velocity as the sonar's innovations show them.
+    Return the variances of height and vertical velocity, scaled to the sonar's innovations.
 
-    The filter's own are those of the roughest flights that its parameters know; see :mod:`.fit`.
+    The filter's own variances hold for the roughest flights of its parameters; see :mod:`.fit`.
 
     Parameters
     ----------
@@ -243,10 +243,10 @@ def _inflate_covariance(
 @jit
 def bounded(a: Altitude, v: AltitudeValues) -> Altitude:
     """
-    Return the filter within what is possible: above the floor, and with a bias that exists.
+    Return the filter limited to possible values: not below the floor, and a plausible bias.
 
-    An estimate at the lowest height does not sink. The covariance stays: such a filter is no
-    surer than before, so that its gates still open.
+    An estimate at the lowest height does not descend. The covariance is unchanged, so that the
+    gates can still open.
     """
     height, velocity = a.height, a.velocity
     if height < -v.floor_depth:
@@ -257,7 +257,7 @@ def bounded(a: Altitude, v: AltitudeValues) -> Altitude:
 
 @jit
 def _trial(value: float, compared: float, variance: float, ratio: float) -> Trial:
-    """Return a scalar sample before its gate, and what of it is to agree with the others."""
+    """Return the gate's trial of a scalar sample, with the value compared with other samples."""
     return Trial((value, value), (compared, compared), 2.0 * variance, ratio)
 
 
@@ -271,9 +271,10 @@ def update_sonar(
 
     A reading below the shortest range corrects only where the predicted height is not between
     the floor and that range, and then to the nearer of the two. Refused heights that agree with
-    each other (their innovations do not where the filter has a wrong velocity) are believed after
-    the recovery time: the filter is reset to its doubts at the start, the height widened by the
-    innovation; the next sample then moves it, by no more than the covariance has admitted before.
+    each other (their innovations need not, if the filter has a wrong velocity) are accepted after
+    the recovery time: the covariance is reset to its initial value and that of the height inflated
+    by the innovation. The next sample then corrects the height, by no more than the covariance of
+    this moment allows.
 
     Parameters
     ----------
@@ -286,13 +287,13 @@ def update_sonar(
     tilt_variance : rad^2
         Of the attitude about a horizontal axis.
     v, va
-        What is believed of the sonar, and the doubts at the start.
+        Sonar model and initial covariance.
 
     """
     if not sonar.is_valid(slant_range, tilt_cos, v):
         return a, refuse_invalid(gate), NOT_COMPARED
     measured, noise = sonar.measured_height(slant_range, tilt_cos, tilt_variance, v)
-    if gate.doubt < DISTRUST:
+    if gate.net_refusals < DISTRUST:
         noise += gate.scatter
     if sonar.is_near(slant_range, v):
         measured = sonar.nearest_height(a.height, tilt_cos, v)
@@ -322,8 +323,8 @@ def update_barometer(
     """
     Correct with a pressure; the first one sets the offset.
 
-    After refusals for the recovery time it is the offset that is widened: weather and rotor wash
-    move it, while the height is not lost.
+    After refusals for the recovery time the variance of the offset is inflated, because weather
+    and rotor wash change the offset and not the height.
 
     Parameters
     ----------
@@ -332,7 +333,7 @@ def update_barometer(
     pressure : Pa
         Finite.
     v
-        What is believed of the barometer.
+        Barometer model.
 
     """
     if not barometer.is_valid(pressure, v):

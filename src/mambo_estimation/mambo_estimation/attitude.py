@@ -8,9 +8,9 @@ Between gravity updates the gyro is integrated. The error is a rotation about in
 
 and the covariance of delta is the rotation block of the published pose as it stands.
 
-Gravity. In flight the accelerometer does not see gravity: thrust and drag are all it measures,
-and a vehicle that tilts reads nothing sideways. Taking its direction for the vertical would pull
-the tilt to zero while the vehicle flies a circle. What is known is the acceleration,
+Gravity. In flight the accelerometer does not measure gravity but thrust and drag, and a tilted
+vehicle reads no horizontal component. Using the direction of the specific force as the vertical
+would pull the tilt to zero while the vehicle flies a circle. The acceleration is known instead,
 :math:`\dot v = R s + g e_3`: over a window of length T the mean specific force, turned to
 inertial axes, must explain the velocity gained in it, which the optical flow measures,
 
@@ -44,7 +44,7 @@ from .fit import faded, updated
 
 @dataclass(frozen=True)
 class AttitudeParams(Parameters):
-    """Noise and prior knowledge of the attitude filter."""
+    """Noise and priors of the attitude filter."""
 
     gyro_noise: float = quantity(
         3e-4, 'rad/sqrt(s)', 1e-7, 1.0,
@@ -86,7 +86,7 @@ AttitudeValues = values_type(AttitudeParams)
 
 
 class Window(NamedTuple):
-    """One gravity window under way."""
+    """The current gravity window."""
 
     time: float       # s, since its start
     gained: Vec3      # (3,) m/s, inertial NED, integral of R s + g e_3
@@ -104,7 +104,8 @@ class Attitude(NamedTuple):
     P_rr: Matrix3     # (3, 3) rad^2, of delta about inertial axes
     P_rb: Matrix3     # (3, 3) rad^2/s, of delta and bias error
     P_bb: Matrix3     # (3, 3) rad^2/s^2, of the bias error
-    hidden: float     # rad, deviation of the tilt that an accelerometer bias hides for ever
+    # rad, deviation of the tilt that is unobservable because of an accelerometer bias
+    hidden: float
     window: Window    # gravity window under way
     fit: float        # -, squared innovations of tilt over what the filter expects of them
 
@@ -226,8 +227,8 @@ def aided_tilt(
     """
     Return the mean tilt error that a window between two velocities by flow shows.
 
-    The noise of a velocity enters two windows with opposite signs; it is treated as independent,
-    which only makes the filter too careful.
+    The noise of a velocity enters two windows with opposite signs. It is treated as independent,
+    which is conservative.
 
     Parameters
     ----------
@@ -271,8 +272,8 @@ def unaided_tilt(
     window
         Under way, time > 0.
     resting : bool
-        On the floor: it has gained none indeed. Else it may have, the more so the more the
-        specific force exceeds gravity and the faster the vehicle turns.
+        On the floor, where the gained velocity is zero. In the air its uncertainty grows with the
+        excess of the specific force over gravity and with the body rate.
     gravity : m/s^2
     v
         Uncertainties.
@@ -326,14 +327,15 @@ def update_tilt(
     .. math:: H = (E,\; \tfrac{L}{2} E R), \quad R_z = r I, \quad S = H P H^T + R_z, \quad
               K = P H^T S^{-1}, \quad P \leftarrow P - K S K^T
 
-    taken one component after the other, the second freed of what the first one tells.
+    applied one component after the other, the second decorrelated from the first.
 
-    The gate bends instead of closing: an innovation beyond it is given so much variance that it
-    lies on it. No outlier moves the tilt far, and no filter is locked out for ever.
+    The gate limits instead of refusing: the variance of an innovation beyond it is increased until
+    the innovation lies on the gate. An outlier cannot move the tilt far, and the filter cannot
+    lock itself out.
 
-    Yaw and the gyro bias about body z are not corrected (Schmidt's filter: their covariance stays,
-    that with the rest does not). Gravity tells of them only through small correlations, which
-    errors of the flow on a steadily turning path imitate.
+    Yaw and the gyro bias about body z are not corrected (Schmidt filter: their covariance is
+    unchanged, their cross-covariance is updated). Gravity observes them only through small
+    correlations, which flow errors on a steadily turning path imitate.
 
     Parameters
     ----------
@@ -353,7 +355,7 @@ def update_tilt(
     c_0, c_1 = _column(a, 0, lever_0), _column(a, 1, lever_1)
     s_00 = c_0.r[0] + dot(lever_0, c_0.b) + variance
     s_01 = c_0.r[1] + dot(lever_1, c_0.b)
-    # The second component freed of what the first one tells.
+    # The second component, decorrelated from the first.
     part = s_01 / s_00
     s_11 = c_1.r[1] + dot(lever_1, c_1.b) + variance - part * s_01
     r_1, b_1 = sub(c_1.r, scale(part, c_0.r)), sub(c_1.b, scale(part, c_0.b))
@@ -389,11 +391,11 @@ def with_window(a: Attitude, window: Window) -> Attitude:
 @jit
 def published_covariance(a: Attitude, aid_age: float) -> Matrix3:
     """
-    Return the covariance of delta as its innovations show it, (3, 3) rad^2, inertial axes.
+    Return the covariance of delta, scaled to the innovations, (3, 3) rad^2, inertial axes.
 
-    The filter's own holds for the roughest flights that its parameters know. The part of the tilt
-    that gravity windows measure is scaled by ``fit``, as far as they still come; the gain does not
-    see it. Hidden tilt and yaw, which no innovation shows, are not scaled.
+    The filter's own covariance holds for the roughest flights of its parameters. The part of the
+    tilt that gravity windows measure is scaled by ``fit`` while windows still arrive; the gain
+    does not use the scaled one. Unobservable tilt and yaw are not scaled.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What an estimator answers, and what it says of itself and its sensors in words and numbers."""
+"""Result of an estimator step, and the diagnostic status of estimator and sensors."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def status_of(aligning: bool, sonar_age: float, flow_age: float, values) -> int:
 @jit
 def of_state(state: State, status: int, gyro_bias: Vec3, accel_bias: Vec3) -> Estimate:
     """
-    Return the estimate of an estimator that knows a state and its biases, and nothing else.
+    Return the estimate of an estimator that has a state and biases only.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def diagnostic_status(
     not_finite: tuple[int, ...], dropped: tuple[int, ...], tilt_std: float,
 ) -> tuple[int, str, dict[str, float]]:
     """
-    Return how well it does (GOOD, DOUBTFUL or BAD), one line, and the numbers behind it.
+    Return the level (GOOD, DOUBTFUL or BAD), one line of text, and the values for diagnostics.
 
     Parameters
     ----------

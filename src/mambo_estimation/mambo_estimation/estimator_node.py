@@ -23,7 +23,7 @@ _ZERO3, _ZERO36 = (0.0,) * 3, (0.0,) * 36
 
 
 def _check_truth(truth: tuple) -> str:
-    """Return why a decoded true state cannot be used, empty if it can."""
+    """Return the reason to refuse a decoded true state; empty if it is usable."""
     return input_guard.finite(*truth[1])
 
 
@@ -89,7 +89,7 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
                 reliable=self._reliable)
             return
         self._subscribe_sensor(topics.IMU, messages.decode_imu, sync.add_imu)
-        # the last message of a step: nothing can be done before it
+        # the last message of a step, which completes it
         self.accept(topics.SENSOR_TICK, messages.decode_sensor_tick, self._adder(sync.add_tick))
 
     def _begin(self) -> Held:
@@ -103,15 +103,15 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         return self.params.sensor_reliability == 'reliable'
 
     def _adder(self, add: Callable) -> Callable:
-        """Return what takes a message of a sensor and runs the steps that it completes."""
+        """Return the callback of a sensor, which runs the steps that a message completes."""
         return lambda *sample: self._run(add(*sample))
 
     def _subscribe_sensor(self, topic: topics.Topic, decode: Callable, add: Callable) -> None:
         """
         Queue each message of a sensor, late and repeated ones as well, whatever it reads.
 
-        The synchroniser puts the samples in order and the filter judges what they say; one that
-        cannot be read still counts where a watermark announces it.
+        The synchroniser sorts the samples and the filter checks their values. An unreadable
+        message still counts towards a watermark that announces it.
         """
         stream = _STREAMS.index(topic)
         self.accept(
@@ -140,7 +140,7 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
             self._report(t, e, dropped)
 
     def _report(self, t: int, e: Estimate, dropped: tuple[int, ...]) -> None:
-        """Say on ``/diagnostics`` how the estimator and each sensor are."""
+        """Publish the status of the estimator and of each sensor on ``/diagnostics``."""
         counts = e.health.not_finite + dropped
         new = tuple(now - before for now, before in zip(counts, self._reported, strict=True))
         self._reported = counts

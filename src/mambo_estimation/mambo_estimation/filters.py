@@ -1,10 +1,10 @@
 """
-Every estimator by its name; the types of memory and values say which one answers.
+Registry of estimators by name; the types of memory and values select the implementation.
 
 An estimator is a dataclass of parameters, ``initial`` and ``step``: one line of ``REGISTRY`` for a
-built-in one, a file or an installed package for one from outside. One from outside that raises,
-answers what is not finite or takes too long is not asked again: its estimate is lost from then on,
-which the failsafe of the controller knows to land from.
+built-in one, a file or an installed package for one from outside. A custom one that raises an
+error, returns values that are not finite or takes too long is not called again. Its estimate is
+then lost, and the failsafe of the controller lands the vehicle.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class OwnValues(NamedTuple):
 
 
 class OwnMemory(NamedTuple):
-    """What such an estimator remembers."""
+    """Memory of such an estimator."""
 
     memory: Any  # its own, or the slot of a plain one
     fault: bool  # it has failed
@@ -75,17 +75,17 @@ class OwnParams:
 
 def read(answer: Any) -> Estimate:
     """
-    Return an estimate from outside with numbers as compiled code has them.
+    Return the estimate of a custom estimator, converted to the types of compiled code.
 
     Raises
     ------
     UnusableError
-        If it is no estimate, or its state is not finite.
+        If it is not an estimate, or its state is not finite.
 
     """
     if not isinstance(answer, Estimate):
         raise UnusableError(
-            f'step answers {type(answer).__name__} where an Estimate belongs: make it by '
+            f'step returned {type(answer).__name__} instead of an Estimate: create it with '
             'mambo_estimation.estimate.of_state')
     try:
         out = slots.typed(answer, _LOST)
@@ -100,7 +100,7 @@ def read(answer: Any) -> Estimate:
 
 
 def _try(component: Component) -> None:
-    """Refuse an estimator that does not answer a vehicle at rest as one must."""
+    """Refuse an estimator whose result for a vehicle at rest is unusable."""
     slots.tried(component, (*_HOVER, None), read)
     if component.compiled:
         _STEPS[component.params.Values] = component.step
@@ -117,7 +117,7 @@ def _call(memory, own, dt, gyro, accel, sonar, flow, quality, pressure):
 
 
 def _report(slot, memory, dt, gyro, accel, sonar, flow, quality, pressure):
-    """Keep what a compiled estimator did wrong."""
+    """Store the error of a compiled estimator."""
     slots.report(slot, memory, (dt, gyro, accel, sonar, flow, quality, pressure, None), read)
 
 
@@ -180,7 +180,7 @@ def _own_initial(own: OwnValues) -> OwnMemory:
 
 @jit
 def _own_step(memory, dt, gyro, accel, sonar, flow, quality, pressure, own):
-    """Take a step of an estimator from outside; nothing is known any more after a fault."""
+    """Take a step of a custom estimator; after a fault the estimate is lost."""
     if memory.fault:
         return memory, _LOST
     failed, after, estimate = _take(

@@ -1,11 +1,10 @@
 """
-How well a filter's covariance fits: squared innovations over what the filter expects of them.
+Consistency of a filter's covariance: squared innovations over their expected variances.
 
-The noise parameters hold for the roughest flights that are known, so that the gains are safe
-there; a smoother flight has smaller errors than the filter's own covariance says. The variance of
-unit weight of least squares tells by how much: 1 where the innovations are as large as expected.
-What is published is scaled by it; the gains and the gates do not see it. Holds no equation of the
-thesis.
+The noise parameters hold for the roughest known flights, so that the gains are safe there. In a
+smoother flight the errors are smaller than the filter's covariance. The ratio, the variance of
+unit weight of least squares, is 1 if the innovations are as large as expected. Published
+covariances are scaled by it; gains and gates are not. Holds no equation of the thesis.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ def updated(fit: float, squared: float, gate: float, weight: float) -> float:
 @jit
 def faded(fit: float, least: float, age: float) -> float:
     """
-    Return by how much a published covariance is scaled: without innovations not at all.
+    Return the scale factor of a published covariance; 1 without innovations.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """
-Health of the sensors: which of them the filters use now, and what is wrong with the others.
+Health of the sensors: which ones the filters use now, and the faults of the others.
 
-A sensor is in good health as long as one of its samples has been used lately; single outliers are
-counted elsewhere and are no illness. Where it cannot measure by its nature (flow on the floor)
-nothing is expected of it. Holds no equation of the thesis.
+A sensor is healthy if one of its samples has been used recently; single outliers are counted
+elsewhere and do not make it unhealthy. Where a sensor cannot measure (flow on the floor) no sample
+is expected. Holds no equation of the thesis.
 """
 
 from __future__ import annotations
@@ -30,13 +30,14 @@ LARGEST_NOISE = 1.0  # unit of the sensor
 
 
 class Sensor(NamedTuple):
-    """What is remembered of one sensor."""
+    """Memory of one sensor."""
 
-    trouble: int       # why its last sample was not used, GOOD: it was
+    fault: int       # why its last sample was not used, GOOD: it was
     age: float         # s, since a sample was used or the sensor out of reach
-    silence: float     # s, likewise since a sample came
+    sample_age: float     # s, likewise since a sample came
     equal: int         # [-] samples in a row that were equal to the one before
-    value: Vec3        # unit of the sensor, its last sample; one of less numbers repeats them
+    # unit of the sensor, its last sample; a sample of fewer components repeats them
+    value: Vec3
     roughness: float   # the same squared, mean square of its differences from sample to sample
     not_finite: int    # [-] samples since start
     noise: Vec3        # the same squared, variance of one used sample
@@ -53,7 +54,7 @@ class Sensors(NamedTuple):
 
 
 class Health(NamedTuple):
-    """What is said of them, (5,) each, in the order of ``NAMES``."""
+    """Published health of the sensors, (5,) each, in the order of ``NAMES``."""
 
     health: tuple[int, int, int, int, int]            # GOOD, ...
     age: tuple[float, float, float, float, float]     # s, as of Sensor
@@ -61,7 +62,7 @@ class Health(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """How old the last sample that was used may be, s."""
+    """Largest age of the last used sample, s."""
 
     imu: float  # s, of gyro and accelerometer
     sonar: float  # s
@@ -97,7 +98,7 @@ def repeats(s: Sensor, value: Vec3) -> int:
 @jit
 def roughness(s: Sensor, value: Vec3, dt: float) -> float:
     """
-    Return the mean square difference of successive samples, with this one; 0 if none can be had.
+    Return the mean square difference of successive samples, with this one; 0 if unavailable.
 
     Parameters
     ----------
@@ -155,7 +156,7 @@ def observe(
     s: Sensor, dt: float, value: Vec3, came: bool, used: bool, stuck: bool, in_reach: bool,
 ) -> Sensor:
     """
-    Return what is known of a sensor after a step.
+    Return the memory of a sensor after a step.
 
     Parameters
     ----------
@@ -172,24 +173,24 @@ def observe(
     stuck
         Whether it counts as a repetition of the one before.
     in_reach
-        Whether the sensor can measure where the vehicle is believed to be.
+        Whether the sensor can measure at the estimated state.
 
     """
-    trouble, finite = s.trouble, is_finite(value)
+    fault, finite = s.fault, is_finite(value)
     if used:
-        trouble = GOOD
+        fault = GOOD
     elif not in_reach:
-        trouble = OUT_OF_REACH
+        fault = OUT_OF_REACH
     elif came:
-        trouble = IMPLAUSIBLE if finite else NOT_FINITE
-        trouble = STUCK if stuck and finite else trouble
+        fault = IMPLAUSIBLE if finite else NOT_FINITE
+        fault = STUCK if stuck and finite else fault
     age = 0.0 if used or not in_reach else s.age + dt
-    silence = 0.0 if came or not in_reach else s.silence + dt
+    sample_age = 0.0 if came or not in_reach else s.sample_age + dt
     if not came:
         return Sensor(
-            trouble, age, silence, s.equal, s.value, s.roughness, s.not_finite, s.noise)
+            fault, age, sample_age, s.equal, s.value, s.roughness, s.not_finite, s.noise)
     return Sensor(
-        trouble, age, silence, repeats(s, value), value, roughness(s, value, dt),
+        fault, age, sample_age, repeats(s, value), value, roughness(s, value, dt),
         s.not_finite + (0 if finite else 1), noise(s, value, dt) if used else s.noise)
 
 
@@ -199,7 +200,7 @@ def observe_all(
     used: Five, stuck: Five, in_reach: tuple[bool, bool],
 ) -> Sensors:
     """
-    Return what is known of all sensors after a step.
+    Return the memory of all sensors after a step.
 
     Parameters
     ----------
@@ -235,7 +236,7 @@ def limits(params: Any) -> Limits:
 
 @dataclass(frozen=True)
 class AgeParams(Parameters):
-    """What every filter of our own has: gravity, and how old the last sample used may be."""
+    """Parameters of every built-in filter: gravity, and the largest ages of used samples."""
 
     gravity: float = quantity(9.81, 'm/s^2', 9.7, 9.9, 'standard value; the thesis gives none')
     max_sonar_age: float = quantity(
@@ -249,23 +250,23 @@ class AgeParams(Parameters):
 
     @derived('s', 'max_imu_age', 'max_barometer_age')
     def limits(self) -> Limits:
-        """How old the last sample that was used may be."""
+        """Largest age of the last used sample."""
         return limits(self)
 
 
 @jit
 def _state(s: Sensor, limit: float) -> int:
     """Return the health of a sensor whose samples should be used at least each ``limit`` s."""
-    if s.trouble == OUT_OF_REACH:
+    if s.fault == OUT_OF_REACH:
         return OUT_OF_REACH
     if s.age <= limit:
         return GOOD
-    return MISSING if s.silence > limit or s.trouble == GOOD else s.trouble
+    return MISSING if s.sample_age > limit or s.fault == GOOD else s.fault
 
 
 @jit
 def report(s: Sensors, p: Limits) -> Health:
-    """Return what is said of all sensors."""
+    """Return the published health of all sensors."""
     return Health(
         (_state(s.gyro, p.imu), _state(s.accel, p.imu), _state(s.sonar, p.sonar),
          _state(s.flow, p.flow), _state(s.barometer, p.barometer)),
@@ -283,7 +284,7 @@ def complaints(
     h: Health, not_finite: tuple[int, ...], dropped: tuple[int, ...],
 ) -> list[str]:
     """
-    Return what a person should know of the sensors, one text each; none where all is well.
+    Return the complaints about the sensors, one text each; empty if all are healthy.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@ r"""
 State estimator of thesis figure 5.1: attitude, altitude, horizontal velocity, position.
 
 One :func:`step` per IMU sample, with the other sensors' samples where they are new. Three filters
-in a row, each taking what the one before it knows:
+in cascade, each using the result of the one before:
 
     gyro, specific force -> attitude -> altitude (sonar, barometer)
                                      -> velocity and position (optical flow (5.2) with C8)
@@ -10,7 +10,7 @@ in a row, each taking what the one before it knows:
 
 Everything is NED and FRD. A step never fails: samples that are not finite are counted and
 ignored, an IMU sample that may not be integrated is replaced by the one before it with much more
-noise, implausible ones are refused by gates that open again (:mod:`.gate`).
+noise, and implausible samples are refused by gates that can recover (:mod:`.gate`).
 
 Covariances are in the order of ``geometry_msgs``: (x, y, z, rotation about x, y, z), row by row.
 Pose: both blocks in inertial axes, the rotation being delta of ``q_true = exp(delta) q``, as
@@ -69,7 +69,7 @@ EstimatorValues = values_type(EstimatorParams)
 
 
 class Counts(NamedTuple):
-    """What was not used, and for how long."""
+    """Unused samples and ages."""
 
     invalid: int       # [-] samples of any sensor that could not be read
     equal: int         # [-] rates in a row equal to the one before
@@ -86,7 +86,7 @@ class Gates(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What the estimator remembers between steps."""
+    """Memory of the estimator between steps."""
 
     aligning: bool       # still collecting samples at rest
     resting: bool        # aligned, and not moved since
@@ -103,7 +103,7 @@ class Memory(NamedTuple):
 
 
 class Results(NamedTuple):
-    """What the samples of one step did."""
+    """Results of the measurement updates of one step."""
 
     sonar: altitude.Result  # of the range
     flow: velocity.Result   # of the flow
@@ -118,9 +118,9 @@ NONE2: Vec2 = (math.nan, math.nan)
 @jit
 def initial(values: EstimatorValues) -> Memory:
     """
-    Return the memory of an estimator that has seen nothing: on the floor, level, yaw 0.
+    Return the initial memory: on the floor, level, yaw 0, with wide defaults.
 
-    The filters have the wide defaults and samples at rest are collected.
+    The estimator then collects samples at rest.
     """
     v = values
     tilt, bias = v.attitude.initial_tilt_std, v.attitude.initial_gyro_bias_std
@@ -364,19 +364,19 @@ def _observe(
     pressure: float, usable: tuple[bool, bool], stuck: tuple[bool, bool, bool, bool, bool],
     v: EstimatorValues,
 ) -> Sensors:
-    """Return what is known of the sensors after a step; nothing is asked of them at rest."""
+    """Return the memory of the sensors after a step; at rest no sample is required."""
     s, cosine, height = m.sensors, to_matrix(m.attitude.q)[2][2], m.altitude.height
     ranged, weighed = results.sonar.used, results.barometer.used
     if m.aligning:
         ranged = math.isfinite(sonar)
     if m.aligning or not v.barometer.enabled:
         weighed = barometer.is_valid(pressure, v.barometer) and not stuck[4]
-    see = height >= v.optical_flow.min_height and cosine >= v.optical_flow.min_tilt_cos
-    hear = height <= v.sonar.max_range * cosine and cosine >= v.sonar.min_tilt_cos
+    flow_in_reach = height >= v.optical_flow.min_height and cosine >= v.optical_flow.min_tilt_cos
+    sonar_in_reach = height <= v.sonar.max_range * cosine and cosine >= v.sonar.min_tilt_cos
     return observe_all(
         s, dt, gyro, accel, sonar, flow, pressure,
         (usable[0], usable[1], ranged, results.flow.used, weighed), stuck,
-        (hear, see and not m.aligning))
+        (sonar_in_reach, flow_in_reach and not m.aligning))
 
 
 @jit
@@ -443,7 +443,7 @@ def _twist_covariance(m: Memory, v: attitude.AttitudeValues) -> tuple[float, ...
 
 @jit
 def _estimate(m: Memory, results: Results, v: EstimatorValues) -> Estimate:
-    """Return what the memory says."""
+    """Return the estimate."""
     alt, b = m.altitude, m.velocity.accel_bias
     accel_bias = add(m.alignment.accel_bias, (b[0], b[1], alt.accel_bias))
     return Estimate(

@@ -17,14 +17,14 @@ class EstimatorNodeParams:
     """Parameters of ``estimator_node``."""
 
     estimator: str = schema.component(
-        'kalman', REGISTRY, 'which estimator answers the sensors')
+        'kalman', REGISTRY, 'which estimator is used')
     synchronise: str = schema.choice(
         'watermark', ('watermark', 'arrival'),
         'wait for every sample the watermark announces, or use what has arrived (real hardware)')
     sensor_reliability: str = schema.choice(
         'reliable', ('reliable', 'best_effort'),
-        'what the subscriptions of the sensors ask for; best_effort also hears drivers that offer '
-        'no more, with synchronise = arrival, as a lost sample is never announced twice')
+        'reliability that the sensor subscriptions request; best_effort also matches drivers that '
+        'offer no more; use it with synchronise = arrival, as lost samples are not resent')
     map_to_odom: bool = schema.flag(True, 'publish the identity map to odom on /tf')
 
     def __post_init__(self) -> None:

@@ -9,10 +9,10 @@ Each step, in this order (Figure 5.1):
 * altitude: the vertical acceleration integrated twice, corrected by the sonar with the constant
   gain of a Kalman filter;
 * body velocity: likewise, corrected by the optical flow, **which is taken for a velocity in m/s**
-  although it is one divided by the height; below 0.4 m the accelerometer alone;
+  although it is a velocity divided by the height; below 0.4 m the accelerometer alone;
 * position: the velocity integrated.
 
-Structure and constants are those that code generated from the package in 2018 shows (gain of
+Structure and constants are those of code generated from the package in 2018 (gain of
 flow to velocity: 1 for the Mambo). It differs from the thesis in one point, followed here: below
 0.4 m that code integrates nothing, the thesis's (sec. 5.2) the accelerometer. Left out: the
 factory scale of the inertial sensors, a filter on the yaw rate and the limit of the angular
@@ -147,7 +147,7 @@ class Rest(NamedTuple):
 
 
 class Altitude(NamedTuple):
-    """Vertical motion, and what is known of the sensors that correct it."""
+    """Vertical motion, and the newest samples of the sensors that correct it."""
 
     height: float        # m
     climb: float         # m/s, upward
@@ -171,7 +171,7 @@ class Velocity(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What the estimator remembers between steps."""
+    """Memory of the estimator between steps."""
 
     rest: Rest           # calibration
     gyro: Vec3           # (3,) rad/s, body FRD, last valid sample
@@ -185,7 +185,7 @@ class Memory(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What the new samples of a step said; NaN: no sample."""
+    """Innovations of the new samples of a step; NaN: no sample."""
 
     sonar_innovation: float   # m
     sonar_ratio: float        # -, 1 at the gate
@@ -200,7 +200,7 @@ NOTHING = Seen(math.nan, math.nan, NAN2, math.nan)
 
 @jit
 def initial(values: ToolboxValues) -> Memory:
-    """Return the memory of an estimator that has seen nothing: on the floor, level, yaw 0."""
+    """Return the initial memory: on the floor, level, yaw 0."""
     g = (0.0, 0.0, -values.gravity)
     return Memory(
         Rest(0, ZERO, ZERO, 0, 0.0), ZERO, g, (g, g, g, g, g, g), ZERO,
@@ -283,7 +283,7 @@ def _smoothed(old: float, new: float, dt: float, v: ToolboxValues) -> float:
 
 @jit
 def _is_range(a: Altitude, height: float, v: ToolboxValues) -> bool:
-    """Tell whether the newest range may correct the height, m."""
+    """Return whether the newest range may correct the height, m."""
     near = abs(a.range - height) <= v.sonar_gate
     lost = (abs(a.smooth_range - height) >= v.sonar_far
             and abs(a.by_pressure - height) >= v.pressure_far)
@@ -315,7 +315,7 @@ def _rise(
         by_pressure = _smoothed(
             by_pressure, (rest.pressure - pressure) * v.metre_per_pascal, dt, v)
     smooth = a.smooth_range
-    if not abs(held) > v.sonar_max:  # so far sees no sonar: it would take minutes to forget
+    if not abs(held) > v.sonar_max:  # beyond any sonar's range: it would take minutes to forget
         smooth = _smoothed(smooth, held, dt, v)
     a = Altitude(height, climb, held, age, a.used_age + dt, a.refused, smooth, by_pressure)
     innovation, used_age, refused = held - height, a.used_age, a.refused
@@ -335,7 +335,7 @@ def _rise(
 def _is_flow(
     flow: Vec2, nu: Vec2, age: float, height: float, euler: Vec3, omega: Vec3, v: ToolboxValues,
 ) -> bool:
-    """Tell whether the newest flow may correct the velocity; both (2,) m/s."""
+    """Return whether the newest flow may correct the velocity; both (2,) m/s."""
     level = abs(euler[0]) <= v.flow_max_tilt and abs(euler[1]) <= v.flow_max_tilt
     slow = abs(omega[0]) <= v.flow_max_rate and abs(omega[1]) <= v.flow_max_rate
     calm = abs(omega[0]) <= v.flow_calm_rate and abs(omega[1]) <= v.flow_calm_rate
@@ -454,25 +454,25 @@ def _observe(
     usable: tuple[bool, bool], resting: bool, v: ToolboxValues,
 ) -> Sensors:
     """
-    Return what is known of the sensors; range and flow count as used where they may be.
+    Return the memory of the sensors; range and flow count as used if they may be.
 
-    The package looks for no stuck sensor, and nor does this.
+    Like the package, this does not detect stuck sensors.
     """
     s, a, nu = m.sensors, m.altitude, m.velocity.nu
     near = abs(sonar - a.height) <= v.sonar_gate or resting or a.height < v.sonar_min
     x, y = v.flow_to_velocity * flow[0] - nu[0], v.flow_to_velocity * flow[1] - nu[1]
     seen = abs(x) <= v.flow_gate and abs(y) <= v.flow_gate
-    see = a.height >= v.flow_min_height and not resting
+    flow_in_reach = a.height >= v.flow_min_height and not resting
     return observe_all(
         s, dt, gyro, accel, sonar, flow, pressure,
         (usable[0], usable[1], near and 0.0 <= sonar <= v.sonar_max, seen,
          v.min_pressure <= pressure <= v.max_pressure),
-        (False, False, False, False, False), (True, see))
+        (False, False, False, False, False), (True, flow_in_reach))
 
 
 @jit
 def _estimate(m: Memory, seen: Seen, v: ToolboxValues) -> Estimate:
-    """Return what the memory says; the rate is zero until the calibration has ended."""
+    """Return the estimate; the rate is zero until the calibration has ended."""
     q = from_euler(m.euler[0], m.euler[1], m.euler[2])
     alt, vel = m.altitude, m.velocity
     status = status_of(

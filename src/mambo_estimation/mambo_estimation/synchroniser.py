@@ -1,10 +1,10 @@
 """
-Sensor samples in any order of arrival become one ordered sequence of filter steps.
+Convert sensor samples in any order of arrival to one ordered sequence of filter steps.
 
-DDS keeps the order within a topic only. The watermark (``SensorTick``) says how many samples of
-each topic were published up to its stamp; a step is released when all of them are there, and
-uses no other. What the filter computes is therefore a function of stamped data: in a live graph,
-in a replay and offline, also where samples are late, repeated or out of order.
+DDS keeps the order within a topic only. The watermark (``SensorTick``) states how many samples of
+each topic were published up to its stamp; a step is released when all of them have arrived, and
+uses no others. The result of the filter therefore depends on stamped data alone: in a live graph,
+in a replay and offline, even if samples are late, repeated or out of order.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ class Synchroniser:
         True: a step waits for all samples that ``add_tick`` announces. False (a sensor driver
         that sends no watermark): an IMU sample is a step with what has arrived by then.
 
-    A sample is dropped where it is late (older than the step before the one that is told of it),
-    not newer than one before it on its stream, overtaken within one step, or more than 0.1 s
-    ahead of the step it arrives with. One that is less ahead waits for its own step: where a
-    sample was lost on the way, the counts of the watermark are met by the ones that follow it.
+    A sample is dropped if it is late (older than the previous step), not newer than an earlier
+    sample of its stream, overtaken within one step, or more than 0.1 s ahead of the step it
+    arrives with. A sample that is less ahead waits for its own step: if a sample was lost on the
+    way, the ones after it complete the counts of the watermark.
 
     """
 
@@ -85,8 +85,8 @@ class Synchroniser:
         """
         Queue the watermark: ``counts`` samples of each stream were published up to ``t``.
 
-        A consumer that joins a running flight takes what it has seen by its first watermark as
-        complete.
+        A consumer that joins a running flight treats the samples received by its first watermark
+        as complete.
         """
         if self._offset is None:
             self._offset = (0, 0, 0, 0) if counts[0] <= 1 else tuple(

@@ -1,5 +1,5 @@
 r"""
-Velocity filter: horizontal position, velocity and accelerometer bias, and the drift it admits.
+Velocity filter: horizontal position, velocity and accelerometer bias, with the drift covariance.
 
 Between flow samples the specific force (body axes, C19), turned to inertial axes, is integrated,
 
@@ -8,15 +8,15 @@ Between flow samples the specific force (body axes, C19), turned to inertial axe
 
 and optical flow measures the body velocity (5.2), corrected: C8 says that it must be turned to
 inertial axes together with nu_3, which comes from the altitude filter. Position is integrated
-velocity, nothing else. The bias b_xy also holds what is left of a tilt error (times g), which the
-velocity cannot tell from it.
+velocity, nothing else. The bias b_xy also contains the remaining tilt error (times g), which the
+velocity cannot distinguish from it.
 
 Consider parameters. The error that matters in the thesis is not noise: it is a factor Q that is
 wrong by a constant and by a part that grows with height, and a yaw that nothing observes. Each is
 an unknown of zero mean that the filter does not estimate; how the estimate depends on it, a
-sensitivity, is propagated exactly through prediction and gain, and adds to the covariance. So the
-published covariance grows with the very mechanism (equations.md, Drift) that makes a vertical
-circle drift, and does not where level circles do not.
+sensitivity, is propagated exactly through prediction and gain, and adds to the covariance. The
+published covariance therefore grows by the same mechanism (equations.md, Drift) that makes a
+vertical circle drift, and does not grow on level circles.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from .measurements.optical_flow import FlowValues
 
 @dataclass(frozen=True)
 class VelocityParams(Parameters):
-    """Noise and prior knowledge of the velocity filter."""
+    """Noise and priors of the velocity filter."""
 
     accel_noise: float = quantity(
         0.02, 'm/s^2/sqrt(Hz)', 1e-6, 10.0,
@@ -101,7 +101,7 @@ class Velocity(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What one flow sample did."""
+    """Result of one flow update."""
 
     innovation: Vec2    # (2,) m/s, body FRD x and y
     ratio: float        # -, squared innovation over its covariance times squared gate
@@ -109,7 +109,7 @@ class Result(NamedTuple):
 
 
 NOT_COMPARED = Result((math.nan, math.nan), math.nan, False)
-MIN_TILT_COS = 0.3  # what a tilt error does to nu_3 is bounded beyond 72 degrees
+MIN_TILT_COS = 0.3  # bounds the effect of a tilt error on nu_3 beyond 72 degrees
 INSENSITIVE = Sensitivity((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
 
 
@@ -163,7 +163,7 @@ def _predict_covariance(
 def _predict_sensitivity(
     s: Sensitivity, B: Matrix2, force: Vec2, dt: float, keep: float,
 ) -> Sensitivity:
-    """Return F s plus what the parameter itself does to the acceleration, ``force``."""
+    """Return F s plus ``force``, the derivative of the acceleration by the parameter."""
     pull = apply2(B, s.b)
     a = (force[0] - pull[0], force[1] - pull[1])
     half = 0.5 * dt * dt
@@ -266,7 +266,7 @@ def _correct(
 
 @jit
 def _correct_sensitivity(s: Sensitivity, K: Gain, innovation: Vec2) -> Sensitivity:
-    """Return the sensitivity after the gain has worked on that of the innovation."""
+    """Return the sensitivity after the update with the sensitivity of the innovation."""
     p, v, b = apply2(K.p, innovation), apply2(K.v, innovation), apply2(K.b, innovation)
     return Sensitivity(
         (s.p[0] + p[0], s.p[1] + p[1]), (s.v[0] + v[0], s.v[1] + v[1]),
@@ -289,19 +289,19 @@ def update_flow(
     """
     Correct with a body velocity by optical flow, (5.2) with C8.
 
-    The gain ignores the consider parameters, gate and covariance do not. After refusals for the
-    recovery time the velocity is reset to its doubts at the start and widened by the innovation,
-    the position by the way it has gone wrong since; the next sample then moves the filter, by no
-    more than the covariance has admitted before.
+    The gain ignores the consider parameters; gate and covariance include them. After refusals for
+    the recovery time the velocity covariance is reset to its initial value and inflated by the
+    innovation, and that of the position by the accumulated error. The next sample then corrects
+    the filter, by no more than the covariance of this moment allows.
 
     Parameters
     ----------
     f, gate
         Memory.
     flow : (2,) rad/s, body FRD
-        The sample as it came.
+        The raw sample.
     nu : (2,) m/s, body FRD
-        The velocity it means.
+        The corresponding velocity.
     std : m/s
         Deviation of each component of nu from noise.
     height, height_variance : m, m^2
@@ -313,7 +313,7 @@ def update_flow(
     yaw_std : rad
         Deviation of the yaw error now.
     v, vv
-        What is believed of the flow, and the doubts at the start.
+        Flow model and initial covariance.
 
     """
     expected, M = optical_flow.predict((f.velocity[0], f.velocity[1], v_z), R)

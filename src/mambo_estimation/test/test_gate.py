@@ -72,7 +72,7 @@ def test_a_sensor_that_is_mostly_refused_is_not_believed_where_a_sample_fits():
 def test_it_is_believed_again_after_several_that_fit_and_agree():
     wild = [(30.0 * (-1) ** k + k, 30.0 * (-1) ** k) for k in range(20)]
     _, verdicts = run([*wild, *[(0.01 * k, 0.1) for k in range(10)]])
-    again = g.MOST_DOUBT - g.DISTRUST + 2  # the first of them does not agree with the last one
+    again = g.MAX_NET_REFUSALS - g.DISTRUST + 2  # the first does not agree with the last one
     assert verdicts[20:] == [g.REFUSE] * again + [g.ACCEPT] * (10 - again)
 
 

@@ -181,8 +181,8 @@ def store_state(row: Array, s: State) -> None:
         row[6 + i] = s.q[i]
 
 
-class Heard(NamedTuple):
-    """Samples of a control step as the estimator node has them from the wire; NaN: none."""
+class SensorReadings(NamedTuple):
+    """Samples of a control step as the estimator node receives them; NaN: none."""
 
     gyro: Vec3  # (3,) rad/s, body FRD
     accel: Vec3  # (3,) m/s^2, body FRD
@@ -193,8 +193,8 @@ class Heard(NamedTuple):
 
 
 @jit
-def hear(s: simulator.Samples, p: Settings) -> Heard:
-    """Return of a control step's samples those that arrive in time and say something."""
+def delivered_readings(s: simulator.Samples, p: Settings) -> SensorReadings:
+    """Return the samples of a control step that arrive on time and hold a value."""
     gyro, accel = s.gyro, s.accel
     if not in_time(s.deliveries.imu):
         gyro, accel = (np.nan, np.nan, np.nan), (np.nan, np.nan, np.nan)
@@ -205,16 +205,16 @@ def hear(s: simulator.Samples, p: Settings) -> Heard:
         flow, quality = s.flow, s.flow_quality
     if s.baro_new and in_time(s.deliveries.barometer):
         pressure = s.pressure
-    return Heard(gyro, accel, sonar, flow, quality, pressure)
+    return SensorReadings(gyro, accel, sonar, flow, quality, pressure)
 
 
 @jit
-def _store_samples(out: Recording, k: int, s: simulator.Samples, heard: Heard) -> None:
+def _store_samples(out: Recording, k: int, s: simulator.Samples, readings: SensorReadings) -> None:
     for i in range(3):
-        out.imu[k, i], out.imu[k, 3 + i] = heard.gyro[i], heard.accel[i]
-    out.sonar[k], out.pressure[k] = heard.sonar, heard.pressure
-    out.flow[k, 0], out.flow[k, 1] = heard.flow
-    out.flow[k, 2] = heard.flow_quality if s.flow_new else np.nan
+        out.imu[k, i], out.imu[k, 3 + i] = readings.gyro[i], readings.accel[i]
+    out.sonar[k], out.pressure[k] = readings.sonar, readings.pressure
+    out.flow[k, 0], out.flow[k, 1] = readings.flow
+    out.flow[k, 2] = readings.flow_quality if s.flow_new else np.nan
 
 
 @jit
@@ -301,12 +301,12 @@ def _loop(state, rngs, mocap_rng, memory, control, p, out):
         t_before = t - STEP_NS if k else t
         mocap, seen = optitrack.step(mocap, t_before, before, t, body, mocap_rng, p.optitrack)
         before = body
-        estimated, spread, heard = body, failsafe.EXACT, hear(samples, p)
-        _store_samples(out, k, samples, heard)
+        estimated, spread, readings = body, failsafe.EXACT, delivered_readings(samples, p)
+        _store_samples(out, k, samples, readings)
         if not p.use_truth:
             memory, estimate = filters.step(
-                memory, (t - t_before) * 1e-9, heard.gyro, heard.accel, heard.sonar, heard.flow,
-                heard.flow_quality, heard.pressure, p.estimator)
+                memory, (t - t_before) * 1e-9, readings.gyro, readings.accel, readings.sonar,
+                readings.flow, readings.flow_quality, readings.pressure, p.estimator)
             estimated = estimate.state
             _store_health(out, k, estimate)
             store_estimate(out.inner, k, estimate)

@@ -15,8 +15,8 @@ from .compiled import jit
 from .motion.quaternion import Quat, rotate_inverse
 from .motion.rigid_body import add_scaled, controlled, derivative, finished, State
 from .motion.vector import add, Vec3
+from .vehicle.motor_mixer import Four, mix, rotor_momentum, rotor_speed
 from .vehicle.parameters import OptionValues, VehicleValues
-from .vehicle.rotor import Four, mix, rotor_momentum, rotor_speed
 
 PARTS = (6.0, 3.0, 3.0, 6.0)  # of a Runge-Kutta step, for which its four rates count
 STAGES = (0.5, 0.5, 1.0, 0.0)  # where in the step the next rate is taken, the last one nowhere

@@ -5,8 +5,8 @@ import itertools
 import math
 
 from mambo_model import aerodynamics as air, forces
+from mambo_model.vehicle.motor_mixer import rotor_speed
 from mambo_model.vehicle.parameters import preset, PRESETS, Vehicle
-from mambo_model.vehicle.rotor import rotor_speed
 from mambo_model.vehicle.vehicle_options import DragParams, PROFILES
 import numpy as np
 import pytest

@@ -9,8 +9,8 @@ from mambo_model.forces import Rotors
 from mambo_model.motion import rigid_body
 from mambo_model.motion.quaternion import from_euler
 from mambo_model.motion.rigid_body import State
+from mambo_model.vehicle.motor_mixer import mix, rotor_momentum
 from mambo_model.vehicle.parameters import Vehicle
-from mambo_model.vehicle.rotor import mix, rotor_momentum
 from mambo_model.vehicle.vehicle_options import FadeParams, GroundEffectParams, RotorParams
 import numpy as np
 import pytest

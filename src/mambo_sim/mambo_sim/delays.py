@@ -1,4 +1,4 @@
-"""How long something took, again and again: quantiles of any number of delays in little memory."""
+"""Quantiles of any number of delays in constant memory."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Delays:
     Attributes
     ----------
     count : int
-        How many there were.
+        Number of delays.
     longest : s
         The longest of them.
 
@@ -24,14 +24,14 @@ class Delays:
         self._bins = [0] * (_BINS + 1)
 
     def add(self, seconds: float) -> None:
-        """Take one delay in s, not negative."""
+        """Add one delay in s, not negative."""
         self.count += 1
         self.longest = max(self.longest, seconds)
         self._bins[min(int(seconds / _BIN), _BINS)] += 1
 
     def quantile(self, share: float) -> float:
         """
-        Return the delay in s that a share of them does not exceed, rounded up to 10 us.
+        Return the quantile of the delays in s, rounded up to 10 us.
 
         NaN where there was none.
         """

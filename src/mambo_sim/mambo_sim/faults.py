@@ -1,9 +1,9 @@
 """
-Faults of the sensors, between sensing and delivery: wrong readings, and samples lost on the way.
+Sensor faults between sensing and delivery: wrong readings, and lost or delayed samples.
 
 A reading may be NaN, infinite, stuck at the one before or wild; a sample may be missing, late,
 repeated or out of order. Each sensor has one kind of its own, in a window of time, of all samples
-or of a share of them. The simulator without faults (None) neither asks nor draws.
+or of a share of them. Without faults (None) the simulator draws no random numbers for them.
 
 How a sample is delivered is one of ``DELIVERY_*``: one that is late or out of order reaches the
 estimator after the step it belongs to. :class:`Outbox` delivers the messages accordingly.
@@ -106,7 +106,7 @@ class FaultsParams(Parameters):
     barometer: FaultParams = group(FaultParams)
 
     def values(self) -> FaultsValues | None:
-        """Return what compiled code reads; None where nothing is to go wrong."""
+        """Return the values for compiled code; None without faults."""
         out = super().values()
         return out if any(fault.code != NONE for fault in out) else None
 
@@ -132,7 +132,7 @@ START = FaultMemory(
 
 @jit
 def _strikes(tick: int, rng: Generator, p: FaultValues) -> bool:
-    """Return whether the fault strikes the sample of this tick."""
+    """Return whether the sample of this tick is faulty."""
     if p.code == NONE or not p.first_tick <= tick < p.end_tick:
         return False
     return p.share >= 1.0 or rng.random() < p.share
@@ -148,7 +148,7 @@ def _wild(rng: Generator, span: tuple[float, float]) -> float:
 def _reading(
     value: float, last: float, kind: int, rng: Generator, span: tuple[float, float],
 ) -> float:
-    """Return what a sensor that is struck reads, unit of the value."""
+    """Return the reading of a faulty sensor, unit of the value."""
     if kind == NAN:
         return math.nan
     if kind == INF:
@@ -165,7 +165,7 @@ def vector(
     value: Vec3, last: Vec3, tick: int, rng: Generator, p: FaultValues,
     span: tuple[float, float],
 ) -> tuple[Vec3, Vec3]:
-    """Return what a sensor of three axes reads, and its last reading without fault, (3,)."""
+    """Return the reading of a three-axis sensor, and its last reading without fault, (3,)."""
     if not _strikes(tick, rng, p):
         return value, value
     return (_reading(value[0], last[0], p.code, rng, span),
@@ -183,7 +183,7 @@ def scalar(
     value: float, last: float, tick: int, rng: Generator, p: FaultValues,
     span: tuple[float, float],
 ) -> tuple[float, float]:
-    """Return what a sensor of one value reads, and its last reading without fault."""
+    """Return the reading of a scalar sensor, and its last reading without fault."""
     if not (_is_reading(p) and _strikes(tick, rng, p)):
         return value, value
     return _reading(value, last, p.code, rng, span), last
@@ -194,7 +194,7 @@ def flow(
     value: tuple[float, float, int], last: tuple[float, float, int], tick: int, rng: Generator,
     p: FaultValues,
 ) -> tuple[tuple[float, float, int], tuple[float, float, int]]:
-    """Return what the flow sensor reads with its quality, and its last without fault."""
+    """Return the reading of the flow sensor with its quality, and its last one without fault."""
     if not (_is_reading(p) and _strikes(tick, rng, p)):
         return value, value
     x = _reading(value[0], last[0], p.code, rng, FLOW_SPAN)
@@ -220,7 +220,7 @@ def delivery(new: bool, held: bool, tick: int, rng: Generator, p: FaultValues) -
 
 @jit
 def in_time(what: int) -> bool:
-    """Return whether a sample delivered so reaches the estimator in its step."""
+    """Return whether a sample with this delivery reaches the estimator in its step."""
     return what == DELIVERY_SENT or what == DELIVERY_TWICE
 
 
@@ -232,7 +232,7 @@ def narrow(x: float) -> float:
 
 class Outbox:
     """
-    Publishes one sensor's messages as their deliveries say.
+    Publishes the messages of one sensor according to their ``DELIVERY_*``.
 
     Parameters
     ----------
@@ -264,7 +264,7 @@ class Outbox:
             self._send(self._late.popleft()[1])
 
     def put(self, tick: int, data: bytes, what: int) -> None:
-        """Publish the message of a tick, or not, or keep it for later."""
+        """Publish, drop or hold the message of a tick."""
         if what == DELIVERY_LATE:
             self._late.append((tick + self._delay, data))
         elif what == DELIVERY_HELD:

@@ -1,7 +1,7 @@
 """
 A vehicle that is not flown but carried by hand along a trajectory, level, its motors stopped.
 
-So the thesis looked for errors of the optical flow without tilt and rotation, Fig. C.1.
+The thesis measured errors of the optical flow in this way, without tilt and rotation, Fig. C.1.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class HandParams:
     plan: FlightPlanParams = group(FlightPlanParams)
 
     def values(self) -> PlanValues | None:
-        """Return what compiled code reads, None for a vehicle that flies: a type of its own."""
+        """Return the values for compiled code; None, a separate type, for a flying vehicle."""
         return self.plan.values() if self.enabled else None
 
 

@@ -15,7 +15,7 @@ _REPORT_EVERY = 1_000_000_000  # ns
 
 @jit
 def _step(held, t, state):
-    """Take the next sample of the truth; return what the cameras say."""
+    """Process the next sample of the true state; return the result of the cameras."""
     memory, before_t, before = held.memory
     memory, sample = optitrack.step(
         memory, before_t, before, t, state, held.rng, held.values)
@@ -24,7 +24,7 @@ def _step(held, t, state):
 
 
 def _check(truth: tuple) -> str:
-    """Return why a decoded true state cannot be used, empty if it can."""
+    """Return the reason to refuse a decoded true state; empty if it is usable."""
     return input_guard.finite(*truth[1])
 
 

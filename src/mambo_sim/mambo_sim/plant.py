@@ -3,10 +3,11 @@ The vehicle as it moves: motors, rigid body with drag (3.3) and a flat floor, on
 
 The motor command is held over a control step; within it (3.3) is integrated with the classical
 Runge-Kutta method. The floor is the plane rho_z = 0 of the inertial NED frame, so that the height
-of the vehicle is h = -rho_z. It supports and stops, it never pushes up: no spring, no jitter.
+of the vehicle is h = -rho_z. It supports and stops the vehicle but never pushes it up: no spring,
+no jitter.
 
-A vehicle without options (None) has what the thesis has: motor map, (3.2), (3.13). None is a type
-of its own, so that code for options is neither compiled nor asked for then.
+A vehicle without options (None) is that of the thesis: motor map, (3.2), (3.13). None is a
+separate type, so that code of unused options is not compiled.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from mambo_model.motion.vector import add, norm, scale, sub, Vec3
 from mambo_model.schema import choice, flag, ParameterError, quantity
 from mambo_model.values import derived, Parameters, values_type
 from mambo_model.vehicle.battery import supply
+from mambo_model.vehicle.motor_mixer import faded, Four, limit_pwm, mix, thrust_from_pwm
 from mambo_model.vehicle.parameters import OptionValues, VehicleValues
-from mambo_model.vehicle.rotor import faded, Four, limit_pwm, mix, thrust_from_pwm
 
 CONTROL_RATE = 200      # Hz, rate at which the motor command changes
 NORMS = ('normalise', 'control', 'free')
@@ -41,18 +42,18 @@ _ZERO: Vec3 = (0.0, 0.0, 0.0)
 
 
 class PlantState(NamedTuple):
-    """Everything the plant remembers."""
+    """State of the plant."""
 
     body: State   # of the rigid body
     thrust: Four  # (4,) N, motors 1 to 4, as if far from the floor; rotor speeds follow from it
-    jolt: Vec3    # (3,) m/s^2, body FRD, what the accelerometer still feels of a touch-down
+    jolt: Vec3    # (3,) m/s^2, body FRD, remaining contact acceleration of a touch-down
     lost: Four = (0.0, 0.0, 0.0, 0.0)  # (4,) share of thrust that each motor lost to fading
     charge: float = 0.0                # A s, drawn from the battery
 
 
 @dataclass(frozen=True)
 class PlantParams(Parameters):
-    """How finely the plant is integrated, whether there is a floor, where the vehicle starts."""
+    """Integration step of the plant, floor, and initial position and attitude."""
 
     physics_rate: int = quantity(
         1000, 'Hz', CONTROL_RATE, 10000, 'design choice: a multiple of the control rate of 200 Hz')
@@ -282,7 +283,7 @@ def _rest(
 @jit
 def _touch_down(body: State) -> tuple[State, Vec3]:
     """
-    Return the state after an inelastic blow of the floor, and the change of velocity.
+    Return the state after an inelastic impact on the floor, and the change of velocity.
 
     The part of the velocity into the floor is lost, of the part along it as much as friction
     takes during the blow. Change of velocity: (3,) m/s, inertial NED.
@@ -299,7 +300,7 @@ def _touch_down(body: State) -> tuple[State, Vec3]:
 @jit
 def _fade(jolt: Vec3, blow: Vec3, q: Quat, dt: float) -> Vec3:
     """
-    Return what is felt of blows in the next control step, (3,) m/s^2, body FRD.
+    Return the contact acceleration of impacts in the next control step, (3,) m/s^2, body FRD.
 
     Blow: change of velocity in this step, (3,) m/s, inertial NED. Summed over time it is felt in
     full, spread over ``CONTACT_TIME``.

@@ -1,5 +1,5 @@
 """
-The vehicle, its sensors and the time of the graph.
+ROS node of the simulator: vehicle, sensors and the clock of the graph.
 
 ``sim_node`` publishes ``/clock`` and every sensor, and advances the vehicle by one control step
 of 5 ms with the motor command that answers the step. In lockstep it waits for that command as
@@ -16,7 +16,7 @@ from mambo_ros import diagnostics, input_guard, messages, node, process, topics
 from mambo_ros.graph import links
 from mambo_ros.loop import Loop
 
-from . import pace, simulator
+from . import lockstep, simulator
 from .delays import Delays
 from .faults import FaultParams, Outbox
 from .parameters import SimNodeParams, STEP_NS
@@ -44,7 +44,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._accel_variance = tuple(sigma ** 2 for sigma in p.imu.accel_noise)
         self._tick = 0
         self._pwm, self._shutdown, self._answered = _STILL, False, -1
-        self._heard = time.monotonic()  # s of wall time
+        self._last_command = time.monotonic()  # s of wall time
         self.sensed = 0.0  # s of wall time, of the newest IMU sample
         self.delays = Delays()  # from IMU sample to motor command
         self.missed = 0
@@ -79,9 +79,9 @@ class SimNode(node.MamboNode[SimNodeParams]):
 
     def _on_pwm(self, t: int, pwm: tuple, shutdown: bool) -> None:
         self._answered, self._pwm, self._shutdown = t, _STILL if shutdown else pwm, shutdown
-        self._heard = time.monotonic()
+        self._last_command = time.monotonic()
         if t == self.t and self.sensed:  # not a command from before the first sample
-            self.delays.add(self._heard - self.sensed)
+            self.delays.add(self._last_command - self.sensed)
 
     def _time(self) -> int:
         return self._tick * STEP_NS
@@ -93,7 +93,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
 
     @property
     def answered(self) -> bool:
-        """Return whether the motor command of the current step has come."""
+        """Return whether the motor command of the current step has arrived."""
         return self._answered >= self.t
 
     def sense(self) -> None:
@@ -130,9 +130,9 @@ class SimNode(node.MamboNode[SimNodeParams]):
             self.starved, self._starved_after = self.t, seconds
 
     def _report(self, t: int) -> None:
-        level, line = pace.status(self.missed, self.starved, self._starved_after)
+        level, line = lockstep.status(self.missed, self.starved, self._starved_after)
         numbers = {'mode': self.params.mode, 'steps': self._tick, 'missed': self.missed}
-        if self.params.mode == 'realtime':  # a wall time has no place in a repeatable flight
+        if self.params.mode == 'realtime':  # wall times would make the flight unrepeatable
             numbers |= {f'IMU to motor command, {name} [ms]': value
                         for name, value in self.delays.values().items()}
         self._diagnostics(diagnostics.report(
@@ -148,7 +148,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
             Wall time, of ``time.monotonic``.
 
         """
-        limit, silent = self.params.motor_timeout, now - self._heard
+        limit, silent = self.params.motor_timeout, now - self._last_command
         turning = not self._shutdown and any(x > 0.0 for x in self._pwm)
         if self.starved < 0 and turning and 0.0 < limit < silent:
             self._starve(limit)
@@ -157,15 +157,15 @@ class SimNode(node.MamboNode[SimNodeParams]):
             self._report(self.t)
 
     def start(self) -> None:
-        """Begin to wait for motor commands."""
-        self._heard = time.monotonic()
+        """Start to wait for motor commands."""
+        self._last_command = time.monotonic()
 
     def is_deserted(self, now: float) -> bool:
         """Return whether no motor command came for the patience, at a wall time in s."""
-        return now - self._heard > self.params.patience
+        return now - self._last_command > self.params.patience
 
     def give_up(self) -> None:
-        """Stop the motors for good: the command of this step has not come."""
+        """Stop the motors for good, because the command of this step is missing."""
         self._starve(self.params.patience)
         refused = ', '.join(
             f'{count} {reason}' for reason, count in sorted(self.commands.refused.items()))
@@ -187,7 +187,7 @@ def fly(sim: SimNode, loop: Loop) -> int:
         return 0 if loop.stopping else 1
     if not sim.links.alone(topics.CLOCK):
         return 1
-    return pace.run(sim, loop)
+    return lockstep.run(sim, loop)
 
 
 def main(args=None) -> None:

@@ -16,8 +16,8 @@ from mambo_model.motion.trajectory import PlanValues
 from mambo_model.motion.vector import Vec3
 from mambo_model.schema import flag, group, quantity
 from mambo_model.values import derived, Parameters, values_type
+from mambo_model.vehicle.motor_mixer import Four, mix
 from mambo_model.vehicle.parameters import OptionValues, Vehicle
-from mambo_model.vehicle.rotor import Four, mix
 import numpy as np
 from numpy.random import Generator
 
@@ -31,18 +31,18 @@ IMU, SONAR, FLOW, BAROMETER, OPTITRACK, FAULTS, WIND = range(7)  # order of the 
 
 
 class SimulatorState(NamedTuple):
-    """Everything the simulator remembers."""
+    """State of the simulator."""
 
     plant: plant.PlantState  # vehicle and motors
     imu: imu.ImuMemory       # biases and vibration
-    optical_flow: optical_flow.FlowMemory  # what has been seen lately
+    optical_flow: optical_flow.FlowMemory  # recent heights and rates
     barometer: barometer.BarometerMemory  # offset
     faults: faults.FaultMemory | None = None  # None: none
     wind: wind.WindMemory | None = None  # None: still air
 
 
 class Deliveries(NamedTuple):
-    """What becomes of the samples on their way to the estimator, ``faults.DELIVERY_*``."""
+    """Delivery of each sample to the estimator, ``faults.DELIVERY_*``."""
 
     imu: int  # of gyro and accelerometer
     sonar: int  # of the range
@@ -51,7 +51,7 @@ class Deliveries(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """What the sensors say at a tick; a sensor without a new value says NaN."""
+    """Readings of the sensors at a tick; NaN for a sensor without a new value."""
 
     gyro: Vec3                 # (3,) rad/s, body FRD
     accel: Vec3                # (3,) m/s^2, body FRD, specific force
@@ -71,7 +71,7 @@ IN_TIME = Deliveries(
 
 @dataclass(frozen=True)
 class SimulatorParams(Parameters):
-    """The true vehicle, its sensors, and the seed of all chance."""
+    """The true vehicle, its sensors, and the seed of all random numbers."""
 
     vehicle: Vehicle = group(Vehicle)
     plant: plant.PlantParams = group(plant.PlantParams)
@@ -170,7 +170,7 @@ def _apply_faults(
     memory: faults.FaultMemory | None, tick: int, s: Samples, rng: Generator,
     p: faults.FaultsValues | None,
 ) -> tuple[faults.FaultMemory | None, Samples]:
-    """Return the samples as faults leave them, and how each is delivered."""
+    """Return the samples with faults applied, and the delivery of each."""
     if p is None:
         return memory, s
     gyro, last_gyro = faults.vector(s.gyro, memory.gyro, tick, rng, p.gyro, faults.GYRO_SPAN)

@@ -26,7 +26,7 @@ class WindMemory(NamedTuple):
     """The air during a control step."""
 
     velocity: Vec3  # (3,) m/s, inertial NED, of the air
-    gust: Vec3      # (3,) m/s, inertial NED, what of it is gust
+    gust: Vec3      # (3,) m/s, inertial NED, gust part
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class WindParams(Parameters):
         1.0, 's', 0.01, 600.0, 'correlation time of gusts: eddies of 2 m that pass at 2 m/s')
 
     def values(self) -> WindValues | None:
-        """Return what compiled code reads, None for still air: a type of its own."""
+        """Return the values for compiled code; None, a separate type, for still air."""
         if not (any(self.velocity) or any(self.gust)):
             return None
         return super().values()

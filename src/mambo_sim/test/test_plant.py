@@ -4,7 +4,7 @@ import dataclasses
 
 from mambo_model.motion import rigid_body
 from mambo_model.schema import ParameterError
-from mambo_model.vehicle import rotor
+from mambo_model.vehicle import motor_mixer
 from mambo_model.vehicle.parameters import PRESETS, Vehicle
 from mambo_sim import plant
 from mambo_sim.plant import PlantParams, PlantState
@@ -180,7 +180,7 @@ def test_energy_is_the_work_of_thrust_and_drag():
                 + 0.5 * np.dot(np.array(vehicle.inertia) * b.omega, b.omega))
 
     def power(s, thrust):
-        f, tau = rotor.mix(thrust, vv)
+        f, tau = motor_mixer.mix(thrust, vv)
         drag = drag_force(vehicle, f, s.body.nu)
         return np.dot(drag - [0, 0, f], s.body.nu) + np.dot(tau, s.body.omega)
 

@@ -15,7 +15,7 @@ from mambo_ros.messages import decode_pose
 from mambo_sim.sensors import optitrack
 from mambo_sim.sensors.barometer import BarometerParams
 from mambo_sim.sensors.imu import ImuParams
-from mambo_sim.sensors.markers import MarkerParams
+from mambo_sim.sensors.marker_occlusion import MarkerParams
 from mambo_sim.sensors.optical_flow import OpticalFlowParams
 from mambo_sim.sensors.optitrack import OptitrackParams
 from mambo_sim.sensors.sonar import RESOLUTION, SonarParams

@@ -24,7 +24,7 @@ def sim(wall):
     """Return the node's own methods on a node that has no graph."""
     class Bare(SimNode):
         def __init__(self):
-            self._tick, self._answered, self._heard = 0, -1, wall.now
+            self._tick, self._answered, self._last_command = 0, -1, wall.now
             self._pwm, self._shutdown = TURNING, False
             self.starved, self._starved_after, self.missed = -1, 0.0, 0
             self.sensed, self.delays, self.reports = wall.now, Delays(), []

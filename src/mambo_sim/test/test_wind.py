@@ -4,7 +4,7 @@ from mambo_model import forces
 from mambo_model.motion.quaternion import from_euler, rotate
 from mambo_model.motion.rigid_body import State
 from mambo_model.schema import ParameterError
-from mambo_model.vehicle import rotor
+from mambo_model.vehicle import motor_mixer
 from mambo_model.vehicle.parameters import Vehicle
 from mambo_model.vehicle.vehicle_options import DragParams
 from mambo_sim import plant, simulator, wind
@@ -17,7 +17,7 @@ STILL = (0.0, 0.0, 0.0)
 AIR = (2.0, -1.0, 0.0)  # m/s, inertial NED
 MAMBO = Vehicle()
 WEIGHT = MAMBO.mass * MAMBO.gravity
-HOVER = rotor.pwm_from_thrust(0.25 * WEIGHT, MAMBO.values())
+HOVER = motor_mixer.pwm_from_thrust(0.25 * WEIGHT, MAMBO.values())
 RATE = MAMBO.gravity * MAMBO.drag_coefficient / 4.0  # 1/s, of (3.13) in hover
 
 

@@ -26,8 +26,8 @@ from mambo_flight.closed_loop import Recording
 from mambo_model import palette
 from mambo_model.compiled import jit
 from mambo_model.frames import flip_vector
+from mambo_model.vehicle.motor_mixer import limit_pwm, thrust_from_pwm
 from mambo_model.vehicle.parameters import preset, Vehicle, VehicleValues
-from mambo_model.vehicle.rotor import limit_pwm, thrust_from_pwm
 from mambo_signals import metrics
 from matplotlib.figure import Figure
 import numpy as np

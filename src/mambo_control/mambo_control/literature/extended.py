@@ -30,17 +30,17 @@ from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
 from mambo_model.schema import flag, quantity
 from mambo_model.values import values_type
+from mambo_model.vehicle.motor_mixer import thrust_from_pwm
 from mambo_model.vehicle.parameters import VehicleValues
-from mambo_model.vehicle.rotor import thrust_from_pwm
 
 from ..attitude_law import attitude_error, rate_error, torque
 from ..command import Command, motors, no_thrust
 from ..drag_feedforward import drag_jet
 from ..gains import CascadedParams
-from ..position_law import errors
 from ..safety import REASON_NONE
 from ..saturation import sigma, sigma_ddot, sigma_dot
 from ..thrust_direction import desired_attitude, desired_direction
+from ..virtual_thrust import errors
 from .drag_estimate import believed, corrected, DragEstimate, refined
 
 __all__ = ['advance', 'demand', 'ExtendedParams', 'ExtendedValues', 'initial', 'Memory', 'step',

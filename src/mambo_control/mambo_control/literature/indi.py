@@ -46,8 +46,8 @@ from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import add, cross, dot, mul, norm, scale, sub, Vec3
 from mambo_model.schema import quantity
 from mambo_model.values import values_type
+from mambo_model.vehicle.motor_mixer import mix, thrust_from_pwm
 from mambo_model.vehicle.parameters import VehicleValues
-from mambo_model.vehicle.rotor import mix, thrust_from_pwm
 
 from ..command import Command, Four, no_thrust
 from .flight import (

@@ -37,8 +37,8 @@ from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import sub, Vec3
 from mambo_model.schema import quantity
 from mambo_model.values import values_type
+from mambo_model.vehicle.motor_mixer import thrust_from_pwm
 from mambo_model.vehicle.parameters import VehicleValues
-from mambo_model.vehicle.rotor import thrust_from_pwm
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse

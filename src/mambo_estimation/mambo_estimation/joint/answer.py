@@ -1,4 +1,4 @@
-"""What the joint filter publishes of its state and covariance."""
+"""Published estimate of the joint filter, from its state and covariance."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NONE2: Vec2 = (math.nan, math.nan)
 
 
 class Result(NamedTuple):
-    """What one sample did."""
+    """Result of one measurement update."""
 
     innovation: Vec2   # unit of the measurement, NaN: not compared; a scalar stands in both
     ratio: float       # -, squared innovation over variance times squared gate
@@ -28,7 +28,7 @@ class Result(NamedTuple):
 
 
 class Results(NamedTuple):
-    """What the samples of one step did."""
+    """Results of the measurement updates of one step."""
 
     sonar: Result
     flow: Result

@@ -1,13 +1,13 @@
 r"""
-Drag of the rotors as the accelerometer reads it: a measurement of bias and body velocity.
+Rotor drag in the accelerometer: a measurement of bias and body velocity.
 
-In flight the accelerometer does not see gravity, but thrust and drag (3.13). Along body x and y,
+In flight the accelerometer measures thrust and drag (3.13), not gravity. Along body x and y,
 
     a_xy = b_xy + k_xy s_z nu_xy,    s_z = -f / m,  the specific force of the thrust
 
-with k = k_c / 4 of (3.13). Means over a window leave little of the vibration. So a bias of the
-accelerometer is told from a tilt, which the flow alone cannot. By the error state, with means of
-the window, s and (s nu):
+with k = k_c / 4 of (3.13). Averaging over a window removes most of the vibration. The measurement
+separates an accelerometer bias from a tilt, which flow alone cannot. The derivative by the error
+state, with s and (s nu) averaged over the window, is
 
     d a_xy = db_xy + k_xy s (R^T xi)_xy + (s nu)_xy dk_xy
 """

@@ -1,10 +1,10 @@
 """
-One joint error-state filter: position, velocity, attitude, biases and what the sensors are off by.
+One joint error-state filter: position, velocity, attitude, biases and calibration of the sensors.
 
 One :func:`step` per inertial sample, with the other sensors' samples where they are new, as of
-:func:`mambo_estimation.kalman.step`. All errors stand in one covariance (:mod:`.state`), so each
-measurement corrects everything it tells of: flow the tilt, the accelerometer the scale of the
-flow, the drag the accelerometer's bias.
+:func:`mambo_estimation.kalman.step`. All errors share one covariance (:mod:`.state`), so each
+measurement corrects every correlated error: flow corrects the tilt, the accelerometer the scale
+of the flow, and drag the accelerometer's bias.
 
     predict   x = f(x, gyro, accel)     P = F P F^T + Q              :mod:`.propagation`
     correct   y = z - h(x)              S = H P H^T + R              :mod:`.flow`, :mod:`.drag`,
@@ -50,7 +50,7 @@ ZERO: Vec3 = (0.0, 0.0, 0.0)
 
 
 class Memory(NamedTuple):
-    """What the filter remembers between steps."""
+    """Memory of the filter between steps."""
 
     aligning: bool
     resting: bool        # aligned, and not moved since
@@ -73,9 +73,9 @@ class Memory(NamedTuple):
 @jit
 def initial(v: JointValues) -> Memory:
     """
-    Return the memory of a filter that has seen nothing: on the floor, level, yaw 0.
+    Return the initial memory: on the floor, level, yaw 0, with wide defaults.
 
-    It has the wide defaults, and collects samples at rest.
+    The filter then collects samples at rest.
     """
     x, P = unaligned(alignment.EMPTY, v)
     sonar, flow = v.sonar.noise, v.optical_flow.noise
@@ -103,9 +103,9 @@ def _align(m: Memory, gyro: Vec3, accel: Vec3, dt: float, v: JointValues) -> Mem
 @jit
 def _replay(x: Nominal, P: Array, ring: Array, at: int, v: JointValues) -> Nominal:
     """
-    Return the state after all steps in the ring: the vehicle has been moving unnoticed.
+    Return the state after all steps in the ring, once motion is detected.
 
-    It is noticed some 0.1 s late. Until then the state stands still, so nothing is lost.
+    Motion is detected about 0.1 s late. The state is held until then, so no motion is lost.
     """
     for k in range(RING):
         row = ring[(at + k) % RING]
@@ -121,7 +121,7 @@ def _advance(
     held: tuple[bool, bool], v: JointValues,
 ) -> tuple[Alignment, bool, Nominal, drag.Window, Vibration]:
     """
-    Take one inertial sample: stand still, start to move, or move.
+    Use one inertial sample: remain at rest, start to move, or integrate the motion.
 
     Rate and drag change evenly from sample to sample; the thrust, along body z, is held.
 
@@ -129,7 +129,7 @@ def _advance(
     """
     rate = scale(0.5, add(m.gyro, gyro))
     force = (0.5 * (m.accel[0] + accel[0]), 0.5 * (m.accel[1] + accel[1]), accel[2])
-    if dt > v.imu.max_interval:  # over a gap a controlled vehicle turns to and fro
+    if dt > v.imu.max_interval:  # a controlled vehicle turns to and fro during a gap
         rate = m.x.gyro_bias
     remember(ring, m.at, rate, force, dt)
     rest, resting, x, window = m.alignment, m.resting, m.x, m.window
@@ -150,10 +150,10 @@ def _advance(
 @jit
 def _bounded(x: Nominal, v: JointValues) -> Nominal:
     """
-    Return the state within what is possible: above the floor.
+    Return the state limited to heights not below the floor.
 
-    An estimate at the lowest height does not sink. The covariance stays: such a filter is no
-    surer than before, so that its gates still open.
+    An estimate at the lowest height does not descend. The covariance is unchanged, so that the
+    gates can still open.
     """
     if x.p[2] <= v.motion.floor_depth:
         return x
@@ -243,19 +243,19 @@ def _observe(
     m: Memory, results: Results, dt: float, gyro: Vec3, accel: Vec3, sonar: float, flow: Vec2,
     pressure: float, usable: tuple[bool, bool], stuck: Five, v: JointValues,
 ) -> Sensors:
-    """Return what is known of the sensors after a step; nothing is asked of them at rest."""
+    """Return the memory of the sensors after a step; at rest no sample is required."""
     cosine, height = to_matrix(m.x.q)[2][2], -m.x.p[2]
     ranged, weighed = results.sonar.used, results.barometer.used
     if m.aligning:
         ranged = math.isfinite(sonar)
     if m.aligning or not v.barometer.enabled:
         weighed = pressure_model.is_valid(pressure, v.barometer) and not stuck[4]
-    see = height >= v.optical_flow.min_height and cosine >= v.optical_flow.min_tilt_cos
-    hear = height <= v.sonar.max_range * cosine and cosine >= v.sonar.min_tilt_cos
+    flow_in_reach = height >= v.optical_flow.min_height and cosine >= v.optical_flow.min_tilt_cos
+    sonar_in_reach = height <= v.sonar.max_range * cosine and cosine >= v.sonar.min_tilt_cos
     return observe_all(
         m.sensors, dt, gyro, accel, sonar, flow, pressure,
         (usable[0], usable[1], ranged, results.flow.used, weighed), stuck,
-        (hear, see and not m.aligning))
+        (sonar_in_reach, flow_in_reach and not m.aligning))
 
 
 @jit
@@ -276,7 +276,7 @@ def _with_sensors(m: Memory, sensors: Sensors) -> Memory:
 
 @jit
 def _estimate(m: Memory, results: Results, dt: float, v: JointValues) -> Estimate:
-    """Return what the memory says after a step of dt, s."""
+    """Return the estimate after a step of dt, s."""
     x, ranged, seen, weighed = m.x, results.sonar, results.flow, results.barometer
     return Estimate(
         state_of(x, m.gyro, m.shake.velocity, m.aligning), pose_covariance(m.P),

@@ -1,13 +1,13 @@
 r"""
-Optical flow as the joint filter predicts it, at the time when the camera saw the floor.
+Measurement model of the optical flow in the joint filter, at the time of exposure.
 
 With h = -p_z, c = cos(phi) cos(theta) and w the body rate, all at t - latency,
 
     z = nu_xy / (Z Q(h)) + leak (w_y, -w_x),   nu = R^T v,   Z = h / c,   Q(h) = Q + Q' (h - h_0)
 
-which is (5.2) with C8 and C5 read the other way round. The state at that time is the present one
-taken back through the inertial samples since then. Its errors follow from those of now, to second
-order in the latency T, with S = sum R dt and V = sum [v x] R dt over those samples:
+which is (5.2) with C8 and C5, inverted. The state at that time is the present state integrated
+backwards through the inertial samples since then. Its errors follow from the present errors, to
+second order in the latency T, with S = sum R dt and V = sum [v x] R dt over those samples:
 
     delta' = delta + S db_g
     xi'    = xi - [g e_3 x] (T delta + T/2 S db_g) + S db_a + V db_g
@@ -31,12 +31,12 @@ from .propagation import move, turned_rate
 from .state import (
     ACCEL_BIAS, Array, ATTITUDE, GYRO_BIAS, LATENCY, LEAK, Nominal, SCALE, SLOPE, VELOCITY)
 
-RING = 64           # inertial samples that are remembered: 0.32 s at 200 Hz
+RING = 64           # stored inertial samples: 0.32 s at 200 Hz
 Z_POSITION = 2
 
 
 class Past(NamedTuple):
-    """State when a sample was taken, and how its errors follow from those of now."""
+    """State at the exposure of a sample, and the transition of the present errors to it."""
 
     x: Nominal
     gyro: Vec3        # (3,) rad/s, body FRD, bias included
@@ -184,7 +184,7 @@ def _by_biases(row: Array, past: Past, xi: Vec3, delta: Vec2, gravity: float) ->
 
 @jit
 def is_valid(flow: Vec2, past: Nominal, quality: int, v: FlowValues) -> bool:
-    """Tell whether a sample may be used where the vehicle is believed to have been."""
+    """Return whether a sample may be used at the estimated state of its exposure."""
     R: Matrix3 = to_matrix(past.q)
     return (
         abs(flow[0]) <= v.max_rate and abs(flow[1]) <= v.max_rate and -past.p[2] >= v.min_height

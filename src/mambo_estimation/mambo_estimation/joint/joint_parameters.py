@@ -16,7 +16,7 @@ from ..measurements.sonar import SonarParams
 
 @dataclass(frozen=True)
 class MotionParams(Parameters):
-    """Noise of the inertial sensors as they are integrated, and what is known at the start."""
+    """Noise of the integrated inertial sensors, and initial uncertainties."""
 
     gyro_noise: float = quantity(
         6e-5, 'rad/sqrt(s)', 1e-7, 1.0,
@@ -60,7 +60,7 @@ MotionValues = values_type(MotionParams)
 
 @dataclass(frozen=True)
 class FlowParams(Parameters):
-    """What the joint filter believes of the optical flow before the flight."""
+    """Prior of the optical flow in the joint filter."""
 
     scale: float = quantity(1.06, '-', 0.1, 10.0, 'Q of (5.2), thesis sec. 5.4')
     scale_std: float = quantity(
@@ -106,7 +106,7 @@ FlowValues = values_type(FlowParams)
 
 @dataclass(frozen=True)
 class DragParams(Parameters):
-    """What the joint filter believes of the rotors' drag before the flight."""
+    """Prior of the rotor drag in the joint filter."""
 
     enabled: bool = flag(
         True, 'the accelerometer reads drag, which tells its bias from a tilt; false: not used')
@@ -130,7 +130,7 @@ DragValues = values_type(DragParams)
 
 @dataclass(frozen=True)
 class RangeParams(SonarParams):
-    """What the joint filter believes of the sonar: as the altitude filter, and its offset."""
+    """Sonar model of the joint filter: that of the altitude filter, and an offset."""
 
     noise: float = quantity(
         0.005, 'm', 1e-4, 1.0,
@@ -144,7 +144,7 @@ RangeValues = values_type(RangeParams)
 
 @dataclass(frozen=True)
 class PressureParams(BarometerParams):
-    """What the joint filter believes of the barometer: as the altitude filter, but used."""
+    """Barometer model of the joint filter: that of the altitude filter, but enabled."""
 
     enabled: bool = flag(True, 'bounds the height where the sonar sees no floor')
 

@@ -1,5 +1,5 @@
 """
-Barometer as the joint filter predicts it: height by pressure, z = -p_z + offset.
+Measurement model of the barometer in the joint filter: height by pressure, z = -p_z + offset.
 
 The relation of pressure and height is that of ``measurements.barometer``.
 """

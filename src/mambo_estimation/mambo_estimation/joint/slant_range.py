@@ -1,5 +1,7 @@
 """
-Sonar as the joint filter predicts it: z = h / c + offset, with h = -p_z, c = cos(phi) cos(theta).
+Measurement model of the sonar in the joint filter, corrected for tilt.
+
+z = h / c + offset, with h = -p_z and c = cos(phi) cos(theta).
 
 By the error state: d z = -dp_z / c - h / c^2 (delta_x R_yz - delta_y R_xz) + d offset.
 """

@@ -1,9 +1,9 @@
 """
-How the joint filter starts: state and covariance after the alignment, or without one.
+Initial state and covariance of the joint filter, with and without an alignment.
 
-At rest the accelerometer reads b - g R^T e_3. What it says is used as a measurement of both, with
-the slope of the floor and the size of a bias as priors, so that what cannot be told apart stays
-correlated: a tilt that turns out later takes its share of the bias with it.
+At rest the accelerometer reads b - g R^T e_3. The reading is used as a measurement of both, with
+the slope of the floor and the size of a bias as priors. Tilt and bias, which cannot be separated,
+stay correlated: a later correction of the tilt also corrects the bias.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _nominal(q: Quat, gyro_bias: Vec3, accel_bias: Vec3, v: JointValues) -> Nomi
 
 @jit
 def _sensors(v: JointValues) -> Array:
-    """Return the covariance with what is known of sensors and drag, and of the yaw."""
+    """Return the covariance with the priors of sensors, drag and yaw."""
     P, f = np.zeros((SIZE, SIZE)), v.optical_flow
     _set(P, ATTITUDE + 2, 1, v.motion.initial_yaw_std)
     _set(P, SCALE, 1, f.scale_std)
@@ -84,7 +84,7 @@ def aligned(rest: Alignment, v: JointValues) -> tuple[Nominal, Array]:
     slope = v.alignment.floor_slope_std
     if math.hypot(rest.accel[0], rest.accel[1]) > alignment.NOT_LEVEL * math.hypot(
             v.alignment.accel_bias_std, v.gravity * slope):
-        slope = v.motion.initial_tilt_std  # such a vehicle does not stand on a floor
+        slope = v.motion.initial_tilt_std  # such a vehicle does not stand on a level floor
     _set(P, POSITION, 3, v.motion.initial_height_std)
     _set(P, VELOCITY, 3, STILL)
     _set(P, ATTITUDE, 2, slope)

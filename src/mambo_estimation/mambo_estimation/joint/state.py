@@ -1,7 +1,7 @@
 r"""
 Nominal state, error state and covariance of the joint filter.
 
-The nominal state is what the filter believes. The error state is what P is about, in this order:
+The nominal state is the estimate. P is the covariance of the error state, in this order:
 
     0  position      dp  = p_true - p                        m, inertial NED
     3  velocity      xi  = v_true - exp(delta) v             m/s, inertial NED
@@ -14,7 +14,7 @@ The nominal state is what the filter believes. The error state is what P is abou
 
 The error of the velocity is taken after the error of the attitude has been undone. So the error
 of the body velocity is R^T xi, whatever the attitude, and a yaw error, which nothing observes,
-enters no measurement and no velocity: the filter cannot come to believe that it knows the yaw
+enters no measurement and no velocity: the filter gains no false information about the yaw
 (Barrau and Bonnabel, The invariant extended Kalman filter as a stable observer, 2017).
 """
 
@@ -39,7 +39,7 @@ SIZE = 23
 
 
 class Nominal(NamedTuple):
-    """What the filter believes."""
+    """The nominal state."""
 
     p: Vec3                  # (3,) m, inertial NED
     v: Vec3                  # (3,) m/s, inertial NED
@@ -58,7 +58,7 @@ class Nominal(NamedTuple):
 @jit
 def inject(x: Nominal, d: Array) -> Nominal:
     """
-    Return the nominal state with an error taken into it.
+    Return the nominal state corrected by an error state.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a sample does to the joint filter: plausibility, correction, and recovery."""
+"""Measurement updates of the joint filter: plausibility, correction and recovery."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from .state import (
 Z_POSITION, Z_VELOCITY, Z_BIAS = 2, VELOCITY + 2, ACCEL_BIAS + 2
 NEAR = Result((math.nan, math.nan), math.nan, True)
 WEIGHT = 0.01    # of one sample in the variance that is found of a sensor
-QUIETEST = 0.25  # share of the variance that the parameters say, below which none is found
+QUIETEST = 0.25  # lower limit of an estimated variance, as a share of the parameter
 
 
 class Noise(NamedTuple):
-    """Variances of one sample, as the innovations show them."""
+    """Variances of one sample, estimated from the innovations."""
 
     sonar: float   # m^2
     flow: float    # rad^2/s^2, each axis
@@ -46,7 +46,7 @@ def _found(old: float, squared: float, explained: float, least: float) -> float:
     squared
         Innovation squared.
     explained
-        h P h^T: what the filter's own doubt explains of it.
+        h P h^T: the part that the filter's covariance explains.
     least
         Square of the parameter.
 
@@ -63,8 +63,9 @@ def use_range(
 
     A reading below the shortest range corrects only where the predicted height is not between
     the floor and that range, and then to the nearer of the two. Refused ranges that agree with
-    each other are believed after the recovery time: height and vertical velocity become unknown
-    by the innovation and independent of all else, so that the horizontal position does not jump.
+    each other are accepted after the recovery time: the variances of height and vertical velocity
+    are inflated by the innovation and decorrelated from all else, so that the horizontal position
+    does not jump.
     """
     cosine = to_matrix(x.q)[2][2]
     if not range_model.is_valid(sample, cosine, v.sonar):
@@ -81,7 +82,7 @@ def use_range(
     innovation = measured - slant_range.predict(x)
     explained = covariance_with(P, h, column)
     variance = explained + noise.sonar
-    if gate.doubt < DISTRUST:
+    if gate.net_refusals < DISTRUST:
         variance += gate.scatter
     squared = innovation * innovation
     ratio = squared / (v.sonar.gate * v.sonar.gate * variance)
@@ -103,7 +104,7 @@ def use_range(
 
 @jit
 def _lose_height(P: Array, squared: float, v: JointValues) -> None:
-    """Make height and vertical velocity unknown by an innovation squared, m^2, in place."""
+    """Inflate and decorrelate height and climb by an innovation squared, m^2, in place."""
     speed = v.motion.initial_velocity_std
     time = max(v.sonar.recovery_time, 0.1)
     forget(P, Z_POSITION, P[Z_POSITION, Z_POSITION] + squared)
@@ -118,8 +119,8 @@ def use_pressure(
     """
     Correct with a pressure, Pa; the first one sets the offset, the covariance in place.
 
-    After refusals for the recovery time it is the offset that is widened: weather and rotor wash
-    move it, while the height is not lost.
+    After refusals for the recovery time the variance of the offset is inflated, because weather
+    and rotor wash change the offset and not the height.
     """
     p = v.barometer
     if not pressure_model.is_valid(sample, p):
@@ -178,7 +179,7 @@ def _correct_pair(
     x: Nominal, P: Array, columns: Array, y: Vec2, pair: Pair, calibrates: bool,
 ) -> Nominal:
     """
-    Return the state corrected with two numbers, the second freed of the first; P in place.
+    Return the state corrected with two decorrelated numbers; P in place.
 
     Without calibration scale, slope, latency and leak are considered (Schmidt): they and their
     covariance stay, while all else is corrected knowing that they are uncertain.
@@ -222,10 +223,10 @@ def use_flow(
     """
     Correct with a sample of the optical flow, (2,) rad/s, at its own time; P in place.
 
-    Refused samples that agree with each other are believed after the recovery time: the
-    horizontal velocity becomes unknown by the innovation and independent of all else, and the
-    position uncertain by what that adds up to, so that it does not jump. ``shaken`` is the
-    variance of the velocity by vibration, (3,) m^2/s^2.
+    Refused samples that agree with each other are accepted after the recovery time: the variance
+    of the horizontal velocity is inflated by the innovation and decorrelated from all else, and
+    that of the position is inflated by the accumulated error, so that it does not jump.
+    ``shaken`` is the variance of the velocity by vibration, (3,) m^2/s^2.
     """
     p = v.optical_flow
     past = flow.look_back(x, ring, at, v.gravity)
@@ -258,18 +259,18 @@ def use_flow(
 @jit
 def _calibrates(x: Nominal, P: Array, excitation: float) -> bool:
     """
-    Tell whether the horizontal velocity is so far above its own doubt that it may calibrate.
+    Return whether the horizontal velocity exceeds its deviation by enough to calibrate the flow.
 
     A velocity that is mostly the filter's own noise is correlated with its innovations wherever
     the assumed noise is not exactly the true one, and would pull the scale away.
     """
-    doubt = P[VELOCITY, VELOCITY] + P[VELOCITY + 1, VELOCITY + 1]
-    return x.v[0] * x.v[0] + x.v[1] * x.v[1] > excitation * excitation * doubt
+    variance = P[VELOCITY, VELOCITY] + P[VELOCITY + 1, VELOCITY + 1]
+    return x.v[0] * x.v[0] + x.v[1] * x.v[1] > excitation * excitation * variance
 
 
 @jit
 def _lose_velocity(P: Array, squared: float, age: float, v: JointValues) -> None:
-    """Make the horizontal velocity unknown by an error squared, m^2/s^2, that lasted age, s."""
+    """Inflate the horizontal velocity by an error squared, m^2/s^2, that lasted age, s."""
     speed = v.motion.initial_velocity_std
     for i in range(2):
         forget(P, VELOCITY + i, P[VELOCITY + i, VELOCITY + i] + squared + speed * speed)

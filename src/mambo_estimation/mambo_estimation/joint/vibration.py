@@ -1,9 +1,9 @@
 """
-Vibration in the integral of the accelerometer, which the published velocity is freed of.
+Vibration in the integral of the accelerometer, which is removed from the published velocity.
 
-Above some hertz a force that is neither drag nor a thrust that changes slowly is vibration. Its
-integral is small and does not grow, but at the time of a sample it is larger than all else that is
-not known of the velocity. So it is integrated by itself, forgotten at once, and taken off.
+Above a few hertz a force that is neither drag nor slowly changing thrust is vibration. Its
+integral is small and does not grow, but at the time of a sample it is larger than all other errors
+of the velocity. It is therefore integrated separately with a short memory and subtracted.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from .state import Nominal
 
 FORGOTTEN = 0.02    # s, time constant: four samples
 THRUST = 0.05       # s, time constant of the thrust that is not vibration
-LARGEST = 0.02      # m/s: what is larger is no vibration but a blow
+LARGEST = 0.02      # m/s: a larger value is a shock, not vibration
 LEFT = 0.25         # share of the variance that is left, of the mean of two draws: dt / FORGOTTEN
 LONGEST = 0.02      # s: a longer step has lost samples, which is worse than vibration
 
 
 class Vibration(NamedTuple):
-    """What is remembered of it."""
+    """Memory of the vibration."""
 
     velocity: Vec3    # (3,) m/s, body FRD
     thrust: float     # m/s^2, specific force along body z, smoothed; 0: not yet

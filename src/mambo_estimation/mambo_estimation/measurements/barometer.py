@@ -20,7 +20,7 @@ EXPONENT = 0.19026312          # -, gas constant times lapse rate over gravity
 
 @dataclass(frozen=True)
 class BarometerParams(Parameters):
-    """What the altitude filter believes of the barometer."""
+    """Barometer model of the altitude filter."""
 
     enabled: bool = flag(False, 'the estimator of thesis sec. 5.1 does not use it')
     noise: float = quantity(
@@ -41,7 +41,7 @@ BarometerValues = values_type(BarometerParams)
 
 @jit
 def is_valid(pressure: float, v: BarometerValues) -> bool:
-    """Tell whether a pressure in Pa may be used; NaN is refused."""
+    """Return whether a pressure in Pa may be used; NaN is refused."""
     return v.min_pressure <= pressure <= v.max_pressure
 
 

@@ -2,8 +2,8 @@
 Inertial measurement unit: which samples may be integrated.
 
 The gyro reads the body rate plus a bias; the accelerometer reads the specific force
-``(F_D - f e_3) / m`` in body axes plus a bias (C19), gravity not among it. Both drive the filters'
-predictions, so there is no innovation to gate: a sample is judged by itself.
+``(F_D - f e_3) / m`` in body axes plus a bias (C19), which excludes gravity. Both drive the
+filters' predictions, so there is no innovation to gate: each sample is checked by itself.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mambo_model.values import Parameters, values_type
 
 @dataclass(frozen=True)
 class ImuParams(Parameters):
-    """What the filters believe of the inertial sensors."""
+    """Limits of the inertial sensors."""
 
     gyro_range: float = quantity(
         35.0, 'rad/s', 1.0, 1e3, 'no reading beyond: range of common sensors, 2000 deg/s')
@@ -37,7 +37,7 @@ class ImuParams(Parameters):
         '2.5 rad/s in 5 ms')
     accel_roughness: float = quantity(
         30.0, 'm/s^2', 1.0, 1e4,
-        'likewise: 2 to 8 by vibration, 25 by a hard landing, 55 where anything is read')
+        'likewise: 2 to 8 by vibration, 25 by a hard landing, 55 with random readings')
 
 
 ImuValues = values_type(ImuParams)
@@ -45,20 +45,20 @@ ImuValues = values_type(ImuParams)
 
 @jit
 def is_within(x: Vec3, limit: float) -> bool:
-    """Tell whether a sample may be read: every number at most ``limit``; NaN is refused."""
+    """Return whether a sample is in range: every number at most ``limit``; NaN is refused."""
     return abs(x[0]) <= limit and abs(x[1]) <= limit and abs(x[2]) <= limit
 
 
 @jit
 def is_equal(a: Vec3, b: Vec3) -> bool:
-    """Tell whether two readings are the same number by number."""
+    """Return whether two readings are equal, number by number."""
     return a[0] == b[0] and a[1] == b[1] and a[2] == b[2]
 
 
 @jit
 def is_stuck(equal: int, gyro: Vec3, v: ImuValues) -> bool:
     """
-    Tell whether a gyro that repeats its rate counts as dead.
+    Return whether a gyro that repeats its rate counts as dead.
 
     A rate of exactly zero does not: a simulated sensor without noise reads it in hover.
 
@@ -68,7 +68,7 @@ def is_stuck(equal: int, gyro: Vec3, v: ImuValues) -> bool:
         Rates in a row that equalled the one before, this one included.
     gyro : (3,) rad/s, body FRD
     v
-        How many are too many.
+        Number at which the gyro counts as dead.
 
     """
     turning = gyro[0] != 0.0 or gyro[1] != 0.0 or gyro[2] != 0.0

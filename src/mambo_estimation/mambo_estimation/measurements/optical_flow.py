@@ -1,11 +1,11 @@
 """
-Optical flow: a line-of-sight rate which height and a factor make a velocity, (5.2) corrected.
+Optical flow: velocity from line-of-sight rate, height and a flow factor Q(h), (5.2) corrected.
 
 equations.md, C8: with a sensor that has the sign of the vehicle's motion and contains
 no rotation, ``nu_xy = Z Q flow`` with the slant distance ``Z = h / (cos phi cos theta)`` is the
 velocity along body x and y. It must be rotated to the inertial frame together with nu_3.
-The factor Q is constant (5.2) or a function of the height (C.2), which stands in (C.2) as
-flow by mistake (C5).
+The factor Q is constant (5.2) or a function of the height (C.2); (C.2) prints it as a function of
+the flow by mistake (C5).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FACTOR_CONSTANT, FACTOR_LINEAR, FACTOR_EXPONENTIAL = range(len(FACTORS))
 
 @dataclass(frozen=True)
 class FlowParams(Parameters):
-    """What the velocity filter believes of the optical flow."""
+    """Optical-flow model of the velocity filter."""
 
     factor: str = choice('constant', FACTORS, 'Q of (5.2), or Q(h) of (C.2b), (C.2a) with C5')
     constant: float = quantity(1.06, '-', 0.1, 10.0, 'Q of (5.2), thesis sec. 5.4')
@@ -88,7 +88,7 @@ def factor_at(height: float, v: FlowValues) -> float:
 @jit
 def multiplier(height: float, tilt_cos: float, v: FlowValues) -> float:
     """
-    Return what makes a velocity of the flow, m: Z Q; level it is the h Q of thesis sec. 5.4.
+    Return the factor from flow to velocity, m: Z Q; when level the h Q of thesis sec. 5.4.
 
     1.59 m at 1.5 m and 2.65 m at 2.5 m with Q = 1.06. Without height scaling Q alone, the flow
     being taken as a velocity.
@@ -100,7 +100,7 @@ def multiplier(height: float, tilt_cos: float, v: FlowValues) -> float:
 @jit
 def is_valid(flow: Vec2, height: float, tilt_cos: float, quality: int, v: FlowValues) -> bool:
     """
-    Tell whether a sample may be used; NaN is refused.
+    Return whether a sample may be used; NaN is refused.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def measured_velocity(
     flow: Vec2, height: float, tilt_cos: float, omega: Vec3, v: FlowValues,
 ) -> tuple[Vec2, float]:
     """
-    Return the body velocity that a flow sample means, (5.2) with C8.
+    Return the body velocity of a flow sample, (5.2) with C8.
 
     Parameters
     ----------

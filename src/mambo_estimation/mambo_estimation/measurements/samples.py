@@ -1,5 +1,5 @@
 """
-Which samples of a step may be used, before any filter compares them with its state.
+Checks of the samples of a step, before any filter compares them with its state.
 
 Shared by the filters; holds no equation of the thesis.
 """
@@ -23,14 +23,15 @@ def stuck_sensors(
     pressure: float, v,
 ) -> Five:
     """
-    Tell of each sensor whether it repeats itself for too long.
+    Return for each sensor whether it is stuck, repeating its value for too long.
 
-    Only in flight: on the floor and without noise all may rest, hence also where the gyro does.
+    Only in flight: on the floor and without noise all values may be constant, which is assumed if
+    the gyro is constant.
 
     Parameters
     ----------
     s
-        What is known of the sensors.
+        Memory of the sensors.
     flying
         Whether the vehicle is aligned and has moved.
     equal
@@ -61,7 +62,7 @@ def stuck_sensors(
 def usable_inertial(
     s: Sensors, dt: float, gyro: Vec3, accel: Vec3, stuck: Five, p: ImuValues,
 ) -> tuple[bool, bool]:
-    """Tell of gyro and accelerometer whether their samples may be integrated."""
+    """Return for gyro and accelerometer whether their samples may be integrated."""
     return (
         imu.is_within(gyro, p.gyro_range) and not stuck[0]
         and health.roughness(s.gyro, gyro, dt) <= p.gyro_roughness * p.gyro_roughness,
@@ -75,10 +76,10 @@ def bridged(
     last: tuple[Vec3, Vec3], bias: tuple[Vec3, Vec3], gravity: float, p: ImuValues,
 ) -> tuple[Vec3, Vec3]:
     """
-    Return what is integrated for an inertial sample, which may not be usable.
+    Return the values that are integrated instead of an unusable inertial sample.
 
-    That is the sample before; but where a sensor reads anything, so did that one, and no rate and
-    the force of hover are nearer to the truth.
+    These are the previous sample. If the sensor reads random values, the previous sample is random
+    too, and zero rate and the specific force of hover are used.
     """
     if not usable[0]:
         wild = health.roughness(s.gyro, gyro, dt) > p.gyro_roughness * p.gyro_roughness

@@ -1,9 +1,9 @@
 """
-Sonar: slant range along the body's down axis, and the height it means.
+Sonar: slant range along the body's down axis, and the tilt-corrected height.
 
 With flat ground and body axis b3 at an angle to the vertical, h = range cos(phi) cos(theta)
-(equations.md, C8, Z of (5.2) read the other way round). Nearer than its shortest range the
-sensor reads that or a little more: such a reading says that the floor is near, not how near.
+(equations.md, C8, Z of (5.2) inverted). Below its shortest range the sensor reads that range or a
+little more: such a reading bounds the height but does not measure it.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from mambo_model.values import Parameters, values_type
 
 @dataclass(frozen=True)
 class SonarParams(Parameters):
-    """What the altitude filter believes of the sonar."""
+    """Sonar model of the altitude filter."""
 
     noise: float = quantity(
         0.03, 'm', 1e-4, 1.0,
         'standard deviation of a slant range: 0.005 to 0.1 in Rolling Spider flights')
     min_range: float = quantity(
         0.46, 'm', 0.0, 2.0,
-        'shorter readings only say that the floor is near: Rolling Spider logs, from 0.434 m')
+        'shorter readings only bound the height: Rolling Spider logs, from 0.434 m')
     max_range: float = quantity(
         4.0, 'm', 0.1, 20.0, 'longer readings are refused; missed echoes read 5 m in those logs')
     min_tilt_cos: float = quantity(
@@ -34,8 +34,8 @@ class SonarParams(Parameters):
         0.5, 's', 0.0, 1e4, 'refusals that agree for so long mean that the filter is wrong')
     agreement: float = quantity(
         0.5, 'm', 1e-3, 10.0,
-        'refused heights this near to each other agree: 1.5 times the scatter of the worst sonar '
-        'that is still one, 0.35 m in Rolling Spider flights')
+        'refused heights this near to each other agree: 1.5 times the scatter of the worst '
+               'working sonar, 0.35 m in Rolling Spider flights')
     stuck_samples: int = quantity(
         20, '-', 0, 100000, 'in flight, so many equal ranges mean a dead sensor; 0: never')
 
@@ -46,7 +46,7 @@ SonarValues = values_type(SonarParams)
 @jit
 def is_valid(slant_range: float, tilt_cos: float, v: SonarValues) -> bool:
     """
-    Tell whether a finite range may be used; NaN is refused.
+    Return whether a finite range may be used; NaN is refused.
 
     Parameters
     ----------
@@ -63,14 +63,14 @@ def is_valid(slant_range: float, tilt_cos: float, v: SonarValues) -> bool:
 
 @jit
 def is_near(slant_range: float, v: SonarValues) -> bool:
-    """Tell whether a valid range only says that the floor is nearer than the shortest one."""
+    """Return whether a valid range only shows that the floor is nearer than the shortest range."""
     return slant_range < v.min_range
 
 
 @jit
 def nearest_height(height: float, tilt_cos: float, v: SonarValues) -> float:
     """
-    Return the height next to the predicted one that a near reading allows.
+    Return the height nearest to the predicted one that a near reading allows.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def measured_height(
     slant_range: float, tilt_cos: float, tilt_variance: float, v: SonarValues,
 ) -> tuple[float, float]:
     """
-    Return the height that a range means, and its variance: range noise and tilt error.
+    Return the height of a slant range, corrected for tilt, and its variance.
 
     Parameters
     ----------

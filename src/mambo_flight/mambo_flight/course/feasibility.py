@@ -20,8 +20,8 @@ from mambo_model.motion.polynomial import Array, Course, evaluate, Pieces, stret
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import norm, sub
 from mambo_model.vehicle.battery import supply
+from mambo_model.vehicle.motor_mixer import allocate, pwm_from_thrust, thrust_from_pwm
 from mambo_model.vehicle.parameters import Vehicle
-from mambo_model.vehicle.rotor import allocate, pwm_from_thrust, thrust_from_pwm
 from mambo_sim.sensors.imu import ImuParams
 import numpy as np
 

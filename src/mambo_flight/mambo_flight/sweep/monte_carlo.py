@@ -17,8 +17,8 @@ from mambo_control import controllers, failsafe
 from mambo_model.compiled import jit
 from mambo_model.motion.trajectory import PlanValues, reference_step
 from mambo_model.motion.vector import add, dot, mul, sub, Vec3
+from mambo_model.vehicle.motor_mixer import thrust_from_pwm
 from mambo_model.vehicle.parameters import OptionValues, Vehicle, VehicleValues
-from mambo_model.vehicle.rotor import thrust_from_pwm
 from mambo_sim import plant, simulator, wind
 from mambo_sim.parameters import STEP_NS
 import numpy as np

@@ -7,8 +7,8 @@ from mambo_flight.course import feasibility as fe, minimum_snap as ms
 from mambo_model.errors import JobError
 from mambo_model.motion.polynomial import connect, Course, state_at, stretched
 from mambo_model.vehicle.battery import supply
+from mambo_model.vehicle.motor_mixer import pwm_from_thrust, thrust_from_pwm
 from mambo_model.vehicle.parameters import preset, Vehicle
-from mambo_model.vehicle.rotor import pwm_from_thrust, thrust_from_pwm
 from mambo_model.vehicle.vehicle_options import BatteryParams
 import numpy as np
 import pytest

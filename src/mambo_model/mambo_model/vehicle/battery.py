@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from ..compiled import jit
+from .motor_mixer import Four
 from .parameters import OptionValues
-from .rotor import Four
 from .vehicle_options import BatteryValues
 
 

@@ -4,8 +4,8 @@ import math
 
 from mambo_model.motion import flatness, quaternion
 from mambo_model.motion.trajectory import flat_output, FlightPlanParams, reference_at, TRAJECTORIES
+from mambo_model.vehicle.motor_mixer import pwm_from_thrust
 from mambo_model.vehicle.parameters import preset
-from mambo_model.vehicle.rotor import pwm_from_thrust
 import numpy as np
 import pytest
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mambo_model.schema import build, flatten, ParameterError, walk
 from mambo_model.vehicle import parameters
-from mambo_model.vehicle.rotor import thrust_from_pwm
+from mambo_model.vehicle.motor_mixer import thrust_from_pwm
 from mambo_model.vehicle.vehicle_options import DragParams
 import numpy as np
 import pytest

@@ -84,10 +84,10 @@ class ImuParams(Parameters):
         'calibration values of 8 flights in three series, less the mean of each series, pooled')
     accel_turn_on: Vec3 = quantity(
         (0.076, 0.076, 0.076), 'm/s^2', 0.0, 5.0,
-        'z as gyro_turn_on; x and y, where the slope of the floor cannot be told, as z')
+        'z as gyro_turn_on; x and y, where the slope of the floor is unknown, as z')
     gyro_warm_up: Vec3 = quantity(
         (0.0, 0.0, 0.0), 'rad/s', -1.0, 1.0,
-        'design choice; the recordings of 18 s at most cannot tell; 0: no warm-up')
+        'design choice; recordings of at most 18 s cannot show it; 0: no warm-up')
     accel_warm_up: Vec3 = quantity((0.0, 0.0, 0.0), 'm/s^2', -5.0, 5.0, 'as gyro_warm_up')
     warm_up_time: float = quantity(60.0, 's', 0.1, 3600.0, 'assumed: time constant')
     gyro_walk: float = quantity(

@@ -66,10 +66,10 @@ def image_flow(point: Vec3, V: Vec3, omega: Vec3, f1: float) -> Vec2:
 
 
 class FlowMemory(NamedTuple):
-    """What the sensor remembers."""
+    """Memory of the sensor."""
 
     heights: tuple[float, ...]  # (31,) m, oldest first, the last one now; NaN: unknown
-    x: tuple[float, ...]        # (31,) rad/s, what was seen, as heights; NaN: nothing
+    x: tuple[float, ...]        # (31,) rad/s, rates along x, in the order of heights; NaN: none
     y: tuple[float, ...]        # (31,) rad/s, likewise
 
 
@@ -198,7 +198,7 @@ def true_factor(height: float, p: FlowValues) -> float:
 @jit
 def deliver(body: State, believed_height: float, p: FlowValues) -> Vec2:
     """
-    Return what the sensor delivers without noise, (2,) rad/s, body x forward and y right.
+    Return the output of the sensor without noise, (2,) rad/s, body x forward and y right.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ def _delayed_height(memory: FlowMemory, ticks: float) -> float:
 
 @jit
 def _see(memory: FlowMemory, body: State, p: FlowValues) -> Vec2:
-    """Return what the camera sees now, (2,) rad/s; NaN near the floor or tilted too far."""
+    """Return the current rates, (2,) rad/s; NaN near the floor or tilted too far."""
     h = -body.rho[2]
     if h < p.min_height or tilt_cosine(body.q) < p.min_cosine:
         return (math.nan, math.nan)

@@ -1,10 +1,11 @@
 """
-Mock of an Optitrack system: the true pose seen by cameras of their own rate, noise and latency.
+Mock of an Optitrack system: the true pose with the rate, noise and latency of cameras.
 
-What makes a pose of a frame is a choice: five markers that are seen one by one, told apart and
-fitted (:mod:`.markers`, :mod:`.tracker`, :mod:`.rigid_fit`), or the true pose with white noise. A
-body that is not found has no pose; ROS drivers of Optitrack then publish nothing (mocap_optitrack,
-vrpn_client_ros), and so does this.
+The pose of a frame is computed in one of two ways: from five markers that are seen, labelled and
+fitted (:mod:`.marker_occlusion`, :mod:`.tracker`, :mod:`.rigid_fit`), or the true pose with white
+noise. A
+body that is not found has no pose; like ROS drivers of Optitrack (mocap_optitrack,
+vrpn_client_ros) this mock then publishes nothing.
 
 Frames are exposed at whole multiples of the period, whatever the ticks of the simulation; the
 truth in between is interpolated between two stamped samples of it. What comes out is a function
@@ -25,7 +26,7 @@ from mambo_model.schema import choice, flag, group, quantity
 from mambo_model.values import derived, Parameters, values, values_type
 from numpy.random import Generator
 
-from . import markers, tracker
+from . import marker_occlusion, tracker
 from .sampling import period_ns
 
 QUEUE = 11  # poses under way at most: 50 ms of latency at 200 Hz, and one
@@ -46,7 +47,7 @@ class Pose(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """What became of the frames so far."""
+    """Counts of the frames so far."""
 
     frames: int   # exposed
     lost: int     # the body was not found
@@ -59,13 +60,13 @@ class OptitrackMemory(NamedTuple):
     pending: int          # poses in the queue
     queue: tuple[Pose, ...]  # (QUEUE,) not yet delivered, oldest first
     counts: Counts        # of the frames
-    seen: markers.Seen    # which markers the last frame showed
+    seen: marker_occlusion.Seen    # which markers the last frame showed
     dropping: bool        # the last frame did not arrive
     track: tracker.Track  # of the body
 
 
 class OptitrackSample(NamedTuple):
-    """What a step brings."""
+    """Output of the motion capture at one step."""
 
     new: bool   # a pose is delivered
     stamp: int  # ns, to be published with the pose
@@ -74,7 +75,7 @@ class OptitrackSample(NamedTuple):
 
 _NOWHERE = Pose(0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 START = OptitrackMemory(
-    0, (_NOWHERE,) * QUEUE, Counts(0, 0, 0), markers.ALL, False,
+    0, (_NOWHERE,) * QUEUE, Counts(0, 0, 0), marker_occlusion.ALL, False,
     tracker.Track(False, 0, _NOWHERE.rho, _NOWHERE.q, (0.0, 0.0, 0.0)))
 
 
@@ -91,8 +92,8 @@ class OptitrackParams(Parameters):
     latency: float = quantity(
         0.01, 's', 0.0, 0.05,
         'assumed: exposure to delivery; 5.4 ms of it in the cameras of a recorded Motive 2.1')
-    stamp: str = choice('exposure', STAMPS, 'design choice: what the stamp of a pose tells')
-    model: str = choice('markers', MODELS, 'design choice: what a pose is made of')
+    stamp: str = choice('exposure', STAMPS, 'design choice: meaning of the stamp of a pose')
+    model: str = choice('markers', MODELS, 'design choice: how a pose is computed')
     position_noise: float = quantity(
         0.0003, 'm', 0.0, 0.1, 'each axis; error up to 1 mm, thesis sec. 5.2')
     attitude_noise: float = quantity(
@@ -104,7 +105,7 @@ class OptitrackParams(Parameters):
     loss_length: float = quantity(
         2.0, '1', 1.0, 1000.0, 'mean number of poses lost in a row, 2.06 in that recording')
     noise: bool = flag(True, 'design choice: false switches every random part off')
-    markers: markers.MarkerParams = group(markers.MarkerParams)
+    markers: marker_occlusion.MarkerParams = group(marker_occlusion.MarkerParams)
 
     @derived('ns', 'rate')
     def period(self) -> int:
@@ -127,7 +128,7 @@ class OptitrackParams(Parameters):
         return 1.0 / self.loss_length
 
     def values(self) -> OptitrackValues:
-        """Return what compiled code reads."""
+        """Return the values for compiled code."""
         return values(self, markers=self.markers.values(self.period()))
 
 
@@ -167,7 +168,7 @@ def _expose(
     memory: OptitrackMemory, exposure: int, rho: Vec3, q: Quat, rng: Generator,
     p: OptitrackValues,
 ) -> OptitrackMemory:
-    """Take a frame of a true pose and send what was found in it on its way."""
+    """Expose a frame of a true pose and queue the pose found in it."""
     pending, queue, counts, seen, dropping, track = memory
     if p.model == MODEL_POSE:
         place, attitude = _noisy(rho, q, rng, p)
@@ -175,7 +176,7 @@ def _expose(
     else:
         if counts.frames == 0:
             track = tracker.define(exposure, rho, q)
-        points, seen = markers.reconstruct(seen, rho, q, rng, p.noise, p.markers)
+        points, seen = marker_occlusion.reconstruct(seen, rho, q, rng, p.noise, p.markers)
         track = tracker.step(track, exposure, points, seen, p.markers)
     if p.noise:
         chance = rng.random()

@@ -36,7 +36,8 @@ LINE = 0.02  # of the shape, below which markers lie on a line: about 1/20 as wi
 class Fit(NamedTuple):
     """A body placed onto points."""
 
-    found: bool       # false: the points do not tell an attitude, and nothing else here counts
+    # false: the points do not define an attitude, and the other fields are undefined
+    found: bool
     rho: Vec3         # (3,) m, inertial NED
     q: Quat           # (4,) w x y z, body to inertial, unit
     deviation: float  # m, largest distance of a point from its marker

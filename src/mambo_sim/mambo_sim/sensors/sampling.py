@@ -1,4 +1,4 @@
-"""What the sensors share: when a sample is due on the 5 ms grid, resolution, limits and tilt."""
+"""Shared by the sensors: sampling times on the 5 ms grid, resolution, limits and tilt."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import Quat
 
-STEP_NS = 5_000_000  # ns, one tick: the control step at which every sensor is asked
+STEP_NS = 5_000_000  # ns, one tick: the control step at which every sensor is read
 STEP = STEP_NS * 1e-9  # s
 
 

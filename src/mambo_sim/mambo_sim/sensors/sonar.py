@@ -3,8 +3,8 @@ Downward ultrasonic range: slant distance to the floor along the body z axis.
 
 Defaults are measured on the flights of the vehicle's predecessor with the same toolbox
 (RollingSpiderEdu). There a new value comes each 8 steps of 5 ms, values are whole multiples of
-1.28496 mm (so twelve recordings say to 1e-6), and none lies below 338 of them: nearer than
-0.434 m, on the floor too, the sensor reads that limit or little more.
+1.28496 mm (to 1e-6 in twelve recordings), and none is below 338 of them: nearer than 0.434 m,
+also on the floor, the sensor reads that limit or a little more.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """
-Which point is which marker, and the pose that follows: what the software behind the cameras does.
+Labelling of marker points and the resulting pose: the tracking software of the motion capture.
 
-A body that was found in the frame before is followed: each point is the marker that it is nearest
-to, where the body should be by now. A body that was not, or whose points do not fit, is searched
-for: of all ways to call the points markers the one with the least residual is taken, wherever
-that puts the body. Points of a symmetric layout fit in several ways, equally well but for the
-noise, so that a body found again may be turned by half a turn, and is then followed so.
+A body that was found in the previous frame is tracked: each point gets the label of the marker
+nearest to it at the predicted pose. Otherwise, or if the points do not fit, the body is searched:
+among all labellings the one with the least residual is used, whatever pose results. Points of a
+symmetric layout fit several labellings equally well except for noise, so a body that is found
+again may be off by half a turn, and is then tracked in that pose.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mambo_model.motion.quaternion import Quat, rotate
 from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
 import numpy as np
 
-from .markers import MarkerValues, Seen
+from .marker_occlusion import MarkerValues, Seen
 from .rigid_fit import COUNT, fit, Fit, Five, Labels, NO_FIT, UNLABELLED
 
 _ORDERS = np.array(list(itertools.permutations(range(COUNT))))  # (120, 5)
@@ -26,7 +26,7 @@ _HIDDEN: Labels = (UNLABELLED,) * COUNT
 
 
 class Track(NamedTuple):
-    """What the tracker remembers of the body."""
+    """Memory of the tracker."""
 
     tracked: bool   # in the frame before
     exposure: int   # ns, of the frame that it was last found in
@@ -37,7 +37,7 @@ class Track(NamedTuple):
 
 @jit
 def define(exposure: int, rho: Vec3, q: Quat) -> Track:
-    """Return the track of a body that is defined where it stands, as one does before a flight."""
+    """Return the track of a body that is defined at its present pose, as before a flight."""
     return Track(True, exposure, rho, q, (0.0, 0.0, 0.0))
 
 
@@ -125,7 +125,7 @@ def search(points: Five, seen: Seen, p: MarkerValues) -> Fit:
 
 @jit
 def _count(labels: Labels) -> int:
-    """Return how many points are labelled."""
+    """Return the number of labelled points."""
     n = 0
     for i in range(COUNT):
         n += labels[i] >= 0
@@ -144,7 +144,7 @@ def step(track: Track, exposure: int, points: Five, seen: Seen, p: MarkerValues)
     exposure : ns
         Later than that of the frame before.
     points : (5, 3) m, inertial NED
-        From ``markers.reconstruct``. Their order is not made use of.
+        From ``marker_occlusion.reconstruct``. Their order is not made use of.
     seen : (5,)
         Which of them there are.
     p

@@ -5,7 +5,7 @@ import dataclasses
 from mambo_model.motion.rigid_body import State
 from mambo_model.schema import ParameterError
 from mambo_sim.sensors import optitrack
-from mambo_sim.sensors.markers import MarkerParams
+from mambo_sim.sensors.marker_occlusion import MarkerParams
 from mambo_sim.sensors.optitrack import OptitrackParams
 import numpy as np
 import pytest

@@ -2,7 +2,7 @@
 
 import itertools
 
-from mambo_sim.sensors.markers import MarkerParams
+from mambo_sim.sensors.marker_occlusion import MarkerParams
 from mambo_sim.sensors.rigid_fit import fit, horn_matrix
 import numpy as np
 import pytest

@@ -3,7 +3,7 @@
 import itertools
 
 from mambo_sim.sensors import tracker
-from mambo_sim.sensors.markers import ALL, MarkerParams
+from mambo_sim.sensors.marker_occlusion import ALL, MarkerParams
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

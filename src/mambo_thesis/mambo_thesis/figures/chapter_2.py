@@ -6,8 +6,8 @@ import dataclasses
 
 from mambo_model import aerodynamics as air, palette
 from mambo_model.forces import drag
+from mambo_model.vehicle.motor_mixer import mix
 from mambo_model.vehicle.parameters import preset
-from mambo_model.vehicle.rotor import mix
 from mambo_model.vehicle.vehicle_options import DragParams
 from mambo_sim.sensors.optical_flow import image_flow, project
 import numpy as np

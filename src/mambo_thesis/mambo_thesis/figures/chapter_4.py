@@ -8,8 +8,8 @@ from mambo_analysis.identify.inertia import fit_swing, Geometry
 from mambo_analysis.identify.thrust import fit_thrust
 from mambo_model import palette
 from mambo_model.vehicle import bifilar
+from mambo_model.vehicle.motor_mixer import thrust_from_pwm
 from mambo_model.vehicle.parameters import preset
-from mambo_model.vehicle.rotor import thrust_from_pwm
 import numpy as np
 
 from .claim import at_least, at_most, claim, near, Result

@@ -1,8 +1,9 @@
 """
-The steps of a simulated flight: in lockstep with the motor commands, or by the wall clock.
+Lockstep protocol and real-time pacing of a simulated flight.
 
-``sim`` is the simulator's node and ``loop`` what serves its messages (``once(timeout)``,
-``stopping``).
+In lockstep, each step publishes the sensors with a watermark, waits for the motor command with the
+stamp of the step, and then advances the vehicle. In real time each step waits for the wall clock.
+``sim`` is the simulator's node and ``loop`` serves its messages (``once(timeout)``, ``stopping``).
 """
 
 from __future__ import annotations
@@ -12,19 +13,19 @@ from typing import Any
 
 from .parameters import STEP_NS
 
-_ASK_AGAIN = 5.0  # s of wall time between lines that say what a waiting simulator waits for
+_ASK_AGAIN = 5.0  # s of wall time between log lines that name the missing motor command
 
 
 def status(missed: int, starved: int, limit: float) -> tuple[int, str]:
     """
-    Return the level (0 OK, 1 warning, 2 error) and the line of the simulator's diagnostics.
+    Return level (0 OK, 1 warning, 2 error) and text of the simulator's diagnostic status.
 
     Parameters
     ----------
     missed
         Steps without their motor command.
     starved : ns
-        When the motors were stopped for want of a command, -1: they were not.
+        Time at which the motors were stopped because no command came; -1: not stopped.
     limit : s
         Wall time for which a motor command may be missing.
 
@@ -37,11 +38,11 @@ def status(missed: int, starved: int, limit: float) -> tuple[int, str]:
 
 
 def wait_for_answer(sim: Any, loop: Any) -> bool:
-    """Serve the graph until the step's motor command is there (lockstep)."""
+    """Serve the graph until the step's motor command has arrived (lockstep)."""
     began = logged = time.monotonic()
     while not sim.answered:
         loop.once(0.02)
-        now = time.monotonic()  # whatever came: what is refused may come without end
+        now = time.monotonic()  # checked after every message: refused messages may never end
         if loop.stopping:
             return False
         if now - began > sim.params.patience and not sim.answered:
@@ -57,8 +58,8 @@ def wait_for_deadline(sim: Any, loop: Any, deadline: float) -> None:
     """
     Serve the graph until the wall clock reaches the next step (real time).
 
-    A step that began late, as the machine was busy elsewhere, still leaves its period for the
-    answer; once that has come it makes up for the delay.
+    A step that began late, because the machine was busy, still gets its full period for the motor
+    command; after the command has arrived the delay is made up for.
     """
     overdue = max(deadline, sim.sensed + STEP_NS * 1e-9 / sim.params.speed)
     while not loop.stopping:

@@ -1,10 +1,10 @@
 """
-Five markers on the body, and the points that cameras reconstruct of them.
+Occlusion of motion-capture markers, and the points that cameras reconstruct of visible ones.
 
-Each point is a marker's true position with white noise; a marker is hidden at times, as when the
-body itself or too few cameras stand between: a two-state Markov process of its own, looked at when
-a frame is exposed. Which point is which marker the cameras do not know: see
-:mod:`mambo_sim.sensors.tracker`.
+The body has five markers. Each point is a marker's true position with white noise. A marker is
+occluded at times, by the body or because too few cameras see it: a two-state Markov process per
+marker, sampled when a frame is exposed. The points are unlabelled;
+:mod:`mambo_sim.sensors.tracker` labels them.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ def file_positions() -> tuple[float, ...]:
 @dataclass(frozen=True)
 class MarkerParams(Parameters):
     """
-    Where the markers are, how well they are seen, and how strict the tracker is.
+    Positions of the markers, occlusion and noise, and limits of the tracker.
 
     ``positions`` are x, y, z of one marker after the other. The symmetric layout puts the first
     four at their mean distances from the axes and the fifth on the axis: half a turn of yaw then
-    looks like none, and a tracker that loses the body cannot know which it finds again.
+    looks like none, and a tracker that loses the body may find it half a turn off.
     """
 
     layout: str = choice('asymmetric', LAYOUTS, 'design choice; symmetric as in thesis sec. 5.3')
@@ -57,7 +57,7 @@ class MarkerParams(Parameters):
         0.0, '1', 0.0, 0.9, 'design choice: share of time that each marker is hidden')
     occlusion_time: float = quantity(
         0.1, 's', 0.001, 60.0, 'assumed: mean time that a marker stays hidden')
-    min_markers: int = quantity(3, '1', 3, COUNT, 'visible markers that a pose takes')
+    min_markers: int = quantity(3, '1', 3, COUNT, 'visible markers needed for a pose')
     deflection: float = quantity(
         0.003, 'm', 0.0001, 0.05,
         'assumed: how far a point may be from its marker; deflection in Motive')
@@ -67,7 +67,7 @@ class MarkerParams(Parameters):
         five = np.array(self.five())
         if np.linalg.svd(five - five.mean(axis=0))[1][1] < NARROW * math.sqrt(COUNT):
             raise ParameterError(
-                'MarkerParams.positions lie on a line: they tell no attitude, spread them')
+                'MarkerParams.positions lie on a line, which defines no attitude: spread them')
         if not self.gate() > 2.0 * self.deflection:
             raise ParameterError(
                 f'MarkerParams.positions: two markers are {2000.0 * self.gate():.3g} mm apart, '
@@ -112,7 +112,7 @@ class MarkerParams(Parameters):
         return -math.expm1(-period * 1e-9 / (self.occlusion_time * (1.0 - self.occlusion)))
 
     def values(self, period: int) -> MarkerValues:
-        """Return what compiled code reads, for frames a period of ns apart."""
+        """Return the values for compiled code, for frames a period of ns apart."""
         return values(self, hide=self.hide(period), show=self.show(period))
 
 

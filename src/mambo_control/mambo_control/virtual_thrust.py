@@ -1,5 +1,5 @@
 r"""
-Outer loop (3.15)-(3.20): tracking errors, integral action, virtual input, demanded thrust.
+Outer loop (3.15)-(3.20): tracking errors, integral action, virtual thrust and its derivatives.
 
 The thesis writes the loop in the frame of the reference. With scalar gains :math:`\sigma`
 commutes with rotations, so it is evaluated here in the inertial frame, which is exactly
@@ -30,7 +30,7 @@ class Memory(NamedTuple):
 
 
 class Demand(NamedTuple):
-    """Thrust that the outer loop asks for, with its derivatives; inertial NED."""
+    """Virtual thrust that the outer loop demands, with its derivatives; inertial NED."""
 
     P_dot: Vec3  # m/s
     p_dot: Vec3  # m/s^2

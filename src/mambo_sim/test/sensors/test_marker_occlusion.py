@@ -6,8 +6,8 @@ import math
 
 from mambo_model.schema import ParameterError
 from mambo_model.vehicle import parameters
-from mambo_sim.sensors import markers
-from mambo_sim.sensors.markers import MarkerParams
+from mambo_sim.sensors import marker_occlusion
+from mambo_sim.sensors.marker_occlusion import MarkerParams
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -20,9 +20,10 @@ Q = (R.as_quat()[3].item(), *R.as_quat()[:3].tolist())
 
 def frames(params, n, seed=0):
     """Return points (n, 5, 3) and visibility (n, 5) of n frames."""
-    p, rng, seen, out = params.values(PERIOD), np.random.default_rng(seed), markers.ALL, []
+    p, rng = params.values(PERIOD), np.random.default_rng(seed)
+    seen, out = marker_occlusion.ALL, []
     for _ in range(n):
-        points, seen = markers.reconstruct(seen, RHO, Q, rng, True, p)
+        points, seen = marker_occlusion.reconstruct(seen, RHO, Q, rng, True, p)
         out.append((points, seen))
     return np.array([points for points, _ in out]), np.array([seen for _, seen in out])
 
@@ -81,8 +82,9 @@ def test_markers_hide_as_often_and_as_long_as_asked_for(share, time):
 def test_without_noise_points_are_exact_and_nothing_is_drawn():
     params, rng = MarkerParams(occlusion=0.9), np.random.default_rng(1)
     before = rng.bit_generator.state
-    points, seen = markers.reconstruct((False,) * 5, RHO, Q, rng, False, params.values(PERIOD))
-    assert rng.bit_generator.state == before and seen == markers.ALL
+    points, seen = marker_occlusion.reconstruct(
+        (False,) * 5, RHO, Q, rng, False, params.values(PERIOD))
+    assert rng.bit_generator.state == before and seen == marker_occlusion.ALL
     np.testing.assert_allclose(points, R.apply(params.five()) + RHO, atol=1e-15)
 
 

@@ -4,7 +4,7 @@ import logging
 import time
 from types import SimpleNamespace
 
-from mambo_sim import pace
+from mambo_sim import lockstep
 from mambo_sim.delays import Delays
 from mambo_sim.parameters import SimNodeParams, STEP_NS
 import pytest
@@ -39,10 +39,10 @@ class Sim:
         return self.answered_to >= self.t
 
     def start(self):
-        self.heard = pace.time.monotonic()
+        self.heard = lockstep.time.monotonic()
 
     def sense(self):
-        self.senses, self.sensed = self.senses + 1, pace.time.monotonic()
+        self.senses, self.sensed = self.senses + 1, lockstep.time.monotonic()
 
     def advance(self):
         self.t += STEP_NS
@@ -80,34 +80,34 @@ class Loop:
 @pytest.fixture
 def clock(monkeypatch):
     clock = Clock()
-    monkeypatch.setattr(pace, 'time', SimpleNamespace(monotonic=clock.monotonic))
+    monkeypatch.setattr(lockstep, 'time', SimpleNamespace(monotonic=clock.monotonic))
     return clock
 
 
 def test_lockstep_steps_with_every_answer_whatever_it_takes(clock):
     sim = Sim(mode='lockstep', duration=0.05)
-    assert pace.run(sim, Loop(sim, clock, lambda t: 0.3)) == 0
+    assert lockstep.run(sim, Loop(sim, clock, lambda t: 0.3)) == 0
     assert sim.t == 50_000_000 and sim.senses == 11 and sim.missed == 0 and not sim.gave_up
     assert clock.now == pytest.approx(100.0 + 11 * 0.3)
 
 
 def test_lockstep_gives_up_after_its_patience_and_says_that_it_failed(clock):
     sim = Sim(mode='lockstep', duration=1.0, patience=2.0)
-    assert pace.run(sim, Loop(sim, clock, lambda t: 0.0 if t < 20_000_000 else None)) == 1
+    assert lockstep.run(sim, Loop(sim, clock, lambda t: 0.0 if t < 20_000_000 else None)) == 1
     assert sim.gave_up == [20_000_000] and sim.t == 20_000_000
     assert clock.now == pytest.approx(102.0, abs=0.05)
 
 
 def test_an_answer_within_the_patience_is_waited_for(clock):
     sim = Sim(mode='lockstep', duration=0.01, patience=2.0)
-    assert pace.run(sim, Loop(sim, clock, lambda t: 1.9)) == 0
+    assert lockstep.run(sim, Loop(sim, clock, lambda t: 1.9)) == 0
     assert not sim.gave_up
 
 
 def test_waiting_in_lockstep_is_said_every_five_seconds(clock, caplog):
     sim = Sim(mode='lockstep', duration=0.005, patience=60.0)
     with caplog.at_level(logging.WARNING):
-        assert pace.run(sim, Loop(sim, clock, lambda t: 12.0)) == 0
+        assert lockstep.run(sim, Loop(sim, clock, lambda t: 12.0)) == 0
     logged = [record.message for record in caplog.records]
     assert logged.count('waiting for motor_pwm of t = 0.000 s') == 2 and len(logged) == 4
 
@@ -116,13 +116,13 @@ def test_somebody_who_stops_the_flight_ends_it_without_a_failure(clock):
     sim = Sim(mode='lockstep', duration=1.0)
     loop = Loop(sim, clock, lambda t: None)
     loop.once = lambda timeout: setattr(loop, 'stopping', True)
-    assert pace.run(sim, loop) == 0 and sim.t == 0 and not sim.gave_up
+    assert lockstep.run(sim, loop) == 0 and sim.t == 0 and not sim.gave_up
 
 
 @pytest.mark.parametrize(('speed', 'took'), [(1.0, 0.2), (2.0, 0.1), (0.5, 0.4)])
 def test_real_time_keeps_pace_with_the_wall_clock(clock, speed, took):
     sim = Sim(mode='realtime', duration=0.2, speed=speed)
-    assert pace.run(sim, Loop(sim, clock)) == 0
+    assert lockstep.run(sim, Loop(sim, clock)) == 0
     assert sim.missed == 0 and not sim.watched
     assert clock.now - 100.0 == pytest.approx(took + PERIOD / speed, abs=1e-6)
 
@@ -131,7 +131,7 @@ def test_a_late_answer_is_a_step_without_its_command_and_is_watched(clock):
     """One answer of forty comes after its step: that step flies on with the command before."""
     late = 50_000_000
     sim = Sim(mode='realtime', duration=0.2)
-    assert pace.run(sim, Loop(sim, clock, lambda t: 0.007 if t == late else 0.001)) == 0
+    assert lockstep.run(sim, Loop(sim, clock, lambda t: 0.007 if t == late else 0.001)) == 0
     assert sim.missed == 1 and [t for t, _ in sim.watched] == [late]
     assert sim.watched[0][1] == pytest.approx(100.0 + late * 1e-9 + PERIOD, abs=1e-6)
     assert clock.now - 100.0 == pytest.approx(0.205, abs=1e-6)  # no time was lost by it
@@ -139,7 +139,7 @@ def test_a_late_answer_is_a_step_without_its_command_and_is_watched(clock):
 
 def test_an_answer_just_in_time_is_not_late(clock):
     sim = Sim(mode='realtime', duration=0.1)
-    assert pace.run(sim, Loop(sim, clock, lambda t: 0.9 * PERIOD)) == 0
+    assert lockstep.run(sim, Loop(sim, clock, lambda t: 0.9 * PERIOD)) == 0
     assert sim.missed == 0
 
 
@@ -153,14 +153,14 @@ def test_a_step_that_began_late_leaves_its_period_for_the_answer(clock):
         sense()
 
     sim.sense = busy
-    assert pace.run(sim, loop) == 0
+    assert lockstep.run(sim, loop) == 0
     assert sim.missed == 0  # though each began after its own deadline
     assert clock.now - 100.0 == pytest.approx(0.105, abs=1e-6)  # and the delay is made up for
 
 
 def test_a_graph_that_is_silent_in_real_time_is_given_up_at_the_end(clock):
     sim = Sim(mode='realtime', duration=5.0, patience=1.0)
-    assert pace.run(sim, Loop(sim, clock, lambda t: None)) == 1
+    assert lockstep.run(sim, Loop(sim, clock, lambda t: None)) == 1
     assert len(sim.gave_up) == 1 and sim.t * 1e-9 == pytest.approx(1.0, abs=2 * PERIOD)
     assert sim.missed == len(sim.watched) == sim.senses
 
@@ -175,7 +175,7 @@ def test_without_a_duration_a_flight_lasts_until_it_is_stopped(clock):
         loop.stopping = sim.t >= 300_000_000
 
     loop.once = until
-    assert pace.run(sim, loop) == 0 and sim.t >= 300_000_000
+    assert lockstep.run(sim, loop) == 0 and sim.t >= 300_000_000
 
 
 @pytest.mark.parametrize(('arguments', 'want'), [
@@ -184,8 +184,8 @@ def test_without_a_duration_a_flight_lasts_until_it_is_stopped(clock):
      (2, 'motors stopped at t = 1.500 s: no motor command for 0.2 s')),
     ((0, 0, 1.0), (2, 'motors stopped at t = 0.000 s: no motor command for 1 s'))])
 def test_the_worst_is_what_the_diagnostics_say(arguments, want):
-    assert pace.status(*arguments) == want
+    assert lockstep.status(*arguments) == want
 
 
 def test_the_clock_is_the_monotonic_one():
-    assert pace.time is time
+    assert lockstep.time is time

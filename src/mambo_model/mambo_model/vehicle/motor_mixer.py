@@ -1,7 +1,7 @@
 """
-Motors and mixer: PWM to thrust and back (4.5)-(4.7), thrusts to force and torque (3.2), (4.4).
+Motor map and mixer: PWM to thrust and back (4.5)-(4.7), thrusts to force and torque (3.2), (4.4).
 
-And what the thesis saw or left out: thrust that fades, the speed and angular momentum of rotors.
+Also the fading of thrust, and the speed and angular momentum of the rotors.
 
 Motors 1 to 4 are front left, front right, rear right, rear left; 1 and 3 turn clockwise seen from
 above. The inverse of (3.2) takes [f, roll, pitch, yaw]; (4.4) as printed takes other columns.
