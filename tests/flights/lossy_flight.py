@@ -59,7 +59,7 @@ def fly(flight, spoil=lambda t, phase, *inputs: inputs):
         state, s = simulator.sense(state, k, rngs, values)
         estimated, spread = state.plant.body, failsafe.EXACT
         if not truth:
-            h = closed_loop.hear(s, p)
+            h = closed_loop.delivered_readings(s, p)
             memory, e = filters.step(
                 memory, 5_000_000 * 1e-9 if k else 0.0, s.gyro, s.accel, h.sonar, h.flow,
                 h.flow_quality, h.pressure, p.estimator)

@@ -124,8 +124,8 @@ def test_files_are_chosen_by_any_end_of_their_name():
     def chosen(*names):
         return [target.name for target in mutants.choose(TARGETS, list(names))]
 
-    rotor = 'mambo_model/vehicle/motor_mixer.py'
-    assert chosen('rotor') == chosen(rotor) == [rotor]
+    mixer = 'mambo_model/vehicle/motor_mixer.py'
+    assert chosen('motor_mixer') == chosen(mixer) == [mixer]
     assert len(chosen('support_package')) == 2
     assert all(name.startswith('mambo_sim/') for name in chosen('mambo_sim', 'sensors/imu'))
     assert len(chosen()) == len(TARGETS)

@@ -13,7 +13,7 @@ from mambo_model.compiled import by_type, hold, hold_again, jit, lengthen, memor
 from mambo_model.motion import rigid_body, trajectory
 from mambo_model.motion.quaternion import to_euler
 from mambo_model.motion.rigid_body import State
-from mambo_model.vehicle import motor_mixer as mixer
+from mambo_model.vehicle import motor_mixer as motors
 from mambo_model.vehicle.parameters import Vehicle
 from numba.core.errors import TypingError
 import numpy as np
@@ -28,13 +28,13 @@ def one_step(state, t, plan, vv):
     ref, phase = trajectory.reference_step(t, plan, vv.mass, vv.inertia, vv.gravity)
     phi, theta, psi = to_euler(state.q)
     tau = (ref.tau[0] - 1e-4 * phi, ref.tau[1] - 1e-4 * theta, ref.tau[2] - 1e-4 * psi)
-    T1, T2, T3, T4 = mixer.allocate(ref.f, tau, vv)
+    T1, T2, T3, T4 = motors.allocate(ref.f, tau, vv)
     thrust = (
-        mixer.thrust_from_pwm(mixer.limit_pwm(mixer.pwm_from_thrust(T1, vv), vv), vv),
-        mixer.thrust_from_pwm(mixer.limit_pwm(mixer.pwm_from_thrust(T2, vv), vv), vv),
-        mixer.thrust_from_pwm(mixer.limit_pwm(mixer.pwm_from_thrust(T3, vv), vv), vv),
-        mixer.thrust_from_pwm(mixer.limit_pwm(mixer.pwm_from_thrust(T4, vv), vv), vv))
-    f, torque = mixer.mix(thrust, vv)
+        motors.thrust_from_pwm(motors.limit_pwm(motors.pwm_from_thrust(T1, vv), vv), vv),
+        motors.thrust_from_pwm(motors.limit_pwm(motors.pwm_from_thrust(T2, vv), vv), vv),
+        motors.thrust_from_pwm(motors.limit_pwm(motors.pwm_from_thrust(T3, vv), vv), vv),
+        motors.thrust_from_pwm(motors.limit_pwm(motors.pwm_from_thrust(T4, vv), vv), vv))
+    f, torque = motors.mix(thrust, vv)
     return rigid_body.rk4_step(state, f, torque, 0.005, vv)
 
 
@@ -60,9 +60,9 @@ def flight_call_by_call(state, steps, plan, vv):
         euler = to_euler(state.q)
         tau = tuple(ref.tau[i] - 1e-4 * euler[i] for i in range(3))
         pwm = [
-            mixer.limit_pwm(mixer.pwm_from_thrust(T, vv), vv)
-            for T in mixer.allocate(ref.f, tau, vv)]
-        f, torque = mixer.mix(tuple(mixer.thrust_from_pwm(x, vv) for x in pwm), vv)
+            motors.limit_pwm(motors.pwm_from_thrust(T, vv), vv)
+            for T in motors.allocate(ref.f, tau, vv)]
+        f, torque = motors.mix(tuple(motors.thrust_from_pwm(x, vv) for x in pwm), vv)
         state = rigid_body.rk4_step(state, f, torque, 0.005, vv)
     return state
 

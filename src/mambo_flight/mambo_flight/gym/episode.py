@@ -22,8 +22,8 @@ from mambo_model.motion.quaternion import from_euler, IDENTITY, Quat, rotate, to
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.trajectory import reference_step
 from mambo_model.motion.vector import add, norm, sub
+from mambo_model.vehicle.motor_mixer import Four
 from mambo_model.vehicle.parameters import VehicleValues
-from mambo_model.vehicle.rotor import Four
 from mambo_sim import simulator, wind
 from mambo_sim.parameters import STEP_NS
 import numpy as np
@@ -221,7 +221,7 @@ def fly(drones, rows, actions, kind, repeat, out):
                 s = state.plant.body
             else:
                 state, samples = simulator.sense(state, tick, rngs, p.simulator)
-                h = closed_loop.hear(samples, p)
+                h = closed_loop.delivered_readings(samples, p)
                 t = tick * STEP_NS
                 t_before = t - STEP_NS if tick else t
                 memory, estimate = filters.step(
