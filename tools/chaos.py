@@ -198,7 +198,10 @@ class Struck:
             if self.run.poll() is not None or not struck:
                 return self._missed()
             memory = _shared(living) - self._older
-            os.kill(struck[0], getattr(signal, fault.signal))
+            try:
+                os.kill(struck[0], getattr(signal, fault.signal))
+            except ProcessLookupError:  # it has just ended by itself
+                return self._missed()
             began = time.monotonic()
             out, err = self.run.communicate(timeout=BUSY)
             left = not _wait(lambda: not self._living(), WITHIN)

@@ -51,6 +51,7 @@ _FLOWN = re.compile(
 _DELAY = re.compile(r'IMU sample to motor command: .*')
 _USED = re.compile(r'used ([\d.]+) s of CPU and (\d+) MB')
 _REFUSED = re.compile(r'\[[\w.]*?(\w+)\]: refused messages: (.+)')
+_BEGUN = re.compile(r'flying in \w+ mode$')
 _PACED = re.compile(r'flying in realtime mode$')
 _WAITS = re.compile(r'waiting for .*')
 _TIME = re.compile(r't = ([\d.]+) s$')
@@ -99,6 +100,7 @@ class Progress:
 
     def __init__(self, duration: float, shown: bool = True) -> None:
         self.flown, self.took, self.missed, self.delay = 0.0, 0.0, 0, ''
+        self.begun = False
         self._bar = tqdm(
             total=duration, desc='starting (compiles once)', leave=False,
             disable=None if shown else True,
@@ -106,6 +108,7 @@ class Progress:
 
     def line(self, text: str) -> None:
         """Update from one line of the simulator."""
+        self.begun = self.begun or bool(_BEGUN.search(text))
         if found := _FLOWN.search(text):
             self.flown, self.took, self.missed = float(found[1]), float(found[2]), int(found[3])
         elif found := _DELAY.search(text):
@@ -224,7 +227,9 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
                 _label(namespace, node)))
         if without:
             print(_invitation(without, flights, group.domain), flush=True)
-        group.watch()
+        group.watch(  # one patience for the numerics to compile, one for the nodes
+            lambda: all(each.begun for each in progress.values()),
+            2.0 * max(flight.sim_node.start_patience for flight in flights.values()))
     outcomes = [
         _outcome(bags[namespace], progress[namespace], started[namespace],
                  flights[namespace], group)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+import math
 from pathlib import Path
 import tempfile
 
@@ -72,9 +73,9 @@ class NodeGroup:
         self._watchdog.keep(f'+{child.pid}')
         return child
 
-    def watch(self) -> None:
-        """Wait until the flight is over, a node fails or the user stops it."""
-        self.fault = watch(self.children, self.interrupts, self._owners)
+    def watch(self, begun: Callable[[], bool] = lambda: True, limit: float = math.inf) -> None:
+        """Wait until the flight is over, a node fails or the user stops it; see ``watch``."""
+        self.fault = watch(self.children, self.interrupts, self._owners, begun, limit)
 
     def _end(self) -> None:
         """End all nodes."""

@@ -9,6 +9,7 @@ import ctypes
 import gc
 from importlib import import_module
 import json
+import math
 import multiprocessing
 import os
 from pathlib import Path
@@ -349,9 +350,23 @@ class Interrupts:
             signal.signal(number, handler)
 
 
-def watch(children: Sequence[NodeProcess], interrupts: Interrupts, owners: int = 1) -> str:
+def watch(children: Sequence[NodeProcess], interrupts: Interrupts, owners: int = 1,
+          begun: Callable[[], bool] = lambda: True, limit: float = math.inf) -> str:
     """
     Wait until the last children, which own time, end, any child fails, or the user stops.
+
+    Parameters
+    ----------
+    children
+        Processes, those that own time last.
+    interrupts
+        Signals of the user.
+    owners
+        How many own time.
+    begun
+        Returns whether time has begun.
+    limit : s
+        Wall time until it must have.
 
     Returns
     -------
@@ -359,6 +374,7 @@ def watch(children: Sequence[NodeProcess], interrupts: Interrupts, owners: int =
 
     """
     last = children[-owners:]
+    started = time.monotonic()
     while not interrupts.count:
         flying = any(owner.exit_code is None for owner in last)
         for child in children:
@@ -368,6 +384,8 @@ def watch(children: Sequence[NodeProcess], interrupts: Interrupts, owners: int =
                     return trouble
         if not flying:
             return ''
+        if time.monotonic() - started > limit and not begun():
+            return f'{last[0].label} did not begin within {limit:g} s'
         time.sleep(0.02)
     return ''
 

@@ -290,6 +290,18 @@ with NodeGroup('recorder') as group:
     until(lambda: not alive(pid) and not Path(folder).exists(), 'the watchdog')
 
 
+def test_a_flight_that_does_not_begin_ends_with_one_line(start):
+    owner = start('import time; time.sleep(60)', name='sim_node')
+    began = time.monotonic()
+    assert watch([owner], Interrupts(), begun=lambda: False, limit=0.3) == (
+        'sim_node did not begin within 0.3 s')
+    assert time.monotonic() - began < PATIENCE
+    timer = threading.Timer(0.6, owner.send, [signal.SIGKILL])
+    timer.start()
+    assert watch([owner], Interrupts(), begun=lambda: True, limit=0.3) == (
+        'sim_node was ended by SIGKILL')
+
+
 def test_shared_memory_of_the_living_stays_and_of_the_dead_goes(tmp_path, monkeypatch):
     monkeypatch.setattr(watchdog, '_SHARED', tmp_path)
     monkeypatch.setattr(watchdog, '_mapped', lambda: {'fastrtps_port6'})
