@@ -9,12 +9,21 @@ import os
 from pathlib import Path
 import sys
 from typing import Any, TextIO
+import warnings
 
-from mambo_model.errors import InputError, MamboError
+from mambo_model.errors import InputError, MamboError, visible
 from mambo_model.whole_file import write_text, WRONG_PATH
 import numpy as np
 
 _LONGEST = 2000  # longest error, characters, so that a huge name does not fill the screen
+
+
+def one_line(text: str) -> str:
+    """Return a text as one line of bounded length that any terminal shows as it is."""
+    line = visible(' '.join(text.splitlines()))
+    if len(line) > _LONGEST:
+        line = f'{line[:_LONGEST // 2]} ... {line[-_LONGEST // 2:]}'
+    return line
 
 
 class _OutputError(Exception):
@@ -31,9 +40,9 @@ class _Output:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Write; raise _OutputError on failure."""
+        """Write what a terminal can show; raise _OutputError on failure."""
         try:
-            return self._stream.write(text)
+            return self._stream.write(visible(text))
         except OSError as error:
             raise _OutputError(error) from None
 
@@ -157,7 +166,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> Any:
         """Write one line to stderr and exit with code 2."""
-        self.exit(2, f'{self.prog}: {_one_line(message.removeprefix("argument "))}; '
+        self.exit(2, f'{self.prog}: {one_line(message.removeprefix("argument "))}; '
                      f'{self.prog} --help says more\n')
 
     def _get_values(self, action: argparse.Action, words: list[str]) -> Any:
@@ -210,7 +219,8 @@ def guard(name: str, work: Callable[[], None]) -> int:
     plain = sys.stdout
     sys.stdout = _Output(plain)
     try:
-        with np.errstate(all='ignore'):  # extreme numbers: the result is inf or nan
+        with np.errstate(all='ignore'), warnings.catch_warnings():  # absurd numbers: inf or nan
+            warnings.filterwarnings('ignore', r'Glyph \d+ .* missing')  # a box is drawn instead
             work()
         sys.stdout.flush()
     except _OutputError as error:
@@ -230,17 +240,10 @@ def guard(name: str, work: Callable[[], None]) -> int:
     return 0
 
 
-def _one_line(text: str) -> str:
-    line = ' '.join(text.splitlines())
-    if len(line) > _LONGEST:
-        line = f'{line[:_LONGEST // 2]} ... {line[-_LONGEST // 2:]}'
-    return line
-
-
 def _complain(name: str, text: str, exit_code: int = 1) -> int:
     """Write one line to stderr; return the exit code."""
     if sys.stderr is not None:
-        print(f'{name}: {_one_line(text)}', file=sys.stderr)
+        print(f'{name}: {one_line(text)}', file=sys.stderr)
     return exit_code
 
 

@@ -9,6 +9,7 @@ from mambo_bags import command
 from mambo_bags.command import guard
 from mambo_bags.reader import BagError
 from mambo_model.errors import InputError, JobError
+from matplotlib.figure import Figure
 import numpy as np
 import pytest
 
@@ -61,6 +62,18 @@ def test_errors_are_one_short_line_and_the_right_exit_code(error, code, message,
     printed = capsys.readouterr().err
     assert printed.startswith('tool: ') and message in printed
     assert printed.count('\n') == 1 and len(printed) < 2100
+
+
+def test_names_cannot_steer_the_terminal(capsys):
+    """A topic or a file may be called whatever clears the screen or reads from right to left."""
+    name = 'a\x1b[2Jb\u202ec\udcffd\x07\u00e9'
+
+    def work():
+        print(f'{name}\tis\nhere')
+        raise InputError(name)
+    assert guard('tool', work) == 2
+    shown = 'a\\x1b[2Jb\\u202ec\\udcffd\\x07\u00e9'
+    assert capsys.readouterr() == (f'{shown}\tis\nhere\n', f'tool: {shown}\n')
 
 
 @pytest.fixture
@@ -181,3 +194,12 @@ def test_a_name_that_no_file_can_have_is_not_looked_up(line, name):
 def test_numbers_that_overflow_do_not_fill_the_screen(capsys, recwarn):
     assert guard('tool', lambda: print(np.square(np.array([1e308])))) == 0
     assert capsys.readouterr() == ('[inf]\n', '') and not recwarn.list
+
+
+def test_a_sign_that_the_font_lacks_is_no_word_on_the_screen(tmp_path, recwarn):
+    def work():
+        figure = Figure()
+        figure.suptitle('\N{HELICOPTER}')
+        figure.savefig(tmp_path / 'sheet.png')
+    assert guard('tool', work) == 0
+    assert [str(warning.message) for warning in recwarn] == []

@@ -194,7 +194,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         name, rest = find(words)
     except LookupError as error:
-        print(f'mambo: {error.args[0]}', file=sys.stderr)
+        print(f'mambo: {command.one_line(error.args[0])}', file=sys.stderr)
         return 2
     entry = COMMANDS[name]
     if is_script(entry):

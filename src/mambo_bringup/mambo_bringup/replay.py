@@ -59,6 +59,8 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
     if output.exists():
         raise FlightInputError(f'{output} exists: give another --output or remove it')
     recording = read_bag(bag, topics=())  # a damaged bag is refused here
+    if estimator_file is not None and not estimator_file.is_file():
+        raise FlightInputError(f'{estimator_file}: there is no such parameter file')
     with NodeGroup(RECORDER[1]) as group:
         file = estimator_file or _recorded_parameters(recording, group.folder)
         parameters = ['--params-file', str(file)] if file else []

@@ -335,6 +335,9 @@ def test_a_damaged_bag_is_not_replayed(tmp_path, monkeypatch):
     monkeypatch.setattr(replay, 'NodeGroup', None)  # nothing is started
     with pytest.raises(BagError, match='recover'):
         replay.replay(tmp_path / 'bag', tmp_path / 'out', estimator_file=tmp_path / 'file.yaml')
+    bag.file.write_bytes(data)
+    with pytest.raises(processes.FlightInputError, match='file.yaml: there is no such parameter'):
+        replay.replay(tmp_path / 'bag', tmp_path / 'out', estimator_file=tmp_path / 'file.yaml')
 
 
 def test_names_of_bags_are_written_for_ros_as_they_are(tmp_path):

@@ -12,6 +12,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from typing import Any
 
+from .errors import visible
+
 ROLES = {  # (on white, on a dark page)
     'reference': ('#111111', '#ffffff'), 'truth': ('#8f8f8f', '#909090'),
     'optitrack': ('#0a8ff0', '#3fa9ff'), 'estimate': ('#a83200', '#d84c00'),
@@ -103,3 +105,8 @@ def variables(text: str) -> str:
     for name, colour in COLOURS.items():
         text = text.replace(colour, f'var(--{name})')
     return text
+
+
+def in_figure(text: str) -> str:
+    """Return a text as matplotlib draws it: dollars are dollars, not the ends of a formula."""
+    return visible(text).replace('$', r'\$')

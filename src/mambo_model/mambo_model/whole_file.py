@@ -54,7 +54,11 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> Path:
-    """Write a text file whole, see :func:`replacing`; return its path."""
+    """
+    Write a text file whole, see :func:`replacing`; return its path.
+
+    Names of files that are not UTF-8 are escaped.
+    """
     with replacing(path) as part:
-        part.write_text(text, encoding='utf-8')
+        part.write_text(text, encoding='utf-8', errors='backslashreplace')
     return path

@@ -5,7 +5,7 @@ import builtins
 from importlib import import_module
 from pathlib import Path
 
-from mambo_model.errors import MamboError
+from mambo_model.errors import MamboError, visible
 import pytest
 
 SRC = Path(__file__).parents[2]
@@ -30,3 +30,8 @@ def test_an_error_of_the_product_has_the_base_and_an_exit_code(module, name):
     assert issubclass(error, MamboError)
     assert error.exit_code in (1, 2)
     assert not hasattr(builtins, name)
+
+
+def test_what_a_terminal_obeys_is_escaped_and_all_else_stays():
+    assert visible('a\x1b[2Jb\u202ec\udcffd\x07\r') == r'a\x1b[2Jb\u202ec\udcffd\x07\r'
+    assert visible('é 飞行\t\n\\x') == 'é 飞行\t\n\\x'

@@ -1,7 +1,9 @@
 """Lines of roles and of what has none; tests/workspace/test_palette.py has the colours."""
 
 from mambo_model import palette
+from mambo_model.errors import visible
 from mambo_model.palette import by_theme, COLOURS, css, free, LABELS, line, lines, ROLES, variables
+from matplotlib.figure import Figure
 import pytest
 
 
@@ -44,3 +46,11 @@ def test_a_page_has_both_themes_and_an_svg_its_variables():
 
 def test_every_label_has_a_role():
     assert set(LABELS.values()) <= set(ROLES) and set(palette.LINES) == set(ROLES)
+
+
+@pytest.mark.parametrize('name', ['a$\\foo$b', '$x_{$', '$', 'a\\$b$', 'x\udcff', 'plain'])
+def test_any_name_can_be_drawn(name):
+    figure = Figure()
+    title = figure.suptitle(palette.in_figure(name))
+    figure.canvas.draw()
+    assert title.get_text() == visible(name).replace('$', r'\$')

@@ -48,3 +48,8 @@ def test_a_path_that_cannot_be_is_one_line(tmp_path, name):
 def test_a_full_device_is_the_fault_of_the_disk():
     with pytest.raises(JobError, match='/dev/full: cannot be written .No space left'):
         whole_file.write_text(whole_file.Path('/dev/full'), 'x')
+
+
+def test_a_name_that_is_not_utf_8_does_not_keep_a_page_from_being_written(tmp_path):
+    page = whole_file.write_text(tmp_path / 'page.html', 'bag: x\udcff')
+    assert page.read_text(encoding='utf-8') == r'bag: x\udcff'

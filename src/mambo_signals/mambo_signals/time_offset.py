@@ -45,6 +45,7 @@ LEAST_SWING = 0.1  # [m], [m/s], [rad/s] over which a signal swings that tells t
 RANGE_LATE = 0.03  # [s] that a range may be behind: it is measured, kept and passed on
 AGREE = 0.15  # [s] by which signals may differ: a filter is up to 0.1 s late, a range 0.05 s
 SETTLED = 0.02  # [m] above the ground a vehicle still stands
+CLIPPED = 0.05  # [m] above the shortest range of a sonar in which its noise is cut off
 
 
 class AlignError(BagError):
@@ -691,6 +692,18 @@ def echoes(bag: Bag) -> tuple[Floats, Floats]:
     messages = bag['sonar/range']
     valid = (messages.range >= messages.min_range) & (messages.range <= messages.max_range)
     return messages.t, np.where(valid, messages.range, np.nan)
+
+
+def clear_echoes(bag: Bag) -> tuple[Floats, Floats]:
+    """
+    Return :func:`echoes` with NaN where the floor is nearer than the shortest range, too.
+
+    Down there a sonar reads its shortest range, whatever the height: beside a tracked height such
+    readings look like a take-off that is up to 0.2 s late.
+    """
+    t, ranges = echoes(bag)
+    shortest = bag['sonar/range'].min_range
+    return t, np.where(ranges > shortest + CLIPPED, ranges, np.nan)
 
 
 def find_flight(bag: Bag) -> Flight:

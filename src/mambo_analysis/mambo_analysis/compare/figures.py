@@ -380,7 +380,7 @@ def overview(bag: Bag, title: str) -> Figure:
     with matplotlib.rc_context(STYLE):
         sheet = Figure(figsize=(6.8 * max(len(columns), 1), height + 0.4), layout='constrained',
                        facecolor=palette.PAPER)
-        sheet.suptitle(title, x=0.01, ha='left', weight='bold')
+        sheet.suptitle(palette.in_figure(title), x=0.01, ha='left', weight='bold')
         parts = phases(bag)
         halves = np.atleast_1d(sheet.subfigures(1, len(columns))) if columns else []
         for half, column in zip(halves, columns):

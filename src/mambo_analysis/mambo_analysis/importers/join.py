@@ -25,7 +25,7 @@ from mambo_ros import cdr
 from mambo_signals import motion
 from mambo_signals.derivative import body_rates
 from mambo_signals.time_offset import (
-    agreed, AlignError, echoes, Floats, offsets, pose_offset, Poses, RANGE_LATE)
+    agreed, AlignError, clear_echoes, Floats, offsets, pose_offset, Poses, RANGE_LATE)
 import numpy as np
 
 POSE = 'optitrack/pose'
@@ -34,6 +34,11 @@ OWN = ('onboard/odom', 'estimate/odom')
 """Poses of the drone itself."""
 LATE = {'height': RANGE_LATE, **dict.fromkeys(OWN, 0.1)}
 """By how much signals may be behind the motion [s]: a range is, and so is what a filter says."""
+UNIT = 5.0
+"""By which a signal of one unit may differ from that of the other [-]: noise of a differentiated
+pose makes its rates larger than the gyro's."""
+HEIGHT = 1.25
+"""By which a range may differ from the tracked height [-]; beyond, it is cut off or of a slope."""
 
 
 class Clock(NamedTuple):
@@ -71,7 +76,7 @@ def signals(bag: Bag, poses: Poses) -> dict[str, tuple[Floats, Floats, Floats, F
         out['turn rate'] = (gyro.t, np.linalg.norm(gyro.angular_velocity, axis=1),
                             t, np.linalg.norm(rates, axis=1))
     if 'sonar/range' in bag:
-        out['height'] = (*echoes(bag), poses.t, poses.position[:, 2])
+        out['height'] = (*clear_echoes(bag), poses.t, poses.position[:, 2])
     return out
 
 
@@ -86,6 +91,15 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
 
     """
     found, reasons = offsets(signals(bag, poses))
+    for name, one in list(found.items()):
+        if not 1.0 / UNIT < one.factor < UNIT:
+            raise AlignError(
+                f'{name}: that of the flight is {one.factor:.3g} times that of the motion '
+                'capture; one of them is not in SI units: import it with the right ones')
+        if name == 'height' and not 1.0 / HEIGHT < one.factor < HEIGHT:
+            reasons[name] = AlignError(
+                f'the range changes by {one.factor:.2f} m for a metre of tracked height')
+            del found[name]
     for topic in OWN:
         if topic in bag:
             try:

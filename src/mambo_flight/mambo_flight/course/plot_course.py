@@ -38,7 +38,7 @@ def draw(
     """
     figure = Figure(figsize=(11.0, 8.0), layout='constrained')
     FigureCanvasAgg(figure)
-    figure.suptitle(title)
+    figure.suptitle(palette.in_figure(title))
     grid = figure.add_gridspec(3, 3)
     at = np.array([state_at(course, x)[:3, 0] for x in t[::4]])
     knots = np.array([state_at(course, x)[:3, 0] for x in [*course.begin, course.total]])

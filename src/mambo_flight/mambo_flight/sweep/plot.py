@@ -93,7 +93,8 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
         parts = groups(data[colour]) if colour else [('', slice(None))]
         for (value, members), style in zip(parts, palette.lines(str(v) for v, _ in parts)):
             percent, sorted_values = percentiles(values[members])
-            grid[0, column].plot(percent, sorted_values, label=str(value), **style)
+            grid[0, column].plot(
+                percent, sorted_values, label=palette.in_figure(str(value)), **style)
         grid[0, column].set(xlabel='percentile', ylabel=label, xlim=(0, 100))
         for row, parameter in enumerate(varied, 1):
             _band(grid[row, column], np.asarray(data[parameter], dtype=float), values)
@@ -105,6 +106,6 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
             axes.legend(title=heading, fontsize='small')
         axes.grid(alpha=0.3)
         axes.set_ylim(bottom=0.0)
-    figure.suptitle(title)
+    figure.suptitle(palette.in_figure(title))
     with replacing(path) as part:
         figure.savefig(part, format='png', dpi=110, metadata={'Software': None})

@@ -123,7 +123,8 @@ def draw(flights: Sequence[Flight], fits: list[Fit]) -> Figure:
         model = flow(f.track, f.height_before(fits[0].values.get('height_lag', 0.0)),
                      fits[0].values)
         middle = 0.5 * (edges[1:] + edges[:-1])
-        right.plot(middle, apparent_factor(f, f.flow, edges), mark, label=f.name, **style)
+        right.plot(middle, apparent_factor(f, f.flow, edges), mark,
+                   label=palette.in_figure(f.name), **style)
         right.plot(middle, apparent_factor(f, model, edges), '-', **style)
     right.set(xlabel='height [m]', ylabel='apparent factor')
     right.set_title(f'line: {label(fits[0].model)}', fontsize='medium')

@@ -67,7 +67,7 @@ def draw(recording: Recording, curves: dict[str, Any], file: Path) -> bool:
     if not panels:
         return False
     figure = Figure(figsize=(5.5 * len(panels), 4.2), layout='constrained')
-    figure.suptitle(recording.name)
+    figure.suptitle(palette.in_figure(recording.name))
     for axis, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels):
         panel(axis)
     with replacing(file) as part:
