@@ -53,6 +53,8 @@ GROUPS: dict[str, dict[str, Command]] = {
                               'contract of the graph'),
         'bound': Command('mambo_flight.judge.judge', 'the joint filter beside the lower bound of '
                          'any estimator (Cramer-Rao)'),
+        'consistency': Command('mambo_flight.judge.consistency', 'whether the joint filter '
+                               'states its errors as large as they are'),
         'race': Command('mambo_flight.race.race', 'fly every controller over the same courses '
                         'in the same wind'),
     },

@@ -75,6 +75,7 @@ from .common import (
 Floats = NDArray[np.float64]
 COUNTS_PER_RADIAN = 10.0 * 35.0 / 0.71674
 FLOW_PERIOD = 0.01  # [s] over which a count is taken
+FOLLOWS = 1.5  # periods: beyond, the pair of counts before was lost
 FULL_QUALITY = 255
 RANGE_LIMITS = (0.01, 4.0)  # [m] VL53L1x
 RANGE = 'range against z'
@@ -262,12 +263,15 @@ def _publish_imu(log: Log, out: Publisher, level: bool) -> None:
         names, unit = ('gyro.x', 'gyro.y', 'gyro.z'), math.pi / 180.0
     times = log.drone[names[0]][0]
     omega = unit * log.at(times, *names)
-    upward = log.at(times, 'a_z')[:, 0] if log.has('a_z') else np.full(len(times), math.nan)
-    use = np.isfinite(omega).all(axis=1) & (np.isfinite(upward) | (not log.has('a_z')))
-    aside = 0.0 if level else math.nan
+    force = np.full((len(times), 3), math.nan)
+    if log.has('a_z'):
+        force[:, 2] = log.at(times, 'a_z')[:, 0]
+    if level:
+        force[np.isfinite(force[:, 2]), :2] = 0.0
+    use = np.isfinite(omega).all(axis=1)
     for stamp, w, a in zip(stamps_ns(times[use]).tolist(), omega[use].tolist(),
-                           upward[use].tolist()):
-        out.publish('imu/data_raw', stamp, 'base_link', **out.imu(w, (aside, aside, a)))
+                           force[use].tolist()):
+        out.publish('imu/data_raw', stamp, 'base_link', **out.imu(w, a))
 
 
 def _publish_sensors(
@@ -284,15 +288,30 @@ def _publish_sensors(
     if log.has('n_x', 'n_y'):
         t = log.drone['n_x'][0]
         counts, stamps = log.at(t, 'n_x', 'n_y'), stamps_ns(t).tolist()
-        rates = counts / (FLOW_PERIOD * counts_per_radian)
-        known, new = np.isfinite(rates).all(axis=1), np.zeros(len(t), bool)
+        known, new = np.isfinite(counts).all(axis=1), np.zeros(len(t), bool)
         new[new_samples(counts)] = True
-        rates[known & ~new] = 0.0
+        if repeated_flow == 'zero':
+            counts = counts * _share_new(t, counts, new)[:, None]
+        rates = counts / (FLOW_PERIOD * counts_per_radian)
         for i in range(len(t)):
             if known[i] and (new[i] or repeated_flow == 'zero'):
                 out.publish('optical_flow', stamps[i], 'base_link', rate_x=float(rates[i, 0]),
                             rate_y=float(rates[i, 1]), integration_time=FLOW_PERIOD,
                             quality=FULL_QUALITY)
+
+
+def _share_new(t: Floats, counts: Floats, new: NDArray[np.bool_]) -> Floats:
+    """
+    Return which share of each pair of counts is new motion, (n,): 0 of a repeated one.
+
+    Where the pair before was lost nothing tells whether a pair repeats it: it counts by the share
+    of motion that is new where the pair before is there.
+    """
+    follows = np.diff(t, prepend=-math.inf) < FOLLOWS * FLOW_PERIOD
+    size = np.nan_to_num(np.abs(counts).sum(axis=1))
+    whole = size[follows].sum()
+    return np.where(
+        follows, new.astype(float), size[follows & new].sum() / whole if whole else 1.0)
 
 
 def _publish_onboard(log: Log, out: Publisher) -> None:

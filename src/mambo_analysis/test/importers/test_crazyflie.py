@@ -103,6 +103,42 @@ def test_counts_that_repeat_are_zero_where_asked(made, tmp_path):
     assert not flow.rate_x[~first].any() and not flow.rate_y[~first].any()
 
 
+def test_after_a_lost_packet_a_count_weighs_what_is_new_on_average(tmp_path):
+    log = flight()
+    drone, t = log['drone'], np.array(log['drone']['ae483log.n_x']['time'])
+    x, y = (np.array(drone[f'ae483log.{name}']['data']) for name in ('n_x', 'n_y'))
+    gone = np.arange(2000) % 10 == 3
+    for entry in drone.values():
+        if entry['time'] == t.tolist():
+            for key, values in entry.items():
+                entry[key] = np.array(values)[~gone].tolist()
+    import_crazyflie(save(tmp_path / 'log.json', log), tmp_path / 'zero', repeated_flow='zero')
+    flow = read_bag(tmp_path / 'zero')['optical_flow']
+    t, x, y, after = t[~gone], x[~gone], y[~gone], np.roll(gone, 1)[~gone]
+    new = np.append(True, (np.diff(x) != 0.0) | (np.diff(y) != 0.0))
+    size, known = np.abs(x) + np.abs(y), ~after
+    known[0] = False
+    share = size[known & new].sum() / size[known].sum()
+    assert 0.0 < share < 0.5
+    rate = 0.01 * COUNTS_PER_RADIAN * flow.rate_x
+    np.testing.assert_allclose(rate[after], share * x[after], atol=1e-5)
+    np.testing.assert_allclose(rate[known], np.where(new, x, 0.0)[known], atol=1e-5)
+
+
+def test_a_rate_whose_force_was_lost_is_published(tmp_path):
+    log = flight()
+    lost = log['drone']['ae483log.a_z']
+    t = np.array(lost['time'])
+    keep = (t < 20.0) | (t > 20.5)
+    lost['time'], lost['data'] = t[keep].tolist(), np.array(lost['data'])[keep].tolist()
+    import_crazyflie(save(tmp_path / 'log.json', log), tmp_path / 'bag', level=True)
+    imu = read_bag(tmp_path / 'bag')['imu/data_raw']
+    assert len(imu) == 2000 and np.isfinite(imu.angular_velocity[5:-5]).all()
+    gap = (imu.t > 20.01) & (imu.t < 20.49)
+    assert np.isnan(imu.linear_acceleration[gap]).all()
+    np.testing.assert_allclose(imu.linear_acceleration[100:900], [[0.0, 0.0, 9.81]] * 800)
+
+
 def test_only_new_ranges_are_published(made):
     sonar = made['sonar/range']
     assert np.diff(sonar.range).all() and set(sonar.radiation_type) == {1}

@@ -8,13 +8,12 @@ from typing import NamedTuple
 from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import rotate_inverse, to_matrix
 from mambo_model.motion.rigid_body import State
-from mambo_model.motion.vector import scale, sub, Vec3
+from mambo_model.motion.vector import sub, Vec3
 
 from ..blocks import Matrix3, Vec2
 from ..health import Sensors
 from .joint_parameters import MotionValues
 from .state import Array, ATTITUDE, GYRO_BIAS, Nominal, VELOCITY
-from .vibration import LEFT, variance
 
 NONE2: Vec2 = (math.nan, math.nan)
 
@@ -76,7 +75,7 @@ def _turned(P: Array, R: Matrix3, i: int, j: int) -> float:
 
 @jit
 def twist_covariance(
-    P: Array, x: Nominal, sensors: Sensors, dt: float, v: MotionValues,
+    P: Array, x: Nominal, sensors: Sensors, shaken: Vec3, v: MotionValues,
 ) -> tuple[float, ...]:
     """
     Return the (36,) covariance of velocity and angular velocity, body axes, m/s and rad/s.
@@ -88,19 +87,18 @@ def twist_covariance(
     P, x
         Of the filter.
     sensors
-        With the noise that gyro and accelerometer show.
-    dt : s
-        Length of the last step.
+        With the noise that the gyro shows.
+    shaken : (3,) m^2/s^2
+        Variance of the velocity by what is left of the vibration, body axes.
     v
         Least noise of the gyro, and what is lost without it.
 
     """
     R, b, gyro = to_matrix(x.q), GYRO_BIAS, sensors.gyro
-    left = scale(LEFT, variance(sensors.accel, dt))
     unknown = v.lost_rate_growth * gyro.age
     least, seen = v.rate_noise * v.rate_noise, gyro.noise
-    xx, yy = _turned(P, R, 0, 0) + left[0], _turned(P, R, 1, 1) + left[1]
-    zz = _turned(P, R, 2, 2) + left[2]
+    xx, yy = _turned(P, R, 0, 0) + shaken[0], _turned(P, R, 1, 1) + shaken[1]
+    zz = _turned(P, R, 2, 2) + shaken[2]
     xy, xz, yz = _turned(P, R, 0, 1), _turned(P, R, 0, 2), _turned(P, R, 1, 2)
     r = (
         P[b, b] + unknown * unknown + max(seen[0], least),

@@ -40,11 +40,11 @@ from .answer import (
     NONE2, NOT_COMPARED, NOTHING, pose_covariance, Results, state_of, twist_covariance)
 from .flow import remember, RING
 from .joint_parameters import JointValues
-from .propagation import predict
+from .propagation import bridge, predict
 from .start import aligned, unaligned
 from .state import Array, Nominal, PRESSURE_OFFSET
 from .update import Noise, use_drag, use_flow, use_pressure, use_range
-from .vibration import CALM, shaken, variance, Vibration
+from .vibration import CALM, left, shaken, variance, Vibration
 
 ZERO: Vec3 = (0.0, 0.0, 0.0)
 
@@ -111,26 +111,28 @@ def _replay(x: Nominal, P: Array, ring: Array, at: int, v: JointValues) -> Nomin
         row = ring[(at + k) % RING]
         if row[6] > 0.0:
             x = predict(x, P, (row[0], row[1], row[2]), (row[3], row[4], row[5]), row[6],
-                        (False, False), v)
+                        (0.0, 0.0), v)
     return x
 
 
 @jit
 def _advance(
     m: Memory, P: Array, ring: Array, dt: float, gyro: Vec3, accel: Vec3,
-    held: tuple[bool, bool], v: JointValues,
+    held: tuple[float, float], v: JointValues,
 ) -> tuple[Alignment, bool, Nominal, drag.Window, Vibration]:
     """
     Use one inertial sample: remain at rest, start to move, or integrate the motion.
 
-    Rate and drag change evenly from sample to sample; the thrust, along body z, is held.
+    Rate and drag change evenly from sample to sample; the thrust, along body z, is held. Over a
+    gap a controlled vehicle turns to and fro.
 
     Return rest, whether it goes on, state, drag and vibration; ``P`` and ``ring`` change in place.
     """
     rate = scale(0.5, add(m.gyro, gyro))
     force = (0.5 * (m.accel[0] + accel[0]), 0.5 * (m.accel[1] + accel[1]), accel[2])
-    if dt > v.imu.max_interval:  # a controlled vehicle turns to and fro during a gap
-        rate = m.x.gyro_bias
+    if dt > v.imu.max_interval:
+        share = bridge(dt, v.motion.held_time)
+        rate = add(scale(share, rate), scale(1.0 - share, m.x.gyro_bias))
     remember(ring, m.at, rate, force, dt)
     rest, resting, x, window = m.alignment, m.resting, m.x, m.window
     if resting:
@@ -141,7 +143,7 @@ def _advance(
         P[PRESSURE_OFFSET, PRESSURE_OFFSET] += walk * walk * dt
         return rest, True, x, window, CALM
     x = _bounded(predict(x, P, rate, force, dt, held, v), v)
-    if held[0] or held[1] or -x.p[2] < v.drag.min_height:
+    if held[0] > 0.0 or held[1] > 0.0 or -x.p[2] < v.drag.min_height:
         return rest, False, x, drag.EMPTY, CALM
     return (rest, False, x, drag.accumulate(window, m.x, x, force, dt),
             shaken(m.shake, x, force, dt))
@@ -165,7 +167,7 @@ def _bounded(x: Nominal, v: JointValues) -> Nominal:
 
 @jit
 def _run(
-    m: Memory, counts: Counts, dt: float, gyro: Vec3, accel: Vec3, held: tuple[bool, bool],
+    m: Memory, counts: Counts, dt: float, gyro: Vec3, accel: Vec3, held: tuple[float, float],
     sonar: float, flow: Vec2, quality: int, pressure: float, v: JointValues,
 ) -> tuple[Memory, Results]:
     """Predict, with rates and forces that may be held, then use every sample there is."""
@@ -225,13 +227,14 @@ def step(
         if valid:
             m = _align(m, gyro, accel, dt, v)
     else:
-        late = dt > v.imu.max_interval
+        lost = 1.0 - bridge(dt, v.motion.held_time) if dt > v.imu.max_interval else 0.0
         gyro_used, accel_used = bridged(
             sensors, dt, gyro, accel, usable, (m.gyro, m.accel),
             (m.x.gyro_bias, m.x.accel_bias), v.gravity, v.imu)
         m, results = _run(
             m, m.counts, min(dt, v.imu.max_gap), gyro_used, accel_used,
-            (late or not usable[0], late or not usable[1]), math.nan if stuck[2] else sonar,
+            (lost if usable[0] else 1.0, lost if usable[1] else 1.0),
+            math.nan if stuck[2] else sonar,
             NONE2 if stuck[3] else flow, flow_quality, math.nan if stuck[4] else pressure, v)
     m = _with_sensors(
         m, _observe(m, results, dt, gyro, accel, sonar, flow, pressure, usable, stuck, v))
@@ -280,7 +283,7 @@ def _estimate(m: Memory, results: Results, dt: float, v: JointValues) -> Estimat
     x, ranged, seen, weighed = m.x, results.sonar, results.flow, results.barometer
     return Estimate(
         state_of(x, m.gyro, m.shake.velocity, m.aligning), pose_covariance(m.P),
-        twist_covariance(m.P, x, m.sensors, dt, v.motion),
+        twist_covariance(m.P, x, m.sensors, left(m.shake, m.sensors.accel, dt), v.motion),
         status_of(m.aligning, m.counts.sonar_age, m.counts.flow_age, v), -x.p[2], -x.v[2],
         x.gyro_bias, x.accel_bias, x.pressure_offset if m.has_pressure else math.nan,
         ranged.innovation[0], ranged.ratio, seen.innovation, seen.ratio, weighed.innovation[0],

@@ -19,21 +19,26 @@ class MotionParams(Parameters):
     """Noise of the integrated inertial sensors, and initial uncertainties."""
 
     gyro_noise: float = quantity(
-        6e-5, 'rad/sqrt(s)', 1e-7, 1.0,
-        'density: 5e-5 in Rolling Spider logs at rest; vibration does not accumulate')
+        5e-5, 'rad/sqrt(s)', 1e-7, 1.0,
+        'density: Rolling Spider logs at rest; vibration does not accumulate')
     accel_noise: float = quantity(
-        0.0015, 'm/s^2/sqrt(Hz)', 1e-5, 10.0,
-        'density: 0.0015 in Rolling Spider logs at rest; vibration does not accumulate')
+        0.0013, 'm/s^2/sqrt(Hz)', 1e-5, 10.0,
+        'density: 0.0011 to 0.0015, by axis, in Rolling Spider logs at rest; vibration does not '
+        'accumulate')
     gyro_bias_walk: float = quantity(
         1.5e-5, 'rad/s/sqrt(s)', 0.0, 1.0, '1.5e-5 in Rolling Spider calibration values')
     accel_bias_walk: float = quantity(
-        4e-4, 'm/s^2/sqrt(s)', 0.0, 1.0, '3.6e-4 in Rolling Spider calibration values')
+        3.6e-4, 'm/s^2/sqrt(s)', 0.0, 1.0, 'Rolling Spider calibration values')
     held_gyro_noise: float = quantity(
         0.1, 'rad/sqrt(s)', 1e-7, 10.0,
         'density while a sample is missing: 0.3 rad/s wrong for 0.1 s')
     held_accel_noise: float = quantity(
         0.3, 'm/s^2/sqrt(Hz)', 1e-5, 100.0,
         'density while a sample is missing: 1 m/s^2 wrong for 0.1 s')
+    held_time: float = quantity(
+        0.1, 's', 1e-3, 10.0,
+        'time constant of rates and forces in controlled flight: autocorrelation in a flight of '
+        'a Crazyflie')
     initial_tilt_std: float = quantity(
         0.1, 'rad', 1e-4, 1.5, 'tilt at start where the alignment failed')
     initial_yaw_std: float = quantity(
@@ -147,6 +152,11 @@ class PressureParams(BarometerParams):
     """Barometer model of the joint filter: that of the altitude filter, but enabled."""
 
     enabled: bool = flag(True, 'bounds the height where the sonar sees no floor')
+    noise: float = quantity(
+        0.42, 'm', 1e-3, 100.0, 'standard deviation of a sample; Rolling Spider at rest: 5 Pa')
+    offset_walk: float = quantity(
+        0.15, 'm/sqrt(s)', 0.0, 10.0,
+        'weather and rotor wash: 1.8 Pa/sqrt(s) in 7 flights of a Rolling Spider')
 
 
 @dataclass(frozen=True)

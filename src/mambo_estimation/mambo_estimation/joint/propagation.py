@@ -16,6 +16,8 @@ and all other errors walk or stay. F = I + A dt is written out row by row: A has
 
 from __future__ import annotations
 
+import math
+
 from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import exp_map, multiply, normalise, rotate, to_matrix
 from mambo_model.motion.vector import add, scale, sub, Vec3
@@ -155,8 +157,40 @@ def _add_noise(
 
 
 @jit
+def bridge(dt: float, time: float) -> float:
+    """
+    Return the weight of the samples at both ends of a gap in the mean over it.
+
+    A rate that is an Ornstein-Uhlenbeck process with this time constant, known at both ends, has
+
+        E integral = T tanh(dt / 2 T) (first + last)
+        var        = 2 sigma^2 T (dt - 2 T tanh(dt / 2 T))
+
+    over it. The weight of their mean is w = 2 T / dt tanh(dt / 2 T), and the density of the noise
+    2 sigma^2 T (1 - w): none over a short gap, all of it over a long one.
+
+    Parameters
+    ----------
+    dt : s
+        Length, more than 0.
+    time : s
+        T.
+
+    """
+    return 2.0 * time / dt * math.tanh(0.5 * dt / time)
+
+
+@jit
+def _mixed(measured: float, held: float, share: float) -> float:
+    """Return the density of a noise of which a share is that of a held sample."""
+    if share == 0.0:
+        return measured
+    return math.sqrt(measured * measured + share * held * held)
+
+
+@jit
 def predict(
-    x: Nominal, P: Array, gyro: Vec3, accel: Vec3, dt: float, held: tuple[bool, bool],
+    x: Nominal, P: Array, gyro: Vec3, accel: Vec3, dt: float, held: tuple[float, float],
     p: JointValues,
 ) -> Nominal:
     """
@@ -170,7 +204,7 @@ def predict(
         Means over the step, biases included.
     dt : s
     held
-        Whether gyro and force are not measured but held: their noise is much larger.
+        Shares of gyro and force that are not measured but held: their noise is much larger.
     p
         Noise.
 
@@ -179,6 +213,6 @@ def predict(
     later = move(x, gyro, accel, dt, p.gravity)
     middle = scale(0.5, add(x.v, later.v))
     spread(
-        P, middle, to_matrix(x.q), dt, m.held_gyro_noise if held[0] else m.gyro_noise,
-        m.held_accel_noise if held[1] else m.accel_noise, p)
+        P, middle, to_matrix(x.q), dt, _mixed(m.gyro_noise, m.held_gyro_noise, held[0]),
+        _mixed(m.accel_noise, m.held_accel_noise, held[1]), p)
     return later

@@ -57,9 +57,15 @@ def _sensors(v: JointValues) -> Array:
 
 @jit
 def unaligned(rest: Alignment, v: JointValues) -> tuple[Nominal, Array]:
-    """Return state and covariance with wide defaults and the biases of the parameters."""
+    """
+    Return state and covariance with wide defaults and the biases of the parameters.
+
+    A vehicle that has moved since its first sample may have left the floor meanwhile.
+    """
     P, m = _sensors(v), v.motion
-    _set(P, POSITION, 3, m.initial_height_std)
+    _set(P, POSITION, 2, m.initial_height_std)
+    height = math.hypot(m.initial_height_std, m.initial_velocity_std * rest.waited)
+    _set(P, POSITION + 2, 1, height)
     _set(P, VELOCITY, 3, m.initial_velocity_std)
     _set(P, ATTITUDE, 2, m.initial_tilt_std)
     _set(P, GYRO_BIAS, 3, m.initial_gyro_bias_std)

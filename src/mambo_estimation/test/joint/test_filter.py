@@ -211,6 +211,17 @@ def test_a_vehicle_that_is_never_at_rest_says_so():
     assert not moved[: round(1.9 / DT)].any() and tilt[: round(2.0 / DT)].min() > 0.05
 
 
+def test_a_vehicle_that_was_already_flying_finds_its_height_at_once():
+    truth = fly(hover(takeoff=0.0), 5.0)
+    samples = sense(truth, TYPICAL, seed=14)
+    samples.gyro[: round(3.0 / DT)] += np.random.default_rng(14).normal(
+        0, 0.5, (round(3.0 / DT), 3))
+    run = estimate(samples, PARAMS)
+    ready = np.flatnonzero(run.status > STATUS_ALIGNING)[0]
+    off = np.abs(run.height - truth.height)[ready + round(0.1 / DT):]
+    assert truth.height[ready] > 1.0 and off.max() < 0.1
+
+
 def test_a_sonar_that_jumps_does_not_move_the_horizontal_position():
     truth = fly(hover(), 20.0)
     samples = sense(truth, TYPICAL, seed=15)

@@ -76,12 +76,12 @@ def test_yaw_error_reaches_no_velocity_and_no_height():
     x, P = any_state(2), np.zeros((SIZE, SIZE))
     P[8, 8] = 1.0
     for _ in range(200):
-        x = propagation.predict(x, P, GYRO, ACCEL, 0.005, (False, False), VALUES)
+        x = propagation.predict(x, P, GYRO, ACCEL, 0.005, (0.0, 0.0), VALUES)
     P[8, 8] = 0.0
     free = np.zeros((SIZE, SIZE))
     x = any_state(2)
     for _ in range(200):
-        x = propagation.predict(x, free, GYRO, ACCEL, 0.005, (False, False), VALUES)
+        x = propagation.predict(x, free, GYRO, ACCEL, 0.005, (0.0, 0.0), VALUES)
     np.testing.assert_array_equal(P[2:6, 2:6], free[2:6, 2:6])
     assert P[0, 0] > free[0, 0] + 1e-3
 
@@ -89,6 +89,33 @@ def test_yaw_error_reaches_no_velocity_and_no_height():
 def test_held_samples_count_for_less():
     still, lost = np.zeros((SIZE, SIZE)), np.zeros((SIZE, SIZE))
     x = any_state(0)
-    propagation.predict(x, still, GYRO, ACCEL, 0.005, (False, False), VALUES)
-    propagation.predict(x, lost, GYRO, ACCEL, 0.005, (True, True), VALUES)
+    propagation.predict(x, still, GYRO, ACCEL, 0.005, (0.0, 0.0), VALUES)
+    propagation.predict(x, lost, GYRO, ACCEL, 0.005, (1.0, 1.0), VALUES)
     assert (np.diag(lost)[3:9] > 1e4 * np.diag(still)[3:9]).all()
+
+
+@pytest.mark.parametrize('dt', [0.02, 0.1, 0.5])
+def test_over_a_gap_the_mean_and_the_noise_are_those_of_an_ornstein_uhlenbeck_process(dt):
+    time, sigma, n = 0.1, 0.4, 2000
+    # the integral of the process and its two ends are Gaussian: covariance by summation
+    t = (np.arange(n) + 0.5) * dt / n
+    ends = np.array([[1.0, np.exp(-dt / time)], [np.exp(-dt / time), 1.0]])
+    cross = np.array([np.exp(-t / time).sum(), np.exp(-(dt - t) / time).sum()]) * dt / n
+    whole = np.exp(-np.abs(t[:, None] - t) / time).sum() * (dt / n) ** 2
+    gain = np.linalg.solve(ends, cross)
+    share = propagation.bridge(dt, time)
+    np.testing.assert_allclose(gain, 0.5 * share * dt, rtol=1e-3)
+    left = sigma ** 2 * (whole - cross @ gain)
+    assert 2.0 * sigma ** 2 * time * (1.0 - share) * dt == pytest.approx(left, rel=0.02)
+
+
+def test_a_share_of_the_noise_of_held_samples_counts():
+    x, m = any_state(), VALUES.motion
+    grown = []
+    for share in (0.0, 0.25, 1.0):
+        P = np.zeros((SIZE, SIZE))
+        propagation.predict(x, P, GYRO, ACCEL, 0.005, (share, 0.0), VALUES)
+        grown.append(P[6, 6] / 0.005)
+    assert grown[0] == pytest.approx(m.gyro_noise ** 2)
+    assert np.diff(grown) == pytest.approx(
+        [0.25 * m.held_gyro_noise ** 2, 0.75 * m.held_gyro_noise ** 2])

@@ -37,12 +37,14 @@ class Judged(NamedTuple):
     error: Array    # (n, SIZE) true minus believed, in the order of joint.state
     nu: Array       # (n, 3) m/s, body FRD, true minus published
     made: filtered.Filtered
-    limit: Array    # (n, SIZE, SIZE) posterior Cramer-Rao bound
+    limit: Array | None  # (n, SIZE, SIZE) posterior Cramer-Rao bound; None: not asked for
 
 
 def with_unknowns(flight: Scenario, seed: int, vary: bool, slope: float | None = None) -> Scenario:
     """
-    Return a flight of another seed, with other errors of the optical flow than are believed.
+    Return a flight of another seed, with other errors of the sensors than are believed.
+
+    The offset of the sonar is always drawn, from what the filter believes of it.
 
     Parameters
     ----------
@@ -60,6 +62,8 @@ def with_unknowns(flight: Scenario, seed: int, vary: bool, slope: float | None =
     believed = flight.estimator_node.joint.optical_flow
     rng = np.random.default_rng(seed)
     drawn = rng.uniform(*SLOPES), rng.uniform(*SCALES), rng.uniform(*LATENCIES)
+    changed['sim_node.simulator.sonar.offset'] = float(
+        rng.normal(0.0, flight.estimator_node.joint.sonar.offset_std))
     if vary or slope is not None:
         rate = float(drawn[0] if slope is None else slope)
         changed[f'{_FLOW}.factor_law'] = 'linear'
@@ -137,6 +141,7 @@ def _biases(flight: Scenario, steps: int) -> Array:
 
 def _error(
     r: closed_loop.Recording, made: filtered.Filtered, t: bound.Truth, biases: Array,
+    offset: float,
 ) -> Array:
     """Return the true error state of each step, (n, SIZE)."""
     x, out = made.x, np.zeros((len(r.t), SIZE))
@@ -151,15 +156,25 @@ def _error(
     out[:, 16] = t.slope - x[:, 17]
     out[:, 17:19] = t.drag - x[:, 18:20]
     out[:, 19] = t.latency - x[:, 20]
-    out[:, 20:22] = -x[:, 21:23]
+    out[:, 20], out[:, 21] = -x[:, 21], offset - x[:, 22]
     return out
 
 
-def judge(flight: Scenario) -> Judged:
-    """Fly a scenario and return how far the joint filter is from truth and bound."""
+def judge(flight: Scenario, bounded: bool = True) -> Judged:
+    """Fly a scenario and return how far the joint filter is from truth and, if asked, bound."""
     r = closed_loop.fly(flight)
     made = filtered.run(steps_of(r), flight.estimator_node.joint)
     t, start = _truth(flight), int(np.flatnonzero(made.resting)[-1])
+    error = _error(
+        r, made, t, _biases(flight, len(r.t)), flight.sim_node.simulator.sonar.offset)
+    limit = _limit(flight, r, start, made.P[start], t) if bounded else None
+    return Judged(start, error, r.truth[:, 3:6] - made.nu, made, limit)
+
+
+def _limit(
+    flight: Scenario, r: closed_loop.Recording, start: int, known: Array, t: bound.Truth,
+) -> Array:
+    """Return the bound of each step of a flight from what is known at its start."""
     true = Rotation.from_quat(r.truth[:, [7, 8, 9, 6]])
     v = true.apply(r.truth[:, 3:6])
     force = true.inv().apply(np.gradient(v, DT, axis=0) - [0.0, 0.0, 9.81])
@@ -167,9 +182,6 @@ def judge(flight: Scenario) -> Judged:
         r.truth, force, np.isfinite(r.flow[:, 0]),
         np.isfinite(r.sonar) & (r.sonar > flight.estimator_node.joint.sonar.min_range),
         np.isfinite(r.pressure))
-    limit = np.empty_like(made.P)
-    bound.covariances(
-        sensed, start, made.P[start].copy(), DT, t, true_noise(flight).values(), limit)
-    return Judged(
-        start, _error(r, made, t, _biases(flight, len(r.t))), r.truth[:, 3:6] - made.nu,
-        made, limit)
+    limit = np.empty((len(r.t), SIZE, SIZE))
+    bound.covariances(sensed, start, known.copy(), DT, t, true_noise(flight).values(), limit)
+    return limit

@@ -59,13 +59,19 @@ def _nees(error: Array, P: Array) -> float:
     return float(error @ np.linalg.solve(P, error))
 
 
+def _bound(j: Judged, on: int, part: slice) -> float:
+    """Return the mean variance of some components by the bound; NaN without it."""
+    if j.limit is None:
+        return math.nan
+    return float(np.diagonal(j.limit[on:, part, part], axis1=1, axis2=2).mean())
+
+
 def _at_end(first: int, count: int) -> Callable[[Judged], Row]:
     """Return how components of the error state are compared at the end of a flight."""
     def measure(j: Judged) -> Row:
         part = slice(first, first + count)
         error, P = j.error[-1, part], j.made.P[-1, part, part]
-        return Row(float(np.diag(j.limit[-1, part, part]).mean()), float(np.mean(error ** 2)),
-                   _nees(error, P), count)
+        return Row(_bound(j, -1, part), float(np.mean(error ** 2)), _nees(error, P), count)
     return measure
 
 
@@ -74,8 +80,7 @@ def _all_along(first: int, count: int) -> Callable[[Judged], Row]:
     def measure(j: Judged) -> Row:
         part, on = slice(first, first + count), j.start + round(SETTLED / DT)
         error = j.error[on:, part]
-        bound = np.diagonal(j.limit[on:, part, part], axis1=1, axis2=2)
-        return Row(float(bound.mean()), float(np.mean(error ** 2)),
+        return Row(_bound(j, on, part), float(np.mean(error ** 2)),
                    _nees(j.error[-1, part], j.made.P[-1, part, part]), count)
     return measure
 
@@ -84,9 +89,8 @@ def _velocity(first: int, count: int) -> Callable[[Judged], Row]:
     """Return how the body velocity is compared along a flight, with its published covariance."""
     def measure(j: Judged) -> Row:
         on, part = j.start + round(SETTLED / DT), slice(VELOCITY + first, VELOCITY + first + count)
-        bound = np.diagonal(j.limit[on:, part, part], axis1=1, axis2=2)
         axes = slice(first, first + count)
-        return Row(float(bound.mean()), float(np.mean(j.nu[on:, axes] ** 2)),
+        return Row(_bound(j, on, part), float(np.mean(j.nu[on:, axes] ** 2)),
                    _nees(j.nu[-1, axes], j.made.twist[-1, axes, axes]), count)
     return measure
 
@@ -101,6 +105,9 @@ QUANTITIES = (
     Quantity('accelerometer bias', 'mm/s^2', 1e3, _at_end(ACCEL_BIAS, 3)),
     Quantity('scale of the flow', '%', 100.0, _at_end(SCALE, 1)),
     Quantity('its slope', '1/km', 1e3, _at_end(SLOPE, 1)))
+
+
+SENSORS = (('sonar', 1), ('flow', 2), ('barometer', 1))  # and numbers in a sample
 
 
 class Line(NamedTuple):
@@ -124,11 +131,27 @@ class Report(NamedTuple):
     nis: dict[str, float]
 
 
-def summary(judged: list[Judged]) -> Report:
+class Measured(NamedTuple):
+    """What is kept of one flight."""
+
+    rows: tuple[Row, ...]               # one for each of QUANTITIES
+    nis: tuple[float, float, float]     # mean normalised innovation of SENSORS, NaN: none
+
+
+def measured(j: Judged) -> Measured:
+    """Return what is kept of one flight."""
+    nis = []
+    for i, (_, size) in enumerate(SENSORS):
+        seen = j.made.ratios[j.start:, i] / size
+        nis.append(float(np.nanmean(seen)) if np.isfinite(seen).any() else math.nan)
+    return Measured(tuple(one.measure(j) for one in QUANTITIES), (nis[0], nis[1], nis[2]))
+
+
+def summary(flights: list[Measured]) -> Report:
     """Return the comparison of several flights."""
     lines = []
-    for quantity in QUANTITIES:
-        rows = [quantity.measure(one) for one in judged]
+    for i, quantity in enumerate(QUANTITIES):
+        rows = [one.rows[i] for one in flights]
         bound, reached = (
             quantity.factor * math.sqrt(float(np.mean([getattr(row, field) for row in rows])))
             for field in ('bound', 'reached'))
@@ -138,11 +161,9 @@ def summary(judged: list[Judged]) -> Report:
             reached / bound if bound > 0.0 else math.nan,
             sum(row.nees for row in rows) / degrees,
             *(float(chi2.ppf(p, degrees)) / degrees for p in (0.025, 0.975))))
-    nis = {}
-    for i, (name, size) in enumerate((('sonar', 1), ('flow', 2), ('barometer', 1))):
-        seen = np.concatenate([one.made.ratios[one.start:, i] for one in judged]) / size
-        nis[name] = float(np.nanmean(seen)) if np.isfinite(seen).any() else math.nan
-    return Report(len(judged), lines, nis)
+    nis = {name: float(np.mean([one.nis[i] for one in flights]))
+           for i, (name, _) in enumerate(SENSORS)}
+    return Report(len(flights), lines, nis)
 
 
 def table(report: Report) -> str:
@@ -174,7 +195,8 @@ def _run(options: argparse.Namespace) -> None:
     flight = flight_of(options.scenario)
     seeds = range(options.first, options.first + options.seeds)
     report = summary([
-        judge(with_unknowns(flight, seed, options.vary, options.slope)) for seed in seeds])
+        measured(judge(with_unknowns(flight, seed, options.vary, options.slope)))
+        for seed in seeds])
     if options.json:
         write_json(options.json, json.dumps({
             'flights': report.flights, 'nis': report.nis,

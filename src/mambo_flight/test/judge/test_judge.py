@@ -7,6 +7,7 @@ from mambo_flight.judge import judge as command
 from mambo_flight.judge.flights import judge as judged
 from mambo_flight.judge.flights import LATENCIES, SCALES, SLOPES, with_unknowns
 from mambo_model.schema import flatten
+import numpy as np
 import pytest
 
 SEEDS = range(101, 107)
@@ -15,7 +16,8 @@ SEEDS = range(101, 107)
 @pytest.fixture(scope='module', params=['circle', 'circle_rising', 'vertical_circle_large'])
 def report(request):
     flight = command.flight_of(request.param)
-    return command.summary([judged(with_unknowns(flight, seed, True)) for seed in SEEDS])
+    return command.summary([
+        command.measured(judged(with_unknowns(flight, seed, True))) for seed in SEEDS])
 
 
 def line(report, name):
@@ -46,7 +48,7 @@ def test_innovations_are_as_large_as_expected(report):
 
 def test_unknowns_stay_in_their_ranges_and_are_those_of_the_seed():
     flight = command.flight_of('circle')
-    seen = set()
+    seen, offsets = set(), []
     for seed in range(20):
         sim = with_unknowns(flight, seed, True).sim_node.simulator
         flow, believed = sim.optical_flow, flight.estimator_node.joint.optical_flow
@@ -55,7 +57,10 @@ def test_unknowns_stay_in_their_ranges_and_are_those_of_the_seed():
         assert SCALES[0] <= share <= SCALES[1] and LATENCIES[0] <= flow.latency <= LATENCIES[1]
         assert sim.seed == seed
         seen.add(flow.factor_slope)
+        offsets.append(sim.sonar.offset)
     assert len(seen) == 20
+    spread = flight.estimator_node.joint.sonar.offset_std
+    assert 0.5 * spread < np.std(offsets) < 1.5 * spread
     assert flatten(with_unknowns(flight, 3, True)) == flatten(with_unknowns(flight, 3, True))
     plain = with_unknowns(flight, 3, False).sim_node.simulator.optical_flow
     assert plain == flight.sim_node.simulator.optical_flow

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import json
+import math
 from pathlib import Path
 import tempfile
 from typing import NamedTuple
@@ -159,6 +160,16 @@ def _flown(bags: dict[str, Path], found: flights.Identified) -> list[tuple[Cell,
     return rows
 
 
+def _joint(bags: dict[str, Path]) -> list[tuple[Cell, ...]]:
+    rows: list[tuple[Cell, ...]] = []
+    for name, path in bags.items():
+        bag = read_bag(path)
+        truth, own = flights.seen(bag), flights.replayed(bag, flights.joint())
+        for longest in (flights.SQUARE, math.inf):
+            rows.append((name, *flights.errors(own, truth, longest)))
+    return rows
+
+
 def left_out(bags: dict[str, Path]) -> list[Table]:
     """Return the flights of which the import left poses out, as a table; none if it did not."""
     counts = {name: float(read_bag(path, ()).metadata['import']['mocap_poses_impossible'])
@@ -199,13 +210,22 @@ def crazyflie(data: Path, folder: Path) -> list[Table]:
             ('flight', 'estimator told', 'time [s]', 'xy rms [m]', 'xy drift [m]', 'z rms [m]',
              'velocity xy rms [m/s]', 'tilt rms [deg]'),
             ('', '', '.1f', '.3f', '.3f', '.3f', '.3f', '.2f'), _flown(bags, found)))
+    bags = flights.crazyflies(logs, folder, 'zero', flights.COUNTS)
+    out.append(Table(
+        'Crazyflie: joint filter against motion capture',
+        ('flight', 'time [s]', 'xy rms [m]', 'xy drift [m]', 'z rms [m]',
+         'velocity xy rms [m/s]', 'tilt rms [deg]'),
+        ('', '.1f', '.3f', '.3f', '.3f', '.3f', '.2f'), _joint(bags)))
     return out
 
 
 def rolling_spider(data: Path, folder: Path) -> list[Table]:
     """Return the replayed estimate beside the onboard one, for both scales of the flow."""
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
+    high: list[tuple[Cell, ...]] = []
     for log in find(data / 'rolling_spider_flights', '*.mat'):
+        kalman, joint = flights.heights(log, folder)
+        high.append((flights.short(log), *kalman, *joint))
         first, second = (flights.against_onboard(log, folder, scale) for scale in FLOW_SCALES)
         rows.append((flights.short(log), *first, second[1], second[3]))
     a, b = (f'{scale:g}' for scale in FLOW_SCALES)
@@ -213,7 +233,10 @@ def rolling_spider(data: Path, folder: Path) -> list[Table]:
         'Rolling Spider: replayed minus onboard estimate',
         ('flight', 'time [s]', f'xy rms, {a} [m]', 'z rms [m]', f'velocity rms, {a} [m/s]',
          'tilt rms [deg]', 'yaw rms [deg]', f'xy rms, {b} [m]', f'velocity rms, {b} [m/s]'),
-        ('', '.1f', '.2f', '.2f', '.2f', '.2f', '.2f', '.2f', '.2f'), rows)]
+        ('', '.1f', '.2f', '.2f', '.2f', '.2f', '.2f', '.2f', '.2f'), rows), Table(
+        'Rolling Spider: height less that of the sonar',
+        ('flight', 'kalman, rms [m]', 'lowest [m]', 'highest [m]', 'joint, rms [m]', 'lowest [m]',
+         'highest [m]'), ('', *6 * ('.2f',)), high)]
 
 
 SECTIONS: dict[str, Callable[[Path, Path], list[Table]]] = {

@@ -21,6 +21,9 @@ Inertial samples
 
 Limits of the sensors are those of their data sheets (VL53L1x from 0.04 m, PMW3901 from 0.08 m,
 at which no flight stays, hence 0.1 m). Nothing is adjusted to an error that is then reported.
+
+The joint filter reads what it is told of a Crazyflie from ``crazyflie.yaml`` beside this module:
+the same for every flight.
 """
 
 from __future__ import annotations
@@ -32,13 +35,14 @@ from typing import NamedTuple
 
 from mambo_analysis.compare.compare import align as made_equal
 from mambo_analysis.identify import flow
-from mambo_analysis.importers.crazyflie import GAP, import_crazyflie
+from mambo_analysis.importers.crazyflie import COUNTS_PER_RADIAN, GAP, import_crazyflie
 from mambo_analysis.importers.minidrone import import_minidrone
 from mambo_bags.reader import Bag, read_bag
 from mambo_estimation import filters
+from mambo_estimation.joint.joint_parameters import JointParams
 from mambo_estimation.kalman import EstimatorParams
 from mambo_flight import offline_replay
-from mambo_flight.scenario import from_yaml
+from mambo_flight.scenario import from_yaml, load
 from mambo_model.frames import flip_vector, wire_quaternion
 from mambo_signals import motion, time_offset
 from mambo_signals.derivative import local_fit, POSITION
@@ -55,6 +59,9 @@ WINDOW = 1.0     # s, of a gravity window
 LOWEST, SLOWEST = 0.3, 0.02  # m, m/s: all that hovers is fitted, the interval says how well
 DECK = 0.1       # m, lowest flow
 NEAREST = 0.04   # m, shortest range
+COUNTS = 409.0   # of the flow per radian, as the joint filter is told: 30 pixels over 4.2 deg
+SQUARE = 15.0    # s after take-off: a square, before the landing
+NEAR = 0.25      # s, of ranges whose median is the height of the sonar
 SHIFTS = np.arange(-0.02, 0.1001, 0.02)  # s, of the flow behind the motion capture
 
 
@@ -125,14 +132,15 @@ def airborne(truth: Odometry) -> tuple[float, float]:
             t[-1] if found.landing is None else found.landing)
 
 
-def errors(estimate: Odometry, truth: Odometry) -> Errors:
+def errors(estimate: Odometry, truth: Odometry, longest: float = math.inf) -> Errors:
     """
-    Compare an estimate with the motion capture, from take-off to landing.
+    Compare an estimate with the motion capture, from take-off to landing, or for ``longest`` s.
 
     Position and yaw are made equal at take-off: nothing that is measured tells them.
     """
     gap = longest_step(truth.stamp)
     start, end = airborne(truth)
+    end = min(end, start + longest)
     inside = (estimate.stamp * 1e-9 >= start) & (estimate.stamp * 1e-9 <= end)
     stamps = estimate.stamp[inside]
     columns = [interpolate(stamps, truth.stamp, x, gap) for x in truth[1:]]
@@ -243,19 +251,64 @@ def variants(found: Identified) -> dict[str, EstimatorParams]:
             constant=full.optical_flow.constant * found.height, height_scaling=False)}
 
 
-def crazyflies(logs: list[Path], folder: Path, repeated_flow: str) -> dict[str, Path]:
+def joint() -> JointParams:
+    """Return what the joint filter is told of every Crazyflie."""
+    return load(Path(__file__).with_name('crazyflie.yaml')).estimator_node.joint
+
+
+def crazyflies(
+    logs: list[Path], folder: Path, repeated_flow: str, counts: float = COUNTS_PER_RADIAN,
+) -> dict[str, Path]:
     """Import logs with motion capture; return {name: bag}."""
     out = {}
     for log in logs:
         name = short(log)
-        out[name] = folder / f'{name}_{repeated_flow}'
-        import_crazyflie(log, out[name], level=True, repeated_flow=repeated_flow)
+        out[name] = folder / f'{name}_{repeated_flow}_{counts:.0f}'
+        import_crazyflie(log, out[name], counts, level=True, repeated_flow=repeated_flow)
     return out
 
 
 def short(path: Path) -> str:
     """Return the name of a recording without what tells the repository it comes from."""
     return path.stem.rsplit('__', 1)[0].removeprefix('crazyflie-client_')
+
+
+def _calibrated(bag: Bag) -> EstimatorParams:
+    """Return the parameters of the three filters with the calibration that a log holds."""
+    own = bag.attachments.get('scenario.yaml')
+    return from_yaml(own).estimator_node.kalman if own else EstimatorParams()
+
+
+class Height(NamedTuple):
+    """Of an estimate of a minidrone flight, beside its sonar."""
+
+    off: float      # m, rms from the median of the ranges near in time, wherever one is valid
+    lowest: float   # m
+    highest: float  # m
+
+
+def heights(log: Path, folder: Path) -> tuple[Height, Height]:
+    """Return the heights by the three filters in a row and by the joint filter."""
+    target = folder / f'{short(log)}_heights'
+    import_minidrone(log, target)
+    bag = read_bag(target)
+    kalman = _calibrated(bag)
+    first, second = (_height(offline_replay.steps(bag), params) for params in (
+        kalman, replace(JointParams(), alignment=kalman.alignment)))
+    return first, second
+
+
+def _height(found: offline_replay.Steps, params: filters.Params) -> Height:
+    """Return how far the height is from the sonar, and where it has been."""
+    p = JointParams().sonar
+    made = offline_replay.run(found, params)
+    upright = Rotation.from_quat(made.state[:, [7, 8, 9, 6]]).as_matrix()[:, 2, 2]
+    at = np.flatnonzero(
+        (found.sonar >= p.min_range) & (found.sonar <= p.max_range) & (upright > p.min_tilt_cos))
+    t, seen_from = found.t[at] * 1e-9, found.sonar[at] * upright[at]
+    usual = [np.median(seen_from[np.abs(t - now) <= NEAR]) for now in t]
+    height = made.estimator[:, 1]
+    return Height(_rms(height[at] - usual), float(height.min()), float(height.max()))
 
 
 def against_onboard(log: Path, folder: Path, flow_scale: float) -> list[float]:
@@ -271,8 +324,7 @@ def against_onboard(log: Path, folder: Path, flow_scale: float) -> list[float]:
     target = folder / f'{short(log)}_{flow_scale:g}'
     import_minidrone(log, target, flow_scale)
     bag = read_bag(target)
-    own = bag.attachments.get('scenario.yaml')  # its calibration before take-off
-    params = from_yaml(own).estimator_node.kalman if own else EstimatorParams()
+    params = _calibrated(bag)
     off = made_equal(replayed(bag, params), bag['onboard/odom'])
     across = [_rms(np.linalg.norm(x[:, :2], axis=1)) for x in (off.position, off.velocity)]
     return [float(off.stamps[-1] - off.stamps[0]) * 1e-9, across[0], _rms(off.position[:, 2]),

@@ -1,0 +1,132 @@
+"""
+Whether the joint filter states its errors as large as they are, over many seeds.
+
+Each SCENARIO, by default hover and the trajectories of the thesis, is flown with each true slope
+of the flow. Scale, latency and the offset of the sonar are drawn for every flight. NEES is the
+squared error at the end of a flight over the variance that the filter states, per component. Of
+honest filters 95 % are between the limits in brackets, so that of many numbers one in twenty is
+outside by chance (marked with *). NIS is the same of the innovations, mean over the flights.
+"""
+
+from __future__ import annotations
+
+import argparse
+from concurrent.futures import ProcessPoolExecutor
+import json
+import math
+import multiprocessing
+import os
+
+from mambo_bags.command import guard, Parser, write_json
+from mambo_model.errors import InputError
+
+from .flights import judge, with_unknowns
+from .judge import flight_of, Measured, measured, Report, summary
+
+PATHS = (
+    'hover', 'circle', 'circle_rising', 'vertical_circle', 'figure_3_3', 'vertical_circle_large')
+SLOPES = (0.0, -0.07, 0.14)
+
+
+def one(name: str, slope: float, seed: int) -> Measured:
+    """Return what is kept of one flight with drawn unknowns and a slope in 1/m."""
+    return measured(judge(with_unknowns(flight_of(name), seed, True, slope), False))
+
+
+def consistency(
+    names: list[str], slopes: list[float], seeds: range, workers: int,
+) -> dict[tuple[str, float], Report]:
+    """
+    Return the report of each path and slope.
+
+    Parameters
+    ----------
+    names
+        Scenarios, as of :func:`judge.flight_of`.
+    slopes : 1/m
+    seeds
+        Of the flights.
+    workers
+        Processes.
+
+    """
+    for name in names:
+        flight_of(name)  # what is wrong with it is said before anything is flown
+    cases = [(name, slope) for name in names for slope in slopes]
+    jobs = [(*case, seed) for case in cases for seed in seeds]
+    with ProcessPoolExecutor(
+            min(workers, len(jobs)), mp_context=multiprocessing.get_context('spawn')) as pool:
+        found = list(pool.map(one, *zip(*jobs, strict=True)))
+    count = len(seeds)
+    return {case: summary(found[i * count:(i + 1) * count]) for i, case in enumerate(cases)}
+
+
+def outside(report: Report) -> list[str]:
+    """Return the names of the quantities whose NEES is not between its limits."""
+    return [line.name for line in report.lines
+            if math.isfinite(line.nees) and not line.low <= line.nees <= line.high]
+
+
+def table(reports: dict[tuple[str, float], Report]) -> str:
+    """Return the NEES of all cases as lines of text, and how many are outside."""
+    first = next(iter(reports.values()))
+    heads = [f'{line.name} ({line.low:.2f} to {line.high:.2f})' for line in first.lines]
+    out, bad, total = [f'{first.flights} flights a line; NEES of'], 0, 0
+    out += [f'  {chr(97 + i)}: {head}' for i, head in enumerate(heads)]
+    out.append(f'{"":<23}{"slope":>7}' + ''.join(
+        f'{chr(97 + i):>7}' for i in range(len(heads))) + '   NIS sonar, flow, barometer')
+    for (name, slope), report in reports.items():
+        wrong = outside(report)
+        bad, total = bad + len(wrong), total + sum(
+            math.isfinite(line.nees) for line in report.lines)
+        cells = ''.join(
+            f'{line.nees:>6.2f}{"*" if line.name in wrong else " "}' for line in report.lines)
+        nis = ', '.join(f'{x:.2f}' for x in report.nis.values())
+        out.append(f'{name:<23}{slope:>7g}{cells}   {nis}')
+    out.append(f'{bad} of {total} outside their 95 % limits; chance alone: '
+               f'about {0.05 * total:.0f}')
+    return '\n'.join(out)
+
+
+def _run(options: argparse.Namespace) -> None:
+    for name in ('seeds', 'workers'):
+        if getattr(options, name) < 1:
+            raise InputError(f'--{name} {getattr(options, name)}: must be 1 or more')
+    seeds = range(options.first, options.first + options.seeds)
+    reports = consistency(
+        options.scenario or list(PATHS), options.slopes, seeds, options.workers)
+    if options.json:
+        write_json(options.json, json.dumps([
+            {'scenario': name, 'slope': slope, 'flights': report.flights, 'nis': report.nis,
+             'outside': outside(report), 'quantities': [
+                 {key: value for key, value in line._asdict().items()
+                  if key in ('name', 'nees', 'low', 'high')} for line in report.lines]}
+            for (name, slope), report in reports.items()], indent=1))
+    if options.json != '-':
+        print(table(reports))
+
+
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('consistency', __doc__)
+    add = out.add_argument
+    add('scenario', nargs='*', metavar='SCENARIO',
+        help=f'experiment, file or trajectory (default: {", ".join(PATHS)})')
+    add('--slopes', type=float, nargs='+', default=list(SLOPES), metavar='X',
+        help='true slopes of the scale of the flow, 1/m (default: 0 -0.07 0.14)')
+    add('--seeds', type=int, default=100, metavar='N', help='flights a line (default: 100)')
+    add('--first', type=int, default=1, metavar='SEED', help='seed of the first (default: 1)')
+    add('--workers', type=int, default=os.cpu_count() or 1, metavar='N',
+        help='processes (default: one for each core)')
+    out.add_json()
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``consistency``; return the exit code."""
+    options = parser().parse_args(arguments)
+    return guard('consistency', lambda: _run(options))
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,68 @@
+"""The consistency of the joint filter: a fast subset of what the command flies."""
+
+import json
+import math
+
+from mambo_flight.judge import consistency
+from mambo_flight.judge.judge import Measured, Row, summary
+import numpy as np
+import pytest
+
+# position, velocities, tilt, biases and scale of a path on which all can be observed
+SEEDS, PATH, SLOPE = range(201, 209), 'circle_rising', 0.14
+
+
+@pytest.fixture(scope='module')
+def report():
+    return summary([consistency.one(PATH, SLOPE, seed) for seed in SEEDS])
+
+
+def test_errors_are_as_large_as_they_are_stated(report):
+    for line in report.lines:
+        # nine at once: 99.9 % limits, about twice as far from 1 as those of 95 %
+        assert 1.0 - 1.7 * (1.0 - line.low) < line.nees < 1.0 + 2.0 * (line.high - 1.0), line.name
+    assert report.nis['flow'] == pytest.approx(1.0, abs=0.1)
+    assert report.nis['sonar'] == pytest.approx(1.0, abs=0.1)
+
+
+def test_no_bound_is_computed_that_nobody_asked_for(report):
+    assert all(math.isnan(line.bound) for line in report.lines)
+
+
+def made_up(factor, rng):
+    """Return flights of a filter that states its errors too small by a factor."""
+    return summary([measured_row(factor, rng) for _ in range(100)])
+
+
+def measured_row(factor, rng):
+    rows = tuple(Row(math.nan, 1.0, factor ** 2 * rng.chisquare(n), n)
+                 for n in (2, 1, 2, 1, 2, 3, 3, 1, 1))
+    return Measured(rows, (1.0, 1.0, math.nan))
+
+
+def test_what_is_not_honest_is_marked(capsys):
+    rng = np.random.default_rng(1)
+    honest, bold, shy = (made_up(factor, rng) for factor in (1.0, 1.5, 0.6))
+    assert len(consistency.outside(honest)) <= 2
+    assert len(consistency.outside(bold)) == len(consistency.outside(shy)) == 9
+    text = consistency.table({('hover', 0.0): honest, ('circle', -0.07): bold})
+    assert text.count('*') == 9 + len(consistency.outside(honest))
+    assert 'of 18 outside' in text and '100 flights' in text
+
+
+def test_command_prints_json(capsys):
+    assert consistency.main(['hover', '--slopes', '0.1', '--seeds', '1', '--workers', '1',
+                             '--json']) == 0
+    one, = json.loads(capsys.readouterr().out)
+    assert (one['scenario'], one['slope'], one['flights']) == ('hover', 0.1, 1)
+    assert len(one['quantities']) == 9 and one['nis']['flow'] > 0.0
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    (['circle', '--seeds', '0'], '--seeds 0: must be 1 or more'),
+    (['circle', '--workers', '0'], '--workers 0: must be 1 or more'),
+    (['nonesuch', '--seeds', '1'], 'nonesuch')])
+def test_wrong_input_is_one_line(arguments, message, capsys):
+    assert consistency.main(arguments) == 2
+    error = capsys.readouterr().err
+    assert message in error and error.count('\n') == 1
