@@ -13,7 +13,7 @@ Inertial sensors
     rest it reads +9.810 m/s^2 (three logs), in flight it averages 9.75 to 9.83. The horizontal
     accelerations were not logged: they are NaN, or 0 with ``--level``: what a rotorcraft feels
     there is drag alone. ``imu/data_raw`` stands at the packets of ``w_x``; what came in another
-    packet is interpolated there.
+    packet is interpolated there. Where that was lost for long the acceleration is NaN.
 
 Optical flow
     ``n_x, n_y`` are counts of the PMW3901, of which the firmware predicts
@@ -26,7 +26,9 @@ Optical flow
     firmware keeps the last counts while the sensor sees no motion (a fifth of the logged pairs
     of 5 counts or more repeat): only new pairs are published, or with ``--repeated-flow zero``
     the repeated ones too, as 0. What is left out is the slow part: with zeros two flights give
-    404 and 416 counts per radian, the course's 409 (real_recordings.md).
+    404 and 416 counts per radian, the course's 409 (real_recordings.md). After a lost packet
+    nothing tells whether counts repeat: with zeros they are then multiplied by the share of the
+    counts that is new wherever the packet before is there, about two thirds.
 
 Range
     ``r`` is the VL53L1x, metres along the body's -z, each 40 ms, held between: new values are
@@ -307,7 +309,7 @@ def _share_new(t: Floats, counts: Floats, new: NDArray[np.bool_]) -> Floats:
     Where the pair before was lost nothing tells whether a pair repeats it: it counts by the share
     of motion that is new where the pair before is there.
     """
-    follows = np.diff(t, prepend=-math.inf) < FOLLOWS * FLOW_PERIOD
+    follows = np.diff(t, prepend=t[:1]) < FOLLOWS * FLOW_PERIOD
     size = np.nan_to_num(np.abs(counts).sum(axis=1))
     whole = size[follows].sum()
     return np.where(

@@ -115,9 +115,8 @@ def test_after_a_lost_packet_a_count_weighs_what_is_new_on_average(tmp_path):
     import_crazyflie(save(tmp_path / 'log.json', log), tmp_path / 'zero', repeated_flow='zero')
     flow = read_bag(tmp_path / 'zero')['optical_flow']
     t, x, y, after = t[~gone], x[~gone], y[~gone], np.roll(gone, 1)[~gone]
-    new = np.append(True, (np.diff(x) != 0.0) | (np.diff(y) != 0.0))
+    new = np.append(False, (np.diff(x) != 0.0) | (np.diff(y) != 0.0))
     size, known = np.abs(x) + np.abs(y), ~after
-    known[0] = False
     share = size[known & new].sum() / size[known].sum()
     assert 0.0 < share < 0.5
     rate = 0.01 * COUNTS_PER_RADIAN * flow.rate_x
@@ -133,10 +132,10 @@ def test_a_rate_whose_force_was_lost_is_published(tmp_path):
     lost['time'], lost['data'] = t[keep].tolist(), np.array(lost['data'])[keep].tolist()
     import_crazyflie(save(tmp_path / 'log.json', log), tmp_path / 'bag', level=True)
     imu = read_bag(tmp_path / 'bag')['imu/data_raw']
-    assert len(imu) == 2000 and np.isfinite(imu.angular_velocity[5:-5]).all()
+    assert len(imu) >= 1998 and np.isfinite(imu.angular_velocity).all()
     gap = (imu.t > 20.01) & (imu.t < 20.49)
-    assert np.isnan(imu.linear_acceleration[gap]).all()
-    np.testing.assert_allclose(imu.linear_acceleration[100:900], [[0.0, 0.0, 9.81]] * 800)
+    assert gap.sum() == 48 and np.isnan(imu.acceleration[gap]).all()
+    np.testing.assert_allclose(imu.acceleration[100:900], [[0.0, 0.0, 9.81]] * 800)
 
 
 def test_only_new_ranges_are_published(made):
@@ -365,7 +364,7 @@ def test_every_real_log_imports(path, tmp_path):
         assert flight.source == 'optitrack/pose' and flight.takeoff and flight.landing
         flying = (imu.t > flight.takeoff + 1.0) & (imu.t < flight.landing - 1.0)
         # specific force, not acceleration: it carries the weight, but for its bias
-        assert imu.acceleration[flying, 2].mean() == pytest.approx(9.81, abs=0.1)
+        assert np.nanmean(imu.acceleration[flying, 2]) == pytest.approx(9.81, abs=0.1)
     else:  # a pendulum, about one axis up to 375 deg/s
         assert 3.0 < np.abs(imu.angular_velocity).max() < 7.0
 

@@ -152,11 +152,6 @@ class PressureParams(BarometerParams):
     """Barometer model of the joint filter: that of the altitude filter, but enabled."""
 
     enabled: bool = flag(True, 'bounds the height where the sonar sees no floor')
-    noise: float = quantity(
-        0.42, 'm', 1e-3, 100.0, 'standard deviation of a sample; Rolling Spider at rest: 5 Pa')
-    offset_walk: float = quantity(
-        0.15, 'm/sqrt(s)', 0.0, 10.0,
-        'weather and rotor wash: 1.8 Pa/sqrt(s) in 7 flights of a Rolling Spider')
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import argparse
 from collections.abc import Callable
 import json
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mambo_bags.command import guard, Parser, write_json
 from mambo_estimation.joint.state import ACCEL_BIAS, ATTITUDE, GYRO_BIAS, SCALE, SLOPE, VELOCITY
@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from .. import scenario_file
+from .. import closed_loop, offline_replay, scenario_file
 from ..scenario import override, Scenario, scenario
 from .flights import DT, judge, Judged, SETTLED, with_unknowns
 
@@ -166,6 +166,14 @@ def summary(flights: list[Measured]) -> Report:
     return Report(len(flights), lines, nis)
 
 
+def drift_beside(flight: Scenario, estimator: str) -> float:
+    """Return the mean square of x and y, m^2, by which another estimator is off at the end."""
+    recording = closed_loop.fly(flight)
+    other = override(flight, {'estimator_node.estimator': estimator}).estimator_node
+    state = offline_replay.estimate_again(recording, other)
+    return float(np.mean((recording.truth[-1, :2] - state[-1, :2]) ** 2))
+
+
 def table(report: Report) -> str:
     """Return a report as lines of text."""
     out = [f'{"":<26}{"bound":>10}{"reached":>10}{"ratio":>8}{"NEES":>8}   95 %']
@@ -194,15 +202,20 @@ def _run(options: argparse.Namespace) -> None:
         raise InputError(f'--seeds {options.seeds}: must be 1 or more')
     flight = flight_of(options.scenario)
     seeds = range(options.first, options.first + options.seeds)
-    report = summary([
-        measured(judge(with_unknowns(flight, seed, options.vary, options.slope)))
-        for seed in seeds])
+    flights = [with_unknowns(flight, seed, options.vary, options.slope) for seed in seeds]
+    report = summary([measured(judge(one)) for one in flights])
+    found: dict[str, Any] = {
+        'flights': report.flights, 'nis': report.nis,
+        'quantities': [line._asdict() for line in report.lines]}
+    text = f'{options.scenario}\n{table(report)}'
+    if options.beside:
+        off = math.sqrt(float(np.mean([drift_beside(one, options.beside) for one in flights])))
+        found['beside'] = {'estimator': options.beside, 'drift': off}
+        text += f'\ndrift of {options.beside} on the same samples: {off:.4g} m'
     if options.json:
-        write_json(options.json, json.dumps({
-            'flights': report.flights, 'nis': report.nis,
-            'quantities': [line._asdict() for line in report.lines]}, indent=1))
+        write_json(options.json, json.dumps(found, indent=1))
     if options.json != '-':
-        print(f'{options.scenario}\n{table(report)}')
+        print(text)
 
 
 def parser() -> Parser:
@@ -215,6 +228,8 @@ def parser() -> Parser:
     add('--vary', action='store_true',
         help='draw slope (-0.1 to 0.15 1/m), scale (8 %%) and latency (0 to 0.1 s) of the flow')
     add('--slope', type=float, metavar='X', help='true slope of the scale in 1/m')
+    add('--beside', choices=('kalman', 'toolbox'), metavar='ESTIMATOR',
+        help='also the drift of kalman or toolbox on the same samples')
     out.add_json()
     return out
 

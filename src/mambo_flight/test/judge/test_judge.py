@@ -72,8 +72,9 @@ def test_command_prints_a_table_or_json(capsys):
     assert command.main(['hover', '--seeds', '1', '--slope', '0.1']) == 0
     text = capsys.readouterr().out
     assert 'bound' in text and 'drift at the end [m]' in text and '1 flights' in text
-    assert command.main(['hover', '--seeds', '1', '--json']) == 0
+    assert command.main(['hover', '--seeds', '1', '--beside', 'kalman', '--json']) == 0
     found = json.loads(capsys.readouterr().out)
+    assert found['beside']['estimator'] == 'kalman' and 0.0 < found['beside']['drift'] < 3.0
     assert found['flights'] == 1 and len(found['quantities']) == len(command.QUANTITIES)
 
 
