@@ -60,7 +60,7 @@ def test_a_mat_file_gives_vectors_columns_of_matrices_and_structures(tmp_path):
 
 def test_a_json_file_gives_columns_with_times_of_their_own_at_any_depth(tmp_path):
     content = {'cf1': {'motor': {'m1': {'time': [0, 0.1], 'data': [10, 20]}, 'unit': 'PWM'}},
-               'scale': {'time': [1.0], 'data': [0.5]}}
+               'scale': {'time': [1.0], 'data': [0.5]}, 'about': {'time': 'today'}}
     table = read(written(tmp_path / 'a.json', json.dumps(content)))
     assert list(table) == ['cf1.motor.m1', 'scale']
     np.testing.assert_array_equal(table['cf1.motor.m1'][0], [0.0, 0.1])

@@ -1,5 +1,6 @@
 """The flow's lines: its pauses and failures, and by how much it is later than the motion."""
 
+from mambo_analysis.identify.allan import Interval
 from mambo_analysis.identify.recording import Recording, Stream
 from mambo_analysis.identify.sensors import optical_flow
 from mambo_analysis.identify.sensors.optical_flow import (
@@ -144,3 +145,14 @@ def test_between_two_lags_the_lowest_point_is_that_of_a_parabola():
     for lowest in (0.0, 0.0312, 0.1987):
         assert optical_flow._lowest((LAGS - lowest)**2) == pytest.approx(lowest, abs=1e-9)
     assert optical_flow._lowest(-(LAGS + 1.0)**2) == pytest.approx(LAGS[-2])  # falls to the end
+
+
+@pytest.mark.parametrize(('found', 'share', 'told'), [
+    (Interval(0.1, 0.09, 0.11), 0.31, True), (Interval(0.1, 0.09, 0.11), 0.29, False),
+    (Interval(0.1, -0.06, 0.26), 0.9, False), (Interval(0.2, 0.15, 0.26), 0.9, False)])
+def test_a_delay_is_told_by_common_motion_within_the_lags(monkeypatch, found, share, told):
+    monkeypatch.setattr(
+        optical_flow, 'flow_latency', lambda _: (found, share, np.ones(len(LAGS))))
+    line = lines(flight(seconds=2.0))['flow', 'latency']
+    assert np.isfinite(line.value) == told
+    assert line.note == (f'R^2 {share:.2f}' if told else 'not to be told from this flight')
