@@ -233,6 +233,8 @@ def guard(name: str, work: Callable[[], None]) -> int:
         return _complain(name, str(error), error.exit_code)
     except MemoryError:
         return _complain(name, 'out of memory')
+    except np.linalg.LinAlgError as error:
+        return _complain(name, f'the numbers are too extreme to compute with ({error})', 2)
     except RecursionError:
         return _complain(name, 'the input is nested too deeply', 2)
     finally:

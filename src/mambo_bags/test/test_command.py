@@ -51,6 +51,7 @@ def test_a_reader_that_goes_is_no_word_worth():
     (OSError(28, 'No space left on device'), 1, 'No space left on device'),
     (OSError(36, 'File name too long', 'x' * 9000), 1, 'File name too long'),
     (FileNotFoundError(2, 'No such file or directory', 'x'), 2, 'x: No such file'),
+    (np.linalg.LinAlgError('SVD'), 2, 'the numbers are too extreme to compute with (SVD)'),
     (MemoryError(), 1, 'out of memory'),
     (RecursionError(), 2, 'the input is nested too deeply'),
     (JobError('no engine'), 1, 'no engine'),
