@@ -87,6 +87,13 @@ def sweep() -> bool:
     return any(young)
 
 
+def _sweep_all() -> None:
+    """Remove shared memory, also of nodes that were killed as soon as they began."""
+    if sweep():
+        time.sleep(_YOUNG)
+        sweep()
+
+
 class Watchdog:
     """The runner's side: starts the watchdog, names what to clean up, ends it."""
 
@@ -111,6 +118,8 @@ class Watchdog:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        if self._process.returncode:  # it was killed and has removed nothing
+            _sweep_all()
 
 
 def _end_suspended(runner: int) -> None:
@@ -166,9 +175,7 @@ def main() -> None:
     _end([handle for handle in handles if not select.select([handle], [], [], 0.0)[0]])
     for folder in folders:
         shutil.rmtree(folder, ignore_errors=True)
-    if sweep():  # of nodes that were killed as soon as they began
-        time.sleep(_YOUNG)
-        sweep()
+    _sweep_all()
 
 
 if __name__ == '__main__':

@@ -325,6 +325,19 @@ def test_shared_memory_of_the_living_stays_and_of_the_dead_goes(tmp_path, monkey
         assert sorted(file.name for file in tmp_path.iterdir()) == sorted([*living, *dead])
 
 
+@pytest.mark.parametrize('killed', [False, True])
+def test_shared_memory_is_removed_by_the_runner_where_the_watchdog_was_killed(
+        monkeypatch, killed):
+    swept = []
+    monkeypatch.setattr(watchdog, 'sweep', lambda: swept.append(1) and False)
+    guard = watchdog.Watchdog()
+    if killed:
+        guard._process.kill()
+        guard._process.wait()
+    guard.release()
+    assert bool(swept) is killed
+
+
 def test_shared_memory_that_a_process_has_mapped_is_found():
     with tempfile.NamedTemporaryFile(dir='/dev/shm', prefix='mambo_test_') as file:
         file.write(bytes(4096))
