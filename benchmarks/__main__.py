@@ -22,7 +22,7 @@ GROUPS = ('reference', 'closed_loop', 'rotorpy', 'sweep', 'gym', 'graph', 'endur
           'profile', 'idle')
 
 
-def _said(*command: str) -> str:
+def _output_of(*command: str) -> str:
     """Return the first line that a command prints, empty without the command."""
     try:
         done = subprocess.run(command, text=True, capture_output=True)
@@ -38,8 +38,9 @@ def machine() -> dict[str, str]:
     return {
         'processor': f'{found[1] if found else platform.machine()}, {os.cpu_count()} cores',
         'software': f'Python {platform.python_version()}, {packages}, '
-                    f'{_said("gcc", "--version") or "no gcc"}',
-        'commit': _said('git', '-C', str(ROOT), 'describe', '--always', '--dirty') or 'unknown'}
+                    f'{_output_of("gcc", "--version") or "no gcc"}',
+        'commit': _output_of(
+            'git', '-C', str(ROOT), 'describe', '--always', '--dirty') or 'unknown'}
 
 
 def chosen(names: list[str], quick: bool, folder: Path) -> Iterator[measure.Contender]:

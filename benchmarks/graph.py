@@ -74,10 +74,10 @@ def _run(
          *(['--composed'] if composed else [])],
         text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     with Memory(run.pid) as memory:
-        said, complaint = run.communicate()
+        output, complaint = run.communicate()
     if run.returncode:
         raise Gap((complaint.strip().splitlines() or ['./run failed'])[-1])
-    return said, time.perf_counter() - began, memory.most
+    return output, time.perf_counter() - began, memory.most
 
 
 def _measure(
@@ -85,8 +85,8 @@ def _measure(
 ) -> dict[str, float]:
     """Fly one second and a whole flight."""
     start = _run(folder / 'first_second', 1.0, composed, mode, drones)[1]
-    said, _, memory = _run(folder / 'flight', seconds, composed, mode, drones)
-    flown, spent = list(FLOWN.finditer(said)), list(SPENT.finditer(said))
+    output, _, memory = _run(folder / 'flight', seconds, composed, mode, drones)
+    flown, spent = list(FLOWN.finditer(output)), list(SPENT.finditer(output))
     took = max(float(one['took']) for one in flown)
     out = {'factor': float(flown[0]['flown']) / took, 'start': start,
            'missed': sum(float(one['missed']) for one in flown),
@@ -97,7 +97,7 @@ def _measure(
             seconds_of_cpu = float(cores) * float(drone['took']) / float(drone['flown'])
             out[f'cpu {name}'] = out.get(f'cpu {name}', 0.0) + seconds_of_cpu
     out['cpu'] = sum(value for name, value in out.items() if name.startswith('cpu '))
-    if delays := DELAY.search(said):
+    if delays := DELAY.search(output):
         out.update({f'delay {name}': float(found) for name, found in delays.groupdict().items()})
     return out
 

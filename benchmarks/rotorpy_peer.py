@@ -70,8 +70,8 @@ def fly(python: Path, asked: dict) -> dict[str, float]:
     done = subprocess.run([str(python), str(FLIGHT), json.dumps(asked)], text=True,
                           capture_output=True, env=environment())
     if done.returncode:
-        said = done.stderr.strip().splitlines() or ['it says nothing']
-        raise Gap(f'RotorPy ended with exit code {done.returncode}: {said[-1]}')
+        output = done.stderr.strip().splitlines() or ['it says nothing']
+        raise Gap(f'RotorPy ended with exit code {done.returncode}: {output[-1]}')
     out = json.loads(done.stdout.splitlines()[-1])
     if not RADIUS[0] < out['radius'] < RADIUS[1]:
         raise Gap(f'RotorPy flies a circle of {out["radius"]:.2f} m instead of 1 m')

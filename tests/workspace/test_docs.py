@@ -76,6 +76,14 @@ def test_the_site_has_a_page_for_every_folder_of_code(site):
         assert not [name for name in source.folders(package)[folder] if f'id="{name}"' not in page]
 
 
+@needs_mkdocs
+def test_fields_of_compiled_parameters_are_a_table(site):
+    page = (site / 'reference/api/mambo_estimation.html').read_text(encoding='utf-8')
+    section = page[page.index('id="mambo_estimation.alignment.AlignmentValues"'):]
+    table = section[:section.index('</table>')]
+    assert '<th>Name</th>' in table and '>gyro_bias<' in table
+
+
 def test_the_reference_has_every_parameter():
     page = parameters.all_parameters().replace('<wbr>', '')
     for node, params_type in parameters.nodes().items():

@@ -368,7 +368,7 @@ def _stamps(
     return out
 
 
-def _told(
+def _details(
     bag: Foreign, topics: Mapping[str, str], ready: Mapping[str, Converted],
     stamps: Mapping[str, list[int]],
 ) -> dict[str, Any]:
@@ -423,7 +423,7 @@ def import_bag(
         if not ready[theirs].data:
             raise BagError(f'{source}: {theirs} holds no pose, the body is lost throughout')
     stamps = _stamps(source, ready, time)
-    details = _told(bag, topics, ready, stamps)
+    details = _details(bag, topics, ready, stamps)
     details['time'] = time or 'header'
     details['ignored'] = ', '.join(sorted(set(bag.topics) - set(topics))) or 'nothing'
     record = provenance(source.name, bag.sha256, 'import_bag', 'rosbag2', details)
@@ -474,11 +474,11 @@ def main(arguments: list[str] | None = None) -> int:
             raise InputError('give the bag to create behind the one to read')
         if len(dict(options.map)) < len(options.map):
             raise BagError('a topic is mapped twice: give each --map once')
-        counts, told = import_bag(
+        counts, details = import_bag(
             options.bag, options.output, dict(options.map), options.time)
-        ignored = [] if told['ignored'] == 'nothing' else told['ignored'].split(', ')
+        ignored = [] if details['ignored'] == 'nothing' else details['ignored'].split(', ')
         report(options.bag, options.output, counts, *(
-            f'{key}: {value}' for key, value in told.items()
+            f'{key}: {value}' for key, value in details.items()
             if key.startswith(('lost', 'unstamped', 'backwards'))), *unused(ignored))
 
     return guard('import_bag', work)

@@ -392,19 +392,19 @@ def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, 
             raise BagError(f'{path}: with --mocap-offset {asked} all of the motion capture is '
                            f'before the drone began (its clock shows {log.mocap[0, 0]:.3f} s)')
         return float(asked), {'mocap_offset_s': float(asked), 'mocap_offset_from': 'given'}
-    told: dict[str, Any] = {'mocap_offset_from': 'gyro'}
+    details: dict[str, Any] = {'mocap_offset_from': 'gyro'}
     try:
         by_range = _range_offset(log)
         if by_range is not None:
             found = by_range
             agreed({RANGE: found, **_gyro_offsets(log)[0]}, {RANGE: RANGE_LATE})
             height = float(np.median(log.mocap[:, 3]))
-            told['range_minus_mocap_z_m'] = found.bias + (found.factor - 1.0) * height
+            details['range_minus_mocap_z_m'] = found.bias + (found.factor - 1.0) * height
             if asked == 'gyro':
                 found = gyro_offset(log, found.offset)
             else:
                 found = found._replace(sigma=math.hypot(found.sigma, RANGE_LATE))
-                told['mocap_offset_from'] = RANGE
+                details['mocap_offset_from'] = RANGE
         else:
             found = gyro_offset(log)
     except AlignError as error:
@@ -412,7 +412,7 @@ def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, 
                        '--mocap-offset SECONDS, or none to leave it out') from None
     return found.offset, {
         'mocap_offset_s': found.offset, 'mocap_offset_sigma_s': found.sigma,
-        'mocap_offset_correlation': found.quality, **told}
+        'mocap_offset_correlation': found.quality, **details}
 
 
 def import_crazyflie(
@@ -452,13 +452,13 @@ def import_crazyflie(
     """
     file = read_source(source)
     log = read_log(file)
-    offset, told = _aligned(source, log, mocap)
+    offset, details = _aligned(source, log, mocap)
     record = provenance(source.name, file.sha256, 'import_crazyflie', 'Crazyflie JSON log', {
         'counts_per_radian': counts_per_radian, 'flow_period_s': FLOW_PERIOD,
         'flow_rotation': 'not compensated', 'horizontal_acceleration': '0' if level else 'NaN',
         'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535',
         'mocap_frames_lost': log.lost, 'mocap_poses_impossible': log.impossible,
-        'ignored': ', '.join(log.ignored) or 'nothing', **told})
+        'ignored': ', '.join(log.ignored) or 'nothing', **details})
     with BagWriter(target, metadata=record) as writer:
         out = Publisher(writer, TOPICS)
         _publish_imu(log, out, level)
@@ -507,12 +507,12 @@ def main(arguments: list[str] | None = None) -> int:
 
     def work() -> None:
         """Import, and print what was found."""
-        counts, told = import_crazyflie(
+        counts, details = import_crazyflie(
             options.log, options.output, options.counts_per_radian, options.mocap_offset,
             options.level, options.repeated_flow)
-        notes = [f'{key}: {told[key]}' for key in told if key.startswith(('mocap', 'range'))]
-        ignored = [] if told['ignored'] == 'nothing' else told['ignored'].split(', ')
-        impossible = int(told['mocap_poses_impossible'])
+        notes = [f'{key}: {details[key]}' for key in details if key.startswith(('mocap', 'range'))]
+        ignored = [] if details['ignored'] == 'nothing' else details['ignored'].split(', ')
+        impossible = int(details['mocap_poses_impossible'])
         if impossible:
             notes.append(outliers.describe('optitrack/pose', impossible))
         report(options.log, options.output, counts, *notes, *unused(ignored))

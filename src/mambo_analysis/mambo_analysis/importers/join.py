@@ -69,8 +69,8 @@ def signals(bag: Bag, poses: Poses) -> dict[str, tuple[Floats, Floats, Floats, F
     out: dict[str, tuple[Floats, Floats, Floats, Floats]] = {}
     if 'imu/data_raw' in bag:
         gyro, q = bag['imu/data_raw'], poses.orientation
-        told = np.isfinite(q).all(axis=1) & (np.abs((q * q).sum(axis=1) - 1.0) < 0.1)
-        t, rates = body_rates(poses.t[told], q[told])
+        valid = np.isfinite(q).all(axis=1) & (np.abs((q * q).sum(axis=1) - 1.0) < 0.1)
+        t, rates = body_rates(poses.t[valid], q[valid])
         for axis, name in enumerate(('roll rate', 'pitch rate', 'yaw rate')):
             out[name] = (gyro.t, gyro.angular_velocity[:, axis], t, rates[:, axis])
         out['turn rate'] = (gyro.t, np.linalg.norm(gyro.angular_velocity, axis=1),
@@ -165,12 +165,12 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -
         raise BagError(f'{mocap}: no pose is within the flight with an offset of '
                        f'{clock.offset:.3f} s')
     attachments, metadata = extras(parts)
-    told = {'flight': flight.name, 'motion_capture': mocap.name,
+    details = {'flight': flight.name, 'motion_capture': mocap.name,
             'offset_s': f'{clock.offset:.9g}', 'offset_sigma_s': f'{clock.sigma:.9g}',
             'offset_from': clock.source}
     metadata |= {f'{name}_motion_capture': record for name, record in other.metadata.items()
                  if name != OWN_RECORD}
-    with BagWriter(target, attachments, {**metadata, 'join': told}) as writer:
+    with BagWriter(target, attachments, {**metadata, 'join': details}) as writer:
         known: dict[str, bytes] = {}
         for part in parts:
             declare(writer, part, known)

@@ -135,7 +135,7 @@ def _made(path: Path, kind: type) -> Any:
     try:
         return kind()
     except Exception as error:
-        raise InputError(_said(path, error)) from None
+        raise InputError(_message(path, error)) from None
 
 
 def _stated(function: Any, module: Any, where: str) -> float | None:
@@ -149,7 +149,7 @@ def _stated(function: Any, module: Any, where: str) -> float | None:
         raise InputError(f'{where}: duration = {value!r} is not a number of seconds') from None
 
 
-def _said(path: Path | None, error: Exception, name: str = '') -> str:
+def _message(path: Path | None, error: Exception, name: str = '') -> str:
     """Return where in a file of the user an error comes from, and what it says."""
     at = fault_place(path, error) if path is not None else name
     return f'{at}: {type(error).__name__}: {error}'
@@ -160,7 +160,7 @@ def _values(source: Source, t: float) -> Array:
     try:
         values = np.asarray(source.function(t), dtype=float)
     except Exception as error:
-        raise InputError(f'{_said(source.path, error, source.name)}, at t = {t:g} s') from None
+        raise InputError(f'{_message(source.path, error, source.name)}, at t = {t:g} s') from None
     rows = values if values.ndim == 2 else values[None]
     if values.ndim not in (1, 2) or rows.shape[1] not in (3, 4) or not (
             1 <= len(rows) <= len(_ROWS)):

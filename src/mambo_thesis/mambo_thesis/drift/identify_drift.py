@@ -75,7 +75,7 @@ def advice(fits: list[Fit], noise: Noise, window: float | None) -> str:
     return f'{pair} would be separated best by 30 s of {name} (ln odds {odds[name]:.0f})'
 
 
-def doubt(flights: Sequence[Flight]) -> str:
+def caveat(flights: Sequence[Flight]) -> str:
     """Return that rotation cannot be judged, if it is hidden in the noise of its measurement."""
     seen = np.concatenate([f.track.omega[:, :2].ravel() for f in flights])
     noise = np.concatenate([np.full(2 * len(f.flow), f.rate_noise) for f in flights])
@@ -133,7 +133,7 @@ def draw(flights: Sequence[Flight], fits: list[Fit]) -> Figure:
 
 
 def data(flights: Sequence[Flight], lag: float, fits: list[Fit], noise: Noise,
-         said: list[str]) -> dict[str, Any]:
+         lines: list[str]) -> dict[str, Any]:
     """Return everything that was found, ready for JSON."""
     return {
         'flights': [{'name': f.name, 'samples': len(f.flow), 'flow_lag_s': lag,
@@ -141,7 +141,7 @@ def data(flights: Sequence[Flight], lag: float, fits: list[Fit], noise: Noise,
         'noise': {'sigma_rad_s': noise.sigma, 'coefficients': noise.coefficients.tolist()},
         'prior': {'models_of_no_one_two_mechanisms': PRIOR,
                   'widths': {p.name: p.width for p in PARAMETERS.values()}},
-        'models': [f._asdict() for f in fits], 'mechanisms': inclusion(fits), 'says': said}
+        'models': [f._asdict() for f in fits], 'mechanisms': inclusion(fits), 'says': lines}
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -152,19 +152,19 @@ def _run(options: argparse.Namespace) -> None:
     except ValueError as error:
         raise BagError(f'{options.bags[0]}: {error}') from None
     fits = evidence.compare()
-    said = [sentence(fits), advice(fits, evidence.noise, options.window), doubt(flights)]
-    said = [line for line in said if line]
+    lines = [sentence(fits), advice(fits, evidence.noise, options.window), caveat(flights)]
+    lines = [line for line in lines if line]
     if options.json != '-':
-        _tell(flights, lag, fits, evidence.noise, said)
+        _print_result(flights, lag, fits, evidence.noise, lines)
     if options.json:
         write_json(options.json, json.dumps(
-            data(flights, lag, fits, evidence.noise, said), indent=1))
+            data(flights, lag, fits, evidence.noise, lines), indent=1))
     if options.figure:
         picture(draw(flights, fits), options.figure)
 
 
-def _tell(flights: Sequence[Flight], lag: float, fits: Sequence[Fit], noise: Noise,
-          said: Sequence[str]) -> None:
+def _print_result(flights: Sequence[Flight], lag: float, fits: Sequence[Fit], noise: Noise,
+                  lines: Sequence[str]) -> None:
     """Print what was found."""
     for f in flights:
         print(f'{f.name}: {len(f.flow)} samples, {f.track.height.min():.2f} to '
@@ -174,7 +174,7 @@ def _tell(flights: Sequence[Flight], lag: float, fits: Sequence[Fit], noise: Noi
             print(f'  {outliers.describe("optitrack/pose", f.impossible)}')
     print(f'noise of the flow {noise.sigma:.4f} rad/s, of its slow part '
           f'{noise.long_run:.4f} rad/s\n\n{table(fits)}\n')
-    print('\n'.join(said))
+    print('\n'.join(lines))
 
 
 def _positive(text: str) -> float:

@@ -48,9 +48,9 @@ def test_too_long_a_window_is_refused(tmp_path, capsys):
 
 
 def test_little_rotation_raises_a_doubt():
-    assert 'D and G may be taken for others' in identify_drift.doubt([
+    assert 'D and G may be taken for others' in identify_drift.caveat([
         experiments.fly('drift_w_1/d2')])
-    assert not identify_drift.doubt([experiments.fly('drift_w_2/d2')])
+    assert not identify_drift.caveat([experiments.fly('drift_w_2/d2')])
 
 
 def fit(model, probability, **values):
