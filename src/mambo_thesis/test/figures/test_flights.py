@@ -100,3 +100,13 @@ def test_every_seed_is_flown_once(monkeypatch):
         assert flown[-1] == ('a', None)
     finally:
         flights.fly.cache_clear()
+
+
+@pytest.mark.parametrize(('turns', 'amplitude'), [(1, 1.0), (2, 2.0), (4, 2.5)])
+def test_an_amplitude_is_the_mean_of_the_turns_asked_for(turns, amplitude):
+    """The last turn has an amplitude of 1, all before it one of 3 and 2.5 on average."""
+    t = np.arange(0.0, 60.0, STEP)
+    before = t < t[-1] - 2.0 * math.pi
+    found = harmonic(t, np.where(before, 3.0, 1.0) * np.cos(t), 1.0, turns)
+    # the line beside it takes a little of the step in amplitude
+    assert abs(found) == pytest.approx(amplitude, abs=0.1)
