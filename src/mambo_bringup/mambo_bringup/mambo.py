@@ -81,7 +81,11 @@ GROUPS: dict[str, dict[str, Command]] = {
                                     'pendulum'),
         'identify drag': Command('mambo_analysis.identify.drag', 'rotor drag from a flight'),
         'identify motor': Command('mambo_analysis.identify.motor', 'motor lag from a flight'),
+        'identify flight': Command('mambo_analysis.twin.identify_flight', 'thrust, drag, lag, '
+                                   'biases and noise from one flight'),
         'identify flow': Command('mambo_analysis.identify.flow', 'factor of the optical flow'),
+        'twin': Command('mambo_analysis.twin.twin', 'how well a model foresees flights it has not '
+                        'seen'),
         'identify sensors': Command('mambo_analysis.identify.sensors.command',
                                     'noise, rates and delays of the sensors'),
         'identify drift': Command('mambo_thesis.drift.identify_drift', 'which mechanism makes the '

@@ -1,0 +1,167 @@
+r"""
+Specific force of a vehicle from motor commands, battery and velocity, and its fit to a flight.
+
+In body axes FLU, with the velocity :math:`v` in body axes,
+
+.. math:: f = \begin{bmatrix} c_x - d_x v_x \\ c_y - d_y v_y \\ \tau - d_z v_z \end{bmatrix},
+          \quad \tau = \kappa \sum_{j=1}^4 L\left(\frac{X_j V}{X_0 V_0}\right)^b,
+
+where :math:`L` is the first-order lag of the motors, X_j their commands, V the battery's voltage
+(a command is a share of the supply, so a motor at X and V does what it does at X V / V_0 at the
+voltage V_0), X_0 and V_0 the means in the air, and the d are linear drags over the mass, 1/s.
+The c hold the tilt of the thrust axis and the bias of the accelerometer, which a flight does not
+tell apart. Everything here is per mass: an accelerometer does not know the mass.
+
+Propellers shake an accelerometer above 20 Hz; flight and model are compared as means over 50 ms.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from ..identify import regression
+from ..identify.regression import Fit, IdentifyError, Value
+from .recorded import Recorded, STEP
+
+Floats = NDArray[np.float64]
+
+BLOCK = 5                # steps from mean to mean
+NAMES = ('drag x', 'drag y', 'drag z', 'tilt x', 'tilt y', 'thrust', 'exponent', 'motor lag')
+LOW = (-1.0, -1.0, -2.0, -3.0, -3.0, 0.2, 0.4, 0.0)
+HIGH = (5.0, 5.0, 5.0, 3.0, 3.0, 20.0, 4.0, 0.98)
+START = (0.3, 0.3, 0.3, 0.0, 0.0, 2.45, 1.8, 0.7)
+"""Of the lag, the share of a deviation that is left after ``STEP``: 0 without a lag."""
+LEAST_SWING = 0.4        # m/s, 99 % of the body velocity on an axis: below, drag does not show
+LEAST_THRUST = 0.05      # [-] relative swing of the thrust: below, the map does not show
+
+
+class ForceModel(NamedTuple):
+    """
+    Parameters of the specific force.
+
+    Attributes
+    ----------
+    drag : (3,) 1/s
+        Along x, y, z of the body.
+    tilt : (2,) m/s^2
+        Constant force along x and y.
+    thrust
+        kappa [m/s^2]: of one motor at the reference command and voltage.
+    exponent
+        b.
+    lag
+        Of the motors, s.
+    command, voltage
+        X_0, in the unit of the recording, and V_0 [V]; NaN without a battery in the recording.
+
+    """
+
+    drag: tuple[float, float, float]
+    tilt: tuple[float, float]
+    thrust: float
+    exponent: float
+    lag: float
+    command: float
+    voltage: float
+
+    def thrust_over_mass(self, flight: Recorded) -> Floats:
+        """Return the thrust of all motors over the mass, (n,) m/s^2, along b3 up."""
+        share = np.nan_to_num(flight.command) / self.command
+        if np.isfinite(self.voltage) and np.isfinite(flight.voltage).any():
+            v = flight.voltage / self.voltage
+            share = share * np.where(np.isfinite(v), v, 1.0)[:, None]
+        each = self.thrust * np.maximum(share, 0.0) ** self.exponent
+        left = np.exp(-STEP / self.lag) if self.lag > 0.0 else 0.0
+        out, _ = signal.lfilter([1.0 - left], [1.0, -left], each, axis=0, zi=left * each[:1])
+        return out.sum(axis=1)
+
+    def predict(self, flight: Recorded) -> Floats:
+        """Return the specific force at every row, (n, 3) m/s^2, body FLU."""
+        v = flight.body_velocity
+        return np.column_stack([
+            self.tilt[0] - self.drag[0] * v[:, 0], self.tilt[1] - self.drag[1] * v[:, 1],
+            self.thrust_over_mass(flight) - self.drag[2] * v[:, 2]])
+
+
+class Found(NamedTuple):
+    """A fitted model, its parameters with intervals, and what the flight does not show."""
+
+    model: ForceModel
+    values: dict[str, Value]
+    hidden: list[str]
+    fit: Fit
+    measured: Floats  # (m, 3) m/s^2, of the means that were compared
+    t: Floats         # (m,) s
+
+
+def means(x: Floats) -> Floats:
+    """Return means over ``BLOCK`` rows, (n // BLOCK, k)."""
+    count = len(x) // BLOCK
+    return x[:count * BLOCK].reshape(count, BLOCK, -1).mean(axis=1)
+
+
+def lag_of(left: float) -> float:
+    """Return the time constant, s, of a lag that leaves a share of a deviation after ``STEP``."""
+    return -STEP / float(np.log(left)) if left > 0.0 else 0.0
+
+
+def _model(theta: Floats, command: float, voltage: float) -> ForceModel:
+    x = [float(value) for value in theta]
+    return ForceModel((x[0], x[1], x[2]), (x[3], x[4]), x[5], x[6], lag_of(x[7]), command, voltage)
+
+
+def _swing(x: Floats) -> float:
+    low, high = np.percentile(x, [0.5, 99.5])
+    return float(high - low)
+
+
+def fit_force(*flights: Recorded) -> Found:
+    """
+    Fit the specific force to the accelerometer of flights of one vehicle.
+
+    Parameters
+    ----------
+    flights
+        The first gives X_0 and V_0.
+
+    Raises
+    ------
+    IdentifyError
+        If they do not determine it.
+
+    """
+    first = flights[0]
+    command = float(np.mean(first.command[first.air]))
+    known = np.isfinite(first.voltage[first.air])
+    voltage = float(np.mean(first.voltage[first.air][known])) if known.any() else float('nan')
+    measured = np.concatenate([means(one.force[one.air]) for one in flights])
+    v = np.concatenate([one.body_velocity[one.air] for one in flights])
+
+    def predicted(theta: Floats) -> Floats:
+        model = _model(theta, command, voltage)
+        return np.concatenate([means(model.predict(one)[one.air]) for one in flights])
+    found = regression.fit(predicted, measured, START, LOW, HIGH, NAMES)
+    model = _model(found.theta, command, voltage)
+    units = ('1/s', '1/s', '1/s', 'm/s^2', 'm/s^2', 'm/s^2', '1')
+    values = {name: found.value(i, unit) for i, (name, unit) in enumerate(zip(NAMES, units))}
+    left = found.value(len(units), '1')
+    values['motor lag'] = Value(
+        *(lag_of(min(x, HIGH[-1])) for x in (left.value, left.low, left.high)), 's')
+    hidden = [f'drag {axis}: the velocity along {axis} swings by {_swing(v[:, i]):.2f} m/s, '
+              f'{LEAST_SWING:g} m/s are needed'
+              for i, axis in enumerate('xyz') if _swing(v[:, i]) < LEAST_SWING]
+    thrust = np.concatenate([model.thrust_over_mass(one)[one.air] for one in flights])
+    if _swing(thrust) < LEAST_THRUST * float(np.mean(thrust)):
+        hidden += [f'{name}: the thrust swings by {_swing(thrust):.2f} m/s^2'
+                   for name in ('exponent', 'motor lag')]
+    for name, half in (('exponent', 0.5), ('motor lag', 0.05)):
+        if values[name].half > half and not any(one.startswith(name) for one in hidden):
+            hidden.append(f'{name}: the interval is wider than +-{half:g} {values[name].unit}')
+    if not model.thrust > 0.0:
+        raise IdentifyError('the accelerometer shows no thrust: this is no flight')
+    t = np.concatenate([means(one.t[one.air][:, None])[:, 0] for one in flights])
+    return Found(model, values, hidden, found, measured, t)

@@ -1,0 +1,195 @@
+"""
+A recorded flight on one even grid: motion, inertial sensor, motor commands and battery.
+
+Axes are those of the wire: the world has z up, the body is FLU. The inertial sensor and the
+markers are not mounted exactly alike. The two small angles between them come from the flight: in
+the mean over ``STRETCH`` seconds, the measured specific force turned into the world, less gravity,
+must be the change of the measured velocity. A turn about the vertical stays unknown.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from mambo_bags.reader import Bag, read_bag
+from mambo_signals import derivative, motion, resample
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ..identify.regression import IdentifyError
+
+Floats = NDArray[np.float64]
+
+STEP = 0.01            # s, of the grid
+GAP = 0.1              # s, over which samples are connected
+LEAST_REST = 1.0       # s before take-off that show biases and noise
+STILL_SPEED = 0.03     # m/s, of a vehicle at rest, not carried around
+STILL_RATE = 0.1       # rad/s
+STRETCH = 0.5          # s, over which force and change of velocity are compared
+GRAVITY = 9.80665      # m/s^2
+LEAST_FLIGHT = 5.0     # s in the air
+FLYING = 0.3           # [-] of the usual command in flight: below, no motor flies
+CLEAR = 0.2            # m above the start: below, the floor acts
+EDGE = 0.3             # s of the flight left out at both ends, while it still jumps
+
+
+class Recorded(NamedTuple):
+    """
+    A flight on a grid of ``STEP``.
+
+    Attributes
+    ----------
+    name
+        Of the bag.
+    t : (n,) s
+    position, velocity : (n, 3) m, m/s
+        Inertial, z up; NaN where the motion is not known.
+    attitude : (n, 4)
+        x y z w, body to inertial, of the inertial sensor: the mounting is taken out.
+    force, gyro : (n, 3) m/s^2, rad/s
+        Specific force and body rate in the axes of the inertial sensor, FLU.
+    command : (n, 4)
+        Motor commands in the order of (3.2), in the unit of the recording.
+    voltage : (n,) V
+        Of the battery; NaN if the recording has none.
+    air, rest
+        Rows in the air and at rest before take-off; ``rest`` may be empty.
+    mounting : (3,) rad
+        Rotation vector from the inertial sensor to the marker body.
+
+    """
+
+    name: str
+    t: Floats
+    position: Floats
+    velocity: Floats
+    attitude: Floats
+    force: Floats
+    gyro: Floats
+    command: Floats
+    voltage: Floats
+    air: slice
+    rest: slice
+    mounting: Floats
+
+    @property
+    def turn(self) -> Rotation:
+        """Return the attitudes; those that are not known are upright."""
+        known = np.isfinite(self.attitude).all(axis=1)
+        return Rotation.from_quat(np.where(known[:, None], self.attitude, [0.0, 0.0, 0.0, 1.0]))
+
+    @property
+    def body_velocity(self) -> Floats:
+        """Return the velocity in the axes of the body, (n, 3) m/s."""
+        return self.turn.inv().apply(self.velocity)
+
+
+def _motion(bag: Bag) -> motion.Motion:
+    """Return the measured motion of a bag; a motion capture comes before the truth."""
+    for topic in reversed(motion.TRUTH):
+        if topic in bag and len(bag[topic]):
+            return motion.read(bag, topic)
+    raise IdentifyError(f'{bag.path}: no motion: neither {" nor ".join(motion.TRUTH)} in the bag')
+
+
+def _mounting(found: dict[str, Floats], air: slice) -> Floats:
+    r"""
+    Return the rotation vector r from the inertial sensor to the markers, (3,) rad, r_z = 0.
+
+    Least squares over stretches of the flight, R being the attitude of the markers:
+    :math:`\\overline{R f} + \\overline{R (r \\times f)} - g e_3 = \\overline{\\dot v}`.
+    """
+    count = round(STRETCH / STEP)
+    length = (air.stop - air.start) // count * count
+    rows = slice(air.start, air.start + length)
+    turn = Rotation.from_quat(found['attitude'][rows])
+    force = found['force'][rows]
+
+    def mean(x: Floats) -> Floats:
+        return x.reshape(-1, count, 3).mean(axis=1)
+    effect = [mean(turn.apply(np.cross(axis, force))) for axis in np.eye(3)[:2]]
+    v = found['velocity'][rows].reshape(-1, count, 3)
+    change = (v[:, -1] - v[:, 0]) / (STEP * (count - 1))
+    rest = change + [0.0, 0.0, GRAVITY] - mean(turn.apply(force))
+    r = np.linalg.lstsq(np.stack([e.ravel() for e in effect], axis=1), rest.ravel())[0]
+    return np.append(r, 0.0)
+
+
+def _grid(bag: Bag, path: motion.Motion) -> dict[str, Floats]:
+    """Return every signal on the grid over which all are there."""
+    imu, pwm = bag['imu/data_raw'], bag['motor_pwm']
+    start = max(imu.t.min(), pwm.t.min(), path.t.min())
+    end = min(imu.t.max(), pwm.t.max(), path.t.max())
+    if end - start < LEAST_FLIGHT:
+        raise IdentifyError(
+            f'{bag.path}: motion, IMU and motor commands overlap for '
+            f'{max(end - start, 0.0):.1f} s, {LEAST_FLIGHT:g} s are needed')
+    t = np.arange(round(start / STEP) + 1, int(end / STEP)) * STEP
+
+    def at(times: Floats, values: Floats) -> Floats:
+        return resample.interpolate(t, times, values, GAP)
+    position, velocity = derivative.local_fit(path.t, path.position, t, derivative.POSITION)
+    q = at(path.t, path.quaternion)
+    voltage = np.full(len(t), np.nan)
+    if 'battery' in bag and len(bag['battery']):
+        voltage = at(bag['battery'].t, bag['battery'].voltage[:, None].astype(float))[:, 0]
+    return {'t': t, 'position': position, 'velocity': velocity,
+            'attitude': q / np.linalg.norm(q, axis=1, keepdims=True),
+            'force': at(imu.t, imu.acceleration), 'gyro': at(imu.t, imu.angular_velocity),
+            'command': at(pwm.t, pwm.pwm.astype(float)), 'voltage': voltage}
+
+
+def _rows(path: Path, found: dict[str, Floats]) -> tuple[slice, slice]:
+    """Return the rows in the air, the longest stretch without a gap, and those at rest."""
+    mean = found['command'].mean(axis=1)
+    on = mean > FLYING * np.nanmedian(mean[mean > 0.0]) if (mean > 0.0).any() else mean > 0.0
+    if not on.any():
+        raise IdentifyError(f'{path}: the motors never run: this is no flight')
+    known = np.all([np.isfinite(found[name]).reshape(len(mean), -1).all(axis=1) for name in (
+        'position', 'velocity', 'attitude', 'force', 'gyro', 'command')], axis=0)
+    height = found['position'][:, 2]
+    floor = np.nanmin(height)
+    air = resample.longest_run(known & on & (found['command'].min(axis=1) > 0.0)
+                               & (height > floor + CLEAR))
+    edge = round(EDGE / STEP)
+    air = slice(air.start + edge, air.stop - edge)
+    if (air.stop - air.start) * STEP < LEAST_FLIGHT:
+        raise IdentifyError(
+            f'{path}: {max((air.stop - air.start) * STEP, 0.0):.1f} s in the air with all '
+            f'signals, {LEAST_FLIGHT:g} s are needed')
+    first = int(np.flatnonzero(on)[0])
+    still = np.isfinite(found['force']).all(axis=1) & np.isfinite(found['gyro']).all(axis=1)
+    still &= found['command'].max(axis=1) <= 0.0
+    still &= np.linalg.norm(found['velocity'], axis=1) < STILL_SPEED  # not where it is not known
+    still &= np.linalg.norm(found['gyro'], axis=1) < STILL_RATE
+    rest = resample.longest_run(still[:first])
+    return air, rest if (rest.stop - rest.start) * STEP >= LEAST_REST else slice(0, 0)
+
+
+def read_flight(path: Path, namespace: str | None = None) -> Recorded:
+    """
+    Read a bag with ``imu/data_raw``, ``motor_pwm`` and a motion (capture or truth).
+
+    Raises
+    ------
+    IdentifyError
+        If it is no flight of at least ``LEAST_FLIGHT`` s, or lacks a signal.
+    mambo_bags.reader.BagError
+        If it cannot be read.
+
+    """
+    bag = read_bag(path, None, namespace)
+    for topic in ('imu/data_raw', 'motor_pwm'):
+        if topic not in bag or not len(bag[topic]):
+            raise IdentifyError(f'{path}: no {topic} in the bag')
+    if not np.isfinite(bag['imu/data_raw'].acceleration).all(axis=1).any():
+        raise IdentifyError(f'{path}: imu/data_raw lacks an acceleration on some axis')
+    found = _grid(bag, _motion(bag))
+    air, rest = _rows(path, found)
+    mounting = _mounting(found, air)
+    known = np.isfinite(found['attitude']).all(axis=1)
+    found['attitude'][known] = (Rotation.from_quat(found['attitude'][known])
+                                * Rotation.from_rotvec(mounting)).as_quat()
+    return Recorded(path.name, **found, air=air, rest=rest, mounting=mounting)

@@ -1,0 +1,54 @@
+"""From a bag to numbers with intervals and a vehicle that flies."""
+
+import json
+
+from flown import bag, flight, TRUE
+from mambo_analysis.twin.force import fit_force
+from mambo_analysis.twin.identify_flight import hover_command, main
+from mambo_analysis.twin.recorded import GRAVITY
+from mambo_model.vehicle.parameters import load
+import pytest
+
+
+def test_a_flight_becomes_a_vehicle(tmp_path, capsys):
+    path = bag(tmp_path, noise=0.05)
+    assert main([str(path), '-o', str(tmp_path / 'out'), '--base', 'crazyflie',
+                 '--mass', '0.03', '--json', str(tmp_path / 'flight.json')]) == 0
+    found = json.loads((tmp_path / 'flight.json').read_text())
+    value = found['values']['drag x']
+    assert value['low'] < 0.4 < value['high'] and value['high'] - value['low'] < 0.02
+    assert found['values']['gyro noise x']['unit'] == 'rad/s'
+    vehicle = load(tmp_path / 'out' / 'identify_flight.yaml')
+    assert vehicle.mass == 0.03 and vehicle.drag_reading == 'acceleration'
+    assert vehicle.drag_coefficient == pytest.approx(0.375, abs=0.01)
+    assert vehicle.vertical_drag_coefficient == pytest.approx(0.25, abs=0.02)
+    assert vehicle.motor_time_constant == pytest.approx(0.05, abs=0.003)
+    assert vehicle.power_b == pytest.approx(1.8, abs=0.02)
+    hover = found['values']['hover command']['value']
+    assert 4.0 * vehicle.power_a * hover ** vehicle.power_b == pytest.approx(0.03 * GRAVITY)
+    assert 'per mass; thrust and tilt hold at 3.6' in capsys.readouterr().out
+
+
+def test_hover_command_at_the_voltage_of_the_flight():
+    found = fit_force(flight())
+    value = hover_command(found)
+    share = (GRAVITY / 4.0 / TRUE.thrust) ** (1.0 / TRUE.exponent)
+    truth = TRUE.command * share * TRUE.voltage / found.model.voltage
+    assert value.low < truth < value.high and value.half < 0.001 * truth
+
+
+@pytest.mark.parametrize('arguments, said', [
+    (['--mass', 'nan'], 'mass'), (['--mass', '40'], 'mass'), (['--base', 'none'], 'none'),
+    (['--namespace', '/other'], 'other')])
+def test_wrong_input_is_one_line(tmp_path, capsys, arguments, said):
+    path = bag(tmp_path, seconds=6.0)
+    assert main([str(path), *arguments]) == 2
+    error = capsys.readouterr().err.strip()
+    assert said in error and '\n' not in error
+
+
+def test_a_bag_without_rest_says_so(tmp_path, capsys):
+    path = bag(tmp_path, lambda data: data.iloc[250:])
+    assert main([str(path)]) == 0
+    out = capsys.readouterr().out
+    assert 'no second of rest' in out and 'gyro bias' not in out

@@ -1,0 +1,48 @@
+"""A bag becomes a flight on a grid; what is no flight is refused; the mounting is found."""
+
+from pathlib import Path
+
+from flown import bag, flight, MAP, MOUNTING
+from mambo_analysis.identify.regression import IdentifyError
+from mambo_analysis.twin.recorded import read_flight
+import numpy as np
+import pytest
+
+def test_air_rest_and_mounting(tmp_path):
+    found = read_flight(bag(tmp_path))
+    assert found.mounting == pytest.approx(MOUNTING, abs=1e-3)
+    assert found.t[found.rest][-1] == pytest.approx(2.0, abs=0.15)
+    assert found.t[found.air][0] == pytest.approx(4.3, abs=0.2)
+    assert found.t[found.air][-1] == pytest.approx(15.6, abs=0.2)
+    wanted = flight(noise=0.0, seconds=12.0)
+    rows = np.arange(450, 1500)  # of a grid that begins at the second sample
+    wrong = (found.turn[rows].inv() * wanted.turn[rows - 399]).magnitude()
+    assert wrong.max() < 3e-3
+    # the fit of a parabola smooths some of the trembling
+    assert np.abs(found.velocity[rows] - wanted.velocity[rows - 399]).max() < 0.02
+    assert found.voltage[found.air] == pytest.approx(3.6, abs=0.11)
+
+
+@pytest.mark.parametrize('text, reason', [
+    (MAP.replace('  motor_pwm: {pwm: [m1, m2, m3, m4]}\n', ''), 'no motor_pwm in the bag'),
+    (MAP.replace(', acceleration: [ax, ay, az]', ''), 'lacks an acceleration'),
+    (MAP[:MAP.index('  optitrack')] + MAP[MAP.index('  imu'):], 'no motion'),
+])
+def test_a_missing_signal_is_named(tmp_path, text, reason):
+    with pytest.raises(IdentifyError, match=reason):
+        read_flight(bag(tmp_path, text=text))
+
+
+@pytest.mark.parametrize('change, reason', [
+    (lambda data: data.assign(m1=0.0, m2=0.0, m3=0.0, m4=0.0), 'the motors never run'),
+    (lambda data: data.iloc[:300], 'overlap for 3.0 s, 5 s'),
+    (lambda data: data.assign(z=0.05), '0.0 s in the air'),
+])
+def test_what_is_no_flight(tmp_path, change, reason):
+    with pytest.raises(IdentifyError, match=reason):
+        read_flight(bag(tmp_path, change))
+
+
+def test_what_is_no_bag(tmp_path):
+    with pytest.raises(Exception, match='nothing'):
+        read_flight(Path(tmp_path / 'nothing'))

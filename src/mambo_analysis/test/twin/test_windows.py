@@ -1,0 +1,32 @@
+"""The true model foresees the flight; what it lacks is seen, and the second before makes it up."""
+
+from flown import flight, TRUE
+from mambo_analysis.twin.windows import foresee
+import numpy as np
+import pytest
+
+
+def test_the_true_model_is_right_to_two_millimetres():
+    found = foresee(flight(noise=0.0), TRUE)
+    assert found.mae.max() < 2e-3  # steps of 10 ms, in which it trembles
+    assert found.constant_mae[:2] == pytest.approx([0.08, 0.08], abs=0.01)  # 1 m/s^2 for 0.5 s
+    assert found.ratio < 0.02
+
+
+def test_a_missing_drag_is_seen():
+    without = TRUE._replace(drag=(0.0, 0.0, 0.25))
+    # 0.4 1/s times 0.64 m/s in the mean, for half a second: 0.5 * 0.25 * 0.255 m
+    assert foresee(flight(noise=0.0), without, past=0.0).mae[0] == pytest.approx(0.031, abs=0.004)
+
+
+def test_the_second_before_makes_up_for_what_is_constant():
+    weak = TRUE._replace(thrust=0.97 * TRUE.thrust)
+    plain = foresee(flight(noise=0.0), weak, past=0.0)
+    assert plain.model[:, 2].mean() == pytest.approx(-0.5 * 0.25 * 0.03 * 9.8, rel=0.05)
+    assert foresee(flight(noise=0.0), weak).mae[2] < 0.1 * plain.mae[2]
+
+
+def test_longer_windows_are_worse():
+    without = TRUE._replace(drag=(0.0, 0.0, 0.0))
+    short, long = (foresee(flight(noise=0.0), without, horizon) for horizon in (0.25, 1.0))
+    assert np.all(long.mae[:2] > 3.0 * short.mae[:2])
