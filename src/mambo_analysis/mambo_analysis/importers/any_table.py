@@ -195,7 +195,7 @@ class _Rows:
         if before.any():
             self.notes.append(f'{name}: {int(before.sum())} rows before the first time left out')
             usable &= ~before
-        fields = getattr(self, '_' + name.replace('/', '_'))(topic, found, usable, out)
+        fields = _FIELDS[name](self, topic, found, usable, out)
         frame = {'optitrack/pose': 'map', 'onboard/odom': 'odom', 'onboard/reference': 'odom',
                  'motor_pwm': ''}.get(name, 'base_link')
         stamps = stamps_ns(self.times[name]).tolist()
@@ -270,6 +270,15 @@ class _Rows:
 
     def _battery(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
         return lambda row: out.battery(float(found['voltage'][row, 0]), float('nan'))
+
+
+_FIELDS = {
+    'optitrack/pose': _Rows._optitrack_pose, 'onboard/odom': _Rows._onboard_odom,
+    'onboard/reference': _Rows._onboard_reference, 'imu/data_raw': _Rows._imu_data_raw,
+    'sonar/range': _Rows._sonar_range, 'optical_flow': _Rows._optical_flow,
+    'barometer/pressure': _Rows._barometer_pressure, 'motor_pwm': _Rows._motor_pwm,
+    'battery': _Rows._battery}
+"""What makes the fields of a row's message, by topic."""
 
 
 def import_table(
