@@ -29,6 +29,7 @@ from ..joint import filter as joint
 from ..joint.answer import pose_covariance, state_of, twist_covariance
 from ..joint.flow import Past
 from ..joint.state import Array, ATTITUDE, forget, inject, Nominal, POSITION, SIZE
+from ..joint.vibration import left
 from .frames import (
     about_z, Anchor, composed, in_odom, moved, SAME, take_up, turn_covariance, wrapped)
 from .pose_parameters import AidedValues, PoseValues
@@ -258,7 +259,8 @@ def step(
         m.noise, m.gates, m.counts, m.gyro, m.accel, m.sensors)
     return AidedMemory(after, c), Estimate(
         there, pose_covariance(turned),
-        twist_covariance(P, x, m.sensors, dt, values.joint.motion), e.status, -there.rho[2],
+        twist_covariance(P, x, m.sensors, left(m.shake, m.sensors.accel, dt),
+                         values.joint.motion), e.status, -there.rho[2],
         -x.v[2], x.gyro_bias, x.accel_bias, e.barometer_offset, e.sonar_innovation,
         e.sonar_test_ratio, e.flow_innovation, e.flow_test_ratio, e.barometer_innovation,
         e.barometer_test_ratio, e.sonar_refused, e.flow_refused, e.barometer_refused,
