@@ -23,6 +23,7 @@ setup(
             'check_trajectory = mambo_flight.course.check_course:main',
             'bound = mambo_flight.judge.judge:main',
             'consistency = mambo_flight.judge.consistency:main',
+            'coverage = mambo_flight.smooth.coverage:main',
             'fly = mambo_flight.fly:main',
             'plan_trajectory = mambo_flight.course.plan_course:main',
             'race = mambo_flight.race.race:main',

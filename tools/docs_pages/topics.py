@@ -31,11 +31,16 @@ USES = {
     'ground_truth/odom': Use(
         'true pose [m] in `map`, velocity [m/s] and body rate [rad/s] in `base_link`; the '
         'estimator takes it with `estimator: ground_truth` alone', _SIM, ('optitrack_node',)),
-    'optitrack/pose': Use('pose [m] in `map`; nothing while the body is lost',
-                          ('optitrack_node',), ()),
+    'optitrack/pose': Use(
+        'pose [m] in `map`; nothing while the body is lost; the estimator takes it with '
+        '`joint.pose.enabled`', ('optitrack_node',), _ESTIMATOR),
+    'optitrack/tick': Use('how many poses exist; where the estimator uses them',
+                          ('optitrack_node',), _ESTIMATOR),
     'estimate/odom': Use(
         'pose [m] in `odom`, velocity [m/s] and body rate [rad/s] in `base_link`, covariances',
         _ESTIMATOR, _CONTROLLER),
+    'estimate/map': Use(
+        'the same in `map`; where the estimator uses the motion capture', _ESTIMATOR, _CONTROLLER),
     'estimator/state': Use('biases, innovations, health of each sensor', _ESTIMATOR, ()),
     'reference': Use('position to snap, attitude, rates, thrust, torque; `odom` and body FLU',
                      ('reference_node',), _CONTROLLER),
@@ -52,7 +57,7 @@ USES = {
 
 def all_topics() -> list[topics.Topic]:
     """Return every topic of the graph."""
-    return [*topics.RECORDED, topics.LINKS]
+    return [*topics.RECORDED, *topics.AIDED, topics.LINKS]
 
 
 def _rate(topic: topics.Topic) -> str:

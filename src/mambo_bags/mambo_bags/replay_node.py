@@ -15,6 +15,7 @@ import time
 
 from mambo_model import schema
 from mambo_ros import cdr, messages, node, process, topics
+from mambo_ros.endpoints import RawPublisher
 from mambo_ros.graph import links
 from mambo_ros.loop import Loop
 
@@ -30,6 +31,9 @@ class ReplayNodeParams:
     bag: str = schema.text('', 'rosbag2 directory or .mcap file')
     rate: float = schema.quantity(
         0.0, '-', 0.0, 1000.0, 'recorded time over wall time, 0: as fast as the estimator answers')
+    capture: bool = schema.flag(
+        False, 'publish the poses of the motion capture with their watermark, for an estimator '
+        'that uses them')
     also: str = schema.text('', 'more topics of the bag to publish, separated by commas')
     source_namespace: str = schema.text('/mambo', 'namespace of the recorded topics')
     wait_for: str = schema.text('', 'names of nodes to wait for, separated by commas')
@@ -54,7 +58,9 @@ def _nothing(t: int) -> None:
 class ReplayNode(node.MamboNode[ReplayNodeParams]):
     """Publishes the recorded sensors of a bag with ``/clock``; subscribes ``estimate/odom``."""
 
-    publishes = (*_SENSORS, topics.SENSOR_TICK, topics.CLOCK, topics.DIAGNOSTICS)
+    publishes = (
+        *_SENSORS, topics.SENSOR_TICK, topics.OPTITRACK, topics.CAPTURE_TICK, topics.CLOCK,
+        topics.DIAGNOSTICS)
     subscribes = (topics.ESTIMATE,)
     example = '--ros-args -p bag:=my_flight -p wait_for:=estimator_node'
 
@@ -71,11 +77,12 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
         bag_files(self._path)
         self._topics = {}
         root = p.source_namespace.rstrip('/')
-        for topic in dict.fromkeys((*_SENSORS, topics.SENSOR_TICK, *(known[n] for n in extra))):
+        capture = (topics.OPTITRACK, topics.CAPTURE_TICK) if p.capture else ()
+        for topic in dict.fromkeys(
+                (*_SENSORS, topics.SENSOR_TICK, *capture, *(known[n] for n in extra))):
             name = topic.name if topic.name.startswith('/') else f'{root}/{topic.name}'
             self._topics[name] = (topic, self.advertise(topic))
         self._clock_output = self.advertise(topics.CLOCK)
-        self._tick = self._topics[f'{root}/{topics.SENSOR_TICK.name}'][1]
         self._t = -1  # of the newest step, ns
         self._estimates = self.accept(
             topics.ESTIMATE, _decode_stamp, _nothing, now=lambda: self._t)
@@ -83,9 +90,8 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
 
     def steps(self) -> Iterator[int]:
         """Publish the bag step by step; yield the stamp in ns after each."""
-        has_ticks = any(
-            name for name, _, _ in recorded(self._path, {self._name(topics.SENSOR_TICK)}))
-        counts = dict.fromkeys(_SENSORS, 0)
+        missing = [tick for tick in (topics.SENSOR_TICK, topics.CAPTURE_TICK) if self._lacks(tick)]
+        counts = dict.fromkeys((*_SENSORS, topics.OPTITRACK), 0)
         held: list[tuple] = []  # messages of the step that is not yet complete
         now = -1
         for name, kind, data in recorded(self._path, set(self._topics)):
@@ -96,25 +102,35 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
             t = cdr.stamp_ns(data)
             if topic is topics.IMU and t > now:
                 if now >= 0:
-                    yield self._publish_step(now, held, counts, has_ticks)
+                    yield self._publish_step(now, held, counts, missing)
                     held = []
                 now = t
             held.append((topic, publish, data))
         if now >= 0:
-            yield self._publish_step(now, held, counts, has_ticks)
+            yield self._publish_step(now, held, counts, missing)
 
-    def _name(self, topic: topics.Topic) -> str:
-        return next(name for name, (entry, _) in self._topics.items() if entry is topic)
+    def _lacks(self, tick: topics.Topic) -> bool:
+        """Return whether a watermark is to be published that is not in the bag."""
+        names = {name for name, (entry, _) in self._topics.items() if entry is tick}
+        return bool(names) and not any(True for _ in recorded(self._path, names))
 
-    def _publish_step(self, t: int, held: list[tuple], counts: dict, has_ticks: bool) -> int:
+    def _output(self, topic: topics.Topic) -> RawPublisher:
+        return next(output for entry, output in self._topics.values() if entry is topic)
+
+    def _publish_step(
+        self, t: int, held: list[tuple], counts: dict, missing: list[topics.Topic],
+    ) -> int:
         self._t = t
         self._clock_output(messages.clock(t))
         for topic, publish, data in held:
             if topic in counts:
                 counts[topic] += 1
             publish(data)
-        if not has_ticks:
-            self._tick(messages.sensor_tick(t, *(counts[topic] for topic in _SENSORS)))
+        if topics.CAPTURE_TICK in missing:
+            self._output(topics.CAPTURE_TICK)(messages.capture_tick(t, counts[topics.OPTITRACK]))
+        if topics.SENSOR_TICK in missing:
+            self._output(topics.SENSOR_TICK)(
+                messages.sensor_tick(t, *(counts[topic] for topic in _SENSORS)))
         return t
 
     def wait_for_answer(self, loop: Loop, t: int) -> bool:

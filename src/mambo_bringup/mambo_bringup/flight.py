@@ -15,12 +15,13 @@ import json
 from pathlib import Path
 import re
 import signal
+from types import MappingProxyType
 
 from mambo_analysis.compare.ending import ended_early, ENDINGS
 from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import read_bag
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
-from mambo_flight import choices, scenario as scenarios, scenario_file
+from mambo_flight import choices, recording_to_bag, scenario as scenarios, scenario_file
 from mambo_model import schema
 from mambo_model.motion.trajectory import COURSE
 from tqdm import tqdm
@@ -131,14 +132,23 @@ def _ours(without: Collection[str]) -> list[tuple[str, str]]:
     return [node for node in FLIGHT_NODES if node not in theirs]
 
 
-def _mode(without: Collection[str]) -> dict[str, object]:
-    """Return the sim_node parameters that belong to the run, not to the experiment."""
+def _mode(flight: scenarios.Scenario, without: Collection[str]) -> dict[str, object]:
+    """Return the parameters that belong to the run, not to the experiment."""
     waited = [name for _, name in (*_ours(without), RECORDER)]
-    return {'sim_node.wait_for': ','.join(waited),
+    return {'optitrack_node.watermark': flight.estimator_node.waits_for_capture,
+            'sim_node.wait_for': ','.join(waited),
             'sim_node.wait_for_publishers': ','.join(REPLACEABLE[name][1] for name in without)}
 
 
+def recorder_topics(flight: scenarios.Scenario) -> dict[str, str]:
+    """Return the parameter of the recorder that names its topics, none where it takes its own."""
+    if not flight.estimator_node.aided:
+        return {}
+    return {'topics': ','.join(topic.name for topic in recording_to_bag.recorded(flight))}
+
+
 def _nodes(file: Path, bag: Path, composed: bool, namespace: str, without: Collection[str] = (),
+           own: Mapping[str, str] = MappingProxyType({}),
            ) -> list[tuple[tuple[str, str], list[str]]]:
     """Return the nodes of a drone and their arguments; the one that owns time is the last."""
     arguments = ['--ros-args']
@@ -150,9 +160,11 @@ def _nodes(file: Path, bag: Path, composed: bool, namespace: str, without: Colle
     if composed:
         recorder = file.with_name(f'recorder_{file.name}')
         recorder.write_text(json.dumps({f'{namespace}/recorder_node': {  # parsed as YAML
-            'ros__parameters': {'bag': str(bag), 'scenario': str(file)}}}, ensure_ascii=False))
+            'ros__parameters': {'bag': str(bag), 'scenario': str(file), **own}}},
+            ensure_ascii=False))
         return [(COMPOSED, [*flown, '--params-file', str(recorder)])]
-    recorded = [*arguments, *parameter('bag', bag), *parameter('scenario', file)]
+    recorded = [*arguments, *parameter('bag', bag), *parameter('scenario', file),
+                *(one for name, value in own.items() for one in parameter(name, value))]
     return [(RECORDER, recorded), *((node, flown) for node in (*_ours(without), SIMULATOR))]
 
 
@@ -212,11 +224,12 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
         for number, (namespace, flight) in enumerate(flights.items()):
             file = group.folder / f'scenario{number or ""}.yaml'
             file.write_text(scenarios.commented_yaml(
-                scenarios.override(flight, _mode(without)), namespace))
+                scenarios.override(flight, _mode(flight, without)), namespace))
             progress[namespace] = bar = Progress(flight.sim_node.duration, shown=not number)
             bars.callback(bar.close)
             started[namespace] = []
-            *nodes, owner = _nodes(file, bags[namespace], composed, namespace, without)
+            *nodes, owner = _nodes(
+                file, bags[namespace], composed, namespace, without, recorder_topics(flight))
             last.append((namespace, *owner))
             for node, arguments in nodes:
                 started[namespace].append(

@@ -10,8 +10,9 @@ from mambo_bags.reader import read_bag
 from mambo_flight import scenario as scenarios
 from mambo_flight.course import course_file
 from mambo_model import schema
+from mambo_ros import topics
 
-from .flight import FLIGHT_NODES, RECORDER, SIMULATOR
+from .flight import FLIGHT_NODES, RECORDER, recorder_topics, SIMULATOR
 from .processes import FlightInputError
 from .replay import ESTIMATOR, PLAYER, RECORDED
 
@@ -95,7 +96,10 @@ def flight_plan(arguments: Mapping[str, str]) -> Plan:
         scenario = scenarios.override(scenarios.scenario(duration=0.0), given)
         landing = scenarios.landing_time(scenario.sim_node.duration)
         scenario = scenarios.override(scenario, {'reference_node.plan.landing_time': landing})
-    others = [*_recorder(arguments['bag']), *((*node, {}) for node in FLIGHT_NODES)]
+    scenario = scenarios.override(
+        scenario, {'optitrack_node.watermark': scenario.estimator_node.waits_for_capture})
+    others = [*_recorder(arguments['bag'], **recorder_topics(scenario)),
+              *((*node, {}) for node in FLIGHT_NODES)]
     waits = {'wait_for': ','.join(executable for _, executable, _ in others)}
     return Plan([*others, (*SIMULATOR, waits)], scenario)
 
@@ -129,8 +133,11 @@ def replay_plan(arguments: Mapping[str, str]) -> Plan:
         # the recorder does not subscribe to sensors
         if scenario.estimator_node.estimator == 'ground_truth':
             scenario = scenarios.override(scenario, {'estimator_node.estimator': 'kalman'})
-    others = [*_recorder(arguments['output'], RECORDED), (*ESTIMATOR, {})]
+    aided = scenario is not None and scenario.estimator_node.aided
+    recorded = f'{RECORDED},{topics.LOCATED.name}' if aided else RECORDED
+    others = [*_recorder(arguments['output'], recorded), (*ESTIMATOR, {})]
     player: dict[str, object] = {
+        'capture': aided,
         'bag': str(bag), 'rate': _read(arguments, 'rate'),
         'source_namespace': arguments['source_namespace'],
         'wait_for': ','.join(executable for _, executable, _ in others)}

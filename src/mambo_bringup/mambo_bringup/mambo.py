@@ -55,6 +55,8 @@ GROUPS: dict[str, dict[str, Command]] = {
                          'any estimator (Cramer-Rao)'),
         'consistency': Command('mambo_flight.judge.consistency', 'whether the joint filter '
                                'states its errors as large as they are'),
+        'coverage': Command('mambo_flight.smooth.coverage', 'smooth many flights: how often the '
+                            'intervals hold the true values'),
         'race': Command('mambo_flight.race.race', 'fly every controller over the same courses '
                         'in the same wind'),
     },

@@ -17,6 +17,7 @@ from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight import scenario as scenarios
 from mambo_model.errors import InputError
+from mambo_ros import topics
 
 from .flight import RECORDER
 from .node_group import NodeGroup
@@ -65,11 +66,14 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
         file = estimator_file or _recorded_parameters(recording, group.folder)
         parameters = ['--params-file', str(file)] if file else []
         scenario = parameter('scenario', file) if file else []
+        aided = file is not None and scenarios.load(file).estimator_node.aided
+        recorded = f'{RECORDED},{topics.LOCATED.name}' if aided else RECORDED
         group.start(*RECORDER, [
-            '--ros-args', *parameter('bag', output), *parameter('topics', RECORDED), *scenario])
+            '--ros-args', *parameter('bag', output), *parameter('topics', recorded), *scenario])
         group.start(*ESTIMATOR, ['--ros-args', *parameters])
         group.start(*PLAYER, [
             '--ros-args', *parameter('bag', bag), '-p', f'rate:={float(rate)}',
+            '-p', f'capture:={str(aided).lower()}',
             '-p', 'wait_for:=estimator_node,recorder_node'])
         group.watch()
     if group.interrupts.first:

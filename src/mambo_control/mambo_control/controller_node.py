@@ -48,15 +48,15 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
     """
     Controller.
 
-    Subscribes ``estimate/odom``, ``reference`` and ``/clock``, which bounds the stamps of the two;
-    answers each pair of equal stamps with
+    Subscribes ``estimate/odom`` (with ``estimate: map`` ``estimate/map``), ``reference`` and
+    ``/clock``, which bounds the stamps of the two; answers each pair of equal stamps with
     ``motor_pwm`` and ``controller/state``. Where one of a pair is missing and the other stream is
     ``patience`` ahead, or nobody publishes the missing stream any more, the other one is answered
     without it, as :mod:`failsafe` says. A shutdown stays until the node is started again.
     """
 
     publishes = (topics.MOTOR_PWM, topics.CONTROLLER_STATE, topics.DIAGNOSTICS)
-    subscribes = (topics.ESTIMATE, topics.REFERENCE, topics.CLOCK)
+    subscribes = (topics.ESTIMATE, topics.LOCATED, topics.REFERENCE, topics.CLOCK)
     example = '--ros-args -p patience:=0.1'
 
     def __init__(self, **kwargs) -> None:
@@ -80,8 +80,9 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self.accept(
             topics.REFERENCE, messages.decode_reference, self._on_reference,
             check=_check_reference, **bounds)
+        self._estimate = topics.LOCATED if p.estimate == 'map' else topics.ESTIMATE
         self.accept(
-            topics.ESTIMATE, messages.decode_estimate, self._on_estimate,
+            self._estimate, messages.decode_estimate, self._on_estimate,
             check=_check_estimate, **bounds)
         self.create_timer(_LOOK_EVERY, self._look)
 
@@ -116,7 +117,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         begun = self._last >= 0  # before that, nobody may have been found yet
         self._gone = tuple(  # by the names that they were remapped to
             begun and not self.count_publishers(self.resolve_topic_name(topic.name))
-            for topic in (topics.ESTIMATE, topics.REFERENCE))
+            for topic in (self._estimate, topics.REFERENCE))
         for waiting, gone in zip((self._references, self._estimates), self._gone, strict=True):
             for stamp in sorted(waiting) if gone else ():
                 self._answer(stamp)

@@ -28,6 +28,9 @@ class ControllerNodeParams:
     """Parameters of ``controller_node``; the vehicle is the one the controller believes in."""
 
     controller: str = schema.component('cascaded', REGISTRY, 'which control law')
+    estimate: str = schema.choice(
+        'odom', ('odom', 'map'), 'frame of the estimate that is answered: odom never jumps, map '
+        'is where the motion capture sees the vehicle and needs an estimator that uses it')
     period: float = schema.quantity(0.005, 's', 0.001, 0.1, '200 Hz, section 4.2')
     patience: float = schema.quantity(
         0.1, 's', 0.0, 10.0, 'an estimate or a reference is missing when the other stream is '

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from geometry_msgs.msg import TransformStamped
-from mambo_model import frames, slots
+from mambo_model import slots
 from mambo_model.compiled import Held, hold, jit
-from mambo_model.motion import rigid_body
-from mambo_ros import cdr, diagnostics, input_guard, messages, node, process, topics
-from tf2_msgs.msg import TFMessage
+from mambo_model.motion.rigid_body import State
+from mambo_ros import diagnostics, input_guard, messages, node, process, topics, transforms
 
 from . import filters
+from .capture import report as capture_report
+from .capture.aided import Located
+from .capture.frames import odom_in_map
+from .capture.pose_queue import PoseQueue, SeenPose
 from .estimate import diagnostic_status, Estimate, tilt_deviation
 from .parameters import EstimatorNodeParams
 from .synchroniser import Step, Synchroniser
@@ -19,6 +21,7 @@ from .synchroniser import Step, Synchroniser
 _TF_EVERY = 20_000_000  # ns
 _REPORT_EVERY = 1_000_000_000  # ns
 _STREAMS = (topics.IMU, topics.SONAR, topics.OPTICAL_FLOW, topics.BAROMETER)
+_Counts = tuple[int, ...]
 _ZERO3, _ZERO36 = (0.0,) * 3, (0.0,) * 36
 
 
@@ -27,25 +30,18 @@ def _check_truth(truth: tuple) -> str:
     return input_guard.finite(*truth[1])
 
 
-def _transform(
-    t: int, parent: str, child: str, state: rigid_body.State | None,
-) -> TransformStamped:
-    out = TransformStamped(child_frame_id=child)
-    out.header.frame_id = parent
-    out.header.stamp.sec, out.header.stamp.nanosec = divmod(t, 1_000_000_000)
-    if state is not None:
-        where, turn = out.transform.translation, out.transform.rotation
-        where.x, where.y, where.z = frames.flip_vector(state.rho)
-        turn.x, turn.y, turn.z, turn.w = frames.wire_quaternion(state.q)
-    return out
-
-
 @jit
 def _step(held, dt, gyro, accel, sonar, flow, flow_quality, pressure):
     """Take the samples of one step; return the estimate."""
     held.memory, estimate = filters.step(
         held.memory, dt, gyro, accel, sonar, flow, flow_quality, pressure, held.values)
-    return estimate
+    return estimate, filters.located(held.memory, estimate)
+
+
+@jit
+def _offer(held, age, rho, q):
+    """Give the next step a pose."""
+    held.memory = filters.offer(held.memory, age, rho, q)
 
 
 class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
@@ -54,11 +50,14 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
 
     Subscribes ``imu/data_raw``, ``sonar/range``, ``optical_flow``, ``barometer/pressure`` and
     ``sensor_tick`` (or ``ground_truth/odom`` alone where that is the estimator); publishes
-    ``estimate/odom``, ``estimator/state``, ``/tf`` and ``/diagnostics``.
+    ``estimate/odom``, ``estimator/state``, ``/tf`` and ``/diagnostics``. With motion capture it
+    subscribes ``optitrack/pose`` and ``optitrack/tick`` as well, and publishes ``estimate/map``.
     """
 
-    publishes = (topics.ESTIMATE, topics.ESTIMATOR_STATE, topics.TF, topics.DIAGNOSTICS)
-    subscribes = (*_STREAMS, topics.SENSOR_TICK, topics.GROUND_TRUTH)
+    publishes = (
+        topics.ESTIMATE, topics.LOCATED, topics.ESTIMATOR_STATE, topics.TF, topics.DIAGNOSTICS)
+    subscribes = (
+        *_STREAMS, topics.SENSOR_TICK, topics.GROUND_TRUTH, topics.OPTITRACK, topics.CAPTURE_TICK)
     example = '--ros-args -p estimator:=kalman -p sensor_reliability:=best_effort'
 
     def __init__(self, **kwargs) -> None:
@@ -80,6 +79,7 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         self._inner = self.advertise(topics.ESTIMATOR_STATE)
         self._diagnostics = self.advertise(topics.DIAGNOSTICS)
         sync = self._sync
+        self._poses = self._subscribe_poses(watermark) if p.aided else None
         self._subscribe_sensor(topics.SONAR, messages.decode_sonar, sync.add_sonar)
         self._subscribe_sensor(topics.OPTICAL_FLOW, messages.decode_optical_flow, sync.add_flow)
         self._subscribe_sensor(topics.BAROMETER, messages.decode_pressure, sync.add_pressure)
@@ -118,28 +118,62 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
             topic, decode, self._adder(add), prompt=False, reliable=self._reliable,
             timed=False, lost=lambda: self._run(self._sync.skip(stream)))
 
-    def _on_truth(self, t: int, state: rigid_body.State) -> None:
+    def _taker(self, add: Callable) -> Callable:
+        """Return the same for a message of the motion capture."""
+        return lambda *sample: self._take(add(*sample))
+
+    def _subscribe_poses(self, watermark: bool) -> PoseQueue:
+        """Subscribe to the motion capture; return what pairs its poses with the steps."""
+        poses = PoseQueue(watermark)
+        self._located = self.advertise(topics.LOCATED)
+        self.accept(
+            topics.OPTITRACK, messages.decode_pose, self._taker(poses.add_pose), prompt=False,
+            reliable=self._reliable, timed=False, lost=self._taker(poses.skip))
+        if watermark:
+            self.accept(
+                topics.CAPTURE_TICK, messages.decode_capture_tick, self._taker(poses.add_tick))
+        return poses
+
+    def _on_truth(self, t: int, state: State) -> None:
         self._estimate(messages.estimate(t, state, _ZERO36, _ZERO36))
         self._broadcast(t, state)
 
     def _run(self, steps: list[Step]) -> None:
-        for s in steps:
-            estimate = _step(
+        poses = self._poses
+        self._take([(s, None) for s in steps] if poses is None else poses.add_steps(steps))
+
+    def _take(self, steps: list[tuple[Step, SeenPose | None]]) -> None:
+        """Take steps with their poses, and publish what they say."""
+        for s, pose in steps:
+            if pose is not None:
+                _offer(self._held, (s.t - pose.t) * 1e-9, pose.rho, pose.q)
+            estimate, located = _step(
                 self._held, s.dt, s.gyro, s.accel, s.sonar, s.flow, s.flow_quality, s.pressure)
             if self._slot is not None:
                 self.fail(slots.fault(self._slot))
             if s.last:
-                self._publish(s.t, estimate, s.dropped)
+                self._publish(s.t, estimate, located, s.dropped)
 
-    def _publish(self, t: int, e: Estimate, dropped: tuple[int, ...]) -> None:
+    def _publish(self, t: int, e: Estimate, located: Located | None, dropped: _Counts) -> None:
         self._estimate(messages.estimate(t, e.state, e.pose_covariance, e.twist_covariance))
-        self._inner(encode_state(t, e, dropped))
-        self._broadcast(t, e.state)
+        anchor = None
+        if located is not None:
+            self._located(messages.located(
+                t, located.state, located.pose_covariance, located.twist_covariance))
+            anchor = odom_in_map(located.capture.anchor)
+        self._inner(messages.estimator_state(
+            t, e.status, e.height, e.vertical_velocity, e.gyro_bias, e.accel_bias,
+            e.barometer_offset, (e.sonar_innovation, e.sonar_test_ratio),
+            (*e.flow_innovation, e.flow_test_ratio),
+            (e.barometer_innovation, e.barometer_test_ratio),
+            (e.sonar_refused, e.flow_refused, e.barometer_refused),
+            e.invalid_samples + sum(dropped), *e.health, dropped))
+        self._broadcast(t, e.state, anchor)
         if t >= self._next_report:
             self._next_report = (t // _REPORT_EVERY + 1) * _REPORT_EVERY
-            self._report(t, e, dropped)
+            self._report(t, e, located, dropped)
 
-    def _report(self, t: int, e: Estimate, dropped: tuple[int, ...]) -> None:
+    def _report(self, t: int, e: Estimate, located: Located | None, dropped: _Counts) -> None:
         """Publish the status of the estimator and of each sensor on ``/diagnostics``."""
         counts = e.health.not_finite + dropped
         new = tuple(now - before for now, before in zip(counts, self._reported, strict=True))
@@ -148,27 +182,15 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
             e.status, e.height, (e.sonar_refused, e.flow_refused, e.barometer_refused),
             e.invalid_samples + sum(dropped), e.health, new[:5], new[5:],
             tilt_deviation(e.pose_covariance))
+        if located is not None:
+            level, line, numbers = capture_report.added(
+                (level, line, numbers), located.capture, self.params.joint.pose.max_age)
         self._diagnostics(diagnostics.report(
             t, self.get_name(), diagnostics.LEVELS[level], line, numbers))
 
-    def _broadcast(self, t: int, state: rigid_body.State) -> None:
-        if t % _TF_EVERY:
-            return
-        transforms = [_transform(t, messages.ODOM, messages.BASE, state)]
-        if self.params.map_to_odom:
-            transforms.append(_transform(t, messages.MAP, messages.ODOM, None))
-        self._tf(cdr.serialize(TFMessage(transforms=transforms)))
-
-
-def encode_state(t: int, e: Estimate, dropped: tuple[int, ...]) -> bytes:
-    """Serialise ``EstimatorState`` of one estimate and what the synchroniser dropped."""
-    return messages.estimator_state(
-        t, e.status, e.height, e.vertical_velocity, e.gyro_bias, e.accel_bias,
-        e.barometer_offset, (e.sonar_innovation, e.sonar_test_ratio),
-        (e.flow_innovation[0], e.flow_innovation[1], e.flow_test_ratio),
-        (e.barometer_innovation, e.barometer_test_ratio),
-        (e.sonar_refused, e.flow_refused, e.barometer_refused), e.invalid_samples + sum(dropped),
-        *e.health, dropped)
+    def _broadcast(self, t: int, state: State, anchor: State | None = None) -> None:
+        if t % _TF_EVERY == 0:
+            self._tf(transforms.encode(t, state, anchor, self.params.map_to_odom))
 
 
 def main(args=None) -> None:

@@ -21,6 +21,8 @@ from mambo_model.slots import PlainMemory, PlainValues, UnusableError
 from mambo_model.values import values
 
 from . import kalman, support_package
+from .capture import aided
+from .capture.pose_parameters import AidedValues
 from .estimate import Estimate, of_state, STATUS, STATUS_DEAD_RECKONING
 from .joint import filter as joint
 from .joint.joint_parameters import JointParams
@@ -190,6 +192,22 @@ def _own_step(memory, dt, gyro, accel, sonar, flow, quality, pressure, own):
     return OwnMemory(after, False), estimate
 
 
+@jit
+def _ignore(memory, age, rho, q):
+    """Return the memory of an estimator that uses no motion capture."""
+    return memory
+
+
+@jit
+def _nowhere(memory, estimate):
+    """Return that an estimator knows no place in ``map``."""
+    return None
+
+
 _ALL = tuple(REGISTRY.built_in.values())
-initial = by_type(0, {OwnValues: _own_initial} | {c.params.Values: c.initial for c in _ALL})
-step = by_type(8, {OwnValues: _own_step} | {c.params.Values: c.step for c in _ALL})
+initial = by_type(0, {OwnValues: _own_initial, AidedValues: aided.initial} | {
+    c.params.Values: c.initial for c in _ALL})
+step = by_type(8, {OwnValues: _own_step, AidedValues: aided.step} | {
+    c.params.Values: c.step for c in _ALL})
+offer = by_type(0, {aided.AidedMemory: aided.offer}, _ignore)
+located = by_type(0, {aided.AidedMemory: aided.located}, _nowhere)

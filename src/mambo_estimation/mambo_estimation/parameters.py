@@ -36,3 +36,13 @@ class EstimatorNodeParams:
         chosen = REGISTRY.find(self.estimator) or REGISTRY.find('kalman')
         params = getattr(self, chosen.name)
         return OwnParams(chosen, params) if chosen.own else params
+
+    @property
+    def aided(self) -> bool:
+        """Return whether poses of the motion capture correct the estimate."""
+        return self.estimator == 'joint' and self.joint.pose.enabled
+
+    @property
+    def waits_for_capture(self) -> bool:
+        """Return whether a step waits for the watermark of the motion capture."""
+        return self.aided and self.synchronise == 'watermark'

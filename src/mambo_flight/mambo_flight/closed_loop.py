@@ -26,6 +26,7 @@ from mambo_sim.sensors import optitrack
 import numpy as np
 from numpy.typing import NDArray
 
+from .located import store_located, WIDTH
 from .scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -71,6 +72,7 @@ class Recording(NamedTuple):
     stopped: NDArray[np.bool_]  # (n,) motors shut down
     reason: NDArray[np.int64]  # (n,) safety.REASON_* of the command
     inner: Inner | None  # None is a type of its own: a loop that does not store this
+    located: Array | None = None  # (n, 61) in map, located.COLUMNS; None: no motion capture used
 
 
 class Settings(NamedTuple):
@@ -88,6 +90,7 @@ class Settings(NamedTuple):
     use_truth: bool                       # the controller gets the true state
     sonar_low: float                      # m, least range on the wire
     sonar_high: float                     # m, largest
+    use_map: bool                         # the controller gets the estimate in map
 
 
 def settings(flight: Scenario) -> Settings:
@@ -99,7 +102,8 @@ def settings(flight: Scenario) -> Settings:
         flight.controller_node.failsafe.values(),
         flight.reference_node.vehicle.values(), flight.controller_node.vehicle.values(),
         flight.controller_node.period, estimator.estimator == 'ground_truth',
-        float(np.float32(sim.sonar.min_range)), float(np.float32(sim.sonar.max_range)))
+        float(np.float32(sim.sonar.min_range)), float(np.float32(sim.sonar.max_range)),
+        flight.controller_node.estimate == 'map')
 
 
 def fly(flight: Scenario, inner: bool = False) -> Recording:
@@ -139,7 +143,8 @@ def blank(flight: Scenario, inner: bool = False) -> Recording:
         np.empty(steps), np.empty((steps, 3)), np.empty(steps), np.zeros(steps, dtype=np.int64),
         np.zeros((steps, 5), dtype=np.int64), np.zeros((steps, 6)), np.zeros((steps, 6)),
         np.zeros(steps, dtype=np.bool_), np.zeros(steps, dtype=np.int64),
-        _inner(steps) if inner else None)
+        _inner(steps) if inner else None,
+        np.zeros((steps, WIDTH)) if flight.estimator_node.aided else None)
 
 
 def run(flight: Scenario, out: Recording) -> None:
@@ -285,6 +290,16 @@ def _store_inner(inner, k, s, ref, c, control, mocap):
 
 
 @jit
+def _answered(state, spread, where, use_map):
+    """Return state and spread that the controller answers, in ``map`` where that is chosen."""
+    if where is None:
+        return state, spread
+    if use_map:
+        return where.state, failsafe.spread_of(where.pose_covariance, where.twist_covariance)
+    return state, spread
+
+
+@jit
 def _loop(state, rngs, mocap_rng, memory, control, p, out):
     """
     Fly; every argument as :func:`fly` makes it, ``out`` is filled.
@@ -301,9 +316,13 @@ def _loop(state, rngs, mocap_rng, memory, control, p, out):
         t_before = t - STEP_NS if k else t
         mocap, seen = optitrack.step(mocap, t_before, before, t, body, mocap_rng, p.optitrack)
         before = body
-        estimated, spread, readings = body, failsafe.EXACT, delivered_readings(samples, p)
+        estimated, answered, spread = body, body, failsafe.EXACT
+        readings = delivered_readings(samples, p)
         _store_samples(out, k, samples, readings)
         if not p.use_truth:
+            if seen.new:
+                memory = filters.offer(
+                    memory, (t - seen.stamp) * 1e-9, seen.pose.rho, seen.pose.q)
             memory, estimate = filters.step(
                 memory, (t - t_before) * 1e-9, readings.gyro, readings.accel, readings.sonar,
                 readings.flow, readings.flow_quality, readings.pressure, p.estimator)
@@ -311,11 +330,14 @@ def _loop(state, rngs, mocap_rng, memory, control, p, out):
             _store_health(out, k, estimate)
             store_estimate(out.inner, k, estimate)
             spread = failsafe.spread_of(estimate.pose_covariance, estimate.twist_covariance)
+            where = filters.located(memory, estimate)
+            store_located(out.located, k, where)
+            answered, spread = _answered(estimated, spread, where, p.use_map)
         vehicle = p.reference_vehicle
         ref, phase = reference_step(
             t * 1e-9, p.plan, vehicle.mass, vehicle.inertia, vehicle.gravity)
         control, command = failsafe.step(
-            control, estimated, spread, ref, phase, p.period, p.gains, p.failsafe,
+            control, answered, spread, ref, phase, p.period, p.gains, p.failsafe,
             p.controller_vehicle)
         store_state(out.truth[k], body)
         store_state(out.estimate[k], estimated)

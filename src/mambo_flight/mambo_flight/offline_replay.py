@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from mambo_bags.reader import Bag, BagError, Messages
 from mambo_estimation import filters
+from mambo_estimation.capture.pose_parameters import AidedValues
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_estimation.synchroniser import Synchroniser
 from mambo_model.compiled import jit
@@ -24,7 +25,9 @@ from mambo_ros import topics
 import numpy as np
 from numpy.typing import NDArray
 
+from .aided_replay import Poses, poses
 from .closed_loop import Recording, store_estimate, store_state
+from .located import store_located, WIDTH
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -54,6 +57,7 @@ class Estimates(NamedTuple):
     twist_covariance: Floats  # (n, 36), likewise
     estimator: Floats  # (n, 36), its other numbers, as of closed_loop.Inner
     dropped: Ints  # (n, 4) samples left out so far: IMU, sonar, flow, pressure
+    located: Floats | None = None  # (n, 61) in map, located.COLUMNS; None: no motion capture used
 
 
 class _Stream(NamedTuple):
@@ -209,27 +213,53 @@ def steps(bag: Bag) -> Steps:
 
 
 @jit
-def _run(memory, values, s, out):
+def _offered(memory, seen, k):
+    """Return the memory of an estimator with the pose of step k, where there is one."""
+    if seen is None:
+        return memory
+    if np.isnan(seen.age[k]):
+        return memory
+    z = seen.pose[k]
+    return filters.offer(memory, seen.age[k], (z[0], z[1], z[2]), (z[3], z[4], z[5], z[6]))
+
+
+@jit
+def _run(memory, values, s, seen, out):
     """Fill ``out`` with what an estimator makes of some steps."""
     row = 0
     for k in range(len(s.t)):
         g, a, f = s.gyro[k], s.accel[k], s.flow[k]
+        memory = _offered(memory, seen, k)
         memory, estimate = filters.step(
             memory, s.dt[k], (g[0], g[1], g[2]), (a[0], a[1], a[2]), s.sonar[k], (f[0], f[1]),
             s.flow_quality[k], s.pressure[k], values)
         if s.last[k]:
             store_state(out.state[row], estimate.state)
             store_estimate(out, row, estimate)
+            store_located(out.located, row, filters.located(memory, estimate))
             row += 1
 
 
-def run(found: Steps, params: filters.Params) -> Estimates:
-    """Return what an estimator, chosen by the type of its parameters, makes of some steps."""
-    n = int(found.last.sum())
+def run(found: Steps, params: filters.Params, seen: Poses | None = None) -> Estimates:
+    """
+    Return what an estimator, chosen by the type of its parameters, makes of some steps.
+
+    Parameters
+    ----------
+    found
+        Of :func:`steps`.
+    params
+        Of the estimator.
+    seen
+        What the motion capture saw, for an estimator that uses it.
+
+    """
+    n, values = int(found.last.sum()), params.values()
+    aided = isinstance(values, AidedValues)
     out = Estimates(
         found.t[found.last], *(np.empty((n, width)) for width in (13, 36, 36, 36)),
-        found.dropped[found.last])
-    _run(filters.initial(params.values()), params.values(), found, out)
+        found.dropped[found.last], np.zeros((n, WIDTH)) if aided else None)
+    _run(filters.initial(values), values, found, seen if aided else None, out)
     return out
 
 
@@ -240,12 +270,18 @@ def estimate(bag: Bag, params: filters.Params) -> Estimates:
     Parameters
     ----------
     bag
-        As of :func:`steps`.
+        As of :func:`steps`, and read with ``optitrack/pose`` and ``optitrack/tick`` for an
+        estimator that uses the motion capture.
     params
         Of the estimator, which they choose by their type.
 
     """
-    return run(steps(bag), params)
+    found = steps(bag)
+    if not isinstance(params.values(), AidedValues):
+        return run(found, params)
+    seen, whole = poses(bag, found.t)
+    return run(Steps(*(column[:whole] for column in found)), params,
+               Poses(*(column[:whole] for column in seen)))
 
 
 def estimate_again(recording: Recording, node: EstimatorNodeParams) -> Floats:
@@ -267,4 +303,9 @@ def estimate_again(recording: Recording, node: EstimatorNodeParams) -> Floats:
     found.sonar[:], found.pressure[:] = recording.sonar, recording.pressure
     found.flow[:], found.flow_quality[:] = recording.flow[:, :2], np.nan_to_num(
         recording.flow[:, 2])
-    return run(found, node.filter).state
+    seen = None
+    if node.aided:
+        new = ~np.isnan(recording.pose[:, 0])
+        seen = Poses(
+            np.where(new, (recording.t - recording.pose_t) * 1e-9, np.nan), recording.pose)
+    return run(found, node.filter, seen).state

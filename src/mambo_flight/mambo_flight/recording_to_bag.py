@@ -14,6 +14,8 @@ from typing import Any
 from geometry_msgs.msg import TransformStamped
 from mambo_bags.writer import BagWriter, BagWriterError, Qos
 from mambo_control import failsafe
+from mambo_estimation.capture import report as capture_report
+from mambo_estimation.capture.frames import odom_in_map
 from mambo_estimation.estimate import diagnostic_status, tilt_deviation
 from mambo_estimation.health import Health
 from mambo_model import frames
@@ -25,6 +27,7 @@ from numpy.typing import NDArray
 from tf2_msgs.msg import TFMessage
 
 from .closed_loop import Recording
+from .located import anchor_of, capture_of, COLUMNS
 from .scenario import commented_yaml, Scenario
 
 SECOND = 1_000_000_000  # ns
@@ -81,6 +84,14 @@ def estimate(t: NDArray[np.int64], states: NDArray, inner: Any) -> NDArray[np.ui
         t, _state(states), _columns(inner.pose_covariance), _columns(inner.twist_covariance))
 
 
+def located(t: NDArray[np.int64], rows: NDArray, twist_covariance: NDArray) -> NDArray[np.uint8]:
+    """Encode estimates in ``map``, rows as of :mod:`.located`."""
+    return messages.located(
+        t, _state(rows[:, :COLUMNS.covariance]),
+        _columns(rows, COLUMNS.covariance, COLUMNS.anchor - COLUMNS.covariance),
+        _columns(twist_covariance))
+
+
 def estimator_state(
     t: NDArray[np.int64], inner: Any, dropped: tuple[Any, ...] = (0, 0, 0, 0),
 ) -> NDArray[np.uint8]:
@@ -95,6 +106,8 @@ def _laws(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Stream
     """Yield what estimator, reference and controller publish."""
     inner = r.inner
     yield topics.ESTIMATE, _block(r.t, estimate(r.t, r.estimate, inner))
+    if r.located is not None:
+        yield topics.LOCATED, _block(r.t, located(r.t, r.located, inner.twist_covariance))
     if flight.estimator_node.estimator != 'ground_truth':
         yield topics.ESTIMATOR_STATE, _block(r.t, estimator_state(r.t, inner))
     rho, _, q, omega = _state(r.reference)
@@ -108,22 +121,31 @@ def _laws(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Stream
 
 
 def _marks(map_to_odom: bool) -> tuple[bytes, list[int], list[int]]:
-    """Return a /tf message, and where its stamps and the seven numbers of a pose stand."""
-    sec, nanosec, numbers = 0x51525354, 0x21222324, [1.5e300 + k * 1e299 for k in range(7)]
-    frame = TransformStamped(child_frame_id=messages.BASE)
-    frame.header.frame_id = messages.ODOM
-    where, turn = frame.transform.translation, frame.transform.rotation
-    where.x, where.y, where.z, turn.x, turn.y, turn.z, turn.w = numbers
-    transforms = [frame]
-    if map_to_odom:
-        transforms.append(TransformStamped(child_frame_id=messages.ODOM))
-        transforms[1].header.frame_id = messages.MAP
-    for transform in transforms:
-        transform.header.stamp.sec, transform.header.stamp.nanosec = sec, nanosec
+    """Return a /tf message, and where its stamps and the numbers of its poses stand."""
+    sec, nanosec, numbers = 0x51525354, 0x21222324, [1.5e300 + k * 1e299 for k in range(14)]
+    children = ((messages.ODOM, messages.BASE), (messages.MAP, messages.ODOM))
+    transforms = []
+    for k, (parent, child) in enumerate(children[:2 if map_to_odom else 1]):
+        frame = TransformStamped(child_frame_id=child)
+        frame.header.frame_id = parent
+        frame.header.stamp.sec, frame.header.stamp.nanosec = sec, nanosec
+        where, turn = frame.transform.translation, frame.transform.rotation
+        where.x, where.y, where.z, turn.x, turn.y, turn.z, turn.w = numbers[7 * k:7 * k + 7]
+        transforms.append(frame)
     data = cdr.serialize(TFMessage(transforms=transforms))
     mark = np.array([sec, nanosec], dtype='<u4').tobytes()
     stamps = [at for at in range(len(data)) if data.startswith(mark, at)]
-    return data, stamps, [data.index(np.float64(number).tobytes()) for number in numbers]
+    return data, stamps, [
+        data.index(np.float64(number).tobytes()) for number in numbers[:7 * len(transforms)]]
+
+
+def _anchors(r: Recording, some: NDArray[np.bool_]) -> tuple[Any, ...]:
+    """Return the seven numbers of the pose of ``odom`` in ``map``, on the wire, a column each."""
+    if r.located is None:
+        return tuple(np.full(some.sum(), x) for x in (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    poses = [odom_in_map(anchor_of(row)) for row in r.located[some]]
+    return tuple(np.array(column) for column in zip(*(
+        (*frames.flip_vector(pose.rho), *frames.wire_quaternion(pose.q)) for pose in poses)))
 
 
 def _tf(r: Recording, map_to_odom: bool) -> Stream:
@@ -135,8 +157,8 @@ def _tf(r: Recording, map_to_odom: bool) -> Stream:
     clock = np.stack((t // SECOND, t % SECOND), axis=1).astype('<u4').view(np.uint8)
     for at in stamps:
         out[:, at:at + 8] = clock
-    pose = (*frames.flip_vector(state.rho), *frames.wire_quaternion(state.q))
-    for at, column in zip(places, pose, strict=True):
+    poses = (*frames.flip_vector(state.rho), *frames.wire_quaternion(state.q), *_anchors(r, some))
+    for at, column in zip(places, poses):
         out[:, at:at + 8] = np.ascontiguousarray(column).view(np.uint8).reshape(-1, 8)
     return _block(t, out)
 
@@ -165,7 +187,8 @@ def _reports(r: Recording, flight: Scenario) -> Iterator[tuple[int, bytes]]:
                 row, spread = r.inner.estimator[k], r.inner.pose_covariance[k]
                 tilt_std = tilt_deviation(spread.tolist())
                 at_t.append(_estimator_report(
-                    t, row, row[31:36].astype(int) - not_finite, tilt_std))
+                    t, row, row[31:36].astype(int) - not_finite, tilt_std,
+                    None if r.located is None else r.located[k], flight))
                 not_finite = row[31:36].astype(int)
         yield from sorted(at_t)
 
@@ -180,13 +203,18 @@ def _level(stage: int) -> bytes:
 
 
 def _estimator_report(
-    t: int, row: NDArray, not_finite: NDArray, tilt_std: float,
+    t: int, row: NDArray, not_finite: NDArray, tilt_std: float, seen: NDArray | None,
+    flight: Scenario,
 ) -> tuple[int, bytes]:
     counts = tuple(row[17:21].astype(int).tolist())
-    level, line, numbers = diagnostic_status(
+    status = diagnostic_status(
         int(row[0]), float(row[1]), counts[:3], counts[3],
         Health(tuple(row[21:26].astype(int).tolist()), tuple(row[26:31].tolist()), (0,) * 5),
         tuple(not_finite.tolist()), (0,) * 4, tilt_std)
+    if seen is not None:
+        status = capture_report.added(
+            status, capture_of(seen), flight.estimator_node.joint.pose.max_age)
+    level, line, numbers = status
     return _report(t, 'estimator_node', diagnostics.LEVELS[level], line, numbers)
 
 
@@ -198,12 +226,19 @@ def _streams(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Str
     seen = ~np.isnan(r.pose[:, 0])
     yield topics.OPTITRACK, _block(r.pose_t[seen], messages.optitrack(
         r.pose_t[seen], *_vectors(r.pose[seen], 3, 4)))
+    if flight.estimator_node.waits_for_capture:
+        yield topics.CAPTURE_TICK, _block(r.t, messages.capture_tick(r.t, np.cumsum(seen)))
     yield from _laws(r, flight)
     yield topics.TF, _tf(r, flight.estimator_node.map_to_odom)
     reports = list(_reports(r, flight))
     yield topics.DIAGNOSTICS, _block(
         np.array([t for t, _ in reports], dtype=np.int64),
         *(np.frombuffer(data, dtype=np.uint8)[None] for _, data in reports))
+
+
+def recorded(flight: Scenario) -> tuple[topics.Topic, ...]:
+    """Return the topics in the bag of a flight."""
+    return topics.RECORDED + (topics.AIDED if flight.estimator_node.aided else ())
 
 
 def check(flight: Scenario) -> None:
@@ -239,8 +274,8 @@ def write(path: Path, flight: Scenario, recording: Recording, namespace: str = '
     check(flight)
     with BagWriter(path, attachments={'scenario.yaml': commented_yaml(flight)}) as bag:
         name = {topic: topic.name if topic.name.startswith('/') else f'{namespace}/{topic.name}'
-                for topic in topics.RECORDED}
-        for topic in topics.RECORDED:
+                for topic in recorded(flight)}
+        for topic in recorded(flight):
             bag.add_topic(name[topic], topic.type_name, Qos(depth=topics.QUEUE),
                           shared=topic.shared)
         bag.write_all({name[topic]: stream for topic, stream in _streams(recording, flight)

@@ -37,6 +37,12 @@ class Scenario:
     reference_node: ReferenceNodeParams = schema.group(ReferenceNodeParams)
     controller_node: ControllerNodeParams = schema.group(ControllerNodeParams)
 
+    def __post_init__(self) -> None:
+        if self.controller_node.estimate == 'map' and not self.estimator_node.aided:
+            raise schema.ParameterError(
+                'controller_node.estimate: map needs motion capture: set '
+                'estimator_node.estimator: joint and estimator_node.joint.pose.enabled: true')
+
     @property
     def seed(self) -> int:
         """Return the seed of every noise stream."""

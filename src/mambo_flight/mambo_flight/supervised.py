@@ -76,9 +76,11 @@ def _describe(own: list[Component], rows: int) -> str:
 
 def _each(recording: Recording, change: Callable[[np.ndarray], np.ndarray]) -> Recording:
     """Return a recording with every array changed."""
-    columns = [change(column) for column in recording[:-1]]
-    inner = recording.inner
-    return Recording(*columns, None if inner is None else type(inner)(*map(change, inner)))
+    def changed(part: Any) -> Any:
+        if part is None:
+            return None
+        return type(part)(*map(change, part)) if isinstance(part, tuple) else change(part)
+    return Recording(*map(changed, recording))
 
 
 def _shared(column: np.ndarray) -> np.ndarray:

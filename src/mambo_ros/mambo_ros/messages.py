@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from geometry_msgs.msg import PoseStamped
 from mambo_interfaces.msg import (
-    ControllerState, EstimatorState, MotorPwm, OpticalFlow, Reference, SensorTick)
+    CaptureTick, ControllerState, EstimatorState, MotorPwm, OpticalFlow, Reference, SensorTick)
 from mambo_model.frames import body_quaternion, flip_covariance, flip_vector, wire_quaternion
 from mambo_model.motion import flatness
 from mambo_model.motion.rigid_body import State
@@ -35,6 +35,8 @@ _FLOW = Layout(OpticalFlow, header__frame_id=BASE)
 _PRESSURE = Layout(FluidPressure, header__frame_id=BASE)
 _TICK = Layout(SensorTick)
 _TRUTH = Layout(Odometry, header__frame_id=MAP, child_frame_id=BASE)
+_CAPTURE_TICK = Layout(CaptureTick)
+_LOCATED = Layout(Odometry, header__frame_id=MAP, child_frame_id=BASE)
 _ESTIMATE = Layout(Odometry, header__frame_id=ODOM, child_frame_id=BASE)
 _POSE = Layout(PoseStamped, header__frame_id=MAP)
 _REFERENCE = Layout(Reference, header__frame_id=ODOM)
@@ -142,6 +144,17 @@ def decode_sensor_tick(data: bytes) -> tuple[int, tuple[int, int, int, int]]:
     return _stamp(n), n[2:6]
 
 
+def capture_tick(t: int, poses: int) -> bytes:
+    """Encode the watermark of the motion capture: poses published since start."""
+    return _CAPTURE_TICK.stamped(t, poses)
+
+
+def decode_capture_tick(data: bytes) -> tuple[int, int]:
+    """Return (stamp ns, count of poses)."""
+    n = _CAPTURE_TICK.unpack(data)
+    return _stamp(n), n[2]
+
+
 def _odometry(layout: Layout, t: int, state: State, pose_covariance: tuple,
               twist_covariance: tuple) -> bytes:
     return layout.stamped(
@@ -162,6 +175,12 @@ def estimate(t: int, state: State, pose_covariance: tuple, twist_covariance: tup
     twist in FRD axes.
     """
     return _odometry(_ESTIMATE, t, state, flip_covariance(pose_covariance),
+                     flip_covariance(twist_covariance))
+
+
+def located(t: int, state: State, pose_covariance: tuple, twist_covariance: tuple) -> bytes:
+    """Encode the estimate as odometry in ``map``; covariances as of :func:`estimate`."""
+    return _odometry(_LOCATED, t, state, flip_covariance(pose_covariance),
                      flip_covariance(twist_covariance))
 
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from mambo_interfaces.msg import (
-    ControllerState, EstimatorState, MotorPwm, NodeLinks, OpticalFlow, Reference, SensorTick)
+    CaptureTick, ControllerState, EstimatorState, MotorPwm, NodeLinks, OpticalFlow, Reference,
+    SensorTick)
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, Imu, Range
@@ -58,7 +59,9 @@ BAROMETER = Topic('barometer/pressure', FluidPressure, 70.0)
 SENSOR_TICK = Topic('sensor_tick', SensorTick, 200.0)
 GROUND_TRUTH = Topic('ground_truth/odom', Odometry, 200.0)
 OPTITRACK = Topic('optitrack/pose', PoseStamped, 120.0)
+CAPTURE_TICK = Topic('optitrack/tick', CaptureTick, 200.0)
 ESTIMATE = Topic('estimate/odom', Odometry, 200.0)
+LOCATED = Topic('estimate/map', Odometry, 200.0)
 ESTIMATOR_STATE = Topic('estimator/state', EstimatorState, 200.0)
 REFERENCE = Topic('reference', Reference, 200.0)
 CONTROLLER_STATE = Topic('controller/state', ControllerState, 200.0)
@@ -71,3 +74,6 @@ RECORDED = (
     CLOCK, IMU, SONAR, OPTICAL_FLOW, BAROMETER, SENSOR_TICK, GROUND_TRUTH, OPTITRACK, ESTIMATE,
     ESTIMATOR_STATE, REFERENCE, CONTROLLER_STATE, MOTOR_PWM, TF, DIAGNOSTICS)
 """Topics recorded by default: all that depend on the simulated flight alone."""
+
+AIDED = (CAPTURE_TICK, LOCATED)
+"""What the recorder takes besides where the estimator uses the motion capture."""

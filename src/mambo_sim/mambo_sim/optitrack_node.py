@@ -34,10 +34,10 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
 
     Subscribes ``ground_truth/odom``, publishes ``optitrack/pose`` at its own rate, late by its
     latency, stamped with the exposure, and ``/diagnostics``. A body that is not tracked has no
-    pose: nothing is published.
+    pose: nothing is published. With ``watermark`` ``optitrack/tick`` says so for every step.
     """
 
-    publishes = (topics.OPTITRACK, topics.DIAGNOSTICS)
+    publishes = (topics.OPTITRACK, topics.CAPTURE_TICK, topics.DIAGNOSTICS)
     subscribes = (topics.GROUND_TRUTH,)
     example = '--ros-args -p seed:=2'
 
@@ -49,9 +49,11 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
         _step(self._held, 0, still)  # have the compiled steps in memory before time starts
         memory_of(self._held)
         self._pose = self.advertise(topics.OPTITRACK)
+        self._tick = self.advertise(topics.CAPTURE_TICK) if self.params.watermark else None
+        self._published = 0
         self._diagnostics = self.advertise(topics.DIAGNOSTICS)
-        self.accept(topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth, prompt=False,
-                    check=_check)
+        self.accept(topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth,
+                    prompt=self.params.watermark, check=_check)
 
     def _begin(self, t: int, state: State) -> Held:
         """Return the cameras before their first sample of the truth."""
@@ -65,6 +67,9 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
         sample = _step(self._held, t, state)
         if sample.new:
             self._pose(messages.optitrack(sample.stamp, sample.pose.rho, sample.pose.q))
+            self._published += 1
+        if self._tick is not None:
+            self._tick(messages.capture_tick(t, self._published))
         if t % _REPORT_EVERY == 0:
             self._report(t)
 

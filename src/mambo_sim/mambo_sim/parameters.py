@@ -45,6 +45,9 @@ class OptitrackNodeParams:
 
     seed: int = schema.quantity(
         1, '-', 0, 2**31 - 1, 'of the simulator, whose noise streams it shares')
+    watermark: bool = schema.flag(
+        False, 'publish optitrack/tick, which an estimator that uses the poses waits for; a run '
+        'sets it where it is needed')
     optitrack: OptitrackParams = schema.group(OptitrackParams)
 
     def __post_init__(self) -> None:

@@ -21,6 +21,7 @@ from mambo_bags.reader import Bag, BagError, Batch, Messages, read_bag
 from mambo_bags.writer import BagWriter
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_flight import offline_replay, recording_to_bag, scenario
+from mambo_flight.smooth import recorded as smoothing
 from mambo_ros import topics
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ from .verdict import verdict
 
 READ = (*(topic.name for topic in (
     *offline_replay.SENSORS, topics.SENSOR_TICK, topics.ESTIMATE, topics.REFERENCE,
-    topics.OPTITRACK, topics.GROUND_TRUTH)), 'onboard/odom')
+    topics.OPTITRACK, topics.CAPTURE_TICK, topics.GROUND_TRUTH)), 'onboard/odom')
 """Topics that are estimated from and compared with."""
 
 
@@ -66,10 +67,14 @@ def _types() -> Typestore:
 
 def messages(found: offline_replay.Estimates) -> dict[topics.Topic, NDArray[np.uint8]]:
     """Return what the live estimator says: for each topic its messages, (n, size) bytes."""
-    return {
+    out = {
         topics.ESTIMATE: recording_to_bag.estimate(found.t, found.state, found),
         topics.ESTIMATOR_STATE: recording_to_bag.estimator_state(
             found.t, found, tuple(found.dropped.T))}
+    if found.located is not None:
+        out[topics.LOCATED] = recording_to_bag.located(
+            found.t, found.located, found.twist_covariance)
+    return out
 
 
 def answered(bag: Bag, found: offline_replay.Estimates) -> Bag:
@@ -82,9 +87,13 @@ def answered(bag: Bag, found: offline_replay.Estimates) -> Bag:
     return out
 
 
-def write(path: Path, bag: Bag, found: offline_replay.Estimates) -> None:
+def write(
+    path: Path, bag: Bag, found: offline_replay.Estimates, more: smoothing.Answer | None = None,
+) -> None:
     """
     Write estimates as a bag of ``estimate/odom`` and ``estimator/state``.
+
+    With a smoothed flight ``more`` it has ``estimate/smoothed`` as well.
 
     Raises
     ------
@@ -96,8 +105,13 @@ def write(path: Path, bag: Bag, found: offline_replay.Estimates) -> None:
         names = {topic: f'{bag.namespace}/{topic.name}' for topic in messages(found)}
         for topic, name in names.items():
             writer.add_topic(name, topic.type_name)
-        writer.write_all({
-            names[topic]: (found.t, [table]) for topic, table in messages(found).items()})
+        streams = {
+            names[topic]: (found.t, [table]) for topic, table in messages(found).items()}
+        if more is not None:
+            name = f'{bag.namespace}/{smoothing.TOPIC}'
+            writer.add_topic(name, topics.ESTIMATE.type_name)
+            streams[name] = (more.numbers.t, [more.table])
+        writer.write_all(streams)
 
 
 class Answer(NamedTuple):
@@ -155,8 +169,12 @@ def _work(options: argparse.Namespace) -> None:
     seconds = (found.t[-1] - found.t[0]) * 1e-9
     print(f'{seconds:.2f} s of flight estimated and compared in {took:.2f} s: '
           f'{seconds / took:.0f} times real time\n{text}')
+    more = None
+    if options.smooth:
+        more = smoothing.smoothed(bag, parameters(bag, options.parameters).joint)
+        print(f'\n{more.text}')
     if options.output:
-        write(options.output, bag, found)
+        write(options.output, bag, found, more)
         print(f'\nbag: {options.output}')
 
 
@@ -167,6 +185,9 @@ def parser() -> Parser:
     out.add_output('BAG', 'bag to create, with estimate/odom and estimator/state')
     out.add_argument('--parameters', type=Path, metavar='FILE',
                      help='ROS 2 parameter file of the estimator (default: that of the bag)')
+    out.add_argument('--smooth', action='store_true', help=(
+        'also smooth the flight with the joint filter: every state from all samples, Q, slope, '
+        'drag and biases with 95 %% intervals; with -o as estimate/smoothed'))
     out.add_argument('--namespace', help='of the drone, if the bag has several')
     return out
 

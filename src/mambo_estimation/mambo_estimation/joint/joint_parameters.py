@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from mambo_model.schema import flag, group, quantity
-from mambo_model.values import Parameters, values_type
+from mambo_model.values import Parameters, values, values_type
 
 from ..alignment import AlignmentParams
+from ..capture.pose_parameters import AidedValues, PoseParams
 from ..health import AgeParams
 from ..measurements.barometer import BarometerParams
 from ..measurements.imu import ImuParams
@@ -165,6 +167,12 @@ class JointParams(AgeParams):
     optical_flow: FlowParams = group(FlowParams)
     barometer: PressureParams = group(PressureParams)
     drag: DragParams = group(DragParams)
+    pose: PoseParams = group(PoseParams)
+
+    def values(self) -> Any:
+        """Return what compiled code reads; with motion capture that of a filter that uses it."""
+        own = values(self)
+        return AidedValues(own, self.pose.values()) if self.pose.enabled else own
 
 
-JointValues = values_type(JointParams)
+JointValues = values_type(JointParams, without=('pose',))

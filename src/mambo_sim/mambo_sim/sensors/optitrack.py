@@ -34,6 +34,9 @@ QUEUE = 11  # poses under way at most: 50 ms of latency at 200 Hz, and one
 MODELS = ('markers', 'pose')
 MODEL_MARKERS, MODEL_POSE = range(len(MODELS))
 
+FAULTS = ('none', 'lost', 'flip', 'swap')
+FAULT_NONE, FAULT_LOST, FAULT_FLIP, FAULT_SWAP = range(len(FAULTS))
+
 STAMPS = ('exposure', 'arrival')
 STAMP_EXPOSURE, STAMP_ARRIVAL = range(len(STAMPS))
 
@@ -104,6 +107,13 @@ class OptitrackParams(Parameters):
         'design choice: share of poses that do not arrive; 0.005 in 198 s of a recorded hall')
     loss_length: float = quantity(
         2.0, '1', 1.0, 1000.0, 'mean number of poses lost in a row, 2.06 in that recording')
+    fault: str = choice(
+        'none', FAULTS, 'what the cameras say from fault_begin to fault_end: nothing, the body '
+        'turned by half a turn of yaw, or another body that moves alike fault_distance away')
+    fault_begin: float = quantity(0.0, 's', 0.0, 86400.0, 'design choice')
+    fault_end: float = quantity(0.0, 's', 0.0, 86400.0, 'design choice')
+    fault_distance: float = quantity(
+        1.0, 'm', 0.0, 100.0, 'to the other body, northwards: room for two drones')
     noise: bool = flag(True, 'design choice: false switches every random part off')
     markers: marker_occlusion.MarkerParams = group(marker_occlusion.MarkerParams)
 
@@ -164,6 +174,22 @@ def _noisy(rho: Vec3, q: Quat, rng: Generator, p: OptitrackValues) -> tuple[Vec3
 
 
 @jit
+def _is_at_fault(exposure: int, fault: int, p: OptitrackValues) -> bool:
+    """Tell whether a frame, exposed at so many ns, has a fault."""
+    return p.fault == fault and p.fault_begin <= exposure * 1e-9 < p.fault_end
+
+
+@jit
+def _shown(pose: Pose, p: OptitrackValues) -> Pose:
+    """Return a pose as it is delivered, turned or of another body where there is such a fault."""
+    if _is_at_fault(pose.exposure, FAULT_FLIP, p):
+        return Pose(pose.exposure, pose.rho, multiply(pose.q, (0.0, 0.0, 0.0, 1.0)))
+    if _is_at_fault(pose.exposure, FAULT_SWAP, p):
+        return Pose(pose.exposure, add(pose.rho, (p.fault_distance, 0.0, 0.0)), pose.q)
+    return pose
+
+
+@jit
 def _expose(
     memory: OptitrackMemory, exposure: int, rho: Vec3, q: Quat, rng: Generator,
     p: OptitrackValues,
@@ -181,8 +207,9 @@ def _expose(
     if p.noise:
         chance = rng.random()
         dropping = chance >= p.recover if dropping else chance < p.lose
-    if track.tracked and not dropping:
-        queue = queue[1:] + (Pose(exposure, track.rho, track.q),)
+    shown = _shown(Pose(exposure, track.rho, track.q), p)
+    if track.tracked and not dropping and not _is_at_fault(exposure, FAULT_LOST, p):
+        queue = queue[1:] + (shown,)
         pending = min(pending + 1, QUEUE)
     counts = Counts(
         counts.frames + 1, counts.lost + (not track.tracked),

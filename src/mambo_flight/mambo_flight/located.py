@@ -1,0 +1,58 @@
+"""What motion capture adds to a flight: the estimate in ``map``, a row of numbers each step."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from mambo_estimation.capture.aided import Capture, NO_CANDIDATE, NOTHING_SEEN
+from mambo_estimation.capture.frames import Anchor
+from mambo_model.compiled import jit
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Columns(NamedTuple):
+    """Where the numbers of a row begin; inertial NED and body FRD."""
+
+    state: int = 0        # (13,) in map, as of closed_loop.Recording
+    covariance: int = 13  # (36,) of the pose, axes of map
+    anchor: int = 49      # yaw rad, shift (3,) m: odom in map
+    capture: int = 53     # located, age, silence, used, refused, trouble, off, delay
+
+
+COLUMNS = Columns()
+WIDTH = 61
+
+
+@jit
+def store_located(rows, k, where):
+    """Store the estimate in ``map`` in row k; nothing where there is none."""
+    if where is None:
+        return
+    row, s, a, c = rows[k], where.state, where.capture.anchor, where.capture
+    for i in range(3):
+        row[i], row[3 + i], row[10 + i] = s.rho[i], s.nu[i], s.omega[i]
+        row[50 + i] = a.shift[i]
+    for i in range(4):
+        row[6 + i] = s.q[i]
+    for i in range(36):
+        row[13 + i] = where.pose_covariance[i]
+    row[49] = a.yaw
+    row[53], row[54], row[55], row[56], row[57], row[58], row[59], row[60] = (
+        c.located, c.age, c.silence, c.used, c.refused, c.trouble, c.off, c.delay)
+
+
+def anchor_of(row: Array) -> Anchor:
+    """Return where ``odom`` stands in ``map`` by a row."""
+    yaw, *shift = row[COLUMNS.anchor:COLUMNS.capture].tolist()
+    return Anchor(yaw, tuple(shift))
+
+
+def capture_of(row: Array) -> Capture:
+    """Return what a row says of the motion capture, for a report."""
+    seen, age, silence, used, refused, trouble, off, delay = row[COLUMNS.capture:].tolist()
+    return Capture(
+        bool(seen), anchor_of(row), age, silence, int(used), int(refused), int(trouble), off,
+        delay, NO_CANDIDATE, NOTHING_SEEN)

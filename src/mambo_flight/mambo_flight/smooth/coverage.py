@@ -1,0 +1,93 @@
+"""
+Smooth many simulated flights; say how often the intervals hold the true values.
+
+Slope, scale and latency of the flow are drawn for each flight as `mambo bound --vary` draws them.
+An interval of 95 % should hold the true value in 95 of 100 flights.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import NamedTuple
+
+from mambo_bags.command import guard, Parser
+from mambo_model.errors import InputError
+import numpy as np
+
+from .. import closed_loop
+from ..judge.flights import judge, steps_of, with_unknowns
+from ..judge.judge import flight_of
+from ..scenario import Scenario
+from .intervals import intervals, middle, Path, path_error, QUANTITIES
+from .smoother import smooth
+
+
+class Trial(NamedTuple):
+    """One flight."""
+
+    held: tuple[bool, ...]    # by QUANTITIES: the interval holds the true value
+    errors: tuple[float, ...]  # likewise, estimate minus truth
+    filtered: Path
+    smoothed: Path
+
+
+def trial(flight: Scenario) -> Trial:
+    """Return how well a flight is smoothed."""
+    judged, recording = judge(flight), closed_loop.fly(flight)
+    s = smooth(steps_of(recording), flight.estimator_node.joint)
+    k, held, errors = middle(s), [], []
+    for one in intervals(s):
+        i = one.quantity.index
+        true = float(judged.made.x[k, i + 1] + judged.error[k, i])
+        held.append(one.low <= true <= one.high)
+        errors.append(one.value - true)
+    truth = recording.truth[s.start:]
+    return Trial(tuple(held), tuple(errors), path_error(s.filtered.x[s.start:], truth),
+                 path_error(s.x[s.start:], truth))
+
+
+def table(trials: list[Trial]) -> str:
+    """Return the flights as lines of text."""
+    n = len(trials)
+    out = [f'{"":<32}{"held":>6} of {n}{"rms error":>13}']
+    for i, quantity in enumerate(QUANTITIES):
+        error = math.sqrt(float(np.mean([one.errors[i] ** 2 for one in trials])))
+        held = sum(one.held[i] for one in trials)
+        out.append(f'{f"{quantity.name} [{quantity.unit}]":<32}{held:>6}{"":>{4 + len(str(n))}}'
+                   f'{error:>13.4g}')
+    for name in ('filtered', 'smoothed'):
+        paths = np.array([getattr(one, name) for one in trials])
+        rms, largest, end = np.sqrt((paths**2).mean(axis=0))
+        out.append(f'{f"horizontal path, {name} [m]":<32} rms {rms:.4f}, largest {largest:.4f}, '
+                   f'end {end:.4f}')
+    return '\n'.join(out)
+
+
+def _run(options: argparse.Namespace) -> None:
+    if options.seeds < 1:
+        raise InputError(f'--seeds {options.seeds}: must be 1 or more')
+    flight = flight_of(options.scenario)
+    seeds = range(options.first, options.first + options.seeds)
+    print(f'{options.scenario}\n' + table([
+        trial(with_unknowns(flight, seed, True)) for seed in seeds]))
+
+
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('coverage', __doc__)
+    add = out.add_argument
+    add('scenario', metavar='SCENARIO', help='experiment, experiment/flight, file or trajectory')
+    add('--seeds', type=int, default=100, metavar='N', help='how many flights (default: 100)')
+    add('--first', type=int, default=1, metavar='SEED', help='seed of the first (default: 1)')
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``coverage``; return the exit code."""
+    options = parser().parse_args(arguments)
+    return guard('coverage', lambda: _run(options))
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,106 @@
+"""What a smoothed flight says of the sensors and the vehicle, with intervals, and of its path."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from mambo_estimation.joint.state import ACCEL_BIAS, DRAG, GYRO_BIAS, LATENCY, SCALE, SLOPE
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from .smoother import Smoothed
+
+Array = NDArray[np.float64]
+LEVEL = 0.95  # probability that an interval holds the true value
+WIDTH = float(norm.ppf(0.5 + 0.5 * LEVEL))  # deviations
+
+
+class Quantity(NamedTuple):
+    """One number that the filter estimates besides the motion."""
+
+    name: str
+    unit: str
+    index: int  # in the error state; one more in a row of the state
+
+
+QUANTITIES = (
+    Quantity('Q at the reference height', '-', SCALE),
+    Quantity('slope dQ/dh', '1/m', SLOPE),
+    Quantity('drag along body x', 's/m', DRAG), Quantity('drag along body y', 's/m', DRAG + 1),
+    Quantity('latency of the flow', 's', LATENCY),
+    *(Quantity(f'gyro bias {axis}', 'rad/s', GYRO_BIAS + i) for i, axis in enumerate('xyz')),
+    *(Quantity(f'accelerometer bias {axis}', 'm/s^2', ACCEL_BIAS + i)
+      for i, axis in enumerate('xyz')))
+
+
+class Interval(NamedTuple):
+    """A quantity as the whole flight tells it, at the middle of the flight."""
+
+    quantity: Quantity
+    value: float  # unit of the quantity
+    low: float    # likewise, end of the interval of LEVEL
+    high: float   # likewise
+
+
+def middle(s: Smoothed) -> int:
+    """Return the step in the middle of what is smoothed."""
+    return (s.start + len(s.t) - 1) // 2
+
+
+def intervals(s: Smoothed) -> list[Interval]:
+    """Return every quantity with its interval; walks (biases) at the middle of the flight."""
+    k, out = middle(s), []
+    for quantity in QUANTITIES:
+        value = float(s.x[k, quantity.index + 1])
+        reach = WIDTH * math.sqrt(max(float(s.P[k, quantity.index, quantity.index]), 0.0))
+        out.append(Interval(quantity, value, value - reach, value + reach))
+    return out
+
+
+class Path(NamedTuple):
+    """Distance of a path from the true one, m, horizontally, from take-off to the end."""
+
+    rms: float
+    largest: float
+    end: float
+
+
+def path_error(rows: Array, truth: Array) -> Path:
+    """
+    Return how far a path is from the true one.
+
+    Parameters
+    ----------
+    rows, truth : (n, >= 2) m
+        Positions, inertial NED, NaN where there is none.
+
+    """
+    off = np.linalg.norm(rows[:, :2] - truth[:, :2], axis=1)
+    off = off[np.isfinite(off)]
+    return Path(float(np.sqrt(np.mean(off**2))), float(off.max()), float(off[-1]))
+
+
+def table(s: Smoothed, truth: Array | None = None) -> str:
+    """
+    Return a smoothed flight as lines of text.
+
+    Parameters
+    ----------
+    s
+        The flight.
+    truth : (n, >= 2) m
+        True positions of its steps, inertial NED; None: not known.
+
+    """
+    out = [f'{"":<32}{"value":>11}{"":>4}95 % interval']
+    for one in intervals(s):
+        name = f'{one.quantity.name} [{one.quantity.unit}]'
+        out.append(f'{name:<32}{one.value:>11.5g}{"":>4}{one.low:.5g} to {one.high:.5g}')
+    if truth is not None and np.isfinite(truth[s.start:, 0]).any():
+        out.append(f'{"horizontal path error [m]":<32}{"rms":>11}{"largest":>11}{"end":>11}')
+        for name, rows in (('filter', s.filtered.x), ('smoother', s.x)):
+            path = path_error(rows[s.start:], truth[s.start:])
+            out.append(f'  {name:<30}' + ''.join(f'{number:>11.4f}' for number in path))
+    return '\n'.join(out)

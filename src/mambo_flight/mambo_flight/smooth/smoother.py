@@ -1,0 +1,125 @@
+r"""
+Fixed-interval smoother of the joint filter: every state from the samples of the whole flight.
+
+Backward over the steps of the filter (Rauch, Tung and Striebel, 1965), on its error state, with
+x_k, P_k after the samples of step k, and x^-_{k+1}, P^-_{k+1} predicted from them:
+
+    G_k   = P_k F_k^T (P^-_{k+1})^-1
+    x^s_k = x_k (+) G_k (x^s_{k+1} (-) x^-_{k+1})
+    P^s_k = P_k + G_k (P^s_{k+1} - P^-_{k+1}) G_k^T
+
+F is that of :mod:`mambo_estimation.joint.propagation`. It begins where the vehicle leaves its
+place. Errors that are known exactly (a variance of zero) stay as they are.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from mambo_estimation.joint.joint_parameters import JointParams
+from mambo_estimation.joint.state import SIZE
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial.transform import Rotation
+
+from . import forward
+from ..offline_replay import Steps
+
+Array = NDArray[np.float64]
+RIDGE = 1e-12  # of correlations: rounding leaves that much of a direction that is known exactly
+
+
+class Smoothed(NamedTuple):
+    """A flight as the whole of its samples tells it, row k at step k; NED and FRD."""
+
+    t: NDArray[np.int64]  # (n,) ns
+    x: Array   # (n, 24) smoothed, numbers as of forward.Forward
+    P: Array   # (n, SIZE, SIZE) of the error state
+    filtered: forward.Forward
+    start: int  # first step that is smoothed
+
+
+def _rotation(x: Array) -> Rotation:
+    """Return the attitude of a state, body to inertial."""
+    return Rotation.from_quat(x[[7, 8, 9, 6]])
+
+
+def difference(x: Array, y: Array) -> Array:
+    """Return the error state that leads from y to x, (SIZE,), as joint.state defines it."""
+    turn = _rotation(x) * _rotation(y).inv()
+    return np.concatenate([
+        x[:3] - y[:3], x[3:6] - turn.apply(y[3:6]), turn.as_rotvec(), x[10:] - y[10:]])
+
+
+def added(x: Array, d: Array) -> Array:
+    """Return a state with an error taken into it, (24,)."""
+    turn = Rotation.from_rotvec(d[6:9])
+    q = (turn * _rotation(x)).as_quat()
+    return np.concatenate([
+        x[:3] + d[:3], turn.apply(x[3:6]) + d[3:6], q[[3, 0, 1, 2]], x[10:] + d[9:]])
+
+
+def _cross(v: Array) -> Array:
+    """Return [v x], (3, 3)."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def transition(x: Array, later: Array, dt: float, gravity: float) -> Array:
+    """
+    Return F from one step to the next, (SIZE, SIZE).
+
+    Parameters
+    ----------
+    x, later : (24,)
+        State before, and as predicted.
+    dt : s
+    gravity : m/s^2
+
+    """
+    F, R, v = np.eye(SIZE), _rotation(x).as_matrix(), _cross(0.5 * (x[3:6] + later[3:6]))
+    F[:3, 3:6] = dt * np.eye(3)
+    F[:3, 6:9] = -dt * v
+    F[3:6, 6:9] = dt * _cross(np.array([0.0, 0.0, gravity]))
+    F[3:6, 9:12] = -dt * v @ R
+    F[3:6, 12:15] = -dt * R
+    F[6:9, 9:12] = -dt * R
+    return F
+
+
+def _gain(P: Array, F: Array, predicted: Array) -> Array:
+    """Return G, (SIZE, SIZE), from correlations, whose size does not differ."""
+    root = np.sqrt(np.maximum(np.diag(predicted), 0.0))
+    known = root == 0.0
+    scale = np.where(known, 1.0, root)
+    C = predicted / np.outer(scale, scale)
+    C[known] = C[:, known] = 0.0
+    C[np.diag_indices(SIZE)] = 1.0 + RIDGE
+    right = (F @ P) / scale[:, None]
+    right[known] = 0.0
+    return (cho_solve(cho_factor(C), right) / scale[:, None]).T
+
+
+def smooth(found: Steps, params: JointParams) -> Smoothed:
+    """
+    Return the smoothed flight of some steps.
+
+    Parameters
+    ----------
+    found
+        Of :func:`mambo_flight.offline_replay.steps`.
+    params
+        Of the joint filter, whose model and noise are used.
+
+    """
+    f = forward.run(found, params)
+    x, P, last = f.x.copy(), f.P.copy(), len(f.x) - 1
+    resting = np.flatnonzero(~f.moving)
+    start = int(resting[-1]) + 1 if len(resting) else 0
+    for k in range(last - 1, start - 1, -1):
+        F = transition(f.x[k], f.predicted[k + 1], f.dt[k + 1], params.gravity)
+        G = _gain(f.P[k], F, f.predicted_P[k + 1])
+        x[k] = added(f.x[k], G @ difference(x[k + 1], f.predicted[k + 1]))
+        change = G @ (P[k + 1] - f.predicted_P[k + 1]) @ G.T
+        P[k] = f.P[k] + 0.5 * (change + change.T)
+    return Smoothed(found.t, x, P, f, min(start, last))
