@@ -35,14 +35,15 @@ def bag(path, ticks=False):
 class Player:
     """A replay node without ROS: what it publishes is kept in order."""
 
-    steps, _name, _publish_step = ReplayNode.steps, ReplayNode._name, ReplayNode._publish_step
+    steps, _publish_step = ReplayNode.steps, ReplayNode._publish_step
+    _lacks, _output = ReplayNode._lacks, ReplayNode._output
     wait_for_answer = ReplayNode.wait_for_answer
 
     def __init__(self, path, root='/mambo'):
         self.published, self._path, self._t = [], path, -1
         self._topics = {f'{root}/{topic.name}': (topic, self.out(topic.name))
                         for topic in (*replay_node._SENSORS, topics.SENSOR_TICK)}
-        self._clock_output, self._tick = self.out('/clock'), self.out('tick')
+        self._clock_output = self.out('/clock')
 
     def out(self, name):
         return lambda data: self.published.append((name, bytes(data)))
@@ -58,9 +59,10 @@ def test_a_step_is_the_clock_its_samples_and_a_watermark(tmp_path):
     assert stamps == [k * STEP for k in range(4)]
     names = [name for name, _ in player.published]
     assert names == [  # of one stamp in the order of the file: by name
-        '/clock', 'imu/data_raw', 'optical_flow', 'sonar/range', 'tick',
-        '/clock', 'imu/data_raw', 'tick', '/clock', 'imu/data_raw', 'sonar/range', 'tick',
-        '/clock', 'imu/data_raw', 'optical_flow', 'tick']
+        '/clock', 'imu/data_raw', 'optical_flow', 'sonar/range', 'sensor_tick',
+        '/clock', 'imu/data_raw', 'sensor_tick',
+        '/clock', 'imu/data_raw', 'sonar/range', 'sensor_tick',
+        '/clock', 'imu/data_raw', 'optical_flow', 'sensor_tick']
 
 
 def test_the_clock_is_the_stamp_of_the_step(tmp_path):
@@ -75,7 +77,7 @@ def test_a_watermark_counts_the_samples_so_far(tmp_path):
     seen, counts = Counter(), []
     for name, data in player.published:
         seen[name] += 1
-        if name == 'tick':
+        if name == 'sensor_tick':
             counts.append(struct.unpack_from('<4Q', data[-32:]) if len(data) >= 44
                           else struct.unpack_from('<4I', data[-16:]))
             assert counts[-1][:3] == (seen['imu/data_raw'], seen['sonar/range'],
@@ -86,7 +88,7 @@ def test_a_watermark_counts_the_samples_so_far(tmp_path):
 def test_recorded_watermarks_are_played_and_none_are_made(tmp_path):
     player, _ = played(bag(tmp_path / 'bag', ticks=True))
     names = Counter(name for name, _ in player.published)
-    assert names['sensor_tick'] == 4 and names['tick'] == 0
+    assert names['sensor_tick'] == 4  # one a step: those of the bag
 
 
 def test_a_topic_of_another_type_is_refused_by_name(tmp_path, monkeypatch):

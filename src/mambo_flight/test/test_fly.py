@@ -20,8 +20,9 @@ def flown(monkeypatch):
 
     def record(flight, inner):
         flights.append(flight)
-        return SimpleNamespace(inner=inner)
-    monkeypatch.setattr(fly.closed_loop, 'fly', record)
+        end = round(flight.sim_node.duration * 1e9)
+        return SimpleNamespace(inner=inner, t=[0, end]), ''
+    monkeypatch.setattr(fly.supervised, 'fly', record)
     monkeypatch.setattr(fly.recording_to_bag, 'write', lambda path, *_: path.mkdir())
     return flights
 
@@ -75,19 +76,12 @@ def test_a_flight_of_no_time_is_refused(tmp_path, capsys, flown):
 
 def test_a_fault_of_a_component_of_yours_is_told_after_the_bag(file, tmp_path, capsys, flown,
                                                               monkeypatch):
-    faults = iter([None, 'your controller: division by zero at 1.005 s'])
-    monkeypatch.setattr(fly.slots, 'latest_fault', lambda: next(faults))
+    monkeypatch.setattr(fly.supervised, 'fly', lambda flight, inner: (
+        SimpleNamespace(t=[0, 3_000_000_000]), 'your controller: division by zero at 1.005 s'))
     assert fly.main([file, '-o', str(tmp_path / 'bag')]) == 1
     error = capsys.readouterr().err
     assert error.endswith('your controller: division by zero at 1.005 s\n')
     assert error.count('\n') == 1 and (tmp_path / 'bag').exists()
-
-
-def test_a_fault_of_an_earlier_flight_is_not_of_this_one(file, tmp_path, flown, monkeypatch):
-    faults = ['an old one']
-    monkeypatch.setattr(
-        fly.slots, 'latest_fault', lambda: faults.pop() if faults else None)
-    assert fly.main([file, '-o', str(tmp_path / 'bag')]) == 0
 
 
 @pytest.mark.parametrize('arguments, message', [

@@ -33,8 +33,17 @@ def test_a_compiled_controller_flies_the_numbers_of_the_closed_loop():
     out, fault = supervised.fly(scenario, inner=True)
     again = closed_loop.fly(scenario, inner=True)
     assert fault == ''
-    for one, two in zip((*out[:-1], *out.inner), (*again[:-1], *again.inner), strict=True):
+    assert out.located is again.located is None
+    for one, two in zip(
+            (*out[:-2], *out.inner), (*again[:-2], *again.inner), strict=True):
         np.testing.assert_array_equal(one, two)
+
+
+def test_a_fault_of_an_earlier_flight_is_not_of_this_one(monkeypatch):
+    faults = ['an old one']
+    monkeypatch.setattr(supervised.slots, 'latest_fault', lambda: faults.pop() if faults else '')
+    monkeypatch.setattr(supervised.closed_loop, 'fly', lambda flight, inner: 'what was flown')
+    assert supervised.fly(flight('cascaded')) == ('what was flown', '')
 
 
 def test_a_step_that_never_ends_leaves_what_was_flown_in_a_closed_bag(hung, tmp_path, capsys):

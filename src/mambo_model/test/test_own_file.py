@@ -68,11 +68,11 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 
 
 def test_a_fault_is_at_the_innermost_line_of_the_users_folder(write):
-    write('def inner():\n    return [][3]\n', 'helper.py')
-    path = write('import helper\n\n\ndef outer():\n    return helper.inner()\n')
+    write('def inner():\n    return [][3]\n', 'own_helper.py')
+    path = write('import own_helper\n\n\ndef outer():\n    return own_helper.inner()\n')
     try:
         load_file(path).outer()
     except IndexError as error:
-        assert fault_place(path, error) == f'{path.parent / "helper.py"}:2'
+        assert fault_place(path, error) == f'{path.parent / "own_helper.py"}:2'
         assert fault_place(None, error) == 'None'
-    sys.modules.pop('helper', None)
+    sys.modules.pop('own_helper', None)

@@ -6,8 +6,9 @@ import subprocess
 import sys
 
 from mambo_model import schema
-from mambo_ros import usage
+from mambo_ros import topics, usage
 import pytest
+from rclpy.parameter import Parameter
 
 NODES = {
     'mambo_sim.sim_node': 'SimNode', 'mambo_sim.optitrack_node': 'OptitrackNode',
@@ -15,6 +16,12 @@ NODES = {
     'mambo_control.controller_node': 'ControllerNode',
     'mambo_control.reference_node': 'ReferenceNode',
     'mambo_bags.recorder_node': 'RecorderNode', 'mambo_bags.replay_node': 'ReplayNode'}
+OPTIONS = {
+    'mambo_sim.optitrack_node': [{'watermark': True}],
+    'mambo_estimation.estimator_node': [
+        {'estimator': 'ground_truth'}, {'estimator': 'joint', 'joint.pose.enabled': True}],
+    'mambo_control.controller_node': [{'estimate': 'map'}]}
+"""Parameters with which a node has more topics."""
 SRC = Path(__file__).parents[2]
 
 
@@ -75,13 +82,10 @@ def test_help_after_ros_args_is_not_handled_here():
     name for name in NODES if not name.startswith('mambo_bags')])
 def test_a_node_has_the_topics_that_its_help_names(ros, module):
     kind = node_type(module)
-    overrides = [[]]
-    if 'estimator' in module:
-        from rclpy.parameter import Parameter
-        overrides.append([Parameter('estimator', value='ground_truth')])
-    nodes = [kind(parameter_overrides=given) for given in overrides]
+    nodes = [kind(parameter_overrides=[Parameter(key, value=value) for key, value in one.items()])
+             for one in ({}, *OPTIONS.get(module, ()))]
     name = nodes[0].resolve_topic_name
     assert {output.publisher.topic_name for node in nodes for output in node.outputs} == {
         name(topic.name) for topic in kind.publishes}
-    assert {entry.name for node in nodes for entry in node.inputs} == {
-        name(topic.name) for topic in kind.subscribes}
+    inputs = {entry.name for node in nodes for entry in node.inputs}
+    assert inputs - {name(topics.LINKS.name)} == {name(topic.name) for topic in kind.subscribes}

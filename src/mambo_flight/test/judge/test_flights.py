@@ -120,7 +120,7 @@ def test_a_filter_that_is_right_has_no_error():
     # the filter's velocity is that of its state, inertial as the truth turned by its attitude
     made.x[:, 3:6] = Rotation.from_quat(recording.truth[:, [7, 8, 9, 6]]).apply(
         recording.truth[:, 3:6])
-    error = flights._error(recording, made, truth, biases)
+    error = flights._error(recording, made, truth, biases, 0.0)
     assert error.shape == (5, SIZE)
     np.testing.assert_allclose(error, 0.0, atol=1e-9)
 
@@ -133,7 +133,7 @@ def test_an_error_is_truth_less_belief_in_its_own_state(column, state):
     made.x[:, 3:6] = Rotation.from_quat(recording.truth[:, [7, 8, 9, 6]]).apply(
         recording.truth[:, 3:6])
     made.x[:, column] += 0.25
-    error = flights._error(recording, made, truth, biases)
+    error = flights._error(recording, made, truth, biases, 0.0)
     np.testing.assert_allclose(error[:, state], -0.25, atol=1e-9)
     rest = np.delete(error, state, axis=1)
     np.testing.assert_allclose(rest, 0.0, atol=1e-9)
@@ -146,7 +146,7 @@ def test_an_error_of_attitude_is_the_turn_from_belief_to_truth_in_inertial_axes(
     made.x[:, 6:10] = believed
     # a velocity that is right in the believed body is turned along
     made.x[:, 3:6] = turn.inv().apply(body.apply(recording.truth[:, 3:6]))
-    error = flights._error(recording, made, truth, biases)
+    error = flights._error(recording, made, truth, biases, 0.0)
     np.testing.assert_allclose(error[:, 6:9], np.tile([0.01, -0.02, 0.03], (5, 1)), atol=1e-9)
     np.testing.assert_allclose(error[:, 3:6], 0.0, atol=1e-9)
 

@@ -215,11 +215,11 @@ def test_blend_rises_smoothly_from_zero_to_one():
 
 
 @pytest.mark.parametrize(('values', 'message'), [
-    ({'trajectory': 'spiral'}, r"FlightPlanParams.trajectory = 'spiral' is not one of hover, st"),
-    ({'takeoff': 'jump'}, r"FlightPlanParams.takeoff = 'jump' is not one of smooth, step, none"),
+    ({'trajectory': 'spiral'}, r"^trajectory = 'spiral' is not one of hover, st"),
+    ({'takeoff': 'jump'}, r"^takeoff = 'jump' is not one of smooth, step, none"),
     ({'takeoff': 'step', 'start_time': 0.5}, r'start_time = 0.5 s is .* takeoff_time = 1 s'),
     ({'trajectory': 'z_sine', 'height': 0.9}, r'to the ground: 1 m of motion about 0.9 m'),
-    ({'climb_duration': 0.0}, r'FlightPlanParams.climb_duration = 0.0 s is outside \[0.5, 60\]'),
+    ({'climb_duration': 0.0}, r'^climb_duration = 0.0 s is outside \[0.5, 60\]'),
     ({'start_time': 3.0}, r'start_time = 3 s is before the climb ends, .* = 4 s'),
     ({'landing_time': 7.0}, r'landing_time = 7 s is before the trajectory is reached, .* = 8 s'),
     ({'trajectory': 'step', 'takeoff': 'none', 'landing_time': 3.0},
