@@ -119,5 +119,5 @@ def test_messages_of_a_channel_that_is_not_defined_are_told_and_the_others_kept(
 @pytest.mark.parametrize('path', ['/dev/zero', 'pipe'])
 def test_what_may_never_end_is_not_read(tmp_path, path):
     os.mkfifo(tmp_path / 'pipe')
-    with pytest.raises(BagError, match='no plain file'):
+    with pytest.raises(BagError, match='not a regular file'):
         mcap_reader.read_file(tmp_path / path)

@@ -38,7 +38,7 @@ def test_a_folder_a_file_and_a_folder_without_a_listing_are_bags(flight, tmp_pat
 @pytest.mark.parametrize(('text', 'message'), [
     ('rosbag2_bagfile_information: {relative_file_paths: [gone.mcap]}',
      'gone.mcap: listed in metadata.yaml but missing'),
-    ('rosbag2_bagfile_information: {relative_file_paths: []}', 'no bag here'),
+    ('rosbag2_bagfile_information: {relative_file_paths: []}', 'not a bag'),
     ('rosbag2_bagfile_information: 3', 'metadata.yaml: not the metadata of a rosbag2 bag'),
     ('a: [', 'metadata.yaml: not the metadata'), ('', 'metadata.yaml: not the metadata'),
     ('[1]', 'metadata.yaml: not the metadata')])
@@ -51,7 +51,7 @@ def test_a_listing_that_does_not_fit_is_one_line(tmp_path, text, message):
 
 def test_what_is_no_bag_is_one_line(tmp_path):
     for path in (tmp_path, tmp_path / 'none'):
-        with pytest.raises(ParameterError, match='no bag here; give a rosbag2 directory'):
+        with pytest.raises(ParameterError, match='not a bag; give a rosbag2 directory'):
             playback.bag_files(path)
 
 

@@ -219,8 +219,8 @@ def test_what_is_no_bag_is_named(tmp_path, flight):
             read_bag(path)
         assert '\n' not in str(caught.value) and str(path) in str(caught.value)
 
-    refuse(tmp_path / 'none', 'there is no such bag')
-    refuse(tmp_path, 'no bag here; give a rosbag2 directory or an .mcap file')
+    refuse(tmp_path / 'none', 'no such bag')
+    refuse(tmp_path, 'not a bag; give a rosbag2 directory or an .mcap file')
     text = tmp_path / 'notes.txt'
     text.write_text('hello')
     refuse(text, 'not an MCAP file')
@@ -235,7 +235,7 @@ def test_what_is_no_bag_is_named(tmp_path, flight):
 @pytest.mark.parametrize('listing, text', [
     ('][', 'not the metadata of a rosbag2 bag'), ('a: 1', 'not the metadata of a rosbag2 bag'),
     ('rosbag2_bagfile_information: {relative_file_paths: [gone.mcap]}', 'but missing'),
-    ('rosbag2_bagfile_information: {relative_file_paths: []}', 'no bag here'),
+    ('rosbag2_bagfile_information: {relative_file_paths: []}', 'not a bag'),
     ('rosbag2_bagfile_information: {relative_file_paths: 3}', 'not the metadata'),
     ('rosbag2_bagfile_information: {relative_file_paths: [3]}', 'not a list of names'),
     ('rosbag2_bagfile_information: {relative_file_paths: ["a\\0"]}', 'not a list of names'),
@@ -250,7 +250,7 @@ def test_what_is_no_bag_is_named(tmp_path, flight):
     ('rosbag2_bagfile_information: {version: 2001-13-45}', 'month must be in 1..12'),
     ('[' * 1000, 'nested deeper than 64 levels'), ('\0', 'not the metadata'),
     ('rosbag2_bagfile_information: {relative_file_paths: [a.db3], storage_identifier: sqlite3}',
-     'take its topics with mambo import bag')])
+     'import its topics with mambo import bag')])
 def test_broken_listings_are_named(tmp_path, listing, text):
     (tmp_path / 'metadata.yaml').write_text(listing)
     with pytest.raises(BagError, match=text):
@@ -293,7 +293,7 @@ def test_a_message_that_is_not_its_type_is_named(tmp_path):
     writer.add_topic('/mambo/motor_pwm', 'mambo_interfaces/msg/MotorPwm')
     writer.write('/mambo/motor_pwm', b'\0\1\0\0\1', 0)
     writer.close()
-    with pytest.raises(BagError, match='message 0 is no mambo_interfaces/msg/MotorPwm'):
+    with pytest.raises(BagError, match='message 0 is not a mambo_interfaces/msg/MotorPwm'):
         read_bag(tmp_path / 'b')['motor_pwm'].pwm
 
 
@@ -315,7 +315,7 @@ def test_arrays_of_arrays_of_arrays_are_not_walked_beyond_their_bytes(tmp_path):
         bag.add_topic('/a', 'a/msg/L0', schema=text.encode(), type_hash='')
         bag.write('/a', b'\0\1\0\0' + bytes(100), 0)
     began = time.process_time()
-    with pytest.raises(BagError, match='message 0 is no a/msg/L0'):
+    with pytest.raises(BagError, match='message 0 is not a a/msg/L0'):
         read_bag(tmp_path / 'bag')['/a']['x[0]']
     assert time.process_time() - began < 5.0
 

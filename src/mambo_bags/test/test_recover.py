@@ -143,7 +143,7 @@ def test_the_report_says_what_was_saved_and_lost(tmp_path, flight, capsys):
 def test_careless_use_ends_in_one_line(tmp_path, flight, capsys):
     cut(flight, tmp_path / 'stub.mcap', 0.001)
     for source, target, text in (
-            (tmp_path / 'none', tmp_path / 'a', 'there is no such bag'),
+            (tmp_path / 'none', tmp_path / 'a', 'no such bag'),
             (tmp_path / 'stub.mcap', tmp_path / 'b', 'no message can be read'),
             (flight, flight, 'exists: give another name')):
         assert main([str(source), str(target)]) == 2

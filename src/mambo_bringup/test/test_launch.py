@@ -1,6 +1,7 @@
 """The launch files, with and without an installed launch."""
 
 import ast
+import hashlib
 import importlib.util
 from pathlib import Path
 import tempfile
@@ -120,7 +121,9 @@ def test_a_trajectory_is_a_name_or_the_file_of_a_course(tmp_path):
     file.write_text(uav_trajectories.to_text(Course(
         np.array([4.0]), np.array([[[0.0, 0.0], [0.0, 0.5], [-1.0, 0.0], [0.0, 0.0]]]))))
     plan = flight(trajectory=str(file)).scenario.reference_node.plan
-    assert (plan.trajectory, plan.course) == ('course', file.read_text())
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    assert (plan.trajectory, plan.course) == (
+        'course', f'# course.csv, sha256 {digest}\n{file.read_text()}')
     with pytest.raises(schema.ParameterError, match="trajectory 'loop' is unknown: give a file"):
         flight(trajectory='loop')
 
@@ -184,7 +187,7 @@ def test_a_replay_uses_the_parameters_of_the_bag(bag):
     (_, estimator, nothing), (_, player, parameters) = plan.nodes
     assert (estimator, player, nothing) == ('estimator_node', 'replay_node', {})
     assert parameters == {'bag': str(bag), 'rate': 1.0, 'source_namespace': '/mambo',
-                          'wait_for': 'estimator_node'}
+                          'wait_for': 'estimator_node', 'capture': False}
 
 
 def test_a_replay_uses_other_parameters_where_a_file_is_given(bag, tmp_path):

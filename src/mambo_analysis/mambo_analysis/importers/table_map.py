@@ -132,7 +132,7 @@ def read_map(path: Path) -> Map:
     delimiter = ','
     if 'delimiter' in entries:
         node = entries['delimiter'][1]
-        delimiter = reader.text(node, 'delimiter').replace('\\t', '\t')
+        delimiter = str(node.value).replace('\\t', '\t')  # a tab counts as text
         if len(delimiter) != 1:
             reader.fail(node, 'delimiter', 'must be one character, or \\t for a tab')
     topics = {}

@@ -225,7 +225,7 @@ def test_a_topic_of_another_type_is_named(tmp_path, capsys):
 def test_wrong_use_ends_in_one_line(tmp_path, flight, capsys):
     (tmp_path / 'file').touch()
     for arguments, text in (
-            ([tmp_path / 'none'], 'there is no such bag'),
+            ([tmp_path / 'none'], 'no such bag'),
             ([flight, '--namespace', '/other'], 'nothing in the namespace /other'),
             ([flight, '--out', tmp_path / 'file'], 'cannot be written')):
         assert main([str(a) for a in arguments]) == 2

@@ -556,7 +556,7 @@ def test_a_map_that_does_not_fit_is_refused(bag, tmp_path, capsys, maps, text):
 
 def test_what_is_no_sound_bag_is_named_in_one_line(bag, tmp_path, capsys):
     entry = '/imu:=imu/data_raw'
-    refuse(tmp_path / 'none', tmp_path, capsys, 'there is no such bag', entry)
+    refuse(tmp_path / 'none', tmp_path, capsys, 'no such bag', entry)
     (tmp_path / 'empty.mcap').touch()
     refuse(tmp_path / 'empty.mcap', tmp_path, capsys, 'the file is empty', entry)
     (tmp_path / 'text.mcap').write_text('hello ' * 99)
@@ -571,7 +571,7 @@ def test_what_is_no_sound_bag_is_named_in_one_line(bag, tmp_path, capsys):
     refuse(tmp_path / 'text.db3', tmp_path, capsys, 'no rosbag2 file, or damaged', entry)
     (tmp_path / 'empty.db3').touch()
     refuse(tmp_path / 'empty.db3', tmp_path, capsys, 'no rosbag2 file, or damaged', entry)
-    refuse(tmp_path / 'none.db3', tmp_path, capsys, 'there is no such', entry)
+    refuse(tmp_path / 'none.db3', tmp_path, capsys, 'no such bag', entry)
     (tmp_path / 'missing').mkdir()
     (tmp_path / 'missing' / 'metadata.yaml').write_text(
         (sqlite_bag(tmp_path / 'listed') / 'metadata.yaml').read_text())
@@ -580,7 +580,7 @@ def test_what_is_no_sound_bag_is_named_in_one_line(bag, tmp_path, capsys):
     (tmp_path / 'cut.db3').write_bytes(whole[:len(whole) // 2])
     refuse(tmp_path / 'cut.db3', tmp_path, capsys, 'no rosbag2 file, or damaged', entry)
     nothing = sqlite_bag(tmp_path / 'nothing', {})
-    refuse(nothing, tmp_path, capsys, 'holds no messages', entry)
+    refuse(nothing, tmp_path, capsys, 'has no messages', entry)
     other = sqlite_bag(tmp_path / 'other', form='protobuf')
     refuse(other, tmp_path, capsys, "encoded as 'protobuf', only cdr is read", entry)
 

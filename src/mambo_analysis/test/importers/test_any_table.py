@@ -233,3 +233,105 @@ def test_any_motion_comes_back_from_any_frame_unit_and_order_of_angles(
 def test_a_unit_is_what_it_is_in_si(dimension, unit, value):
     assert UNITS[dimension][unit] == pytest.approx(value, rel=1e-15)
     assert next(iter(UNITS[dimension].values())) == 1.0  # the first is that of SI
+
+
+SENSORS = """\
+time: {{column: t, unit: {unit}}}
+world: {world}
+body: {body}
+topics:
+  sonar/range: {{range: {{columns: [range], unit: cm}}}}
+  optical_flow: {{rate: {{columns: [fx, fy], unit: mrad/s}}}}
+  barometer/pressure: {{pressure: {{columns: [hpa], unit: hPa}}}}
+  motor_pwm: {{pwm: [m1, m2, m3, m4]}}
+  onboard/reference:
+    position: {{columns: [rx, ry, rz], unit: mm}}
+    yaw: {{columns: [heading], unit: deg}}
+"""
+
+
+def sensors():
+    """Return columns of the other sensors: numbers that no other unit or axis would give."""
+    rows = np.arange(N)
+    return pandas.DataFrame({
+        't': TIMES, 'range': 100.0 + rows, 'fx': 200.0 + rows, 'fy': 300.0 + rows,
+        'hpa': 1000.0 + rows, 'm1': 1.0 + rows, 'm2': 2.0 + rows, 'm3': 3.0 + rows,
+        'm4': 4.0 + rows, 'rx': 1000.0 + rows, 'ry': 2000.0 + rows, 'rz': -3000.0 - rows,
+        'heading': 30.0 + rows})
+
+
+def test_other_sensors_in_their_units(tmp_path):
+    source, mapping = files(tmp_path, sensors(), text=SENSORS)
+    counts, notes = import_table(source, tmp_path / 'bag', mapping)
+    assert set(counts.values()) == {N} and not notes
+    bag, rows = read_bag(tmp_path / 'bag'), np.arange(N)
+    assert np.allclose(bag['sonar/range'].range, 1.0 + 0.01 * rows)
+    assert set(bag['sonar/range'].max_range.tolist()) == {10.0}
+    assert np.allclose(bag['optical_flow'].rate_x, 0.2 + 0.001 * rows)
+    assert np.allclose(bag['optical_flow'].rate_y, 0.3 + 0.001 * rows)
+    assert set(bag['optical_flow'].quality.tolist()) == {255}
+    assert np.allclose(bag['barometer/pressure'].pressure, 1e5 + 100.0 * rows)
+    assert np.allclose(bag['motor_pwm'].pwm, rows[:, None] + [1.0, 2.0, 3.0, 4.0])
+
+
+@pytest.mark.parametrize('world, body, sign', [('z_up', 'flu', 1.0), ('z_down', 'frd', -1.0)])
+def test_axes_of_flow_and_reference(tmp_path, world, body, sign):
+    """Down instead of up turns y and z over, and with them the flow along y and the heading."""
+    source, mapping = files(tmp_path, sensors(), world, body, text=SENSORS)
+    import_table(source, tmp_path / 'bag', mapping)
+    bag, rows = read_bag(tmp_path / 'bag'), np.arange(N)
+    assert np.allclose(bag['optical_flow'].rate_x, 0.2 + 0.001 * rows)
+    assert np.allclose(bag['optical_flow'].rate_y, sign * (0.3 + 0.001 * rows))
+    reference = bag['onboard/reference']
+    assert np.allclose(reference.position, np.column_stack([
+        1.0 + 0.001 * rows, sign * (2.0 + 0.001 * rows), sign * (-3.0 - 0.001 * rows)]))
+    turn = Rotation.from_quat(np.asarray(reference.orientation))
+    assert np.allclose(turn.as_euler('ZYX', degrees=True)[:, 0], sign * (30.0 + rows))
+    assert np.allclose(turn.as_euler('ZYX')[:, 1:], 0.0)
+
+
+def test_a_reference_without_heading_is_upright(tmp_path):
+    text = SENSORS.replace('    yaw: {{columns: [heading], unit: deg}}\n', '')
+    source, mapping = files(tmp_path, sensors(), text=text)
+    import_table(source, tmp_path / 'bag', mapping)
+    found = read_bag(tmp_path / 'bag')['onboard/reference'].orientation
+    assert (np.asarray(found) == [0.0, 0.0, 0.0, 1.0]).all()
+
+
+@pytest.mark.parametrize('delimiter', [';', '\\t', '|'])
+def test_delimiters(tmp_path, delimiter):
+    data = sensors()
+    source, mapping = files(tmp_path, data, text=f'delimiter: "{delimiter}"\n{SENSORS}')
+    data.to_csv(source, sep=delimiter.replace('\\t', '\t'), index=False)
+    counts, _ = import_table(source, tmp_path / 'bag', mapping)
+    assert counts['/mambo/motor_pwm'] == N
+
+
+def test_where_it_came_from_is_in_the_bag(tmp_path):
+    data = sensors().assign(spare=1.0, t=TIMES + 12.5)
+    source, mapping = files(tmp_path, data, text=SENSORS)
+    _, notes = import_table(source, tmp_path / 'bag', mapping)
+    record = read_bag(tmp_path / 'bag').metadata['import']
+    assert record['source_file'] == 'flight.csv' and record['mapping'] == 'map.yaml'
+    assert record['time_zero'] == '12.5' and record['ignored'] == 'spare'
+    assert notes == ['not used: spare']
+    assert len(record['source_sha256']) == len(record['mapping_sha256']) == 64
+
+
+def test_rows_before_the_first_time_are_counted(tmp_path):
+    text = SENSORS.replace('[range], unit: cm}}}}', '[range], unit: cm}}, '
+                                                   'time: {{offset: -0.035}}}}')
+    source, mapping = files(tmp_path, sensors(), text=text)
+    counts, notes = import_table(source, tmp_path / 'bag', mapping)
+    assert counts['/mambo/sonar/range'] == N - 4
+    assert notes == ['sonar/range: 4 rows before the first time left out']
+    assert read_bag(tmp_path / 'bag')['sonar/range'].stamp[0] == 5_000_000
+
+
+def test_a_target_that_exists_is_not_touched(tmp_path, capsys):
+    source, mapping = files(tmp_path, sensors(), text=SENSORS)
+    (tmp_path / 'bag').mkdir()
+    (tmp_path / 'bag' / 'mine').write_text('precious')
+    assert main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)]) == 2
+    assert 'exists' in capsys.readouterr().err
+    assert [file.name for file in (tmp_path / 'bag').iterdir()] == ['mine']

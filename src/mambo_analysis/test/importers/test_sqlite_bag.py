@@ -120,7 +120,7 @@ def test_another_encoding_is_refused_when_it_is_asked_for(tmp_path):
 
 
 @pytest.mark.parametrize(('topics', 'messages', 'wanted'), [
-    ([('/v', VECTOR, 'cdr')], [], 'the bag holds no messages'),
+    ([('/v', VECTOR, 'cdr')], [], 'the bag has no messages'),
     ([(None, VECTOR, 'cdr')], [(1, 0, b'')], 'the topic 1 has no name, type or encoding'),
     ([('/v', VECTOR, 'cdr')], [(7, 0, b'')], 'a message of the topic 7, which is not listed'),
     ([('/v', VECTOR, 'cdr')], [(1, -5, b'')], 'a message of the impossible time -5'),

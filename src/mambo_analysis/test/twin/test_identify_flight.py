@@ -6,7 +6,7 @@ from flown import bag, flight, TRUE
 from mambo_analysis.twin.force import fit_force
 from mambo_analysis.twin.identify_flight import hover_command, main
 from mambo_analysis.twin.recorded import GRAVITY
-from mambo_model.vehicle.parameters import load
+from mambo_model.vehicle.parameters import load, preset
 import pytest
 
 
@@ -52,3 +52,18 @@ def test_a_bag_without_rest_says_so(tmp_path, capsys):
     assert main([str(path)]) == 0
     out = capsys.readouterr().out
     assert 'no second of rest' in out and 'gyro bias' not in out
+
+
+def test_what_a_flight_does_not_show_stays_as_in_the_base(tmp_path, capsys):
+    """A vehicle that hardly moves shows no drag: the file has none of its own."""
+    def still(data):
+        data[['x', 'y']] *= 0.02
+        return data
+    path = bag(tmp_path, still)
+    assert main([str(path), '-o', str(tmp_path / 'out'), '--base', 'crazyflie']) == 0
+    out = capsys.readouterr().out
+    assert 'not shown by this flight: drag x: the velocity along x swings by' in out
+    text = (tmp_path / 'out' / 'identify_flight.yaml').read_text()
+    assert 'drag_coefficient' not in text and 'power_b' in text
+    kept = load(tmp_path / 'out' / 'identify_flight.yaml').drag_coefficient
+    assert kept == preset('crazyflie').drag_coefficient

@@ -46,3 +46,26 @@ def test_what_is_no_flight(tmp_path, change, reason):
 def test_what_is_no_bag(tmp_path):
     with pytest.raises(Exception, match='nothing'):
         read_flight(Path(tmp_path / 'nothing'))
+
+
+def test_a_gap_in_the_motion_capture_shortens_what_is_used(tmp_path):
+    """Of 12 s the longest stretch without a gap is used: the 8 s after it."""
+    def lose(data):
+        data.loc[700:800, ['x', 'y', 'z']] = np.nan
+        return data
+    found = read_flight(bag(tmp_path, lose))
+    assert found.t[found.air][0] == pytest.approx(8.4, abs=0.2)
+    assert np.isfinite(found.velocity[found.air]).all()
+
+
+def test_somebody_who_carries_it_is_no_rest(tmp_path):
+    """The second in which it is lifted does not count, though the motors are off."""
+    found = read_flight(bag(tmp_path, lambda data: data.iloc[150:]))
+    assert found.rest == slice(0, 0)
+
+
+def test_body_velocity_is_that_of_the_world_turned_back(tmp_path):
+    one = flight(noise=0.0, seconds=6.0)
+    v = one.body_velocity
+    assert np.allclose(np.linalg.norm(v, axis=1), np.linalg.norm(one.velocity, axis=1))
+    assert np.allclose(one.turn.apply(v), one.velocity)

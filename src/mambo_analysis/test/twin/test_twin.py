@@ -5,7 +5,9 @@ from pathlib import Path
 
 from flown import bag
 from mambo_analysis.importers.any_table import import_table, shipped
-from mambo_analysis.twin.twin import main
+from mambo_analysis.twin.twin import as_json, leave_one_out, main, Row, table
+from mambo_analysis.twin.windows import Windows
+import numpy as np
 import pytest
 
 NANOBENCH = Path(__file__).parents[4] / '../shared/data/nanobench'
@@ -52,3 +54,29 @@ def test_real_flights_of_a_crazyflie(tmp_path):
     assert main([*paths, '--json', str(tmp_path / 'twin.json')]) == 0
     for flight in json.loads((tmp_path / 'twin.json').read_text())['flights']:
         assert flight['ratio'] < 0.25 and max(flight['mae_m']) < 0.016
+
+
+def test_the_table_has_a_line_for_each_flight():
+    windows = Windows(np.full((4, 3), [0.003, -0.001, 0.002]), np.full((4, 3), [0.1, 0.0, 0.0]))
+    lines = table([Row('one', windows), Row('another', windows)], 0.5).splitlines()
+    assert lines[0].startswith('position after 0.5 s, mean absolute error')
+    assert [line.split() for line in lines[2:]] == [
+        [name, '3.0', '1.0', '2.0', '100.0', '0.0', '0.0', '0.04', '4']
+        for name in ('one', 'another')]
+
+
+def test_json_holds_the_same_numbers():
+    windows = Windows(np.full((4, 3), [0.003, -0.001, 0.002]), np.full((4, 3), [0.1, 0.0, 0.0]))
+    found = json.loads(as_json([Row('one', windows)], 0.5, 1.0))
+    assert found['flights'] == [{
+        'name': 'one', 'mae_m': pytest.approx([0.003, 0.001, 0.002]),
+        'ratio': pytest.approx(0.0374166, rel=1e-5),
+        'constant_velocity_mae_m': pytest.approx([0.1, 0.0, 0.0]), 'windows': 4}]
+    assert (found['horizon_s'], found['past_s']) == (0.5, 1.0)
+
+
+def test_without_the_second_before_there_are_more_windows(tmp_path):
+    paths = [Path(path) for path in bags(tmp_path)]
+    plain, trimmed = (leave_one_out(paths, 0.5, past) for past in (0.0, 1.0))
+    for one, other in zip(plain, trimmed):
+        assert len(one.windows.model) == len(other.windows.model) + 10

@@ -30,3 +30,18 @@ def test_longer_windows_are_worse():
     without = TRUE._replace(drag=(0.0, 0.0, 0.0))
     short, long = (foresee(flight(noise=0.0), without, horizon) for horizon in (0.25, 1.0))
     assert np.all(long.mae[:2] > 3.0 * short.mae[:2])
+
+
+def test_a_window_needs_its_second_before_and_its_half_second_after():
+    one = flight(noise=0.0)
+    assert len(foresee(one, TRUE, past=1.0).model) == len(np.arange(100, 1500 - 50, 10))
+    assert len(foresee(one, TRUE, past=0.0).model) == len(np.arange(0, 1500 - 50, 10))
+    assert len(foresee(one, TRUE, horizon=1.0, past=0.0).model) == len(np.arange(0, 1400, 10))
+
+
+def test_a_tilted_thrust_is_seen_sideways():
+    """0.05 m/s^2 along x of a body at yaw 0 are 6 mm after half a second."""
+    straight = TRUE._replace(tilt=(0.0, -0.03))
+    found = foresee(flight(noise=0.0), straight, past=0.0)
+    assert found.model[:, 0].mean() == pytest.approx(-0.5 * 0.25 * 0.05, rel=0.1)
+    assert abs(found.model[:, 1].mean()) < 1e-3

@@ -9,7 +9,7 @@ from typing import Any
 
 from mambo_control import failsafe
 from mambo_estimation import filters
-from mambo_model.compiled import hold, hold_again, lengthen, row_of
+from mambo_model.compiled import Held, hold_again, jit, lengthen, row_of
 from mambo_model.errors import InputError, JobError
 from mambo_model.motion.flatness import from_flat_output
 from mambo_model.vehicle.parameters import Vehicle
@@ -32,6 +32,16 @@ def _target(flight: Scenario, shift: tuple[float, float, float]) -> Any:
     x, y, z = (a + b for a, b in zip(flight.reference_node.plan.hover(), shift))
     return from_flat_output(
         (x, y, z), _ZERO, _ZERO, _ZERO, _ZERO, v.mass, v.inertia, v.gravity)
+
+
+@jit
+def _hold(memory, rng, values):
+    """
+    Return what a drone keeps between its steps, as :func:`mambo_model.compiled.hold`.
+
+    Of a function of its own: every node loads all that the shared one was compiled for.
+    """
+    return Held(memory, rng, values)
 
 
 class Flock:
@@ -85,7 +95,7 @@ class Flock:
         if i < len(self._holders):
             hold_again(self._holders[i], *parts)
             return
-        self._holders.append(hold(*parts))
+        self._holders.append(_hold(*parts))
         if self._row is None:
             self._row = row_of(self._holders[0])
         else:
