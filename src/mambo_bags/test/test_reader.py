@@ -229,7 +229,7 @@ def test_what_is_no_bag_is_named(tmp_path, flight):
     refuse(flight / 'metadata.yaml', 'give the directory of the bag')
     silent = Maker(tmp_path / 'silent', ('motor_pwm',))
     silent.writer.close()
-    refuse(tmp_path / 'silent', 'holds no messages')
+    refuse(tmp_path / 'silent', 'has no messages')
 
 
 @pytest.mark.parametrize('listing, text', [

@@ -24,8 +24,20 @@ class NoParams:
     """Nothing to set."""
 
 
+MADE = []
+
+
+@pytest.fixture(autouse=True)
+def end_of_nodes():
+    """Destroy the nodes of a test: the next one would find their subscriptions."""
+    yield
+    while MADE:
+        MADE.pop().destroy_node()
+
+
 def node(name, says=(), hears=(), **options):
     made = MamboNode(name, NoParams, **options)
+    MADE.append(made)
     for topic in says:
         made.advertise(topic)
     for topic in hears:
@@ -118,9 +130,9 @@ FLIGHT = {
     'controller': ([topics.MOTOR_PWM], [topics.ESTIMATE])}
 
 
-def flight(*names):
+def flight(*names, **options):
     """Return nodes of a small lockstep graph, by default all, the owner of time first."""
-    return [node(name, *FLIGHT[name]) for name in names or FLIGHT]
+    return [node(name, *FLIGHT[name], **options) for name in names or FLIGHT]
 
 
 def test_a_complete_graph_proceeds_and_its_first_message_arrives():
@@ -140,7 +152,8 @@ def test_a_complete_graph_proceeds_and_its_first_message_arrives():
 
 
 def test_links_between_nodes_of_one_loop_count_as_others_do():
-    sim, estimator, controller = flight()
+    # in a namespace of its own: nodes of other tests in this process may still have subscriptions
+    sim, estimator, controller = flight(namespace='alone')
     links, loop = Links(sim, 'estimator,controller'), Loop(sim, controller)
     with serving(estimator):
         assert links.wait(loop, PATIENCE) is True
