@@ -1,5 +1,6 @@
 """A controller or a vehicle that hears nothing more: nodes in this process, without a graph."""
 
+import gc
 import math
 import time
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from mambo_sim import lockstep, sim_node
 from mambo_sim.sim_node import SimNode
 import pytest
 import rclpy
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
@@ -30,6 +32,9 @@ POINT = from_flat_output(
 def ros():
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     yield
+    for thing in gc.get_objects():  # or the flights of other tests find its publishers
+        if issubclass(type(thing), Node):
+            thing.destroy_node()
     rclpy.try_shutdown()
 
 

@@ -92,7 +92,7 @@ def test_run_of_a_package_alone_says_what_there_is(prefix):
 def test_run_of_a_package_of_ours_alone_has_a_line_for_each_executable():
     code, _, error = ros2('run', 'mambo_analysis')
     lines = dict(line.split(maxsplit=1) for line in error.splitlines()[1:])
-    assert code == 2 and lines['recover'].startswith('Save what is readable of a bag')
+    assert code == 2 and lines['recover'].startswith('Recover a bag whose recorder was killed')
     assert {'compare', 'fly', 'import_motive', 'sweep'} <= set(lines)
 
 

@@ -52,6 +52,7 @@ _FLOWN = re.compile(
 _DELAY = re.compile(r'IMU sample to motor command: .*')
 _USED = re.compile(r'used ([\d.]+) s of CPU and (\d+) MB')
 _REFUSED = re.compile(r'\[[\w.]*?(\w+)\]: refused messages: (.+)')
+_LOADING = 60.0  # s that nodes may take to load, at least
 _BEGUN = re.compile(r'flying in \w+ mode$')
 _PACED = re.compile(r'flying in realtime mode$')
 _WAITS = re.compile(r'waiting for .*')
@@ -240,9 +241,10 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
                 _label(namespace, node)))
         if without:
             print(_invitation(without, flights, group.domain), flush=True)
-        group.watch(  # one patience for the numerics to compile, one for the nodes
+        patience = max(flight.sim_node.start_patience for flight in flights.values())
+        group.watch(  # the nodes' patience begins when they are loaded
             lambda: all(each.begun for each in progress.values()),
-            2.0 * max(flight.sim_node.start_patience for flight in flights.values()))
+            patience + max(patience, _LOADING))
     outcomes = [
         _outcome(bags[namespace], progress[namespace], started[namespace],
                  flights[namespace], group)
