@@ -1,5 +1,6 @@
 """For every pytest run below this folder, also a package's own: ROS that only sees itself."""
 
+import gc
 import os
 from pathlib import Path
 import resource
@@ -26,3 +27,17 @@ def small_disk():
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
     resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.fixture
+def ros():
+    """Initialise ROS for one test and destroy the nodes that it leaves behind."""
+    import rclpy  # of the tests of nodes alone
+    from rclpy.node import Node
+    from rclpy.signals import SignalHandlerOptions
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    yield
+    for thing in gc.get_objects():  # or later tests find their publishers
+        if issubclass(type(thing), Node):
+            thing.destroy_node()
+    rclpy.try_shutdown()

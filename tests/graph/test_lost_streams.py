@@ -1,6 +1,5 @@
 """A controller or a vehicle that hears nothing more: nodes in this process, without a graph."""
 
-import gc
 import math
 import time
 from types import SimpleNamespace
@@ -18,7 +17,6 @@ from mambo_sim import lockstep, sim_node
 from mambo_sim.sim_node import SimNode
 import pytest
 import rclpy
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
@@ -26,16 +24,6 @@ MAMBO, ZERO, STEP = Vehicle(), (0.0, 0.0, 0.0), 5_000_000
 HOVERING = State((0.0, 0.0, -1.5), ZERO, (1.0, 0.0, 0.0, 0.0), ZERO)
 POINT = from_flat_output(
     (0.0, 0.0, -1.5), ZERO, ZERO, ZERO, ZERO, MAMBO.mass, MAMBO.inertia, MAMBO.gravity)
-
-
-@pytest.fixture
-def ros():
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    yield
-    for thing in gc.get_objects():  # or the flights of other tests find its publishers
-        if issubclass(type(thing), Node):
-            thing.destroy_node()
-    rclpy.try_shutdown()
 
 
 class Controller:

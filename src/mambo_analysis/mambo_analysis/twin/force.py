@@ -79,12 +79,15 @@ class ForceModel(NamedTuple):
         out, _ = signal.lfilter([1.0 - left], [1.0, -left], each, axis=0, zi=left * each[:1])
         return out.sum(axis=1)
 
-    def predict(self, flight: Recorded) -> Floats:
-        """Return the specific force at every row, (n, 3) m/s^2, body FLU."""
-        v = flight.body_velocity
+    def force(self, thrust: Floats, v: Floats) -> Floats:
+        """Return the specific force, (n, 3), of a thrust over the mass, (n,), at a velocity."""
         return np.column_stack([
             self.tilt[0] - self.drag[0] * v[:, 0], self.tilt[1] - self.drag[1] * v[:, 1],
-            self.thrust_over_mass(flight) - self.drag[2] * v[:, 2]])
+            thrust - self.drag[2] * v[:, 2]])
+
+    def predict(self, flight: Recorded) -> Floats:
+        """Return the specific force at every row, (n, 3) m/s^2, body FLU."""
+        return self.force(self.thrust_over_mass(flight), flight.body_velocity)
 
 
 class Found(NamedTuple):

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from mambo_bags.command import Parser
-from mambo_bags.reader import read_bag
 from mambo_model import palette
 from mambo_model.vehicle.parameters import preset, Vehicle
 from matplotlib.figure import Figure
@@ -125,7 +124,7 @@ def identify(path: Path, base: str, mass: float | None, namespace: str | None) -
     if flight.rest.stop == flight.rest.start:
         notes.append('not shown by this flight: biases and noise: no second of rest, motors off, '
                      'before take-off')
-    if 'optical_flow' in read_bag(path, None, namespace):
+    if flight.has_flow:
         notes.append('it has optical flow: mambo identify flow gives its factor')
     notes.append(f'per mass; thrust and tilt hold at {found.model.voltage:.2f} V'
                  if np.isfinite(found.model.voltage) else 'no battery voltage in the recording')

@@ -58,6 +58,8 @@ class Recorded(NamedTuple):
         Rows in the air and at rest before take-off; ``rest`` may be empty.
     mounting : (3,) rad
         Rotation vector from the inertial sensor to the marker body.
+    has_flow
+        Whether the recording has optical flow, too.
 
     """
 
@@ -73,6 +75,7 @@ class Recorded(NamedTuple):
     air: slice
     rest: slice
     mounting: Floats
+    has_flow: bool = False
 
     @property
     def turn(self) -> Rotation:
@@ -192,4 +195,5 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
     known = np.isfinite(found['attitude']).all(axis=1)
     found['attitude'][known] = (Rotation.from_quat(found['attitude'][known])
                                 * Rotation.from_rotvec(mounting)).as_quat()
-    return Recorded(path.name, **found, air=air, rest=rest, mounting=mounting)
+    return Recorded(path.name, **found, air=air, rest=rest, mounting=mounting,
+                    has_flow='optical_flow' in bag)

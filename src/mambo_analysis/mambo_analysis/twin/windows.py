@@ -73,20 +73,17 @@ def foresee(
     """
     steps, back = round(horizon / STEP), round(past / STEP)
     first = np.arange(flight.air.start + back, flight.air.stop - steps, round(EVERY / STEP))
+    thrust, turn = model.thrust_over_mass(flight), flight.turn
     beyond = np.zeros((len(first), 3))
     if back:
-        rest = flight.force[flight.air] - model.predict(flight)[flight.air]
+        rest = (flight.force - model.force(thrust, flight.body_velocity))[flight.air]
         total = np.concatenate([np.zeros((1, 3)), np.cumsum(rest, axis=0)])
         at = first - flight.air.start
         beyond = (total[at] - total[at - back]) / back
-    thrust, turn = model.thrust_over_mass(flight), flight.turn
     p, v = flight.position[first].copy(), flight.velocity[first].copy()
     for i in range(steps):
         now = turn[first + i]
-        w = now.inv().apply(v)
-        f = np.column_stack([
-            model.tilt[0] - model.drag[0] * w[:, 0], model.tilt[1] - model.drag[1] * w[:, 1],
-            thrust[first + i] - model.drag[2] * w[:, 2]]) + beyond
+        f = model.force(thrust[first + i], now.inv().apply(v)) + beyond
         a = now.apply(f) - [0.0, 0.0, GRAVITY]
         p, v = p + STEP * v + 0.5 * STEP * STEP * a, v + STEP * a
     end = flight.position[first + steps]

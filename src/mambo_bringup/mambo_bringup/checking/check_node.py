@@ -42,7 +42,8 @@ class CheckNode(SimNode):
         """Return what takes the messages of a checked node."""
         wanted = one.contract.frames
 
-        def hear(data: bytes) -> None:
+        def take(data: bytes) -> None:
+            """Note a message and, of the first one with a stamp, its frames."""
             one.hear(data)
             if 'frames' in one.notes or one.heard[-1].stamp < 0:
                 return
@@ -51,7 +52,7 @@ class CheckNode(SimNode):
             kept = found == wanted or wanted == ('',)
             one.note('frames', kept, ', '.join(map(repr, found)) + (
                 '' if kept else f', wanted {", ".join(map(repr, wanted))}'))
-        return hear
+        return take
 
 
 def _tell(one: Transcript) -> None:

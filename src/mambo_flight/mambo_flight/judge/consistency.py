@@ -21,7 +21,7 @@ from mambo_bags.command import guard, Parser, write_json
 from mambo_model.errors import InputError
 
 from .flights import judge, with_unknowns
-from .judge import flight_of, Measured, measured, Report, summary
+from .judge import add_seeds, flight_of, Measured, measured, Report, seeds_of, summary
 
 PATHS = (
     'hover', 'circle', 'circle_rising', 'vertical_circle', 'figure_3_3', 'vertical_circle_large')
@@ -89,10 +89,9 @@ def table(reports: dict[tuple[str, float], Report]) -> str:
 
 
 def _run(options: argparse.Namespace) -> None:
-    for name in ('seeds', 'workers'):
-        if getattr(options, name) < 1:
-            raise InputError(f'--{name} {getattr(options, name)}: must be 1 or more')
-    seeds = range(options.first, options.first + options.seeds)
+    seeds = seeds_of(options)
+    if options.workers < 1:
+        raise InputError(f'--workers {options.workers}: must be 1 or more')
     reports = consistency(
         options.scenario or list(PATHS), options.slopes, seeds, options.workers)
     if options.json:
@@ -114,8 +113,7 @@ def parser() -> Parser:
         help=f'experiment, file or trajectory (default: {", ".join(PATHS)})')
     add('--slopes', type=float, nargs='+', default=list(SLOPES), metavar='X',
         help='true slopes of the scale of the flow, 1/m (default: 0 -0.07 0.14)')
-    add('--seeds', type=int, default=100, metavar='N', help='flights a line (default: 100)')
-    add('--first', type=int, default=1, metavar='SEED', help='seed of the first (default: 1)')
+    add_seeds(out, 100, 'flights a line')
     add('--workers', type=int, default=os.cpu_count() or 1, metavar='N',
         help='processes (default: one for each core)')
     out.add_json()

@@ -162,7 +162,11 @@ def _error(
 
 def judge(flight: Scenario, bounded: bool = True) -> Judged:
     """Fly a scenario and return how far the joint filter is from truth and, if asked, bound."""
-    r = closed_loop.fly(flight)
+    return judge_recording(flight, closed_loop.fly(flight), bounded)
+
+
+def judge_recording(flight: Scenario, r: closed_loop.Recording, bounded: bool = True) -> Judged:
+    """Return the same of a scenario that has been flown."""
     made = filtered.run(steps_of(r), flight.estimator_node.joint)
     t, start = _truth(flight), int(np.flatnonzero(made.resting)[-1])
     error = _error(

@@ -197,11 +197,23 @@ def flight_of(name: str) -> Scenario:
     return override(found, {'estimator_node.estimator': 'joint'})
 
 
-def _run(options: argparse.Namespace) -> None:
+def add_seeds(out: Parser, default: int, what: str = 'how many flights') -> None:
+    """Add the options of a command that flies many seeds; :func:`seeds_of` reads them."""
+    out.add_argument('--seeds', type=int, default=default, metavar='N',
+                     help=f'{what} (default: %(default)s)')
+    out.add_argument('--first', type=int, default=1, metavar='SEED',
+                     help='seed of the first (default: %(default)s)')
+
+
+def seeds_of(options: argparse.Namespace) -> range:
+    """Return the seeds that are asked for; InputError if there are none."""
     if options.seeds < 1:
         raise InputError(f'--seeds {options.seeds}: must be 1 or more')
-    flight = flight_of(options.scenario)
-    seeds = range(options.first, options.first + options.seeds)
+    return range(options.first, options.first + options.seeds)
+
+
+def _run(options: argparse.Namespace) -> None:
+    seeds, flight = seeds_of(options), flight_of(options.scenario)
     flights = [with_unknowns(flight, seed, options.vary, options.slope) for seed in seeds]
     report = summary([measured(judge(one)) for one in flights])
     found: dict[str, Any] = {
@@ -223,8 +235,7 @@ def parser() -> Parser:
     out = Parser('bound', __doc__)
     add = out.add_argument
     add('scenario', metavar='SCENARIO', help='experiment, experiment/flight, file or trajectory')
-    add('--seeds', type=int, default=20, metavar='N', help='how many flights (default: 20)')
-    add('--first', type=int, default=1, metavar='SEED', help='seed of the first (default: 1)')
+    add_seeds(out, 20)
     add('--vary', action='store_true',
         help='draw slope (-0.1 to 0.15 1/m), scale (8 %%) and latency (0 to 0.1 s) of the flow')
     add('--slope', type=float, metavar='X', help='true slope of the scale in 1/m')

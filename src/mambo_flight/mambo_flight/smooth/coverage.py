@@ -12,12 +12,11 @@ import math
 from typing import NamedTuple
 
 from mambo_bags.command import guard, Parser
-from mambo_model.errors import InputError
 import numpy as np
 
 from .. import closed_loop
-from ..judge.flights import judge, steps_of, with_unknowns
-from ..judge.judge import flight_of
+from ..judge.flights import judge_recording, steps_of, with_unknowns
+from ..judge.judge import add_seeds, flight_of, seeds_of
 from ..scenario import Scenario
 from .intervals import intervals, middle, Path, path_error, QUANTITIES
 from .smoother import smooth
@@ -34,7 +33,8 @@ class Trial(NamedTuple):
 
 def trial(flight: Scenario) -> Trial:
     """Return how well a flight is smoothed."""
-    judged, recording = judge(flight), closed_loop.fly(flight)
+    recording = closed_loop.fly(flight)
+    judged = judge_recording(flight, recording, bounded=False)
     s = smooth(steps_of(recording), flight.estimator_node.joint)
     k, held, errors = middle(s), [], []
     for one in intervals(s):
@@ -65,10 +65,7 @@ def table(trials: list[Trial]) -> str:
 
 
 def _run(options: argparse.Namespace) -> None:
-    if options.seeds < 1:
-        raise InputError(f'--seeds {options.seeds}: must be 1 or more')
-    flight = flight_of(options.scenario)
-    seeds = range(options.first, options.first + options.seeds)
+    seeds, flight = seeds_of(options), flight_of(options.scenario)
     print(f'{options.scenario}\n' + table([
         trial(with_unknowns(flight, seed, True)) for seed in seeds]))
 
@@ -76,10 +73,9 @@ def _run(options: argparse.Namespace) -> None:
 def parser() -> Parser:
     """Return the command line."""
     out = Parser('coverage', __doc__)
-    add = out.add_argument
-    add('scenario', metavar='SCENARIO', help='experiment, experiment/flight, file or trajectory')
-    add('--seeds', type=int, default=100, metavar='N', help='how many flights (default: 100)')
-    add('--first', type=int, default=1, metavar='SEED', help='seed of the first (default: 1)')
+    out.add_argument('scenario', metavar='SCENARIO',
+                     help='experiment, experiment/flight, file or trajectory')
+    add_seeds(out, 100)
     return out
 
 

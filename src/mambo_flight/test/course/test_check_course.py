@@ -3,24 +3,10 @@
 import json
 from pathlib import Path
 
+from course_commands import EIGHT, lines
 from mambo_flight.course import check_course, course_file, feasibility
 from mambo_model.vehicle.parameters import Vehicle
 import pytest
-
-EIGHT = str(Path(__file__).parents[4] / 'examples/figure_eight.csv')
-FAST = 't,x,y,height\n0,0,0,1.5\n1.4,6,0,1.5\n2.8,0,0,1.5\n'
-
-
-@pytest.fixture
-def fast(tmp_path):
-    path = tmp_path / 'fast.csv'
-    path.write_text(FAST)
-    return str(path)
-
-
-def lines(capsys):
-    out, err = capsys.readouterr()
-    return out.splitlines(), err.splitlines()
 
 
 def test_a_course_that_can_be_flown_is_a_table_and_a_picture(tmp_path, capsys):

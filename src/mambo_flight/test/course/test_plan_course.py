@@ -1,28 +1,13 @@
 """The command that plans a course: a file that is flown as it was asked for."""
 
-from pathlib import Path
 
+from course_commands import EIGHT, lines
 from mambo_flight.course import feasibility, plan_course
 from mambo_model.motion.polynomial import state_at
 from mambo_model.motion.uav_trajectories import load
 from mambo_model.vehicle.parameters import Vehicle
 import numpy as np
 import pytest
-
-EIGHT = str(Path(__file__).parents[4] / 'examples/figure_eight.csv')
-FAST = 't,x,y,height\n0,0,0,1.5\n1.4,6,0,1.5\n2.8,0,0,1.5\n'
-
-
-@pytest.fixture
-def fast(tmp_path):
-    path = tmp_path / 'fast.csv'
-    path.write_text(FAST)
-    return str(path)
-
-
-def lines(capsys):
-    out, err = capsys.readouterr()
-    return out.splitlines(), err.splitlines()
 
 
 def test_a_plan_is_a_file_that_is_flown_as_planned(fast, tmp_path, capsys):

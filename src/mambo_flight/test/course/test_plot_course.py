@@ -7,7 +7,6 @@ from mambo_flight.course.feasibility import Limit, QUANTITIES
 from mambo_flight.course.plot_course import draw
 from mambo_model import palette
 from mambo_model.motion.polynomial import Course
-from matplotlib.figure import Figure
 import numpy as np
 import pytest
 
@@ -15,15 +14,9 @@ T = np.linspace(0.0, 3.0, 301)
 
 
 @pytest.fixture
-def figure(monkeypatch):
-    """Return the figures made, so that a test reads them and not their pixels."""
-    figures = []
-
-    def make(*args, **options):
-        figures.append(Figure(*args, **options))
-        return figures[-1]
-    monkeypatch.setattr(plot_course, 'Figure', make)
-    return figures
+def figure(figures_of):
+    """Return the figures made."""
+    return figures_of(plot_course)
 
 
 def course():

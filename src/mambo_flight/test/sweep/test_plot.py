@@ -1,7 +1,6 @@
 """The plots of a sweep are drawn whatever came of its flights."""
 
 from mambo_flight.sweep import plot
-from matplotlib.figure import Figure
 import numpy as np
 import pytest
 
@@ -45,15 +44,9 @@ def test_bins_hold_alike_many_flights_in_the_order_of_the_parameter():
 
 
 @pytest.fixture
-def figure(monkeypatch):
-    """Return the figures made, so that a test reads them and not their pixels."""
-    figures = []
-
-    def make(*args, **options):
-        figures.append(Figure(*args, **options))
-        return figures[-1]
-    monkeypatch.setattr(plot, 'Figure', make)
-    return figures
+def figure(figures_of):
+    """Return the figures made."""
+    return figures_of(plot)
 
 
 def swept(n=60):

@@ -24,20 +24,8 @@ class NoParams:
     """Nothing to set."""
 
 
-MADE = []
-
-
-@pytest.fixture(autouse=True)
-def end_of_nodes():
-    """Destroy the nodes of a test: the next one would find their subscriptions."""
-    yield
-    while MADE:
-        MADE.pop().destroy_node()
-
-
 def node(name, says=(), hears=(), **options):
     made = MamboNode(name, NoParams, **options)
-    MADE.append(made)
     for topic in says:
         made.advertise(topic)
     for topic in hears:
