@@ -116,6 +116,10 @@ class Entry:
             self._taker = MessageTaker(handle, source.take.largest + 1)
             self.take_all = source.take.pull = self._take_guarded
 
+    def close(self) -> None:
+        """Release the subscription of a guarded input, which is served no more."""
+        self._taker.close()
+
     def _take_unguarded(self) -> bool:
         """Handle the messages that wait at the middleware; return whether there were any."""
         take, callback, msg_type, size = (

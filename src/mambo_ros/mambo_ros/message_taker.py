@@ -65,6 +65,11 @@ class MessageTaker:
     largest
         Largest number of bytes of a message that are copied.
 
+    Attributes
+    ----------
+    close
+        Releases the subscription; done once, at the latest with this object.
+
     Raises
     ------
     MemoryError
@@ -83,7 +88,7 @@ class MessageTaker:
         self._subscription = handle.pointer
         self._bytes_at, self._info_at = map(ctypes.addressof, (self._bytes, self._info))
         self._gid_at = self._info_at + _MessageInfo.publisher_gid.offset + _Gid.data.offset
-        weakref.finalize(self, _release, handle, self._bytes)
+        self.close = weakref.finalize(self, _release, handle, self._bytes)
 
     def __call__(self) -> tuple[bytes, int, bytes] | None:
         """

@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 from mambo_model import schema
-from mambo_ros import topics, usage
+from mambo_ros import usage
 import pytest
 from rclpy.parameter import Parameter
 
@@ -87,5 +87,5 @@ def test_a_node_has_the_topics_that_its_help_names(ros, module):
     name = nodes[0].resolve_topic_name
     assert {output.publisher.topic_name for node in nodes for output in node.outputs} == {
         name(topic.name) for topic in kind.publishes}
-    inputs = {entry.name for node in nodes for entry in node.inputs}
-    assert inputs - {name(topics.LINKS.name)} == {name(topic.name) for topic in kind.subscribes}
+    assert {entry.name for node in nodes for entry in node.inputs} == {
+        name(topic.name) for topic in kind.subscribes}

@@ -7,7 +7,7 @@ import time
 
 from . import peers
 from .. import node, topics
-from ..endpoints import Input
+from ..endpoints import Entry, Input
 from ..loop import Loop
 from .announcements import Announcements
 from .foreign import ForeignNode
@@ -56,10 +56,14 @@ class Links:
             for name in map(str.strip, wait_for_publishers.split(',')) if name]
         self._crowd, self._next_look = '', 0.0  # what is one too many; s of wall time
         self._heard = Announcements(owner)
-        owner.inputs.append(Input(topics.LINKS, self._heard.topic, self._heard, False))
+        # served here until the flight begins: an input of the loop would be polled in every step
+        source = Input(topics.LINKS, self._heard.topic, self._heard, False)
+        self._subscription = owner.open_input(source)
+        self._entry = Entry(self._subscription.handle, source)
 
     def _look(self, now: float) -> None:
         """Take what is new from the nodes of the graph."""
+        self._entry.take_all()
         if now >= self._next_look:
             self._next_look = now + _LOOK_EVERY
             self._crowd = self._too_many(self._heard.look())
@@ -116,6 +120,12 @@ class Links:
                             f'{topic} at {links.node}')
         return ''
 
+    def _unannounced(self) -> str:
+        """Return what is missing while the owner's own announcement has not come back, or ''."""
+        mine = self._owner.get_fully_qualified_name()
+        return f'the announcement of {mine}' if (
+            self._expected and mine not in self._heard.known) else ''
+
     def alone(self, topic: topics.Topic) -> bool:
         """Return whether only the owner publishes a topic; log the names of other publishers."""
         name = self._owner.resolve_topic_name(topic.name)
@@ -133,7 +143,7 @@ class Links:
 
     def wait(self, loop: Loop, patience: float) -> bool:
         """
-        Serve the graph until nothing is missing.
+        Serve the graph until nothing is missing, once; announcements are not taken any more.
 
         Parameters
         ----------
@@ -149,12 +159,20 @@ class Links:
             ``/clock`` (two flights in one domain would mix their messages).
 
         """
+        try:
+            return self._wait(loop, patience)
+        finally:
+            self._entry.close()
+            self._owner.destroy_subscription(self._subscription)
+
+    def _wait(self, loop: Loop, patience: float) -> bool:
+        """Wait, as :meth:`wait` says."""
         began = logged = time.monotonic()
         since = dict.fromkeys(('crowd', 'guests'), began)
         while True:
             now = time.monotonic()
             self._look(now)
-            missing = self.missing()
+            missing = self.missing() or self._unannounced()
             since['crowd'] = since['crowd'] if self._crowd else now
             since['guests'] = since['guests'] if missing and not self.missing(False) else now
             if not missing and not self._crowd:
