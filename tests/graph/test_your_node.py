@@ -69,7 +69,7 @@ def test_two_flights_with_a_controller_of_yours_are_equal(
 
 
 def test_a_controller_that_never_comes_is_named(tmp_path, capsys):
-    code = fly(tmp_path / 'bag', '--set', 'sim_node.start_patience=3.0')
+    code = fly(tmp_path / 'bag', '--set', 'sim_node.start_patience=10.0')  # the others need 3 s
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith('run: ')]
     assert code == 1 and len(lines) == 1
     assert 'without a publisher of /mambo/motor_pwm' in lines[0]
