@@ -1,19 +1,34 @@
 """For every pytest run below this folder, also a package's own: ROS that only sees itself."""
 
+import fcntl
 import gc
 import os
 from pathlib import Path
 import resource
+import tempfile
 
 import pytest
 
-# One domain for each run: packages are tested side by side. 1 to 101 avoid the ephemeral ports.
-os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 101)
+
+def own_domain():
+    """Return a ROS domain that no other pytest on this machine has, and the file that holds it."""
+    for number in range(101, 50, -1):  # free of ephemeral ports, and flights take the lowest
+        try:
+            held = open(Path(tempfile.gettempdir()) / f'mambo_tests_domain_{number}.lock', 'a')
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            continue  # of another run, or of another user
+        return number, held
+    raise pytest.UsageError('no ROS domain is free: 51 test runs are under way on this machine')
+
+
+_DOMAIN, _HELD = own_domain()
+os.environ['ROS_DOMAIN_ID'] = str(_DOMAIN)
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ.setdefault(
     'HYPOTHESIS_STORAGE_DIRECTORY', str(Path(__file__).parent / '.cache/hypothesis'))
 
-from hypothesis import settings  # reads the folder above
+from hypothesis import settings  # noqa: E402 (reads the folder above)
 
 # The same examples in every run, so that a failure repeats and a pass is no luck. No deadline for
 # one example: the first compiles, and machines are shared.

@@ -1,0 +1,80 @@
+"""tools/lanes.py: two commands at once, each line whole and named, and nothing left of them."""
+
+import os
+from pathlib import Path
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+LANES = Path(__file__).parents[2] / 'tools/lanes.py'
+SLEEPER = 'trap "exit 3" INT; echo up; while true; do sleep 0.1; done'
+
+
+def lanes(*words):
+    return subprocess.Popen(
+        [sys.executable, LANES, *words], stdout=subprocess.PIPE, text=True)
+
+
+def bash(text):
+    """Return the command that runs a script, quoted for bash."""
+    return f"bash -c '{text}'"
+
+
+def test_lines_are_whole_and_named_and_come_as_they_are_printed():
+    run = lanes('one', bash('printf a; sleep 0.5; echo b; read; sleep 2; echo c'),
+                'second', bash('echo d >&2; exit 0'))
+    began = time.monotonic()
+    lines = [(line.rstrip('\n'), time.monotonic() - began) for line in run.stdout]
+    assert run.wait() == 0
+    texts = [text for text, _ in lines]
+    assert [text for text in texts if 'exit code' not in text] == [
+        'second | d', 'one    | ab', 'one    | c']
+    assert [bool(re.fullmatch(r'(one|second) +\| exit code 0 after \d+ s', text))
+            for text in texts].count(True) == 2
+    assert lines[texts.index('one    | c')][1] - lines[texts.index('one    | ab')][1] > 1.0
+
+
+@pytest.mark.parametrize(('codes', 'found'), [((0, 0), 0), ((4, 0), 1), ((0, 5), 2), ((1, 1), 3)])
+def test_the_exit_code_says_which_lane_failed(codes, found):
+    run = lanes(*(word for k, code in enumerate(codes) for word in (f'{k}', bash(f'exit {code}'))))
+    assert 'exit code' in run.communicate()[0]
+    assert run.returncode == found
+
+
+def test_words_are_passed_on_as_they_are_quoted(tmp_path):
+    run = lanes('a', r"printf %s\\n 'b c' $'d\'e'")
+    assert run.communicate()[0].splitlines()[:2] == ['a | b c', "a | d'e"]
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_ends_every_lane_once(number):
+    run = lanes('a', bash(SLEEPER), 'b', bash(SLEEPER))
+    assert [run.stdout.readline() for _ in 'ab'] and run.poll() is None
+    run.send_signal(number)
+    assert run.wait(20.0) == 128 + number
+    run.stdout.close()
+
+
+def test_a_command_can_be_interrupted_itself():
+    """One that a shell starts in the background ignores SIGINT, and so do all its children."""
+    run = lanes('a', f'{sys.executable} -c "import signal; print(signal.getsignal(2))"')
+    assert 'default_int_handler' in run.communicate()[0]
+
+
+def test_one_that_does_not_end_is_killed(tmp_path):
+    stubborn = bash(f'trap "" INT; echo $$ > {tmp_path}/pid; echo up; '
+                    'while true; do sleep 0.1; done')
+    run = subprocess.Popen(
+        [sys.executable, '-c', f'import sys; sys.path.insert(0, "{LANES.parent}"); import lanes; '
+         f'lanes.PATIENCE = 0.5; sys.exit(lanes.run({{"a": {stubborn!r}}}))'],
+        stdout=subprocess.PIPE, text=True)
+    assert run.stdout.readline() == 'a | up\n'
+    run.send_signal(signal.SIGINT)
+    assert run.wait(20.0) == 130
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / 'pid').read_text()), 0)
+    run.stdout.close()

@@ -1,0 +1,112 @@
+"""
+Run several commands side by side and show what they print, line by line; the middle of ``./test``.
+
+usage: lanes.py NAME COMMAND [NAME COMMAND ...]
+
+Each line of a COMMAND, which is quoted for bash, is printed as soon as it is complete, behind the
+NAME of its lane. The last line of a lane says how long it took. An interrupt (Ctrl-C, SIGTERM)
+ends all of them. The exit code is 0 if all ended with 0, 128 plus the signal behind an interrupt,
+else the sum of 1 for the first, 2 for the second, 4 for the third that did not.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+PATIENCE = 30.0  # s from an interrupt until what has not ended is killed
+
+
+class Lane:
+    """
+    A command that runs beside others.
+
+    Parameters
+    ----------
+    name
+        Stands before each line.
+    command
+        One simple command, quoted for bash.
+    width
+        Of the column of names.
+
+    """
+
+    def __init__(self, name: str, command: str, width: int) -> None:
+        self.name, self._width, self._began = name, width, time.monotonic()
+        self._process = subprocess.Popen(
+            ['bash', '-c', f'exec {command}'], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, text=True, errors='replace',
+            start_new_session=True)  # Ctrl-C comes once, from here
+        self._reader = threading.Thread(target=self._show, daemon=True)
+        self._reader.start()
+
+    def _show(self) -> None:
+        """Print the lines as they come, and how it ended."""
+        for line in self._process.stdout:
+            self._print(line.rstrip())
+        self._print(f'exit code {self._process.wait()} after '
+                    f'{time.monotonic() - self._began:.0f} s')
+
+    def _print(self, line: str) -> None:
+        """Print a line in one call: lines of two lanes never mix."""
+        sys.stdout.write(f'{self.name:{self._width}} | {line}\n')
+        sys.stdout.flush()
+
+    def ended(self, seconds: float) -> bool:
+        """Wait for the end, at most so long; return whether the command has ended."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(max(seconds, 0.0))
+        return self._process.returncode is not None
+
+    def code(self) -> int:
+        """Return the exit code of a command that has ended, after all its lines are printed."""
+        self._reader.join(5.0)  # longer only if a process outlives it, which count_tests tells
+        return self._process.returncode
+
+    def interrupt(self) -> None:
+        """End the command and all that it started as by Ctrl-C."""
+        if not self.ended(0.0):
+            os.killpg(self._process.pid, signal.SIGINT)
+
+    def kill(self) -> None:
+        """End the command by force."""
+        self._process.kill()
+        self._process.wait()
+
+
+def run(commands: dict[str, str]) -> int:
+    """Run commands, by the names of their lanes; return the exit code of the module."""
+    signals: list[int] = []
+    before = {number: signal.signal(number, lambda got, _: signals.append(got))
+              for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        width, failed = max(map(len, commands)), 0
+        lanes = [Lane(name, command, width) for name, command in commands.items()]
+        for k, lane in enumerate(lanes):
+            while not lane.ended(0.1) and not signals:
+                pass
+            if signals:
+                break
+            failed += 2**k if lane.code() else 0
+        else:
+            return failed
+        for lane in lanes:
+            lane.interrupt()
+        limit = time.monotonic() + PATIENCE
+        for lane in lanes:
+            if not lane.ended(limit - time.monotonic()):
+                lane.kill()
+        return 128 + signals[0]
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+if __name__ == '__main__':
+    sys.exit(run(dict(zip(sys.argv[1::2], sys.argv[2::2], strict=True))))
