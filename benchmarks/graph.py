@@ -69,7 +69,7 @@ def _run(
     shutil.rmtree(bag, ignore_errors=True)
     began = time.perf_counter()
     run = subprocess.Popen(
-        [sys.executable, '-m', 'mambo_bringup.flight', '--no-report', '--output', bag,
+        [sys.executable, '-m', 'mambo_bringup.run', '--no-report', '--output', bag,
          '--duration', str(seconds), '--mode', mode, '--drones', str(drones),
          *(['--composed'] if composed else [])],
         text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)

@@ -25,7 +25,7 @@ from typing import NamedTuple
 from mambo_bags.reader import BagError, read_bag
 from mambo_bags.recover import recover
 from mambo_bringup.domain import Domain
-from mambo_bringup.flight import FLIGHT_NODES, RECORDER, SIMULATOR
+from mambo_bringup.flight.nodes import FLIGHT_NODES, RECORDER, SIMULATOR
 from mambo_bringup.replay import ESTIMATOR, PLAYER
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -153,7 +153,7 @@ class Struck:
             if fault.phase not in ('closing', 'report'):
                 command += ['--rate', '1']
         else:
-            command = ['flight', '--no-landing', '--output', str(self.bag), *MODES[fault.mode],
+            command = ['run', '--no-landing', '--output', str(self.bag), *MODES[fault.mode],
                        *PHASES[fault.phase]]
             if fault.phase == 'landing':
                 command.remove('--no-landing')

@@ -19,7 +19,7 @@ import tempfile
 
 from mambo_analysis.compare import figures
 from mambo_bags.reader import Bag, read_bag
-from mambo_bringup.flight import CONTROLLER
+from mambo_bringup.run import CONTROLLER
 from mambo_flight import closed_loop, recording_to_bag
 from mambo_flight.scenario import scenario, Scenario
 from mambo_thesis.drift import experiments

@@ -24,7 +24,7 @@ setup(
         'console_scripts': [
             'check_node = mambo_bringup.checking.check_node:main',
             'composed_node = mambo_bringup.composed_node:main',
-            'fly = mambo_bringup.flight:main',
+            'fly = mambo_bringup.run:main',
             'replay = mambo_bringup.replay:main',
         ],
     },

@@ -14,7 +14,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from mambo_analysis.compare import estimate
 from mambo_bags.reader import read_bag
 from mambo_bringup.domain import Domain
-from mambo_bringup.flight import COMPOSED, FLIGHT_NODES, fly, fly_several, RECORDER, SIMULATOR
+from mambo_bringup.flight.nodes import COMPOSED, FLIGHT_NODES, RECORDER, SIMULATOR
+from mambo_bringup.flight.runner import fly, fly_several
 from mambo_bringup.processes import NodeProcess
 from mambo_bringup.replay import replay
 from mambo_flight import closed_loop, offline_replay, recording_to_bag
@@ -307,7 +308,7 @@ def processes_with(text):
 
 def start(*arguments):
     return subprocess.Popen(
-        [sys.executable, '-m', 'mambo_bringup.flight', *map(str, arguments)],
+        [sys.executable, '-m', 'mambo_bringup.run', *map(str, arguments)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
@@ -352,7 +353,7 @@ def test_a_node_ended_in_flight_is_told_on_the_table_and_the_page(tmp_path):
     while not list(bag.glob('*.mcap')) and time.monotonic() < limit:
         time.sleep(0.1)
     time.sleep(6.0)
-    (node,) = [pid for pid in processes_with('mambo_bringup.flight')
+    (node,) = [pid for pid in processes_with('mambo_bringup.run')
                if Path(f'/proc/{pid}/comm').read_text() == 'estimator_node\n'
                and str(bag) in Path(f'/proc/{pid}/cmdline').read_text()]
     os.kill(int(node), signal.SIGTERM)

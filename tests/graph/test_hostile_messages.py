@@ -6,7 +6,7 @@ import sys
 
 from mambo_bags.reader import read_bag
 from mambo_bringup.domain import Domain
-from mambo_bringup.flight import FLIGHT_NODES, RECORDER, SIMULATOR
+from mambo_bringup.flight.nodes import FLIGHT_NODES, RECORDER, SIMULATOR
 from mambo_bringup.processes import NodeProcess
 from mambo_flight import closed_loop
 from mambo_flight.scenario import override, scenario, to_yaml

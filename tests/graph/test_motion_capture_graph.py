@@ -4,7 +4,7 @@ import hashlib
 
 from mambo_analysis.compare import estimate
 from mambo_bags.reader import read_bag
-from mambo_bringup.flight import fly
+from mambo_bringup.flight.runner import fly
 from mambo_bringup.replay import replay
 from mambo_flight import closed_loop, offline_replay, recording_to_bag
 from mambo_flight.scenario import scenario

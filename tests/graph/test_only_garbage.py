@@ -7,8 +7,8 @@ import time
 
 from ament_index_python.packages import get_package_prefix
 from mambo_bags.reader import read_bag
-from mambo_bringup import flight
-from mambo_bringup.flight import COMPOSED, FLIGHT_NODES
+from mambo_bringup import run
+from mambo_bringup.flight.nodes import COMPOSED, FLIGHT_NODES
 import pytest
 
 PATIENCE = 2.0  # s
@@ -19,7 +19,7 @@ GARBAGE = Path(__file__).with_name('garbage_controller.py')
 @pytest.fixture
 def prefix(tmp_path, monkeypatch):
     """Have the runner start the garbage controller in place of ours."""
-    monkeypatch.setattr(flight, 'load', lambda modules: None)  # a copy of this process is ours
+    monkeypatch.setattr(run, 'load', lambda modules: None)  # a copy of this process is ours
     replaced = {COMPOSED, ('mambo_control', 'controller_node')}
     for package, name in {*FLIGHT_NODES, COMPOSED}:
         if package in {package for package, _ in replaced}:
@@ -52,7 +52,7 @@ def test_a_flight_whose_only_controller_publishes_garbage_ends(
         tmp_path, prefix, monkeypatch, capsys, kind, how, mode):
     monkeypatch.setenv('MAMBO_GARBAGE', kind)
     bag, began = tmp_path / 'bag', time.monotonic()
-    code = flight.main([
+    code = run.main([
         '--mode', mode, '--duration', '20', '--no-landing', '--no-report', '--output',
         str(bag), '--set', f'sim_node.patience={PATIENCE}',
         *(['--composed'] if how == 'composed' else [])])
@@ -76,7 +76,7 @@ def test_a_flight_whose_only_controller_publishes_garbage_ends(
 def test_a_node_that_fails_at_the_start_is_named_and_not_the_empty_bag(
         tmp_path, prefix, monkeypatch, capsys):
     monkeypatch.setenv('MAMBO_GARBAGE', 'unknown')  # its constructor raises
-    code = flight.main(['--duration', '5', '--no-report', '--output', str(tmp_path / 'bag')])
+    code = run.main(['--duration', '5', '--no-report', '--output', str(tmp_path / 'bag')])
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith('run: ')]
     assert code == 1 and len(lines) == 1 and 'controller_node' in lines[0]
     assert 'no messages' not in lines[0]

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from mambo_bags.reader import read_bag
-from mambo_bringup.flight import FlightEndedError, fly
+from mambo_bringup.flight.outcome import FlightEndedError
+from mambo_bringup.flight.runner import fly
 from mambo_flight import closed_loop, recording_to_bag, scenario_file
 from mambo_flight.scenario import override, Place, scenario
 from mambo_flight.sweep import design

@@ -11,7 +11,7 @@ from mambo_bags import mcap_reader, writer
 from mambo_bags.reader import bag_files, read_bag
 from mambo_bags.recorder_node import RecorderNode
 from mambo_bringup.domain import Domain
-from mambo_bringup.flight import RECORDER
+from mambo_bringup.flight.nodes import RECORDER
 from mambo_bringup.processes import NodeProcess, parameter
 from mambo_ros import cdr, messages, topics
 import numpy as np

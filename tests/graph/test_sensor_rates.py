@@ -22,7 +22,7 @@ def test_the_state_of_the_controller_is_nan_only_while_the_motors_are_stopped(
     bag = tmp_path / 'bag'
     values = {'sonar.rate': sonar, 'optical_flow.rate': flow, 'barometer.rate': barometer}
     done = subprocess.run(
-        [sys.executable, '-m', 'mambo_bringup.flight', '--composed', '--duration', '3',
+        [sys.executable, '-m', 'mambo_bringup.run', '--composed', '--duration', '3',
          '--no-landing', '--no-report', '--output', str(bag),
          '--set', 'estimator_node.kalman.barometer.enabled=true',
          *(part for name, value in values.items()

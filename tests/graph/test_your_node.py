@@ -7,7 +7,8 @@ import subprocess
 import sys
 
 from mambo_bags.reader import read_bag
-from mambo_bringup import flight
+from mambo_bringup import run
+from mambo_bringup.flight import runner
 import numpy as np
 import pytest
 
@@ -20,14 +21,14 @@ def started_when_invited(monkeypatch):
     children = []
 
     def invite(script):
-        invitation = flight._invitation
+        invitation = runner._invitation
 
         def start(without, namespaces, domain):
             children.append(subprocess.Popen(
                 [sys.executable, script], env=os.environ | {'ROS_DOMAIN_ID': str(domain)},
                 stderr=subprocess.PIPE, text=True))
             return invitation(without, namespaces, domain)
-        monkeypatch.setattr(flight, '_invitation', start)
+        monkeypatch.setattr(runner, '_invitation', start)
         return children
     yield invite
     for child in children:
@@ -36,7 +37,7 @@ def started_when_invited(monkeypatch):
 
 
 def fly(bag, *arguments):
-    return flight.main([
+    return run.main([
         '--without', 'controller', '--duration', '12', '--trajectory', 'hover', '--no-report',
         '--output', str(bag), *arguments])
 

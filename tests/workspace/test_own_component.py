@@ -5,7 +5,7 @@ import re
 import shlex
 
 from mambo_bags.reader import read_bag
-from mambo_bringup import flight
+from mambo_bringup import run
 from mambo_flight import fly
 import pytest
 
@@ -34,10 +34,10 @@ def test_a_command_of_the_page_works(command, here, capsys):
         return
     assert program == './run'
     if '--print-scenario' in words:
-        assert flight.main(words) == 0
+        assert run.main(words) == 0
         assert 'position_gain: 4.0' in capsys.readouterr().out
         return
-    name, found = flight._scenario(flight.parser().parse_args(words))
+    name, found = run._scenario(run.parser().parse_args(words))
     assert name.endswith('_seed1')
     if '--set' in words:
         assert found.controller_node.pd_controller.position_gain == 5.0

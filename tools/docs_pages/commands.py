@@ -56,7 +56,7 @@ def commands() -> str:
         if target.split(':')[0].endswith('_node'):
             continue
         for name, owners in sorted(names.items()):
-            title = name if target != 'mambo_bringup.flight:main' else f'{name} in the graph'
+            title = name if target != 'mambo_bringup.run:main' else f'{name} in the graph'
             out += [f'### {title}', '', *_fenced(
                 '\n'.join([f'mambo {verbs[target]}', *(
                     f'ros2 run {package} {name}' for package in owners)])),

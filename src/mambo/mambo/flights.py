@@ -16,7 +16,7 @@ from mambo_control.controllers import REGISTRY as CONTROLLERS
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
 from mambo_flight import recording_to_bag, scenario_file, supervised
 from mambo_flight.closed_loop import Recording
-from mambo_flight.course import sampled
+from mambo_flight.course import function_course
 from mambo_flight.scenario import override, Scenario
 from mambo_flight.sweep import monte_carlo
 from mambo_model.errors import InputError
@@ -167,7 +167,7 @@ def fly(
 
     """
     choices = {
-        'trajectory': _named(trajectory, sampled.offer),
+        'trajectory': _named(trajectory, function_course.offer),
         'estimator': _named(estimator, ESTIMATORS.offer),
         'controller': _named(controller, CONTROLLERS.offer),
         'duration': duration, 'seed': seed, 'vehicle': vehicle, 'believed': believed,

@@ -17,7 +17,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from mambo_flight.scenario import to_yaml
 from mambo_ros.graph import loopback
 
-from .flight import OWN, RECORDER
+from .flight.nodes import OWN, RECORDER
 from .launching import Plan
 
 

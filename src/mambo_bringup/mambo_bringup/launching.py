@@ -12,7 +12,7 @@ from mambo_flight.course import course_file
 from mambo_model import schema
 from mambo_ros import topics
 
-from .flight import FLIGHT_NODES, RECORDER, recorder_topics, SIMULATOR
+from .flight.nodes import FLIGHT_NODES, RECORDER, recorder_topics, SIMULATOR
 from .processes import FlightInputError
 from .replay import ESTIMATOR, PLAYER, RECORDED
 

@@ -40,7 +40,7 @@ class Command(NamedTuple):
 
 GROUPS: dict[str, dict[str, Command]] = {
     'Fly': {
-        'run': Command('mambo_bringup.flight', 'fly a scenario in the ROS graph, record, report'),
+        'run': Command('mambo_bringup.run', 'fly a scenario in the ROS graph, record, report'),
         'fly': Command('mambo_flight.fly', 'fly a scenario in one process, hundreds of times '
         'faster than real time'),
         'sweep': Command('mambo_flight.sweep.command', 'fly a scenario many times over seeds, '
@@ -51,9 +51,9 @@ GROUPS: dict[str, dict[str, Command]] = {
                                    'snap through waypoints'),
         'check-node': Command('mambo_bringup.checking.check', 'whether a node of yours keeps the '
                               'contract of the graph'),
-        'bound': Command('mambo_flight.judge.judge', 'the joint filter beside the lower bound of '
-                         'any estimator (Cramer-Rao)'),
-        'consistency': Command('mambo_flight.judge.consistency', 'whether the joint filter '
+        'bound': Command('mambo_flight.accuracy.bound', 'the joint filter beside the lower bound '
+                         'of any estimator (Cramer-Rao)'),
+        'consistency': Command('mambo_flight.accuracy.consistency', 'whether the joint filter '
                                'states its errors as large as they are'),
         'coverage': Command('mambo_flight.smooth.coverage', 'smooth many flights: how often the '
                             'intervals hold the true values'),

@@ -19,7 +19,7 @@ from mambo_flight import scenario as scenarios
 from mambo_model.errors import InputError
 from mambo_ros import topics
 
-from .flight import RECORDER
+from .flight.nodes import RECORDER
 from .node_group import NodeGroup
 from .processes import FlightError, FlightInputError, load, parameter
 from .stopping import stoppable

@@ -14,18 +14,14 @@ import sys
 
 from .stopping import leave_at_once, stoppable
 
-NAMES = {'flight': 'run', 'mambo': 'mambo'}
-"""Name of the command of each module."""
-
 
 def main(module: str) -> int:
-    """Load a module of ``NAMES`` and run its ``main``; return the exit code."""
-    name = NAMES[module]
-    before = signal.signal(signal.SIGINT, leave_at_once(name))
+    """Load ``run`` or ``mambo``, run its ``main`` and return the exit code."""
+    before = signal.signal(signal.SIGINT, leave_at_once(module))
     command = import_module(f'.{module}', __package__)
     signal.signal(signal.SIGINT, before)
     try:
-        return stoppable(name, command.main)
+        return stoppable(module, command.main)
     finally:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # later signals need no message
 

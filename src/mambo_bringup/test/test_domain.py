@@ -146,7 +146,7 @@ def test_a_domain_whose_file_cannot_be_opened_is_passed_over(monkeypatch):
 
 
 @pytest.mark.parametrize('module, name', [
-    ('mambo_bringup.flight', 'run'), ('mambo_sim.sim_node', 'sim_node'),
+    ('mambo_bringup.run', 'run'), ('mambo_sim.sim_node', 'sim_node'),
     ('mambo_bringup.composed_node', 'recorder_node')])
 def test_without_a_loopback_interface_all_is_refused_at_once_with_one_line(
         tmp_path, module, name):

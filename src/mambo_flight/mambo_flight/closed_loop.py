@@ -26,7 +26,7 @@ from mambo_sim.sensors import optitrack
 import numpy as np
 from numpy.typing import NDArray
 
-from .located import store_located, WIDTH
+from .capture_columns import store_located, WIDTH
 from .scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -72,7 +72,7 @@ class Recording(NamedTuple):
     stopped: NDArray[np.bool_]  # (n,) motors shut down
     reason: NDArray[np.int64]  # (n,) safety.REASON_* of the command
     inner: Inner | None  # None is a type of its own: a loop that does not store this
-    located: Array | None = None  # (n, 61) in map, located.COLUMNS; None: no motion capture used
+    located: Array | None = None  # (n, 61) in map, see capture_columns; None: without
 
 
 class Settings(NamedTuple):

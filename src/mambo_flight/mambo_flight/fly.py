@@ -13,12 +13,12 @@ import time
 from mambo_bags.command import guard, Parser, refuse_existing
 from mambo_model.errors import InputError, JobError
 
-from . import choices, recording_to_bag, scenario_file, supervised
+from . import flight_options, recording_to_bag, scenario_file, supervised
 from .scenario import commented_yaml, override, Scenario
 
 def _scenario(options: argparse.Namespace) -> tuple[str, Scenario]:
     """Return the name and the scenario of the flight that the command line asks for."""
-    given = choices.given(options)
+    given = flight_options.given(options)
     if options.scenario:
         name, flight = scenario_file.load(options.scenario, given)
     elif given:
@@ -26,7 +26,7 @@ def _scenario(options: argparse.Namespace) -> tuple[str, Scenario]:
         flight = scenario_file.from_settings(given)
     else:
         raise InputError('give a SCENARIO or one of --trajectory, --controller, --estimator')
-    return name, override(flight, choices.overrides(options.set))
+    return name, override(flight, flight_options.overrides(options.set))
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -40,7 +40,7 @@ def _run(options: argparse.Namespace) -> None:
     if not flight.sim_node.duration > 0.0:
         raise InputError(f'{name}: sim_node.duration must be more than 0 s')
     recording_to_bag.check(flight)
-    for line in choices.remarks(flight):
+    for line in flight_options.remarks(flight):
         print(line)
     began = time.monotonic()
     recording, fault = supervised.fly(flight, inner=True)
@@ -62,7 +62,7 @@ def parser() -> Parser:
         'scenario', metavar='SCENARIO', nargs='?',
         help='an experiment, experiment/flight, or a file')
     out.add_output('BAG', 'directory of the bag to create')
-    choices.add(out)
+    flight_options.add(out)
     return out
 
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from .aided_replay import Poses, poses
 from .closed_loop import Recording, store_estimate, store_state
-from .located import store_located, WIDTH
+from .capture_columns import store_located, WIDTH
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -57,7 +57,7 @@ class Estimates(NamedTuple):
     twist_covariance: Floats  # (n, 36), likewise
     estimator: Floats  # (n, 36), its other numbers, as of closed_loop.Inner
     dropped: Ints  # (n, 4) samples left out so far: IMU, sonar, flow, pressure
-    located: Floats | None = None  # (n, 61) in map, located.COLUMNS; None: no motion capture used
+    located: Floats | None = None  # (n, 61) in map, see capture_columns; None: without
 
 
 class _Stream(NamedTuple):

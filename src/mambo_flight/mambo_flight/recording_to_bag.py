@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from tf2_msgs.msg import TFMessage
 
 from .closed_loop import Recording
-from .located import anchor_of, capture_of, COLUMNS
+from .capture_columns import anchor_of, capture_of, COLUMNS
 from .scenario import commented_yaml, Scenario
 
 SECOND = 1_000_000_000  # ns
@@ -85,7 +85,7 @@ def estimate(t: NDArray[np.int64], states: NDArray, inner: Any) -> NDArray[np.ui
 
 
 def located(t: NDArray[np.int64], rows: NDArray, twist_covariance: NDArray) -> NDArray[np.uint8]:
-    """Encode estimates in ``map``, rows as of :mod:`.located`."""
+    """Encode estimates in ``map``, rows as of :mod:`.capture_columns`."""
     return messages.located(
         t, _state(rows[:, :COLUMNS.covariance]),
         _columns(rows, COLUMNS.covariance, COLUMNS.anchor - COLUMNS.covariance),

@@ -2,7 +2,7 @@
 
 from mambo_estimation.joint.state import SIZE
 from mambo_flight.offline_replay import Steps
-from mambo_flight.smooth.forward import Forward
+from mambo_flight.smooth.forward_pass import Forward
 from mambo_flight.smooth.smoother import Smoothed
 import numpy as np
 

@@ -18,7 +18,7 @@ from mambo_bags.command import guard, Parser, program, write_json
 from mambo_flight import scenario as scenarios
 from mambo_model.errors import InputError, JobError
 
-from ..flight import FLIGHT_NODES, NAMESPACE, REPLACEABLE
+from ..flight.nodes import FLIGHT_NODES, NAMESPACE, REPLACEABLE
 from ..node_group import NodeGroup
 from ..processes import NodeProcess
 from ..stopping import stoppable

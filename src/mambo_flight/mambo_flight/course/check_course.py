@@ -22,7 +22,7 @@ from mambo_model.motion.polynomial import Array, Course, raised, resized, stretc
 from mambo_model.motion.uav_trajectories import FARTHEST
 from mambo_model.vehicle.parameters import find, PRESETS, Vehicle
 
-from . import course_file, feasibility, sampled
+from . import course_file, feasibility, function_course
 from .waypoints import Settings
 
 PICTURES = ('.png', '.svg', '.pdf')
@@ -107,7 +107,7 @@ def chosen(options: argparse.Namespace) -> tuple[Course, Vehicle, float]:
 
 def _of_function(options: argparse.Namespace, over: Mapping[str, Any]) -> Course:
     """Return the course of a function."""
-    source = sampled.load(options.course)
+    source = function_course.load(options.course)
     duration = source.duration if options.duration is None else options.duration
     if duration is None:
         raise InputError(f'{source.name}: how long? give --duration, or state duration = 12.0 (s) '
@@ -115,7 +115,7 @@ def _of_function(options: argparse.Namespace, over: Mapping[str, Any]) -> Course
     if over:
         raise InputError(f'{source.name}: a function is no plan of waypoints; '
                          f'{", ".join(over)} does not matter')
-    return sampled.fit(source, duration)
+    return function_course.fit(source, duration)
 
 
 def table(t: Array, columns: Array, vehicle: Vehicle) -> str:

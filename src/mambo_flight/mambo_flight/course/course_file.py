@@ -15,7 +15,7 @@ from mambo_model.motion.trajectory import COURSE, FlightPlanParams, TRAJECTORIES
 from mambo_model.own_file import digest
 from mambo_model.schema import ParameterError, shown
 
-from . import sampled, waypoints
+from . import function_course, waypoints
 
 SUFFIXES = ('.csv', '.yaml', '.yml')
 REST = 1.0  # s, hover between the end of a course and the landing
@@ -24,8 +24,8 @@ REST = 1.0  # s, hover between the end of a course and the landing
 def is_course(name: str) -> bool:
     """Return whether the name of a trajectory is that of a file or a function: no built-in one."""
     return name not in TRAJECTORIES and (
-        Path(name).suffix.lower() in SUFFIXES or sampled.is_function(name)
-        or name in sampled.installed())
+        Path(name).suffix.lower() in SUFFIXES or function_course.is_function(name)
+        or name in function_course.installed())
 
 
 def check_name(name: str) -> None:
@@ -34,7 +34,7 @@ def check_name(name: str) -> None:
         raise ParameterError(
             f'trajectory {shown(name)} is unknown: give a file ({", ".join(SUFFIXES)}), a '
             'function (mine.py or mine.py:NAME), an installed one (entry point of '
-            f'{sampled.GROUP}) or one of {", ".join(TRAJECTORIES)}')
+            f'{function_course.GROUP}) or one of {", ".join(TRAJECTORIES)}')
 
 
 def absolute(name: str, folder: Path) -> str:
@@ -85,7 +85,7 @@ def states_duration(trajectory: str, folder: Path = Path()) -> bool:
     if Path(trajectory).suffix.lower() in SUFFIXES:
         return True
     try:
-        return sampled.load(trajectory, folder).duration is not None
+        return function_course.load(trajectory, folder).duration is not None
     except InputError as error:
         raise ParameterError(str(error)) from None
 
@@ -127,13 +127,13 @@ def plan(trajectory: str, folder: Path = Path(), room: float = math.nan) -> dict
 def _function(trajectory: str, folder: Path, room: float) -> tuple[Course, str]:
     """Return the course of a function, and what its source is."""
     try:
-        source = sampled.load(trajectory, folder)
+        source = function_course.load(trajectory, folder)
         duration = room if source.duration is None else source.duration
         if math.isnan(duration) or duration <= 0.0:
             raise InputError(
                 f'{source.name}: the flight leaves no time for it: give a longer duration, or '
                 f'state that of the path, duration = 12.0 (s), in the file')
-        return sampled.fit(source, duration), source.about
+        return function_course.fit(source, duration), source.about
     except InputError as error:
         raise ParameterError(str(error)) from None
 

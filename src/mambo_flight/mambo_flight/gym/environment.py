@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scenario import Scenario
-from .assignment import assign
+from .configuration import configure
 from .episode import REASONS
-from .flock import Flock
+from .drone_batch import DroneBatch
 from .task import Channel, OBSERVED
 
 Step = tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]
@@ -27,9 +27,9 @@ def box(channels: Sequence[Channel]) -> spaces.Box:
     return spaces.Box(low, high, dtype=np.float64)
 
 
-def information(flock: Flock, i: int) -> dict[str, Any]:
+def information(batch: DroneBatch, i: int) -> dict[str, Any]:
     """Return what is said of drone i besides its observation; see :class:`DroneEnv`."""
-    out = flock.out
+    out = batch.out
     return {
         'time': float(out.tick[i] * STEP_NS * 1e-9), 'truth': out.truth[i].copy(),
         'reason': REASONS[out.reason[i]]}
@@ -48,7 +48,7 @@ class DroneEnv(gymnasium.Env):
     Parameters
     ----------
     task, **arguments
-        See :func:`assignment.assign`.
+        See :func:`configuration.configure`.
 
     """
 
@@ -58,17 +58,17 @@ class DroneEnv(gymnasium.Env):
         if render_mode is not None:
             raise InputError(f'render_mode = {render_mode!r}: there is none; '
                              'compare or plot a flight of env.unwrapped.scenario')
-        self._assignment = assign(task, **arguments)
-        self._flock = Flock(self._assignment, 1)
+        self._configuration = configure(task, **arguments)
+        self._batch = DroneBatch(self._configuration, 1)
         self._last = -1  # tick at which the time is over
         self._over = True
-        self.action_space = box(self._flock.channels())
+        self.action_space = box(self._batch.channels())
         self.observation_space = box(OBSERVED)
 
     @property
     def scenario(self) -> Scenario:
         """Return the flight of this episode: ``mambo.fly(scenario)`` flies it without an agent."""
-        return self._flock.scenarios[0]
+        return self._batch.scenarios[0]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None,
@@ -85,10 +85,10 @@ class DroneEnv(gymnasium.Env):
 
         """
         super().reset(seed=seed)
-        self._flock.advance(np.zeros((1, 4)), [0], [self.np_random], [])
-        p = self._assignment.params
+        self._batch.advance(np.zeros((1, 4)), [0], [self.np_random], [])
+        p = self._configuration.params
         self._last, self._over = p.ticks(p.handover) + p.ticks(p.episode), False
-        return self._flock.out.observation[0].copy(), information(self._flock, 0)
+        return self._batch.out.observation[0].copy(), information(self._batch, 0)
 
     def step(self, action: Any) -> Step:
         """
@@ -107,14 +107,14 @@ class DroneEnv(gymnasium.Env):
         """
         if self._over:
             raise InputError('the episode is over, or has not begun: call reset() before step()')
-        self._flock.advance(self._flock.checked(action, None), [], [], [0])
-        out = self._flock.out
+        self._batch.advance(self._batch.checked(action, None), [], [], [0])
+        out = self._batch.out
         terminated = bool(out.reason[0])
         truncated = not terminated and bool(out.tick[0] >= self._last)
         self._over = terminated or truncated
         return (out.observation[0].copy(), float(out.reward[0]), terminated, truncated,
-                information(self._flock, 0))
+                information(self._batch, 0))
 
     def close(self) -> None:
         """Release what the environment holds."""
-        self._flock.close()
+        self._batch.close()

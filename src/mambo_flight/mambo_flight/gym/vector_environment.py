@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scenario import Scenario
-from .assignment import assign
+from .configuration import configure
 from .environment import box, information
 from .episode import REASONS
-from .flock import Flock
+from .drone_batch import DroneBatch
 from .task import OBSERVED
 
 Steps = tuple[
@@ -37,7 +37,7 @@ class DroneVectorEnv(VectorEnv):
     num_envs
         N.
     task, **arguments
-        See :func:`assignment.assign`.
+        See :func:`configuration.configure`.
     autoreset_mode
         What becomes of a drone whose episode is over, see Gymnasium. ``NextStep``: it begins
         again with the next step, whose action is not used and whose reward is 0; ``SameStep``:
@@ -67,15 +67,15 @@ class DroneVectorEnv(VectorEnv):
                 f'autoreset_mode = {autoreset_mode!r} is not one of {known}') from None
         self.metadata: dict[str, Any] = {
             'render_modes': [], 'autoreset_mode': self.autoreset_mode}
-        self._assignment = assign(task, **arguments)
-        self._flock = Flock(self._assignment, num_envs, threads)
+        self._configuration = configure(task, **arguments)
+        self._batch = DroneBatch(self._configuration, num_envs, threads)
         self.num_envs = num_envs
         self._rngs: list[np.random.Generator] = []
         self._seeds: list[int] = []
         self._over = np.ones(num_envs, dtype=bool)
-        p = self._assignment.params
+        p = self._configuration.params
         self._last = p.ticks(p.handover) + p.ticks(p.episode)
-        self.single_action_space = box(self._flock.channels())
+        self.single_action_space = box(self._batch.channels())
         self.single_observation_space = box(OBSERVED)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -83,7 +83,7 @@ class DroneVectorEnv(VectorEnv):
     @property
     def scenarios(self) -> list[Scenario]:
         """Return the flight of the episode of each drone."""
-        return list(self._flock.scenarios)
+        return list(self._batch.scenarios)
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:
@@ -126,7 +126,7 @@ class DroneVectorEnv(VectorEnv):
         return np.flatnonzero(mask)
 
     def _begin(self, rows: NDArray[np.int64]) -> None:
-        self._flock.advance(np.zeros((self.num_envs, 4)), rows, self._rngs, ())
+        self._batch.advance(np.zeros((self.num_envs, 4)), rows, self._rngs, ())
         self._over[rows] = False
 
     def reset(
@@ -147,11 +147,11 @@ class DroneVectorEnv(VectorEnv):
         rows = self._masked(options)
         self._seed(seed, rows)
         self._begin(rows)
-        return self._flock.out.observation.copy(), self._information(rows)
+        return self._batch.out.observation.copy(), self._information(rows)
 
     def _information(self, rows: NDArray[np.int64]) -> dict[str, Any]:
         """Return what is said of drones besides their observations, as Gymnasium does."""
-        out, said = self._flock.out, np.zeros(self.num_envs, dtype=bool)
+        out, said = self._batch.out, np.zeros(self.num_envs, dtype=bool)
         said[rows] = True
         values = {
             'time': np.where(said, out.tick * STEP_NS * 1e-9, 0.0),
@@ -174,14 +174,14 @@ class DroneVectorEnv(VectorEnv):
             If they have another shape or are not finite, or no episode has begun.
 
         """
-        out, again = self._flock.out, ()
+        out, again = self._batch.out, ()
         if not self._rngs:
             raise InputError('no episode has begun: call reset() before step()')
-        given = self._flock.checked(actions, self.num_envs)
+        given = self._batch.checked(actions, self.num_envs)
         if self.autoreset_mode == AutoresetMode.NEXT_STEP:
             again = np.flatnonzero(self._over)
         out.reward[self._over] = 0.0  # of those that rest
-        self._flock.advance(given, again, self._rngs, np.flatnonzero(~self._over))
+        self._batch.advance(given, again, self._rngs, np.flatnonzero(~self._over))
         terminated = out.reason != 0
         truncated = ~terminated & (out.tick >= self._last)
         self._over = terminated | truncated
@@ -190,11 +190,11 @@ class DroneVectorEnv(VectorEnv):
             for i in ended:
                 infos = self._add_info(infos, {
                     'final_obs': out.observation[i].copy(),
-                    'final_info': information(self._flock, i)}, i)
+                    'final_info': information(self._batch, i)}, i)
             self._begin(ended)
         infos |= self._information(np.arange(self.num_envs))
         return out.observation.copy(), reward, terminated, truncated, infos
 
     def close_extras(self, **kwargs: Any) -> None:
         """Release what the environment holds."""
-        self._flock.close()
+        self._batch.close()

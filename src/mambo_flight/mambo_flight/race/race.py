@@ -1,5 +1,5 @@
 """
-Fly every controller over the same courses, in the same wind, with the same wrong beliefs.
+Compare controllers: fly each over the same courses, in the same wind, with the same model errors.
 
 Writes controllers.md, controllers.json and a plot for each condition into a folder. What is
 finished is kept when it is interrupted: the same command goes on.
@@ -20,7 +20,7 @@ from mambo_model.errors import InputError
 from . import report
 from ..sweep.run import run
 from ..sweep.table import Journal, SweepEndedError
-from .field import CONDITIONS, COURSES, enter, Entrant, ENTRANTS, Field
+from .comparison import CONDITIONS, COURSES, enter, Entrant, ENTRANTS, Comparison
 from .timing import step_time
 
 
@@ -36,7 +36,7 @@ def race(
     folder
         For the page, the numbers and the plots.
     entrants, courses, conditions, draws
-        As for :class:`Field`.
+        As for :class:`Comparison`.
     states
         Whether on the true state; both, one after the other.
     workers
@@ -54,7 +54,7 @@ def race(
     found: list[report.Result] = []
     journals = []
     for ideal in states:
-        flights = Field(entrants, courses, conditions, draws, ideal)
+        flights = Comparison(entrants, courses, conditions, draws, ideal)
         digest = hashlib.sha256(
             f'{source_digest()} {entrants} {flights.starts}'.encode()).hexdigest()
         name = 'true_state' if ideal else 'estimates'
@@ -66,7 +66,7 @@ def race(
                 journal.close()
             raise
         found += report.results(flights.starts, journals[-1].rows, ideal)
-    times = {name: step_time(Field({name: entrant}, courses[:1], ['known'], 1, True)[0])
+    times = {name: step_time(Comparison({name: entrant}, courses[:1], ['known'], 1, True)[0])
              for name, entrant in entrants.items()}
     _write(folder, found, entrants, times, conditions, draws)
     for journal in journals:

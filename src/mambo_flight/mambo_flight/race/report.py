@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 import numpy as np
 
-from .field import Start
+from .comparison import Start
 
 LOST = 2.0  # m, of the largest error: such a flight did not survive
 TITLES = {

@@ -15,8 +15,8 @@ from mambo_bags.command import guard, Parser
 import numpy as np
 
 from .. import closed_loop
-from ..judge.flights import judge_recording, steps_of, with_unknowns
-from ..judge.judge import add_seeds, flight_of, seeds_of
+from ..accuracy.filter_error import evaluate_recording, steps_of, with_unknowns
+from ..accuracy.bound import add_seeds, flight_of, seeds_of
 from ..scenario import Scenario
 from .intervals import intervals, middle, Path, path_error, QUANTITIES
 from .smoother import smooth
@@ -34,7 +34,7 @@ class Trial(NamedTuple):
 def trial(flight: Scenario) -> Trial:
     """Return how well a flight is smoothed."""
     recording = closed_loop.fly(flight)
-    judged = judge_recording(flight, recording, bounded=False)
+    judged = evaluate_recording(flight, recording, bounded=False)
     s = smooth(steps_of(recording), flight.estimator_node.joint)
     k, held, errors = middle(s), [], []
     for one in intervals(s):

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.transform import Rotation
 
-from . import forward
+from . import forward_pass
 from ..offline_replay import Steps
 
 Array = NDArray[np.float64]
@@ -34,9 +34,9 @@ class Smoothed(NamedTuple):
     """A flight as the whole of its samples tells it, row k at step k; NED and FRD."""
 
     t: NDArray[np.int64]  # (n,) ns
-    x: Array   # (n, 24) smoothed, numbers as of forward.Forward
+    x: Array   # (n, 24) smoothed, numbers as of forward_pass.Forward
     P: Array   # (n, SIZE, SIZE) of the error state
-    filtered: forward.Forward
+    filtered: forward_pass.Forward
     start: int  # first step that is smoothed
 
 
@@ -112,7 +112,7 @@ def smooth(found: Steps, params: JointParams) -> Smoothed:
         Of the joint filter, whose model and noise are used.
 
     """
-    f = forward.run(found, params)
+    f = forward_pass.run(found, params)
     x, P, last = f.x.copy(), f.P.copy(), len(f.x) - 1
     resting = np.flatnonzero(~f.moving)
     start = int(resting[-1]) + 1 if len(resting) else 0

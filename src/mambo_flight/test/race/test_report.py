@@ -1,7 +1,7 @@
 """Numbers of a race: medians by hand, who survives, the page and its picture."""
 
 from mambo_flight.race import report
-from mambo_flight.race.field import Start
+from mambo_flight.race.comparison import Start
 from matplotlib.figure import Figure
 import numpy as np
 import pytest

@@ -3,9 +3,9 @@
 from mambo_estimation.joint.joint_parameters import JointParams
 from mambo_estimation.joint.state import SIZE
 from mambo_flight import closed_loop
-from mambo_flight.judge.flights import steps_of, with_unknowns
+from mambo_flight.accuracy.filter_error import steps_of, with_unknowns
 from mambo_flight.scenario import scenario
-from mambo_flight.smooth import forward, smoother
+from mambo_flight.smooth import forward_pass, smoother
 from mambo_flight.smooth.smoother import added, difference, smooth, transition
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ G = 9.81
 def any_row(seed):
     """Return numbers of a state in flight."""
     rng = np.random.default_rng(seed)
-    x = rng.uniform(-1.0, 1.0, forward.WIDTH)
+    x = rng.uniform(-1.0, 1.0, forward_pass.WIDTH)
     x[6:10] = Rotation.from_rotvec(0.5 * rng.standard_normal(3)).as_quat()[[3, 0, 1, 2]]
     return x
 
@@ -87,7 +87,7 @@ class Problem:
             K = np.linalg.solve(H @ C @ H.T + self.R, H @ C).T
             d, C = d + K @ (self.z[k] - H @ d), C - K @ H @ C
             x[k], P[k] = added(self.path[k], d), C
-        return forward.Forward(
+        return forward_pass.Forward(
             np.full(n, self.dt), x, P, predicted, before, np.ones(n, np.bool_))
 
     def at_once(self):
@@ -114,7 +114,7 @@ class Problem:
 
 def test_backward_pass_is_the_whole_flight_solved_at_once(monkeypatch):
     problem = Problem()
-    monkeypatch.setattr(smoother.forward, 'run', lambda found, params: problem.forward())
+    monkeypatch.setattr(smoother.forward_pass, 'run', lambda found, params: problem.forward())
     found = steps()  # not looked at: the forward pass is given
     s = smooth(found, JointParams())
     d, P = problem.at_once()

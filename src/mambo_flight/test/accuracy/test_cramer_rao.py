@@ -1,14 +1,14 @@
-"""The bound against what can be computed by hand."""
+"""The Cramer-Rao bound against closed forms."""
 
 from mambo_estimation.joint.joint_parameters import JointParams
 from mambo_estimation.joint.state import POSITION, RANGE_OFFSET, SIZE, VELOCITY
-from mambo_flight.judge import bound
+from mambo_flight.accuracy import cramer_rao
 from mambo_model import schema
 import numpy as np
 import pytest
 
 DT = 0.005
-HOVER = bound.Truth(1.0, 0.0, 0.055, 0.0)
+HOVER = cramer_rao.Truth(1.0, 0.0, 0.055, 0.0)
 
 
 def hovering(seconds, flow_every, sonar_every, height=1.0):
@@ -17,7 +17,7 @@ def hovering(seconds, flow_every, sonar_every, height=1.0):
     state = np.zeros((n, 13))
     state[:, 2], state[:, 6] = -height, 1.0
     force, k = np.tile([0.0, 0.0, -9.81], (n, 1)), np.arange(n)
-    return bound.Sensed(
+    return cramer_rao.Sensed(
         state, force, k % flow_every == 0, k % sonar_every == 0, np.zeros(n, np.bool_))
 
 
@@ -28,7 +28,7 @@ def params(**changed):
 
 def run(sensed, values, P, truth=HOVER):
     out = np.empty((len(sensed.state), SIZE, SIZE))
-    bound.covariances(sensed, 0, P, DT, truth, values, out)
+    cramer_rao.covariances(sensed, 0, P, DT, truth, values, out)
     return out
 
 

@@ -5,8 +5,8 @@ import math
 from types import SimpleNamespace
 
 from mambo_estimation.joint.state import SIZE
-from mambo_flight.judge import bound, flights
-from mambo_flight.judge.flights import LATENCIES, SCALES, SLOPES, true_noise, with_unknowns
+from mambo_flight.accuracy import cramer_rao, filter_error
+from mambo_flight.accuracy.filter_error import LATENCIES, SCALES, SLOPES, true_noise, with_unknowns
 from mambo_flight.scenario import override, Scenario
 import numpy as np
 import pytest
@@ -94,7 +94,7 @@ def test_truth_of_the_flow_is_at_the_reference_height_and_the_drag_that_of_the_r
     flight = override(with_unknowns(FLIGHT, 3, True), {
         'sim_node.simulator.vehicle.drag_reading': reading})
     flow = flight.sim_node.simulator.optical_flow
-    found = flights._truth(flight)
+    found = filter_error._truth(flight)
     height = flight.estimator_node.joint.optical_flow.reference_height
     assert found.scale == pytest.approx(flow.factor_offset + height * flow.factor_slope)
     assert (found.slope, found.latency) == (flow.factor_slope, pytest.approx(flow.latency))
@@ -112,7 +112,7 @@ def exact_flight(n=5):
     x = np.hstack([truth[:, :3], truth[:, 3:6], q, biases, np.tile(
         [1.02, 0.07, 0.2, 0.2, 0.03, 0.0, 0.0, 0.0], (n, 1))])
     return (SimpleNamespace(t=np.arange(n), truth=truth), SimpleNamespace(x=x),
-            bound.Truth(1.02, 0.07, 0.2, 0.03), biases, body)
+            cramer_rao.Truth(1.02, 0.07, 0.2, 0.03), biases, body)
 
 
 def test_a_filter_that_is_right_has_no_error():
@@ -120,7 +120,7 @@ def test_a_filter_that_is_right_has_no_error():
     # the filter's velocity is that of its state, inertial as the truth turned by its attitude
     made.x[:, 3:6] = Rotation.from_quat(recording.truth[:, [7, 8, 9, 6]]).apply(
         recording.truth[:, 3:6])
-    error = flights._error(recording, made, truth, biases, 0.0)
+    error = filter_error._error(recording, made, truth, biases, 0.0)
     assert error.shape == (5, SIZE)
     np.testing.assert_allclose(error, 0.0, atol=1e-9)
 
@@ -133,7 +133,7 @@ def test_an_error_is_truth_less_belief_in_its_own_state(column, state):
     made.x[:, 3:6] = Rotation.from_quat(recording.truth[:, [7, 8, 9, 6]]).apply(
         recording.truth[:, 3:6])
     made.x[:, column] += 0.25
-    error = flights._error(recording, made, truth, biases, 0.0)
+    error = filter_error._error(recording, made, truth, biases, 0.0)
     np.testing.assert_allclose(error[:, state], -0.25, atol=1e-9)
     rest = np.delete(error, state, axis=1)
     np.testing.assert_allclose(rest, 0.0, atol=1e-9)
@@ -146,7 +146,7 @@ def test_an_error_of_attitude_is_the_turn_from_belief_to_truth_in_inertial_axes(
     made.x[:, 6:10] = believed
     # a velocity that is right in the believed body is turned along
     made.x[:, 3:6] = turn.inv().apply(body.apply(recording.truth[:, 3:6]))
-    error = flights._error(recording, made, truth, biases, 0.0)
+    error = filter_error._error(recording, made, truth, biases, 0.0)
     np.testing.assert_allclose(error[:, 6:9], np.tile([0.01, -0.02, 0.03], (5, 1)), atol=1e-9)
     np.testing.assert_allclose(error[:, 3:6], 0.0, atol=1e-9)
 
@@ -157,7 +157,7 @@ def test_steps_of_a_flight_hold_its_samples_and_say_no_sample_of_quality_0():
         t=np.arange(n) * 5_000_000, imu=np.arange(24.0).reshape(n, 6), sonar=np.full(n, np.nan),
         flow=np.array([[0.1, 0.2, 200.0], [np.nan] * 3, [0.3, 0.4, 100.0], [np.nan] * 3]),
         pressure=np.full(n, 1e5))
-    steps = flights.steps_of(recording)
+    steps = filter_error.steps_of(recording)
     np.testing.assert_allclose(steps.dt, [0.0, DT, DT, DT])
     np.testing.assert_array_equal(steps.gyro, recording.imu[:, :3])
     np.testing.assert_array_equal(steps.accel, recording.imu[:, 3:])

@@ -1,7 +1,7 @@
 """Options that say what is flown: which count, and what is said before the flight."""
 
 from mambo_bags.command import Parser
-from mambo_flight import choices, fly
+from mambo_flight import flight_options, fly
 from mambo_flight.scenario import override, Scenario
 from mambo_flight.scenario_file import from_settings, Place
 from mambo_model.schema import ParameterError
@@ -11,9 +11,10 @@ import yaml
 
 def given(*arguments):
     out = Parser('fly', 'Flies.')
-    choices.add(out)
+    flight_options.add(out)
     options = out.parse_args(list(arguments))
-    return {name: (place.value, place.where) for name, place in choices.given(options).items()}
+    given = flight_options.given(options)
+    return {name: (place.value, place.where) for name, place in given.items()}
 
 
 def test_only_what_is_typed_is_a_choice_and_its_place_is_its_option():
@@ -25,7 +26,7 @@ def test_only_what_is_typed_is_a_choice_and_its_place_is_its_option():
 
 
 def test_parameters_are_set_by_name_with_values_of_their_type():
-    found = choices.overrides([
+    found = flight_options.overrides([
         'sim_node.simulator.vehicle.mass=0.07', ' a.b =[1, 2]', 'c.d=true', 'e.f=text=1'])
     assert found == {'sim_node.simulator.vehicle.mass': 0.07, 'a.b': [1, 2], 'c.d': True,
                      'e.f': 'text=1'}
@@ -36,23 +37,23 @@ def test_parameters_are_set_by_name_with_values_of_their_type():
     ('a.b=[1', r'--set a.b=\[1: cannot read the value')])
 def test_a_wrong_assignment_is_named(text, wanted):
     with pytest.raises(ParameterError, match=f'^{wanted}$'):
-        choices.overrides([text])
+        flight_options.overrides([text])
 
 
 def test_a_flight_of_what_is_built_in_has_nothing_to_say():
-    assert list(choices.remarks(Scenario())) == []
+    assert list(flight_options.remarks(Scenario())) == []
 
 
 def test_a_course_that_is_too_fast_is_told_with_what_slows_it(tmp_path):
     file = tmp_path / 'fast.csv'
     file.write_text('t,x,y,height\n0,0,0,1.5\n1.4,6,0,1.5\n2.8,0,0,1.5\n')
     flight = from_settings({'trajectory': Place(str(file), '--trajectory')})
-    line, = choices.remarks(flight)
+    line, = flight_options.remarks(flight)
     assert line.startswith('warning: the vehicle cannot fly ') and 'fast.csv' in line
     rate = float(line.rpartition('scale_rate=')[2].partition(' ')[0])
     assert 0.1 < rate < 1.0
     slower = override(flight, {'reference_node.plan.scale_rate': 0.99 * rate})
-    assert list(choices.remarks(slower)) == []
+    assert list(flight_options.remarks(slower)) == []
 
 
 def test_the_command_prints_what_it_would_fly(tmp_path, capsys):

@@ -20,8 +20,9 @@ import os
 from mambo_bags.command import guard, Parser, write_json
 from mambo_model.errors import InputError
 
-from .flights import judge, with_unknowns
-from .judge import add_seeds, flight_of, Measured, measured, Report, seeds_of, summary
+from .filter_error import evaluate, with_unknowns
+from .bound import add_seeds, flight_of, seeds_of
+from .error_statistics import Measured, measured, Report, summary
 
 PATHS = (
     'hover', 'circle', 'circle_rising', 'vertical_circle', 'figure_3_3', 'vertical_circle_large')
@@ -30,7 +31,7 @@ SLOPES = (0.0, -0.07, 0.14)
 
 def one(name: str, slope: float, seed: int) -> Measured:
     """Return what is kept of one flight with drawn unknowns and a slope in 1/m."""
-    return measured(judge(with_unknowns(flight_of(name), seed, True, slope), False))
+    return measured(evaluate(with_unknowns(flight_of(name), seed, True, slope), False))
 
 
 def consistency(
@@ -42,7 +43,7 @@ def consistency(
     Parameters
     ----------
     names
-        Scenarios, as of :func:`judge.flight_of`.
+        Scenarios, as of :func:`bound.flight_of`.
     slopes : 1/m
     seeds
         Of the flights.

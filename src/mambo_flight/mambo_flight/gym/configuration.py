@@ -20,9 +20,9 @@ Ranges = Mapping[str, tuple[Any, Any]]
 
 
 @dataclass(frozen=True)
-class Assignment:
+class Configuration:
     """
-    What :func:`assign` made of the arguments of an environment.
+    What :func:`configure` made of the arguments of an environment.
 
     Attributes
     ----------
@@ -107,12 +107,12 @@ def _flight(scenario: Scenario | Path | str | None, task: str, trajectory: str |
     return scenario_file.load(str(scenario), over)[1]
 
 
-def assign(
+def configure(
     task: str, observation: str = 'truth', action: str = 'pwm',
     scenario: Scenario | Path | str | None = None, trajectory: str | None = None,
     parameters: Mapping[str, Any] | None = None, randomise: Mapping[str, Any] | None = None,
     **params: Any,
-) -> Assignment:
+) -> Configuration:
     """
     Read the arguments of an environment.
 
@@ -164,5 +164,5 @@ def assign(
             raise InputError(
                 f'{name} = {schema.shown(value)}: environments fly built-in ones only: '
                 f'{", ".join(registry.names)}')
-    return Assignment(task, numbers, flight, observation, action, _ranges(randomise))
+    return Configuration(task, numbers, flight, observation, action, _ranges(randomise))
 

@@ -1,49 +1,13 @@
-"""The joint filter against the bound, and its honesty: a fast subset of what the command does."""
+"""The command ``mambo bound``: the flights that it selects and what it prints."""
 
 import json
-import math
 
-from mambo_flight.judge import judge as command
-from mambo_flight.judge.flights import judge as judged
-from mambo_flight.judge.flights import LATENCIES, SCALES, SLOPES, with_unknowns
+from mambo_flight.accuracy import bound as command
+from mambo_flight.accuracy.error_statistics import QUANTITIES
+from mambo_flight.accuracy.filter_error import LATENCIES, SCALES, SLOPES, with_unknowns
 from mambo_model.schema import flatten
 import numpy as np
 import pytest
-
-SEEDS = range(101, 107)
-
-
-@pytest.fixture(scope='module', params=['circle', 'circle_rising', 'vertical_circle_large'])
-def report(request):
-    flight = command.flight_of(request.param)
-    return command.summary([
-        command.measured(judged(with_unknowns(flight, seed, True))) for seed in SEEDS])
-
-
-def line(report, name):
-    return next(one for one in report.lines if one.name == name)
-
-
-def test_errors_are_near_the_bound(report):
-    # over six flights a ratio of deviations scatters by a quarter
-    assert line(report, 'drift at the end').ratio < 2.0
-    assert line(report, 'horizontal velocity').ratio < 1.5
-    assert line(report, 'vertical velocity').ratio < 2.0
-    assert line(report, 'tilt').ratio < 1.5
-    assert line(report, 'drift at the end').reached < 0.16  # a tenth of 1.6 m
-
-
-@pytest.mark.parametrize('name', [q.name for q in command.QUANTITIES])
-def test_no_error_is_larger_than_it_is_stated(report, name):
-    one = line(report, name)
-    # thirty of these at once, and a slope that is drawn evenly: beyond 95 % by a quarter
-    assert one.nees < 1.25 * one.high
-    assert 0.0 < one.bound < math.inf
-
-
-def test_innovations_are_as_large_as_expected(report):
-    assert report.nis['flow'] == pytest.approx(1.0, abs=0.1)
-    assert report.nis['sonar'] == pytest.approx(1.0, abs=0.1)
 
 
 def test_unknowns_stay_in_their_ranges_and_are_those_of_the_seed():
@@ -75,7 +39,7 @@ def test_command_prints_a_table_or_json(capsys):
     assert command.main(['hover', '--seeds', '1', '--beside', 'kalman', '--json']) == 0
     found = json.loads(capsys.readouterr().out)
     assert found['beside']['estimator'] == 'kalman' and 0.0 < found['beside']['drift'] < 3.0
-    assert found['flights'] == 1 and len(found['quantities']) == len(command.QUANTITIES)
+    assert found['flights'] == 1 and len(found['quantities']) == len(QUANTITIES)
 
 
 @pytest.mark.parametrize(('arguments', 'message'), [

@@ -2,7 +2,7 @@
 
 import math
 
-from mambo_flight.course import sampled
+from mambo_flight.course import function_course
 from mambo_model.errors import InputError
 from mambo_model.motion.polynomial import state_at
 from mambo_model.motion.uav_trajectories import parse, to_text
@@ -16,7 +16,7 @@ def circle(t):
 
 
 def test_a_function_is_followed_with_its_derivatives():
-    course = sampled.fit(circle, 2.0 * math.pi)
+    course = function_course.fit(circle, 2.0 * math.pi)
     assert course.total == pytest.approx(2.0 * math.pi, rel=1e-14)
     for t in np.linspace(0.0, course.total, 400).tolist():
         at = state_at(course, t)
@@ -28,7 +28,7 @@ def test_a_function_is_followed_with_its_derivatives():
 
 
 def test_three_numbers_have_no_yaw():
-    course = sampled.fit(lambda t: np.array([t, 0.0, -1.0]), 2.0)
+    course = function_course.fit(lambda t: np.array([t, 0.0, -1.0]), 2.0)
     assert not course.coefficients[:, 3].any()
 
 
@@ -39,32 +39,32 @@ def test_three_numbers_have_no_yaw():
 ])
 def test_functions_that_are_no_path_are_refused(function, message):
     with pytest.raises(InputError, match=message):
-        sampled.fit(function, 2.0)
+        function_course.fit(function, 2.0)
 
 
 @pytest.mark.parametrize('duration', [0.0, -1.0, math.nan, 4000.0])
 def test_durations_that_are_none_are_refused(duration):
     with pytest.raises(InputError, match='must be above 0 and at most 3600 s'):
-        sampled.fit(circle, duration)
+        function_course.fit(circle, duration)
 
 
 def test_faults_of_a_file_name_its_line(tmp_path):
     path = tmp_path / 'mine.py'
     path.write_text('def bad(t):\n    return 1 / (t - 1), 0, 0\n\n\nNUMBER = 3\n')
     with pytest.raises(InputError, match=r'mine.py:2: ZeroDivisionError: .*, at t = 1 s'):
-        sampled.fit(sampled.load(f'{path}:bad'), 22.0)
+        function_course.fit(function_course.load(f'{path}:bad'), 22.0)
     for name, message in ((f'{path}:none', 'mine.py:none: there is no such function'),
                           (f'{path}:NUMBER', 'mine.py:NUMBER: there is no such function'),
                           (f'{tmp_path}/no.py:x', 'no.py: No such file or directory'),
                           ('mine.csv', 'write FILE.py or FILE.py:FUNCTION')):
         with pytest.raises(InputError, match=message):
-            sampled.load(name)
+            function_course.load(name)
     path.write_text('x = 1\ndef f(:\n')
     with pytest.raises(InputError, match=r'mine.py:2: invalid syntax'):
-        sampled.load(f'{path}:f')
+        function_course.load(f'{path}:f')
     path.write_text('\nimport nothing_like_that\n')
     with pytest.raises(InputError, match=r'mine.py:2: ModuleNotFoundError: No module'):
-        sampled.load(f'{path}:f')
+        function_course.load(f'{path}:f')
 
 
 def with_rates(t):
@@ -73,11 +73,12 @@ def with_rates(t):
 
 
 def test_derivatives_that_are_those_of_the_position_are_taken():
-    assert state_at(sampled.fit(with_rates, 3.0), 2.0)[:, 0] == pytest.approx([4.0, 0, -1, 0.2])
+    course = function_course.fit(with_rates, 3.0)
+    assert state_at(course, 2.0)[:, 0] == pytest.approx([4.0, 0, -1, 0.2])
     with pytest.raises(InputError, match='says that the velocity along x is 1 at t = .* has 2'):
-        sampled.fit(lambda t: [(2.0 * t, 0.0, -1.0), (1.0, 0.0, 0.0)], 3.0)
+        function_course.fit(lambda t: [(2.0 * t, 0.0, -1.0), (1.0, 0.0, 0.0)], 3.0)
     with pytest.raises(InputError, match='arrays of different shapes'):
-        sampled.fit(lambda t: [(0, 0, -1)] * (2 if t > 1.0 else 1), 3.0)
+        function_course.fit(lambda t: [(0, 0, -1)] * (2 if t > 1.0 else 1), 3.0)
 
 
 def test_a_file_with_several_functions_has_a_usual_one(tmp_path):
@@ -85,17 +86,17 @@ def test_a_file_with_several_functions_has_a_usual_one(tmp_path):
     path.write_text('from math import sin\n\n__version__ = "2"\nduration = 3\n\n\n'
                     'def a(t):\n    return t, 0, -1\n\n\ndef b(t):\n    return 0, t, -1\n')
     with pytest.raises(InputError, match='has the functions a, b: write several.py:NAME'):
-        sampled.load(str(path))
-    source = sampled.load(f'{path.name}:b', tmp_path)
+        function_course.load(str(path))
+    source = function_course.load(f'{path.name}:b', tmp_path)
     assert source.function(1.0) == (0, 1.0, -1) and source.duration == 3.0
     assert source.about.startswith('several.py:b 2, sha256 ')
     path.write_text(
         'def a(t):\n    return t, 0, -1\n\n\ndef trajectory(t):\n    return 0, t, -1\n')
-    found = sampled.load(str(path))
+    found = function_course.load(str(path))
     assert found.name.endswith('several.py:trajectory') and found.duration is None
     path.write_text('duration = "long"\n\n\ndef f(t):\n    return 0, t, -1\n')
     with pytest.raises(InputError, match="duration = 'long' is not a number of seconds"):
-        sampled.load(str(path))
+        function_course.load(str(path))
 
 
 def test_an_installed_function_is_found_by_its_entry_point(monkeypatch):
@@ -104,7 +105,7 @@ def test_an_installed_function_is_found_by_its_entry_point(monkeypatch):
 
         def load(self):
             return circle
-    monkeypatch.setattr(sampled.importlib.metadata, 'entry_points',
+    monkeypatch.setattr(function_course.importlib.metadata, 'entry_points',
                         lambda group: [Entry()] if group == 'mambo.trajectories' else [])
-    source = sampled.load('ring')
+    source = function_course.load('ring')
     assert source.function is circle and source.about.startswith('ring, sha256 ')

@@ -3,7 +3,7 @@
 from mambo_estimation.joint import filter as joint
 from mambo_estimation.joint.joint_parameters import JointParams
 from mambo_estimation.joint.state import SIZE
-from mambo_flight.judge import filtered
+from mambo_flight.accuracy import filter_run
 from mambo_flight.offline_replay import Steps
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def still(n=N):
 
 @pytest.fixture(scope='module')
 def made():
-    return filtered.run(still(), JointParams())
+    return filter_run.run(still(), JointParams())
 
 
 def test_every_step_has_a_row_and_they_are_those_of_the_filter(made):

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from . import bound, filtered
+from . import cramer_rao, filter_run
 from .. import closed_loop, offline_replay
 from ..scenario import override, Scenario
 
@@ -30,13 +30,13 @@ SETTLED = 10.0              # s after take-off, from which on velocity and tilt 
 _FLOW = 'sim_node.simulator.optical_flow'
 
 
-class Judged(NamedTuple):
+class FilterError(NamedTuple):
     """One flight: errors of the filter, its covariance and the bound, row k at step k."""
 
     start: int      # step of take-off
     error: Array    # (n, SIZE) true minus believed, in the order of joint.state
     nu: Array       # (n, 3) m/s, body FRD, true minus published
-    made: filtered.Filtered
+    made: filter_run.Filtered
     limit: Array | None  # (n, SIZE, SIZE) posterior Cramer-Rao bound; None: not asked for
 
 
@@ -99,13 +99,13 @@ def true_noise(flight: Scenario) -> JointParams:
             p.barometer, noise=max(1e-3, air.noise * metre), offset_walk=air.walk * metre))
 
 
-def _truth(flight: Scenario) -> bound.Truth:
+def _truth(flight: Scenario) -> cramer_rao.Truth:
     """Return what is true of flow and drag."""
     sim = flight.sim_node.simulator
     flow, vehicle = sim.optical_flow, sim.vehicle.values()
     height = flight.estimator_node.joint.optical_flow.reference_height
     share = {DRAG_PER_ROTOR: 0.25, DRAG_ACCELERATION: 1.0 / vehicle.gravity}
-    return bound.Truth(
+    return cramer_rao.Truth(
         flow.factor_offset + flow.factor_slope * height, flow.factor_slope,
         vehicle.drag_coefficient * share.get(vehicle.drag_reading, 1.0),
         round(flow.latency / DT) * DT)
@@ -140,7 +140,7 @@ def _biases(flight: Scenario, steps: int) -> Array:
 
 
 def _error(
-    r: closed_loop.Recording, made: filtered.Filtered, t: bound.Truth, biases: Array,
+    r: closed_loop.Recording, made: filter_run.Filtered, t: cramer_rao.Truth, biases: Array,
     offset: float,
 ) -> Array:
     """Return the true error state of each step, (n, SIZE)."""
@@ -160,32 +160,34 @@ def _error(
     return out
 
 
-def judge(flight: Scenario, bounded: bool = True) -> Judged:
+def evaluate(flight: Scenario, bounded: bool = True) -> FilterError:
     """Fly a scenario and return how far the joint filter is from truth and, if asked, bound."""
-    return judge_recording(flight, closed_loop.fly(flight), bounded)
+    return evaluate_recording(flight, closed_loop.fly(flight), bounded)
 
 
-def judge_recording(flight: Scenario, r: closed_loop.Recording, bounded: bool = True) -> Judged:
+def evaluate_recording(
+    flight: Scenario, r: closed_loop.Recording, bounded: bool = True,
+) -> FilterError:
     """Return the same of a scenario that has been flown."""
-    made = filtered.run(steps_of(r), flight.estimator_node.joint)
+    made = filter_run.run(steps_of(r), flight.estimator_node.joint)
     t, start = _truth(flight), int(np.flatnonzero(made.resting)[-1])
     error = _error(
         r, made, t, _biases(flight, len(r.t)), flight.sim_node.simulator.sonar.offset)
     limit = _limit(flight, r, start, made.P[start], t) if bounded else None
-    return Judged(start, error, r.truth[:, 3:6] - made.nu, made, limit)
+    return FilterError(start, error, r.truth[:, 3:6] - made.nu, made, limit)
 
 
 def _limit(
-    flight: Scenario, r: closed_loop.Recording, start: int, known: Array, t: bound.Truth,
+    flight: Scenario, r: closed_loop.Recording, start: int, known: Array, t: cramer_rao.Truth,
 ) -> Array:
     """Return the bound of each step of a flight from what is known at its start."""
     true = Rotation.from_quat(r.truth[:, [7, 8, 9, 6]])
     v = true.apply(r.truth[:, 3:6])
     force = true.inv().apply(np.gradient(v, DT, axis=0) - [0.0, 0.0, 9.81])
-    sensed = bound.Sensed(
+    sensed = cramer_rao.Sensed(
         r.truth, force, np.isfinite(r.flow[:, 0]),
         np.isfinite(r.sonar) & (r.sonar > flight.estimator_node.joint.sonar.min_range),
         np.isfinite(r.pressure))
     limit = np.empty((len(r.t), SIZE, SIZE))
-    bound.covariances(sensed, start, known.copy(), DT, t, true_noise(flight).values(), limit)
+    cramer_rao.covariances(sensed, start, known.copy(), DT, t, true_noise(flight).values(), limit)
     return limit

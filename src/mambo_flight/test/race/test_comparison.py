@@ -4,8 +4,8 @@ import itertools
 from pathlib import Path
 
 from mambo_flight.course import feasibility
-from mambo_flight.race.field import (
-    CONDITIONS, COURSES, DURATION, enter, ENTRANTS, Field, GUST, Start)
+from mambo_flight.race.comparison import (
+    CONDITIONS, COURSES, DURATION, enter, ENTRANTS, Comparison, GUST, Start)
 from mambo_model.errors import InputError
 from mambo_model.motion.trajectory import reference_at
 from mambo_model.vehicle.parameters import Vehicle
@@ -21,24 +21,25 @@ def true(flight):
 
 
 def test_every_entrant_flies_the_same_vehicles_in_the_same_wind():
-    field = Field(enter(('indi', 'geometric')), ('circle', 'step'), ('everything',), 3, True)
-    flights = [field[number] for number in range(len(field))]
+    comparison = Comparison(
+        enter(('indi', 'geometric')), ('circle', 'step'), ('everything',), 3, True)
+    flights = [comparison[number] for number in range(len(comparison))]
     assert len(flights) == 12
-    for (a, one), (b, other) in itertools.combinations(zip(field.starts, flights), 2):
+    for (a, one), (b, other) in itertools.combinations(zip(comparison.starts, flights), 2):
         assert (true(one) == true(other)) == (a.draw == b.draw)
         # nobody is told: all believe in the same vehicle
         assert one.controller_node.vehicle == other.controller_node.vehicle == Vehicle()
-    assert field.starts[0] == Start('indi', 'circle', 'everything', 0)
+    assert comparison.starts[0] == Start('indi', 'circle', 'everything', 0)
 
 
 def test_what_is_wrong_is_what_the_condition_says():
-    known, = (f for f in [Field(enter(('indi',)), ('circle',), ('known',), 9, True)[0]])
+    known, = (f for f in [Comparison(enter(('indi',)), ('circle',), ('known',), 9, True)[0]])
     assert true(known)[0] == Vehicle() and known.sim_node.simulator.wind.values() is None
-    field = Field(enter(('indi',)), ('circle',), ('twenty_percent',), 4, True)
-    vehicles = [true(field[k])[0] for k in range(4)]
+    comparison = Comparison(enter(('indi',)), ('circle',), ('twenty_percent',), 4, True)
+    vehicles = [true(comparison[k])[0] for k in range(4)]
     assert {(round(v.mass / 0.068, 9), round(v.drag_coefficient / 0.22, 9)) for v in vehicles} == {
         (1.2, 1.2), (1.2, 0.8), (0.8, 1.2), (0.8, 0.8)}
-    assert true(field[0])[1].gust == (GUST,) * 3
+    assert true(comparison[0])[1].gust == (GUST,) * 3
     drawn = [CONDITIONS['everything'](draw) for draw in range(300)]
     mass = np.array([d['sim_node.simulator.vehicle.mass'] for d in drawn]) / 0.068
     lag = np.array([d['sim_node.simulator.vehicle.motor_time_constant'] for d in drawn])
@@ -48,18 +49,18 @@ def test_what_is_wrong_is_what_the_condition_says():
 
 
 def test_a_flight_where_nothing_is_drawn_is_flown_once():
-    assert len(Field(enter(('indi',)), COURSES, ('known',), 50, True)) == len(COURSES)
-    assert len(Field(enter(('indi',)), COURSES, ('known',), 50, False)) == 50 * len(COURSES)
+    assert len(Comparison(enter(('indi',)), COURSES, ('known',), 50, True)) == len(COURSES)
+    assert len(Comparison(enter(('indi',)), COURSES, ('known',), 50, False)) == 50 * len(COURSES)
 
 
 def test_a_controller_from_a_file_races_under_its_own_name():
     entrants = enter(['indi', f'{PD}', 'toolbox'])
     assert list(entrants) == ['indi', 'pd_controller', 'toolbox']
     assert 'sha256' in entrants['pd_controller'].title
-    field = Field(entrants, ('circle',), ('everything',), 2, True)
-    assert [start.entrant for start in field.starts[::2]] == list(entrants)
-    assert field[2].controller_node.controller == str(PD)
-    assert true(field[3]) == true(field[1])
+    comparison = Comparison(entrants, ('circle',), ('everything',), 2, True)
+    assert [start.entrant for start in comparison.starts[::2]] == list(entrants)
+    assert comparison[2].controller_node.controller == str(PD)
+    assert true(comparison[3]) == true(comparison[1])
 
 
 @pytest.mark.parametrize(('names', 'said'), [
@@ -80,17 +81,17 @@ def test_a_file_with_the_name_of_an_entrant_is_refused(tmp_path):
 
 
 def test_settings_of_an_entrant_reach_its_controller():
-    flight = Field(enter(('feedforward',)), ('circle',), ('known',), 1, True)[0]
+    flight = Comparison(enter(('feedforward',)), ('circle',), ('known',), 1, True)[0]
     assert flight.controller_node.controller == 'cascaded'
     assert flight.controller_node.law.drag_feedforward
-    plain = Field(enter(('cascaded',)), ('circle',), ('known',), 1, True)[0]
+    plain = Comparison(enter(('cascaded',)), ('circle',), ('known',), 1, True)[0]
     assert not plain.controller_node.law.drag_feedforward
     assert set(ENTRANTS) >= {'extended', 'flatness_drag', 'geometric', 'indi'}
 
 
 @pytest.mark.parametrize('course', ['lemniscate', 'minimum_snap'])
 def test_the_vehicle_can_fly_the_courses(course):
-    plan = Field(enter(('indi',)), (course,), ('known',), 1, True)[0].reference_node.plan
+    plan = Comparison(enter(('indi',)), (course,), ('known',), 1, True)[0].reference_node.plan
     assert feasibility.check(plan.flown_course(), Vehicle()) is None
     speeds = [np.linalg.norm(reference_at(float(t), plan, Vehicle())[0].v)
               for t in np.arange(5.0, DURATION, 0.1)]

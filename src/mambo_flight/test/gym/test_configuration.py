@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from mambo_flight.gym.assignment import assign
+from mambo_flight.gym.configuration import configure
 from mambo_flight.scenario import scenario
 from mambo_model.errors import InputError
 import numpy as np
@@ -31,32 +31,32 @@ MASS, GUST = 'sim_node.simulator.vehicle.mass', 'sim_node.simulator.wind.gust'
     ({'randomise': {'sim_node.simulator.noise': (0.0, 1.0)}}, 'not a number with fractions')])
 def test_what_cannot_be_flown_is_refused_in_one_line(arguments, said):
     with pytest.raises(InputError, match=said) as error:
-        assign(**{'task': 'hover', **arguments})
+        configure(**{'task': 'hover', **arguments})
     assert '\n' not in str(error.value)
 
 
 def test_components_from_outside_are_refused():
     file = Path(__file__).parents[4] / 'examples/pd_controller.py'
     with pytest.raises(InputError, match='environments fly built-in ones only: cascaded'):
-        assign('hover', parameters={'controller_node.controller': str(file)})
+        configure('hover', parameters={'controller_node.controller': str(file)})
 
 
 def test_the_observation_chooses_the_estimator():
     for given, observation, flown in (
             ('kalman', 'truth', 'ground_truth'), ('ground_truth', 'estimate', 'kalman'),
             ('toolbox', 'estimate', 'toolbox')):
-        made = assign('hover', observation=observation, scenario=scenario(estimator=given))
+        made = configure('hover', observation=observation, scenario=scenario(estimator=given))
         assert made.scenario.estimator_node.estimator == flown
 
 
 def test_a_flight_is_as_long_as_its_episode_and_does_not_land():
-    made = assign('track', handover=6.0, episode=20.0, scenario=scenario(duration=40.0))
+    made = configure('track', handover=6.0, episode=20.0, scenario=scenario(duration=40.0))
     assert made.scenario.sim_node.duration == 26.0
     assert made.scenario.reference_node.plan.landing_time == 0.0
 
 
 def test_everything_that_is_drawn_is_within_its_ends():
-    made = assign('hover', target_spread=0.3, randomise={
+    made = configure('hover', target_spread=0.3, randomise={
         MASS: (0.06, 0.07), GUST: ((0.0, 0.0, 0.0), (1.0, 0.5, 0.0))})
     rng = np.random.default_rng(1)
     rows, shifts = zip(*(made.drawn(rng) for _ in range(100)))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from . import episode
 from .. import closed_loop
 from ..scenario import Scenario
-from .assignment import Assignment
+from .configuration import Configuration
 from .task import ACTIONS, Channel, commanded, PLAN
 
 _ZERO = (0.0, 0.0, 0.0)
@@ -44,7 +44,7 @@ def _hold(memory, rng, values):
     return Held(memory, rng, values)
 
 
-class Flock:
+class DroneBatch:
     """
     Drones in flight.
 
@@ -58,11 +58,13 @@ class Flock:
 
     """
 
-    def __init__(self, assignment: Assignment, count: int, threads: int | None = None) -> None:
-        self.assignment, self.out = assignment, episode.outcome(count)
-        self.scenarios: list[Scenario] = [assignment.scenario] * count
-        self._kind = ACTIONS.index(assignment.action)
-        self._handover = assignment.params.ticks(assignment.params.handover)
+    def __init__(
+        self, configuration: Configuration, count: int, threads: int | None = None,
+    ) -> None:
+        self.configuration, self.out = configuration, episode.outcome(count)
+        self.scenarios: list[Scenario] = [configuration.scenario] * count
+        self._kind = ACTIONS.index(configuration.action)
+        self._handover = configuration.params.ticks(configuration.params.handover)
         self._holders: list[Any] = []
         self._row: Any = None
         self._threads = min(threads or len(os.sched_getaffinity(0)), count)
@@ -84,13 +86,13 @@ class Flock:
             False)
         values = episode.Episode(
             settings, flight.controller_node.cascaded.values(),
-            self.assignment.params.values(), self.assignment.task == 'hover', target,
+            self.configuration.params.values(), self.configuration.task == 'hover', target,
             self._handover)
         return drone, simulator.generators(sim.seed), values
 
     def _prepare(self, i: int, rng: np.random.Generator) -> None:
         """Put a drone on the floor, at the start of an episode that is drawn."""
-        self.scenarios[i], shift = self.assignment.drawn(rng)
+        self.scenarios[i], shift = self.configuration.drawn(rng)
         parts = self._episode(self.scenarios[i], shift)
         if i < len(self._holders):
             hold_again(self._holders[i], *parts)
@@ -130,7 +132,8 @@ class Flock:
         for i in begin:
             self._prepare(i, rngs[i])
         work = [(rows, PLAN, self._handover + 1) for rows in self._shares(begin)]
-        work += [(rows, self._kind, self.assignment.params.repeat) for rows in self._shares(go_on)]
+        repeat = self.configuration.params.repeat
+        work += [(rows, self._kind, repeat) for rows in self._shares(go_on)]
         self._fly(actions, work)
         for i in begin:
             self.out.reward[i], self.out.reason[i] = 0.0, episode.NOTHING
@@ -161,7 +164,7 @@ class Flock:
     def channels(self) -> tuple[Channel, ...]:
         """Return the numbers of an action."""
         return commanded(
-            self.assignment.action, self.assignment.scenario.controller_node.vehicle)
+            self.configuration.action, self.configuration.scenario.controller_node.vehicle)
 
     def checked(self, actions: Any, count: int | None) -> NDArray[np.float64]:
         """

@@ -19,7 +19,7 @@ from mambo_model.motion import uav_trajectories
 from mambo_model.vehicle.parameters import Vehicle
 import numpy as np
 
-from ..course import minimum_snap, sampled
+from ..course import function_course, minimum_snap
 from ..scenario import override, Scenario, scenario
 
 DURATION = 30.0  # s
@@ -87,7 +87,7 @@ def lemniscate(t: float) -> tuple[float, float, float]:
 
 @lru_cache(maxsize=1)
 def _lemniscate() -> str:
-    return uav_trajectories.to_text(sampled.fit(lemniscate, 16.0, 'lemniscate'))
+    return uav_trajectories.to_text(function_course.fit(lemniscate, 16.0, 'lemniscate'))
 
 
 @lru_cache(maxsize=1)
@@ -157,7 +157,7 @@ class Start(NamedTuple):
     draw: int  # from 0: what is wrong, and the seed of all noise
 
 
-class Field:
+class Comparison:
     """
     The flights of a race, by number; made when they are asked for.
 

@@ -3,8 +3,8 @@
 import json
 import math
 
-from mambo_flight.judge import consistency
-from mambo_flight.judge.judge import Measured, Row, summary
+from mambo_flight.accuracy import consistency
+from mambo_flight.accuracy.error_statistics import Measured, Row, summary
 import numpy as np
 import pytest
 

@@ -1,0 +1,100 @@
+"""The nodes of a flight: which programs are started, with which arguments and parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+import json
+from pathlib import Path
+from types import MappingProxyType
+
+from mambo_flight import recording_to_bag, scenario as scenarios
+
+from ..processes import parameter
+
+FLIGHT_NODES = (
+    ('mambo_sim', 'optitrack_node'), ('mambo_estimation', 'estimator_node'),
+    ('mambo_control', 'reference_node'), ('mambo_control', 'controller_node'))
+REPLACEABLE = {
+    'optitrack': (FLIGHT_NODES[0], 'optitrack/pose'),
+    'estimator': (FLIGHT_NODES[1], 'estimate/odom'),
+    'reference': (FLIGHT_NODES[2], 'reference'), 'controller': (FLIGHT_NODES[3], 'motor_pwm')}
+"""Values of ``--without``: the node, and the topic that the user's node publishes instead."""
+RECORDER = ('mambo_bags', 'recorder_node')
+SIMULATOR = ('mambo_sim', 'sim_node')
+COMPOSED = ('mambo_bringup', 'composed_node')
+NAMESPACE = '/mambo'
+OWN = ('clock', 'tf', 'diagnostics')
+"""Absolute topics that are remapped into the namespace if there are several drones."""
+
+
+def label(namespace: str, node: tuple[str, str]) -> str:
+    """Return the name of a node in messages, with its namespace if there are several drones."""
+    return node[1] if namespace == NAMESPACE else f'{namespace}/{node[1]}'
+
+
+def _nodes_to_start(without: Collection[str]) -> list[tuple[str, str]]:
+    """Return the nodes, other than simulator and recorder, that the runner starts."""
+    theirs = [REPLACEABLE[name][0] for name in without]
+    return [node for node in FLIGHT_NODES if node not in theirs]
+
+
+def run_parameters(flight: scenarios.Scenario, without: Collection[str]) -> dict[str, object]:
+    """Return the parameters that belong to the run, not to the experiment."""
+    waited = [name for _, name in (*_nodes_to_start(without), RECORDER)]
+    return {'optitrack_node.watermark': flight.estimator_node.waits_for_capture,
+            'sim_node.wait_for': ','.join(waited),
+            'sim_node.wait_for_publishers': ','.join(REPLACEABLE[name][1] for name in without)}
+
+
+def recorder_topics(flight: scenarios.Scenario) -> dict[str, str]:
+    """
+    Return the parameter ``topics`` of the recorder, or nothing for its default topics.
+
+    A flight whose estimator uses motion capture has further topics.
+    """
+    if not flight.estimator_node.aided:
+        return {}
+    return {'topics': ','.join(topic.name for topic in recording_to_bag.recorded(flight))}
+
+
+def start_arguments(
+    file: Path, bag: Path, composed: bool, namespace: str, without: Collection[str] = (),
+    recorder: Mapping[str, str] = MappingProxyType({}),
+) -> list[tuple[tuple[str, str], list[str]]]:
+    """
+    Return the nodes of a drone with their command line arguments.
+
+    The recorder comes first, the node that publishes the clock last.
+
+    Parameters
+    ----------
+    file
+        Parameters of all nodes.
+    bag
+        Directory that the recorder creates.
+    composed
+        Whether all nodes run in one process.
+    namespace
+        Of the drone.
+    without
+        Names in :data:`REPLACEABLE` of nodes that the user starts.
+    recorder
+        Further parameters of the recorder.
+
+    """
+    arguments = ['--ros-args']
+    if namespace != NAMESPACE:  # one of several drones: its own clock, frames and diagnostics
+        arguments += ['-r', f'__ns:={namespace}']
+        for topic in OWN:
+            arguments += ['-r', f'/{topic}:={topic}']
+    flown = [*arguments, '--params-file', str(file)]
+    if composed:
+        recorder_file = file.with_name(f'recorder_{file.name}')
+        recorder_file.write_text(json.dumps({f'{namespace}/recorder_node': {  # parsed as YAML
+            'ros__parameters': {'bag': str(bag), 'scenario': str(file), **recorder}}},
+            ensure_ascii=False))
+        return [(COMPOSED, [*flown, '--params-file', str(recorder_file)])]
+    recorded = [*arguments, *parameter('bag', bag), *parameter('scenario', file),
+                *(one for name, value in recorder.items() for one in parameter(name, value))]
+    others = (*_nodes_to_start(without), SIMULATOR)
+    return [(RECORDER, recorded), *((node, flown) for node in others)]

@@ -1,0 +1,114 @@
+"""Outcome of a flight, read from the lines that the nodes print."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+import re
+import signal
+
+from tqdm import tqdm
+
+from ..processes import FlightError, NodeProcess
+from .nodes import RECORDER
+
+_FLOWN = re.compile(
+    r'flew ([\d.]+) s in ([\d.]+) s of wall time, (\d+) steps without their motor command')
+_DELAY = re.compile(r'IMU sample to motor command: .*')
+_USED = re.compile(r'used ([\d.]+) s of CPU and (\d+) MB')
+_REFUSED = re.compile(r'\[[\w.]*?(\w+)\]: refused messages: (.+)')
+_BEGUN = re.compile(r'flying in \w+ mode$')
+_PACED = re.compile(r'flying in realtime mode$')
+_WAITS = re.compile(r'waiting for .*')
+_TIME = re.compile(r't = ([\d.]+) s$')
+
+
+@dataclass
+class Outcome:
+    """Result of a flight."""
+
+    bag: Path
+    flown: float  # s of flight time
+    took: float  # s of wall time from the first to the last step
+    missed: int  # steps without a motor command in time
+    delay: str  # wall time from IMU sample to motor command, one line
+    stopped: signal.Signals | None  # signal by which the user ended the flight
+    used: dict[str, tuple[float, int]]  # by node: s of CPU, peak memory in MB
+    refused: dict[str, str]  # by node: numbers of refused messages by topic and reason
+    closed: bool  # the bag
+    fault: str = ''  # why the flight ended early, one line
+    whole: bool = False  # whether the full duration was flown
+
+    @property
+    def real_time_factor(self) -> float:
+        """Return flight time over wall time."""
+        return self.flown / self.took if self.took else float('nan')
+
+    def spent(self) -> str:
+        """Return the CPU time and memory of the nodes as one line, the largest first."""
+        cpu = {name.removesuffix('_node'): seconds / self.took
+               for name, (seconds, _) in self.used.items()}
+        nodes = ', '.join(f'{name} {cpu[name]:.2f}' for name in sorted(cpu, key=cpu.get)[::-1])
+        memory = max(memory for _, memory in self.used.values())
+        return f'CPU: {sum(cpu.values()):.2f} cores: {nodes}; memory: {memory} MB at most'
+
+
+class FlightEndedError(FlightError):
+    """A flight failed after its start; ``outcomes`` describes what was flown until then."""
+
+    def __init__(self, outcomes: list[Outcome]) -> None:
+        super().__init__(outcomes[0].fault)
+        self.outcomes = outcomes
+
+
+class Progress:
+    """Progress bar of flight time, updated from the lines that the simulator prints."""
+
+    def __init__(self, duration: float, shown: bool = True) -> None:
+        self.flown, self.took, self.missed, self.delay = 0.0, 0.0, 0, ''
+        self.begun = False
+        self._bar = tqdm(
+            total=duration, desc='starting (compiles once)', leave=False,
+            disable=None if shown else True,
+            bar_format='{desc} {bar} {n:.1f}/{total:.0f} s of flight, {elapsed} elapsed')
+
+    def line(self, text: str) -> None:
+        """Update from one line of the simulator."""
+        self.begun = self.begun or bool(_BEGUN.search(text))
+        if found := _FLOWN.search(text):
+            self.flown, self.took, self.missed = float(found[1]), float(found[2]), int(found[3])
+        elif found := _DELAY.search(text):
+            self.delay = found[0]
+        elif found := _WAITS.search(text):
+            self._bar.set_description_str(found[0])
+        elif found := _TIME.search(text):
+            self.flown = float(found[1])
+            self._bar.set_description_str('flying', refresh=False)
+            self._bar.update(float(found[1]) - self._bar.n)
+
+    def close(self) -> None:
+        """Remove the bar."""
+        self._bar.close()
+
+
+def listener(progress: Progress, children: list[NodeProcess]) -> Callable[[str], None]:
+    """Return a callback for the simulator's lines: in real time it raises the nodes' priority."""
+    def on_line(text: str) -> None:
+        progress.line(text)
+        for child in children if _PACED.search(text) else ():
+            if child.name != RECORDER[1]:
+                child.raise_priority()
+    return on_line
+
+
+def used(nodes: list[NodeProcess]) -> dict[str, tuple[float, int]]:
+    """Return the CPU time and memory that the nodes printed when they ended."""
+    matches = {child.name: _USED.search('\n'.join(child.lines)) for child in nodes}
+    return {name: (float(found[1]), int(found[2])) for name, found in matches.items() if found}
+
+
+def refused(nodes: list[NodeProcess]) -> dict[str, str]:
+    """Return the last line that each node printed about refused messages, by node."""
+    lines = '\n'.join(line for child in nodes for line in child.lines)
+    return {found[1]: found[2] for found in _REFUSED.finditer(lines)}

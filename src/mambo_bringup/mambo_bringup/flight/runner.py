@@ -1,0 +1,131 @@
+"""
+Fly scenarios in the ROS graph and record them.
+
+Every node is a process of its own, or all nodes of a drone are composed in one process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+import signal
+
+from mambo_flight import scenario as scenarios
+
+from ..node_group import NodeGroup
+from ..processes import FlightInputError, NodeProcess
+from ..stuck import stuck
+from .nodes import (
+    label, NAMESPACE, RECORDER, recorder_topics, REPLACEABLE, run_parameters, start_arguments)
+from .outcome import FlightEndedError, listener, Outcome, Progress, refused, used
+
+_LOADING = 60.0  # s that nodes may take to load, at least
+
+
+def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False,
+        without: Collection[str] = ()) -> Outcome:
+    """
+    Fly a scenario in the graph and record it.
+
+    Parameters
+    ----------
+    flight
+        Scenario with a duration.
+    bag
+        Directory to create.
+    composed
+        Run all nodes in one process: the same bag, faster.
+    without
+        Names in :data:`REPLACEABLE` of nodes that the user starts.
+
+    Raises
+    ------
+    FlightError
+        If a node does not start, crashes, is stopped or exits early; the bag holds the flight
+        until then.
+
+    """
+    return fly_several({NAMESPACE: flight}, {NAMESPACE: bag}, composed, without)[0]
+
+
+def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Path],
+                composed: bool = False, without: Collection[str] = ()) -> list[Outcome]:
+    """
+    Fly several drones at once, each with its own clock and its own bag.
+
+    Parameters
+    ----------
+    flights, bags
+        Scenario and bag of each drone by namespace; see :func:`fly`.
+    composed
+        One process per drone instead of one per node.
+    without
+        See :func:`fly`.
+
+    Raises
+    ------
+    FlightError
+        See :func:`fly`; it is a :class:`FlightEndedError` once the nodes were started.
+
+    """
+    for bag in bags.values():
+        if bag.exists():
+            raise FlightInputError(f'{bag} exists: give another --output or remove it')
+    progress: dict[str, Progress] = {}
+    started: dict[str, list[NodeProcess]] = {}
+    with ExitStack() as bars, NodeGroup(RECORDER[1], len(flights)) as group:
+        last = []
+        for number, (namespace, flight) in enumerate(flights.items()):
+            file = group.folder / f'scenario{number or ""}.yaml'
+            file.write_text(scenarios.commented_yaml(
+                scenarios.override(flight, run_parameters(flight, without)), namespace))
+            progress[namespace] = bar = Progress(flight.sim_node.duration, shown=not number)
+            bars.callback(bar.close)
+            started[namespace] = []
+            *nodes, owner = start_arguments(
+                file, bags[namespace], composed, namespace, without, recorder_topics(flight))
+            last.append((namespace, *owner))
+            for node, arguments in nodes:
+                started[namespace].append(
+                    group.start(*node, arguments, label=label(namespace, node)))
+        for namespace, node, arguments in last:
+            started[namespace].append(group.start(
+                *node, arguments, listener(progress[namespace], started[namespace]),
+                label(namespace, node)))
+        if without:
+            print(_invitation(without, flights, group.domain), flush=True)
+        patience = max(flight.sim_node.start_patience for flight in flights.values())
+        group.watch(  # the nodes' patience begins when they are loaded
+            lambda: all(each.begun for each in progress.values()),
+            patience + max(patience, _LOADING))
+    outcomes = [
+        _outcome(bags[namespace], progress[namespace], started[namespace],
+                 flights[namespace], group)
+        for namespace in flights]
+    if group.fault and not group.interrupts.first:
+        raise FlightEndedError(outcomes)
+    return outcomes
+
+
+def _invitation(without: Collection[str], namespaces: Collection[str], domain: int) -> str:
+    """Return instructions for the user who starts the missing nodes."""
+    topics = ', '.join(f'{namespace}/{REPLACEABLE[name][1]}'
+                       for namespace in namespaces for name in without)
+    return (f'waiting for your {" and ".join(without)} to publish {topics}; in its shell:\n'
+            f'  export ROS_DOMAIN_ID={domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST')
+
+
+def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess],
+             flight: scenarios.Scenario, group: NodeGroup) -> Outcome:
+    """Return the result of one drone's flight."""
+    asked = flight.sim_node.duration
+    killed = [node.name for node in nodes if node.exit_code == -signal.SIGKILL]
+    closed = nodes[0].exit_code == 0 and bag.exists()
+    fault = '; '.join(filter(None, (group.fault, stuck(flight, killed))))
+    if fault and progress.flown:
+        fault = f'flew {progress.flown:.2f} of {asked:g} s: {fault}'
+    return Outcome(
+        bag, progress.flown, progress.took, progress.missed, progress.delay,
+        group.interrupts.first, used(nodes), refused(nodes), closed, fault,
+        whole=progress.flown >= asked)

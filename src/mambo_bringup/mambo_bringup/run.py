@@ -1,0 +1,236 @@
+"""
+The command ``mambo run``: fly a scenario in the ROS graph, record it, compare and plot.
+
+``./run`` and ``mambo run`` are the command lines of this module.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+import signal
+
+from mambo_analysis.compare.ending import ended_early, ENDINGS
+from mambo_bags.command import guard, Parser, program
+from mambo_bags.reader import read_bag
+from mambo_estimation.filters import REGISTRY as ESTIMATORS
+from mambo_flight import flight_options, scenario as scenarios, scenario_file
+from mambo_model import schema
+from mambo_model.motion.trajectory import COURSE
+
+from .flight.nodes import COMPOSED, FLIGHT_NODES, NAMESPACE, RECORDER, REPLACEABLE, SIMULATOR
+from .flight.outcome import FlightEndedError, Outcome
+from .flight.runner import fly_several
+from .processes import FlightError, load
+from .stopping import stoppable
+
+CONTROLLER = 'flatness_drag'
+"""Default controller of ``./run``; unlike that of the thesis it compensates rotor drag."""
+
+
+def _free(folder: Path, name: str) -> Path:
+    """Return folder/name, with a number appended if it exists."""
+    path, number = folder / name, 2
+    while path.exists():
+        path, number = folder / f'{name}_{number}', number + 1
+    return path
+
+
+def parser() -> Parser:
+    """Return the command line of ``./run``."""
+    out = Parser(
+        'run', 'Fly the simulated Mambo in its ROS 2 graph, record a bag, compare, plot.',
+        epilog='examples:\n'
+               '  ./run                                 the circle (5.3) at 1.5 m\n'
+               '  ./run --trajectory z_sine --seed 7    another flight\n'
+               '  ./run --scenario fig_5_11             an experiment of the thesis\n'
+               '  ./run --composed                      all nodes in one process\n'
+               '  ./run --composed --drones 4           four drones, a process each\n'
+               '  ./run --mode realtime --duration 30   paced to the wall clock\n'
+               '  ./run --set sim_node.simulator.vehicle.drag_coefficient=0.3\n')
+    add = out.add_argument
+    add('--scenario', metavar='NAME',
+        help='an experiment: a name from --list-scenarios, NAME/FLIGHT for one of its flights, or '
+                     'a file; the options below override it')
+    add('--list-scenarios', action='store_true', help='print the experiments and end')
+    flight_options.add(out, 'circle', CONTROLLER)
+    add('--mode', default='lockstep', choices=('lockstep', 'realtime'),
+        help='lockstep: as fast as the machine allows, bit-for-bit repeatable (default)')
+    add('--speed', type=float, metavar='X',
+        help='flight time over wall time, only with --mode realtime (default: 1)')
+    add('--composed', action='store_true',
+        help='all nodes of a drone in one process: the same bag, faster')
+    add('--without', action='append', default=[], choices=tuple(REPLACEABLE), metavar='NODE',
+        help=f"leave a node out and wait for yours: one of {', '.join(REPLACEABLE)}; repeatable")
+    add('--drones', type=int, default=1, metavar='N',
+        help='number of drones, in namespaces /mambo1 to /mamboN, with consecutive seeds from '
+                     '--seed, each with its own clock and bag (default: 1)')
+    out.add_output('BAG', 'bag to create (default: a new one under bags/)')
+    add('--no-report', action='store_true', help='record only: no table, no page of plots')
+    return out
+
+
+def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
+    """Return name and scenario of the flight that the command line selects."""
+    given = flight_options.given(options)
+    if options.scenario:
+        name, flight = scenario_file.load(options.scenario, given)
+    else:
+        flight = scenario_file.from_settings(
+            {'controller': scenario_file.Place(CONTROLLER, 'default'), **given})
+        plan = flight.reference_node.plan
+        flown = plan.trajectory if plan.trajectory != COURSE else (
+            Path(options.trajectory).stem)
+        estimator = ESTIMATORS.find(flight.estimator_node.estimator)
+        name = f'{flown}_{estimator.name if estimator else flight.estimator_node.estimator}'
+    flight = scenarios.override(flight, {
+        'sim_node.mode': options.mode, 'sim_node.speed': 1.0 if options.speed is None else
+        options.speed, **flight_options.overrides(options.set)})
+    if options.speed is not None and flight.sim_node.mode != 'realtime':
+        raise schema.ParameterError(
+            f'--speed {options.speed:g} needs --mode realtime: lockstep always runs at full speed')
+    if options.without and options.composed:
+        raise schema.ParameterError(
+            '--without and --composed exclude each other: your node needs the others as processes')
+    if not 1 <= options.drones <= 16:
+        raise schema.ParameterError(f'--drones {options.drones} must be within 1 to 16')
+    if not flight.sim_node.duration > 0.0:
+        raise schema.ParameterError(f'{name}: sim_node.duration must be more than 0 s')
+    return f'{name}_seed{flight.seed}', flight
+
+
+def _list_scenarios() -> None:
+    """Print every experiment with its flights."""
+    for name in scenario_file.names():
+        experiment = scenario_file.read(scenario_file.find(name))
+        print(f'{name:<10} {experiment.title}')
+        for flight in filter(None, experiment.flights):
+            print(f'{"":<10}   {name}/{flight}')
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point of ``./run``; return the exit code."""
+    options = parser().parse_args(arguments)
+    return stoppable(program('run'), lambda: guard('run', lambda: _run(options)))
+
+
+def _run(options: argparse.Namespace) -> None:
+    """List the scenarios, print the parameters, or fly."""
+    if options.list_scenarios:
+        _list_scenarios()
+        return
+    name, flight = _scenario(options)
+    if options.print_scenario:
+        print(scenarios.commented_yaml(flight), end='')
+    else:
+        for line in flight_options.remarks(flight):
+            print(line)
+        _fly_and_report(name, flight, options)
+
+
+def _fly_and_report(
+    name: str, flight: scenarios.Scenario, options: argparse.Namespace,
+) -> None:
+    bag = options.output or _free(Path('bags'), name)
+    load('.'.join(node) for node in (COMPOSED, *FLIGHT_NODES, RECORDER, SIMULATOR))
+    spaces = [NAMESPACE] if options.drones == 1 else [
+        f'{NAMESPACE}{number + 1}' for number in range(options.drones)]
+    bags = {space: bag if len(spaces) == 1 else bag / space.strip('/') for space in spaces}
+    flights = {space: _reseeded(flight, number) for number, space in enumerate(spaces)}
+    problem: FlightError | None = None
+    try:
+        outcomes = fly_several(
+            flights, {space: path.absolute() for space, path in bags.items()}, options.composed,
+            tuple(dict.fromkeys(options.without)))
+    except FlightEndedError as error:
+        problem, outcomes = error, error.outcomes
+    stopped = outcomes[0].stopped
+    for space, outcome in zip(spaces, outcomes, strict=True):
+        if len(spaces) > 1:
+            print(f'{space}:')
+        reasons = _print_outcome(outcome, bags[space], options.no_report)
+        problem = problem or (FlightError(reasons[0]) if reasons else None)
+    if stopped:
+        raise KeyboardInterrupt(stopped)
+    if problem:
+        raise problem
+
+
+def _reseeded(flight: scenarios.Scenario, number: int) -> scenarios.Scenario:
+    """Return the flight of a drone: that of the first drone with its own seeds."""
+    return scenarios.override(flight, {
+        'sim_node.simulator.seed': flight.sim_node.simulator.seed + number,
+        'optitrack_node.seed': flight.optitrack_node.seed + number})
+
+
+def _print_outcome(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
+    """Print the result of a flight; return the reasons for an early end, one line each."""
+    what = 'stopped by you after' if outcome.stopped else 'flew'
+    print(f'{what} {outcome.flown:.2f} s in {outcome.took:.2f} s of wall time, '
+          f'{outcome.missed} steps without their motor command')
+    if outcome.delay:
+        print(outcome.delay)
+    if outcome.used and outcome.took:
+        print(outcome.spent())
+    for name, counts in outcome.refused.items():
+        print(f'warning: {name} refused messages: {counts}')
+    if not outcome.closed:
+        print(f'bag: {bag} is not closed; mambo recover {bag} NEW_BAG'
+              if bag.exists() else 'bag: none')
+        return [outcome.fault or f'{bag} is not closed']
+    print(f'bag: {bag}\n')
+    if outcome.stopped and (
+            outcome.whole or not outcome.flown or outcome.stopped != signal.SIGINT):
+        return []  # no page, but the reasons for an early end
+    reasons = [outcome.fault] if outcome.fault else []
+    if reasons and not outcome.flown:
+        return reasons  # nothing to compare: the bag has at most the messages of the start
+    if no_report:
+        reasons += [] if outcome.stopped else ended_early(read_bag(bag, ENDINGS), bool(reasons))
+        print(*reasons, sep='\n', end='\n' if reasons else '')
+        return reasons
+    page, reasons = report(bag, outcome.real_time_factor, reasons, bool(outcome.stopped))
+    print(f'\npage: {page}')
+    return reasons
+
+
+def report(bag: Path, real_time_factor: float | None = None, fault: Sequence[str] = (),
+           stopped: bool = False) -> tuple[Path, list[str]]:
+    """
+    Print the table of a flight and write its page of plots into the bag's directory.
+
+    Parameters
+    ----------
+    bag
+        Bag of the flight.
+    real_time_factor
+        Flight time over wall time, if known.
+    fault
+        Known reasons for the end of the flight, one line each.
+    stopped
+        Whether the user ended the flight, which may then be shorter than planned.
+
+    Returns
+    -------
+    Path of the page; reasons for an early end, one line each.
+
+    Raises
+    ------
+    mambo_bags.reader.BagError
+        If the bag cannot be read.
+
+    """
+    from mambo_analysis.compare.compare import compare, table
+    from mambo_analysis.compare.page import write_page
+    recording = read_bag(bag)
+    result = compare(recording)
+    if real_time_factor is not None:
+        result['real_time_factor'] = real_time_factor
+    result['ending'] = [*fault, *ended_early(recording, bool(fault) or stopped)]
+    print(table(result))
+    return write_page(recording, result, bag), result['ending']
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

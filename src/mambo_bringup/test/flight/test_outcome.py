@@ -1,0 +1,46 @@
+"""Outcome of a flight: what is read from the lines of stand-in nodes."""
+
+from mambo_bringup import processes, run
+from mambo_bringup.flight.runner import fly
+from stand_in_nodes import FLEW, NODES, QUIET, short
+
+
+def test_what_the_simulator_says_is_the_outcome(graph, tmp_path):
+    graph(sim_node=FLEW)
+    outcome = fly(short(), tmp_path / 'bag')
+    assert (outcome.bag, outcome.flown, outcome.took) == (tmp_path / 'bag', 3.0, 1.5)
+    assert outcome.real_time_factor == 2.0 and not outcome.stopped
+    assert outcome.missed == 2
+    assert outcome.delay == 'IMU sample to motor command: p50 1.00 ms'
+
+
+def test_what_nodes_used_is_told_in_cores_the_greediest_first(graph, tmp_path):
+    graph(sim_node=FLEW + "print('used 0.60 s of CPU and 120 MB')",
+          estimator_node="signal.signal(signal.SIGINT, lambda *_: sys.exit(print("
+                         "'used 0.90 s of CPU and 90 MB')))\n" + QUIET)
+    outcome = fly(short(), tmp_path / 'bag')
+    assert outcome.used == {'sim_node': (0.6, 120), 'estimator_node': (0.9, 90)}
+    assert outcome.spent() == (
+        'CPU: 1.00 cores: estimator 0.60, sim 0.40; memory: 120 MB at most')  # in 1.5 s
+
+
+def test_what_nodes_refused_is_of_the_outcome_the_last_count_of_each(graph, tmp_path, capsys):
+    says = "print('[WARN] [1.0] [mambo.%s]: refused messages: %d /mambo/motor_pwm not finite')\n"
+    graph(sim_node=FLEW + says % ('sim_node', 1) + says % ('sim_node', 35))
+    outcome = fly(short(), tmp_path / 'bag')
+    assert outcome.refused == {'sim_node': '35 /mambo/motor_pwm not finite'}
+    run._print_outcome(outcome, tmp_path / 'bag', no_report=True)
+    assert ('warning: sim_node refused messages: 35 /mambo/motor_pwm not finite'
+            in capsys.readouterr().out.splitlines())
+
+
+def test_when_time_is_real_all_but_the_recorder_go_before_others(graph, tmp_path, monkeypatch):
+    hurried = []
+    monkeypatch.setattr(
+        processes.NodeProcess, 'raise_priority', lambda process: hurried.append(process.name))
+    graph(sim_node="print('[INFO] [1.0] [mambo.sim_node]: flying in lockstep mode')" + FLEW)
+    fly(short(), tmp_path / 'first')
+    assert not hurried
+    graph(sim_node="print('[INFO] [1.0] [mambo.sim_node]: flying in realtime mode')" + FLEW)
+    fly(short(), tmp_path / 'second')
+    assert sorted(hurried) == sorted(set(NODES) - {'recorder_node'})

@@ -1,0 +1,177 @@
+"""The command line of ``./run``: the flight and bag that it selects, and its last lines."""
+
+import re
+import signal
+
+from mambo_bringup import run as command
+from mambo_bringup.flight.outcome import Outcome
+from mambo_bringup.processes import FlightError
+from mambo_control.controllers import REGISTRY as CONTROLLERS
+from mambo_estimation.filters import REGISTRY as ESTIMATORS
+from mambo_flight import scenario_file
+from mambo_flight.scenario import landing_time, override, scenario
+from mambo_model import schema
+from mambo_model.motion.trajectory import TRAJECTORIES
+from mambo_model.vehicle.parameters import preset, PRESETS
+import pytest
+
+
+def run(*arguments):
+    """Return the scenario and bag that a command line would fly, or SystemExit."""
+    seen = []
+
+    def fly(flights, bags, composed, without):
+        seen.append((flights['/mambo'], bags['/mambo']))
+        raise FlightError('far enough')
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(command, 'fly_several', fly)
+        code = command.main(list(arguments))
+    if not seen:
+        raise SystemExit(code)
+    assert code == 1
+    return seen[0]
+
+
+def test_without_arguments_the_circle_is_flown_in_lockstep():
+    flown, bag = run()
+    assert flown == scenario(
+        controller='flatness_drag', overrides={'sim_node.mode': 'lockstep'})
+    assert flown.reference_node.plan.trajectory == 'circle'
+    assert flown.sim_node.duration == 40.0 and flown.seed == 1
+    assert bag.is_absolute() and bag.parent.name == 'bags'
+
+
+def test_arguments_choose_trajectory_estimator_seed_vehicle_and_pace():
+    flown, _ = run('--trajectory', 'z_sine', '--estimator', 'ground_truth', '--seed', '7',
+                   '--duration', '30', '--vehicle', 'toolbox', '--believed', 'frictionless',
+                   '--mode', 'realtime', '--speed', '2', '--no-noise')
+    assert flown.reference_node.plan.trajectory == 'z_sine'
+    assert flown.reference_node.plan.landing_time == landing_time(30.0) == 21.0
+    assert flown.estimator_node.estimator == 'ground_truth'
+    assert flown.seed == flown.optitrack_node.seed == 7
+    assert flown.sim_node.simulator.vehicle == preset('toolbox')
+    assert flown.controller_node.vehicle == flown.reference_node.vehicle == preset('frictionless')
+    assert (flown.sim_node.mode, flown.sim_node.speed) == ('realtime', 2.0)
+    assert not flown.sim_node.simulator.noise
+
+
+def test_no_landing_is_no_landing():
+    assert run('--no-landing')[0].reference_node.plan.landing_time == 0.0
+    assert run()[0].reference_node.plan.landing_time == 31.0
+
+
+def test_a_scenario_is_flown_by_its_name_and_other_arguments_replace_its_choices():
+    flown, bag = run('--scenario', 'fig_6_1/simulation', '--seed', '4', '--mode', 'realtime')
+    name, wanted = scenario_file.load('fig_6_1/simulation', {
+        'seed': scenario_file.Place(4, '--seed')})
+    assert flown == override(wanted, {'sim_node.mode': 'realtime'})
+    assert flown.sim_node.simulator.vehicle == preset('frictionless') and flown.seed == 4
+    assert bag.name == f'{name}_seed4' == 'fig_6_1_simulation_seed4'
+
+
+def test_scenarios_are_listed_with_their_flights(capsys):
+    assert command.main(['--list-scenarios']) == 0
+    text = capsys.readouterr().out
+    for name in scenario_file.names():
+        assert f'\n{name} ' in f'\n{text}'
+    assert 'fig_6_1/simulation' in text and 'rises and falls' in text
+
+
+def test_a_printed_scenario_can_be_flown(capsys, tmp_path):
+    assert command.main(['--scenario', 'fig_5_11', '--seed', '8', '--print-scenario']) == 0
+    file = tmp_path / 'printed.yaml'
+    file.write_text(capsys.readouterr().out)
+    assert run('--scenario', str(file))[0] == run('--scenario', 'fig_5_11', '--seed', '8')[0]
+
+
+@pytest.mark.parametrize('assignment, value', [
+    ('sim_node.simulator.vehicle.mass=0.07', 0.07), ('sim_node.simulator.vehicle.mass=1', 1.0),
+    ('sim_node.simulator.vehicle.inertia=[1.0e-4, 1.0e-4, 2.0e-4]', (1e-4, 1e-4, 2e-4)),
+    ('sim_node.simulator.vehicle.inertia=[1e-4, 1e-4, 2e-4]', (1e-4, 1e-4, 2e-4)),
+    ('sim_node.simulator.barometer.noise=1e-3', 0.001),
+    ('sim_node.simulator.noise=false', False), ('sim_node.simulator.seed=12', 12),
+    ('controller_node.cascaded.derivatives=no_rates', 'no_rates'),
+    ('reference_node.plan.landing_time=20', 20.0), ('sim_node.speed = 3', 3.0)])
+def test_set_takes_any_parameter(assignment, value):
+    name = assignment.partition('=')[0].strip()
+    assert schema.flatten(run('--set', assignment)[0])[name] == value
+
+
+def test_set_can_be_repeated_and_comes_last():
+    flown, _ = run('--seed', '3', '--set', 'optitrack_node.seed=4', '--set', 'sim_node.speed=5')
+    assert (flown.seed, flown.optitrack_node.seed, flown.sim_node.speed) == (3, 4, 5.0)
+
+
+@pytest.mark.parametrize('arguments, last_error', [
+    (['--set', 'nonsense'], 'node.parameter=value'),
+    (['--set', 'sim_node.simulator.vehicle.mass'], 'node.parameter=value'),
+    (['--set', 'sim_node.simulator.vehicle.mass=[0.1'], '--set sim_node.simulator.vehicle.mass'),
+    (['--set', 'sim_node.simulator.vehicle.mass=heavy'], "mass = 'heavy' must be a number"),
+    (['--set', 'sim_node.simulator.vehicle.mass='], 'mass = None must be a number'),
+    (['--set', 'sim_node.simulator.vehicle.mas=1'], 'did you mean'),
+    (['--set', 'sim_node.simulator.noise=0'], 'must be true or false'),
+    (['--set', 'sim_node.simulator.seed=1.5'], 'must be a whole number'),
+    (['--speed', '2'], '--speed 2 needs --mode realtime'),
+    (['--duration', '0'], 'duration'), (['--duration', 'nan'], 'duration'),
+    (['--seed', '-1'], 'seed = -1'), (['--vehicle', 'eagle'], "--vehicle: vehicle 'eagle' is un"),
+    (['--believed', 'eagle'], 'known: crazyflie'), (['--vehicle', 'no.yaml'], 'No such file'),
+    (['--scenario', 'fig_1_1'], 'one of fig_3_3'), (['--scenario', 'no.yaml'], 'No such file'),
+    (['--scenario', 'fig_6_1/third'], 'experiment_old_map')])
+def test_a_wrong_value_gets_one_line_and_exit_code_2(capsys, arguments, last_error):
+    with pytest.raises(SystemExit) as end:
+        run(*arguments)
+    out, err = capsys.readouterr()
+    assert end.value.code == 2 and out == ''
+    assert err.startswith('run: ') and last_error in err and len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize('arguments', [
+    ['--trajectory', 'loop'], ['--estimator', 'guess'], ['--controller', 'pid'],
+    ['--mode', 'slow'], ['--duration', 'long'],
+    ['--seed', '1.5'], ['--speed', 'fast'], ['--unknown'], ['bag']])
+def test_a_wrong_argument_is_usage_and_exit_code_2(capsys, arguments):
+    with pytest.raises(SystemExit) as end:
+        run(*arguments)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert end.value.code == 2
+    assert line.startswith('run: ') and arguments[-1] in line
+
+
+def test_help_names_every_choice(capsys):
+    with pytest.raises(SystemExit) as end:
+        command.main(['--help'])
+    text = ' '.join(capsys.readouterr().out.split())
+    assert end.value.code == 0
+    words = re.split(r'[\s{},;]+', text)
+    for name in (*TRAJECTORIES, *PRESETS, *ESTIMATORS.names, *CONTROLLERS.names, 'lockstep',
+                 'realtime'):
+        assert name in words, name
+
+
+def test_a_bag_gets_a_name_that_is_free(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run()[1] == tmp_path / 'bags/circle_kalman_seed1'
+    (tmp_path / 'bags/circle_kalman_seed1').mkdir(parents=True)
+    assert run()[1] == tmp_path / 'bags/circle_kalman_seed1_2'
+    (tmp_path / 'bags/circle_kalman_seed1_2').mkdir()
+    assert run()[1] == tmp_path / 'bags/circle_kalman_seed1_3'
+    assert run('--output', 'mine')[1] == tmp_path / 'mine'
+
+
+@pytest.mark.parametrize('number, flown, whole, reports', [
+    (signal.SIGINT, 4.0, False, 1), (signal.SIGINT, 4.0, True, 0), (signal.SIGINT, 0.0, False, 0),
+    (signal.SIGTERM, 4.0, False, 0)])
+def test_ctrl_c_after_all_was_flown_or_before_ends_without_a_report(
+        tmp_path, monkeypatch, number, flown, whole, reports):
+    asked = []
+    monkeypatch.setattr(
+        command, 'report', lambda *arguments: asked.append(arguments) or (tmp_path, []))
+    outcome = Outcome(tmp_path, flown, 1.0, 0, '', number, {}, {}, True, whole=whole)
+    assert command._print_outcome(outcome, tmp_path, no_report=False) == []
+    assert len(asked) == reports
+
+
+def test_a_bag_that_is_not_closed_is_a_failure_even_if_no_node_complained(tmp_path):
+    outcome = Outcome(tmp_path, 0.0, 0.0, 0, '', None, {}, {}, False)
+    assert command._print_outcome(outcome, tmp_path, no_report=True) == [
+        f'{tmp_path} is not closed']

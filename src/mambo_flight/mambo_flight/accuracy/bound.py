@@ -1,0 +1,107 @@
+"""
+Compare the joint filter with the best that any estimator could do, over many seeds.
+
+SCENARIO is an experiment, a scenario file, or the name of a trajectory, which is then flown for
+69 s without landing. Each flight of its own seed is flown in one process. For each quantity the
+table shows the posterior Cramer-Rao bound, what the filter reached, and their ratio: deviations
+over all flights, of drift, biases and scale at the end, of velocity and tilt from 10 s after
+take-off on. NEES is the squared error over the variance that the filter states, at the end of
+each flight; it is honest between the two limits beside it, where 95 % of honest filters are. The
+bound leaves out the vibration, of which an estimate at the time of a sample keeps some mm/s.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from typing import Any
+
+from mambo_bags.command import guard, Parser, write_json
+from mambo_model.errors import InputError
+from mambo_model.motion.trajectory import TRAJECTORIES
+import numpy as np
+
+from .. import closed_loop, offline_replay, scenario_file
+from ..scenario import override, Scenario, scenario
+from .error_statistics import measured, summary, table
+from .filter_error import evaluate, SETTLED, with_unknowns
+
+DURATION = 69.0  # s: 60 s of the trajectory after 9 s of take-off and joining it
+
+
+def drift_beside(flight: Scenario, estimator: str) -> float:
+    """Return the mean square of x and y, m^2, by which another estimator is off at the end."""
+    recording = closed_loop.fly(flight)
+    other = override(flight, {'estimator_node.estimator': estimator}).estimator_node
+    state = offline_replay.estimate_again(recording, other)
+    return float(np.mean((recording.truth[-1, :2] - state[-1, :2]) ** 2))
+
+
+def flight_of(name: str) -> Scenario:
+    """Return the scenario of a trajectory, experiment or file, flown on the joint filter."""
+    if name in TRAJECTORIES:
+        return scenario(trajectory=name, estimator='joint', duration=DURATION, land=False)
+    found = scenario_file.load(name)[1]
+    if not found.sim_node.duration > SETTLED + 10.0:
+        raise InputError(
+            f'{name}: sim_node.duration must be more than {SETTLED + 10.0:g} s to be judged')
+    return override(found, {'estimator_node.estimator': 'joint'})
+
+
+def add_seeds(out: Parser, default: int, what: str = 'how many flights') -> None:
+    """Add the options of a command that flies many seeds; :func:`seeds_of` reads them."""
+    out.add_argument('--seeds', type=int, default=default, metavar='N',
+                     help=f'{what} (default: %(default)s)')
+    out.add_argument('--first', type=int, default=1, metavar='SEED',
+                     help='seed of the first (default: %(default)s)')
+
+
+def seeds_of(options: argparse.Namespace) -> range:
+    """Return the seeds that are asked for; InputError if there are none."""
+    if options.seeds < 1:
+        raise InputError(f'--seeds {options.seeds}: must be 1 or more')
+    return range(options.first, options.first + options.seeds)
+
+
+def _run(options: argparse.Namespace) -> None:
+    seeds, flight = seeds_of(options), flight_of(options.scenario)
+    flights = [with_unknowns(flight, seed, options.vary, options.slope) for seed in seeds]
+    report = summary([measured(evaluate(one)) for one in flights])
+    found: dict[str, Any] = {
+        'flights': report.flights, 'nis': report.nis,
+        'quantities': [line._asdict() for line in report.lines]}
+    text = f'{options.scenario}\n{table(report)}'
+    if options.beside:
+        off = math.sqrt(float(np.mean([drift_beside(one, options.beside) for one in flights])))
+        found['beside'] = {'estimator': options.beside, 'drift': off}
+        text += f'\ndrift of {options.beside} on the same samples: {off:.4g} m'
+    if options.json:
+        write_json(options.json, json.dumps(found, indent=1))
+    if options.json != '-':
+        print(text)
+
+
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('bound', __doc__)
+    add = out.add_argument
+    add('scenario', metavar='SCENARIO', help='experiment, experiment/flight, file or trajectory')
+    add_seeds(out, 20)
+    add('--vary', action='store_true',
+        help='draw slope (-0.1 to 0.15 1/m), scale (8 %%) and latency (0 to 0.1 s) of the flow')
+    add('--slope', type=float, metavar='X', help='true slope of the scale in 1/m')
+    add('--beside', choices=('kalman', 'toolbox'), metavar='ESTIMATOR',
+        help='also the drift of kalman or toolbox on the same samples')
+    out.add_json()
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``bound``; return the exit code."""
+    options = parser().parse_args(arguments)
+    return guard('bound', lambda: _run(options))
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())
