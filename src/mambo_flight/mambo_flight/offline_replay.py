@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .aided_replay import Poses, poses
-from .closed_loop import Recording, store_estimate, store_state
 from .capture_columns import store_located, WIDTH
+from .closed_loop import Recording, store_estimate, store_state
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tf2_msgs.msg import TFMessage
 
-from .closed_loop import Recording
 from .capture_columns import anchor_of, capture_of, COLUMNS
+from .closed_loop import Recording
 from .scenario import commented_yaml, Scenario
 
 SECOND = 1_000_000_000  # ns

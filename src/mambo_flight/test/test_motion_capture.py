@@ -5,8 +5,8 @@ import math
 from mambo_bags.reader import read_bag
 from mambo_estimation.capture import aided
 from mambo_flight import offline_replay, recording_to_bag
-from mambo_flight.closed_loop import fly
 from mambo_flight.capture_columns import capture_of, COLUMNS
+from mambo_flight.closed_loop import fly
 from mambo_flight.scenario import scenario
 from mambo_model.schema import ParameterError
 from mambo_ros import topics

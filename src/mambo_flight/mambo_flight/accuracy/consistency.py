@@ -20,9 +20,9 @@ import os
 from mambo_bags.command import guard, Parser, write_json
 from mambo_model.errors import InputError
 
-from .filter_error import evaluate, with_unknowns
 from .bound import add_seeds, flight_of, seeds_of
 from .error_statistics import Measured, measured, Report, summary
+from .filter_error import evaluate, with_unknowns
 
 PATHS = (
     'hover', 'circle', 'circle_rising', 'vertical_circle', 'figure_3_3', 'vertical_circle_large')

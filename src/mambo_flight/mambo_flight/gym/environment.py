@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ..scenario import Scenario
 from .configuration import configure
-from .episode import REASONS
 from .drone_batch import DroneBatch
+from .episode import REASONS
 from .task import Channel, OBSERVED
 
 Step = tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]

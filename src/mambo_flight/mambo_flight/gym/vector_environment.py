@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from ..scenario import Scenario
 from .configuration import configure
+from .drone_batch import DroneBatch
 from .environment import box, information
 from .episode import REASONS
-from .drone_batch import DroneBatch
 from .task import OBSERVED
 
 Steps = tuple[

@@ -20,7 +20,7 @@ from mambo_model.errors import InputError
 from . import report
 from ..sweep.run import run
 from ..sweep.table import Journal, SweepEndedError
-from .comparison import CONDITIONS, COURSES, enter, Entrant, ENTRANTS, Comparison
+from .comparison import Comparison, CONDITIONS, COURSES, enter, Entrant, ENTRANTS
 from .timing import step_time
 
 

@@ -15,8 +15,8 @@ from mambo_bags.command import guard, Parser
 import numpy as np
 
 from .. import closed_loop
-from ..accuracy.filter_error import evaluate_recording, steps_of, with_unknowns
 from ..accuracy.bound import add_seeds, flight_of, seeds_of
+from ..accuracy.filter_error import evaluate_recording, steps_of, with_unknowns
 from ..scenario import Scenario
 from .intervals import intervals, middle, Path, path_error, QUANTITIES
 from .smoother import smooth

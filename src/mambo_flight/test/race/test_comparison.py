@@ -5,7 +5,7 @@ from pathlib import Path
 
 from mambo_flight.course import feasibility
 from mambo_flight.race.comparison import (
-    CONDITIONS, COURSES, DURATION, enter, ENTRANTS, Comparison, GUST, Start)
+    Comparison, CONDITIONS, COURSES, DURATION, enter, ENTRANTS, GUST, Start)
 from mambo_model.errors import InputError
 from mambo_model.motion.trajectory import reference_at
 from mambo_model.vehicle.parameters import Vehicle

@@ -1,7 +1,7 @@
 """How often the intervals of the smoother hold: a fast subset of what the command does."""
 
-from mambo_flight.accuracy.filter_error import with_unknowns
 from mambo_flight.accuracy.bound import flight_of
+from mambo_flight.accuracy.filter_error import with_unknowns
 from mambo_flight.scenario import override
 from mambo_flight.smooth import coverage
 from mambo_flight.smooth.intervals import Path, QUANTITIES
