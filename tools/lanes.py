@@ -3,8 +3,8 @@ Run several commands side by side and show what they print, line by line; the mi
 
 usage: lanes.py NAME COMMAND [NAME COMMAND ...]
 
-Each line of a COMMAND, which is quoted for bash, is printed as soon as it is complete, behind the
-NAME of its lane. The last line of a lane says how long it took. An interrupt (Ctrl-C, SIGTERM)
+Each line of a COMMAND, a script of bash, is printed as soon as it is complete, behind the NAME of
+its lane. The last line of a lane says how long it took. An interrupt (Ctrl-C, SIGTERM)
 ends all of them. The exit code is 0 if all ended with 0, 128 plus the signal behind an interrupt,
 else the sum of 1 for the first, 2 for the second, 4 for the third that did not.
 """
@@ -31,7 +31,7 @@ class Lane:
     name
         Stands before each line.
     command
-        One simple command, quoted for bash.
+        A script of bash.
     width
         Of the column of names.
 
@@ -40,7 +40,7 @@ class Lane:
     def __init__(self, name: str, command: str, width: int) -> None:
         self.name, self._width, self._began = name, width, time.monotonic()
         self._process = subprocess.Popen(
-            ['bash', '-c', f'exec {command}'], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            ['bash', '-c', command], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, text=True, errors='replace',
             start_new_session=True)  # Ctrl-C comes once, from here
         self._reader = threading.Thread(target=self._show, daemon=True)
@@ -75,8 +75,8 @@ class Lane:
             os.killpg(self._process.pid, signal.SIGINT)
 
     def kill(self) -> None:
-        """End the command by force."""
-        self._process.kill()
+        """End the command by force, and what it started in its group."""
+        os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
 
 

@@ -14,6 +14,8 @@ from mambo_bags.writer import BagWriter
 from mambo_thesis.recordings import validate
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / 'shared/data'
 recorded = pytest.mark.skipif(

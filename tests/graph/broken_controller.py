@@ -95,7 +95,8 @@ rclpy.init()
 node = BrokenController()
 try:
     if 'SIGINT' in BROKEN:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        # the second ends it, so that a test need not wait until it is killed
+        signal.signal(signal.SIGINT, lambda *_: signal.signal(signal.SIGINT, signal.SIG_DFL))
     rclpy.spin(node)
 except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
     pass

@@ -18,6 +18,7 @@ from mambo_bringup.flight.nodes import COMPOSED, FLIGHT_NODES, RECORDER, SIMULAT
 from mambo_bringup.flight.runner import fly, fly_several
 from mambo_bringup.processes import NodeProcess
 from mambo_bringup.replay import replay
+from mambo_bringup.run import main
 from mambo_flight import closed_loop, offline_replay, recording_to_bag
 from mambo_flight.scenario import from_yaml, override, scenario, to_yaml
 from mambo_ros import cdr, messages, topics
@@ -27,6 +28,7 @@ from rclpy.serialization import deserialize_message
 
 SECONDS = 9.0
 STEPS = 1801
+BUSY = 240.0  # s that a command may take on a loaded machine
 
 
 def flight(seed=3, more=None, **choices):
@@ -34,7 +36,7 @@ def flight(seed=3, more=None, **choices):
                     overrides={'sim_node.mode': 'lockstep', **(more or {})}, **choices)
 
 
-@pytest.fixture(scope='session')
+@pytest.fixture(scope='module')
 def bag(tmp_path_factory):
     """Return a recorded lockstep flight: take-off and the blend into the circle."""
     path = tmp_path_factory.mktemp('graph') / 'first' / 'flight'
@@ -45,7 +47,7 @@ def bag(tmp_path_factory):
 PACKAGE = {'estimator': 'toolbox', 'controller': 'toolbox', 'believed': 'toolbox'}
 
 
-@pytest.fixture(scope='session')
+@pytest.fixture(scope='module')
 def package_bag(tmp_path_factory):
     """Return the same flight with the support package's estimator, controller and belief."""
     path = tmp_path_factory.mktemp('graph') / 'package' / 'flight'
@@ -67,7 +69,7 @@ FAULTS = {
     **fault('barometer', 'repeated', 2.0, 5.0)}
 
 
-@pytest.fixture(scope='session')
+@pytest.fixture(scope='module')
 def faulty_bag(tmp_path_factory):
     """Return the same flight with faults of every sensor at once."""
     path = tmp_path_factory.mktemp('graph') / 'faulty' / 'flight'
@@ -127,7 +129,7 @@ def test_a_recorder_outside_hears_all_that_composed_nodes_say(bag, tmp_path):
         assert payloads(outside, topic) == payloads(inside, topic) == payloads(bag, topic)
 
 
-@pytest.fixture(scope='session')
+@pytest.fixture(scope='module')
 def pair(tmp_path_factory):
     """Return outcomes and bags, by namespace, of the same flight beside one of another seed."""
     folder = tmp_path_factory.mktemp('graph')
@@ -312,18 +314,22 @@ def start(*arguments):
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
+def wait_until_flown(run, bag, size=700_000):
+    """Wait until the bag of a flight holds a second or two; its start has 200 kB."""
+    limit = time.monotonic() + BUSY
+    while run.poll() is None and time.monotonic() < limit and not any(
+            file.stat().st_size > size for file in bag.glob('*.mcap')):
+        time.sleep(0.05)
+
+
 @pytest.mark.parametrize('how', [[], ['--composed']], ids=['separate', 'composed'])
 def test_ctrl_c_lands_a_closed_bag_and_leaves_no_process(tmp_path, how):
     bag = tmp_path / 'stopped'
     run = start('--duration', 600, '--mode', 'realtime', '--output', bag, '--no-report',
                 '--controller', 'cascaded', *how)  # compiled by now
-    limit = time.monotonic() + 60.0
-    while time.monotonic() < limit and not any(  # under way: more than the start of a bag
-            file.stat().st_size > 300_000 for file in bag.glob('*.mcap')):
-        time.sleep(0.1)
-    time.sleep(2.0)
+    wait_until_flown(run, bag)
     run.send_signal(signal.SIGINT)
-    out, err = run.communicate(timeout=60.0)
+    out, err = run.communicate(timeout=BUSY)
     assert run.returncode == 128 + signal.SIGINT, err
     assert 'stopped by you' in out and err.strip().splitlines()[-1] == 'run: ended by SIGINT'
     recording = read_bag(bag)
@@ -337,7 +343,7 @@ def test_a_flight_that_a_failsafe_ended_is_told_and_no_success(tmp_path, how):
     bag = tmp_path / 'tilted'
     run = start('--duration', 9, '--no-landing', '--output', bag, *how,
                 '--set', 'controller_node.failsafe.height_std=0.001')
-    out, err = run.communicate(timeout=120.0)
+    out, err = run.communicate(timeout=BUSY)
     assert run.returncode == 1, out
     logged = err.strip().splitlines()[-1]
     assert re.fullmatch(r'run: controller_node at [\d.]+ s: .*estimate lost or unusable', logged)
@@ -349,15 +355,12 @@ def test_a_flight_that_a_failsafe_ended_is_told_and_no_success(tmp_path, how):
 def test_a_node_ended_in_flight_is_told_on_the_table_and_the_page(tmp_path):
     bag = tmp_path / 'ended'
     run = start('--duration', 600, '--mode', 'realtime', '--output', bag)
-    limit = time.monotonic() + 60.0
-    while not list(bag.glob('*.mcap')) and time.monotonic() < limit:
-        time.sleep(0.1)
-    time.sleep(6.0)
+    wait_until_flown(run, bag)
     (node,) = [pid for pid in processes_with('mambo_bringup.run')
                if Path(f'/proc/{pid}/comm').read_text() == 'estimator_node\n'
                and str(bag) in Path(f'/proc/{pid}/cmdline').read_text()]
     os.kill(int(node), signal.SIGTERM)
-    out, err = run.communicate(timeout=60.0)
+    out, err = run.communicate(timeout=BUSY)
     assert run.returncode == 1
     logged = err.strip().splitlines()[-1].removeprefix('run: ')
     assert re.fullmatch(r'flew [\d.]+ of 600 s: estimator_node was ended by SIGTERM', logged)
@@ -367,14 +370,11 @@ def test_a_node_ended_in_flight_is_told_on_the_table_and_the_page(tmp_path):
 def test_a_killed_recorder_ends_the_flight_with_one_line(tmp_path):
     bag = tmp_path / 'killed'
     run = start('--duration', 600, '--mode', 'realtime', '--output', bag, '--no-report')
-    limit = time.monotonic() + 60.0
-    while not list(bag.glob('*.mcap')) and time.monotonic() < limit:
-        time.sleep(0.1)
-    time.sleep(3.0)
+    wait_until_flown(run, bag)
     (recorder,) = [pid for pid in processes_with(str(bag))
                    if Path(f'/proc/{pid}/comm').read_text() == 'recorder_node\n']
     os.kill(int(recorder), signal.SIGKILL)
-    _, err = run.communicate(timeout=60.0)
+    _, err = run.communicate(timeout=BUSY)
     assert run.returncode == 1
     assert re.fullmatch(r'run: flew [\d.]+ of 600 s: recorder_node was ended by SIGKILL',
                         err.strip().splitlines()[-1])
@@ -391,10 +391,13 @@ def test_a_killed_recorder_ends_the_flight_with_one_line(tmp_path):
     (['--believed', 'eagle'], 'eagle'),
     (['--drones', '0'], '--drones 0 must be within 1 to 16'),
 ])
-def test_careless_arguments_get_one_clear_line(arguments, complaint):
-    run = start(*arguments)
-    _, err = run.communicate(timeout=60.0)
-    assert run.returncode == 2
+def test_careless_arguments_get_one_clear_line(capsys, arguments, complaint):
+    try:
+        code = main(arguments)
+    except SystemExit as end:
+        code = end.code
+    err = capsys.readouterr().err
+    assert code == 2
     assert complaint in err.strip().splitlines()[-1]
     assert 'Traceback' not in err
 
@@ -403,7 +406,7 @@ def test_an_existing_output_is_not_touched(tmp_path):
     keep = tmp_path / 'keep'
     keep.write_text('mine')
     run = start('--output', keep)
-    _, err = run.communicate(timeout=60.0)
+    _, err = run.communicate(timeout=BUSY)
     assert run.returncode == 2 and 'exists' in err
     assert keep.read_text() == 'mine'
 
@@ -413,36 +416,74 @@ def time_said(lines):
     return max(map(float, re.findall(r' t = ([\d.]+) s', '\n'.join(lines))), default=0.0)
 
 
+class Loss:
+    """
+    A flight in a domain of its own, from which one node goes.
+
+    It is asked to end: at once in lockstep, and in real time as by one Ctrl-C, behind which a node
+    takes messages as long as they come, 5 s.
+    """
+
+    def __init__(self, folder, mode, lost):
+        self.bag, self.mode, self.lost, self.logged = folder / 'bag', mode, lost, []
+        self.seconds, self.up = (16, 3.0) if mode == 'realtime' else (30, 8.0)
+        file = folder / 'scenario.yaml'
+        names = [name for _, name in (*FLIGHT_NODES, RECORDER)]
+        file.write_text(to_yaml(override(scenario(duration=float(self.seconds), land=False), {
+            'sim_node.mode': mode, 'sim_node.wait_for': ','.join(names)})))
+        arguments = ['--ros-args', '--params-file', str(file)]
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv('ROS_DOMAIN_ID', '')  # a free one
+            self.domain = Domain()
+            self.nodes = {RECORDER[1]: NodeProcess(
+                *RECORDER, ['--ros-args', '-p', f'bag:={self.bag}'])}
+            for package, name in FLIGHT_NODES:
+                self.nodes[name] = NodeProcess(package, name, arguments)
+            self.sim = NodeProcess(*SIMULATOR, arguments, self.logged.append)
+
+    def lose(self):
+        """Wait until the vehicle is up, and end the node."""
+        limit = time.monotonic() + 300.0
+        while time_said(self.logged) < self.up and time.monotonic() < limit:
+            time.sleep(0.01)
+        self.nodes[self.lost].interrupt()
+        if self.mode == 'lockstep':
+            time.sleep(0.05)  # two equal signals at once would be one
+            self.nodes[self.lost].interrupt()
+
+    def end(self):
+        """End what still runs; return the exit codes of the nodes."""
+        codes = {name: node.end(20.0) for name, node in reversed(self.nodes.items())}
+        self.sim.end(20.0)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv('ROS_DOMAIN_ID', '')
+            self.domain.release()
+        return codes
+
+
 @pytest.mark.parametrize('mode', ['realtime', 'lockstep'])
-@pytest.mark.parametrize('lost', ['reference_node', 'estimator_node'])
-def test_a_node_that_is_gone_in_flight_lands_the_vehicle(tmp_path, mode, lost):
-    bag, file = tmp_path / 'flight', tmp_path / 'scenario.yaml'
-    names = [name for _, name in (*FLIGHT_NODES, RECORDER)]
-    # a leaving node takes messages as long as they come, 5 s: 100 s at 20 times real time
-    seconds, up = (16, 3.0) if mode == 'realtime' else (120, 8.0)
-    file.write_text(to_yaml(override(scenario(duration=float(seconds), land=False), {
-        'sim_node.mode': mode, 'sim_node.wait_for': ','.join(names)})))
-    arguments, logged = ['--ros-args', '--params-file', str(file)], []
-    with Domain():
-        children = {RECORDER[1]: NodeProcess(*RECORDER, ['--ros-args', '-p', f'bag:={bag}'])}
-        for package, name in FLIGHT_NODES:
-            children[name] = NodeProcess(package, name, arguments)
-        try:
-            sim = NodeProcess(*SIMULATOR, arguments, logged.append)
-            limit = time.monotonic() + 300.0
-            while time_said(logged) < up and time.monotonic() < limit:
-                time.sleep(0.01)
-            children[lost].end(20.0)
-            code = sim.wait(120.0)
-        finally:
-            codes = {name: child.end(20.0) for name, child in reversed(children.items())}
-            sim.end(20.0)
-    assert code == 0, logged  # flown to its end, in lockstep too
-    assert set(codes.values()) == {0}
-    answers = [messages.decode_motor_pwm(data) for data in payloads(bag, topics.MOTOR_PWM)]
-    assert answers[-1][1:] == ((0.0,) * 4, True)
-    truth = [messages.decode_odometry(data)[1] for data in payloads(bag, topics.GROUND_TRUTH)]
-    assert min(state.rho[2] for state in truth) < -0.3  # it was up
-    assert truth[-1].rho[2] >= 0.0 and np.abs(truth[-1].nu).max() == 0.0
-    if mode == 'lockstep':
-        assert [t for t, _, _ in answers] == [5_000_000 * k for k in range(200 * seconds + 1)]
+def test_a_node_that_is_gone_in_flight_lands_the_vehicle(tmp_path, mode):
+    flights, codes = [], []
+    try:
+        for lost in ('reference_node', 'estimator_node'):  # side by side: they mostly wait
+            folder = tmp_path / lost
+            folder.mkdir()
+            flights.append(Loss(folder, mode, lost))
+        for flight in flights:
+            flight.lose()
+        ends = [flight.sim.wait(300.0) for flight in flights]
+    finally:
+        codes = [flight.end() for flight in flights]
+    for flight, end, code in zip(flights, ends, codes, strict=True):
+        assert end == 0, flight.logged  # flown to its end, in lockstep too
+        assert set(code.values()) == {0}
+        pwm = payloads(flight.bag, topics.MOTOR_PWM)
+        answers = [messages.decode_motor_pwm(data) for data in pwm]
+        assert answers[-1][1:] == ((0.0,) * 4, True)
+        truth = [messages.decode_odometry(data)[1]
+                 for data in payloads(flight.bag, topics.GROUND_TRUTH)]
+        assert min(state.rho[2] for state in truth) < -0.3  # it was up
+        assert truth[-1].rho[2] >= 0.0 and np.abs(truth[-1].nu).max() == 0.0
+        if mode == 'lockstep':
+            assert [t for t, _, _ in answers] == [
+                5_000_000 * k for k in range(200 * flight.seconds + 1)]

@@ -7,19 +7,20 @@ import time
 
 from ament_index_python.packages import get_package_prefix
 from mambo_bags.reader import read_bag
-from mambo_bringup import run
+from mambo_bringup import processes, run
 from mambo_bringup.flight.nodes import COMPOSED, FLIGHT_NODES
 import pytest
 
 PATIENCE = 2.0  # s
-BUSY = 60.0  # s that the start and the end may take on a loaded machine
+BUSY = 240.0  # s that the start and the end may take on a loaded machine
 GARBAGE = Path(__file__).with_name('garbage_controller.py')
 
 
 @pytest.fixture
 def prefix(tmp_path, monkeypatch):
     """Have the runner start the garbage controller in place of ours."""
-    monkeypatch.setattr(run, 'load', lambda modules: None)  # a copy of this process is ours
+    monkeypatch.setattr(run, 'load', lambda modules: None)
+    monkeypatch.setattr(processes, '_LOADED', set())  # a copy of this process would be ours
     replaced = {COMPOSED, ('mambo_control', 'controller_node')}
     for package, name in {*FLIGHT_NODES, COMPOSED}:
         if package in {package for package, _ in replaced}:
@@ -40,7 +41,6 @@ def prefix(tmp_path, monkeypatch):
 CASES = [
     (kind, how, mode) for kind, how, mode in [
         ('future', 'separate', 'lockstep'), ('nan', 'separate', 'realtime'),
-        ('future', 'composed', 'realtime'), ('nan', 'composed', 'lockstep'),
         ('short', 'composed', 'realtime'), ('noise', 'composed', 'lockstep'),
         ('future-late', 'composed', 'realtime'), ('nan-late', 'composed', 'lockstep'),
         ('infinite', 'composed', 'realtime'), ('huge-late', 'composed', 'realtime'),

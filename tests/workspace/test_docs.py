@@ -50,12 +50,14 @@ def site(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @needs_mkdocs
 def test_the_site_builds_without_a_warning(site):
     assert len(list(site.rglob('*.html'))) > 50
     assert not [page for page in site.rglob('*.html') if '<!-- generated' in page.read_text()]
 
 
+@pytest.mark.slow
 @needs_mkdocs
 def test_no_page_asks_another_host_for_anything(site):
     for page in site.rglob('*.html'):
@@ -66,6 +68,7 @@ def test_no_page_asks_another_host_for_anything(site):
     assert not [style for style in site.rglob('*.css') if foreign.search(style.read_text())]
 
 
+@pytest.mark.slow
 @needs_mkdocs
 def test_the_site_has_a_page_for_every_folder_of_code(site):
     wanted = [folder for package in source.packages() for folder in source.folders(package)]
@@ -76,6 +79,7 @@ def test_the_site_has_a_page_for_every_folder_of_code(site):
         assert not [name for name in source.folders(package)[folder] if f'id="{name}"' not in page]
 
 
+@pytest.mark.slow
 @needs_mkdocs
 def test_fields_of_compiled_parameters_are_a_table(site):
     page = (site / 'reference/api/mambo_estimation.html').read_text(encoding='utf-8')
@@ -155,6 +159,7 @@ def has(output, shown):
     return False
 
 
+@pytest.mark.slow
 def test_the_default_flight_is_the_one_that_is_shown(tmp_path):
     output = table(compare(remake.circle(tmp_path)))
     tutorial = (ROOT / 'docs/tutorials/first-flight.md').read_text(encoding='utf-8')
@@ -168,6 +173,7 @@ def blocks(page):
     return BLOCK.findall(page.read_text(encoding='utf-8'))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('page', TUTORIALS, ids=lambda page: page.stem)
 def test_what_a_tutorial_says_works(page, tmp_path):
     (tmp_path / 'examples').symlink_to(ROOT / 'examples')

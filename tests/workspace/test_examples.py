@@ -7,10 +7,13 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = sorted((Path(__file__).parents[2] / 'examples').glob('*.py'))
 SAYS = {'plot_a_bag': 'picture: circle_short.png', 'compare_two_bags': 'report: report.html',
         'sweep_and_look': 'picture: flights.png'}
-ARGUMENTS = {'train_hover': ['6']}  # iterations, of 100
+ARGUMENTS = {'train_hover': ['6'],  # iterations, of 100
+             'sweep_and_look': ['8']}  # flights, of 24
 RISES = {'train_hover': (r'mean return +(\S+),', 3.0)}  # -4.0 to 1.2; a policy that falls has -4
 FINDS = {'import_and_compare': (r'began (\S+) s into', 2.5, 0.02),  # the estimate lags by 9, 22 ms
          'identify_and_fly': (r'identify_thrust.yaml: (\S+) m below', 0.0, 0.01),

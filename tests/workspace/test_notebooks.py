@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 NOTEBOOKS = sorted((Path(__file__).parents[2] / 'examples/notebooks').glob('*.ipynb'))
 RUN = """
 import ast, json, sys

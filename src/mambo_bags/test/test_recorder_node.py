@@ -1,4 +1,4 @@
-"""Which topics the recorder takes and where it finds a stamp; tests/graph has the node itself."""
+"""Which topics the recorder takes and where it finds a stamp; tests/nodes has the node itself."""
 
 import struct
 

@@ -152,7 +152,10 @@ def _run_node(module: str, arguments: list[str], output: int, parent: int) -> No
     for number, stream in enumerate((os.open(os.devnull, os.O_RDONLY), output, output)):
         os.dup2(stream, number)
     os.closerange(3, os.sysconf('SC_OPEN_MAX'))
-    sys.stdout.reconfigure(line_buffering=True)
+    # whatever they were in this process, a notebook's or a test's
+    sys.stdout, sys.stderr = (
+        open(number, 'w', buffering=1, errors='backslashreplace', closefd=False)
+        for number in (1, 2))
     os.environ.update(_ENVIRONMENT)
     sys.argv = [name, *arguments]
     sys.modules[module].main()

@@ -97,6 +97,7 @@ SHORT = 'title: short\ntrajectory: circle\nduration: 4\n'
 SWEEP = 'title: t\nscenario: short.yaml\nvary: {seed: [1, 2]}\n'
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('line, size', [
     ('fly short.yaml -o OUT', 150_000), ('recover BAG OUT', 150_000),
     ('estimate BAG -o OUT', 150_000),

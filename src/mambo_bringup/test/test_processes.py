@@ -16,7 +16,7 @@ from mambo_bringup.node_group import NodeGroup
 from mambo_bringup.processes import executable, FlightError, Interrupts, NodeProcess, watch
 import pytest
 
-PATIENCE = 20.0  # s; what is waited for takes a fraction of a second on an idle machine
+PATIENCE = 60.0  # s; what is waited for takes a fraction of a second on an idle machine
 COOPERATIVE = """
 import signal, sys, time
 def leave(*_):
@@ -222,7 +222,7 @@ def test_a_signal_to_a_node_ends_the_flight_and_is_named(run_group, number, mess
     assert ended.fault == message
     assert order[-1] == 'recorder'
     assert not any(alive(child.pid) for child in ended.children)
-    assert time.monotonic() - began < 15.0
+    assert time.monotonic() - began < PATIENCE
 
 
 def test_one_of_several_owners_of_time_that_is_ended_ends_the_flight(start):
@@ -266,7 +266,7 @@ print(group.interrupts.first.name)
         env={**os.environ, 'ROS_DOMAIN_ID': ''})
     folder = runner.stdout.readline().strip()
     runner.send_signal(signal.SIGSTOP)
-    out, err = runner.communicate(timeout=15.0)
+    out, err = runner.communicate(timeout=PATIENCE)
     assert (out, err) == ('SIGTERM\n', 'suspended for 4 s: the flight ends\n')
     assert not Path(folder).exists()
 
@@ -428,7 +428,7 @@ def copies(folder, before=''):
     (folder / 'loaded/some_node.py').write_text(NODE)
     (folder / 'run.py').write_text(COPIES.format(before=before))
     return subprocess.run(
-        [sys.executable, folder / 'run.py'], text=True, capture_output=True, timeout=3 * PATIENCE)
+        [sys.executable, folder / 'run.py'], text=True, capture_output=True, timeout=PATIENCE)
 
 
 def test_a_node_that_is_loaded_begins_as_a_copy_and_ends_like_any_other(tmp_path):

@@ -14,6 +14,8 @@ from mambo_model import schema, slots
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = Path(__file__).parents[3] / 'examples'
 PD, HEIGHT = EXAMPLES / 'pd_controller.py', EXAMPLES / 'alpha_beta_filter.py'
 
@@ -39,7 +41,7 @@ def flight(controller, duration=9.0, **more):
 
 def flown(controller, **more):
     slots.latest_fault()
-    return closed_loop.fly(flight(controller, **more))
+    return closed_loop.fly(flight(controller, **more), inner=True)  # as the command flies
 
 
 def test_a_compiled_and_a_plain_one_fly_the_same_numbers(plain):
@@ -53,11 +55,12 @@ def test_a_compiled_and_a_plain_one_fly_the_same_numbers(plain):
     assert not one.stopped.any()
 
 
-def test_two_compiled_ones_with_classes_of_equal_names_are_told_apart(tmp_path):
+def test_two_compiled_ones_with_classes_of_equal_names_are_told_apart(tmp_path, faulty):
     text = PD.read_text().replace(STEP, f'thrust *= 0.9\n    {STEP}')
     (tmp_path / 'other.py').write_text(text)
-    (tmp_path / 'renamed.py').write_text(text.replace('steps', 'count'))  # a field of its memory
-    one, two, three = flown(PD), flown(tmp_path / 'other.py'), flown(tmp_path / 'renamed.py')
+    one, two = flown(PD), flown(tmp_path / 'other.py')
+    # a field of its memory has another name
+    three = flown(faulty, overrides={'controller_node.faulty.thrust_share': 0.9})
     assert not slots.latest_fault()
     assert not np.array_equal(one.thrust, two.thrust)
     np.testing.assert_array_equal(two.thrust, three.thrust)
@@ -124,13 +127,11 @@ def test_one_that_fails_in_flight_is_landed_and_its_line_told(plain, old, new, o
     assert REASONS[REASON_CONTROLLER] == 'controller failed'
 
 
-def test_a_compiled_one_that_fails_is_landed_and_its_line_told(tmp_path):
-    path = tmp_path / 'broken.py'
-    path.write_text(PD.read_text().replace(
-        STEP, f"if memory.steps > 1000:\n        raise ValueError('lost my way')\n    {STEP}"))
-    out = flown(path, duration=12.0)
-    line = next(i for i, text in enumerate(path.read_text().splitlines(), 1) if 'raise' in text)
-    assert slots.latest_fault() == f'{path}:{line}: ValueError: lost my way'
+def test_a_compiled_one_that_fails_is_landed_and_its_line_told(faulty):
+    out = flown(faulty, duration=12.0, overrides={'controller_node.faulty.raises': 1000})
+    lines = faulty.read_text().splitlines()
+    line = next(i for i, text in enumerate(lines, 1) if 'raise ' in text)
+    assert slots.latest_fault() == f'{faulty}:{line}: ValueError: lost my way'
     assert (out.reason == REASON_CONTROLLER).any() and abs(out.truth[-1, 2]) < 0.05
 
 

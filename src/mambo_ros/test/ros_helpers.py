@@ -9,7 +9,7 @@ import time
 from mambo_ros.loop import Loop
 from mambo_ros.node import MamboNode
 
-PATIENCE = 20.0  # s; the condition takes milliseconds on an idle machine
+PATIENCE = 60.0  # s; the condition takes milliseconds on an idle machine
 
 
 def until(condition, what, step=None):

@@ -1,7 +1,6 @@
 """Messages of the middleware with the identity of their publisher."""
 
 import gc
-import time
 
 from mambo_ros import messages, topics
 from mambo_ros.graph import peers
@@ -64,8 +63,7 @@ def test_a_subscription_is_destroyed_after_its_last_message_taker(ends):
     take = MessageTaker(source.handle, 100)
     node.destroy_subscription(source)
     first.publish(message(1))
-    time.sleep(0.05)
-    assert take() is not None  # and no access to freed memory
+    until(lambda take=take: take() is not None, 'the message')  # and no access to freed memory
     del take
     gc.collect()
     until(lambda: first.get_subscription_count() == 0, 'the end of the subscription')

@@ -128,6 +128,7 @@ def test_table_reads_as_text_and_json_as_numbers(flight, result, capsys):
     assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(result))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('missing', [
     ('reference',), ('ground_truth/odom',), ('optitrack/pose',), ('estimate/odom',),
     ('ground_truth/odom', 'optitrack/pose'), ('sensor_tick',), ('estimator/state', 'motor_pwm'),

@@ -16,6 +16,8 @@ import numpy as np
 import pytest
 from synthetic import make_flight
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope='module')
 def flights(tmp_path_factory):

@@ -147,6 +147,7 @@ def toolbox_log(path):
     return read_log(source, variables(path, source.content))
 
 
+@pytest.mark.slow
 @needs_data
 @pytest.mark.parametrize('path', FLIGHTS, ids=lambda path: path.stem)
 def test_every_real_log_imports_at_the_rates_of_its_sensors(path, tmp_path):

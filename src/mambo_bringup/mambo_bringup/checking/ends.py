@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 import time
 from typing import Any
 
@@ -24,19 +25,19 @@ def publishers(node: Node, topic: Topic) -> list[TopicEndpointInfo]:
         node.resolve_topic_name(topic.name)) if info.node_name != node.get_name()]
 
 
-def _same_type(node: Node, topic: Topic) -> list[str]:
-    """Return other topics of the type of a topic, which its publisher may have meant."""
-    name = node.resolve_topic_name(topic.name)
+def same_type(node: Node, topic: Topic, graph: Collection[str] = ()) -> list[str]:
+    """Return other topics of the type of a topic, which a publisher outside a graph may mean."""
+    name, known = node.resolve_topic_name(topic.name), {node.get_name(), *graph}
     return sorted(other for other, types in node.get_topic_names_and_types()
                   if topic.type_name in types and other != name and any(
-                      info.node_name != node.get_name()
+                      info.node_name not in known
                       for info in node.get_publishers_info_by_topic(other)))
 
 
 def check_absent(node: Node, transcript: Transcript) -> None:
     """Say that nobody publishes the answer, and what may have been meant instead."""
     topic = transcript.contract.answer
-    name, others = node.resolve_topic_name(topic.name), _same_type(node, topic)
+    name, others = node.resolve_topic_name(topic.name), same_type(node, topic)
     about = f'; {", ".join(others)} has its type' if others else ''
     transcript.note('publishes', False, f'nobody publishes {name}{about}')
 

@@ -11,7 +11,7 @@ from mambo_flight.scenario import from_yaml, override
 import pytest
 from stand_in_nodes import COPY, FLEW, NODES, QUIET, short
 
-PATIENCE = 30.0  # s
+PATIENCE = 60.0  # s
 
 
 def test_every_node_gets_the_scenario_and_the_simulator_waits_for_all(graph, tmp_path):

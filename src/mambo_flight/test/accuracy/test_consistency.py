@@ -17,6 +17,7 @@ def report():
     return summary([consistency.one(PATH, SLOPE, seed) for seed in SEEDS])
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_they_are_stated(report):
     for line in report.lines:
         # nine at once: 99.9 % limits, about twice as far from 1 as those of 95 %
@@ -25,6 +26,7 @@ def test_errors_are_as_large_as_they_are_stated(report):
     assert report.nis['sonar'] == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_no_bound_is_computed_that_nobody_asked_for(report):
     assert all(math.isnan(line.bound) for line in report.lines)
 

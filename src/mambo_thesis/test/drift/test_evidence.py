@@ -13,6 +13,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.mark.parametrize('letter', TRUE)
 def test_every_mechanism_is_recovered_from_the_experiments(letter):
     fits = Evidence(experiments_of(TRUE[letter])).compare()

@@ -35,6 +35,7 @@ def test_an_equation_says_the_drift_along_the_motion_that_was_flown(name):
         assert found.measured[0] == pytest.approx(found.predicted, abs=0.022), key
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('key', experiments.TRUTHS)
 def test_the_flown_experiments_name_what_was_wrong(key):
     found = experiments.identify(key, 'all five, every sample')

@@ -225,7 +225,7 @@ class TestGarbage:
         sim = self.sim(mode='lockstep', patience=1.0, duration=3.0)
         began = time.monotonic()
         assert sim_node.fly(sim, self.loop(sim)) == 1
-        assert time.monotonic() - began < 5.0
+        assert time.monotonic() - began < 30.0  # 1 s, on a busy machine some more
         (line,) = [line for line in sim.logged if line.startswith('no motor_pwm')]
         assert line.startswith(
             'no motor_pwm for t = 0.025 s within 1 s: motors stopped; refused: ')
