@@ -153,7 +153,7 @@ def test_a_controller_of_a_cell_is_flown_with_its_parameters():
 
 
 @pytest.mark.parametrize('arguments, what', [
-    ({'trajectory': lambda t: (0.0, t)}, 'lambda: gives an array of shape (2,) at t = 0 s'),
+    ({'trajectory': lambda t: (0.0, t)}, 'lambda: returns an array of shape (2,) at t = 0 s'),
     ({'controller': lambda state: None},
      'lambda(state) must take 4 arguments: state, reference, dt, vehicle'),
     ({'estimator': Keep}, 'step(memory, state, reference, dt, gains, vehicle) must take 9'),

@@ -78,7 +78,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         try:
             self._bag = BagWriter(Path(p.bag), attachments=attachments)
         except BagWriterError as error:
-            raise schema.ParameterError(f'RecorderNodeParams.bag: {error}') from None
+            raise schema.ParameterError(f'bag: {error}') from None
         try:
             self._record(selected)
         except BaseException:  # also after a signal: nothing else would close the bag yet

@@ -18,4 +18,4 @@ class RecorderNodeParams:
     def __post_init__(self) -> None:
         schema.check(self)
         if not self.bag:
-            raise schema.ParameterError('RecorderNodeParams.bag: give the directory of the bag')
+            raise schema.ParameterError('bag: give the directory of the bag')

@@ -1,10 +1,10 @@
 """
-Poses of the motion capture for the steps of an offline replay, as the live estimator pairs them.
+Poses of the motion capture for the steps of an offline replay, paired as in the live estimator.
 
-A step waits for the first watermark of the motion capture that is not older, and gets the newest
-pose that this one announces (:mod:`mambo_estimation.capture.pose_queue`). A bag without such
-watermarks, as of real hardware, gets them from its poses: what is logged before the next inertial
-sample is there at the one before, as ``replay_node`` has it.
+A step waits for the first watermark of the motion capture that is not older than itself, and gets
+the newest pose that this watermark announces (:mod:`mambo_estimation.capture.pose_queue`). For a
+bag without watermarks, e.g. of real hardware, the poses are paired as in ``replay_node``: a pose
+that was logged before the next inertial sample belongs to the current one.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from numpy.typing import NDArray
 
 
 class Poses(NamedTuple):
-    """A pose for each step; NaN: none."""
+    """A pose for each step; NaN: no pose."""
 
-    age: NDArray[np.float64]   # (n,) s, of the stamp
-    pose: NDArray[np.float64]  # (n, 7) position m and quaternion w x y z, map, as of NED and FRD
+    age: NDArray[np.float64]   # (n,) s, age of the stamp
+    pose: NDArray[np.float64]  # (n, 7) position m, quaternion w x y z; map, NED and FRD
 
 
 def none(steps: int) -> Poses:
-    """Return no pose for so many steps."""
+    """Return no poses, for a number of steps."""
     return Poses(np.full(steps, np.nan), np.full((steps, 7), np.nan))
 
 
 def _announced(bag: Bag, t: NDArray[np.int64], logged: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return how many poses there are for each step, -1 where that was never said."""
+    """Return the number of poses announced by each step, -1 without a watermark."""
     if topics.CAPTURE_TICK.name in bag:
         ticks = bag[topics.CAPTURE_TICK.name]
         count = ticks['poses'].astype(np.int64)
-        if count[0] > 1:  # recorded from midway: what it has by the first one is complete
+        if count[0] > 1:  # the recording began in flight: count from its first watermark
             count += np.searchsorted(logged, ticks.log_time[0], 'right') - count[0]
         first = np.searchsorted(ticks.stamp, t, 'left')
         return np.append(count, -1)[first]
@@ -48,7 +48,7 @@ def _announced(bag: Bag, t: NDArray[np.int64], logged: NDArray[np.int64]) -> NDA
 
 def poses(bag: Bag, t: NDArray[np.int64]) -> tuple[Poses, int]:
     """
-    Return the poses of the steps of a bag, and how many steps have all of theirs.
+    Return the pose of each step of a bag, and the number of steps whose poses are complete.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What motion capture adds to a flight: the estimate in ``map``, a row of numbers each step."""
+"""Columns of a flight with motion capture: the estimate in ``map``, a row for each step."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ Array = NDArray[np.float64]
 
 
 class Columns(NamedTuple):
-    """Where the numbers of a row begin; inertial NED and body FRD."""
+    """First column of each part of a row; inertial NED and body FRD."""
 
-    state: int = 0        # (13,) in map, as of closed_loop.Recording
+    state: int = 0        # (13,) in map, as in closed_loop.Recording
     covariance: int = 13  # (36,) of the pose, axes of map
-    anchor: int = 49      # yaw rad, shift (3,) m: odom in map
+    anchor: int = 49      # yaw rad, shift (3,) m of odom in map
     capture: int = 53     # located, age, silence, used, refused, trouble, off, delay
 
 
@@ -28,7 +28,7 @@ WIDTH = 61
 
 @jit
 def store_located(rows, k, where):
-    """Store the estimate in ``map`` in row k; nothing where there is none."""
+    """Store the estimate in ``map`` in row k; do nothing without one."""
     if where is None:
         return
     row, s, a, c = rows[k], where.state, where.capture.anchor, where.capture
@@ -45,13 +45,13 @@ def store_located(rows, k, where):
 
 
 def anchor_of(row: Array) -> Anchor:
-    """Return where ``odom`` stands in ``map`` by a row."""
+    """Return the pose of ``odom`` in ``map`` that a row holds."""
     yaw, *shift = row[COLUMNS.anchor:COLUMNS.capture].tolist()
     return Anchor(yaw, tuple(shift))
 
 
 def capture_of(row: Array) -> Capture:
-    """Return what a row says of the motion capture, for a report."""
+    """Return the state of the motion capture that a row holds, for a report."""
     seen, age, silence, used, refused, trouble, off, delay = row[COLUMNS.capture:].tolist()
     return Capture(
         bool(seen), anchor_of(row), age, silence, int(used), int(refused), int(trouble), off,

@@ -1,9 +1,9 @@
 """
 The whole flight in one process: the graph's compiled steps in one compiled loop, no middleware.
 
-Same steps, same order, same numbers as the graph in lockstep, to the last bit (tested): at each
-control step the sensors are read, the estimator and the flight plan answer, the controller
-answers both, the vehicle moves.
+At each control step the sensors are read, the estimator and the flight plan are updated, the
+controller computes the motor commands, and the vehicle moves. The steps, their order and all
+numbers are those of the graph in lockstep, to the last bit (tested).
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ Array = NDArray[np.float64]
 
 
 class Inner(NamedTuple):
-    """What only a bag needs, row k at t[k]; vectors inertial NED or body FRD."""
+    """Further columns that only a bag needs, row k at t[k]; vectors inertial NED or body FRD."""
 
-    sonar: Array  # (n,) m, as published, also where it sees nothing; NaN without a sample
+    sonar: Array  # (n,) m, as published, out of range too; NaN without a sample
     plan: Array  # (n, 19) of the reference: v, a, j, s, omega_dot, f, tau
-    pose_covariance: Array  # (n, 36); zeros where nothing estimates
+    pose_covariance: Array  # (n, 36); zero for the ground truth
     twist_covariance: Array  # (n, 36)
-    estimator: Array  # (n, 36) of the estimate, in the order of messages.estimator_state
-    controller: Array  # (n, 35) of the command, in the order of messages.controller_state
+    estimator: Array  # (n, 36) in the order of messages.estimator_state
+    controller: Array  # (n, 35) in the order of messages.controller_state
     health: Array  # (n, 8) failsafe: stage, reason; motion capture: tracked, visible markers,
     # frames, lost, dropped; failsafe: phase
 
@@ -59,24 +59,24 @@ class Recording(NamedTuple):
     phase: NDArray[np.int64]  # (n,) of the flight plan
     thrust: Array  # (n,) N, commanded (3.20)
     pwm: Array  # (n, 4)
-    pose: Array  # (n, 7) Optitrack position and quaternion, NaN where no pose came
+    pose: Array  # (n, 7) Optitrack position and quaternion, NaN without a pose
     pose_t: NDArray[np.int64]  # (n,) ns, stamp of the pose
     imu: Array  # (n, 6) gyro rad/s and specific force m/s^2
-    sonar: Array  # (n,) m, slant range as published; this and the next two NaN without a sample
-    flow: Array  # (n, 3) rad/s, the vehicle's sign; quality 0 ... 255
+    sonar: Array  # (n,) m, slant range; this and the next two are NaN without a sample
+    flow: Array  # (n, 3) rad/s, body FRD; quality 0 ... 255
     pressure: Array  # (n,) Pa
-    status: NDArray[np.int64]  # (n,) of the estimator; this and the rest zero of the ground truth
+    status: NDArray[np.int64]  # (n,) of the estimator; this and the next three: 0 for the truth
     health: NDArray[np.int64]  # (n, 5) of each sensor, mambo_estimation.health
-    pose_variance: Array  # (n, 6) m^2 and rad^2, inertial axes, that the estimator states
+    pose_variance: Array  # (n, 6) m^2 and rad^2, inertial axes, of the estimator
     twist_variance: Array  # (n, 6) m^2/s^2 and rad^2/s^2, body axes, likewise
     stopped: NDArray[np.bool_]  # (n,) motors shut down
     reason: NDArray[np.int64]  # (n,) safety.REASON_* of the command
-    inner: Inner | None  # None is a type of its own: a loop that does not store this
+    inner: Inner | None  # None: the loop is compiled without storing these columns
     located: Array | None = None  # (n, 61) in map, see capture_columns; None: without
 
 
 class Settings(NamedTuple):
-    """Everything compiled code reads that does not change during a flight."""
+    """The constants of a flight that compiled code reads."""
 
     simulator: simulator.SimulatorValues  # true vehicle and sensors
     optitrack: optitrack.OptitrackValues  # motion capture
@@ -84,17 +84,17 @@ class Settings(NamedTuple):
     plan: PlanValues                      # flight plan
     gains: controllers.Gains              # of the chosen controller
     failsafe: failsafe.FailsafeValues     # limits of the failsafe
-    reference_vehicle: VehicleValues      # that the reference believes in
-    controller_vehicle: VehicleValues     # that the controller believes in
+    reference_vehicle: VehicleValues      # vehicle model of the reference
+    controller_vehicle: VehicleValues     # vehicle model of the controller
     period: float                         # s, of the controller
-    use_truth: bool                       # the controller gets the true state
-    sonar_low: float                      # m, least range on the wire
-    sonar_high: float                     # m, largest
-    use_map: bool                         # the controller gets the estimate in map
+    use_truth: bool                       # feed the controller the true state
+    sonar_low: float                      # m, smallest valid range, as published
+    sonar_high: float                     # m, largest valid range
+    use_map: bool                         # feed the controller the estimate in map
 
 
 def settings(flight: Scenario) -> Settings:
-    """Return what compiled code reads of a scenario, for one flight."""
+    """Return the constants of one flight of a scenario."""
     sim, estimator = flight.sim_node.simulator, flight.estimator_node
     return Settings(
         sim.values(), flight.optitrack_node.optitrack.values(), estimator.filter.values(),
@@ -113,9 +113,9 @@ def fly(flight: Scenario, inner: bool = False) -> Recording:
     Parameters
     ----------
     flight
-        With a duration; mode, pace and waiting of the graph do not matter here.
+        With a duration; mode, speed and waiting of the graph have no effect here.
     inner
-        Whether to record what only a bag needs.
+        Whether to record the columns that only a bag needs.
 
     Returns
     -------
@@ -134,7 +134,7 @@ def fly(flight: Scenario, inner: bool = False) -> Recording:
 
 
 def blank(flight: Scenario, inner: bool = False) -> Recording:
-    """Return the recording of a scenario before it is flown; arguments as of :func:`fly`."""
+    """Return an empty recording for a scenario; see :func:`fly` for the arguments."""
     steps = step_count(flight)
     return Recording(
         np.arange(steps, dtype=np.int64) * STEP_NS, *(np.empty((steps, 13)) for _ in range(3)),
@@ -148,7 +148,7 @@ def blank(flight: Scenario, inner: bool = False) -> Recording:
 
 
 def run(flight: Scenario, out: Recording) -> None:
-    """Fly a scenario into a recording of :func:`blank`, as many steps as that has rows."""
+    """Fly a scenario and fill a recording of :func:`blank`, one step for each row."""
     sim, p = flight.sim_node.simulator, settings(flight)
     mocap_rng = simulator.generators(flight.optitrack_node.seed)[simulator.OPTITRACK]
     _loop(simulator.initial_state(sim), simulator.generators(sim.seed), mocap_rng,
@@ -157,7 +157,7 @@ def run(flight: Scenario, out: Recording) -> None:
 
 def step_count(flight: Scenario) -> int:
     """
-    Return how many control steps a flight has, the first at t = 0, the last at its duration.
+    Return the number of control steps, the first at t = 0, the last at the duration.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def store_state(row: Array, s: State) -> None:
 
 
 class SensorReadings(NamedTuple):
-    """Samples of a control step as the estimator node receives them; NaN: none."""
+    """Samples of a control step as the estimator receives them; NaN: no sample."""
 
     gyro: Vec3  # (3,) rad/s, body FRD
     accel: Vec3  # (3,) m/s^2, body FRD
@@ -233,15 +233,15 @@ def _store_health(out: Recording, k: int, e: Estimate) -> None:
 
 
 @jit
-def _put(row: Array, start: int, v: Vec3) -> int:
-    """Write a vector into a row; return where the next one begins."""
+def _store_vector(row: Array, start: int, v: Vec3) -> int:
+    """Store a vector in a row; return the index behind it."""
     row[start], row[start + 1], row[start + 2] = v
     return start + 3
 
 
 @jit
 def store_estimate(inner, k, e):
-    """Store what a bag says of an estimate besides its state."""
+    """Store covariance, biases and sensor health of an estimate, for a bag."""
     if inner is None:
         return
     for i in range(36):
@@ -249,7 +249,7 @@ def store_estimate(inner, k, e):
         inner.twist_covariance[k, i] = e.twist_covariance[i]
     row = inner.estimator[k]
     row[0], row[1], row[2] = e.status, e.height, e.vertical_velocity
-    at = _put(row, _put(row, 3, e.gyro_bias), e.accel_bias)
+    at = _store_vector(row, _store_vector(row, 3, e.gyro_bias), e.accel_bias)
     row[at], row[at + 1], row[at + 2] = (
         e.barometer_offset, e.sonar_innovation, e.sonar_test_ratio)
     row[12], row[13], row[14] = e.flow_innovation[0], e.flow_innovation[1], e.flow_test_ratio
@@ -263,21 +263,23 @@ def store_estimate(inner, k, e):
 
 @jit
 def _store_inner(inner, k, s, ref, c, control, mocap):
-    """Store what a bag says of samples, reference, command and the health of the nodes."""
+    """Store samples, reference, command and the state of the nodes, for a bag."""
     if inner is None:
         return
     if s.sonar_new:
         inner.sonar[k] = s.sonar
     row = inner.plan[k]
-    at = _put(row, _put(row, _put(row, _put(row, 0, ref.v), ref.a), ref.j), ref.s)
-    at = _put(row, at, ref.omega_dot)
+    at = _store_vector(row, _store_vector(row, 0, ref.v), ref.a)
+    at = _store_vector(row, _store_vector(row, at, ref.j), ref.s)
+    at = _store_vector(row, at, ref.omega_dot)
     row[at] = ref.f
-    _put(row, at + 1, ref.tau)
+    _store_vector(row, at + 1, ref.tau)
     row = inner.controller[k]
-    at = _put(row, _put(row, 0, c.position_error), c.velocity_error)
-    at = _put(row, _put(row, _put(row, at, c.integral), c.integral_rate), c.virtual_input)
+    at = _store_vector(row, _store_vector(row, 0, c.position_error), c.velocity_error)
+    at = _store_vector(row, _store_vector(row, at, c.integral), c.integral_rate)
+    at = _store_vector(row, at, c.virtual_input)
     row[19], row[23] = c.attitude_error, c.thrust
-    _put(row, _put(row, 20, c.angular_velocity_error) + 1, c.torque)
+    _store_vector(row, _store_vector(row, 20, c.angular_velocity_error) + 1, c.torque)
     for i in range(4):
         row[at + i], row[27 + i], row[31 + i] = (
             c.attitude_desired[i], c.motor_thrust[i], c.saturated[i])
@@ -290,8 +292,8 @@ def _store_inner(inner, k, s, ref, c, control, mocap):
 
 
 @jit
-def _answered(state, spread, where, use_map):
-    """Return state and spread that the controller answers, in ``map`` where that is chosen."""
+def _controller_input(state, spread, where, use_map):
+    """Return the state and variances for the controller, in ``map`` if the scenario says so."""
     if where is None:
         return state, spread
     if use_map:
@@ -302,10 +304,10 @@ def _answered(state, spread, where, use_map):
 @jit
 def _loop(state, rngs, mocap_rng, memory, control, p, out):
     """
-    Fly; every argument as :func:`fly` makes it, ``out`` is filled.
+    Fly, and fill ``out``.
 
-    The types of ``memory``, ``control`` and ``p`` say which estimator and which controller: each
-    pair has a loop of its own, compiled when it is first flown.
+    The types of ``memory``, ``control`` and ``p`` select estimator and controller. The loop is
+    compiled once for each pair, when it is first flown.
     """
     mocap, before = optitrack.START, state.plant.body
     last = len(out.t) - 1
@@ -316,7 +318,7 @@ def _loop(state, rngs, mocap_rng, memory, control, p, out):
         t_before = t - STEP_NS if k else t
         mocap, seen = optitrack.step(mocap, t_before, before, t, body, mocap_rng, p.optitrack)
         before = body
-        estimated, answered, spread = body, body, failsafe.EXACT
+        estimated, fed_back, spread = body, body, failsafe.EXACT
         readings = delivered_readings(samples, p)
         _store_samples(out, k, samples, readings)
         if not p.use_truth:
@@ -332,12 +334,12 @@ def _loop(state, rngs, mocap_rng, memory, control, p, out):
             spread = failsafe.spread_of(estimate.pose_covariance, estimate.twist_covariance)
             where = filters.located(memory, estimate)
             store_located(out.located, k, where)
-            answered, spread = _answered(estimated, spread, where, p.use_map)
+            fed_back, spread = _controller_input(estimated, spread, where, p.use_map)
         vehicle = p.reference_vehicle
         ref, phase = reference_step(
             t * 1e-9, p.plan, vehicle.mass, vehicle.inertia, vehicle.gravity)
         control, command = failsafe.step(
-            control, answered, spread, ref, phase, p.period, p.gains, p.failsafe,
+            control, fed_back, spread, ref, phase, p.period, p.gains, p.failsafe,
             p.controller_vehicle)
         store_state(out.truth[k], body)
         store_state(out.estimate[k], estimated)

@@ -1,4 +1,4 @@
-"""The options of a command line that say what is flown: those of ``mambo fly`` and ``./run``."""
+"""Command line options that select a flight, shared by ``mambo fly`` and ``./run``."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from .scenario_file import FIELDS, Place
 
 def add(out: Parser, trajectory: str = '', controller: str = '') -> None:
     """
-    Add the options.
+    Add the options to a parser.
 
     Parameters
     ----------
     out
-        Where to.
+        Parser.
     trajectory, controller
-        What is flown where nothing else says so, for the help.
+        Defaults that the help shows; empty: none.
 
     """
     def default(name: str) -> str:
@@ -63,7 +63,7 @@ def add(out: Parser, trajectory: str = '', controller: str = '') -> None:
 
 
 def given(options: argparse.Namespace) -> dict[str, Place]:
-    """Return the choices that a command line makes, each with its option as its place."""
+    """Return the settings given on the command line, each with its option as its place."""
     return {name: Place(value, f'--{name}') for name in FIELDS
             if (value := getattr(options, name, None)) is not None}
 
@@ -75,7 +75,7 @@ def overrides(assignments: list[str]) -> dict[str, Any]:
     Raises
     ------
     mambo_model.schema.ParameterError
-        In one line with the argument.
+        In one line that names the argument.
 
     """
     out = {}
@@ -91,7 +91,7 @@ def overrides(assignments: list[str]) -> dict[str, Any]:
 
 
 def remarks(flight: Scenario) -> Iterator[str]:
-    """Yield what to say of a flight before it, a line each: slow code, courses out of reach."""
+    """Yield warnings about a flight, one line each: slow code, courses that cannot be flown."""
     yield from component_remarks(flight)
     plan = flight.reference_node.plan
     if plan.trajectory != COURSE:

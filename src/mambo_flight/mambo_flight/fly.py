@@ -16,8 +16,9 @@ from mambo_model.errors import InputError, JobError
 from . import flight_options, recording_to_bag, scenario_file, supervised
 from .scenario import commented_yaml, override, Scenario
 
+
 def _scenario(options: argparse.Namespace) -> tuple[str, Scenario]:
-    """Return the name and the scenario of the flight that the command line asks for."""
+    """Return the name and the scenario of the flight that the command line selects."""
     given = flight_options.given(options)
     if options.scenario:
         name, flight = scenario_file.load(options.scenario, given)

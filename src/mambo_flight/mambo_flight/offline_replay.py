@@ -1,11 +1,10 @@
 """
 Offline replay: recorded sensors through the estimator in one process, no middleware.
 
-The estimator's step is the compiled one of the node and the samples are ordered by the same
-watermark, so that the result equals the recorded estimate to the last bit. Nothing is done message
-by message where that can be: topics are columns, the samples of each step are found for all steps
-at once, and one compiled loop takes the steps. Only where a sample is late, repeated or out of
-order does the :class:`Synchroniser` of the node find the steps.
+The estimator's step is the compiled one of the node, and the samples are ordered by the same
+watermark. The result therefore equals the recorded estimate to the last bit. Topics are read as
+columns, the samples of all steps are found at once, and one compiled loop runs the steps. If a
+sample is late, repeated or out of order, the :class:`Synchroniser` of the node finds the steps.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ Ints = NDArray[np.int64]
 
 
 class Steps(NamedTuple):
-    """Filter steps of a flight, one a row; fields and units as of ``synchroniser.Step``."""
+    """Filter steps of a flight, one a row; fields and units as in ``synchroniser.Step``."""
 
     t: Ints  # (n,)
     dt: Floats  # (n,)
@@ -49,30 +48,31 @@ class Steps(NamedTuple):
 
 
 class Estimates(NamedTuple):
-    """What an estimator answers, a row for each message of the live one; NED and FRD."""
+    """Estimates, one row for each message that the live estimator publishes; NED and FRD."""
 
     t: Ints  # (n,) ns
-    state: Floats  # (n, 13) rho m, nu m/s, q w x y z, omega rad/s, as of closed_loop.Recording
-    pose_covariance: Floats  # (n, 36), as of estimate.Estimate
+    state: Floats  # (n, 13) rho m, nu m/s, q w x y z, omega rad/s, as in closed_loop.Recording
+    pose_covariance: Floats  # (n, 36), as in estimate.Estimate
     twist_covariance: Floats  # (n, 36), likewise
-    estimator: Floats  # (n, 36), its other numbers, as of closed_loop.Inner
-    dropped: Ints  # (n, 4) samples left out so far: IMU, sonar, flow, pressure
+    estimator: Floats  # (n, 36), its other numbers, as in closed_loop.Inner
+    dropped: Ints  # (n, 4) samples dropped so far: IMU, sonar, flow, pressure
     located: Floats | None = None  # (n, 61) in map, see capture_columns; None: without
 
 
 class _Stream(NamedTuple):
-    """The samples of one sensor in the order of the bag."""
+    """The samples of one sensor, in the order of the bag."""
 
     log_time: Ints  # (n,) ns
     t: Ints  # (n,) ns, stamps
-    values: tuple[NDArray, ...]  # n rows each, of the fields of Steps
+    values: tuple[NDArray, ...]  # n rows each, one array for each field of Steps
 
 
 def _flipped(vectors: Floats) -> Floats:
     return np.stack(flip_vector(tuple(vectors.T)), axis=1)
 
 
-def _echoes(m: Messages) -> Floats:
+def _valid_ranges(m: Messages) -> Floats:
+    """Return the sonar's ranges, NaN outside the limits that each message states."""
     low, high, distance = (m[name].astype(float) for name in ('min_range', 'max_range', 'range'))
     return np.where((low <= distance) & (distance <= high), distance, np.nan)
 
@@ -81,11 +81,11 @@ _Decoder = Callable[[Messages], tuple[NDArray, ...]]
 SENSORS: dict[topics.Topic, tuple[tuple[str, ...], _Decoder]] = {
     topics.IMU: (('gyro', 'accel'), lambda m: (
         _flipped(m['angular_velocity']), _flipped(m['linear_acceleration']))),
-    topics.SONAR: (('sonar',), lambda m: (_echoes(m),)),
+    topics.SONAR: (('sonar',), lambda m: (_valid_ranges(m),)),
     topics.OPTICAL_FLOW: (('flow', 'flow_quality'), lambda m: (
         np.stack([m['rate_x'], -m['rate_y']], axis=1), m['quality'])),
     topics.BAROMETER: (('pressure',), lambda m: (m['fluid_pressure'],))}
-"""In the order of the watermark: fields of Steps, and their values out of the messages."""
+"""Fields of :class:`Steps` and how to decode them, in the order of the watermark."""
 
 
 def _read(bag: Bag, topic: topics.Topic) -> Messages:
@@ -98,11 +98,11 @@ def _read(bag: Bag, topic: topics.Topic) -> Messages:
 
 
 def _stream(bag: Bag, topic: topics.Topic) -> _Stream:
-    """Return the samples of a sensor, none where the bag has none; BagError as of steps."""
+    """Return the samples of a sensor, empty without its topic; BagError as for steps."""
     fields, decode = SENSORS[topic]
     if topic.name not in bag:
-        silent = _silent(np.empty(0, np.int64))
-        return _Stream(silent.t, silent.t, tuple(getattr(silent, field) for field in fields))
+        empty = _without_samples(np.empty(0, np.int64))
+        return _Stream(empty.t, empty.t, tuple(getattr(empty, field) for field in fields))
     found = _read(bag, topic)
     try:
         return _Stream(found.log_time, found.stamp, decode(found))
@@ -111,21 +111,21 @@ def _stream(bag: Bag, topic: topics.Topic) -> _Stream:
 
 
 def _recorded_ticks(bag: Bag, streams: list[_Stream]) -> tuple[Ints, Ints]:
-    """Return stamp (n,) ns and samples due by then (n, 4) of each watermark of a bag."""
+    """Return the stamp (n,) ns and the sample counts (n, 4) of each watermark of a bag."""
     ticks = _read(bag, topics.SENSOR_TICK)
     due = np.stack([ticks[field] for field in ('imu', 'sonar', 'optical_flow', 'barometer')],
                    axis=1).astype(np.int64)
-    if due[0, 0] > 1:  # recorded from midway: what it has by the first one is complete
+    if due[0, 0] > 1:  # the recording began in flight: count from its first watermark
         due += [np.searchsorted(s.log_time, ticks.log_time[0], 'right') for s in streams] - due[0]
     return ticks.stamp, due
 
 
-def _made_up_ticks(streams: list[_Stream]) -> tuple[Ints, Ints]:
+def _ticks_from_log(streams: list[_Stream]) -> tuple[Ints, Ints]:
     """
-    Return the same as :func:`_recorded_ticks` for a bag without watermarks, as of real hardware.
+    Return the same as :func:`_recorded_ticks` for a bag without watermarks, e.g. of real hardware.
 
-    They are those of ``replay_node``: what is recorded before the next inertial sample is there
-    at the one before.
+    Like ``replay_node``, it counts a sample at an inertial sample if it was logged before the next
+    inertial sample.
     """
     imu, *aiding = streams
     new = np.flatnonzero(imu.t > np.maximum.accumulate(np.append(-1, imu.t))[:-1])
@@ -136,8 +136,8 @@ def _made_up_ticks(streams: list[_Stream]) -> tuple[Ints, Ints]:
     return imu.t[new], np.stack(due, axis=1)[:len(new)]
 
 
-def _silent(t: Ints) -> Steps:
-    """Return one step at each stamp, with no sample in any."""
+def _without_samples(t: Ints) -> Steps:
+    """Return one step at each stamp, all without samples."""
     n = len(t)
     return Steps(
         t, np.diff(t, prepend=t[:1]) * 1e-9, np.full((n, 3), np.nan), np.full((n, 3), np.nan),
@@ -147,16 +147,17 @@ def _silent(t: Ints) -> Steps:
 
 def _in_order(streams: list[_Stream], t: Ints, due: Ints) -> Steps | None:
     """
-    Return the steps of a flight each of whose samples came in its time, else None.
+    Return the steps of a flight whose samples all arrived in order, else None.
 
-    That is: at each watermark at most one new sample of a stream, not older than the watermark
-    before and not newer than this one, and the inertial one as old as this one. A watermark that
-    announces more than there is ends the flight, as the live estimator waits for ever.
+    In order means: each watermark announces at most one new sample of a sensor. The stamp of the
+    sample lies after the previous watermark and not after this one; that of the inertial sample
+    equals the watermark's. A watermark that announces a sample that is not in the bag ends the
+    steps, as the live estimator would wait for it for ever.
     """
     whole = (due <= [len(stream.t) for stream in streams]).all(axis=1)
     whole = np.logical_and.accumulate(whole)
     t, due = t[whole], due[whole]
-    out, periods = _silent(t), np.diff(t, prepend=-1)
+    out, periods = _without_samples(t), np.diff(t, prepend=-1)
     if (periods <= 0).any():
         return None
     for stream, counts, (fields, _) in zip(streams, due.T, SENSORS.values(), strict=True):
@@ -174,7 +175,7 @@ def _in_order(streams: list[_Stream], t: Ints, due: Ints) -> Steps | None:
 
 
 def _synchronised(streams: list[_Stream], t: Ints, due: Ints) -> Steps:
-    """Return the steps of any flight, as the node finds them."""
+    """Return the steps of any flight, found by the synchroniser of the node."""
     sync = Synchroniser()
     queues = [
         (add, zip(stream.t.tolist(), *(values.tolist() for values in stream.values)))
@@ -188,7 +189,7 @@ def _synchronised(streams: list[_Stream], t: Ints, due: Ints) -> Steps:
             for sample in islice(samples, count):
                 found += add(*sample)
         found += sync.add_tick(stamp, counts)
-    out = _silent(np.array([step.t for step in found], np.int64))
+    out = _without_samples(np.array([step.t for step in found], np.int64))
     for name, column in zip(Steps._fields, zip(*found)):
         getattr(out, name)[:] = column
     return out
@@ -196,25 +197,25 @@ def _synchronised(streams: list[_Stream], t: Ints, due: Ints) -> Steps:
 
 def steps(bag: Bag) -> Steps:
     """
-    Return the filter steps of a flight, from a bag that was read with its sensors.
+    Return the filter steps of a bag that was read with its sensors.
 
     Raises
     ------
     mambo_bags.reader.BagError
-        If it has no topic of inertial samples, or a sensor of another type.
+        If it has no topic of inertial samples, or a topic has another type.
 
     """
     bag.messages(topics.IMU.name)
     streams = [_stream(bag, topic) for topic in SENSORS]
     t, due = (_recorded_ticks(bag, streams) if topics.SENSOR_TICK.name in bag
-              else _made_up_ticks(streams))
+              else _ticks_from_log(streams))
     found = _in_order(streams, t, due)
     return _synchronised(streams, t, due) if found is None else found
 
 
 @jit
-def _offered(memory, seen, k):
-    """Return the memory of an estimator with the pose of step k, where there is one."""
+def _offer_pose(memory, seen, k):
+    """Return the memory of an estimator after the pose of step k, if there is one."""
     if seen is None:
         return memory
     if np.isnan(seen.age[k]):
@@ -225,11 +226,11 @@ def _offered(memory, seen, k):
 
 @jit
 def _run(memory, values, s, seen, out):
-    """Fill ``out`` with what an estimator makes of some steps."""
+    """Run an estimator over some steps and fill ``out``."""
     row = 0
     for k in range(len(s.t)):
         g, a, f = s.gyro[k], s.accel[k], s.flow[k]
-        memory = _offered(memory, seen, k)
+        memory = _offer_pose(memory, seen, k)
         memory, estimate = filters.step(
             memory, s.dt[k], (g[0], g[1], g[2]), (a[0], a[1], a[2]), s.sonar[k], (f[0], f[1]),
             s.flow_quality[k], s.pressure[k], values)
@@ -242,16 +243,16 @@ def _run(memory, values, s, seen, out):
 
 def run(found: Steps, params: filters.Params, seen: Poses | None = None) -> Estimates:
     """
-    Return what an estimator, chosen by the type of its parameters, makes of some steps.
+    Run an estimator over some steps and return its estimates.
 
     Parameters
     ----------
     found
         Of :func:`steps`.
     params
-        Of the estimator.
+        Parameters of the estimator; their type selects it.
     seen
-        What the motion capture saw, for an estimator that uses it.
+        Poses of the motion capture, for an estimator that uses them.
 
     """
     n, values = int(found.last.sum()), params.values()
@@ -265,15 +266,15 @@ def run(found: Steps, params: filters.Params, seen: Poses | None = None) -> Esti
 
 def estimate(bag: Bag, params: filters.Params) -> Estimates:
     """
-    Return what an estimator makes of a bag, the same as the live one to the last bit.
+    Run an estimator over a bag; the result equals the live one to the last bit.
 
     Parameters
     ----------
     bag
-        As of :func:`steps`, and read with ``optitrack/pose`` and ``optitrack/tick`` for an
+        Read with its sensors, and with ``optitrack/pose`` and ``optitrack/tick`` for an
         estimator that uses the motion capture.
     params
-        Of the estimator, which they choose by their type.
+        Parameters of the estimator; their type selects it.
 
     """
     found = steps(bag)
@@ -284,11 +285,21 @@ def estimate(bag: Bag, params: filters.Params) -> Estimates:
                Poses(*(column[:whole] for column in seen)))
 
 
+def steps_of(recording: Recording) -> Steps:
+    """Return the filter steps of a flight in one process."""
+    found = _without_samples(recording.t)
+    found.gyro[:], found.accel[:] = recording.imu[:, :3], recording.imu[:, 3:]
+    found.sonar[:], found.pressure[:] = recording.sonar, recording.pressure
+    found.flow[:], found.flow_quality[:] = recording.flow[:, :2], np.nan_to_num(
+        recording.flow[:, 2])
+    return found
+
+
 def estimate_again(recording: Recording, node: EstimatorNodeParams) -> Floats:
     """
-    Return what another estimator makes of the samples of a flight, (n, 13) states.
+    Run another estimator over the samples of a flight; return its states, (n, 13).
 
-    As appendix C does with other flow factors; the vehicle flies on what it flew on.
+    Appendix C does so with other flow factors. The flight itself stays as it was.
 
     Parameters
     ----------
@@ -298,14 +309,9 @@ def estimate_again(recording: Recording, node: EstimatorNodeParams) -> Floats:
         The other estimator, not ``ground_truth``.
 
     """
-    found = _silent(recording.t)
-    found.gyro[:], found.accel[:] = recording.imu[:, :3], recording.imu[:, 3:]
-    found.sonar[:], found.pressure[:] = recording.sonar, recording.pressure
-    found.flow[:], found.flow_quality[:] = recording.flow[:, :2], np.nan_to_num(
-        recording.flow[:, 2])
     seen = None
     if node.aided:
         new = ~np.isnan(recording.pose[:, 0])
         seen = Poses(
             np.where(new, (recording.t - recording.pose_t) * 1e-9, np.nan), recording.pose)
-    return run(found, node.filter, seen).state
+    return run(steps_of(recording), node.filter, seen).state

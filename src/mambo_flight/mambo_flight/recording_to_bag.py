@@ -1,8 +1,8 @@
 """
-A flight of the closed loop as a bag: the topics of the graph, encoded when it is over.
+Write a flight of the closed loop as a bag with the topics of the graph.
 
-The messages are those of the graph in lockstep, byte for byte (tested). They are encoded by the
-functions that encode them there, which take columns of a whole flight as well as numbers.
+The messages equal those of the graph in lockstep, byte for byte (tested). They are encoded by the
+same functions, which take the columns of a whole flight as well as single numbers.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def _columns(rows: NDArray, start: int = 0, count: int | None = None) -> tuple[A
 
 
 def _vectors(rows: NDArray, *counts: int) -> Iterator[Any]:
-    """Yield vectors of so many columns one after the other; for 1 the column itself."""
+    """Yield consecutive vectors of ``counts`` columns; a single column is yielded as it is."""
     start = 0
     for count in counts:
         out = _columns(rows, start, count)
@@ -55,12 +55,12 @@ def _state(rows: NDArray) -> State:
 
 
 def _block(stamps: NDArray[np.int64], *blocks: NDArray[np.uint8]) -> Stream:
-    """Return a stream of messages, each with zeros up to a multiple of 4 bytes, as DDS has it."""
+    """Return a stream of messages, padded with zeros to a multiple of 4 bytes as in DDS."""
     return stamps, [np.pad(rows, ((0, 0), (0, -rows.shape[1] % 4))) for rows in blocks]
 
 
 def _sensors(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Stream]]:
-    """Yield what ``sim_node`` publishes of the sensors."""
+    """Yield the sensor topics of ``sim_node``."""
     p = flight.sim_node.simulator
     variances = [tuple(sigma ** 2 for sigma in noise)
                  for noise in (p.imu.gyro_noise, p.imu.accel_noise)]
@@ -79,13 +79,13 @@ def _sensors(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Str
 
 
 def estimate(t: NDArray[np.int64], states: NDArray, inner: Any) -> NDArray[np.uint8]:
-    """Encode estimates, rows of states and covariances as :class:`closed_loop.Inner` has them."""
+    """Encode estimates from rows of states, with the covariances of :class:`closed_loop.Inner`."""
     return messages.estimate(
         t, _state(states), _columns(inner.pose_covariance), _columns(inner.twist_covariance))
 
 
 def located(t: NDArray[np.int64], rows: NDArray, twist_covariance: NDArray) -> NDArray[np.uint8]:
-    """Encode estimates in ``map``, rows as of :mod:`.capture_columns`."""
+    """Encode estimates in ``map`` from rows of :mod:`.capture_columns`."""
     return messages.located(
         t, _state(rows[:, :COLUMNS.covariance]),
         _columns(rows, COLUMNS.covariance, COLUMNS.anchor - COLUMNS.covariance),
@@ -95,7 +95,7 @@ def located(t: NDArray[np.int64], rows: NDArray, twist_covariance: NDArray) -> N
 def estimator_state(
     t: NDArray[np.int64], inner: Any, dropped: tuple[Any, ...] = (0, 0, 0, 0),
 ) -> NDArray[np.uint8]:
-    """Encode what an estimator says of itself, likewise, and what the synchroniser dropped."""
+    """Encode the state of an estimator, with the samples that the synchroniser dropped."""
     *before, invalid, health, age, not_finite = _vectors(
         inner.estimator, 1, 1, 1, 3, 3, 1, 2, 3, 2, 3, 1, 5, 5, 5)
     return messages.estimator_state(
@@ -103,7 +103,7 @@ def estimator_state(
 
 
 def _laws(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Stream]]:
-    """Yield what estimator, reference and controller publish."""
+    """Yield the topics of estimator, reference and controller."""
     inner = r.inner
     yield topics.ESTIMATE, _block(r.t, estimate(r.t, r.estimate, inner))
     if r.located is not None:
@@ -120,8 +120,8 @@ def _laws(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Stream
         r.t, messages.motor_pwm(r.t, _columns(r.pwm), r.stopped, r.reason))
 
 
-def _marks(map_to_odom: bool) -> tuple[bytes, list[int], list[int]]:
-    """Return a /tf message, and where its stamps and the numbers of its poses stand."""
+def _tf_template(map_to_odom: bool) -> tuple[bytes, list[int], list[int]]:
+    """Return a /tf message and the byte offsets of its stamps and of its pose numbers."""
     sec, nanosec, numbers = 0x51525354, 0x21222324, [1.5e300 + k * 1e299 for k in range(14)]
     children = ((messages.ODOM, messages.BASE), (messages.MAP, messages.ODOM))
     transforms = []
@@ -140,7 +140,7 @@ def _marks(map_to_odom: bool) -> tuple[bytes, list[int], list[int]]:
 
 
 def _anchors(r: Recording, some: NDArray[np.bool_]) -> tuple[Any, ...]:
-    """Return the seven numbers of the pose of ``odom`` in ``map``, on the wire, a column each."""
+    """Return the pose of ``odom`` in ``map`` as published, seven columns."""
     if r.located is None:
         return tuple(np.full(some.sum(), x) for x in (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
     poses = [odom_in_map(anchor_of(row)) for row in r.located[some]]
@@ -149,10 +149,10 @@ def _anchors(r: Recording, some: NDArray[np.bool_]) -> tuple[Any, ...]:
 
 
 def _tf(r: Recording, map_to_odom: bool) -> Stream:
-    """Return the transforms of every tenth estimate or so."""
+    """Return the transforms, one message every 20 ms."""
     some = r.t % TF_EVERY == 0
     t, state = r.t[some], _state(r.estimate[some])
-    data, stamps, places = _marks(map_to_odom)
+    data, stamps, places = _tf_template(map_to_odom)
     out = np.tile(np.frombuffer(data, dtype=np.uint8), (len(t), 1))
     clock = np.stack((t // SECOND, t % SECOND), axis=1).astype('<u4').view(np.uint8)
     for at in stamps:
@@ -164,7 +164,7 @@ def _tf(r: Recording, map_to_odom: bool) -> Stream:
 
 
 def _reports(r: Recording, flight: Scenario) -> Iterator[tuple[int, bytes]]:
-    """Yield (stamp, message) of every node's health."""
+    """Yield (stamp, message) of the diagnostics of every node."""
     truth = flight.estimator_node.estimator == 'ground_truth'
     not_finite = np.zeros(5, dtype=int)
     stages = r.inner.health[:, 0].astype(int)
@@ -219,7 +219,7 @@ def _estimator_report(
 
 
 def _streams(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Stream]]:
-    """Yield every topic of the flight and its messages."""
+    """Yield every topic of the flight with its messages."""
     yield topics.CLOCK, _block(r.t, messages.clock(r.t))
     yield from _sensors(r, flight)
     yield topics.GROUND_TRUTH, _block(r.t, messages.ground_truth(r.t, _state(r.truth)))
@@ -242,10 +242,10 @@ def recorded(flight: Scenario) -> tuple[topics.Topic, ...]:
 
 
 def check(flight: Scenario) -> None:
-    """Refuse a flight whose bag would not be that of the graph, as :func:`write` does."""
+    """Raise :class:`BagWriterError` for a flight that :func:`write` refuses."""
     if flight.sim_node.simulator.faults.values() is not None:
         raise BagWriterError(
-            'sim_node.simulator.faults: samples that are late, lost or repeated need the graph; '
+            'sim_node.simulator.faults: late, lost or repeated samples need the graph; '
             'fly it with ./run')
 
 
@@ -256,19 +256,19 @@ def write(path: Path, flight: Scenario, recording: Recording, namespace: str = '
     Parameters
     ----------
     path
-        Directory to make.
+        Directory to create.
     flight
-        What was flown.
+        Scenario that was flown.
     recording
-        Of :func:`closed_loop.fly`, with ``inner``.
+        Result of :func:`closed_loop.fly` with ``inner``.
     namespace
-        Of the topics.
+        Namespace of the topics.
 
     Raises
     ------
     mambo_bags.writer.BagWriterError
-        If the bag exists or cannot be made, or for a flight with faults of the sensors: which
-        messages are late or repeated is an affair of the graph.
+        If the bag exists or cannot be created, or for a flight with sensor faults: only the
+        graph delivers messages late or twice.
 
     """
     check(flight)

@@ -2,8 +2,8 @@
 One flight as data: the parameters of every node of the graph.
 
 A scenario file is a ROS 2 parameter file, so that ``ros2 run <package> <node> --ros-args
---params-file scenario.yaml`` flies the same thing node by node, and the one-process closed loop
-reads the same text.
+--params-file scenario.yaml`` flies it node by node; the closed loop in one process reads the same
+file.
 """
 
 from __future__ import annotations
@@ -53,24 +53,25 @@ NODES = tuple(field.name for field in dataclasses.fields(Scenario))
 LEAVES = dict(schema.walk(Scenario))
 COMPONENTS = {name: field.metadata['component'] for name, field in LEAVES.items()
               if 'component' in field.metadata}
-"""Parameters that choose a component, and who finds it."""
+"""Parameters that choose a component, with the registry that finds it."""
 SEEDS = ('sim_node.simulator.seed', 'optitrack_node.seed')
-"""Parameters that are the seed of every noise stream."""
+"""Parameters that seed the noise streams."""
 
 
 def own_leaves(chosen: Iterable[tuple[str, Any]]) -> dict[str, dataclasses.Field]:
     """
-    Return the parameters of components from outside.
+    Return the parameters of the user's components.
 
     Parameters
     ----------
     chosen
-        Names out of ``COMPONENTS``, or their last part, and what is chosen; others are ignored.
+        Pairs of a name in ``COMPONENTS``, or its last part, and the component; others are
+        ignored.
 
     Raises
     ------
     mambo_model.schema.ParameterError
-        If a component is not found or is not what it must be.
+        If a component is not found or is not valid.
 
     """
     out: dict[str, dataclasses.Field] = {}
@@ -91,7 +92,7 @@ def scenario(
     carried: bool = False, folder: Path = Path(),
 ) -> Scenario:
     """
-    Build a scenario from the choices a person makes.
+    Build a scenario from a few settings.
 
     Parameters
     ----------
@@ -103,20 +104,20 @@ def scenario(
     duration : s
         Flight time from start to end.
     seed
-        Of every noise stream.
+        Seed of every noise stream.
     vehicle, believed
-        Known vehicles or vehicle files: the true vehicle, and the one that reference and
-        controller believe in (empty: the same).
+        Known vehicles or vehicle files: the true vehicle, and the vehicle model of reference and
+        controller (empty: the true one).
     noise
         Whether sensors have noise and bias.
     land
-        Whether to descend at the end of ``duration``.
+        Whether to land at the end of ``duration``.
     overrides
         {'node.parameter': value}, applied last.
     carried
         Whether a hand carries the vehicle along the trajectory, level.
     folder
-        What paths of vehicle files, courses and components are relative to.
+        Folder of relative paths of vehicle files, courses and components.
 
     Raises
     ------
@@ -137,7 +138,7 @@ def scenario(
         'controller_node': {
             'controller': absolute(controller, folder), 'vehicle': believed_vehicle},
     }
-    if not noise:  # a sensor without noise may repeat itself
+    if not noise:  # without noise, equal samples do not mean a stuck sensor
         for one in ('kalman', 'joint'):
             sections['estimator_node'][one] = {
                 sensor: {'stuck_samples': 0}
@@ -149,7 +150,7 @@ def scenario(
 
 
 def _room(duration: float, land: bool, overrides: Mapping[str, Any]) -> float:
-    """Return what a flight leaves for a course that does not know how long it is, s."""
+    """Return the time in s that a flight leaves for a course without a duration of its own."""
     plan = FlightPlanParams()
     takeoff, start, blend, rate = (
         overrides.get(f'reference_node.plan.{name}', getattr(plan, name))
@@ -168,7 +169,7 @@ def by_hand(flight: Scenario) -> Scenario:
 
 
 def override(flight: Scenario, values: Mapping[str, Any]) -> Scenario:
-    """Return a scenario with other values, {'node.parameter': value}; errors as its own."""
+    """Return a scenario with other values, {'node.parameter': value}; may raise ParameterError."""
     flat = schema.flatten(flight)
     known = {**LEAVES, **own_leaves((name, values.get(name, flat[name])) for name in COMPONENTS)}
     for name in values:
@@ -182,8 +183,8 @@ def replaced(params: Any, values: Mapping[str, Any]) -> Any:
     """
     Return parameters with other values of the right types, {dotted name: value}.
 
-    A hundred times as fast as :func:`override`, which also reads components from outside. Those
-    of a component that is not flown do not matter.
+    A hundred times as fast as :func:`override`, which also reads the user's components. Values of
+    a component that is not flown are ignored.
     """
     own: dict[str, Any] = {}
     below: dict[str, dict[str, Any]] = {}
@@ -200,12 +201,12 @@ def replaced(params: Any, values: Mapping[str, Any]) -> Any:
     return dataclasses.replace(params, **own)
 
 
-LANDING = 9.0  # s, of a flight's end: blend out 3 s, descent 4 s, rest
-SHORTEST = LANDING + 10.0  # s, a flight that lands
+LANDING = 9.0  # s before the end of a flight: blend out 3 s, descend 4 s, rest
+SHORTEST = LANDING + 10.0  # s, shortest flight that lands
 
 
 def landing_time(duration: float) -> float:
-    """Return when landing begins [s]; 0 (never) where the flight is too short for it."""
+    """Return the time at which landing begins [s]; 0 (never) in a flight too short for it."""
     return duration - LANDING if duration >= SHORTEST else 0.0
 
 
@@ -224,9 +225,9 @@ def to_yaml(flight: Scenario, namespace: str = '/mambo') -> str:
 
 def commented_yaml(flight: Scenario, namespace: str = '/mambo') -> str:
     """
-    Return the scenario as a ROS 2 parameter file that explains itself.
+    Return the scenario as a ROS 2 parameter file with comments.
 
-    The same values as :func:`to_yaml`, each with its unit, range and source beside it.
+    The values are those of :func:`to_yaml`, each with its unit, range and source.
     """
     lines = [
         '# Every parameter of a flight, a ROS 2 parameter file: [unit] lowest..highest, source.',
@@ -250,13 +251,13 @@ def _commented(params: Any, indent: str) -> Iterator[str]:
             yield from (f'{indent}  {line}' for line in value.splitlines())
             continue
         plain = list(value) if isinstance(value, tuple) else value
-        # in brackets, as a scalar of its own has an end marker
+        # as a list: PyYAML ends a single scalar with a marker
         written = yaml.safe_dump([plain], default_flow_style=True, width=10 ** 9)[1:-2]
         yield f'{f"{indent}{field.name}: {written}":<47} # {_comment(field.metadata, value)}'
 
 
 def _comment(meta: Mapping[str, Any], value: Any) -> str:
-    """Return what a parameter's declaration says of it; of a component which source it is."""
+    """Return unit, range and source of a parameter; for a component its origin."""
     if 'component' in meta:
         found = meta['component'].find(value)
         if found is not None and found.own:
@@ -301,23 +302,23 @@ class ParameterReader(Reader):
     Attributes
     ----------
     leaves
-        Parameters that there may be, by name.
+        Known parameters, by name.
 
     """
 
     leaves: Mapping[str, dataclasses.Field] = LEAVES
 
     def learn(self, node: yaml.Node, others: Mapping[str, Any] | None = None) -> None:
-        """Know the parameters of the components that are chosen in a file, or besides."""
+        """Add the parameters of the components chosen in a file or in ``others``."""
         chosen = [*self._chosen(node), *(others or {}).items()]
         for one in chosen:
             try:
                 self.leaves = {**self.leaves, **own_leaves([one])}
             except schema.ParameterError:
-                continue  # told where it is read
+                continue  # reported where the value is read
 
     def _chosen(self, node: yaml.Node) -> Iterator[tuple[str, str]]:
-        """Yield every choice of a component in a file, wherever it stands."""
+        """Yield every component that is chosen anywhere in a file."""
         if isinstance(node, yaml.SequenceNode):
             for below in node.value:
                 yield from self._chosen(below)
@@ -350,15 +351,15 @@ class ParameterReader(Reader):
                 self.fail(key, name, 'must hold ros__parameters and nothing else')
             node = name.rpartition('/')[2]
             if any(known.startswith(f'{node}.') for known in parameters):
-                self.fail(key, name, f'is the second section of {node}')
+                self.fail(key, name, f'is a second section for {node}')
             if node not in NODES:
-                self.fail(key, name, f'is no node of a flight; it has {", ".join(NODES)}')
+                self.fail(key, name, f'is not a node of a flight; known: {", ".join(NODES)}')
             parameters.update(self.parameters(inner['ros__parameters'][1], f'{node}.'))
         return parameters
 
 
 def from_parameters(path: Path | str, parameters: Mapping[str, Place]) -> Scenario:
-    """Return the scenario of parameters out of a file; what is not among them is default."""
+    """Return the scenario of the parameters of a file; all others keep their defaults."""
     try:
         return override(Scenario(), {name: place.value for name, place in parameters.items()})
     except schema.ParameterError as error:
@@ -368,26 +369,28 @@ def from_parameters(path: Path | str, parameters: Mapping[str, Place]) -> Scenar
 def located(
     path: Path | str, places: Mapping[str, Place], error: schema.ParameterError,
 ) -> schema.ParameterError:
-    """Return an error of values that contradict each other, with the place of one it names."""
+    """Return an error with file, line and key (or the option) of a value that it names."""
     text = str(error)
     words = re.findall(r'\w+', text)
     for name, place in places.items():
-        if name.rpartition('.')[2] in words or (
+        key = name.rpartition('.')[2]
+        if key in words or (
                 isinstance(place.value, str) and place.value and place.value in text):
-            key = '' if place.where.startswith('--') else f'{name}: '
-            return schema.ParameterError(f'{place.where}: {key}{text}')
+            text = text.removeprefix(f'{key}: ')
+            named = place.where.startswith('--') or text.startswith((f'{name} = ', f'{key} = '))
+            return schema.ParameterError(f'{place.where}: {"" if named else f"{name}: "}{text}')
     return schema.ParameterError(f'{path}: {text}')
 
 
 def from_yaml(text: str, where: str = 'scenario') -> Scenario:
     """
-    Read a scenario from a ROS 2 parameter file; what it does not name keeps its default.
+    Read a scenario from a ROS 2 parameter file; parameters not in it keep their defaults.
 
     Raises
     ------
     mambo_model.schema.ParameterError
-        Naming line and key for text that is not such a file, an unknown node or parameter, or a
-        value out of range.
+        Naming line and key, for text that is not such a file, an unknown node or parameter, or
+        a value out of range.
 
     """
     reader = ParameterReader(where)
@@ -397,7 +400,7 @@ def from_yaml(text: str, where: str = 'scenario') -> Scenario:
 
 
 def load(path: Path) -> Scenario:
-    """Read a ROS 2 parameter file as :func:`from_yaml`."""
+    """Read a ROS 2 parameter file; see :func:`from_yaml`."""
     reader = ParameterReader(path)
     root = reader.root()
     reader.learn(root)

@@ -1,8 +1,8 @@
 """
 Scenario files: one readable file per experiment, with one flight or several.
 
-The experiments of the thesis are in the folder ``scenarios`` beside this module, by the names of
-its figures. A file says what differs from the defaults:
+The experiments of the thesis are in the folder ``scenarios`` beside this module, named after its
+figures. A file holds only what differs from the defaults:
 
     title: Figure 5.11, a circle that rises and falls
     trajectory: circle_rising
@@ -12,8 +12,8 @@ its figures. A file says what differs from the defaults:
     flights:
       other_seed: {seed: 2}
 
-Keys are those of :class:`Settings`, of every flight or of one under ``flights``; ``parameters``
-holds any parameter of any node. A ROS 2 parameter file is read too.
+The keys are those of :class:`Settings`, for all flights or for one under ``flights``;
+``parameters`` takes any parameter of any node. A ROS 2 parameter file can be read, too.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ FOLDER = Path(__file__).with_name('scenarios')
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """The choices a person makes of a flight; every other parameter follows from them."""
+    """Main settings of a flight; every other parameter follows from them."""
 
     trajectory: str = schema.text(
         'circle', 'what is flown: a built-in one, the file of a course, or a function')
@@ -65,7 +65,7 @@ FIELDS = {field.name: field for field in dataclasses.fields(Settings)}
 
 
 class Experiment(NamedTuple):
-    """A scenario file: its flights by name, in its order; the only one has the name ''."""
+    """A scenario file: its flights by name, in order; a single flight has the name ''."""
 
     name: str
     title: str
@@ -73,13 +73,13 @@ class Experiment(NamedTuple):
 
 
 class _Layer(NamedTuple):
-    """What one part of a file says."""
+    """Settings and parameters of one part of a file."""
 
     settings: dict[str, Place]
     parameters: dict[str, Place]
 
     def over(self, base: _Layer) -> _Layer:
-        """Return what holds where this part has the last word."""
+        """Return the union of two layers, in which this one overrides ``base``."""
         return _Layer({**base.settings, **self.settings}, {**base.parameters, **self.parameters})
 
 
@@ -87,14 +87,14 @@ class _Reader(ParameterReader):
     """Reads the parts of a scenario file."""
 
     def layer(self, keys: Mapping[str, tuple[yaml.Node, yaml.Node]]) -> _Layer:
-        """Read what a file says of all its flights, or of one."""
+        """Read the settings of all flights of a file, or of one."""
         settings, parameters = {}, {}
         for name, (key, node) in keys.items():
             if name == 'parameters':
                 parameters = dict(self.parameters(node, ''))
             elif name in FIELDS:
                 settings[name] = Place(
-                    self.leaf('Scenario', name, FIELDS[name], node), self.where(node))
+                    self.leaf('', name, FIELDS[name], node), self.where(node))
             else:
                 raise schema.ParameterError(
                     f'{self.where(key)}: {schema.unknown(name, [*FIELDS, "parameters"])}')
@@ -117,12 +117,12 @@ def find(name: str) -> Path:
     Parameters
     ----------
     name
-        One of :func:`names`, or a path of a file.
+        One of :func:`names`, or the path of a file.
 
     Raises
     ------
     mambo_model.schema.ParameterError
-        Naming the known ones.
+        If there is no such scenario; the message lists the known ones.
 
     """
     if name in names():
@@ -141,29 +141,29 @@ def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
     Parameters
     ----------
     path
-        Of the file.
+        Scenario file.
     over
         Settings that replace those of every flight, by name, with their places.
 
     Raises
     ------
     mambo_model.schema.ParameterError
-        Naming file, line and key of what is unknown, mistyped, out of range or contradictory.
+        Naming file, line and key of an unknown key or of a wrong value.
 
     """
     reader = _Reader(Path(path))
     root = reader.root()
-    last = _Layer(_from_here(over or {}, Path(path).parent), {})
+    last = _Layer(_relative_to_user(over or {}, Path(path).parent), {})
     reader.learn(root, {name: place.value for name, place in last.settings.items()})
     keys = reader.mapping(root, 'file')
     if any(name.startswith('/') or name.endswith('_node') for name in keys):
         if over:
             raise schema.ParameterError(
-                f'{path}: a ROS 2 parameter file stands alone; not with {", ".join(over)}')
+                f'{path}: a ROS 2 parameter file cannot be combined with {", ".join(over)}')
         flights = {'': scenarios.from_parameters(path, reader.ros_parameters(keys))}
         return Experiment(Path(path).stem, '', flights)
     if 'title' not in keys:
-        raise schema.ParameterError(f'{path}: title: missing; say in one line what is flown')
+        raise schema.ParameterError(f'{path}: title: missing; describe the flight in one line')
     title = reader.text(keys.pop('title')[1], 'title')
     flights = {}
     if 'flights' in keys:
@@ -172,7 +172,7 @@ def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
             name: reader.layer(reader.mapping(below, name))
             for name, (_, below) in reader.mapping(node, 'flights').items()}
         if not flights:
-            reader.fail(node, 'flights', 'names no flight')
+            reader.fail(node, 'flights', 'holds no flight')
     common = reader.layer(keys)
     layers = {name: layer.over(common) for name, layer in flights.items()} or {'': common}
     return Experiment(Path(path).stem, title, {
@@ -189,12 +189,12 @@ def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scena
         ``experiment`` for its first flight, ``experiment/flight`` for another; a file's flight
         as ``file.yaml:flight``.
     over
-        As for :func:`read`.
+        See :func:`read`.
 
     Raises
     ------
     mambo_model.schema.ParameterError
-        As :func:`find` and :func:`read`, and naming the flights if there is none of that name.
+        See :func:`find` and :func:`read`; also if there is no flight of that name.
 
     """
     experiment, flight = name, None
@@ -208,12 +208,12 @@ def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scena
     elif flight not in found.flights:
         known = ', '.join(filter(None, found.flights)) or 'one without a name'
         raise schema.ParameterError(
-            f'{experiment}: no flight {schema.shown(flight)}; it has {known}')
+            f'{experiment}: no flight {schema.shown(flight)}; known: {known}')
     return '_'.join(filter(None, (found.name, flight))), found.flights[flight]
 
 
-def _from_here(settings: Mapping[str, Place], folder: Path) -> dict[str, Place]:
-    """Return settings from outside of a file in a folder: their paths are those of the user."""
+def _relative_to_user(settings: Mapping[str, Place], folder: Path) -> dict[str, Place]:
+    """Return settings whose relative paths start at the user's folder, not at the file's."""
     def here(name: str, value: Any) -> Any:
         if not isinstance(value, str):
             return value
@@ -225,8 +225,8 @@ def _from_here(settings: Mapping[str, Place], folder: Path) -> dict[str, Place]:
 
 
 def from_settings(settings: Mapping[str, Place]) -> scenarios.Scenario:
-    """Return the scenario of choices that come from no file; errors as those of :func:`read`."""
-    return _build(Path('scenario'), _Layer(_from_here(settings, Path()), {}))
+    """Return the scenario of settings without a file; errors as in :func:`read`."""
+    return _build(Path('scenario'), _Layer(_relative_to_user(settings, Path()), {}))
 
 
 def _build(path: Path, layer: _Layer) -> scenarios.Scenario:
@@ -248,7 +248,7 @@ def _build(path: Path, layer: _Layer) -> scenarios.Scenario:
 
 
 def _duration(s: Settings, layer: _Layer, folder: Path) -> float:
-    """Return how long a flight must be, in s, to fly its course to the end and land."""
+    """Return the duration in s that a flight needs to finish its course and land."""
     prefix = 'reference_node.plan.'
     plan = schema.build(FlightPlanParams, {
         **course_file.plan(s.trajectory, folder), 'takeoff': s.takeoff,

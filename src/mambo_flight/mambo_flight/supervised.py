@@ -28,21 +28,21 @@ from . import closed_loop
 from .closed_loop import Recording
 from .scenario import Scenario
 
-HUNG = 10.0    # s of wall time without a step, in compiled code
-_LOOK = 0.05   # s between looks at the copy
-_NEVER = -1    # reason of a command that has not been given
+HUNG = 10.0    # s of wall time in compiled code without a new step
+_LOOK = 0.05   # s between two checks of the copy
+_NEVER = -1    # marks a row that has not been flown
 
 
 def fly(flight: Scenario, inner: bool = False) -> tuple[Recording, str]:
     """
-    Fly a scenario; as :func:`closed_loop.fly`, but for compiled code of the user that hangs.
+    Fly a scenario as :func:`closed_loop.fly`, and end it if compiled code of the user hangs.
 
     Returns
     -------
     recording
-        Of all steps, or of those before the one that did not end.
+        All steps, or those before the one that did not end.
     fault
-        What a component of the user did wrong, one line with file and line; empty: nothing.
+        Fault of a component of the user, one line with file and line; empty: no fault.
 
     Raises
     ------
@@ -50,13 +50,13 @@ def fly(flight: Scenario, inner: bool = False) -> tuple[Recording, str]:
         If the first step does not end: nothing was flown.
 
     """
-    slots.latest_fault()  # what went wrong before is not of this flight
+    slots.latest_fault()  # forget faults of earlier flights
     own = [c for c in own_components(flight) if c.compiled]
     if not own:
         return closed_loop.fly(flight, inner), slots.latest_fault()
     out = _each(closed_loop.blank(flight, inner), _shared)
     out.reason.fill(_NEVER)
-    closed_loop.run(flight, _each(out, lambda column: column[:0]))  # compiled before it is copied
+    closed_loop.run(flight, _each(out, lambda column: column[:0]))  # compile before the fork
     fault = _watched(flight, out)
     if fault is not None:
         return out, fault
@@ -68,7 +68,7 @@ def fly(flight: Scenario, inner: bool = False) -> tuple[Recording, str]:
 
 
 def _describe(own: list[Component], rows: int) -> str:
-    """Return what to say of a step that did not end."""
+    """Return the message for a step that did not end."""
     places = ' or '.join(where(c.path, c.step) for c in own)
     return (f'{places}: the compiled step at t = {rows * closed_loop.STEP_NS * 1e-9:.3f} s did '
             f'not end within {HUNG:g} s')
@@ -96,10 +96,10 @@ def _watched(flight: Scenario, out: Recording) -> str | None:
     beat = _shared(np.zeros(1, dtype=np.int64))
     read, write = os.pipe()
     with warnings.catch_warnings():
-        warnings.simplefilter('ignore', DeprecationWarning)  # threads: the copy needs none of them
+        warnings.simplefilter('ignore', DeprecationWarning)  # the copy needs no other thread
         copy = os.fork()
     if not copy:
-        _be_copy(flight, out, beat, write)
+        _run_in_copy(flight, out, beat, write)
     os.close(write)
     ended = False
     try:
@@ -123,10 +123,10 @@ def _watched(flight: Scenario, out: Recording) -> str | None:
     return result
 
 
-def _be_copy(flight: Scenario, out: Recording, beat: np.ndarray, write: int) -> None:
-    """Fly, send the fault or the error, and leave without what Python does at an end."""
+def _run_in_copy(flight: Scenario, out: Recording, beat: np.ndarray, write: int) -> None:
+    """Fly, send the fault or the error, and exit at once, without Python's clean-up."""
     def live() -> None:
-        """Count while Python runs: what compiles or is slow there does not hang."""
+        """Count while Python runs: compiling and slow Python code do not count as hanging."""
         while True:
             beat[0] += 1
             time.sleep(_LOOK)

@@ -133,7 +133,7 @@ def in_order(bag):
     """Tell whether the steps are found for all at once, without the Synchroniser."""
     streams = [offline_replay._stream(bag, topic) for topic in SENSORS]
     ticks = (offline_replay._recorded_ticks(bag, streams) if topics.SENSOR_TICK.name in bag
-             else offline_replay._made_up_ticks(streams))
+             else offline_replay._ticks_from_log(streams))
     return offline_replay._in_order(streams, *ticks) is not None
 
 

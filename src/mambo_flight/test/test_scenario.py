@@ -100,7 +100,7 @@ def test_a_switch_may_be_written_as_ros_reads_it(word, value):
 
 @pytest.mark.parametrize('text, complaint', [
     (section('sim_nod', speed=1.0),
-     r'x\.yaml:1: /mambo/sim_nod: is no node of a flight; it has sim_node, optitrack_node'),
+     r'x\.yaml:1: /mambo/sim_nod: is not a node of a flight; known: sim_node, optitrack_node'),
     (section('sim_node', duraton=1.0),
      r'x\.yaml:3: sim_node\.duraton: unknown parameter; did you mean sim_node\.duration'),
     (section('sim_node', simulator={'vehicle': {'mas': 1.0}}),
@@ -111,15 +111,15 @@ def test_a_switch_may_be_written_as_ros_reads_it(word, value):
      r'x\.yaml:4: sim_node\.simulator\.vehicle: must hold names and values'),
     (section('sim_node', mode='slow'),
      r"x\.yaml:3: sim_node\.mode = 'slow' is not one of realtime"),
-    ('', r'x\.yaml: holds no names and values'),
-    ('- 1\n', r'x\.yaml: holds no names and values'),
+    ('', r'x\.yaml: must hold names and values'),
+    ('- 1\n', r'x\.yaml: must hold names and values'),
     ('/mambo/sim_node: 1\n', r'x\.yaml:1: /mambo/sim_node: must hold names and values'),
     ('/mambo/sim_node: {speed: 1}\n',
      r'x\.yaml:1: /mambo/sim_node: must hold ros__parameters and'),
-    ('a: [1\nb: 2\n', r'x\.yaml:\d: no YAML: '),
+    ('a: [1\nb: 2\n', r'x\.yaml:\d: not valid YAML: '),
     ('a: \x07', r'x\.yaml: not a text file'),
     (section('sim_node', speed=1.0) + section('sim_node', speed=2.0).replace('/mambo', '/two'),
-     r'x\.yaml:4: /two/sim_node: is the second section of sim_node'),
+     r'x\.yaml:4: /two/sim_node: is a second section for sim_node'),
 ])
 def test_a_wrong_file_gets_one_line_that_names_the_place(text, complaint):
     with pytest.raises(schema.ParameterError, match=complaint) as refusal:

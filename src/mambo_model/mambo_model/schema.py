@@ -14,6 +14,7 @@ import dataclasses
 import difflib
 import functools
 import math
+import re
 from typing import Any, TypeVar
 
 from .errors import InputError
@@ -68,7 +69,7 @@ class ParameterError(InputError):
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
-    """Return what to say of an unknown name: the names it may have meant, or all of them."""
+    """Return the message for an unknown name, with the nearest known names or all of them."""
     known = sorted(known)
     name = name if len(name) <= 200 else f'{name[:60]}...'
     close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
@@ -105,10 +106,10 @@ def check_field(owner: str, field: dataclasses.Field, value: Any) -> None:
     Raises
     ------
     ParameterError
-        Naming it as a field of ``owner``, with its value, unit and range.
+        Naming it as the user writes it, ``owner.name`` or ``name``, with value, unit and range.
 
     """
-    meta, name = field.metadata, f'{owner}.{field.name}'
+    meta, name = field.metadata, f'{owner}.{field.name}' if owner else field.name
     if 'options' in meta:
         if value not in meta['options']:
             raise ParameterError(
@@ -156,7 +157,7 @@ def check(params: Any) -> None:
     """
     for field in dataclasses.fields(params):
         if 'group' not in field.metadata:
-            check_field(type(params).__name__, field, getattr(params, field.name))
+            check_field('', field, getattr(params, field.name))
 
 
 def walk(params_type: type, prefix: str = '') -> Iterator[tuple[str, dataclasses.Field]]:
@@ -194,7 +195,7 @@ def extended(params_type: type[P], given: Mapping[str, Any]) -> type[P]:
     Raises
     ------
     ParameterError
-        If a component is not found or is not what it must be.
+        If a component is not found or is not valid.
 
     """
     groups = {}
@@ -244,7 +245,7 @@ def build(params_type: type[P], values: Mapping[str, Any], where: str = '') -> P
     values
         Nested mapping, or flat with dotted names; lists stand for tuples.
     where
-        Said in front of an error: the file or section the values came from.
+        File or section that the values come from; error messages begin with it.
 
     Raises
     ------
@@ -290,7 +291,6 @@ def build(params_type: type[P], values: Mapping[str, Any], where: str = '') -> P
     try:
         return params_type(**filled)
     except ParameterError as error:
-        field = str(error).removeprefix(f'{params_type.__name__}.')  # a class means nothing here
-        if where and field == str(error):
-            raise ParameterError(f'{where.rstrip(".: ")}: {error}') from None
-        raise ParameterError(f'{where}{field}') from None
+        named = re.match(r'\w*', str(error))[0] in fields  # the message begins with the parameter
+        place = where if named or not where else f'{where.rstrip(".: ")}: '
+        raise ParameterError(f'{place}{error}') from None

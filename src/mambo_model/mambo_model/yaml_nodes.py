@@ -1,9 +1,9 @@
 """
-YAML read with its line numbers, so that what is wrong is named by file, line and key.
+YAML read with its line numbers, so that errors name file, line and key.
 
 For the files that people write, vehicles and scenarios, and for the YAML inside bags. A text of a
-few hundred bytes can nest deeper than a parser's stack and, by aliases, stand for terabytes: all
-of it is read through :func:`load` and :func:`compose`, which measure it before they build it.
+few hundred bytes can nest deeper than a parser's stack and, by aliases, expand to terabytes. It is
+therefore read through :func:`load` and :func:`compose`, which measure it before they build it.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def _measure(text: str) -> None:
         elif isinstance(event, yaml.AliasEvent):
             if any(anchor == event.anchor for anchor, _ in opened):
                 raise yaml.MarkedYAMLError(
-                    problem=f'alias {event.anchor} stands for what it is in',
+                    problem=f'alias {event.anchor} refers to the node that contains it',
                     problem_mark=event.start_mark)
             count += sizes.get(event.anchor, 1)
         if len(opened) > deepest or count > most:
@@ -68,23 +68,23 @@ def _measure(text: str) -> None:
 
 
 def compose(text: str) -> yaml.Node | None:
-    """Return the outermost node of a text of bounded size; yaml.YAMLError if it is no YAML."""
+    """Return the outermost node of a text of bounded size; yaml.YAMLError if it is not valid."""
     _measure(text)
     return yaml.compose(text, Loader)
 
 
 def load(text: str) -> Any:
-    """Return what a text of bounded size says; yaml.YAMLError if it is no YAML."""
+    """Return the value of a text of bounded size; yaml.YAMLError if it is not valid."""
     _measure(text)
     try:
         return yaml.load(text, Loader)  # a safe one
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        # of a tag, a date or a number that is none
+        # a tag, a date or a number that is not valid
         raise yaml.YAMLError(str(error)) from None
 
 
 def reason(error: yaml.YAMLError) -> str:
-    """Return what is wrong with a text in one line."""
+    """Return the reason for an error in one line."""
     if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
         return f'line {error.problem_mark.line + 1}: {error.problem}'
     return ' '.join(str(error).split())[:200]
@@ -109,7 +109,7 @@ def read_text(path: Path) -> str:
     except UnicodeDecodeError:
         raise ParameterError(f'{path}: not a text file') from None
     except ValueError:  # a path with a zero
-        raise ParameterError(f'{_shown(path)}: no name of a file') from None
+        raise ParameterError(f'{_shown(path)}: not a file name') from None
     if len(text) > most:
         raise ParameterError(
             f'{path}: longer than {most} characters; {limits.raised_by(limits.YAML_NODES)}')
@@ -135,7 +135,7 @@ class Reader:
         Raises
         ------
         ParameterError
-            If there is no such file, or none of names and values.
+            If there is no such file, or it does not hold names and values.
 
         """
         return self.parse(read_text(Path(self.path)))
@@ -146,13 +146,13 @@ class Reader:
             root = compose(text)
         except yaml.MarkedYAMLError as error:
             line = error.problem_mark.line + 1 if error.problem_mark else 1
-            raise ParameterError(f'{self.path}:{line}: no YAML: {error.problem}') from None
+            raise ParameterError(f'{self.path}:{line}: not valid YAML: {error.problem}') from None
         except yaml.YAMLError as error:
             is_text = not isinstance(error, yaml.reader.ReaderError)
             what = reason(error) if is_text else 'not a text file'
             raise ParameterError(f'{self.path}: {what}') from None
         if not isinstance(root, yaml.MappingNode):
-            raise ParameterError(f'{self.path}: holds no names and values')
+            raise ParameterError(f'{self.path}: must hold names and values')
         return root
 
     def where(self, node: yaml.Node) -> str:
@@ -164,14 +164,14 @@ class Reader:
         raise ParameterError(f'{self.where(node)}: {key[:200]}: {reason[:1000]}')
 
     def mapping(self, node: yaml.Node, name: str) -> dict[str, tuple[yaml.Node, yaml.Node]]:
-        """Return {key: (its node, the node of its value)}; a key may stand there once."""
+        """Return {key: (its node, the node of its value)}; ParameterError for a duplicate key."""
         if not isinstance(node, yaml.MappingNode):
             self.fail(node, name, 'must hold names and values')
         out: dict[str, tuple[yaml.Node, yaml.Node]] = {}
         for key, value in node.value:
             word = self.text(key, name)
             if word in out:
-                self.fail(key, word, 'stands there twice')
+                self.fail(key, word, 'duplicate key')
             out[word] = (key, value)
         return out
 
@@ -196,7 +196,7 @@ class Reader:
         return tuple(self.number(element, name) for element in node.value)
 
     def leaf(self, owner: str, name: str, field: dataclasses.Field, node: yaml.Node) -> Any:
-        """Return the checked value of a field of the schema; errors name it under ``owner``."""
+        """Return the checked value of a field; errors name it as :func:`check_field` does."""
         if isinstance(field.default, tuple):
             out: Any = self.numbers(node, name, len(field.default))
         elif isinstance(field.default, int) and 'unit' in field.metadata:

@@ -19,7 +19,7 @@ def laughs(levels):
     ('a: ' + '{a: ' * 100_000, 'nested deeper than 64 levels'),
     ('- ' * 100_000, 'nested deeper than 64 levels'),
     (laughs(9), 'MAMBO_MAX_YAML_NODES (now 100000) raises the limit'),
-    ('a: &a [*a]', 'stands for what it is in'),
+    ('a: &a [*a]', 'refers to the node that contains it'),
     ('a: ' + 'x' * 17_000_000, 'MAMBO_MAX_YAML_NODES (now 100000) raises the limit'),
     ('- 0\n' * 100_001, 'MAMBO_MAX_YAML_NODES (now 100000) raises the limit')],
     ids=['flow', 'mapping', 'block', 'aliases', 'itself', 'long', 'many'])

@@ -74,15 +74,15 @@ class PlantParams(Parameters):
         super().__post_init__()
         if self.norm == 'control' and self.norm_gain >= NORM_LIMIT * self.physics_rate:
             raise ParameterError(
-                f'PlantParams.norm_gain = {self.norm_gain:g} 1/s is not stable: it must be below '
+                f'norm_gain = {self.norm_gain:g} 1/s is not stable: it must be below '
                 f'{NORM_LIMIT} times the physics_rate of {self.physics_rate} Hz')
         if self.physics_rate % CONTROL_RATE:
             raise ParameterError(
-                f'PlantParams.physics_rate = {self.physics_rate} Hz must be a multiple of '
+                f'physics_rate = {self.physics_rate} Hz must be a multiple of '
                 f'{CONTROL_RATE} Hz')
         if self.ground and self.initial_position[2] > 0.0:
             raise ParameterError(
-                f'PlantParams.initial_position = {self.initial_position} m is below the floor '
+                f'initial_position = {self.initial_position} m is below the floor '
                 'at rho_z = 0: make its third number 0 or negative, or switch ground off')
 
     @derived('', 'physics_rate')

@@ -220,7 +220,7 @@ def test_parameters_nest_and_name_themselves():
         'seed': 4, 'imu.accel_noise': [0, 0, 0], 'vehicle': {'mass': 0.07}})
     assert params.seed == 4 and params.values().vehicle.mass == 0.07
     assert params.values().imu.accel_noise == (0.0, 0.0, 0.0)
-    with pytest.raises(schema.ParameterError, match=r'sonar\.rate|SonarParams.rate'):
+    with pytest.raises(schema.ParameterError, match=r'sonar\.rate'):
         schema.build(SimulatorParams, {'sonar.rate': 500.0})
     with pytest.raises(schema.ParameterError, match='seed'):
         dataclasses.replace(params, seed=-1)

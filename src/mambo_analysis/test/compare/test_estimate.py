@@ -81,7 +81,7 @@ def test_the_estimator_is_that_of_the_bag_or_of_a_file(tmp_path):
     (['--out', 'SOURCE'], '', 'exists: give another --out'),
     (['--parameters', 'nowhere.yaml'], '', 'nowhere.yaml: No such file'),
     (['--parameters', 'FILE'], to_yaml(scenario(estimator='ground_truth')), 'ground_truth'),
-    (['--parameters', 'FILE'], '][', 'FILE:1: no YAML'),
+    (['--parameters', 'FILE'], '][', 'FILE:1: not valid YAML'),
     (['--namespace', 'other'], '', 'nothing in the namespace /other')])
 def test_careless_arguments_get_one_line(tmp_path, monkeypatch, capsys, options, text, output):
     monkeypatch.chdir(tmp_path)

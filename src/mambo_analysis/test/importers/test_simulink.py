@@ -184,7 +184,7 @@ def test_names_of_nobody_are_told_by_a_map(flight, tmp_path, capsys):
     ('gyro_x: rt_p + 1', "gyro_x: 'rt_p + 1' is not of the form NAME"),
     ('gyro_x: 1.2.3 * rt_p', "gyro_x: '1.2.3' is not a number"),
     ('gyro_x: [rt_p]', 'map.yaml:1: gyro_x: must be text'),
-    ('- a', 'holds no names and values'), ('a: [', 'no YAML')])
+    ('- a', 'must hold names and values'), ('a: [', 'not valid YAML')])
 def test_a_map_that_does_not_fit_is_named_by_line(flight, tmp_path, capsys, text, wanted):
     assert wanted in refused(tmp_path, capsys, scopes(flight), *mapping(tmp_path, text))
 

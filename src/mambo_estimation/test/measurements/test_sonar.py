@@ -64,5 +64,5 @@ def test_reading_below_the_shortest_range_only_bounds_the_height():
 
 
 def test_wrong_parameter_names_itself():
-    with pytest.raises(ParameterError, match=r'SonarParams.noise = 0.0 m is outside'):
+    with pytest.raises(ParameterError, match=r'^noise = 0.0 m is outside'):
         sonar.SonarParams(noise=0.0)

@@ -1,13 +1,13 @@
 """
-Compare the joint filter with the best that any estimator could do, over many seeds.
+Compare the joint filter with the lower bound of any estimator (Cramer-Rao), over many seeds.
 
 SCENARIO is an experiment, a scenario file, or the name of a trajectory, which is then flown for
-69 s without landing. Each flight of its own seed is flown in one process. For each quantity the
-table shows the posterior Cramer-Rao bound, what the filter reached, and their ratio: deviations
-over all flights, of drift, biases and scale at the end, of velocity and tilt from 10 s after
-take-off on. NEES is the squared error over the variance that the filter states, at the end of
-each flight; it is honest between the two limits beside it, where 95 % of honest filters are. The
-bound leaves out the vibration, of which an estimate at the time of a sample keeps some mm/s.
+69 s without landing. Every flight has a seed of its own. For each quantity the table shows the
+posterior Cramer-Rao bound, the standard deviation that the filter reached over all flights, and
+their ratio: of drift, biases and scale at the end, of velocity and tilt from 10 s after take-off.
+NEES is the squared error over the variance that the filter states, at the end of each flight. For
+a consistent filter it lies between the two limits beside it with a probability of 95 %. The bound
+leaves out vibration, which adds some mm/s to an estimate at the time of a sample.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ DURATION = 69.0  # s: 60 s of the trajectory after 9 s of take-off and joining i
 
 
 def drift_beside(flight: Scenario, estimator: str) -> float:
-    """Return the mean square of x and y, m^2, by which another estimator is off at the end."""
+    """Return the mean square error of x and y at the end, m^2, of another estimator."""
     recording = closed_loop.fly(flight)
     other = override(flight, {'estimator_node.estimator': estimator}).estimator_node
     state = offline_replay.estimate_again(recording, other)
@@ -45,7 +45,7 @@ def flight_of(name: str) -> Scenario:
     found = scenario_file.load(name)[1]
     if not found.sim_node.duration > SETTLED + 10.0:
         raise InputError(
-            f'{name}: sim_node.duration must be more than {SETTLED + 10.0:g} s to be judged')
+            f'{name}: sim_node.duration must be more than {SETTLED + 10.0:g} s')
     return override(found, {'estimator_node.estimator': 'joint'})
 
 
@@ -58,7 +58,7 @@ def add_seeds(out: Parser, default: int, what: str = 'how many flights') -> None
 
 
 def seeds_of(options: argparse.Namespace) -> range:
-    """Return the seeds that are asked for; InputError if there are none."""
+    """Return the seeds of the options; InputError if there are none."""
     if options.seeds < 1:
         raise InputError(f'--seeds {options.seeds}: must be 1 or more')
     return range(options.first, options.first + options.seeds)

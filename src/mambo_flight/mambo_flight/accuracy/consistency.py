@@ -1,11 +1,12 @@
 """
-Whether the joint filter states its errors as large as they are, over many seeds.
+Check that the covariance of the joint filter is consistent with its errors, over many seeds.
 
 Each SCENARIO, by default hover and the trajectories of the thesis, is flown with each true slope
 of the flow. Scale, latency and the offset of the sonar are drawn for every flight. NEES is the
-squared error at the end of a flight over the variance that the filter states, per component. Of
-honest filters 95 % are between the limits in brackets, so that of many numbers one in twenty is
-outside by chance (marked with *). NIS is the same of the innovations, mean over the flights.
+squared error at the end of a flight over the variance that the filter states, per component. For
+a consistent filter it lies between the limits in brackets with a probability of 95 %, so that one
+number in twenty is outside by chance (marked with *). NIS is the same for the innovations, mean
+over the flights.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ SLOPES = (0.0, -0.07, 0.14)
 
 
 def one(name: str, slope: float, seed: int) -> Measured:
-    """Return what is kept of one flight with drawn unknowns and a slope in 1/m."""
+    """Fly once with random sensor errors and a slope in 1/m; return its errors and NIS."""
     return measured(evaluate(with_unknowns(flight_of(name), seed, True, slope), False))
 
 
@@ -43,16 +44,16 @@ def consistency(
     Parameters
     ----------
     names
-        Scenarios, as of :func:`bound.flight_of`.
+        Scenarios, see :func:`bound.flight_of`.
     slopes : 1/m
     seeds
-        Of the flights.
+        Seeds of the flights.
     workers
-        Processes.
+        Number of processes.
 
     """
     for name in names:
-        flight_of(name)  # what is wrong with it is said before anything is flown
+        flight_of(name)  # refuse wrong input before anything is flown
     cases = [(name, slope) for name in names for slope in slopes]
     jobs = [(*case, seed) for case in cases for seed in seeds]
     with ProcessPoolExecutor(
@@ -69,7 +70,7 @@ def outside(report: Report) -> list[str]:
 
 
 def table(reports: dict[tuple[str, float], Report]) -> str:
-    """Return the NEES of all cases as lines of text, and how many are outside."""
+    """Return the NEES of all cases as text, with the number outside the limits."""
     first = next(iter(reports.values()))
     heads = [f'{line.name} ({line.low:.2f} to {line.high:.2f})' for line in first.lines]
     out, bad, total = [f'{first.flights} flights a line; NEES of'], 0, 0

@@ -1,15 +1,15 @@
 r"""
-Posterior Cramer-Rao bound of a flight: how well its sensors let any estimator know the state.
+Posterior Cramer-Rao bound of a flight: the best covariance that any estimator can reach.
 
 For Gaussian noise the bound is the covariance of the linearised problem, with every Jacobian taken
 at the true state (Tichavsky, Muravchik and Nehorai, Posterior Cramer-Rao bounds for discrete-time
 nonlinear filtering, 1998):
 
-    P = F P F^T + Q,    P^-1 += H^T R^-1 H    where a sample came
+    P = F P F^T + Q,    P^-1 += H^T R^-1 H    at each sample
 
-F, H and the error state are those of the joint filter, Q and R the true noise of the simulated
-sensors, the start what the filter knew at take-off. The noise of the inertial sensors is that
-which accumulates: vibration does not.
+F, H and the error state are those of the joint filter. Q and R are the true noise of the
+simulated sensors, and the initial P is that of the filter at take-off. Of the inertial sensors
+only white noise and bias walk count: vibration does not accumulate.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-class Sensed(NamedTuple):
-    """Where samples came, and the true motion; row k at step k."""
+class SampledFlight(NamedTuple):
+    """True motion and the steps with a sample of each sensor; row k at step k."""
 
     state: Array                    # (n, 13) true rho m, nu m/s, q, omega rad/s
     force: Array                    # (n, 3) m/s^2, body FRD, true specific force
@@ -39,8 +39,8 @@ class Sensed(NamedTuple):
     pressure: NDArray[np.bool_]     # (n,)
 
 
-class Truth(NamedTuple):
-    """True values of what the filter estimates besides the motion."""
+class TrueParameters(NamedTuple):
+    """True values of the parameters that the filter estimates."""
 
     scale: float    # -, Q at the reference height
     slope: float    # 1/m
@@ -49,8 +49,8 @@ class Truth(NamedTuple):
 
 
 @jit
-def _nominal(row: Array, t: Truth) -> Nominal:
-    """Return the true state of one row; no sensor has a bias, as none matters here."""
+def _nominal(row: Array, t: TrueParameters) -> Nominal:
+    """Return the true state of one row, without biases: the Jacobians do not depend on them."""
     q = (row[6], row[7], row[8], row[9])
     return Nominal(
         (row[0], row[1], row[2]), rotate(q, (row[3], row[4], row[5])), q, (0.0, 0.0, 0.0),
@@ -63,8 +63,8 @@ def _row3(a: Array, k: int, first: int) -> Vec3:
 
 
 @jit
-def _past(s: Sensed, k: int, lag: int, dt: float, t: Truth) -> flow.Past:
-    """Return the true state ``lag`` steps before step k, and how its errors follow."""
+def _past(s: SampledFlight, k: int, lag: int, dt: float, t: TrueParameters) -> flow.Past:
+    """Return the true state ``lag`` steps before step k, with its error transition."""
     S, V = np.zeros((3, 3)), np.zeros((3, 3))
     for i in range(k - lag, k):
         x = _nominal(s.state[i], t)
@@ -81,15 +81,16 @@ def _past(s: Sensed, k: int, lag: int, dt: float, t: Truth) -> flow.Past:
 
 
 @jit
-def _use(P: Array, h: Array, variance: float) -> None:
-    """Take in one scalar sample of this variance, in place."""
-    column, nothing = np.empty(SIZE), np.zeros(SIZE)
-    correct(P, column, 0.0, covariance_with(P, h, column) + variance, nothing)
+def _update(P: Array, h: Array, variance: float) -> None:
+    """Update P in place with a scalar sample of this variance."""
+    column, no_change = np.empty(SIZE), np.zeros(SIZE)
+    correct(P, column, 0.0, covariance_with(P, h, column) + variance, no_change)
 
 
 @jit
 def covariances(
-    s: Sensed, start: int, P: Array, dt: float, t: Truth, v: JointValues, out: Array,
+    s: SampledFlight, start: int, P: Array, dt: float, t: TrueParameters, v: JointValues,
+    out: Array,
 ) -> None:
     """
     Store the bound of each step from ``start`` on in ``out``, (n, SIZE, SIZE).
@@ -97,13 +98,13 @@ def covariances(
     Parameters
     ----------
     s
-        Flight.
+        Flight and its samples.
     start
         Step at which the vehicle starts to move.
     P : (SIZE, SIZE)
-        What is known there; changed.
+        Covariance at that step; overwritten.
     dt : s
-        Length of a step.
+        Duration of a step.
     t, v
         True values, and the true noise of the sensors.
 
@@ -122,18 +123,18 @@ def covariances(
         if mean.time > (window - 0.5) * dt:
             drag.jacobian(mean, x, H)
             noise = v.motion.accel_noise * v.motion.accel_noise / mean.time
-            _use(P, H[0], noise)
-            _use(P, H[1], noise)
+            _update(P, H[0], noise)
+            _update(P, H[1], noise)
             mean = drag.EMPTY
         if s.sonar[k]:
             slant_range.jacobian(x, h)
-            _use(P, h, v.sonar.noise * v.sonar.noise)
+            _update(P, h, v.sonar.noise * v.sonar.noise)
         if s.pressure[k] and has_pressure:
             pressure.jacobian(h)
-            _use(P, h, v.barometer.noise * v.barometer.noise)
+            _update(P, h, v.barometer.noise * v.barometer.noise)
         if s.flow[k] and k - lag > start:
             past = _past(s, k, lag, dt, t)
             flow.jacobian(past, x.v, v.gravity, v.optical_flow, H)
-            _use(P, H[0], v.optical_flow.noise * v.optical_flow.noise)
-            _use(P, H[1], v.optical_flow.noise * v.optical_flow.noise)
+            _update(P, H[0], v.optical_flow.noise * v.optical_flow.noise)
+            _update(P, H[1], v.optical_flow.noise * v.optical_flow.noise)
         out[k] = P

@@ -25,13 +25,13 @@ class Row(NamedTuple):
     """One quantity of one flight."""
 
     bound: float        # variance, mean over the components
-    reached: float      # squared error, likewise
+    reached: float      # squared error, mean over the components
     nees: float         # squared error over the variance that the filter states
     components: int
 
 
 class Quantity(NamedTuple):
-    """What is compared, in which unit, and how one flight is measured."""
+    """A quantity that is compared: name, unit and how to measure it in one flight."""
 
     name: str
     unit: str
@@ -40,21 +40,21 @@ class Quantity(NamedTuple):
 
 
 def _nees(error: Array, P: Array) -> float:
-    """Return the squared error over its covariance; NaN where the filter is certain."""
+    """Return the error squared by the inverse covariance; NaN if that is singular."""
     if not np.all(np.linalg.eigvalsh(P) > 0.0):
         return math.nan
     return float(error @ np.linalg.solve(P, error))
 
 
 def _bound(j: FilterError, on: int, part: slice) -> float:
-    """Return the mean variance of some components by the bound; NaN without it."""
+    """Return the bound of some components, their mean variance; NaN without a bound."""
     if j.limit is None:
         return math.nan
     return float(np.diagonal(j.limit[on:, part, part], axis1=1, axis2=2).mean())
 
 
 def _at_end(first: int, count: int) -> Callable[[FilterError], Row]:
-    """Return how components of the error state are compared at the end of a flight."""
+    """Return a measure of components of the error state at the end of a flight."""
     def measure(j: FilterError) -> Row:
         part = slice(first, first + count)
         error, P = j.error[-1, part], j.made.P[-1, part, part]
@@ -63,7 +63,7 @@ def _at_end(first: int, count: int) -> Callable[[FilterError], Row]:
 
 
 def _all_along(first: int, count: int) -> Callable[[FilterError], Row]:
-    """Return how components are compared along a flight; NEES at its end."""
+    """Return a measure of components along a flight, with the NEES at its end."""
     def measure(j: FilterError) -> Row:
         part, on = slice(first, first + count), j.start + round(SETTLED / DT)
         error = j.error[on:, part]
@@ -73,7 +73,7 @@ def _all_along(first: int, count: int) -> Callable[[FilterError], Row]:
 
 
 def _velocity(first: int, count: int) -> Callable[[FilterError], Row]:
-    """Return how the body velocity is compared along a flight, with its published covariance."""
+    """Return a measure of the body velocity along a flight, by its published covariance."""
     def measure(j: FilterError) -> Row:
         on, part = j.start + round(SETTLED / DT), slice(VELOCITY + first, VELOCITY + first + count)
         axes = slice(first, first + count)
@@ -94,7 +94,7 @@ QUANTITIES = (
     Quantity('its slope', '1/km', 1e3, _at_end(SLOPE, 1)))
 
 
-SENSORS = (('sonar', 1), ('flow', 2), ('barometer', 1))  # and numbers in a sample
+SENSORS = (('sonar', 1), ('flow', 2), ('barometer', 1))  # with the dimension of a sample
 
 
 class Line(NamedTuple):
@@ -106,7 +106,7 @@ class Line(NamedTuple):
     reached: float
     ratio: float
     nees: float     # per component
-    low: float      # 95 % limits of it
+    low: float      # 95 % limits of the NEES
     high: float
 
 
@@ -119,14 +119,14 @@ class Report(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """What is kept of one flight."""
+    """Errors and innovations of one flight."""
 
-    rows: tuple[Row, ...]               # one for each of QUANTITIES
+    rows: tuple[Row, ...]               # one for each quantity of QUANTITIES
     nis: tuple[float, float, float]     # mean normalised innovation of SENSORS, NaN: none
 
 
 def measured(j: FilterError) -> Measured:
-    """Return what is kept of one flight."""
+    """Return errors and innovations of one flight."""
     nis = []
     for i, (_, size) in enumerate(SENSORS):
         seen = j.made.ratios[j.start:, i] / size

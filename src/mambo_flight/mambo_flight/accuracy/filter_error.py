@@ -1,4 +1,4 @@
-"""Flights whose sensors have unknown errors, and how far the joint filter is from their truth."""
+"""Error of the joint filter in flights whose sensor errors are drawn at random."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from ..scenario import override, Scenario
 
 Array = NDArray[np.float64]
 DT = STEP_NS * 1e-9
-SLOPES = (-0.1, 0.15)       # 1/m, between which the true slope of Q is drawn
-SCALES = (0.92, 1.08)       # between which the true Q over the believed one is drawn
-LATENCIES = (0.0, 0.1)      # s, between which the latency of the flow is drawn
-SETTLED = 10.0              # s after take-off, from which on velocity and tilt are compared
+SLOPES = (-0.1, 0.15)       # 1/m, range of the true slope of Q
+SCALES = (0.92, 1.08)       # range of the true Q over the one of the filter
+LATENCIES = (0.0, 0.1)      # s, range of the latency of the flow
+SETTLED = 10.0              # s after take-off, after which velocity and tilt are compared
 _FLOW = 'sim_node.simulator.optical_flow'
 
 
@@ -34,28 +34,28 @@ class FilterError(NamedTuple):
     """One flight: errors of the filter, its covariance and the bound, row k at step k."""
 
     start: int      # step of take-off
-    error: Array    # (n, SIZE) true minus believed, in the order of joint.state
+    error: Array    # (n, SIZE) true minus estimated, in the order of joint.state
     nu: Array       # (n, 3) m/s, body FRD, true minus published
     made: filter_run.Filtered
-    limit: Array | None  # (n, SIZE, SIZE) posterior Cramer-Rao bound; None: not asked for
+    limit: Array | None  # (n, SIZE, SIZE) posterior Cramer-Rao bound; None: not computed
 
 
 def with_unknowns(flight: Scenario, seed: int, vary: bool, slope: float | None = None) -> Scenario:
     """
-    Return a flight of another seed, with other errors of the sensors than are believed.
+    Return a flight of another seed, with sensor errors that the filter does not know.
 
-    The offset of the sonar is always drawn, from what the filter believes of it.
+    The offset of the sonar is always drawn, from the filter's prior.
 
     Parameters
     ----------
     flight
         Scenario.
     seed
-        Of every noise stream, and of what is drawn.
+        Seed of every noise stream and of the drawn errors.
     vary
-        Whether slope, scale and latency are drawn from their ranges.
+        Whether to draw slope, scale and latency from their ranges.
     slope : 1/m
-        True slope of Q in place of the drawn one.
+        True slope of Q instead of the drawn one.
 
     """
     changed = {'sim_node.simulator.seed': seed, 'optitrack_node.seed': seed}
@@ -99,31 +99,21 @@ def true_noise(flight: Scenario) -> JointParams:
             p.barometer, noise=max(1e-3, air.noise * metre), offset_walk=air.walk * metre))
 
 
-def _truth(flight: Scenario) -> cramer_rao.Truth:
-    """Return what is true of flow and drag."""
+def _truth(flight: Scenario) -> cramer_rao.TrueParameters:
+    """Return the true parameters of flow and drag."""
     sim = flight.sim_node.simulator
     flow, vehicle = sim.optical_flow, sim.vehicle.values()
     height = flight.estimator_node.joint.optical_flow.reference_height
     share = {DRAG_PER_ROTOR: 0.25, DRAG_ACCELERATION: 1.0 / vehicle.gravity}
-    return cramer_rao.Truth(
+    return cramer_rao.TrueParameters(
         flow.factor_offset + flow.factor_slope * height, flow.factor_slope,
         vehicle.drag_coefficient * share.get(vehicle.drag_reading, 1.0),
         round(flow.latency / DT) * DT)
 
 
-def steps_of(r: closed_loop.Recording) -> offline_replay.Steps:
-    """Return the filter steps of a flight in one process."""
-    n = len(r.t)
-    return offline_replay.Steps(
-        r.t, np.diff(r.t, prepend=r.t[:1]) * 1e-9, np.ascontiguousarray(r.imu[:, :3]),
-        np.ascontiguousarray(r.imu[:, 3:]), r.sonar, np.ascontiguousarray(r.flow[:, :2]),
-        np.nan_to_num(r.flow[:, 2]).astype(np.int64), r.pressure, np.ones(n, np.bool_),
-        np.zeros((n, 4), np.int64))
-
-
 @jit
-def _drift(values, rng, out):
-    """Store the biases of each step: those of the sensor that nothing moves."""
+def _simulate_biases(values, rng, out):
+    """Store the biases of each step, simulated by a sensor at rest."""
     memory, none = imu.START, (0.0, 0.0, 0.0)
     for k in range(len(out)):
         memory, _ = imu.step(memory, none, none, 0.0, rng, True, values)
@@ -132,16 +122,16 @@ def _drift(values, rng, out):
 
 
 def _biases(flight: Scenario, steps: int) -> Array:
-    """Return the true biases of gyro and accelerometer, (n, 6); its draws repeat the flight's."""
+    """Return the true biases of gyro and accelerometer, (n, 6), by the seed of the flight."""
     sim, out = flight.sim_node.simulator, np.zeros((steps, 6))
     if sim.noise:
-        _drift(sim.imu.values(), simulator.generators(sim.seed)[simulator.IMU], out)
+        _simulate_biases(sim.imu.values(), simulator.generators(sim.seed)[simulator.IMU], out)
     return out
 
 
 def _error(
-    r: closed_loop.Recording, made: filter_run.Filtered, t: cramer_rao.Truth, biases: Array,
-    offset: float,
+    r: closed_loop.Recording, made: filter_run.Filtered, t: cramer_rao.TrueParameters,
+    biases: Array, offset: float,
 ) -> Array:
     """Return the true error state of each step, (n, SIZE)."""
     x, out = made.x, np.zeros((len(r.t), SIZE))
@@ -161,15 +151,15 @@ def _error(
 
 
 def evaluate(flight: Scenario, bounded: bool = True) -> FilterError:
-    """Fly a scenario and return how far the joint filter is from truth and, if asked, bound."""
+    """Fly a scenario; return the error of the joint filter, and the bound if ``bounded``."""
     return evaluate_recording(flight, closed_loop.fly(flight), bounded)
 
 
 def evaluate_recording(
     flight: Scenario, r: closed_loop.Recording, bounded: bool = True,
 ) -> FilterError:
-    """Return the same of a scenario that has been flown."""
-    made = filter_run.run(steps_of(r), flight.estimator_node.joint)
+    """Return the same for a scenario that has been flown."""
+    made = filter_run.run(offline_replay.steps_of(r), flight.estimator_node.joint)
     t, start = _truth(flight), int(np.flatnonzero(made.resting)[-1])
     error = _error(
         r, made, t, _biases(flight, len(r.t)), flight.sim_node.simulator.sonar.offset)
@@ -178,13 +168,14 @@ def evaluate_recording(
 
 
 def _limit(
-    flight: Scenario, r: closed_loop.Recording, start: int, known: Array, t: cramer_rao.Truth,
+    flight: Scenario, r: closed_loop.Recording, start: int, known: Array,
+    t: cramer_rao.TrueParameters,
 ) -> Array:
-    """Return the bound of each step of a flight from what is known at its start."""
+    """Return the bound at each step, from the covariance ``known`` at take-off."""
     true = Rotation.from_quat(r.truth[:, [7, 8, 9, 6]])
     v = true.apply(r.truth[:, 3:6])
     force = true.inv().apply(np.gradient(v, DT, axis=0) - [0.0, 0.0, 9.81])
-    sensed = cramer_rao.Sensed(
+    sensed = cramer_rao.SampledFlight(
         r.truth, force, np.isfinite(r.flow[:, 0]),
         np.isfinite(r.sonar) & (r.sonar > flight.estimator_node.joint.sonar.min_range),
         np.isfinite(r.pressure))

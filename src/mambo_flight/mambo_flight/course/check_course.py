@@ -1,9 +1,9 @@
 """
-Check a course: what it asks of the vehicle, and when it asks for too much.
+Check whether the vehicle can fly a course: its demands beside the limits of the vehicle.
 
 A course is a CSV file of polynomials (uav_trajectories), a CSV or YAML file of waypoints, or a
-function of time in Python. Exit code 1 and one line with the time and the quantity if the vehicle
-cannot fly it.
+function of time in Python. If the vehicle cannot fly it, one line names the time and the
+quantity, and the exit code is 1.
 """
 
 from __future__ import annotations
@@ -30,38 +30,38 @@ PLANNER = {'minimise': 'minimise', 'speed': 'speed', 'tube': 'tube', 'pieces': '
            'max_speed': 'limits.speed', 'max_acceleration': 'limits.acceleration',
            'max_jerk': 'limits.jerk', 'max_snap': 'limits.snap',
            'max_yaw_rate': 'limits.yaw_rate'}
-"""Options of the planner and the settings that they stand for."""
+"""Options of the planner and the settings that they set."""
 
 
 def add_course(out: Parser) -> None:
-    """Add the options that say which course."""
+    """Add the options that select a course."""
     add = out.add_argument
     add('course', metavar='COURSE',
         help='a file of waypoints (.csv, .yaml) or polynomials (.csv), or a function: FILE.py, '
              'FILE.py:NAME or an installed one')
     add('--duration', type=float, metavar='S',
-        help='of a function, which gets the time from 0 on (default: as its file says)')
+        help='duration of a function of time, from 0 (default: as its file states)')
     leaves = dict(schema.walk(Settings))
     for option, name in PLANNER.items():
         meta, flag = leaves[name].metadata, f'--{option.replace("_", "-")}'
         if 'options' in meta:
-            add(flag, choices=meta['options'], help='what waypoints are joined with least of')
+            add(flag, choices=meta['options'], help='what the path between waypoints minimises')
         else:
             add(flag, type=int if name == 'pieces' else float, metavar=meta['unit'],
                 help={'speed': 'mean speed of legs without a time',
                       'tube': 'radius of the corridor round each leg',
                       'pieces': 'polynomials for each leg in corridors or limits'
                       }.get(name, f'limit for waypoints: {name.removeprefix("limits.")}'))
-    add('--height', type=float, metavar='M', help='at which the course begins')
+    add('--height', type=float, metavar='M', help='height at which the course begins')
     add('--scale', type=float, metavar='FACTOR', help='size of the path about its first point')
     add('--stretch', metavar='FACTOR',
-        help='fly it in FACTOR times its time; auto: the least in which the vehicle can')
+        help='stretch time by FACTOR; auto: the smallest factor that the vehicle can fly')
     add('--vehicle', metavar='NAME', default='identified',
         help=f"one of: {', '.join(PRESETS)}, or a file (default: identified)")
 
 
 def _factor(text: str, option: str) -> float:
-    """Return a factor of an option; InputError if it is none."""
+    """Return the factor given by an option; InputError if it is not valid."""
     try:
         value = float(text)
     except ValueError:
@@ -73,12 +73,12 @@ def _factor(text: str, option: str) -> float:
 
 def chosen(options: argparse.Namespace) -> tuple[Course, Vehicle, float]:
     """
-    Return the course of the options of :func:`add_course`, the vehicle, and the factor of time.
+    Return course, vehicle and stretch of time that the options of :func:`add_course` select.
 
     Raises
     ------
     mambo_model.errors.MamboError
-        Naming what cannot be read, planned or stretched.
+        If the course cannot be read, planned or stretched.
 
     """
     over: dict[str, Any] = {
@@ -88,7 +88,7 @@ def chosen(options: argparse.Namespace) -> tuple[Course, Vehicle, float]:
     if not is_table and course_file.is_course(options.course):
         course = _of_function(options, over)
     elif options.duration is not None:
-        raise InputError('--duration is for a function; --stretch makes a file longer')
+        raise InputError('--duration is for a function of time; for a file use --stretch')
     else:
         course = course_file.read(Path(options.course).expanduser(), over)
     vehicle, factor = find(options.vehicle), 1.0
@@ -110,16 +110,16 @@ def _of_function(options: argparse.Namespace, over: Mapping[str, Any]) -> Course
     source = function_course.load(options.course)
     duration = source.duration if options.duration is None else options.duration
     if duration is None:
-        raise InputError(f'{source.name}: how long? give --duration, or state duration = 12.0 (s) '
-                         'in the file')
+        raise InputError(f'{source.name}: no duration: give --duration, or state '
+                         'duration = 12.0 (s) in the file')
     if over:
-        raise InputError(f'{source.name}: a function is no plan of waypoints; '
-                         f'{", ".join(over)} does not matter')
+        raise InputError(f'{source.name}: is a function of time: leave out the options for '
+                         f'waypoints, {", ".join(over)}')
     return function_course.fit(source, duration)
 
 
 def table(t: Array, columns: Array, vehicle: Vehicle) -> str:
-    """Return the least and largest of every quantity, with times and limits."""
+    """Return smallest and largest value of every quantity, with times and limits, as text."""
     ranges = feasibility.limits(vehicle)
     lines = [f'{"":<22}{"least":>10}{"at [s]":>9}{"largest":>10}{"at [s]":>9}   limits']
     for name, values in zip(feasibility.QUANTITIES, columns.T, strict=True):
@@ -137,7 +137,7 @@ def table(t: Array, columns: Array, vehicle: Vehicle) -> str:
 def report(
     course: Course, factor: float, t: Array, columns: Array, failure: feasibility.Failure | None,
 ) -> dict[str, Any]:
-    """Return the numbers of a check for JSON."""
+    """Return the result of a check for JSON."""
     return {
         'duration': course.total, 'pieces': len(course.duration), 'stretched': factor,
         'feasible': failure is None,
@@ -151,7 +151,8 @@ def report(
 def _run(options: argparse.Namespace) -> None:
     refuse_existing(options.output)
     if options.output and options.output.suffix.lower() not in PICTURES:
-        raise InputError(f'{options.output}: a picture ends in {", ".join(PICTURES)}')
+        raise InputError(
+            f'{options.output}: the name of a picture must end in {", ".join(PICTURES)}')
     course, vehicle, factor = chosen(options)
     t, columns = feasibility.demand(course, vehicle)
     failure = feasibility.failure(t, columns, vehicle)
@@ -175,7 +176,7 @@ def parser() -> Parser:
     """Return the command line."""
     out = Parser('trajectory check', __doc__)
     add_course(out)
-    out.add_output('PNG', 'picture to draw: the path and what it asks of the vehicle')
+    out.add_output('PNG', 'picture to draw: the path and its demands on the vehicle')
     out.add_json()
     return out
 

@@ -1,10 +1,10 @@
 """
 Minimum-snap polynomials within corridors and limits, by a quadratic program with cones.
 
-A polynomial stays inside the hull of its control points (Bernstein form), so a cone for each of
-them keeps every instant of the course inside a tube, a box or a limit, and the optimum is a
-little inside. More pieces a leg make the hull tighter and give more freedom. Solved by Clarabel
-(P. J. Goulart, Y. Chen, 2024), an optional dependency.
+A polynomial stays inside the convex hull of its control points (Bernstein form). A cone for each
+control point therefore keeps the whole course inside a tube, a box or a limit; the optimum is
+slightly conservative. More pieces per leg make the hull tighter and give more freedom. Solved by
+Clarabel (P. J. Goulart, Y. Chen, 2024), an optional dependency.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from .minimum_snap import end_scale, hermite, leg_energy, ORDERS, to_course, Way
 
 Array = NDArray[np.float64]
 
-DERIVATIVES = ('speed', 'acceleration', 'jerk', 'snap')  # whose lengths may be limited
+DERIVATIVES = ('speed', 'acceleration', 'jerk', 'snap')  # derivatives whose length can be limited
 
 
 class Bounds(NamedTuple):
-    """What a course must keep to besides its waypoints; inf and NaN: no bound."""
+    """Constraints of a course besides its waypoints; inf and NaN: no bound."""
 
-    limits: Array    # (4,) m/s ... m/s^4, of the lengths of velocity to snap
+    limits: Array    # (4,) m/s ... m/s^4, largest length of velocity to snap
     yaw_rate: float  # rad/s
-    tube: Array      # (n - 1,) m, radius of the tube round each leg, which is a straight line
+    tube: Array      # (n - 1,) m, radius of the tube around each straight leg
     box: Array       # (n - 1, 3, 2) m, inertial NED, lowest and highest x, y and z of each leg
 
     @property
@@ -48,16 +48,16 @@ def unbounded(legs: int) -> Bounds:
 
 def control_points(order: int, derivative: int, duration: float) -> Array:
     """
-    Return what makes control points of a derivative by time out of 2 r end values.
+    Return the matrix from 2 r end values to the control points of a time derivative.
 
     Parameters
     ----------
     order
         r: the polynomial has degree 2 r - 1.
     derivative
-        0: of the polynomial itself.
+        Order of the derivative; 0: the polynomial itself.
     duration : s
-        Of the piece.
+        Duration of the piece.
 
     Returns
     -------
@@ -76,34 +76,34 @@ def control_points(order: int, derivative: int, duration: float) -> Array:
 
 
 class _Program:
-    """Rows b - A x of a cone program over the numbers at all knots, (knots, axes, r), and more."""
+    """Cone program with rows b - A x; x: derivatives at knots (knots, axes, r), then slacks."""
 
     def __init__(self, knots: int, axes: int, order: int) -> None:
         self.shape = (knots, axes, order)
         self.blocks: dict[str, list[tuple[Array, Array, Array]]] = {
             'zero': [], 'linear': [], 'cone': []}
-        self.sizes: list[int] = []  # of the cones
-        self.count = knots * axes * order  # of numbers
+        self.sizes: list[int] = []  # rows of each cone
+        self.count = knots * axes * order  # variables
 
-    def another(self) -> int:
-        """Return one more number."""
+    def add_variable(self) -> int:
+        """Add a variable; return its index."""
         self.count += 1
         return self.count - 1
 
     def columns(self, piece: int, axis: int) -> Array:
-        """Return the numbers of the 2 r end values of a piece."""
+        """Return the indices of the 2 r end values of a piece."""
         _, axes, order = self.shape
         return np.concatenate([
             (knot * axes + axis) * order + np.arange(order) for knot in (piece, piece + 1)])
 
     def add(self, kind: str, columns: Array, rows: Array, right: Array) -> None:
-        """Add rows: right - rows x[columns] is zero, not below zero, or (length, vector)."""
+        """Constrain right - rows x[columns] to zero, to >= 0, or to a second-order cone."""
         self.blocks[kind].append((columns, rows, right))
         if kind == 'cone':
             self.sizes.append(len(right))
 
     def matrices(self) -> tuple[sparse.csc_matrix, Array, dict[str, int]]:
-        """Return A, b and how many rows each kind has, in their order."""
+        """Return A, b and the number of rows of each kind, in their order."""
         i, j, values, b, counts, row = [], [], [], [], {}, 0
         for kind, blocks in self.blocks.items():
             first = row
@@ -123,7 +123,7 @@ class _Program:
 
 
 def split(waypoints: Waypoints, pieces: int) -> Waypoints:
-    """Return the waypoints with free ones between, so that each leg has so many pieces."""
+    """Return the waypoints with free ones in between, ``pieces`` pieces for each leg."""
     n = len(waypoints.t)
     t = np.interp(np.arange((n - 1) * pieces + 1) / pieces, np.arange(n), waypoints.t)
     t[::pieces] = waypoints.t
@@ -141,25 +141,25 @@ def minimum(
     Parameters
     ----------
     waypoints
-        Legs with a tube have given ends.
+        Both ends of a leg with a tube must be given.
     bounds
-        By leg.
+        Constraints of each leg.
     minimise
         ``snap`` or ``jerk``.
     pieces
-        Polynomials for each leg. Their derivatives up to snap, or up to jerk if that is
-        minimised, continue each other.
+        Polynomials for each leg. Derivatives up to snap, or up to jerk if that is minimised,
+        are continuous.
 
     Raises
     ------
     mambo_model.errors.InputError
         If Clarabel is not installed.
     mambo_model.errors.JobError
-        If no course keeps to the bounds.
+        If no course satisfies the bounds.
 
     """
     order, knots = ORDERS[minimise], split(waypoints, pieces)
-    scale = float(np.diff(knots.t).mean())  # time is counted in it, for numbers of one size
+    scale = float(np.diff(knots.t).mean())  # unit of time, for numbers of similar size
     duration, powers = np.diff(knots.t) / scale, scale ** np.arange(order)
     out = np.empty((len(knots.t), len(AXES), order))
     for axes, names in (((0, 1, 2), 'path'), ((3,), 'yaw')):
@@ -183,7 +183,7 @@ def minimum(
 
 
 def _join(program: _Program, given: Array, duration: Array) -> None:
-    """Have given numbers at knots, and between pieces a continuous r-th derivative."""
+    """Fix the given values at the knots and make the r-th derivative continuous."""
     for number, value in enumerate(given.ravel()):
         if not np.isnan(value):
             program.add('zero', np.array([number]), np.ones((1, 1)), np.array([value]))
@@ -198,7 +198,7 @@ def _join(program: _Program, given: Array, duration: Array) -> None:
 
 
 def _limit(program: _Program, piece: int, duration: float, limits: Array) -> None:
-    """Keep the length of derivatives, from the first on, of a piece within limits."""
+    """Limit the length of the derivatives of a piece, from the first derivative on."""
     _, axes, order = program.shape
     columns = np.concatenate([program.columns(piece, axis) for axis in range(axes)])
     for derivative, most in enumerate(limits, 1):
@@ -211,13 +211,13 @@ def _limit(program: _Program, piece: int, duration: float, limits: Array) -> Non
 def _corridor(
     program: _Program, piece: int, duration: float, ends: Array, tube: float, box: Array,
 ) -> None:
-    """Keep the control points of a piece within a tube round a straight line, and in a box."""
+    """Keep the control points of a piece inside a tube around a straight line and in a box."""
     _, axes, order = program.shape
     columns = np.concatenate([program.columns(piece, axis) for axis in range(axes)])
     for point in control_points(order, 0, duration):
         if np.isfinite(tube):
             along = ends[1] - ends[0]
-            share = program.another()  # of the leg, to the point that the tube is a ball about
+            share = program.add_variable()  # of the leg, position of the nearest point on its line
             program.add('linear', np.array([share]), np.array([[1.0], [-1.0]]),
                         np.array([1.0, 0.0]))
             rows = np.zeros((4, len(columns) + 1))
@@ -244,7 +244,7 @@ def _clarabel() -> Any:
 
 
 def _solve(program: _Program, duration: Array, what: str) -> Array:
-    """Return the numbers at all knots; JobError if there are none."""
+    """Solve for the derivatives at all knots; JobError if there is no solution."""
     clarabel = _clarabel()
     _, axes, order = program.shape
     P = sparse.lil_matrix((program.count, program.count))
@@ -265,6 +265,6 @@ def _solve(program: _Program, duration: Array, what: str) -> Array:
         sparse.triu(P.tocsc(), format='csc'), np.zeros(P.shape[0]), A, b, cones, settings).solve()
     if str(found.status) not in ('Solved', 'AlmostSolved'):
         raise JobError(
-            f'no {what} keeps to its corridor and limits ({found.status}): lengthen the times, '
-            'widen them, or take more pieces a leg')
+            f'no {what} satisfies its corridor and limits ({found.status}): lengthen the times, '
+            'widen them, or use more pieces per leg')
     return np.array(found.x[:int(np.prod(program.shape))])

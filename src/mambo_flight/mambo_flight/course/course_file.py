@@ -1,4 +1,4 @@
-"""Courses by the names that people give: a file or a function, and the flight that it needs."""
+"""Courses by name, a file or a function, and the flight plan that they need."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ REST = 1.0  # s, hover between the end of a course and the landing
 
 
 def is_course(name: str) -> bool:
-    """Return whether the name of a trajectory is that of a file or a function: no built-in one."""
+    """Return whether the name of a trajectory refers to a file or a function."""
     return name not in TRAJECTORIES and (
         Path(name).suffix.lower() in SUFFIXES or function_course.is_function(name)
         or name in function_course.installed())
@@ -38,7 +38,7 @@ def check_name(name: str) -> None:
 
 
 def absolute(name: str, folder: Path) -> str:
-    """Return the name of a trajectory with the path of its file, if it is one, made absolute."""
+    """Return the name of a trajectory; if it is a file, with an absolute path."""
     if Path(name).suffix.lower() in SUFFIXES:
         return str((folder / Path(name).expanduser()).absolute())
     return name if name in TRAJECTORIES else components.absolute(name, folder)
@@ -51,29 +51,29 @@ def read(path: Path, over: Mapping[str, Any] | None = None) -> Course:
     Parameters
     ----------
     path
-        CSV file in the format of :mod:`uav_trajectories`, told by its first column
-        ``duration``, or a CSV or YAML file of :mod:`waypoints`.
+        CSV file in the format of :mod:`uav_trajectories`, whose first column is ``duration``, or
+        a CSV or YAML file of :mod:`waypoints`.
     over
         Settings of the planner that replace those of the file, flat by name.
 
     Raises
     ------
     ParameterError
-        Naming file and row of what is wrong.
+        Naming file and row of the error.
     mambo_model.errors.MamboError
-        As ``waypoints.read``.
+        See ``waypoints.read``.
 
     """
     if is_polynomial(path):
         if over:
-            raise ParameterError(f'{path}: its polynomials are planned already; '
-                                 f'{", ".join(over)} does not matter')
+            raise ParameterError(f'{path}: holds polynomials, not waypoints: leave out the '
+                                 f'options of the planner, {", ".join(over)}')
         return uav_trajectories.load(path)
     return waypoints.read(path, over)
 
 
 def is_polynomial(path: Path) -> bool:
-    """Return whether a file is one of polynomials and not of waypoints."""
+    """Return whether a file holds polynomials, not waypoints."""
     if path.suffix.lower() != '.csv':
         return False
     table = uav_trajectories.rows(uav_trajectories.read_text(path))
@@ -81,7 +81,7 @@ def is_polynomial(path: Path) -> bool:
 
 
 def states_duration(trajectory: str, folder: Path = Path()) -> bool:
-    """Return whether a course knows how long it is: a function may leave that to the flight."""
+    """Return whether a course states its duration; a function may leave it to the flight."""
     if Path(trajectory).suffix.lower() in SUFFIXES:
         return True
     try:
@@ -92,26 +92,26 @@ def states_duration(trajectory: str, folder: Path = Path()) -> bool:
 
 def plan(trajectory: str, folder: Path = Path(), room: float = math.nan) -> dict[str, Any]:
     """
-    Return the values of FlightPlanParams that choose a trajectory.
+    Return the values of FlightPlanParams that select a trajectory.
 
     Parameters
     ----------
     trajectory
-        Name of a built-in one, of a file, or of a function.
+        Name of a built-in trajectory, of a file, or of a function.
     folder
-        What a path is relative to.
+        Folder of a relative path.
     room : s
-        What the flight leaves for a function that does not state its duration; NaN: unknown.
+        Duration for a function that does not state its own; NaN: unknown.
 
     Returns
     -------
     values
-        By name; the text of a course begins with a comment that has name and sha256 of its source.
+        By name; the text of a course begins with a comment with name and sha256 of its source.
 
     Raises
     ------
     ParameterError
-        As :func:`read`; for a function that is no path, or that has no time to be flown.
+        See :func:`read`; also for a function that is not smooth, or without time to fly it.
 
     """
     if not is_course(trajectory):
@@ -125,7 +125,7 @@ def plan(trajectory: str, folder: Path = Path(), room: float = math.nan) -> dict
 
 
 def _function(trajectory: str, folder: Path, room: float) -> tuple[Course, str]:
-    """Return the course of a function, and what its source is."""
+    """Return the course of a function and the description of its source."""
     try:
         source = function_course.load(trajectory, folder)
         duration = room if source.duration is None else source.duration
@@ -139,11 +139,11 @@ def _function(trajectory: str, folder: Path, room: float) -> tuple[Course, str]:
 
 
 def source(plan: FlightPlanParams) -> str:
-    """Return what the course of a plan comes from, with the hash; '' for one that says nothing."""
+    """Return the source of a plan's course with its hash; '' if unknown."""
     first = plan.course.partition('\n')[0]
     return first.removeprefix('# ') if first.startswith('# ') else ''
 
 
 def end(plan: FlightPlanParams) -> float:
-    """Return when the course of a plan ends, in s of flight time, with a moment of rest."""
+    """Return the flight time in s at which the course of a plan ends, with a moment of rest."""
     return math.ceil(plan.timing.course_begin + plan.flown_course().total + REST)

@@ -1,9 +1,9 @@
 """
-What a course asks of a vehicle, by flatness (3.14), and whether the vehicle can give it.
+Feasibility of a course: what it demands of the vehicle by flatness (3.14), and the limits.
 
 Thrust, attitude, rates and torque follow from position, yaw and their derivatives, the PWM of each
 motor from the mixer (4.4) and the motor map (4.7), the charge of the battery from the power of
-the rotors. Drag is that of (3.13), with its derivatives, as the controller's feedforward has it.
+the rotors. Drag and its derivatives are those of (3.13), as in the controller's feedforward.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from mambo_sim.sensors.imu import ImuParams
 import numpy as np
 
 STEP = 0.005        # s, between samples: the period of the controller
-MOST = 2_000_000    # samples
-LONGEST = 100.0     # factor of time that is tried
-PRECISION = 1e-4    # relative, of the smallest factor
+MOST = 2_000_000    # samples of a course at most
+LONGEST = 100.0     # largest stretch of time that is tried
+PRECISION = 1e-4    # relative precision of the stretch
 
 QUANTITIES = {  # column: unit
     'height': 'm', 'speed': 'm/s', 'acceleration': 'm/s^2', 'thrust': 'N', 'tilt': 'deg',
     'body rate': 'deg/s', 'PWM of motor 1': 'PWM', 'PWM of motor 2': 'PWM',
     'PWM of motor 3': 'PWM', 'PWM of motor 4': 'PWM', 'battery': '%'}
-"""What a course is judged by, in the order of the columns of :func:`demand`."""
+"""Quantities that are checked, in the order of the columns of :func:`demand`."""
 
 
 class Limit(NamedTuple):
@@ -45,7 +45,7 @@ class Limit(NamedTuple):
 
 
 class Failure(NamedTuple):
-    """Where a course first leaves what the vehicle can do."""
+    """The first point of a course that exceeds a limit."""
 
     t: float        # s of the course
     quantity: str
@@ -61,7 +61,7 @@ class Failure(NamedTuple):
 
 @jit
 def _demand(t, pieces, vv, options, out):
-    """Fill out, (n, 11), at the times t, (n,); options: None, or those with the battery."""
+    """Fill ``out``, (n, 11), at times ``t``, (n,) s; ``options`` is None without a battery."""
     charge = 0.0
     for k in range(len(t)):
         x, y, z, psi = evaluate(t[k], pieces)
@@ -93,20 +93,20 @@ def _demand(t, pieces, vv, options, out):
 
 def demand(course: Course, vehicle: Vehicle) -> tuple[Array, Array]:
     """
-    Return what a course asks of a vehicle.
+    Return what a course demands of a vehicle.
 
     Parameters
     ----------
     course
         In m and rad, inertial NED.
     vehicle
-        Its battery counts if it is enabled; it is full at the beginning.
+        If its battery is enabled, it starts fully charged.
 
     Returns
     -------
     t : (n,) s of the course, every 5 ms and its end
-    columns : (n, 11) of :data:`QUANTITIES`; battery: what is
-        left of its charge, 100 without one
+    columns : (n, 11) of :data:`QUANTITIES`; battery: the
+        remaining charge, 100 without a battery
 
     Raises
     ------
@@ -131,13 +131,13 @@ def limits(vehicle: Vehicle) -> dict[str, Limit]:
     """
     Return the range of each limited quantity of :data:`QUANTITIES`.
 
-    Thrust and PWM are the vehicle's, tilt and height those at which the controller shuts down by
-    default, the body rate that which the gyro measures.
+    Thrust and PWM are limits of the vehicle. Tilt and height are the default limits at which the
+    controller shuts down. The body rate is the range of the gyro.
     """
     vv, control = vehicle.values(), CascadedParams()
     pwm = Limit(vv.pwm_min, vv.pwm_max)
     out = {
-        'battery': Limit(1e-9, math.inf),  # first, as a drained one asks for an infinite PWM
+        'battery': Limit(1e-9, math.inf),  # first: an empty battery needs an infinite PWM
         'height': Limit(0.0, control.height_max),
         'thrust': Limit(*(4.0 * thrust_from_pwm(x, vv) for x in pwm)),
         'tilt': Limit(-math.inf, math.degrees(control.tilt_limit)),
@@ -147,7 +147,7 @@ def limits(vehicle: Vehicle) -> dict[str, Limit]:
 
 
 def failure(t: Array, columns: Array, vehicle: Vehicle) -> Failure | None:
-    """Return where what :func:`demand` returned first leaves the limits; None: nowhere."""
+    """Return the first point of a result of :func:`demand` beyond a limit, else None."""
     first: tuple[int, Failure] | None = None
     for name, (low, high) in limits(vehicle).items():
         values = columns[:, list(QUANTITIES).index(name)]
@@ -160,21 +160,21 @@ def failure(t: Array, columns: Array, vehicle: Vehicle) -> Failure | None:
 
 
 def check(course: Course, vehicle: Vehicle) -> Failure | None:
-    """Return where a course first asks for more than a vehicle can do; None: nowhere."""
+    """Return the first point of a course that a vehicle cannot fly, else None."""
     return failure(*demand(course, vehicle), vehicle)
 
 
 def stretch(course: Course, vehicle: Vehicle) -> float:
     """
-    Return the smallest factor, at least 1, by which time must be stretched to be feasible.
+    Return the smallest factor >= 1 by which time must be stretched to make a course feasible.
 
-    Found by bisection to a relative precision of 1e-4, from above: the course stretched by it is
-    feasible.
+    Found by bisection to a relative precision of 1e-4; stretched by the returned factor, the
+    course is feasible.
 
     Raises
     ------
     JobError
-        If it is not feasible at a hundred times its duration; with the reason.
+        If the course is not feasible at a hundred times its duration; the message says why.
 
     """
     if check(course, vehicle) is None:
@@ -184,7 +184,7 @@ def stretch(course: Course, vehicle: Vehicle) -> float:
         low, high = high, 2.0 * high
         if high > LONGEST:
             raise JobError(f'no slower course is feasible either: {reason}, at {low:g} times '
-                           'the time')
+                           'the duration')
     while high - low > PRECISION * low:
         middle = 0.5 * (low + high)
         if check(stretched(course, middle), vehicle) is None:

@@ -1,8 +1,8 @@
 """
-Any function of time as a course: a spline through its values, refined until it fits.
+Functions of time as courses: a spline through the values, refined until it fits.
 
 A function is named by its file (``mine.py``, or ``mine.py:NAME`` for one of several in it) or as
-an installed entry point of the group ``mambo.trajectories``; a script may offer one by itself.
+an installed entry point of the group ``mambo.trajectories``; a script may offer its own.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from scipy.interpolate import make_interp_spline, PPoly
 Function = Callable[[float], Sequence[float]]
 
 GROUP = 'mambo.trajectories'
-USUAL = 'trajectory'  # name of the function that is meant where a file has several
+USUAL = 'trajectory'  # name of the default function of a file with several
 DEGREE = 7
-FIRST = 16        # pieces that are tried at first
-POSITION = 1e-6   # m and rad, that the spline may be away between its knots
-SNAP = 0.02       # of the largest snap, that two splines may differ by
-STATED = 0.01     # of the largest value of a derivative, that the function's own may be away
+FIRST = 16        # pieces of the first spline
+POSITION = 1e-6   # m and rad, largest error of the spline between its knots
+SNAP = 0.02       # largest relative change of the snap by a refinement
+STATED = 0.01     # largest relative error of a derivative that the function states
 _ROWS = ('position', 'velocity', 'acceleration', 'jerk', 'snap')
 _SHAPES = ('it must be x, y, z in m, NED, and yaw in rad or nothing; or rows of these: '
            f'{", ".join(_ROWS)}')
@@ -40,22 +40,22 @@ class Source(NamedTuple):
     """A function and where it comes from."""
 
     function: Function
-    name: str             # what errors call it
+    name: str             # in error messages
     path: Path | None     # of its file, if it has one
     about: str            # name, version and hash of the source in one line
-    duration: float | None  # s, as the file says; None: it says nothing
+    duration: float | None  # s, as the file states; None: not stated
 
 
-_OFFERED: dict[str, Source] = {}  # by scripts, by name
+_OFFERED: dict[str, Source] = {}  # functions of scripts, by name
 
 
 def is_function(name: str) -> bool:
-    """Return whether a name is that of a Python file, or of a function that a script offered."""
+    """Return whether a name refers to a Python file or to a function of a script."""
     return name in _OFFERED or file_and_name(name) is not None
 
 
 def installed() -> dict[str, importlib.metadata.EntryPoint]:
-    """Return the functions that installed packages bring, by name."""
+    """Return the functions of installed packages, by name."""
     return {entry.name: entry for entry in importlib.metadata.entry_points(group=GROUP)}
 
 
@@ -63,13 +63,13 @@ def offer(function: Function) -> str:
     """
     Return a name under which a function of this process can be flown.
 
-    Its source may stand in a notebook; the hash is that of the text, where Python has it, else
+    Its source may be in a notebook. The hash is that of the source text if Python knows it, else
     of the compiled function.
     """
     name = getattr(function, '__name__', type(function).__name__).strip('<>')
     path, sha256 = script_source(function)
     key = f'{name} of a script, sha256 {sha256}'
-    _OFFERED[key] = Source(function, name, path, key, _stated(function, None, name))
+    _OFFERED[key] = Source(function, name, path, key, _stated_duration(function, None, name))
     return key
 
 
@@ -80,14 +80,14 @@ def load(name: str, folder: Path = Path()) -> Source:
     Parameters
     ----------
     name
-        As above.
+        See above.
     folder
-        What a path is relative to.
+        Folder of a relative path.
 
     Raises
     ------
     InputError
-        If the file is not there or fails, or has no such function, or several and none is named.
+        If the file is missing or fails, has no such function, or has several and none is named.
 
     """
     if name in _OFFERED:
@@ -106,13 +106,13 @@ def load(name: str, folder: Path = Path()) -> Source:
         chosen = USUAL if USUAL in own else own[0]
     function = getattr(module, chosen, None)
     if isinstance(function, type):
-        function = _made(path, function)
+        function = _instance(path, function)
     if not callable(function):
         raise InputError(f'{path}:{chosen}: there is no such function')
     version = getattr(module, '__version__', '')
     about = f'{path.name}:{chosen}{version and f" {version}"}, sha256 {digest(path)}'
     return Source(function, f'{path}:{chosen}', path, about,
-                  _stated(function, module, f'{path}:{chosen}'))
+                  _stated_duration(function, module, f'{path}:{chosen}'))
 
 
 def _load_installed(name: str) -> Source:
@@ -127,19 +127,19 @@ def _load_installed(name: str) -> Source:
     path = Path(inspect.getsourcefile(inspect.getmodule(function)) or '')
     version = f' {entry.dist.version}' if entry.dist else ''
     return Source(function, name, path, f'{name}{version}, sha256 {digest(path)}',
-                  _stated(function, inspect.getmodule(function), name))
+                  _stated_duration(function, inspect.getmodule(function), name))
 
 
-def _made(path: Path, kind: type) -> Any:
-    """Return an object of a class whose objects are functions of time."""
+def _instance(path: Path, kind: type) -> Any:
+    """Return an instance of a class whose instances are functions of time."""
     try:
         return kind()
     except Exception as error:
         raise InputError(_message(path, error)) from None
 
 
-def _stated(function: Any, module: Any, where: str) -> float | None:
-    """Return the duration that a function or its file states, in s; None: there is none."""
+def _stated_duration(function: Any, module: Any, where: str) -> float | None:
+    """Return the duration that a function or its file states, in s; None: not stated."""
     value = getattr(function, 'duration', getattr(module, 'duration', None))
     if value is None or callable(value):
         return None
@@ -150,13 +150,13 @@ def _stated(function: Any, module: Any, where: str) -> float | None:
 
 
 def _message(path: Path | None, error: Exception, name: str = '') -> str:
-    """Return where in a file of the user an error comes from, and what it says."""
+    """Return file, line and text of an error in a user's file."""
     at = fault_place(path, error) if path is not None else name
     return f'{at}: {type(error).__name__}: {error}'
 
 
 def _values(source: Source, t: float) -> Array:
-    """Return what a function gives at a time, rows of x, y, z and yaw; InputError if it cannot."""
+    """Return the value of a function at a time, rows of x, y, z and yaw; may raise InputError."""
     try:
         values = np.asarray(source.function(t), dtype=float)
     except Exception as error:
@@ -165,14 +165,14 @@ def _values(source: Source, t: float) -> Array:
     if values.ndim not in (1, 2) or rows.shape[1] not in (3, 4) or not (
             1 <= len(rows) <= len(_ROWS)):
         raise InputError(
-            f'{source.name}: gives an array of shape {values.shape} at t = {t:g} s; {_SHAPES}')
+            f'{source.name}: returns an array of shape {values.shape} at t = {t:g} s; {_SHAPES}')
     if not np.isfinite(rows).all():
-        raise InputError(f'{source.name}: gives {values.tolist()} at t = {t:g} s')
+        raise InputError(f'{source.name}: returns {values.tolist()} at t = {t:g} s')
     return rows
 
 
 def _sample(source: Source, times: Array) -> Array:
-    """Return x, y, z and yaw at times, (n, 4); InputError if the function gives anything else."""
+    """Return x, y, z and yaw at times, (n, 4); InputError for any other value."""
     out = np.zeros((len(times), len(AXES)))
     for k, t in enumerate(times.tolist()):
         row = _values(source, t)[0]
@@ -181,11 +181,11 @@ def _sample(source: Source, times: Array) -> Array:
 
 
 def _check_derivatives(source: Source, spline: PPoly) -> None:
-    """Refuse derivatives that are not those of the position."""
+    """Raise InputError if stated derivatives are not those of the position."""
     times = np.linspace(spline.x[0], spline.x[-1], 41)[1:-1]
     given = [_values(source, t) for t in times.tolist()]
     if any(rows.shape != given[0].shape for rows in given):
-        raise InputError(f'{source.name}: gives arrays of different shapes; {_SHAPES}')
+        raise InputError(f'{source.name}: returns arrays of different shapes; {_SHAPES}')
     stated = np.array(given)  # (times, derivative, axis)
     for order in range(1, stated.shape[1]):
         own = spline.derivative(order)(times)[:, :stated.shape[2]]
@@ -193,13 +193,13 @@ def _check_derivatives(source: Source, spline: PPoly) -> None:
         k, axis = np.unravel_index(int(wrong.argmax()), wrong.shape)
         if wrong[k, axis] > STATED * max(np.abs(own).max(), 1.0):
             raise InputError(
-                f'{source.name}: says that the {_ROWS[order]} along {AXES[axis]} is '
-                f'{stated[k, order, axis]:.4g} at t = {times[k]:.4g} s, but its position has '
-                f'{own[k, axis]:.4g}')
+                f'{source.name}: returns a {_ROWS[order]} along {AXES[axis]} of '
+                f'{stated[k, order, axis]:.4g} at t = {times[k]:.4g} s, but the derivative of its '
+                f'position is {own[k, axis]:.4g}')
 
 
 def _spline(source: Source, duration: float, pieces: int) -> PPoly:
-    """Return the spline of degree 7 through evenly spaced values with so many pieces."""
+    """Return the spline of degree 7 through evenly spaced values."""
     times = np.linspace(0.0, duration, pieces + DEGREE)
     spline = make_interp_spline(times, _sample(source, times), k=DEGREE)
     axes = [PPoly.from_spline((spline.t, c, DEGREE)) for c in spline.c.T]
@@ -215,24 +215,23 @@ def fit(
     Parameters
     ----------
     function
-        Takes the time in s, from 0 on; returns x, y, z in m, inertial NED, and yaw in rad if
-        it has four; or up to five rows of these, the value and its derivatives by time. Smooth:
-        the controller needs four derivatives, which are those of the position; stated ones are
-        checked.
+        Takes the time in s, from 0 on; returns x, y, z in m, inertial NED, and optionally yaw in
+        rad; or up to five rows of these, the value and its time derivatives. It must be smooth:
+        the controller uses four derivatives of the position. Stated derivatives are checked.
     duration : s
     where
-        What errors call a function that does not know where it comes from.
+        Name in error messages, for a function without a source.
 
     Returns
     -------
     course
-        Of degree 7, six times continuously differentiable; at most 1e-6 m or rad away.
+        Of degree 7, six times continuously differentiable; its error is at most 1e-6 m or rad.
 
     Raises
     ------
     InputError
-        If the function fails, returns something else, states derivatives that are not those of
-        its position, or is not smooth enough for 1000 pieces.
+        If the function fails, returns a wrong value, states wrong derivatives, or is not smooth
+        enough for 1000 pieces.
 
     """
     if not 0.0 < duration <= LONGEST:
@@ -252,8 +251,8 @@ def fit(
             return _course(finer)
         spline = finer
     raise InputError(
-        f'{source.name}: is not smooth enough: {pieces} polynomials miss it by {gap:.2g} m or '
-        'rad, or its snap does not converge')
+        f'{source.name}: is not smooth enough: with {pieces} polynomials the error is {gap:.2g} m '
+        'or rad, or the snap does not converge')
 
 
 def _course(spline: PPoly) -> Course:

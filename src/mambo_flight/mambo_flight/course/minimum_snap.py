@@ -3,10 +3,10 @@ Minimum-snap and minimum-jerk polynomials through waypoints at given times.
 
 .. math:: \min \int \| d^r x / dt^r \|^2 dt, \quad r = 4 \text{ (snap)}, 3 \text{ (jerk)}
 
-Unknown are the derivatives at the waypoints, which leave one polynomial of degree 2 r - 1 between
-each two of them: D. Mellinger, V. Kumar, ICRA 2011; C. Richter, A. Bry, N. Roy, ISRR 2013.
-Without inequalities the optimum solves one banded linear system; :mod:`constrained` has corridors
-and limits. The optimum is 2 r - 2 times continuously differentiable.
+The unknowns are the derivatives at the waypoints; they determine a polynomial of degree 2 r - 1 on
+each leg: D. Mellinger, V. Kumar, ICRA 2011; C. Richter, A. Bry, N. Roy, ISRR 2013. Without
+inequalities the optimum solves one banded linear system; :mod:`constrained` adds corridors and
+limits. The optimum is 2 r - 2 times continuously differentiable.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from scipy.linalg import solveh_banded
 
 Array = NDArray[np.float64]
 
-ORDERS = {'snap': 4, 'jerk': 3}  # r by what is minimised
+ORDERS = {'snap': 4, 'jerk': 3}  # r for each objective
 
 
 class Waypoints(NamedTuple):
-    """Where to be when; what is free is NaN."""
+    """Times and fixed values of waypoints; free values are NaN."""
 
     t: Array      # (n,) s, increasing
     fixed: Array  # (n, 4, 4) x, y, z in m, inertial NED, yaw in rad; each with three derivatives
@@ -33,7 +33,7 @@ class Waypoints(NamedTuple):
 
 def from_points(t: Array, points: Array, yaw: Array | None = None) -> Waypoints:
     """
-    Return waypoints that are passed in order, from rest to rest.
+    Return waypoints that are flown in order, from rest to rest.
 
     Parameters
     ----------
@@ -54,9 +54,9 @@ def from_points(t: Array, points: Array, yaw: Array | None = None) -> Waypoints:
 
 def hermite(order: int) -> Array:
     """
-    Return what makes coefficients of end values, (2 r, 2 r): ascending powers of u in [0, 1].
+    Return the matrix (2 r, 2 r) from end values to coefficients of ascending powers of u.
 
-    End values are r derivatives by u, from the 0th on, at 0 and then at 1.
+    End values are r derivatives by u, from the 0th on, at u = 0 and then at u = 1.
     """
     ends = np.zeros((2 * order, 2 * order))
     for k in range(order):
@@ -66,7 +66,7 @@ def hermite(order: int) -> Array:
 
 
 def _energy(order: int) -> Array:
-    """Return H with the integral of the squared r-th derivative over u: c^T H c."""
+    """Return H such that c^T H c is the integral of the squared r-th derivative over u."""
     H = np.zeros((2 * order, 2 * order))
     for i in range(order, 2 * order):
         for j in range(order, 2 * order):
@@ -76,31 +76,31 @@ def _energy(order: int) -> Array:
 
 
 def leg_energy(duration: float, order: int) -> Array:
-    """Return the energy of a leg as a form of its 2 r end values by time, (2 r, 2 r)."""
+    """Return the energy of a leg as a quadratic form of its 2 r end values, (2 r, 2 r)."""
     ends = end_scale(duration, order)
     basis = hermite(order) * ends
     return basis.T @ _energy(order) @ basis * duration ** (1 - 2 * order)
 
 
 def end_scale(duration: float, order: int) -> Array:
-    """Return what turns end values by time into end values by u, (2 r,)."""
+    """Return the factors from derivatives by time to derivatives by u, (2 r,)."""
     return np.tile(duration ** np.arange(order), 2)
 
 
 def solve(waypoints: Waypoints, order: int) -> Array:
     """
-    Return the derivatives at the waypoints of the optimum, (n, 4, r).
+    Return the derivatives of the optimum at the waypoints, (n, 4, r).
 
     Parameters
     ----------
     waypoints
-        Each axis with a given value somewhere, or all of it zero.
+        Each axis has at least one given value; an axis without one stays zero.
     order
         r of :data:`ORDERS`.
 
     """
     n, scale = len(waypoints.t), float(np.diff(waypoints.t).mean())
-    powers = scale ** np.arange(order)  # for numbers of one size
+    powers = scale ** np.arange(order)  # for numbers of similar size
     legs = [leg_energy(T / scale, order) for T in np.diff(waypoints.t)]
     out = np.zeros((n, len(AXES), order))
     for axis in range(len(AXES)):
@@ -137,7 +137,7 @@ def to_course(t: Array, derivatives: Array) -> Course:
     ----------
     t : (n,) s
     derivatives : (n, 4, r)
-        From the 0th on.
+        From the 0th derivative on.
 
     """
     order, duration = derivatives.shape[2], np.diff(t)

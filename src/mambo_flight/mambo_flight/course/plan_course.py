@@ -1,9 +1,9 @@
 """
 Plan a course: polynomials of minimum snap or jerk through waypoints, as a CSV file to fly.
 
-Takes a function of time and a file of polynomials, too, and writes them in the same format, that
-of uav_trajectories, moved, resized and stretched as asked. A file of waypoints is described in
-mambo_flight/course/waypoints.py.
+The format is that of uav_trajectories. A function of time or a file of polynomials is written in
+the same format, moved, resized and stretched by the options. The format of a file of waypoints is
+described in mambo_flight/course/waypoints.py.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Picture of a course: its path from above and its height, and what it asks of the vehicle."""
+"""Picture of a course: its path from above, its height and its demands on the vehicle."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ def draw(
     Parameters
     ----------
     path
-        File to make; its ending says the format.
+        File to create; its suffix selects the format.
     course
         In m, inertial NED.
     t, columns
-        Of ``feasibility.demand``.
+        Result of ``feasibility.demand``.
     limits
-        Of ``feasibility.limits``; drawn where a quantity comes near them.
+        Result of ``feasibility.limits``; a limit is drawn if a quantity comes near it.
     title
-        Of the figure.
+        Title of the figure.
 
     """
     figure = Figure(figsize=(11.0, 8.0), layout='constrained')

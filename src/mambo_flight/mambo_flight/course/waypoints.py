@@ -1,14 +1,14 @@
 """
-Files of waypoints: where to be, and when or how fast; CSV or YAML.
+Files of waypoints, CSV or YAML: positions with times or speeds.
 
 A CSV file has a header with the names of its columns and a row for each waypoint, in order:
 
 ``x``, ``y`` and ``z`` in m, inertial NED; ``height`` in m stands for ``z`` and points up.
-``t`` in s when the waypoint is passed, or ``speed`` in m/s, the mean one from the waypoint before.
+``t`` in s, time of the waypoint, or ``speed`` in m/s, mean speed from the previous waypoint.
 ``yaw`` in rad or ``yaw_deg``; ``vx``, ``vy``, ``vz`` in m/s, the velocity there.
-``tube`` in m, radius of the corridor round the straight line from the waypoint before.
+``tube`` in m, radius of the corridor around the straight line from the previous waypoint.
 
-A cell that is empty leaves its quantity free. A YAML file has the same names in a list called
+An empty cell leaves its quantity free. A YAML file has the same names in a list called
 ``waypoints``, a ``box`` for the leg to a waypoint, and the settings of :class:`Settings`.
 """
 
@@ -34,7 +34,7 @@ from .constrained import Bounds, DERIVATIVES
 from .minimum_snap import Waypoints
 
 COLUMNS = ('t', 'speed', 'x', 'y', 'z', 'height', 'yaw', 'yaw_deg', 'vx', 'vy', 'vz', 'tube')
-FASTEST = 100.0  # m/s, mean of a leg
+FASTEST = 100.0  # m/s, largest mean speed of a leg
 _MOST_YAW = 4.0 * math.pi
 
 
@@ -54,7 +54,7 @@ class LimitParams:
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """What is asked of a course besides its waypoints."""
+    """Settings of the planner."""
 
     minimise: str = schema.choice(
         'snap', tuple(minimum_snap.ORDERS), 'Mellinger 2011; jerk: lower degree, calmer')
@@ -91,11 +91,11 @@ def read(path: Path, over: Mapping[str, Any] | None = None) -> Course:
     Raises
     ------
     ParameterError
-        Naming file and line of what is wrong.
+        Naming file and line of the error.
     mambo_model.errors.InputError
         If corridors or limits need a solver that is not installed.
     mambo_model.errors.JobError
-        If no course keeps to the corridors and limits.
+        If no course satisfies the corridors and limits.
 
     """
     if path.suffix.lower() == '.csv':
@@ -107,7 +107,7 @@ def read(path: Path, over: Mapping[str, Any] | None = None) -> Course:
 
 
 def plan(where: str, points: list[Row], settings: Settings) -> Course:
-    """Return the course through waypoints as read; errors as those of :func:`read`."""
+    """Return the course through waypoints; errors as in :func:`read`."""
     waypoints, bounds = assemble(where, points, settings)
     if not bounds.binding:
         return minimum_snap.minimum(waypoints, settings.minimise)
@@ -122,10 +122,10 @@ def from_csv(text: str, where: str) -> list[Row]:
     first = table[0][0] if table else 1
     for name in header:
         if name not in COLUMNS:
-            fail(where, first, f'{schema.shown(name)} is no column: the first row names them, '
-                 f'out of {", ".join(COLUMNS)}')
+            fail(where, first, f'{schema.shown(name)} is not a column: the first row must name '
+                 f'columns out of {", ".join(COLUMNS)}')
         if header.count(name) > 1:
-            fail(where, first, f'column {name} is there twice')
+            fail(where, first, f'duplicate column {name}')
     out = []
     for line, cells in table[1:]:
         if len(cells) > len(header):
@@ -183,7 +183,7 @@ class _Reader(Reader):
         return Row(node.start_mark.line + 1, values, box)
 
     def box(self, node: yaml.Node) -> tuple[tuple[float, float], ...]:
-        """Return lowest and highest x, y and z of a box; what it does not name is unbounded."""
+        """Return lowest and highest x, y and z of a box; other axes are unbounded."""
         edges = dict.fromkeys(('x', 'y', 'z'), (-math.inf, math.inf))
         for name, (key, below) in self.mapping(node, 'box').items():
             low, high = self.numbers(below, name, 2)
@@ -205,7 +205,7 @@ def assemble(where: str, points: list[Row], settings: Settings) -> tuple[Waypoin
     Raises
     ------
     ParameterError
-        Naming file and line of what is missing, out of range or contradictory.
+        Naming file and line of a missing or wrong value.
 
     """
     if len(points) < 2:
@@ -242,7 +242,7 @@ def _position(where: str, row: Row, may_be_free: bool) -> list[float]:
     out = [values.get(name, np.nan) for name in ('x', 'y', 'z')]
     for name, value in zip(('x', 'y', 'z'), out, strict=True):
         if np.isnan(value) and not may_be_free:
-            fail(where, row.line, f'{name} is missing: the first and the last waypoint have all')
+            fail(where, row.line, f'{name} is missing: the first and the last waypoint need it')
         if abs(value) > FARTHEST:
             fail(where, row.line, f'{name} = {value:g} m is outside [-{FARTHEST:g}, '
                  f'{FARTHEST:g}]: positions are in metres')
@@ -250,7 +250,7 @@ def _position(where: str, row: Row, may_be_free: bool) -> list[float]:
 
 
 def _yaw(where: str, points: list[Row]) -> np.ndarray:
-    """Return the yaw at each waypoint in rad, each the shorter way round; NaN where it is free."""
+    """Return the yaw at each waypoint in rad, unwrapped the shorter way; NaN: free."""
     out = np.full(len(points), np.nan)
     before = 0.0
     for i, row in enumerate(points):
@@ -266,7 +266,7 @@ def _yaw(where: str, points: list[Row]) -> np.ndarray:
 
 
 def _times(where: str, points: list[Row], at: np.ndarray, settings: Settings) -> np.ndarray:
-    """Return when each waypoint is passed, (n,) s, the first at 0."""
+    """Return the time of each waypoint, (n,) s, the first at 0."""
     start = points[0].values.get('t', 0.0)
     out = np.zeros(len(points))
     for i, row in enumerate(points[1:], 1):
@@ -279,14 +279,14 @@ def _times(where: str, points: list[Row], at: np.ndarray, settings: Settings) ->
                 fail(where, row.line, f't = {row.values["t"]:g} s is not after '
                      f'{out[i - 1] + start:g} s of the waypoint before')
         elif 'speed' not in row.values and speed == 0.0:
-            fail(where, row.line, 'neither t nor speed')
+            fail(where, row.line, 't or speed is missing')
         elif not speed > 0.0:
             fail(where, row.line, f'speed = {speed:g} m/s must be above 0')
         else:
             way = np.linalg.norm(at[i] - at[i - 1])
             if not way > 0.0:
-                fail(where, row.line, 'a speed needs a way: give t where the vehicle stays, or '
-                     'where a coordinate is free')
+                fail(where, row.line, 'a speed needs a distance: give t if the vehicle stays in '
+                     'place or a coordinate is free')
             out[i] = out[i - 1] + way / speed
         duration, way = out[i] - out[i - 1], np.nan_to_num(np.linalg.norm(at[i] - at[i - 1]))
         if duration > LONGEST or way / duration > FASTEST:
@@ -322,7 +322,7 @@ def _corridors(
 def _check_limits(
     where: str, points: list[Row], t: np.ndarray, fixed: np.ndarray, bounds: Bounds,
 ) -> None:
-    """Raise ParameterError if the mean speed of a leg, or a velocity given, is above the limit."""
+    """Raise ParameterError if the mean speed of a leg or a given velocity is above the limit."""
     way = np.linalg.norm(np.diff(fixed[:, :3, 0], axis=0), axis=1)
     for name, ways, most, unit in (
             ('speed', way, bounds.limits[0], 'm/s'),

@@ -1,4 +1,4 @@
-"""One environment as data: which flight, what is seen and commanded, what differs by chance."""
+"""Configuration of an environment: scenario, observation, action and randomised parameters."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ Ranges = Mapping[str, tuple[Any, Any]]
 @dataclass(frozen=True)
 class Configuration:
     """
-    What :func:`configure` made of the arguments of an environment.
+    Configuration of an environment, made by :func:`configure` from its arguments.
 
     Attributes
     ----------
     task : str
         One of :data:`TASKS`.
     params : TaskParams
-        Numbers of the task.
+        Parameters of the task.
     scenario : Scenario
-        Of an episode, before anything is drawn.
+        Scenario of an episode, before parameters are drawn.
     observation, action : str
-        Of :data:`task.OBSERVATIONS` and :data:`task.ACTIONS`.
+        One of :data:`task.OBSERVATIONS` and of :data:`task.ACTIONS`.
     ranges
-        {'node.parameter': (low, high)} of what is drawn for each episode.
+        {'node.parameter': (low, high)} of parameters that are drawn for each episode.
 
     """
 
@@ -48,12 +48,12 @@ class Configuration:
 
     def drawn(self, rng: np.random.Generator) -> tuple[Scenario, tuple[float, float, float]]:
         """
-        Draw an episode: its scenario, and by how much its target is shifted, (3,) m NED.
+        Draw an episode; return its scenario and the shift of its target, (3,) m NED.
 
         Raises
         ------
         InputError
-            If values that were drawn contradict each other.
+            If the drawn values contradict each other.
 
         """
         values = dict.fromkeys(scenarios.SEEDS, int(rng.integers(2**31)))
@@ -72,7 +72,7 @@ def _one_of(name: str, value: Any, known: tuple[str, ...]) -> str:
 
 
 def _ranges(given: Mapping[str, Any] | None) -> Ranges:
-    """Return what is drawn for each episode, checked."""
+    """Return the checked ranges of the parameters that are drawn for each episode."""
     out = {}
     for name, pair in (given or {}).items():
         field = scenarios.LEAVES.get(name)
@@ -80,7 +80,7 @@ def _ranges(given: Mapping[str, Any] | None) -> Ranges:
             raise InputError(f'randomise: {schema.unknown(name, scenarios.LEAVES)}')
         whole = isinstance(field.default, int)
         if 'unit' not in field.metadata or whole:
-            raise InputError(f'randomise: {name} is not a number with fractions')
+            raise InputError(f'randomise: {name} is not a real number')
         if not isinstance(pair, tuple | list) or len(pair) != 2:
             raise InputError(f'randomise: {name} = {schema.shown(pair)} must be (low, high)')
         ends = tuple(tuple(end) if isinstance(end, list) else end for end in pair)
@@ -93,7 +93,7 @@ def _ranges(given: Mapping[str, Any] | None) -> Ranges:
 
 
 def _flight(scenario: Scenario | Path | str | None, task: str, trajectory: str | None) -> Scenario:
-    """Return the scenario that is meant, as it is flown otherwise."""
+    """Return the scenario that the arguments select."""
     if isinstance(scenario, Scenario):
         if trajectory is not None:
             raise InputError('trajectory: a Scenario has its own; give it as parameters')
@@ -114,7 +114,7 @@ def configure(
     **params: Any,
 ) -> Configuration:
     """
-    Read the arguments of an environment.
+    Check the arguments of an environment and return its configuration.
 
     Parameters
     ----------
@@ -128,19 +128,19 @@ def configure(
     scenario
         An experiment as ``mambo fly`` takes it, or a :class:`Scenario`; None: the default one.
     trajectory
-        Built-in one or file of a course, instead of that of the scenario.
+        Built-in trajectory or file of a course, instead of that of the scenario.
     parameters
         {'node.parameter': value}, applied last.
     randomise
-        {'node.parameter': (low, high)}: drawn evenly for each episode. For a parameter that is
-        several numbers, low and high are.
+        {'node.parameter': (low, high)}: drawn uniformly for each episode. For a vector
+        parameter, low and high are vectors.
     params
-        Numbers of the task, see :class:`TaskParams`.
+        Parameters of the task, see :class:`TaskParams`.
 
     Raises
     ------
     InputError
-        In one line, for what is unknown, out of range or cannot be flown by an agent.
+        For an unknown argument, a value out of range, or a flight that an agent cannot fly.
 
     """
     _one_of('observation', observation, OBSERVATIONS)
@@ -162,7 +162,7 @@ def configure(
         value = schema.flatten(flight)[name]
         if registry.is_own(value):
             raise InputError(
-                f'{name} = {schema.shown(value)}: environments fly built-in ones only: '
+                f'{name} = {schema.shown(value)}: environments take built-in ones only: '
                 f'{", ".join(registry.names)}')
     return Configuration(task, numbers, flight, observation, action, _ranges(randomise))
 

@@ -1,4 +1,4 @@
-"""N drones that fly in compiled code on several threads: what both environments are made of."""
+"""N drones flown by compiled code on several threads; both environments are built on it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ZERO = (0.0, 0.0, 0.0)
 
 
 def _target(flight: Scenario, shift: tuple[float, float, float]) -> Any:
-    """Return the reference that rests beside the hover point of the flight plan."""
+    """Return a reference at rest, shifted from the hover point of the flight plan."""
     v: Vehicle = flight.reference_node.vehicle
     x, y, z = (a + b for a, b in zip(flight.reference_node.plan.hover(), shift))
     return from_flat_output(
@@ -37,9 +37,9 @@ def _target(flight: Scenario, shift: tuple[float, float, float]) -> Any:
 @jit
 def _hold(memory, rng, values):
     """
-    Return what a drone keeps between its steps, as :func:`mambo_model.compiled.hold`.
+    Return a holder of a drone's state, as :func:`mambo_model.compiled.hold` does.
 
-    Of a function of its own: every node loads all that the shared one was compiled for.
+    It is a function of its own so that the nodes do not load its compiled variants.
     """
     return Held(memory, rng, values)
 
@@ -51,10 +51,10 @@ class DroneBatch:
     Attributes
     ----------
     scenarios : list of Scenario
-        Of the present episode of each drone: flown by ``closed_loop.fly`` it is the same flight
-        up to the handover.
+        Scenario of each drone's current episode. Flown by ``closed_loop.fly`` it gives the same
+        flight up to the handover.
     out : episode.Outcome
-        What the last steps brought; overwritten by the next ones.
+        Result of the last steps; the next steps overwrite it.
 
     """
 
@@ -77,7 +77,7 @@ class DroneBatch:
             self._pool = None
 
     def _episode(self, flight: Scenario, shift: tuple[float, float, float]) -> tuple[Any, ...]:
-        """Return memory, generators and values of a drone at the start of an episode."""
+        """Return state, random generators and constants of a drone at the start of an episode."""
         sim, settings = flight.sim_node.simulator, closed_loop.settings(flight)
         state, target = simulator.initial_state(sim), _target(flight, shift)
         drone = episode.Drone(
@@ -91,7 +91,7 @@ class DroneBatch:
         return drone, simulator.generators(sim.seed), values
 
     def _prepare(self, i: int, rng: np.random.Generator) -> None:
-        """Put a drone on the floor, at the start of an episode that is drawn."""
+        """Draw an episode for a drone and put it on the floor."""
         self.scenarios[i], shift = self.configuration.drawn(rng)
         parts = self._episode(self.scenarios[i], shift)
         if i < len(self._holders):
@@ -108,25 +108,25 @@ class DroneBatch:
         rngs: Sequence[np.random.Generator], go_on: Sequence[int],
     ) -> None:
         """
-        Begin the episode of some drones, and fly others on by one action.
+        Begin new episodes of some drones, and fly others for one action.
 
         Parameters
         ----------
         actions : (N, 4)
-            As :meth:`checked` returns them; only rows of drones that go on are read.
+            As returned by :meth:`checked`; only the rows of ``go_on`` are read.
         begin : (n,)
-            Drones whose episode begins, in rising order; all of them at first.
+            Drones whose episode begins, in rising order; in the first call all drones.
         rngs : (N,)
-            Of each drone, from which its episodes are drawn.
+            Random generator of each drone, from which its episodes are drawn.
         go_on : (m,)
-            Drones that fly on.
+            Drones that continue their episode.
 
         Raises
         ------
         InputError
-            If a parameter that is drawn has an impossible value.
+            If the drawn parameters contradict each other.
         JobError
-            If the scenario's controller does not bring a drone to the handover.
+            If the scenario's controller does not fly a drone to the handover.
 
         """
         for i in begin:
@@ -144,12 +144,12 @@ class DroneBatch:
                     f'{failsafe.STAGES[self.out.stage[i]]}')
 
     def _shares(self, rows: Sequence[int]) -> list[NDArray[np.int64]]:
-        """Return the rows as so many lists as there are threads."""
+        """Split the rows into one array for each thread."""
         whole = np.asarray(rows, dtype=np.int64)
         return [share for share in np.array_split(whole, self._threads) if len(share)]
 
     def _fly(self, actions: NDArray[np.float64], work: list[tuple[Any, int, int]]) -> None:
-        """Do all work, one piece in this thread."""
+        """Run all pieces of work, the first one in this thread."""
         def fly(piece: tuple[Any, int, int]) -> None:
             episode.fly(self._row, piece[0], actions, piece[1], piece[2], self.out)
         if self._pool is None or len(work) < 2:
@@ -162,20 +162,20 @@ class DroneBatch:
             other.result()
 
     def channels(self) -> tuple[Channel, ...]:
-        """Return the numbers of an action."""
+        """Return the channels of an action."""
         return commanded(
             self.configuration.action, self.configuration.scenario.controller_node.vehicle)
 
     def checked(self, actions: Any, count: int | None) -> NDArray[np.float64]:
         """
-        Return actions as compiled code reads them, (N, 4), cut to their limits.
+        Return actions as compiled code reads them, (N, 4), clipped to their limits.
 
         Parameters
         ----------
         actions : (count, n), or (n,) without a count
             In the units of :meth:`channels`, of which there are n.
         count
-            How many drones; None: one, which has no row of its own.
+            Number of drones; None: one drone, whose action is a vector.
 
         Raises
         ------

@@ -22,13 +22,13 @@ Step = tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]
 
 
 def box(channels: Sequence[Channel]) -> spaces.Box:
-    """Return the space of some numbers, in their units."""
+    """Return the space of some channels, in their units."""
     low, high = (np.array([getattr(c, end) for c in channels]) for end in ('low', 'high'))
     return spaces.Box(low, high, dtype=np.float64)
 
 
 def information(batch: DroneBatch, i: int) -> dict[str, Any]:
-    """Return what is said of drone i besides its observation; see :class:`DroneEnv`."""
+    """Return the ``info`` of drone i; see :class:`DroneEnv`."""
     out = batch.out
     return {
         'time': float(out.tick[i] * STEP_NS * 1e-9), 'truth': out.truth[i].copy(),
@@ -39,10 +39,10 @@ class DroneEnv(gymnasium.Env):
     """
     One drone, commanded by an agent.
 
-    An episode is a flight of the closed loop: the scenario's own controller takes off, the agent
-    flies from the handover on. ``terminated`` is an end by a limit (distance from the reference,
-    tilt, the floor, a shutdown by the failsafe), ``truncated`` the end of the time. The
-    information of a step has ``time`` [s] of the flight, ``truth`` (13,), the true state in the
+    An episode is a flight of the closed loop: the scenario's controller takes off, and the agent
+    flies from the handover on. ``terminated`` means that a limit was reached (distance from the
+    reference, tilt, the floor, a shutdown by the failsafe), ``truncated`` that the time is over.
+    The ``info`` of a step has ``time`` [s] of the flight, ``truth`` (13,), the true state in the
     order of :data:`task.STATE`, and ``reason``, why an episode has terminated.
 
     Parameters
@@ -60,7 +60,7 @@ class DroneEnv(gymnasium.Env):
                              'compare or plot a flight of env.unwrapped.scenario')
         self._configuration = configure(task, **arguments)
         self._batch = DroneBatch(self._configuration, 1)
-        self._last = -1  # tick at which the time is over
+        self._last = -1  # tick at which the episode is truncated
         self._over = True
         self.action_space = box(self._batch.channels())
         self.observation_space = box(OBSERVED)
@@ -79,9 +79,9 @@ class DroneEnv(gymnasium.Env):
         Parameters
         ----------
         seed
-            Of all chance from now on; None: goes on with what the last seed began.
+            Seed of all random numbers from now on; None: continue with the last seed.
         options
-            There are none.
+            Not used.
 
         """
         super().reset(seed=seed)
@@ -97,7 +97,7 @@ class DroneEnv(gymnasium.Env):
         Parameters
         ----------
         action : (n,)
-            In the units of the action space; beyond its limits it is cut.
+            In the units of the action space; clipped to its limits.
 
         Raises
         ------
@@ -116,5 +116,5 @@ class DroneEnv(gymnasium.Env):
                 information(self._batch, 0))
 
     def close(self) -> None:
-        """Release what the environment holds."""
+        """End the threads."""
         self._batch.close()

@@ -1,9 +1,9 @@
 """
 Control steps of a flight that an agent commands: the compiled steps of the closed loop.
 
-At each control step the sensors are read, the estimator and the reference answer, the agent or
-a controller commands, the vehicle moves: the order of :mod:`mambo_flight.closed_loop`, and its
-numbers to the last bit (tested).
+At each control step the sensors are read, the estimator and the reference are updated, the agent
+or a controller commands the motors, and the vehicle moves. Order and numbers are those of
+:mod:`mambo_flight.closed_loop`, to the last bit (tested).
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ from .. import closed_loop
 from .task import ATTITUDE_THRUST, OBSERVED, PLAN, PWM, SETPOINT, TaskValues
 
 STEP = STEP_NS * 1e-9  # s
-ALOFT = 0.1  # m, height from which on touching the floor ends an episode
+ALOFT = 0.1  # m, once the drone has been this high, touching the floor ends an episode
 REASONS = (
     '', 'too far from the reference', 'tilted too far', 'touched the floor',
     'motors shut down by the failsafe')
 NOTHING, FAR, TILTED, FLOOR, SHUTDOWN = range(len(REASONS))
-WAITING = -1  # tick of a flight whose sensors have not been read yet
+WAITING = -1  # tick of a flight whose sensors have not been read
 
 
 class Drone(NamedTuple):
-    """Everything that a flight remembers between two actions."""
+    """State of a flight between two actions."""
 
-    simulator: simulator.SimulatorState  # its sensors have been read at this tick
+    simulator: simulator.SimulatorState  # after its sensors were read at this tick
     filter: filters.Memory
     control: failsafe.Memory
     estimated: State                     # what is observed, inertial NED and body FRD
@@ -57,7 +57,7 @@ class Drone(NamedTuple):
 
 
 class Episode(NamedTuple):
-    """What does not change during an episode."""
+    """Constants of an episode."""
 
     flight: closed_loop.Settings
     attitude: GainValues    # of the inner loop
@@ -68,26 +68,26 @@ class Episode(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What the steps of N drones bring, row i of drone i."""
+    """Result of the last steps of N drones, row i for drone i."""
 
     observation: NDArray[np.float64]  # (N, 22), see task.OBSERVED
     truth: NDArray[np.float64]        # (N, 13) state, see task.STATE
     reward: NDArray[np.float64]       # (N,)
-    reason: NDArray[np.int64]         # (N,) why the episode is over, of REASONS
+    reason: NDArray[np.int64]         # (N,) why the episode ended, index of REASONS
     tick: NDArray[np.int64]           # (N,) number of the control step
     stage: NDArray[np.int64]          # (N,) of the failsafe
 
 
 def outcome(count: int) -> Outcome:
-    """Return room for what so many drones bring."""
+    """Return an outcome of zeros for a number of drones."""
     return Outcome(
         np.zeros((count, len(OBSERVED))), np.zeros((count, 13)), np.zeros(count),
         *(np.zeros(count, dtype=np.int64) for _ in range(3)))
 
 
 @jit
-def _blown(state, tick, rngs, p):
-    """Return the simulator after the air has moved; its sensors are not read."""
+def _advance_wind(state, tick, rngs, p):
+    """Return the simulator with the wind of this tick; its sensors are not read."""
     air = wind.step(state.wind, tick, rngs[simulator.WIND], p.noise, p.wind)
     return simulator.SimulatorState(
         state.plant, state.imu, state.optical_flow, state.barometer, state.faults, air)
@@ -98,20 +98,20 @@ def attitude_pwm(
     state: State, q: Quat, thrust: float, gains: GainValues, vv: VehicleValues,
 ) -> Four:
     """
-    Return the PWM of the inner loop (3.25)-(3.29) for an attitude at rest, (4,).
+    Return the PWM, (4,), of the inner loop (3.25)-(3.29) for a constant attitude.
 
     Parameters
     ----------
     state
         Estimate, inertial NED and body FRD.
     q : (4,) w x y z
-        Wanted attitude, body to inertial, unit.
+        Desired attitude, body to inertial, unit quaternion.
     thrust : N
-        Wanted, along -z of the body.
+        Desired thrust, along -z of the body.
     gains
         Of the cascaded controller.
     vv
-        Believed vehicle.
+        Vehicle model of the controller.
 
     """
     zero = (0.0, 0.0, 0.0)
@@ -123,7 +123,7 @@ def attitude_pwm(
 
 @jit
 def _shifted(ref, kind, action):
-    """Return the reference of the scenario's controller, which an agent may move."""
+    """Return the reference of the scenario's controller, shifted by a ``SETPOINT`` action."""
     if kind != SETPOINT:
         return ref
     rho = add(ref.rho, (action[0], action[1], action[2]))
@@ -132,8 +132,8 @@ def _shifted(ref, kind, action):
 
 
 @jit
-def _judged(body, ref, before, pwm, shutdown, aloft, rules, vv):
-    """Return the reward of the control step up to now, and why the episode is over."""
+def _reward(body, ref, before, pwm, shutdown, aloft, rules, vv):
+    """Return the reward of the last control step, and the reason if the episode ends."""
     distance = norm(sub(ref.rho, body.rho))
     speed = norm(sub(ref.v, rotate(body.q, body.nu)))
     turned = to_euler(body.q)[2] - to_euler(ref.q)[2]
@@ -161,7 +161,7 @@ def _judged(body, ref, before, pwm, shutdown, aloft, rules, vv):
 
 @jit
 def _store(row, s, ref):
-    """Store what is observed of a state and a reference."""
+    """Store the observation of a state and a reference."""
     closed_loop.store_state(row, s)
     v = rotate(s.q, s.nu)
     for k in range(3):
@@ -173,10 +173,10 @@ def _store(row, s, ref):
 @jit_beside_python
 def fly(drones, rows, actions, kind, repeat, out):
     """
-    Fly some drones on for a number of control steps, or to the end of their episode.
+    Fly some drones for a number of control steps, or to the end of their episode.
 
-    It is one loop over numbers, as that of the closed loop: handing a whole :class:`Drone` to a
-    function takes longer than the flight.
+    All steps are in one function, as in the closed loop: passing a whole :class:`Drone` to a
+    function would take longer than the flight.
 
     Parameters
     ----------
@@ -187,10 +187,11 @@ def fly(drones, rows, actions, kind, repeat, out):
     actions : (N, 4)
         Row i for drone i, in the units of :func:`task.commanded`; not read for ``PLAN``.
     kind
-        PWM, ATTITUDE_THRUST, SETPOINT or PLAN, of :mod:`task`. ``PLAN`` has no reward, no end.
+        PWM, ATTITUDE_THRUST, SETPOINT or PLAN, of :mod:`task`. ``PLAN`` has no reward and never
+        ends the episode.
     repeat
-        Control steps for which the action is held. For a flight that waits, the first one reads
-        its sensors only.
+        Control steps for which the action is held. The first step of a ``WAITING`` flight only
+        reads its sensors.
     out
         Its rows are filled: see :class:`Outcome`.
 
@@ -217,7 +218,7 @@ def fly(drones, rows, actions, kind, repeat, out):
                 state = simulator.advance(state, pwm, shutdown, p.simulator)
             tick += 1
             if p.use_truth:
-                state = _blown(state, tick, rngs, p.simulator)
+                state = _advance_wind(state, tick, rngs, p.simulator)
                 s = state.plant.body
             else:
                 state, samples = simulator.sense(state, tick, rngs, p.simulator)
@@ -237,7 +238,7 @@ def fly(drones, rows, actions, kind, repeat, out):
             body = state.plant.body
             aloft = aloft or -body.rho[2] > ALOFT
             if kind != PLAN:
-                reward, reason = _judged(
+                reward, reason = _reward(
                     body, ref, before, pwm, shutdown, aloft, e.rules, believed)
                 total += reward
                 if reason != NOTHING:

@@ -1,4 +1,4 @@
-"""The ids under which Gymnasium knows the environments."""
+"""Registration of the environments with Gymnasium."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ IDS = {'mambo/Hover-v0': 'hover', 'mambo/Track-v0': 'track'}
 
 
 def register() -> None:
-    """Let ``gymnasium.make`` and ``gymnasium.make_vec`` know the environments."""
+    """Register the environments for ``gymnasium.make`` and ``gymnasium.make_vec``."""
     for name, task in IDS.items():
         if name not in gymnasium.registry:
             gymnasium.register(

@@ -1,4 +1,4 @@
-"""What an agent is asked to do: numbers of the task, and the spaces it acts and observes in."""
+"""The task of an agent: its parameters, and the channels of actions and observations."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import NamedTuple
 from mambo_model.schema import quantity
 from mambo_model.values import derived, Parameters, values_type
 from mambo_model.vehicle.parameters import Vehicle
+from mambo_sim.parameters import STEP_NS
 
 STATE = ('x', 'y', 'z', 'u', 'v', 'w', 'qw', 'qx', 'qy', 'qz', 'p', 'q', 'r')
 """Columns of a state: position m, NED; velocity m/s, body; quaternion; rates rad/s, body."""
@@ -16,7 +17,7 @@ STATE = ('x', 'y', 'z', 'u', 'v', 'w', 'qw', 'qx', 'qy', 'qz', 'p', 'q', 'r')
 OBSERVATIONS = ('truth', 'estimate')
 ACTIONS = ('pwm', 'attitude_thrust', 'setpoint')
 PWM, ATTITUDE_THRUST, SETPOINT, PLAN = range(4)
-"""How a step is commanded, as compiled code sees it; PLAN: by the controller of the scenario."""
+"""Kinds of commands for compiled code; PLAN: the scenario's controller flies."""
 
 _JUDGED = 'of the reward (judgement)'
 
@@ -33,10 +34,10 @@ class Channel(NamedTuple):
 @dataclass(frozen=True)
 class TaskParams(Parameters):
     """
-    When the agent flies, what ends its flight, and what it is paid for.
+    Parameters of the task: handover to the agent, end of an episode, and reward.
 
-    Rewards are per second of flight: a step of ``repeat`` control steps earns as much as that
-    many steps of one. All is judged by the true state.
+    Rewards are per second of flight: a step of ``repeat`` control steps earns as much as
+    ``repeat`` steps of one. They are computed from the true state.
     """
 
     handover: float = quantity(
@@ -68,8 +69,8 @@ class TaskParams(Parameters):
         return math.cos(self.tilt_limit)
 
     def ticks(self, seconds: float) -> int:
-        """Return how many control steps a time in s takes."""
-        return round(seconds * 200.0)
+        """Return the number of control steps in a time in s."""
+        return round(seconds * 1e9 / STEP_NS)
 
 
 TaskValues = values_type(TaskParams, without=('handover', 'episode', 'repeat', 'target_spread'))
@@ -83,14 +84,14 @@ OBSERVED = (
     *(Channel(f'error_v{axis}', 'm/s', -200.0, 200.0) for axis in 'xyz'),
     *(Channel(f'reference_a{axis}', 'm/s^2', -100.0, 100.0) for axis in 'xyz'))
 """
-What is observed: the state, true or estimated, in the order of :data:`STATE`; reference minus
-state in position and velocity, inertial NED; acceleration of the reference, inertial NED.
+Channels of an observation: the state, true or estimated, in the order of :data:`STATE`; reference
+minus state in position and velocity, inertial NED; acceleration of the reference, inertial NED.
 """
 
 
 def commanded(action: str, vehicle: Vehicle) -> tuple[Channel, ...]:
     """
-    Return the numbers of an action of one kind.
+    Return the channels of an action of one kind.
 
     Parameters
     ----------
@@ -99,7 +100,7 @@ def commanded(action: str, vehicle: Vehicle) -> tuple[Channel, ...]:
         (3.25)-(3.29) of the cascaded controller; ``setpoint``, which moves the reference of the
         scenario's controller, inertial NED.
     vehicle
-        That the controller believes in.
+        Vehicle model of the controller.
 
     """
     if action == 'pwm':

@@ -30,7 +30,7 @@ class DroneVectorEnv(VectorEnv):
     """
     N drones, each commanded by an agent.
 
-    Drone i is, to the last bit, a :class:`DroneEnv` with the seed that it has here: ``seed + i``.
+    Drone i equals a :class:`DroneEnv` with the seed ``seed + i``, to the last bit.
 
     Parameters
     ----------
@@ -39,12 +39,11 @@ class DroneVectorEnv(VectorEnv):
     task, **arguments
         See :func:`configuration.configure`.
     autoreset_mode
-        What becomes of a drone whose episode is over, see Gymnasium. ``NextStep``: it begins
-        again with the next step, whose action is not used and whose reward is 0; ``SameStep``:
-        within the same step; ``Disabled``: it rests, with reward 0, until
-        ``reset(options={'reset_mask': ...})``.
+        When a drone begins its next episode, see Gymnasium. ``NextStep``: with the next step,
+        whose action is ignored and whose reward is 0; ``SameStep``: within the same step;
+        ``Disabled``: only by ``reset(options={'reset_mask': ...})``, until then its reward is 0.
     threads
-        That step the drones; None: as many as there are cores.
+        Number of threads; None: one for each core.
 
     """
 
@@ -113,14 +112,14 @@ class DroneVectorEnv(VectorEnv):
                 self._rngs[i], self._seeds[i] = seeding.np_random(seeds[i])
 
     def _masked(self, options: dict[str, Any] | None) -> NDArray[np.int64]:
-        """Return which drones a reset is for."""
+        """Return the drones that a reset is for."""
         mask = (options or {}).get('reset_mask')
         if mask is None:
             return np.arange(self.num_envs)
         if not (isinstance(mask, np.ndarray) and mask.dtype == bool
                 and mask.shape == (self.num_envs,) and mask.any()):
             raise InputError(f"options['reset_mask'] must be {self.num_envs} booleans in an "
-                             'array, one of them true at least')
+                             'array, at least one of them true')
         if not self._rngs:
             raise InputError("options['reset_mask']: the first reset is for every drone")
         return np.flatnonzero(mask)
@@ -139,9 +138,9 @@ class DroneVectorEnv(VectorEnv):
         Parameters
         ----------
         seed
-            ``seed + i`` of drone i, or one for each.
+            Drone i gets ``seed + i``; or one seed for each drone.
         options
-            ``reset_mask``: (N,) booleans, the drones that begin; others fly on.
+            ``reset_mask``: (N,) booleans, the drones that begin; the others continue.
 
         """
         rows = self._masked(options)
@@ -150,14 +149,14 @@ class DroneVectorEnv(VectorEnv):
         return self._batch.out.observation.copy(), self._information(rows)
 
     def _information(self, rows: NDArray[np.int64]) -> dict[str, Any]:
-        """Return what is said of drones besides their observations, as Gymnasium does."""
-        out, said = self._batch.out, np.zeros(self.num_envs, dtype=bool)
-        said[rows] = True
+        """Return the ``infos`` of some drones, in the format of Gymnasium."""
+        out, mask = self._batch.out, np.zeros(self.num_envs, dtype=bool)
+        mask[rows] = True
         values = {
-            'time': np.where(said, out.tick * STEP_NS * 1e-9, 0.0),
-            'truth': np.where(said[:, None], out.truth, 0.0),
-            'reason': np.where(said, _REASONS[out.reason], None)}
-        return values | {f'_{name}': said.copy() for name in values}
+            'time': np.where(mask, out.tick * STEP_NS * 1e-9, 0.0),
+            'truth': np.where(mask[:, None], out.truth, 0.0),
+            'reason': np.where(mask, _REASONS[out.reason], None)}
+        return values | {f'_{name}': mask.copy() for name in values}
 
     def step(self, actions: Any) -> Steps:
         """
@@ -166,7 +165,7 @@ class DroneVectorEnv(VectorEnv):
         Parameters
         ----------
         actions : (N, n)
-            In the units of the action space; beyond its limits they are cut.
+            In the units of the action space; clipped to its limits.
 
         Raises
         ------
@@ -180,7 +179,7 @@ class DroneVectorEnv(VectorEnv):
         given = self._batch.checked(actions, self.num_envs)
         if self.autoreset_mode == AutoresetMode.NEXT_STEP:
             again = np.flatnonzero(self._over)
-        out.reward[self._over] = 0.0  # of those that rest
+        out.reward[self._over] = 0.0  # of drones that wait for a reset
         self._batch.advance(given, again, self._rngs, np.flatnonzero(~self._over))
         terminated = out.reason != 0
         truncated = ~terminated & (out.tick >= self._last)
@@ -196,5 +195,5 @@ class DroneVectorEnv(VectorEnv):
         return out.observation.copy(), reward, terminated, truncated, infos
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Release what the environment holds."""
+        """End the threads."""
         self._batch.close()

@@ -1,7 +1,8 @@
 """
-Who races over what: entrants, courses and what each flight has wrong, as scenarios.
+Flights that compare controllers: every controller on every course under every condition.
 
-What is wrong depends on the condition and the number of the draw alone, so that every entrant
+A condition sets how the true vehicle and the wind differ from the controllers' model. The
+differences depend on the condition and the number of the draw alone, so that every controller
 flies the same vehicles in the same wind on every course.
 """
 
@@ -23,15 +24,15 @@ from ..course import function_course, minimum_snap
 from ..scenario import override, Scenario, scenario
 
 DURATION = 30.0  # s
-WRONG = 0.2      # of mass and drag
+WRONG = 0.2      # relative error of mass and drag
 GUST = 0.5       # m/s, standard deviation on each axis
 
 
 class Entrant(NamedTuple):
-    """A controller with settings of its own."""
+    """A controller with its settings."""
 
-    controller: str  # a built-in one, a file, or an installed one
-    settings: dict[str, Any]  # of its parameters
+    controller: str  # built-in, a file, or an installed one
+    settings: dict[str, Any]  # parameters that differ from the defaults
     title: str
 
 
@@ -48,18 +49,18 @@ ENTRANTS = {
 
 def enter(names: Sequence[str]) -> dict[str, Entrant]:
     """
-    Return who races, by the name that the page has.
+    Return the controllers to compare, by the name on the page.
 
     Parameters
     ----------
     names
-        Out of :data:`ENTRANTS`; a file (``mine.py``, ``mine.py:Name``) or an installed
-        controller.
+        Keys of :data:`ENTRANTS`, files (``mine.py``, ``mine.py:Name``) or installed
+        controllers.
 
     Raises
     ------
     InputError
-        If there is no such controller, or two have one name.
+        If there is no such controller, or two have the same name.
 
     """
     out: dict[str, Entrant] = {}
@@ -72,9 +73,9 @@ def enter(names: Sequence[str]) -> dict[str, Entrant]:
             label, entrant = found.name, Entrant(absolute(name), {}, title)
             if label in ENTRANTS:
                 raise InputError(
-                    f'{name}: the race has a {label} of its own: give yours another name')
+                    f'{name}: {label} is already the name of another controller: rename yours')
         if label in out:
-            raise InputError(f'{name}: {label} races already')
+            raise InputError(f'{name}: {label} is given twice')
         out[label] = entrant
     return out
 
@@ -114,18 +115,18 @@ COURSES = ('circle', 'circle_fast', 'lemniscate', 'vertical_circle', 'step', 'mi
 
 
 def known(draw: int) -> dict[str, Any]:
-    """Return what is wrong in the condition known: nothing."""
+    """Return the true parameters of the condition known: those of the model."""
     return {}
 
 
 def twenty_percent(draw: int) -> dict[str, Any]:
-    """Return mass and drag wrong by exactly 20 %, either way, in gusts of 0.5 m/s."""
+    """Return mass and drag that differ by exactly 20 %, and gusts of 0.5 m/s."""
     mass, drag = (1.0 + sign * WRONG for sign in ((1, 1), (1, -1), (-1, 1), (-1, -1))[draw % 4])
     return _true(mass, drag, (0.0, 0.0, 0.0), 0.0, 1.0)
 
 
 def everything(draw: int) -> dict[str, Any]:
-    """Return mass and drag wrong by up to 20 %, battery, lag of the motors, wind and gusts."""
+    """Return mass and drag that differ by up to 20 %, battery, motor lag, wind and gusts."""
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(draw, spawn_key=(1,))))
     mass, drag = rng.uniform(1.0 - WRONG, 1.0 + WRONG, 2).tolist()
     wind = rng.uniform(-0.5, 0.5, 2).tolist()
@@ -134,7 +135,7 @@ def everything(draw: int) -> dict[str, Any]:
 
 
 def _true(mass: float, drag: float, wind: tuple, lag: float, supply: float) -> dict[str, Any]:
-    """Return the true vehicle by its factors, wind in m/s, lag in s, supply over 3.7 V."""
+    """Return true parameters: factors of mass and drag, wind m/s, lag s, supply over 3.7 V."""
     believed, at = Vehicle(), 'sim_node.simulator.'
     return {
         f'{at}vehicle.mass': mass * believed.mass,
@@ -149,28 +150,28 @@ CONDITIONS = {'known': known, 'twenty_percent': twenty_percent, 'everything': ev
 
 
 class Start(NamedTuple):
-    """One flight of a race."""
+    """Identification of one flight."""
 
     entrant: str
     course: str
     condition: str
-    draw: int  # from 0: what is wrong, and the seed of all noise
+    draw: int  # from 0; determines the true vehicle, the wind and the noise
 
 
 class Comparison:
     """
-    The flights of a race, by number; made when they are asked for.
+    The flights of a comparison, by number, each built when it is requested.
 
     Parameters
     ----------
     entrants
-        From :func:`enter`.
+        Result of :func:`enter`.
     courses, conditions
-        Names out of :data:`COURSES`, :data:`CONDITIONS`.
+        Names in :data:`COURSES` and :data:`CONDITIONS`.
     draws
-        Flights of each of these; one where nothing is wrong and nothing is noisy.
+        Flights of each combination; one if nothing is random.
     ideal
-        Whether they are flown on the true state.
+        Whether the controllers get the true state.
 
     """
 

@@ -1,8 +1,8 @@
 """
 Compare controllers: fly each over the same courses, in the same wind, with the same model errors.
 
-Writes controllers.md, controllers.json and a plot for each condition into a folder. What is
-finished is kept when it is interrupted: the same command goes on.
+Writes controllers.md, controllers.json and a plot for each condition into a folder. Finished
+flights are kept if it is interrupted: the same command continues.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ def race(
     conditions: Sequence[str], draws: int, states: Sequence[bool], workers: int | None = None,
 ) -> list[report.Result]:
     """
-    Fly a race and write its page.
+    Fly a comparison and write its page.
 
     Parameters
     ----------
     folder
-        For the page, the numbers and the plots.
+        Folder of the page, the numbers and the plots.
     entrants, courses, conditions, draws
-        As for :class:`Comparison`.
+        See :class:`Comparison`.
     states
-        Whether on the true state; both, one after the other.
+        Whether the controllers get the true state, for each round of flights.
     workers
-        Processes; None: one for each core.
+        Number of processes; None: one for each core.
 
     Raises
     ------
     InputError
-        If the unfinished rows in the folder are of another race.
+        If the unfinished rows in the folder belong to another comparison.
     SweepEndedError
-        If it ended early; the finished rows are kept.
+        If it was interrupted; the finished rows are kept.
 
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -83,7 +83,7 @@ def _write(
         pictures.append(f'controllers_{condition}.png')
         report.draw(folder / pictures[-1], found, condition)
     about = (f'{sum(r.flights for r in found)} flights of 30 s, {draws} draws of each kind '
-             '(one where nothing is wrong and nothing is noisy).')
+             '(one if nothing is random).')
     steps = {name: (entrants[name].title, took) for name, took in times.items()}
     (folder / 'controllers.md').write_text(report.markdown(found, steps, about, pictures))
     (folder / 'controllers.json').write_text(json.dumps(
@@ -92,7 +92,7 @@ def _write(
 
 
 def _names(text: str, known: Sequence[str], option: str) -> list[str]:
-    """Return the names of a list with commas; InputError for one that is not known."""
+    """Return the names of a comma-separated list; InputError for an unknown one."""
     names = text.split(',') if text else list(known)
     for name in names:
         if name not in known:
@@ -114,7 +114,7 @@ def _run(options: argparse.Namespace) -> None:
         race(options.output, *names, options.draws, states, options.workers)
     except KeyboardInterrupt:
         raise SweepEndedError(
-            'stopped by you; what is finished is kept, the same command goes on') from None
+            'stopped by you; finished flights are kept, the same command continues') from None
     print(f'page: {options.output / "controllers.md"}')
 
 
@@ -123,18 +123,18 @@ def parser() -> Parser:
     out = Parser('race', __doc__)
     add = out.add_argument
     add('-o', '--output', type=Path, metavar='FOLDER', required=True,
-        help='for the page, the numbers and the plots')
+        help='folder for the page, the numbers and the plots')
     add('--draws', type=int, default=1000, metavar='N',
         help='flights of each controller, course and condition (default: 1000)')
     add('--controller', default=[], action='append', metavar='NAME',
-        help='a controller of yours besides: FILE.py, FILE.py:NAME, or an installed one; may be '
-        'given several times')
+        help='add a controller of yours: FILE.py, FILE.py:NAME, or an installed one; '
+        'repeatable')
     add('--controllers', default='', metavar='A,B,...',
-        help=f'out of {", ".join(ENTRANTS)}, and yours')
+        help=f'comma-separated names out of {", ".join(ENTRANTS)} (default: all)')
     for name, known in (('courses', COURSES), ('conditions', CONDITIONS)):
         add(f'--{name}', default='', metavar='A,B,...', help=f'out of {", ".join(known)}')
     add('--state', default='both', choices=('both', 'true', 'estimated'),
-        help='what the controllers get (default: both, one after the other)')
+        help='state that the controllers get: true or estimated (default: both)')
     add('--workers', type=int, metavar='N', help='processes (default: one for each core)')
     return out
 

@@ -1,4 +1,4 @@
-"""The result of a race: numbers for each entrant, course and condition, as Markdown and plots."""
+"""Result of a comparison: metrics of each controller, course and condition, as page and plots."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from .comparison import Start
 
-LOST = 2.0  # m, of the largest error: such a flight did not survive
+LOST = 2.0  # m, a flight with a larger error did not survive
 TITLES = {
     'known': 'everything known',
     'twenty_percent': 'mass and drag wrong by 20 %, gusts of 0.5 m/s',
@@ -24,16 +24,16 @@ _STATES = {True: 'true state', False: 'estimates'}
 
 
 class Result(NamedTuple):
-    """What came of the flights of one entrant on one course in one condition."""
+    """Metrics of the flights of one controller on one course under one condition."""
 
     entrant: str
     course: str
     condition: str
     ideal: bool
     flights: int
-    survived: float  # share without shutdown and without an error of LOST
+    survived: float  # share without shutdown and with all errors below LOST
     rms: float  # m, median of the flights' RMS errors
-    rms_95: float  # m, 95th percentile of them
+    rms_95: float  # m, 95th percentile of the RMS errors
     largest: float  # m, largest error of any flight
     end: float  # m, median error at the end
     saturated: float  # mean share of the steps with a motor at a limit
@@ -41,7 +41,7 @@ class Result(NamedTuple):
 
 
 def survived(row: Mapping[str, Any]) -> bool:
-    """Return whether a flight was neither shut down nor far off."""
+    """Return whether a flight was not shut down and stayed within LOST."""
     return not row['shutdown'] and row['tracking_max'] < LOST
 
 
@@ -80,7 +80,7 @@ def _table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
 
 
 def _overview(found: Sequence[Result], condition: str, ideal: bool) -> str:
-    """Return the table of the median RMS errors, an entrant a line."""
+    """Return the table of the median RMS errors, one controller a line."""
     part = [r for r in found if (r.condition, r.ideal) == (condition, ideal)]
     courses = list(dict.fromkeys(r.course for r in part))
     lines = []
@@ -110,16 +110,16 @@ def markdown(
     pictures: Sequence[str],
 ) -> str:
     """
-    Return the page of a race.
+    Return the page of a comparison as Markdown.
 
     Parameters
     ----------
     found
-        From :func:`results`.
+        Result of :func:`results`.
     steps : us
-        What an entrant is, and the time of a step, by entrant.
+        Title of each controller and the time of a step, by name.
     about
-        What was flown, in a sentence or two.
+        Description of the flights, in a sentence or two.
     pictures
         Names of the plots beside the page.
 
@@ -128,8 +128,8 @@ def markdown(
            f'Written by `mambo race`, which flies it again. {about}', '',
            'Numbers are the median of the RMS position error of a flight in mm, take-off '
            'included. A flight survives if it is neither shut down nor 2 m off. Saturated: share '
-           'of the control steps with a motor at a limit. Energy: what the commanded thrusts '
-           'take.', '']
+           'of the control steps with a motor at a limit. Energy: that of the commanded '
+           'thrusts.', '']
     for condition in dict.fromkeys(r.condition for r in found):
         for ideal in dict.fromkeys(r.ideal for r in found if r.condition == condition):
             out += [f'## {TITLES[condition][0].upper()}{TITLES[condition][1:]}: '

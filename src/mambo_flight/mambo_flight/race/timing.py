@@ -1,4 +1,4 @@
-"""How long a step of a controller takes, its guard included."""
+"""Time of one control step, the failsafe guard included."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _STEPS, _REPETITIONS = 20_000, 5
 
 @jit
 def _repeat(memory, state, ref, dt, gains, vv, count):
-    """Answer the same estimate again and again; return a sum that depends on every answer."""
+    """Run the controller ``count`` times on one estimate; return a sum of all commands."""
     total = 0.0
     for _ in range(count):
         memory, command = controllers.answer(memory, state, ref, TRACK, dt, gains, vv)
@@ -26,7 +26,7 @@ def _repeat(memory, state, ref, dt, gains, vv, count):
 
 
 def step_time(flight: Scenario) -> float:
-    """Return the time of one step of the controller of a scenario in us, the least of five."""
+    """Return the time of one control step of a scenario in us, the minimum of five runs."""
     node = flight.controller_node
     plan, vv, gains = flight.reference_node.plan.values(), node.vehicle.values(), node.law.values()
     ref, _ = reference_step(12.0, plan, vv.mass, vv.inertia, vv.gravity)

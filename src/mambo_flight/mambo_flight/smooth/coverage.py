@@ -1,8 +1,8 @@
 """
-Smooth many simulated flights; say how often the intervals hold the true values.
+Smooth many simulated flights and count how often the intervals contain the true values.
 
 Slope, scale and latency of the flow are drawn for each flight as `mambo bound --vary` draws them.
-An interval of 95 % should hold the true value in 95 of 100 flights.
+A 95 % interval should contain the true value in 95 of 100 flights.
 """
 
 from __future__ import annotations
@@ -14,32 +14,32 @@ from typing import NamedTuple
 from mambo_bags.command import guard, Parser
 import numpy as np
 
-from .. import closed_loop
+from .. import closed_loop, offline_replay
 from ..accuracy.bound import add_seeds, flight_of, seeds_of
-from ..accuracy.filter_error import evaluate_recording, steps_of, with_unknowns
+from ..accuracy.filter_error import evaluate_recording, with_unknowns
 from ..scenario import Scenario
 from .intervals import intervals, middle, Path, path_error, QUANTITIES
 from .smoother import smooth
 
 
 class Trial(NamedTuple):
-    """One flight."""
+    """Result of one flight."""
 
-    held: tuple[bool, ...]    # by QUANTITIES: the interval holds the true value
-    errors: tuple[float, ...]  # likewise, estimate minus truth
+    held: tuple[bool, ...]    # by QUANTITIES: the interval contains the true value
+    errors: tuple[float, ...]  # by QUANTITIES: estimate minus truth
     filtered: Path
     smoothed: Path
 
 
 def trial(flight: Scenario) -> Trial:
-    """Return how well a flight is smoothed."""
+    """Smooth one flight and compare it with the truth."""
     recording = closed_loop.fly(flight)
-    judged = evaluate_recording(flight, recording, bounded=False)
-    s = smooth(steps_of(recording), flight.estimator_node.joint)
+    evaluated = evaluate_recording(flight, recording, bounded=False)
+    s = smooth(offline_replay.steps_of(recording), flight.estimator_node.joint)
     k, held, errors = middle(s), [], []
     for one in intervals(s):
         i = one.quantity.index
-        true = float(judged.made.x[k, i + 1] + judged.error[k, i])
+        true = float(evaluated.made.x[k, i + 1] + evaluated.error[k, i])
         held.append(one.low <= true <= one.high)
         errors.append(one.value - true)
     truth = recording.truth[s.start:]

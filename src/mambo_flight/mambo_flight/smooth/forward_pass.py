@@ -1,4 +1,4 @@
-"""What the joint filter makes of recorded samples, before and after the samples of each step."""
+"""Forward pass of the smoother: the joint filter before and after the samples of each step."""
 
 from __future__ import annotations
 
@@ -12,39 +12,26 @@ from mambo_model.compiled import jit
 import numpy as np
 from numpy.typing import NDArray
 
+from ..accuracy.filter_run import store_nominal, WIDTH
 from ..offline_replay import Steps
 
 Array = NDArray[np.float64]
-WIDTH = 24  # numbers of a state: p, v, q, gyro bias, accelerometer bias, scale, slope, drag x y,
-# latency, leak, range offset, pressure offset
 
 
 class Forward(NamedTuple):
     """States and covariances of the filter, row k at step k."""
 
-    dt: Array       # (n,) s, from the step before
+    dt: Array       # (n,) s, since the previous step
     x: Array        # (n, 24) after the samples of the step
-    P: Array        # (n, SIZE, SIZE) likewise
-    predicted: Array    # (n, 24) before them, but with the inertial sample
-    predicted_P: Array  # (n, SIZE, SIZE) likewise
-    moving: NDArray[np.bool_]  # (n,) aligned, and it has left its place
-
-
-@jit
-def _store(row, x):
-    """Store a state in a row of 24 numbers."""
-    for i in range(3):
-        row[i], row[3 + i] = x.p[i], x.v[i]
-        row[10 + i], row[13 + i] = x.gyro_bias[i], x.accel_bias[i]
-    for i in range(4):
-        row[6 + i] = x.q[i]
-    row[16], row[17], row[18], row[19] = x.scale, x.slope, x.drag[0], x.drag[1]
-    row[20], row[21], row[22], row[23] = x.latency, x.leak, x.range_offset, x.pressure_offset
+    P: Array        # (n, SIZE, SIZE) of x
+    predicted: Array    # (n, 24) after the inertial sample alone
+    predicted_P: Array  # (n, SIZE, SIZE) of predicted
+    moving: NDArray[np.bool_]  # (n,) aligned, and not at rest
 
 
 @jit
 def _run(memory, values, without, s, out):
-    """Fill ``out``; ``without`` are the same parameters without the measurement of drag."""
+    """Fill ``out``; ``without`` are the same parameters without the drag measurement."""
     nan = np.nan
     for k in range(len(s.t)):
         g, a, f = s.gyro[k], s.accel[k], s.flow[k]
@@ -54,22 +41,22 @@ def _run(memory, values, without, s, out):
         memory, _ = joint.step(
             memory, s.dt[k], gyro, accel, s.sonar[k], (f[0], f[1]), s.flow_quality[k],
             s.pressure[k], values)
-        _store(out.predicted[k], before.x)
-        _store(out.x[k], memory.x)
+        store_nominal(out.predicted[k], before.x)
+        store_nominal(out.x[k], memory.x)
         out.predicted_P[k], out.P[k] = before.P, memory.P
         out.moving[k] = not (memory.aligning or memory.resting)
 
 
 def run(found: Steps, params: JointParams) -> Forward:
     """
-    Return what the filter makes of some steps; the motion capture is not used.
+    Run the filter over some steps, without motion capture.
 
     Parameters
     ----------
     found
-        Of :func:`mambo_flight.offline_replay.steps`.
+        Steps of :func:`mambo_flight.offline_replay.steps`.
     params
-        Of the filter.
+        Parameters of the filter.
 
     """
     n = len(found.t)

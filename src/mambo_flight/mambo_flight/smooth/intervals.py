@@ -1,4 +1,4 @@
-"""What a smoothed flight says of the sensors and the vehicle, with intervals, and of its path."""
+"""Parameters of sensors and vehicle from a smoothed flight, with intervals, and its path error."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from scipy.stats import norm
 from .smoother import Smoothed
 
 Array = NDArray[np.float64]
-LEVEL = 0.95  # probability that an interval holds the true value
-WIDTH = float(norm.ppf(0.5 + 0.5 * LEVEL))  # deviations
+LEVEL = 0.95  # probability that an interval contains the true value
+WIDTH = float(norm.ppf(0.5 + 0.5 * LEVEL))  # standard deviations
 
 
 class Quantity(NamedTuple):
-    """One number that the filter estimates besides the motion."""
+    """A parameter that the filter estimates besides the motion."""
 
     name: str
     unit: str
-    index: int  # in the error state; one more in a row of the state
+    index: int  # in the error state; plus one in a row of the state
 
 
 QUANTITIES = (
@@ -36,21 +36,21 @@ QUANTITIES = (
 
 
 class Interval(NamedTuple):
-    """A quantity as the whole flight tells it, at the middle of the flight."""
+    """A quantity estimated from the whole flight, at the middle of the flight."""
 
     quantity: Quantity
     value: float  # unit of the quantity
-    low: float    # likewise, end of the interval of LEVEL
-    high: float   # likewise
+    low: float    # unit of the quantity, lower end of the interval
+    high: float   # unit of the quantity, upper end
 
 
 def middle(s: Smoothed) -> int:
-    """Return the step in the middle of what is smoothed."""
+    """Return the step in the middle of the smoothed steps."""
     return (s.start + len(s.t) - 1) // 2
 
 
 def intervals(s: Smoothed) -> list[Interval]:
-    """Return every quantity with its interval; walks (biases) at the middle of the flight."""
+    """Return every quantity with its interval, drifting biases at the middle of the flight."""
     k, out = middle(s), []
     for quantity in QUANTITIES:
         value = float(s.x[k, quantity.index + 1])
@@ -69,12 +69,12 @@ class Path(NamedTuple):
 
 def path_error(rows: Array, truth: Array) -> Path:
     """
-    Return how far a path is from the true one.
+    Return the horizontal error of a path.
 
     Parameters
     ----------
     rows, truth : (n, >= 2) m
-        Positions, inertial NED, NaN where there is none.
+        Positions, inertial NED, NaN where unknown.
 
     """
     off = np.linalg.norm(rows[:, :2] - truth[:, :2], axis=1)
@@ -91,7 +91,7 @@ def table(s: Smoothed, truth: Array | None = None) -> str:
     s
         The flight.
     truth : (n, >= 2) m
-        True positions of its steps, inertial NED; None: not known.
+        True positions of its steps, inertial NED; None: unknown.
 
     """
     out = [f'{"":<32}{"value":>11}{"":>4}95 % interval']

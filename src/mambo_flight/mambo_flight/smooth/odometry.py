@@ -1,4 +1,4 @@
-"""Smoothed states and covariances in the form of an estimate, to be written as odometry."""
+"""Smoothed states and covariances as odometry."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def odometry(s: Smoothed, found: Steps, rate_noise: float) -> Odometry:
     Parameters
     ----------
     s
-        The flight.
+        Smoothed flight.
     found
-        Its steps, of which the rates are used; NaN where a sample is missing.
+        Filter steps of the flight, for the gyro rates; NaN where a sample is missing.
     rate_noise : rad/s
-        Deviation of one sample of the gyro.
+        Standard deviation of one gyro sample.
 
     """
     n, x = len(s.t), s.x

@@ -1,4 +1,4 @@
-"""A recorded flight smoothed: every state, bias and factor from all of its samples."""
+"""Smooth a recorded flight: states, biases and factors from all samples of the bag."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Answer(NamedTuple):
 
 
 def _truth(bag: Bag, t: NDArray[np.int64]) -> NDArray[np.float64] | None:
-    """Return true positions at some stamps, (n, 3) m NED; None: the bag has none."""
+    """Return the true positions at some stamps, (n, 3) m NED; None: not in the bag."""
     if topics.GROUND_TRUTH.name not in bag:
         return None
     true = bag[topics.GROUND_TRUTH.name]
@@ -44,14 +44,14 @@ def smoothed(bag: Bag, params: JointParams) -> Answer:
     Parameters
     ----------
     bag
-        Read with its sensors.
+        Bag that was read with its sensors.
     params
-        Of the joint filter.
+        Parameters of the joint filter.
 
     Raises
     ------
     BagError
-        If the vehicle never leaves its place.
+        If the vehicle never moves.
 
     """
     found = offline_replay.steps(bag)

@@ -1,15 +1,15 @@
 r"""
-Fixed-interval smoother of the joint filter: every state from the samples of the whole flight.
+Fixed-interval smoother of the joint filter: each state from the samples of the whole flight.
 
-Backward over the steps of the filter (Rauch, Tung and Striebel, 1965), on its error state, with
-x_k, P_k after the samples of step k, and x^-_{k+1}, P^-_{k+1} predicted from them:
+It runs backward over the steps of the filter (Rauch, Tung and Striebel, 1965), on the error
+state. x_k, P_k are the filter's after the samples of step k, x^-_{k+1}, P^-_{k+1} the prediction:
 
     G_k   = P_k F_k^T (P^-_{k+1})^-1
     x^s_k = x_k (+) G_k (x^s_{k+1} (-) x^-_{k+1})
     P^s_k = P_k + G_k (P^s_{k+1} - P^-_{k+1}) G_k^T
 
-F is that of :mod:`mambo_estimation.joint.propagation`. It begins where the vehicle leaves its
-place. Errors that are known exactly (a variance of zero) stay as they are.
+F is that of :mod:`mambo_estimation.joint.propagation`. Smoothing starts at the step in which the
+vehicle starts to move. Errors with a variance of zero are not changed.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from . import forward_pass
 from ..offline_replay import Steps
 
 Array = NDArray[np.float64]
-RIDGE = 1e-12  # of correlations: rounding leaves that much of a direction that is known exactly
+RIDGE = 1e-12  # added to correlations: rounding error in a direction without variance
 
 
 class Smoothed(NamedTuple):
-    """A flight as the whole of its samples tells it, row k at step k; NED and FRD."""
+    """A smoothed flight, row k at step k; NED and FRD."""
 
     t: NDArray[np.int64]  # (n,) ns
-    x: Array   # (n, 24) smoothed, numbers as of forward_pass.Forward
+    x: Array   # (n, 24) smoothed, columns as in forward_pass.Forward
     P: Array   # (n, SIZE, SIZE) of the error state
     filtered: forward_pass.Forward
-    start: int  # first step that is smoothed
+    start: int  # first smoothed step
 
 
 def _rotation(x: Array) -> Rotation:
@@ -53,7 +53,7 @@ def difference(x: Array, y: Array) -> Array:
 
 
 def added(x: Array, d: Array) -> Array:
-    """Return a state with an error taken into it, (24,)."""
+    """Return a state corrected by an error state, (24,)."""
     turn = Rotation.from_rotvec(d[6:9])
     q = (turn * _rotation(x)).as_quat()
     return np.concatenate([
@@ -72,7 +72,7 @@ def transition(x: Array, later: Array, dt: float, gravity: float) -> Array:
     Parameters
     ----------
     x, later : (24,)
-        State before, and as predicted.
+        State before the step, and the predicted one.
     dt : s
     gravity : m/s^2
 
@@ -88,7 +88,7 @@ def transition(x: Array, later: Array, dt: float, gravity: float) -> Array:
 
 
 def _gain(P: Array, F: Array, predicted: Array) -> Array:
-    """Return G, (SIZE, SIZE), from correlations, whose size does not differ."""
+    """Return G, (SIZE, SIZE), computed with correlations for numbers of similar size."""
     root = np.sqrt(np.maximum(np.diag(predicted), 0.0))
     known = root == 0.0
     scale = np.where(known, 1.0, root)
@@ -102,14 +102,14 @@ def _gain(P: Array, F: Array, predicted: Array) -> Array:
 
 def smooth(found: Steps, params: JointParams) -> Smoothed:
     """
-    Return the smoothed flight of some steps.
+    Smooth the filter steps of a flight.
 
     Parameters
     ----------
     found
-        Of :func:`mambo_flight.offline_replay.steps`.
+        Result of :func:`mambo_flight.offline_replay.steps`.
     params
-        Of the joint filter, whose model and noise are used.
+        Parameters of the joint filter: model and noise.
 
     """
     f = forward_pass.run(found, params)

@@ -1,8 +1,8 @@
 """
 Fly a scenario many times over seeds, vehicles, wind, sensor defects, gains: any parameter.
 
-Writes a Parquet table with a row for each flight and a PNG with percentiles beside it. What is
-finished is kept when it is interrupted: the same command goes on. The result is the same whatever
+Writes a Parquet table with a row for each flight and a PNG with percentiles beside it. Finished
+flights are kept if it is interrupted: the same command continues. The result does not depend on
 the number of workers. The file is described in mambo_flight/sweep/design.py.
 """
 
@@ -34,13 +34,13 @@ def sweep(
     Parameters
     ----------
     path
-        Of the file.
+        Sweep file.
     out
         Parquet file to write; until then the finished rows are in ``out.rows``.
     ideal
         Whether to fly without sensors, on the true state.
     workers, dask
-        As for :func:`run.run`.
+        See :func:`run.run`.
 
     Returns
     -------
@@ -51,14 +51,14 @@ def sweep(
     mambo_model.schema.ParameterError
         For a wrong file, naming file, line and key.
     mambo_model.errors.InputError
-        If the result exists, or the unfinished rows are of another sweep.
+        If the result exists, or the unfinished rows belong to another sweep.
     SweepEndedError
-        If it ended early; the finished rows are kept.
+        If it was interrupted; the finished rows are kept.
 
     """
     refuse_existing(out)
     flights = design.Flights(design.read(path))
-    for number in range(len(flights.sweep.rows)):  # refused before anything is flown
+    for number in range(len(flights.sweep.rows)):  # refuse wrong input before anything is flown
         flights[number]
     journal = table.Journal(
         out.with_name(f'{out.name}.rows'), table.digest(flights, ideal))
@@ -106,7 +106,7 @@ def _run(options: argparse.Namespace) -> None:
         data = sweep(options.sweep, options.output, options.ideal, options.workers, options.dask)
     except KeyboardInterrupt:
         raise SweepEndedError(
-            'stopped by you; what is finished is kept, the same command goes on') from None
+            'stopped by you; finished flights are kept, the same command continues') from None
     print(f'{summary(data)}\ntable: {options.output}\nplots: {options.output.with_suffix(".png")}')
 
 
@@ -114,14 +114,15 @@ def parser() -> Parser:
     """Return the command line."""
     out = Parser('sweep', __doc__)
     add = out.add_argument
-    add('sweep', type=Path, metavar='SWEEP.yaml', help='which flights')
+    add('sweep', type=Path, metavar='SWEEP.yaml', help='sweep file')
     out.add_output('RESULT.parquet', 'table to write')
     add('--workers', type=int, metavar='N', help='processes (default: one for each core)')
     add('--dask', metavar='ADDRESS',
         help="fly on the workers of a Dask scheduler, e.g. tcp://host:8786, in place of this "
         "machine's processes")
-    add('--ideal', action='store_true', help='without sensors: the controller has the true state')
-    add('--measure', action='store_true', help='only say how fast one core flies the first flight')
+    add('--ideal', action='store_true', help='without sensors: the controller gets the true state')
+    add('--measure', action='store_true',
+        help='only measure how fast one core flies the first flight')
     return out
 
 

@@ -1,11 +1,11 @@
 """
-Sweep files: which flights, as a table of parameters.
+Sweep files: a table of parameters with a row for each flight.
 
     title: Mass and wind
     scenario: fig_5_10          # an experiment, experiment/flight, or a scenario file
     design: random              # or grid
     samples: 100
-    seed: 7                     # of the draws; that of a flight is a parameter like others
+    seed: 7                     # of the draws; the seed of a flight is a parameter
     vary:
       seed: {range: [1, 100]}
       vehicle: [identified, toolbox]
@@ -14,8 +14,8 @@ Sweep files: which flights, as a table of parameters.
         velocity: [[0, 0, 0], [1, 0, 0]]
         gust_time: {uniform: [0.5, 2.0]}
 
-Under ``vary`` stand choices of a scenario file (vehicle, trajectory, seed, ...) and parameters of
-any node, each with one value, a list, ``range: [first, last]`` of whole numbers or ``range:
+``vary`` takes settings of a scenario file (vehicle, trajectory, seed, ...) and parameters of any
+node, each with one value, a list, ``range: [first, last]`` of whole numbers or ``range:
 [first, last, count]``, ``uniform: [low, high]`` or ``normal: [mean, standard deviation]``. A grid
 crosses lists and ranges and draws distributions ``samples`` times at each of its points; a random
 design has ``samples`` flights and draws everything. Draws depend on ``seed``, the name of the
@@ -40,12 +40,12 @@ from ..scenario import ParameterReader, Place
 from ..scenario_file import FIELDS
 
 DISTRIBUTIONS = ('normal', 'range', 'uniform')
-MOST = 10_000_000  # flights
+MOST = 10_000_000  # flights of a sweep at most
 
 
 @dataclasses.dataclass(frozen=True)
 class _Head:
-    """What a sweep file says besides ``vary``."""
+    """The keys of a sweep file other than ``vary``."""
 
     title: str = schema.text('', 'in one line what is varied')
     scenario: str = schema.text('', 'what is flown; empty: the default circle')
@@ -58,7 +58,7 @@ HEAD = {field.name: field for field in dataclasses.fields(_Head)}
 
 
 class Axis(NamedTuple):
-    """What one parameter gets: values, or a distribution."""
+    """A varied parameter: its values, or its distribution."""
 
     name: str
     where: str  # file and line
@@ -82,7 +82,7 @@ class _Reader(ParameterReader):
     """Reads a sweep file."""
 
     def axes(self, node: yaml.Node, prefix: str = '') -> Iterator[Axis]:
-        """Yield what is under ``vary``; names may be dotted or nested."""
+        """Yield the parameters under ``vary``; names may be dotted or nested."""
         for part, (key, below) in self.mapping(node, prefix.rstrip('.') or 'vary').items():
             name = f'{prefix}{part}'
             field = self.leaves.get(name) or (None if prefix else FIELDS.get(name))
@@ -95,9 +95,9 @@ class _Reader(ParameterReader):
                 raise schema.ParameterError(f'{self.where(key)}: {schema.unknown(name, known)}')
 
     def axis(self, name: str, field: dataclasses.Field, node: yaml.Node) -> Axis:
-        """Return one of them."""
+        """Return one parameter."""
         def leaf(below: yaml.Node) -> Any:
-            return self.leaf(name.rpartition('.')[0] or 'Scenario', name, field, below)
+            return self.leaf(name.rpartition('.')[0], name, field, below)
         if isinstance(node, yaml.MappingNode):
             return self.spread(name, field, node)
         many = isinstance(node, yaml.SequenceNode)
@@ -114,7 +114,7 @@ class _Reader(ParameterReader):
         if len(keys) != 1 or next(iter(keys)) not in DISTRIBUTIONS:
             self.fail(node, name, f'must have one of {", ".join(DISTRIBUTIONS)}')
         if 'unit' not in field.metadata:
-            self.fail(node, name, 'is no number: give a list')
+            self.fail(node, name, 'is not a number: give a list')
         (kind, (_, below)), = keys.items()
         if kind == 'range':
             values = self.range(name, field, below)
@@ -135,7 +135,7 @@ class _Reader(ParameterReader):
         return Axis(name, self.where(below), field, (), kind, first, second)
 
     def range(self, name: str, field: dataclasses.Field, node: yaml.Node) -> tuple[Any, ...]:
-        """Return evenly spaced values, both ends among them."""
+        """Return evenly spaced values, both ends included."""
         whole = isinstance(field.default, int)
         if (not isinstance(node, yaml.SequenceNode) or len(node.value) not in (2, 3)
                 or isinstance(field.default, tuple)):
@@ -154,15 +154,15 @@ class _Reader(ParameterReader):
         return tuple(int(value) if whole else value for value in values)
 
     def check(self, name: str, field: dataclasses.Field, value: Any, where: str) -> None:
-        """Refuse a value outside of its declaration, with the place it comes from."""
+        """Raise ParameterError with the place of a value that is not valid."""
         try:
-            schema.check_field(name.rpartition('.')[0] or 'Scenario', field, value)
+            schema.check_field(name.rpartition('.')[0], field, value)
         except schema.ParameterError as error:
             raise schema.ParameterError(f'{where}: {error}') from None
 
 
 def _draw(axis: Axis, seed: int, count: int) -> list[Any]:
-    """Return so many draws of a parameter; the first ones are the same for any count."""
+    """Draw ``count`` values of a parameter; the first ones do not depend on ``count``."""
     sequence = np.random.SeedSequence(seed, spawn_key=tuple(axis.name.encode()))
     rng = np.random.Generator(np.random.PCG64(sequence))
     if axis.kind == 'values':
@@ -204,7 +204,7 @@ def read(path: Path) -> Sweep:
     Raises
     ------
     mambo_model.schema.ParameterError
-        Naming file, line and key of what is unknown, mistyped or out of range.
+        Naming file, line and key of an unknown key or a wrong value.
 
     """
     reader = _Reader(Path(path))
@@ -215,21 +215,21 @@ def read(path: Path) -> Sweep:
         reader.learn(root, schema.flatten(base))
     else:
         reader.learn(root)
-    said, axes = {}, ()
+    settings, axes = {}, ()
     for name, (key, node) in keys.items():
         if name == 'vary':
             axes = tuple(reader.axes(node))
         elif name in HEAD:
-            said[name] = reader.leaf('Sweep', name, HEAD[name], node)
+            settings[name] = reader.leaf('', name, HEAD[name], node)
         else:
             raise schema.ParameterError(
                 f'{reader.where(key)}: {schema.unknown(name, [*HEAD, "vary"])}')
     names = [axis.name for axis in axes]
     for axis in axes:
         if names.count(axis.name) > 1:
-            raise schema.ParameterError(f'{axis.where}: {axis.name}: stands there twice')
-    head = _Head(**said)
-    if head.design == 'random' and 'samples' not in said:
+            raise schema.ParameterError(f'{axis.where}: {axis.name}: duplicate key')
+    head = _Head(**settings)
+    if head.design == 'random' and 'samples' not in settings:
         raise schema.ParameterError(f'{path}: samples: missing; a random design needs it')
     return Sweep(Path(path), head, axes, _table(axes, head, reader))
 
@@ -237,7 +237,7 @@ def read(path: Path) -> Sweep:
 def _base(
     path: Path, name: str, settings: Mapping[str, Place],
 ) -> scenarios.Scenario:
-    """Return the scenario of a sweep file that this name stands for, with settings in force."""
+    """Return the scenario of a sweep file, with settings applied."""
     if not name:
         return scenario_file.from_settings(settings)
     if '.yaml' in name or '.yml' in name:
@@ -246,7 +246,7 @@ def _base(
 
 
 class Flights:
-    """The scenarios of a sweep, made one by one; those that differ in parameters share a base."""
+    """The scenarios of a sweep, built one by one; flights with equal settings share a base."""
 
     def __init__(self, sweep: Sweep) -> None:
         self.sweep = sweep
@@ -268,7 +268,7 @@ class Flights:
         Raises
         ------
         mambo_model.schema.ParameterError
-            If its values contradict each other; with the place of one that the error names.
+            If its values contradict each other; with file and line of one of them.
 
         """
         settings, parameters = {}, {}
@@ -291,7 +291,7 @@ class Flights:
         return flight
 
     def _located(self, error: schema.ParameterError, number: int) -> schema.ParameterError:
-        """Return an error with the place of a parameter that it names."""
+        """Return an error with file and line of a parameter that it names."""
         text = str(error)
         for axis in self.sweep.axes:
             if text.startswith(axis.where):

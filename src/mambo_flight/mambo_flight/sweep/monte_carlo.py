@@ -1,9 +1,9 @@
 """
-Many flights, each reduced to a few numbers while it is flown: nothing is recorded.
+Many flights, each reduced to a few metrics while it is flown; nothing is recorded.
 
-:func:`fly_many` flies them without sensors: the controller gets the true state. What moves and
-what answers are the compiled steps of :mod:`closed_loop`, so that such a flight is the one of the
-estimator ``ground_truth`` there, to the last bit (tested).
+:func:`fly_many` flies without sensors: the controller gets the true state. It uses the compiled
+steps of :mod:`closed_loop`, and its flights equal those with the estimator ``ground_truth`` there,
+to the last bit (tested).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ STEP = STEP_NS * 1e-9  # s
 
 
 class Tally(NamedTuple):
-    """Sums over the control steps so far, of those in flight but for the last two errors."""
+    """Sums over the control steps so far; the errors count in flight only, but for the last."""
 
     steps: int
     tracking: Vec3  # m^2, squares of truth minus reference, inertial NED
@@ -40,10 +40,10 @@ class Tally(NamedTuple):
     estimation_max: float  # m
     estimation_last: float  # m
     running: int  # steps with turning motors
-    saturated: int  # of these, with a motor at a limit of its PWM
+    saturated: int  # of these, steps with a motor at a PWM limit
     pwm_max: float
-    effort: float  # N^1.5, thrust of each motor to the power 1.5, by the believed map
-    stopped_at: float  # s, of the shutdown; NaN: none
+    effort: float  # N^1.5, thrust of each motor to the power 1.5, by the controller's motor map
+    stopped_at: float  # s, time of the shutdown; NaN: none
     reason: int  # of the shutdown, safety.REASON_*
 
 
@@ -57,22 +57,22 @@ def count(
     pwm: tuple[float, float, float, float], stopped: bool, reason: int, vv: VehicleValues,
 ) -> Tally:
     """
-    Return the tally with one more control step.
+    Return the tally after one more control step.
 
     Parameters
     ----------
     a
-        Before; :data:`START`.
+        Tally so far, at first :data:`START`.
     t : s
     truth, estimate, reference : (3,) m, inertial NED
     phase
         Of the flight plan.
     pwm : (4,) PWM
-        Of the motors.
+        Motor commands.
     stopped, reason
-        Whether they are shut down, and why.
+        Whether the motors are shut down, and why.
     vv
-        The vehicle that the controller believes in, for its limits.
+        Vehicle model of the controller, for its PWM limits.
 
     """
     off, wrong = sub(truth, reference), sub(estimate, truth)
@@ -101,12 +101,12 @@ def count(
 
 def metrics(a: Tally, vehicle: Vehicle) -> dict[str, Any]:
     """
-    Return the numbers of a flight by name; the vehicle is the one the controller believes in.
+    Return the metrics of a flight by name; ``vehicle`` is the model of the controller.
 
     ``tracking`` is truth minus reference, ``estimation`` estimate minus truth, in m: ``rms`` over
-    the steps in flight, total and along x, y, z (NED), ``max`` of their length there, ``final``
-    its value at the end. ``energy`` is what the commanded thrusts take, in J: ideal power of the
-    rotors over the efficiency of the drive. NaN where nothing was flown.
+    the steps in flight, total and along x, y, z (NED), ``max`` the largest length in flight,
+    ``final`` the length at the end. ``energy`` in J is the ideal power of the rotors at the
+    commanded thrusts over the efficiency of the drive, integrated. NaN if nothing was flown.
     """
     out: dict[str, Any] = {}
     for name in ('tracking', 'estimation'):
@@ -150,7 +150,7 @@ def measure(flight: Scenario, r: closed_loop.Recording) -> dict[str, Any]:
 
 
 class _Ideal(NamedTuple):
-    """What the compiled loop without sensors reads."""
+    """Constants that the compiled loop without sensors reads."""
 
     vehicle: VehicleValues
     plant: plant.PlantValues
@@ -166,8 +166,8 @@ class _Ideal(NamedTuple):
 
 
 @jit
-def _ideal(state, air, rng, control, steps, p):
-    """Return the tally of a flight on the true state; arguments as :func:`fly_many` has them."""
+def _fly_ideal(state, air, rng, control, steps, p):
+    """Return the tally of a flight on the true state; :func:`fly_many` fills the arguments."""
     tally, vehicle, vv = START, p.reference_vehicle, p.controller_vehicle
     for k in range(steps):
         t = k * STEP_NS * 1e-9
@@ -192,7 +192,7 @@ def fly_many(flights: Iterable[Scenario]) -> Iterator[dict[str, Any]]:
     Parameters
     ----------
     flights
-        Their estimators, sensors and motion capture do not matter, nor does a hand that carries.
+        Their estimators, sensors, motion capture and ``carried`` have no effect.
 
     Raises
     ------
@@ -207,24 +207,24 @@ def fly_many(flights: Iterable[Scenario]) -> Iterator[dict[str, Any]]:
             sim.noise, flight.reference_node.plan.values(), controller.law.values(),
             controller.failsafe.values(), flight.reference_node.vehicle.values(),
             controller.vehicle.values(), controller.period)
-        yield metrics(_ideal(
+        yield metrics(_fly_ideal(
             plant.initial(sim.plant), wind.initial(sim.wind),
             simulator.generators(sim.seed)[simulator.WIND], failsafe.begin(p.gains),
             closed_loop.step_count(flight), p), controller.vehicle)
 
 
 class Speed(NamedTuple):
-    """How fast one core flies; medians of repetitions."""
+    """Speed of one core, median of repetitions."""
 
     real_time_factor: float
-    drone_steps: float  # steps of the integration per second, each with its share of control
+    drone_steps: float  # integration steps per second, control included
 
 
 def speed(flight: Scenario, ideal: bool, repetitions: int = 5) -> Speed:
     """
     Measure how fast this process flies a scenario, with or without sensors, in CPU time.
 
-    One flight more goes before, which compiles.
+    A first flight, which compiles, is not counted.
     """
     work = (lambda: list(fly_many([flight]))) if ideal else lambda: fly_with_sensors(flight)
     took = []

@@ -1,4 +1,4 @@
-"""Percentiles of a sweep: how the errors are spread, and how they move with a parameter."""
+"""Plots of a sweep: distribution of the errors, and their dependence on each parameter."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_GROUPS, MOST_PARAMETERS, MOST_BINS = 6, 4, 12
 
 
 def percentiles(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the percents and values of the finite ones, (n,) each, sorted."""
+    """Return percentiles and sorted values of the finite values, (n,) each."""
     good = np.sort(values[np.isfinite(values)])
     return 100.0 * (np.arange(len(good)) + 0.5) / max(len(good), 1), good
 
@@ -34,7 +34,7 @@ def groups(column: Sequence[Any]) -> list[tuple[Any, np.ndarray]]:
 
 
 def bins(x: np.ndarray, y: np.ndarray) -> list[tuple[float, np.ndarray]]:
-    """Return (middle, values) of bins of a parameter that have alike many flights."""
+    """Return (middle, values) of bins of a parameter with equal numbers of flights."""
     order = np.argsort(x, kind='stable')
     edges = np.unique(x)
     if len(edges) <= MOST_BINS:
@@ -69,11 +69,11 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
     Parameters
     ----------
     path
-        Of the PNG.
+        PNG to write.
     data
         Columns of the result.
     names
-        Of those that are varied parameters.
+        Columns that are varied parameters.
     title
         Above the plots.
 
@@ -102,7 +102,7 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
             grid[row, column].set(xlabel=short, ylabel=label)
     titles = [('.'.join(colour.split('.')[-2:]), grid[0, 0])] if colour else []
     for heading, axes in [*titles, *((None, axes) for axes in grid[1:, 0])]:
-        if axes.get_legend_handles_labels()[0]:  # nothing is drawn of flights without numbers
+        if axes.get_legend_handles_labels()[0]:  # without finite values nothing is drawn
             axes.legend(title=heading, fontsize='small')
         axes.grid(alpha=0.3)
         axes.set_ylim(bottom=0.0)

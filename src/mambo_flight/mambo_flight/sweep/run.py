@@ -17,38 +17,38 @@ from . import monte_carlo
 from ..scenario import Scenario
 from .table import batches, Journal, SweepEndedError, SweepError
 
-BATCH = 16  # flights at most that a worker gets at once
-AHEAD = 3  # batches for each worker that wait or are flown
+BATCH = 16  # largest number of flights in a batch for a worker
+AHEAD = 3  # batches per worker that are flown or queued
 
 
 class Numbered(Protocol):
-    """Scenarios by number."""
+    """A sequence of scenarios."""
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of scenarios."""
 
     def __getitem__(self, number: int) -> Scenario:
-        """Return one of them."""
+        """Return one scenario."""
 
 
 def fly(flights: Sequence[Scenario], ideal: bool) -> list[dict[str, Any]]:
-    """Return the metrics of flights, with or without sensors: the work of a worker."""
+    """Fly a batch, with or without sensors, and return its metrics; runs in a worker."""
     if ideal:
         return list(monte_carlo.fly_many(flights))
     return [monte_carlo.fly_with_sensors(flight) for flight in flights]
 
 
 def _nothing() -> None:
-    """Do nothing: what starts a worker."""
+    """Do nothing; submitted to start a worker."""
 
 
 @contextlib.contextmanager
 def _processes(workers: int) -> Iterator[tuple[Executor, int]]:
-    """Give an executor of processes and their count."""
+    """Provide an executor of processes and their number."""
     pool = ProcessPoolExecutor(
         workers, mp_context=multiprocessing.get_context('spawn'),
-        initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN))  # Ctrl-C is for us
-    # a worker inherits what is blocked, and so is deaf to Ctrl-C from its first moment
+        initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN))  # handled here
+    # a worker inherits the blocked signals and ignores Ctrl-C from its start
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         for _ in range(workers):
@@ -63,7 +63,7 @@ def _processes(workers: int) -> Iterator[tuple[Executor, int]]:
 
 @contextlib.contextmanager
 def _dask(address: str) -> Iterator[tuple[Executor, int]]:
-    """Give the executor of a Dask scheduler and the count of its threads."""
+    """Provide the executor of a Dask scheduler and the number of its threads."""
     try:
         from distributed import Client
     except ImportError:
@@ -85,25 +85,25 @@ def run(
     dask: str | None = None,
 ) -> None:
     """
-    Fly what the journal does not have yet, and put it there.
+    Fly the flights that the journal does not have yet, and add them to it.
 
     Parameters
     ----------
     flights
-        Scenarios by number, made when they are asked for.
+        Scenarios by number, built when requested.
     journal
         Gets each row as it is finished.
     ideal
         Whether to fly without sensors.
     workers
-        Processes on this machine; None: as many as it has cores.
+        Processes on this machine; None: one for each core.
     dask
         Address of a scheduler whose workers fly instead, such as tcp://host:8786.
 
     Raises
     ------
     SweepError, SweepEndedError
-        If a worker fails; what is finished is in the journal.
+        If a worker fails; finished flights are in the journal.
 
     """
     left = [number for number in range(len(flights)) if number not in journal.rows]
@@ -114,7 +114,7 @@ def run(
                 journal.add(number, row)
             bar.update(len(rows))
 
-        if not dask and left:  # compiles once, for everybody
+        if not dask and left:  # compile once, before the workers start
             keep(left[:1], fly([flights[left[0]]], ideal))
             left = left[1:]
         workers = min(workers or len(os.sched_getaffinity(0)), max(len(left), 1))
@@ -128,7 +128,7 @@ def run(
 
 def _spread(flights: Numbered, left: Sequence[int], ideal: bool, executor: Executor, count: int,
             keep: Any) -> None:
-    """Fly numbers on an executor with so many workers, never more than a few ahead."""
+    """Fly the numbers ``left`` on an executor, with at most AHEAD batches per worker."""
     size = max(1, min(BATCH, len(left) // (4 * count)))
     todo, under_way = batches(left, size), {}
     try:
@@ -151,9 +151,9 @@ def _result(future: Future) -> list[dict[str, Any]]:
         return future.result()
     except BrokenProcessPool:
         raise SweepEndedError(
-            'a worker was killed; what is finished is kept, the same command goes on') from None
-    except Exception as error:  # whatever a worker elsewhere may raise
+            'a worker was killed; finished flights are kept, the same command continues') from None
+    except Exception as error:  # a remote worker may raise anything
         text = ' '.join(f'{type(error).__name__}: {error}'.split())
         raise SweepEndedError(
-            f'a worker failed: {text}; what is finished is kept, the same command goes on'
+            f'a worker failed: {text}; finished flights are kept, the same command continues'
         ) from None

@@ -1,4 +1,4 @@
-"""The result of a sweep: rows as they come in a journal, all of them in the end as Parquet."""
+"""The result of a sweep: a journal of finished rows, and the whole table as Parquet."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from .design import Flights, Sweep
 
 
 class SweepError(InputError):
-    """A sweep cannot be begun as asked; the text says why and what to do."""
+    """A sweep cannot start; the message says why and what to do."""
 
 
 class SweepEndedError(JobError):
-    """A sweep that was begun has ended; what is finished is kept."""
+    """A running sweep has ended early; finished flights are kept."""
 
 
 def parameters(sweep: Sweep, number: int) -> dict[str, Any]:
@@ -38,7 +38,7 @@ def parameters(sweep: Sweep, number: int) -> dict[str, Any]:
 
 
 def digest(flights: Flights, ideal: bool) -> str:
-    """Return what a result depends on, in short: flights, sensors or none, the numerics."""
+    """Return a hash of everything that the result depends on: flights, sensors, numerics."""
     out = hashlib.sha256(f'{ideal} {source_digest()}'.encode())
     out.update(repr([axis.name for axis in flights.sweep.axes]).encode())
     for row in flights.sweep.rows:
@@ -55,19 +55,19 @@ class Journal:
     Parameters
     ----------
     path
-        Of the file; made or gone on with.
+        File, which is created or continued.
     head
         The :func:`digest` of the sweep.
 
     Attributes
     ----------
     rows : dict[int, dict]
-        What is finished, by the number of the flight.
+        Finished rows, by the number of the flight.
 
     Raises
     ------
     SweepError
-        If the file is of another sweep or cannot be written.
+        If the file belongs to another sweep or cannot be written.
 
     """
 
@@ -78,14 +78,14 @@ class Journal:
             path.parent.mkdir(parents=True, exist_ok=True)
             good = self._read(head) if path.exists() else 0
             self._stream = path.open('ab')
-            self._stream.truncate(good)  # a line that was cut off by the interruption
+            self._stream.truncate(good)  # drop a line that an interruption cut off
             if not good:
                 self._write({'sweep': head})
         except OSError as error:
             raise SweepError(f'{path}: {error.strerror}') from None
 
     def _read(self, head: str) -> int:
-        """Take the finished rows; return the length in bytes of what is whole."""
+        """Read the finished rows; return the length in bytes of the complete lines."""
         good = 0
         for number, line in enumerate(self.path.read_bytes().splitlines(keepends=True)):
             try:
@@ -104,11 +104,11 @@ class Journal:
         return good
 
     def _write(self, row: Mapping[str, Any]) -> None:
-        self._stream.write(json.dumps(row).encode() + b'\n')  # NaN and every bit of a float kept
+        self._stream.write(json.dumps(row).encode() + b'\n')  # keeps NaN and every bit of a float
         self._stream.flush()
 
     def add(self, number: int, row: dict[str, Any]) -> None:
-        """Keep a finished row."""
+        """Add a finished row."""
         self.rows[number] = row
         self._write({'flight': number, **row})
 
@@ -117,13 +117,13 @@ class Journal:
         self._stream.close()
 
     def remove(self) -> None:
-        """Close and remove the file: the result has everything."""
+        """Close and remove the file, once the result is written."""
         self.close()
         self.path.unlink()
 
 
 def columns(sweep: Sweep, rows: Mapping[int, Mapping[str, Any]]) -> dict[str, list[Any]]:
-    """Return the tidy table: a row for each flight, parameters first, then what came of it."""
+    """Return the table: a row for each flight, parameters first, then metrics."""
     out: dict[str, list[Any]] = {'flight': list(range(len(sweep.rows)))}
     for number in out['flight']:
         for name, value in {**parameters(sweep, number), **rows[number]}.items():
@@ -133,7 +133,7 @@ def columns(sweep: Sweep, rows: Mapping[int, Mapping[str, Any]]) -> dict[str, li
 
 def write(path: Path, data: Mapping[str, Sequence[Any]], title: str) -> None:
     """
-    Write a table as Parquet, in one step.
+    Write a table as Parquet; the file appears complete or not at all.
 
     Raises
     ------

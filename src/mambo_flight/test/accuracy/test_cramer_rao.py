@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 DT = 0.005
-HOVER = cramer_rao.Truth(1.0, 0.0, 0.055, 0.0)
+HOVER = cramer_rao.TrueParameters(1.0, 0.0, 0.055, 0.0)
 
 
 def hovering(seconds, flow_every, sonar_every, height=1.0):
@@ -17,7 +17,7 @@ def hovering(seconds, flow_every, sonar_every, height=1.0):
     state = np.zeros((n, 13))
     state[:, 2], state[:, 6] = -height, 1.0
     force, k = np.tile([0.0, 0.0, -9.81], (n, 1)), np.arange(n)
-    return cramer_rao.Sensed(
+    return cramer_rao.SampledFlight(
         state, force, k % flow_every == 0, k % sonar_every == 0, np.zeros(n, np.bool_))
 
 

@@ -5,6 +5,7 @@ import math
 from types import SimpleNamespace
 
 from mambo_estimation.joint.state import SIZE
+from mambo_flight import offline_replay
 from mambo_flight.accuracy import cramer_rao, filter_error
 from mambo_flight.accuracy.filter_error import LATENCIES, SCALES, SLOPES, true_noise, with_unknowns
 from mambo_flight.scenario import override, Scenario
@@ -112,7 +113,7 @@ def exact_flight(n=5):
     x = np.hstack([truth[:, :3], truth[:, 3:6], q, biases, np.tile(
         [1.02, 0.07, 0.2, 0.2, 0.03, 0.0, 0.0, 0.0], (n, 1))])
     return (SimpleNamespace(t=np.arange(n), truth=truth), SimpleNamespace(x=x),
-            cramer_rao.Truth(1.02, 0.07, 0.2, 0.03), biases, body)
+            cramer_rao.TrueParameters(1.02, 0.07, 0.2, 0.03), biases, body)
 
 
 def test_a_filter_that_is_right_has_no_error():
@@ -157,7 +158,7 @@ def test_steps_of_a_flight_hold_its_samples_and_say_no_sample_of_quality_0():
         t=np.arange(n) * 5_000_000, imu=np.arange(24.0).reshape(n, 6), sonar=np.full(n, np.nan),
         flow=np.array([[0.1, 0.2, 200.0], [np.nan] * 3, [0.3, 0.4, 100.0], [np.nan] * 3]),
         pressure=np.full(n, 1e5))
-    steps = filter_error.steps_of(recording)
+    steps = offline_replay.steps_of(recording)
     np.testing.assert_allclose(steps.dt, [0.0, DT, DT, DT])
     np.testing.assert_array_equal(steps.gyro, recording.imu[:, :3])
     np.testing.assert_array_equal(steps.accel, recording.imu[:, 3:])

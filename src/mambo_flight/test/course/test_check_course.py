@@ -47,10 +47,10 @@ def test_numbers_as_json_are_those_of_the_table(fast, capsys):
     ([EIGHT, '--stretch', '0'], '--stretch 0 must be within 0.01 to 100'),
     ([EIGHT, '--scale', 'nan'], '--scale nan must be within 0.01 to 100'),
     ([EIGHT, '--height', 'nan'], '--height nan must be at most 1000 m'),
-    ([EIGHT, '--duration', '3'], '--duration is for a function; --stretch makes a file longer'),
+    ([EIGHT, '--duration', '3'], '--duration is for a function of time; for a file use --stretch'),
     ([EIGHT, '--vehicle', 'eagle'], "vehicle 'eagle' is unknown"),
     ([EIGHT, '--tube', '-1'], 'tube = -1.0 m is outside'),
-    ([EIGHT, '-o', 'x.doc'], 'x.doc: a picture ends in .png, .svg, .pdf'),
+    ([EIGHT, '-o', 'x.doc'], 'x.doc: the name of a picture must end in .png, .svg, .pdf'),
     (['mine.py:f', '--duration', '3'], 'mine.py: No such file or directory')])
 def test_what_is_wrong_is_one_line_and_exit_code_2(capsys, arguments, message):
     assert check_course.main(arguments) == 2
@@ -63,12 +63,12 @@ def test_a_function_is_as_long_as_its_file_says_or_the_option(capsys, tmp_path):
     path.write_text('def line(t):\n    return 0.1 * t, 0.0, -1.0\n')
     assert check_course.main([str(path)]) == 2
     assert lines(capsys)[1] == [
-        f'trajectory check: {path}:line: how long? give --duration, or state duration = 12.0 (s) '
-        'in the file']
+        f'trajectory check: {path}:line: no duration: give --duration, or state '
+        'duration = 12.0 (s) in the file']
     path.write_text(f'duration = 6.0\n{path.read_text()}')
     assert check_course.main([str(path), '--json']) == 0
     assert '"duration": 6.0' in capsys.readouterr().out
     assert check_course.main([str(path), '--duration', '3', '--json']) == 0
     assert '"duration": 3.0' in capsys.readouterr().out
     assert check_course.main([str(path), '--tube', '1']) == 2
-    assert 'a function is no plan of waypoints; tube does not matter' in lines(capsys)[1][0]
+    assert 'leave out the options for waypoints, tube' in lines(capsys)[1][0]

@@ -152,9 +152,9 @@ def test_pieces_continue_each_other(minimise, orders):
 
 def test_what_no_course_can_keep_to_is_one_line():
     limits = np.array([np.inf, 0.5, np.inf, np.inf])
-    with pytest.raises(JobError, match='no path keeps to its corridor and limits .*lengthen the'):
+    with pytest.raises(JobError, match='no path satisfies its corridor and limits .*lengthen the'):
         con.minimum(WAYPOINTS, bounds(limits=limits))
-    with pytest.raises(JobError, match='no yaw keeps to its corridor and limits'):
+    with pytest.raises(JobError, match='no yaw satisfies its corridor and limits'):
         con.minimum(WAYPOINTS, bounds(yaw_rate=0.3))
 
 

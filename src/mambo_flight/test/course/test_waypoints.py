@@ -93,15 +93,15 @@ def test_files_are_told_by_their_first_column(file):
     polynomials = file(uav.to_text(wp.read(file(GOOD))), 'p.csv')
     assert course_file.is_polynomial(polynomials)
     assert not course_file.is_polynomial(file(GOOD))
-    with pytest.raises(ParameterError, match='p.csv: its polynomials are planned already; speed'):
+    with pytest.raises(ParameterError, match='p.csv: holds polynomials, .*, speed'):
         course_file.read(polynomials, {'speed': 1.0})
 
 
 @pytest.mark.parametrize(('text', 'message'), [
     ('', 'w.csv: the file is empty'), ('# nothing\n', 'w.csv: 0 waypoints; a course has at least'),
     (HEAD + '0,0,0,-1,0\n', 'w.csv: 1 waypoint; a course has at least 2'),
-    ('0,0,0,-1\n1,1,1,-1\n', "w.csv:1: '0' is no column: the first row names them, out of t, sp"),
-    ('t,x,x,z\n0,0,0,-1\n', 'w.csv:1: column x is there twice'),
+    ('0,0,0,-1\n1,1,1,-1\n', "w.csv:1: '0' is not a column: the first row must name columns"),
+    ('t,x,x,z\n0,0,0,-1\n', 'w.csv:1: duplicate column x'),
     (HEAD + '0,0,0,-1,0\n2,1,0,-1,0,7\n', 'w.csv:3: 6 cells; the header has 5 columns'),
     (HEAD + '0,0,0,-1,0\n2,1,nan,-1,0\n', 'w.csv:3: y: nan is not a finite number'),
     (HEAD + '0,0,0,-1,0\n2,1,a,-1,0\n', "w.csv:3: y: 'a' is not a number"),
@@ -110,9 +110,9 @@ def test_files_are_told_by_their_first_column(file):
     (HEAD + '0,0,0,1.2,0\n2,1,0,1.2,0\n', 'w.csv:2: z = 1.2 m is below the ground, as z points '
      'down: write -1.2, or call the column height'),
     ('t,x,y,z,height\n0,0,0,-1,1\n1,1,1,-1,1\n', 'w.csv:2: z and height: give one of them'),
-    ('x,y,z\n0,0,-1\n1,1,-1\n', 'w.csv:3: neither t nor speed'),
+    ('x,y,z\n0,0,-1\n1,1,-1\n', 'w.csv:3: t or speed is missing'),
     ('x,y,z,speed\n0,0,-1,\n1,1,-1,0\n', 'w.csv:3: speed = 0 m/s must be above 0'),
-    ('x,y,z,speed\n0,0,-1,\n0,0,-1,1\n', 'w.csv:3: a speed needs a way: give t where'),
+    ('x,y,z,speed\n0,0,-1,\n0,0,-1,1\n', 'w.csv:3: a speed needs a distance: give t if'),
     ('t,speed,x,y,z\n0,,0,0,-1\n1,1,1,1,-1\n', 'w.csv:3: t and speed: give one of them'),
     ('t,x,y,height\n0,0,0,1200\n2,1000,0,1200\n', r'w.csv:2: z = -1200 m is outside .* in metres'),
     ('t,x,y,height\n0,0,0,1\n0.002,1,0,1\n', 'w.csv:3: 1 m in 0.002 s: .* times in seconds'),
@@ -135,7 +135,7 @@ LEG = 'waypoints:\n- {t: 0, x: 0, y: 0, height: 1}\n- {t: 2, x: 1, y: 0, height:
 
 @pytest.mark.parametrize(('text', 'message'), [
     ('speed: 1\n', 'w.yaml: waypoints: missing'), ('waypoints: 3\n', 'w.yaml:1: waypoints: must '),
-    ('- a\n', 'w.yaml: holds no names and values'),
+    ('- a\n', 'w.yaml: must hold names and values'),
     (LEG + '}\nminimize: snap\n', 'w.yaml:4: minimize: unknown parameter; did you mean minimise?'),
     (LEG + '}\nminimise: drag\n', "w.yaml:4: course.minimise = 'drag' is not one of snap, jerk"),
     (LEG + '}\nlimits: {speed: -1}\n', r'w.yaml:4: course.limits.speed = -1.0 m/s is outside'),

@@ -28,7 +28,7 @@ MASS, GUST = 'sim_node.simulator.vehicle.mass', 'sim_node.simulator.wind.gust'
     ({'randomise': {MASS: (0.07, 0.06)}}, r'must be \(low, high\)'),
     ({'randomise': {MASS: (0.06, 600.0)}}, 'mass = 600.0 kg is outside'),
     ({'randomise': {GUST: (0.0, 1.0)}}, 'gust = 0.0 must be 3 numbers'),
-    ({'randomise': {'sim_node.simulator.noise': (0.0, 1.0)}}, 'not a number with fractions')])
+    ({'randomise': {'sim_node.simulator.noise': (0.0, 1.0)}}, 'not a real number')])
 def test_what_cannot_be_flown_is_refused_in_one_line(arguments, said):
     with pytest.raises(InputError, match=said) as error:
         configure(**{'task': 'hover', **arguments})
@@ -37,7 +37,7 @@ def test_what_cannot_be_flown_is_refused_in_one_line(arguments, said):
 
 def test_components_from_outside_are_refused():
     file = Path(__file__).parents[4] / 'examples/pd_controller.py'
-    with pytest.raises(InputError, match='environments fly built-in ones only: cascaded'):
+    with pytest.raises(InputError, match='environments take built-in ones only: cascaded'):
         configure('hover', parameters={'controller_node.controller': str(file)})
 
 

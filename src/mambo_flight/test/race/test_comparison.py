@@ -65,8 +65,8 @@ def test_a_controller_from_a_file_races_under_its_own_name():
 
 @pytest.mark.parametrize(('names', 'said'), [
     (['foo'], "controller 'foo' is unknown: give a file"),
-    (['indi', 'indi'], 'indi: indi races already'),
-    ([f'{PD}', f'{PD}'], 'pd_controller races already'),
+    (['indi', 'indi'], 'indi: indi is given twice'),
+    ([f'{PD}', f'{PD}'], 'pd_controller is given twice'),
     (['none.py'], 'none.py: No such file')])
 def test_who_cannot_race_is_refused_in_one_line(names, said):
     with pytest.raises(InputError, match=said) as error:
@@ -76,7 +76,7 @@ def test_who_cannot_race_is_refused_in_one_line(names, said):
 
 def test_a_file_with_the_name_of_an_entrant_is_refused(tmp_path):
     (tmp_path / 'feedforward.py').write_text(PD.read_text())
-    with pytest.raises(InputError, match='the race has a feedforward of its own'):
+    with pytest.raises(InputError, match='feedforward is already the name of another controller'):
         enter([str(tmp_path / 'feedforward.py')])
 
 

@@ -3,7 +3,9 @@
 from mambo_estimation.joint.joint_parameters import JointParams
 from mambo_estimation.joint.state import SIZE
 from mambo_flight import closed_loop
-from mambo_flight.accuracy.filter_error import steps_of, with_unknowns
+from mambo_flight.accuracy.filter_error import with_unknowns
+from mambo_flight.accuracy.filter_run import WIDTH
+from mambo_flight.offline_replay import steps_of
 from mambo_flight.scenario import scenario
 from mambo_flight.smooth import forward_pass, smoother
 from mambo_flight.smooth.smoother import added, difference, smooth, transition
@@ -18,7 +20,7 @@ G = 9.81
 def any_row(seed):
     """Return numbers of a state in flight."""
     rng = np.random.default_rng(seed)
-    x = rng.uniform(-1.0, 1.0, forward_pass.WIDTH)
+    x = rng.uniform(-1.0, 1.0, WIDTH)
     x[6:10] = Rotation.from_rotvec(0.5 * rng.standard_normal(3)).as_quat()[[3, 0, 1, 2]]
     return x
 

@@ -91,7 +91,7 @@ def test_ctrl_c_says_that_the_same_command_goes_on(file, tmp_path, capsys, monke
     monkeypatch.setattr(command, 'run', stopped)
     assert main([str(file), '-o', str(tmp_path / 'a.parquet')]) == 1
     assert capsys.readouterr().err == (
-        'sweep: stopped by you; what is finished is kept, the same command goes on\n')
+        'sweep: stopped by you; finished flights are kept, the same command continues\n')
 
 
 def test_a_summary_has_percentiles_of_what_is_finite_and_counts_shutdowns():

@@ -109,7 +109,7 @@ def test_vectors_are_listed_and_drawn_by_component(sweep):
     ('vary: {sim_node.sped: 1}', ':2: sim_node.sped: unknown parameter; did you mean'),
     ('vary: {seed: []}', ':2: seed: is an empty list'),
     ('vary: {seed: {poisson: [1]}}', ':2: seed: must have one of normal, range, uniform'),
-    ('vary: {trajectory: {uniform: [1, 2]}}', ':2: trajectory: is no number: give a list'),
+    ('vary: {trajectory: {uniform: [1, 2]}}', ':2: trajectory: is not a number: give a list'),
     ('vary: {seed: {uniform: [3, 1]}}', ':2: seed: uniform must be [low, high]'),
     ('vary: {seed: {normal: [3, -1]}}', ':2: seed: normal must be [mean, standard deviation]'),
     ('vary: {seed: {normal: [3]}}', ':2: seed: normal must be two values'),
@@ -124,7 +124,7 @@ def test_vectors_are_listed_and_drawn_by_component(sweep):
     ('vary: {seed: {range: [0, 9000]}, sim_node.patience: {range: [1, 9, 5000]}}',
      '45005000 flights are more than 10000000'),
     ('design: random', 'samples: missing; a random design needs it'),
-    ('samples: 0', ':2: Sweep.samples = 0 flights is outside'),
+    ('samples: 0', ':2: samples = 0 flights is outside'),
     ('desing: grid', ':2: desing: unknown parameter; did you mean design')])
 def test_what_is_wrong_is_named_by_file_line_and_key(sweep, tmp_path, text, message):
     with pytest.raises(schema.ParameterError, match=re.escape(message)) as refused:

@@ -152,7 +152,7 @@ def test_a_wrong_file_is_refused_by_file_line_and_key(tmp_path, capsys, line, te
     error = capsys.readouterr().err
     assert code == 2 and error.count('\n') == 1
     assert f'{path}:' in error and message in error
-    if 'stands there twice' not in error:
+    if 'duplicate key' not in error:
         assert f'{path}:{line}: ' in error
     assert list(tmp_path.iterdir()) == [path]
 

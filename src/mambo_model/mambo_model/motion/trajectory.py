@@ -149,8 +149,8 @@ class FlightPlanParams(Parameters):
 
         """
         if not self.course:
-            raise ParameterError('FlightPlanParams.course is empty: trajectory course needs one')
-        out = resized(parse(self.course, 'FlightPlanParams.course'), self.scale_amplitude)
+            raise ParameterError('course is empty: trajectory course needs one')
+        out = resized(parse(self.course, 'course'), self.scale_amplitude)
         if self.height > 0.0:
             out = raised(out, self.height)
         return stretched(out, 1.0 / self.scale_rate)
@@ -235,7 +235,7 @@ def _check_order(plan: FlightPlanParams) -> None:
         climbed, until = climbed + plan.climb_duration, 'takeoff_time + climb_duration'
     if plan.takeoff != 'none' and plan.start_time < climbed:
         raise ParameterError(
-            f'FlightPlanParams.start_time = {plan.start_time:g} s is before the climb ends, '
+            f'start_time = {plan.start_time:g} s is before the climb ends, '
             f'{until} = {climbed:g} s')
     joined, what = 0.0, ''
     if plan.takeoff == 'smooth':
@@ -246,7 +246,7 @@ def _check_order(plan: FlightPlanParams) -> None:
         joined, what = plan.start_time, 'the step, start_time'
     if 0.0 < plan.landing_time < joined:
         raise ParameterError(
-            f'FlightPlanParams.landing_time = {plan.landing_time:g} s is before {what} = '
+            f'landing_time = {plan.landing_time:g} s is before {what} = '
             f'{joined:g} s')
 
 
@@ -256,7 +256,7 @@ def _check_vertical(plan: FlightPlanParams) -> None:
     height, depth = -plan.hover()[2], plan.scale_amplitude * path.amplitude[2]
     if depth >= height:
         raise ParameterError(
-            f'FlightPlanParams.scale_amplitude = {plan.scale_amplitude:g} takes {plan.trajectory} '
+            f'scale_amplitude = {plan.scale_amplitude:g} takes {plan.trajectory} '
             f'to the ground: {depth:g} m of motion about {height:g} m')
     blends = plan.takeoff == 'smooth' or plan.landing_time > 0.0
     rate, T = path.rate * plan.scale_rate, plan.blend_duration
@@ -270,7 +270,7 @@ def _check_vertical(plan: FlightPlanParams) -> None:
             ('climb_duration', climb, 'lengthen it')):
         if value > 9.0:
             raise ParameterError(
-                f'FlightPlanParams.{name} = {getattr(plan, name):g} lets {plan.trajectory} ask '
+                f'{name} = {getattr(plan, name):g} lets {plan.trajectory} ask '
                 f'for up to {value:.3g} m/s^2 downward, limit 9 m/s^2: {remedy}')
 
 

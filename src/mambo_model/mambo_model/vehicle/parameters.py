@@ -81,11 +81,11 @@ class Vehicle(Parameters):
         super().__post_init__()
         if not self.pwm_min < self.pwm_max:
             raise ParameterError(
-                f'Vehicle.pwm_min = {self.pwm_min:g} PWM must be below '
+                f'pwm_min = {self.pwm_min:g} PWM must be below '
                 f'pwm_max = {self.pwm_max:g} PWM')
         if self.rotor.torques and not self.motor_time_constant > 0.0:
             raise ParameterError(
-                'Vehicle.rotor.torques = True needs a motor_time_constant above 0 s, 0.05 s say: '
+                'rotor.torques = True needs a motor_time_constant above 0 s, 0.05 s say: '
                 'rotors that jump to their speed kick the vehicle')
 
     def options(self) -> OptionValues | None:

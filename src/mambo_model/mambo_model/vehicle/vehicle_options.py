@@ -135,7 +135,7 @@ class BatteryParams(Parameters):
         super().__post_init__()
         if not self.empty_voltage < self.full_voltage:
             raise ParameterError(
-                f'BatteryParams.empty_voltage = {self.empty_voltage:g} V must be below '
+                f'empty_voltage = {self.empty_voltage:g} V must be below '
                 f'full_voltage = {self.full_voltage:g} V')
 
 

@@ -143,8 +143,8 @@ def test_built_in_trajectories_have_no_pieces():
 
 
 @pytest.mark.parametrize(('values', 'message'), [
-    ({'course': ''}, 'FlightPlanParams.course is empty: trajectory course needs one'),
-    ({'course': 'x'}, 'FlightPlanParams.course:1: the header must be'),
+    ({'course': ''}, 'course is empty: trajectory course needs one'),
+    ({'course': 'x'}, 'course:1: the header must be'),
     ({'height': 0.02}, r'the trajectory reaches a height of -[\d.]+ m at t = [\d.]+ s of the '
      r'flight, [\d.]+ s of the course: set height'),
     ({'scale_rate': 5.0}, r'asks for [\d.e+]+ m/s\^2 downward at t = .*, limit 9 m/s\^2'),

@@ -66,7 +66,7 @@ def test_markers_are_added_to_the_mass_that_the_file_gives(file):
     ('mass: {value: [1], unit: kg, source: x}\n', 4, 'mass: must be text'),
     ('mass: {value: 0.07, unit: kg, source: x, note: y}\n', 4, "mass: has 'note'; it takes"),
     ('\nmas: {value: 0.07, unit: kg, source: x}\n', 5, 'mas: unknown parameter; did you mean'),
-    (MASS + MASS, 5, 'mass: stands there twice'),
+    (MASS + MASS, 5, 'mass: duplicate key'),
     ('inertia:\n  value: [1e-4, 1e-4]\n  unit: kg m^2\n  source: x\n', 5,
      'inertia: must be 3 numbers'),
     ('inertia: {value: 1e-4, unit: kg m^2, source: x}\n', 4, 'inertia: must be 3 numbers'),
@@ -97,10 +97,10 @@ def test_what_is_wrong_is_named_with_file_line_and_key(file, text, line, message
 
 
 @pytest.mark.parametrize('text, message', [
-    ('', 'holds no names and values'),
-    ('- 1\n', 'holds no names and values'),
-    ('mass: [\n', ':2: no YAML'),
-    ('a: 1\n---\nb: 2\n', ':2: no YAML: but found another document'),
+    ('', 'must hold names and values'),
+    ('- 1\n', 'must hold names and values'),
+    ('mass: [\n', ':2: not valid YAML'),
+    ('a: 1\n---\nb: 2\n', ':2: not valid YAML: but found another document'),
     (MASS, 'has no description'),
     (HEAD + 'pwm_max: {value: 5, unit: PWM, source: x}\n', 'pwm_min = 10 PWM must be below'),
     (HEAD + 'markers:\n  - {mass: {value: 0.002, unit: kg, source: x}, '

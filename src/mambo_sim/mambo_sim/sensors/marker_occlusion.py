@@ -67,10 +67,10 @@ class MarkerParams(Parameters):
         five = np.array(self.five())
         if np.linalg.svd(five - five.mean(axis=0))[1][1] < NARROW * math.sqrt(COUNT):
             raise ParameterError(
-                'MarkerParams.positions lie on a line, which defines no attitude: spread them')
+                'positions lie on a line, which defines no attitude: spread them')
         if not self.gate() > 2.0 * self.deflection:
             raise ParameterError(
-                f'MarkerParams.positions: two markers are {2000.0 * self.gate():.3g} mm apart, '
+                f'positions: two markers are {2000.0 * self.gate():.3g} mm apart, '
                 f'which takes a deflection below {500.0 * self.gate():.3g} mm, '
                 f'not {1000.0 * self.deflection:.3g} mm')
 

@@ -141,7 +141,7 @@ class OpticalFlowParams(Parameters):
         super().__post_init__()
         if self.factor_low > self.factor_high:
             raise ParameterError(
-                f'OpticalFlowParams.factor_low = {self.factor_low:g} m must not exceed '
+                f'factor_low = {self.factor_low:g} m must not exceed '
                 f'factor_high = {self.factor_high:g} m')
         curve = math.exp if self.factor_law == 'exponential' else float
         lowest = min(
@@ -149,7 +149,7 @@ class OpticalFlowParams(Parameters):
             for h in (self.factor_low, self.factor_high))
         if lowest < 0.1:
             raise ParameterError(
-                f'OpticalFlowParams.factor_slope = {self.factor_slope:g} makes the factor '
+                f'factor_slope = {self.factor_slope:g} makes the factor '
                 f'{lowest:.3g} between factor_low and factor_high; it must stay above 0.1')
 
     @derived('ns', 'rate')

@@ -70,13 +70,13 @@ class SonarParams(Parameters):
         super().__post_init__()
         if not self.min_range < self.max_range:
             raise ParameterError(
-                f'SonarParams.min_range = {self.min_range:g} m must be below '
+                f'min_range = {self.min_range:g} m must be below '
                 f'max_range = {self.max_range:g} m')
         chances = (
             self.outlier_probability, self.multipath_probability, self.dropout_probability)
         if sum(chances) > 1.0:
             raise ParameterError(
-                'SonarParams.outlier_probability, multipath_probability and dropout_probability '
+                'outlier_probability, multipath_probability and dropout_probability '
                 f'sum to {sum(chances):g}; at most 1 of each sample can go wrong')
 
     @derived('ns', 'rate')

@@ -135,5 +135,5 @@ def test_bad_limits_name_themselves():
         SonarParams(min_range=1.0, max_range=0.6)
     with pytest.raises(ParameterError, match='sum to 1.2'):
         SonarParams(outlier_probability=0.5, multipath_probability=0.4, dropout_probability=0.3)
-    with pytest.raises(ParameterError, match='SonarParams.rate'):
+    with pytest.raises(ParameterError, match='^rate = '):
         SonarParams(rate=400.0)
