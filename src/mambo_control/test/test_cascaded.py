@@ -301,7 +301,7 @@ def test_command_answers_controller_state():
 @pytest.mark.parametrize(('name', 'value'), [
     ('k_p', 0.0), ('K_nu', -1.0), ('k_omega', math.nan), ('tilt_limit', 4.0), ('height_max', 0.0)])
 def test_out_of_range_parameter_names_itself(name, value):
-    with pytest.raises(ParameterError, match=f'CascadedParams.{name} = '):
+    with pytest.raises(ParameterError, match=f'^{name} = '):
         CascadedParams(**{name: value})
 
 

@@ -23,5 +23,5 @@ def test_the_tilt_limit_is_compared_by_the_vector_part_of_a_quaternion(degrees):
     ('k_p', 0.0), ('K_P', -0.1), ('tilt_limit', 4.0), ('height_min', 1.0), ('height_max', 0.0),
     ('derivatives', 'exact'), ('k_R', math.nan)])
 def test_a_gain_out_of_its_range_is_refused_by_name(name, value):
-    with pytest.raises(ParameterError, match=rf'\.{name} = '):
+    with pytest.raises(ParameterError, match=rf'^{name} = '):
         CascadedParams(**{name: value})

@@ -105,7 +105,7 @@ def test_an_installed_package_is_one_too(registry, write, monkeypatch):
     ('initial(values)', 'initial()', r'mine.py:12: initial\(\) must take 1 arguments: values'),
     ("quantity(2.0, '1/s', 0.0, 9.0, 'taste')", '2.0',
      'mine.py:6: parameter gain: declare it with quantity, choice, flag'),
-    ('2.0,', '12.0,', r'mine.py:6: the defaults are refused: Params.gain = 12.0 1/s is outside'),
+    ('2.0,', '12.0,', r'mine.py:6: the defaults are refused: gain = 12.0 1/s is outside'),
     ('@dataclass(frozen=True)', '@dataclass', 'must be a frozen dataclass|cannot be loaded'),
     ('@dataclass(frozen=True)', '', r'mine.py:\d: Params must be a dataclass'),
     ('return 0', 'return 0 +', r'mine.py:13: invalid syntax'),

@@ -15,7 +15,7 @@ def test_the_watchdog_can_be_turned_off_and_time_has_no_end():
     (SimNodeParams, 'motor_timeout', -0.1), (SimNodeParams, 'mode', 'warp'),
     (OptitrackNodeParams, 'seed', -1), (OptitrackNodeParams, 'seed', 2**31)])
 def test_a_value_out_of_its_range_is_refused_by_name(kind, name, value):
-    with pytest.raises(ParameterError, match=rf'\.{name} = '):
+    with pytest.raises(ParameterError, match=rf'^{name} = '):
         kind(**{name: value})
 
 
