@@ -45,9 +45,6 @@ HELD = {
         'src/mambo_control/test/literature/test_flatness_drag.py',
     'mambo_estimation/capture/aided.py': CAPTURE,
     'mambo_estimation/joint/joint_parameters.py': CAPTURE,
-    'mambo_flight/aided_replay.py': CAPTURE,
-    'mambo_flight/capture_columns.py': CAPTURE,
-    'mambo_flight/smooth/recorded.py': 'src/mambo_analysis/test/compare/test_smoothed.py',
     'mambo_flight/smooth/forward_pass.py': 'src/mambo_flight/test/smooth/test_smoother.py',
     'mambo_estimation/estimate.py': 'src/mambo_estimation/test/test_kalman.py',
     'mambo_estimation/filters.py': 'src/mambo_estimation/test/test_kalman.py',
@@ -56,8 +53,6 @@ HELD = {
     'mambo_estimation/joint/update.py': JOINT,
     'mambo_estimation/measurements/samples.py': 'src/mambo_estimation/test/test_kalman.py',
     'mambo_flight/gym/episode.py': DRONES,
-    'mambo_flight/gym/drone_batch.py': DRONES,
-    'mambo_flight/gym/registration.py': DRONES,
     # components of the user: tested in a flight
     'mambo_model/slots.py': 'src/mambo_flight/test/test_own_components.py',
     # options: tested by the parts that they switch
