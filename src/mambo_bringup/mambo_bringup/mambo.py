@@ -86,7 +86,7 @@ GROUPS: dict[str, dict[str, Command]] = {
         'identify flight': Command('mambo_analysis.twin.identify_flight', 'thrust, drag, lag, '
                                    'biases and noise from one flight'),
         'identify flow': Command('mambo_analysis.identify.flow', 'factor of the optical flow'),
-        'twin': Command('mambo_analysis.twin.twin', 'how well a model foresees flights it has not '
+        'twin': Command('mambo_analysis.twin.twin', 'how well a model predicts flights it has not '
                         'seen'),
         'identify sensors': Command('mambo_analysis.identify.sensors.command',
                                     'noise, rates and delays of the sensors'),

@@ -1,5 +1,5 @@
 """
-The errors of a flight, ``compare BAG``, and one flight against another, ``compare A B``.
+Errors of a flight, ``compare BAG``, or of one flight against another, ``compare A B``.
 
 For a flight with a reference: tracking error (ground truth, or Optitrack without it, minus
 reference) and estimation error (estimate minus Optitrack), before and after the end of the
@@ -37,11 +37,11 @@ STEADY = (
     'imu/data_raw', 'sensor_tick', 'ground_truth/odom', 'estimate/odom', 'estimator/state',
     'reference', 'controller/state', 'motor_pwm', 'onboard/odom', 'onboard/reference',
     'optitrack/pose')
-"""Topics of one period, whichever it is: the usual distance of their own stamps."""
+"""Topics with a constant period, estimated from their own stamps."""
 COUNTED = {
     'imu/data_raw': 'imu', 'sonar/range': 'sonar', 'optical_flow': 'optical_flow',
     'barometer/pressure': 'barometer'}
-"""Topics whose samples ``sensor_tick`` counts: the field that does."""
+"""Topics whose samples ``sensor_tick`` counts, with the field that holds the count."""
 _ODOMETRY = 'nav_msgs/msg/Odometry'
 TYPES = {
     'imu/data_raw': 'sensor_msgs/msg/Imu', 'sonar/range': 'sensor_msgs/msg/Range',
@@ -108,7 +108,7 @@ def _against_onboard(
 
 
 def _lost(bag: Bag, topic: str, messages: Messages) -> int | None:
-    """Return how many messages a topic lacks; None if nothing in the bag tells."""
+    """Return the number of messages missing from a topic; None if unknown."""
     if topic in COUNTED and 'sensor_tick' in bag:
         tick = bag['sensor_tick']
         last = int(np.argmax(tick.stamp))
@@ -142,7 +142,7 @@ def _topics(bag: Bag) -> list[dict[str, Any]]:
             try:
                 stamps = messages.stamp
                 entry['lost'] = _lost(bag, topic, messages)
-            except BagError:  # of an unknown encoding: counted, not decoded
+            except BagError:  # unknown encoding: count the messages without decoding
                 stamps = messages.log_time
             span = int(stamps.max() - stamps.min()) * 1e-9
             entry['rate'] = (len(messages) - 1) / span if span > 0.0 else None
@@ -151,7 +151,7 @@ def _topics(bag: Bag) -> list[dict[str, Any]]:
 
 
 def _factor(bag: Bag) -> float | None:
-    """Return the real-time factor that the bag tells, if any."""
+    """Return the real-time factor stored in the bag, if any."""
     for values in (bag.custom_data, *bag.metadata.values()):
         try:
             return float(values['real_time_factor'])
@@ -162,7 +162,7 @@ def _factor(bag: Bag) -> float | None:
 
 def compare(bag: Bag) -> dict[str, Any]:
     """
-    Compare what a bag says about one flight.
+    Return tracking errors, estimation errors and message losses of a flight.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def _rows(table: NDArray, index: Ints) -> NDArray:
 
 
 def _identical(recorded: Messages, replayed: Messages) -> list[str]:
-    """Say how a replayed estimate differs from the recorded one, payload by payload."""
+    """Describe how a replayed estimate differs from the recorded one, message by message."""
     here, there = metrics.common(recorded.stamp, replayed.stamp)
     a, b = recorded.table, replayed.table
     if a is not None and b is not None and a.shape[1] == b.shape[1]:
@@ -231,7 +231,7 @@ def _origin(
     bag: Bag, estimate: motion.Motion, truth: motion.Motion,
 ) -> Alignment | None:
     """
-    Return what brings a replayed estimate onto the truth of a flight; None: frames are the same.
+    Return the alignment of a replayed estimate with the truth; None: same frame.
 
     They are in a simulation, where the vehicle stands at the origin when the estimator begins.
     """
@@ -247,7 +247,7 @@ def _origin(
 
 def compare_replay(origin: Bag, answer: Bag) -> str:
     """
-    Compare a replayed estimate with what the source bag holds.
+    Compare a replayed estimate with the recorded one.
 
     Parameters
     ----------
@@ -298,7 +298,7 @@ def compare_replay(origin: Bag, answer: Bag) -> str:
 
 
 def _parts(a: Bag, b: Bag, ours: motion.Motion, theirs: motion.Motion, offset: int) -> Phases:
-    """Return the parts of the flight on B's clock: recorded by B or A, else found in a height."""
+    """Return the flight phases on B's clock: recorded by B or A, else detected from a height."""
     for recorded, moved in ((phases(b), 0), (phases(a), offset)):
         if recorded.takeoff_end is not None:
             return recorded.moved(moved)
@@ -307,11 +307,11 @@ def _parts(a: Bag, b: Bag, ours: motion.Motion, theirs: motion.Motion, offset: i
 
 
 def _reference(a: Bag, b: Bag, alignment: Alignment) -> str | None:
-    """Say whether two flights had one reference; None if one of them has none."""
+    """Return whether two flights had the same reference; None if one has no reference."""
     if a is b or 'reference' not in a or 'reference' not in b:
         return None
     apart = []
-    for offset in (0, alignment.offset):  # on their own clocks, and on one
+    for offset in (0, alignment.offset):  # each on its own clock, then on a common one
         try:
             ours = motion.read(a, 'reference').moved(offset, 0.0, np.zeros(3))
             error = pair.motions(ours, motion.read(b, 'reference'))[0].error
@@ -326,7 +326,7 @@ def _reference(a: Bag, b: Bag, alignment: Alignment) -> str | None:
 
 
 def _differences(a: Bag, b: Bag) -> list[list[Any]]:
-    """Return (parameter, value in A, value in B) for all that differ between two scenarios."""
+    """Return (parameter, value in A, value in B) of all parameters that differ."""
     def flat(content: Any, name: str = '') -> dict[str, Any]:
         if not isinstance(content, dict):
             return {name: content}
@@ -421,7 +421,7 @@ def compare_bags(
 
 
 def _plain(value: Any) -> Any:
-    """Return a result without NaN, which JSON does not know."""
+    """Return a result with NaN replaced, as JSON has no NaN."""
     if isinstance(value, dict):
         return {key: _plain(inner) for key, inner in value.items()}
     if isinstance(value, list):
@@ -461,7 +461,7 @@ def parser() -> Parser:
 
 
 def _what(options: argparse.Namespace) -> Collection[str] | None:
-    """Return what is to be aligned; BagError for anything unknown."""
+    """Return the quantities to align; BagError for an unknown one."""
     if options.no_align and (options.align or options.equal_at is not None):
         raise BagError('--no-align contradicts --align and --equal-at: give one of them')
     if options.no_align or options.align is None:

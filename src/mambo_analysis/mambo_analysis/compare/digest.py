@@ -1,4 +1,4 @@
-"""What a figure shows as one short text, kept in its PNG, so that a stale figure is noticed."""
+"""Digest of the content of a figure, stored in its PNG to detect a stale figure."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _numbers(values: object) -> str:
 
 
 def _parts(axes: Axes) -> Iterator[str]:
-    """Yield what was drawn into axes, but for what matplotlib chooses, as ticks."""
+    """Yield the content drawn into axes, without what matplotlib chooses, such as ticks."""
     yield from (axes.get_xlabel(), axes.get_ylabel())
     yield from (axes.get_title(loc) for loc in ('left', 'center', 'right'))
     for line in axes.lines:
@@ -54,7 +54,7 @@ def of_text(*texts: str) -> str:
 
 
 def save(figure: Figure, path: Path, dpi: float, shows: str = '') -> None:
-    """Save a figure as PNG with what it shows, by default its digest."""
+    """Save a figure as PNG with a digest of its content."""
     with replacing(path) as part:
         figure.savefig(part, format='png', dpi=dpi,
                        metadata={'Software': None, KEY: shows or digest(figure)})
@@ -62,7 +62,7 @@ def save(figure: Figure, path: Path, dpi: float, shows: str = '') -> None:
 
 def saved(path: Path) -> str | None:
     """
-    Return the digest that a PNG was saved with, None if it has none.
+    Return the digest stored in a PNG; None if it has none.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def saved(path: Path) -> str | None:
     data, at = path.read_bytes(), 8
     while at + 8 <= len(data):
         length, kind = struct.unpack_from('>I4s', data, at)
-        if at + 12 + length > len(data):  # cut off within it
+        if at + 12 + length > len(data):  # the file ends inside this chunk
             return None
         key, _, text = data[at + 8:at + 8 + length].partition(b'\0')
         if kind == b'tEXt' and key == KEY.encode():

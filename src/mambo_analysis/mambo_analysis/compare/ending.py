@@ -1,4 +1,4 @@
-"""Whether a flight ended as planned, and which messages its nodes refused, by its bag alone."""
+"""End of a flight and messages refused by its nodes, read from the bag alone."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
 
 ENDINGS = ('/clock', 'clock', '/diagnostics', 'diagnostics')
-"""Topics that tell how a flight ended."""
+"""Topics that show how a flight ended."""
 _STEP = 0.005  # s
 _ERROR = 2
 _REFUSED = 'refused messages: '
-_INPUTS = ': inputs'  # of a node, the name of its status on messages that it refused
+_INPUTS = ': inputs'  # suffix of the diagnostic status with the messages that a node refused
 
 
 def _simulator(bag: Bag, *path: str) -> Any:
-    """Return a parameter of the simulator by the scenario in a bag, None if it has none."""
+    """Return a simulator parameter from the scenario in a bag; None without a scenario."""
     for name, node in (bag.scenario or {}).items():
         if str(name).endswith('/sim_node'):
             for part in ('ros__parameters', *path):
@@ -27,7 +27,7 @@ def _simulator(bag: Bag, *path: str) -> Any:
 
 
 def _planned(bag: Bag) -> float:
-    """Return the duration that the scenario in a bag asks for, s; 0 if it asks for none."""
+    """Return the duration of the scenario in a bag, s; 0 if it has none."""
     try:
         return float(_simulator(bag, 'duration') or 0.0)
     except (TypeError, ValueError):
@@ -35,7 +35,7 @@ def _planned(bag: Bag) -> float:
 
 
 def _finals(bag: Bag) -> tuple[str, ...]:
-    """Return the nodes whose first ERROR ends the flight; a hand needs no controller."""
+    """Return the nodes whose first ERROR ends the flight; a carried flight needs no controller."""
     carried = _simulator(bag, 'simulator', 'hand', 'enabled') is True
     return ('sim_node',) if carried else ('sim_node', 'controller_node')
 
@@ -45,7 +45,7 @@ def _statuses(bag: Bag) -> Iterator[tuple[float, Any]]:
     for topic in ('/diagnostics', 'diagnostics'):
         try:
             reports = list(bag[topic].objects()) if topic in bag else []
-        except BagError:  # a foreign one that cannot be read tells nothing
+        except BagError:  # ignore foreign diagnostics that cannot be read
             continue
         for report in reports:
             t = report.header.stamp.sec + report.header.stamp.nanosec * 1e-9
@@ -53,17 +53,17 @@ def _statuses(bag: Bag) -> Iterator[tuple[float, Any]]:
 
 
 def refused_messages(bag: Bag) -> list[str]:
-    """Return which messages each node refused and how many, a line a node."""
+    """Return the numbers of messages that each node refused, one line per node."""
     counts = {
         status.name.removesuffix(_INPUTS): status.message.removeprefix(_REFUSED)
-        for _, status in _statuses(bag)  # the last report of a node has all that came before
+        for _, status in _statuses(bag)  # the last report of a node includes all earlier ones
         if status.name.endswith(_INPUTS) and status.message.startswith(_REFUSED)}
     return [f'{node} {_REFUSED}{count}' for node, count in counts.items()]
 
 
 def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
     """
-    Return what ended a flight before its time, a line each; nothing for one that went as planned.
+    Return the reasons for an early end of a flight, one line each; empty if it ended as planned.
 
     Parameters
     ----------

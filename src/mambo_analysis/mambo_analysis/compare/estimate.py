@@ -1,10 +1,9 @@
 """
-Estimate a recorded flight again: its sensors through the estimator, and how well that did.
+Run an estimator over a recorded flight and compare its estimate with the recording.
 
-Offline, without ROS running, hundreds of times faster than it was flown. The estimates are those
-that ``mambo replay`` gets from a live estimator, to the last bit. The verdict at
-the end names sensors that were absent or refused, and says whether and when the estimate diverged;
-the exit code does not depend on it.
+It runs offline, without ROS, hundreds of times faster than real time. The estimates equal those of
+a live estimator in ``mambo replay``, to the last bit. The verdict at the end names absent and
+refused sensors, and whether and when the estimate diverged; the exit code does not depend on it.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ READ = (*(topic.name for topic in (
 
 def parameters(bag: Bag, file: Path | None = None) -> EstimatorNodeParams:
     """
-    Return the parameters of the estimator: of a file, else those that the bag was flown with.
+    Return the parameters of the estimator, from a file, else from the bag's scenario.
 
     The defaults, where a bag does not tell or was flown by the ground truth.
 
@@ -66,7 +65,7 @@ def _types() -> Typestore:
 
 
 def messages(found: offline_replay.Estimates) -> dict[topics.Topic, NDArray[np.uint8]]:
-    """Return what the live estimator says: for each topic its messages, (n, size) bytes."""
+    """Return the messages that the live estimator would publish, (n, size) bytes per topic."""
     out = {
         topics.ESTIMATE: recording_to_bag.estimate(found.t, found.state, found),
         topics.ESTIMATOR_STATE: recording_to_bag.estimator_state(
@@ -78,7 +77,7 @@ def messages(found: offline_replay.Estimates) -> dict[topics.Topic, NDArray[np.u
 
 
 def answered(bag: Bag, found: offline_replay.Estimates) -> Bag:
-    """Return a bag in memory with estimates of the flight of another, to compare it with."""
+    """Return a bag in memory with the estimates, for comparison with the recorded bag."""
     out = Bag(bag.path)
     out.namespace = bag.namespace
     for topic, table in messages(found).items():
@@ -115,17 +114,17 @@ def write(
 
 
 class Answer(NamedTuple):
-    """What an estimator makes of a bag."""
+    """Result of an estimator run over a bag."""
 
     found: offline_replay.Estimates  # states and covariances as arrays
     bag: Bag  # the same as messages, in memory
-    comparison: str  # how it differs from what the bag holds
-    verdict: str  # which sensors were absent or rejected, and whether the estimate diverged
+    comparison: str  # differences from the recorded estimate
+    verdict: str  # absent or rejected sensors, and divergence
 
 
 def answer(bag: Bag, node: EstimatorNodeParams) -> Answer:
     """
-    Estimate the flight of a bag, and compare with what it holds.
+    Estimate the flight of a bag, and compare with the recorded estimate.
 
     Raises
     ------

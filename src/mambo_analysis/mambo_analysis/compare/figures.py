@@ -1,7 +1,7 @@
 """
-Plots of a flight: one function a figure, each drawing what the bag has.
+Plots of a flight, one function per figure; each draws the signals that the bag has.
 
-A signal has one colour everywhere, see :mod:`mambo_model.palette`. Captions name what is drawn.
+A signal has one colour everywhere, see :mod:`mambo_model.palette`. Captions name the signals.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from . import digest
 
-POINTS = 1000  # of a line; more is not seen
-AIR = 1.2 * 9.81  # [Pa/m] for a height by pressure
+POINTS = 1000  # largest number of points of a line
+AIR = 1.2 * 9.81  # [Pa/m], converts pressure to height
 STYLE = {
     'font.size': 10.0, 'font.family': 'DejaVu Sans', 'axes.edgecolor': INK, 'axes.labelcolor': INK,
     'text.color': INK, 'xtick.color': INK, 'ytick.color': INK, 'axes.grid': True,
@@ -43,7 +43,7 @@ TRACKS = (
 
 
 class Plot(NamedTuple):
-    """A figure that can be drawn."""
+    """A figure: how to draw it, its text and its layout."""
 
     name: str
     title: str
@@ -55,19 +55,19 @@ class Plot(NamedTuple):
 
 
 def _thin(*columns: Floats) -> tuple[Floats, ...]:
-    """Return columns of equal length at no more than ``POINTS`` even instants."""
+    """Return columns of equal length, thinned to at most ``POINTS`` evenly spaced rows."""
     step = max(1, -(-len(columns[0]) // POINTS))
     return tuple(column[::step] for column in columns)
 
 
 def tracks(bag: Bag) -> list[tuple[str, str, str]]:
-    """Return the rows of ``TRACKS`` that a bag has a known position of."""
+    """Return the rows of ``TRACKS`` for which a bag has positions."""
     return [row for row in TRACKS if row[0] in bag
             and np.isfinite(bag[row[0]].position).all(axis=1).any()]
 
 
 def _valid_ranges(bag: Bag) -> NDArray[np.bool_]:
-    """Return which ranges of the sonar are inside its limits, (n,)."""
+    """Return a mask of the sonar ranges inside the limits of the sensor, (n,)."""
     sonar = bag['sonar/range']
     return (sonar.range >= sonar.min_range) & (sonar.range <= sonar.max_range)
 
@@ -78,7 +78,7 @@ def listed(names: Sequence[str]) -> str:
 
 
 def shaded(parts: Phases) -> str:
-    """Return the sentence that says which parts of a flight are shaded, or nothing."""
+    """Return a sentence about the shaded parts of a flight, or nothing."""
     names = [name for name, at in (('take-off', parts.takeoff_end),
                                    ('landing', parts.landing_start)) if at is not None]
     if not names:
@@ -89,7 +89,7 @@ def shaded(parts: Phases) -> str:
 def _line(
     ax: Axes, t: Floats, values: Floats, role: str, label: str | None, **style: Any,
 ) -> None:
-    """Draw a signal over time as its role is drawn, but for the style given."""
+    """Draw a signal over time in the style of its role, with overrides."""
     ax.plot(*metrics.envelope(t, values, POINTS), label=label, **{**palette.line(role), **style})
 
 
@@ -123,7 +123,7 @@ def draw_position(axes: list[Axes], bag: Bag, parts: Phases) -> None:
 
 
 def _errors(bag: Bag) -> list[tuple[str, str, Floats, Floats]]:
-    """Return (role, label, t, errors (n, 3)) of what can be compared."""
+    """Return (role, label, t, errors (n, 3)) of every position that can be compared."""
     found = []
     truth = next((name for name in ('ground_truth/odom', 'optitrack/pose') if name in bag), None)
     if truth and 'reference' in bag:
@@ -165,7 +165,7 @@ def draw_path(axes: list[Axes], bag: Bag, parts: Phases) -> None:
 def draw_motors(axes: list[Axes], bag: Bag, parts: Phases) -> None:
     """Motor commands, the panels where the motors are seen from above."""
     motors = bag['motor_pwm']
-    shown = motors.pwm[np.isfinite(motors.pwm)]  # a bag also keeps commands that were refused
+    shown = motors.pwm[np.isfinite(motors.pwm)]  # a bag also holds refused commands
     low, high = (float(shown.min()), float(shown.max())) if shown.size else (0.0, 1.0)
     margin = max(0.05 * (high - low), 1.0)
     places = ((0, 'front left'), (1, 'front right'), (3, 'rear left'), (2, 'rear right'))
@@ -259,7 +259,7 @@ def draw_covariance(axes: list[Axes], bag: Bag, parts: Phases) -> None:
               if axis == 0 else None, lw=1.0)
         ax.set_ylabel(f'{"xyz"[axis]} [m]')
         known = e[np.isfinite(e[:, axis]), axis], sigma[np.isfinite(sigma[:, axis]), axis]
-        if all(map(len, known)):  # a band that opens for a short while shall not hide the rest
+        if all(map(len, known)):  # so that a short, wide band does not hide the rest
             ax.set_ylim(*(np.array([-1.2, 1.2]) * max(
                 np.abs(known[0]).max(), 3.0 * np.quantile(known[1], 0.9), 1e-6)))
     _span(bag, axes)
@@ -275,7 +275,7 @@ def _has_band(bag: Bag) -> bool:
 
 
 def _height_text(bag: Bag) -> str:
-    """Return what the figure of the height shows."""
+    """Return the text of the height figure."""
     names, left_out = [label for _, _, label in tracks(bag)], ''
     if 'barometer/pressure' in bag:
         names.insert(0, 'barometer')
@@ -290,7 +290,7 @@ def _height_text(bag: Bag) -> str:
 
 
 def _innovations_text(rows: list[tuple[str, str, Floats, Floats]]) -> str:
-    """Return what the figure of the innovations shows."""
+    """Return the text of the innovation figure."""
     names = {'sonar': 'sonar', 'flow': 'optical flow', 'barometer': 'barometer'}
     sensors = [name for role, name in names.items() if any(row[0] == role for row in rows)]
     refused = any((np.isfinite(innovation) & (ratio > 1.0)).any()
@@ -300,7 +300,7 @@ def _innovations_text(rows: list[tuple[str, str, Floats, Floats]]) -> str:
 
 
 def plots(bag: Bag) -> list[Plot]:
-    """Return the figures that the bag has data for, in the order of a page."""
+    """Return the figures that can be drawn from the bag, in the order of a page."""
     found, errors, shade = tracks(bag), _errors(bag), shaded(phases(bag))
     names = listed([label for _, _, label in found]) if found else ''
     rows = _innovations(bag) if 'estimator/state' in bag else []

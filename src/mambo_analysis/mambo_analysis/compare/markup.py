@@ -1,4 +1,4 @@
-"""Pieces of HTML that every page has: tables and folded texts, usable by keyboard and reader."""
+"""HTML parts of every page: tables and collapsible texts, accessible by keyboard and reader."""
 
 from __future__ import annotations
 
@@ -40,6 +40,6 @@ def table(
 
 
 def details(name: str, text: str) -> str:
-    """Return a text as it is, folded under its name."""
+    """Return a preformatted text, collapsed under its name."""
     return (f'<details><summary>{escape(name)}</summary><pre tabindex="0" role="group" '
             f'aria-label="{escape(name, quote=True)}">{escape(text)}</pre></details>')

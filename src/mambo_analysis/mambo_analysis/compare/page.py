@@ -89,7 +89,7 @@ def _summary(result: Mapping[str, Any]) -> str:
 
 
 def _details(bag: Bag) -> str:
-    """Return what the bag says about itself: metadata and the scenario."""
+    """Return metadata and scenario of the bag."""
     out = []
     for name, values in sorted(bag.metadata.items()):
         if name != 'rosbag2':
@@ -136,6 +136,6 @@ def write_page(bag: Bag, result: Mapping[str, Any], out: Path) -> Path:
         If the directory cannot be written.
 
     """
-    text = html(bag, result)  # what cannot be drawn is known before the folder is made
+    text = html(bag, result)  # a failure here leaves no folder behind
     figures.write_overview(bag, out / 'flight.png', result['bag'])
     return write_text(out / 'index.html', text)

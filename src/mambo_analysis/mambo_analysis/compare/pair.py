@@ -15,16 +15,16 @@ from mambo_signals.resample import Floats, Ints
 import numpy as np
 
 XYZ = ('x', 'y', 'z')
-GRID = 10_000_000  # [ns] between the samples that a delay is looked for in
+GRID = 10_000_000  # [ns] sample period for the search of a delay
 LEAST = 10  # samples for statistics: the RMS of so few is known to 1 / sqrt(2 n), 22 %
 
 
 WHAT = ('time', 'position', 'yaw')
-"""What of two recordings can be made equal before they are compared."""
+"""Quantities that can be aligned before two recordings are compared."""
 
 
 class Alignment(NamedTuple):
-    """What brings A onto B: an offset of its clock [ns], a turn [rad] and a shift [m]."""
+    """Alignment of A with B: clock offset [ns], rotation [rad] and translation [m]."""
 
     offset: int = 0
     turn: float = 0.0
@@ -32,7 +32,7 @@ class Alignment(NamedTuple):
     text: str = 'not aligned: clocks and frames are taken as they are'
 
     def moved(self, a: Motion) -> Motion:
-        """Return a motion of A as B's clock and frame have it."""
+        """Return a motion of A in B's clock and frame."""
         return a.moved(self.offset, self.turn, np.array(self.shift))
 
 
@@ -40,7 +40,7 @@ def aligned(
     a: Motion, b: Motion, what: Collection[str] = WHAT, equal_at: float | None = None,
 ) -> Alignment:
     """
-    Return what brings A onto B.
+    Return the alignment of A with B.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def aligned(
 
 
 def simulated(bag: Bag) -> bool:
-    """Return whether a bag was simulated: its clock and frame are those of all such bags."""
+    """Return whether a bag was simulated; all simulated bags share clock and frame."""
     return 'sensor_tick' in bag and 'ground_truth/odom' in bag
 
 
@@ -110,7 +110,7 @@ def begins_in_air(motion: Motion, stamp: int) -> bool:
 
 def own_origin(a: Motion, b: Motion, in_air: bool) -> Alignment:
     """
-    Return what brings a motion with an origin of its own onto another of the same clock.
+    Return the alignment of a motion that has its own origin, on the same clock.
 
     Position and yaw are made equal at the first common stamp, where an odometry has its origin.
     What begins in the air does not know how high that is, and may find its height later (a
@@ -147,7 +147,7 @@ def _metres(shift: Floats) -> str:
 
 
 def _turn(a: Motion, b: Motion) -> tuple[float, str]:
-    """Return the turn about the vertical [rad] of A onto B at its stamps, and how it was found."""
+    """Return the yaw rotation [rad] from A to B at its stamps, and how it was found."""
     try:
         return time_offset.registration(b.position, a.position).yaw, 'by the paths'
     except time_offset.AlignError as error:
@@ -166,7 +166,7 @@ def _apart(a: Motion, b: Motion) -> str:
 
 class Quantity(NamedTuple):
     """
-    One quantity of both at the stamps of A.
+    A quantity of both sides, at the stamps of A.
 
     Attributes
     ----------
@@ -191,7 +191,7 @@ class Quantity(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """A comparison: what, and the quantities that both sides have."""
+    """A comparison: its name and the quantities of both sides."""
 
     title: str
     labels: tuple[str, str]
@@ -227,7 +227,7 @@ def positions(a: Motion, b: Motion) -> Quantity:
 
 
 def motions(a: Motion, b: Motion) -> list[Quantity]:
-    """Compare two motions: position, and velocity and attitude where both tell; errors alike."""
+    """Compare two motions: position, and velocity and attitude if both have them."""
     out, other = [positions(a, b)], b.at(a.stamps)
     if a.velocity is not None and other.velocity is not None:
         out.append(Quantity('velocity', 'm/s', XYZ, a.stamps, a.velocity, other.velocity,
@@ -244,7 +244,7 @@ def motions(a: Motion, b: Motion) -> list[Quantity]:
 
 
 def _series(bag: Bag, topic: str, field: str) -> tuple[Ints, Floats] | None:
-    """Return the stamps and the values (n, k) of a field; None if the bag has no such."""
+    """Return stamps and values (n, k) of a field; None if the bag has no such field."""
     if topic not in bag:
         return None
     try:
@@ -279,7 +279,7 @@ def _row(name: str, errors: Floats) -> dict[str, Any]:
 
 
 def _delays(quantity: Quantity, inside: np.ndarray) -> list[float | None]:
-    """Return by how much A is behind B on each axis [s]; None where they do not tell."""
+    """Return the delay of A behind B on each axis [s]; None if it cannot be found."""
     stamps = quantity.stamps[inside]
     if len(np.unique(stamps)) < 2:
         return [None] * len(quantity.axes)
@@ -292,7 +292,7 @@ def _delays(quantity: Quantity, inside: np.ndarray) -> list[float | None]:
 
 def section(quantity: Quantity, title: str, phases: Phases) -> dict[str, Any]:
     """
-    Return the statistics of a quantity: one row a part of the flight.
+    Return the statistics of a quantity, one row for each part of the flight.
 
     ``quantity``, ``title``, ``unit``, ``axes`` and ``rows``, each of ``part``, ``count``,
     ``rms``, ``maximum``, ``drift`` (the last error) and ``delay`` [s] by axis, and
@@ -321,14 +321,14 @@ def section(quantity: Quantity, title: str, phases: Phases) -> dict[str, Any]:
 
 
 def left_out(motions: Collection[Motion]) -> list[str]:
-    """Return a line for each motion from which impossible poses were left out."""
+    """Return a line for each motion from which impossible poses were removed."""
     return [outliers.describe(m.name, m.impossible) for m in motions if m.impossible]
 
 
 def _between(
     bag: Bag, topic: str, other: str, title: str, parts: Phases, notes: list[str],
 ) -> Comparison | None:
-    """Compare two topics of one bag; None, and a note, where they have nothing in common."""
+    """Compare two topics of one bag; None with a note if they have no samples in common."""
     try:
         a, b = motion.read(bag, topic), motion.read(bag, other)
         notes += left_out((a, b))
@@ -347,7 +347,7 @@ def _between(
 
 def within(bag: Bag, parts: Phases, notes: list[str]) -> list[Comparison]:
     """
-    Return what a bag says about its own errors: tracking and estimation, where it has both sides.
+    Return the tracking and estimation errors of a bag, if it has both sides.
 
     What it lacks is appended to the notes.
     """

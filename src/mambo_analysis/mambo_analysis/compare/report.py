@@ -1,8 +1,8 @@
 """
-A comparison as one HTML file: numbers, plots to look into, and the flight to watch again.
+A comparison as one HTML file: numbers, interactive plots and a replay of the flight.
 
-The file needs no network: plotly.js is inside, and a content security policy forbids it to load
-anything else. ``report.js`` draws what :func:`of_one` and :func:`of_two` say.
+The file needs no network: it contains plotly.js, and a content security policy forbids loading
+anything else. ``report.js`` draws the content of :func:`of_one` and :func:`of_two`.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from plotly.offline import get_plotlyjs
 from . import figures, markup, tables
 from .pair import Alignment, Comparison, Quantity, within
 
-POINTS = 1200  # of a line; more is not seen
-FRAME = 40_000_000  # [ns] between the frames of the replay, which is smooth in between
-FRAMES = 3000  # at most; a longer flight has fewer in a second
+POINTS = 1200  # largest number of points of a line
+FRAME = 40_000_000  # [ns] between the key frames of the replay
+FRAMES = 3000  # at most; a longer flight has fewer per second
 POLICY = ("default-src 'none'; script-src 'unsafe-inline' blob:; style-src 'unsafe-inline'; "
           'img-src data: blob:')
 DIGITS = {'m': 4, 'm/s': 4, 'deg': 3, '-': 2, 'N': 5, 's': 3}
 
 
 class Report(NamedTuple):
-    """What a page shows; the parts that ``report.js`` draws are plain lists and texts."""
+    """Content of a page; the parts drawn by ``report.js`` are plain lists and texts."""
 
     title: str
     lead: str
-    ending: list[str]  # what ended the flight early
-    cards: list[tuple[str, str, str]]  # (name, number, what it is)
+    ending: list[str]  # reasons for an early end of the flight
+    cards: list[tuple[str, str, str]]  # (name, number, description)
     notes: list[str]
     sections: list[Mapping[str, Any]]  # of compare
     differences: list[list[Any]]  # (parameter, A, B)
@@ -54,7 +54,7 @@ class Report(NamedTuple):
 
 
 def _numbers(values: Floats, digits: int) -> list[float | None]:
-    """Return numbers for JSON, rounded, None where there is none."""
+    """Return rounded numbers for JSON, None for NaN."""
     return [None if not math.isfinite(value) else round(value, digits)
             for value in np.asarray(values, float).tolist()]
 
@@ -67,14 +67,14 @@ def _line(
 
 
 def _style(role: str) -> dict[str, Any]:
-    """Return how ``report.js`` draws the line of a role."""
+    """Return the line style of a role for ``report.js``."""
     dashes, width, _ = palette.LINES.get(role, ('-', 1.4, 0))
     return {'colour': role, 'dash': palette.DASHES[dashes], 'width': width}
 
 
 def roles(names: Sequence[str]) -> list[str]:
     """
-    Return the role whose colour the motion of each topic takes, no two alike.
+    Return the role of each topic's motion, which sets its colour; all differ.
 
     Of two motions of one role the first has its colour, the other one that is free.
     """
@@ -88,13 +88,13 @@ def roles(names: Sequence[str]) -> list[str]:
 def _figure(
     name: str, title: str, text: str, panels: Sequence[tuple[str, list[dict[str, Any]]]],
 ) -> dict[str, Any]:
-    """Return a figure of panels (label of the axis, lines) above each other."""
+    """Return a figure of stacked panels (axis label, lines)."""
     return {'id': name.replace(': ', '-').replace(' ', '-').lower(), 'title': title,
             'text': text, 'panels': [{'label': label, 'lines': lines} for label, lines in panels]}
 
 
 def _direction(axis: str) -> str:
-    """Return the name of an axis, with its direction where there are two."""
+    """Return the name of an axis, with its direction if there are several."""
     return 'z up' if axis == 'z' else axis
 
 
@@ -102,13 +102,13 @@ def _figures(
     comparison: Comparison, name: str, others: Mapping[str, Sequence[Motion]],
     colours: Sequence[str],
 ) -> list[dict[str, Any]]:
-    """Return two figures a quantity: both sides by axis, and their difference."""
+    """Return two figures for each quantity: both sides by axis, and their difference."""
     out, (ours, theirs) = [], comparison.labels
     a, b = ({**_style(colour), 'width': width} for colour, width in zip(colours, (1.4, 2.6)))
     if a['dash'] == b['dash']:
         a['dash'] = 'dash'
     for q in comparison.quantities:
-        digits = DIGITS.get(q.unit, 4) + 3  # small differences are no staircases
+        digits = DIGITS.get(q.unit, 4) + 3  # so that small differences do not become staircases
         panels = []
         for axis, label in enumerate(q.axes):
             lines = [_line(other.name, other.stamps, other.position[:, axis], digits,
@@ -198,7 +198,7 @@ def _shade(report: Report) -> Report:
 
 
 def _details(*bags: Bag) -> list[tuple[str, str]]:
-    """Return what bags say about themselves: metadata and scenario."""
+    """Return metadata and scenario of the bags."""
     out = []
     for bag in bags:
         for name, values in sorted(bag.metadata.items()):

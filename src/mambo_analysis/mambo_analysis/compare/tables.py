@@ -9,17 +9,17 @@ from typing import Any
 
 from mambo_model.whole_file import replacing
 
-SHOWN = 12  # parameters that differ, of what may be many
+SHOWN = 12  # largest number of differing parameters in a text
 
 
 def main_row(entry: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the row of a section that says most: after take-off, else the whole flight."""
+    """Return the main row of a section: after take-off, else the whole flight."""
     rows = {row['part']: row for row in entry['rows']}
     return rows.get('after take-off', entry['rows'][0])
 
 
 def too_few(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return (part, why it has no statistics) for the parts of a section with a few samples."""
+    """Return (part, reason) for the parts of a section with too few samples for statistics."""
     return [(part, f'{count} sample{"s" * (count != 1)}: too few for statistics')
             for part, count in entry['too_few'].items()]
 
@@ -51,7 +51,7 @@ def section(entry: Mapping[str, Any]) -> list[str]:
 
 
 def times(result: Mapping[str, Any]) -> list[str]:
-    """Return what is known of take-off and landing, a line each."""
+    """Return the known times of take-off and landing, one line each."""
     lines = []
     if result['takeoff_end'] is not None:
         lines.append(f'take-off ends at {result["takeoff_end"]:.2f} s: {result["takeoff"]}')
@@ -81,7 +81,7 @@ def _of_two(result: Mapping[str, Any]) -> str:
 
 
 def table(result: Mapping[str, Any]) -> str:
-    """Return the result of a comparison as plain text of at most 80 columns where it can."""
+    """Return the result of a comparison as plain text, if possible within 80 columns."""
     if 'bags' in result:
         return _of_two(result)
     head = f'{result["bag"]}: {result["duration"]:.2f} s'
@@ -105,7 +105,7 @@ def table(result: Mapping[str, Any]) -> str:
 
 def write_csv(result: Mapping[str, Any], path: Path) -> Path:
     """
-    Write the numbers of a comparison, one line an axis and part of the flight.
+    Write the numbers of a comparison, one line per axis and part of the flight.
 
     Raises
     ------

@@ -1,5 +1,5 @@
 """
-What an estimator made of its sensors: which were absent or refused, and whether it diverged.
+Verdict on an estimate: absent and refused sensors, and divergence.
 
 Read from ``estimator/state`` and ``estimate/odom``, live or offline. A divergence is a finding
 about the flight, not a failure of the command that found it: exit codes do not depend on it.
@@ -14,9 +14,9 @@ from mambo_ros import topics
 import numpy as np
 from numpy.typing import NDArray
 
-FAR = 0.5  # m, between the height and every range used or refused ...
-FAR_TIME = 1.0  # s, for so long: diverged
-FASTEST = 10.0  # m/s, no speed of these vehicles
+FAR = 0.5  # m, difference between the height and every range, used or refused ...
+FAR_TIME = 1.0  # s, ... for this long means divergence
+FASTEST = 10.0  # m/s, faster than these vehicles fly
 ALIGNING = 0  # EstimatorState.STATUS_ALIGNING
 _AIDING = ((topics.SONAR, 'sonar_refused'), (topics.OPTICAL_FLOW, 'flow_refused'),
            (topics.BAROMETER, 'barometer_refused'))
@@ -24,7 +24,7 @@ _AIDING = ((topics.SONAR, 'sonar_refused'), (topics.OPTICAL_FLOW, 'flow_refused'
 
 def first_long_run(t: NDArray[np.float64], far: NDArray[np.bool_], least: float) -> float:
     """
-    Return when the first unbroken run begins that lasts for some time, NaN if none does.
+    Return the begin of the first run of a minimum duration; NaN if there is none.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def _sensors(bag: Bag, state: Bag) -> list[str]:
 
 
 def _divergence(state: Bag) -> list[str]:
-    """Return what is wrong with the estimate itself, a line each."""
+    """Return the faults of the estimate itself, one line each."""
     inner, odometry = state[topics.ESTIMATOR_STATE.name], state[topics.ESTIMATE.name]
     t = (inner.stamp - inner.stamp[0]) * 1e-9
     innovation = inner['sonar_innovation']
@@ -88,7 +88,7 @@ def _divergence(state: Bag) -> list[str]:
 
 def verdict(bag: Bag, state: Bag) -> str:
     """
-    Return which sensors an estimator could not use, and whether and when it diverged.
+    Return the sensors that an estimator could not use, and its divergence.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ WALK_MEAN = 0.1  # s
 
 
 class Interval(NamedTuple):
-    """A value and what it lies between, at ``LEVEL``."""
+    """A value and its confidence interval at ``LEVEL``."""
 
     value: float
     low: float
@@ -68,7 +68,7 @@ def deviation(x: Floats, m: int) -> float:
 
 
 def interval_of_deviation(value: float, dof: float) -> Interval:
-    """Return a standard deviation of so many degrees of freedom with its interval (chi2)."""
+    """Return a standard deviation with its chi-squared interval, from its degrees of freedom."""
     low, high = chi2.ppf([0.5 + LEVEL / 2, 0.5 - LEVEL / 2], dof)
     return Interval(value, value * np.sqrt(dof / low), value * np.sqrt(dof / high))
 
@@ -114,7 +114,7 @@ def white_density(x: Floats, rate: float, tau: float = 0.1) -> Interval:
 
 def bias_instability(curve: Allan) -> tuple[Interval, bool]:
     """
-    Return the lowest point of the curve over 0.664, and whether the curve rises behind it.
+    Return the minimum of the curve over 0.664, and whether the curve rises after it.
 
     If it does not, the recording is too short and the value is a bound from above.
     """
@@ -153,9 +153,9 @@ def random_walk(x: Floats, rate: float) -> Interval:
     power = power / unit
 
     def misfit(q: float) -> float:
-        """Return -2 log likelihood of a walk, at the white noise that suits it best."""
+        """Return -2 log likelihood of a random walk, minimised over the white noise."""
         def of_noise(log_r: float) -> float:
-            """Return it at one white noise."""
+            """Return -2 log likelihood at one white noise."""
             variance = q * (1.0 - roots / 6.0) + np.exp(log_r) * roots
             return float(np.log(variance).sum() + (power / variance).sum())
 
@@ -176,7 +176,7 @@ def random_walk(x: Floats, rate: float) -> Interval:
 
 def _profile(misfit, grid: Floats, values: Floats, best: float, limit: float) -> tuple[
         float, float]:
-    """Return where the misfit crosses the limit below and above the best value; 0 if never."""
+    """Return the points below and above the optimum where the misfit crosses the limit; or 0."""
     below = grid[(grid < best) & (values > limit)]
     above = grid[(grid > best) & (values > limit)]
     low = brentq(lambda q: misfit(q) - limit, below[-1], best) if len(below) else 0.0

@@ -1,4 +1,4 @@
-"""Columns out of bench files: CSV with a header, MATLAB files, the JSON of a Crazyflie client."""
+"""Columns of bench files: CSV with a header, MATLAB files, JSON of the Crazyflie client."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def _json(path: Path) -> Table:
 
 def column(table: Table, name: str, path: Path) -> tuple[Floats | None, Floats]:
     """
-    Return one column by its name or the end of it after a dot.
+    Return one column by its name, or by the last part of its dotted name.
 
     Raises
     ------

@@ -1,9 +1,9 @@
 """
-Drag by flying the simulation again until it moves as the flight did (section 6.3, chapter 7).
+Rotor drag by fitting simulated flights to a recorded flight (section 6.3, chapter 7).
 
 The whole loop is flown, the estimator included, without noise, and only the drag of the true
 vehicle changes; positions are those of Optitrack. An offset and a steady drift of every axis are
-left to the estimator.
+attributed to the estimator.
 
 What is left is the path of a vehicle that follows its estimate, hence no noise that one record
 could describe. The interval is therefore that of simulated flights with noise, of other seeds,
@@ -49,7 +49,7 @@ METHOD = ('interval of 95 %: spread of fits to 20 simulated flights with noise (
 
 
 class Part(NamedTuple):
-    """A coefficient and the axes that show it."""
+    """A drag coefficient and the axes that it is identified from."""
 
     name: str               # in Vehicle
     symbol: str
@@ -89,7 +89,7 @@ def from_recording(recording: closed_loop.Recording) -> Track:
 
 
 def window(flight: Scenario) -> tuple[float, float]:
-    """Return from when to when a flight is in the air, s: after take-off, before landing."""
+    """Return begin and end of the time in the air, s: after take-off, before landing."""
     plan = flight.reference_node.plan
     end = plan.landing_time if plan.landing_time > 0.0 else flight.sim_node.duration
     return plan.takeoff_time + 0.5, end
@@ -148,7 +148,7 @@ def fit_drag(
     terms = np.stack([np.ones(len(t)), (t - t.mean()) / np.ptp(t)], axis=1)
 
     def model(theta: Floats) -> Floats:  # of 1 + k, whose relative steps are steps of k at k = 0
-        """Return where the vehicle with this drag is, (m, k) m."""
+        """Return the positions of a vehicle with this drag, (m, k) m."""
         k = float(theta[0]) - 1.0
         flown = closed_loop.fly(override(silent, {f'{VEHICLE}.{what.name}': k}))
         return flown.truth[rows][:, axes]
@@ -163,7 +163,7 @@ def fit_drag(
 
 
 def _without(terms: Floats, x: Floats) -> Floats:
-    """Return x (m, k) without what terms (m, q) explain of it."""
+    """Return x (m, k) after projecting out the terms (m, q)."""
     return x - terms @ np.linalg.lstsq(terms, x)[0]
 
 
@@ -219,7 +219,7 @@ def _draw(found: Drag, part: Part) -> Callable[[Figure], None]:
     names = [('x', 'y', 'z')[axis] for axis in part.axes]
 
     def draw(figure: Figure) -> None:
-        """Draw each axis flown and found, and what is left."""
+        """Draw measured and fitted position on each axis, and the residual."""
         rows = figure.subplots(2, len(names), sharex=True, squeeze=False)
         flown, model = palette.lines(['Optitrack', 'simulation'])
         for j, name in enumerate(names):
@@ -282,7 +282,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
 
     def work() -> result.Report:
-        """Read the bag and return what was found."""
+        """Read the bag and return the result."""
         track, flight = read(
             options.bag, options.scenario, options.shift, options.namespace)
         found = fit_drag(track, flight, options.part, options.start, options.end)

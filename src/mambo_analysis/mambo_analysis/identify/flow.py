@@ -1,8 +1,8 @@
 r"""
 Factor of the optical flow from a motion capture: a constant (5.2), a function of height (C.2).
 
-What the sensor says is fitted, not the velocity that follows from it, as the noise is the
-sensor's; for a body velocity :math:`\nu` over a depth :math:`Z = h/(\cos\phi \cos\theta)`
+The model is fitted to the flow, not to the velocity derived from it, because the noise is that of
+the sensor; for a body velocity :math:`\nu` over a depth :math:`Z = h/(\cos\phi \cos\theta)`
 
 .. math:: flow = \frac{\nu_{xy}}{Z\,Q(h)} + noise.
 
@@ -43,7 +43,7 @@ SLOWEST = 0.1          # m/s, rms, of a motion that shows a factor
 
 
 class Samples(NamedTuple):
-    """Flow and what it should have been, body FRD."""
+    """Measured flow and the flow expected from the motion, body FRD."""
 
     t: Floats         # (n,) s
     flow: Floats      # (n, 2) rad/s, the vehicle's sign, without rotation
@@ -55,7 +55,7 @@ class Samples(NamedTuple):
 
 
 class Factor(NamedTuple):
-    """One law for the factor."""
+    """A model of the flow factor over height."""
 
     offset: Value         # 1
     slope: Value | None   # 1/m of (C.2b); 1 of (C.2a), times exp(h); None: a constant
@@ -70,7 +70,7 @@ class Factor(NamedTuple):
 
 
 def _shape(height: Floats, law: str) -> Floats:
-    """Return what the slope of a law is multiplied with."""
+    """Return the regressor of the slope of a law."""
     if law == 'exponential':
         return np.exp(height)
     return height if law == 'linear' else np.zeros_like(height)
@@ -136,7 +136,7 @@ def fit_factor(
 
 
 def _check(samples: Samples, slowest: float) -> None:
-    """Refuse samples that show no factor or are not in their units."""
+    """Raise IdentifyError for samples without enough motion, or in wrong units."""
     regression.check_columns(
         dict(zip(('time', 'flow', 'velocity', 'height', 'depth', 'rotation'), samples)), LEAST)
     regression.check_times(samples.t)
@@ -160,7 +160,7 @@ def samples(
     start: float = -np.inf, end: float = np.inf, lowest: float = LOWEST,
 ) -> Samples:
     """
-    Return flow samples with the motion that a motion capture saw around each.
+    Return flow samples with the motion by the motion capture around each.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def _draw(data: Samples, found: dict[str, Factor]) -> Callable[[Figure], None]:
     best = found[min(found, key=lambda law: found[law].fit.rms)]
 
     def draw(figure: Figure) -> None:
-        """Draw the factor over the height with each law, and what is left."""
+        """Draw the factor over the height with each law, and the residual."""
         above, below = figure.subplots(2, 1)
         fine = np.linspace(data.height.min(), data.height.max(), 50)
         geometric = data.velocity / data.depth[:, None]
@@ -276,7 +276,7 @@ def read(
 
 
 def _report(path: Path, data: Samples, leak: bool, slowest: float) -> result.Report:
-    """Return the factor by every law that the heights can tell apart."""
+    """Return the factor by every law that the range of heights can distinguish."""
     laws = LAWS if len(data.t) and np.ptp(data.height) >= SPREAD else LAWS[:1]
     found = {law: fit_factor(data, law, leak, slowest) for law in laws}
     values = {'Q constant': found['constant'].offset}

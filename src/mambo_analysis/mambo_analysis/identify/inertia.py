@@ -33,7 +33,7 @@ AXES = ('x', 'y', 'z')
 
 
 class Geometry(NamedTuple):
-    """Of the rig; the errors are those of one standard deviation."""
+    """Geometry of the rig, with standard deviations."""
 
     mass: float               # kg
     separation: float         # m, D between the wires, or from a horizontal axis to the centre
@@ -52,7 +52,7 @@ class Geometry(NamedTuple):
 
 
 class Inertia(NamedTuple):
-    """What a swing tells; J, K_D and C only with a geometry."""
+    """Result of a swing; J, K_D and C need the geometry."""
 
     frequency: Value         # rad/s, of small swings without damping
     quadratic: Value         # 1/rad, K_D/J
@@ -76,7 +76,7 @@ def _start(t: Floats, rate: Floats) -> tuple[float, float]:
 
 
 def _check(t: Floats, rate: Floats) -> tuple[float, float]:
-    """Return the first guess of data that can be a swing."""
+    """Return the initial guess; IdentifyError if the data cannot be a swing."""
     regression.check_columns({'time': t, 'gyro': rate}, 50)
     regression.check_times(t)
     if not np.ptp(rate) > 0.0:
@@ -180,7 +180,7 @@ def _times(found: regression.Fit, i: int, J: Value, unit: str) -> Value:
 
 def _draw(t: Floats, rate: Floats, found: Inertia) -> Callable[[Figure], None]:
     def draw(figure: Figure) -> None:
-        """Draw the gyro with (4.2), and what is left."""
+        """Draw the gyro with (4.2), and the residual."""
         above, below = figure.subplots(2, 1, sharex=True)
         above.plot(t, rate, '.', ms=2, color=palette.COLOURS[palette.MEASURED], label='gyro')
         above.plot(t, rate - found.fit.residual[:, 0], label='(4.2)',
@@ -227,7 +227,7 @@ def _report(options: argparse.Namespace, t: Floats, rate: Floats, found: Inertia
 
 
 def _data(options: argparse.Namespace) -> tuple[Floats, Floats]:
-    """Return times s and rates rad/s that the options name."""
+    """Return times s and rates rad/s selected by the options."""
     path, factor = options.file, np.pi / 180.0 if options.unit == 'deg/s' else 1.0
     if result.is_bag(path):
         imu = result.open_bag(path, ('imu/data_raw',), options.namespace)['imu/data_raw']
@@ -242,7 +242,7 @@ def _data(options: argparse.Namespace) -> tuple[Floats, Floats]:
 
 
 def _geometry(options: argparse.Namespace) -> Geometry | None:
-    """Return the rig of the command line, None if nothing is said of it."""
+    """Return the rig given on the command line; None if it is not given."""
     if options.separation is None:
         return None
     length = options.length or 0.0

@@ -1,4 +1,4 @@
-"""Raw sensors of a bag or of a Parrot log, in body FRD, whichever they come from."""
+"""Raw sensor samples of a bag or of a Parrot log, in body FRD."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Stream(NamedTuple):
 @dataclass(frozen=True)
 class Recording:
     """
-    What the sensors said, in body FRD and SI; None where there is no such sensor.
+    Sensor samples, in body FRD and SI units; None for a missing sensor.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ def _flight(source: Source, found: dict[str, Any]) -> Recording:
 
 
 def _stream(bag: Bag, topic: str, read: Callable) -> Stream | None:
-    """Return a topic as a stream in the order of its stamps; None if the bag has none such."""
+    """Return a topic as a stream in the order of its stamps; None if the bag does not have it."""
     if topic not in bag:
         return None
     messages = bag[topic]
@@ -108,7 +108,7 @@ def _stream(bag: Bag, topic: str, read: Callable) -> Stream | None:
 
 
 def _bag(path: Path, namespace: str | None) -> Recording:
-    """Return what a bag holds of sensors and commands, in FRD."""
+    """Return the sensor samples and commands of a bag, in FRD."""
     bag = read_bag(path, TOPICS, namespace)
 
     def flow(m):

@@ -1,5 +1,5 @@
 r"""
-Least squares whose intervals know that residuals of a recording are not independent.
+Least squares with intervals that account for correlated residuals of a recording.
 
 The residual of every channel is modelled as an autoregressive process (its order by the Bayesian
 information criterion), and the fit is repeated on what that process cannot predict: feasible
@@ -7,7 +7,7 @@ generalised least squares. Intervals are those of Gauss and Newton on these whit
 
 .. math:: \hat\theta_i \pm t_{n} \sqrt{[s^2 (J^T J)^{-1}]_{ii}}
 
-with Student's t. They hold where the model is right and its errors are small against its
+with Student's t. They are valid if the model is right and its errors are small against its
 curvature; an error common to a whole recording, of a ruler say, is not in them.
 """
 
@@ -31,7 +31,7 @@ POOREST = 1e-10       # least eigenvalue over largest of a scaled J^T J that det
 
 
 class IdentifyError(MamboError, ValueError):
-    """Data that cannot answer the question; the text says why and what to do."""
+    """The data do not determine the parameter; the message says why and what to do."""
 
 
 class Value(NamedTuple):
@@ -92,7 +92,7 @@ class Fit(NamedTuple):
 
     def positive(self, i: int, unit: str) -> Value:
         """
-        Return a parameter that was fitted as its logarithm.
+        Return a parameter that was fitted by its logarithm.
 
         One that may be anything between 0 and a multiple of itself has an even interval, cut at 0.
         """
@@ -155,7 +155,7 @@ class _Whitener(NamedTuple):
 
 
 def _whitener(residual: Floats) -> _Whitener:
-    """Return the filters that a residual (n, k) asks for."""
+    """Return the whitening filters of a residual (n, k)."""
     coefficients = [autoregression(column - column.mean()) for column in residual.T]
     plain = _Whitener(coefficients, np.ones(residual.shape[1]))
     scales = np.sqrt(np.mean(plain(residual) ** 2, axis=0))
@@ -163,7 +163,7 @@ def _whitener(residual: Floats) -> _Whitener:
 
 
 class _Problem:
-    """Residuals of a model after whitening and without what nuisance terms explain."""
+    """Residuals of a model, whitened, with the nuisance terms projected out."""
 
     def __init__(self, model: Model, data: Floats, nuisance: Floats) -> None:
         self.model, self.data, self.nuisance = model, data, nuisance
@@ -171,7 +171,7 @@ class _Problem:
         self._last: tuple[bytes, Floats] | None = None
 
     def rest(self, theta: Floats) -> Floats:
-        """Return data minus model, (n, k); the last one is remembered."""
+        """Return data minus model, (n, k); the last result is cached."""
         key = np.asarray(theta).tobytes()
         if self._last is None or self._last[0] != key:
             self._last = key, self.data - self.model(theta)
@@ -185,14 +185,14 @@ class _Problem:
         return [linalg.qr(white[:, j], mode='economic')[0] for j in range(k)]
 
     def residual(self, theta: Floats) -> Floats:
-        """Return what :func:`scipy.optimize.least_squares` makes small, ((n - p) k,)."""
+        """Return the residuals for :func:`scipy.optimize.least_squares`, ((n - p) k,)."""
         white = self.whiten(self.rest(theta))
         for j, basis in enumerate(self.bases):
             white[:, j] -= basis @ (basis.T @ white[:, j])
         return white.ravel()
 
     def set(self, whiten: _Whitener) -> None:
-        """Whiten otherwise from here on."""
+        """Replace the whitening filters."""
         self.whiten = whiten
         self.bases = self._bases()
 
@@ -265,7 +265,7 @@ def fit(
 
 
 def _covariance(J: Floats, variance: float, names: Sequence[str]) -> Floats:
-    """Return variance (J^T J)^-1, which must exist."""
+    """Return the covariance (J^T J)^-1; J must have full rank."""
     length = np.linalg.norm(J, axis=0)
     for name, size in zip(names, length):
         if not size > 0.0:
@@ -302,7 +302,7 @@ def check_columns(columns: dict[str, Floats], least: int) -> None:
 
 
 def check_times(t: Floats) -> None:
-    """Raise IdentifyError if times (n,) s do not rise."""
+    """Raise IdentifyError if times (n,) s do not increase."""
     wrong = np.flatnonzero(np.diff(t) <= 0.0)
     if len(wrong):
         raise IdentifyError(f'time does not rise after {t[wrong[0]]:.6g} s')

@@ -1,4 +1,4 @@
-"""What every identification command has in common: options, table, JSON, plot, vehicle file."""
+"""Common parts of the identification commands: options, table, JSON, plot, vehicle file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ METHOD = ('intervals of 95 %: least squares on residuals whitened by an autoregr
 
 
 class Report(NamedTuple):
-    """What a command found."""
+    """Result of a command."""
 
     title: str
     values: dict[str, Value]           # by the name in the table
@@ -36,7 +36,7 @@ class Report(NamedTuple):
 
 
 def parser(name: str, description: str) -> Parser:
-    """Return the parser of a command with the options that all have."""
+    """Return the parser of a command with the common options."""
     out = Parser(name, description)
     out.add_output('DIR', 'write NAME.json, NAME.png and NAME.yaml, a vehicle, into it')
     out.add_json()
@@ -70,7 +70,7 @@ def as_json(report: Report) -> str:
 
 def write(name: str, report: Report, folder: Path, base: str) -> list[Path]:
     """
-    Write a report into a folder, which is made; return the files.
+    Write a report into a folder, which is created; return the files.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def run(name: str, options: argparse.Namespace, work: Callable[[], Report]) -> i
 
 
 def is_bag(path: Path) -> bool:
-    """Tell whether a path is a directory or an MCAP file, hence no bench file."""
+    """Return whether a path is a bag, a directory or an MCAP file, not a bench file."""
     return path.is_dir() or path.suffix == '.mcap'
 
 

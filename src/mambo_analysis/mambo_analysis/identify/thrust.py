@@ -1,8 +1,8 @@
 """
 Motor map from a bench: thrust of one motor over its command, (4.5)-(4.7).
 
-A power law T = a X^b by least squares on logarithms (4.6), which weighs every reading by its own
-size, and the line X = c T through the origin.
+A power law T = a X^b by least squares on logarithms (4.6), which weighs every reading by its
+magnitude, and the line X = c T through the origin.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ THESIS = (4.29e-5, 1.47)  # a [N] and b of (4.5), sec. 4.4.2
 
 
 class Thrust(NamedTuple):
-    """Both maps, and what of the readings they are from."""
+    """Both motor maps, and the readings that they were fitted to."""
 
     gain: Value          # PWM/N, X = gain T
     a: Value             # N
@@ -41,13 +41,13 @@ class Thrust(NamedTuple):
 
     @property
     def better(self) -> str:
-        """Return the map that a vehicle needs: the line, unless the power is surely not 1."""
+        """Return the map for the vehicle: linear unless the exponent surely differs from 1."""
         return 'linear' if self.b.low <= 1.0 <= self.b.high else 'power'
 
 
 def fit_thrust(pwm: Floats, thrust: Floats, largest: float = np.inf) -> Thrust:
     """
-    Fit both motor maps to a bench, readings being independent.
+    Fit both motor maps to bench readings, which are independent.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def _draw(pwm: Floats, thrust: Floats, found: Thrust) -> Callable[[Figure], None
     fine = np.linspace(X.min(), X.max(), 200)
 
     def draw(figure: Figure) -> None:
-        """Draw the bench with its maps, and what is left."""
+        """Draw the readings with both maps, and the residual."""
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
         bench = palette.COLOURS[palette.MEASURED]
         power, linear, thesis = palette.lines(['a X^b', 'linear', 'thesis'])
@@ -174,7 +174,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
 
     def work() -> result.Report:
-        """Read the bench and return what was found."""
+        """Read the bench file and return the result."""
         if options.motors < 1:
             raise IdentifyError('--motors must be 1 or more')
         table = columns.read(options.file)

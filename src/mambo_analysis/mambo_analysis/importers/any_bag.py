@@ -1,9 +1,9 @@
 """
-Anybody's bag under the names of this product: ``import_bag BAG OUT --map /theirs:=ours``.
+Import of any bag with other topic names: ``import_bag BAG OUT --map /theirs:=ours``.
 
 Reads rosbag2 directories and files of any version, MCAP and SQLite (``.db3``), plain or
-compressed with zstd, whose messages are CDR. Without ``--map`` it lists the topics, and what each
-could become. Headers, values and log times are copied; messages are written anew with the
+compressed with zstd, whose messages are CDR. Without ``--map`` it lists the topics with
+their possible names. Headers, values and log times are copied; messages are written anew with the
 definitions installed here, fields that the source lacks are 0. A pose can be taken from
 PoseStamped, PoseWithCovarianceStamped, TransformStamped or Odometry. Poses with a value that is
 not finite or an orientation of length 0, as trackers give for a lost body, are left out and
@@ -60,7 +60,7 @@ POSES = {
     'geometry_msgs/msg/PoseWithCovarianceStamped': ('pose.pose.position',
                                                     'pose.pose.orientation'),
     'geometry_msgs/msg/TransformStamped': ('transform.translation', 'transform.rotation')}
-"""Types that hold a pose, and where."""
+"""Types that hold a pose, with its field."""
 LOOSE_NORM = 0.1  # [-] how far from 1 an orientation may be
 ONE_CLOCK = 10 * SECOND  # [ns] by which stamps of one clock may be apart: no message is that late
 
@@ -68,7 +68,7 @@ ONE_CLOCK = 10 * SECOND  # [ns] by which stamps of one clock may be apart: no me
 @dataclasses.dataclass(frozen=True)
 class Foreign:
     """
-    A bag of somebody else.
+    A foreign bag.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ def _read(
 
 
 def _unpack(file: Path, target: Path) -> None:
-    """Write a file without its compression; BagError if that cannot be."""
+    """Write a file decompressed; BagError if it cannot be decompressed."""
     try:
         unpack(file, target)
     except ValueError as error:
@@ -146,7 +146,7 @@ def _unpack(file: Path, target: Path) -> None:
 def _read_unpacked(
     path: Path, files: list[Path], distribution: str,
 ) -> tuple[dict[str, str], dict[str, Messages]]:
-    """Return the same of a bag with compressed files, by way of a temporary folder."""
+    """Return the same for a bag with compressed files, using a temporary folder."""
     with tempfile.TemporaryDirectory() as folder:
         plain = [Path(folder) / file.name.removesuffix('.zstd') for file in files]
         try:
@@ -162,7 +162,7 @@ def _read_unpacked(
 
 def read_foreign(path: Path) -> Foreign:
     """
-    Read a bag of any of the storages.
+    Read a bag of any storage format.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def read_foreign(path: Path) -> Foreign:
 
 
 def _fault(messages: Messages) -> str:
-    """Return why a topic's messages cannot be read, by the first; empty if they can."""
+    """Return why the first message of a topic cannot be read; empty if it can."""
     try:
         next(messages.objects())
     except BagError as error:
@@ -228,7 +228,7 @@ def _pairs(path: Path, bag: Foreign, asked: Mapping[str, str]) -> None:
 
 
 def _copied(store: Typestore, type_name: str, message: Any) -> Any:
-    """Return a message of an installed type with the fields of another that it shares."""
+    """Return a message of an installed type with the fields that another has in common."""
     fields = {}
     for name, (node, detail) in store.fielddefs[type_name][1]:
         value = getattr(message, name, None)
@@ -257,7 +257,7 @@ def _as_pose(store: Typestore, kind: str, message: Any) -> Any:
 
 
 def _is_lost(kind: str, message: Any) -> bool:
-    """Return whether a pose is what a tracker says of a body that it does not see."""
+    """Return whether a pose is the placeholder of a tracker for a lost body."""
     if kind not in POSES:
         return False
     p, q = (_inner(message, path) for path in POSES[kind])
@@ -266,7 +266,7 @@ def _is_lost(kind: str, message: Any) -> bool:
 
 
 class Converted(NamedTuple):
-    """The messages of one topic that stay, as of our type."""
+    """The accepted messages of one topic, converted to our type."""
 
     log_time: list[int]  # ns
     stamps: list[int]  # ns, 0 without
@@ -275,7 +275,7 @@ class Converted(NamedTuple):
 
 
 def _converted(store: Typestore, messages: Messages, wanted: str) -> Converted:
-    """Return the messages of a topic as of our type."""
+    """Return the messages of a topic, converted to our type."""
     kind, out = messages.type_name, Converted([], [], [], 0)
     for log_time, message in zip(messages.log_time.tolist(), messages.objects()):
         if _is_lost(kind, message):
@@ -301,7 +301,7 @@ def _apart(lag: int) -> str:
 
 def _one_clock(source: Path, ready: Mapping[str, Converted]) -> tuple[Ints, Ints] | None:
     """
-    Return log times and how far the stamps are behind them, of the topic with most stamps.
+    Return log times and their lead over the stamps, of the topic with the most stamps.
 
     None without any stamp.
 
@@ -347,7 +347,7 @@ def _lag_at(times: Ints, known: Ints, lag: Ints) -> Ints:
 def _stamps(
     source: Path, ready: Mapping[str, Converted], time: str | None,
 ) -> dict[str, list[int]]:
-    """Return the stamps to give to the messages of each topic, ns; BagError of two clocks."""
+    """Return the stamps to give to the messages of each topic, ns; BagError for two clocks."""
     if time == 'log':
         return {theirs: found.log_time for theirs, found in ready.items()}
     clock = _one_clock(source, ready)
@@ -372,7 +372,7 @@ def _details(
     bag: Foreign, topics: Mapping[str, str], ready: Mapping[str, Converted],
     stamps: Mapping[str, list[int]],
 ) -> dict[str, Any]:
-    """Return what became of the messages, for the bag's metadata."""
+    """Return the numbers of imported and refused messages, for the bag's metadata."""
     details: dict[str, Any] = {}
     for theirs, ours in topics.items():
         details[f'map {ours}'] = f'{theirs} ({bag.topics[theirs]})'
@@ -466,7 +466,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
 
     def work() -> None:
-        """Import, or list the topics where none is mapped."""
+        """Import, or list the topics if none is mapped."""
         if not options.map:
             print('\n'.join(_table(options.bag, read_foreign(options.bag))))
             return

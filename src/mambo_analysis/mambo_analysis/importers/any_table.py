@@ -1,13 +1,13 @@
 """
-Tables as bags: ``import_table FLIGHT.csv BAG --map MAPPING.yaml``, CSV and Parquet.
+Import of tables, CSV or Parquet: ``import_table FLIGHT.csv BAG --map MAPPING.yaml``.
 
-The mapping says which columns become which topic, in which unit, frame and clock
+The mapping assigns columns to topics, with unit, frame and clock
 (:mod:`mambo_analysis.importers.table_map`). Mappings that come with the package are chosen by
 name: ``nanobench`` for the data set of that name (a Crazyflie 2.1 under Vicon, 100 Hz).
 
-Stamps count from the first row. A row that lacks a value of a topic gives no message there, and is
-counted. Poses that cannot be true are left out, too (:mod:`mambo_signals.outliers`). What the
-mapping does not use is printed.
+Stamps count from the first row. A row without all values of a topic gives no message on it, and is
+counted. Impossible poses are left out (:mod:`mambo_signals.outliers`). Unused columns are
+printed.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ class _Rows:
         self.notes: list[str] = []
 
     def publish(self, name: str, out: Publisher) -> None:
-        """Write what the rows say of a topic."""
+        """Write the messages of a topic from the rows."""
         topic = self.mapping.topics[name]
         found = {key: _vectors(self.table, one) for key, one in topic.quantities.items()}
         values = np.concatenate(list(found.values()), axis=1)
@@ -278,7 +278,7 @@ _FIELDS = {
     'sonar/range': _Rows._sonar_range, 'optical_flow': _Rows._optical_flow,
     'barometer/pressure': _Rows._barometer_pressure, 'motor_pwm': _Rows._motor_pwm,
     'battery': _Rows._battery}
-"""What makes the fields of a row's message, by topic."""
+"""Functions that make the message fields of a row, by topic."""
 
 
 def import_table(
@@ -341,7 +341,7 @@ def main(arguments: list[str] | None = None) -> int:
     options: argparse.Namespace = parser().parse_args(arguments)
 
     def work() -> None:
-        """Import, and print what was found."""
+        """Import, and print a summary."""
         counts, notes = import_table(options.table, options.output, find_map(options.map))
         report(options.table, options.output, counts, *notes)
 

@@ -1,8 +1,8 @@
 """
-Readers that are not ours, on files that are not ours: in a process of bounded memory and time.
+Third-party readers of untrusted files, run in a process with limited memory and time.
 
-The reader of MATLAB files raises whatever a damaged byte leads it to, asks for any amount of
-memory, may run for ever, and is compiled: only a process of its own can be trusted to end.
+On a damaged file the reader of MATLAB files may raise anything, allocate any amount of memory or
+run for ever, and it is compiled: only a separate process can be ended reliably.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ _FORK = multiprocessing.get_context('fork')
 
 
 class UnreadableError(MamboError, ValueError):
-    """A file cannot be read; the text says why in one line."""
+    """A file cannot be read; the message says why."""
 
 
 def call(function: Callable[[Path], Any], path: Path) -> Any:
     """
-    Return what a function makes of a file, called in a process of its own.
+    Call a function with a file in a separate process and return its result.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the importers share: a source read once, messages, a bag that says where it came from."""
+"""Common parts of the importers: source files, messages, and a bag with its origin."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def provenance(
 
 
 def shortened(names: Sequence[str], most: int = 12) -> str:
-    """Return names in one line, and how many more there are than ``most``."""
+    """Return names in one line, and the number of names beyond ``most``."""
     more = f' and {len(names) - most} more' if len(names) > most else ''
     short = [name if len(name) <= 60 else f'{name[:57]}...' for name in names[:most]]
     return ', '.join(short) + more
@@ -69,7 +69,7 @@ def quoted(text: str) -> str:
 
 
 def unused(names: Sequence[str]) -> list[str]:
-    """Return the line that says what nothing was made of; none if all was used."""
+    """Return a line about unused parts of the source; empty if all was used."""
     return [f'not used: {shortened(names)}'] if names else []
 
 
@@ -152,7 +152,7 @@ class Publisher:
 
 
 def report(source: Path, target: Path, counts: Mapping[str, int], *notes: str) -> None:
-    """Print what an importer did."""
+    """Print the summary of an import."""
     print(f'imported {source.name} into {target}')
     for topic, count in counts.items():
         print(f'  {count:6d}  {topic}')

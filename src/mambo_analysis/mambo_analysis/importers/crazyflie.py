@@ -100,7 +100,7 @@ TOPICS = {
 @dataclasses.dataclass(frozen=True)
 class Log:
     """
-    A log, finite samples alone.
+    The finite samples of a log.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ class Log:
     ignored: list[str]
 
     def has(self, *names: str) -> bool:
-        """Return whether all signals are there."""
+        """Return whether all signals are present."""
         return all(name in self.drone for name in names)
 
     def at(self, times: Floats, *names: str) -> Floats:
@@ -189,7 +189,7 @@ def read_log(source: Source) -> Log:
 
 
 def _mocap(path: Path, found: Any) -> tuple[Floats, int, int]:
-    """Return the poses, how many were lost and how many of the others cannot be true."""
+    """Return the poses, the number of lost ones and the number of impossible ones."""
     if not isinstance(found, dict) or (found and not {'time', *MOCAP} <= set(found)):
         raise BagError(f'{path}: mocap is not built as {{time, {", ".join(MOCAP)}}}')
     if not found or not found['time']:
@@ -205,7 +205,7 @@ def _mocap(path: Path, found: Any) -> tuple[Floats, int, int]:
 
 def mocap_offset(log: Log) -> Offset:
     """
-    Return what to add to the clock of the motion capture, by bringing the range onto its z.
+    Return the offset to add to the clock of the motion capture, by aligning the range with z.
 
     Raises
     ------
@@ -226,7 +226,7 @@ def mocap_offset(log: Log) -> Offset:
 def _gyro_offsets(
     log: Log, limits: tuple[float, float] | None = None,
 ) -> tuple[dict[str, Offset], dict[str, AlignError]]:
-    """Return the offset that each axis of the gyro gives, and why others give none; by name."""
+    """Return the offset by each gyro axis, and the reason for axes without one, by name."""
     names = ('w_x', 'w_y', 'w_z')
     if not log.has(*names):
         return {}, {'gyro': AlignError(
@@ -238,7 +238,7 @@ def _gyro_offsets(
 
 def gyro_offset(log: Log, near: float | None = None) -> Offset:
     """
-    Return the same by the gyro, which is not behind, from among the offsets near another.
+    Return the same by the gyro, which has no delay, searched near another offset.
 
     Of the three axes the one with the highest correlation. Real flights leave it at 0.73 to 0.86,
     and the axes then differ by up to 10 ms, more than their standard errors say: ``sigma`` is
@@ -304,7 +304,7 @@ def _publish_sensors(
 
 def _share_new(t: Floats, counts: Floats, new: NDArray[np.bool_]) -> Floats:
     """
-    Return which share of each pair of counts is new motion, (n,): 0 of a repeated one.
+    Return the share of new motion in each pair of counts, (n,); 0 for a repeated one.
 
     Where the pair before was lost nothing tells whether a pair repeats it: it counts by the share
     of motion that is new where the pair before is there.
@@ -372,7 +372,7 @@ def _publish_mocap(log: Log, out: Publisher, offset: float) -> None:
 
 
 def _range_offset(log: Log) -> Offset | None:
-    """Return the offset by the range; None if only the gyro can tell, AlignError if nothing."""
+    """Return the offset by the range; None if only the gyro is usable, else AlignError."""
     if not log.has('r'):
         return None
     try:
@@ -384,7 +384,7 @@ def _range_offset(log: Log) -> Offset | None:
 
 
 def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, Any]]:
-    """Return the offset of the motion capture, None to leave it out, and what to say of it."""
+    """Return the offset of the motion capture, None to leave it out, with a remark."""
     if asked == 'none' or not len(log.mocap):
         return None, {'mocap': 'none in the log' if asked != 'none' else 'left out'}
     if asked not in ('auto', 'gyro'):
@@ -506,7 +506,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
 
     def work() -> None:
-        """Import, and print what was found."""
+        """Import, and print a summary."""
         counts, details = import_crazyflie(
             options.log, options.output, options.counts_per_radian, options.mocap_offset,
             options.level, options.repeated_flow)

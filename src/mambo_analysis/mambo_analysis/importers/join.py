@@ -1,7 +1,7 @@
 """
 A drone's log and the motion capture of the same flight as one bag: ``join FLIGHT MOCAP OUT``.
 
-What the two recorded is the same motion on two clocks. The offset of the clocks is found by
+Both recorded the same motion on two clocks. The offset of the clocks is found by
 correlation (:mod:`mambo_signals.time_offset`): the body rates of the tracked attitude
 with the gyro, the tracked height with the sonar, the tracked pose with the drone's own. The signal
 with the smallest standard error gives the offset, if the others that determine one agree with it.
@@ -33,16 +33,16 @@ LONGEST = 2e9  # [s] of an offset: log times since boot and since 1970
 OWN = ('onboard/odom', 'estimate/odom')
 """Poses of the drone itself."""
 LATE = {'height': RANGE_LATE, **dict.fromkeys(OWN, 0.1)}
-"""By how much signals may be behind the motion [s]: a range is, and so is what a filter says."""
+"""Largest delay of signals behind the motion [s]: of ranges and of filtered values."""
 UNIT = 5.0
 """By which a signal of one unit may differ from that of the other [-]: noise of a differentiated
 pose makes its rates larger than the gyro's."""
 HEIGHT = 1.25
-"""By which a range may differ from the tracked height [-]; beyond, it is cut off or of a slope."""
+"""Largest relative difference of range and tracked height [-]; beyond, the echo is wrong."""
 
 
 class Clock(NamedTuple):
-    """How the clock of the motion capture stands to that of the flight."""
+    """Offset between the clocks of motion capture and flight."""
 
     offset: float       # s, to add to the motion capture's
     sigma: float        # s, standard error; NaN if the offset was given
@@ -51,7 +51,7 @@ class Clock(NamedTuple):
 
 def signals(bag: Bag, poses: Poses) -> dict[str, tuple[Floats, Floats, Floats, Floats]]:
     """
-    Return what both recorded of one motion.
+    Return the signals of the same motion that both recorded.
 
     Parameters
     ----------

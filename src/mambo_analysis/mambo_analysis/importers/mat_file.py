@@ -26,7 +26,7 @@ class Signal(NamedTuple):
 
 
 def _plain(value: Any, depth: int = 0) -> Any:
-    """Return what can be sent: numbers, texts, and dictionaries and lists of such; else None."""
+    """Return plain data: numbers, texts, dictionaries and lists of these; else None."""
     if isinstance(value, dict) and depth < DEEPEST:
         return {str(key): _plain(below, depth + 1) for key, below in value.items()}
     if isinstance(value, np.ndarray) and value.dtype.kind in 'fiub':
@@ -78,7 +78,7 @@ def variables(path: Path, content: bytes) -> dict[str, Any]:
 
 
 def _numbers(path: Path, name: str, value: Any) -> Floats:
-    """Return an array of numbers; BagError if it is none."""
+    """Return an array of numbers; BagError if it is not one."""
     if not isinstance(value, np.ndarray | int | float):
         raise BagError(f'{path}: {name} holds what is no number')
     return np.asarray(value, float)
@@ -114,7 +114,7 @@ def _entries(name: str, signals: Any) -> list[tuple[str, Any]]:
 
 def logged(path: Path, found: dict[str, Any]) -> tuple[dict[str, Signal], list[str]]:
     """
-    Return the logged signals of a file's variables, and what else is there.
+    Return the logged signals of a file's variables, and the names of other variables.
 
     A signal is a structure with time, of one signal or several, or an array with a row for each
     value of ``rt_tout``.

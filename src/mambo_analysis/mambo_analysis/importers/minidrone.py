@@ -1,9 +1,9 @@
 """
 Flight logs of Parrot minidrones as bags: ``import_minidrone LOG.mat OUT``.
 
-Two kinds are read. The logs of Simulink models on a Mambo are in :mod:`.package_log`; the rest
-of this text is about those of the educational toolbox. Whatever a file holds and the bag does not
-is named.
+Two kinds are read. The logs of Simulink models on a Mambo are read by :mod:`.simulink`; the rest
+of this text is about the educational toolbox. Content of a file that is not imported is
+listed.
 
 A log is ``rt_yout`` of the educational toolbox (RollingSpiderEdu, ``rsedu_control.c``): 29 signals
 at 200 Hz in NED/FRD, among them raw sensors, motor commands and the drone's own estimate. Slow
@@ -179,7 +179,7 @@ def _checked(path: Path, found: dict[str, Any]) -> tuple[dict[str, Array], list[
 
 def read_log(source: Source, found: dict[str, Any]) -> Log:
     """
-    Return the log of the educational toolbox that a mat file's variables are.
+    Return the log of the educational toolbox from a mat file's variables.
 
     Parameters
     ----------
@@ -260,7 +260,7 @@ def _estimator_parameters(
     accel: list[float], gyro: list[float], **more: int,
 ) -> dict[str, str]:
     """
-    Return a ROS 2 parameter file by name that gives the estimator the log's own calibration.
+    Return a ROS 2 parameter file, by name, with the log's calibration for the estimator.
 
     Nothing where that mean is no bias: a vehicle that did not stand level, or values of nothing.
 
@@ -319,7 +319,7 @@ def import_minidrone(
     flow_scale
         rad/s for a flow of 1; default: 20 in the units of the toolbox, else 1.
     names
-        File that says what the variables of a Simulink model hold, see :mod:`.package_names`.
+        File that says what the variables of a Simulink model hold, see :mod:`.simulink_names`.
     gyro_unit
         Of the log of a Simulink model: ``rad/s``, ``deg/s`` or ``auto``.
 

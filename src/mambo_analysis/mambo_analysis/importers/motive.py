@@ -249,7 +249,7 @@ def read_take(source: Source, body: str | None = None) -> Take:
 
 def poses(take: Take, up: str = 'y', nose: float = 0.0) -> tuple[Floats, Floats, Floats]:
     """
-    Return the poses of a take with z up, where there are any.
+    Return the valid poses of a take, with z up.
 
     Parameters
     ----------

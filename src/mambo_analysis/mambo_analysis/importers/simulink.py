@@ -2,8 +2,8 @@
 Logs of Simulink models on a minidrone: ``RSdata.mat`` of MathWorks's minidrone support package.
 
 Such a file holds a structure with time for each To Workspace block or scope, named ``rt_`` and
-what the user called the block. Two families are known from public flights and the scripts that
-read them; :mod:`.package_names` has the names, and a map for others:
+the name of the block. Two families are known from public flights and the scripts that
+read them; :mod:`.simulink_names` has the names, and a map for others:
 
 ===================================  ==========================================================
 ``rt_sensor``                        accelerometer, gyro; sonar, pressure, battery V and %
@@ -117,7 +117,7 @@ class PackageLog:
 
     @property
     def topics(self) -> dict[str, str]:
-        """Return {topic: type} of what is there."""
+        """Return {topic: type} of the signals that are present."""
         return dict(TOPICS[part] for part in self.parts)
 
 
@@ -144,7 +144,7 @@ def _at(column: Column, times: Floats, held: bool) -> Floats:
 
 
 class _Reader:
-    """Makes the parts of a log out of its columns, and notes what it decides."""
+    """Converts the columns of a log, and notes its decisions."""
 
     def __init__(self, path: Path, names: list[str], columns: Mapping[str, Column | None],
                  gyro_unit: str, flow_scale: float | None) -> None:
@@ -220,7 +220,7 @@ class _Reader:
             f'variable it is ({missing[0]}: NAME), or leave them out (accel: none, gyro: none)')
 
     def _check_force(self, accel: Floats) -> None:
-        """Refuse an accelerometer that does not measure a specific force in FRD."""
+        """Raise BagError if the accelerometer does not measure specific force in FRD."""
         length = float(np.median(np.linalg.norm(accel, axis=1)))
         down = float(np.median(accel[:, 2]))
         if not STANDARD_GRAVITY[0] < length < STANDARD_GRAVITY[1]:
@@ -234,7 +234,7 @@ class _Reader:
                 'and those of y or of x and y, as the axes are')
 
     def _gyro_factor(self, times: Floats, rates: Floats) -> float:
-        """Return the unit of a gyro in rad/s; BagError if it is neither given nor told."""
+        """Return the unit of a gyro in rad/s; BagError if it is unknown."""
         if self.gyro_unit != 'auto':
             return 1.0 if self.gyro_unit == 'rad/s' else math.pi / 180.0
         tilt = tilt_of(times, rates)
@@ -279,7 +279,7 @@ class _Reader:
         self.parts['flow'] = times[new], scale * values[new]
 
     def _flagged(self, flag: Column, times: Floats) -> NDArray[np.bool_]:
-        """Return where a flag lets a flow pass; everywhere if it is none."""
+        """Return a mask of the flow samples that a flag accepts; all without a flag."""
         _sound(self.path, flag)
         values = _at(flag, times, True)
         kinds = set(np.unique(values).tolist()) if len(np.unique(values)) < 9 else set()
@@ -292,7 +292,7 @@ class _Reader:
         return np.ones(len(times), bool)
 
     def plain(self, name: str) -> None:
-        """Take a vector as it is; of a held one new values, with the first."""
+        """Take a vector as it is; of a held signal only its new values."""
         found = self.group(name, GROUPS[name])
         if found is None:
             return
@@ -334,7 +334,7 @@ class _Reader:
 
 def tilt_of(times: Floats, rates: Floats) -> float:
     """
-    Return how far a gyro about x and y turns when integrated, less a line through each 4 s.
+    Return the integrated gyro about x and y, minus a line through each 4 s.
 
     Parameters
     ----------
@@ -360,7 +360,7 @@ def tilt_of(times: Floats, rates: Floats) -> float:
 
 
 def is_package_log(found: Mapping[str, Any], mapped: bool) -> bool:
-    """Return whether a file's variables are those of a Simulink model, and not the toolbox's."""
+    """Return whether a file was logged by a Simulink model, not by the toolbox."""
     output = found.get('rt_yout')
     entries = output.get('signals') if isinstance(output, dict) else None
     entries = entries if isinstance(entries, list) else [entries]
@@ -376,7 +376,7 @@ def is_package_log(found: Mapping[str, Any], mapped: bool) -> bool:
 def _ignored(
     signals: dict[str, Signal], used: set[tuple[str, int]], others: list[str],
 ) -> list[str]:
-    """Return in words the columns and variables that nothing is made of."""
+    """Return the unused columns and variables as text."""
     out = []
     for name, signal in signals.items():
         width = signal.values.shape[1]
@@ -402,7 +402,7 @@ def read_package_log(
     found
         As of :func:`mambo_analysis.importers.mat_file.variables`.
     names
-        Map of other names, see :mod:`.package_names`.
+        Map of other names, see :mod:`.simulink_names`.
     gyro_unit
         ``rad/s``, ``deg/s``, or ``auto``: by its integral.
     flow_scale

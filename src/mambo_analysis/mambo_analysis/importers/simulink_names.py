@@ -1,9 +1,9 @@
 """
-Names of logged signals: what those of known models mean, and a file that says it of others.
+Names of logged signals: those of known models, and a mapping file for others.
 
 A known name is one of ``LAYOUTS`` behind the prefix ``rt_``, also a repeated one, or before the
 suffix ``_rt``; or behind any other prefix that the file gives to all three accelerations. Other
-names are told by a map, a YAML file of what a signal is and the variable that holds it:
+names need a map, a YAML file with the variable of each signal:
 
 .. code-block:: yaml
 
@@ -42,7 +42,7 @@ QUANTITIES = {
     'position': ('x', 'y', 'z'), 'attitude': ('yaw', 'pitch', 'roll'),
     'velocity': ('u', 'v', 'w'), 'rates': ('p', 'q', 'r'),
     'reference': ('ref_x', 'ref_y', 'ref_z', 'ref_yaw', 'ref_pitch', 'ref_roll')}
-"""What a log can hold, in SI units, NED and FRD; position to rates are the onboard estimate."""
+"""Signals of a log, SI units, NED and FRD; position to rates are the onboard estimate."""
 PARTS = tuple(part for parts in QUANTITIES.values() for part in parts)
 
 _IMU = QUANTITIES['accel'] + QUANTITIES['gyro']
@@ -65,9 +65,9 @@ LAYOUTS: dict[str, tuple[str | None, ...]] = {
     'optical_flow': ('flow_x', 'flow_y', 'flow_flag'),
     **{stem: (part,) for stem, part in _SCALARS.items()},
     **{f'{stem}_{whose}': (part,) for whose in ('drone', 'est') for stem, part in _OWN.items()}}
-"""What the columns of a known name mean; of several names that mean the same the first counts."""
+"""Meaning of the columns of known names; of several synonyms the first counts."""
 LEAST = {'sensor': 6, 'optical': 5, 'optical_flow': 2}
-"""Columns that a name needs, if not all."""
+"""Columns that a name requires, if not all."""
 TOOLBOX_FLOW = ('optical',)
 """Names of a flow in the units of the educational toolbox."""
 _SOURCE = re.compile(
@@ -85,7 +85,7 @@ class Column(NamedTuple):
 
 
 def near(name: str, names: list[str]) -> str:
-    """Return the names most like one, in words."""
+    """Return the names most similar to a name, as text."""
     best = difflib.get_close_matches(name, names, 3, 0.5)
     return ', '.join(best) if best else 'none is like it'
 

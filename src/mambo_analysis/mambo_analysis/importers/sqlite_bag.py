@@ -1,10 +1,9 @@
 """
 Bags of the storage sqlite3 (``.db3``), rosbag2's default before Iron.
 
-From Iron on such a file carries the definitions of its messages. Before, it names types alone:
-those of this product are as installed here, others are taken as the distribution named in
-metadata.yaml has them, or as the newest distribution by whose definition the first message is
-whole.
+From Iron on such a file carries the definitions of its messages. Before, it holds only names of
+types: types of this product are taken as installed here, others from the distribution named
+in metadata.yaml, or from the newest distribution whose definition fits the first message.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ def _message(data: bytes, most: int) -> bytes:
 
 
 def _is_plain_read(action: int, *about: str | None) -> int:
-    """Authorize to read tables alone: a view or a function of a file could go on for ever."""
+    """Authorize reading tables only: a view or a function in a file could run for ever."""
     plain = action in (sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ) and about[-1] is None
     return sqlite3.SQLITE_OK if plain else sqlite3.SQLITE_DENY
 
@@ -69,7 +68,7 @@ def _is_whole(store: Typestore, name: str, data: bytes) -> bool:
 
 
 def _known(name: str, distribution: str, first: bytes | None) -> Typestore | None:
-    """Return a definition of a type of which a bag carries none; None where nobody has one."""
+    """Return a definition for a type that the bag does not define; None if there is none."""
     own = installed(name)
     if name.startswith(OWN):
         return own
@@ -82,7 +81,7 @@ def _known(name: str, distribution: str, first: bytes | None) -> Typestore | Non
 
 
 class _Bag:
-    """What the files of one bag hold together."""
+    """Content of all files of one bag."""
 
     def __init__(self) -> None:
         self.topics: dict[str, str] = {}
@@ -92,7 +91,7 @@ class _Bag:
 
     def add(self, database: sqlite3.Connection, most: int) -> None:
         """
-        Take a file whose messages may unpack to so many bytes in all.
+        Read a file, with a limit for the total of unpacked bytes.
 
         Of one that is damaged sqlite3.Error or ValueError.
         """
@@ -115,7 +114,7 @@ class _Bag:
 
 
 def _types(where: str, bag: _Bag, topic: str, distribution: str) -> Typestore | BagError:
-    """Return the definition of a topic's type, or why there is none."""
+    """Return the definition of a topic's type, or the reason why it is missing."""
     name, form = bag.topics[topic], bag.forms[topic]
     if form != 'cdr':
         return BagError(f'{where}: messages are encoded as {form!r}, only cdr is read')

@@ -1,5 +1,5 @@
 """
-Mapping file of a table: which column is which quantity, in which unit, frame and clock.
+Mapping file of a table: the quantity, unit, frame and clock of each column.
 
 .. code-block:: yaml
 
@@ -44,7 +44,7 @@ UNITS = {
     'pressure': {'Pa': 1.0, 'hPa': 100.0, 'mbar': 100.0, 'kPa': 1000.0},
     'voltage': {'V': 1.0, 'mV': 0.001},
     'number': {'1': 1.0, '%': 0.01}}
-"""Units by dimension, and what one of them is in the first."""
+"""Units by dimension, with the factor to the first unit."""
 WORLDS, BODIES = ('z_up', 'z_down', 'y_up'), ('flu', 'frd', 'y_up')
 ORDERS = {'quaternion': ('xyzw', 'wxyz'), 'euler': ('ZYX', 'XYZ', 'ZXY', 'YXZ', 'XZY', 'YZX')}
 _POSE = {'position': (3, 'length'), 'quaternion': (4, 'number'), 'euler': (3, 'angle')}
@@ -62,12 +62,12 @@ QUANTITIES = {
 NEEDED = {
     'optitrack/pose': ('position', 'attitude'),
     'onboard/odom': ('position', 'attitude', 'velocity'), 'onboard/reference': ('position',)}
-"""What a topic cannot do without; of the others all of their quantities but for the IMU's."""
+"""Required quantities; other topics require all of theirs, except those of the IMU."""
 _OPTIONS = ('time', 'body', 'only_changes', 'velocity_axes')
 
 
 class Quantity(NamedTuple):
-    """Columns of a table, and what turns them into SI units."""
+    """Columns of a table, with the conversion to SI units."""
 
     columns: tuple[str, ...]
     factor: float = 1.0
@@ -83,7 +83,7 @@ class Clock(NamedTuple):
 
 
 class Topic(NamedTuple):
-    """What becomes one topic."""
+    """Mapping of columns to one topic."""
 
     quantities: dict[str, Quantity]
     clock: Clock
@@ -157,7 +157,7 @@ def _choice(
     reader: Reader, entries: dict[str, tuple[Node, Node]], key: str, known: tuple[str, ...],
     default: str | None = None,
 ) -> str:
-    """Return one of some words, the first or the default without."""
+    """Return one of some words; without a value the default or the first word."""
     if key not in entries:
         return known[0] if default is None else default
     word = reader.text(entries[key][1], key)
@@ -173,7 +173,7 @@ def _unit(
 
 
 def _clock(reader: Reader, node: Node, default: Clock | None) -> Clock:
-    """Return a time; that of a topic takes from the default what it does not say."""
+    """Return a time mapping; that of a topic inherits missing keys from the default."""
     entries = reader.mapping(node, 'time')
     _known(reader, entries, ('column', 'unit', 'offset'))
     if 'column' not in entries and default is None:

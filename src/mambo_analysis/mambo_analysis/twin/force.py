@@ -34,7 +34,7 @@ NAMES = ('drag x', 'drag y', 'drag z', 'tilt x', 'tilt y', 'thrust', 'exponent',
 LOW = (-1.0, -1.0, -2.0, -3.0, -3.0, 0.2, 0.4, 0.0)
 HIGH = (5.0, 5.0, 5.0, 3.0, 3.0, 20.0, 4.0, 0.98)
 START = (0.3, 0.3, 0.3, 0.0, 0.0, 2.45, 1.8, 0.7)
-"""Of the lag, the share of a deviation that is left after ``STEP``: 0 without a lag."""
+"""Share of a deviation that remains after ``STEP`` due to the lag; 0 without lag."""
 LEAST_SWING = 0.4        # m/s, 99 % of the body velocity on an axis: below, drag does not show
 LEAST_THRUST = 0.05      # [-] relative swing of the thrust: below, the map does not show
 
@@ -91,7 +91,7 @@ class ForceModel(NamedTuple):
 
 
 class Found(NamedTuple):
-    """A fitted model, its parameters with intervals, and what the flight does not show."""
+    """A fitted model: parameters with intervals, and those that the flight does not show."""
 
     model: ForceModel
     values: dict[str, Value]

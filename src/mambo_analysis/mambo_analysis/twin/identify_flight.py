@@ -1,9 +1,9 @@
 """
-What one flight tells of its vehicle: drag, thrust and its lag, mounting, biases, noise.
+Vehicle parameters from one flight: drag, thrust and its lag, mounting, biases, noise.
 
-Reads a bag with IMU, motor commands and a motion capture (or truth), whatever drone flew it, and
-writes a vehicle file that flies. What the flight does not excite is named and left as in the base.
-The mass is not among it, as an accelerometer does not know it: ``--mass``, or that of the base.
+Reads a bag with IMU, motor commands and a motion capture (or truth), of any drone, and writes
+a vehicle file that can be flown. Parameters that the flight does not excite are named and keep the
+value of the base. An accelerometer cannot determine the mass: give ``--mass``, or keep the base.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def _resting(flight: Recorded) -> dict[str, Value]:
 
 
 def hover_command(found: Found) -> Value:
-    """Return the command at which four equal motors carry the vehicle, at the mean voltage."""
+    """Return the hover command of four equal motors at the mean voltage."""
     thrust, b = found.model.thrust, found.model.exponent
     command = found.model.command * (GRAVITY / (4.0 * thrust)) ** (1.0 / b)
     i, j = 5, 6  # thrust and exponent among the parameters
@@ -65,7 +65,7 @@ def hover_command(found: Found) -> Value:
 def _vehicle(
     found: Found, base: Vehicle, mass: float, hover: float, source: str,
 ) -> dict[str, tuple[Any, str]]:
-    """Return what the flight changes in a vehicle file, with the range of commands of the base."""
+    """Return the parameters of a vehicle file that the flight determines, with the PWM range."""
     model, hidden = found.model, {line.split(':')[0] for line in found.hidden}
     out: dict[str, tuple[Any, str]] = {'mass': (mass, 'as given, or of the base')}
     exponent = base.power_b if 'exponent' in hidden else model.exponent
@@ -103,7 +103,7 @@ def _draw(found: Found) -> Any:
 
 def identify(path: Path, base: str, mass: float | None, namespace: str | None) -> result.Report:
     """
-    Return what a flight tells, as a report.
+    Identify a vehicle from a flight and return the report.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """
-A recorded flight on one even grid: motion, inertial sensor, motor commands and battery.
+A recorded flight on one uniform grid: motion, inertial sensor, motor commands and battery.
 
-Axes are those of the wire: the world has z up, the body is FLU. The inertial sensor and the
+Axes are those of ROS: the world has z up, the body is FLU. The inertial sensor and the
 markers are not mounted exactly alike. The two small angles between them come from the flight: in
 the mean over ``STRETCH`` seconds, the measured specific force turned into the world, less gravity,
 must be the change of the measured velocity. A turn about the vertical stays unknown.
@@ -79,7 +79,7 @@ class Recorded(NamedTuple):
 
     @property
     def turn(self) -> Rotation:
-        """Return the attitudes; those that are not known are upright."""
+        """Return the attitudes; unknown ones are upright."""
         known = np.isfinite(self.attitude).all(axis=1)
         return Rotation.from_quat(np.where(known[:, None], self.attitude, [0.0, 0.0, 0.0, 1.0]))
 
@@ -90,7 +90,7 @@ class Recorded(NamedTuple):
 
 
 def _motion(bag: Bag) -> motion.Motion:
-    """Return the measured motion of a bag; a motion capture comes before the truth."""
+    """Return the measured motion of a bag; motion capture has priority over the truth."""
     for topic in reversed(motion.TRUTH):
         if topic in bag and len(bag[topic]):
             return motion.read(bag, topic)
@@ -121,7 +121,7 @@ def _mounting(found: dict[str, Floats], air: slice) -> Floats:
 
 
 def _grid(bag: Bag, path: motion.Motion) -> dict[str, Floats]:
-    """Return every signal on the grid over which all are there."""
+    """Return every signal on a common grid, where all are available."""
     imu, pwm = bag['imu/data_raw'], bag['motor_pwm']
     start = max(imu.t.min(), pwm.t.min(), path.t.min())
     end = min(imu.t.max(), pwm.t.max(), path.t.max())

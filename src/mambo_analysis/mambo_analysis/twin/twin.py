@@ -1,7 +1,7 @@
 """
-A model of one drone on flights that it has not seen: ``twin BAG BAG...``, of one vehicle.
+Cross-validation of a model of one drone on unseen flights: ``twin BAG BAG...``, of one vehicle.
 
-Each flight is left out once. The model is identified on the others (:mod:`.force`) and foresees
+Each flight is left out once. The model is identified on the others (:mod:`.force`) and predicts
 windows of half a second of the one left out (:mod:`.windows`), from its recorded states,
 attitudes, commands and battery. Of the flight itself it takes the mounting of the markers, two
 angles, and with ``--past`` what the accelerometer showed in the second before each window.
@@ -19,11 +19,11 @@ from mambo_model.errors import InputError
 
 from .force import fit_force
 from .recorded import read_flight
-from .windows import foresee, HORIZON, PAST, Windows
+from .windows import HORIZON, PAST, predict, Windows
 
 
 class Row(NamedTuple):
-    """One flight, foreseen by a model of the others."""
+    """One flight, predicted by a model fitted to the others."""
 
     name: str
     windows: Windows
@@ -31,7 +31,7 @@ class Row(NamedTuple):
 
 def leave_one_out(paths: list[Path], horizon: float, past: float) -> list[Row]:
     """
-    Return every flight foreseen by a model of the others.
+    Return the prediction of every flight by a model of the others.
 
     Raises
     ------
@@ -43,9 +43,9 @@ def leave_one_out(paths: list[Path], horizon: float, past: float) -> list[Row]:
     """
     if len(paths) < 2:
         raise InputError('one flight: at least two of the same vehicle are needed, as each is '
-                         'foreseen by the others')
+                         'predicted by the others')
     flights = [read_flight(path) for path in paths]
-    return [Row(one.name, foresee(one, fit_force(*(f for f in flights if f is not one)).model,
+    return [Row(one.name, predict(one, fit_force(*(f for f in flights if f is not one)).model,
                                   horizon, past)) for one in flights]
 
 
@@ -98,7 +98,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
 
     def work() -> None:
-        """Foresee every flight and print how well."""
+        """Predict every flight and print the errors."""
         rows = leave_one_out(options.bags, options.horizon, options.past)
         if options.json != '-':
             print(table(rows, options.horizon))

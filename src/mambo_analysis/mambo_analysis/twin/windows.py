@@ -1,13 +1,13 @@
 r"""
-How well a force model foresees a recorded flight: windows of half a second from recorded states.
+Prediction error of a force model in half-second windows that start at recorded states.
 
 From position and velocity at the beginning of a window,
 
 .. math:: \dot p = v, \quad \dot v = R(q) f - g e_3,
 
 is integrated with the recorded attitude :math:`q`, and :math:`f` from motor commands, battery and
-the velocity of the prediction itself (:mod:`mambo_analysis.twin.force`). What is left at the end
-is compared with that of a constant velocity, the best guess without a model.
+the velocity of the prediction itself (:mod:`mambo_analysis.twin.force`). The error at the end
+is compared with that of a constant velocity, the best prediction without a model.
 
 The thrust of a motor falls by some per cent as it warms, and no two flights begin alike. What the
 accelerometer showed beyond the model in the second before a window, in the mean, is therefore
@@ -44,7 +44,7 @@ class Windows(NamedTuple):
 
     @property
     def constant_mae(self) -> Floats:
-        """Return that of constant velocity, (3,) m."""
+        """Return the mean absolute error of constant velocity, (3,) m."""
         return np.abs(self.constant).mean(axis=0)
 
     @property
@@ -54,7 +54,7 @@ class Windows(NamedTuple):
                      / np.linalg.norm(self.constant, axis=1).mean())
 
 
-def foresee(
+def predict(
     flight: Recorded, model: ForceModel, horizon: float = HORIZON, past: float = PAST,
 ) -> Windows:
     """

@@ -1,4 +1,4 @@
-"""Each flight is foreseen by the others; real ones where they are at hand."""
+"""Each flight is predicted by the others; real ones where they are at hand."""
 
 import json
 from pathlib import Path

@@ -1,13 +1,13 @@
-"""The true model foresees the flight; what it lacks is seen, and the second before makes it up."""
+"""The true model predicts the flight; what it lacks is seen, and the second before makes it up."""
 
 from flown import flight, TRUE
-from mambo_analysis.twin.windows import foresee
+from mambo_analysis.twin.windows import predict
 import numpy as np
 import pytest
 
 
 def test_the_true_model_is_right_to_two_millimetres():
-    found = foresee(flight(noise=0.0), TRUE)
+    found = predict(flight(noise=0.0), TRUE)
     assert found.mae.max() < 2e-3  # steps of 10 ms, in which it trembles
     assert found.constant_mae[:2] == pytest.approx([0.08, 0.08], abs=0.01)  # 1 m/s^2 for 0.5 s
     assert found.ratio < 0.02
@@ -16,32 +16,32 @@ def test_the_true_model_is_right_to_two_millimetres():
 def test_a_missing_drag_is_seen():
     without = TRUE._replace(drag=(0.0, 0.0, 0.25))
     # 0.4 1/s times 0.64 m/s in the mean, for half a second: 0.5 * 0.25 * 0.255 m
-    assert foresee(flight(noise=0.0), without, past=0.0).mae[0] == pytest.approx(0.031, abs=0.004)
+    assert predict(flight(noise=0.0), without, past=0.0).mae[0] == pytest.approx(0.031, abs=0.004)
 
 
 def test_the_second_before_makes_up_for_what_is_constant():
     weak = TRUE._replace(thrust=0.97 * TRUE.thrust)
-    plain = foresee(flight(noise=0.0), weak, past=0.0)
+    plain = predict(flight(noise=0.0), weak, past=0.0)
     assert plain.model[:, 2].mean() == pytest.approx(-0.5 * 0.25 * 0.03 * 9.8, rel=0.05)
-    assert foresee(flight(noise=0.0), weak).mae[2] < 0.1 * plain.mae[2]
+    assert predict(flight(noise=0.0), weak).mae[2] < 0.1 * plain.mae[2]
 
 
 def test_longer_windows_are_worse():
     without = TRUE._replace(drag=(0.0, 0.0, 0.0))
-    short, long = (foresee(flight(noise=0.0), without, horizon) for horizon in (0.25, 1.0))
+    short, long = (predict(flight(noise=0.0), without, horizon) for horizon in (0.25, 1.0))
     assert np.all(long.mae[:2] > 3.0 * short.mae[:2])
 
 
 def test_a_window_needs_its_second_before_and_its_half_second_after():
     one = flight(noise=0.0)
-    assert len(foresee(one, TRUE, past=1.0).model) == len(np.arange(100, 1500 - 50, 10))
-    assert len(foresee(one, TRUE, past=0.0).model) == len(np.arange(0, 1500 - 50, 10))
-    assert len(foresee(one, TRUE, horizon=1.0, past=0.0).model) == len(np.arange(0, 1400, 10))
+    assert len(predict(one, TRUE, past=1.0).model) == len(np.arange(100, 1500 - 50, 10))
+    assert len(predict(one, TRUE, past=0.0).model) == len(np.arange(0, 1500 - 50, 10))
+    assert len(predict(one, TRUE, horizon=1.0, past=0.0).model) == len(np.arange(0, 1400, 10))
 
 
 def test_a_tilted_thrust_is_seen_sideways():
     """0.05 m/s^2 along x of a body at yaw 0 are 6 mm after half a second."""
     straight = TRUE._replace(tilt=(0.0, -0.03))
-    found = foresee(flight(noise=0.0), straight, past=0.0)
+    found = predict(flight(noise=0.0), straight, past=0.0)
     assert found.model[:, 0].mean() == pytest.approx(-0.5 * 0.25 * 0.05, rel=0.1)
     assert abs(found.model[:, 1].mean()) < 1e-3

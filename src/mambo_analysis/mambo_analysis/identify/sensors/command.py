@@ -32,7 +32,7 @@ from .table import Measured, summary, table
 
 def measure(recording: Recording) -> tuple[list[Measured], dict[str, Any]]:
     """
-    Return everything that a recording tells of its sensors.
+    Return all sensor properties that a recording determines.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def measure(recording: Recording) -> tuple[list[Measured], dict[str, Any]]:
 
 
 def _print_tables(recordings: list[Recording], measured: list[list[Measured]]) -> None:
-    """Print a table of each recording, and of all where there are several."""
+    """Print a table of each recording, and of all together if there are several."""
     for recording, lines in zip(recordings, measured):
         print(f'{recording.name}\n{table(lines)}\n')
     if len(recordings) > 1:
@@ -66,7 +66,7 @@ def _print_tables(recordings: list[Recording], measured: list[list[Measured]]) -
 
 
 def _report(files: list[Path], options: argparse.Namespace) -> None:
-    """Measure all files; print, draw and write what was asked for."""
+    """Measure all files; print, draw and write the results."""
     recordings = [read_sensors(file, options.namespace) for file in files]
     measured = [measure(recording) for recording in recordings]
     if options.json != '-':

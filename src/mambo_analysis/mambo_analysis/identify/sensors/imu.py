@@ -39,7 +39,7 @@ def _at_rest(recording: Recording, rest: slice) -> tuple[list[Measured], dict[st
 
 
 def _in_flight(recording: Recording) -> list[Measured]:
-    """Return what propellers add: robust deviation above 15 Hz, in the air."""
+    """Return the vibration by the propellers: robust deviation above 15 Hz in the air."""
     lines = []
     for sensor, stream, unit in (
             ('gyro', recording.gyro, 'rad/s'), ('accel', recording.accel, 'm/s^2')):
@@ -55,7 +55,7 @@ def _in_flight(recording: Recording) -> list[Measured]:
 
 
 def measure(recording: Recording) -> tuple[list[Measured], dict[str, Allan]]:
-    """Return everything about gyro and accelerometer."""
+    """Return all results for gyro and accelerometer."""
     if recording.gyro is None or recording.accel is None or len(recording.gyro.t) < 40:
         return [], {}
     lines, curves = timing('imu', recording.gyro), {}

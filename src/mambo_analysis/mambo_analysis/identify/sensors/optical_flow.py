@@ -56,7 +56,7 @@ def measure(recording: Recording) -> tuple[list[Measured], tuple[Array, Array] |
 
 def inertial_velocity(recording: Recording) -> Array:
     """
-    Return the velocity along body x and y that the IMU tells, (n, 2) m/s, slow parts removed.
+    Return the velocity along body x and y by the IMU, (n, 2) m/s, high-pass filtered.
 
     The rate of the body velocity is specific force plus gravity; roll and pitch are the
     integrated gyro. Biases lie below 0.1 Hz and are taken out.
@@ -65,7 +65,7 @@ def inertial_velocity(recording: Recording) -> Array:
     slow = butter(1, 0.1, 'high', fs=1.0 / step, output='sos')
 
     def integral(x: Array) -> Array:
-        """Return the integral over time, without what is slower than 0.1 Hz."""
+        """Return the integral over time, high-pass filtered at 0.1 Hz."""
         return cumulative_trapezoid(sosfiltfilt(slow, x, axis=0), dx=step, axis=0, initial=0.0)
 
     angle = integral(recording.gyro.values)
@@ -114,7 +114,7 @@ def _compared(recording: Recording) -> Array | None:
 
 def flow_latency(recording: Recording) -> tuple[Interval, float, Array] | None:
     """
-    Return by how much flow comes after motion: the most likely lag between the two.
+    Return the latency of the flow behind the motion: the most likely lag.
 
     Flow times height and inertial velocity are compared in ``LATENCY_BANDS``, a gain and a noise
     for each band and axis; each band counts by its width. Between the lags of the grid the
@@ -136,7 +136,7 @@ def flow_latency(recording: Recording) -> tuple[Interval, float, Array] | None:
     widths = np.array([high - low for low, high in LATENCY_BANDS])
 
     def rest(keep: NDArray[np.int64]) -> Array:
-        """Return the share of the flow that the motion does not explain, in these stretches."""
+        """Return the share of the flow that the motion does not explain, over some stretches."""
         cross, left, right = sums[..., keep].sum(axis=-1)
         return 1.0 - np.maximum(cross, 0.0)**2 / (left * right)
 

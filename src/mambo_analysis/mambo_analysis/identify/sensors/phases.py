@@ -1,4 +1,4 @@
-"""When the vehicle of a recording is at rest, and when it flies."""
+"""Phases of a recording: at rest and in flight."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def heights(sonar: Stream, at: Array) -> Array:
 
 
 def airborne(recording: Recording, at: Array) -> NDArray[np.bool_]:
-    """Return at which times the vehicle flies: motors at mean 180 to 350, sonar above 0.5 m."""
+    """Return a mask of the times in flight: mean PWM from 180 to 350, sonar above 0.5 m."""
     if recording.pwm is None or recording.sonar is None or len(recording.pwm.t) == 0:
         return np.zeros(len(at), bool)
     command = np.interp(at, recording.pwm.t, np.abs(recording.pwm.values).mean(axis=1))

@@ -15,7 +15,7 @@ OUTLIER = 0.25  # m: a climb of 0.5 m/s moves by less in those neighbours
 
 
 def outliers(values: Array) -> tuple[NDArray[np.bool_], Array]:
-    """Return which sonar values leave the median of their neighbours, and these medians."""
+    """Return a mask of sonar outliers, and the running median that they are compared with."""
     level = median_filter(values, NEIGHBOURS, mode='nearest')
     return np.abs(values - level) > OUTLIER, level
 
@@ -59,7 +59,7 @@ def measure(recording: Recording) -> list[Measured]:
 
 
 def _missing(recording: Recording, stream: Stream, usual: float) -> int:
-    """Return how many values are missing: said to be so, or not there where one was due."""
+    """Return the number of missing values: marked as invalid, or absent when due."""
     spans = np.diff(np.r_[stream.t, stream.t[-1] + usual])
     counts = np.round(spans / usual).astype(int)
     if recording.held:

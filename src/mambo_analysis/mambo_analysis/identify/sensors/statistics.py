@@ -52,7 +52,7 @@ def jackknife(statistic: Callable[[NDArray[np.int64]], float], n: int) -> Interv
 
 def robust_sigma(x: Array) -> Interval:
     """
-    Return the standard deviation of samples about zero by their median size.
+    Return the standard deviation of samples about zero by their median magnitude.
 
     Of rounded samples the median is one of few sizes, often the same whatever stretch is left out.
     The interval is then at least that of normal samples, whose median size has a relative standard
@@ -78,7 +78,7 @@ def white_sigma(x: Array) -> Interval:
 
 def resolution(x: Array) -> Interval | None:
     """
-    Return the step of which all values are whole multiples, up to an offset; None if none is.
+    Return the resolution: all values are its multiples plus an offset; None if there is none.
 
     Neighbouring values give a first guess, a line through ever more of them the step. The
     interval is that of the slope.

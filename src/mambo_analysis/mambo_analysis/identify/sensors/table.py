@@ -1,4 +1,4 @@
-"""What was measured, as lines of a table."""
+"""Measured quantities as lines of a table."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def entry(
 
 
 def timing(sensor: str, stream: Stream) -> list[Measured]:
-    """Return rate and intervals of a sensor; pauses apart."""
+    """Return rate and sample intervals of a sensor, pauses excluded."""
     gaps = np.diff(stream.t)
     if len(gaps) < 2 * STRETCHES:
         return []
