@@ -26,7 +26,7 @@ base_stamp() {
 }
 stamp() {
     base_stamp
-    cat requirements/*.txt tools/install.bash tools/relocate_wheels.py tools/local_setup.sh \
+    cat requirements/*.txt requirements/lock/*.txt tools/install.bash tools/relocate_wheels.py tools/local_setup.sh \
         compat/tf2_msgs/{package.xml,CMakeLists.txt,msg/*} | cksum
 }
 up_to_date() { [[ -f $venv/.mambo && $(<"$venv/.mambo") == "$(stamp)" ]]; }
@@ -129,30 +129,21 @@ base_stamp >"$venv/.mambo"  # not the whole stamp before all is done
 # without a home folder pip has no place for its cache, and trips over it
 cache=()
 [[ -d ${HOME:-} && -w $HOME ]] || cache=(--no-cache-dir)
-requirements=(-r requirements/python.txt -r requirements/test.txt)
-if [[ $mode == wheels ]]; then
-    requirements+=(-r requirements/ros-jazzy.txt -r requirements/colcon.txt)
-    command -v cmake >/dev/null || requirements+=('cmake>=3.22,<4')
-else
-    command -v colcon >/dev/null || requirements+=(-r requirements/colcon.txt)
-    # ROS's message code was compiled against this numpy
-    "$venv/bin/python3" -c 'import numpy; print(f"numpy=={numpy.__version__}")' \
-        >.cache/constraints.txt
-    requirements+=(-c .cache/constraints.txt)
-fi
-
-# Reads pip's log; on a terminal it shows how far pip is.
-progress() {
-    local n=0 line
-    while IFS= read -r line; do
-        printf '%s\n' "$line" >>"$log"
-        [[ -t 2 ]] || continue
-        case $line in
-            Collecting*) n=$((n + 1)); printf '\r  %d packages found' "$n" ;;
-            Installing\ collected*) printf '\r  %d packages found, unpacking' "$n" ;;
-            Successfully*) [[ $n -eq 0 ]] || printf '\n' ;;
-        esac
-    done
+pip() {
+    env -u PYTHONPATH -u PYTHONHOME _ROS_WHEELS_BOOTSTRAP_COMPLETE=1 \
+        "$venv/bin/python3" -m pip install --disable-pip-version-check --prefer-binary \
+        --no-compile --progress-bar off "${cache[@]}" "$@" >>"$log" 2>&1
+}
+# with a cache beside .venv uv can link its files, and the cache goes right after
+uv() {
+    local index=${UV_DEFAULT_INDEX:-${PIP_INDEX_URL:-}}
+    env -u PYTHONPATH -u PYTHONHOME -u VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE=1 \
+        ${index:+"UV_DEFAULT_INDEX=$index"} \
+        "$venv/bin/uv" --no-config pip install --no-progress --cache-dir .cache/uv \
+        --python "$venv/bin/python3" "$@" >>"$log" 2>&1
+    local code=$?
+    rm -rf .cache/uv
+    return "$code"
 }
 
 case $mode${first:+ first} in
@@ -161,9 +152,21 @@ case $mode${first:+ first} in
     *) say 'bringing .venv up to date' ;;
 esac
 : >"$log"
-env -u PYTHONPATH -u PYTHONHOME _ROS_WHEELS_BOOTSTRAP_COMPLETE=1 \
-    "$venv/bin/python3" -m pip install --disable-pip-version-check --prefer-binary --no-compile \
-    --progress-bar off "${cache[@]}" "${requirements[@]}" 2>&1 | progress || {
+if [[ $mode == wheels ]]; then  # exact versions, checked by their hashes
+    version=$("$venv/bin/python3" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+    requirements=(--require-hashes -r "requirements/lock/python-$version.txt")
+    command -v cmake >/dev/null || requirements+=(-r requirements/lock/cmake.txt)
+else  # beside the versions of the system
+    requirements=(-r requirements/python.txt -r requirements/test.txt)
+    command -v colcon >/dev/null || requirements+=(-r requirements/colcon.txt)
+    # ROS's message code was compiled against this numpy
+    "$venv/bin/python3" -c 'import numpy; print(f"numpy=={numpy.__version__}")' \
+        >.cache/constraints.txt
+    requirements+=(-c .cache/constraints.txt)
+fi
+# beside a system pip decides what is there already
+{ [[ $mode == wheels ]] && pip --require-hashes -r requirements/lock/uv.txt &&
+    uv "${requirements[@]}"; } || pip "${requirements[@]}" || {
     grep -m 3 '^ERROR' "$log" || tail -n 3 "$log"
     fail "the installation did not finish (no network? full disk?): see $log, then try again"
 }
