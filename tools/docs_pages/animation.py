@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mambo_bringup.flight import CONTROLLER
 from mambo_flight.closed_loop import fly
 from mambo_flight.scenario import scenario
 from mambo_model import palette
@@ -15,6 +16,7 @@ AZIMUTH, ELEVATION = np.radians(35.0), np.radians(28.0)  # of the camera
 STRIPS = (('x', 70), ('y', 170), ('z', 270))  # axis, top of its plot
 LEFT, RIGHT, TALL = 560, 835, 80  # of the plots
 FLOWN, PLANNED, SOFT = (palette.COLOURS[role] for role in ('truth', 'reference', 'soft'))
+DASHED = 'stroke-width="1.4" stroke-dasharray="5 4"'
 INK, LINE, PAPER, NOW = palette.INK, palette.LINE, palette.PAPER, palette.COLOURS['bad']
 
 
@@ -42,7 +44,7 @@ def _trail(points: Array) -> str:
     steps = np.hypot(*np.diff(points, axis=0).T)
     left = 1.0 - np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
     values = ';'.join(f'{value:.4f}' for value in left)
-    return (f'<path d="{_line(points)}" pathLength="1" stroke="{FLOWN}" stroke-width="2" '
+    return (f'<path d="{_line(points)}" pathLength="1" stroke="{FLOWN}" stroke-width="3.4" '
             f'fill="none" stroke-dasharray="1 1"><animate attributeName="stroke-dashoffset" '
             f'values="{values}" dur="{SECONDS}s" repeatCount="indefinite"/></path>')
 
@@ -76,10 +78,11 @@ def _strips(t: Array, flown: Array, planned: Array) -> str:
         out.append(f'<rect x="{LEFT}" y="{top}" width="{RIGHT - LEFT}" height="{TALL}" '
                    f'fill="none" stroke="{LINE}"/>'
                    f'<text x="{LEFT - 44}" y="{top + TALL / 2 + 4}">{name} [m]</text>')
-        for values, colour in ((planned, PLANNED), (flown, FLOWN)):
+        for values, colour, look in ((flown, FLOWN, 'stroke-width="2.6"'),
+                                     (planned, PLANNED, DASHED)):
             down = top + TALL * (high - values[:, axis]) / (high - low)
             out.append(f'<path d="{_line(np.column_stack([across, down]))}" stroke="{colour}" '
-                       'stroke-width="1.6" fill="none"/>')
+                       f'{look} fill="none"/>')
     ends = np.array([[LEFT, 0.0], [RIGHT, 0.0]])
     return (''.join(out) + f'<g><line y1="{STRIPS[0][1]}" y2="{STRIPS[-1][1] + TALL}" '
             f'stroke="{NOW}"/>{_moving(ends)}</g>'
@@ -89,7 +92,7 @@ def _strips(t: Array, flown: Array, planned: Array) -> str:
 
 def svg() -> str:
     """Return the default circle, flown in one process, as a moving picture."""
-    flight = fly(scenario())
+    flight = fly(scenario(controller=CONTROLLER))
     pick = np.linspace(0, len(flight.t) - 1, 161).astype(int)
     t = flight.t[pick] * 1e-9
     flown, planned = (rows[pick, :3] * [1.0, -1.0, -1.0]
@@ -100,9 +103,10 @@ def svg() -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" '
         f'font-family="system-ui, sans-serif" font-size="13" fill="{INK}">'
         '<title>The simulated Mambo takes off, flies a circle and lands</title>'
-        f'<rect width="{WIDTH}" height="{HEIGHT}" rx="10" fill="{PAPER}"/>{_floor()}'
-        f'<path d="{_line(project(planned))}" stroke="{PLANNED}" stroke-width="1.6" '
-        f'stroke-dasharray="5 4" fill="none"/>{_trail(points)}{_vehicle(points, shadow)}'
+        f'<rect width="{WIDTH}" height="{HEIGHT}" rx="10" fill="{PAPER}"/>'
+        f'{_floor()}{_trail(points)}'
+        f'<path d="{_line(project(planned))}" stroke="{PLANNED}" {DASHED} fill="none"/>'
+        f'{_vehicle(points, shadow)}'
         f'{_strips(t, flown, planned)}'
         f'<text x="24" y="34"><tspan fill="{PLANNED}" font-weight="700">- - reference</tspan>'
         f'<tspan dx="18" fill="{FLOWN}" font-weight="700">flown</tspan></text>'
