@@ -140,12 +140,36 @@ def _variances(a: Floats, b: Floats, weight: Floats) -> Floats:
     return squares / count - ((a.sum() - np.correlate(b, weight)) / count) ** 2
 
 
+def _misfits(a: Floats, b: Floats, lags: int) -> tuple[Floats, float] | None:
+    """
+    Return how well ``b`` explains the middle of ``a``, for each delay of ``a`` behind it.
+
+    Returns
+    -------
+    variances of the difference for delays of -lags to lags samples, and the variance of ``a``;
+    None without motion or with too few samples.
+
+    """
+    middle = a[lags:len(a) - lags]
+    whole, good = np.isfinite(middle), np.isfinite(b)
+    windows = np.lib.stride_tricks.sliding_window_view(good, len(middle))
+    whole &= True if good.all() else windows.all(axis=0)
+    if whole.sum() < 2 * lags or np.ptp(middle[whole]) == 0.0:
+        return None
+    return _variances(
+        np.where(whole, middle - middle[whole].mean(), 0.0),
+        np.where(good, b - b[good].mean(), 0.0), whole.astype(float))[::-1], float(
+            np.var(middle[whole]))
+
+
 def delay(a: Floats, b: Floats, period: float, longest: float = 1.0) -> float:
     """
     Return by how much one signal is behind another [s], positive: ``a`` is later.
 
-    The shift of ``b`` that leaves the least variance of the difference, between samples by a
-    parabola through the three least.
+    The shift that leaves the least variance of the difference, between samples by a parabola
+    through the three least. Either signal is shifted against the middle of the other and the
+    variances are added: a jump at an end of one middle would else bend the parabola. So the
+    delay of a signal behind itself is 0, and that of ``b`` behind ``a`` is the negative one.
 
     Parameters
     ----------
@@ -165,17 +189,12 @@ def delay(a: Floats, b: Floats, period: float, longest: float = 1.0) -> float:
     lags = round(longest / period)
     if len(a) < 4 * lags or not (np.isfinite(a).any() and np.isfinite(b).any()):
         return float('nan')
-    middle = a[lags:len(a) - lags]
-    whole, good = np.isfinite(middle), np.isfinite(b)
-    windows = np.lib.stride_tricks.sliding_window_view(good, len(middle))
-    whole &= True if good.all() else windows.all(axis=0)
-    if whole.sum() < 2 * lags or np.ptp(middle[whole]) == 0.0:
+    one, other = _misfits(a, b, lags), _misfits(b, a, lags)
+    if one is None or other is None:
         return float('nan')
-    left = _variances(
-        np.where(whole, middle - middle[whole].mean(), 0.0),
-        np.where(good, b - b[good].mean(), 0.0), whole.astype(float))[::-1]
+    left, variance = one[0] + other[0][::-1], one[1] + other[1]
     best = int(left.argmin())
-    if best in (0, len(left) - 1) or left[best] > 0.1 * np.var(middle[whole]):
+    if best in (0, len(left) - 1) or left[best] > 0.1 * variance:
         return float('nan')
     before, here, after = left[best - 1:best + 2]
     bend = before - 2.0 * here + after

@@ -137,6 +137,16 @@ def test_a_delay_that_was_put_in_is_found_between_the_samples(late):
     assert found == pytest.approx(late, abs=0.03 * PERIOD)
 
 
+def test_no_signal_is_behind_itself_whatever_jumps_at_the_ends_of_its_middle():
+    x = wandering(5)(AT)
+    for at in (100, len(x) - 100):  # the middle is all but a second at either end
+        jumping = x.copy()
+        jumping[at:] += 30.0 * x.std()
+        assert metrics.delay(jumping, jumping.copy(), PERIOD) == 0.0
+        other = jumping + 0.1 * wandering(6)(AT)
+        assert metrics.delay(jumping, other, PERIOD) == -metrics.delay(other, jumping, PERIOD)
+
+
 def test_the_delay_knows_gaps_and_little_noise():
     x, rng = wandering(1), np.random.default_rng(1)
     a, b = x(AT - 0.175), x(AT) + 0.02 * x(AT).std() * rng.standard_normal(1500)

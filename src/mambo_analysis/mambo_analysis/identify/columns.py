@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 import csv
 import json
 from pathlib import Path
@@ -9,9 +10,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import io
 
-from ..importers import bounded
+from ..importers import bounded, mat_file
 from .regression import IdentifyError
 
 Floats = NDArray[np.float64]
@@ -56,6 +56,8 @@ def _csv(path: Path) -> Table:
     if not rows:
         return {}
     names = [name.strip() for name in rows[0]]
+    if len(set(names)) < len(names):
+        raise ValueError(f'several columns have the name {Counter(names).most_common(1)[0][0]}')
     for number, row in enumerate(rows[1:], 2):
         if len(row) != len(names):
             raise ValueError(f'row {number} has {len(row)} fields, the first one {len(names)}')
@@ -65,9 +67,8 @@ def _csv(path: Path) -> Table:
 
 def _mat(path: Path) -> Table:
     table: Table = {}
-    for name, value in io.loadmat(path, simplify_cells=True).items():
-        if not name.startswith('__'):
-            _gather(name, value, table)
+    for name, value in mat_file.load(path.read_bytes()).items():
+        _gather(name, value, table)
     return table
 
 

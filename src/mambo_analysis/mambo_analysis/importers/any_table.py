@@ -22,13 +22,11 @@ from mambo_bags.writer import BagWriter
 from mambo_signals import outliers
 import numpy as np
 from numpy.typing import NDArray
-import pandas
 from scipy.spatial.transform import Rotation
 
-from . import bounded
 from .common import (
-    LARGEST, LONGEST, new_samples, provenance, Publisher, quoted, read_source, report, shortened,
-    stamps_ns, unused)
+    LONGEST, new_samples, provenance, Publisher, read_source, report, stamps_ns, unused)
+from .table_file import read_table
 from .table_map import Map, Quantity, read_map, Topic
 
 Floats = NDArray[np.float64]
@@ -65,55 +63,6 @@ def find_map(word: str) -> Path:
         raise BagError(f'{word}: no mapping file, nor the name of one{nearest(word, shipped())}; '
                        f'names: {", ".join(shipped())}')
     return Path(word)
-
-
-def _frame(path: Path, delimiter: str) -> dict[str, Any]:
-    """Return {column: values} of a table; in a process of its own."""
-    if path.suffix.lower() in ('.parquet', '.pq'):
-        frame = pandas.read_parquet(path)
-    else:
-        frame = pandas.read_csv(path, sep=delimiter, skipinitialspace=True, encoding='utf-8-sig',
-                                index_col=False, on_bad_lines='error')
-    frame.columns = [str(name).strip() for name in frame.columns]
-    return {name: frame[name].to_numpy() for name in frame.columns}
-
-
-def read_table(path: Path, wanted: list[str], delimiter: str) -> tuple[dict[str, Any], list[str]]:
-    """
-    Return {column: (n,) numbers, NaN where a cell is empty} and the names of other columns.
-
-    Raises
-    ------
-    BagError
-        If it is no table, lacks a column, or holds something else than numbers.
-
-    """
-    try:
-        found = bounded.call(lambda file: _frame(file, delimiter), path)
-    except bounded.UnreadableError as error:
-        raise BagError(f'{path}: no table that can be read: {error}') from None
-    except OSError as error:
-        raise BagError(f'{path}: {error.strerror or error}') from None
-    missing = [name for name in wanted if name not in found]
-    if missing:
-        raise BagError(f'{path}: no column {quoted(missing[0])}{nearest(missing[0], found)}; '
-                       f'it has {shortened(list(found))}')
-    out = {}
-    for name in wanted:
-        if found[name].dtype.kind in 'iufb':
-            values = found[name].astype(float)
-        else:
-            values = pandas.to_numeric(found[name], errors='coerce').astype(float)
-            bad = np.flatnonzero(np.isnan(values) & ~pandas.isna(found[name]))
-            if len(bad):
-                raise BagError(f'{path}: row {bad[0] + 2}, column {name}: '
-                               f'{quoted(str(found[name][bad[0]]))} is not a number')
-        wrong = np.flatnonzero(np.abs(values) >= LARGEST)
-        if len(wrong):
-            raise BagError(f'{path}: row {wrong[0] + 2}, column {name}: {values[wrong[0]]:g} is '
-                           'absurd')
-        out[name] = values
-    return out, [name for name in found if name not in wanted]
 
 
 def _seconds(path: Path, table: dict[str, Floats], mapping: Map) -> dict[str, Floats]:
@@ -322,6 +271,8 @@ def import_table(
         out = Publisher(writer, {name: TYPES[name] for name in wanted.topics})
         for name in wanted.topics:
             rows.publish(name, out)
+        if not any(writer.counts.values()):
+            raise BagError(f'{source}: no row has a value of any topic of the mapping')
         return writer.counts, [*rows.notes, *unused(others)]
 
 

@@ -20,7 +20,7 @@ import warnings
 from mambo_model import limits
 from mambo_model.errors import MamboError
 
-_COPIES = 3  # what is unpacked, what is made of it, what is handed over
+_COPIES = 1.75  # of the most that may be unpacked: below 1 GB in all, unless the file is large
 _FORK = multiprocessing.get_context('fork')
 
 
@@ -38,7 +38,7 @@ def call(function: Callable[[Path], Any], path: Path) -> Any:
         What it returns must be picklable.
     path
         Of the file. The process may take ``MAMBO_MAX_UNPACKED_MB`` (default 512) or 20 times its
-        size, whichever is more, for each of three copies, and ``MAMBO_MAX_READING_S`` (120).
+        size, whichever is more, 1.75 times, and ``MAMBO_MAX_READING_S`` (120).
 
     Raises
     ------
@@ -78,7 +78,7 @@ def _work(function: Callable[[Path], Any], path: Path, send: Connection) -> None
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     own = int(Path('/proc/self/statm').read_text().split()[0]) * os.sysconf('SC_PAGE_SIZE')
     try:
-        room = own + _COPIES * limits.unpacked(path.stat().st_size)
+        room = own + int(_COPIES * limits.unpacked(path.stat().st_size))
         _, hard = resource.getrlimit(resource.RLIMIT_AS)
         room = room if hard == resource.RLIM_INFINITY else min(room, hard)
         resource.setrlimit(resource.RLIMIT_AS, (room, hard))
@@ -89,6 +89,9 @@ def _work(function: Callable[[Path], Any], path: Path, send: Connection) -> None
     except MemoryError:
         send.send((None, UnreadableError(
             f'it needs more memory than allowed; {limits.raised_by(limits.UNPACKED_MB)}')))
+    except UnicodeDecodeError as error:
+        send.send((None, UnreadableError(
+            f'byte {error.start} is no text in UTF-8: save it in this encoding')))
     except Exception as error:  # readers of damaged bytes raise anything
         reason = ' '.join(str(error).split())[:120] or 'its content is damaged'
         send.send((None, UnreadableError(reason)))

@@ -14,6 +14,7 @@ import scipy.io
 from . import bounded
 
 Floats = NDArray[np.float64]
+_HDF5 = b'\x89HDF\r\n\x1a\n'  # begins it, or follows a first block of text
 DEEPEST = 8  # structures in structures that are looked into
 
 
@@ -38,12 +39,25 @@ def _plain(value: Any, depth: int = 0) -> Any:
     return value if isinstance(value, str | int | float | bool) else None
 
 
-def _load(content: bytes) -> dict[str, Any]:
+def load(content: bytes) -> dict[str, Any]:
+    """
+    Return the variables of a MATLAB file's content as scipy reads them; for ``bounded.call``.
+
+    Raises
+    ------
+    ValueError
+        Saying what the content is instead; other errors of damaged bytes are those of scipy.
+
+    """
+    if content[:10].upper() == b'MATLAB 7.3' or _HDF5 in (content[:8], content[512:520]):
+        raise ValueError('it is of version 7.3; save it with -v7 in MATLAB first')
     try:
         found = scipy.io.loadmat(BytesIO(content), simplify_cells=True)
     except OSError as error:  # of content that ends too early: no file is read here
         raise ValueError(str(error)) from None
-    return {name: _plain(value) for name, value in found.items() if not name.startswith('__')}
+    except IndexError:
+        raise ValueError('it is damaged or not of MATLAB') from None
+    return {name: value for name, value in found.items() if not name.startswith('__')}
 
 
 def variables(path: Path, content: bytes) -> dict[str, Any]:
@@ -67,10 +81,11 @@ def variables(path: Path, content: bytes) -> dict[str, Any]:
         If the file is of version 7.3, damaged, cut off, no such file, or too large.
 
     """
-    if content[:10].startswith(b'MATLAB 7.3'):
-        raise BagError(f'{path}: a mat file of version 7.3; save it with -v7 in MATLAB first')
+    def read(_: Path) -> dict[str, Any]:
+        """Read it, in a process of its own."""
+        return {name: _plain(value) for name, value in load(content).items()}
     try:
-        return bounded.call(lambda _: _load(content), path)
+        return bounded.call(read, path)
     except OSError as error:  # the file has gone since
         raise BagError(f'{path}: cannot be read ({error.strerror})') from None
     except bounded.UnreadableError as error:

@@ -72,6 +72,10 @@ def test_a_json_file_gives_columns_with_times_of_their_own_at_any_depth(tmp_path
     ('a.csv', '', 'holds no column of numbers'),
     ('a.csv', 't,x\n0,1\n0\n', 'row 3 has 1 fields, the first one 2'),
     ('a.csv', 't,x\n0,fast\n', "could not convert string to float: 'fast'"),
+    ('a.csv', 't,x,x\n0,1,2\n', 'several columns have the name x'),
+    ('a.mat', '# Created by Octave 8.4\n# name: x\n# type: matrix\n',
+     'it is damaged or not of MATLAB'),
+    ('a.mat', 'MATLAB 7.3 MAT-file' + ' ' * 500, 'version 7.3; save it with -v7 in MATLAB first'),
     ('a.json', '[1, 2]', 'holds no column of numbers'),
     ('a.json', '{"a": ', 'cannot be read ('), ('a.mat', 'none', 'cannot be read ('),
     ('a.json', '{"a": {"time": [0], "data": ["x"]}}', 'could not convert string to float')])

@@ -328,6 +328,15 @@ def test_rows_before_the_first_time_are_counted(tmp_path):
     assert read_bag(tmp_path / 'bag')['sonar/range'].stamp[0] == 5_000_000
 
 
+def test_a_table_without_any_value_makes_no_bag(tmp_path, capsys):
+    data = sensors()
+    data.loc[:, data.columns != 't'] = np.nan
+    source, mapping = files(tmp_path, data, text=SENSORS)
+    assert main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)]) == 2
+    assert 'no row has a value of any topic' in capsys.readouterr().err
+    assert not (tmp_path / 'bag').exists()
+
+
 def test_a_target_that_exists_is_not_touched(tmp_path, capsys):
     source, mapping = files(tmp_path, sensors(), text=SENSORS)
     (tmp_path / 'bag').mkdir()

@@ -48,6 +48,8 @@ def test_structures_deeper_than_eight_end_in_nothing(tmp_path):
 
 @pytest.mark.parametrize(('content', 'wanted'), [
     (b'MATLAB 7.3 MAT-file, and so on', 'version 7.3; save it with -v7 in MATLAB first'),
+    (b'\x89HDF\r\n\x1a\n' + bytes(99), 'version 7.3; save it with -v7 in MATLAB first'),
+    (bytes(512) + b'\x89HDF\r\n\x1a\n' + bytes(99), 'version 7.3; save it with -v7'),
     (b'no mat file, but long enough to be looked at. ' * 9, 'not a readable mat file ('),
     (b'', 'not a readable mat file (')])
 def test_other_files_are_one_line(tmp_path, content, wanted):

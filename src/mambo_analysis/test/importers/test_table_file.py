@@ -1,0 +1,79 @@
+"""Tables come back by column; what is no table, or not clearly one, is a line that says why."""
+
+import gzip
+import re
+
+from mambo_analysis.importers.table_file import read_table
+from mambo_bags.mcap_reader import BagError
+import numpy as np
+import pandas
+import pytest
+
+ROWS = 't,x,y\n0.0,1.5,\n0.1,2.5,7\n'
+
+
+def refused(path, content, text, wanted=('t', 'x')):
+    """Check that a content is refused in one line with the path and a text."""
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(BagError) as caught:
+        read_table(path, list(wanted), ',')
+    line = str(caught.value)
+    assert line.startswith(f'{path}: ') and text in line and '\n' not in line
+    assert not re.search('Error|Exception', line), line
+
+
+def written(path, data):
+    data.to_parquet(path)
+    return path
+
+
+@pytest.mark.parametrize('suffix', ['.csv', '.csv.gz', '.pq', '.parquet'])
+def test_wanted_columns_come_as_numbers_and_others_by_name(tmp_path, suffix):
+    path = tmp_path / f'a{suffix}'
+    if suffix.startswith('.csv'):
+        path.write_bytes(gzip.compress(ROWS.encode()) if '.gz' in suffix else ROWS.encode())
+    else:
+        written(path, pandas.DataFrame({'t': [0.0, 0.1], 'x': [1.5, 2.5], ' y': [None, 7]}))
+    found, others = read_table(path, ['y', 't'], ',')
+    np.testing.assert_array_equal(found['t'], [0.0, 0.1])
+    np.testing.assert_array_equal(found['y'], [np.nan, 7.0])
+    assert list(found) == ['y', 't'] and others == ['x']
+
+
+@pytest.mark.parametrize('content, text', [
+    ('t,x,x\n0,1,2\n', "2 columns have the name 'x'"),
+    ('t,x\n0,01,1,5\n0,02,1,6\n', 'is a comma the decimal mark'),
+    ('t,x\n0,1\n0,1,5\n', 'Expected 2 fields in line 3, saw 3'),
+    ('t,x\n0,"1\n', 'EOF inside string'),
+    (ROWS.encode('utf-16'), 'byte 0 is no text in UTF-8'),
+    (ROWS.encode('utf-16-be'), "no column 't'"),
+    ('t,x\n0,1\0\n', "row 2, column x: '1\\x00' is not a number"),
+    (f't,x\n0,{"9" * 400}\n', 'row 2, column x: inf is absurd'),
+    (gzip.compress(b't,x\n0,1\n'), 'is no text in UTF-8'), ('\n\n', 'No columns'),
+    (','.join(map(str, range(3000))), "no column 't'; it has 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11 "
+     'and 2988 more')])
+def test_a_csv_file_that_is_not_clearly_a_table_is_refused(tmp_path, content, text):
+    refused(tmp_path / 'a.csv', content, text)
+
+
+def test_a_damaged_parquet_file_is_refused(tmp_path):
+    path = written(tmp_path / 'a.parquet', pandas.DataFrame({'t': np.arange(99.0), 'x': 1.0}))
+    whole = path.read_bytes()
+    refused(path, whole[:4] + bytes(60) + whole[64:], 'its content is damaged')
+    refused(path, whole[:200], 'no table that can be read')
+    refused(path, ROWS, 'no table that can be read')
+
+
+def test_a_small_file_of_huge_columns_is_read_only_as_far_as_wanted_and_allowed(tmp_path, monkeypatch):
+    monkeypatch.setenv('MAMBO_MAX_UNPACKED_MB', '30')
+    path = written(tmp_path / 'a.parquet', pandas.DataFrame(
+        {'t': np.zeros(3_000_000, np.float32), 'x': np.zeros(3_000_000, np.int8)}))
+    assert path.stat().st_size < 50_000
+    assert len(read_table(path, ['x'], ',')[0]['x']) == 3_000_000
+    with pytest.raises(BagError, match='MAMBO_MAX_UNPACKED_MB .now 30. raises the limit'):
+        read_table(path, ['t', 'x'], ',')
+
+
+def test_a_compressed_bomb_names_what_raises_the_limit(tmp_path, monkeypatch):
+    monkeypatch.setenv('MAMBO_MAX_UNPACKED_MB', '20')
+    refused(tmp_path / 'a.csv.gz', gzip.compress(b',' * 20_000_000), 'MAMBO_MAX_UNPACKED_MB')
