@@ -64,7 +64,7 @@ def test_a_damaged_parquet_file_is_refused(tmp_path):
     refused(path, ROWS, 'no table that can be read')
 
 
-def test_a_small_file_of_huge_columns_is_read_only_as_far_as_wanted_and_allowed(tmp_path, monkeypatch):
+def test_of_a_small_file_of_huge_columns_the_wanted_are_read_if_allowed(tmp_path, monkeypatch):
     monkeypatch.setenv('MAMBO_MAX_UNPACKED_MB', '30')
     path = written(tmp_path / 'a.parquet', pandas.DataFrame(
         {'t': np.zeros(3_000_000, np.float32), 'x': np.zeros(3_000_000, np.int8)}))
