@@ -1,4 +1,9 @@
-"""A node that publishes wrong messages on every input of a flight, from its second second on."""
+"""
+A node that publishes wrong messages on every input of a flight, from its second second on.
+
+``stranger.py ROUNDS FLOOD``: so many rounds of every attack, then FLOOD s of thousands of messages a
+second.
+"""
 
 from contextlib import suppress
 import math
@@ -17,6 +22,7 @@ RCLError = rclpy_implementation.RCLError
 STEP, FUTURE = 5_000_000, 1_795_307_261_000_000_000  # ns
 FAR = (3.0, 4.0, -900.0)
 ZERO, LEVEL, ZERO36 = (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 36
+FLOODED = (topics.CLOCK, topics.MOTOR_PWM, topics.IMU, topics.ESTIMATE, topics.SENSOR_TICK)
 
 
 def state(x):
@@ -52,6 +58,18 @@ def attacks(t):
         yield topic, data[:12] + b'\xf0\xff\xff\xff' + data[16:]
 
 
+def flood(publishers, now, seconds):
+    """Publish on some topics, at some kHz each; return how many messages the quickest got."""
+    count, end = 0, time.monotonic() + seconds
+    while time.monotonic() < end:
+        for topic in FLOODED:
+            with suppress(RCLError):
+                publishers[topic].publish(MAKERS[topic](now[0] + STEP, 1.0))
+        count += 1
+        time.sleep(0.0002)
+    return count
+
+
 def main():
     rclpy.init()
     node = rclpy.create_node('stranger')
@@ -60,7 +78,7 @@ def main():
     def follow(data):
         now[0] = cdr.stamp_ns(data)
     node.create_subscription(
-        topics.GROUND_TRUTH.msg_type, f'/mambo/{topics.GROUND_TRUTH.name}', follow,
+        topics.ESTIMATOR_STATE.msg_type, f'/mambo/{topics.ESTIMATOR_STATE.name}', follow,
         QoSProfile(depth=1), raw=True)
     print('there', flush=True)
     while now[0] < 2_000_000_000:
@@ -69,7 +87,8 @@ def main():
     publishers = {topic: node.create_publisher(
         topic.msg_type, topic.name if topic.name.startswith('/') else f'/mambo/{topic.name}',
         QoSProfile(depth=100)) for topic in MAKERS}
-    while not all(publisher.get_subscription_count() for publisher in publishers.values()):
+    heard = [publishers[topic] for topic in (topics.ESTIMATE, topics.SENSOR_TICK, topics.CLOCK)]
+    while not all(publisher.get_subscription_count() for publisher in heard):
         rclpy.spin_once(node, timeout_sec=0.02)
     for _ in range(int(sys.argv[1])):
         for number, (topic, data) in enumerate(attacks(now[0])):
@@ -78,7 +97,7 @@ def main():
             if number % 10 == 0:
                 rclpy.spin_once(node, timeout_sec=0.0)
         time.sleep(0.02)
-    print('done', flush=True)
+    print('done', flood(publishers, now, float(sys.argv[2])), flush=True)
     time.sleep(60.0)  # still there
 
 

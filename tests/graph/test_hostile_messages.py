@@ -1,5 +1,6 @@
 """A stranger in the graph publishes wrong messages on every input of every node, in flight."""
 
+from contextlib import contextmanager
 from pathlib import Path
 import subprocess
 import sys
@@ -8,9 +9,10 @@ from mambo_bags.reader import read_bag
 from mambo_bringup.domain import Domain
 from mambo_bringup.flight.nodes import FLIGHT_NODES, RECORDER, SIMULATOR
 from mambo_bringup.processes import NodeProcess
+from mambo_bringup.replay import replay
 from mambo_flight import closed_loop
 from mambo_flight.scenario import override, scenario, to_yaml
-from mambo_ros import messages
+from mambo_ros import messages, topics
 import numpy as np
 import pytest
 
@@ -19,6 +21,20 @@ INPUTS = {
     'controller_node': ['reference', 'estimate/odom', '/clock'],
     'estimator_node': ['imu/data_raw', 'sonar/range', 'optical_flow', 'barometer/pressure',
                        'sensor_tick']}
+
+
+@contextmanager
+def stranger(rounds, flood=0.0):
+    """Have a stranger wait for a flight in this domain, from then on until the end."""
+    process = subprocess.Popen(
+        [sys.executable, str(Path(__file__).with_name('stranger.py')), str(rounds), str(flood)],
+        stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout.readline() == 'there\n'
+        yield
+    finally:
+        process.kill()
+        process.communicate()
 
 
 @pytest.mark.parametrize('mode', ['lockstep', 'realtime'])
@@ -30,18 +46,14 @@ def test_a_stranger_on_every_input_changes_nothing(tmp_path, mode):
     bag, file = tmp_path / 'flight', tmp_path / 'scenario.yaml'
     file.write_text(to_yaml(flight))
     arguments = ['--ros-args', '--params-file', str(file)]
-    with Domain():
-        stranger = subprocess.Popen(
-            [sys.executable, str(Path(__file__).with_name('stranger.py')), str(rounds)],
-            stdout=subprocess.PIPE, text=True)
-        assert stranger.stdout.readline() == 'there\n'
+    flood = 2.0 if mode == 'lockstep' else 0.0  # s
+    with Domain(), stranger(rounds, flood):
         nodes = [NodeProcess(*RECORDER, [
             '--ros-args', '-p', f'bag:={bag}', '-p', 'topics:=ground_truth/odom,/diagnostics'])]
         nodes += [NodeProcess(*node, arguments) for node in (*FLIGHT_NODES, SIMULATOR)]
         try:
             code = nodes[-1].wait(400.0)
         finally:
-            stranger.kill()
             codes = [node.end(20.0) for node in reversed(nodes)]
     output = {node.name: '\n'.join(node.lines) for node in nodes}
     assert code == 0 and set(codes) == {0}, output
@@ -65,3 +77,19 @@ def test_a_stranger_on_every_input_changes_nothing(tmp_path, mode):
             full = topic if topic.startswith('/') else f'/mambo/{topic}'
             assert reports[name][f'{full} from a second publisher'] > 0
             assert f'{full}: 2 publishers (' in output[name], output[name]
+    flooded = [line for lines in output.values() for line in lines.splitlines()
+               if '/stranger floods /' in line]
+    assert bool(flooded) == (mode == 'lockstep')
+
+
+def test_a_stranger_on_every_input_changes_nothing_in_a_replay(tmp_path, monkeypatch):
+    with Domain() as domain:
+        monkeypatch.setenv('ROS_DOMAIN_ID', str(domain.number))
+    recording = Path(__file__).parents[2] / 'bags/circle_short'
+    with stranger(10_000):  # also while the nodes end
+        refused = replay(recording, tmp_path / 'replayed', 1.0)
+    assert set(refused) == {'estimator_node', 'recorder_node', 'replay_node'}
+    for topic in (topics.ESTIMATE, topics.ESTIMATOR_STATE, topics.CLOCK, topics.IMU):
+        ours, theirs = (read_bag(bag)[topic.name].raw
+                        for bag in (tmp_path / 'replayed', recording))
+        assert ours == theirs, topic.name

@@ -3,6 +3,7 @@
 import os
 import struct
 import time
+from types import SimpleNamespace
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -14,6 +15,7 @@ from mambo_bringup.domain import Domain
 from mambo_bringup.flight.nodes import RECORDER
 from mambo_bringup.processes import NodeProcess, parameter
 from mambo_ros import cdr, messages, topics
+from mambo_ros.graph import publisher_guard
 import numpy as np
 import pytest
 import rclpy
@@ -63,6 +65,39 @@ def fly(take, steps, first=1):
     for k in range(first, first + steps):
         take[topics.CLOCK](messages.clock(k * STEP))
         take[topics.MOTOR_PWM](pwm(k * STEP))
+
+
+def test_nobody_takes_over_from_the_nodes_of_a_flight_that_is_over(start, tmp_path, monkeypatch):
+    wall = [0.0]
+    monkeypatch.setattr(publisher_guard, 'time', SimpleNamespace(monotonic=lambda: wall[0]))
+    node, take = start()
+    clock, commands = take[topics.CLOCK], take[topics.MOTOR_PWM]
+    there = {b'simulator', b'heir', b'stranger'}
+    clock.publishers = commands.publishers = lambda: there
+
+    def wait(publisher):
+        """Let a publisher send garbage for a second."""
+        for _ in range(10):
+            wall[0] += 0.1
+            commands(b'\xff' * 9, publisher)
+    clock(messages.clock(1), b'simulator')
+    commands(pwm(1), b'controller')
+    for k in range(2, 12):  # the controller has left, the clock goes on
+        wall[0] += 0.1
+        clock(messages.clock(k), b'simulator')
+        commands(pwm(k), b'heir')
+    assert commands.first == b'heir'
+    there -= {b'heir'}  # over; nobody has noticed yet that the simulator has left
+    wait(b'stranger')
+    there -= {b'simulator'}
+    wait(b'stranger')
+    for _ in range(10):
+        wall[0] += 0.1
+        clock(messages.clock(12), b'stranger')
+    node.finish()
+    bag = read_bag(tmp_path / 'bag')
+    assert len(bag['/clock']) == 11 and set(bag['motor_pwm'].stamp.tolist()) <= set(range(12))
+    assert commands.refused[publisher_guard.SECOND_PUBLISHER] > 20
 
 
 HOSTILE = {

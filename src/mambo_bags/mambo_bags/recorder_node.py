@@ -9,7 +9,8 @@ Any node may publish on these topics. A message without a readable stamp, or wit
 this flight (``log_times``), is recorded at the time of ``/clock``; a message of more than a
 megabyte is not recorded. The first of each kind and topic is logged as a warning, and all are
 counted at the end. On a topic that only one node publishes, messages of a second publisher are
-refused.
+refused. While ``/clock`` goes on, it may take over from one that has left; nobody takes over from
+the nodes of a flight that is over.
 """
 
 from __future__ import annotations
@@ -67,9 +68,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         super().__init__('recorder_node', RecorderNodeParams, **kwargs)
         p = self.params
         selected = _selected(p.topics)
-        attachments = {}
-        if p.scenario:
-            attachments['scenario.yaml'] = Path(p.scenario).read_text()
+        attachments = {'scenario.yaml': Path(p.scenario).read_text()} if p.scenario else {}
         self._times = LogTimes()
         self._early: list[tuple[Callable[[bytes], None], bytes]] = []  # before the first /clock
         self._early_size = 0
@@ -94,6 +93,9 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
             self.subscribe(topic, self._writer(name, topic), prompt=False, single=not topic.shared)
         if topics.CLOCK not in selected:
             self.subscribe(topics.CLOCK, self._on_clock, prompt=False, single=True)
+        clock = next(guard for guard in self.input_guards if guard.topic.endswith('/clock'))
+        for guard in self.input_guards:
+            guard.replaceable = lambda since: not clock.first or clock.latest > since
 
     def _on_clock(self, data: bytes) -> None:
         """Update the time from a ``/clock`` that is not recorded."""

@@ -20,6 +20,7 @@ from mambo_model.errors import InputError
 from mambo_ros import topics
 
 from .flight.nodes import RECORDER
+from .flight.outcome import print_refused, refused
 from .node_group import NodeGroup
 from .processes import FlightError, FlightInputError, load, parameter
 from .stopping import stoppable
@@ -32,7 +33,7 @@ RECORDED = (
 
 
 def replay(bag: Path, output: Path, rate: float = 0.0,
-           estimator_file: Path | None = None) -> None:
+           estimator_file: Path | None = None) -> dict[str, str]:
     """
     Play the sensors of a bag to a live estimator and record its estimate.
 
@@ -46,6 +47,11 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
         Ratio of recorded time to wall time; 0: as fast as the estimator answers.
     estimator_file
         ROS 2 parameter file of the estimator; default: the one inside the bag, if any.
+
+    Returns
+    -------
+    refused
+        Messages that nodes refused, in words, by node.
 
     Raises
     ------
@@ -80,6 +86,7 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
         raise KeyboardInterrupt(group.interrupts.first)
     if group.fault:
         raise FlightError(group.fault)
+    return refused(group.children)
 
 
 def _recorded_parameters(bag: Bag, folder: Path) -> Path | None:
@@ -117,7 +124,8 @@ def main(arguments: list[str] | None = None) -> int:
         if not 0.0 <= options.rate <= 1000.0:
             raise InputError(f'--rate {options.rate:g} must be within 0 to 1000')
         load('.'.join(node) for node in (RECORDER, ESTIMATOR, PLAYER))
-        replay(options.bag.absolute(), output.absolute(), options.rate, options.parameters)
+        print_refused(replay(
+            options.bag.absolute(), output.absolute(), options.rate, options.parameters))
         print(f'bag: {output}')
         recorded, ours = read_bag(options.bag), read_bag(output)
         print(compare_replay(recorded, ours))

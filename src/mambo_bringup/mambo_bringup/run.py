@@ -20,7 +20,7 @@ from mambo_model import schema
 from mambo_model.motion.trajectory import COURSE
 
 from .flight.nodes import COMPOSED, FLIGHT_NODES, NAMESPACE, RECORDER, REPLACEABLE, SIMULATOR
-from .flight.outcome import FlightEndedError, Outcome
+from .flight.outcome import FlightEndedError, Outcome, print_refused
 from .flight.runner import fly_several
 from .processes import FlightError, load
 from .stopping import stoppable
@@ -173,8 +173,7 @@ def _print_outcome(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
         print(outcome.delay)
     if outcome.used and outcome.took:
         print(outcome.spent())
-    for name, counts in outcome.refused.items():
-        print(f'warning: {name} refused messages: {counts}')
+    print_refused(outcome.refused)
     if not outcome.closed:
         print(f'bag: {bag} is not closed; mambo recover {bag} NEW_BAG'
               if bag.exists() else 'bag: none')

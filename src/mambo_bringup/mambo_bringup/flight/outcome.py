@@ -112,3 +112,9 @@ def refused(nodes: list[NodeProcess]) -> dict[str, str]:
     """Return the last line that each node printed about refused messages, by node."""
     lines = '\n'.join(line for child in nodes for line in child.lines)
     return {found[1]: found[2] for found in _REFUSED.finditer(lines)}
+
+
+def print_refused(lines: dict[str, str]) -> None:
+    """Print which messages each node refused, as of :func:`refused`."""
+    for name, counts in lines.items():
+        print(f'warning: {name} refused messages: {counts}')

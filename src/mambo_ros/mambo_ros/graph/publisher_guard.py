@@ -3,7 +3,8 @@ Accept one publisher of a topic, refuse the others, report a flood.
 
 The middleware identifies the publisher of a message by its global identifier (GID). The first
 publisher is accepted; messages of any other are refused and counted before anything is decoded.
-Another one takes over when the first has been absent from the graph for ``ABSENT``.
+Another one takes over when the first has been absent from the graph for ``ABSENT``, unless the
+node says that the flight is over (``replaceable``).
 
 A second publisher that sends much more than the first fills the queue that both share, until
 messages of the first are lost. So it is reported (``flooded``) as soon as ``FLOOD`` of its
@@ -28,6 +29,11 @@ _WINDOW = 1.0  # s of wall time in which the messages of a flood are counted
 def _nobody() -> set[bytes]:
     """Return no publisher: of an input that no other process can reach."""
     return set()
+
+
+def _always(since: float) -> bool:
+    """Return that another publisher may take over."""
+    return True
 
 
 def _nothing(*_: Any) -> None:
@@ -57,6 +63,11 @@ class PublisherGuard:
         Messages refused, by reason.
     publishers
         Returns the GIDs of the topic's publishers in the graph; set by the node.
+    latest : s
+        Wall time of the last message accepted.
+    replaceable
+        Returns whether another publisher may take over from one that has been absent since a wall
+        time in s; set by the node.
     pull
         Handles messages that have arrived but not yet been served; set by the loop.
     flooded
@@ -66,14 +77,16 @@ class PublisherGuard:
 
     def __init__(self, topic: str, use: Callable[..., Any], largest: int) -> None:
         self.topic, self.use, self.largest = topic, use, largest
-        self.last, self.accepted = -1, 0
+        self.last, self.accepted, self.latest = -1, 0, -math.inf
         self.refused: Counter[str] = Counter()
         self.publishers: Callable[[], set[bytes]] = _nobody
+        self.replaceable: Callable[[float], bool] = _always
         self.pull: Callable[[], Any] = _nothing
         self.flooded: Callable[[PublisherGuard, bytes], Any] = _nothing
         self._first = b''  # GID of the accepted publisher, empty before the first
         self._next_look = 0.0  # s of wall time of the next look at the graph
-        self._absent_since = math.inf  # s of wall time when the publisher left the graph
+        self._missed = b''  # publisher looked for last
+        self._absent_since = math.inf  # s of wall time since when it is not in the graph
         self._since, self._until = 0, 0.0  # accepted before the window; end of the window, s
         self._foreign: Counter[bytes] = Counter()  # messages in the window, by publisher
 
@@ -93,6 +106,7 @@ class PublisherGuard:
             return
         self._first = publisher
         self.accepted += 1
+        self.latest = time.monotonic()
         self.use(data)
 
     @property
@@ -124,8 +138,9 @@ class PublisherGuard:
         """Return whether the accepted publisher has been absent from the graph for ``ABSENT``."""
         if now >= self._next_look:
             self._next_look = now + _LOOK_EVERY
-            if self._first in self.publishers():
-                self._absent_since = math.inf
-            else:
+            there = self._first in self.publishers()
+            if there or self._missed != self._first:
+                self._missed, self._absent_since = self._first, math.inf
+            if not there:
                 self._absent_since = min(self._absent_since, now)
-        return now - self._absent_since > ABSENT
+        return now - self._absent_since > ABSENT and self.replaceable(self._absent_since)

@@ -64,6 +64,20 @@ def test_many_messages_over_a_long_time_are_no_flood(guard, wall):
     assert reported == []
 
 
+def test_another_takes_over_from_one_that_left_unless_the_node_forbids_it(guard, wall):
+    made, used, _ = guard
+    began, allowed = wall[0], []
+    made.publishers, made.replaceable = lambda: {SECOND}, lambda since: since in allowed
+    for _ in range(20):
+        wall[0] += 0.5 * publisher_guard.ABSENT
+        made(b'stranger', SECOND)
+    assert used == [b'first'] and made.refused[publisher_guard.SECOND_PUBLISHER] == 20
+    assert made.latest == began
+    allowed.append(began + 0.5 * publisher_guard.ABSENT)  # when it was missed
+    made(b'heir', SECOND)
+    assert used[-1] == b'heir' and made.first == SECOND
+
+
 def test_messages_of_the_own_process_need_no_guard(guard):
     made, used, _ = guard
     made.local(b'ours')
