@@ -1,8 +1,8 @@
 """
 A node that publishes wrong messages on every input of a flight, from its second second on.
 
-``stranger.py ROUNDS FLOOD``: so many rounds of every attack, then FLOOD s of thousands of messages a
-second.
+``stranger.py ROUNDS FLOOD``: so many rounds of every attack, then FLOOD s of thousands of messages
+a second.
 """
 
 from contextlib import suppress

@@ -36,6 +36,7 @@ _WORKS = 0.2  # s of CPU per second; a process this busy does not hang but close
 _LONGEST = 120.0  # s that a busy process may take to exit
 _HURRIED = 1.0  # s that a recorder has after a second Ctrl-C
 _HALTED = 1.0  # s for which a process may be stopped
+_LINE = 1 << 16  # most characters of a line that a node prints; a longer one is taken in parts
 _ENDED = re.compile(r'ended by (SIG\w+)')  # printed by a node
 _ENVIRONMENT = {'PYTHONUNBUFFERED': '1', 'RCUTILS_LOGGING_BUFFERED_STREAM': '0'}
 
@@ -212,7 +213,7 @@ class NodeProcess:
         self._reader.start()
 
     def _read(self) -> None:
-        for line in self._process.stdout:
+        for line in iter(lambda: self._process.stdout.readline(_LINE), ''):
             self.lines.append(line.rstrip())
             if self._on_line:
                 with contextlib.suppress(OSError):  # the terminal is closed; keep reading the pipe

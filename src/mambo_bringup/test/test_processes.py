@@ -97,6 +97,13 @@ def test_a_node_ends_when_interrupted(start):
     assert process.exit_code == 0
 
 
+def test_a_line_without_an_end_is_taken_in_parts_of_bounded_length(start):
+    process = start('print("x" * 3_000_000, end="")')
+    assert process.wait(PATIENCE) == 0
+    assert {len(line) for line in process.lines} <= {processes._LINE, 3_000_000 % processes._LINE}
+    assert sum(map(len, process.lines)) == 3_000_000
+
+
 def test_a_node_that_does_not_listen_is_killed(start):
     process = start(HANGING)
     until(lambda: process.lines, 'the first line')

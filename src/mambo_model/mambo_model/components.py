@@ -20,7 +20,8 @@ from pathlib import Path
 import re
 from typing import Any
 
-from .own_file import digest, load_file, name_apart
+from .errors import MamboError
+from .own_file import describe, digest, fault_place, load_file, name_apart
 from .schema import component_fields, group, ParameterError, shown
 from .script import python, script_source, WithoutMemory
 from .values import values_type
@@ -163,7 +164,14 @@ class Registry:
             return self.built_in[name]
         name = absolute(name)
         if name not in self._found:
-            self._found[name] = self._checked(self._load(name))
+            try:
+                self._found[name] = self._checked(self._load(name))
+            except MamboError:
+                raise
+            except Exception as error:  # what is looked at is a user's and may do anything
+                found = file_and_name(name)
+                place = fault_place(Path(found[0]), error) if found else name
+                raise ParameterError(f'{place}: {describe(error)}') from None
         return self._found[name]
 
     def offer(self, thing: Any) -> str:
@@ -200,7 +208,7 @@ class Registry:
         missing = [part for part in PARTS if not hasattr(holder, part)]
         if missing:
             raise ParameterError(
-                f'{where(path, holder)}: has no {", ".join(missing)}; a {self.kind} has '
+                f'{where(path, holder)}: has no {", ".join(missing)}; {_article(self.kind)} has '
                 f'{", ".join(PARTS)}')
 
     def _load(self, name: str) -> Component:
@@ -225,7 +233,8 @@ class Registry:
             try:
                 holder = entry.load()
             except Exception as error:  # whatever a package raises while it is imported
-                raise ParameterError(f'{name}: {entry.value} cannot be loaded: {error}') from None
+                raise ParameterError(
+                    f'{name}: {entry.value} cannot be loaded: {describe(error)}') from None
             title, version = name, entry.dist.version if entry.dist else ''
             path = Path(inspect.getsourcefile(holder) or '')
         self._check_parts(holder, path)
@@ -260,9 +269,14 @@ class Registry:
         try:
             c.params()
         except Exception as error:
-            raise ParameterError(f'{place}: the defaults are refused: {error}') from None
+            raise ParameterError(f'{place}: the defaults are refused: {describe(error)}') from None
         if c.compiled:
             name_apart(values_type(c.params), c.sha256)
+
+
+def _article(kind: str) -> str:
+    """Return a kind of components with its article."""
+    return f'an {kind}' if kind[0] in 'aeiou' else f'a {kind}'
 
 
 def where(path: Path | None, thing: Any) -> str:

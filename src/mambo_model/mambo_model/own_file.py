@@ -4,15 +4,74 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from contextlib import contextmanager
 import hashlib
 import importlib.util
 from pathlib import Path
+import signal
 import sys
+import threading
 from types import ModuleType
-from typing import Any
+from typing import Any, NoReturn
 
+from . import limits
 from .compiled import own_cache, OWN_MODULES
+from .errors import MamboError
 from .schema import ParameterError
+
+
+class TooLongError(ParameterError):
+    """A user's code takes too long; the text says where and what raises the limit."""
+
+
+class _OverdueError(BaseException):
+    """A file takes too long; no Exception, which a user's loop may pass over."""
+
+
+def _overdue(*_: Any) -> NoReturn:
+    raise _OverdueError
+
+
+@contextmanager
+def bounded(path: Path | None) -> Iterator[None]:
+    """
+    End a user's code that takes longer than reading a file may, in the main thread.
+
+    Parameters
+    ----------
+    path
+        Of the code.
+
+    Raises
+    ------
+    TooLongError
+        With the line at which it was, if it takes more than ``MAMBO_MAX_READING_S`` (120 s).
+
+    """
+    if threading.current_thread() is not threading.main_thread():  # signals come to that alone
+        yield
+        return
+    seconds = limits.READING_S.value()
+    before = signal.signal(signal.SIGALRM, _overdue)
+    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
+    try:
+        yield
+    except _OverdueError as error:
+        raise TooLongError(f'{fault_place(path, error)}: takes more than {seconds} s; '
+                           f'{limits.raised_by(limits.READING_S)}') from None
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def describe(error: BaseException) -> str:
+    """Return an error of a user's code in one line, with its kind unless it is one of ours."""
+    try:
+        text = ' '.join(str(error).split())
+    except Exception:
+        text = 'its text cannot be read'
+    return text if isinstance(error, MamboError) else (
+        f'{type(error).__name__}: {text or "no message"}')
 
 
 def name_apart(kind: type, sha256: str) -> None:
@@ -79,7 +138,8 @@ def load_file(path: Path) -> ModuleType:
     Raises
     ------
     ParameterError
-        If the file is not there or fails while it is loaded; with its line.
+        If the file is not there or fails while it is loaded, with its line; also if that takes
+        more than ``MAMBO_MAX_READING_S`` (default 120 s).
 
     """
     if not path.is_file():
@@ -93,18 +153,17 @@ def load_file(path: Path) -> ModuleType:
     sys.modules[name] = module
     sys.path.insert(0, str(path.parent))  # for files beside it
     try:
-        with own_cache(name):  # what is compiled goes with this content
+        with own_cache(name), bounded(path):  # what is compiled goes with this content
             spec.loader.exec_module(module)
         for kind in _named_tuples(module, name):
             name_apart(kind, digest(path))
     except BaseException as error:
         del sys.modules[name]
-        if isinstance(error, KeyboardInterrupt):
+        if isinstance(error, KeyboardInterrupt | TooLongError):
             raise
         if isinstance(error, SyntaxError):
             raise ParameterError(f'{error.filename}:{error.lineno}: {error.msg}') from None
-        raise ParameterError(
-            f'{fault_place(path, error)}: {type(error).__name__}: {error}') from None
+        raise ParameterError(f'{fault_place(path, error)}: {describe(error)}') from None
     finally:
         sys.path.remove(str(path.parent))
     return module

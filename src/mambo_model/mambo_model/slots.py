@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from .compiled import NumbaError, typeof
 from .components import Component, where
 from .errors import InputError
-from .own_file import fault_place
+from .own_file import describe, fault_place
 from .schema import ParameterError, shown
 from .script import python
 from .values import values
@@ -242,13 +242,11 @@ def _guarded(slot: Slot, work: Callable[[], Any], limit: float = LONGEST_STEP) -
     except NumbaError:
         raise
     except Exception as error:  # whatever a user's code raises
-        what = str(error) or 'no message'
         place = fault_place(slot.component.path, error)
         if isinstance(error, UnusableError):
             place = where(slot.component.path, slot.component.step)
-        name = '' if isinstance(error, UnusableError | TimeoutError) else (
-            f'{type(error).__name__}: ')
-        slot.fault = f'{place}: {name}{" ".join(what.split())}'
+        own = type(error) in (UnusableError, TimeoutError)
+        slot.fault = f'{place}: {" ".join(str(error).split()) if own else describe(error)}'
         return None
     finally:
         if timed:

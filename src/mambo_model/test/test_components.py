@@ -109,6 +109,8 @@ def test_an_installed_package_is_one_too(registry, write, monkeypatch):
     ('@dataclass(frozen=True)', '@dataclass', 'must be a frozen dataclass|cannot be loaded'),
     ('@dataclass(frozen=True)', '', r'mine.py:\d: Params must be a dataclass'),
     ('return 0', 'return 0 +', r'mine.py:13: invalid syntax'),
+    ('class Other', 'def __getattr__(name):\n    raise OSError(name)\n\nclass Other',
+     'mine.py:19: OSError: __version__'),
     ('class Other', '1 / 0\nclass Other', r'mine.py:18: ZeroDivisionError: division by zero')])
 def test_a_wrong_one_is_refused_in_one_line(registry, write, old, new, message):
     with pytest.raises(schema.ParameterError, match=message) as error:

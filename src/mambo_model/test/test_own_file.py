@@ -1,8 +1,10 @@
 """A user's file as a module: one for each content, with the helpers beside it; errors by line."""
 
+import signal
 import sys
+import time
 
-from mambo_model.own_file import digest, fault_place, load_file
+from mambo_model.own_file import describe, digest, fault_place, load_file
 from mambo_model.schema import ParameterError
 import pytest
 
@@ -53,6 +55,10 @@ def test_named_tuples_of_two_versions_have_names_of_their_own(write):
 @pytest.mark.parametrize(('text', 'wanted'), [
     ('x = (\n', r"mine.py:1: '\(' was never closed"),
     ('def f():\n    return 1\n\n\nf() / 0\n', 'mine.py:5: ZeroDivisionError: division by zero'),
+    ('raise SystemExit(5)\n', 'mine.py:1: SystemExit: 5'),
+    ('def f():\n    f()\n\n\nf()\n', 'mine.py:2: RecursionError'),
+    ('class E(Exception):\n    def __str__(self):\n        return None\n\n\nraise E\n',
+     'mine.py:6: E: its text cannot be read'),
     ('import no_such_module\n', 'mine.py:1: ModuleNotFoundError')])
 def test_what_fails_while_it_is_loaded_is_told_by_line(write, text, wanted):
     path, before = write(text), list(sys.path)
@@ -60,6 +66,24 @@ def test_what_fails_while_it_is_loaded_is_told_by_line(write, text, wanted):
         load_file(path)
     assert '\n' not in str(caught.value) and sys.path == before
     assert not [name for name in sys.modules if name.endswith(digest(path)[:16])]
+
+
+def test_a_file_that_never_ends_is_ended_though_it_passes_over_errors(write, monkeypatch):
+    monkeypatch.setenv('MAMBO_MAX_READING_S', '1')
+    path = write('while True:\n    try:\n        import time\n        time.sleep(60)\n'
+                 '    except Exception:\n        pass\n')
+    handler, began = signal.getsignal(signal.SIGALRM), time.monotonic()
+    with pytest.raises(ParameterError, match=(
+            r'mine.py:4: takes more than 1 s; MAMBO_MAX_READING_S \(now 1\) raises the limit')):
+        load_file(path)
+    assert time.monotonic() - began < 20.0
+    assert signal.getsignal(signal.SIGALRM) is handler
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_an_error_is_described_in_one_line_with_its_kind():
+    assert describe(ValueError('a\n  b')) == 'ValueError: a b'
+    assert describe(KeyError()) == 'KeyError: no message'
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mambo_model.components import absolute, file_and_name
-from mambo_model.errors import InputError
+from mambo_model.errors import InputError, MamboError
 from mambo_model.motion.polynomial import Array, AXES, Course
 from mambo_model.motion.uav_trajectories import LONGEST, MAX_PIECES
-from mambo_model.own_file import digest, fault_place, load_file
+from mambo_model.own_file import bounded, describe, digest, fault_place, load_file
 from mambo_model.script import script_source
 import numpy as np
 from scipy.interpolate import make_interp_spline, PPoly
@@ -95,7 +95,16 @@ def load(name: str, folder: Path = Path()) -> Source:
     found = file_and_name(absolute(name, folder))
     if found is None:
         return _load_installed(name)
-    path, chosen = Path(found[0]), found[1]
+    try:
+        return _from_file(Path(found[0]), found[1])
+    except MamboError:
+        raise
+    except Exception as error:  # what is looked at is a user's and may do anything
+        raise InputError(_message(Path(found[0]), error)) from None
+
+
+def _from_file(path: Path, chosen: str) -> Source:
+    """Return the function of a file, the chosen one if there is a name."""
     module = load_file(path)
     if not chosen:
         own = [key for key, value in vars(module).items() if not key.startswith('_') and (
@@ -123,7 +132,7 @@ def _load_installed(name: str) -> Source:
     try:
         function = entry.load()
     except Exception as error:  # whatever a package raises while it is imported
-        raise InputError(f'{name}: {entry.value} cannot be loaded: {error}') from None
+        raise InputError(f'{name}: {entry.value} cannot be loaded: {describe(error)}') from None
     path = Path(inspect.getsourcefile(inspect.getmodule(function)) or '')
     version = f' {entry.dist.version}' if entry.dist else ''
     return Source(function, name, path, f'{name}{version}, sha256 {digest(path)}',
@@ -152,7 +161,7 @@ def _stated_duration(function: Any, module: Any, where: str) -> float | None:
 def _message(path: Path | None, error: Exception, name: str = '') -> str:
     """Return file, line and text of an error in a user's file."""
     at = fault_place(path, error) if path is not None else name
-    return f'{at}: {type(error).__name__}: {error}'
+    return f'{at}: {describe(error)}'
 
 
 def _values(source: Source, t: float) -> Array:
@@ -230,14 +239,20 @@ def fit(
     Raises
     ------
     InputError
-        If the function fails, returns a wrong value, states wrong derivatives, or is not smooth
-        enough for 1000 pieces.
+        If the function fails, returns a wrong value, states wrong derivatives, is not smooth
+        enough for 1000 pieces, or takes more than ``MAMBO_MAX_READING_S``.
 
     """
     if not 0.0 < duration <= LONGEST:
         raise InputError(f'duration = {duration:g} s must be above 0 and at most {LONGEST:g} s')
     source = function if isinstance(function, Source) else Source(
         function, where, None, where, None)
+    with bounded(source.path):
+        return _fit(source, duration)
+
+
+def _fit(source: Source, duration: float) -> Course:
+    """Return the course; errors as those of :func:`fit`."""
     pieces = FIRST
     spline = _spline(source, duration, pieces)
     while 2 * pieces <= MAX_PIECES:

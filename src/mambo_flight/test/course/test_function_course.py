@@ -48,7 +48,7 @@ def test_durations_that_are_none_are_refused(duration):
         function_course.fit(circle, duration)
 
 
-def test_faults_of_a_file_name_its_line(tmp_path):
+def test_faults_of_a_file_name_its_line(tmp_path, monkeypatch):
     path = tmp_path / 'mine.py'
     path.write_text('def bad(t):\n    return 1 / (t - 1), 0, 0\n\n\nNUMBER = 3\n')
     with pytest.raises(InputError, match=r'mine.py:2: ZeroDivisionError: .*, at t = 1 s'):
@@ -62,6 +62,14 @@ def test_faults_of_a_file_name_its_line(tmp_path):
     path.write_text('x = 1\ndef f(:\n')
     with pytest.raises(InputError, match=r'mine.py:2: invalid syntax'):
         function_course.load(f'{path}:f')
+    path.write_text('class Path:\n    def __call__(self, t):\n        return t, 0, 0\n'
+                    '    def __getattr__(self, name):\n        return 1 / 0\n')
+    with pytest.raises(InputError, match=r'mine.py:5: ZeroDivisionError: division by zero'):
+        function_course.load(f'{path}:Path')
+    path.write_text('def f(t):\n    while True:\n        pass\n')
+    monkeypatch.setenv('MAMBO_MAX_READING_S', '1')
+    with pytest.raises(InputError, match=r'mine.py:[23]: takes more than 1 s; MAMBO_MAX_READING'):
+        function_course.fit(function_course.load(f'{path}:f'), 22.0)
     path.write_text('\nimport nothing_like_that\n')
     with pytest.raises(InputError, match=r'mine.py:2: ModuleNotFoundError: No module'):
         function_course.load(f'{path}:f')
