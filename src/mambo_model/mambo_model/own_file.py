@@ -162,7 +162,8 @@ def load_file(path: Path) -> ModuleType:
         if isinstance(error, KeyboardInterrupt | TooLongError):
             raise
         if isinstance(error, SyntaxError):
-            raise ParameterError(f'{error.filename}:{error.lineno}: {error.msg}') from None
+            at = f'{error.filename}:{error.lineno}' if error.filename else path
+            raise ParameterError(f'{at}: {error.msg}') from None
         raise ParameterError(f'{fault_place(path, error)}: {describe(error)}') from None
     finally:
         sys.path.remove(str(path.parent))
