@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import faulthandler
+import gc
 import multiprocessing
 from multiprocessing.connection import Connection
 import os
@@ -73,6 +74,7 @@ def call(function: Callable[[Path], Any], path: Path) -> Any:
 
 def _work(function: Callable[[Path], Any], path: Path, send: Connection) -> None:
     """Call the function within bounds and send what it returns or raises."""
+    gc.freeze()  # what is garbage here, such as nodes of ROS, is the caller's to destroy
     warnings.simplefilter('ignore')  # of what is damaged; the caller gets one line
     faulthandler.disable()  # a reader that crashes says so at length
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)

@@ -53,7 +53,7 @@ def _csv(path: Path, wanted: list[str], delimiter: str) -> Read:
         'sep': delimiter, 'skipinitialspace': True, 'encoding': 'utf-8-sig'}
     try:
         header = pandas.read_csv(
-            path, header=None, nrows=1, dtype=str, keep_default_na=False, **options)
+            path, header=None, nrows=1, dtype=object, keep_default_na=False, **options)
         names = _names(header.iloc[0], wanted)
         with warnings.catch_warnings():
             warnings.simplefilter('error', pandas.errors.ParserWarning)

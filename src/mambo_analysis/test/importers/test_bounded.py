@@ -1,5 +1,6 @@
 """A reader in a process of its own ends in time and stays within the limits of the user."""
 
+import gc
 import os
 from pathlib import Path
 import signal
@@ -89,6 +90,24 @@ def test_a_reader_that_crashes_is_told_and_nothing_is_printed(file, capfd):
     with pytest.raises(bounded.UnreadableError, match='^it makes its reader crash$'):
         bounded.call(crash, file)
     assert not capfd.readouterr().err
+
+
+def test_garbage_of_the_caller_is_not_destroyed_by_the_reader(file):
+    class Node:
+        """Has a thread, which a copy of its process has not."""
+
+        def __init__(self):
+            self.itself, self.process = self, os.getpid()
+
+        def __del__(self):
+            if os.getpid() != self.process:
+                os.kill(os.getpid(), signal.SIGSEGV)
+    gc.disable()
+    Node()
+    try:
+        assert bounded.call(lambda _: gc.collect() >= 0, file)
+    finally:
+        gc.enable()
 
 
 def test_a_reader_that_wants_too_much_memory_is_stopped_and_the_limit_named(file, monkeypatch):
