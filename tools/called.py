@@ -19,8 +19,8 @@ ROOT = Path(__file__).resolve().parents[1]
 _PROGRAMS = ('src/*/setup.py', 'src/*/launch/*.py', 'tools/**/*.py', 'examples/**/*.py',
              'benchmarks/**/*.py', 'docs/**/*.py')
 # decorators behind which a function is still to be called by its name; others register it
-_PLAIN = {'jit', 'property', 'staticmethod', 'classmethod', 'cached_property', 'contextmanager',
-          'lru_cache', 'cache', 'dataclass', 'setter'}
+_PLAIN = {'jit', 'jit_inside', 'property', 'staticmethod', 'classmethod', 'cached_property',
+          'contextmanager', 'lru_cache', 'cache', 'dataclass', 'setter'}
 _DEFINED = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 
 

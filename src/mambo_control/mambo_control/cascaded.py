@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from mambo_model.compiled import jit
+from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.quaternion import angle, multiply, Quat, rotate_inverse
 from mambo_model.motion.rigid_body import State
@@ -105,7 +105,7 @@ def _flying(out: Law, memory: Memory, ref: Reference, vv: VehicleValues) -> Comm
         angle(out.q_e), out.omega_e)
 
 
-@jit
+@jit_inside
 def step(
     memory: Memory, state: State, ref: Reference, dt: float, gains: GainValues, vv: VehicleValues,
 ) -> tuple[Memory, Command]:

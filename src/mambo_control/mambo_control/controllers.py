@@ -14,7 +14,7 @@ import math
 from typing import Any, NamedTuple
 
 from mambo_model import slots
-from mambo_model.compiled import by_type, jit, objmode, typeof
+from mambo_model.compiled import by_type, jit, jit_inside, objmode, typeof
 from mambo_model.components import Component, Registry
 from mambo_model.motion.flatness import from_flat_output, Reference
 from mambo_model.motion.quaternion import IDENTITY
@@ -239,7 +239,7 @@ _step = by_type(4, {OwnValues: _own_step} | {c.params.Values: c.step for c in _A
 is_faulty = by_type(0, {OwnMemory: _own_is_faulty}, _is_sound)
 
 
-@jit
+@jit_inside
 def answer(
     memory: Memory, state: State, ref: Reference, phase: int, dt: float, gains: Gains,
     vv: VehicleValues,

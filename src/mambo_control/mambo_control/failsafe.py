@@ -50,7 +50,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-from mambo_model.compiled import jit
+from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion import trajectory
 from mambo_model.motion.flatness import from_flat_output_yaw, Reference
 from mambo_model.motion.quaternion import IDENTITY, rotate, rotate_inverse, to_euler
@@ -424,7 +424,7 @@ def _with_control(m: Memory, control: controllers.Memory) -> Memory:
         m.phase, m.shown, m.descent, m.command)
 
 
-@jit
+@jit_inside
 def _follow(
     memory: Memory, stage: int, reason: int, state: State, dt: float,
     gains: controllers.Gains, p: FailsafeValues, vv: VehicleValues,
@@ -451,7 +451,7 @@ def _follow(
         memory.ref, memory.phase, shown, memory.descent, command), command
 
 
-@jit
+@jit_inside
 def step(
     memory: Memory, state: State, spread: Spread, ref: Reference, phase: int, dt: float,
     gains: controllers.Gains, p: FailsafeValues, vv: VehicleValues,

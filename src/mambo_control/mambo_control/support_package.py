@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-from mambo_model.compiled import jit
+from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.quaternion import angle, conjugate, from_euler, multiply, rotate, to_euler
 from mambo_model.motion.rigid_body import State
@@ -199,7 +199,7 @@ def _flying(out: Law, state: State, ref: Reference, vv: VehicleValues) -> Comman
         angle(multiply(conjugate(q), state.q)), state.omega)
 
 
-@jit
+@jit_inside
 def step(
     memory: Memory, state: State, ref: Reference, dt: float, gains: ToolboxGainValues,
     vv: VehicleValues,

@@ -14,7 +14,7 @@ import math
 from typing import Any, NamedTuple
 
 from mambo_model import slots
-from mambo_model.compiled import by_type, jit, objmode, typeof
+from mambo_model.compiled import by_type, jit, jit_inside, objmode, typeof
 from mambo_model.components import Component, Registry
 from mambo_model.motion.rigid_body import State
 from mambo_model.slots import PlainMemory, PlainValues, UnusableError
@@ -192,13 +192,13 @@ def _own_step(memory, dt, gyro, accel, sonar, flow, quality, pressure, own):
     return OwnMemory(after, False), estimate
 
 
-@jit
+@jit_inside
 def _ignore(memory, age, rho, q):
     """Return the memory of an estimator that uses no motion capture."""
     return memory
 
 
-@jit
+@jit_inside
 def _nowhere(memory, estimate):
     """Return that an estimator knows no place in ``map``."""
     return None

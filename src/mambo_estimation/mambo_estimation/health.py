@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import math
 from typing import Any, NamedTuple
 
-from mambo_model.compiled import jit
+from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.vector import Vec3
 from mambo_model.schema import quantity
 from mambo_model.values import derived, Parameters
@@ -194,7 +194,7 @@ def observe(
         s.not_finite + (0 if finite else 1), noise(s, value, dt) if used else s.noise)
 
 
-@jit
+@jit_inside
 def observe_all(
     s: Sensors, dt: float, gyro: Vec3, accel: Vec3, sonar: float, flow: Vec2, pressure: float,
     used: Five, stuck: Five, in_reach: tuple[bool, bool],

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-from mambo_model.compiled import jit
+from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.quaternion import IDENTITY, rotate, rotate_inverse, to_matrix
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import add, scale, sub, Vec3
@@ -240,7 +240,7 @@ def _end_unaided(att: Attitude, resting: bool, gravity: float, v: AttitudeValues
     return attitude.with_window(att, attitude.NO_WINDOW)
 
 
-@jit
+@jit_inside
 def _run(
     m: Memory, counts: Counts, dt: float, gyro: Vec3, accel: Vec3, held: tuple[bool, bool],
     sonar: float, flow: Vec2, quality: int, pressure: float, v: EstimatorValues,
@@ -284,7 +284,7 @@ def _run(
         force, m.sensors), Results(ranged, seen, weighed)
 
 
-@jit
+@jit_inside
 def step(
     memory: Memory, dt: float, gyro: Vec3, accel: Vec3, sonar: float, flow: Vec2,
     flow_quality: int, pressure: float, values: EstimatorValues,
@@ -358,7 +358,7 @@ def step(
     return m, _estimate(m, results, v)
 
 
-@jit
+@jit_inside
 def _observe(
     m: Memory, results: Results, dt: float, gyro: Vec3, accel: Vec3, sonar: float, flow: Vec2,
     pressure: float, usable: tuple[bool, bool], stuck: tuple[bool, bool, bool, bool, bool],
@@ -406,12 +406,14 @@ def _state(m: Memory) -> State:
 
 
 @jit
-def _pose_covariance(m: Memory) -> tuple[float, ...]:
-    """Return the (36,) covariance of position and rotation, inertial axes, m and rad."""
-    att, alt, vel = m.attitude, m.altitude, m.velocity
+def _pose_covariance(m: Memory, r: Matrix3, height: float) -> tuple[float, ...]:
+    """
+    Return the (36,) covariance of position and rotation, inertial axes, m and rad.
+
+    That of the rotation, rad^2, and the variance of the height, m^2, are the published ones.
+    """
+    att, vel = m.attitude, m.velocity
     P = velocity.position_covariance(vel)
-    r = attitude.published_covariance(att, m.counts.flow_age)
-    height = altitude.published_variances(alt, m.counts.sonar_age)[0]
     # An error of yaw turns the path; the tilt goes with it as far as it is correlated with yaw.
     by_yaw = scale(-1.0 / attitude.yaw_std(att), r[2])
     x, y = scale(vel.yaw.p[0], by_yaw), scale(vel.yaw.p[1], by_yaw)
@@ -422,12 +424,17 @@ def _pose_covariance(m: Memory) -> tuple[float, ...]:
 
 
 @jit
-def _twist_covariance(m: Memory, v: attitude.AttitudeValues) -> tuple[float, ...]:
-    """Return the (36,) covariance of velocity and angular velocity, body axes, m/s and rad/s."""
+def _twist_covariance(
+    m: Memory, r: Matrix3, climb: float, v: AttitudeValues,
+) -> tuple[float, ...]:
+    """
+    Return the (36,) covariance of velocity and angular velocity, body axes, m/s and rad/s.
+
+    That of the rotation, rad^2, and the variance of the vertical velocity, m^2/s^2, are the
+    published ones.
+    """
     att = m.attitude
-    C = velocity.body_velocity_covariance(
-        m.velocity, altitude.published_variances(m.altitude, m.counts.sonar_age)[1],
-        to_matrix(att.q), attitude.published_covariance(att, m.counts.flow_age))
+    C = velocity.body_velocity_covariance(m.velocity, climb, to_matrix(att.q), r)
     unknown = v.lost_rate_growth * m.sensors.gyro.age
     least, seen, w = v.rate_noise * v.rate_noise, m.sensors.gyro.noise, att.P_bb
     x, y, z = (
@@ -446,8 +453,10 @@ def _estimate(m: Memory, results: Results, v: EstimatorValues) -> Estimate:
     """Return the estimate."""
     alt, b = m.altitude, m.velocity.accel_bias
     accel_bias = add(m.alignment.accel_bias, (b[0], b[1], alt.accel_bias))
+    r = attitude.published_covariance(m.attitude, m.counts.flow_age)
+    height, climb = altitude.published_variances(alt, m.counts.sonar_age)
     return Estimate(
-        _state(m), _pose_covariance(m), _twist_covariance(m, v.attitude),
+        _state(m), _pose_covariance(m, r, height), _twist_covariance(m, r, climb, v.attitude),
         status_of(m.aligning, m.counts.sonar_age, m.counts.flow_age, v),
         alt.height, alt.velocity, m.attitude.bias, accel_bias,
         alt.offset if alt.has_offset else math.nan, results.sonar.innovation,

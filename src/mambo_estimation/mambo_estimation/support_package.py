@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-from mambo_model.compiled import jit
+from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.quaternion import from_euler, rotate, to_matrix
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
@@ -412,7 +412,7 @@ def _run(
         Seen(sonar_innovation, sonar_ratio, flow_innovation, flow_ratio))
 
 
-@jit
+@jit_inside
 def step(
     memory: Memory, dt: float, gyro: Vec3, accel: Vec3, sonar: float, flow: Vec2,
     flow_quality: int, pressure: float, values: ToolboxValues,

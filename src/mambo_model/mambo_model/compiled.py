@@ -121,6 +121,18 @@ def jit(function: F) -> F:
     return numba.njit(cache=True, error_model='numpy')(function)
 
 
+def jit_inside(function: F) -> F:
+    """
+    Compile as :func:`jit`, and make the machine code part of that of every compiled caller.
+
+    For functions that take or return the memory or the parameters of a whole filter: a call copies
+    each of their numbers to the stack and back. With calls the closed loop had 0.41 of its speed,
+    and without sensors 0.64. Only for functions with one or two callers, as each of these
+    compiles the code anew; not for what is rarely reached, such as the alignment at rest.
+    """
+    return numba.njit(cache=True, error_model='numpy', forceinline=True)(function)
+
+
 def jit_beside_python(function: F) -> F:
     """Compile as :func:`jit` what several threads run at once: it does not hold Python's lock."""
     return numba.njit(cache=True, error_model='numpy', nogil=True)(function)
@@ -210,9 +222,9 @@ def by_type(
     """
     Return one function for several: which one is called depends on the type of one argument.
 
-    In compiled code the choice is made while it is compiled: it costs nothing, and what is not
-    chosen is not compiled. An argument of another type is a TypeError, in compiled code at
-    compile time.
+    In compiled code the choice is made while it is compiled: it costs nothing, not even a call,
+    and what is not chosen is not compiled. An argument of another type is a TypeError, in compiled
+    code at compile time.
 
     Parameters
     ----------
@@ -233,7 +245,7 @@ def by_type(
             raise TypeError(f'argument {position} is {kind.__name__}; known: {known}')
         return functions.get(kind, default)(*arguments)
 
-    @overload(chosen)
+    @overload(chosen, jit_options={'forceinline': True})
     def _choose(*arguments):
         """Choose while compiling."""
         kind = arguments[position]

@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+import re
 import shutil
 import struct
 import subprocess
@@ -90,6 +91,19 @@ def test_a_compiled_flight_has_the_bits_of_one_flown_call_by_call(name):
     alone, inside = flight_call_by_call(START, 3400, plan, vv), whole_flight(START, 3400, plan, vv)
     assert bits(inside) == bits(alone)
     assert bits(inside) != bits(START)
+
+
+def test_what_is_compiled_inside_leaves_no_call_in_its_caller():
+    def fly(state, t, plan, vv):
+        ref, _ = trajectory.reference_step(t, plan, vv.mass, vv.inertia, vv.gravity)
+        state = rigid_body.rk4_step(state, ref.f, ref.tau, 0.005, vv)
+        return rigid_body.rk4_step(state, ref.f, ref.tau, 0.005, vv)
+    caller = compiled.numba.njit(fly)  # not cached: one that is loaded does not show its code
+    caller(START, 2.0, trajectory.FlightPlanParams().values(), Vehicle().values())
+    code, = caller.inspect_llvm().values()
+    called = ' '.join(re.findall(r'call .*@(\S+?)\(', code))
+    assert 'reference_step' not in called and 'flat_output' not in called
+    assert 'rk4_step' in called  # of a function as long, compiled as most are
 
 
 def test_what_is_held_moves_with_the_same_bits_and_apart_from_others():

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from mambo_model.compiled import jit
+from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.trajectory import PlanValues
 from mambo_model.motion.vector import Vec3
 from mambo_model.schema import flag, group, quantity
@@ -125,7 +125,7 @@ def _motion(
     return plant.PlantState(body, stopped, (0.0, 0.0, 0.0), truth.lost, truth.charge), force
 
 
-@jit
+@jit_inside
 def sense(
     state: SimulatorState, tick: int, rngs: Generators, values: SimulatorValues,
 ) -> tuple[SimulatorState, Samples]:
@@ -200,7 +200,7 @@ def _apply_faults(
         pressure, Deliveries(imu_delivery, sonar_delivery, flow_delivery, baro_delivery))
 
 
-@jit
+@jit_inside
 def advance(
     state: SimulatorState, pwm: Four, shutdown: bool, values: SimulatorValues,
 ) -> SimulatorState:

@@ -25,7 +25,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from mambo_model.compiled import jit
+from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.flatness import Reference, torque
 from mambo_model.motion.quaternion import Quat, rotate
 from mambo_model.motion.rigid_body import State
@@ -112,7 +112,7 @@ def reference_with_drag(
     return length - along, q, omega, omega_dot, add(scale(d, ref.v), scale(along, b3))
 
 
-@jit
+@jit_inside
 def step(
     memory: Memory, state: State, ref: Reference, dt: float, gains: FlatnessDragValues,
     vv: VehicleValues,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 import math
 
-from ..compiled import jit
+from ..compiled import jit, jit_inside
 from ..schema import choice, ParameterError, quantity, text
 from ..values import derived, Parameters, values_type
 from ..vehicle.parameters import Vehicle
@@ -380,7 +380,7 @@ def _phase(t: float, plan: PlanValues) -> int:
     return LANDED
 
 
-@jit
+@jit_inside
 def _weights(t: float, plan: PlanValues) -> tuple[Jet, Jet, Jet]:
     """Return the weights of hover point, periodic motion and step at t in s."""
     climb, join = _ONE, _ONE
@@ -409,7 +409,7 @@ def _course_output(
             (x[4], y[4], z[4]), (psi[0], psi[1], psi[2]))
 
 
-@jit
+@jit_inside
 def flat_output(
     t: float, plan: PlanValues,
 ) -> tuple[Vec3, Vec3, Vec3, Vec3, Vec3, int]:
@@ -454,7 +454,7 @@ def flat_output(
         _phase(t, plan))
 
 
-@jit
+@jit_inside
 def reference_step(
     t: float, plan: PlanValues, mass: float, inertia: Vec3, gravity: float,
 ) -> tuple[Reference, int]:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-from mambo_model.compiled import jit
+from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import Vec3
 from mambo_model.schema import choice, ParameterError, quantity
@@ -247,7 +247,7 @@ def _see(memory: FlowMemory, body: State, p: FlowValues) -> Vec2:
     return deliver(body, believed + p.height_offset, p)
 
 
-@jit
+@jit_inside
 def step(
     memory: FlowMemory, tick: int, body: State, rng: Generator, noise: bool, p: FlowValues,
 ) -> tuple[FlowMemory, FlowSample]:

@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from mambo_model.compiled import jit
+from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.quaternion import exp_map, multiply, normalise, Quat
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import add, scale, sub, Vec3
@@ -217,7 +217,7 @@ def _expose(
     return OptitrackMemory(pending, queue, counts, seen, dropping, track)
 
 
-@jit
+@jit_inside
 def step(
     memory: OptitrackMemory, before_ns: int, before: State, now_ns: int, now: State,
     rng: Generator, p: OptitrackValues,
