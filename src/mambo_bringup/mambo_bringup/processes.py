@@ -99,9 +99,7 @@ def load(modules: Iterable[str]) -> None:
     for module in modules:
         import_module(module)
         _LOADED.add(module)
-    sys.modules['scipy.linalg.cython_blas'] = None  # our compiled code uses no linear algebra
-    compiled.hold(None, None, None)  # loaded by numba for its first function, without scipy's
-    del sys.modules['scipy.linalg.cython_blas']
+    compiled.hold(None, None, None)  # what numba loads for its first function
     gc.collect()
     gc.freeze()  # keeps the garbage collector off the shared memory
 

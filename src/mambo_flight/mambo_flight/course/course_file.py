@@ -15,7 +15,7 @@ from mambo_model.motion.trajectory import COURSE, FlightPlanParams, TRAJECTORIES
 from mambo_model.own_file import digest
 from mambo_model.schema import ParameterError, shown
 
-from . import function_course, waypoints
+from . import function_course
 
 SUFFIXES = ('.csv', '.yaml', '.yml')
 REST = 1.0  # s, hover between the end of a course and the landing
@@ -69,6 +69,7 @@ def read(path: Path, over: Mapping[str, Any] | None = None) -> Course:
             raise ParameterError(f'{path}: holds polynomials, not waypoints: leave out the '
                                  f'options of the planner, {", ".join(over)}')
         return uav_trajectories.load(path)
+    from . import waypoints  # with scipy's linear algebra, 0.3 s of CPU, for such files alone
     return waypoints.read(path, over)
 
 
