@@ -23,10 +23,15 @@ import zstandard
 
 MAGIC = struct.pack('<8B', 137, 77, 67, 65, 80, 48, 13, 10)
 _HEADER = struct.Struct('<BQHIQQ')  # opcode, length, channel, sequence, log and publish time
-_ENTRY = struct.Struct('<QQ')  # of a message index: log time, offset in the chunk
 _FIELDS = np.dtype([
     ('opcode', 'u1'), ('length', '<u8'), ('channel', '<u2'), ('sequence', '<u4'),
     ('log_time', '<u8'), ('publish_time', '<u8')])
+
+
+def record(channel: int, sequence: int, log_time: int, publish_time: int, data: bytes) -> bytes:
+    """Return one message record; times in ns."""
+    return _HEADER.pack(
+        Opcode.MESSAGE, 22 + len(data), channel, sequence, log_time, publish_time) + data
 
 
 def records(
@@ -60,7 +65,7 @@ def records(
 
 class McapWriter:
     """
-    Writes one file; the methods are those of ``mcap.writer.Writer``, and :meth:`add_records`.
+    Writes one file; the methods are those of ``mcap.writer.Writer``, but for :meth:`add_records`.
 
     Parameters
     ----------
@@ -157,18 +162,6 @@ class McapWriter:
         s.message_count += count
         s.channel_message_counts[channel] = s.channel_message_counts.get(channel, 0) + count
 
-    def add_message(
-        self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int = 0,
-    ) -> None:
-        """Add a message to the open chunk."""
-        self._count(channel_id, 1, log_time, log_time)
-        self._index.setdefault(channel_id, bytearray()).extend(
-            _ENTRY.pack(log_time, self._length))
-        self._chunk.append(_HEADER.pack(
-            Opcode.MESSAGE, 22 + len(data), channel_id, sequence, log_time, publish_time))
-        self._length += _HEADER.size
-        self._into_chunk(data)
-
     def add_records(
         self, channels: NDArray[np.int64], log_times: NDArray[np.int64],
         pieces: Sequence[bytes],
@@ -182,7 +175,7 @@ class McapWriter:
             Number of the channel of each message.
         log_times : (n,) ns
         pieces
-            The record of each message, from :func:`records`.
+            The record of each message, from :func:`record` or :func:`records`.
 
         """
         ends = np.cumsum(np.fromiter(map(len, pieces), dtype=np.int64, count=len(pieces)))
@@ -202,7 +195,8 @@ class McapWriter:
         found, first = np.unique(channels, return_index=True)
         for channel in found[np.argsort(first)].tolist():
             mine = channels == channel
-            entries = np.stack((log_times[mine], offsets[mine]), axis=1).astype('<u8')
+            entries = np.stack(
+                (log_times[mine].astype('<u8'), offsets[mine].astype('<u8')), axis=1)
             self._index.setdefault(channel, bytearray()).extend(entries.tobytes())
             times = log_times[mine]
             self._count(channel, len(times), int(times.min()), int(times.max()))

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import struct
+
 from geometry_msgs.msg import TransformStamped
 from mambo_model import frames
 from mambo_model.motion.rigid_body import State
-from tf2_msgs.msg import TFMessage
 
-from . import cdr, messages
+from . import messages
+from .cdr import ENCAPSULATION
+from .layout import Layout
+
+# elements of the sequence of TFMessage, the first behind their count
+_VEHICLE = Layout(
+    TransformStamped, 4, header__frame_id=messages.ODOM, child_frame_id=messages.BASE)
+_ODOM = Layout(
+    TransformStamped, _VEHICLE.nbytes - 4, header__frame_id=messages.MAP,
+    child_frame_id=messages.ODOM)
+_SAME = (*(0.0,) * 6, 1.0)  # translation and rotation
 
 
-def _transform(t: int, parent: str, child: str, pose: State | None) -> TransformStamped:
-    out = TransformStamped(child_frame_id=child)
-    out.header.frame_id = parent
-    out.header.stamp.sec, out.header.stamp.nanosec = divmod(t, 1_000_000_000)
-    if pose is not None:
-        where, turn = out.transform.translation, out.transform.rotation
-        where.x, where.y, where.z = frames.flip_vector(pose.rho)
-        turn.x, turn.y, turn.z, turn.w = frames.wire_quaternion(pose.q)
-    return out
+def _numbers(pose: State) -> tuple[float, ...]:
+    """Return translation and rotation of a pose on the wire, (7,)."""
+    return (*frames.flip_vector(pose.rho), *frames.wire_quaternion(pose.q))
 
 
 def encode(t: int, vehicle: State, odom: State | None, with_map: bool) -> bytes:
@@ -36,7 +41,9 @@ def encode(t: int, vehicle: State, odom: State | None, with_map: bool) -> bytes:
         Whether there is a transform from ``map`` to ``odom``.
 
     """
-    transforms = [_transform(t, messages.ODOM, messages.BASE, vehicle)]
+    count = struct.pack('<I', 2 if with_map else 1)
+    out = ENCAPSULATION + count + _VEHICLE.stamped(t, *_numbers(vehicle))[8:]
     if with_map:
-        transforms.append(_transform(t, messages.MAP, messages.ODOM, odom))
-    return cdr.serialize(TFMessage(transforms=transforms))
+        anchor = _SAME if odom is None else _numbers(odom)
+        out += _ODOM.stamped(t, *anchor)[len(out):]
+    return out
