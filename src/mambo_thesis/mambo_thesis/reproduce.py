@@ -16,7 +16,7 @@ from mambo_model.whole_file import write_text
 from tqdm import tqdm
 
 from .figures import (  # noqa: F401 (each registers its figures)
-    appendix_c, chapter_2, chapter_3, chapter_4, chapter_5, chapter_6)
+    appendix_c, chapter_2, chapter_3, chapter_4, chapter_5, chapter_6, tables)
 from .figures.claim import Claim, CLAIMS
 from .figures.page import data, Examined, line, markdown, page, picture, summary
 
@@ -36,8 +36,8 @@ def chosen(numbers: list[str]) -> list[Claim]:
 
     """
     def belongs(claim: Claim, number: str) -> bool:
-        return claim.number.lower() == number.lower() or claim.number.lower().startswith(
-            f'{number.lower()}.')
+        return number.lower() in (claim.number.lower(), claim.place.lower()) or (
+            claim.place.lower().startswith(f'{number.lower()}.'))
     known = sorted(CLAIMS.values(), key=lambda claim: claim.order)
     for number in numbers:
         if not any(belongs(claim, number) for claim in known):

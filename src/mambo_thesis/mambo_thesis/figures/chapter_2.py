@@ -1,4 +1,4 @@
-"""Chapters 2 and 3 before the controller: flow of a camera, motors and axes, drag over speed."""
+"""Chapters 2 and 3 before the controller: operations, flow, motors and axes, drag over speed."""
 
 from __future__ import annotations
 
@@ -7,18 +7,20 @@ import dataclasses
 from mambo_model import aerodynamics as air, palette
 from mambo_model.forces import drag
 from mambo_model.vehicle.motor_mixer import mix
-from mambo_model.vehicle.parameters import preset
 from mambo_model.vehicle.vehicle_options import DragParams
 from mambo_sim.sensors.optical_flow import image_flow, project
 import numpy as np
 
+from . import truths
 from .claim import at_least, at_most, claim, Result
 from .drawing import lines, sheet
 
 SIGNS = ((1, 1, -1), (-1, 1, 1), (-1, -1, -1), (1, -1, 1))  # roll, pitch, yaw of motors 1 to 4
 
 
-@claim('2.1', 'the flow of a point in the image follows from velocity and rate of the camera')
+@claim('2.1', 'the flow of a point in the image follows from velocity and rate of the camera',
+       contains='(2.18)-(2.20) as printed', tests='whether they are the derivative of (2.17): '
+       'mathematics, which no drone can break')
 def figure_2_1() -> Result:
     """Compare (2.18)-(2.20) with the motion of a projected point (2.17)."""
     rng, h, worst = np.random.default_rng(1), 1e-5, 0.0
@@ -30,30 +32,35 @@ def figure_2_1() -> Result:
         flow = image_flow(tuple(point.tolist()), tuple(V.tolist()), tuple(omega.tolist()), 1.0)
         moved = np.subtract(after, before) / (2.0 * h)
         worst = max(worst, float(np.abs(moved - flow).max()))
-    # central differences of 1e-5 s: their rounding is 1e-11, their third order 1e-9
-    return Result([at_most('difference to a projected point', worst, 1e-7, '1/s')])
+    return Result([at_most(
+        'difference to a projected point', worst, 1e-7, '1/s',
+        'central differences of 1e-5 s: rounding 1e-11, third order 1e-9')])
 
 
-@claim('3.1', 'motors and axes: which motor rolls, pitches and yaws which way')
+@claim('3.1', 'motors and axes: which motor rolls, pitches and yaws which way',
+       contains='the mixer (3.2)', tests='its twelve signs, read off the drawing')
 def figure_3_1() -> Result:
     """Ask (3.2) for the torque of each motor alone."""
-    vv = preset('identified').values()
+    vv = truths.vehicle().values()
     wrong = 0
     for motor, signs in enumerate(SIGNS):
         thrust = [0.0] * 4
         thrust[motor] = 1.0
         _, tau = mix(tuple(thrust), vv)
         wrong += sum(int(np.sign(t)) != s for t, s in zip(tau, signs, strict=True))
-    return Result([at_most('wrong signs of twelve', wrong, 0)])
+    return Result([at_most('wrong signs of twelve', wrong, 0, reason='a sign is right or wrong')])
 
 
 @claim('3.2', 'the sum of the drags of the rotors is linear in speed below w, that of the frame '
-       'is small there')
+       'is small there', contains='(3.4)-(3.10), with coefficients of the right size', given=True,
+       tests='what their sum does over speed', broken_by=('drag quadratic',))
 def figure_3_2() -> Result:
     """Draw the parts of the drag over the horizontal speed, in hover."""
-    vehicle = dataclasses.replace(preset('identified'), drag_reading='none', drag=DragParams(
+    vehicle = truths.vehicle()
+    frame = (vehicle.drag if vehicle.drag.parasitic else DragParams()).parasitic_coefficient
+    vehicle = dataclasses.replace(vehicle, drag_reading='none', drag=DragParams(
         blade_flapping=True, induced=True, translational=True, profile='linear',
-        parasitic=True))
+        parasitic=True, parasitic_coefficient=frame))
     vv, options = vehicle.values(), vehicle.options()
     p, T = options.drag, 0.25 * vehicle.mass * vehicle.gravity
     speeds = np.linspace(0.0, 1.6 * p.slow_limit, 161)
@@ -83,8 +90,10 @@ def figure_3_2() -> Result:
     beyond = 1.0 - rotors[-1] / line[-1]
     slow = speeds <= 2.0  # the fastest flight of the thesis
     return Result([
-        at_most('rotors below w, from a straight line', bend, 1e-12),
-        at_least('rotors at 1.6 w, below that line by', beyond, 0.05),
+        at_most('rotors below w, from a straight line', bend, 1e-12, reason='rounding'),
+        at_least('rotors at 1.6 w, below that line by', beyond, 0.05,
+                 reason='the width of a line in the figure'),
         at_most('share of the frame up to 2 m/s',
-                (arrays['parasitic'] / np.maximum(arrays['sum'], 1e-12))[slow].max(), 0.1),
+                (arrays['parasitic'] / np.maximum(arrays['sum'], 1e-12))[slow].max(), 0.1,
+                reason='a tenth is small; the fastest flight has 2 m/s'),
     ], figure)

@@ -6,13 +6,15 @@ import math
 
 import numpy as np
 
-from .claim import at_least, at_most, claim, near, Result
+from . import truths
+from .claim import at_least, at_most, claim, Measured, near, Result
 from .drawing import lines, positions, positions_and_rms, sheet
 from .flights import (
-    drift, Flight, harmonic, rms, running_rms, seeds, STEP, X, Y, Z)
+    drift, fly, Flight, harmonic, rms, running_rms, seeds, STEP, X, Y, Z)
 
 LATE = 12.0    # s, take-off and blend are over
 EQUAL = 6.0    # s, positions are made equal, thesis sec. 5.4
+CALIBRATION = 100  # samples at rest
 
 
 def sensor_factor(height: float) -> float:
@@ -49,7 +51,10 @@ def figure_5_2() -> Result:
     return Result([], why_not='a photograph; positions assumed in `vehicles/identified_markers`')
 
 
-@claim('5.3', 'hovering, the height is estimated well, x and y are not', 'fig_5_3')
+@claim('5.3', 'hovering, the height is estimated well, x and y are not', 'fig_5_3',
+       contains="the package's estimator as generated code of it says, a level floor, a calibration "
+       "at rest", tests='which axis it estimates well, and by how much x and y are wrong',
+       broken_by=('factor -10 %',))
 def figure_5_3() -> Result:
     """Hover with the default estimator."""
     flights = seeds('fig_5_3')
@@ -58,17 +63,22 @@ def figure_5_3() -> Result:
     horizontal = [rms(np.hypot(e[:, X], e[:, Y])) for e in late]
     first = flights[0]
     return Result([
-        at_most('error of the height, RMS', height, 0.01, 'm'),
+        at_most('error of the height, RMS', height, 0.01, 'm', 'not visible in the figure'),
         at_least('horizontal error over that of the height',
-                 [b / a for a, b in zip(height, horizontal, strict=True)], 3.0),
+                 [b / a for a, b in zip(height, horizontal, strict=True)], 3.0, '',
+                 'several times: visible'),
+        at_least('horizontal error, RMS', horizontal, 0.1, 'm', 'decimetres in the thesis'),
     ], positions({
         'reference': (first.t, first.reference), 'IMU': (first.t, first.estimate),
         'Optitrack': (first.t, first.truth)}),
         'The horizontal error is centimetres, in the thesis decimetres: the simulated floor is '
-        'level and the calibration good.')
+        'level and the calibration good. A floor that slopes by 0.01 rad makes it decimetres.')
 
 
-@claim('5.4', 'on a sine in y the height is good, the horizontal amplitude wrong', 'fig_5_4')
+@claim('5.4', 'on a sine in y the height is good, the horizontal amplitude wrong', 'fig_5_4',
+       contains='flow divided by h Q(h), an estimator that takes it for the velocity', given=True,
+       tests='that nothing else, filter, tilt, noise, changes the amplitude',
+       broken_by=('factor -10 %', 'leak +1', 'leak -1'))
 def figure_5_4() -> Result:
     """Sine in y with the default estimator."""
     flights = seeds('fig_5_4')
@@ -78,54 +88,72 @@ def figure_5_4() -> Result:
     first = flights[0]
     return Result([
         at_most('error of the height, RMS',
-                [rms(f.error[f.after(LATE), Z]) for f in flights], 0.01, 'm'),
-        at_least('true over estimated amplitude', ratio, 1.2),
-        near('the same, h Q(h) being expected', ratio, sensor_factor(height), 0.03),
+                [rms(f.error[f.after(LATE), Z]) for f in flights], 0.01, 'm',
+                'not visible in the figure'),
+        at_least('true over estimated amplitude', ratio, 1.2, '', 'visible: a fifth'),
+        near('the same, h Q(h) being expected', ratio, sensor_factor(height), 0.03, '',
+             '2 %: noise of the flow, slant, height that swings by 2 cm'),
     ], positions({
         'reference': (first.t, first.reference), 'IMU': (first.t, first.estimate),
         'Optitrack': (first.t, first.truth)}))
 
 
 @claim('5.5', 'the integrated accelerometer drifts in velocity; its double integral does not '
-       'explain the error of the position', 'fig_5_5')
+       'explain the error of the position', 'fig_5_5',
+       contains='an accelerometer with noise and a bias that is calibrated by 0.5 s at rest',
+       given=True, tests='that the drift of the velocity is what this calibration leaves, and '
+       'nothing of the position', broken_by=('calibration',))
 def figure_5_5() -> Result:
     """Integrate the raw accelerometer."""
-    flights, slopes, correlations = seeds('fig_5_5'), [], []
+    silent = (('sim_node.simulator.imu.accel_noise', (0.0, 0.0, 0.0)),)
+    flights = seeds('fig_5_5')
+    slopes, quiet = (np.array([[
+        np.polyfit(f.t, velocity_of(f, axis), 1)[0] for axis in (X, Y)] for f in made])
+        for made in (flights, [fly('fig_5_5', seed, silent) for seed in truths.seeds()]))
+    noise = flights[0].scenario.sim_node.simulator.imu.accel_noise
+    left = rms(np.array(noise[:2])) / math.sqrt(CALIBRATION)
+    correlations = []
     for f in flights:
-        velocity = _velocity(f)
-        trend = np.polyfit(f.t, velocity, 1)
-        slopes.append(abs(float(trend[0])))
-        position = np.cumsum(velocity - np.polyval(trend, f.t)) * STEP
         late = f.after(LATE)
-        correlations.append(abs(float(np.corrcoef(position[late], f.error[late, Y])[0, 1])))
+        correlations.append(abs(float(
+            np.corrcoef(position_of(f)[late], f.error[late, Y])[0, 1])))
     first = flights[0]
-    velocity = _velocity(first)
     figure, plots = sheet(3)
     lines(plots[0], {'accelerometer': (first.t, first.recording.imu[:, 4])}, '$y$ [m/s$^2$]')
-    lines(plots[1], {'its integral': (first.t, velocity)}, '$y$ [m/s]')
+    lines(plots[1], {'its integral': (first.t, velocity_of(first, Y))}, '$y$ [m/s]')
     lines(plots[2], {
-        'its second integral': (first.t, np.cumsum(velocity) * STEP),
+        'its second integral, drift taken out': (first.t, position_of(first)),
         'IMU': (first.t, first.estimate[:, Y]), 'Optitrack': (first.t, first.truth[:, Y])},
         '$y$ [m]')
     plots[2].set_xlabel('time [s]')
     plots[2].legend(frameon=False)
     return Result([
-        # calibrated by 0.5 s of noise of 0.0153 m/s^2: 1.5 mm/s^2 a standard deviation
-        at_least('drift of the integrated velocity, the largest of the seeds', max(slopes), 1e-3,
-                 'm/s^2'),
+        near('drift of the integrated velocity, x and y, RMS over the seeds, over what the noise '
+             'of the calibration leaves', rms(slopes) / left, 1.0, 0.7, '',
+             'ten numbers: 0.22 a standard deviation; the bias walks besides: 0.25'),
+        at_most('the same without noise, over that with it', rms(quiet) / rms(slopes), 0.7, '',
+                'the walk of the bias alone leaves half'),
         at_most('correlation of double integral and error, mean over the seeds',
-                float(np.mean(correlations)), 0.3),
+                float(np.mean(correlations)), 0.3, '', 'explains a tenth of it at most'),
     ], figure)
 
 
-def _velocity(flight: Flight) -> np.ndarray:
-    """Return the integral of the accelerometer's y, calibrated by its first half second."""
-    y = flight.recording.imu[:, 4]
-    return np.cumsum(y - y[:100].mean()) * STEP
+def velocity_of(flight: Flight, axis: int) -> np.ndarray:
+    """Return the integral of the accelerometer, calibrated by its first half second, m/s."""
+    a = flight.recording.imu[:, 3 + axis]
+    return np.cumsum(a - a[:CALIBRATION].mean()) * STEP
+
+
+def position_of(flight: Flight) -> np.ndarray:
+    """Return the integral of that velocity in y, its constant drift taken out, m."""
+    velocity = velocity_of(flight, Y)
+    return np.cumsum(velocity - np.polyval(np.polyfit(flight.t, velocity, 1), flight.t)) * STEP
 
 
 @claim('5.6', 'with the integrated flow beside it, the estimate follows the flow except while it '
-       'ascends', 'fig_5_6')
+       'ascends', 'fig_5_6', contains='flow from 0.4 m on, the accelerometer integrated below',
+       tests='whether the ascent leaves a difference, and nothing after it',
+       broken_by=('floor slopes',))
 def figure_5_6() -> Result:
     """Look at the integrated flow from the start, accelerometer calibrated well and badly."""
     flights = {name: seeds(f'fig_5_6/{name}') for name in ('well_calibrated', 'badly_calibrated')}
@@ -139,12 +167,15 @@ def figure_5_6() -> Result:
     bad = [gaps(f) for f in flights['badly_calibrated']]
     first = flights['badly_calibrated'][0]
     flow = np.insert(first.integrated_flow(), 2, np.nan, axis=1)  # measures no height
+    visible = 'visible beside an amplitude of 1 m'
     return Result([
-        at_least('apart after the ascent, badly calibrated', [a for a, _ in bad], 0.02, 'm'),
+        at_least('apart after the ascent, badly calibrated', [a for a, _ in bad], 0.02, 'm',
+                 visible),
         at_most('what a later turn adds, over that, mean of the seeds',
-                sum(b for _, b in bad) / sum(a for a, _ in bad), 0.5),
+                sum(b for _, b in bad) / sum(a for a, _ in bad), 0.5, '',
+                'less than half: the ascent is what counts'),
         at_least('apart after the ascent, well calibrated',
-                 [gaps(f)[0] for f in flights['well_calibrated']], 0.02, 'm'),
+                 [gaps(f)[0] for f in flights['well_calibrated']], 0.02, 'm', visible),
     ], positions({
         'reference': (first.t, first.reference), 'IMU': (first.t, first.estimate),
         'Optitrack': (first.t, first.truth), 'optical flow': (first.t, flow)}, (X, Y)),
@@ -167,7 +198,9 @@ def _best_factor(seen: np.ndarray, true: np.ndarray) -> tuple[float, float]:
 
 
 @claim('5.7', 'made equal at 6 s, estimate and integrated flow are the same; the truth differs by '
-       'a factor', 'fig_5_7')
+       'a factor', 'fig_5_7', contains='flow divided by h Q(h)', given=True,
+       tests='that the estimate follows the flow alone, and that one factor is enough',
+       broken_by=('factor -10 %', 'leak +1', 'leak -1'))
 def figure_5_7() -> Result:
     """Estimate, integrated flow and truth since 6 s."""
     flights = seeds('fig_5_7')
@@ -187,10 +220,11 @@ def figure_5_7() -> Result:
     axes.set_xlabel('time [s]')
     axes.legend(frameon=False)
     return Result([
-        at_most('estimate and integrated flow apart, RMS', apart, 0.03, 'm'),
+        at_most('estimate and integrated flow apart, RMS', apart, 0.03, 'm',
+                'the filter is 40 ms late at 0.7 m/s: 2 cm'),
         near('factor between estimate and truth, h Q(h) expected', factors,
-             sensor_factor(height), 0.05),
-        at_most('error that is left with it', left, 0.3),
+             sensor_factor(height), 0.05, '', '4 %: the drift by noise, fitted with the sine'),
+        at_most('error that is left with it', left, 0.3, '', 'the drift by noise: 5 cm of 0.2 m'),
     ], figure)
 
 
@@ -212,45 +246,78 @@ def _flow_sine(name: str, height: float) -> Result:
     axes.set_xlabel('time [s]')
     axes.legend(frameon=False)
     return Result([
-        near('best constant, h Q(h) expected', factors, sensor_factor(height), 0.05, 'm'),
-        near('the same over the height, Q', [x / height for x in factors], 1.06, 0.06),
-        at_most('error that is left, RMS', left, 0.05, 'm'),
+        near('best constant, h Q(h) expected', factors, sensor_factor(height), 0.05, 'm',
+             '2 to 3 %: the drift by noise, fitted with the sine'),
+        near('the same over the height, Q', [x / height for x in factors], 1.06, 0.06, '',
+             'mean over heights whose factors differ by as much'),
+        at_most('error that is left, RMS', left, 0.05, 'm', 'the drift by noise: 1 cm a turn'),
     ], figure)
 
 
-@claim('5.8', 'times a constant (h Q = 1.59 at 1.5 m) the integrated flow is the truth', 'fig_5_8')
+@claim('5.8', 'times a constant (h Q = 1.59 at 1.5 m) the integrated flow is the truth', 'fig_5_8',
+       contains='flow divided by h Q(h), Q = 0.92 + 0.07 h', given=True,
+       tests='that one constant is enough in flight, and which one',
+       broken_by=('factor -10 %', 'leak +1', 'leak -1'))
 def figure_5_8() -> Result:
     """Sine in y at 1.5 m."""
     return _flow_sine('fig_5_8', 1.5)
 
 
-@claim('5.9', 'at 2.5 m a larger constant is needed (h Q = 2.65)', 'fig_5_9')
+@claim('5.9', 'at 2.5 m a larger constant is needed (h Q = 2.65)', 'fig_5_9',
+       contains='flow divided by h Q(h), Q = 0.92 + 0.07 h', given=True,
+       tests='that one constant is enough in flight, and which one',
+       broken_by=('factor -10 %', 'leak +1', 'leak -1'))
 def figure_5_9() -> Result:
     """Sine in y at 2.5 m."""
     return _flow_sine('fig_5_9', 2.5)
 
 
-def _drifts(flights: list[Flight], axis: int) -> list[float]:
-    """Return how far the estimate's error moves a turn on one axis, m, without its sign."""
-    return [abs(float(drift(f.error)[axis])) for f in flights]
+def drifts(flights: list[Flight], axis: int) -> list[float]:
+    """Return how far the estimate's error moves a turn on one axis, m, with its sign."""
+    return [float(drift(f.error)[axis]) for f in flights]
 
 
-# Noise of the flow, 0.015 rad/s at 32 Hz and 1.5 m, walks 1 cm in a turn of 6.3 s; four turns on
-# average, 0.5 cm a standard deviation.
-NO_DRIFT = 0.02  # m a turn
-# The filter of the velocity is some 15 ms later than that of the height, which drifts in phase
-# with the height by as much as a range that lags: a tenth of the 0.24 m a turn of 0.1 s.
-SMALL = 1.0 / 3.0
+# One rule for every figure: an axis drifts if its error moves by more than this a turn, with the
+# sign that is expected, and it does not if it moves by less. Noise of the flow, 0.015 rad/s at
+# 32 Hz and 1.5 m, walks 1 cm in a turn of 6.3 s; four turns on average, 0.5 cm a standard
+# deviation: four of them.
+DRIFT = 0.02  # m a turn
+NOISE = 'four standard deviations of the drift by noise, over four turns'
 
 
-def _ratios(flights: list[Flight], less: int, more: int) -> list[float]:
-    """Return the drift on one axis over that on another."""
-    pairs = zip(_drifts(flights, less), _drifts(flights, more), strict=True)
-    return [a / b for a, b in pairs]
+def still(what: str, flights: list[Flight], axis: int) -> Measured:
+    """Return the drift on an axis that must not drift."""
+    return near(f'{what}drift in {"xyz"[axis]} a turn', drifts(flights, axis), 0.0, DRIFT, 'm',
+                NOISE)
+
+
+def moving(what: str, flights: list[Flight], axis: int) -> list[Measured]:
+    """Return the drift on an axis that must drift: its sign, and its size along the path."""
+    found = drifts(flights, axis)
+    return [
+        at_least(f'{what}drift in {"xyz"[axis]} a turn', found, DRIFT, 'm', NOISE),
+        near(f'{what}the same less that of Q(h) along the path flown', [
+            a - predicted(f, axis) for a, f in zip(found, flights, strict=True)], 0.0, DRIFT, 'm',
+            NOISE)]
+
+
+def predicted(flight: Flight, axis: int) -> float:
+    """Return the closed integral of (Q0/Q(h) - 1) dx over the path flown, in m a turn."""
+    x, height = flight.truth[:, axis], -flight.truth[:, Z]
+    error = np.cumsum(np.insert(
+        (1.06 / (0.92 + 0.07 * height[1:]) - 1.0) * np.diff(x), 0, 0.0))
+    return float(drift(error))
+
+
+CONTAINS = 'flow divided by h Q(h), Q = 0.92 + 0.07 h from Figure C.3; the estimator takes 1.06'
+SLOPES = ('slope 0', 'slope reversed', 'slope x 2')
+LEAKS = ('leak +1', 'leak -1')
 
 
 @claim('5.10', 'on a level circle the estimate with Q = 1.06 is adequate, its RMS small',
-       'fig_5_10')
+       'fig_5_10', contains=CONTAINS,
+       tests='that an average factor is enough at one height, in a turn with tilt and noise',
+       broken_by=('factor -10 %', 'leak +1'))
 def figure_5_10() -> Result:
     """Circle (5.3)."""
     flights = seeds('fig_5_10')
@@ -259,14 +326,16 @@ def figure_5_10() -> Result:
         _, estimate, truth = equalised(f)
         errors.append(max(rms((estimate - truth)[:, i]) for i in range(3)))
     return Result([
-        at_most('largest RMS of an axis', errors, 0.1, 'm'),
-        at_most('drift in x a turn', _drifts(flights, X), NO_DRIFT, 'm'),
-        at_most('drift in y a turn', _drifts(flights, Y), NO_DRIFT, 'm'),
+        at_most('largest RMS of an axis', errors, 0.05, 'm',
+                '1.06 is 3.4 % above Q(1.5 m): 2.5 cm, and as much by noise'),
+        still('', flights, X), still('', flights, Y),
     ], against_optitrack(flights[0]))
 
 
 @claim('5.11', 'on a circle that rises and falls y drifts, x and z do not; exchanged, x drifts',
-       'fig_5_11')
+       'fig_5_11', contains=CONTAINS,
+       tests='whether that slope makes a drift, on which axis, with which sign and size',
+       broken_by=(*SLOPES, *LEAKS))
 def figure_5_11() -> Result:
     """Circle (5.4), and with x and y exchanged."""
     flights, other = seeds('fig_5_11/printed'), seeds('fig_5_11/x_and_y_exchanged')
@@ -275,41 +344,31 @@ def figure_5_11() -> Result:
         _, estimate, truth = equalised(f)
         running = running_rms(estimate - truth)[:, Y]
         growth.append(float(running[-1] / running[len(running) // 2]))
+    small = [predicted(f, X) for f in flights]
     return Result([
-        at_least('drift in y a turn', _drifts(flights, Y), 0.1, 'm'),
-        at_most('drift in x over drift in y', _ratios(flights, X, Y), SMALL),
-        at_most('drift in z a turn', _drifts(flights, Z), NO_DRIFT, 'm'),
-        at_least('growth of the RMS in y over the second half', growth, 1.3),
-        at_least('x and y exchanged: drift in x a turn', _drifts(other, X), 0.1, 'm'),
-        at_most('x and y exchanged: drift in y over drift in x', _ratios(other, Y, X), SMALL),
-    ], against_optitrack(flights[0]))
+        *moving('', flights, Y), still('', flights, X), still('', flights, Z),
+        at_least('growth of the RMS in y over the second half', growth, 1.3, '',
+                 'a steady drift doubles it, noise makes it 1.4 times as large at most'),
+        *moving('x and y exchanged: ', other, X), still('x and y exchanged: ', other, Y),
+    ], against_optitrack(flights[0]),
+        f'x drifts too, by {min(small):.3f} to {max(small):.3f} m a turn as Q(h) says along the '
+        'path flown: the vehicle lags, more in height than in x, and the line in x and height '
+        'becomes a narrow loop. The thesis sees no drift in x.')
 
 
-@claim('5.12', 'on an inclined straight line nothing drifts', 'fig_5_12')
+@claim('5.12', 'on an inclined straight line nothing drifts', 'fig_5_12', contains=CONTAINS,
+       tests='that a line in x and height, flown with lag and noise, does not drift',
+       broken_by=('slope x 2', 'leak -1'))
 def figure_5_12() -> Result:
     """Straight line (5.5)."""
     flights = seeds('fig_5_12')
-    return Result(
-        [at_most('drift in x a turn', _drifts(flights, X), NO_DRIFT, 'm')],
-        against_optitrack(flights[0], (X, Z)))
+    return Result([still('', flights, X)], against_optitrack(flights[0], (X, Z)))
 
 
-@claim('5.13', 'on a vertical circle x drifts as in Figure 5.11', 'fig_5_13')
+@claim('5.13', 'on a vertical circle x drifts as in Figure 5.11', 'fig_5_13', contains=CONTAINS,
+       tests='whether half the axes make a quarter of the drift, with its sign',
+       broken_by=(*SLOPES, *LEAKS))
 def figure_5_13() -> Result:
     """Vertical circle (5.6): half the axes, a quarter of the drift."""
     flights = seeds('fig_5_13')
-    moved = [float(drift(f.error)[X]) for f in flights]
-    return Result([
-        at_least('drift in x a turn', [abs(m) for m in moved], NO_DRIFT, 'm'),
-        # pi A B Q'/Q of the circle flown, with Q = 1.06 of the estimator over Q(h)^2
-        near("the same, pi A B Q0 Q'/Q^2 expected", moved,
-             float(np.mean([_predicted(f) for f in flights])), 0.02, 'm'),
-    ], against_optitrack(flights[0], (X, Z)))
-
-
-def _predicted(flight: Flight) -> float:
-    """Return the closed integral of (Q0/Q(h) - 1) dx over the path flown, in m a turn."""
-    x, height = flight.truth[:, X], -flight.truth[:, Z]
-    error = np.cumsum(np.insert(
-        (1.06 / (0.92 + 0.07 * height[1:]) - 1.0) * np.diff(x), 0, 0.0))
-    return float(drift(error))
+    return Result(moving('', flights, X), against_optitrack(flights[0], (X, Z)))

@@ -8,8 +8,17 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
-REPRODUCED, PARTLY, NOT_REPRODUCED, NOTHING = (
-    'reproduced', 'partly', 'not reproduced', 'nothing to measure')
+REPRODUCED, BY_CONSTRUCTION, PARTLY, NOT_REPRODUCED, NOTHING = (
+    'reproduced', 'by construction', 'partly', 'not reproduced', 'nothing to measure')
+VERDICTS = {
+    REPRODUCED: 'all that was measured holds, the simulator does not contain it, and at least one '
+                'mutated truth breaks it',
+    BY_CONSTRUCTION: 'all holds, but the simulator contains what is shown, or no mutated truth '
+                     'can break it',
+    PARTLY: 'some of it holds',
+    NOT_REPRODUCED: 'nothing of it holds',
+    NOTHING: 'photographs and diagrams'}
+"""Every verdict and what it means."""
 
 
 class Measured(NamedTuple):
@@ -21,6 +30,7 @@ class Measured(NamedTuple):
     unit: str
     wanted: str
     holds: bool
+    reason: str = ''  # of the limit or the tolerance
 
     def __str__(self) -> str:
         value = f'{self.low:.4g}'
@@ -39,39 +49,82 @@ class Result(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Claim:
-    """A figure or table of the thesis."""
+    """
+    A figure, table or section of the thesis.
+
+    Attributes
+    ----------
+    number
+        Of the figure, or a table or section with that word.
+    says
+        What it claims, in our words.
+    flights
+        Scenario file, '' where nothing is flown.
+    examine
+        Measures it.
+    contains
+        What the simulator has of it by construction.
+    tests
+        What is then left to test.
+    broken_by
+        Names of mutated truths, see :mod:`mambo_thesis.figures.truths`, for which less of it
+        holds; others may break it too.
+    given
+        Whether the simulator contains what is shown.
+
+    """
 
     number: str
-    says: str        # in our words
-    flights: str     # scenario files, '' where nothing is flown
+    says: str
+    flights: str
     examine: Callable[[], Result]
+    contains: str = ''
+    tests: str = ''
+    broken_by: tuple[str, ...] = ()
+    given: bool = False
+
+    @property
+    def place(self) -> str:
+        """Return the number of the first figure, ``4.1``, without the word of a table."""
+        return self.number.split(',')[0].rpartition(' ')[2]
 
     @property
     def order(self) -> list[tuple[bool, int, str]]:
-        """Return what sorts figures as the thesis has them."""
-        first = self.number.split(',')[0]
-        return [(not part.isdigit(), int(part) if part.isdigit() else 0, part)
-                for part in first.split('.')]
+        """Return what sorts figures as the thesis has them, a table after the figure."""
+        word = self.title.split()[0]
+        parts = [*self.place.split('.'), *([] if word.startswith('Figure') else [word])]
+        return [(not part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]
 
     @property
     def title(self) -> str:
-        """Return e.g. ``Figure 5.11``; a section keeps its own word."""
+        """Return e.g. ``Figure 5.11``; a section or a table keeps its own word."""
+        if ' ' in self.number.split(',')[0]:
+            return self.number
         return f'Figure{"s" if "," in self.number else ""} {self.number}'
+
+    def verdict(self, result: Result) -> str:
+        """Return the verdict on what was measured."""
+        found = verdict(result)
+        return BY_CONSTRUCTION if found == REPRODUCED and (
+            self.given or not self.broken_by) else found
 
 
 CLAIMS: dict[str, Claim] = {}
 
 
-def claim(number: str, says: str, flights: str = '') -> Callable:
-    """Register a function as what examines a figure."""
+def claim(
+    number: str, says: str, flights: str = '', *, contains: str = '', tests: str = '',
+    broken_by: tuple[str, ...] = (), given: bool = False,
+) -> Callable:
+    """Register a function as what examines a figure; arguments as of :class:`Claim`."""
     def register(examine: Callable[[], Result]) -> Callable[[], Result]:
-        CLAIMS[number] = Claim(number, says, flights, examine)
+        CLAIMS[number] = Claim(number, says, flights, examine, contains, tests, broken_by, given)
         return examine
     return register
 
 
 def verdict(result: Result) -> str:
-    """Return the verdict on a figure, by what holds of it."""
+    """Return the verdict by what holds alone, whatever the simulator contains."""
     if not result.measured:
         return NOTHING
     held = [m.holds for m in result.measured]
@@ -80,26 +133,29 @@ def verdict(result: Result) -> str:
     return PARTLY if any(held) else NOT_REPRODUCED
 
 
-def at_most(what: str, values: float | list[float], limit: float, unit: str = '') -> Measured:
+def at_most(what: str, values: float | list[float], limit: float, unit: str = '',
+            reason: str = '') -> Measured:
     """Return a measurement that must not exceed a limit, for any seed."""
     low, high = _range(values)
-    return Measured(what, low, high, unit, f'at most {limit:.3g}', high <= limit)
+    return Measured(what, low, high, unit, f'at most {limit:.3g}', high <= limit, reason)
 
 
-def at_least(what: str, values: float | list[float], limit: float, unit: str = '') -> Measured:
+def at_least(what: str, values: float | list[float], limit: float, unit: str = '',
+             reason: str = '') -> Measured:
     """Return a measurement that must reach a limit, for every seed."""
     low, high = _range(values)
-    return Measured(what, low, high, unit, f'at least {limit:.3g}', low >= limit)
+    return Measured(what, low, high, unit, f'at least {limit:.3g}', low >= limit, reason)
 
 
 def near(
     what: str, values: float | list[float], wanted: float, tolerance: float, unit: str = '',
+    reason: str = '',
 ) -> Measured:
     """Return a measurement that must be within a tolerance of a number, for every seed."""
     low, high = _range(values)
     return Measured(
         what, low, high, unit, f'{wanted:.4g} within {tolerance:.3g}',
-        bool(wanted - tolerance <= low and high <= wanted + tolerance))
+        bool(wanted - tolerance <= low and high <= wanted + tolerance), reason)
 
 
 def _range(values: float | list[float]) -> tuple[float, float]:

@@ -7,15 +7,16 @@ import functools
 import math
 
 from mambo_flight import closed_loop, offline_replay, scenario_file
-from mambo_flight.scenario import Scenario
+from mambo_flight.scenario import replaced, Scenario
 from mambo_signals import metrics
 import numpy as np
 from numpy.typing import NDArray
 
+from . import truths
+
 Array = NDArray[np.float64]
 
 STEP = 0.005  # s
-SEEDS = (1, 2, 3, 4, 5)
 X, Y, Z = range(3)
 
 
@@ -81,16 +82,42 @@ class Flight:
         return np.cumsum(flow * (factor * height)[:, None], axis=0) * STEP
 
 
-@functools.cache
-def fly(name: str, seed: int | None = None) -> Flight:
-    """Return the flight of a scenario, ``fig_5_11`` or ``fig_6_1/simulation``; kept."""
+def fly(name: str, seed: int | None = None, changes: tuple[tuple[str, float], ...] = ()) -> Flight:
+    """
+    Return the flight of a scenario, ``fig_5_11`` or ``fig_6_1/simulation``; kept.
+
+    Parameters
+    ----------
+    name, seed
+        Of the scenario; None: its own seed.
+    changes
+        Parameters of the scenario with other values.
+
+    """
     over = {} if seed is None else {'seed': scenario_file.Place(seed, '--seed')}
-    return Flight(scenario_file.load(name, over)[1])
+    flight = _scenario(name, tuple(over.items()))
+    return _flown(name, seed, changes, truths.of(name, flight))
+
+
+@functools.cache
+def _scenario(name: str, over: tuple[tuple[str, scenario_file.Place], ...]) -> Scenario:
+    return scenario_file.load(name, dict(over))[1]
+
+
+@functools.lru_cache(maxsize=160)  # of 6 MB each
+def _flown(
+    name: str, seed: int | None, changes: tuple[tuple[str, float], ...], truth: str,
+) -> Flight:
+    over = () if seed is None else (('seed', scenario_file.Place(seed, '--seed')),)
+    flight = replaced(_scenario(name, over), dict(changes))
+    if truth:
+        flight = truths.changed(flight, truths.MUTATIONS[truth])
+    return Flight(flight)
 
 
 def seeds(name: str) -> list[Flight]:
-    """Return the flights of a scenario with each of SEEDS."""
-    return [fly(name, seed) for seed in SEEDS]
+    """Return the flights of a scenario with each of the seeds of :mod:`truths`."""
+    return [fly(name, seed) for seed in truths.seeds()]
 
 
 def held(samples: Array) -> Array:
