@@ -4,17 +4,15 @@ from pathlib import Path
 import re
 
 from mambo_flight import scenario_file
-from mambo_flight.scenario import override
 from mambo_thesis import reproduce
-from mambo_thesis.figures import chapter_5, flights
 from mambo_thesis.figures.claim import (
     at_least, at_most, near, NOT_REPRODUCED, NOTHING, PARTLY, REPRODUCED, Result, verdict)
-from mambo_thesis.figures.flights import Flight
 from mambo_thesis.figures.page import markdown
 import numpy as np
 import pytest
 
-DOCUMENT = Path(__file__).parents[2] / 'docs' / 'evidence' / 'reproduction.md'
+EVIDENCE = Path(__file__).parents[2] / 'docs' / 'evidence'
+DOCUMENT, MATRIX = EVIDENCE / 'reproduction.md', EVIDENCE / 'claims.md'
 NUMBER = re.compile(r'-?\d+(?:\.\d+)?(?:e-?\d+)?')
 
 
@@ -55,35 +53,39 @@ def test_verdicts_follow_from_what_was_measured():
         NOTHING, REPRODUCED, NOT_REPRODUCED, PARTLY]
 
 
-def other_sensor(monkeypatch, changes):
-    """Have every flight of a figure flown with another simulated sensor."""
-    def fly(name, seed=None):
-        over = {'seed': scenario_file.Place(seed or 1, '--seed')}
-        return Flight(override(scenario_file.load(name, over)[1], changes))
-    monkeypatch.setattr(flights, 'fly', fly)
-    monkeypatch.setattr(flights, 'SEEDS', (1, 2))
+def rows_of(page):
+    """Return the first cell and the others of each row of the tables of a page."""
+    return [[cell.strip() for cell in line.strip('|').split('|')]
+            for line in page.read_text().splitlines() if line.startswith('| ')]
 
 
-@pytest.mark.parametrize(('figure', 'changes'), [
-    # a factor that does not depend on the height: no drift
-    (chapter_5.figure_5_11, {'sim_node.simulator.optical_flow.factor_slope': 0.0}),
-    (chapter_5.figure_5_13, {'sim_node.simulator.optical_flow.factor_slope': 0.0}),
-    # a factor of 1.5: the estimate is not adequate
-    (chapter_5.figure_5_10, {'sim_node.simulator.optical_flow.factor_offset': 1.5}),
-])
-def test_another_drone_would_not_have_done_it(monkeypatch, figure, changes):
-    other_sensor(monkeypatch, changes)
-    assert verdict(figure()) != REPRODUCED
+def test_the_matrix_has_every_claim_with_its_verdict_and_what_breaks_it(examined):
+    rows = rows_of(MATRIX)
+    for each in examined:
+        if not each.result.measured:
+            continue
+        verdicts, says = (row for row in rows if row[0] == each.claim.title)
+        assert verdicts[1] == each.verdict, 'write it anew: mambo reproduce --mutations'
+        assert says[1:3] == [each.claim.contains, each.claim.tests]
+        assert set(each.claim.broken_by) <= set(says[3].split(', ')), each.claim.title
+
+
+def test_every_tolerance_has_its_reason(examined):
+    for each in examined:
+        for m in each.result.measured:
+            assert m.reason, f'{each.claim.title}: {m.what}'
 
 
 def test_figures_are_chosen_by_number_and_by_chapter():
-    assert [claim.number for claim in reproduce.chosen(['6'])] == [f'6.{n}' for n in range(1, 7)]
+    assert [claim.number for claim in reproduce.chosen(['6'])] == [
+        '6.1', '6.2', '6.3', 'Section 6.3', '6.4', 'Section 6.4', '6.5', '6.6']
     assert [claim.number for claim in reproduce.chosen(['c.3', '5.11'])] == ['5.11', 'C.3']
 
 
 def test_an_unknown_figure_is_refused_with_the_known_ones(capsys):
     assert reproduce.main(['7.1']) == 2
-    assert capsys.readouterr().err.startswith("reproduce: no figure '7.1'; known: 2.1; 3.1")
+    assert capsys.readouterr().err.startswith(
+        "reproduce: no figure '7.1'; known: 2.1; Table 2.1; 3.1")
 
 
 def test_the_report_is_written_whole(examined, tmp_path):

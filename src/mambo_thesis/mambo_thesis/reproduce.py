@@ -1,7 +1,9 @@
 """
 Fly every experiment of the thesis again and say what is reproduced.
 
-Writes ``index.html`` with every figure, ``reproduction.md`` and ``reproduction.json``.
+Writes ``index.html`` with every figure, ``reproduction.md`` and ``reproduction.json``. With
+``--mutations`` it flies mutated drones instead, says which claims notice them, and writes
+``claims.md`` and ``claims.json``.
 """
 
 from __future__ import annotations
@@ -11,13 +13,14 @@ import json
 from pathlib import Path
 
 from mambo_bags.command import guard, Parser
-from mambo_model.errors import MamboError
+from mambo_model.errors import JobError, MamboError
 from mambo_model.whole_file import write_text
 from tqdm import tqdm
 
 from .figures import (  # noqa: F401 (each registers its figures)
     appendix_c, chapter_2, chapter_3, chapter_4, chapter_5, chapter_6, tables)
 from .figures.claim import Claim, CLAIMS
+from .figures import matrix, matrix_page
 from .figures.page import data, Examined, line, markdown, page, picture, summary
 
 
@@ -68,16 +71,31 @@ def write(examined: list[Examined], folder: Path) -> Path:
 
 
 def _file(number: str) -> str:
-    return number.lower().replace('.', '_').replace(', ', '_and_')
+    return number.lower().replace('.', '_').replace(', ', '_and_').replace(' ', '_')
 
 
 def _run(options: argparse.Namespace) -> None:
     claims = chosen(options.figures)
     if options.output.exists() and not options.output.is_dir():
         raise ReproductionError(f'{options.output} is no folder: give another --output')
+    if options.mutations:
+        _run_matrix(claims, options.output)
+        return
     examined = examine(claims)
     print('\n'.join(map(line, examined)))
     print(f'\n{summary(examined)}\npage: {write(examined, options.output)}')
+
+
+def _run_matrix(claims: list[Claim], folder: Path) -> None:
+    entries = matrix.matrix(claims)
+    write_text(folder / 'claims.json', json.dumps(matrix_page.data(entries), indent=1) + '\n')
+    path = write_text(folder / 'claims.md', matrix_page.markdown(entries))
+    for entry in entries:
+        print(f'{entry.claim.title:<16} {entry.verdict:<16} notices '
+              f'{", ".join(entry.noticed) or "nothing"}')
+    print(f'\npage: {path}')
+    if found := matrix_page.problems(entries):
+        raise JobError('; '.join(found))
 
 
 def parser() -> Parser:
@@ -86,6 +104,9 @@ def parser() -> Parser:
     out.add_argument(
         'figures', nargs='*', metavar='FIGURE',
         help='e.g. 5.11 or C.3, or a chapter: 6 (default: all)')
+    out.add_argument(
+        '--mutations', action='store_true',
+        help='say which claims notice that the drone is another one: drag, flow, motors, ...')
     out.add_output('DIR', 'folder to write into (default: reproduction)', Path('reproduction'))
     return out
 

@@ -17,7 +17,8 @@ def claims(monkeypatch):
 
     def result(holds, drawn):
         return Result([Measured('x', 1.0, 1.0, 'm', 'at most 1', holds)], drawn)
-    found = {number: Claim(number, 'a claim', '', lambda r=r: r) for number, r in (
+    found = {number: Claim(number, 'a claim', '', lambda r=r: r, broken_by=('wind',))
+             for number, r in (
         ('C.1', result(False, None)), ('5.10', result(True, None)), ('5.3', result(True, figure)),
         ('5.9, 5.12', result(True, figure)))}
     monkeypatch.setattr(reproduce, 'CLAIMS', found)
@@ -55,6 +56,18 @@ def test_a_report_has_a_page_its_data_and_a_picture_of_each_figure(claims, tmp_p
     assert output.endswith(f'page: {tmp_path / "out" / "index.html"}\n')
     found = json.loads((tmp_path / 'out' / 'reproduction.json').read_text())
     assert [entry['figure'] for entry in found][-1] == 'Figure C.1'
+
+
+def test_the_matrix_is_written_and_a_verdict_that_nothing_breaks_is_refused(
+        claims, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(reproduce.matrix, 'MUTATIONS', {})
+    assert reproduce.main(['5.3', '--mutations', '-o', str(tmp_path)]) == 1
+    output = capsys.readouterr()
+    assert output.out.startswith('Figure 5.3       reproduced       notices nothing\n')
+    assert output.err == ('reproduce: Figure 5.3: does not notice wind; Figure 5.3: counts as '
+                          'reproduced, but notices nothing\n')
+    assert {path.name for path in tmp_path.iterdir()} == {'claims.md', 'claims.json'}
+    assert '| Figure 5.3 | reproduced |' in (tmp_path / 'claims.md').read_text()
 
 
 def test_a_file_in_place_of_the_folder_is_told_before_anything_is_flown(

@@ -31,7 +31,7 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 from .flight import Flight
-from .mechanisms import flow, MECHANISMS, PARAMETERS
+from .mechanisms import flow, MECHANISMS, PARAMETERS, rate_share
 from .paths import Array, DRAG_RATE, EXPERIMENTS, LEVEL, PATHS, perfect, Track
 
 Model = tuple[str, ...]
@@ -42,6 +42,8 @@ CALIBRATION = 0.1   # of the scale, where only drift counts: 1.5 m with an offse
 ORDER = 8          # of the autoregressive process
 DURATION = 30.0    # s of an experiment that would separate
 ITERATIONS = 8     # of Gauss and Newton
+NOISE_ITERATIONS = 3
+LEAST_SHARE = 0.1  # of noise that is not that of the gyro, should this explain all of it
 STEP = 1e-3        # of the derivative, in widths of the prior
 MODELS: tuple[Model, ...] = tuple(
     model for size in range(3) for model in itertools.combinations(MECHANISMS, size))
@@ -122,27 +124,42 @@ class Evidence:
         for f in self.flights:
             exact = flow(f.track, f.height_before(lag), values)
             if late:
-                exact = exact - late * np.gradient(exact, f.track.t, axis=0)
+                # by what came before: the noise of the flow steers what comes after
+                step = np.diff(f.track.t, prepend=2.0 * f.track.t[0] - f.track.t[1])
+                exact = exact - late / step[:, None] * np.diff(exact, axis=0, prepend=exact[:1])
             out.append(f.flow - exact)
         return out
 
     def _noise(self) -> Noise:
-        """Return the noise that the model with everything free leaves."""
+        """Return the noise that the model with everything free leaves, that of the gyro aside."""
         whole = tuple(MECHANISMS)
         noise = Noise(np.zeros(ORDER), 0.02)
-        for _ in range(2):
+        for _ in range(NOISE_ITERATIONS):
             self.noise = noise
-            noise = _autoregression(self.residuals(self.fit(whole).values))
+            values = self.fit(whole).values
+            noise = _autoregression(
+                self.residuals(values),
+                [rate_share(f.track, values) * f.rate_noise for f in self.flights])
         return noise
 
     def whitened(self, values: dict[str, float]) -> Array:
-        """Return the residuals of a model as numbers of variance 1."""
+        """
+        Return the residuals of a model as numbers of variance 1, and what their widths cost.
+
+        A model that explains flow by the measured rotation takes its noise along; by how much the
+        residuals are wider for it is part of the likelihood, as numbers whose squares count.
+        """
         left = self.residuals(values)
         if self.window is None:
             kernel = np.r_[1.0, -self.noise.coefficients]
-            return np.concatenate([
-                lfilter(kernel, [1.0], r, axis=0)[ORDER:].ravel() / self.noise.sigma
-                for r in left])
+            out = []
+            for f, r in zip(self.flights, left, strict=True):
+                innovation = lfilter(kernel, [1.0], r, axis=0)[ORDER:] / self.noise.sigma
+                gyro = rate_share(f.track, values)[ORDER:] * f.rate_noise / self.noise.sigma
+                more = np.linalg.norm(kernel)**2 * gyro**2  # variance, that of the flow being 1
+                out += [(innovation / np.sqrt(1.0 + more)).ravel(),
+                        (np.sign(gyro) * np.sqrt(np.log1p(more))).ravel()]
+            return np.concatenate(out)
         out = []
         for f, r, windows in zip(self.flights, left, self.windows, strict=True):
             Z, t = f.track.depth, f.track.t
@@ -217,12 +234,22 @@ def _windows(f: Flight, window: float) -> list[slice]:
     return out
 
 
-def _autoregression(residuals: Sequence[Array]) -> Noise:
-    """Return the autoregressive process of residuals, by Yule and Walker."""
+def _autoregression(residuals: Sequence[Array], white: Sequence[Array]) -> Noise:
+    """
+    Return the autoregressive process of residuals, by Yule and Walker.
+
+    Parameters
+    ----------
+    residuals : (n, 2) rad/s of each flight
+    white : (n, 2) rad/s of each flight
+        Standard deviation of white noise in them that is not part of the process.
+
+    """
     sums, count = np.zeros(ORDER + 1), 0
-    for r in residuals:
+    for r, s in zip(residuals, white, strict=True):
         r = r - r.mean(axis=0)
         sums += [float(np.sum(r[k:] * r[:len(r) - k])) for k in range(ORDER + 1)]
+        sums[0] -= (1.0 - LEAST_SHARE) * min(float(np.sum(s * s)), float(np.sum(r * r)))
         count += r.size
     covariance = sums / count
     a = solve_toeplitz(covariance[:-1], covariance[1:])
@@ -233,6 +260,26 @@ def inclusion(fits: Sequence[Fit]) -> dict[str, float]:
     """Return the probability of each mechanism, alone or with another one."""
     return {letter: sum(f.probability for f in fits if letter in f.model)
             for letter in MECHANISMS}
+
+
+def minor(flights: Sequence[Flight], fit: Fit, noise: Noise) -> list[str]:
+    """
+    Return which mechanism of a pair is too small beside the other one to be a finding.
+
+    What it adds to the flow is less than the noise of a sample and less than half of what the
+    other one adds: what no model here explains may look like that.
+    """
+    if len(fit.model) < 2:
+        return []
+    sizes = {}
+    for letter in fit.model:
+        less = {name: value for name, value in fit.values.items()
+                if name not in MECHANISMS[letter].parameters}
+        added = np.concatenate([np.subtract(*(
+            flow(f.track, f.height_before(values.get('height_lag', 0.0)), values)
+            for values in (fit.values, less))) for f in flights])
+        sizes[letter] = math.sqrt(np.mean(added**2))
+    return [x for x in fit.model if sizes[x] < min(noise.sigma, 0.5 * max(sizes.values()))]
 
 
 def not_separated(fits: Sequence[Fit], level: float = 0.95) -> list[Fit]:

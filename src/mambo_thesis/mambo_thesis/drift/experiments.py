@@ -23,8 +23,8 @@ from mambo_model.whole_file import write_text
 import numpy as np
 from tqdm import tqdm
 
-from . import report, table
-from .evidence import Evidence, inclusion
+from . import observations, report, table
+from .evidence import Evidence, inclusion, minor
 from .flight import Flight, flow_of, from_recording
 from .mechanisms import flow
 from .paths import Array, EXPERIMENTS, Track
@@ -140,7 +140,11 @@ def identify(key: str, grain: str) -> Found:
     evidence = Evidence([fly(f'{name}/{key}') for name in names], window)
     fits = evidence.compare()
     alone, = (f for f in fits if f.model == (truth.letter,))
-    return Found(key, grain, fits[0].model, fits[0].probability, inclusion(fits)[truth.letter],
+    best, whole = fits[0], inclusion(fits)
+    small = minor(evidence.flights, best, evidence.noise) if window is None else []
+    model = tuple(x for x in best.model if x not in small)
+    probability = min(whole[x] for x in model) if small else best.probability
+    return Found(key, grain, model, probability, whole[truth.letter],
                  alone.values[truth.parameter], alone.sigmas[truth.parameter])
 
 
@@ -151,16 +155,19 @@ def _run(options: argparse.Namespace) -> None:
     asked = [(key, grain) for key in TRUTHS for grain in GRAINS]
     found = [identify(*one) for one in tqdm(
         asked, desc='asking the flights', disable=None, leave=False)]
-    tables = [report.perfect_table(perfect), report.flown_table(flown), report.found_table(
-        found, {key: truth.value for key, truth in TRUTHS.items()})]
+    shown = observations.confronted()
+    tables = [
+        report.perfect_table(perfect), report.sources_table(), report.observed_table(shown),
+        report.flown_table(flown),
+        report.found_table(found, {key: truth.value for key, truth in TRUTHS.items()})]
     print('\n'.join(tables))
     write_text(options.output / 'drift.md', '\n'.join(tables))
     write_text(options.output / 'drift.json', json.dumps({
-        'table': {k: v.tolist() for k, v in perfect.items()},
+        'table': {k: v.tolist() for k, v in perfect.items()}, 'observations': shown,
         'flown': {n: {k: f._asdict() for k, f in d.items()} for n, d in flown.items()},
         'found': [f._asdict() for f in found],
     }, indent=1) + '\n')
-    digest.save(report.draw(flown), options.output / 'drift.png', 130, report.shows(tables[1]))
+    digest.save(report.draw(flown), options.output / 'drift.png', 130, report.shows(tables[3]))
     if options.write:
         write_text(options.write, report.put(tables, options.write.read_text(), options.write))
     print(f'figure: {options.output / "drift.png"}')

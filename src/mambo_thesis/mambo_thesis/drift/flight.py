@@ -3,9 +3,10 @@ A flight as evidence: at each sample of the optical flow, what Optitrack says of
 
 Velocity is the derivative of the local cubic of
 :func:`mambo_signals.derivative.local_fit` over about 0.13 s, which does not shift in
-time; angular rate is that of the gyro, its bias taken from Optitrack, or else Optitrack's own. The
-gyro is not smoothed: the noise of the flow steers the vehicle, so that a rate which holds later
-ones is no longer independent of it.
+time; angular rate is that of the gyro, its bias taken from Optitrack, or else Optitrack's own. Of
+the gyro a mean of 15 ms is taken, which leaves a third of what vibrates from sample to sample. No
+more: the noise of the flow steers the vehicle, so that a rate which holds later ones is no longer
+independent of it.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from mambo_signals.derivative import body_rates, local_fit
 from mambo_signals.resample import columns_at, inside_gaps
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_coeffs
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -31,6 +33,7 @@ from .mechanisms import level_part
 from .paths import Array, Track
 
 SMOOTH = 0.13        # s, of the local cubic
+GYRO_MEAN = 0.015    # s, of the gyro
 MIN_HEIGHT = 0.45    # m: the sensor says nothing below 0.4 m
 MIN_COSINE = 0.7     # of the tilt, as the estimator wants
 MIN_SAMPLES = 100
@@ -54,7 +57,7 @@ class Flight(NamedTuple):
     velocity_noise : m/s
         Standard deviation of a component of the velocity, from what the local cubic leaves.
     rate_noise : rad/s
-        Standard deviation of the angular rate about x and y, from third differences.
+        Standard deviation of the angular rate about x and y, from third differences of means.
     impossible
         How many poses of Optitrack were left out that cannot be true.
 
@@ -117,13 +120,15 @@ def smoothed(poses: Poses) -> Smooth:
     return Smooth(t, position, velocity, known, float(single * np.linalg.norm(slope)))
 
 
-def _rates(poses: Poses, gyro: Stream | None) -> tuple[Array, Array]:
-    """Return times and angular rates, (n, 3) rad/s body: of the gyro without bias, if there."""
+def _rates(poses: Poses, gyro: Stream | None) -> tuple[Array, Array, float]:
+    """Return times, rates, (n, 3) rad/s body, and their noise: of the gyro, if there, unbiased."""
     t, seen = body_rates(poses.t, poses.rotation.as_quat())
     if gyro is None or len(gyro.t) < 2:
-        return t, seen
-    return gyro.t, gyro.values - np.nanmedian(
-        columns_at(t, gyro.t, gyro.values) - seen, axis=0)
+        return t, seen, rate_noise(seen)
+    count = 2 * int(0.5 * GYRO_MEAN / np.median(np.diff(gyro.t))) + 1
+    means = uniform_filter1d(gyro.values, count, axis=0)
+    return gyro.t, means - np.nanmedian(
+        columns_at(t, gyro.t, gyro.values) - seen, axis=0), rate_noise(means[::count])
 
 
 def rate_noise(rates: Array) -> float:
@@ -171,7 +176,7 @@ def assemble(
     t, values = t[inside], values[inside]
     rates = _rates(poses, gyro)
     track = columns_at(t, grid.t, np.hstack([grid.position, grid.velocity]))
-    turning = columns_at(t, *rates)
+    turning = columns_at(t, *rates[:2])
     known = np.isfinite(np.hstack([track, turning])).all(axis=1)
     known &= ~inside_gaps(poses.t, t)
     t, values, turning = t[known], values[known], turning[known]
@@ -187,7 +192,7 @@ def assemble(
         raise BagError(f'{name}: {flying.sum()} samples of optical flow above {min_height:g} m; '
                        f'{MIN_SAMPLES} are needed')
     return Flight(name, track.part(flying), values[flying], heights, grid.noise,
-                  rate_noise(rates[1]))
+                  rates[2])
 
 
 class Source(NamedTuple):

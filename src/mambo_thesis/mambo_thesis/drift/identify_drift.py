@@ -26,7 +26,8 @@ import numpy as np
 
 from ..figures.drawing import sheet
 from ..figures.page import picture
-from .evidence import Evidence, Fit, inclusion, Noise, not_separated, PRIOR, separating
+from .evidence import (
+    Evidence, Fit, inclusion, minor, Noise, not_separated, PRIOR, separating)
 from .flight import Flight, MIN_HEIGHT, read
 from .mechanisms import flow, MECHANISMS, PARAMETERS
 
@@ -47,11 +48,16 @@ def _values(fit: Fit) -> str:
         .removesuffix(' 1') for name, value in fit.values.items())
 
 
-def sentence(fits: list[Fit]) -> str:
-    """Return what the flights say, in one sentence."""
+def sentence(fits: list[Fit], small: Sequence[str] = ()) -> str:
+    """Return what the flights say, in one sentence; ``small`` of :func:`minor`."""
     best, left = fits[0], not_separated(fits, SURE)
-    what = ' and '.join(f'{x} ({MECHANISMS[x].says})' for x in best.model) \
+    what = ' and '.join(f'{x} ({MECHANISMS[x].says})' for x in best.model if x not in small) \
         or 'no mechanism: a constant scale is enough'
+    if small:
+        whole = inclusion(fits)
+        main = min(whole[x] for x in best.model if x not in small)
+        return (f'the flights support {what}, probability {main:.2f}; {small[0]} beside it adds '
+                'less than the noise: no finding')
     if len(left) == 1:
         return f'the flights support {what}, probability {best.probability:.2f}'
     sure = [x for x, p in inclusion(fits).items() if p >= SURE]
@@ -152,7 +158,8 @@ def _run(options: argparse.Namespace) -> None:
     except ValueError as error:
         raise BagError(f'{options.bags[0]}: {error}') from None
     fits = evidence.compare()
-    lines = [sentence(fits), advice(fits, evidence.noise, options.window), caveat(flights)]
+    small = minor(flights, fits[0], evidence.noise)
+    lines = [sentence(fits, small), advice(fits, evidence.noise, options.window), caveat(flights)]
     lines = [line for line in lines if line]
     if options.json != '-':
         _print_result(flights, lag, fits, evidence.noise, lines)

@@ -128,6 +128,15 @@ def flow(track: Track, height: Array, values: Mapping[str, float]) -> Array:
     return scaling[:, None] * x * (1.0 + p['cubic'] * x * x)
 
 
+def rate_share(track: Track, values: Mapping[str, float]) -> Array:
+    """Return the change of the flow by that of a rate about x or y, (n, 2), as :func:`flow`."""
+    turned = values.get('leakage', 0.0) + values.get('coriolis', 0.0) * (
+        track.nu[:, 2] / track.depth)
+    Q = factor(track.height, *(values.get(name, start) for name, start in (
+        ('scale', 1.0), ('slope', 0.0), ('gain', 0.0))))
+    return np.repeat((turned / Q)[:, None], 2, axis=1)
+
+
 def dead_reckoned(track: Track, flow_rates: Array, scale: float = 1.0) -> Array:
     """
     Return the horizontal velocity (5.2) that flow says, (n, 2) m/s inertial.

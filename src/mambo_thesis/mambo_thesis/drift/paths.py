@@ -95,7 +95,7 @@ def perfect(
     Parameters
     ----------
     path
-        Sines, without slope and turning round.
+        Sines and slopes, without turning round.
     t : (n,) s
     speed, size
         Factors on rate and amplitude.
@@ -108,7 +108,9 @@ def perfect(
     W = path.rate * speed
     angle = W * np.asarray(t, float)[:, None] + np.array(path.phase)
     A = size * np.array(path.amplitude)
-    position, velocity = A * np.sin(angle) + np.array(path.offset), A * W * np.cos(angle)
+    slope = speed * size * np.array(path.slope)
+    position = A * np.sin(angle) + np.array(path.offset) + np.asarray(t, float)[:, None] * slope
+    velocity = A * W * np.cos(angle) + slope
     a, jerk = -A * W**2 * np.sin(angle), -A * W**3 * np.cos(angle)
     if level:
         n = len(angle)
@@ -129,6 +131,13 @@ def one_turn(
     name: str, speed: float = 1.0, size: float = 1.0, drag_rate: float = 0.0, steps: int = 1256,
 ) -> Track:
     """Return one turn of a path of ``PATHS`` in equal steps, its end left out."""
-    path = PATHS[name]
+    return turn_of(PATHS[name], speed, size, drag_rate, steps, name == LEVEL)
+
+
+def turn_of(
+    path: Trajectory, speed: float = 1.0, size: float = 1.0, drag_rate: float = 0.0,
+    steps: int = 1256, level: bool = False,
+) -> Track:
+    """Return one turn of any path, as :func:`perfect`, in equal steps, its end left out."""
     T = 2.0 * math.pi / (path.rate * speed)
-    return perfect(path, np.arange(steps) * T / steps, speed, size, name == LEVEL, drag_rate)
+    return perfect(path, np.arange(steps) * T / steps, speed, size, level, drag_rate)

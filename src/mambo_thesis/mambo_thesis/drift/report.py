@@ -16,6 +16,7 @@ from matplotlib.ticker import NullLocator
 import numpy as np
 
 from ..figures.drawing import sheet
+from .observations import OBSERVATIONS
 from .paths import Array, EXPERIMENTS, PATHS
 from .table import ROWS
 
@@ -65,6 +66,22 @@ def perfect_table(perfect: Mapping[str, Array]) -> str:
         cells = ' | '.join(f'{number(x)}, {number(y)}' for x, y in found)
         out.append(f'| {name}: {ROWS[name].says} | {cells} | {np.nanmax(apart):.3f} |')
     return '\n'.join(out) + '\n'
+
+
+def observed_table(shown: Mapping[str, Mapping[str, bool]]) -> str:
+    """Return which of the thesis's observations each mechanism shows."""
+    out = ['| mechanism | ' + ' | '.join(o.name for o in OBSERVATIONS) + ' | of ten |',
+           '|---' * (len(OBSERVATIONS) + 2) + '|']
+    out += [f'| {name} | ' + ' | '.join('yes' if x else '-' for x in row.values())
+            + f' | {sum(row.values())} |' for name, row in shown.items()]
+    return '\n'.join(out) + '\n'
+
+
+def sources_table() -> str:
+    """Return what the thesis observed, and where."""
+    return '\n'.join([
+        '| observation | where | what |', '|---|---|---|',
+        *(f'| {o.name} | {o.source} | {o.says} |' for o in OBSERVATIONS)]) + '\n'
 
 
 def flown_table(flown: Drifts) -> str:

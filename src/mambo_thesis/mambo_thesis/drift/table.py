@@ -110,9 +110,20 @@ def sensed(track: Track, sensor: Mapping[str, Any], earlier: Track) -> Array:
     return out
 
 
-def drift(row: Row, path: str, speed: float = 1.0, size: float = 1.0) -> Array:
-    """Return the drift in one turn of a path, (2,) m, x and y."""
-    turn = one_turn(path, speed, size, row.drag_rate)
+def estimated(row: Row, turn: Track, scale: float | Array) -> Array:
+    """
+    Return the horizontal velocity, (n, 2) m/s, that an estimator makes of a whole turn.
+
+    Parameters
+    ----------
+    row
+        What is wrong.
+    turn
+        True motion.
+    scale
+        Factor of the estimator, a number or (n,) of the height.
+
+    """
     T = (turn.t[1] - turn.t[0]) * len(turn.t)
     delay = dataclasses.asdict(OpticalFlowParams(**row.sensor))['height_delay']
     earlier = turn
@@ -120,8 +131,20 @@ def drift(row: Row, path: str, speed: float = 1.0, size: float = 1.0) -> Array:
         before = np.interp((turn.t - delay) % T, np.append(turn.t, T),
                            np.append(turn.height, turn.height[0]))
         earlier = turn._replace(position=np.column_stack([turn.position[:, :2], -before]))
-    flow = row.scale * sensed(turn, row.sensor, earlier)
-    return (row.estimator(turn, flow) - turn.velocity[:, :2]).mean(axis=0) * T
+    factors = np.broadcast_to(scale, (len(turn.t),))[:, None]
+    return row.estimator(turn, factors * sensed(turn, row.sensor, earlier))
+
+
+def drift(row: Row, path: str, speed: float = 1.0, size: float = 1.0) -> Array:
+    """Return the drift in one turn of a path, (2,) m, x and y."""
+    turn = one_turn(path, speed, size, row.drag_rate)
+    return moved(turn, estimated(row, turn, row.scale))
+
+
+def moved(turn: Track, velocity: Array) -> Array:
+    """Return how far an estimated velocity, (n, 2) m/s, goes astray in a turn, (2,) m."""
+    T = (turn.t[1] - turn.t[0]) * len(turn.t)
+    return (velocity - turn.velocity[:, :2]).mean(axis=0) * T
 
 
 def table() -> dict[str, Array]:

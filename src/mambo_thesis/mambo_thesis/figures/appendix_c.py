@@ -122,7 +122,7 @@ def figure_c_3() -> Result:
         at_least('least rise from one height to the next', float(np.diff(means).min()), 0.0, '',
                  'each is higher than the one before'),
         near('linear fit, slope', slope, 0.07, 0.02, '1/m',
-             'a factor is found within 1 %, over 1.75 m and 20 points: 0.005 a standard deviation'),
+             'factors within 1 % at 20 points over 1.75 m: 0.005 a standard deviation'),
         near('linear fit, offset', offset, 0.92, 0.03, '', 'goes with the slope at 1.4 m'),
         near('exponential fit, coefficient', exponential[1], 0.011, 0.005, '',
              'the exponential rises by 10 from 0.75 to 2.5 m: as the slope'),

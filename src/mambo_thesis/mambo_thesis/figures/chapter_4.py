@@ -23,8 +23,8 @@ HOVER_COMMAND = 4.0 * (WEIGHT / 4.0 / 4.29e-5)**(1.0 / 1.47) / 1530.72681  # N, 
 
 @claim('4.3', "with the support package's estimator and controller a step in x looks normal, z "
        'does not reach its reference; the true x travels more than the metre', 'fig_4_3',
-       contains="68 g and the power law of the motors; 63 g and the linear map are believed; "
-       "an estimator that takes the flow for the velocity",
+       contains='68 g and the power law of the motors; 63 g and the linear map are believed; '
+       'an estimator that takes the flow for the velocity',
        tests='what a controller without an integral makes of it, and how far the drone goes',
        broken_by=('motor map', 'mass +10 %', 'factor -10 %'))
 def figure_4_3() -> Result:
@@ -161,8 +161,8 @@ def hover_command() -> Result:
     two_digits = 'the thesis gives two digits'
     return Result([
         near('command that hovers, old map', old, 0.72, 0.005, 'N', two_digits),
-        near('the same, by the two maps', old, HOVER_COMMAND, 0.002, 'N',
-             'the average over 28 s of a command that corrects for noise'),
+        near('the same, by the two maps', old, HOVER_COMMAND, 0.005, 'N',
+             'noise of the yaw rate moves each motor by 14 %; a convex law then lifts 0.7 % more'),
         near('command that hovers, new map', new, 0.67, 0.005, 'N', two_digits),
     ])
 

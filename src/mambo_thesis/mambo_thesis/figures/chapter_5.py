@@ -52,8 +52,8 @@ def figure_5_2() -> Result:
 
 
 @claim('5.3', 'hovering, the height is estimated well, x and y are not', 'fig_5_3',
-       contains="the package's estimator as generated code of it says, a level floor, a calibration "
-       "at rest", tests='which axis it estimates well, and by how much x and y are wrong',
+       contains="the package's estimator as its generated code says, a level floor, a calibration "
+       'at rest', tests='which axis it estimates well, and by how much x and y are wrong',
        broken_by=('factor -10 %',))
 def figure_5_3() -> Result:
     """Hover with the default estimator."""

@@ -104,7 +104,7 @@ def _scenario(name: str, over: tuple[tuple[str, scenario_file.Place], ...]) -> S
     return scenario_file.load(name, dict(over))[1]
 
 
-@functools.lru_cache(maxsize=160)  # of 6 MB each
+@functools.lru_cache(maxsize=100)  # of 6 MB each
 def _flown(
     name: str, seed: int | None, changes: tuple[tuple[str, float], ...], truth: str,
 ) -> Flight:

@@ -40,9 +40,11 @@ def lost(before: Result, after: Result) -> list[str]:
             if a.holds and not b.holds]
 
 
-def examined(claim: Claim, mutation: Mutation | None) -> Result | None:
+def examined(
+    claim: Claim, mutation: Mutation | None, seeds: tuple[int, ...] = SEEDS,
+) -> Result | None:
     """Return what is measured with a mutated truth; None if nothing can be measured any more."""
-    with truths.mutated(mutation, SEEDS):
+    with truths.mutated(mutation, seeds):
         try:
             return claim.examine()
         except np.linalg.LinAlgError:  # a drone that is nowhere
@@ -50,16 +52,18 @@ def examined(claim: Claim, mutation: Mutation | None) -> Result | None:
 
 
 def matrix(
-    claims: Sequence[Claim], mutations: Iterable[Mutation] = tuple(MUTATIONS.values()),
+    claims: Sequence[Claim], mutations: Iterable[Mutation] | None = None,
 ) -> list[Entry]:
-    """Return an entry for each claim that measures something."""
+    """Return an entry for each claim that measures something; None: all mutations."""
+    mutations = list(MUTATIONS.values() if mutations is None else mutations)
     before = {c.number: examined(c, None) for c in claims}
     asked = [c for c in claims if before[c.number].measured]
     noticed: dict[str, dict[str, list[str]]] = {c.number: {} for c in asked}
-    for mutation in tqdm(list(mutations), desc='mutated truths', disable=None, leave=False):
+    for mutation in tqdm(mutations, desc='mutated truths', disable=None, leave=False):
         for claim in asked:
             whole, after = before[claim.number], examined(claim, mutation)
             gone = lost(whole, after) if after else [m.what for m in whole.measured if m.holds]
             if gone:
                 noticed[claim.number][mutation.name] = gone
-    return [Entry(c, c.verdict(before[c.number]), noticed[c.number]) for c in asked]
+    return [Entry(c, c.verdict(examined(c, None, truths.SEEDS)), noticed[c.number])
+            for c in asked]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import html
 import io
 from pathlib import Path
@@ -13,14 +13,17 @@ from mambo_analysis.compare import digest, markup
 from mambo_model import palette
 from matplotlib.figure import Figure
 
-from .claim import Claim, Result, verdict
+from .claim import Claim, Result, VERDICTS
 
 COMMAND = 'mambo reproduce'
+COUNTS = ('verdict', 'count', 'meaning')
+HEAD = ('measured', 'value', 'wanted', 'reason', 'holds')
 LEAD = (
     'Every figure of the thesis whose data a simulation can make, its claim in our words, and '
     'what the simulated drone showed. Ranges are over five seeds of the sensor noise. "Wanted" '
     'is the number of the thesis or of its audit where there is one; else it says what the '
-    'claim needs. Positions are drawn as in the thesis: inertial NED, z down.')
+    'claim needs, and the reason for a tolerance is beside it. Positions are drawn as in the '
+    'thesis: inertial NED, z down.')
 
 
 class Examined(NamedTuple):
@@ -32,7 +35,7 @@ class Examined(NamedTuple):
     @property
     def verdict(self) -> str:
         """Return the verdict."""
-        return verdict(self.result)
+        return self.claim.verdict(self.result)
 
 
 def summary(examined: list[Examined]) -> str:
@@ -41,6 +44,12 @@ def summary(examined: list[Examined]) -> str:
     for each in examined:
         counts[each.verdict] = counts.get(each.verdict, 0) + 1
     return ', '.join(f'{count} {name}' for name, count in counts.items())
+
+
+def counted(examined: list[Examined]) -> list[tuple[str, int, str]]:
+    """Return every verdict, how many have it, and what it means."""
+    found = [each.verdict for each in examined]
+    return [(name, found.count(name), meaning) for name, meaning in VERDICTS.items()]
 
 
 def line(each: Examined) -> str:
@@ -54,18 +63,27 @@ def line(each: Examined) -> str:
 def markdown(examined: list[Examined]) -> str:
     """Return the table of ``docs/evidence/reproduction.md``."""
     out = ['# What of the thesis is reproduced', '', LEAD, '', f'    {COMMAND}', '',
-           f'prints this, and draws the figures into a report: {summary(examined)}.', '']
+           f'prints this, and draws the figures into a report: {summary(examined)}.', '',
+           'Which mutated drones each claim notices is in [the matrix](claims.md).', '',
+           *table(COUNTS, counted(examined)), '']
     for each in examined:
         c, r = each
         flown = f' Scenario `{c.flights}`.' if c.flights else ''
         out += [f'## {c.title}: {each.verdict}', '', f'{_sentence(c.says)}.{flown}', '']
+        if c.contains:
+            out += [f'*In the simulator:* {c.contains}. *Tested:* {c.tests}.', '']
         if r.measured:
-            out += ['| measured | value | wanted | holds |', '|---|---|---|---|']
-            out += [f'| {m.what} | {m} | {m.wanted} | {"yes" if m.holds else "**no**"} |'
-                    for m in r.measured] + ['']
+            out += [*table(HEAD, [(m.what, m, m.wanted, m.reason, 'yes' if m.holds else '**no**')
+                                  for m in r.measured]), '']
         if r.why_not:
             out += [f'{_sentence(r.why_not).rstrip(".")}.', '']
     return '\n'.join(out)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
+    """Return a table in Markdown, line by line."""
+    return ['| ' + ' | '.join(map(str, row)) + ' |' for row in (
+        head, ['---'] * len(head), *rows)]
 
 
 def _sentence(text: str) -> str:
@@ -76,7 +94,8 @@ def data(examined: list[Examined]) -> list[Mapping[str, object]]:
     """Return everything measured, ready for JSON."""
     return [{
         'figure': e.claim.title, 'claim': e.claim.says, 'scenario': e.claim.flights,
-        'verdict': e.verdict, 'why_not': e.result.why_not,
+        'verdict': e.verdict, 'why_not': e.result.why_not, 'contains': e.claim.contains,
+        'tests': e.claim.tests,
         'measured': [m._asdict() for m in e.result.measured]} for e in examined]
 
 
@@ -107,7 +126,7 @@ td, th { text-align: left; padding: .25rem .8rem .25rem 0; border-bottom: 1px so
 img { width: 100%; height: auto; border-radius: 4px; }
 .verdict { font-size: .85rem; font-weight: 600; margin-left: .5rem; }
 .reproduced { color: var(--good); } .partly { color: var(--half); } .not { color: var(--bad); }
-.nothing { color: var(--soft); }
+.by { color: var(--ink); } .nothing { color: var(--soft); }
 nav ul { display: flex; flex-wrap: wrap; gap: .2rem .8rem; font-size: .9rem; margin: 1rem 0;
   padding: 0; list-style: none; }
 nav a { text-decoration: none; display: inline-block; min-height: 1.6rem; }
@@ -117,7 +136,7 @@ nav a { text-decoration: none; display: inline-block; min-height: 1.6rem; }
 """
 
 
-MARKS = {'reproduced': ' ✓', 'partly': ' ½', 'not': ' ✗', 'nothing': ''}
+MARKS = {'reproduced': ' ✓', 'by': ' ≡', 'partly': ' ½', 'not': ' ✗', 'nothing': ''}
 """What a link shows of a verdict besides its colour."""
 
 
@@ -132,8 +151,12 @@ def page(examined: list[Examined]) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<title>The thesis, redrawn</title><style>{STYLE}</style></head><body><main>'
         f'<h1>The thesis, redrawn</h1><p class="lead">{html.escape(LEAD)}</p>'
-        f'<p>{html.escape(summary(examined))}.</p><nav aria-label="Figures"><ul>{links}</ul></nav>'
+        f'{markup.table("Verdicts", COUNTS, _texts(counted(examined)))}<nav aria-label="Figures"><ul>{links}</ul></nav>'
         f'{"".join(map(_section, examined))}</main></body></html>\n')
+
+
+def _texts(rows: Sequence[Sequence[object]]) -> list[tuple[str, ...]]:
+    return [tuple(map(str, row)) for row in rows]
 
 
 def _css(each: Examined) -> str:
@@ -154,9 +177,12 @@ def _section(each: Examined) -> str:
     if r.figure is not None:
         out.append(f'<img alt="{html.escape(c.title)}: {html.escape(c.says)}" '
                    f'src="data:image/png;base64,{_embedded(r.figure)}">')
+    if c.contains:
+        out.append(f'<p>In the simulator: {html.escape(c.contains)}. '
+                   f'Tested: {html.escape(c.tests)}.</p>')
     if r.measured:
-        out.append(markup.table(f'{c.title}, measured', ('measured', 'value', 'wanted', 'holds'), [
-            (m.what, str(m), m.wanted, 'yes' if m.holds else 'no') for m in r.measured]))
+        out.append(markup.table(f'{c.title}, measured', HEAD, _texts([
+            (m.what, m, m.wanted, m.reason, 'yes' if m.holds else 'no') for m in r.measured])))
     if r.why_not:
         out.append(f'<p class="why">{html.escape(_sentence(r.why_not))}</p>')
     return ''.join(out) + '</section>'

@@ -1,5 +1,5 @@
 """
-Mutated truths: what if the drone were another one? A claim that holds for all of them says nothing.
+Mutated truths: drones that are other ones. A claim that holds for all of them says nothing.
 
 A mutation changes the simulated drone of the experiments, never the model beside them: flights
 named ``simulation`` are what chapter 6 compares the experiments with. Figures 3.3 and 6.3 have no

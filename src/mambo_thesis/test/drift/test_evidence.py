@@ -4,7 +4,7 @@ import math
 from types import SimpleNamespace
 
 from drift_flights import ALONE, experiments_of, flown, NOISE, thesis_of, TRUE
-from mambo_thesis.drift import evidence, table
+from mambo_thesis.drift import evidence, experiments, table
 from mambo_thesis.drift.evidence import Evidence, inclusion, not_separated, separating
 from mambo_thesis.drift.flight import from_estimate
 from mambo_thesis.drift.mechanisms import MECHANISMS, PARAMETERS
@@ -121,10 +121,43 @@ def test_the_noise_of_a_known_process_is_found():
     """AR(2) of poles 0.6 +- 0.3i: coefficients 1.2 and -0.45."""
     rng = np.random.default_rng(2)
     r = lfilter([1.0], [1.0, -1.2, 0.45], 0.02 * rng.standard_normal((20_000, 2)), axis=0)
-    found = evidence._autoregression([r + [0.5, -0.3]])  # a mean is no noise
+    found = evidence._autoregression([r + [0.5, -0.3]], [np.zeros_like(r)])  # a mean is no noise
     assert found.coefficients[:2] == pytest.approx([1.2, -0.45], abs=0.03)
     assert np.abs(found.coefficients[2:]).max() < 0.03
     assert found.sigma == pytest.approx(0.02, rel=0.02)
+
+
+def test_known_white_noise_is_no_part_of_the_process():
+    rng = np.random.default_rng(3)
+    r = lfilter([1.0], [1.0, -0.6], 0.02 * rng.standard_normal((20_000, 2)), axis=0)
+    noisy = r + 0.03 * rng.standard_normal(r.shape)
+    found = evidence._autoregression([noisy], [np.full_like(r, 0.03)])
+    # a tenth of the white noise stays, in case that it explains all
+    assert found.coefficients[0] == pytest.approx(0.6, abs=0.1)
+    assert evidence._autoregression([noisy], [np.zeros_like(r)]).coefficients[0] < 0.4
+
+
+@pytest.mark.parametrize(('key', 'letter'), [('d2', 'D'), ('f', 'F')])
+def test_a_noisy_gyro_does_not_lead_astray(key, letter):
+    """A closed loop whose rotation of 0.05 rad/s is measured with vibration of 0.013 rad/s."""
+    asked = Evidence([experiments.fly(f'drift_w_1/{key}')])
+    fits = asked.compare()
+    assert inclusion(fits)[letter] > 0.95
+    small = evidence.minor(asked.flights, fits[0], asked.noise)
+    assert tuple(x for x in fits[0].model if x not in small) == (letter,)
+
+
+def test_a_mechanism_below_the_noise_is_minor_beside_a_larger_one():
+    f = flown('C.4', {'leakage': -1.0}, 0)
+    noise = evidence.Noise(np.zeros(8), NOISE)
+
+    def of(model, **values):
+        return evidence.Fit(model, {'scale': 1.0, **values}, {}, 0.0, 0.0)
+    assert evidence.minor([f], of(('D', 'E'), leakage=-1.0, coupling_x=0.02, coupling_y=0.0),
+                          noise) == ['E']
+    assert not evidence.minor([f], of(('D', 'E'), leakage=-1.0, coupling_x=0.2, coupling_y=0.0),
+                              noise)
+    assert not evidence.minor([f], of(('E',), coupling_x=0.001, coupling_y=0.0), noise)
 
 
 def fits(*rows):

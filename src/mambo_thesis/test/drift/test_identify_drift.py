@@ -48,8 +48,10 @@ def test_too_long_a_window_is_refused(tmp_path, capsys):
 
 
 def test_little_rotation_raises_a_doubt():
+    flight = experiments.fly('drift_w_1/d2')  # rotation of 0.05 rad/s
     assert 'D and G may be taken for others' in identify_drift.caveat([
-        experiments.fly('drift_w_1/d2')])
+        flight._replace(rate_noise=0.01)])
+    assert not identify_drift.caveat([flight])
     assert not identify_drift.caveat([experiments.fly('drift_w_2/d2')])
 
 
@@ -66,6 +68,8 @@ def test_one_sentence_says_what_the_flights_support():
     sure = identify_drift.sentence([fit(('D',), 0.97), fit((), 0.03)])
     assert sure == ('the flights support D (rotational flow left in (+) or removed twice (-)), '
                     'probability 0.97')
+    small = identify_drift.sentence([fit(('D', 'E'), 0.6), fit(('D',), 0.39)], ['E'])
+    assert small.endswith('probability 0.99; E beside it adds less than the noise: no finding')
     nothing = identify_drift.sentence([fit((), 0.99)])
     assert 'no mechanism: a constant scale is enough' in nothing
     torn = identify_drift.sentence([fit(('A',), 0.5), fit(('A', 'D'), 0.47), fit((), 0.03)])

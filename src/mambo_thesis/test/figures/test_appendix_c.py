@@ -50,10 +50,28 @@ def test_a_difference_grows_in_percent_of_the_distance(monkeypatch):
     assert found['modulation by the height, RMS'].high < 1e-9
 
 
+@pytest.mark.parametrize(('sign', 'holds'), [(1.0, True), (-1.0, False), (0.0, False)])
+def test_a_modulation_is_that_of_the_factor_with_its_sign(monkeypatch, sign, holds):
+    """The ramp of 0.1 m/s, its error that of Q(h): mean growth, and sign times the rest."""
+    def height(t):
+        return 1.5 + np.sin(0.5 * t)
+
+    def x(t):
+        rate = 0.1 * (1.06 / (0.92 + 0.07 * height(t)) - 1.0)
+        rate = 0.0037 + sign * (rate - rate.mean())
+        return 0.1 * t + np.cumsum(rate) * 0.005
+    truth = path(lambda t: 0.1 * t, 0.0, lambda t: -height(t))
+    on(monkeypatch, any=made(truth, path(x, 0.0, lambda t: -height(t)), seconds=40.0))
+    found = by_what(appendix_c.figure_c_2())
+    assert found['growth of the difference in x, of the distance'].holds
+    seen, = (m for what, m in found.items() if what.startswith('modulation at the rate'))
+    assert seen.low == pytest.approx(sign, abs=0.05) and seen.holds is holds
+
+
 def test_a_circle_carried_by_hand_gains_what_the_factor_predicts(monkeypatch):
     """The estimate is the integral of Q(1.06) / Q(h) dx along the circle."""
     def x(t):
-        return -np.cos(t - 8.0)
+        return np.cos(t - 8.0)
 
     def z(t):
         return -1.5 - np.sin(t - 8.0)
@@ -65,6 +83,7 @@ def test_a_circle_carried_by_hand_gains_what_the_factor_predicts(monkeypatch):
     found = by_what(appendix_c.figure_c_1())
     assert found['the same over what Q(h) predicts'].low == pytest.approx(1.0)
     assert found['tilt of the vehicle'].high == 0.0
+    assert all(m.holds for m in found.values())
     # pi A B slope / Q of a loop of 1 m
     assert found['error in x gained in a forward turn'].low == pytest.approx(
         np.pi * 1.06 * 0.07 / 1.025**2, rel=0.02)
@@ -79,11 +98,12 @@ def drifting(per_turn_x, per_turn_y=0.0, per_turn_z=0.0):
 def test_drift_is_told_for_each_axis(monkeypatch):
     on(monkeypatch, any=drifting(-0.2, 0.0, 0.01))
     found = by_what(appendix_c.figure_c_4())
-    assert found['drift in x a turn'].low == pytest.approx(0.2, rel=1e-3)
+    assert found['drift in x a turn'].low == pytest.approx(-0.2, rel=1e-3)
+    assert not found['drift in x a turn'].holds  # the other way than the slope of Q says
     assert found['drift in z a turn'].low == pytest.approx(0.01, rel=1e-3)
     on(monkeypatch, any=drifting(0.03, -0.04))
-    assert by_what(appendix_c.figure_c_7())['horizontal drift a turn'].low == pytest.approx(
-        0.05, rel=1e-3)
+    assert by_what(appendix_c.figure_c_7())['drift in x a turn'].low == pytest.approx(
+        0.03, rel=1e-3)
 
 
 @pytest.mark.parametrize(('figure', 'kind'), [
@@ -93,14 +113,15 @@ def test_factors_are_compared_on_one_flight(monkeypatch, figure, kind):
     others = {f'fig_c_{kind}/fitted': drifting(0.1), f'fig_c_{kind}/retuned': drifting(-0.05)}
     monkeypatch.setattr(appendix_c, '_with', lambda f, name: others[name].error)
     ratios = [m.low for m in figure().measured]
-    assert ratios == pytest.approx([0.5, 0.25, 0.5], rel=1e-3)
+    assert ratios == pytest.approx(2 * [0.5, 0.25, 0.5], rel=1e-3)  # of both slopes
     assert all(m.holds for m in figure().measured)
 
 
 def test_one_axis_may_become_better_and_another_worse(monkeypatch):
     on(monkeypatch, any=drifting(0.2, 0.1))
     monkeypatch.setattr(appendix_c, '_with', lambda f, name: drifting(0.1, 0.15).error)
-    better, worse = appendix_c.figure_c_8().measured
+    better, worse, *exponential = appendix_c.figure_c_8().measured
+    assert [m.low for m in exponential] == pytest.approx([0.5, 1.5], rel=1e-3)
     assert better.low == pytest.approx(0.5, rel=1e-3) and better.holds
     assert worse.low == pytest.approx(1.5, rel=1e-3) and worse.holds
 

@@ -54,7 +54,7 @@ def test_the_accelerometer_is_calibrated_by_its_first_half_second():
         rows = np.zeros((len(t), 6))
         rows[:, 4] = 0.5 + np.where(t < 0.5, 0.0, 0.01)
         return rows
-    velocity = chapter_5._velocity(made(path(), seconds=10.5, imu=imu))
+    velocity = chapter_5.velocity_of(made(path(), seconds=10.5, imu=imu), 1)
     assert velocity[99] == pytest.approx(0.0, abs=1e-12)
     assert velocity[-1] == pytest.approx(0.1, rel=1e-3)  # 10 s of 0.01 m/s^2
 
@@ -93,11 +93,51 @@ def test_estimate_and_flow_are_the_same_and_the_truth_differs_by_a_factor(monkey
     assert all(m.holds for m in found.values()), [str(m) for m in found.values()]
 
 
-def test_a_drift_has_no_sign_and_is_by_turn():
-    turn = 2.0 * np.pi
-    f = made(path(), path(lambda t: -0.1 * t / turn, lambda t: 0.05 * t / turn), seconds=40.0)
-    assert chapter_5._drifts([f], 0)[0] == pytest.approx(0.1, rel=1e-3)
-    assert chapter_5._ratios([f], 1, 0)[0] == pytest.approx(0.5, rel=1e-3)
+def test_the_drift_of_the_velocity_is_taken_out_of_the_position():
+    """A bias left by the calibration: the velocity is a line, the position nothing."""
+    def imu(t):
+        rows = np.zeros((len(t), 6))
+        rows[:, 4] = np.where(t < 0.5, 0.0, 0.01)
+        return rows
+    flight = made(path(), seconds=40.0, imu=imu)
+    assert abs(chapter_5.velocity_of(flight, 1)[-1]) > 0.3
+    assert abs(chapter_5.position_of(flight)).max() < 0.01  # 8 m without
+
+
+TURN = 2.0 * np.pi
+
+
+def drifting(x, y=0.0, truth=None):
+    """Return a flight whose estimate drifts by x and y a turn."""
+    truth = truth or path()
+    return made(truth, lambda t: truth(t) + path(
+        lambda t: x * t / TURN, lambda t: y * t / TURN, 0.0)(t), seconds=40.0)
+
+
+def test_a_drift_has_a_sign_and_is_by_turn():
+    assert chapter_5.drifts([drifting(-0.1, 0.05)], 0)[0] == pytest.approx(-0.1, rel=1e-3)
+    assert chapter_5.drifts([drifting(-0.1, 0.05)], 1)[0] == pytest.approx(0.05, rel=1e-3)
+
+
+@pytest.mark.parametrize(('size', 'is_still'), [
+    (0.019, True), (-0.019, True), (0.021, False), (-0.021, False)])
+def test_one_size_parts_what_drifts_from_what_does_not(size, is_still):
+    assert chapter_5.still('', [drifting(size)], 0).holds is is_still
+    assert chapter_5.moving('', [drifting(size)], 0)[0].holds is (size > 0.02)
+
+
+def circle(t):
+    return path(np.cos, 0.0, lambda t: -1.5 - np.sin(t))(t)
+
+
+def test_a_drift_is_that_of_the_factor_along_the_path():
+    expected = chapter_5.predicted(made(circle, seconds=40.0), 0)
+    # pi A B Q0 Q'/Q^2 of a loop of 1 m
+    assert expected == pytest.approx(np.pi * 1.06 * 0.07 / 1.025**2, rel=0.02)
+    assert chapter_5.predicted(made(circle, seconds=40.0), 1) == 0.0
+    for factor, holds in ((1.0, True), (-1.0, False), (0.0, False), (2.0, False)):
+        found = chapter_5.moving('', [drifting(factor * expected, truth=circle)], 0)
+        assert all(m.holds for m in found) is holds
 
 
 def test_block_diagrams_and_photographs_have_nothing_to_measure():

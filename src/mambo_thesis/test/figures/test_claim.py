@@ -18,14 +18,16 @@ def test_a_number_is_told_with_four_digits_and_a_range_where_there_is_one(low, h
 
 
 def test_figures_are_in_the_order_of_the_thesis():
-    numbers = ['C.8', '5.11', '2.1', '5.3', 'C.1', '6.2, 6.3', '5.9, 5.10']
+    numbers = ['C.8', 'Section 6.3', '5.11', 'Table 2.1', '2.1', '5.3', 'C.1', '6.2, 6.3',
+               '5.9, 5.10', 'Section 4.4.2']
     claims = [Claim(number, '', '', lambda: Result([])) for number in numbers]
     assert [claim.number for claim in sorted(claims, key=lambda claim: claim.order)] == [
-        '2.1', '5.3', '5.9, 5.10', '5.11', '6.2, 6.3', 'C.1', 'C.8']
+        '2.1', 'Table 2.1', 'Section 4.4.2', '5.3', '5.9, 5.10', '5.11', '6.2, 6.3',
+        'Section 6.3', 'C.1', 'C.8']
 
 
 @pytest.mark.parametrize(('number', 'title'), [
-    ('5.11', 'Figure 5.11'), ('5.9, 5.10', 'Figures 5.9, 5.10')])
+    ('5.11', 'Figure 5.11'), ('Table 2.1', 'Table 2.1'), ('5.9, 5.10', 'Figures 5.9, 5.10')])
 def test_a_title_says_one_figure_or_several(number, title):
     assert Claim(number, '', '', lambda: Result([])).title == title
 
@@ -38,11 +40,22 @@ def test_a_verdict_is_by_what_holds(holds, expected):
     assert verdict(Result(found)) == expected
 
 
+@pytest.mark.parametrize(('given', 'broken_by', 'expected'), [
+    (False, ('wind',), 'reproduced'), (True, ('wind',), 'by construction'),
+    (False, (), 'by construction')])
+def test_what_is_given_or_cannot_fail_is_not_reproduced(given, broken_by, expected):
+    entry = Claim('5.3', '', '', lambda: None, broken_by=broken_by, given=given)
+    assert entry.verdict(Result([measured(0.0, 1.0)])) == expected
+    failed = Result([measured(0.0, 1.0), measured(0.0, 1.0)._replace(holds=False)])
+    assert entry.verdict(failed) == 'partly' and entry.verdict(Result([])) == 'nothing to measure'
+
+
 @pytest.mark.parametrize(('values', 'holds'), [
     (0.3, True), (0.31, False), ([0.1, 0.3], True), ([0.1, 0.31], False)])
 def test_at_most_is_for_every_seed(values, holds):
-    found = at_most('error', values, 0.3, 'm')
+    found = at_most('error', values, 0.3, 'm', 'noise')
     assert found.holds is holds and found.wanted == 'at most 0.3' and found.unit == 'm'
+    assert found.reason == 'noise'
     assert type(found.low) is float
 
 

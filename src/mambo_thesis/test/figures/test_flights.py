@@ -92,14 +92,21 @@ def test_every_seed_is_flown_once(monkeypatch):
     monkeypatch.setattr(flights, 'Flight', lambda scenario: flown.append(scenario) or len(flown))
     monkeypatch.setattr(flights.scenario_file, 'load', lambda name, over: (
         name, (name, over['seed'].value if over else None)))
-    flights.fly.cache_clear()
+    monkeypatch.setattr(flights, 'replaced', lambda scenario, changes: scenario)
+    monkeypatch.setattr(flights.truths, 'of', lambda name, scenario: '')
+    flights._flown.cache_clear()
+    flights._scenario.cache_clear()
     try:
         assert flights.seeds('a') == flights.seeds('a') == [1, 2, 3, 4, 5]
-        assert flown == [('a', seed) for seed in flights.SEEDS]
+        assert flown == [('a', seed) for seed in flights.truths.SEEDS]
         flights.fly('a')
         assert flown[-1] == ('a', None)
+        with flights.truths.mutated(None, (7, 8)):
+            flights.seeds('b')
+        assert flown[-2:] == [('b', 7), ('b', 8)]
     finally:
-        flights.fly.cache_clear()
+        flights._flown.cache_clear()
+        flights._scenario.cache_clear()
 
 
 @pytest.mark.parametrize(('turns', 'amplitude'), [(1, 1.0), (2, 2.0), (4, 2.5)])

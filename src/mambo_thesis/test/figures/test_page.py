@@ -10,9 +10,10 @@ import pytest
 
 
 def examined(number, *holds, figure=None, why='', flights='', says='the drone hovers'):
-    measured = [Measured(f'error {k}', 0.1, 0.2, 'm', 'at most 0.3', h)
+    measured = [Measured(f'error {k}', 0.1, 0.2, 'm', 'at most 0.3', h, 'noise')
                 for k, h in enumerate(holds)]
-    return Examined(Claim(number, says, flights, lambda: None), Result(measured, figure, why))
+    claim = Claim(number, says, flights, lambda: None, 'a floor', 'its height', ('wind',))
+    return Examined(claim, Result(measured, figure, why))
 
 
 ALL = [examined('5.3', True, True, flights='fig_5_3'), examined('5.4', True, False),
@@ -35,8 +36,11 @@ def test_markdown_has_a_section_and_a_table_for_each_figure():
     text = markdown(ALL)
     assert text.count('\n## ') == 4 and f': {summary(ALL)}.' in text
     assert '## Figure 5.3: reproduced\n\nThe drone hovers. Scenario `fig_5_3`.' in text
-    assert '| error 1 | 0.1 to 0.2 m | at most 0.3 | **no** |' in text
-    assert '| error 0 | 0.1 to 0.2 m | at most 0.3 | yes |' in text
+    assert '*In the simulator:* a floor. *Tested:* its height.' in text
+    assert '| error 1 | 0.1 to 0.2 m | at most 0.3 | noise | **no** |' in text
+    assert '| error 0 | 0.1 to 0.2 m | at most 0.3 | noise | yes |' in text
+    head = text[:text.index('## Figure')]
+    assert '| reproduced | 1 |' in head and '| by construction | 0 |' in head
     assert '\nNo wind.\n' in text
     nothing = text[text.index('## Figures 4.1, 4.2'):]
     assert '|' not in nothing and 'They show no data.' in nothing
@@ -49,7 +53,8 @@ def test_data_is_plain_and_whole():
     assert found[2]['why_not'] == 'no wind' and found[0]['scenario'] == 'fig_5_3'
     assert found[1]['measured'][1] == {
         'what': 'error 1', 'low': 0.1, 'high': 0.2, 'unit': 'm', 'wanted': 'at most 0.3',
-        'holds': False}
+        'holds': False, 'reason': 'noise'}
+    assert (found[0]['contains'], found[0]['tests']) == ('a floor', 'its height')
 
 
 class Checker(HTMLParser):
@@ -80,7 +85,7 @@ def test_a_page_is_whole_and_every_link_leads_to_a_figure():
     checker = Checker(page(ALL))
     assert checker.links == [f'#{name}' for name in checker.ids]
     assert checker.ids == ['figure-5-3', 'figure-5-4', 'figure-c-1', 'figure-4-1--4-2']
-    assert 'No wind' in checker.text and summary(ALL) in checker.text
+    assert 'No wind' in checker.text and checker.text.count('by construction') == 1
 
 
 def test_a_page_needs_no_network():

@@ -1,0 +1,68 @@
+"""Mutated truths: the experiment is another drone, the model beside it stays."""
+
+from mambo_flight import scenario_file
+from mambo_flight.scenario import LEAVES
+from mambo_model.schema import flatten
+from mambo_thesis.figures import truths
+from mambo_thesis.figures.truths import Mutation, MUTATIONS, Times
+import pytest
+
+DRAG = 'sim_node.simulator.vehicle.drag_coefficient'
+
+
+def scenario(name):
+    return scenario_file.load(name)[1]
+
+
+@pytest.mark.parametrize('name', MUTATIONS)
+def test_every_mutation_changes_parameters_that_there_are_and_nothing_else(name):
+    flight = scenario('fig_5_10')
+    before, after = (flatten(f) for f in (
+        flight, truths.changed(flight, MUTATIONS[name])))
+    different = {key for key in before if before[key] != after[key]}
+    assert different and different <= set(MUTATIONS[name].changes) <= set(LEAVES)
+
+
+def test_a_change_may_multiply_a_number_or_several():
+    assert Times(2.0).of(0.22) == 0.44
+    assert Times(2.0).of((1.0, 3.0)) == (2.0, 6.0)
+
+
+@pytest.mark.parametrize(('name', 'mutation', 'concerned'), [
+    ('fig_6_4/experiment', 'drag x 2', True), ('fig_6_4/simulation_with_drag', 'drag x 2', False),
+    ('fig_6_3/new_inertia', 'inertia x 2', True), ('fig_6_3/new_inertia', 'leak +1', False),
+    ('fig_3_3', 'wind', False), ('fig_5_10', 'wind', True)])
+def test_the_model_and_what_has_no_sensors_stay(name, mutation, concerned):
+    with truths.mutated(MUTATIONS[mutation]):
+        assert truths.of(name, scenario(name)) == (mutation if concerned else '')
+    assert truths.of(name, scenario(name)) == ''
+
+
+def test_a_block_has_its_own_seeds_and_leaves_none_behind():
+    with truths.mutated(None, (7,)):
+        assert truths.seeds() == (7,)
+    assert truths.seeds() == truths.SEEDS
+    with pytest.raises(RuntimeError), truths.mutated(MUTATIONS['wind'], (7,)):
+        raise RuntimeError
+    assert truths.seeds() == truths.SEEDS
+
+
+def test_a_vehicle_that_is_not_flown_is_mutated_too():
+    with truths.mutated(MUTATIONS['mass +10 %']):
+        assert truths.vehicle().mass == pytest.approx(1.1 * 0.068)
+    with truths.mutated(MUTATIONS['leak +1']):
+        assert truths.vehicle() == truths.vehicle('identified')
+    assert truths.vehicle().mass == 0.068
+
+
+def test_drag_laws_are_the_same_in_hover_at_1_m_s():
+    """-(f/4) k_c V, per mass and m/s, of the shipped vehicle."""
+    assert truths.HOVER_RATE == pytest.approx(0.54, abs=0.001)
+    changes = MUTATIONS['drag quadratic'].changes
+    assert changes['sim_node.simulator.vehicle.drag.parasitic_coefficient'][0] / 0.068 == (
+        pytest.approx(truths.HOVER_RATE))
+
+
+def test_an_unknown_parameter_does_not_pass_silently():
+    with pytest.raises(KeyError):
+        truths.changed(scenario('fig_5_10'), Mutation('x', '', {DRAG + 's': Times(2.0)}))
