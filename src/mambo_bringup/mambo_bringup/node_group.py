@@ -73,9 +73,10 @@ class NodeGroup:
         self._watchdog.keep(f'+{child.pid}')
         return child
 
-    def watch(self, begun: Callable[[], bool] = lambda: True, limit: float = math.inf) -> None:
+    def watch(self, begun: Callable[[], bool] = lambda: True, limit: float = math.inf,
+              hung: Callable[[], str] = str) -> None:
         """Wait until the flight is over, a node fails or the user stops it; see ``watch``."""
-        self.fault = watch(self.children, self.interrupts, self._owners, begun, limit)
+        self.fault = watch(self.children, self.interrupts, self._owners, begun, limit, hung)
 
     def _end(self) -> None:
         """End all nodes."""

@@ -353,7 +353,8 @@ class Interrupts:
 
 
 def watch(children: Sequence[NodeProcess], interrupts: Interrupts, owners: int = 1,
-          begun: Callable[[], bool] = lambda: True, limit: float = math.inf) -> str:
+          begun: Callable[[], bool] = lambda: True, limit: float = math.inf,
+          hung: Callable[[], str] = str) -> str:
     """
     Wait until the last children, which own time, end, any child fails, or the user stops.
 
@@ -369,6 +370,8 @@ def watch(children: Sequence[NodeProcess], interrupts: Interrupts, owners: int =
         Returns whether time has begun.
     limit : s
         Wall time until it must have.
+    hung
+        Returns which process does nothing any more, and has killed it; '' if none.
 
     Returns
     -------
@@ -386,6 +389,8 @@ def watch(children: Sequence[NodeProcess], interrupts: Interrupts, owners: int =
                     return trouble
         if not flying:
             return ''
+        if trouble := hung():
+            return trouble
         if time.monotonic() - started > limit and not begun():
             return f'{last[0].label} did not begin within {limit:g} s'
         time.sleep(0.02)

@@ -84,9 +84,9 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
             Path(options.trajectory).stem)
         estimator = ESTIMATORS.find(flight.estimator_node.estimator)
         name = f'{flown}_{estimator.name if estimator else flight.estimator_node.estimator}'
-    flight = scenarios.override(flight, {
+    flight = flight_options.applied(scenarios.override(flight, {
         'sim_node.mode': options.mode, 'sim_node.speed': 1.0 if options.speed is None else
-        options.speed, **flight_options.overrides(options.set)})
+        options.speed}), options)
     if options.speed is not None and flight.sim_node.mode != 'realtime':
         raise schema.ParameterError(
             f'--speed {options.speed:g} needs --mode realtime: lockstep always runs at full speed')
@@ -124,7 +124,7 @@ def _run(options: argparse.Namespace) -> None:
     if options.print_scenario:
         print(scenarios.commented_yaml(flight), end='')
     else:
-        for line in flight_options.remarks(flight):
+        for line in flight_options.remarks(flight, options.stretch):
             print(line)
         _fly_and_report(name, flight, options)
 

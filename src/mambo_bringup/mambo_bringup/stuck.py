@@ -1,11 +1,29 @@
-"""What to say of a node that had to be killed while compiled code of the user ran in it."""
+"""
+What becomes of a flight in which compiled code of the user never ends.
+
+A process of one node is ended as every node is. Nodes that are composed stand still together, the
+recorder among them: their process is killed once it has been silent for longer than the simulator
+waits for an answer, and what the recorder had written becomes a closed bag.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
+import signal
+import tempfile
+import time
 
+from mambo_bags.reader import BagError
+from mambo_bags.recover import recover
 from mambo_flight.scenario import Scenario
+from mambo_flight.supervised import own_compiled
 from mambo_model.components import own_components, where
+
+from .flight.nodes import COMPOSED
+from .processes import NodeProcess
+
+SLACK = 10.0  # s of silence beyond the simulator's patience
 
 
 def stuck(flight: Scenario, killed: Iterable[str]) -> str:
@@ -22,9 +40,61 @@ def stuck(flight: Scenario, killed: Iterable[str]) -> str:
     """
     said = []
     for name in killed:
-        params = getattr(flight, name, None)
+        params = flight if name == COMPOSED[1] else getattr(flight, name, None)
         for component in own_components(params) if params is not None else ():
             if component.compiled:
                 said.append(f'{name} had to be killed: the compiled step of '
                             f'{where(component.path, component.step)} may never end')
     return '; '.join(said)
+
+
+class Silence:
+    """
+    Kills a process of composed nodes whose flight stands still for too long.
+
+    Parameters
+    ----------
+    flight
+        What it flies; without compiled code of the user it is left alone.
+    child
+        The process.
+
+    """
+
+    def __init__(self, flight: Scenario, child: NodeProcess) -> None:
+        self._child, self._seen = child, -1
+        self._limit = flight.sim_node.patience + SLACK
+        self._watched = child.name == COMPOSED[1] and bool(own_compiled(flight))
+        self._since = time.monotonic()
+
+    def kill(self, flying: bool, count: int) -> str:
+        """
+        Kill the process if it flies and has been silent; return why, '' if it has not.
+
+        Parameters
+        ----------
+        flying
+            Whether the flight has begun and not ended.
+        count
+            Of the lines that it has printed: its simulator prints one every few seconds.
+
+        """
+        if not flying or count != self._seen:
+            self._seen, self._since = count, time.monotonic()
+        if not self._watched or time.monotonic() - self._since <= self._limit:
+            return ''
+        self._child.send(signal.SIGKILL)
+        return f'{self._child.label} did nothing for {self._limit:g} s'
+
+
+def closed_again(bag: Path) -> bool:
+    """Close the bag of a recorder that was killed; return whether anything is in it."""
+    with tempfile.TemporaryDirectory(dir=bag.parent, prefix=f'{bag.name}_') as folder:
+        whole = Path(folder) / bag.name
+        try:
+            recover(bag, whole)
+        except (BagError, OSError):
+            return False
+        bag.rename(Path(folder) / 'unclosed')
+        whole.rename(bag)
+    return True

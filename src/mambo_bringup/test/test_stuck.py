@@ -1,5 +1,10 @@
-"""A node that had to be killed names the user's compiled step, and no other."""
+"""A process with a compiled step that never ends: named, killed, its bag closed."""
 
+from pathlib import Path
+import shutil
+import signal
+
+from mambo_bags.reader import read_bag
 from mambo_bringup import stuck
 from mambo_flight.scenario import Scenario
 from mambo_model.components import Component
@@ -33,3 +38,75 @@ def test_other_nodes_say_nothing(component, killed):
 def test_plain_python_can_be_interrupted(component):
     component(False)
     assert not stuck.stuck(Scenario(), ['controller_node'])
+
+
+def test_composed_nodes_stand_for_all_of_them(monkeypatch, tmp_path):
+    found = Component('mine', object, len, len, True, path=tmp_path / 'mine.py')
+    monkeypatch.setattr(stuck, 'own_components', lambda params: [found])
+    assert 'composed_node had to be killed: the compiled step of ' in stuck.stuck(
+        Scenario(), ['composed_node'])
+
+
+class Child:
+    """A process that takes signals."""
+
+    label = name = 'composed_node'
+
+    def __init__(self):
+        self.signals = []
+
+    def send(self, number):
+        self.signals.append(number)
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Return the wall time, as a list of one number that the test changes."""
+    now = [100.0]
+    monkeypatch.setattr(stuck.time, 'monotonic', lambda: now[0])
+    monkeypatch.setattr(stuck, 'own_compiled', lambda flight: ['a component'])
+    return now
+
+
+def test_composed_nodes_that_stand_still_are_killed(clock):
+    child = Child()
+    silence, limit = stuck.Silence(Scenario(), child), 40.0  # 30 s of patience, and 10
+    for lines in (1, 2, 3):
+        clock[0] += 0.9 * limit
+        assert silence.kill(True, lines) == ''  # each line counts anew
+    clock[0] += 1.1 * limit
+    assert silence.kill(True, 3) == 'composed_node did nothing for 40 s'
+    assert child.signals == [signal.SIGKILL]
+
+
+def test_a_process_that_loads_or_closes_its_bag_is_left_alone(clock):
+    child = Child()
+    silence = stuck.Silence(Scenario(), child)
+    clock[0] += 1000.0
+    assert silence.kill(False, 5) == ''
+    clock[0] += 1.0
+    assert silence.kill(True, 5) == '' and not child.signals
+
+
+def test_built_in_nodes_are_left_alone(clock, monkeypatch):
+    monkeypatch.setattr(stuck, 'own_compiled', lambda flight: [])
+    silence = stuck.Silence(Scenario(), Child())
+    clock[0] += 1000.0
+    assert silence.kill(True, 0) == ''
+
+
+def test_the_bag_of_a_killed_recorder_is_closed_in_its_place(tmp_path):
+    bag = tmp_path / 'bag'
+    shutil.copytree(Path(__file__).parents[3] / 'bags/circle_short', bag)
+    file = next(bag.glob('*.mcap'))
+    file.write_bytes(file.read_bytes()[:file.stat().st_size // 2])  # the index is at the end
+    (bag / 'metadata.yaml').unlink(missing_ok=True)
+    assert stuck.closed_again(bag)
+    assert len(read_bag(bag)['motor_pwm']) > 100
+    assert list(tmp_path.iterdir()) == [bag]
+
+
+def test_an_empty_bag_is_not_closed(tmp_path):
+    (tmp_path / 'bag').mkdir()
+    assert not stuck.closed_again(tmp_path / 'bag')
+    assert list(tmp_path.iterdir()) == [tmp_path / 'bag']

@@ -11,13 +11,14 @@ from mambo_control.controllers import REGISTRY as CONTROLLERS
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
 from mambo_model import schema
 from mambo_model.components import remarks as component_remarks
+from mambo_model.errors import InputError
 from mambo_model.motion.trajectory import COURSE, TRAJECTORIES
 from mambo_model.vehicle.parameters import PRESETS
 
 from . import scenario as scenarios
 from .course import course_file, feasibility
 from .scenario import Scenario
-from .scenario_file import FIELDS, Place
+from .scenario_file import FIELDS, long_enough, Place
 
 
 def add(out: Parser, trajectory: str = '', controller: str = '') -> None:
@@ -56,6 +57,9 @@ def add(out: Parser, trajectory: str = '', controller: str = '') -> None:
         help='sensors without noise and bias')
     add('--no-landing', dest='landing', action='store_false', default=None,
         help='stay on the trajectory to the end')
+    add('--stretch', metavar='FACTOR',
+        help='fly the trajectory in FACTOR times its time; auto: a course in the least in which '
+        'the vehicle can, as the controller knows it')
     add('--set', action='append', default=[], metavar='NODE.PARAMETER=VALUE',
         help='set any parameter of any node; repeatable')
     add('--print-scenario', action='store_true',
@@ -90,8 +94,55 @@ def overrides(assignments: list[str]) -> dict[str, Any]:
     return out
 
 
-def remarks(flight: Scenario) -> Iterator[str]:
-    """Yield warnings about a flight, one line each: slow code, courses that cannot be flown."""
+def applied(flight: Scenario, options: argparse.Namespace) -> Scenario:
+    """
+    Return a flight with the changes of ``--set`` and ``--stretch``.
+
+    If the flight is as long as its course needs, its duration changes with the course.
+
+    Raises
+    ------
+    mambo_model.errors.MamboError
+        For a value that cannot be set, or a course that no speed makes feasible.
+
+    """
+    flight = scenarios.override(flight, overrides(options.set))
+    if options.stretch is None:
+        return flight
+    plan = flight.reference_node.plan
+    if options.stretch != 'auto':
+        factor = feasibility.factor(options.stretch, '--stretch')
+    elif plan.trajectory == COURSE:
+        factor = feasibility.stretch(plan.flown_course(), flight.reference_node.vehicle)
+    else:
+        raise InputError(f'--stretch auto is for courses: give a number for {plan.trajectory}')
+    rate, landing = 'reference_node.plan.scale_rate', bool(plan.landing_time)
+    slower = {rate: plan.scale_rate / factor}
+    if plan.trajectory == COURSE and flight.sim_node.duration == long_enough(plan, landing):
+        # built without landing: between the old and the new times, a course may not fit
+        untimed = scenarios.override(flight, {**slower, 'reference_node.plan.landing_time': 0.0})
+        duration = long_enough(untimed.reference_node.plan, landing)
+        slower['sim_node.duration'] = duration
+        slower['reference_node.plan.landing_time'] = (
+            scenarios.landing_time(duration) if landing else 0.0)
+    return scenarios.override(flight, slower)
+
+
+def remarks(flight: Scenario, stretch: str | None = None) -> Iterator[str]:
+    """
+    Yield warnings about a flight, one line each: slow code, courses that cannot be flown.
+
+    Parameters
+    ----------
+    flight
+        Scenario that is flown.
+    stretch
+        Value of ``--stretch``; None: not given.
+
+    """
+    if stretch is not None:
+        yield (f'stretched: flown at {flight.reference_node.plan.scale_rate:.4f} of its speed, '
+               f'{flight.sim_node.duration:g} s in all')
     yield from component_remarks(flight)
     plan = flight.reference_node.plan
     if plan.trajectory != COURSE:
@@ -103,7 +154,7 @@ def remarks(flight: Scenario) -> Iterator[str]:
     name = course_file.source(plan).partition(',')[0] or 'the course'
     try:
         rate = plan.scale_rate / feasibility.stretch(course, vehicle)
-        remedy = f'--set reference_node.plan.scale_rate={rate:.3f} slows it'
+        remedy = f'--stretch auto slows it: reference_node.plan.scale_rate={rate:.3f}'
     except feasibility.JobError:
         remedy = 'mambo trajectory check says more'
     yield f'warning: the vehicle cannot fly {name}: {failure} (time of the course); {remedy}'

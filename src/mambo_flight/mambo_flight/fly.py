@@ -7,14 +7,18 @@ The messages are those that the graph in lockstep records, byte for byte.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 import time
+from typing import Any
 
 from mambo_bags.command import guard, Parser, refuse_existing
 from mambo_model.errors import InputError, JobError
 
 from . import flight_options, recording_to_bag, scenario_file, supervised
-from .scenario import commented_yaml, override, Scenario
+from .scenario import commented_yaml, Scenario
+from .sweep import monte_carlo
+
 
 
 def _scenario(options: argparse.Namespace) -> tuple[str, Scenario]:
@@ -27,7 +31,15 @@ def _scenario(options: argparse.Namespace) -> tuple[str, Scenario]:
         flight = scenario_file.from_settings(given)
     else:
         raise InputError('give a SCENARIO or one of --trajectory, --controller, --estimator')
-    return name, override(flight, flight_options.overrides(options.set))
+    return name, flight_options.applied(flight, options)
+
+
+def _errors(metrics: Mapping[str, Any]) -> str:
+    """Return the errors of a flight in a few words."""
+    ending = f'; motors stopped ({metrics["shutdown_reason"]})' if metrics['shutdown'] else ''
+    return (f'tracking error {metrics["tracking_rms"]:.3g} m RMS, '
+            f'{metrics["tracking_max"]:.3g} m at most; '
+            f'estimation error {metrics["estimation_rms"]:.3g} m RMS{ending}')
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -41,7 +53,7 @@ def _run(options: argparse.Namespace) -> None:
     if not flight.sim_node.duration > 0.0:
         raise InputError(f'{name}: sim_node.duration must be more than 0 s')
     recording_to_bag.check(flight)
-    for line in flight_options.remarks(flight):
+    for line in flight_options.remarks(flight, options.stretch):
         print(line)
     began = time.monotonic()
     recording, fault = supervised.fly(flight, inner=True)
@@ -49,8 +61,9 @@ def _run(options: argparse.Namespace) -> None:
     recording_to_bag.write(options.output, flight, recording)
     end = time.monotonic()
     seconds = recording.t[-1] * 1e-9
+    print(f'{name}: {_errors(monte_carlo.measure(flight, recording))}')
     print(f'{name}: {seconds:.2f} s flown in {flown - began:.2f} s, bag written in '
-          f'{end - flown:.2f} s: {seconds / (end - began):.0f} times real time\n'
+          f'{end - flown:.2f} s: {seconds / (end - began):.3g} times real time\n'
           f'bag: {options.output}')
     if fault:
         raise JobError(f'{name}: {fault}')

@@ -254,5 +254,10 @@ def _duration(s: Settings, layer: _Layer, folder: Path) -> float:
         **course_file.plan(s.trajectory, folder), 'takeoff': s.takeoff,
         **{name.removeprefix(prefix): place.value for name, place in layer.parameters.items()
            if name.startswith(prefix)}})
-    return max(course_file.end(plan) + (scenarios.LANDING if s.landing else 0.0),
+    return long_enough(plan, s.landing)
+
+
+def long_enough(plan: FlightPlanParams, landing: bool) -> float:
+    """Return how long a flight is, in s, that flies its course to the end and lands if asked."""
+    return max(course_file.end(plan) + (scenarios.LANDING if landing else 0.0),
                scenarios.SHORTEST)

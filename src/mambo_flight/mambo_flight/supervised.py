@@ -14,6 +14,7 @@ import os
 import pickle
 import select
 import signal
+import struct
 import threading
 import time
 from typing import Any
@@ -30,6 +31,7 @@ from .scenario import Scenario
 
 HUNG = 10.0    # s of wall time in compiled code without a new step
 _LOOK = 0.05   # s between two checks of the copy
+_HEAD = struct.Struct('<q')  # length of each result of a copy in bytes
 _NEVER = -1    # marks a row that has not been flown
 
 
@@ -51,20 +53,29 @@ def fly(flight: Scenario, inner: bool = False) -> tuple[Recording, str]:
 
     """
     slots.latest_fault()  # forget faults of earlier flights
-    own = [c for c in own_components(flight) if c.compiled]
+    own = own_compiled(flight)
     if not own:
         return closed_loop.fly(flight, inner), slots.latest_fault()
     out = _each(closed_loop.blank(flight, inner), _shared)
     out.reason.fill(_NEVER)
     closed_loop.run(flight, _each(out, lambda column: column[:0]))  # compile before the fork
-    fault = _watched(flight, out)
-    if fault is not None:
-        return out, fault
+
+    def work(give: Callable[[str], None]) -> None:
+        closed_loop.run(flight, out)
+        give(slots.latest_fault())
+    given, ended = in_copy(work, lambda: int(np.argmax(out.reason == _NEVER)))
+    if ended:
+        return out, given[0]
     rows = int(np.argmax(out.reason == _NEVER))
     text = _describe(own, rows)
     if not rows:
         raise JobError(text)
     return _each(out, lambda column: column[:rows]), text
+
+
+def own_compiled(flight: Scenario) -> list[Component]:
+    """Return the user's components of a flight whose steps cannot be interrupted."""
+    return [component for component in own_components(flight) if component.compiled]
 
 
 def _describe(own: list[Component], rows: int) -> str:
@@ -91,54 +102,97 @@ def _shared(column: np.ndarray) -> np.ndarray:
     return out
 
 
-def _watched(flight: Scenario, out: Recording) -> str | None:
-    """Fly in a copy of this process; return the fault of a component, None if a step hangs."""
+def in_copy(
+    work: Callable[[Callable[[Any], None]], None], progress: Callable[[], Any] = lambda: None,
+) -> tuple[list[Any], bool]:
+    """
+    Do work in a copy of this process that is killed if it stops advancing.
+
+    Parameters
+    ----------
+    work
+        Called in the copy with a function that sends one result to this process.
+    progress
+        Returns a value that changes while the work advances. Results and Python code that runs
+        count as progress too.
+
+    Returns
+    -------
+    results
+        In the order in which they were sent.
+    ended
+        Whether the work ended; False: it did not advance for :data:`HUNG` and was killed.
+
+    Raises
+    ------
+    BaseException
+        The exception that the work raised; JobError if the copy was killed from outside.
+
+    """
     beat = _shared(np.zeros(1, dtype=np.int64))
     read, write = os.pipe()
     with warnings.catch_warnings():
         warnings.simplefilter('ignore', DeprecationWarning)  # the copy needs no other thread
         copy = os.fork()
     if not copy:
-        _run_in_copy(flight, out, beat, write)
+        _run_in_copy(work, beat, write)
     os.close(write)
-    ended = False
+    over = False
     try:
-        with open(read, 'rb') as pipe:
-            seen, since = (0, 0), time.monotonic()
-            while not select.select([pipe], [], [], _LOOK)[0]:
-                at = (int(np.argmax(out.reason == _NEVER)), int(beat[0]))
-                if at != seen:
-                    seen, since = at, time.monotonic()
-                elif time.monotonic() - since > HUNG:
-                    return None
-            data = pipe.read()
-        ended = True
+        with open(read, 'rb', buffering=0) as pipe:
+            results, over = _collected(pipe, lambda: (progress(), int(beat[0])))
     finally:
-        if not ended:
+        if not over:
             os.kill(copy, signal.SIGKILL)
         os.waitpid(copy, 0)
-    result = pickle.loads(data) if data else JobError('the process of the flight was killed')
-    if isinstance(result, BaseException):
-        raise result
-    return result
+    return results, over
 
 
-def _run_in_copy(flight: Scenario, out: Recording, beat: np.ndarray, write: int) -> None:
-    """Fly, send the fault or the error, and exit at once, without Python's clean-up."""
+def _collected(pipe: Any, progress: Callable[[], Any]) -> tuple[list[Any], bool]:
+    """Return the results of a copy, and whether it ended."""
+    results: list[Any] = []
+    data, seen, since = b'', None, time.monotonic()
+    while True:
+        if select.select([pipe], [], [], _LOOK)[0]:
+            part = pipe.read(1 << 16)
+            if not part:
+                raise JobError('the process of the flight was killed')
+            data += part
+        while len(data) >= _HEAD.size and len(data) >= (
+                end := _HEAD.size + _HEAD.unpack_from(data)[0]):
+            kind, value = pickle.loads(data[_HEAD.size:end])
+            if kind == 'raised':
+                raise value
+            if kind == 'ended':
+                return results, True
+            results.append(value)
+            data = data[end:]
+        at = (progress(), len(results))
+        if at != seen:
+            seen, since = at, time.monotonic()
+        elif time.monotonic() - since > HUNG:
+            return results, False
+
+
+def _run_in_copy(
+    work: Callable[[Callable[[Any], None]], None], beat: np.ndarray, write: int,
+) -> None:
+    """Do the work, send its results or its error, and exit without Python's clean-up."""
     def live() -> None:
         """Count while Python runs: compiling and slow Python code do not count as hanging."""
         while True:
             beat[0] += 1
             time.sleep(_LOOK)
-    result: Any = ''
+
+    def give(kind: str, value: Any) -> None:
+        data = pickle.dumps((kind, value))
+        pipe.write(_HEAD.pack(len(data)) + data)
+    pipe = open(write, 'wb', buffering=0)
     try:
         threading.Thread(target=live, daemon=True).start()
-        closed_loop.run(flight, out)
-        result = slots.latest_fault()
+        work(lambda value: give('result', value))
+        give('ended', None)
     except BaseException as error:
-        result = error
+        give('raised', error)
     finally:
-        try:
-            os.write(write, pickle.dumps(result))
-        finally:
-            os._exit(0)
+        os._exit(0)

@@ -2,9 +2,13 @@
 
 from mambo_bags.command import Parser
 from mambo_flight import flight_options, fly
+from mambo_flight.course import feasibility
 from mambo_flight.scenario import override, Scenario
 from mambo_flight.scenario_file import from_settings, Place
+from mambo_model.motion import uav_trajectories
+from mambo_model.motion.polynomial import stretched
 from mambo_model.schema import ParameterError
+from mambo_model.vehicle.parameters import Vehicle
 import pytest
 import yaml
 
@@ -69,3 +73,48 @@ def test_the_command_prints_what_it_would_fly(tmp_path, capsys):
     assert sim['duration'] == 30.0 and sim['simulator']['vehicle']['mass'] == 0.063
     assert fly.main(['--trajectory', 'circle']) == 2
     assert capsys.readouterr().err == 'fly: -o/--output is missing\n'
+
+
+FAST = 't,x,y,height\n0,0,0,1.5\n1.4,6,0,1.5\n2.8,0,0,1.5\n'
+
+
+def printed(capsys, *arguments):
+    """Return parameters of the flight that a command line asks for: plan, and duration."""
+    assert fly.main([*arguments, '--print-scenario']) == 0
+    nodes = yaml.safe_load(capsys.readouterr().out)
+    return (nodes['/mambo/reference_node']['ros__parameters']['plan'],
+            nodes['/mambo/sim_node']['ros__parameters']['duration'])
+
+
+def test_a_course_is_stretched_until_it_can_be_flown_and_its_flight_with_it(tmp_path, capsys):
+    file = tmp_path / 'fast.csv'
+    file.write_text(FAST)
+    plan, duration = printed(capsys, '--trajectory', str(file))
+    slow, longer = printed(capsys, '--trajectory', str(file), '--stretch', 'auto')
+    course = uav_trajectories.parse(slow['course'], 'course')
+    assert feasibility.check(stretched(course, 1.0 / slow['scale_rate']), Vehicle()) is None
+    assert feasibility.check(stretched(course, 0.99 / slow['scale_rate']), Vehicle()) is not None
+    # 2.8 s become 2.8 s over the rate; both flights end in whole seconds
+    assert longer - duration == pytest.approx(2.8 / slow['scale_rate'] - 2.8, abs=1.0)
+    assert slow['landing_time'] - plan['landing_time'] == longer - duration
+    _, asked = printed(capsys, '--trajectory', str(file), '--stretch', '2', '--duration', '50')
+    assert asked == 50.0
+
+
+def test_a_factor_slows_any_trajectory(capsys):
+    plan, duration = printed(capsys, '--trajectory', 'circle', '--stretch', '2')
+    assert (plan['scale_rate'], duration) == (0.5, 40.0)
+
+
+@pytest.mark.parametrize(('text', 'wanted'), [
+    ('auto', 'fly: --stretch auto is for courses: give a number for circle\n'),
+    ('slow', 'fly: --stretch slow: write a number, or auto\n'),
+    ('0', 'fly: --stretch 0 must be within 0.01 to 100\n')])
+def test_what_cannot_be_stretched_is_refused(capsys, text, wanted):
+    assert fly.main(['--trajectory', 'circle', '--stretch', text, '-o', 'bag']) == 2
+    assert capsys.readouterr().err == wanted
+
+
+def test_what_was_stretched_is_said():
+    line, = flight_options.remarks(Scenario(), 'auto')
+    assert line.startswith('stretched: flown at 1.0000 of its speed')

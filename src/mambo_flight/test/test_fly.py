@@ -12,6 +12,9 @@ landing: false
 seed: 2
 """
 
+METRICS = {'tracking_rms': 0.0123, 'tracking_max': 0.1, 'estimation_rms': 0.2, 'shutdown': True,
+           'shutdown_reason': 'crash'}
+
 
 @pytest.fixture
 def flown(monkeypatch):
@@ -23,6 +26,7 @@ def flown(monkeypatch):
         end = round(flight.sim_node.duration * 1e9)
         return SimpleNamespace(inner=inner, t=[0, end]), ''
     monkeypatch.setattr(fly.supervised, 'fly', record)
+    monkeypatch.setattr(fly.monte_carlo, 'measure', lambda flight, recording: METRICS)
     monkeypatch.setattr(fly.recording_to_bag, 'write', lambda path, *_: path.mkdir())
     return flights
 
@@ -40,6 +44,8 @@ def test_a_file_is_flown_as_it_says(file, tmp_path, capsys, flown):
     assert (flight.sim_node.duration, flight.sim_node.simulator.seed) == (3.0, 2)
     output = capsys.readouterr().out.splitlines()
     assert output[-2].startswith(f'{file}: 3.00 s flown in ') or ': 3.00 s flown in ' in output[-2]
+    assert output[-3].endswith('tracking error 0.0123 m RMS, 0.1 m at most; estimation error 0.2 '
+                               'm RMS; motors stopped (crash)')
     assert output[-2].endswith(' times real time') and output[-1] == f'bag: {tmp_path / "bag"}'
 
 

@@ -67,7 +67,8 @@ class Progress:
 
     def __init__(self, duration: float, shown: bool = True) -> None:
         self.flown, self.took, self.missed, self.delay = 0.0, 0.0, 0, ''
-        self.begun = False
+        self.begun = self.ended = False
+        self.lines = 0
         self._bar = tqdm(
             total=duration, desc='starting (compiles once)', leave=False,
             disable=None if shown else True,
@@ -75,9 +76,11 @@ class Progress:
 
     def line(self, text: str) -> None:
         """Update from one line of the simulator."""
+        self.lines += 1
         self.begun = self.begun or bool(_BEGUN.search(text))
         if found := _FLOWN.search(text):
             self.flown, self.took, self.missed = float(found[1]), float(found[2]), int(found[3])
+            self.ended = True
         elif found := _DELAY.search(text):
             self.delay = found[0]
         elif found := _WAITS.search(text):

@@ -15,9 +15,10 @@ from mambo_flight import scenario as scenarios
 
 from ..node_group import NodeGroup
 from ..processes import FlightInputError, NodeProcess
-from ..stuck import stuck
+from ..stuck import closed_again, Silence, stuck
 from .nodes import (
-    label, NAMESPACE, RECORDER, recorder_topics, REPLACEABLE, run_parameters, start_arguments)
+    COMPOSED, label, NAMESPACE, RECORDER, recorder_topics, REPLACEABLE, run_parameters,
+    start_arguments)
 from .outcome import FlightEndedError, listener, Outcome, Progress, refused, used
 
 _LOADING = 60.0  # s that nodes may take to load, at least
@@ -74,6 +75,7 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
             raise FlightInputError(f'{bag} exists: give another --output or remove it')
     progress: dict[str, Progress] = {}
     started: dict[str, list[NodeProcess]] = {}
+    silences: dict[str, Silence] = {}
     with ExitStack() as bars, NodeGroup(RECORDER[1], len(flights)) as group:
         last = []
         for number, (namespace, flight) in enumerate(flights.items()):
@@ -93,12 +95,16 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
             started[namespace].append(group.start(
                 *node, arguments, listener(progress[namespace], started[namespace]),
                 label(namespace, node)))
+            silences[namespace] = Silence(flights[namespace], started[namespace][-1])
         if without:
             print(_invitation(without, flights, group.domain), flush=True)
         patience = max(flight.sim_node.start_patience for flight in flights.values())
         group.watch(  # the nodes' patience begins when they are loaded
             lambda: all(each.begun for each in progress.values()),
-            patience + max(patience, _LOADING))
+            patience + max(patience, _LOADING),
+            lambda: next(filter(None, (
+                silences[space].kill(bar.begun and not bar.ended, bar.lines)
+                for space, bar in progress.items())), ''))
     outcomes = [
         _outcome(bags[namespace], progress[namespace], started[namespace],
                  flights[namespace], group)
@@ -122,7 +128,10 @@ def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess],
     asked = flight.sim_node.duration
     killed = [node.name for node in nodes if node.exit_code == -signal.SIGKILL]
     closed = nodes[0].exit_code == 0 and bag.exists()
-    fault = '; '.join(filter(None, (group.fault, stuck(flight, killed))))
+    step = stuck(flight, killed)
+    if step and COMPOSED[1] in killed and bag.exists():
+        closed = closed_again(bag)
+    fault = '; '.join(filter(None, (group.fault, step)))
     if fault and progress.flown:
         fault = f'flew {progress.flown:.2f} of {asked:g} s: {fault}'
     return Outcome(

@@ -60,17 +60,6 @@ def add_course(out: Parser) -> None:
         help=f"one of: {', '.join(PRESETS)}, or a file (default: identified)")
 
 
-def _factor(text: str, option: str) -> float:
-    """Return the factor given by an option; InputError if it is not valid."""
-    try:
-        value = float(text)
-    except ValueError:
-        raise InputError(f'{option} {text}: write a number, or auto') from None
-    if not 0.01 <= value <= 100.0:
-        raise InputError(f'{option} {text} must be within 0.01 to 100')
-    return value
-
-
 def chosen(options: argparse.Namespace) -> tuple[Course, Vehicle, float]:
     """
     Return course, vehicle and stretch of time that the options of :func:`add_course` select.
@@ -93,14 +82,14 @@ def chosen(options: argparse.Namespace) -> tuple[Course, Vehicle, float]:
         course = course_file.read(Path(options.course).expanduser(), over)
     vehicle, factor = find(options.vehicle), 1.0
     if options.scale is not None:
-        course = resized(course, _factor(str(options.scale), '--scale'))
+        course = resized(course, feasibility.factor(str(options.scale), '--scale'))
     if options.height is not None:
         if not abs(options.height) <= FARTHEST:
             raise InputError(f'--height {options.height:g} must be at most {FARTHEST:g} m')
         course = raised(course, options.height)
     if options.stretch is not None:
         factor = (feasibility.stretch(course, vehicle) if options.stretch == 'auto'
-                  else _factor(options.stretch, '--stretch'))
+                  else feasibility.factor(options.stretch, '--stretch'))
         course = stretched(course, factor)
     return course, vehicle, factor
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from mambo_control.drag_feedforward import drag_acceleration, reference_drag_rates
 from mambo_control.gains import CascadedParams
 from mambo_model.compiled import jit
-from mambo_model.errors import JobError
+from mambo_model.errors import InputError, JobError
 from mambo_model.motion.flatness import body_velocity, from_flat_output_yaw
 from mambo_model.motion.polynomial import Array, Course, evaluate, Pieces, stretched
 from mambo_model.motion.rigid_body import State
@@ -162,6 +162,17 @@ def failure(t: Array, columns: Array, vehicle: Vehicle) -> Failure | None:
 def check(course: Course, vehicle: Vehicle) -> Failure | None:
     """Return the first point of a course that a vehicle cannot fly, else None."""
     return failure(*demand(course, vehicle), vehicle)
+
+
+def factor(text: str, option: str) -> float:
+    """Return the factor given by an option; InputError if it is not valid."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise InputError(f'{option} {text}: write a number, or auto') from None
+    if not 0.01 <= value <= 100.0:
+        raise InputError(f'{option} {text} must be within 0.01 to 100')
+    return value
 
 
 def stretch(course: Course, vehicle: Vehicle) -> float:

@@ -21,7 +21,7 @@ from mambo_model.vehicle.parameters import Vehicle
 import numpy as np
 
 from ..course import function_course, minimum_snap
-from ..scenario import override, Scenario, scenario
+from ..scenario import override, replaced, Scenario, scenario, SEEDS
 
 DURATION = 30.0  # s
 WRONG = 0.2      # relative error of mass and drag
@@ -43,6 +43,7 @@ ENTRANTS = {
     'extended': Entrant('extended', {}, 'the same, drag and mass estimated, exact integral'),
     'geometric': Entrant('geometric', {}, 'Lee 2010'),
     'flatness_drag': Entrant('flatness_drag', {}, 'Faessler 2018'),
+    'integral': Entrant('flatness_drag', {'k_i': 20.0}, 'the same with integral action'),
     'indi': Entrant('indi', {}, 'Smeur 2016, Sun 2022'),
 }
 
@@ -146,6 +147,13 @@ def _true(mass: float, drag: float, wind: tuple, lag: float, supply: float) -> d
         f'{at}wind.velocity': wind, f'{at}wind.gust': (GUST, GUST, GUST)}
 
 
+TRUE, ESTIMATED, AIDED = 'true', 'estimated', 'aided'
+STATES = {
+    TRUE: {},  # flown without sensors
+    ESTIMATED: {},
+    AIDED: {'estimator_node.estimator': 'joint', 'estimator_node.joint.pose.enabled': True,
+            'controller_node.estimate': 'map'}}
+"""The state that a controller gets, and the parameters that select it."""
 CONDITIONS = {'known': known, 'twenty_percent': twenty_percent, 'everything': everything}
 
 
@@ -170,32 +178,39 @@ class Comparison:
         Names in :data:`COURSES` and :data:`CONDITIONS`.
     draws
         Flights of each combination; one if nothing is random.
-    ideal
-        Whether the controllers get the true state.
+    state
+        Name in :data:`STATES`.
 
     """
 
     def __init__(
         self, entrants: Mapping[str, Entrant], courses: Sequence[str], conditions: Sequence[str],
-        draws: int, ideal: bool,
+        draws: int, state: str,
     ) -> None:
-        self.entrants, self.ideal = entrants, ideal
+        self.entrants, self.state = entrants, state
+        self._bases: dict[tuple[str, str], Scenario] = {}
         self.starts = [
             Start(entrant, course, condition, draw)
             for entrant in entrants for condition in conditions for course in courses
-            for draw in range(1 if condition == 'known' and ideal else draws)]
+            for draw in range(1 if condition == 'known' and state == TRUE else draws)]
 
     def __len__(self) -> int:
         return len(self.starts)
 
     def __getitem__(self, number: int) -> Scenario:
         start = self.starts[number]
-        entrant, node = self.entrants[start.entrant], 'controller_node.'
-        flight = scenario(
-            controller=entrant.controller, duration=DURATION, seed=start.draw + 1, land=False)
+        key = (start.entrant, start.course)
+        if key not in self._bases:  # takes as long as a flight: once for all draws
+            self._bases[key] = self._base(*key)
+        return replaced(self._bases[key], {
+            **dict.fromkeys(SEEDS, start.draw + 1), **CONDITIONS[start.condition](start.draw)})
+
+    def _base(self, name: str, course: str) -> Scenario:
+        """Return the flight of a controller over a course without model errors."""
+        entrant, node = self.entrants[name], 'controller_node.'
+        flight = scenario(controller=entrant.controller, duration=DURATION, land=False)
         return override(flight, {
-            **{f'reference_node.plan.{name}': value
-               for name, value in _plan(start.course).items()},
-            **{f'{node}{entrant.controller}.{name}': value
-               for name, value in entrant.settings.items()},
-            **CONDITIONS[start.condition](start.draw)})
+            **{f'reference_node.plan.{key}': value for key, value in _plan(course).items()},
+            **{f'{node}{entrant.controller}.{key}': value
+               for key, value in entrant.settings.items()},
+            **STATES[self.state]})

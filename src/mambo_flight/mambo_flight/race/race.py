@@ -20,13 +20,17 @@ from mambo_model.errors import InputError
 from . import report
 from ..sweep.run import run
 from ..sweep.table import Journal, SweepEndedError
-from .comparison import Comparison, CONDITIONS, COURSES, enter, Entrant, ENTRANTS
+from .comparison import (
+    Comparison, CONDITIONS, COURSES, enter, Entrant, ENTRANTS, STATES, TRUE)
 from .timing import step_time
+
+NUMBERS = 'controllers.json'
 
 
 def race(
     folder: Path, entrants: Mapping[str, Entrant], courses: Sequence[str],
-    conditions: Sequence[str], draws: int, states: Sequence[bool], workers: int | None = None,
+    conditions: Sequence[str], draws: int, states: Sequence[str], workers: int | None = None,
+    add: bool = False,
 ) -> list[report.Result]:
     """
     Fly a comparison and write its page.
@@ -38,57 +42,57 @@ def race(
     entrants, courses, conditions, draws
         See :class:`Comparison`.
     states
-        Whether the controllers get the true state, for each round of flights.
+        Names in :data:`STATES`, flown one after the other.
     workers
         Number of processes; None: one for each core.
+    add
+        Whether to keep the results of other flights that the page has.
 
     Raises
     ------
     InputError
-        If the unfinished rows in the folder belong to another comparison.
+        If the unfinished rows in the folder belong to another comparison, or there is no page
+        to add to.
     SweepEndedError
         If it was interrupted; the finished rows are kept.
 
     """
+    steps, before = report.load(folder / NUMBERS) if add else ({}, [])
     folder.mkdir(parents=True, exist_ok=True)
     found: list[report.Result] = []
     journals = []
-    for ideal in states:
-        flights = Comparison(entrants, courses, conditions, draws, ideal)
+    for state in states:
+        flights = Comparison(entrants, courses, conditions, draws, state)
         digest = hashlib.sha256(
             f'{source_digest()} {entrants} {flights.starts}'.encode()).hexdigest()
-        name = 'true_state' if ideal else 'estimates'
-        journals.append(Journal(folder / f'race_{name}.rows', digest))
+        journals.append(Journal(folder / f'race_{state}.rows', digest))
         try:
-            run(flights, journals[-1], ideal, workers)
+            run(flights, journals[-1], state == TRUE, workers)
         except BaseException:
             for journal in journals:
                 journal.close()
             raise
-        found += report.results(flights.starts, journals[-1].rows, ideal)
-    times = {name: step_time(Comparison({name: entrant}, courses[:1], ['known'], 1, True)[0])
-             for name, entrant in entrants.items()}
-    _write(folder, found, entrants, times, conditions, draws)
+        found += report.results(flights.starts, journals[-1].rows, state)
+    for name, entrant in entrants.items():
+        flight = Comparison({name: entrant}, courses[:1], ['known'], 1, TRUE)[0]
+        steps[name] = entrant.title, step_time(flight)
+    _write(folder, report.merged(before, found), steps)
     for journal in journals:
         journal.remove()
     return found
 
 
 def _write(
-    folder: Path, found: Sequence[report.Result], entrants: Mapping[str, Entrant],
-    times: dict[str, float], conditions: Sequence[str], draws: int,
+    folder: Path, found: Sequence[report.Result], steps: dict[str, tuple[str, float]],
 ) -> None:
-    pictures = []
-    for condition in conditions:
-        pictures.append(f'controllers_{condition}.png')
-        report.draw(folder / pictures[-1], found, condition)
-    about = (f'{sum(r.flights for r in found)} flights of 30 s, {draws} draws of each kind '
-             '(one if nothing is random).')
-    steps = {name: (entrants[name].title, took) for name, took in times.items()}
-    (folder / 'controllers.md').write_text(report.markdown(found, steps, about, pictures))
-    (folder / 'controllers.json').write_text(json.dumps(
-        {'draws': draws, 'step_us': times, 'results': [r._asdict() for r in found]}, indent=1)
-        + '\n')
+    pictures = {condition: f'controllers_{condition}.png' for condition in dict.fromkeys(
+        r.condition for r in found)}
+    for condition, name in pictures.items():
+        report.draw(folder / name, found, condition)
+    (folder / 'controllers.md').write_text(
+        report.markdown(found, steps, list(pictures.values())))
+    (folder / NUMBERS).write_text(json.dumps(
+        {'steps_us': steps, 'results': [r._asdict() for r in found]}, indent=1) + '\n')
 
 
 def _names(text: str, known: Sequence[str], option: str) -> list[str]:
@@ -109,9 +113,9 @@ def _run(options: argparse.Namespace) -> None:
     names = (enter([*given, *options.controller]),
              _names(options.courses, COURSES, '--courses'),
              _names(options.conditions, list(CONDITIONS), '--conditions'))
-    states = {'both': (True, False), 'true': (True,), 'estimated': (False,)}[options.state]
+    states = _names(options.state, list(STATES), '--state')
     try:
-        race(options.output, *names, options.draws, states, options.workers)
+        race(options.output, *names, options.draws, states, options.workers, options.add)
     except KeyboardInterrupt:
         raise SweepEndedError(
             'stopped by you; finished flights are kept, the same command continues') from None
@@ -133,8 +137,12 @@ def parser() -> Parser:
         help=f'comma-separated names out of {", ".join(ENTRANTS)} (default: all)')
     for name, known in (('courses', COURSES), ('conditions', CONDITIONS)):
         add(f'--{name}', default='', metavar='A,B,...', help=f'out of {", ".join(known)}')
-    add('--state', default='both', choices=('both', 'true', 'estimated'),
-        help='state that the controllers get: true or estimated (default: both)')
+    add('--state', default='', metavar='A,B,...',
+        help=f'what the controllers get, out of {", ".join(STATES)}: the true state, an estimate '
+        'from the sensors on board, one that motion capture aids')
+    add('--add', action='store_true',
+        help='keep what the page in FOLDER has of other flights, which this version of the '
+        'software must still fly as they were')
     add('--workers', type=int, metavar='N', help='processes (default: one for each core)')
     return out
 

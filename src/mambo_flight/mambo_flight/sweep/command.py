@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from mambo_bags.command import guard, Parser, refuse_existing
+from mambo_model.errors import JobError
 import numpy as np
 
 from . import design, monte_carlo, plot, table
@@ -108,6 +109,11 @@ def _run(options: argparse.Namespace) -> None:
         raise SweepEndedError(
             'stopped by you; finished flights are kept, the same command continues') from None
     print(f'{summary(data)}\ntable: {options.output}\nplots: {options.output.with_suffix(".png")}')
+    faults = {number: fault for number, fault in enumerate(data['fault']) if fault}
+    if faults:
+        number, fault = next(iter(faults.items()))
+        raise JobError(f'a component failed in {len(faults)} of {len(data["fault"])} flights, the '
+                       f'first is flight {number}: {fault}')
 
 
 def parser() -> Parser:

@@ -13,8 +13,8 @@ from typing import Any, Protocol
 
 from tqdm import tqdm
 
-from . import monte_carlo
 from ..scenario import Scenario
+from .guarded import fly
 from .table import batches, Journal, SweepEndedError, SweepError
 
 BATCH = 16  # largest number of flights in a batch for a worker
@@ -29,13 +29,6 @@ class Numbered(Protocol):
 
     def __getitem__(self, number: int) -> Scenario:
         """Return one scenario."""
-
-
-def fly(flights: Sequence[Scenario], ideal: bool) -> list[dict[str, Any]]:
-    """Fly a batch, with or without sensors, and return its metrics; runs in a worker."""
-    if ideal:
-        return list(monte_carlo.fly_many(flights))
-    return [monte_carlo.fly_with_sensors(flight) for flight in flights]
 
 
 def _nothing() -> None:

@@ -39,7 +39,7 @@ def parameters(sweep: Sweep, number: int) -> dict[str, Any]:
 
 def digest(flights: Flights, ideal: bool) -> str:
     """Return a hash of everything that the result depends on: flights, sensors, numerics."""
-    out = hashlib.sha256(f'{ideal} {source_digest()}'.encode())
+    out = hashlib.sha256(f'{ideal} {source_digest()} with faults'.encode())
     out.update(repr([axis.name for axis in flights.sweep.axes]).encode())
     for row in flights.sweep.rows:
         out.update(repr(row).encode())

@@ -5,7 +5,8 @@ from pathlib import Path
 
 from mambo_flight.course import feasibility
 from mambo_flight.race.comparison import (
-    Comparison, CONDITIONS, COURSES, DURATION, enter, ENTRANTS, GUST, Start)
+    Comparison, CONDITIONS, COURSES, DURATION, enter, ENTRANTS, GUST, Start, STATES)
+from mambo_flight.scenario import override, scenario
 from mambo_model.errors import InputError
 from mambo_model.motion.trajectory import reference_at
 from mambo_model.vehicle.parameters import Vehicle
@@ -22,7 +23,7 @@ def true(flight):
 
 def test_every_entrant_flies_the_same_vehicles_in_the_same_wind():
     comparison = Comparison(
-        enter(('indi', 'geometric')), ('circle', 'step'), ('everything',), 3, True)
+        enter(('indi', 'geometric')), ('circle', 'step'), ('everything',), 3, 'true')
     flights = [comparison[number] for number in range(len(comparison))]
     assert len(flights) == 12
     for (a, one), (b, other) in itertools.combinations(zip(comparison.starts, flights), 2):
@@ -33,9 +34,9 @@ def test_every_entrant_flies_the_same_vehicles_in_the_same_wind():
 
 
 def test_what_is_wrong_is_what_the_condition_says():
-    known, = (f for f in [Comparison(enter(('indi',)), ('circle',), ('known',), 9, True)[0]])
+    known, = (f for f in [Comparison(enter(('indi',)), ('circle',), ('known',), 9, 'true')[0]])
     assert true(known)[0] == Vehicle() and known.sim_node.simulator.wind.values() is None
-    comparison = Comparison(enter(('indi',)), ('circle',), ('twenty_percent',), 4, True)
+    comparison = Comparison(enter(('indi',)), ('circle',), ('twenty_percent',), 4, 'true')
     vehicles = [true(comparison[k])[0] for k in range(4)]
     assert {(round(v.mass / 0.068, 9), round(v.drag_coefficient / 0.22, 9)) for v in vehicles} == {
         (1.2, 1.2), (1.2, 0.8), (0.8, 1.2), (0.8, 0.8)}
@@ -49,15 +50,16 @@ def test_what_is_wrong_is_what_the_condition_says():
 
 
 def test_a_flight_where_nothing_is_drawn_is_flown_once():
-    assert len(Comparison(enter(('indi',)), COURSES, ('known',), 50, True)) == len(COURSES)
-    assert len(Comparison(enter(('indi',)), COURSES, ('known',), 50, False)) == 50 * len(COURSES)
+    assert len(Comparison(enter(('indi',)), COURSES, ('known',), 50, 'true')) == len(COURSES)
+    noisy = Comparison(enter(('indi',)), COURSES, ('known',), 50, 'estimated')
+    assert len(noisy) == 50 * len(COURSES)
 
 
 def test_a_controller_from_a_file_races_under_its_own_name():
     entrants = enter(['indi', f'{PD}', 'toolbox'])
     assert list(entrants) == ['indi', 'pd_controller', 'toolbox']
     assert 'sha256' in entrants['pd_controller'].title
-    comparison = Comparison(entrants, ('circle',), ('everything',), 2, True)
+    comparison = Comparison(entrants, ('circle',), ('everything',), 2, 'true')
     assert [start.entrant for start in comparison.starts[::2]] == list(entrants)
     assert comparison[2].controller_node.controller == str(PD)
     assert true(comparison[3]) == true(comparison[1])
@@ -80,18 +82,35 @@ def test_a_file_with_the_name_of_an_entrant_is_refused(tmp_path):
         enter([str(tmp_path / 'feedforward.py')])
 
 
+def test_a_draw_changes_what_it_would_change_in_a_flight_built_from_nothing():
+    for state in STATES:
+        comparison = Comparison(
+            enter(('feedforward',)), ('lemniscate',), ('everything',), 3, state)
+        base = scenario(controller='cascaded', duration=DURATION, seed=3, land=False)
+        assert comparison[2] == override(base, {
+            'reference_node.plan.trajectory': 'course',
+            'reference_node.plan.course': comparison[0].reference_node.plan.course,
+            'controller_node.cascaded.drag_feedforward': True,
+            **STATES[state], **CONDITIONS['everything'](2)})
+
+
+def test_an_aided_controller_answers_the_estimate_in_map():
+    flight = Comparison(enter(('indi',)), ('circle',), ('known',), 1, 'aided')[0]
+    assert flight.estimator_node.aided and flight.controller_node.estimate == 'map'
+
+
 def test_settings_of_an_entrant_reach_its_controller():
-    flight = Comparison(enter(('feedforward',)), ('circle',), ('known',), 1, True)[0]
+    flight = Comparison(enter(('feedforward',)), ('circle',), ('known',), 1, 'true')[0]
     assert flight.controller_node.controller == 'cascaded'
     assert flight.controller_node.law.drag_feedforward
-    plain = Comparison(enter(('cascaded',)), ('circle',), ('known',), 1, True)[0]
+    plain = Comparison(enter(('cascaded',)), ('circle',), ('known',), 1, 'true')[0]
     assert not plain.controller_node.law.drag_feedforward
     assert set(ENTRANTS) >= {'extended', 'flatness_drag', 'geometric', 'indi'}
 
 
 @pytest.mark.parametrize('course', ['lemniscate', 'minimum_snap'])
 def test_the_vehicle_can_fly_the_courses(course):
-    plan = Comparison(enter(('indi',)), (course,), ('known',), 1, True)[0].reference_node.plan
+    plan = Comparison(enter(('indi',)), (course,), ('known',), 1, 'true')[0].reference_node.plan
     assert feasibility.check(plan.flown_course(), Vehicle()) is None
     speeds = [np.linalg.norm(reference_at(float(t), plan, Vehicle())[0].v)
               for t in np.arange(5.0, DURATION, 0.1)]

@@ -15,6 +15,8 @@ ROW = {'tracking_rms': 0.01, 'tracking_max': 0.1, 'tracking_final': 0.02, 'satur
     (['--controllers', 'indi,foo'], "controller 'foo' is unknown: give a file"),
     (['--controller', 'none.py'], 'none.py: No such file'),
     (['--courses', 'square'], '--courses: square is unknown; known: circle, '),
+    (['--state', 'dreamt'], '--state: dreamt is unknown; known: true, estimated, aided'),
+    (['--add'], 'controllers.json: No such file or directory: race without --add first'),
     (['--conditions', 'storm'], '--conditions: storm is unknown; known: known, '),
     (['--draws', '0'], '--draws 0: must be 1 or more'),
     (['--workers', '0'], '--workers 0: must be 1 or more')])
@@ -44,7 +46,7 @@ def test_a_race_writes_its_page_and_goes_on_after_an_interruption(tmp_path, monk
     page = json.loads((out / 'controllers.json').read_text())
     assert [(r['course'], r['flights'], r['rms']) for r in page['results']] == [
         ('circle', 2, 0.01), ('step', 2, 0.01)]
-    assert page['step_us'] == {'indi': 0.5}
+    assert page['steps_us'] == {'indi': ['Smeur 2016, Sun 2022', 0.5]}
     assert (out / 'controllers.md').read_text().startswith('# Controllers compared')
     assert (out / 'controllers_twenty_percent.png').exists()
     assert not list(out.glob('*.rows'))
@@ -66,3 +68,22 @@ def test_a_controller_of_ones_own_races_beside_the_others(tmp_path, monkeypatch)
     page = (tmp_path / 'out/controllers.md').read_text()
     assert '| `pd_controller` | 10 |' in page
     assert re.search(r'\| `pd_controller` \| pd_controller .*sha256 [0-9a-f]{64} \| 0.50 \|', page)
+
+
+def test_a_race_adds_to_a_page(tmp_path, monkeypatch):
+    rows = iter((0.01, 0.02, 0.03))
+    monkeypatch.setattr('mambo_flight.sweep.run.fly', lambda flights, ideal: [
+        {**ROW, 'tracking_rms': next(rows)} for _ in flights])
+    monkeypatch.setattr(race, 'step_time', lambda flight: 0.5)
+    arguments = ['-o', str(tmp_path), '--courses', 'circle', '--conditions', 'twenty_percent',
+                 '--draws', '1', '--workers', '1']
+    for more in (['--controllers', 'indi', '--state', 'true'],
+                 ['--controllers', 'geometric', '--state', 'aided', '--add'],
+                 ['--controllers', 'indi', '--state', 'true', '--add']):
+        assert race.main([*arguments, *more]) == 0
+    page = json.loads((tmp_path / 'controllers.json').read_text())
+    assert [(r['entrant'], r['state'], r['rms']) for r in page['results']] == [
+        ('indi', 'true', 0.03), ('geometric', 'aided', 0.02)]
+    assert list(page['steps_us']) == ['indi', 'geometric']
+    (tmp_path / 'controllers.json').write_text('{"draws": 4}')
+    assert race.main([*arguments, '--controllers', 'indi', '--add']) == 2

@@ -1,0 +1,93 @@
+"""Rows of a sweep with components of the user: one that never ends costs one row."""
+
+from pathlib import Path
+import re
+
+from mambo_flight import closed_loop, scenario as scenarios, supervised
+from mambo_flight.sweep import command, guarded, monte_carlo, run
+from mambo_model.errors import JobError
+import pyarrow.parquet as parquet
+import pytest
+
+PD = Path(__file__).parents[4] / 'examples/pd_controller.py'
+FAULT = f'{PD}:41: the compiled step at t = 4.000 s did not end within 10 s'
+LAST = 3.995  # s
+
+
+def flight(controller, seed=1):
+    return scenarios.scenario('hover', controller=str(controller), estimator='ground_truth',
+                              duration=7.0, seed=seed, land=False)
+
+
+def endless():
+    """Hold Python's lock for hours, as compiled code does: a match with 2^60 branches."""
+    re.match('(a|a)*$', 60 * 'a' + 'b')
+
+
+@pytest.fixture
+def hangs(monkeypatch):
+    """Let flights with the seed 2 never end; a flight takes no time else."""
+    monkeypatch.setattr(supervised, 'HUNG', 1.0)
+    row = monte_carlo.metrics(monte_carlo.START, scenarios.Scenario().controller_node.vehicle)
+
+    def metrics(given, ideal):
+        if given.seed == 2 and given.sim_node.duration > 1.0:
+            endless()
+        return {**row, 'tracking_max': float(given.seed)}
+
+    def alone(given, inner=False):
+        assert (given.seed, given.estimator_node.estimator) == (2, 'ground_truth')
+        rows = closed_loop.fly(flight('cascaded'))
+        return supervised._each(rows, lambda column: column[:800]), FAULT
+    monkeypatch.setattr(guarded, '_metrics', metrics)
+    monkeypatch.setattr(supervised, 'fly', alone)
+
+
+def test_flights_of_a_compiled_component_have_the_numbers_of_the_loop():
+    row, = guarded.fly([flight(PD)], False)
+    assert row.pop('fault') == ''
+    assert repr(row) == repr(monte_carlo.fly_with_sensors(flight(PD)))
+
+
+def test_a_built_in_flight_is_flown_in_this_process(monkeypatch):
+    monkeypatch.setattr(supervised, 'in_copy', None)
+    row, = guarded.fly([flight('cascaded')], True)
+    assert row['fault'] == '' and not row['shutdown']
+
+
+def test_the_other_flights_go_on(hangs):
+    rows = guarded.fly([flight(PD, seed) for seed in (1, 2, 3)], True)
+    assert [row['fault'] for row in rows] == ['', FAULT, '']
+    assert [row['shutdown'] for row in rows] == [False, True, False]
+    assert rows[1]['shutdown_time'] == pytest.approx(LAST)
+    assert rows[1]['shutdown_reason'] == 'controller failed'
+    assert [row['tracking_max'] for row in (rows[0], rows[2])] == [1.0, 3.0]
+
+
+def test_a_flight_without_a_step_has_a_row_too(hangs, monkeypatch):
+    def nothing(given, inner=False):
+        raise JobError('mine.py:1: the compiled step at t = 0.000 s did not end within 10 s')
+    monkeypatch.setattr(supervised, 'fly', nothing)
+    row, = guarded.fly([flight(PD, 2)], True)
+    assert row['fault'].startswith('mine.py:1') and row['shutdown_time'] == 0.0
+
+
+def test_a_sweep_writes_its_table_and_names_the_fault(tmp_path, capsys, monkeypatch):
+    row = monte_carlo.fly_with_sensors(flight('cascaded'))
+    monkeypatch.setattr(run, 'fly', lambda flights, ideal: [
+        {**row, 'fault': FAULT if f.seed > 1 else ''} for f in flights])
+    file, out = tmp_path / 'sweep.yaml', tmp_path / 'out.parquet'
+    file.write_text('vary:\n  trajectory: hover\n  seed: [1, 2, 3]\n')
+    assert command.main([str(file), '-o', str(out), '--workers', '1']) == 1
+    assert capsys.readouterr().err == (
+        f'sweep: a component failed in 2 of 3 flights, the first is flight 1: {FAULT}\n')
+    assert parquet.read_table(out)['fault'].to_pylist() == ['', FAULT, FAULT]
+
+
+def test_a_plain_component_that_raises_is_named_in_its_row(tmp_path):
+    step = '    v = rotate(state.q, state.nu)\n'
+    path = tmp_path / 'plain.py'
+    path.write_text(PD.read_text().replace('@jit\n', '').replace(
+        step, f'    if memory.steps == 300:\n        raise ValueError("bad day")\n{step}'))
+    row, = guarded.fly([flight(path)], False)
+    assert row['fault'].startswith(f'{path}:') and 'ValueError: bad day' in row['fault']
