@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 import re
@@ -16,12 +17,14 @@ from mambo_analysis.compare.compare import compare
 from mambo_bags.reader import read_bag
 from mambo_bringup import replay
 from mambo_bringup.processes import FlightError
+from mambo_flight import closed_loop, recording_to_bag, scenario
 from mambo_ros import topics
 import numpy as np
 
 from .measure import Contender, Gap, timed
 
 TEN_MINUTES = 600.0  # s
+JOINT = 40.0  # s, of the flight of the joint filter
 PACE = {'lockstep': 'lockstep', 'realtime': 'real time'}
 NODE = re.compile(r'(\w+) ([\d.]+)')
 FLOWN = re.compile(
@@ -148,6 +151,15 @@ def _live(folder: Path, bag: Path, seconds: float) -> dict[str, float]:
             'different': 0.0 if same else 1.0}
 
 
+@cache
+def _with_joint(folder: Path) -> Path:
+    """Return a bag of the joint filter, flown once in one process."""
+    flight, path = scenario.scenario(estimator='joint', duration=JOINT), folder / 'with_joint'
+    shutil.rmtree(path, ignore_errors=True)
+    recording_to_bag.write(path, flight, closed_loop.fly(flight, inner=True))
+    return path
+
+
 def contenders(quick: bool, folder: Path) -> list[Contender]:
     """Return the graph in its forms, and its bag replayed offline and live."""
     seconds = 10.0 if quick else 40.0
@@ -157,6 +169,14 @@ def contenders(quick: bool, folder: Path) -> list[Contender]:
 
     def prepare_offline() -> None:
         _offline(bag())
+
+    def offline(name: str, title: str, path: Callable[[], Path], flown: float) -> Contender:
+        def prepare() -> None:
+            _offline(path())
+        return Contender(
+            'replay', name, title,
+            lambda: {**timed(flown, lambda: estimate.again(path())), **_offline(path())},
+            prepare, at_least={'factor': 500.0}, at_most={'lost': 0.0, 'different': 0.0})
 
     def prepare_live() -> None:
         bag()
@@ -187,10 +207,9 @@ def contenders(quick: bool, folder: Path) -> list[Contender]:
         *(endurance(*how, *mode, **most)
           for mode, most in ((('lockstep', 5.0), {}), (('realtime', 0.99), {'cpu': 1.0}))
           for how in (('every node a process', False), ('composed', True))),
-        Contender('replay', 'replay_offline', 'offline: bag read, estimated again, compared',
-                  lambda: {**timed(seconds, lambda: estimate.again(bag())), **_offline(bag())},
-                  prepare_offline, at_least={'factor': 500.0},
-                  at_most={'lost': 0.0, 'different': 0.0}),
+        offline('replay_offline', 'offline: bag read, estimated again, compared', bag, seconds),
+        offline('replay_offline_joint', 'the same, joint filter', lambda: _with_joint(folder),
+                JOINT),
         Contender('replay', 'replay_command', 'the same as a command, start of Python to report',
                   lambda: _command(bag(), seconds), prepare_offline),
         Contender('replay', 'replay_live', 'live: start of three nodes to closed bag',

@@ -39,6 +39,7 @@ def _flights(quick: bool, folder: Path) -> list[Contender]:
             lambda: timed(often * DURATION, lambda: [fly(flight) for _ in range(often)]),
             lambda: fly(flight), detail, {'factor': factor})
     default = scenario.scenario(duration=DURATION)
+    joint = scenario.scenario(estimator='joint', duration=DURATION)
     toolbox = scenario.scenario(estimator='toolbox', controller='toolbox', duration=DURATION)
     return [
         contender('closed_loop_ideal', 'without sensors',
@@ -47,6 +48,8 @@ def _flights(quick: bool, folder: Path) -> list[Contender]:
         contender('closed_loop', 'closed loop',
                   'all sensors with noise, motion capture, Kalman filters, cascaded controller, '
                   'all recorded as arrays', whole, default, 500.0),
+        contender('closed_loop_joint', 'closed loop, joint filter',
+                  'the same with the joint filter in place of the three', whole, joint, 500.0),
         contender('closed_loop_toolbox', 'closed loop, support package',
                   'the same with estimator and controller of the support package', whole,
                   toolbox, 500.0),

@@ -13,29 +13,23 @@ leaves out vibration, which adds some mm/s to an estimate at the time of a sampl
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 import json
-import math
+from pathlib import Path
 from typing import Any
 
 from mambo_bags.command import guard, Parser, write_json
 from mambo_model.errors import InputError
 from mambo_model.motion.trajectory import TRAJECTORIES
-import numpy as np
 
-from .. import closed_loop, offline_replay, scenario_file
+from . import crazyflie, from_bag
+from .. import closed_loop, scenario_file
 from ..scenario import override, Scenario, scenario
-from .error_statistics import measured, summary, table
-from .filter_error import evaluate, SETTLED, with_unknowns
+from .beside import ESTIMATORS, FIRMWARE, measured_beside
+from .error_statistics import measured, Report, summary, table, table_beside
+from .filter_error import DT, evaluate_recording, SETTLED, with_unknowns
 
 DURATION = 69.0  # s: 60 s of the trajectory after 9 s of take-off and joining it
-
-
-def drift_beside(flight: Scenario, estimator: str) -> float:
-    """Return the mean square error of x and y at the end, m^2, of another estimator."""
-    recording = closed_loop.fly(flight)
-    other = override(flight, {'estimator_node.estimator': estimator}).estimator_node
-    state = offline_replay.estimate_again(recording, other)
-    return float(np.mean((recording.truth[-1, :2] - state[-1, :2]) ** 2))
 
 
 def flight_of(name: str) -> Scenario:
@@ -64,18 +58,46 @@ def seeds_of(options: argparse.Namespace) -> range:
     return range(options.first, options.first + options.seeds)
 
 
-def _run(options: argparse.Namespace) -> None:
+def flights_of(
+    options: argparse.Namespace,
+) -> Iterator[tuple[Scenario, closed_loop.Recording | from_bag.Samples]]:
+    """Return the flight of a bag, or fly the scenario once for each seed."""
+    if from_bag.is_bag(options.scenario):
+        if options.vary or options.slope is not None:
+            raise InputError(f'{options.scenario}: a bag has been flown, so --vary and --slope '
+                             'do not apply')
+        yield from_bag.read(Path(options.scenario))
+        return
     seeds, flight = seeds_of(options), flight_of(options.scenario)
-    flights = [with_unknowns(flight, seed, options.vary, options.slope) for seed in seeds]
-    report = summary([measured(evaluate(one)) for one in flights])
-    found: dict[str, Any] = {
-        'flights': report.flights, 'nis': report.nis,
-        'quantities': [line._asdict() for line in report.lines]}
-    text = f'{options.scenario}\n{table(report)}'
-    if options.beside:
-        off = math.sqrt(float(np.mean([drift_beside(one, options.beside) for one in flights])))
-        found['beside'] = {'estimator': options.beside, 'drift': off}
-        text += f'\ndrift of {options.beside} on the same samples: {off:.4g} m'
+    for seed in seeds:
+        one = with_unknowns(flight, seed, options.vary, options.slope)
+        yield one, closed_loop.fly(one)
+
+
+def _data(report: Report) -> dict[str, Any]:
+    return {'flights': report.flights, 'nis': report.nis,
+            'quantities': [line._asdict() for line in report.lines]}
+
+
+def _run(options: argparse.Namespace) -> None:
+    own, others = [], []
+    if options.beside in FIRMWARE:
+        crazyflie.bindings()  # what is wrong with them is said before anything is flown
+    for flight, samples in flights_of(options):
+        error = evaluate_recording(flight, samples)
+        if error.start + round(SETTLED / DT) >= len(samples.t):
+            raise InputError(f'{options.scenario}: the flight must last more than {SETTLED:g} s '
+                             'after take-off')
+        own.append(measured(error))
+        if options.beside:
+            others.append(measured_beside(
+                flight, samples, error.start, own[-1], options.beside))
+    report = summary(own)
+    found, text = _data(report), f'{options.scenario}\n{table(report)}'
+    if others:
+        other = summary(others)
+        found['beside'] = {'estimator': options.beside, **_data(other)}
+        text += f'\n{table_beside(other, options.beside)}'
     if options.json:
         write_json(options.json, json.dumps(found, indent=1))
     if options.json != '-':
@@ -86,13 +108,16 @@ def parser() -> Parser:
     """Return the command line."""
     out = Parser('bound', __doc__)
     add = out.add_argument
-    add('scenario', metavar='SCENARIO', help='experiment, experiment/flight, file or trajectory')
+    add('scenario', metavar='SCENARIO',
+        help='experiment, experiment/flight, file, trajectory, or bag of a simulated flight')
     add_seeds(out, 20)
     add('--vary', action='store_true',
         help='draw slope (-0.1 to 0.15 1/m), scale (8 %%) and latency (0 to 0.1 s) of the flow')
     add('--slope', type=float, metavar='X', help='true slope of the scale in 1/m')
-    add('--beside', choices=('kalman', 'toolbox'), metavar='ESTIMATOR',
-        help='also the drift of kalman or toolbox on the same samples')
+    add('--beside', choices=ESTIMATORS, metavar='ESTIMATOR',
+        help=f'also another one on the same samples: {", ".join(ESTIMATORS)}; the last two are '
+             'the filter of the Crazyflie, whose Python bindings the environment variable '
+             'CFFIRMWARE leads to')
     out.add_json()
     return out
 

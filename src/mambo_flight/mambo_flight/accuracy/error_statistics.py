@@ -92,6 +92,7 @@ QUANTITIES = (
     Quantity('accelerometer bias', 'mm/s^2', 1e3, _at_end(ACCEL_BIAS, 3)),
     Quantity('scale of the flow', '%', 100.0, _at_end(SCALE, 1)),
     Quantity('its slope', '1/km', 1e3, _at_end(SLOPE, 1)))
+MOTION = 5  # the first so many are of the motion, which every estimator states
 
 
 SENSORS = (('sonar', 1), ('flow', 2), ('barometer', 1))  # with the dimension of a sample
@@ -121,7 +122,7 @@ class Report(NamedTuple):
 class Measured(NamedTuple):
     """Errors and innovations of one flight."""
 
-    rows: tuple[Row, ...]               # one for each quantity of QUANTITIES
+    rows: tuple[Row, ...]               # one for each of QUANTITIES, or of the first MOTION
     nis: tuple[float, float, float]     # mean normalised innovation of SENSORS, NaN: none
 
 
@@ -137,7 +138,7 @@ def measured(j: FilterError) -> Measured:
 def summary(flights: list[Measured]) -> Report:
     """Return the comparison of several flights."""
     lines = []
-    for i, quantity in enumerate(QUANTITIES):
+    for i, quantity in enumerate(QUANTITIES[:len(flights[0].rows)]):
         rows = [one.rows[i] for one in flights]
         bound, reached = (
             quantity.factor * math.sqrt(float(np.mean([getattr(row, field) for row in rows])))
@@ -156,10 +157,17 @@ def summary(flights: list[Measured]) -> Report:
 def table(report: Report) -> str:
     """Return a report as lines of text."""
     out = [f'{"":<26}{"bound":>10}{"reached":>10}{"ratio":>8}{"NEES":>8}   95 %']
-    for line in report.lines:
-        name = f'{line.name} [{line.unit}]'
-        out.append(
-            f'{name:<26}{line.bound:>10.4g}{line.reached:>10.4g}{line.ratio:>8.2f}'
-            f'{line.nees:>8.2f}   {line.low:.2f} to {line.high:.2f}')
+    out += [f'{_deviations(line)}{line.nees:>8.2f}   {line.low:.2f} to {line.high:.2f}'
+            for line in report.lines]
     seen = ', '.join(f'{name} {x:.2f}' for name, x in report.nis.items() if math.isfinite(x))
     return '\n'.join([*out, f'{report.flights} flights; mean NIS: {seen}'])
+
+
+def table_beside(report: Report, estimator: str) -> str:
+    """Return a report of another estimator, which has no NEES, as lines of text."""
+    return '\n'.join([f'{estimator} on the same samples', *map(_deviations, report.lines)])
+
+
+def _deviations(line: Line) -> str:
+    name = f'{line.name} [{line.unit}]'
+    return f'{name:<26}{line.bound:>10.4g}{line.reached:>10.4g}{line.ratio:>8.2f}'

@@ -1,14 +1,19 @@
 """The command ``mambo bound``: the flights that it selects and what it prints."""
 
 import json
+from pathlib import Path
+import sys
+from types import SimpleNamespace
 
 from mambo_flight.accuracy import bound as command
-from mambo_flight.accuracy.error_statistics import Measured, QUANTITIES, Row
+from mambo_flight.accuracy.error_statistics import Measured, MOTION, QUANTITIES, Row
 from mambo_flight.accuracy.filter_error import LATENCIES, SCALES, SLOPES, with_unknowns
 from mambo_model.errors import InputError
 from mambo_model.schema import flatten
 import numpy as np
 import pytest
+
+BAG = str(Path(__file__).parents[4] / 'bags/circle_short')
 
 
 def test_unknowns_stay_in_their_ranges_and_are_those_of_the_seed():
@@ -39,13 +44,17 @@ def test_command_prints_a_table_or_json(capsys):
     assert 'bound' in text and 'drift at the end [m]' in text and '1 flights' in text
     assert command.main(['hover', '--seeds', '1', '--beside', 'kalman', '--json']) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found['beside']['estimator'] == 'kalman' and 0.0 < found['beside']['drift'] < 3.0
+    beside = found['beside']
+    assert beside['estimator'] == 'kalman' and len(beside['quantities']) == MOTION
+    assert 0.0 < beside['quantities'][0]['reached'] < 3.0
     assert found['flights'] == 1 and len(found['quantities']) == len(QUANTITIES)
 
 
 @pytest.mark.parametrize(('arguments', 'message'), [
     (['circle', '--seeds', '0'], '--seeds 0: must be 1 or more'),
-    (['nonesuch'], 'nonesuch')])
+    (['nonesuch'], 'nonesuch'),
+    ([BAG, '--vary'], f'{BAG}: a bag has been flown, so --vary and --slope do not apply'),
+    ([BAG], f'{BAG}: the flight must last more than 10 s after take-off')])
 def test_wrong_input_is_one_line(arguments, message, capsys):
     assert command.main(arguments) == 2
     error = capsys.readouterr().err
@@ -57,10 +66,15 @@ def no_flight(monkeypatch):
     """Return the flights that a command would fly, each with an error of 2 m."""
     flown = []
 
-    def measured(flight):
+    def evaluated(flight, samples):
         flown.append(flight)
+        return SimpleNamespace(start=0)
+
+    def measured(error):
         return Measured(tuple(Row(1.0, 4.0, 2.0, 2) for _ in QUANTITIES), (1.0, 1.0, 1.0))
-    monkeypatch.setattr(command, 'evaluate', lambda flight: flight)
+    monkeypatch.setattr(
+        command.closed_loop, 'fly', lambda flight: SimpleNamespace(t=np.arange(3000)))
+    monkeypatch.setattr(command, 'evaluate_recording', evaluated)
     monkeypatch.setattr(command, 'measured', measured)
     return flown
 
@@ -83,12 +97,24 @@ def test_options_choose_what_is_drawn(no_flight, capsys):
     assert varied.latency != plain.latency
 
 
-def test_the_drift_of_another_estimator_is_a_root_mean_square(no_flight, monkeypatch, capsys):
+def test_another_estimator_is_compared_on_the_same_flights(no_flight, monkeypatch, capsys):
     squares = iter([9.0, 16.0])
-    monkeypatch.setattr(command, 'drift_beside', lambda flight, name: next(squares))
+
+    def beside(flight, samples, start, own, name):
+        assert (flight, start, name) == (no_flight[-1], 0, 'toolbox')
+        one = next(squares)
+        return Measured(tuple(Row(1.0, one, np.nan, 2) for _ in range(MOTION)), (np.nan,) * 3)
+    monkeypatch.setattr(command, 'measured_beside', beside)
     assert command.main(['circle', '--seeds', '2', '--beside', 'toolbox']) == 0
-    assert capsys.readouterr().out.endswith(
-        '\ndrift of toolbox on the same samples: 3.536 m\n')
+    lines = capsys.readouterr().out.splitlines()
+    at = lines.index('toolbox on the same samples')
+    assert lines[at + 1].split()[-2:] == ['3.536', '3.54'] and len(lines) == at + 1 + MOTION
+
+
+def test_without_the_bindings_nothing_is_flown(no_flight, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, 'cffirmware', None)
+    assert command.main(['circle', '--beside', 'crazyflie']) == 2
+    assert 'bound: no module cffirmware' in capsys.readouterr().err and not no_flight
 
 
 def test_json_goes_to_a_file_beside_the_table(no_flight, tmp_path, capsys):

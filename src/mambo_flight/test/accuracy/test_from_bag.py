@@ -1,0 +1,36 @@
+"""A simulated flight read from its bag: the same as flown."""
+
+from pathlib import Path
+
+from mambo_bags.reader import BagError, read_bag
+from mambo_flight import closed_loop
+from mambo_flight.accuracy import from_bag
+import numpy as np
+import pytest
+
+BAG = Path(__file__).parents[4] / 'bags/circle_short'
+
+
+def test_samples_and_truth_are_those_of_the_flight_to_the_bit():
+    flight, found = from_bag.read(BAG)
+    flown = closed_loop.fly(flight)
+    for name in from_bag.Samples._fields:
+        np.testing.assert_array_equal(getattr(found, name), getattr(flown, name), err_msg=name)
+
+
+def test_a_folder_or_an_mcap_file_is_a_bag(tmp_path):
+    assert from_bag.is_bag(str(BAG)) and from_bag.is_bag(str(BAG / 'circle_short_0.mcap'))
+    assert not from_bag.is_bag('circle') and not from_bag.is_bag(str(tmp_path / 'no.mcap'))
+
+
+def test_a_bag_without_truth_or_scenario_is_one_line(monkeypatch):
+    bag = read_bag(BAG)
+    stamps = bag['ground_truth/odom'].stamp
+    with pytest.raises(BagError, match='not a state for every inertial sample'):
+        from_bag.true_states(bag, stamps + 1)
+    with pytest.raises(BagError, match='no ground_truth/odom'):
+        from_bag.true_states(read_bag(BAG, ['imu/data']), stamps)
+    bag.attachments.pop('scenario.yaml')
+    monkeypatch.setattr(from_bag, 'read_bag', lambda path: bag)
+    with pytest.raises(BagError, match='no scenario.yaml inside'):
+        from_bag.read(BAG)
