@@ -31,6 +31,11 @@ def started_when_invited(monkeypatch):
         monkeypatch.setattr(runner, '_invitation', start)
         return children
     yield invite
+    end(children)
+
+
+def end(children):
+    """End the scripts that were started, or the next flight would hear two."""
     for child in children:
         child.kill()
         child.wait()
@@ -53,11 +58,16 @@ def check_flight(path, out):
 
 
 def test_a_controller_of_yours_flies_in_real_time(tmp_path, started_when_invited, capsys):
-    started_when_invited(PD)
-    code = fly(tmp_path / 'bag', '--mode', 'realtime')
-    out = capsys.readouterr()
-    assert code == 0, out
-    check_flight(tmp_path / 'bag', out)
+    children = started_when_invited(PD)
+    for name in 'abc':
+        code = fly(tmp_path / name, '--mode', 'realtime')
+        out = capsys.readouterr()
+        assert code == 0, out
+        end(children)
+        late = re.search(r'(\d+) steps without their motor command', out.out)
+        if int(late[1]) < 100:  # of 1801; else the machine is too busy for real time: once more
+            break
+    check_flight(tmp_path / name, out)
 
 
 def test_a_controller_of_yours_flies_in_lockstep_twice_the_same(
@@ -70,9 +80,7 @@ def test_a_controller_of_yours_flies_in_lockstep_twice_the_same(
         bag = check_flight(tmp_path / name, out)
         assert len(bag['motor_pwm']) == len(bag['ground_truth/odom'])
         files.append(next((tmp_path / name).glob('*.mcap')).read_bytes())
-        for child in children:  # or the next flight would hear two
-            child.kill()
-            child.wait()
+        end(children)
     assert files[0] == files[1]
 
 

@@ -1,5 +1,6 @@
 """tools/lanes.py: two commands at once, each line whole and named, and nothing left of them."""
 
+import importlib.util
 import os
 from pathlib import Path
 import re
@@ -78,3 +79,12 @@ def test_one_that_does_not_end_is_killed(tmp_path):
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / 'pid').read_text()), 0)
     run.stdout.close()
+
+
+def test_two_runs_have_two_ros_domains(monkeypatch):
+    mine = os.environ['ROS_DOMAIN_ID']
+    monkeypatch.setenv('ROS_DOMAIN_ID', mine)  # so that it is as it was afterwards
+    spec = importlib.util.spec_from_file_location('again', LANES.parents[1] / 'conftest.py')
+    again = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(again)
+    assert os.environ['ROS_DOMAIN_ID'] != mine
