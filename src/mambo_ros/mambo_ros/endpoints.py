@@ -63,15 +63,13 @@ class RawPublisher:
         self.local: list[Callable[[bytes], None]] = []
         self.queue: deque[tuple[Callable[[bytes], None], bytes]] = deque()
         self._publish = publisher.handle.publish_raw
-        # whether other loops subscribe, at the last look: a look takes as long as a message
-        self._remote = True
 
     def __call__(self, data: bytes) -> None:
         """Publish a serialised message."""
         if self.local:
             for take in self.local:
                 self.queue.append((take, data))
-            if not self._remote:
+            if not self.publisher.handle.get_subscription_count():
                 return
         self._publish(data)
 
@@ -82,10 +80,8 @@ class RawPublisher:
 
     @property
     def matched(self) -> int:
-        """Return how many subscriptions the next message reaches; look for those elsewhere."""
-        remote = self.publisher.get_subscription_count()
-        self._remote = remote > 0
-        return len(self.local) + remote
+        """Return how many subscriptions the next message reaches."""
+        return len(self.local) + self.publisher.get_subscription_count()
 
 
 class Input(NamedTuple):

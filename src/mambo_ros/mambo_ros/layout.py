@@ -84,23 +84,18 @@ class Layout:
         self._texts: list[tuple[int, bytes]] = []
         self._others: list[Layout] = []  # of the same type with other texts, as received
         self._places: list[tuple[int, str, int]] = []  # offset, type and count of each leaf
-        self._inserted: list[tuple[int, bytes]] = []  # texts by place in what is packed
-        form, packed, offset, count = [f'<4x{begin}x'], [f'<4s{begin}x'], begin, 0
+        form, offset, count = [f'<4x{begin}x'], begin, 0
         for name, kind, length in _leaves(msg_type):
             if kind == 'string':
                 data = wanted.pop(name, '').encode() + b'\0'
                 pad = -offset % 4
-                text = struct.pack('<I', len(data)) + data
-                form.append(f'{pad}x{len(text)}x')
-                packed.append(f'{pad}x{len(text)}s')
-                self._texts.append((4 + offset + pad, text))
-                self._inserted.insert(0, (1 + count, text))
+                form.append(f'{pad}x{4 + len(data)}x')
+                self._texts.append((4 + offset + pad, struct.pack('<I', len(data)) + data))
                 offset += pad + 4 + len(data)
                 continue
             code, width = FORMATS[kind]
             pad = -offset % width
             form.append(f'{pad}x{length}{code}')
-            packed.append(form[-1])
             self._places.append((4 + offset + pad, f'<{code}', length))
             self.slices[name] = slice(count, count + length)
             offset, count = offset + pad + length * width, count + length
@@ -109,14 +104,14 @@ class Layout:
         self.size, self.nbytes = count, 4 + offset
         self._struct = struct.Struct(''.join(form))
         self._filling = b'\0' * (-offset % WORD)
-        self._packer = struct.Struct(f'{"".join(packed)}{len(self._filling)}x')
 
     def pack(self, *numbers: float) -> bytes:
         """Return the message's bytes; ``numbers`` are its leaves in the order of definition."""
-        values: list[Any] = [ENCAPSULATION, *numbers]
-        for place, text in self._inserted:
-            values.insert(place, text)
-        return self._packer.pack(*values)
+        data = bytearray(self._struct.pack(*numbers))
+        data[:4] = ENCAPSULATION
+        for start, piece in self._texts:
+            data[start:start + len(piece)] = piece
+        return bytes(data + self._filling)
 
     def rows(self, *numbers: Any) -> NDArray[np.uint8]:
         """
