@@ -151,7 +151,8 @@ def page(examined: list[Examined]) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<title>The thesis, redrawn</title><style>{STYLE}</style></head><body><main>'
         f'<h1>The thesis, redrawn</h1><p class="lead">{html.escape(LEAD)}</p>'
-        f'{markup.table("Verdicts", COUNTS, _texts(counted(examined)))}<nav aria-label="Figures"><ul>{links}</ul></nav>'
+        f'{markup.table("Verdicts", COUNTS, _texts(counted(examined)))}'
+        f'<nav aria-label="Figures"><ul>{links}</ul></nav>'
         f'{"".join(map(_section, examined))}</main></body></html>\n')
 
 

@@ -13,8 +13,10 @@ def by_what(result):
 def test_a_height_short_of_its_reference_is_its_mean_after_12_s(monkeypatch):
     short = (chapter_4.HOVER_COMMAND - 0.063 * 9.81) / 0.8
     wanted = chapter_4.sensor_factor(1.5)
-    flight = made(path(lambda t: np.where(t < 6.0, 0.0, wanted)), path(lambda t: np.where(t < 12.0, 1.2, 1.0), 0.0, lambda t: np.where(
-        t < 12.0, 0.0, -1.5 + short)), path(1.0), seconds=20.0)
+    flight = made(
+        path(lambda t: np.where(t < 6.0, 0.0, wanted)),
+        path(lambda t: np.where(t < 12.0, 1.2, 1.0), 0.0,
+             lambda t: np.where(t < 12.0, 0.0, -1.5 + short)), path(1.0), seconds=20.0)
     monkeypatch.setattr(chapter_4, 'seeds', lambda name: [flight])
     found = by_what(chapter_4.figure_4_3())
     assert found['height short of the reference'].low == pytest.approx(short)
