@@ -60,7 +60,7 @@ def figure_4_3() -> Result:
        'shows no drift', 'fig_4_4',
        contains='the same, and a factor of the flow that the estimator does not know',
        tests='whether that alone drives the drone away, and how late the controller is',
-       broken_by=('drag x 4',))
+       broken_by=('drag absent',))
 def figure_4_4() -> Result:
     """Circle (4.1)."""
     flights = seeds('fig_4_4')

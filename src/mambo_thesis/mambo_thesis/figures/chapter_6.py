@@ -216,8 +216,7 @@ def section_6_3() -> Result:
 
 @claim('Section 6.4', 'during take-off and on horizontal paths the height has a recurring error',
        'fig_6_4', contains='the same',
-       tests='whether the error recurs in every flight, at take-off and later',
-       broken_by=('motor map', 'mass +10 %'))
+       tests='whether the error recurs in every flight, at take-off and later')
 def section_6_4() -> Result:
     """Height against its reference, every experiment on the circle."""
     real = seeds('fig_6_4/experiment')
