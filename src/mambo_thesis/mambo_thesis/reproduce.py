@@ -18,9 +18,8 @@ from mambo_model.whole_file import write_text
 from tqdm import tqdm
 
 from .figures import (  # noqa: F401 (each registers its figures)
-    appendix_c, chapter_2, chapter_3, chapter_4, chapter_5, chapter_6, tables)
+    appendix_c, chapter_2, chapter_3, chapter_4, chapter_5, chapter_6, matrix, matrix_page, tables)
 from .figures.claim import Claim, CLAIMS
-from .figures import matrix, matrix_page
 from .figures.page import data, Examined, line, markdown, page, picture, summary
 
 

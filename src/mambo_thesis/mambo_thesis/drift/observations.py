@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from mambo_model.motion.trajectory import Trajectory, TRAJECTORIES
+from mambo_model.motion.trajectory import TRAJECTORIES, Trajectory
 import numpy as np
 
 from .paths import Array, one_turn, Track, turn_of

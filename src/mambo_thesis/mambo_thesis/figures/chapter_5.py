@@ -10,7 +10,7 @@ from . import truths
 from .claim import at_least, at_most, claim, Measured, near, Result
 from .drawing import lines, positions, positions_and_rms, sheet
 from .flights import (
-    drift, fly, Flight, harmonic, rms, running_rms, seeds, STEP, X, Y, Z)
+    drift, Flight, fly, harmonic, rms, running_rms, seeds, STEP, X, Y, Z)
 
 LATE = 12.0    # s, take-off and blend are over
 EQUAL = 6.0    # s, positions are made equal, thesis sec. 5.4
