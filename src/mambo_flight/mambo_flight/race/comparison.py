@@ -43,7 +43,7 @@ ENTRANTS = {
     'extended': Entrant('extended', {}, 'the same, drag and mass estimated, exact integral'),
     'geometric': Entrant('geometric', {}, 'Lee 2010'),
     'flatness_drag': Entrant('flatness_drag', {}, 'Faessler 2018'),
-    'integral': Entrant('flatness_drag', {'k_i': 20.0}, 'the same with integral action'),
+    'integral': Entrant('flatness_drag', {'k_i': 30.0}, 'the same with integral action'),
     'indi': Entrant('indi', {}, 'Smeur 2016, Sun 2022'),
 }
 
