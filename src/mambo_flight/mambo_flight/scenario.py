@@ -56,6 +56,9 @@ COMPONENTS = {name: field.metadata['component'] for name, field in LEAVES.items(
 """Parameters that choose a component, with the registry that finds it."""
 SEEDS = ('sim_node.simulator.seed', 'optitrack_node.seed')
 """Parameters that seed the noise streams."""
+MAX_SEED = LEAVES[SEEDS[0]].metadata['high']
+LONGEST = LEAVES['reference_node.plan.landing_time'].metadata['high']
+"""Longest flight, s; the flight plan sets it."""
 
 
 def own_leaves(chosen: Iterable[tuple[str, Any]]) -> dict[str, dataclasses.Field]:

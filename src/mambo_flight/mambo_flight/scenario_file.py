@@ -29,6 +29,7 @@ from mambo_estimation.filters import REGISTRY as ESTIMATORS
 from mambo_model import schema
 from mambo_model.components import absolute
 from mambo_model.motion.trajectory import FlightPlanParams, TAKEOFFS
+from mambo_sim.parameters import STEP_NS
 import yaml
 
 from . import scenario as scenarios
@@ -47,14 +48,15 @@ class Settings:
     takeoff: str = schema.choice('smooth', TAKEOFFS, 'how it is reached')
     landing: bool = schema.flag(True, 'whether to descend at the end')
     duration: float = schema.quantity(
-        40.0, 's', 0.005, 36000.0, 'of the flight; without one a course is flown to its end')
+        40.0, 's', STEP_NS * 1e-9, scenarios.LONGEST,
+        'of the flight; without one a course is flown to its end')
     vehicle: str = schema.text('identified', 'true vehicle: a known one, or a vehicle file')
     believed: str = schema.text('', 'that of reference and controller; empty: the true one')
     estimator: str = schema.component('kalman', ESTIMATORS, 'of estimator_node')
     controller: str = schema.component('cascaded', CONTROLLERS, 'of controller_node')
     noise: bool = schema.flag(True, 'whether sensors have noise and bias')
     carried: bool = schema.flag(False, 'whether a hand carries the vehicle, level')
-    seed: int = schema.quantity(1, '1', 0, 2**31 - 1, 'of every noise stream')
+    seed: int = schema.quantity(1, '1', 0, scenarios.MAX_SEED, 'of every noise stream')
 
     def __post_init__(self) -> None:
         schema.check(self)

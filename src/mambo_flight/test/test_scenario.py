@@ -4,10 +4,15 @@ import dataclasses
 import math
 
 from mambo_flight import scenario as scenarios
+from mambo_flight.gym.task import TaskParams
 from mambo_flight.scenario import (
-    commented_yaml, from_yaml, landing_time, load, override, Scenario, scenario, to_yaml)
+    commented_yaml, from_yaml, landing_time, load, LONGEST, override, Scenario, scenario, SEEDS,
+    to_yaml)
+from mambo_flight.scenario_file import Settings
+from mambo_flight.sweep.design import HEAD
 from mambo_model import schema
 from mambo_model.vehicle.parameters import preset
+from mambo_sim.parameters import STEP_NS
 import pytest
 import yaml
 
@@ -220,3 +225,15 @@ def test_a_landing_fits_into_the_flight_or_is_left_out():
     assert scenario(duration=30.0).reference_node.plan.landing_time == 21.0
     assert scenario(duration=30.0, land=False).reference_node.plan.landing_time == 0.0
     assert scenario(duration=9.0).reference_node.plan.landing_time == 0.0
+
+
+def test_limits_of_one_quantity_are_the_same_wherever_it_is_set():
+    """Settings of files, tasks and sweeps are bounded by the parameters that they become."""
+    settings, tasks = dict(schema.walk(Settings)), dict(schema.walk(TaskParams))
+    high = {name: field.metadata.get('high') for name, field in LEAVES.items()}
+    for field in (settings['duration'], tasks['episode']):
+        assert field.metadata['high'] == high['reference_node.plan.landing_time'] == LONGEST
+        assert field.metadata['low'] == 1e-9 * STEP_NS
+    for name in SEEDS:
+        assert settings['seed'].metadata['high'] == HEAD['seed'].metadata['high'] == high[name]
+    assert high['sim_node.duration'] >= LONGEST

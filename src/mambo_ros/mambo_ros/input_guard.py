@@ -22,13 +22,12 @@ import math
 import struct
 from typing import Any
 
-from .graph.publisher_guard import PublisherGuard
+from .graph.publisher_guard import LARGEST, PublisherGuard
 from .layout import LayoutError
 
 LEAP = 1_000_000_000  # ns
 CONFIRMATIONS = 10  # messages after a leap before it is accepted
-LARGEST_PWM = 65_535.0  # for any vehicle; each motor map has its own limits
-LARGEST = 65_536  # bytes; the largest message of the graph has 0.8 kB
+LARGEST_PWM = 65_535.0  # largest pwm_max that a vehicle may have
 
 MALFORMED = 'malformed'
 TOO_LARGE = 'too large'

@@ -6,6 +6,8 @@ import math
 from pathlib import Path
 import struct
 
+from mambo_model import schema
+from mambo_model.vehicle.parameters import Vehicle
 from mambo_ros import input_guard, messages, topics
 from mambo_ros.graph import publisher_guard
 from mambo_ros.input_guard import InputGuard
@@ -338,3 +340,7 @@ def test_use_sim_time_can_be_set_on_a_node(ros):
     node = SimNode()
     (result,) = node.set_parameters([rclpy.Parameter('use_sim_time', value=True)])
     assert result.successful and node.get_clock().ros_time_is_active
+
+
+def test_the_largest_command_is_the_largest_limit_that_a_vehicle_may_have():
+    assert input_guard.LARGEST_PWM == dict(schema.walk(Vehicle))['pwm_max'].metadata['high']

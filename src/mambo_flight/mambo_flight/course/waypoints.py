@@ -34,7 +34,7 @@ from .constrained import Bounds, DERIVATIVES
 from .minimum_snap import Waypoints
 
 COLUMNS = ('t', 'speed', 'x', 'y', 'z', 'height', 'yaw', 'yaw_deg', 'vx', 'vy', 'vz', 'tube')
-FASTEST = 100.0  # m/s, largest mean speed of a leg
+FASTEST = 100.0  # m/s, largest speed of a course
 _MOST_YAW = 4.0 * math.pi
 
 
@@ -42,7 +42,7 @@ _MOST_YAW = 4.0 * math.pi
 class LimitParams:
     """Largest lengths of the derivatives of the path, and of the yaw rate; 0: no limit."""
 
-    speed: float = schema.quantity(0.0, 'm/s', 0.0, 100.0, 'design choice; 0: none')
+    speed: float = schema.quantity(0.0, 'm/s', 0.0, FASTEST, 'design choice; 0: none')
     acceleration: float = schema.quantity(0.0, 'm/s^2', 0.0, 1000.0, 'design choice; 0: none')
     jerk: float = schema.quantity(0.0, 'm/s^3', 0.0, 1e5, 'design choice; 0: none')
     snap: float = schema.quantity(0.0, 'm/s^4', 0.0, 1e7, 'design choice; 0: none')

@@ -11,6 +11,8 @@ from mambo_model.values import derived, Parameters, values_type
 from mambo_model.vehicle.parameters import Vehicle
 from mambo_sim.parameters import STEP_NS
 
+from ..scenario import LONGEST
+
 STATE = ('x', 'y', 'z', 'u', 'v', 'w', 'qw', 'qx', 'qy', 'qz', 'p', 'q', 'r')
 """Columns of a state: position m, NED; velocity m/s, body; quaternion; rates rad/s, body."""
 
@@ -43,7 +45,8 @@ class TaskParams(Parameters):
     handover: float = quantity(
         5.0, 's', 0.0, 600.0, 'until then the controller of the scenario flies; 5: after the '
         'take-off of every built-in trajectory')
-    episode: float = quantity(10.0, 's', 0.005, 36000.0, 'length after the handover (judgement)')
+    episode: float = quantity(
+        10.0, 's', STEP_NS * 1e-9, LONGEST, 'length after the handover (judgement)')
     repeat: int = quantity(
         1, 'control steps of 5 ms', 1, 200, 'for which an action is held (judgement)')
     target_spread: float = quantity(

@@ -51,7 +51,7 @@ class _Head:
     scenario: str = schema.text('', 'what is flown; empty: the default circle')
     design: str = schema.choice('grid', ('grid', 'random'), 'how values are combined')
     samples: int = schema.quantity(1, 'flights', 1, MOST, 'draws of each distribution')
-    seed: int = schema.quantity(0, '1', 0, 2**31 - 1, 'of the draws')
+    seed: int = schema.quantity(0, '1', 0, scenarios.MAX_SEED, 'of the draws')
 
 
 HEAD = {field.name: field for field in dataclasses.fields(_Head)}

@@ -8,10 +8,9 @@ from rclpy.serialization import deserialize_message
 
 from . import peers
 from .. import topics
-from .publisher_guard import PublisherGuard
+from .publisher_guard import LARGEST, PublisherGuard
 
 _WARN_EVERY = 5.0  # s
-_LARGEST = 65_536  # bytes of an announcement
 _MOST = 100  # publishers whose announcements are kept
 
 
@@ -36,7 +35,7 @@ class Announcements(PublisherGuard):
     """
 
     def __init__(self, owner: Node) -> None:
-        super().__init__(owner.resolve_topic_name(topics.LINKS.name), self, _LARGEST)
+        super().__init__(owner.resolve_topic_name(topics.LINKS.name), self, LARGEST)
         self._owner = owner
         self.known: dict[str, NodeLinks] = {}
         self._newest: dict[bytes, bytes] = {}  # by GID
@@ -46,7 +45,7 @@ class Announcements(PublisherGuard):
 
     def __call__(self, data: bytes, publisher: bytes = b'') -> None:
         """Keep a message in place of the one before of the same publisher."""
-        if len(data) <= _LARGEST and (publisher in self._newest or len(self._newest) < _MOST):
+        if len(data) <= LARGEST and (publisher in self._newest or len(self._newest) < _MOST):
             self._newest[publisher] = data
 
     def look(self) -> list[str]:

@@ -20,6 +20,7 @@ import time
 from typing import Any
 
 ABSENT = 0.5  # s of wall time
+LARGEST = 65_536  # bytes of any message; the largest message of the graph has 0.8 kB
 FLOOD = 500  # messages; a queue holds four times as many (topics.QUEUE)
 SECOND_PUBLISHER = 'from a second publisher'
 _LOOK_EVERY = 0.1  # s of wall time between looks at the graph
