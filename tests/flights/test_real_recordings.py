@@ -52,9 +52,9 @@ def test_poses_that_the_import_left_out_are_a_table(tmp_path):
                 'import': {'mocap_poses_impossible': str(count)}}) as bag:
             bag.add_topic('/mambo/imu/data_raw', 'sensor_msgs/msg/Imu')
             bag.write('/mambo/imu/data_raw', bytes(8), 0)
-    table, = validate.left_out(bags)
-    assert table.rows == [('flipped', 12.0)] and 'poses left out' in table.title
-    assert validate.left_out({'whole': bags['whole']}) == []
+    table, = validate.rejected_poses(bags)
+    assert table.rows == [('flipped', 12.0)] and 'impossible poses rejected' in table.title
+    assert validate.rejected_poses({'whole': bags['whole']}) == []
 
 
 @recorded
@@ -99,5 +99,5 @@ def test_a_damaged_recording_is_named_in_one_line(section, file, tmp_path, capsy
 
 
 def test_a_missing_folder_is_an_error_of_its_own(tmp_path):
-    with pytest.raises(BagError, match='rolling_spider_bench: no thrustdata.mat there'):
+    with pytest.raises(BagError, match='rolling_spider_bench: no file thrustdata.mat there'):
         validate.validate(tmp_path, ['bench'])

@@ -1,8 +1,8 @@
 """
-Measure the real recordings again: ``validate_recordings DATA``.
+Evaluate the public recordings again: ``validate_recordings DATA``.
 
-Prints the tables of docs/evidence/real_recordings.md from the recordings themselves: bench and
-flights of the Rolling Spider, flights and pendulum of the Crazyflie, poses of a motion capture.
+The command prints the tables of docs/evidence/real_recordings.md: motor bench and flights of the
+Rolling Spider, flights and pendulum of the Crazyflie, and poses of a motion capture system.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ import numpy as np
 
 from . import validate_flights as flights
 
-TOOLBOX = 1530.72681  # PWM/N, Parrot's toolbox
-FLOW_SCALES = (20.0, 16.4)  # rad/s per unit: of the onboard code; by markers on the floor
+PACKAGE_GAIN = 1530.72681  # PWM/N, Parrot's toolbox
+FLOW_SCALES = (20.0, 16.4)  # rad/s per unit: in the onboard code; from markers on the floor
 IDENTIFIED_ON = 'lab02_square'
 Cell = str | float
 
 
 class Table(NamedTuple):
-    """A table; the format of a column is for its numbers."""
+    """A table; each column has a number format, and text cells are printed as they are."""
 
     title: str
     columns: tuple[str, ...]
@@ -39,13 +39,13 @@ class Table(NamedTuple):
     rows: list[tuple[Cell, ...]]
 
     def cells(self) -> list[list[str]]:
-        """Return heads and rows as text."""
+        """Return the header and the rows as text."""
         return [list(self.columns)] + [
             [x if isinstance(x, str) else format(x, f)
              for x, f in zip(row, self.formats, strict=True)] for row in self.rows]
 
     def text(self) -> str:
-        """Return it for a terminal."""
+        """Return the table as aligned text for a terminal."""
         cells = self.cells()
         widths = [max(map(len, column)) for column in zip(*cells)]
         return '\n'.join([self.title, *(
@@ -54,7 +54,7 @@ class Table(NamedTuple):
                 for k, (x, w) in enumerate(zip(row, widths))).rstrip() for row in cells)])
 
     def markdown(self) -> str:
-        """Return it for a document."""
+        """Return the table as Markdown."""
         head, *rows = self.cells()
         lines = [head, ['---'] + ['---:'] * (len(head) - 1), *rows]
         return '\n'.join(
@@ -62,11 +62,11 @@ class Table(NamedTuple):
 
 
 def find(folder: Path, pattern: str) -> list[Path]:
-    """Return the files of a pattern, sorted; BagError if there is none."""
+    """Return the files that match a pattern, sorted; raise BagError if there are none."""
     found = sorted(folder.glob(pattern))
     if not found:
-        raise BagError(f'{folder}: no {pattern} there; give the folder with the recordings that '
-                       'docs/evidence/real_recordings.md lists')
+        raise BagError(f'{folder}: no file {pattern} there; give the folder with the recordings '
+                       'that docs/evidence/real_recordings.md lists')
     return found
 
 
@@ -75,7 +75,7 @@ def _interval(v: Value, digits: int) -> str:
 
 
 def bench(data: Path, _: Path) -> list[Table]:
-    """Return both motor maps of the Rolling Spider, beside the toolbox and the thesis."""
+    """Return both motor maps of the Rolling Spider beside those of the toolbox and the thesis."""
     path = find(data / 'rolling_spider_bench', 'thrustdata.mat')[0]
     table = columns.read(path)
     pwm, force = (columns.column(table, f'thrust_recdata.data[{k}]', path)[1] for k in (0, 3))
@@ -85,7 +85,8 @@ def bench(data: Path, _: Path) -> list[Table]:
     hover = [found.a.value * 250.0 ** found.b.value, a * 250.0 ** b]
     return [Table('Rolling Spider bench: motor map', ('', 'measured', '95 %', 'reference'),
                   ('', '.5g', '', '.5g'), [
-        ('gain of the line [PWM/N], toolbox', found.gain.value, _interval(found.gain, 1), TOOLBOX),
+        ('gain of the line [PWM/N], toolbox', found.gain.value, _interval(found.gain, 1),
+         PACKAGE_GAIN),
         ('a of the power law [1e-4 N], thesis (Mambo)', 1e4 * found.a.value,
          _interval(Value(*(1e4 * x for x in found.a[:3]), ''), 2), 1e4 * a),
         ('b of the power law, thesis (Mambo)', found.b.value, _interval(found.b, 3), b),
@@ -95,7 +96,7 @@ def bench(data: Path, _: Path) -> list[Table]:
 
 
 def pendulum(data: Path, _: Path) -> list[Table]:
-    """Return frequency and damping of the three swings."""
+    """Return frequency and damping of the pendulum swings about three axes."""
     rows: list[tuple[Cell, ...]] = []
     for axis in 'xyz':
         path = find(data / 'crazyflie_optitrack', f'*lab03_{axis}_data*.json')[0]
@@ -113,7 +114,7 @@ def pendulum(data: Path, _: Path) -> list[Table]:
 
 
 def hall(data: Path, _: Path) -> list[Table]:
-    """Return rate and gaps of a motion capture beside those of the mock."""
+    """Return rate and gaps of a recorded motion capture beside those of the simulated one."""
     path = find(data / 'mcap_bags', 'cub_stabilize*.mcap')[0]
     t = read_bag(path, ('cub1/pose',))['/cub1/pose'].t
     steps = np.diff(t)
@@ -123,7 +124,7 @@ def hall(data: Path, _: Path) -> list[Table]:
     return [Table('Motion capture in a hall, and the mock', ('', 'recorded', 'mock'),
                   ('', '.4g', '.4g'), [
         ('duration [s]', float(t[-1] - t[0]), ''), ('rate [Hz]', 1.0 / period, mock.rate),
-        ('gaps of a lost pose or more', float((lost > 0).sum()), ''),
+        ('gaps of one lost pose or more', float((lost > 0).sum()), ''),
         ('gaps over 20 ms', float((steps > 0.02).sum()), ''),
         ('poses lost [%]', 100.0 * float(lost.sum() / (lost.sum() + len(t))),
          100.0 * mock.frame_loss),
@@ -150,9 +151,9 @@ def _flown(bags: dict[str, Path], found: flights.Identified) -> list[tuple[Cell,
     rows: list[tuple[Cell, ...]] = []
     for name, path in bags.items():
         bag = read_bag(path)
-        truth = flights.seen(bag)
-        for told, params in flights.variants(found).items():
-            rows.append((name, told, *flights.errors(flights.replayed(bag, params), truth)))
+        truth = flights.mocap_truth(bag)
+        for variant, params in flights.variants(found).items():
+            rows.append((name, variant, *flights.errors(flights.replayed(bag, params), truth)))
         onboard = bag['onboard/odom']
         own = flights.Odometry(
             onboard.stamp, onboard.position, onboard.velocity, onboard.orientation)
@@ -164,42 +165,43 @@ def _joint(bags: dict[str, Path]) -> list[tuple[Cell, ...]]:
     rows: list[tuple[Cell, ...]] = []
     for name, path in bags.items():
         bag = read_bag(path)
-        truth, own = flights.seen(bag), flights.replayed(bag, flights.joint())
-        for longest in (flights.SQUARE, math.inf):
+        truth, own = flights.mocap_truth(bag), flights.replayed(bag, flights.joint_params())
+        for longest in (flights.SQUARE_DURATION, math.inf):
             rows.append((name, *flights.errors(own, truth, longest)))
     return rows
 
 
-def left_out(bags: dict[str, Path]) -> list[Table]:
-    """Return the flights of which the import left poses out, as a table; none if it did not."""
+def rejected_poses(bags: dict[str, Path]) -> list[Table]:
+    """Return a table of the impossible poses that the import rejected; [] if it rejected none."""
     counts = {name: float(read_bag(path, ()).metadata['import']['mocap_poses_impossible'])
               for name, path in bags.items()}
     rows: list[tuple[Cell, ...]] = [row for row in counts.items() if row[1]]
-    return [Table('Crazyflie: poses left out that cannot be true', ('flight', 'poses'),
+    return [Table('Crazyflie: impossible poses rejected by the import', ('flight', 'poses'),
                   ('', '.0f'), rows)] if rows else []
 
 
 def crazyflie(data: Path, folder: Path) -> list[Table]:
-    """Return factors of the flow, and the estimator against the motion capture."""
+    """Return the flow factors, and the errors of the estimator against motion capture."""
     logs = [path for path in find(data / 'crazyflie_optitrack', '*.json')
             if 'lab03' not in path.name]
     out = []
-    for treated, words in (('leave', 'repeated counts left out'),
-                           ('zero', 'repeated counts as zero')):
-        bags = flights.crazyflies(logs, folder, treated)
+    for treatment, words in (('leave', 'repeated counts left out'),
+                             ('zero', 'repeated counts as zero')):
+        bags = flights.import_crazyflies(logs, folder, treatment)
         if IDENTIFIED_ON not in bags:
-            raise BagError(f'{data}: no flight {IDENTIFIED_ON}, on which is identified')
+            raise BagError(f'{data}: no flight {IDENTIFIED_ON}, which the sensors are identified '
+                           'on; download it')
         found = flights.identify(bags[IDENTIFIED_ON])
-        if treated == 'leave':
-            out += left_out(bags)
+        if treatment == 'leave':
+            out += rejected_poses(bags)
             out.append(Table(
-                f'Crazyflie: what the estimator is told, from {IDENTIFIED_ON}',
+                f'Crazyflie: sensor parameters identified on {IDENTIFIED_ON}',
                 ('', 'value'), ('', '.3g'), [
-                    ('noise of a range [m]', found.range_noise),
+                    ('range noise [m]', found.range_noise),
                     ('mean height of the sensor [m]', found.height),
-                    ('flow behind the motion, best fit [s]', found.lag),
+                    ('lag of the flow, best fit [s]', found.lag),
                     ('missing acceleration, density [m/s^2/sqrt(Hz)]', found.missing_density),
-                    ('the same, mean over 1 s [m/s^2]', found.missing_mean)]))
+                    ('missing acceleration, mean over 1 s [m/s^2]', found.missing_mean)]))
         out.append(Table(
             f'Crazyflie: factor of the flow, {words}',
             ('flight', 'samples', 'rms [m/s]', 'heights [m]', 'Q', '95 %', 'counts/rad',
@@ -207,10 +209,10 @@ def crazyflie(data: Path, folder: Path) -> list[Table]:
             ('', '.0f', '.3f', '', '.3f', '', '.0f', '.2f', '', ''), _factors(bags)))
         out.append(Table(
             f'Crazyflie: estimator against motion capture, {words}',
-            ('flight', 'estimator told', 'time [s]', 'xy rms [m]', 'xy drift [m]', 'z rms [m]',
+            ('flight', 'estimator', 'time [s]', 'xy rms [m]', 'xy drift [m]', 'z rms [m]',
              'velocity xy rms [m/s]', 'tilt rms [deg]'),
             ('', '', '.1f', '.3f', '.3f', '.3f', '.3f', '.2f'), _flown(bags, found)))
-    bags = flights.crazyflies(logs, folder, 'zero', flights.COUNTS)
+    bags = flights.import_crazyflies(logs, folder, 'zero', flights.JOINT_COUNTS)
     out.append(Table(
         'Crazyflie: joint filter against motion capture',
         ('flight', 'time [s]', 'xy rms [m]', 'xy drift [m]', 'z rms [m]',
@@ -220,23 +222,23 @@ def crazyflie(data: Path, folder: Path) -> list[Table]:
 
 
 def rolling_spider(data: Path, folder: Path) -> list[Table]:
-    """Return the replayed estimate beside the onboard one, for both scales of the flow."""
+    """Return the replayed estimate minus the onboard one for both flow scales, and the heights."""
     rows: list[tuple[Cell, ...]] = []
-    high: list[tuple[Cell, ...]] = []
+    heights: list[tuple[Cell, ...]] = []
     for log in find(data / 'rolling_spider_flights', '*.mat'):
-        kalman, joint = flights.heights(log, folder)
-        high.append((flights.short(log), *kalman, *joint))
+        kalman, joint = flights.height_errors(log, folder)
+        heights.append((flights.recording_name(log), *kalman, *joint))
         first, second = (flights.against_onboard(log, folder, scale) for scale in FLOW_SCALES)
-        rows.append((flights.short(log), *first, second[1], second[3]))
+        rows.append((flights.recording_name(log), *first, second[1], second[3]))
     a, b = (f'{scale:g}' for scale in FLOW_SCALES)
     return [Table(
         'Rolling Spider: replayed minus onboard estimate',
         ('flight', 'time [s]', f'xy rms, {a} [m]', 'z rms [m]', f'velocity rms, {a} [m/s]',
          'tilt rms [deg]', 'yaw rms [deg]', f'xy rms, {b} [m]', f'velocity rms, {b} [m/s]'),
         ('', '.1f', '.2f', '.2f', '.2f', '.2f', '.2f', '.2f', '.2f'), rows), Table(
-        'Rolling Spider: height less that of the sonar',
+        'Rolling Spider: estimated height minus sonar height',
         ('flight', 'kalman, rms [m]', 'lowest [m]', 'highest [m]', 'joint, rms [m]', 'lowest [m]',
-         'highest [m]'), ('', *6 * ('.2f',)), high)]
+         'highest [m]'), ('', *6 * ('.2f',)), heights)]
 
 
 SECTIONS: dict[str, Callable[[Path, Path], list[Table]]] = {
@@ -246,24 +248,24 @@ SECTIONS: dict[str, Callable[[Path, Path], list[Table]]] = {
 
 def validate(data: Path, only: list[str] | None = None) -> list[Table]:
     """
-    Measure the recordings.
+    Evaluate the recordings and return the tables.
 
     Parameters
     ----------
     data
-        Folder with the folders of recordings.
+        Folder that holds the folders of recordings.
     only
         Names of sections; default: all.
 
     Raises
     ------
     BagError, IdentifyError
-        In one line, if recordings are missing or damaged.
+        If recordings are missing or damaged; the message is one line.
 
     """
     if not data.is_dir():
-        raise BagError(f'{data}: no folder; the recordings are not part of this repository, '
-                       'docs/evidence/real_recordings.md says where they come from')
+        raise BagError(f'{data}: not a folder; the recordings are not part of this repository, '
+                       'docs/evidence/real_recordings.md says where to get them')
     with tempfile.TemporaryDirectory() as folder:
         return [table for name in only or SECTIONS
                 for table in SECTIONS[name](data, Path(folder))]
@@ -271,10 +273,11 @@ def validate(data: Path, only: list[str] | None = None) -> list[Table]:
 
 def parser() -> Parser:
     """Return the command line."""
-    out = Parser('validate_recordings', 'Measure the real recordings again.')
+    out = Parser('validate_recordings', 'Evaluate the public recordings again.')
     out.add_argument('data', type=Path, help='folder with the recordings')
-    out.add_argument('--only', nargs='+', choices=tuple(SECTIONS), help='these alone')
-    out.add_argument('--markdown', action='store_true', help='as in the page of docs/evidence')
+    out.add_argument('--only', nargs='+', choices=tuple(SECTIONS), help='only these sections')
+    out.add_argument('--markdown', action='store_true',
+                     help='print Markdown, as in docs/evidence/real_recordings.md')
     out.add_json()
     return out
 
@@ -284,7 +287,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
 
     def work() -> None:
-        """Measure and print."""
+        """Evaluate the recordings and print the tables."""
         found = validate(options.data, options.only)
         if options.json:
             write_json(options.json, json.dumps(
