@@ -7,6 +7,7 @@ import dataclasses
 from typing import NamedTuple
 
 from matplotlib.figure import Figure
+import numpy as np
 
 REPRODUCED, BY_CONSTRUCTION, PARTLY, NOT_REPRODUCED, NOTHING = (
     'reproduced', 'by construction', 'partly', 'not reproduced', 'nothing to measure')
@@ -159,5 +160,5 @@ def near(
 
 
 def _range(values: float | list[float]) -> tuple[float, float]:
-    numbers = list(values) if isinstance(values, (list, tuple)) else [values]
-    return float(min(numbers)), float(max(numbers))
+    """Return the smallest and the largest value; NaN if any value is NaN, which fails a claim."""
+    return float(np.min(values)), float(np.max(values))

@@ -81,3 +81,10 @@ def test_a_figure_registers_itself(monkeypatch):
     entry, = claims.CLAIMS.values()
     assert (entry.number, entry.says, entry.flights) == ('9.9', 'nothing', 'fig_9_9')
     assert entry.examine is figure_9_9
+
+
+@pytest.mark.parametrize('made', [
+    at_most('x', [1.0, float('nan')], 3.0), at_least('x', [5.0, float('nan')], 3.0),
+    near('x', [0.0, float('nan')], 0.0, 1.0)])
+def test_a_measurement_with_a_value_that_is_not_a_number_does_not_hold(made):
+    assert not made.holds
