@@ -12,7 +12,7 @@ from typing import Any, TextIO
 import warnings
 
 from mambo_model.errors import InputError, MamboError, visible
-from mambo_model.whole_file import write_text, WRONG_PATH
+from mambo_model.whole_file import is_wrong_path, write_text
 import numpy as np
 
 _LONGEST = 2000  # longest error, characters, so that a huge name does not fill the screen
@@ -228,7 +228,7 @@ def guard(name: str, work: Callable[[], None]) -> int:
     except OSError as error:
         reason = error.strerror or str(error)
         return _complain(name, f'{error.filename}: {reason}' if error.filename else reason,
-                         2 if isinstance(error, WRONG_PATH) else 1)
+                         2 if is_wrong_path(error) else 1)
     except MamboError as error:
         return _complain(name, str(error), error.exit_code)
     except MemoryError:

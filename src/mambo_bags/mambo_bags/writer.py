@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from mambo_model.errors import MamboError
-from mambo_model.whole_file import WRONG_PATH
+from mambo_model.whole_file import is_wrong_path
 from mcap.reader import make_reader
 import numpy as np
 from numpy.typing import NDArray
@@ -236,7 +236,7 @@ class BagWriter:
             self.path.mkdir(parents=True)
             return self.file.open('xb')
         except OSError as error:
-            kind = BagWriterError if isinstance(error, WRONG_PATH) else BagDiskError
+            kind = BagWriterError if is_wrong_path(error) else BagDiskError
             raise kind(f'cannot create the bag {self.path}: {error.strerror}') from error
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:

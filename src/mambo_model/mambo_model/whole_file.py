@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+import errno
 import os
 from pathlib import Path
 
 from .errors import InputError, JobError
 
-WRONG_PATH = (
-    FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
-"""Errors of a path that is not there, or of another kind or owner: those of the user."""
+
+def is_wrong_path(error: OSError) -> bool:
+    """Return whether the path itself is wrong: the user's to mend, not the disk's."""
+    return isinstance(error, (
+        FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError,
+        PermissionError)) or error.errno in (errno.ENAMETOOLONG, errno.ELOOP)
 
 
 @contextmanager
@@ -44,7 +48,7 @@ def replacing(path: Path) -> Iterator[Path]:
         if is_plain:
             os.replace(part, target)
     except OSError as error:
-        kind = InputError if isinstance(error, WRONG_PATH) else JobError
+        kind = InputError if is_wrong_path(error) else JobError
         reason = os.strerror(error.errno) if error.errno else error
         raise kind(f'{path}: cannot be written ({reason})') from None
     finally:
