@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mambo_bringup.flight import CONTROLLER
+from mambo_bringup.run import CONTROLLER
 from mambo_flight.closed_loop import fly
 from mambo_flight.scenario import scenario
 from mambo_model import palette
