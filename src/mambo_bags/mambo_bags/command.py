@@ -15,6 +15,8 @@ from mambo_model.errors import InputError, MamboError, visible
 from mambo_model.whole_file import is_wrong_path, write_text
 import numpy as np
 
+_WRITTEN = ('output', 'json', 'html', 'csv', 'figure', 'write')  # options naming a file to write
+_OF_A_BAG = ('*.mcap', '*.db3', '*.zstd', 'metadata.yaml')  # never written over
 _LONGEST = 2000  # longest error, characters, so that a huge name does not fill the screen
 
 
@@ -72,6 +74,14 @@ def nearest(word: str, known: Iterable[str]) -> str:
     """Return ``; did you mean X?`` for a word that is close to a known one, else nothing."""
     close = difflib.get_close_matches(word, list(known), 1, 0.6)
     return f'; did you mean {close[0]}?' if close else ''
+
+
+def _is_file(name: str | Path) -> bool:
+    """Return whether a name is that of a file, not a folder, a device or what no file can have."""
+    try:
+        return os.path.isfile(name)
+    except ValueError:
+        return False
 
 
 def _json_file(text: str) -> str:
@@ -157,7 +167,25 @@ class Parser(argparse.ArgumentParser):
             self.error(f'{word}: unknown {what}{nearest(word.partition("=")[0], known)}')
         if self._needs_output and options.output is None:
             self.error('-o/--output is missing')
+        self._refuse_overwriting(vars(options))
         return options
+
+    def _refuse_overwriting(self, options: dict[str, Any]) -> None:
+        """Exit with code 2 if a file to write is an input, another output or part of a bag."""
+        others = [value for name, value in options.items() if name not in _WRITTEN]
+        taken = {os.path.realpath(one): 'an input' for value in others
+                 for one in (value if isinstance(value, list) else [value])
+                 if isinstance(one, (str, Path)) and _is_file(one)}
+        for name in _WRITTEN:
+            path = options.get(name)
+            if path is None or path == '-' or '\0' in str(path) or os.path.isdir(path):
+                continue
+            place = os.path.realpath(path)
+            if place in taken:
+                self.error(f'--{name}: {path} is {taken[place]}: give another')
+            if _is_file(path) and any(Path(place).match(end) for end in _OF_A_BAG):
+                self.error(f'--{name}: {path} is part of a bag, which is never written over')
+            taken[place] = f'also that of --{name}'
 
     def print_help(self, file: Any = None) -> None:
         """Print the help; if the output cannot be written, print one line and exit with code 1."""

@@ -141,6 +141,27 @@ def test_json_is_printed_or_written_but_never_over_another_file(line, tmp_path, 
     assert 'is not a .json file' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize('words, message', [
+    ('{a} --csv {a}', '--csv: {a} is an input: give another'),
+    ('{a} --csv {link}', '--csv: {link} is an input: give another'),
+    ('{a} --csv {bag}', '--csv: {bag} is part of a bag, which is never written over'),
+    ('{a} --csv {new} --out {new}', '--csv: {new} is also that of --output: give another')])
+def test_a_file_that_is_read_is_never_written_over(words, message, tmp_path, capsys):
+    parser = command.Parser('tool', '')
+    parser.add_argument('files', nargs='*')
+    parser.add_argument('--csv', type=Path)
+    parser.add_output('FILE', '')
+    places = {name: tmp_path / name for name in ('a', 'link', 'new')}
+    places['bag'] = tmp_path / 'b_0.mcap'
+    places['a'].touch()
+    places['bag'].touch()
+    places['link'].symlink_to('a')
+    with pytest.raises(SystemExit) as ended:
+        parser.parse_args(words.format(**places).split())
+    assert ended.value.code == 2 and message.format(**places) in capsys.readouterr().err
+    parser.parse_args(['/dev/null', '--csv', '/dev/null', '--out', str(tmp_path)])
+
+
 def test_a_path_to_make_must_be_new(tmp_path):
     command.refuse_existing(None)
     command.refuse_existing(tmp_path / 'new')
