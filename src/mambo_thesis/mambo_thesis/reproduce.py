@@ -77,6 +77,7 @@ def _run(options: argparse.Namespace) -> None:
     claims = chosen(options.figures)
     if options.output.exists() and not options.output.is_dir():
         raise ReproductionError(f'{options.output} is no folder: give another --output')
+    options.output.mkdir(parents=True, exist_ok=True)  # if it cannot be, before anything is flown
     if options.mutations:
         _run_matrix(claims, options.output)
         return

@@ -77,6 +77,9 @@ def test_a_file_in_place_of_the_folder_is_told_before_anything_is_flown(
     assert reproduce.main(['5.3', '-o', str(tmp_path / 'out')]) != 0
     assert capsys.readouterr().err == (
         f'reproduce: {tmp_path / "out"} is no folder: give another --output\n')
+    assert reproduce.main(['5.3', '-o', str(tmp_path / 'out' / 'below')]) == 2
+    assert capsys.readouterr().err == (
+        f'reproduce: {tmp_path / "out" / "below"}: Not a directory\n')
 
 
 def test_each_claim_is_examined_once_and_keeps_its_place(claims):
