@@ -25,6 +25,7 @@ from .comparison import (
 from .timing import step_time
 
 NUMBERS = 'controllers.json'
+MOST = 10_000  # draws, so that the list of the flights stays small
 
 
 def race(
@@ -101,12 +102,15 @@ def _names(text: str, known: Sequence[str], option: str) -> list[str]:
     for name in names:
         if name not in known:
             raise InputError(f'{option}: {name} is unknown; known: {", ".join(known)}')
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f'{option}: {twice} is given twice')
     return names
 
 
 def _run(options: argparse.Namespace) -> None:
-    if options.draws < 1:
-        raise InputError(f'--draws {options.draws}: must be 1 or more')
+    if not 1 <= options.draws <= MOST:
+        raise InputError(f'--draws {options.draws}: must be 1 to {MOST}')
     if options.workers is not None and options.workers < 1:
         raise InputError(f'--workers {options.workers}: must be 1 or more')
     given = options.controllers.split(',') if options.controllers else list(ENTRANTS)

@@ -18,7 +18,9 @@ ROW = {'tracking_rms': 0.01, 'tracking_max': 0.1, 'tracking_final': 0.02, 'satur
     (['--state', 'dreamt'], '--state: dreamt is unknown; known: true, estimated, aided'),
     (['--add'], 'controllers.json: No such file or directory: race without --add first'),
     (['--conditions', 'storm'], '--conditions: storm is unknown; known: known, '),
-    (['--draws', '0'], '--draws 0: must be 1 or more'),
+    (['--state', 'true,true'], '--state: true is given twice'),
+    (['--draws', '0'], '--draws 0: must be 1 to 10000'),
+    (['--draws', '10001'], '--draws 10001: must be 1 to 10000'),
     (['--workers', '0'], '--workers 0: must be 1 or more')])
 def test_what_cannot_be_flown_is_refused_in_one_line(tmp_path, capsys, options, message):
     assert race.main(['-o', str(tmp_path / 'out'), *options]) == 2
