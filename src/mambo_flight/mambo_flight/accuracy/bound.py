@@ -13,7 +13,7 @@ leaves out vibration, which adds some mm/s to an estimate at the time of a sampl
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 import json
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from typing import Any
 from mambo_bags.command import guard, Parser, write_json
 from mambo_model.errors import InputError
 from mambo_model.motion.trajectory import TRAJECTORIES
+from mambo_model.schema import ParameterError
 
 from . import crazyflie, from_bag
 from .. import closed_loop, scenario_file
@@ -29,6 +30,8 @@ from .beside import ESTIMATORS, FIRMWARE, measured_beside
 from .error_statistics import measured, Report, summary, table, table_beside
 from .filter_error import DT, evaluate_recording, SETTLED, with_unknowns
 
+MOST = 10_000  # flights of a command, so that their list stays small
+LAST = 2**31 - 1  # largest seed
 DURATION = 69.0  # s: 60 s of the trajectory after 9 s of take-off and joining it
 
 
@@ -43,6 +46,15 @@ def flight_of(name: str) -> Scenario:
     return override(found, {'estimator_node.estimator': 'joint'})
 
 
+def check_slopes(flight: Scenario, slopes: Iterable[float], vary: bool) -> None:
+    """Raise InputError for a slope in 1/m with which the flow cannot be simulated."""
+    for slope in slopes:
+        try:
+            with_unknowns(flight, 0, vary, slope)
+        except ParameterError as error:
+            raise InputError(f'slope {slope:g} 1/m: {error}') from None
+
+
 def add_seeds(out: Parser, default: int, what: str = 'how many flights') -> None:
     """Add the options of a command that flies many seeds; :func:`seeds_of` reads them."""
     out.add_argument('--seeds', type=int, default=default, metavar='N',
@@ -52,9 +64,11 @@ def add_seeds(out: Parser, default: int, what: str = 'how many flights') -> None
 
 
 def seeds_of(options: argparse.Namespace) -> range:
-    """Return the seeds of the options; InputError if there are none."""
-    if options.seeds < 1:
-        raise InputError(f'--seeds {options.seeds}: must be 1 or more')
+    """Return the seeds of the options; InputError for none, too many or one out of range."""
+    if not 1 <= options.seeds <= MOST:
+        raise InputError(f'--seeds {options.seeds}: must be 1 to {MOST}')
+    if not 0 <= options.first <= LAST + 1 - options.seeds:
+        raise InputError(f'--first {options.first}: every seed must be within 0 to {LAST}')
     return range(options.first, options.first + options.seeds)
 
 
@@ -69,6 +83,8 @@ def flights_of(
         yield from_bag.read(Path(options.scenario))
         return
     seeds, flight = seeds_of(options), flight_of(options.scenario)
+    if options.slope is not None:
+        check_slopes(flight, [options.slope], options.vary)
     for seed in seeds:
         one = with_unknowns(flight, seed, options.vary, options.slope)
         yield one, closed_loop.fly(one)

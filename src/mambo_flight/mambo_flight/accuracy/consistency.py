@@ -21,7 +21,7 @@ import os
 from mambo_bags.command import guard, Parser, write_json
 from mambo_model.errors import InputError
 
-from .bound import add_seeds, flight_of, seeds_of
+from .bound import add_seeds, check_slopes, flight_of, seeds_of
 from .error_statistics import Measured, measured, Report, summary
 from .filter_error import evaluate, with_unknowns
 
@@ -53,7 +53,7 @@ def consistency(
 
     """
     for name in names:
-        flight_of(name)  # refuse wrong input before anything is flown
+        check_slopes(flight_of(name), slopes, True)  # wrong input, before anything is flown
     cases = [(name, slope) for name in names for slope in slopes]
     jobs = [(*case, seed) for case in cases for seed in seeds]
     with ProcessPoolExecutor(

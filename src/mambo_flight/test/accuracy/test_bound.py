@@ -51,7 +51,11 @@ def test_command_prints_a_table_or_json(capsys):
 
 
 @pytest.mark.parametrize(('arguments', 'message'), [
-    (['circle', '--seeds', '0'], '--seeds 0: must be 1 or more'),
+    (['circle', '--seeds', '0'], '--seeds 0: must be 1 to 10000'),
+    (['circle', '--seeds', '10001'], '--seeds 10001: must be 1 to 10000'),
+    (['circle', '--first', '-1'], '--first -1: every seed must be within 0 to 2147483647'),
+    (['circle', '--seeds', '2', '--first', '2147483647'], '--first 2147483647: every seed'),
+    (['circle', '--slope', '1e308'], 'slope 1e+308 1/m: '),
     (['nonesuch'], 'nonesuch'),
     ([BAG, '--vary'], f'{BAG}: a bag has been flown, so --vary and --slope do not apply'),
     ([BAG], f'{BAG}: the flight must last more than 10 s after take-off')])

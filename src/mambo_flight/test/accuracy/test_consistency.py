@@ -61,7 +61,8 @@ def test_command_prints_json(capsys):
 
 
 @pytest.mark.parametrize(('arguments', 'message'), [
-    (['circle', '--seeds', '0'], '--seeds 0: must be 1 or more'),
+    (['circle', '--seeds', '0'], '--seeds 0: must be 1 to 10000'),
+    (['circle', '--slopes', '0', 'nan'], 'slope nan 1/m: '),
     (['circle', '--workers', '0'], '--workers 0: must be 1 or more'),
     (['nonesuch', '--seeds', '1'], 'nonesuch')])
 def test_wrong_input_is_one_line(arguments, message, capsys):

@@ -41,4 +41,4 @@ def test_table_counts_and_averages():
 
 def test_no_flight_is_refused(capsys):
     assert coverage.main(['circle', '--seeds', '0']) == 2
-    assert capsys.readouterr().err == 'coverage: --seeds 0: must be 1 or more\n'
+    assert capsys.readouterr().err == 'coverage: --seeds 0: must be 1 to 10000\n'
