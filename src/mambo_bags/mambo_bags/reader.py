@@ -77,6 +77,7 @@ class Messages:
             [nothing, *(batch.publish_time for batch in batches)])[self._order]
         self._batches = batches
         self._store = store
+        self._place = ''  # of the bag, for messages to the user
         self._columns: dict[str, cdr.Column] = {}
         self._objects: list[Any] | None = None
         self._cache: dict[str, NDArray[Any]] = {}
@@ -149,7 +150,7 @@ class Messages:
             except Exception as error:  # the decoder may raise any error on invalid bytes
                 reason = ' '.join(str(error).split())[:120]
                 raise BagError(
-                    f'{self.topic}: message {number} is not a {self.type_name} '
+                    f'{self._place}{self.topic}: message {number} is not a {self.type_name} '
                     f'({reason})') from None
 
     def __getitem__(self, path: str) -> NDArray[Any]:
@@ -314,6 +315,7 @@ class Bag:
         """Add the messages of a topic."""
         self.topics[messages.topic] = messages.type_name
         self._messages[messages.topic] = messages
+        messages._place = f'{self.path}: '
 
     def name(self, topic: str) -> str:
         """Return the absolute name of a topic."""

@@ -293,7 +293,7 @@ def test_a_message_that_is_not_its_type_is_named(tmp_path):
     writer.add_topic('/mambo/motor_pwm', 'mambo_interfaces/msg/MotorPwm')
     writer.write('/mambo/motor_pwm', b'\0\1\0\0\1', 0)
     writer.close()
-    with pytest.raises(BagError, match='message 0 is not a mambo_interfaces/msg/MotorPwm'):
+    with pytest.raises(BagError, match='b: /mambo/motor_pwm: message 0 is not a mambo'):
         read_bag(tmp_path / 'b')['motor_pwm'].pwm
 
 
