@@ -65,7 +65,7 @@ def read(path: Path) -> tuple[Scenario, Samples]:
     Raises
     ------
     BagError
-        If the bag holds no scenario or no truth.
+        If the bag holds no scenario, no truth or no complete step of the sensors.
 
     """
     bag = read_bag(path)
@@ -74,6 +74,8 @@ def read(path: Path) -> tuple[Scenario, Samples]:
         raise BagError(f'{path}: no scenario.yaml inside, which tells what the sensors were; '
                        'only a simulated flight has it')
     flight, s = from_yaml(own, f'{path}: scenario.yaml'), offline_replay.steps(bag)
+    if not len(s.t):
+        raise BagError(f'{path}: no step of the sensors is complete')
     seen = ~np.isnan(s.flow[:, :1])
     flow = np.where(seen, np.column_stack([s.flow, s.flow_quality]), np.nan)
     return flight, Samples(

@@ -25,6 +25,14 @@ def test_a_folder_or_an_mcap_file_is_a_bag(tmp_path):
     assert not from_bag.is_bag('circle') and not from_bag.is_bag(str(tmp_path / 'no.mcap'))
 
 
+def test_a_bag_without_a_complete_step_is_one_line(monkeypatch):
+    whole = steps_of(closed_loop.fly(from_bag.read(BAG)[0]))
+    monkeypatch.setattr(from_bag.offline_replay, 'steps', lambda bag: Steps(
+        *(values[:0] for values in whole)))
+    with pytest.raises(BagError, match='circle_short: no step of the sensors is complete'):
+        from_bag.read(BAG)
+
+
 def test_a_bag_without_truth_or_scenario_is_one_line(monkeypatch):
     bag = read_bag(BAG)
     stamps = bag['ground_truth/odom'].stamp
