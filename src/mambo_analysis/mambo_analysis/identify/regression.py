@@ -240,7 +240,7 @@ def fit(
     Raises
     ------
     IdentifyError
-        If there are too few samples or they do not determine a parameter.
+        If there are too few samples, too extreme ones, or they do not determine a parameter.
 
     """
     nuisance = np.empty((len(data), 0)) if nuisance is None else nuisance
@@ -251,6 +251,9 @@ def fit(
             f'{data.size} samples are too few for {data.size - freedom} unknowns')
     for number in range(PASSES if colour else 1):
         problem.set(problem.whiten if not number else _whitener(problem.unexplained(theta)))
+        first = problem.residual(theta)
+        if not np.isfinite(first @ first):
+            raise IdentifyError('the numbers are too extreme to fit')
         if number > 1 and all(len(a) == 0 for a in problem.whiten.coefficients):
             break
         found = optimize.least_squares(

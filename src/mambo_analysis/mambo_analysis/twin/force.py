@@ -147,7 +147,11 @@ def fit_force(*flights: Recorded) -> Found:
     def predicted(theta: Floats) -> Floats:
         model = _model(theta, command, voltage)
         return np.concatenate([means(model.predict(one)[one.air]) for one in flights])
-    found = regression.fit(predicted, measured, START, LOW, HIGH, NAMES)
+    names = ', '.join(one.name for one in flights)
+    try:
+        found = regression.fit(predicted, measured, START, LOW, HIGH, NAMES)
+    except IdentifyError as error:
+        raise IdentifyError(f'{names}: {error}') from None
     model = _model(found.theta, command, voltage)
     units = ('1/s', '1/s', '1/s', 'm/s^2', 'm/s^2', 'm/s^2', '1')
     values = {name: found.value(i, unit) for i, (name, unit) in enumerate(zip(NAMES, units))}
@@ -165,6 +169,6 @@ def fit_force(*flights: Recorded) -> Found:
         if values[name].half > half and not any(one.startswith(name) for one in hidden):
             hidden.append(f'{name}: the interval is wider than +-{half:g} {values[name].unit}')
     if not model.thrust > 0.0:
-        raise IdentifyError('the accelerometer shows no thrust: this is no flight')
+        raise IdentifyError(f'{names}: the accelerometer shows no thrust: this is no flight')
     t = np.concatenate([means(one.t[one.air][:, None])[:, 0] for one in flights])
     return Found(model, values, hidden, found, measured, t)

@@ -1,6 +1,7 @@
 """The force model is found again, with intervals that hold, and what is not excited is named."""
 
 from flown import flight, TRUE
+from mambo_analysis.identify.regression import IdentifyError
 from mambo_analysis.twin import force
 from mambo_analysis.twin.force import fit_force
 import numpy as np
@@ -60,3 +61,11 @@ def test_constant_thrust_shows_neither_exponent_nor_lag():
                         voltage=np.full(len(one.t), 3.6),
                         force=np.column_stack([one.force[:, :2], force_z]))
     assert {line.split(':')[0] for line in fit_force(flat).hidden} >= {'exponent', 'motor lag'}
+
+
+def test_flights_that_determine_nothing_are_named():
+    dead = flight()
+    dead = dead._replace(command=np.zeros_like(dead.command))
+    with np.errstate(all='ignore'), pytest.raises(
+            IdentifyError, match=f'^{dead.name}: the numbers are too extreme to fit'):
+        fit_force(dead)
