@@ -15,6 +15,7 @@ from .. import offline_replay
 from ..scenario import from_yaml, Scenario
 
 Array = NDArray[np.float64]
+LARGEST = 1e6  # of a true state, SI units
 
 
 class Samples(NamedTuple):
@@ -41,7 +42,7 @@ def true_states(bag: Bag, t: NDArray[np.int64]) -> Array:
     Raises
     ------
     BagError
-        If the bag has no ground truth, or none at one of the stamps.
+        If the bag has no ground truth, or none or an impossible one at one of the stamps.
 
     """
     if topics.GROUND_TRUTH.name not in bag:
@@ -55,7 +56,13 @@ def true_states(bag: Bag, t: NDArray[np.int64]) -> Array:
     ned = [np.stack(flip_vector(tuple(vectors[row].T)), axis=1) for vectors in (
         true.position, true.velocity, true.orientation[:, :3], true.angular_velocity)]
     q = np.column_stack([true.orientation[row, 3], ned[2]])
-    return np.hstack([ned[0], ned[1], q, ned[3]])
+    out = np.hstack([ned[0], ned[1], q, ned[3]])
+    possible = (np.abs(out) < LARGEST).all(axis=1) & (
+        np.abs(np.linalg.norm(q, axis=1) - 1.0) < 0.01)
+    if not possible.all():
+        raise BagError(f'{bag.path}: {topics.GROUND_TRUTH.name} has an impossible state at '
+                       f'{1e-9 * t[np.argmin(possible)]:.3f} s')
+    return out
 
 
 def read(path: Path) -> tuple[Scenario, Samples]:

@@ -33,6 +33,16 @@ def test_a_bag_without_a_complete_step_is_one_line(monkeypatch):
         from_bag.read(BAG)
 
 
+@pytest.mark.parametrize(('field', 'value'), [
+    ('position', 1e308), ('velocity', np.nan), ('orientation', 0.0)])
+def test_an_impossible_true_state_is_one_line(field, value):
+    bag = read_bag(BAG)
+    stamps = bag['ground_truth/odom'].stamp
+    getattr(bag['ground_truth/odom'], field)[5] = value
+    with pytest.raises(BagError, match=f'impossible state at {1e-9 * stamps[5]:.3f} s'):
+        from_bag.true_states(bag, stamps)
+
+
 def test_a_bag_without_truth_or_scenario_is_one_line(monkeypatch):
     bag = read_bag(BAG)
     stamps = bag['ground_truth/odom'].stamp
