@@ -32,7 +32,7 @@ ALL: Seen = (True,) * COUNT
 
 
 def file_positions() -> tuple[float, ...]:
-    """Return the positions in ``vehicles/identified_markers.yaml``, (15,) m, body FRD."""
+    """Return the positions in ``presets/identified_markers.yaml``, (15,) m, body FRD."""
     return tuple(x for _, at in parameters.markers('identified_markers') for x in at)
 
 
@@ -49,7 +49,7 @@ class MarkerParams(Parameters):
     layout: str = choice('asymmetric', LAYOUTS, 'design choice; symmetric as in thesis sec. 5.3')
     positions: tuple[float, ...] = quantity(
         file_positions(), 'm', -1.0, 1.0,
-        'body FRD, vehicles/identified_markers.yaml: four corners and the top')
+        'body FRD, presets/identified_markers.yaml: four corners and the top')
     noise: float = quantity(
         0.0001, 'm', 0.0, 0.01,
         'each axis; what gives the attitude noise of Crazyflie flights under Optitrack')

@@ -48,7 +48,7 @@ def figure_5_1() -> Result:
 @claim('5.2', 'where the five Optitrack markers are')
 def figure_5_2() -> Result:
     """Nothing to measure."""
-    return Result([], why_not='a photograph; positions assumed in `vehicles/identified_markers`')
+    return Result([], why_not='a photograph; positions assumed in `presets/identified_markers`')
 
 
 @claim('5.3', 'hovering, the height is estimated well, x and y are not', 'fig_5_3',
