@@ -1,4 +1,4 @@
-"""What a controller answers: the command of the motors, and what is shown of its law."""
+"""The command of a controller: PWM of the motors, and signals of the law for recording."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def thrust_and_torque(
     f: float, tau: Vec3, state: State, ref: Reference, vv: VehicleValues,
 ) -> Command:
     """
-    Return the command of a controller that asks for a thrust and a torque.
+    Return the command of a controller that computes a thrust and a torque.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
 """
-Every controller by its name, and the guard that flies any of them.
+The registry of all controllers, and the guard around each of them.
 
-A controller is a dataclass of parameters, ``initial`` and ``step``: one line of ``REGISTRY`` for a
-built-in one, a file or an installed package for one from outside. One from outside that raises,
-answers NaN or takes too long is not asked again: the cascaded controller flies in its place, and
-the failsafe lands the vehicle.
+A controller is a dataclass of parameters with ``initial`` and ``step``. A built-in controller is
+one line of ``REGISTRY``; a user's controller is a file or an installed package. A user's
+controller that raises an error, returns NaN or takes too long is not called again: the cascaded
+controller replaces it, and the failsafe lands the vehicle.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _COMMAND = typeof(_NOTHING)
 
 
 class OwnValues(NamedTuple):
-    """Parameters of a controller from outside, and what the guard and the failsafe need."""
+    """Parameters of a user's controller, and what the guard and the failsafe need."""
 
     values: Any                # its own, or the slot of a plain one
     slot: int                  # that keeps its fault
@@ -74,7 +74,7 @@ class OwnMemory(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class OwnParams:
-    """Parameters of a controller from outside, used as those of a built-in one."""
+    """Parameters of a user's controller, used as those of a built-in one."""
 
     component: Component
     params: Any
@@ -94,12 +94,12 @@ class OwnParams:
 
 def read(answer: Any) -> Command:
     """
-    Return a command from outside with numbers as compiled code has them.
+    Check the command of a user's controller and convert its numbers for compiled code.
 
     Raises
     ------
     UnusableError
-        If it is no command, or its numbers cannot be used.
+        If it is not a command, or if its numbers are unusable.
 
     """
     if not isinstance(answer, Command):
@@ -117,7 +117,7 @@ def read(answer: Any) -> Command:
 
 
 def _try(component: Component) -> None:
-    """Refuse a controller that does not answer a hovering vehicle as one must."""
+    """Run one step at hover; raise ParameterError if the controller fails it."""
     vv, zero = Vehicle().values(), (0.0, 0.0, 0.0)
     at = (0.0, 0.0, -1.0)
     ref = from_flat_output(at, zero, zero, zero, zero, vv.mass, vv.inertia, vv.gravity)
@@ -137,7 +137,7 @@ def _call(memory, own, state, ref, dt, vv):
 
 
 def _report(slot, memory, state, ref, dt, vv):
-    """Keep what a compiled controller did wrong."""
+    """Keep the fault of a compiled controller."""
     slots.report(slot, memory, (state, ref, dt, None, vv), read)
 
 
@@ -192,7 +192,7 @@ _take = by_type(4, {PlainValues: _plain_step}, _compiled_step)
 
 @jit
 def _own_initial(gains: OwnValues) -> OwnMemory:
-    """Return the memory of a controller from outside at start."""
+    """Return the memory of a user's controller at start."""
     return OwnMemory(_begin(gains.values), False, cascaded.initial(gains.backup))
 
 
@@ -201,7 +201,7 @@ def _own_step(
     memory: OwnMemory, state: State, ref: Reference, dt: float, gains: OwnValues,
     vv: VehicleValues,
 ) -> tuple[OwnMemory, Command]:
-    """Take a step of a controller from outside, or of the one in its place."""
+    """Take a step of a user's controller, or of the one in its place."""
     if not memory.fault:
         failed, after, c = _take(memory.memory, state, ref, dt, gains.values, gains.slot, vv)
         if not failed:
@@ -221,7 +221,7 @@ def _own_stopped(memory: OwnMemory, reason: int) -> Command:
 
 @jit
 def _own_is_faulty(memory: OwnMemory) -> bool:
-    """Tell whether a controller from outside has failed."""
+    """Tell whether a user's controller has failed."""
     return memory.fault
 
 

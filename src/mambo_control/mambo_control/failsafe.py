@@ -1,8 +1,8 @@
 """
-What the controller does when its estimate or its reference is lost: hold, land, stop.
+The failsafe of the controller: if estimate or reference is lost, it holds, lands and stops.
 
-One step per control period; whatever goes in, each motor gets 0 or a PWM within its limits. What
-is missing comes in as NaN. The vehicle is in one of five stages:
+There is one step per control period. For any input, each motor gets 0 or a PWM within its limits.
+Missing inputs are NaN. The vehicle is in one of five stages:
 
 ================  =============================================  ================================
 stage             when                                           what the control law gets
@@ -11,7 +11,7 @@ FLYING            estimate and reference are good                both of them
 HOLDING           either is lost, not longer than ``hold``       the last reference; a prediction
 LANDING           lost for longer, attitude and height known,    a descent of its own
                   or the law cannot follow its reference, or a
-                  controller from outside has failed
+                  user's controller has failed
 DESCENDING_BLIND  attitude or height lost for longer             its own descent, a prediction, a
                                                                  vehicle believed to be lighter
 STOPPED           touched down; a limit exceeded; a crash; lost  nothing: the motors stand still
@@ -19,29 +19,29 @@ STOPPED           touched down; a limit exceeded; a crash; lost  nothing: the mo
                   not aligned at take-off
 ================  =============================================  ================================
 
-HOLDING goes back to FLYING. A landing is final: a reference that comes back is not followed, as
-nobody has said where it leads; attitude and height that come back turn DESCENDING_BLIND into
-LANDING. STOPPED stays until the controller is started again.
+HOLDING can return to FLYING. A landing is final: a reference that returns is not followed, because
+it may lead anywhere by then. If attitude and height return, DESCENDING_BLIND becomes LANDING.
+STOPPED lasts until the controller is started again.
 
-**Prediction.** The believed vehicle (3.3) flown on from the last state with the last PWM. Each of
-attitude, height and horizontal motion that the estimate still knows takes the place of the
-predicted one. Height and horizontal motion are known as long as their variances, which an
-estimator publishes, are within limits; an estimator that publishes none (zeros) is believed.
+**Prediction.** The believed vehicle (3.3) is simulated from the last state with the last PWM.
+Attitude, height and horizontal motion are taken from the estimate as long as it knows them. Height
+and horizontal motion are known while their published variances are within limits; an estimator
+that publishes no variances (zeros) is trusted.
 
-**Descent.** From position, velocity and yaw at its begin the velocity blends to
-``descent_speed`` straight down within ``deceleration``, four times continuously differentiable,
-and goes on into the floor. It ends when the vehicle near the floor has ceased to sink, or when
-the reference is ``depth`` under the floor.
+**Descent.** From the initial position, velocity and yaw, the velocity blends to ``descent_speed``
+straight down within ``deceleration``, four times continuously differentiable, and the reference
+continues below the floor. The descent ends when the vehicle near the floor has stopped sinking, or
+when the reference is ``depth`` below the floor.
 
-**Blind.** Nothing bounds an open-loop descent: (3.13) has no drag along the thrust, hence there
-is no terminal speed, and an error of thrust or mass of 1 % is 0.1 m/s^2. Two things help. The
-mass is the one that the flight has shown: lift over gravity minus vertical acceleration, both
-averaged over ``SHOWN_TIME`` above ``near_floor``, the believed mass until then. And the vehicle
-is taken to be lighter still, by ``thrust_deficit`` d: the true one gains d g t downwards on the
-prediction and is on the floor before it, which ends the descent. From rest at height h it touches
-down at sqrt(v^2 + 2 d g (h + v T/2)), v being ``descent_speed`` and T the time that taking it up
-takes: 0.95 m/s from 1.5 m. With more lift than 1 + d times what is assumed a vehicle would not
-come down; with less it comes down faster.
+**Blind.** Nothing limits the speed of an open-loop descent: (3.13) has no drag along the thrust,
+so there is no terminal speed, and an error of 1 % in thrust or mass is 0.1 m/s^2. Two measures
+help. First, the mass is estimated in flight as lift over gravity minus vertical acceleration, both
+averaged over ``SHOWN_TIME`` above ``near_floor``; until then it is the believed mass. Second, the
+vehicle is assumed to be lighter than that by the fraction ``thrust_deficit`` d, so the true one
+sinks faster than the prediction by d g t and reaches the floor first, which ends the descent. From
+rest at height h it touches down at sqrt(v^2 + 2 d g (h + v T/2)), with v the ``descent_speed`` and
+T the time to reach it: 0.95 m/s from 1.5 m. With more than 1 + d times the assumed lift a vehicle
+would not come down; with less lift it comes down faster.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ REASONS = (
     'reference lost or unusable', 'crash',
     'estimator not aligned: let the vehicle rest, start again', 'controller failed')
 
-SHORTEST_BLEND = 0.5  # s, in which a descent takes up its speed
+SHORTEST_BLEND = 0.5  # s, shortest time in which a descent reaches its speed
 SETTLING = 0.5  # s after that, before a vehicle that does not sink counts as being on the floor
 TOUCHED = 0.1  # s for which it must not sink
 SHOWN_TIME = 2.0  # s
@@ -114,7 +114,7 @@ _POINT = Reference(_ZERO, _ZERO, _ZERO, _ZERO, _ZERO, IDENTITY, _ZERO, _ZERO, 0.
 
 @dataclass(frozen=True)
 class FailsafeParams(Parameters):
-    """How long a loss is borne, how the vehicle lands after it, and what is a crash."""
+    """Tolerated duration of a loss, the landing after it, and the limits that detect a crash."""
 
     hold: float = quantity(
         0.1, 's', 0.0, 10.0, 'a loss that is not longer is bridged (judgement)')
@@ -156,7 +156,7 @@ FailsafeValues = values_type(FailsafeParams)
 
 
 class Descent(NamedTuple):
-    """Where a descent began, inertial NED, and how far it is."""
+    """Initial state of a descent, inertial NED, and its progress."""
 
     rho: Vec3  # m
     v: Vec3  # m/s
@@ -166,14 +166,14 @@ class Descent(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """Averages above ``near_floor``, filling from zero: what the vehicle weighs."""
+    """Averages above ``near_floor``, starting from zero, that give the mass of the vehicle."""
 
     lift: float  # N, vertical part of the commanded thrust
     pull: float  # m/s^2, gravity minus vertical acceleration
 
 
 class Memory(NamedTuple):
-    """What is passed from step to step."""
+    """Memory of the failsafe from step to step."""
 
     control: controllers.Memory  # of the control law
     stage: int  # FLYING ... STOPPED

@@ -1,4 +1,4 @@
-"""When the motors must stop: inputs that cannot be used, and limits of a flight."""
+"""Conditions that stop the motors: unusable inputs, and limits of tilt and height."""
 
 from __future__ import annotations
 

@@ -7,8 +7,9 @@ reference. Every derivative action damps the velocity or rate itself: no velocit
 rate of the reference is used, hence the lag of Figure 4.4; no integral action on altitude, hence
 the offset of Figure 4.3.
 
-Structure and gains are those that code generated from the package for the Mambo shows. Left out:
-the open-loop thrust of the first second (the flight plan climbs instead) and the fence at 10 m.
+Structure and gains are taken from code that the package generates for the Mambo. Two parts are
+left out: the open-loop thrust of the first second, for which the flight plan climbs instead, and
+the fence at 10 m.
 """
 
 from __future__ import annotations

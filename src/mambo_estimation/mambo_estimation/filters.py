@@ -48,7 +48,7 @@ _HOVER = (0.005, (0.0, 0.0, 0.0), (0.0, 0.0, -9.81), math.nan, (math.nan, math.n
 
 
 class OwnValues(NamedTuple):
-    """Parameters of an estimator from outside."""
+    """Parameters of a user's estimator."""
 
     values: Any  # its own, or the slot of a plain one
     slot: int    # that keeps its fault
@@ -63,7 +63,7 @@ class OwnMemory(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class OwnParams:
-    """Parameters of an estimator from outside, used as those of a built-in one."""
+    """Parameters of a user's estimator, used as those of a built-in one."""
 
     component: Component
     params: Any
@@ -176,7 +176,7 @@ _take = by_type(8, {PlainValues: _plain_step}, _compiled_step)
 
 @jit
 def _own_initial(own: OwnValues) -> OwnMemory:
-    """Return the memory of an estimator from outside at start."""
+    """Return the memory of a user's estimator at start."""
     return OwnMemory(_begin(own.values), False)
 
 

@@ -1,10 +1,10 @@
 """
-Forces of the air: parts of the drag (3.4)-(3.10), their lumped form (3.11)-(3.13), ground effect.
+Aerodynamic forces: parts of the drag (3.4)-(3.10), lumped drag (3.11)-(3.13), ground effect.
 
 V_h = (nu_1, nu_2, 0) is the horizontal velocity of the vehicle in body axes. The parts are forces
-on one rotor with its own thrust T and speed Omega, the lumped form is that on all four. By (3.11)
-and (3.12) the T of (3.13) is the thrust of one rotor, f/4 (the default of the vehicle); the other
-readings are kept to compare. The aerodynamic torque of (3.3d) is zero.
+on one rotor with its own thrust T and speed Omega; the lumped form is the force on all four. By
+(3.11) and (3.12) the T of (3.13) is the thrust of one rotor, f/4 (the default of the vehicle). The
+other readings are kept for comparison. The aerodynamic torque of (3.3d) is zero.
 """
 
 from __future__ import annotations
@@ -114,10 +114,10 @@ def profile_drag(
     .. math:: D_p = -\int_0^R \rho c \left( (c_{d0} + c_{d\alpha} \theta) \Omega r
               - \tfrac12 c_{d\alpha} (v_s + v_i) \right) V_h \, dr
 
-    Mean over a revolution of blades with drag coefficient c_d0 + c_d_alpha alpha at an incidence
-    alpha = theta - (v_s + v_i)/(Omega r). Print has one r more, which makes it a torque, omega
-    for the rotor speed, and neither theta nor the factor of the inflow. Never along V_h: where
-    the inflow would make the drag of the blades negative it is zero.
+    This is the mean over a revolution for blades with drag coefficient c_d0 + c_d_alpha alpha at
+    an incidence alpha = theta - (v_s + v_i)/(Omega r). The printed equation has one r more, which
+    makes it a torque, omega for the rotor speed, and neither theta nor the factor of the inflow.
+    The drag never acts along V_h: where the inflow would make it negative, it is zero.
 
     Parameters
     ----------
@@ -159,14 +159,14 @@ def parasitic_drag(nu: Vec3, K_par: Vec3) -> Vec3:
     """
     Return -|nu| K_par nu (3.10), the drag of the frame, (3,) N, body FRD.
 
-    Print has a factor T; the drag of a frame does not know the thrust.
+    The printed equation has a factor T, but the drag of the frame does not depend on the thrust.
 
     Parameters
     ----------
     nu : (3,) m/s, body FRD
-        All three components.
+        Velocity relative to the air.
     K_par : (3,) kg/m
-        Half of density times drag area along each axis.
+        Half the air density times the drag area along each axis.
 
     """
     k = -norm(nu)
@@ -211,10 +211,10 @@ def induced_velocity(
 @jit
 def translational_drag(thrust: float, nu: Vec3, options: OptionValues) -> Vec3:
     """
-    Return (3.6) up to the speed w, (3.7) beyond, of one rotor, (3,) N, body FRD.
+    Return the translational drag of one rotor, (3,) N, body FRD: (3.6) up to w, (3.7) above.
 
-    Without a k_T2 of its own (3.7) joins (3.6) at w, whatever the thrust; where no air goes down
-    through the rotor it is zero.
+    If k_T2 is 0, (3.7) is scaled to join (3.6) at w for any thrust. It is zero where no air flows
+    down through the rotor.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def rotor_drag(
     thrust: float, speed: float, nu: Vec3, omega: Vec3, options: OptionValues,
 ) -> Vec3:
     """
-    Return the parts of (3.12) that are switched on, added up for one rotor, (3,) N, body FRD.
+    Return the sum of the parts of (3.12) that are switched on, for one rotor, (3,) N, body FRD.
 
     Parameters
     ----------
@@ -298,11 +298,11 @@ def lumped_drag(nu: Vec3, f: float, vv: VehicleValues) -> Vec3:
     Parameters
     ----------
     nu : (3,) m/s, body FRD
-        Velocity; K_c = diag(k_c, k_c, k_z), where print has no k_z.
+        Velocity; K_c = diag(k_c, k_c, k_z); the printed equation has no k_z.
     f : N
         Total thrust of the four rotors.
     vv
-        Vehicle; ``drag_reading`` tells what T is: f/4, f, 1 (k_c in kg/s) or the mass (1/s).
+        Vehicle; ``drag_reading`` selects T: f/4, f, 1 (k_c in kg/s) or the mass (k_c in 1/s).
         k_z is ``vertical_drag_coefficient``, 0 by default.
 
     """
@@ -325,14 +325,14 @@ def lumped_drag(nu: Vec3, f: float, vv: VehicleValues) -> Vec3:
 @jit
 def ground_effect(height: float, radius: float) -> float:
     """
-    Return the lift of a rotor near the floor over that away from it, at equal power, >= 1.
+    Return the thrust of a rotor near the floor over that far from it, at equal power, >= 1.
 
-    1/(1 - (R/(4 z))^2): I. C. Cheeseman, W. E. Bennett, ARC R&M 3021 (1955), for hover.
+    It is 1/(1 - (R/(4 z))^2) in hover: I. C. Cheeseman, W. E. Bennett, ARC R&M 3021 (1955).
 
     Parameters
     ----------
     height : m
-        z, of the rotor above the floor; below half a radius the lift no longer grows.
+        Height z of the rotor above the floor; below half a radius the factor stays constant.
     radius : m
         R.
 

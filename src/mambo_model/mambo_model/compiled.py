@@ -70,10 +70,10 @@ def source_digest() -> str:
     """
     Return a short digest of the numerical sources of every installed ``mambo_*`` package.
 
-    numba invalidates a cached function when its own file changes, not when a function that
-    it calls in another file does. A cache folder named after all sources closes that gap. Of
-    mambo_flight and mambo_analysis, which are mostly not compiled, only the files that compile
-    something count.
+    numba invalidates a cached function when its own file changes, but not when a function that
+    it calls in another file changes. A cache folder named after all sources avoids stale code.
+    Most files of mambo_flight and mambo_analysis are not compiled; only their files with @jit
+    count.
     """
     digest = hashlib.sha256()
     for entry in sorted(  # components that are installed may be part of what is compiled
@@ -95,7 +95,7 @@ def source_digest() -> str:
 
 
 def _cache_root() -> Path:
-    """Return the folder for compiled code: MAMBO_CACHE_DIR, else the user's cache folder."""
+    """Return the folder for compiled code: MAMBO_CACHE_DIR, or else the user's cache folder."""
     root = os.environ.get('MAMBO_CACHE_DIR')
     if root:
         return Path(root)
@@ -135,8 +135,8 @@ def jit(function: F) -> F:
     """
     Compile a pure numerical function: cached on disk, IEEE arithmetic (no fastmath).
 
-    Every caller (node, replay, closed loop, Monte Carlo) runs the same compiled code, hence
-    gets the same bits.
+    Every caller (node, replay, closed loop, Monte Carlo) runs the same compiled code and so gets
+    the same bits.
     """
     return numba.njit(cache=True, error_model='numpy')(function)
 
@@ -160,7 +160,7 @@ def jit_beside_python(function: F) -> F:
 
 @contextlib.contextmanager
 def own_cache(name: str) -> Iterator[None]:
-    """Keep what functions compile to that are defined meanwhile in a folder of this name."""
+    """Cache functions that are defined inside this context in a folder of their own."""
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(Path(os.environ['NUMBA_CACHE_DIR']) / name)
     try:
@@ -170,11 +170,11 @@ def own_cache(name: str) -> Iterator[None]:
 
 
 class _Held(structref.StructRefProxy):
-    """What a component keeps between its steps; see :func:`hold`."""
+    """Memory, random generator and values of a component between its steps; see :func:`hold`."""
 
 
 class _Fields:
-    """The same in an interpreter that does not compile."""
+    """The same with compilation switched off."""
 
     def __init__(self, memory: Any, rng: Any, values: Any) -> None:
         self.memory, self.rng, self.values = memory, rng, values
@@ -182,7 +182,7 @@ class _Fields:
 
 @structref.register
 class _HeldType(numba.types.StructRef):
-    """Type of what is held in compiled code."""
+    """Type of :class:`_Held` in compiled code."""
 
 
 structref.define_proxy(_Held, _HeldType, ['memory', 'rng', 'values'])
@@ -214,7 +214,7 @@ def hold(memory, rng, values):
 
 @jit
 def memory_of(held):
-    """Return the memory of a holder to Python."""
+    """Return the memory in a holder to Python."""
     return held.memory
 
 
@@ -258,7 +258,7 @@ def by_type(
 
     """
     def chosen(*arguments):
-        """Choose when called from Python."""
+        """Dispatch a call from Python."""
         kind = type(arguments[position])
         if kind not in functions and default is None:
             known = ', '.join(sorted(one.__name__ for one in functions))
@@ -267,7 +267,7 @@ def by_type(
 
     @overload(chosen, jit_options={'forceinline': True})
     def _choose(*arguments):
-        """Choose while compiling."""
+        """Dispatch at compile time."""
         kind = arguments[position]
         if isinstance(kind, numba.types.NoneType):
             found = functions.get(type(None))

@@ -1,11 +1,11 @@
 """
-Components that somebody brings: found by name, file or entry point, and checked before a flight.
+Users' components: found by built-in name, file or entry point, and checked before a flight.
 
-A component is three things: the dataclass of its parameters, ``initial`` and ``step``. It is
-named by a built-in name, by a Python file (``mine.py``, or ``mine.py:Name`` for one of several in
-it), or by the name of an installed entry point. In a file they are ``Params``, ``initial`` and
-``step`` of the module, or attributes of ``Name``. One :class:`Registry` for each kind of component
-holds the built-in ones, which are found and started in the same way.
+A component has three parts: the dataclass of its parameters, ``initial`` and ``step``. It is
+selected by a built-in name, by a Python file (``mine.py``, or ``mine.py:Name`` if the file holds
+several), or by the name of an installed entry point. In a file the parts are ``Params``,
+``initial`` and ``step`` of the module, or attributes of ``Name``. Each kind of component has a
+:class:`Registry`, which also holds the built-in components.
 """
 
 from __future__ import annotations
@@ -39,23 +39,23 @@ class Component:
     Attributes
     ----------
     name
-        Of its group of parameters.
+        Name of the component and of its group of parameters.
     params
         Dataclass of its parameters.
     initial
-        From the values of the parameters to the memory at start.
+        Function from the values of the parameters to the initial memory.
     step
-        One step; its arguments are those of the registry.
+        Function for one step, with the arguments that the registry defines.
     compiled
-        Whether ``initial`` and ``step`` are functions of numba.
+        Whether ``initial`` and ``step`` are compiled by numba.
     version
-        Of the installed package, or ``__version__`` of the file; empty: none.
+        Version of the installed package, or ``__version__`` of the file; empty: none.
     sha256
-        Of the source; empty for a built-in one.
+        Hash of the source; empty for a built-in component.
     path
-        Of the source; None for a built-in one.
+        File of the source; None for a built-in component.
     more
-        Functions that built-in ones may have besides.
+        Module with further functions of a built-in component.
 
     """
 
@@ -71,7 +71,7 @@ class Component:
 
     @property
     def own(self) -> bool:
-        """Return whether it comes from outside."""
+        """Return whether it is a user's component."""
         return self.path is not None
 
     def describe(self) -> str:
@@ -81,18 +81,18 @@ class Component:
 
 
 def is_file(name: str) -> bool:
-    """Return whether the name of a component is that of a file."""
+    """Return whether the name of a component names a file."""
     return _FILE.fullmatch(name) is not None
 
 
 def file_and_name(name: str) -> tuple[str, str] | None:
-    """Return the file in the name of a component, and what is named in it or ''; None: no file."""
+    """Split the name of a component into file and name in the file or ''; None: not a file."""
     found = _FILE.fullmatch(name)
     return (found[1], found[2] or '') if found else None
 
 
 def absolute(name: str, folder: Path = Path()) -> str:
-    """Return the name of a component with the path of its file, if it is one, made absolute."""
+    """Return the name of a component; if it names a file, its path is made absolute."""
     found = _FILE.fullmatch(name)
     if not found:
         return name
@@ -107,19 +107,20 @@ class Registry:
     Parameters
     ----------
     kind
-        What messages call one of them: ``controller``.
+        The kind of component as messages name it, such as ``controller``.
     arguments
-        Of ``step``, by name.
+        Names of the arguments of ``step``.
     built_in
-        Parameters and module of each built-in one, by name; the module has ``initial``, ``step``.
+        {name: (parameters, module)} of the built-in components; each module has ``initial`` and
+        ``step``.
     others
-        Names that the parameter may have besides, which are no components.
+        Further values of the parameter that are not components.
 
     Attributes
     ----------
     trial : Callable
-        Called with a component from outside before it is used; raises ParameterError for one that
-        answers a simple case with something else than its kind does.
+        Called with a user's component before it is used; raises ParameterError if the component
+        fails or returns an unusable result in a simple case.
 
     """
 
@@ -134,28 +135,28 @@ class Registry:
 
     @property
     def group(self) -> str:
-        """Return the group of entry points."""
+        """Return the name of the group of entry points."""
         return f'mambo.{self.kind}s'
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return the names of the built-in ones, and the others."""
+        """Return the names of the built-in components, and the others."""
         return (*self.built_in, *self.others)
 
     absolute = staticmethod(absolute)
 
     def is_own(self, name: str) -> bool:
-        """Return whether a name is that of a component from outside."""
+        """Return whether a name is that of a user's component."""
         return name not in self.names
 
     def find(self, name: str) -> Component | None:
         """
-        Return a component, None for one of the others.
+        Return the component of a name, or None for one of ``others``.
 
         Raises
         ------
         ParameterError
-            If there is none of this name, or it is not what its kind must be; in one line.
+            If there is no such component, or if it does not fit its kind; in one line.
 
         """
         if name in self.others:
@@ -176,19 +177,19 @@ class Registry:
 
     def offer(self, thing: Any) -> str:
         """
-        Return a name under which a component of this process, such as of a notebook, is found.
+        Register a component of this process, such as a notebook's; return the name to find it by.
 
         Parameters
         ----------
         thing
-            A class, module or object with ``Params``, ``initial`` and ``step``; or a function
-            of the arguments of ``step`` without memory and parameters, which keeps nothing. It
-            is flown as plain Python, compiled or not, as what a cell calls may change.
+            A class, module or object with ``Params``, ``initial`` and ``step``; or a function of
+            the arguments of ``step`` without memory and parameters. It always runs as plain
+            Python, because functions that it calls may change from cell to cell.
 
         Raises
         ------
         ParameterError
-            As :meth:`find`.
+            As for :meth:`find`.
 
         """
         path, sha256 = script_source(thing)
@@ -204,7 +205,7 @@ class Registry:
         return name
 
     def _check_parts(self, holder: Any, path: Path) -> None:
-        """Refuse what lacks a part of a component."""
+        """Raise ParameterError if a part of a component is missing."""
         missing = [part for part in PARTS if not hasattr(holder, part)]
         if missing:
             raise ParameterError(
@@ -212,7 +213,7 @@ class Registry:
                 f'{", ".join(PARTS)}')
 
     def _load(self, name: str) -> Component:
-        """Return a component from outside as it stands there."""
+        """Load a user's component without checking it."""
         if found := _FILE.fullmatch(name):
             path = Path(found[1])
             module = load_file(path)
@@ -244,7 +245,7 @@ class Registry:
             digest(path), path)
 
     def _checked(self, c: Component) -> Component:
-        """Return a component that is what its kind must be."""
+        """Return a component after checking that it fits its kind."""
         if not c.name.isidentifier() or keyword.iskeyword(c.name) or c.name in self.names:
             raise ParameterError(
                 f'{c.path}: the {self.kind} must have a name that is a word and not one of '
@@ -305,14 +306,14 @@ def _check_arguments(
 
 def built_in_groups(registry: Registry, before: str = '') -> Callable[[type], type]:
     """
-    Return what puts the parameters of every built-in component into a dataclass of parameters.
+    Return a decorator that adds a group for each built-in component to a parameter dataclass.
 
     Parameters
     ----------
     registry
-        Of these components.
+        Registry of the components.
     before
-        Name of the field in front of which they stand; empty: at the end.
+        Name of the field before which the groups are inserted; empty: at the end.
 
     """
     def put(params_type: type) -> type:
@@ -331,7 +332,7 @@ def built_in_groups(registry: Registry, before: str = '') -> Callable[[type], ty
 
 
 def own_components(params: Any) -> list[Component]:
-    """Return the components from outside that parameters choose, at any depth, in order."""
+    """Return the users' components that parameters select, at any depth, in order."""
     out = []
     for field, value in component_fields(params):
         registry = field.metadata['component']
@@ -341,7 +342,7 @@ def own_components(params: Any) -> list[Component]:
 
 
 def remarks(params: Any) -> list[str]:
-    """Return what to say of the components from outside before a flight, a line each."""
+    """Return remarks on the users' components to print before a flight, a line each."""
     return [f'{c.path}: {c.name} is plain Python: it flies slower than with initial and step '
             'compiled by @jit of mambo_model.compiled'
             for c in own_components(params) if not c.compiled]

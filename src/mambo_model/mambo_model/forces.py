@@ -1,9 +1,9 @@
 """
-All that acts on a vehicle with options: thrust, drag by parts, ground effect, spinning rotors.
+Forces on a vehicle with options: thrust, drag by parts, ground effect and rotor inertia.
 
-What (3.2) and (3.13) leave out, and what they have. Motors 1 to 4 are front
+The module contains (3.2) and (3.13) and the effects that they neglect. Motors 1 to 4 are front
 left, front right, rear right, rear left; 1 and 3 turn clockwise seen from above, which is
-positively about b3.
+positive about b3.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ STAGES = (0.5, 0.5, 1.0, 0.0)  # where in the step the next rate is taken, the l
 
 
 class Rotors(NamedTuple):
-    """What the rotors do during a step of the integration."""
+    """Thrusts and angular momentum of the rotors over one integration step."""
 
     thrust: Four            # (4,) N, motors 1 to 4, mean, as if far from the floor
     momentum: float         # N m s, angular momentum about b3 of all four, mean
@@ -31,7 +31,7 @@ class Rotors(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """Thrust, torque and drag, as (3.3) takes them."""
+    """Thrust, torque and drag, the inputs of (3.3)."""
 
     f: float    # N, along -b3
     tau: Vec3   # (3,) N m, body FRD
@@ -43,9 +43,9 @@ def rotors_in_step(
     mean: Four, before: Four, after: Four, h: float, options: OptionValues,
 ) -> Rotors:
     """
-    Return what the rotors do in a step of h s, from their thrusts, each (4,) N.
+    Return thrusts and angular momentum over a step of h seconds, from thrusts in N, (4,) each.
 
-    The mean derivative of their angular momentum is its exact change over the step.
+    The mean derivative of the angular momentum is its exact change over the step, divided by h.
     """
     rotor = options.rotor
     if not rotor.torques:
@@ -57,20 +57,20 @@ def rotors_in_step(
 @jit
 def lift(thrust: Four, rho: Vec3, q: Quat, arm: float, options: OptionValues) -> Four:
     """
-    Return the thrusts with the ground effect on each rotor at its own height, (4,) N.
+    Return the thrusts with ground effect, evaluated at the height of each rotor, (4,) N.
 
     Parameters
     ----------
     thrust : (4,) N
-        Far from the floor.
+        Thrusts without ground effect.
     rho : (3,) m, inertial NED
-        Of the vehicle; it stands on the floor at rho_z = 0.
+        Position of the vehicle; on the floor rho_z = 0.
     q
         Attitude; upside down there is no ground effect.
     arm : m
-        Of the vehicle.
+        Distance of the rotors from the body x and y axes.
     options
-        Of the vehicle.
+        Options of the vehicle.
 
     """
     down, R = rotate_inverse(q, (0.0, 0.0, 1.0)), options.rotor.radius
@@ -88,14 +88,14 @@ def drag(
     nu: Vec3, omega: Vec3, thrust: Four, lifts: Four, vv: VehicleValues, options: OptionValues,
 ) -> Vec3:
     """
-    Return all drag that is switched on, (3,) N, body FRD.
+    Return the sum of all drag parts that are switched on, (3,) N, body FRD.
 
     Parameters
     ----------
     nu, omega : (3,) m/s, rad/s, body FRD
-        Of the vehicle, nu relative to the air.
+        Velocity relative to the air and angular velocity of the vehicle.
     thrust, lifts : (4,) N
-        Far from the floor, which says how fast the rotors turn, and where they are.
+        Thrusts without ground effect, which determine the rotor speeds, and with it.
     vv, options
         The vehicle.
 
@@ -117,25 +117,25 @@ def forces(
     r"""
     Return thrust, torque and drag on a vehicle.
 
-    To the torque of (3.2) it adds that of rotors which turn and which change their speed,
+    The gyroscopic torque of the rotors and the torque that accelerates them are added to (3.2):
 
     .. math:: -\omega \times h e_3 - \dot h e_3, \quad h = J_r \sum s_j \Omega_j
 
-    so that without thrust R (J omega + h e3) is constant. Ground effect is at equal power: it
-    raises the thrusts, not their yaw torques.
+    Without thrust, R (J omega + h e3) is therefore constant. Ground effect is taken at equal
+    power: it raises the thrusts but not their yaw torques.
 
     Parameters
     ----------
     body
-        Of the vehicle.
+        State of the vehicle.
     rotors
-        Their thrusts and angular momentum.
+        Thrusts and angular momentum of the rotors.
     vv, options
         The vehicle.
     floor
-        Whether there is one at rho_z = 0.
+        Whether there is a floor at rho_z = 0.
     wind : (3,) m/s, inertial NED
-        Velocity of the air; None: it is still.
+        Velocity of the air; None: still air.
 
     """
     lifts = rotors.thrust
@@ -162,17 +162,17 @@ def rk4_step(
     Parameters
     ----------
     state
-        At the start of the step.
+        State at the start of the step.
     rotors
-        Held over the step.
+        Thrusts and angular momentum, constant over the step.
     h : s
         Length of the step.
     vv, options
         The vehicle.
     floor
-        Whether there is one at rho_z = 0.
+        Whether there is a floor at rho_z = 0.
     norm_gain, wind
-        As there.
+        As for ``rigid_body.rk4_step``.
 
     """
     end = at = state

@@ -1,4 +1,4 @@
-"""How much a file may take while it is read: limits that an environment variable raises."""
+"""Limits on the resources for reading a file; environment variables can raise them."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ RATIO = 20
 
 class Limit(NamedTuple):
     """
-    A limit.
+    A limit that an environment variable can change.
 
     Attributes
     ----------
     name
-        The environment variable that sets another.
+        The environment variable.
     default
     most
-        Up to where it may be raised.
+        The largest value it may have.
 
     """
 
@@ -31,12 +31,12 @@ class Limit(NamedTuple):
 
     def value(self) -> int:
         """
-        Return the number in the environment variable, else the default.
+        Return the number in the environment variable, or the default if it is not set.
 
         Raises
         ------
         ParameterError
-            If the variable holds no whole number from 1 to ``most``.
+            If the variable does not hold a whole number from 1 to ``most``.
 
         """
         text = os.environ.get(self.name, '')
@@ -60,5 +60,5 @@ def unpacked(size: int) -> int:
 
 
 def raised_by(limit: Limit) -> str:
-    """Return the end of a message: what raises a limit."""
+    """Return the end of a message that says which variable raises the limit."""
     return f'{limit.name} (now {limit.value()}) raises the limit'

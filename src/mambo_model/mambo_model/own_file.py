@@ -1,4 +1,4 @@
-"""A user's file as a module: loaded once for each content, which its hash tells apart."""
+"""Users' Python files as modules, each loaded once per content, as its hash identifies it."""
 
 from __future__ import annotations
 
@@ -75,13 +75,13 @@ def describe(error: BaseException) -> str:
 
 
 def name_apart(kind: type, sha256: str) -> None:
-    """Give a NamedTuple a name of its own: numba takes those of equal names for one type."""
+    """Give a NamedTuple a unique name; numba takes NamedTuples of equal name for one type."""
     if not kind.__name__.endswith(f'_{sha256[:12]}'):
         kind.__name__ = f'{kind.__name__}_{sha256[:12]}'
 
 
 def _named_tuples(holder: Any, module: str) -> Iterator[type]:
-    """Yield the NamedTuples that a module defines, also within its classes."""
+    """Yield the NamedTuples that a module defines, including those nested in its classes."""
     for value in list(vars(holder).values()):
         if isinstance(value, type) and value.__module__ == module:
             if issubclass(value, tuple):
@@ -91,7 +91,7 @@ def _named_tuples(holder: Any, module: str) -> Iterator[type]:
 
 
 def _siblings(path: Path, known: set[Path]) -> set[Path]:
-    """Return a file and those beside it that it imports."""
+    """Return a file and the files in its folder that it imports, directly or indirectly."""
     if path in known or not path.is_file():
         return known
     known.add(path)
@@ -108,7 +108,7 @@ def _siblings(path: Path, known: set[Path]) -> set[Path]:
 
 
 def digest(path: Path) -> str:
-    """Return the sha256 of a source, with those beside it that it imports if there are any."""
+    """Return the sha256 of a source file and of the files in its folder that it imports."""
     files = sorted(_siblings(path, set()))
     if files == [path]:
         return hashlib.sha256(path.read_bytes()).hexdigest()
@@ -119,7 +119,7 @@ def digest(path: Path) -> str:
 
 
 def fault_place(path: Path | None, error: BaseException) -> str:
-    """Return file and line of a user's code at which an error was raised."""
+    """Return the file and line in the user's code at which an error was raised."""
     at, trace = '', error.__traceback__
     while trace is not None:
         if path is not None and Path(trace.tb_frame.f_code.co_filename).parent == path.parent:

@@ -1,10 +1,10 @@
 """
-The colours of every page and figure, and the only module that names one.
+The colours of all pages and figures; no other module names a colour.
 
-A role has one colour wherever it is drawn: black for the reference, grey for the ground truth,
-sky blue for Optitrack, rust for the estimate. Any two roles differ for all kinds of colour vision.
-Each has a contrast of at least 3:1 with the paper (WCAG 2.2, 1.4.11), text of at least 4.5:1
-(1.4.3). Lines that may lie on each other differ in width or dashes, too.
+A role has the same colour everywhere: black for the reference, grey for the ground truth, sky
+blue for Optitrack, rust for the estimate. Any two roles can be told apart with every kind of
+colour vision. Each has a contrast of at least 3:1 with the background (WCAG 2.2, 1.4.11), text of
+at least 4.5:1 (1.4.3). Lines that may overlap also differ in width or dashes.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ PAGE = {  # (on white, on a dark page)
     'shade': ('#e9ebee', '#26292d'), 'good': ('#12682e', '#81c995'),
     'half': ('#8a4b00', '#fdd663'), 'bad': ('#b3261e', '#f28b82')}
 COLOURS = {name: light for name, (light, _) in (*ROLES.items(), *PAGE.items())}
-"""Colours on white by role."""
+"""Colours on white, by role."""
 INK, LINE, PAPER = (COLOURS[name] for name in ('ink', 'line', 'paper'))
 SERIES = ('onboard', 'sonar', 'barometer', 'flow', 'truth', 'estimate', 'optitrack', 'reference')
-"""Whose colours curves without a role take, in this order, as far as the plot has them free."""
+"""Roles whose colours curves without a role take, in this order, if the plot does not use them."""
 MEASURED = 'truth'
-"""The role whose colour data of a test bench take."""
+"""The role whose colour is used for bench data."""
 LABELS = {
     'reference': 'reference', 'ground truth': 'truth', 'Optitrack': 'optitrack', 'IMU': 'estimate',
     'estimate': 'estimate', 'onboard estimate': 'onboard', 'optical flow': 'flow',
     'sonar': 'sonar', 'barometer': 'barometer', 'ground_truth/odom': 'truth',
     'optitrack/pose': 'optitrack', 'estimate/odom': 'estimate', 'onboard/odom': 'onboard'}
 """Role by label and topic."""
-LINES = {  # (dashes, width in points, above others)
+LINES = {  # (dashes, width in points, drawing order)
     'reference': ('--', 1.4, 5), 'truth': ('-', 2.8, 1), 'optitrack': ('-', 2.0, 2),
     'estimate': ('-', 1.2, 4), 'onboard': ('-.', 1.2, 3), 'flow': (':', 1.6, 3),
     'sonar': ('-', 1.3, 3), 'barometer': ('-', 1.3, 3)}
@@ -45,7 +45,7 @@ DASHES = {'-': 'solid', '--': 'dash', '-.': 'dashdot', ':': 'dot'}  # plotly's n
 
 
 def line(role: str) -> dict[str, Any]:
-    """Return how matplotlib draws the line of a role: colour, dashes, width and order."""
+    """Return the matplotlib style of the line of a role: colour, dashes, width and order."""
     dashes, width, order = LINES[role]
     return {'color': COLOURS[role], 'ls': dashes, 'lw': width, 'zorder': order}
 
@@ -57,12 +57,13 @@ def free(used: Collection[str]) -> str:
 
 def lines(labels: Iterable[str]) -> list[dict[str, Any]]:
     """
-    Return how matplotlib draws the lines of one plot, each unlike the others.
+    Return the matplotlib styles of the lines of one plot, all of them different.
 
     Parameters
     ----------
     labels
-        One a line. One of ``LABELS`` takes its role's line, others take free colours and dashes.
+        One per line. A label in ``LABELS`` gets the style of its role; others get free colours
+        and dashes.
 
     Raises
     ------
@@ -87,7 +88,7 @@ def lines(labels: Iterable[str]) -> list[dict[str, Any]]:
 
 
 def css() -> str:
-    """Return the colours as variables of a page: light, dark where asked for, light on paper."""
+    """Return the colours as CSS variables: light by default and in print, dark on request."""
     light, dark = (''.join(f'--{name}:{pair[k]};' for name, pair in (
         *ROLES.items(), *PAGE.items())) for k in (0, 1))
     return (f':root{{color-scheme:light dark;{light}}}\n'
@@ -101,12 +102,12 @@ def by_theme() -> dict[str, dict[str, str]]:
 
 
 def variables(text: str) -> str:
-    """Return an SVG with the variables of :func:`css` in place of the colours on white."""
+    """Replace the colours on white in an SVG by the variables of :func:`css`."""
     for name, colour in COLOURS.items():
         text = text.replace(colour, f'var(--{name})')
     return text
 
 
 def in_figure(text: str) -> str:
-    """Return a text as matplotlib draws it: dollars are dollars, not the ends of a formula."""
+    """Escape a text for matplotlib, so that a dollar sign does not start a formula."""
     return visible(text).replace('$', r'\$')

@@ -34,7 +34,7 @@ def quantity(default: Any, unit: str, low: float, high: float, source: str) -> A
 
 
 def choice(default: str, options: tuple[str, ...], source: str) -> Any:
-    """Declare a name out of ``options``; compiled code sees its index."""
+    """Declare a choice among ``options``; compiled code sees its index."""
     return dataclasses.field(default=default, metadata={'options': options, 'source': source})
 
 
@@ -57,15 +57,15 @@ def component(default: str, registry: Any, source: str) -> Any:
     """
     Declare the name of a component: a built-in one, a file, or an installed one.
 
-    ``registry`` is the :class:`mambo_model.components.Registry` that finds it. A group of
-    parameters of this name belongs to it.
+    ``registry`` is the :class:`mambo_model.components.Registry` that finds the component. The
+    group of parameters with the same name holds its parameters.
     """
     return dataclasses.field(
         default=default, metadata={'component': registry, 'source': source})
 
 
 class ParameterError(InputError):
-    """A parameter is unknown, of a wrong type or out of its range; the text names it."""
+    """A parameter is unknown, has a wrong type or is out of range; the message names it."""
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
@@ -79,7 +79,7 @@ def unknown(name: str, known: Iterable[str]) -> str:
 
 
 def _as_float(value: float) -> float:
-    """Return a number as float; an integer beyond the largest one is infinite."""
+    """Return a number as float; an integer beyond the largest float becomes infinite."""
     try:
         return float(value)
     except OverflowError:
@@ -91,10 +91,10 @@ def _is_number(value: Any) -> bool:
 
 
 def shown(value: Any) -> str:
-    """Return a value as an error line shows it, however large it is."""
+    """Return a value for an error message, shortened if it is long."""
     try:
         text = repr(value)
-    except ValueError:  # Python does not write integers of more than 4300 digits
+    except ValueError:  # Python refuses to print integers of more than 4300 digits
         return 'a number of more than 4300 digits'
     return text if len(text) <= 80 else f'{text[:60]}... ({len(text)} characters)'
 
@@ -147,12 +147,12 @@ def check_field(owner: str, field: dataclasses.Field, value: Any) -> None:
 
 def check(params: Any) -> None:
     """
-    Check every field; call it from ``__post_init__``.
+    Check every field of a parameter dataclass; call it from ``__post_init__``.
 
     Raises
     ------
     ParameterError
-        Naming the field, its value, unit and range.
+        If a value is wrong; the message names the field, its value, unit and range.
 
     """
     for field in dataclasses.fields(params):
@@ -183,14 +183,14 @@ def flatten(params: Any, prefix: str = '') -> dict[str, Any]:
 
 def extended(params_type: type[P], given: Mapping[str, Any]) -> type[P]:
     """
-    Return a parameter dataclass with the groups of the components from outside that are chosen.
+    Return a parameter dataclass extended by the groups of the users' components selected.
 
     Parameters
     ----------
     params_type
-        Declared with this module.
+        Dataclass declared with this module.
     given
-        Values by name; those that are missing keep their defaults.
+        Values by name; missing ones keep their defaults.
 
     Raises
     ------
@@ -225,7 +225,7 @@ def _with_groups(params_type: type, groups: tuple[tuple[str, type], ...]) -> typ
 
 
 def component_fields(params: Any) -> Iterator[tuple[dataclasses.Field, str]]:
-    """Yield the field and the value of every choice of a component, at any depth."""
+    """Yield field and value of every parameter that selects a component, at any depth."""
     for field in dataclasses.fields(params):
         value = getattr(params, field.name)
         if 'group' in field.metadata:
@@ -236,21 +236,21 @@ def component_fields(params: Any) -> Iterator[tuple[dataclasses.Field, str]]:
 
 def build(params_type: type[P], values: Mapping[str, Any], where: str = '') -> P:
     """
-    Fill a parameter dataclass from a nested mapping, missing keys keeping their defaults.
+    Fill a parameter dataclass from a nested mapping; missing keys keep their defaults.
 
     Parameters
     ----------
     params_type
         Dataclass declared with this module.
     values
-        Nested mapping, or flat with dotted names; lists stand for tuples.
+        Nested mapping, or flat mapping with dotted names; lists stand for tuples.
     where
         File or section that the values come from; error messages begin with it.
 
     Raises
     ------
     ParameterError
-        For an unknown key (with the known ones), a wrong type or a value out of range.
+        If a key is unknown (with the known ones), a type is wrong or a value is out of range.
 
     """
     nested: dict[str, Any] = {}

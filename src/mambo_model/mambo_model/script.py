@@ -1,4 +1,4 @@
-"""What stands in a script or a notebook and in no file of its own: its source, and functions."""
+"""Components defined in a script or a notebook: their source, and functions as components."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def script_source(thing: Any) -> tuple[Path, str]:
     """
     Return file and sha256 of the source of a function, a class or an object of a script.
 
-    Where Python has no source, as of what was typed at its prompt, the hash is that of the code.
+    If there is no source, as for code typed at the prompt, the hash is that of the byte code.
     """
     thing = python(thing)
     if not (inspect.isroutine(thing) or inspect.ismodule(thing) or isinstance(thing, type)):

@@ -1,9 +1,10 @@
 """
-What runs a component from outside inside compiled code, and what becomes of its faults.
+Slots that let compiled code call a user's component, and that keep its faults.
 
-A compiled component is part of the compiled loop. A plain one is called by it: the loop holds the
-number of a slot, and the memory and the parameters stay in Python. A component that raises or
-answers what cannot be used is not called again; its slot keeps the line that says where.
+A compiled component becomes part of the compiled loop. A component in plain Python is called by
+the loop: the loop holds the number of a slot, and memory and parameters stay in Python. A
+component that raises an error or returns an unusable result is not called again. Its slot keeps
+a one-line fault with file and line.
 """
 
 from __future__ import annotations
@@ -35,17 +36,17 @@ _NUMBERS = itertools.count()
 
 
 class UnusableError(InputError):
-    """What a component answered cannot be used; the text says why."""
+    """A component returned an unusable result; the message says why."""
 
 
 class PlainValues(NamedTuple):
-    """Parameters that stay in Python, for compiled code."""
+    """Stands in compiled code for parameters that stay in Python."""
 
     slot: int  # that holds them
 
 
 class PlainMemory(NamedTuple):
-    """A memory that stays in Python, for compiled code."""
+    """Stands in compiled code for a memory that stays in Python."""
 
     slot: int  # that holds it
 
@@ -58,11 +59,11 @@ class Slot:
     Attributes
     ----------
     component, values
-        What is flown, and the values of its parameters.
+        The component and the values of its parameters.
     memory
-        Of a component in Python.
+        Its memory, if it runs in Python.
     fault
-        What it did wrong, one line with file and line; empty: nothing.
+        Its fault in one line with file and line; empty: none.
 
     """
 
@@ -73,7 +74,7 @@ class Slot:
 
 
 def open_slot(component: Component, values: Any) -> int:
-    """Return the number of a new slot."""
+    """Open a new slot and return its number."""
     number = next(_NUMBERS)
     _SLOTS[number] = Slot(component, values)
     while len(_SLOTS) > _KEPT:
@@ -82,12 +83,12 @@ def open_slot(component: Component, values: Any) -> int:
 
 
 def fault(number: int) -> str:
-    """Return what the component of a slot did wrong, one line; empty: nothing."""
+    """Return the fault of the component of a slot in one line; empty: none."""
     return _SLOTS[number].fault
 
 
 def latest_fault() -> str:
-    """Return the first fault among the slots that are kept, and forget all of them; or ''."""
+    """Return the first fault among the kept slots, or '', and clear the faults of all slots."""
     found = next((slot.fault for slot in _SLOTS.values() if slot.fault), '')
     for slot in _SLOTS.values():
         slot.fault = ''
@@ -103,16 +104,16 @@ def begin(number: int) -> None:
 
 def call(memory: int, values: int, arguments: tuple, read: Callable[[Any], Any]) -> Any:
     """
-    Return what a step of a component in Python answers, None where it did wrong.
+    Run one step of a component in Python; return its result, or None after a fault.
 
     Parameters
     ----------
     memory, values
-        Slots of the two.
+        Slots that hold the memory and the values.
     arguments
-        Of the step, where ``memory`` is its first one and None stands for the values.
+        Arguments of the step after the memory; None stands for the values.
     read
-        From its answer to what compiled code gets; raises ValueError for one that is not usable.
+        Converts the result for compiled code; raises UnusableError if it is unusable.
 
     """
     slot, holder = _SLOTS[values], _SLOTS[memory]
@@ -129,7 +130,7 @@ def call(memory: int, values: int, arguments: tuple, read: Callable[[Any], Any])
 
 
 def report(number: int, memory: Any, arguments: tuple, read: Callable[[Any], Any]) -> None:
-    """Find what a compiled step did wrong: take it again in Python, with the same arguments."""
+    """Find the fault of a compiled step by repeating it in Python with the same arguments."""
     slot = _SLOTS[number]
     if slot.fault:
         return
@@ -187,7 +188,7 @@ def tried(component: Component, arguments: tuple, read: Callable[[Any], Any]) ->
 
 
 def _pair(result: Any) -> tuple[Any, Any]:
-    """Return what a step answers, memory and answer; UnusableError if it is anything else."""
+    """Return memory and result of a step; raise UnusableError if it did not return two values."""
     if type(result) is not tuple or len(result) != 2:
         raise UnusableError('step must answer two things: the memory after it, and what the '
                             f'others get; it answers {_kind(result)}')
@@ -211,12 +212,12 @@ def typed(value: Any, like: Any) -> Any:
 
 
 def _kind(value: Any) -> str:
-    """Return what a value is, in words."""
+    """Return type and value in words, for a message."""
     return f'{type(value).__name__} {shown(value)}'
 
 
 def _uncompiled(error: Exception, component: Component) -> str:
-    """Return what the compiler says of a user's code, one line with file and line."""
+    """Return the compiler's message about a user's code in one line with file and line."""
     text = _COLOUR.sub('', str(error))
     path = component.path
     told = [f'{file}:{line}' for file, line in re.findall(r'File "([^"]+)", line (\d+)', text)
@@ -232,7 +233,7 @@ def _too_long(*_: Any) -> None:
 
 
 def _guarded(slot: Slot, work: Callable[[], Any], limit: float = LONGEST_STEP) -> Any:
-    """Return the result of work of a component; None, and the fault in its slot, if it fails."""
+    """Run work of a component; after an error or timeout note the fault and return None."""
     timed = threading.current_thread() is threading.main_thread()
     if timed:
         before = signal.signal(signal.SIGALRM, _too_long)

@@ -1,8 +1,9 @@
 """
-What compiled code reads of parameters: NamedTuples made from their declarations.
+NamedTuples of parameters for compiled code, made from their declarations.
 
-A parameter stands once, in its dataclass. What compiled code wants in another form (a period for
-a rate, the cosine of an angle) is a method of the dataclass, marked with :func:`derived`::
+A parameter is declared once, in its dataclass. A value that compiled code needs in another form
+(a period for a rate, the cosine of an angle) is a method of the dataclass, marked with
+:func:`derived`::
 
     @dataclass(frozen=True)
     class SonarParams(Parameters):
@@ -31,17 +32,17 @@ F = TypeVar('F', bound=Callable)
 
 def derived(unit: str, *replaces: str) -> Callable[[F], F]:
     """
-    Mark a method as a number that compiled code reads besides, or in place of, parameters.
+    Mark a method as a value that compiled code reads in addition to, or in place of, parameters.
 
-    The method is a field of the compiled values under its own name, described by the first line
-    of its docstring.
+    The method becomes a field of the compiled values under its own name, described by the first
+    line of its docstring.
 
     Parameters
     ----------
     unit
-        Of what it returns; empty for what has none.
+        Unit of the value; empty if it has none.
     replaces
-        Parameters that compiled code need not see, as it reads this instead.
+        Parameters that the value replaces in the compiled values.
 
     """
     def mark(method: F) -> F:
@@ -51,7 +52,7 @@ def derived(unit: str, *replaces: str) -> Callable[[F], F]:
 
 
 def _derived_of(params_type: type) -> dict[str, Callable]:
-    """Return {name: method} of what a parameter dataclass derives, in the order of definition."""
+    """Return {name: method} of the derived values of a dataclass, in the order of definition."""
     return {
         name: member for owner in reversed(params_type.__mro__)
         for name, member in vars(owner).items() if hasattr(member, 'derived')}
@@ -60,23 +61,23 @@ def _derived_of(params_type: type) -> dict[str, Callable]:
 def values_type(params_type: type, name: str = 'Values', only: tuple[str, ...] = (),
                 without: tuple[str, ...] = ()) -> type:
     """
-    Return the NamedTuple that compiled code reads of a parameter dataclass.
+    Return the NamedTuple through which compiled code reads a parameter dataclass.
 
-    Its fields are the parameters in their order, but for text and what a :func:`derived` value
-    replaces, then the derived values. Names out of a :func:`choice` are their index, groups the
-    NamedTuple of theirs. Each field has its unit and source as its docstring. The type is kept as
-    an attribute of the dataclass, by which it can be pickled.
+    Its fields are the parameters in order, except for text and those that a :func:`derived` value
+    replaces, followed by the derived values. A :func:`choice` becomes its index and a group a
+    NamedTuple. The docstring of a field holds its unit and source. The type is stored as an
+    attribute of the dataclass, so that it can be pickled.
 
     Parameters
     ----------
     params_type
-        Declared with this module.
+        Dataclass declared with :mod:`mambo_model.schema`.
     name
-        Of the attribute, where a dataclass has several such types.
+        Name of the attribute, if a dataclass has several such types.
     only
-        Parameters that are fields; empty: all of them, and what is derived.
+        Parameters to include; empty: all of them and the derived values.
     without
-        Parameters that are not.
+        Parameters to leave out.
 
     """
     if name in vars(params_type):
@@ -104,14 +105,14 @@ def values_type(params_type: type, name: str = 'Values', only: tuple[str, ...] =
 
 
 def _compiled_type(field: dataclasses.Field) -> Any:
-    """Return the type that compiled code has for a parameter, as an annotation."""
+    """Return the type of a parameter in compiled code, as an annotation."""
     if 'options' in field.metadata:
         return 'int'
     return 'tuple' if 'group' in field.metadata else field.type
 
 
 def _describe(field: dataclasses.Field) -> str:
-    """Return what the declaration of a parameter says: unit and source, or the choices."""
+    """Return unit and source of a parameter, or its choices."""
     meta = field.metadata
     if 'unit' in meta:
         return f"[{meta['unit']}] {meta['source']}"
@@ -122,17 +123,17 @@ def _describe(field: dataclasses.Field) -> str:
 
 def values(params: Any, kind: type | None = None, /, **given: Any) -> Any:
     """
-    Return what compiled code reads of parameters.
+    Return parameters as a NamedTuple for compiled code.
 
-    Numbers get the type of their default, so that a whole number given for a float compiles
-    nothing anew.
+    Numbers get the type of their default, so that an integer given for a float does not trigger a
+    new compilation.
 
     Parameters
     ----------
     params
         A parameter dataclass.
     kind
-        One of its NamedTuples, by default the first one of :func:`values_type`.
+        One of its NamedTuples, by default the one that :func:`values_type` makes.
     given
         Fields that depend on more than these parameters.
 
@@ -146,7 +147,7 @@ def values(params: Any, kind: type | None = None, /, **given: Any) -> Any:
 
 
 def _compiled_value(field: dataclasses.Field, value: Any) -> Any:
-    """Return the value of one parameter as compiled code has it."""
+    """Return the value of one parameter for compiled code."""
     if 'group' in field.metadata:
         return value.values() if hasattr(value, 'values') else values(value)
     if 'options' in field.metadata:
@@ -159,11 +160,11 @@ def _compiled_value(field: dataclasses.Field, value: Any) -> Any:
 
 
 class Parameters:
-    """Base of the parameter dataclasses: checked when made, readable by compiled code."""
+    """Base of the parameter dataclasses: checks its fields and offers them to compiled code."""
 
     def __post_init__(self) -> None:
         check(self)
 
     def values(self) -> Any:
-        """Return what compiled code reads, the NamedTuple of :func:`values_type`."""
+        """Return the values for compiled code, the NamedTuple of :func:`values_type`."""
         return values(self)

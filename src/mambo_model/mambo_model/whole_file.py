@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Atomic writing: a file is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ def is_wrong_path(error: OSError) -> bool:
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """
-    Give the path to write a file to; it gets its name in one step, when it is whole.
+    Yield a temporary path to write to; at the end it is renamed to the given path in one step.
 
-    The folders of the file are made. What is no plain file, such as ``/dev/stdout``, is written
-    to as it is.
+    Missing folders are created. A path that is not a regular file, such as ``/dev/stdout``, is
+    written to directly.
 
     Parameters
     ----------
     path
-        Of the file; an older one is replaced, a link is followed.
+        Path of the file; an older file is replaced, a link is followed.
 
     Raises
     ------
     InputError
-        If there can be no such file.
+        If the path cannot be a file.
     JobError
-        If the disk does not take it. An older file stays as it is then.
+        If writing fails, for example because the disk is full. An older file is then unchanged.
 
     """
     target = Path(os.path.realpath(path))
@@ -59,9 +59,9 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def write_text(path: Path, text: str) -> Path:
     """
-    Write a text file whole, see :func:`replacing`; return its path.
+    Write a text file atomically, see :func:`replacing`; return its path.
 
-    Names of files that are not UTF-8 are escaped.
+    Characters that UTF-8 cannot encode, as in some file names, are escaped.
     """
     with replacing(path) as part:
         part.write_text(text, encoding='utf-8', errors='backslashreplace')

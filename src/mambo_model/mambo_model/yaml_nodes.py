@@ -92,12 +92,12 @@ def reason(error: yaml.YAMLError) -> str:
 
 def read_text(path: Path) -> str:
     """
-    Return the text of a file that may be read as YAML.
+    Return the text of a file to be read as YAML.
 
     Raises
     ------
     ParameterError
-        If there is no such file, it is not text or far too long.
+        If there is no such file, or if it is not text or too long.
 
     """
     most = _BYTES * limits.YAML_NODES.value()
@@ -117,20 +117,20 @@ def read_text(path: Path) -> str:
 
 
 def _shown(path: Path) -> str:
-    """Return a path that cannot be opened, of bounded length and in one line."""
+    """Return a path for a message, in one line of bounded length."""
     text = repr(str(path))[1:-1]
     return text if len(text) <= 200 else f'{text[:60]}...{text[-60:]}'
 
 
 class Reader:
-    """Walks the nodes of one file, or of a text with a name, and knows where they are."""
+    """Reads the nodes of a file or of a named text, and names file and line in errors."""
 
     def __init__(self, path: Path | str) -> None:
         self.path = path
 
     def root(self) -> yaml.MappingNode:
         """
-        Return the outermost node of the file.
+        Return the root node of the file.
 
         Raises
         ------
@@ -141,7 +141,7 @@ class Reader:
         return self.parse(read_text(Path(self.path)))
 
     def parse(self, text: str) -> yaml.MappingNode:
-        """Return the outermost node of a text; errors as those of :meth:`root`."""
+        """Return the root node of a text; errors as for :meth:`root`."""
         try:
             root = compose(text)
         except yaml.MarkedYAMLError as error:
@@ -176,13 +176,13 @@ class Reader:
         return out
 
     def text(self, node: yaml.Node, name: str) -> str:
-        """Return a word."""
+        """Return the text of a scalar node that is not empty."""
         if not isinstance(node, yaml.ScalarNode) or not node.value.strip():
             self.fail(node, name, 'must be text')
         return node.value
 
     def number(self, node: yaml.Node, name: str) -> float:
-        """Return a number; YAML takes 1e-4 for text, people do not."""
+        """Return a number; 1e-4, which YAML 1.1 takes for text, is one too."""
         word = self.text(node, name)
         try:
             return float(word)
@@ -190,7 +190,7 @@ class Reader:
             self.fail(node, name, f'{shown(word)} is not a number')
 
     def numbers(self, node: yaml.Node, name: str, count: int) -> tuple[float, ...]:
-        """Return a list of so many numbers."""
+        """Return a list of ``count`` numbers."""
         if not isinstance(node, yaml.SequenceNode) or len(node.value) != count:
             self.fail(node, name, f'must be {count} numbers: [...]')
         return tuple(self.number(element, name) for element in node.value)

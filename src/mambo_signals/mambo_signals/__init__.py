@@ -1,1 +1,1 @@
-"""Arrays in, arrays out: what is computed of recorded signals."""
+"""Functions on recorded signals, from arrays to arrays."""

@@ -1,13 +1,13 @@
 r"""
-Derivatives of a recorded path: one way for positions, one for attitudes.
+Derivatives of recorded positions and attitudes.
 
-Around each instant a polynomial is fitted to the samples of a window, by least squares,
+Around each instant a polynomial is fitted by least squares to the samples of a window,
 
-.. math:: y(t_i) = c_0 + c_1 (t_i - t) + c_2 (t_i - t)^2 + \ldots, \qquad \dot y(t) = c_1,
+.. math:: y(t_i) = c_0 + c_1 (t_i - t) + c_2 (t_i - t)^2 + \ldots, \qquad \dot y(t) = c_1.
 
-the filter of Savitzky and Golay (1964) for samples at any times. It does not shift in time, and a
-window that holds a gap, or lacks samples on one side, gives no value. A parabola over a window W
-leaves out what a Gaussian of W / 4.5 leaves out.
+This is the Savitzky-Golay filter (1964) for samples at arbitrary times. It has no time lag. A
+window that contains a gap, or lacks samples on one side, gives NaN. A parabola over a window W
+smooths as much as a Gaussian with a standard deviation of W / 4.5.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def local_fit(
     times: Floats, values: Floats, at: Floats, window: float, degree: int = 2,
 ) -> tuple[Floats, Floats]:
     """
-    Return a recorded signal and its derivative at any instants.
+    Return a smoothed signal and its derivative at given instants.
 
     Parameters
     ----------
@@ -38,13 +38,13 @@ def local_fit(
         Finite.
     at : (m,) s
     window : s
-        Whole width; at least ``SPARSE`` periods are taken.
+        Full width; at least ``SPARSE`` periods are used.
     degree
-        Of the polynomial, 2 or more.
+        Degree of the polynomial, 2 or more.
 
     Returns
     -------
-    Values (m, k) and derivatives (m, k), NaN where the window has a gap or too few samples.
+    Values (m, k) and derivatives (m, k); NaN where the window has a gap or too few samples.
 
     """
     at = np.asarray(at, float)
@@ -76,10 +76,10 @@ def body_rates(
     times: Floats, orientation: Floats, at: Floats | None = None, window: float = ATTITUDE,
 ) -> tuple[Floats, Floats]:
     """
-    Return the angular velocity of a recorded attitude, in the axes of the body.
+    Return the angular velocity of a recorded attitude in body axes.
 
-    The turns from sample to sample, as rotation vectors in the body, are summed up, and the sum
-    is differentiated by :func:`local_fit`: exact for a constant body rate.
+    The rotation vectors from sample to sample, in body axes, are summed, and the sum is
+    differentiated by :func:`local_fit`. The result is exact for a constant body rate.
 
     Parameters
     ----------
@@ -87,12 +87,12 @@ def body_rates(
     orientation : (n, 4)
         Unit quaternions x y z w, body to inertial.
     at : (m,) s
-        Default: the times of the samples.
+        Instants; default: the times of the samples.
     window : s
 
     Returns
     -------
-    Times and body rates, (j,) s and (j, 3) rad/s, where the samples tell them: without gaps.
+    Times (j,) s and body rates (j, 3) rad/s, without instants in gaps.
 
     """
     at = times if at is None else at

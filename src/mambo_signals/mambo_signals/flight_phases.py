@@ -1,4 +1,4 @@
-"""The parts of a flight: take-off, what follows, landing; recorded, or found in its height."""
+"""Phases of a flight: end of the take-off and start of the landing, recorded or detected."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ EVEN = 0.05  # [s] grid of what takes tenths of a second
 
 
 class Phases(NamedTuple):
-    """Stamps [ns] that part a flight; None where the bag does not tell."""
+    """Stamps [ns] of the phases of a flight; None if unknown."""
 
     takeoff_end: int | None
     landing_start: int | None
@@ -26,7 +26,7 @@ class Phases(NamedTuple):
     liftoff: int | None = None
 
     def parts(self) -> list[tuple[str, int | None, int | None]]:
-        """Return the parts as (name, begin, end): begin <= stamp < end, None: open."""
+        """Return the parts as (name, begin, end) with begin <= stamp < end; None: no limit."""
         out: list[tuple[str, int | None, int | None]] = [('whole flight', None, None)]
         if self.takeoff_end is not None:
             out.append(('take-off', None, self.takeoff_end))
@@ -55,7 +55,7 @@ def _plan(content: Any) -> dict[str, float]:
 
 
 def phases(bag: Bag) -> Phases:
-    """Return when take-off ends and landing begins, by the phases of the reference."""
+    """Return end of the take-off and start of the landing from the phases of the reference."""
     if 'reference' not in bag:
         return Phases(None, None, '')
     reference = bag['reference']

@@ -16,11 +16,12 @@ class Statistics(NamedTuple):
     Attributes
     ----------
     count
-        n, errors with a component that is not finite left out.
+        n, the number of errors whose components are all finite.
     rms, maximum
-        (k,) of each component, the maximum of its magnitude.
+        (k,) RMS and largest magnitude of each component.
     rms_total, maximum_total
-        Of the Euclidean norm; ``rms_total`` is the root of the sum of the squared ``rms``.
+        RMS and maximum of the Euclidean norm; ``rms_total`` is the root of the sum of squares of
+        ``rms``.
 
     """
 
@@ -33,7 +34,7 @@ class Statistics(NamedTuple):
 
 def statistics(errors: Floats) -> Statistics:
     """
-    Return the statistics of errors, (n, k) any unit; NaN where there is no error to count.
+    Return the statistics of errors, (n, k) any unit; NaN if there is no valid error.
 
     Errors with a component that is not finite are left out.
     """
@@ -74,14 +75,14 @@ def missing(stamps: Ints, period: float) -> int:
 
 def envelope(t: Floats, values: Floats, points: int) -> tuple[Floats, Floats]:
     """
-    Return a signal at fewer instants that is drawn the same: least and greatest of each stretch.
+    Reduce a signal for a plot, keeping the minimum and maximum of each block of samples.
 
     Parameters
     ----------
     t, values : (n,)
-        NaN: no value; a stretch of nothing else keeps one.
+        NaN: no value; a block of NaN keeps a NaN.
     points
-        How many instants, give or take the last stretch; a signal of so few stays as it is.
+        Approximate number of points to keep; a shorter signal is returned unchanged.
 
     """
     size = -(-len(t) // (points // 2))
@@ -98,15 +99,15 @@ def envelope(t: Floats, values: Floats, points: int) -> tuple[Floats, Floats]:
 
 def running_rms(stamps: Ints, errors: Floats) -> Floats:
     """
-    Return the RMS of the length of an error from its first sample up to each, (n,).
+    Return the RMS of the error norm from the first sample up to each sample, (n,).
 
     Parameters
     ----------
     stamps : (n,) ns
-        In order; every error counts with the time until the next, so that a rate that changes
-        halfway does not weigh one half more.
+        In order; each error is weighted with the time to the next one, so that parts with a
+        higher sampling rate do not count more.
     errors : (n, k)
-        NaN: not counted, the value before it is held; NaN after the last that counts.
+        NaN: not counted; the previous result is held, and after the last valid error it is NaN.
 
     """
     squares = (np.asarray(errors, float) ** 2).sum(axis=1)
@@ -122,7 +123,7 @@ def running_rms(stamps: Ints, errors: Floats) -> Floats:
 
 
 def drift(errors: Floats) -> Floats:
-    """Return the last error with finite components, (k,); NaN without any."""
+    """Return the last error whose components are all finite, (k,); NaN if there is none."""
     errors = np.asarray(errors, float)
     good = np.flatnonzero(np.isfinite(errors).all(axis=1))
     return errors[good[-1]] if len(good) else np.full(errors.shape[1], np.nan)

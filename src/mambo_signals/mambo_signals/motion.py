@@ -1,4 +1,4 @@
-"""The motion of one vehicle as arrays, whichever topic tells of it; z up, as on the wire."""
+"""The motion of a vehicle as arrays, read from any topic that holds one; z up, as in messages."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ class Motion:
     Attributes
     ----------
     name
-        Of the topic, relative to the namespace of the drone.
+        Name of the topic, relative to the namespace of the drone.
     stamps : (n,) ns, ascending
     position : (n, 3) m
     quaternion : (n, 4)
-        x y z w, body to inertial, of one sign throughout; NaN where the message holds none.
+        x y z w, body to inertial, without jumps of sign; NaN where the message holds none.
     velocity : (n, 3) m/s, inertial
-        None if the topic does not tell.
+        None if the topic does not hold it.
     impossible
-        How many poses were left out that cannot be true, see :mod:`.signals.outliers`.
+        Number of impossible poses that were rejected, see :mod:`mambo_signals.outliers`.
     frame
-        In which the poses are, as the messages name it.
+        Name of the frame of the poses in the messages.
 
     """
 
@@ -59,16 +59,16 @@ class Motion:
 
     @property
     def orientation(self) -> Floats:
-        """Return the quaternions, under the name they have in messages."""
+        """Return the quaternions under their name in messages."""
         return self.quaternion
 
     @property
     def gap(self) -> int:
-        """Return the time [ns] over which two samples are not connected."""
+        """Return the largest time between two samples that are connected, ns."""
         return resample.longest_step(self.stamps)
 
     def moved(self, offset: int, turn: float, shift: Floats) -> Motion:
-        """Return the motion seen with a clock ``offset`` ns ahead, turned [rad], shifted [m]."""
+        """Shift the clock by ``offset`` [ns], rotate by ``turn`` [rad] and translate [m]."""
         rotation = Rotation.from_euler('z', turn)
         half = Rotation.from_euler('z', turn).as_quat()
         return dataclasses.replace(
@@ -77,11 +77,11 @@ class Motion:
             velocity=None if self.velocity is None else rotation.apply(self.velocity))
 
     def values(self, stamps: Ints, column: Floats) -> Floats:
-        """Return a column (n, k) interpolated at other stamps, NaN in gaps and outside."""
+        """Return a column, (n, k), interpolated at other stamps; NaN in gaps and outside."""
         return resample.interpolate(stamps, self.stamps, column, self.gap)
 
     def at(self, stamps: Ints) -> Motion:
-        """Return the motion interpolated at other stamps, NaN in gaps and outside."""
+        """Return the motion interpolated at other stamps; NaN in gaps and outside."""
         q = self.values(stamps, self.quaternion)  # a chord: 1e-5 rad off for 0.1 rad a sample
         return dataclasses.replace(
             self, stamps=stamps, position=self.values(stamps, self.position),
@@ -90,7 +90,7 @@ class Motion:
 
 
 def product(p: Floats, q: Floats) -> Floats:
-    """Return the products (2.10) of quaternions x y z w, (n, 4), of which one may be (4,)."""
+    """Return the products (2.10) of quaternions x y z w, (n, 4); one factor may be (4,)."""
     pv, pw, qv, qw = p[..., :3], p[..., 3:], q[..., :3], q[..., 3:]
     vector = pw * qv + qw * pv + np.cross(pv, qv)
     return np.concatenate(
@@ -98,7 +98,7 @@ def product(p: Floats, q: Floats) -> Floats:
 
 
 def rotation_vectors(q: Floats) -> Floats:
-    """Return quaternions x y z w as rotation vectors, (n, 3) rad, the shorter way; NaN stays."""
+    """Return quaternions x y z w as rotation vectors, (n, 3) rad, of at most pi; NaN stays NaN."""
     q = q * np.where(q[:, 3:] < 0.0, -1.0, 1.0)
     sine = np.linalg.norm(q[:, :3], axis=1, keepdims=True)
     angle = 2.0 * np.arctan2(sine, q[:, 3:])
@@ -106,7 +106,7 @@ def rotation_vectors(q: Floats) -> Floats:
 
 
 def angles(q: Floats) -> Floats:
-    """Return quaternions x y z w as roll, pitch and yaw, (n, 3) deg, without jumps of a turn."""
+    """Return quaternions x y z w as roll, pitch and yaw, (n, 3) deg, unwrapped."""
     x, y, z, w = q.T
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
@@ -118,7 +118,7 @@ def angles(q: Floats) -> Floats:
 
 
 def _possible(stamps: Ints, position: Floats, q: Floats) -> Bools:
-    """Return which poses of a motion capture can be true, (n,); those without attitude can."""
+    """Return which poses of a motion capture are possible, (n,); any without attitude is."""
     out = np.ones(len(stamps), bool)
     posed = np.flatnonzero(np.isfinite(q).all(axis=1))
     out[posed] = ~outliers.impossible(1e-9 * stamps[posed], position[posed], q[posed])
@@ -127,15 +127,16 @@ def _possible(stamps: Ints, position: Floats, q: Floats) -> Bools:
 
 def read(bag: Bag, topic: str) -> Motion:
     """
-    Return the motion that a topic tells.
+    Return the motion that a topic holds.
 
-    Samples without a finite position are left out, of several with one stamp all but the first,
-    and poses of a motion capture that cannot be true (:mod:`.signals.outliers`).
+    Samples without a finite position are left out. Of samples with equal stamps only the first
+    is used. Impossible poses of a motion capture are rejected (:mod:`mambo_signals.outliers`).
 
     Raises
     ------
     BagError
-        If the bag lacks the topic, its type holds no motion, or fewer than two samples are left.
+        If the bag lacks the topic, if its type holds no motion, or if fewer than two samples
+        remain.
 
     """
     messages = bag[topic]
@@ -175,7 +176,7 @@ def read(bag: Bag, topic: str) -> Motion:
 
 
 def candidates(bag: Bag) -> list[str]:
-    """Return the topics of a bag that tell its vehicle's motion, the best first."""
+    """Return the topics of a bag that hold a motion, the most accurate first."""
     known = [name for name in MOTIONS if name in bag]
     absolute = {bag.name(name) for name in known}
     return known + [
@@ -185,14 +186,14 @@ def candidates(bag: Bag) -> list[str]:
 
 def choose(bag: Bag, topic: str | None, other: Bag, other_topic: str | None) -> str:
     """
-    Return the topic of a bag to compare: the one asked for, else the best that both bags have.
+    Return the topic of a bag to compare: ``topic`` if given, or else the best in both bags.
 
-    Where ``other`` is the same bag it is another topic than ``other_topic``.
+    If ``other`` is the same bag, the topic differs from ``other_topic``.
 
     Raises
     ------
     BagError
-        If the bag has none.
+        If the bag holds no motion.
 
     """
     if topic is not None:
@@ -210,10 +211,10 @@ def choose(bag: Bag, topic: str | None, other: Bag, other_topic: str | None) -> 
 
 def position_errors(signal: Messages, truth: Messages) -> tuple[Ints, Floats]:
     """
-    Return stamps (n,) ns and position errors (n, 3) m of a signal, at its own stamps.
+    Return stamps (n,) ns and position errors (n, 3) m of a signal at its own stamps.
 
-    The truth is interpolated by its stamps, not over gaps of more than three of its periods and
-    not beyond its ends: NaN there.
+    The truth is interpolated. Errors in its gaps (:func:`mambo_signals.resample.longest_step`)
+    and beyond its ends are NaN.
     """
     there = resample.interpolate(
         signal.stamp, truth.stamp, truth.position, resample.longest_step(truth.stamp))

@@ -23,7 +23,7 @@ MOST = 100           # minds that are told apart: a tracker has a few, noise has
 
 
 def _jumps(times: Floats, position: Floats, turns: Rotation) -> Ints:
-    """Return the indices of the poses to which no vehicle could have moved from the one before."""
+    """Return the indices of poses that a vehicle could not reach from the previous pose."""
     steps = np.diff(times)
     steps = np.maximum(steps, np.median(steps))  # stamps of a busy machine come in bursts
     turned = (turns[:-1].inv() * turns[1:]).magnitude()
@@ -33,7 +33,7 @@ def _jumps(times: Floats, position: Floats, turns: Rotation) -> Ints:
 
 def impossible(times: Floats, position: Floats, orientation: Floats) -> Bools:
     """
-    Return which poses cannot be true.
+    Return which poses are impossible.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def impossible(times: Floats, position: Floats, orientation: Floats) -> Bools:
 
     Returns
     -------
-    (n,), all False for a recording without jumps.
+    (n,) mask; all False for a recording without jumps.
 
     """
     if len(times) < 3:
@@ -75,7 +75,7 @@ def impossible(times: Floats, position: Floats, orientation: Floats) -> Bools:
 
 
 def describe(name: str, count: int) -> str:
-    """Return the line that reports poses which were left out."""
+    """Return a line that reports rejected poses."""
     return (f'{name}: {count} pose{"s" * (count != 1)} left out that jump{"s" * (count == 1)} '
             f'faster than {np.degrees(FASTEST_TURN):.0f} deg/s or {FASTEST:g} m/s and back: the '
             'tracker lost the body')

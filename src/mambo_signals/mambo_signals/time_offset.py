@@ -1,17 +1,18 @@
 """
-Two recordings of one flight brought together: in time, in place, and where the flight begins.
+Alignment of two recordings of one flight in time and space, and detection of the flight.
 
-In time (:func:`time_offset`): both signals on one grid, the normalised cross-correlation over
-all lags with gaps left out (Padfield 2012, Masked Object Registration in the Fourier Domain,
-eq. 6-11), which a constant bias or a factor of either signal does not change; then Gauss-Newton
-on offset, bias and factor for the part below a sample. :func:`pose_offset` does so with height,
-ground speed and yaw rate, which no placing of the two frames changes.
+Time: :func:`time_offset` resamples both signals to a common grid and computes the normalised
+cross-correlation over all lags without the gaps (Padfield 2012, Masked Object Registration in the
+Fourier Domain, eq. 6-11). It is invariant to a constant bias and a factor of either signal. A
+Gauss-Newton fit of offset, bias and factor then resolves fractions of a sample.
+:func:`pose_offset` does this with height, ground speed and yaw rate, which do not depend on the
+position and orientation of the two frames.
 
-In place: :func:`registration`, the least-squares yaw and translation in closed form (the plane
-case of Horn 1987), or :func:`equalised`, equal at one instant some time after take-off as in
-section 5.4.
+Space: :func:`registration` computes the least-squares yaw and translation in closed form (the
+planar case of Horn 1987). :func:`equalised` makes two paths equal at one instant after take-off,
+as in section 5.4.
 
-Times are seconds, positions metres, z up. ``offset`` is what to add to the second clock to get
+Times are in seconds, positions in metres, z up. ``offset`` is added to the second clock to get
 the first: ``a(t + offset) = b(t)``.
 """
 
@@ -49,15 +50,15 @@ CLIPPED = 0.05  # [m] above the shortest range of a sonar in which its noise is 
 
 
 class AlignError(BagError):
-    """Two signals do not determine what was asked; one line that says why."""
+    """Two signals do not determine the alignment; the message says why in one line."""
 
 
 class NotExcited(AlignError):
-    """A signal does not move enough to tell the time."""
+    """A signal varies too little to determine a time offset."""
 
 
 class Poses(Protocol):
-    """A recorded pose: messages of a bag, or :class:`mambo_signals.motion.Motion`."""
+    """Recorded poses: messages of a bag, or :class:`mambo_signals.motion.Motion`."""
 
     @property
     def t(self) -> Floats:
@@ -79,15 +80,15 @@ class Offset(NamedTuple):
     Attributes
     ----------
     offset
-        s, to add to the second clock.
+        s, to be added to the second clock.
     sigma
-        s, standard error of the offset, for residuals that are correlated in time.
+        s, standard error of the offset; it accounts for residuals correlated in time.
     quality
         Correlation of the two signals at the offset, 0 to 1.
     bias, factor
-        ``a = factor * b + bias``, in the unit of a, and unit of a over unit of b.
+        ``a = factor * b + bias``: bias in the unit of a, factor in unit of a per unit of b.
     overlap
-        s during which both have values.
+        s, time for which both signals have values.
 
     """
 
@@ -100,7 +101,7 @@ class Offset(NamedTuple):
 
 
 class _Grid(NamedTuple):
-    """A signal on a common step; where none is there, values are bridged."""
+    """A signal on an even grid; where ``there`` is False, the values bridge a gap."""
 
     start: float
     step: float
@@ -128,7 +129,7 @@ def _backwards(t: Floats) -> float:
 
 
 def _on_grid(t: Floats, v: Floats, step: float, smooth: float) -> _Grid:
-    """Interpolate onto a grid, leave gaps out, and smooth with a Gaussian of ``smooth`` s."""
+    """Interpolate to an even grid, mark gaps, and smooth with a Gaussian of ``smooth`` s."""
     count = int((t[-1] - t[0]) / step) + 1
     times = t[0] + step * np.arange(count)
     values = gaussian_filter1d(np.interp(times, t, v), smooth / step, mode='nearest')
@@ -137,9 +138,10 @@ def _on_grid(t: Floats, v: Floats, step: float, smooth: float) -> _Grid:
 
 def _correlation(a: _Grid, b: _Grid, least: float) -> tuple[Floats, Floats]:
     """
-    Return lags, in steps of the grid, and the correlation at each over what both have.
+    Return lags in grid steps, and the correlation at each lag over the common samples.
 
-    Lag k puts sample j of b on sample j + k of a. NaN where fewer than ``least`` samples meet.
+    Lag k aligns sample j of b with sample j + k of a. The correlation is NaN for lags with fewer
+    than ``least`` common samples.
     """
     n, m = len(a.values), len(b.values)
     size = next_fast_len(n + m - 1, real=True)
@@ -171,7 +173,7 @@ def _correlation(a: _Grid, b: _Grid, least: float) -> tuple[Floats, Floats]:
 
 def _peak(lags: Floats, r: Floats, step: float, shift: float,
           limits: tuple[float, float] | None) -> int:
-    """Return the index of the best lag; AlignError if another is as good or it is at a limit."""
+    """Return the index of the best lag; raise AlignError if it is ambiguous or at a limit."""
     offsets = lags * step + shift
     inside = np.isfinite(r)
     if limits is not None:
@@ -204,10 +206,10 @@ def _peak(lags: Floats, r: Floats, step: float, shift: float,
 
 def _long_run_variance(scores: Floats, least_lag: int) -> float:
     """
-    Return the variance of the sum of correlated scores, Newey and West 1987.
+    Return the variance of the sum of correlated scores (Newey and West 1987).
 
-    The number of lags is that of Andrews 1991 (eq. 6.2, 6.4, an AR(1) of the scores), at least
-    what the smoothing spans.
+    The number of lags follows Andrews 1991 (eq. 6.2, 6.4, with an AR(1) model of the scores) and
+    is at least the span of the smoothing.
     """
     n = len(scores)
     x = scores - scores.mean()
@@ -224,7 +226,7 @@ def _long_run_variance(scores: Floats, least_lag: int) -> float:
 
 
 def _refined(a: _Grid, b: _Grid, lag: float, smooth: float) -> Offset:
-    """Fit offset, bias and factor to the samples of a by Gauss-Newton."""
+    """Fit offset, bias and factor to the samples of a by the Gauss-Newton method."""
     times_a = a.start + a.step * np.arange(len(a.values))
     times_b = b.start + b.step * np.arange(len(b.values))
     curve = CubicSpline(times_b, b.values)
@@ -265,23 +267,23 @@ def time_offset(
     swing: float = 0.0,
 ) -> Offset:
     """
-    Return the offset between the clocks of two recordings of one quantity.
+    Return the offset between the clocks of two recordings of the same quantity.
 
     Parameters
     ----------
     times_a, a : (n,) s, any unit
-        Of the first recording; samples that are not finite count as missing. A sensor that
-        holds its value is to be given by its new values alone.
+        First recording; samples that are not finite count as missing. Of a sensor that repeats
+        its last value, give only the new values.
     times_b, b : (m,) s, any unit
-        Of the second, at any other rate.
+        Second recording, which may have another rate.
     limits : s
-        Least and greatest offset; default: any that leaves enough overlap.
+        Smallest and largest offset; default: all that leave enough overlap.
     overlap
-        Part of the shorter recording that both must have, 0 to 1.
+        Share of the shorter recording that must overlap, 0 to 1.
     worst : s
-        Greatest standard error that counts as determined.
+        Largest standard error accepted.
     swing
-        Over which both signals must swing (99 % of their values), in their unit.
+        Smallest range of both signals (99 % of their values), in their unit.
 
     Returns
     -------
@@ -290,10 +292,11 @@ def time_offset(
     Raises
     ------
     AlignError
-        If the signals do not determine it: too few samples, no motion, no resemblance, several
-        offsets that fit alike, the best one at a limit, or a standard error beyond ``worst``.
+        If the signals do not determine it: too few samples, no motion, no correlation, several
+        offsets that fit equally well, the best one at a limit, or a standard error above
+        ``worst``.
     NotExcited
-        If one of them does not swing as much as it must.
+        If the range of one of them is below ``swing``.
 
     """
     ta, va = _checked(times_a, a, 'first')
@@ -323,13 +326,13 @@ def offsets(
     limits: tuple[float, float] | None = None,
 ) -> tuple[dict[str, Offset], dict[str, AlignError]]:
     """
-    Return the offset that each quantity gives, and why others give none; both by name.
+    Return the offset for each quantity, and the error for each that gives none; both by name.
 
     Parameters
     ----------
     pairs
         {name: times [s] and values of the first recording, times [s] and values of the second};
-        values in m, m/s or rad/s. They must swing over ``LEAST_SWING``.
+        values in m, m/s or rad/s. Their range must be at least ``LEAST_SWING``.
     limits : s
         As for :func:`time_offset`.
 
@@ -385,17 +388,17 @@ def agreed(
 
 def pose_signals(poses: Poses) -> dict[str, tuple[Floats, Floats]]:
     """
-    Return what of a recorded pose does not depend on where its frame lies.
+    Return signals of recorded poses that do not depend on the placement of their frame.
 
     Parameters
     ----------
     poses
-        With ``t``, ``position`` and ``orientation`` (of Odometry, PoseStamped), z up.
+        Poses with ``t``, ``position`` and ``orientation``, z up.
 
     Returns
     -------
-    ``height`` [m] (to a constant), ``speed`` over ground [m/s] and ``yaw_rate`` [rad/s], each
-    (times [s], values); the last two not near gaps.
+    ``height`` [m] (up to a constant), ``speed`` over ground [m/s] and ``yaw_rate`` [rad/s], each
+    as (times [s], values); the last two have no values near gaps.
 
     """
     position, q = poses.position, poses.orientation
@@ -417,26 +420,26 @@ def pose_offset(
     a: Poses, b: Poses, limits: tuple[float, float] | None = None,
 ) -> tuple[Offset, dict[str, Offset | str]]:
     """
-    Return the offset between two recordings of a pose.
+    Return the offset between the clocks of two recordings of poses.
 
     Parameters
     ----------
     a, b
-        With ``t``, ``position`` and ``orientation``, z up; their frames may lie anywhere.
+        Poses with ``t``, ``position`` and ``orientation``, z up, in any two frames.
     limits : s
         As for :func:`time_offset`.
 
     Returns
     -------
-    Of the signals that determine an offset the one with the smallest standard error, and for
-    each signal its offset or why it has none.
+    The offset with the smallest standard error, and for each signal its offset or the reason why
+    it gives none.
 
     Raises
     ------
     AlignError
-        If no signal determines it, or those that do disagree.
+        If no signal determines the offset, or if the signals disagree.
     NotExcited
-        If the vehicle does not move enough in one of them.
+        If the vehicle does not move enough in one of the recordings.
 
     """
     signals_a, signals_b = pose_signals(a), pose_signals(b)
@@ -473,17 +476,17 @@ def matched(a: Messages, b: Messages, offset: float = 0.0) -> tuple[Floats, Floa
 
 class Registration(NamedTuple):
     """
-    How the second frame lies in the first.
+    Pose of the second frame in the first.
 
     Attributes
     ----------
     yaw
-        rad, about z, counter-clockwise from above.
+        rad, about z, counter-clockwise seen from above.
     translation : (3,) m
     rms
-        m, of what is left.
+        m, RMS residual.
     sigma_yaw
-        rad, standard error for independent errors; NaN where yaw was given.
+        rad, standard error for independent errors; NaN if the yaw was given.
 
     """
 
@@ -493,7 +496,7 @@ class Registration(NamedTuple):
     sigma_yaw: float
 
     def apply(self, positions: ArrayLike) -> Floats:
-        """Return positions of the second frame, (n, 3) m, in the first."""
+        """Transform positions of the second frame, (n, 3) m, to the first."""
         return Rotation.from_euler('z', self.yaw).apply(positions) + self.translation
 
 
@@ -506,7 +509,7 @@ def _registration(a: Floats, b: Floats, yaw: float, sigma: float) -> Registratio
 
 def registration(a: ArrayLike, b: ArrayLike) -> Registration:
     """
-    Return the yaw and translation that bring positions b onto positions a, least squares.
+    Return the least-squares yaw and translation that map positions b to positions a.
 
     Parameters
     ----------
@@ -516,8 +519,8 @@ def registration(a: ArrayLike, b: ArrayLike) -> Registration:
     Raises
     ------
     AlignError
-        For fewer than two instants, or paths whose correlation is below ``LEAST_QUALITY`` or
-        that give a yaw with a standard error beyond 0.1 rad.
+        If there are fewer than two common positions, if the correlation of the paths is below
+        ``LEAST_QUALITY``, or if the standard error of the yaw exceeds 0.1 rad.
 
     """
     a, b = np.asarray(a, float), np.asarray(b, float)
@@ -551,20 +554,20 @@ def equalised(
     Parameters
     ----------
     times : (n,) s
-        Of both.
+        Times of both paths.
     a, b : (n, 3) m
         Positions, z up; rows that are not finite are left out.
     when : s
-        Instant; some 6 s after take-off in the thesis.
+        Instant; about 6 s after take-off in the thesis.
     yaw : rad
-        Of the second frame in the first, known from elsewhere.
+        Known yaw of the second frame in the first.
     window : s
         Width over which the difference is averaged.
 
     Raises
     ------
     AlignError
-        If there is nothing to compare within the window.
+        If there are no common positions within the window.
 
     """
     t, a, b = (np.asarray(x, float) for x in (times, a, b))
@@ -576,7 +579,7 @@ def equalised(
 
 
 class Flight(NamedTuple):
-    """When a vehicle left the ground and came back, s; None where the recording does not say."""
+    """Times of take-off and landing, s; None if the recording does not contain them."""
 
     takeoff: float | None
     landing: float | None
@@ -584,7 +587,7 @@ class Flight(NamedTuple):
 
 
 def _ends(t: Floats, high: NDArray[np.bool_], hold: float) -> tuple[int, int]:
-    """Return the first and the last sample of the runs of ``high`` that last ``hold`` s."""
+    """Return the first and last sample of the runs of ``high`` that last at least ``hold`` s."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], high.astype(int), [0]])))
     runs = [(i, j - 1) for i, j in zip(edges[::2], edges[1::2]) if t[j - 1] - t[i] >= hold]
     if not runs:
@@ -594,23 +597,24 @@ def _ends(t: Floats, high: NDArray[np.bool_], hold: float) -> tuple[int, int]:
 
 def flight_by_height(times: ArrayLike, height: ArrayLike, hold: float = 0.3) -> Flight:
     """
-    Find take-off and landing in a height.
+    Detect take-off and landing in a height signal.
 
-    In the air is what exceeds half of the rise, for ``hold`` s or more; from there the flight is
-    followed back and forth to within ``SETTLED`` (or a tenth of the rise) of where the vehicle
-    stood on that side, for ``hold`` s or more: the two places may differ in height.
+    The vehicle is in the air where the height exceeds half of its range for at least ``hold`` s.
+    From there the flight is extended in both directions to the point where the height comes
+    within ``SETTLED`` (or a tenth of the range) of the ground on that side. The ground level is
+    where the vehicle stands for at least ``hold`` s, and may differ between the two sides.
 
     Parameters
     ----------
     times : (n,) s
     height : (n,) m
-        Any zero, z up; not finite where missing.
+        Height above any zero, z up; missing values are not finite.
     hold : s
 
     Raises
     ------
     AlignError
-        If it never leaves the ground.
+        If the vehicle never leaves the ground.
 
     """
     t, z = _checked(times, height, 'height')
@@ -634,10 +638,11 @@ def flight_by_height(times: ArrayLike, height: ArrayLike, hold: float = 0.3) -> 
 
 def flight_by_thrust(times: ArrayLike, thrust: ArrayLike, hold: float = 0.3) -> Flight:
     """
-    Find take-off and landing in a thrust or the mean motor command, any unit, 0 when stopped.
+    Detect take-off and landing in a thrust or mean motor command, any unit, 0 when stopped.
 
-    In the air is what exceeds 0.7 of the hover level, the median of what exceeds half of the
-    98th percentile: motors idle below that. See :func:`flight_by_height`.
+    The vehicle is in the air where the signal exceeds 0.7 of the hover level; idling motors stay
+    below it. The hover level is the median of all values above half of the 98th percentile. See
+    :func:`flight_by_height`.
     """
     t, f = _checked(times, thrust, 'thrust')
     strong = f[f > 0.5 * np.percentile(f, 98.0)]
@@ -653,7 +658,7 @@ def flight_by_acceleration(
     times: ArrayLike, acceleration: ArrayLike, hold: float = 0.3,
 ) -> Flight:
     """
-    Find when the motors shake the accelerometer.
+    Detect take-off and landing by the vibration of the motors in the accelerometer.
 
     Parameters
     ----------
@@ -665,7 +670,7 @@ def flight_by_acceleration(
     Raises
     ------
     AlignError
-        If no part of the recording is calm beside the rest, so that nothing tells them apart.
+        If the recording has no part that is much calmer than the rest.
 
     """
     values = np.asarray(acceleration, float)
@@ -708,19 +713,19 @@ def clear_echoes(bag: Bag) -> tuple[Floats, Floats]:
 
 def find_flight(bag: Bag) -> Flight:
     """
-    Find take-off and landing of a bag from the best signal that it has.
+    Detect take-off and landing of a bag in the best signal that it has.
 
-    In this order: height of ``ground_truth/odom``, ``optitrack/pose``, ``estimate/odom``,
+    The order is: height of ``ground_truth/odom``, ``optitrack/pose``, ``estimate/odom``,
     ``onboard/odom`` or ``sonar/range``; mean of ``motor_pwm``; ``imu/data_raw``.
 
     Returns
     -------
-    Times by the stamps of the bag, s; ``source`` names the topic.
+    Times in the clock of the stamps, s; ``source`` names the topic.
 
     Raises
     ------
     AlignError
-        If no signal shows a flight; the reason of each.
+        If no signal shows a flight; the message gives the reason for each.
 
     """
     def height(topic: str) -> Flight:

@@ -24,7 +24,7 @@ from .figures.page import data, Examined, line, markdown, page, picture, summary
 
 
 class ReproductionError(MamboError):
-    """The report cannot be made; the text says why in one line."""
+    """The report cannot be made; the message gives the reason in one line."""
 
 
 def chosen(numbers: list[str]) -> list[Claim]:
@@ -50,7 +50,7 @@ def chosen(numbers: list[str]) -> list[Claim]:
 
 
 def examine(claims: list[Claim]) -> list[Examined]:
-    """Fly, measure and draw each of some figures."""
+    """Fly, measure and draw each figure."""
     bar = tqdm(claims, desc='flying (compiles once)', disable=None, leave=False)
     out = []
     for claim in bar:
@@ -60,7 +60,7 @@ def examine(claims: list[Claim]) -> list[Examined]:
 
 
 def write(examined: list[Examined], folder: Path) -> Path:
-    """Write the report and its pictures into a folder; return the path of the page."""
+    """Write the report and its figures into a folder; return the path of the HTML page."""
     for each in examined:
         if each.result.figure is not None:
             picture(each.result.figure, folder / f'fig_{_file(each.claim.number)}.png')

@@ -1,4 +1,4 @@
-"""What the controllers from the literature share: limits of a flight, attitude of a thrust."""
+"""Functions shared by the controllers from the literature: flight limits, attitude of a thrust."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ZERO = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class FlightLimits(Parameters):
-    """Beyond which the motors are shut down."""
+    """Limits of tilt and height beyond which the motors are shut down."""
 
     tilt_limit: float = quantity(
         math.radians(60.0), 'rad', 0.0, math.pi, 'shutdown beyond; pi: never (judgement)')

@@ -1,9 +1,9 @@
 """
 A whole flight along a course as one piecewise polynomial: climb, approach, course, exit, landing.
 
-Position and yaw are four times continuously differentiable wherever the course is, what (3.14)
-needs. The vehicle climbs above the origin, flies to the state in which the course begins, and
-lands where it is at rest after the course.
+Position and yaw are four times continuously differentiable wherever the course is, as (3.14)
+requires. The vehicle climbs above the origin, flies to the initial state of the course, comes to
+rest after the course and lands there.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ MAX_DOWNWARD = 9.0  # m/s^2, below free fall
 
 
 class Timing(NamedTuple):
-    """When what happens in a flight, in s of flight time; see ``FlightPlanParams``."""
+    """Schedule of a flight, in s of flight time; see ``FlightPlanParams``."""
 
     takeoff: str
     takeoff_time: float
@@ -32,21 +32,21 @@ class Timing(NamedTuple):
 
     @property
     def course_begin(self) -> float:
-        """Return when the course itself begins."""
+        """Return the time at which the course itself begins."""
         if self.takeoff == 'none':
             return 0.0
         return self.start_time + (self.blend_duration if self.takeoff == 'smooth' else 0.0)
 
 
 class _Timeline:
-    """Pieces so far, one after the other."""
+    """A growing sequence of pieces."""
 
     def __init__(self) -> None:
         self.begin: list[float] = []
         self.coefficients: list[Array] = []
 
     def add(self, begin: float, coefficients: Array) -> None:
-        """Add what is flown from a time on."""
+        """Add the piece that begins at a time."""
         padded = np.zeros((4, DEGREE + 1))
         padded[:, :coefficients.shape[1]] = coefficients
         self.begin.append(begin)
@@ -57,14 +57,14 @@ class _Timeline:
         self.add(begin, point[:, None])
 
     def move(self, begin: float, duration: float, start: Array, end: Array) -> None:
-        """Add the way from one state to another, (4, 5), and rest there if that is at rest."""
+        """Add the polynomial from one state, (4, 5), to another, or rest if both are that rest."""
         if not np.array_equal(start, end) or start[:, 1:].any():
             self.add(begin, connect(start, end, duration))
         else:
             self.rest(begin, end[:, 0])
 
     def pieces(self) -> Pieces:
-        """Return what compiled code reads."""
+        """Return the pieces for compiled code."""
         return Pieces(np.array(self.begin), np.array(self.coefficients))
 
 
@@ -74,7 +74,7 @@ def _at_rest(point: Array) -> Array:
 
 
 def _stop(state: Array, duration: float) -> Array:
-    """Return where a vehicle comes to rest after a duration in s if it slows down evenly, (4,)."""
+    """Return the point, (4,), reached if the velocity falls linearly to 0 in ``duration`` s."""
     return state[:, 0] + 0.5 * duration * state[:, 1]
 
 
@@ -85,7 +85,7 @@ def assemble(course: Course, timing: Timing) -> Pieces:
     Parameters
     ----------
     course
-        Size, height and speed as flown.
+        Course with the size, height and speed to fly.
     timing
         With takeoff ``smooth``: on the ground until ``takeoff_time``, a climb to the height of
         the beginning of the course, at ``start_time`` a blend to its first state, then the
@@ -97,7 +97,8 @@ def assemble(course: Course, timing: Timing) -> Pieces:
     Raises
     ------
     ParameterError
-        If the flight meets the ground or falls faster than 9 m/s^2; with the time.
+        If the flight hits the ground or accelerates downward by more than 9 m/s^2; the message
+        gives the time.
 
     """
     line, first = _Timeline(), state_at(course, 0.0)
@@ -124,14 +125,14 @@ def assemble(course: Course, timing: Timing) -> Pieces:
 
 
 def _leave(line: _Timeline, begin: float, state: Array, duration: float) -> Array:
-    """Add the way from a state to rest; return the point, (4,), where that is."""
+    """Add the polynomial from a state to rest; return the point of rest, (4,)."""
     end = _stop(state, duration)
     line.move(begin, duration, state, _at_rest(end))
     return end
 
 
 def _land(line: _Timeline, timing: Timing) -> None:
-    """Replace what comes after the landing time by the way to rest and to the ground."""
+    """Replace the pieces after the landing time by a stop and a descent to the ground."""
     begin = timing.landing_time
     state = np.array(evaluate(begin, line.pieces()))
     kept = sum(other < begin for other in line.begin)
@@ -144,7 +145,7 @@ def _land(line: _Timeline, timing: Timing) -> None:
 
 
 def _check(pieces: Pieces, timing: Timing) -> None:
-    """Raise ParameterError if a flight meets the ground in the air or falls too fast."""
+    """Raise ParameterError if a flight hits the ground or accelerates downward too fast."""
     aloft = timing.start_time if timing.takeoff != 'none' else 0.0
     landed = timing.landing_time + timing.blend_duration
     stop = [*pieces.begin[1:], math.inf]

@@ -1,9 +1,10 @@
 """
 Feasible reference (3.14) from a position and its derivatives up to snap.
 
-The vehicle is flat in its position and yaw: thrust direction, attitude, rates, thrust and torque
-follow from derivatives. Two attitudes are offered: the least rotation that turns e3 onto the
-thrust axis, the construction of (3.21)-(3.24), and one of prescribed ZYX yaw.
+The vehicle is differentially flat with position and yaw as flat outputs: thrust direction,
+attitude, rates, thrust and torque follow from their derivatives. There are two attitudes: the
+least rotation of e3 onto the thrust axis, constructed as in (3.21)-(3.24), and one with a
+prescribed ZYX yaw.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from .vector import add, cross, direction, dot, mul, scale, sub, Vec3
 
 
 class Reference(NamedTuple):
-    """A point of a trajectory that satisfies (3.14), with what flying it takes."""
+    """A point of a trajectory that satisfies (3.14), with the thrust and torque it requires."""
 
     rho: Vec3        # (3,) m, inertial NED
     v: Vec3          # (3,) m/s, inertial NED
@@ -43,12 +44,12 @@ def _thrust_axis(
 @jit
 def minimal_rotation(b: Vec3, b_dot: Vec3, b_ddot: Vec3) -> tuple[Quat, Vec3, Vec3]:
     """
-    Return the least rotation that turns e3 onto a moving unit vector, and its rates.
+    Return the least rotation of e3 onto a time-varying unit vector, with its rates.
 
     Parameters
     ----------
     b, b_dot, b_ddot : (3,) 1, 1/s, 1/s^2
-        Unit vector and time derivatives in the frame the rotation starts from; b = -e3 is
+        Unit vector and its time derivatives in the frame before the rotation; b = -e3 is
         singular (NaN).
 
     Returns
@@ -93,7 +94,7 @@ def from_flat_output(
     rho, v, a, j, s : (3,) m ... m/s^4, inertial NED
         Position and its first four derivatives; free fall (a = g e3) has no attitude (NaN).
     mass, inertia, gravity : kg, (3,) kg m^2, m/s^2
-        Of the vehicle as believed by whoever follows the reference.
+        Properties of the vehicle, as assumed by the controller that follows the reference.
 
     """
     length, b3, b3_dot, b3_ddot = _thrust_axis(a, j, s, gravity)
@@ -109,7 +110,7 @@ def from_flat_output_yaw(
     mass: float, inertia: Vec3, gravity: float,
 ) -> Reference:
     """
-    Return the reference (3.14) with a prescribed ZYX yaw; q moves continuously with psi.
+    Return the reference (3.14) with a prescribed ZYX yaw; q is a continuous function of psi.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """
 Piecewise polynomials of time: position and yaw with exact derivatives up to snap.
 
-A :class:`Course` is what people plan, read and write. :class:`Pieces` is what compiled code
-evaluates: the pieces of a whole flight by the time at which each begins.
+A :class:`Course` is the form that people plan, read and write. :class:`Pieces` is the form that
+compiled code evaluates: the pieces of a whole flight with the times at which they begin.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _FACTORIALS = np.array([math.factorial(order) for order in range(5)], dtype=floa
 
 
 class Pieces(NamedTuple):
-    """Pieces of a flight as compiled code reads them; none: ``begin`` is empty."""
+    """Pieces of a flight for compiled code; ``begin`` is empty if there are none."""
 
     begin: Array         # (n,) s of flight time, increasing; a piece lasts until the next begins
     coefficients: Array  # (n, 4, 10) x, y, z in m, inertial NED, yaw in rad; ascending powers of
@@ -48,7 +48,7 @@ class Course(NamedTuple):
 
     @property
     def begin(self) -> Array:
-        """Return when each piece begins, (n,) s."""
+        """Return the time at which each piece begins, (n,) s."""
         return np.concatenate(([0.0], np.cumsum(self.duration)[:-1]))
 
 
@@ -77,9 +77,9 @@ def jet(coefficients: Array, x: float) -> Jet:
 @jit
 def evaluate(t: float, pieces: Pieces) -> tuple[Jet, Jet, Jet, Jet]:
     """
-    Return x, y, z and yaw with four derivatives at t in s; before the first piece its beginning.
+    Return x, y, z and yaw with four derivatives at t seconds; t is not taken before the start.
 
-    Metres and radians, inertial NED. There must be a piece.
+    Units are metres and radians, axes inertial NED. There must be at least one piece.
     """
     i = max(np.searchsorted(pieces.begin, t, side='right') - 1, 0)
     x, c = max(t - pieces.begin[i], 0.0), pieces.coefficients[i]
@@ -105,7 +105,7 @@ def ends(course: Course) -> tuple[Array, Array]:
 
 def connect(start: Array, end: Array, duration: float) -> Array:
     """
-    Return the polynomials of degree 9 from one state to another, (4, 10), ascending powers.
+    Return the polynomials of degree 9 between two states, (4, 10), ascending powers.
 
     Parameters
     ----------
@@ -123,13 +123,13 @@ def connect(start: Array, end: Array, duration: float) -> Array:
 
 
 def stretched(course: Course, factor: float) -> Course:
-    """Return the course flown in ``factor`` times its time: the same path, other speeds."""
+    """Return the course along the same path in ``factor`` times its duration."""
     powers = np.arange(course.coefficients.shape[2])
     return Course(course.duration * factor, course.coefficients / factor**powers)
 
 
 def resized(course: Course, factor: float) -> Course:
-    """Return the course with its path ``factor`` times as large about its first point."""
+    """Return the course with its path scaled by ``factor`` about its first point."""
     c = course.coefficients.copy()
     first = c[0, :3, 0].copy()
     c[:, :3] *= factor
@@ -138,7 +138,7 @@ def resized(course: Course, factor: float) -> Course:
 
 
 def raised(course: Course, height: float) -> Course:
-    """Return the course moved vertically so that it begins at a height in m."""
+    """Return the course shifted vertically so that it begins at a height in m."""
     c = course.coefficients.copy()
     c[:, 2, 0] -= height + c[0, 2, 0]
     return Course(course.duration, c)
@@ -146,16 +146,16 @@ def raised(course: Course, height: float) -> Course:
 
 def largest(coefficients: Array, duration: float, order: int) -> tuple[float, float]:
     """
-    Return the largest value of a derivative of one polynomial, and when it takes it.
+    Return the largest value of a derivative of one polynomial, and the time of that value.
 
     Parameters
     ----------
     coefficients : (k,)
         Ascending powers.
     duration : s
-        Of the piece.
+        Duration of the piece.
     order
-        Of the derivative, 0: of the polynomial itself.
+        Order of the derivative; 0: the polynomial itself.
 
     Returns
     -------

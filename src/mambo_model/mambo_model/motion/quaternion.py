@@ -1,9 +1,9 @@
 """
 Quaternion algebra (2.1)-(2.16).
 
-Convention: Hamilton (ij = k, ijk = -1), scalar first, unit, maps body vectors to the inertial
-frame: ``v_I = rotate(q, v_B)``. q and -q are the same attitude. Functions that assume a unit
-quaternion do not check it: (2.12) keeps a length only for unit q.
+Convention: Hamilton (ij = k, ijk = -1), scalar first. A unit quaternion maps body vectors to the
+inertial frame: ``v_I = rotate(q, v_B)``. q and -q are the same attitude. Functions that assume a
+unit quaternion do not check it; (2.12) preserves lengths only for unit q.
 """
 
 from __future__ import annotations
@@ -58,14 +58,14 @@ def normalise(q: Quat) -> Quat:
 
 @jit
 def rotate(q: Quat, v: Vec3) -> Vec3:
-    """Return v turned by unit q, (3,) (2.12), (2.13): body axes to inertial axes."""
+    """Return v rotated by unit q, (3,) (2.12), (2.13): body axes to inertial axes."""
     r = (q[1], q[2], q[3])
     return add(v, scale(2.0, cross(r, add(cross(r, v), scale(q[0], v)))))
 
 
 @jit
 def rotate_inverse(q: Quat, v: Vec3) -> Vec3:
-    """Return v turned by q* for unit q, (3,) (2.12): inertial axes to body axes."""
+    """Return v rotated by q* for unit q, (3,) (2.12): inertial axes to body axes."""
     return rotate(conjugate(q), v)
 
 
@@ -81,8 +81,8 @@ def norm_control(q: Quat, k: float) -> Quat:
     """
     Return the term that keeps the length of q at 1, (4,) 1/s: ``k (1 - q.q) q`` (2.15), (2.16).
 
-    Added to :func:`derivative`. Gain k in 1/s; a step of h seconds is stable for h k < 1 with
-    explicit Euler and h k < 1.39 with the classical Runge-Kutta method.
+    The term is added to :func:`derivative`. The gain k is in 1/s; a step of h seconds is stable
+    for h k < 1 with explicit Euler and for h k < 1.39 with the classical Runge-Kutta method.
     """
     c = k * (1.0 - (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]))
     return (c * q[0], c * q[1], c * q[2], c * q[3])
@@ -116,8 +116,8 @@ def to_euler(q: Quat) -> Vec3:
     """
     Return roll, pitch and yaw of unit q, (3,) rad, ZYX order (2.5).
 
-    The sine of the pitch is clamped to [-1, 1] against rounding. At a pitch of +-90 degrees
-    roll and yaw turn about one axis and are not determined one by one.
+    The sine of the pitch is clamped to [-1, 1] against rounding. At a pitch of +-90 degrees roll
+    and yaw are about the same axis, and only their sum or difference is determined.
     """
     sine = max(-1.0, min(1.0, 2.0 * (q[0] * q[2] - q[3] * q[1])))
     return (

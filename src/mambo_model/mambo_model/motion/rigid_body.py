@@ -1,4 +1,4 @@
-"""Rigid-body dynamics (3.3), which without drag are (3.1), and their integration."""
+"""Rigid-body dynamics (3.3), equal to (3.1) without drag, and their integration."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ def derivative(
     Parameters
     ----------
     state
-        Where to evaluate.
+        State at which to evaluate.
     f : N
         Total thrust along -b3.
     tau, tau_D : (3,) N m, body FRD
-        Torque of the rotors and of the air.
+        Torque of the rotors and aerodynamic torque.
     F_D : (3,) N, body FRD
-        Force of the air besides thrust.
+        Aerodynamic force without thrust.
     vv
-        Mass, inertia, gravity.
+        Vehicle: mass, inertia, gravity.
 
     """
     weight = rotate_inverse(state.q, (0.0, 0.0, vv.gravity))
@@ -92,7 +92,7 @@ def _stage(
     state: State, f: float, tau: Vec3, vv: VehicleValues, norm_gain: float | None,
     wind: Vec3 | None,
 ) -> State:
-    """Return the derivative with the drag of this state."""
+    """Return the derivative at a state, including its drag."""
     drag = lumped_drag(through_air(state.nu, state.q, wind), f, vv)
     return controlled(
         derivative(state, f, tau, drag, (0.0, 0.0, 0.0), vv), state.q, norm_gain)
@@ -104,14 +104,14 @@ def rk4_step(
     norm_gain: float | None = None, wind: Vec3 | None = None,
 ) -> State:
     """
-    Advance (3.3) by h seconds with the classical Runge-Kutta method, thrust and torque held.
+    Advance (3.3) by h seconds with the classical Runge-Kutta method at constant thrust and torque.
 
     Drag is evaluated at every stage. Global error O(h^4).
 
     Parameters
     ----------
     state
-        At the start of the step.
+        State at the start of the step.
     f, tau : N, (3,) N m body FRD
         Total thrust along -b3 and torque.
     h : s
@@ -119,10 +119,10 @@ def rk4_step(
     vv
         The vehicle.
     norm_gain : 1/s
-        None: q is normalised after the step. Else the gain k of (2.16), stable for h k up to
-        :data:`NORM_LIMIT`; 0 lets the norm drift.
+        Gain k of (2.16), stable for h k up to :data:`NORM_LIMIT`; 0 lets the norm drift. None:
+        q is normalised after the step instead.
     wind : (3,) m/s, inertial NED
-        Velocity of the air; None: it is still.
+        Velocity of the air; None: still air.
 
     """
     k1 = _stage(state, f, tau, vv, norm_gain, wind)

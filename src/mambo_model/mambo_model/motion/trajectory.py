@@ -1,11 +1,11 @@
 """
-Trajectories of the thesis as data, and the flight plan that takes off, joins, leaves and lands.
+Trajectories of the thesis as data, and flight plans with take-off, approach, exit and landing.
 
-Holds (3.31), (4.1), (5.1), (5.3)-(5.6) and the paths of the other experiments. A trajectory is,
-on each axis, an offset, a slope and one sine of path time; a flight plan blends it with the point
-above the origin and with the ground so that position is four times continuously differentiable,
-what (3.14) needs. All derivatives are analytic. A course, made of polynomials, is flown as
-:mod:`course_flight` says.
+The trajectories are (3.31), (4.1), (5.1), (5.3)-(5.6) and the paths of the other experiments. On
+each axis a trajectory is an offset, a slope and one sine of path time. A flight plan blends it
+with the hover point above the origin and with the ground, so that the position is four times
+continuously differentiable, as (3.14) requires. All derivatives are analytic. A course of
+polynomials is flown as described in :mod:`course_flight`.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ _BLEND_HALF = 63.0 / 1024.0              # integral of the blend over its first 
 @dataclass(frozen=True)
 class Trajectory:
     """
-    Position over path time p: offset + slope p + amplitude sin(rate p + phase), axis by axis.
+    Position over path time p: offset + slope p + amplitude sin(rate p + phase) on each axis.
 
-    With ``loops`` the path turns round after that many turns of the x axis and comes back over
-    the same points. The step adds to the position from the step time on.
+    With ``loops`` the path reverses after that many turns and returns over the same points. The
+    step is added to the position from the step time on.
     """
 
     source: str
@@ -140,12 +140,12 @@ class FlightPlanParams(Parameters):
 
     def flown_course(self) -> Course:
         """
-        Return the trajectory ``course`` in the size, at the height and rate of this plan.
+        Return the trajectory ``course`` with the size, height and speed of this plan.
 
         Raises
         ------
         ParameterError
-            If ``course`` holds none.
+            If ``course`` is empty or wrong.
 
         """
         if not self.course:
@@ -157,14 +157,14 @@ class FlightPlanParams(Parameters):
 
     @property
     def timing(self) -> Timing:
-        """Return when the course of this plan is reached and left."""
+        """Return the schedule of this plan for a course."""
         return Timing(self.takeoff, *map(float, (
             self.takeoff_time, self.climb_duration, self.start_time, self.blend_duration)),
             self.leaving_time())
 
     @derived('m', 'height')
     def hover(self) -> Vec3:
-        """Point where the trajectory is joined and left, (3,) inertial NED."""
+        """Hover point before and after the trajectory, (3,) inertial NED."""
         if self.trajectory == COURSE:
             return (0.0, 0.0, float(self.flown_course().coefficients[0, 2, 0]))
         x, y, z = self._path.offset
@@ -197,7 +197,7 @@ class FlightPlanParams(Parameters):
 
     @derived('s')
     def turn_time(self) -> float:
-        """Path time at the middle of turning round; infinite: never."""
+        """Path time at the middle of the reversal; infinite: never."""
         path = self._path
         if not path.loops:
             return math.inf
@@ -210,12 +210,12 @@ class FlightPlanParams(Parameters):
 
     @derived('')
     def pieces(self) -> Pieces:
-        """Course of the whole flight; none: it is that of the other fields."""
+        """Pieces of the whole flight; empty if the other fields define it."""
         return _pieces(self) if self.trajectory == COURSE else NO_PIECES
 
     @property
     def _path(self) -> Trajectory:
-        """Return the built-in trajectory; one without motion where a course is flown."""
+        """Return the built-in trajectory; for a course, one without motion."""
         return TRAJECTORIES.get(self.trajectory, _NO_PATH)
 
 
@@ -224,12 +224,12 @@ PlanValues = values_type(FlightPlanParams)
 
 @lru_cache(maxsize=8)
 def _pieces(plan: FlightPlanParams) -> Pieces:
-    """Return the flight of the trajectory ``course``; ParameterError if it cannot be flown."""
+    """Return the flight along ``course``; raise ParameterError if it cannot be flown."""
     return assemble(plan.flown_course(), plan.timing)
 
 
 def _check_order(plan: FlightPlanParams) -> None:
-    """Raise ParameterError if one manoeuvre begins before the one before it has ended."""
+    """Raise ParameterError if a manoeuvre begins before the previous one has ended."""
     climbed, until = plan.takeoff_time, 'takeoff_time'
     if plan.takeoff == 'smooth':
         climbed, until = climbed + plan.climb_duration, 'takeoff_time + climb_duration'
@@ -251,7 +251,7 @@ def _check_order(plan: FlightPlanParams) -> None:
 
 
 def _check_vertical(plan: FlightPlanParams) -> None:
-    """Raise ParameterError if the plan meets the ground or falls faster than 9 m/s^2."""
+    """Raise ParameterError if the plan hits the ground or needs over 9 m/s^2 downward."""
     path = TRAJECTORIES[plan.trajectory]
     height, depth = -plan.hover()[2], plan.scale_amplitude * path.amplitude[2]
     if depth >= height:
@@ -277,9 +277,10 @@ def _check_vertical(plan: FlightPlanParams) -> None:
 @jit
 def blend(x: float) -> Jet:
     """
-    Return the weight that rises from 0 at x = 0 to 1 at x = 1, and four derivatives.
+    Return a weight that rises from 0 at x = 0 to 1 at x = 1, with four derivatives.
 
-    Polynomial of degree 9, derivatives 1 to 4 zero at both ends; constant outside [0, 1].
+    It is a polynomial of degree 9 whose derivatives 1 to 4 vanish at both ends; outside [0, 1] it
+    is constant.
     """
     if x <= 0.0:
         return _ZERO
@@ -308,7 +309,7 @@ def blend_integral(x: float) -> float:
 
 @jit
 def _rise(t: float, begin: float, duration: float) -> Jet:
-    """Return the blend over time, t and begin and duration in s, derivatives by time."""
+    """Return the blend as a function of time t, with time derivatives; all arguments in s."""
     b = blend((t - begin) / duration)
     h = 1.0 / duration
     return (b[0], b[1] * h, b[2] * h * h, b[3] * h * h * h, b[4] * h * h * h * h)
@@ -316,7 +317,7 @@ def _rise(t: float, begin: float, duration: float) -> Jet:
 
 @jit
 def _product(a: Jet, b: Jet) -> Jet:
-    """Return a times b with four derivatives, by the rule of Leibniz."""
+    """Return a times b with four derivatives, by the general Leibniz rule."""
     return (
         a[0] * b[0],
         a[1] * b[0] + a[0] * b[1],
@@ -334,7 +335,7 @@ def _fall(t: float, begin: float, duration: float) -> Jet:
 
 @jit
 def _path_time(t: float, plan: PlanValues) -> Jet:
-    """Return path time in s at trajectory time t in s; it runs back after ``turn_time``."""
+    """Return path time in s at trajectory time t in s; it decreases after ``turn_time``."""
     k = plan.scale_rate
     p = k * t
     if plan.turn_time == math.inf:
@@ -416,8 +417,9 @@ def flat_output(
     """
     Return position and its first four derivatives, and the phase of the flight.
 
-    A course is flown as its pieces say. Else position is ``u hover + w (path - hover) + step``
-    with weights u and w that blend; a step jumps, with zero derivatives on both sides.
+    For a course the pieces are evaluated. Otherwise the position is
+    ``u hover + w (path - hover) + step`` with the blending weights u and w. A step is a jump with
+    zero derivatives on both sides.
 
     Parameters
     ----------
@@ -429,8 +431,8 @@ def flat_output(
     Returns
     -------
     rho, v, a, j, s : (3,) m ... m/s^4, inertial NED
-        At rest on the ground in the phases GROUND and LANDED: at the origin, where every weight
-        is zero, or where the vehicle has landed after a course.
+        In the phases GROUND and LANDED at rest on the ground: at the origin, where every weight
+        is zero, or at the landing point of a course.
     phase
         One of GROUND ... LANDED.
 
@@ -461,9 +463,10 @@ def reference_step(
     """
     Return the feasible reference (3.14) of the plan at t in s, and the phase.
 
-    Yaw is that of a course, else by least rotation. Mass in kg, inertia in kg m^2 and gravity in
-    m/s^2 are those the controller believes. In the phases GROUND and LANDED the reference is at
-    rest with hover thrust: at the origin, or where the vehicle has landed after a course.
+    Yaw is that of a course, or else follows from the least rotation. Mass in kg, inertia in
+    kg m^2 and gravity in m/s^2 are the values that the controller assumes. In the phases GROUND
+    and LANDED the reference is at rest with hover thrust, at the origin or at the landing point of
+    a course.
     """
     if len(plan.pieces.begin) > 0:
         rho, v, a, j, s, psi = _course_output(t, plan.pieces)
@@ -482,9 +485,9 @@ def reference_at(t: float, plan: FlightPlanParams, vehicle: Vehicle) -> tuple[Re
     t : s
         Flight time, finite.
     plan
-        What is flown.
+        The flight plan.
     vehicle
-        As believed by the controller: mass, inertia, gravity.
+        Vehicle as assumed by the controller: mass, inertia, gravity.
 
     Raises
     ------

@@ -1,9 +1,10 @@
 """
-Files of piecewise polynomials as the Crazyswarm and uav_trajectories read and write them.
+Files of piecewise polynomials in the format of the Crazyswarm and of uav_trajectories.
 
-A CSV file with a header and a row for each piece: its duration in s, then eight coefficients of
-x, y and z in m and of yaw in rad, ascending powers of the time since the piece began. Axes there
-are z-up, here NED: y, z and yaw change their sign, which is exact (:mod:`mambo_model.frames`).
+The format is CSV with a header and a row for each piece: its duration in s, then eight
+coefficients each of x, y and z in m and of yaw in rad, in ascending powers of the time since the
+piece began. Axes in the file are z-up, here NED: y, z and yaw change their sign, which is exact
+(:mod:`mambo_model.frames`).
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def read_text(path: Path, most: int = _BYTES) -> str:
     Raises
     ------
     ParameterError
-        If there is no such file, or it is empty, too long or no text.
+        If there is no such file, or if it is empty, too long or not text.
 
     """
     try:
@@ -59,7 +60,7 @@ def read_text(path: Path, most: int = _BYTES) -> str:
 
 
 def rows(text: str) -> list[tuple[int, list[str]]]:
-    """Return row number and cells of every row that is neither empty nor a comment (#)."""
+    """Return line number and cells of every line that is neither empty nor a comment (#)."""
     out = []
     for number, line in enumerate(text.splitlines(), 1):
         line = line.strip()
@@ -70,7 +71,7 @@ def rows(text: str) -> list[tuple[int, list[str]]]:
 
 
 def number(where: str, row: int, name: str, cell: str) -> float:
-    """Return the finite number of a cell; ParameterError naming file, row and column."""
+    """Return the number in a cell; errors name file, row and column."""
     try:
         value = float(cell)
     except ValueError:
@@ -90,12 +91,13 @@ def parse(text: str, where: str = 'course') -> Course:
     text
         Header and rows.
     where
-        What errors call it, such as the name of the file.
+        Name of the text in error messages, such as the name of the file.
 
     Raises
     ------
     ParameterError
-        Naming file and row for what is missing, not a number, out of range or not continuous.
+        If something is missing, not a number, out of range or not continuous; the message names
+        file and row.
 
     """
     table = rows(text)
@@ -142,18 +144,18 @@ def _check_seams(course: Course, where: str, lines: list[int]) -> None:
 
 
 def load(path: Path) -> Course:
-    """Read a file in this format; errors as those of :func:`parse`."""
+    """Read a file in this format; errors as for :func:`parse`."""
     return parse(read_text(path), str(path))
 
 
 def to_text(course: Course) -> str:
     """
-    Return a course in this format, every number to the last bit.
+    Return a course in this format, with numbers that read back exactly.
 
     Raises
     ------
     ParameterError
-        If its degree is above 7, which the format cannot hold.
+        If its degree is above 7, the limit of the format.
 
     """
     n, axes, count = course.coefficients.shape

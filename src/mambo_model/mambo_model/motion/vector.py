@@ -1,8 +1,8 @@
 """
-Vectors of three floats as tuples, compiled.
+Compiled functions on vectors, which are tuples of three floats.
 
-Holds no equation of its own except the derivatives of a direction, which (3.21) and the
-reference attitude of (3.14) both need. Units and frames are those of the arguments.
+The only equations are the derivatives of a direction, which (3.21) and the reference attitude of
+(3.14) both need. Units and frames are those of the arguments.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def scale(s: float, a: Vec3) -> Vec3:
 
 @jit
 def mul(a: Vec3, b: Vec3) -> Vec3:
-    """Return the product element by element, (3,): a diagonal matrix a times b."""
+    """Return the elementwise product, (3,): diag(a) b."""
     return (a[0] * b[0], a[1] * b[1], a[2] * b[2])
 
 
@@ -59,7 +59,7 @@ def norm(a: Vec3) -> float:
 @jit
 def direction(x: Vec3, x_dot: Vec3, x_ddot: Vec3) -> tuple[float, Vec3, Vec3, Vec3]:
     r"""
-    Return the length of a moving vector, and its direction with two time derivatives.
+    Return the length of a time-varying vector, and its direction with two time derivatives.
 
     .. math:: u = x / |x|, \quad \dot u = (\dot x - u n_1) / |x|, \quad
               \ddot u = (\ddot x - u n_2 - 2 \dot u n_1) / |x|
@@ -69,8 +69,8 @@ def direction(x: Vec3, x_dot: Vec3, x_ddot: Vec3) -> tuple[float, Vec3, Vec3, Ve
 
     Parameters
     ----------
-    x, x_dot, x_ddot : (3,) any unit, 1/s, 1/s^2, one frame at rest
-        The vector and its time derivatives; NaN comes out of a zero vector.
+    x, x_dot, x_ddot : (3,) any unit, 1/s, 1/s^2, inertial
+        The vector and its time derivatives; a zero vector gives NaN.
 
     Returns
     -------

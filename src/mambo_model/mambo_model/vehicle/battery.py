@@ -1,8 +1,9 @@
 """
-Sag of the supply: a cell whose voltage falls with its charge and with the current drawn.
+Battery sag: a cell whose voltage falls with the charge used and with the current drawn.
 
-The motor command is a share of the supply, so a motor at the command X and the voltage V does what
-it did at X V/V_ref when its map was measured at V_ref. Not in the thesis.
+The motor command is a share of the supply voltage. A motor with command X at voltage V therefore
+behaves as with command X V/V_ref at the voltage V_ref at which its map was measured. The thesis
+does not model this.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from .vehicle_options import BatteryValues
 @jit
 def open_voltage(charge: float, p: BatteryValues) -> float:
     """
-    Return the voltage without load in V, linear between full and empty.
+    Return the open-circuit voltage in V, linear between full and empty.
 
-    A drained cell gives nothing: its protection circuit opens.
+    A drained cell gives 0 V, because its protection circuit opens.
 
     Parameters
     ----------
     charge : A s
-        Drawn since it was full.
+        Charge drawn since the cell was full.
     p
         The battery.
 
@@ -38,7 +39,7 @@ def open_voltage(charge: float, p: BatteryValues) -> float:
 
 @jit
 def electric_power(thrust: Four, options: OptionValues) -> float:
-    """Return the power in W that four thrusts, (4,) N, take: ideal power T v_i over efficiency."""
+    """Return the electric power for four thrusts, (4,) N: ideal power T v_i over efficiency, W."""
     total = 0.0
     for j in range(4):
         t = max(thrust[j], 0.0)
@@ -52,17 +53,17 @@ def supply(charge: float, thrust: Four, options: OptionValues) -> tuple[float, f
     """
     Return voltage in V and current in A of the battery under load.
 
-    They solve V = V_0 - I r with V I the power of the rotors; of more power than V_0^2/(4 r) the
-    battery gives that.
+    They solve V = V_0 - I r, where V I is the power of the rotors. The power is limited to
+    V_0^2/(4 r), the most that the battery can deliver.
 
     Parameters
     ----------
     charge : A s
-        Drawn since it was full.
+        Charge drawn since the cell was full.
     thrust : (4,) N
-        Which the power is for.
+        Thrusts of the motors.
     options
-        Of the vehicle.
+        Options of the vehicle.
 
     """
     r, open_v = options.battery.resistance, open_voltage(charge, options.battery)

@@ -1,7 +1,8 @@
 """
 Bifilar pendulum (4.2): a body on two wires that swings about the vertical.
 
-The angle theta is that about the vertical from rest; rates do not depend on the sign of the axis.
+The angle theta about the vertical is measured from the rest position. The equations do not depend
+on the sign of the axis.
 """
 
 from __future__ import annotations
@@ -14,16 +15,16 @@ from numpy.typing import NDArray
 
 from ..compiled import jit
 
-LONGEST_STEP = 0.05  # of 1/omega_0: leaves the phase to 1e-8 of a swing
+LONGEST_STEP = 0.05  # in units of 1/omega_0: the phase error is 1e-8 of a swing
 
 
 class Swing(NamedTuple):
-    """What of (4.2) a swing shows: J itself needs the geometry, see :func:`inertia`."""
+    """Parameters of (4.2) that a swing determines; J also needs the geometry (:func:`inertia`)."""
 
     frequency: float  # omega_0, rad/s, of small swings: omega_0^2 = m g D^2 / (4 J h)
     quadratic: float  # K_D/J, 1/rad
     linear: float     # C/J, 1/s
-    ratio: float      # D/h; 0 is a body about a fixed horizontal axis, too
+    ratio: float      # D/h; 0 also describes a body on a fixed horizontal axis
 
 
 def physical_inertia(frequency: float, mass: float, gravity: float, arm: float) -> float:
@@ -33,11 +34,11 @@ def physical_inertia(frequency: float, mass: float, gravity: float, arm: float) 
     Parameters
     ----------
     frequency : rad/s
-        Of small swings without damping.
+        Frequency of small swings without damping.
     mass : kg
     gravity : m/s^2
     arm : m
-        From the axis to the centre of mass.
+        Distance from the axis to the centre of mass.
 
     """
     return mass * arm * (gravity / (frequency * frequency) - arm)
@@ -50,11 +51,11 @@ def inertia(frequency: float, mass: float, gravity: float, D: float, h: float) -
     Parameters
     ----------
     frequency : rad/s
-        Of small swings without damping.
+        Frequency of small swings without damping.
     mass : kg
     gravity : m/s^2
     D, h : m
-        Between the wires, length of the wires.
+        Distance between the wires and length of the wires.
 
     """
     return mass * gravity * D * D / (4.0 * h * frequency * frequency)
@@ -65,14 +66,14 @@ def acceleration(theta: float, rate: float, s: Swing) -> float:
     """
     Return the angular acceleration (4.2b) in rad/s^2.
 
-    Its restoring part is that of V = -m g sqrt(h^2 - D^2/2 (1 - cos theta)); the kinetic energy of
-    the rise is neglected, 0.13 % of J at 0.5 rad and D/h = 0.2.
+    The restoring part follows from V = -m g sqrt(h^2 - D^2/2 (1 - cos theta)). The kinetic energy
+    of the vertical motion is neglected; it is 0.13 % at 0.5 rad and D/h = 0.2.
 
     Parameters
     ----------
     theta, rate : rad, rad/s
     s
-        Of the pendulum.
+        Parameters of the pendulum.
 
     """
     drop = math.sqrt(1.0 - 0.5 * s.ratio * s.ratio * (1.0 - math.cos(theta)))
@@ -90,11 +91,11 @@ def swing(
     Parameters
     ----------
     t : (n,) s
-        When, rising.
+        Times, increasing.
     theta, rate : rad, rad/s
-        At t[0].
+        Angle and rate at t[0].
     s
-        Of the pendulum.
+        Parameters of the pendulum.
 
     """
     out = np.empty(len(t))

@@ -1,4 +1,4 @@
-"""Mass and inertia of a body with small things fixed to it, by the parallel-axis theorem."""
+"""Mass and inertia of a body with point masses fixed to it, by the parallel-axis theorem."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from ..motion.vector import Vec3
 
 Point = tuple[float, Vec3]
-"""Mass in kg and position in m of something small."""
+"""Mass in kg and position in m of a point mass."""
 
 Matrix = tuple[Vec3, Vec3, Vec3]
 
 
 def _steiner(mass: float, at: Vec3) -> Matrix:
-    """Return the inertia of a point about the origin, (3, 3) kg m^2: m (|r|^2 I - r r^T)."""
+    """Return the inertia of a point mass about the origin, (3, 3) kg m^2: m (|r|^2 I - r r^T)."""
     x, y, z = at
     return (
         (mass * (y * y + z * z), -mass * x * y, -mass * x * z),
@@ -34,19 +34,19 @@ def with_points(
     Parameters
     ----------
     mass : kg
-        Of the body.
+        Mass of the body.
     inertia : (3,) kg m^2
-        Of the body about its centre of mass, principal axes along the axes used.
+        Inertia of the body about its centre of mass; its principal axes are the axes used.
     points
-        Mass in kg and position in m from the centre of mass of the body, for each point.
+        Mass in kg and position in m relative to the centre of mass of the body, for each point.
 
     Returns
     -------
     mass : kg
     centre : (3,) m
-        Of mass, from that of the body alone.
+        New centre of mass, relative to that of the body alone.
     inertia : (3, 3) kg m^2
-        About the new centre of mass.
+        Inertia about the new centre of mass.
 
     """
     total = mass + sum(m for m, _ in points)

@@ -1,10 +1,10 @@
 """
 Motor map and mixer: PWM to thrust and back (4.5)-(4.7), thrusts to force and torque (3.2), (4.4).
 
-Also the fading of thrust, and the speed and angular momentum of the rotors.
+The module also has the fading of thrust, and the speed and angular momentum of the rotors.
 
 Motors 1 to 4 are front left, front right, rear right, rear left; 1 and 3 turn clockwise seen from
-above. The inverse of (3.2) takes [f, roll, pitch, yaw]; (4.4) as printed takes other columns.
+above. The inverse of (3.2) takes [f, roll, pitch, yaw]; (4.4) as printed has other columns.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Four = tuple[float, float, float, float]
 
 @jit
 def thrust_from_pwm(pwm: float, vv: VehicleValues) -> float:
-    """Return the thrust of one motor in N (4.5), or of the linear map; 0 for pwm <= 0."""
+    """Return the thrust of one motor in N by (4.5) or the linear map; 0 for pwm <= 0."""
     if pwm <= 0.0:
         return 0.0
     if vv.thrust_map == THRUST_LINEAR:
@@ -32,9 +32,9 @@ def thrust_from_pwm(pwm: float, vv: VehicleValues) -> float:
 @jit
 def pwm_from_thrust(thrust: float, vv: VehicleValues) -> float:
     """
-    Return the PWM of one motor for a thrust in N (4.7), or of the linear map; 0 for thrust <= 0.
+    Return the PWM of one motor for a thrust in N by (4.7) or the linear map; 0 for thrust <= 0.
 
-    Not limited: see :func:`limit_pwm`.
+    The result is not limited: see :func:`limit_pwm`.
     """
     if thrust <= 0.0:
         return 0.0
@@ -45,7 +45,7 @@ def pwm_from_thrust(thrust: float, vv: VehicleValues) -> float:
 
 @jit
 def limit_pwm(pwm: float, vv: VehicleValues) -> float:
-    """Return pwm cut to [pwm_min, pwm_max]; NaN stays NaN."""
+    """Return pwm limited to [pwm_min, pwm_max]; NaN stays NaN."""
     if pwm < vv.pwm_min:
         return vv.pwm_min
     if pwm > vv.pwm_max:
@@ -56,7 +56,7 @@ def limit_pwm(pwm: float, vv: VehicleValues) -> float:
 @jit
 def mix(thrust: Four, vv: VehicleValues) -> tuple[float, Vec3]:
     """
-    Return total thrust in N along -b3 and torque in N m, body FRD (3.2), of four motors in N.
+    Return total thrust along -b3 in N and torque in N m, body FRD, of four thrusts in N (3.2).
 
     A rotor at (x, y) with thrust T gives the torque (-y T, x T).
     """
@@ -72,7 +72,8 @@ def allocate(f: float, tau: Vec3, vv: VehicleValues) -> Four:
     """
     Return the four motor thrusts in N that give f in N and tau in N m, body FRD.
 
-    The inverse of (3.2), i.e. (4.4) with its columns named. Thrusts may come out negative.
+    This is the inverse of (3.2), (4.4) with its columns in the order of (3.2). Thrusts can be
+    negative.
     """
     quarter = 0.25 * f
     roll = 0.25 * tau[0] / vv.arm
@@ -90,15 +91,15 @@ def faded(lost: float, pwm: float, dt: float, p: FadeValues) -> float:
     """
     Return the share of its thrust that a motor has lost after dt s, in [0, 1).
 
-    Above the command ``p.pwm`` it tends to ``p.loss``, below to 0, both with the time constant
-    (thesis sec. 4.4.2; NaN counts as below).
+    Above the command ``p.pwm`` it tends to ``p.loss``, below to 0, both with the same time
+    constant (thesis sec. 4.4.2). A command of NaN counts as below.
 
     Parameters
     ----------
     lost
-        Share lost before.
+        Share lost at the start.
     pwm : PWM
-        Command, held.
+        Command, constant over dt.
     dt : s
     p
         Threshold, final loss, time constant.
@@ -110,7 +111,7 @@ def faded(lost: float, pwm: float, dt: float, p: FadeValues) -> float:
 
 @jit
 def rotor_speed(thrust: float, rotor: RotorValues) -> float:
-    """Return Omega of T = k Omega^2 in rad/s, of one rotor away from the floor; T in N."""
+    """Return the speed of one rotor far from the floor, rad/s: T = k Omega^2 with T in N."""
     return math.sqrt(max(thrust, 0.0) / rotor.speed_coefficient)
 
 

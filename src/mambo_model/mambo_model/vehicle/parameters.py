@@ -1,8 +1,8 @@
 """
-Parameters of the vehicle: one declaration for the true one and for the believed one.
+Parameters of the vehicle, used for the true vehicle and for the model in the controller.
 
-Holds the numbers of (3.1)-(3.3), (3.13), (4.4), (4.5) and (4.7), with unit, range and source.
-Known vehicles are files beside this module, in ``vehicles``: see :func:`preset` and :func:`load`.
+They are the numbers of (3.1)-(3.3), (3.13), (4.4), (4.5) and (4.7), with unit, range and source.
+Known vehicles are files in the folder ``presets``: see :func:`preset` and :func:`load`.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class Vehicle(Parameters):
     """
     Parrot Mambo as identified: weighed mass, pendulum inertia, measured motor map, rotor drag.
 
-    The measured inertia is kept as published although its largest value exceeds the sum of the
-    other two by 2 %, the spread of the measurement.
+    The inertia is used as published, although its largest value exceeds the sum of the other two
+    by 2 %. That is within the spread of the measurement.
     """
 
     mass: float = quantity(0.068, 'kg', 0.01, 1.0, 'weighed, thesis sec. 4.4')
@@ -90,9 +90,10 @@ class Vehicle(Parameters):
 
     def options(self) -> OptionValues | None:
         """
-        Return the options for the plant, None if none acts; controllers do not know them.
+        Return the options of the plant, which controllers do not know; None if none is enabled.
 
-        None is another type: compiled code of a vehicle without options has no trace of them.
+        None has another type, so code compiled for a vehicle without options does not contain
+        them.
         """
         d = self.drag
         parts = d.blade_flapping or d.induced or d.translational or d.parasitic
@@ -109,22 +110,22 @@ OptionValues = values_type(Vehicle, 'Options', only=_OPTIONS)
 
 def with_markers(vehicle: Vehicle, markers: Sequence[Point]) -> Vehicle:
     """
-    Return the vehicle with small masses on it, e.g. markers of a motion capture.
+    Return the vehicle with point masses on it, such as the markers of a motion capture.
 
     Mass and inertia follow by the parallel-axis theorem.
 
     Parameters
     ----------
     vehicle
-        Without them.
+        The vehicle without markers.
     markers
-        Mass in kg and position in m from its centre of mass, body FRD, of each.
+        Mass in kg and position in m from the centre of mass, body FRD, of each marker.
 
     Raises
     ------
     ParameterError
-        If they tilt the principal axes or move the centre of mass sideways by more than the
-        model, which has neither, can ignore.
+        If they tilt the principal axes or shift the centre of mass sideways by more than the
+        model, which has neither, may neglect.
 
     """
     mass, centre, J = with_points(vehicle.mass, vehicle.inertia, markers)
@@ -144,26 +145,27 @@ def with_markers(vehicle: Vehicle, markers: Sequence[Point]) -> Vehicle:
 
 def load(path: str | Path) -> Vehicle:
     """
-    Read a vehicle from a file like those in the folder ``vehicles``.
+    Read a vehicle from a file like those in the folder ``presets``.
 
     Parameters
     ----------
     path
-        A YAML file: ``description``, the name of the vehicle it starts from in ``base``
-        (without: the defaults of :class:`Vehicle`), ``markers``, and values under the names of
-        :class:`Vehicle`, each with ``value``, ``unit`` (where it has one) and ``source``.
+        A YAML file with ``description``, ``base`` (name of the vehicle to start from; without it,
+        the defaults of :class:`Vehicle`), ``markers``, and values under the names of
+        :class:`Vehicle`, each with ``value``, ``unit`` (if it has one) and ``source``.
 
     Raises
     ------
     ParameterError
-        Naming file, line and key of what is missing, unknown, of another unit or out of range.
+        If something is missing, unknown, in another unit or out of range; the message names file,
+        line and key.
 
     """
     return _load(Path(path), ())
 
 
 def _load(path: Path, before: tuple[Path, ...]) -> Vehicle:
-    """Read a file and those it starts from; ``before`` are those that led to it."""
+    """Read a file and its base; ``before`` are the files that have this one as their base."""
     if path in before:
         raise ParameterError(f'{path}: base: vehicles that start from each other')
     content = vehicle_file.read(path, Vehicle)
@@ -181,12 +183,12 @@ def _load(path: Path, before: tuple[Path, ...]) -> Vehicle:
 
 
 def markers(name: str) -> list[Point]:
-    """Return mass in kg and position in m of each marker that a vehicle of the folder names."""
+    """Return mass in kg and position in m of each marker of a known vehicle."""
     return vehicle_file.read(FOLDER / f'{name}.yaml', Vehicle).markers
 
 
 class _Presets(Mapping[str, Vehicle]):
-    """The vehicles in the folder, by the names of their files; a file is read when asked for."""
+    """The vehicles in the folder by the names of their files; each is read on first use."""
 
     def __init__(self, folder: Path) -> None:
         self._files = {path.stem: path for path in sorted(folder.glob('*.yaml'))}
@@ -216,12 +218,12 @@ def _unknown(name: str) -> str:
 
 def preset(name: str) -> Vehicle:
     """
-    Return a known vehicle by the name of its file, e.g. ``identified`` or ``toolbox``.
+    Return a known vehicle by the name of its file, such as ``identified`` or ``toolbox``.
 
     Raises
     ------
     ParameterError
-        Naming the known vehicles.
+        If the name is unknown; the message lists the known vehicles.
 
     """
     if name not in PRESETS:
@@ -231,19 +233,19 @@ def preset(name: str) -> Vehicle:
 
 def find(name: str, folder: Path = Path()) -> Vehicle:
     """
-    Return a known vehicle, or that of a file.
+    Return a known vehicle or the vehicle of a file.
 
     Parameters
     ----------
     name
-        As for :func:`preset`, or a path that ends in ``.yaml``, as for :func:`load`.
+        A name as for :func:`preset`, or a path that ends in ``.yaml`` as for :func:`load`.
     folder
-        What a path is relative to.
+        Folder that a path is relative to.
 
     Raises
     ------
     ParameterError
-        As these two.
+        As for :func:`preset` and :func:`load`.
 
     """
     return load(folder / name) if Path(name).suffix in ('.yaml', '.yml') else preset(name)

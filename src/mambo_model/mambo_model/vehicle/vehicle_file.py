@@ -1,7 +1,7 @@
 """
-Parameters as a file for people: each value with its unit and where it comes from.
+Vehicle files: YAML in which each value has its unit and its source.
 
-YAML. Unlike a scenario, which is what one flight ran with, such a file is an account of a vehicle.
+A scenario file holds the parameters of one flight. A vehicle file documents a vehicle.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ LIMITS = {'mass': (0.0, 0.1), 'position': (-1.0, 1.0)}
 
 
 class Text(NamedTuple):
-    """A word of the file, and file and line it stands in."""
+    """A word of the file with its file and line."""
 
     value: str
     where: str
 
 
 class Content(NamedTuple):
-    """What a file says."""
+    """The content of a vehicle file."""
 
     base: Text | None
     values: dict[str, Any]  # by dotted name
@@ -38,7 +38,7 @@ class Content(NamedTuple):
 
 
 class _Reader(Reader):
-    """Reads values that stand with their unit and their source."""
+    """Reads values with their unit and source."""
 
     def entry(self, name: str, key: yaml.Node, node: yaml.Node, unit: str | None) -> yaml.Node:
         """Return the node of the value of ``name: {value, unit, source}``."""
@@ -56,14 +56,14 @@ class _Reader(Reader):
         return parts['value'][1]
 
     def value(self, name: str, field: dataclasses.Field, key: yaml.Node, node: yaml.Node) -> Any:
-        """Return a checked value of a field of the schema."""
+        """Return the checked value of a schema field."""
         at = self.entry(name, key, node, field.metadata.get('unit'))
         return self.leaf('.'.join(['vehicle', *name.split('.')[:-1]]), name, field, at)
 
     def section(
         self, node: yaml.Node, prefix: str, fields: dict[str, dataclasses.Field],
     ) -> dict[str, Any]:
-        """Return {dotted name: value} of everything below a node."""
+        """Return {dotted name: value} for all values below a node."""
         out = {}
         for part, (key, below) in self.mapping(node, prefix.rstrip('.')).items():
             name = f'{prefix}{part}'
@@ -76,7 +76,7 @@ class _Reader(Reader):
         return out
 
     def marker(self, node: yaml.Node) -> Point:
-        """Return one marker: mass kg and position m."""
+        """Return mass in kg and position in m of one marker."""
         parts = self.mapping(node, 'markers')
         if set(parts) != set(MARKER):
             self.fail(node, 'markers', f'each takes {" and ".join(MARKER)}')
@@ -93,19 +93,20 @@ class _Reader(Reader):
 
 def read(path: Path, params_type: type) -> Content:
     """
-    Read a file.
+    Read a vehicle file.
 
     Parameters
     ----------
     path
-        YAML: ``description``, ``base``, ``markers`` and values, see ``vehicle.load``.
+        YAML file with ``description``, ``base``, ``markers`` and values, see
+        :func:`mambo_model.vehicle.parameters.load`.
     params_type
-        Parameter dataclass whose names, units and ranges the values have.
+        Parameter dataclass that defines names, units and ranges of the values.
 
     Raises
     ------
     ParameterError
-        Naming file, line and key of anything that is not as it should be.
+        If something is wrong; the message names file, line and key.
 
     """
     reader = _Reader(path)
@@ -130,7 +131,7 @@ def read(path: Path, params_type: type) -> Content:
 
 def replace(params: P, values: dict[str, Any]) -> P:
     """
-    Return parameters with other values under some dotted names.
+    Return parameters with some values replaced, given by dotted name.
 
     Raises
     ------
@@ -142,7 +143,7 @@ def replace(params: P, values: dict[str, Any]) -> P:
 
 
 def _scalar(value: Any) -> str:
-    """Return a value as YAML writes it; numbers so that they read back to the bit."""
+    """Return a value as YAML; numbers read back exactly."""
     if isinstance(value, tuple):
         return f'[{", ".join(map(_scalar, value))}]'
     if isinstance(value, bool):
@@ -153,7 +154,7 @@ def _scalar(value: Any) -> str:
 
 
 def _lines(tree: dict[str, Any], indent: str) -> list[str]:
-    """Return the lines of a section; a leaf is its finished text."""
+    """Return the lines of a section; leaves are finished texts."""
     out = []
     for key, below in tree.items():
         if isinstance(below, dict):
@@ -167,23 +168,23 @@ def to_text(
     description: str, base: str, values: dict[str, tuple[Any, str]], params_type: type,
 ) -> str:
     """
-    Return a file that :func:`read` reads.
+    Return the text of a vehicle file that :func:`read` reads.
 
     Parameters
     ----------
     description
-        What it is, one line.
+        Description of the vehicle in one line.
     base
-        Name of the vehicle it starts from.
+        Name of the vehicle to start from.
     values
-        {dotted name: (value, source)}; what is not named is that of the base.
+        {dotted name: (value, source)}; all other values are those of the base.
     params_type
-        Parameter dataclass whose names, units and ranges the values have.
+        Parameter dataclass that defines names, units and ranges of the values.
 
     Raises
     ------
     ParameterError
-        Naming a value that is unknown or out of range.
+        If a name is unknown or a value is out of range; the message names it.
 
     """
     fields, tree = dict(walk(params_type)), {}

@@ -1,10 +1,11 @@
 """
-Parameters of what a vehicle may have besides (3.1): rotors, drag by parts, floor, fade, battery.
+Parameters of effects beyond (3.1): rotors, drag by parts, ground effect, thrust fade, battery.
 
-Everything here is off by default: thrust then follows the motor map, drag is (3.13) alone. The
-thesis gives none of these numbers. Where a source says assumed, the value is a guess of the right
-size; the others come from the support package and bench of the Rolling Spider, whose rotors have
-the arm, yaw ratio and thrust of the Mambo's (EduDroneToolbox, Parrot-Developers/RollingSpiderEdu).
+All of them are off by default: thrust then follows the motor map, and (3.13) is the only drag. The
+thesis gives none of these numbers. A value whose source says assumed is a guess of the right
+order of magnitude. The others come from the support package and motor bench of the Rolling Spider
+(EduDroneToolbox, Parrot-Developers/RollingSpiderEdu), whose rotors have the same arm, yaw ratio
+and thrust as those of the Mambo.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ PROFILE_NONE, PROFILE_LINEAR, PROFILE_BLADE_ELEMENT = range(len(PROFILES))
 
 @dataclass(frozen=True)
 class RotorParams(Parameters):
-    """One of four equal rotors of two blades."""
+    """One of the four equal rotors with two blades."""
 
     radius: float = quantity(0.033, 'm', 0.005, 0.5, 'R of (3.8): toolbox of the Rolling Spider')
     chord: float = quantity(0.008, 'm', 0.001, 0.1, 'c of (3.8): toolbox of the Rolling Spider')
@@ -46,10 +47,11 @@ RotorValues = values_type(RotorParams)
 @dataclass(frozen=True)
 class DragParams(Parameters):
     """
-    Which parts of (3.12) act, in addition to each other and to (3.13), and how strongly.
+    Parts of the drag (3.12), which add to each other and to (3.13), and their coefficients.
 
-    Up to ``slow_limit`` the first four together are (3.13) with the k_c of (3.11), 0.22 s/m with
-    the defaults: to fly with the parts in its place, set ``drag_reading`` to ``none``.
+    Up to ``slow_limit`` the sum of the first four equals (3.13) with the k_c of (3.11), which is
+    0.22 s/m with the defaults. To use the parts in place of (3.13), set ``drag_reading`` to
+    ``none``.
     """
 
     blade_flapping: bool = flag(False, 'design choice: (3.4)')
@@ -87,7 +89,7 @@ DragValues = values_type(DragParams)
 
 @dataclass(frozen=True)
 class GroundEffectParams(Parameters):
-    """Lift that rotors gain near the floor."""
+    """Thrust that rotors gain near the floor."""
 
     enabled: bool = flag(False, 'thesis sec. 3.2.7 neglects it')
     rotor_height: float = quantity(
@@ -99,7 +101,7 @@ GroundEffectValues = values_type(GroundEffectParams)
 
 @dataclass(frozen=True)
 class FadeParams(Parameters):
-    """Thrust that a motor slowly loses while its command is high, and regains."""
+    """Thrust that a motor slowly loses while its command is high, and regains afterwards."""
 
     enabled: bool = flag(False, 'design choice: seen on the bench, thesis sec. 4.4.2')
     pwm: float = quantity(350.0, 'PWM', 0.0, 65535.0, 'above it thrust fades, thesis sec. 4.4.2')
@@ -114,7 +116,7 @@ FadeValues = values_type(FadeParams)
 
 @dataclass(frozen=True)
 class BatteryParams(Parameters):
-    """One lithium-polymer cell: open-circuit voltage falling with its charge, and a resistance."""
+    """A lithium-polymer cell: open-circuit voltage that falls with use, and a resistance."""
 
     enabled: bool = flag(False, 'design choice: false means a supply that does not sag')
     capacity: float = quantity(0.66, 'A h', 0.01, 100.0, "maker's figure, not checked")

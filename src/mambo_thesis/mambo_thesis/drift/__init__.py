@@ -1,1 +1,1 @@
-"""Why the position drifts where the height varies: mechanisms, and what flights say."""
+"""Why the position drifts where the height varies: candidate mechanisms, and tests on flights."""

@@ -1,22 +1,23 @@
 r"""
-Which mechanisms flights support: every one alone and every two together, compared by evidence.
+Which mechanisms do flights support? Bayesian comparison of single mechanisms and of pairs.
 
 A model is the equation of :mod:`mambo_thesis.drift.mechanisms` with the scale, a small delay
-and the parameters of one or two mechanisms free. What it leaves of the flow is a stationary
-autoregressive process, whose coefficients come from the model with everything free; whitened by
-them, the residuals count as independent. With a normal prior on every parameter (its width is in
-``PARAMETERS``) the evidence is that of Laplace,
+and the parameters of one or two mechanisms free. Its residuals are modelled as a stationary
+autoregressive process, whose coefficients are estimated from the residuals of the model with all
+parameters free. The residuals whitened with them are treated as independent. With a normal prior
+on every parameter (the widths are in ``PARAMETERS``), Laplace's method gives the evidence
 
 .. math:: \ln p(D | M) = -\tfrac12 \chi^2 - \tfrac12 \sum (\theta_j / s_j)^2 - \sum \ln s_j
           - \tfrac12 \ln \det H
 
-and with the priors of ``PRIOR`` on models it gives their probabilities: among these models, and
-if one of them is true.
+and, with the prior probabilities of the models in ``PRIOR``, their posterior probabilities. These
+assume that one of the models is true.
 
-Evidence comes in two grains. ``window`` None takes every sample. A window in seconds takes the
-displacement that the flow says, minus the true one, over windows of that length: with that of one
-turn only the drift counts, what the thesis had to look at; the scale then is that of the samples
-within ``CALIBRATION``, as drift says next to nothing of it.
+There are two kinds of evidence. With ``window`` None, every sample counts. With a window in
+seconds, the residuals are displacements over windows of that length: the displacement according
+to the flow minus the true one. A window of one turn leaves only the drift, which is what the
+thesis had. The scale is then taken from the samples, with a standard deviation of
+``CALIBRATION``, because the drift hardly depends on it.
 """
 
 from __future__ import annotations
@@ -51,17 +52,20 @@ MODELS: tuple[Model, ...] = tuple(
 
 class Fit(NamedTuple):
     """
-    One model and what the flights say of it.
+    One model fitted to the flights.
 
     Attributes
     ----------
     model
         Letters of its mechanisms; () is the scale alone.
     values, sigmas
-        {parameter: most probable value, standard deviation}.
-    log_evidence, probability
+        {parameter: most probable value} and {parameter: standard deviation}.
+    log_evidence
+        Logarithm of the evidence.
     chi_square
-        Of the whitened residuals.
+        Sum of squares of the whitened residuals.
+    probability
+        Posterior probability among the models compared.
 
     """
 
@@ -74,34 +78,34 @@ class Fit(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """What no model explains: an autoregressive process of the flow, rad/s."""
+    """Noise of the flow, rad/s, as an autoregressive process."""
 
     coefficients: Array  # (p,), of the samples before
     sigma: float         # of the innovation
 
     @property
     def long_run(self) -> float:
-        """Return the standard deviation, rad/s, that a white process of the same mean has."""
+        """Return the standard deviation of the white noise with the same slow part, rad/s."""
         return self.sigma / max(1.0 - float(self.coefficients.sum()), 0.05)
 
 
 class Evidence:
     """
-    Flights, with what is noise in them, ready to be asked about models.
+    Flights and their noise, to which models can be fitted.
 
     Parameters
     ----------
     flights
-        With the same sensor.
+        Flights with the same sensor.
     window : s
-        None: every sample; else displacements over windows.
+        Length of the windows; None: use every sample.
     noise
-        None: from the flights.
+        Noise of the flow; None: estimate it from the flights.
 
     Raises
     ------
     ValueError
-        If no flight lasts for a window.
+        If no flight is as long as a window.
 
     """
 
@@ -118,7 +122,7 @@ class Evidence:
             self.window = window
 
     def residuals(self, values: dict[str, float]) -> list[Array]:
-        """Return flow minus that of a model, (n, 2) rad/s of each flight."""
+        """Return measured flow minus the flow of a model, (n, 2) rad/s for each flight."""
         lag, late = values.get('height_lag', 0.0), values.get('late', 0.0)
         out = []
         for f in self.flights:
@@ -172,7 +176,7 @@ class Evidence:
         return np.concatenate(out)
 
     def fit(self, model: Model, known: Fit | None = None) -> Fit:
-        """Return the most probable values of a model; ``known``, if any, is its prior."""
+        """Return the most probable values of a model; ``known``, if given, replaces the prior."""
         names = ['scale', 'late', *(n for letter in model for n in MECHANISMS[letter].parameters)]
         widths = np.array([self.scale[1], *(PARAMETERS[name].width for name in names[1:])])
         middle = np.array([self.scale[0]] + [0.0] * (len(names) - 1))
@@ -207,7 +211,7 @@ class Evidence:
                    dict(zip(names, sigmas.tolist(), strict=True)), evidence, float(r @ r))
 
     def compare(self, models: Sequence[Model] = MODELS) -> list[Fit]:
-        """Return all models with their probabilities, the most probable first."""
+        """Fit all models; return them with their probabilities, the most probable first."""
         fits = [self.fit(model) for model in models]
         counts = [sum(len(m) == size for m in models) for size in range(3)]
         logs = np.array([
@@ -219,7 +223,7 @@ class Evidence:
 
 
 def _windows(f: Flight, window: float) -> list[slice]:
-    """Return rows of whole windows without a gap, one after the other."""
+    """Return the rows of consecutive whole windows that contain no gap."""
     t, out, begin = f.track.t, [], 0
     period = float(np.median(np.diff(t)))
     gaps = np.append(np.diff(t) > 2.5 * period, True)
@@ -257,7 +261,7 @@ def _autoregression(residuals: Sequence[Array], white: Sequence[Array]) -> Noise
 
 
 def inclusion(fits: Sequence[Fit]) -> dict[str, float]:
-    """Return the probability of each mechanism, alone or with another one."""
+    """Return the probability of each mechanism, summed over the models that contain it."""
     return {letter: sum(f.probability for f in fits if letter in f.model)
             for letter in MECHANISMS}
 

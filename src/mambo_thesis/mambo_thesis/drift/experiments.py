@@ -1,11 +1,11 @@
 """
-The experiments that tell mechanisms of the drift apart, flown: ``drift_experiments``.
+Fly the experiments that separate the mechanisms of the drift: ``drift_experiments``.
 
-The circle of Figure C.4 is flown in closed loop, with noise, at half, its own and twice the speed,
-at half the size, and carried by hand, each with four mechanisms at work. The drift is that of
-(5.2) with the height and attitude of Optitrack, beside what the equation of the mechanism gives
-along the motion that was flown, and what it gives with perfect tracking. Then the flights are
-asked which mechanism they support, as :mod:`mambo_thesis.drift.identify_drift` does it.
+The circle of Figure C.4 is flown in closed loop, with noise, at half, normal and twice the speed
+and at half the size, and it is carried by hand; each of these with four mechanisms in turn. The
+drift measured is that of (5.2) with height and attitude from Optitrack. It is compared with the
+prediction of the mechanism along the motion flown and with perfect tracking. Then the mechanism
+is identified from the flights, as :mod:`mambo_thesis.drift.identify_drift` does.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ GRAINS = {  # what is asked: experiments, window in s
 
 
 class Truth(NamedTuple):
-    """What is wrong in a flight of the scenarios."""
+    """The error that a flight of the scenarios contains."""
 
     row: str                  # of the table of mechanisms
     sensor: dict[str, float]  # what the equation says of the flow
@@ -70,7 +70,7 @@ def judged(key: str, track: Track, samples: Array) -> Array:
 
 @functools.cache
 def fly(name: str, seed: int = 1) -> Flight:
-    """Return a flight of a scenario such as ``drift_w_1/d2`` as evidence; kept."""
+    """Fly a scenario such as ``drift_w_1/d2`` and return it as evidence; cached."""
     over = {'seed': scenario_file.Place(seed, '--seed')}
     flight = from_recording(name, closed_loop.fly(scenario_file.load(name, over)[1]))
     key = name.rpartition('/')[2]
@@ -78,7 +78,7 @@ def fly(name: str, seed: int = 1) -> Flight:
 
 
 def per_turn(track: Track, path: Array, speed: float) -> float:
-    """Return by how much a quantity, (n,), moves on in a turn, over all whole turns."""
+    """Return the mean change of a quantity, (n,), per turn, over all whole turns."""
     T = 2.0 * np.pi / speed
     turns = int((track.t[-1] - track.t[0]) / T)
     begin, end = np.interp([track.t[0], track.t[0] + turns * T], track.t, path)
@@ -86,22 +86,22 @@ def per_turn(track: Track, path: Array, speed: float) -> float:
 
 
 def integral(t: Array, rate: Array) -> Array:
-    """Return the integral of a rate from the first instant on, (n,), by trapezoids."""
+    """Return the cumulative integral of a rate, (n,), by the trapezoidal rule."""
     return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))])
 
 
 def drift(flight: Flight, samples: Array, speed: float) -> float:
     """
-    Return the drift in x in one turn, m, of (5.2) with factor 1.06, over all whole turns.
+    Return the mean drift in x per turn, m, of (5.2) with factor 1.06, over all whole turns.
 
     Parameters
     ----------
     flight
-        True motion.
+        The flight; its true motion is used.
     samples : (n, 2) rad/s
-        Flow at its instants.
+        Flow at the instants of the flight.
     speed : rad/s
-        Of the path.
+        Angular speed of the path.
 
     """
     track = flight.track
@@ -110,7 +110,7 @@ def drift(flight: Flight, samples: Array, speed: float) -> float:
 
 
 def loop(flight: Flight, speed: float, size: float) -> float:
-    """Return the area that a flight encloses in x and h in a turn, over that of the path."""
+    """Return the area enclosed in x and height per turn over the area of the path."""
     track = flight.track
     above = track.height - 0.5 * (track.height.max() + track.height.min())
     area = per_turn(track, integral(track.t, above * track.velocity[:, 0]), speed)
@@ -118,7 +118,7 @@ def loop(flight: Flight, speed: float, size: float) -> float:
 
 
 def experiment(name: str) -> dict[str, Flown]:
-    """Return {flight: drift} of an experiment."""
+    """Return {flight: drift} for the flights of an experiment."""
     (speed, size, path), out = EXPERIMENTS[name], {}
     for key, truth in TRUTHS.items():
         flights = [fly(f'{name}/{key}', seed) for seed in SEEDS]

@@ -72,12 +72,12 @@ class Flight(NamedTuple):
     impossible: int = 0
 
     def height_before(self, lag: float) -> Array:
-        """Return the height some seconds earlier, (n,) m."""
+        """Return the height ``lag`` seconds earlier, (n,) m."""
         return np.interp(self.track.t - lag, *self.heights.T) if lag else self.track.height
 
 
 class Poses(NamedTuple):
-    """Poses of the vehicle, inertial NED and body FRD, at rising times."""
+    """Poses of the vehicle in time order, inertial NED and body FRD."""
 
     t: Array          # (n,) s
     position: Array   # (n, 3) m
@@ -85,7 +85,7 @@ class Poses(NamedTuple):
 
 
 class Smooth(NamedTuple):
-    """Poses on an even grid, with their velocity; runs without gaps."""
+    """Positions on an even grid with their velocity, NaN in gaps."""
 
     t: Array         # (n,) s
     position: Array  # (n, 3) m
@@ -96,12 +96,12 @@ class Smooth(NamedTuple):
 
 def smoothed(poses: Poses) -> Smooth:
     """
-    Return poses on an even grid with their velocity.
+    Return positions on an even grid with their velocity.
 
     Raises
     ------
     BagError
-        If they are fewer than a second's.
+        If the poses cover less than a second or are fewer than 30.
 
     """
     period = float(np.median(np.diff(poses.t))) if len(poses.t) > 1 else 1.0
@@ -132,7 +132,7 @@ def _rates(poses: Poses, gyro: Stream | None) -> tuple[Array, Array, float]:
 
 
 def rate_noise(rates: Array) -> float:
-    """Return the white noise, rad/s, of rates, (n, 3), about x and y; what moves slower is not."""
+    """Return the white noise of rates, (n, 3) rad/s, about x and y; slow motion does not count."""
     apart = np.diff(rates[:, :2], n=3, axis=0)
     return float(np.median(np.abs(apart)) / 0.6745 / np.sqrt(20.0))  # 1 + 9 + 9 + 1
 
@@ -142,27 +142,27 @@ def assemble(
     height: Stream | None = None, min_height: float = MIN_HEIGHT,
 ) -> Flight:
     """
-    Put a flight together.
+    Assemble a flight from poses, flow and gyro.
 
     Parameters
     ----------
     name
-        For messages.
+        Name of the flight, for messages.
     poses
-        Of Optitrack.
+        Poses from Optitrack.
     flow : values (n, 2) rad/s, body FRD; NaN: no value
     gyro : values (m, 3) rad/s, body FRD
     lag : s
-        The flow is that of the motion so much earlier than its stamp.
+        Lag of the flow: a sample belongs to the motion this much before its stamp.
     height : values (k,) m
         Height above the floor; None: -z of Optitrack.
     min_height : m
-        Samples below are left out.
+        Samples below this height are left out.
 
     Raises
     ------
     BagError
-        If fewer than ``MIN_SAMPLES`` samples of the flow have a pose.
+        If fewer than ``MIN_SAMPLES`` samples of the flow have a pose or are above min_height.
 
     """
     grid = smoothed(poses)
@@ -196,7 +196,7 @@ def assemble(
 
 
 class Source(NamedTuple):
-    """What a bag has for a flight; see :func:`assemble`."""
+    """The streams of a bag from which a flight is assembled; see :func:`assemble`."""
 
     name: str
     poses: Poses
@@ -206,7 +206,7 @@ class Source(NamedTuple):
     impossible: int = 0  # poses left out
 
     def flight(self, lag: float, min_height: float = MIN_HEIGHT) -> Flight:
-        """Return the flight, its flow behind by a lag, s."""
+        """Return the flight for a given lag of the flow, s."""
         found = assemble(
             self.name, self.poses, self.flow, self.gyro, lag, self.height, min_height)
         return found._replace(impossible=self.impossible)
@@ -227,9 +227,10 @@ def _unexplained(f: Flight) -> float:
 
 def flow_lag(sources: Sequence[Source], min_height: float = MIN_HEIGHT) -> float:
     """
-    Return by how much the flow is behind the motion, s: where motions explain most of it.
+    Return the lag of the flow behind the motion, s: the one with the smallest residual.
 
-    It is that of one sensor, the same in all flights: a slow flight alone hardly tells it.
+    The lag belongs to the sensor and is the same in all flights. A slow flight alone hardly
+    determines it.
     """
     left = [sum(len(s.flow.t) * _unexplained(
         s._replace(height=None).flight(float(lag), min_height)) for s in sources) for lag in LAGS]
@@ -240,7 +241,7 @@ def flow_lag(sources: Sequence[Source], min_height: float = MIN_HEIGHT) -> float
 
 
 def from_recording(name: str, r: Recording, begin: float = 8.0) -> Flight:
-    """Return a flight of :func:`mambo_flight.closed_loop.fly`, from a time in s on."""
+    """Return a flight of :func:`mambo_flight.closed_loop.fly` from the time ``begin`` [s] on."""
     t = r.t * 1e-9
     on = t >= begin
     posed = on & np.isfinite(r.pose[:, 0])
@@ -253,17 +254,17 @@ def from_recording(name: str, r: Recording, begin: float = 8.0) -> Flight:
 
 def from_estimate(flight: Flight, t: Array, position: Array) -> Flight:
     """
-    Return a flight whose flow is the one that an estimate of the position stands for.
+    Return a flight whose flow is replaced by the flow equivalent to a position estimate.
 
-    The velocity of the estimate is turned back to the body with the attitude of Optitrack and
-    divided by the depth: a perfect flow if (5.2) was applied without error.
+    The velocity of the estimate is rotated to body axes with the attitude from Optitrack and
+    divided by the depth. If the estimator applied (5.2) without error, this is the exact flow.
 
     Parameters
     ----------
     flight
-        What Optitrack says.
+        Flight with the true motion.
     t, position : (m,) s, (m, 3) m, inertial NED
-        Of the estimate, its axes those of Optitrack.
+        Estimated positions in the axes of Optitrack.
 
     """
     level = Rotation.from_quat(np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)))
@@ -275,13 +276,13 @@ def from_estimate(flight: Flight, t: Array, position: Array) -> Flight:
 
 
 def flow_of(track: Track, velocity: Array) -> Array:
-    """Return the flow, (n, 2) rad/s, of which (5.2) makes a horizontal velocity, (n, 2) m/s."""
+    """Return the flow, (n, 2) rad/s, for which (5.2) gives a horizontal velocity, (n, 2) m/s."""
     inertial = np.column_stack([velocity, track.velocity[:, 2]])
     return np.einsum('nji,nj->ni', track.R, inertial)[:, :2] / track.depth[:, None]
 
 
 def _source(path: Path, namespace: str | None, height: str, bag: Bag) -> Source:
-    """Return what a bag has for a flight; raises BagError."""
+    """Read the streams of a bag; raise BagError if flow, poses or sonar are missing."""
     sensors = read_sensors(path, namespace)
     if sensors.flow is None or 'optitrack/pose' not in bag:
         lacks = 'optical_flow' if sensors.flow is None else 'optitrack/pose'
@@ -307,25 +308,25 @@ def read(paths: Sequence[Path], namespace: str | None = None, lag: float | None 
          height: str = 'optitrack', min_height: float = MIN_HEIGHT,
          estimate: str | None = None) -> tuple[list[Flight], float]:
     """
-    Read bags of one drone as evidence; return them and by how much the flow is behind, s.
+    Read bags of one drone as evidence; return the flights and the lag of their flow, s.
 
     Parameters
     ----------
     paths, namespace
         See :func:`mambo_bags.reader.read_bag`.
     lag : s
-        None: found, the same for all.
+        Lag of the flow, the same in all flights; None: find it.
     height
-        ``optitrack`` or ``sonar``, whose slant range is taken for the depth Z.
+        ``optitrack``, or ``sonar`` to use the slant range as the depth Z.
     min_height : m
-        Samples below are left out.
+        Samples below this height are left out.
     estimate
-        Topic of an estimate to be judged in place of the flow.
+        Topic of an estimate to examine in place of the flow.
 
     Raises
     ------
     BagError
-        If there is no flow or no Optitrack, or too little of them.
+        If flow or Optitrack is missing or too short.
 
     """
     topics = ('optitrack/pose', *([estimate] if estimate else []))

@@ -1,11 +1,11 @@
 """
-Say which mechanisms of the drift flights with Optitrack support, and with what confidence.
+Identify which mechanisms cause the drift in flights with Optitrack, with their probabilities.
 
-Each bag holds ``optical_flow`` and ``optitrack/pose``, a gyro is welcome. With every sample the
-flow itself is looked at; with ``--window`` of one turn or some only the drift, as in the thesis.
-With ``--estimate TOPIC`` the position of an estimator is judged in place of the flow: only there
-errors of the estimator (C1, C2, G) can be seen. Probabilities hold among the mechanisms that are
-considered, one or two at a time, and for the priors that are printed.
+Each bag must hold ``optical_flow`` and ``optitrack/pose``; a gyro helps. By default every sample
+of the flow is used. With a ``--window`` of one or a few turns only the drift is used, as in the
+thesis. With ``--estimate TOPIC`` the position of an estimator is examined in place of the flow;
+errors of the estimator (C1, C2, G) can be seen only there. The probabilities are relative to the
+mechanisms considered, one or two at a time, and to the priors in the JSON output.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ DIM = 0.03  # share of noise in the rotation, by which a leakage comes out too s
 
 
 def label(model: Sequence[str]) -> str:
-    """Return a model in a word."""
+    """Return the name of a model, such as ``A+D``, or ``none``."""
     return '+'.join(model) or 'none'
 
 
@@ -93,7 +93,7 @@ def caveat(flights: Sequence[Flight]) -> str:
 
 
 def table(fits: list[Fit]) -> str:
-    """Return the most probable models and every mechanism as text."""
+    """Return the most probable models and the probability of every mechanism as text."""
     lines = [f'{"model":<10}{"probability":>12}{"ln evidence":>13}  values with 95 % intervals']
     shown = fits[:max(SHOWN, min(len(not_separated(fits, SURE)), 12))]
     lines += [f'{label(f.model):<10}{f.probability:>12.4f}{f.log_evidence:>13.1f}  {_values(f)}'
@@ -115,7 +115,7 @@ def apparent_factor(f: Flight, seen: np.ndarray, edges: np.ndarray) -> np.ndarra
 
 
 def draw(flights: Sequence[Flight], fits: list[Fit]) -> Figure:
-    """Return the probabilities, and the apparent factor over the height with the best model's."""
+    """Draw the probabilities, and the apparent factor over height, measured and modelled."""
     figure, (left, right) = sheet(1, 2, 3.2)
     shares = inclusion(fits)
     left.bar(list(shares), list(shares.values()), color=palette.COLOURS[palette.SERIES[0]])
@@ -140,7 +140,7 @@ def draw(flights: Sequence[Flight], fits: list[Fit]) -> Figure:
 
 def data(flights: Sequence[Flight], lag: float, fits: list[Fit], noise: Noise,
          lines: list[str]) -> dict[str, Any]:
-    """Return everything that was found, ready for JSON."""
+    """Return the whole result in a form that JSON can hold."""
     return {
         'flights': [{'name': f.name, 'samples': len(f.flow), 'flow_lag_s': lag,
                      'velocity_noise_m_s': f.velocity_noise} for f in flights],
@@ -172,7 +172,7 @@ def _run(options: argparse.Namespace) -> None:
 
 def _print_result(flights: Sequence[Flight], lag: float, fits: Sequence[Fit], noise: Noise,
                   lines: Sequence[str]) -> None:
-    """Print what was found."""
+    """Print the result for a terminal."""
     for f in flights:
         print(f'{f.name}: {len(f.flow)} samples, {f.track.height.min():.2f} to '
               f'{f.track.height.max():.2f} m high; flow {1e3 * lag:.0f} ms behind; noise of the '

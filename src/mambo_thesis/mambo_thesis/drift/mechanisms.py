@@ -1,14 +1,14 @@
 r"""
-What may be wrong with the optical flow, as one equation with one parameter for each mechanism.
+Candidate errors of the optical flow in one equation, with a parameter for each mechanism.
 
 .. math:: f = \frac{h(t - \tau) + \delta}{h\, Q(h)} x (1 + c x^2), \qquad
           x = \frac{\nu_{xy} - k \nu_3 - \lambda l}{Z^*} + \kappa [\omega_2, -\omega_1]
 
-with all parameters but the scale 0 where nothing is wrong: that of the simulated sensor
-(:mod:`mambo_sim.sensors.optical_flow`), and besides what an estimator does wrong when it makes a
-velocity of the flow, as if the flow had it: ``l`` is what turning to level axes adds to the
-velocity (C2), ``Z*`` is between Z and h (C1), and a velocity filter without the Coriolis term
-adds ``omega x nu / L`` (G). So the same equation serves for raw flow and for an estimate.
+Without errors all parameters are 0 and the scale is that of Q(h). The equation covers the errors
+of the simulated sensor (:mod:`mambo_sim.sensors.optical_flow`) and also errors of an estimator,
+expressed as if they were in the flow: ``l`` is the part of the velocity that rotation to level
+axes adds (C2), ``Z*`` lies between Z and h (C1), and a velocity filter without the Coriolis term
+adds ``omega x nu / L`` (G). The same equation therefore fits raw flow and estimates.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Parameter(NamedTuple):
     ----------
     name, unit
     width
-        Standard deviation of what it may be, about 0 (the scale: about 1), before any flight.
+        Prior standard deviation about 0 (of the scale: about 1).
 
     """
 
@@ -41,7 +41,7 @@ class Parameter(NamedTuple):
 
 
 class Mechanism(NamedTuple):
-    """A way to be wrong: its letter, what it is, and its parameters."""
+    """A candidate error: its letter, a description, and the names of its parameters."""
 
     letter: str
     says: str
@@ -80,16 +80,16 @@ MECHANISMS = {m.letter: m for m in (
 
 
 def factor(height: Array, scale: float, slope: float, gain: float) -> Array:
-    """Return Q(h), (n,): (C.2b) and (C.2a) about its value at 1.5 m."""
+    """Return Q(h), (n,): (C.2b) and (C.2a), relative to the value at 1.5 m."""
     return scale * (1.0 + slope * (height - REFERENCE_HEIGHT)
                     + gain * (np.exp(height) - np.exp(REFERENCE_HEIGHT)))
 
 
 def level_part(track: Track) -> Array:
     """
-    Return what turning a body velocity to level axes adds to it, (n, 2) m/s along body axes.
+    Return the part that rotation to level axes adds to a body velocity, (n, 2) m/s, body axes.
 
-    To first order ``nu_3`` times the tilt; the heading of the body is not part of it.
+    To first order it is ``nu_3`` times the tilt. It does not depend on the heading.
     """
     forward = track.R[:, :2, 0] / np.linalg.norm(track.R[:, :2, 0], axis=1, keepdims=True)
     heading = np.stack([forward, forward[:, ::-1] * [-1.0, 1.0]], axis=2)
@@ -100,16 +100,16 @@ def level_part(track: Track) -> Array:
 
 def flow(track: Track, height: Array, values: Mapping[str, float]) -> Array:
     """
-    Return the flow that a motion gives, (n, 2) rad/s, body x forward and y right.
+    Return the flow measured along a motion, (n, 2) rad/s, body x forward and y right.
 
     Parameters
     ----------
     track
         True motion.
     height : (n,) m
-        The height as it was ``height_lag`` earlier.
+        The height ``height_lag`` earlier.
     values
-        {parameter: value}; what is missing is 0, the scale 1.
+        {parameter: value}; missing parameters are 0, a missing scale is 1.
 
     """
     p = {name: values.get(name, 0.0) for name in PARAMETERS}
@@ -139,9 +139,9 @@ def rate_share(track: Track, values: Mapping[str, float]) -> Array:
 
 def dead_reckoned(track: Track, flow_rates: Array, scale: float = 1.0) -> Array:
     """
-    Return the horizontal velocity (5.2) that flow says, (n, 2) m/s inertial.
+    Return the horizontal velocity according to (5.2), (n, 2) m/s, inertial.
 
-    Height, attitude and vertical body velocity are the true ones.
+    Height, attitude and vertical body velocity are true values.
     """
     body = np.column_stack([scale * track.depth[:, None] * flow_rates, track.nu[:, 2]])
     return np.einsum('nij,nj->ni', track.R, body)[:, :2]

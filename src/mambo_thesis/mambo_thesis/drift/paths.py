@@ -1,9 +1,9 @@
 """
-Perfect motion along the paths of the thesis, inertial NED and body FRD, all instants at once.
+Perfect tracking of the paths of the thesis: positions, velocities, attitudes and body rates.
 
-What a mechanism predicts is a matter of kinematics: no controller, no noise. The thrust axis is
-that of (3.14), with or without the tilt that a lumped rotor drag asks for (3.12); a path carried
-by hand is level.
+The prediction of a mechanism needs only kinematics, without controller or noise. The thrust axis
+is that of (3.14), with or without the tilt that balances the lumped rotor drag (3.12). On a path
+carried by hand the drone stays level. Inertial axes are NED, body axes FRD.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Track(NamedTuple):
         return self.height / self.R[:, 2, 2]
 
     def part(self, rows: NDArray) -> Track:
-        """Return some of the instants."""
+        """Return the instants selected by a mask or an index."""
         return Track(*(column[rows] for column in self))
 
 
@@ -130,7 +130,7 @@ def perfect(
 def one_turn(
     name: str, speed: float = 1.0, size: float = 1.0, drag_rate: float = 0.0, steps: int = 1256,
 ) -> Track:
-    """Return one turn of a path of ``PATHS`` in equal steps, its end left out."""
+    """Return one turn of a path of ``PATHS`` in equal steps, without its last instant."""
     return turn_of(PATHS[name], speed, size, drag_rate, steps, name == LEVEL)
 
 

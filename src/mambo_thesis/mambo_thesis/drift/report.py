@@ -1,4 +1,4 @@
-"""Tables and figure of ``drift_experiments``: what mechanisms predict, and what was flown."""
+"""Tables and figure of ``drift_experiments``: predicted and flown drift of each mechanism."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SPEEDS = [name for name in EXPERIMENTS if name.startswith('drift_w')]
 
 
 class Flown(NamedTuple):
-    """Drift of one mechanism in one experiment, x, in one turn; each list by seed."""
+    """Drift in x per turn of one mechanism in one experiment; lists have one value per seed."""
 
     loop: float            # area that the first seed encloses in x and h, over that of the path
     perfect: float         # m, with perfect tracking
@@ -58,7 +58,7 @@ def number(x: float) -> str:
 
 
 def perfect_table(perfect: Mapping[str, Array]) -> str:
-    """Return the table of mechanisms, {row: drift (paths, 2) m}, beside the audit's values."""
+    """Return the table of predicted drift, {row: drift (paths, 2) m}, compared with the audit."""
     out = ['| mechanism | ' + ' | '.join(PATHS) + ' | largest difference |',
            '|---' * (len(PATHS) + 2) + '|']
     for name, found in perfect.items():
@@ -85,7 +85,7 @@ def sources_table() -> str:
 
 
 def flown_table(flown: Drifts) -> str:
-    """Return what was predicted and flown, a row for each experiment and mechanism."""
+    """Return predicted and flown drift, one row for each experiment and mechanism."""
     out = ['| experiment | mechanism | perfect tracking | loop flown | along it | flown, mean of '
            'seeds (least to most) | vehicle |', '|---|---|---|---|---|---|---|']
     for name, drifts in flown.items():
@@ -134,7 +134,7 @@ def put(tables: Sequence[str], document: str, where: Path) -> str:
 
 
 def _bars(axes: Axes, drifts: Mapping[str, Flown]) -> None:
-    """Draw prediction and flight of each mechanism side by side, in one experiment."""
+    """Draw the predicted and flown drift of each mechanism in one experiment."""
     for k, (d, style) in enumerate(zip(drifts.values(), palette.lines(drifts), strict=True)):
         colour = style['color']
         mean = float(np.mean(d.measured))
@@ -151,7 +151,7 @@ def _bars(axes: Axes, drifts: Mapping[str, Flown]) -> None:
 
 
 def _over_speed(axes: Axes, flown: Drifts) -> None:
-    """Draw the drift over the speed: with perfect tracking as lines, flown as points."""
+    """Draw the drift over the speed: lines for perfect tracking, points for flights."""
     speeds = [EXPERIMENTS[name][0] for name in SPEEDS]
     keys = flown[SPEEDS[0]]
     for key, style, marker in zip(keys, palette.lines(keys), 'os^Dv', strict=False):
@@ -172,7 +172,7 @@ def shows(flown_rows: str) -> str:
 
 
 def draw(flown: Drifts) -> Figure:
-    """Return the drift by mechanism of each experiment, predicted and flown, and over speed."""
+    """Draw the drift by mechanism, predicted and flown, for each experiment and over speed."""
     figure, plots = sheet(2, 3, 2.3)
     *bars, last = plots
     for axes, (name, drifts) in zip(bars, flown.items(), strict=True):

@@ -1,9 +1,9 @@
 """
-The table of mechanisms: drift in one turn of each path, by the simulated sensor, without noise.
+The table of mechanisms: drift per turn of each path, with the simulated sensor and no noise.
 
-An error of the sensor is a switch of :mod:`mambo_sim.sensors.optical_flow`; an error of the
-estimator is another way to make a velocity of the flow, written out here. The values beside are
-those of the audit that posed the question, rounded to 1 mm, G to 1 cm.
+Sensor errors are parameters of :mod:`mambo_sim.sensors.optical_flow`. Estimator errors are wrong
+ways to compute a velocity from the flow, written out here. ``Row.audit`` holds the values of an
+independent derivation, rounded to 1 mm, or to 1 cm for G.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def right(track: Track, flow: Array) -> Array:
 
 
 def without_tilt(track: Track, flow: Array) -> Array:
-    """Return the same with the height for the depth Z (C1)."""
+    """Return (5.2) with the height in place of the depth Z (C1)."""
     return dead_reckoned(track, flow * track.R[:, 2, 2][:, None])
 
 
@@ -40,13 +40,30 @@ def without_turning(track: Track, flow: Array) -> Array:
 
 
 def without_coriolis(track: Track, flow: Array) -> Array:
-    """Return (5.2) with the error omega x nu / L of a filter of gain L = 1/s (G)."""
+    """Return (5.2) with the error omega x nu / L of a filter with gain L = 1/s (G)."""
     missing = np.cross(track.omega, track.nu)[:, :2]
     return dead_reckoned(track, flow + missing / track.depth[:, None])
 
 
 class Row(NamedTuple):
-    """A mechanism of the table."""
+    """
+    A row of the table: a mechanism, its audited drift and how to simulate it.
+
+    Attributes
+    ----------
+    description
+    audit
+        Drift (x, y) on each of ``PATHS``, m; NaN: not given.
+    sensor
+        Parameters of the simulated sensor.
+    scale
+        Factor Q0 of the estimator.
+    estimator
+        Computes the velocity from the flow.
+    drag_rate : 1/s
+        Rotor drag that tilts the vehicle.
+
+    """
 
     says: str
     audit: tuple[tuple[float, float], ...]  # m, (x, y) on each of PATHS; NaN: not given
@@ -98,7 +115,7 @@ ROWS = {
 
 
 def sensed(track: Track, sensor: Mapping[str, Any], earlier: Track) -> Array:
-    """Return what the simulated sensor delivers, (n, 2) rad/s, with the heights of ``earlier``."""
+    """Return the output of the simulated sensor, (n, 2) rad/s, with heights from ``earlier``."""
     p = OpticalFlowParams(**sensor)
     v, q = p.values(), Rotation.from_matrix(track.R).as_quat()
     out = np.empty((len(track.t), 2))
@@ -136,7 +153,7 @@ def estimated(row: Row, turn: Track, scale: float | Array) -> Array:
 
 
 def drift(row: Row, path: str, speed: float = 1.0, size: float = 1.0) -> Array:
-    """Return the drift in one turn of a path, (2,) m, x and y."""
+    """Return the drift in x and y over one turn of a path, (2,) m."""
     turn = one_turn(path, speed, size, row.drag_rate)
     return moved(turn, estimated(row, turn, row.scale))
 
@@ -148,5 +165,5 @@ def moved(turn: Track, velocity: Array) -> Array:
 
 
 def table() -> dict[str, Array]:
-    """Return {row: drift (paths, 2) m} of the whole table."""
+    """Return the whole table as {row: drift (paths, 2) m}."""
     return {name: np.array([drift(row, path) for path in PATHS]) for name, row in ROWS.items()}

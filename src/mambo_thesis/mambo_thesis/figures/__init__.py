@@ -1,6 +1,7 @@
 """
-The thesis again: every figure from simulated data, its claim beside it, and a verdict.
+Every figure of the thesis, remade from simulated data, with its claim and a verdict.
 
-One module per chapter; a figure is a function that flies, measures and draws. ``ros2 run
-mambo_thesis reproduce`` runs them all and writes ``docs/evidence/reproduction.md`` and a report.
+There is one module per chapter. Each figure is a function that flies, measures and draws.
+``mambo reproduce`` runs them all and writes a report; its ``reproduction.md`` is
+``docs/evidence/reproduction.md``.
 """

@@ -1,8 +1,8 @@
 """
 Appendix C: why the position drifts when the height changes.
 
-Figures C.4 to C.8 apply other factors to the samples of one flight, as the thesis did: the flight
-is flown once, its samples go through estimators with those factors.
+Figures C.4 to C.8 apply different flow factors to the samples of one flight, as the thesis did:
+each flight is flown once, and its samples are replayed through estimators with those factors.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def figure_c_2() -> Result:
 
 
 def best_factor(flight: Flight) -> tuple[float, float]:
-    """Return height in m and the factor that best makes flow times height the true motion in y."""
+    """Return the height [m] and the least-squares factor from flow times height to true y."""
     on = flight.after(EQUAL)
     seen, true = flight.flow_times_height(1.0)[on, Y], flight.truth[on, Y]
     parts = np.stack([seen, np.ones_like(seen)], axis=1)
@@ -101,7 +101,7 @@ def best_factor(flight: Flight) -> tuple[float, float]:
        tests='whether the procedure of the thesis gives back what was put in',
        broken_by=(*SLOPES, *LEAKS))
 def figure_c_3() -> Result:
-    """Best constant factor on a sine at four heights, and both fits."""
+    """Best constant factor for a sine in y at four heights, with a linear and exponential fit."""
     points = np.array([
         [best_factor(f) for f in seeds(f'fig_c_3/height_{name}')] for name in HEIGHTS])
     h, q = points[..., 0].ravel(), points[..., 1].ravel()
@@ -168,7 +168,7 @@ def _order(what: str, flights: list[Flight], kind: str) -> list[Measured]:
 
 
 def _factors(kind: str) -> Result:
-    """Compare the fitted and the retuned factor on the flight of Figure C.4."""
+    """Compare the drift with the fitted and the retuned factor on the flight of Figure C.4."""
     flights, steep = seeds('fig_c_4'), seeds('steep_factor')
     first = flights[0]
     return Result([
@@ -205,7 +205,7 @@ def figure_c_6() -> Result:
        contains=CONTAINS, tests='whether that slope makes it drift, with which sign and size',
        broken_by=(*SLOPES, *LEAKS))
 def figure_c_7() -> Result:
-    """Path in three dimensions."""
+    """Three-dimensional path."""
     flights = seeds('fig_c_7')
     return Result(moving('', flights, X), against_optitrack(flights[0]))
 

@@ -40,7 +40,7 @@ def figure_2_1() -> Result:
 @claim('3.1', 'motors and axes: which motor rolls, pitches and yaws which way',
        contains='the mixer (3.2)', tests='its twelve signs, read off the drawing')
 def figure_3_1() -> Result:
-    """Ask (3.2) for the torque of each motor alone."""
+    """Evaluate (3.2) for the torque of each motor alone."""
     vv = truths.vehicle().values()
     wrong = 0
     for motor, signs in enumerate(SIGNS):
@@ -55,7 +55,7 @@ def figure_3_1() -> Result:
        'is small there', contains='(3.4)-(3.10), with coefficients of the right size', given=True,
        tests='what their sum does over speed', broken_by=('drag quadratic',))
 def figure_3_2() -> Result:
-    """Draw the parts of the drag over the horizontal speed, in hover."""
+    """Draw the components of the drag over the horizontal speed at hover thrust."""
     vehicle = truths.vehicle()
     frame = (vehicle.drag if vehicle.drag.parasitic else DragParams()).parasitic_coefficient
     vehicle = dataclasses.replace(vehicle, drag_reading='none', drag=DragParams(

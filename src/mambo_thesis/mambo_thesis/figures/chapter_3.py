@@ -1,4 +1,4 @@
-"""Section 3.4: the closed loop in simulation, Figure 3.3."""
+"""Section 3.4: the simulated closed loop (Figure 3.3)."""
 
 from __future__ import annotations
 

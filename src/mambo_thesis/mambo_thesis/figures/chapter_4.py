@@ -89,7 +89,7 @@ def figure_4_4() -> Result:
        contains='the pendulum (4.2) with the measured J, and noise', given=True,
        tests='whether the fit (4.3) gives back what was put in', broken_by=('mass +10 %',))
 def figure_4_6() -> Result:
-    """Swing each axis of the identified vehicle with a noisy gyro and fit (4.2) to it."""
+    """Simulate a swing about each axis of the identified vehicle, add gyro noise and fit (4.2)."""
     rig = Geometry(mass=0.068, separation=0.1, length=0.5)  # the thesis gives neither D nor h
     vehicle = truths.vehicle()
     t, K_D, C, noise = np.arange(0.0, 20.0, 0.01), 2e-6, 6e-6, 0.02
@@ -119,7 +119,7 @@ def figure_4_6() -> Result:
        '2 % noise', given=True, tests='whether the fit gives back what was put in',
        broken_by=('motor map',))
 def figure_4_8() -> Result:
-    """Weigh the power-law motors at 0.1 to 1.2 N through the linear map, with a 2 % scale."""
+    """Simulate a thrust bench: 0.1 to 1.2 N commanded, power-law motors, scale with 2 % noise."""
     vehicle, rng = truths.vehicle(), np.random.default_rng(1)
     vv = vehicle.values()
     asked = np.repeat(np.arange(0.1, 1.25, 0.1), 5)
@@ -169,5 +169,5 @@ def hover_command() -> Result:
 
 @claim('4.1, 4.2, 4.5, 4.7', 'photographs, block diagram and set-ups')
 def other_figures() -> Result:
-    """Nothing to measure."""
+    """Return a result without measurements."""
     return Result([], why_not='they show no data')

@@ -18,7 +18,7 @@ CALIBRATION = 100  # samples at rest
 
 
 def sensor_factor(height: float) -> float:
-    """Return h Q(h) of the simulated sensor in m, (C.2b) with C5: what the flow must be times."""
+    """Return h Q(h) of the simulated sensor, m: the velocity over the measured flow, (C.2b)."""
     return height * (0.92 + 0.07 * min(max(height, 0.5), 2.5))
 
 
@@ -30,7 +30,7 @@ def equalised(flight: Flight) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def against_optitrack(flight: Flight, shown: tuple[int, ...] = (0, 1, 2)):
-    """Draw positions equalised after take-off, and the running RMS of the estimate's error."""
+    """Draw positions aligned after take-off, and the running RMS of the estimate's error."""
     t, estimate, truth = equalised(flight)
     reference = flight.reference[flight.after(EQUAL)]
     return positions_and_rms(
@@ -40,14 +40,14 @@ def against_optitrack(flight: Flight, shown: tuple[int, ...] = (0, 1, 2)):
 
 @claim('5.1', 'attitude, altitude, velocity and position are estimated one after the other')
 def figure_5_1() -> Result:
-    """Nothing to measure."""
+    """Return a result without measurements."""
     return Result(
         [], why_not='a block diagram; `mambo_estimation.support_package` and `kalman` have it')
 
 
 @claim('5.2', 'where the five Optitrack markers are')
 def figure_5_2() -> Result:
-    """Nothing to measure."""
+    """Return a result without measurements."""
     return Result([], why_not='a photograph; positions assumed in `presets/identified_markers`')
 
 
@@ -154,11 +154,11 @@ def position_of(flight: Flight) -> np.ndarray:
        'ascends', 'fig_5_6', contains='flow from 0.4 m on, the accelerometer integrated below',
        tests='whether the ascent leaves a difference, and nothing after it')
 def figure_5_6() -> Result:
-    """Look at the integrated flow from the start, accelerometer calibrated well and badly."""
+    """Compare estimate and integrated flow, with the accelerometer calibrated well and badly."""
     flights = {name: seeds(f'fig_5_6/{name}') for name in ('well_calibrated', 'badly_calibrated')}
 
     def gaps(f: Flight) -> tuple[float, float]:
-        """Return how far apart they are after 6 s, and what the next turn adds to it."""
+        """Return the mean distance over the turn after 6 s, and its change in the next turn."""
         apart = f.estimate[:, :2] - f.integrated_flow()
         turn, begin = round(2.0 * math.pi / STEP), round(EQUAL / STEP)
         first, second = (apart[k:k + turn].mean(axis=0) for k in (begin, begin + turn))
@@ -201,7 +201,7 @@ def _best_factor(seen: np.ndarray, true: np.ndarray) -> tuple[float, float]:
        tests='that the estimate follows the flow alone, and that one factor is enough',
        broken_by=('factor -10 %', 'leak +1', 'leak -1'))
 def figure_5_7() -> Result:
-    """Estimate, integrated flow and truth since 6 s."""
+    """Compare estimate, integrated flow and truth from 6 s on."""
     flights = seeds('fig_5_7')
     apart, factors, left = [], [], []
     for f in flights:
@@ -228,7 +228,7 @@ def figure_5_7() -> Result:
 
 
 def _flow_sine(name: str, height: float) -> Result:
-    """Compare the integrated flow, times the best constant, with the truth."""
+    """Compare the truth with the integrated flow times the best constant."""
     flights, factors, left = seeds(name), [], []
     for f in flights:
         _, flow, true = _since(f)
@@ -336,7 +336,7 @@ def figure_5_10() -> Result:
        tests='whether that slope makes a drift, on which axis, with which sign and size',
        broken_by=(*SLOPES, *LEAKS))
 def figure_5_11() -> Result:
-    """Circle (5.4), and with x and y exchanged."""
+    """Circle (5.4), as printed and with x and y exchanged."""
     flights, other = seeds('fig_5_11/printed'), seeds('fig_5_11/x_and_y_exchanged')
     growth = []
     for f in flights:
@@ -368,6 +368,6 @@ def figure_5_12() -> Result:
        tests='whether half the axes make a quarter of the drift, with its sign',
        broken_by=(*SLOPES, *LEAKS))
 def figure_5_13() -> Result:
-    """Vertical circle (5.6): half the axes, a quarter of the drift."""
+    """Vertical circle (5.6): half the radius of Figure 5.11, so a quarter of the drift."""
     flights = seeds('fig_5_13')
     return Result(moving('', flights, X), against_optitrack(flights[0], (X, Z)))

@@ -28,13 +28,13 @@ EXPERIMENT = 'as experiment the same simulator, with noise and its own estimate;
 def _distance(
     flight: Flight, other: Flight, axes: list[int], begin: float = LATE, end: float = math.inf,
 ) -> float:
-    """Return the RMS distance of two flights on some axes."""
+    """Return the RMS distance between two flights along the given axes, m."""
     late = flight.after(begin, end)
     return rms(np.linalg.norm((flight.truth - other.truth)[late][:, axes], axis=1))
 
 
 def _overshoot(flight: Flight) -> float:
-    """Return how far above the hover point the take-off goes, m."""
+    """Return how far the take-off overshoots the hover height, m."""
     climb = flight.after(0.0, TAKEOFF_END)
     return float(-flight.truth[climb, Z].min() + flight.reference[climb, Z].min())
 
@@ -85,7 +85,7 @@ def figure_6_2() -> Result:
         return rms((f.truth - f.reference)[f.after(LATE), Z])
 
     def extremes(f: Flight) -> float:
-        """Return the mean error in height where the reference turns round."""
+        """Return the mean height error near the highest and lowest points, m."""
         late = f.after(LATE)
         z, wanted = f.truth[late, Z], f.reference[late, Z]
         turning = np.abs(np.abs(wanted + 2.0) - 1.0) < 0.02
@@ -108,7 +108,7 @@ def figure_6_2() -> Result:
        tests='how much of a change of inertia the controller leaves',
        broken_by=('inertia x 2', 'motors late'))
 def figure_6_3() -> Result:
-    """Circle with both inertias, once more at twice the speed."""
+    """Circle with both inertias, at the normal and at twice the speed."""
     def apart(suffix: str) -> float:
         new, old = fly(f'fig_6_3/new_inertia{suffix}'), fly(f'fig_6_3/old_inertia{suffix}')
         return 1000.0 * float(np.linalg.norm(new.truth - old.truth, axis=1).max())
@@ -136,7 +136,7 @@ def best_drag(name: str, real: list[Flight], begin: float, end: float) -> float:
 
 
 def _drag(number: str, gain: float) -> Result:
-    """Compare experiment, simulation without and with drag; the last is to be nearer by a gain."""
+    """Compare an experiment with simulations without and with drag, closer by at least a gain."""
     name = f'fig_6_{number}'
     real = seeds(f'{name}/experiment')
     without, drag = (fly(f'{name}/simulation_{x}_drag') for x in ('without', 'with'))

@@ -1,4 +1,4 @@
-"""What a figure of the thesis claims, what was measured of it here, and the verdict."""
+"""The claims of the figures of the thesis, the measurements that test them, and verdicts."""
 
 from __future__ import annotations
 
@@ -23,7 +23,22 @@ VERDICTS = {
 
 
 class Measured(NamedTuple):
-    """One number, or its range over seeds, and whether it is what the claim needs."""
+    """
+    One measured number, or its range over the seeds.
+
+    Attributes
+    ----------
+    what
+        The quantity, in words.
+    low, high
+        Its smallest and largest value over the seeds.
+    unit
+    expected
+        The condition that the claim sets, in words.
+    holds
+        Whether every seed meets it.
+
+    """
 
     what: str
     low: float

@@ -1,4 +1,4 @@
-"""Figures in the layout of the thesis: positions over time, one axis below the other."""
+"""Figures in the layout of the thesis: positions over time, one plot per axis."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ Array = NDArray[np.float64]
 Curves = Mapping[str, tuple[Array, Array]]  # label: time (n,) s, positions (n, 3) m
 
 POSITION = ('$x$ [m]', '$y$ [m]', '$z$ down [m]')
-"""Labels of the axes of a position, inertial NED as in the thesis."""
+"""Axis labels of a position, inertial NED as in the thesis."""
 
 
 def sheet(rows: int, columns: int = 1, height: float = 1.7) -> tuple[Figure, list[Axes]]:
-    """Return a figure with so many plots, row by row."""
+    """Return a figure with rows x columns plots, and its axes row by row; height in inches."""
     figure = Figure(figsize=(7.0, 0.5 + height * rows), layout='constrained')
     grid = figure.subplots(rows, columns, squeeze=False)
     for axes in grid.flat:
@@ -29,7 +29,7 @@ def sheet(rows: int, columns: int = 1, height: float = 1.7) -> tuple[Figure, lis
 
 
 def lines(axes: Axes, curves: Mapping[str, tuple[Array, Array]], ylabel: str) -> None:
-    """Draw x, y pairs by label, see :func:`mambo_model.palette.lines`; NaN leaves gaps."""
+    """Draw labelled curves in the style of :func:`mambo_model.palette.lines`; NaN leaves gaps."""
     for (label, (x, y)), style in zip(curves.items(), palette.lines(curves), strict=True):
         if np.isfinite(y).any():
             axes.plot(x, y, label=label, **style)
@@ -38,14 +38,14 @@ def lines(axes: Axes, curves: Mapping[str, tuple[Array, Array]], ylabel: str) ->
 
 def positions(curves: Curves, axes_shown: Sequence[int] = (0, 1, 2)) -> Figure:
     """
-    Draw positions over time, inertial NED as in the thesis: z is down.
+    Draw positions over time, one plot per axis, inertial NED (z down) as in the thesis.
 
     Parameters
     ----------
     curves
         {label: (time in s, positions (n, 3) in m)}; NaN leaves gaps.
     axes_shown
-        Which of x, y, z.
+        Indices of the axes to draw: 0 for x, 1 for y, 2 for z.
 
     """
     figure, plots = sheet(len(axes_shown))
@@ -58,7 +58,7 @@ def positions(curves: Curves, axes_shown: Sequence[int] = (0, 1, 2)) -> Figure:
 def positions_and_rms(
     curves: Curves, t: Array, rms: Array, axes_shown: Sequence[int] = (0, 1, 2),
 ) -> Figure:
-    """Draw positions over time, and beside each the running RMS of an error, (n, 3) m."""
+    """Draw positions over time, with the running RMS of an error, (n, 3) m, beside each."""
     figure, plots = sheet(len(axes_shown), 2)
     for row, i in enumerate(axes_shown):
         left, right = plots[2 * row], plots[2 * row + 1]
@@ -73,7 +73,7 @@ def positions_and_rms(
 def _finish(figure: Figure, plots: Sequence[Axes], columns: int = 1) -> None:
     for axes in plots[-columns:]:
         axes.set_xlabel('time [s]')
-    drawn: dict[str, Artist] = {}  # of all plots: a curve need not be in the first
+    drawn: dict[str, Artist] = {}  # from all plots: a curve may be missing in the first
     for axes in plots:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             drawn.setdefault(label, handle)

@@ -1,4 +1,4 @@
-"""Flights of the scenario files in one process, with what the figures look at."""
+"""Flights of the scenario files, flown in one process, and the quantities figures measure."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Flight:
     Attributes
     ----------
     scenario
-        What was flown.
+        The scenario flown.
     recording
-        All of it, see :class:`mambo_flight.closed_loop.Recording`.
+        The whole flight, see :class:`mambo_flight.closed_loop.Recording`.
     t : (n,) s
 
     """
@@ -60,22 +60,22 @@ class Flight:
         return self.estimate - self.truth
 
     def after(self, begin: float, end: float = math.inf) -> NDArray[np.bool_]:
-        """Return which rows are in a time, (n,)."""
+        """Return a mask of the rows with begin <= t < end, (n,)."""
         return (self.t >= begin) & (self.t < end)
 
     def estimated_by(self, other: Scenario) -> Array:
-        """Return the position that the estimator of another scenario makes of it, (n, 3) m."""
+        """Return the position estimated from its samples with another scenario's estimator."""
         return offline_replay.estimate_again(self.recording, other.estimator_node)[:, :3]
 
     def integrated_flow(self) -> Array:
-        """Return the integral of the raw flow, (n, 2) rad, each sample held until the next."""
+        """Return the integral of the raw flow, (n, 2) rad; each sample is held until the next."""
         return np.cumsum(held(self.recording.flow[:, :2]), axis=0) * STEP
 
     def flow_times_height(self, factor: float) -> Array:
         """
         Return the integral of flow times true height times a factor, (n, 2) m, body axes.
 
-        So appendix C looks at the factor; no flow is used below 0.4 m.
+        Appendix C examines the factor this way. Flow below 0.4 m is ignored.
         """
         height = -self.truth[:, Z]
         flow = np.where(height[:, None] > 0.4, held(self.recording.flow[:, :2]), 0.0)
@@ -128,18 +128,18 @@ def held(samples: Array) -> Array:
 
 
 def rms(x: Array) -> float:
-    """Return the root mean square of all numbers of an array."""
+    """Return the root mean square of all elements of an array."""
     return float(np.sqrt(np.mean(np.square(x))))
 
 
 def running_rms(x: Array) -> Array:
-    """Return the RMS of each column up to each row, as the thesis plots it beside a position."""
+    """Return the RMS of each column over all rows so far, as the thesis plots it."""
     rows = np.arange(len(x))
     return np.stack([metrics.running_rms(rows, column[:, None]) for column in x.T], axis=1)
 
 
 def harmonic(t: Array, x: Array, rate: float = 1.0, turns: int = 2) -> complex:
-    """Return the complex amplitude at a rate in rad/s over the last turns, beside a line."""
+    """Fit a harmonic at a rate [rad/s] plus a line to the last turns; return its amplitude."""
     last = t > t[-1] - turns * 2.0 * math.pi / rate
     t, x = t[last], x[last]
     waves = np.stack([np.cos(rate * t), -np.sin(rate * t), np.ones_like(t), t], axis=1)
@@ -148,12 +148,12 @@ def harmonic(t: Array, x: Array, rate: float = 1.0, turns: int = 2) -> complex:
 
 
 def lag(flight: Flight, axis: int) -> float:
-    """Return how far the estimate is behind the reference in degrees at 1 rad/s."""
+    """Return the phase lag of the estimate behind the reference at 1 rad/s, deg."""
     got, wanted = (
         harmonic(flight.t, rows[:, axis]) for rows in (flight.estimate, flight.reference))
     return -math.degrees(cmath.phase(got / wanted))
 
 
 def drift(x: Array, rate: float = 1.0, turns: int = 4) -> Array:
-    """Return by how much x, (n, ...), moves per turn at a rate in rad/s, over the last turns."""
+    """Return the mean change of x, (n, ...), per turn at a rate [rad/s] over the last turns."""
     return (x[-1] - x[-1 - round(turns * 2.0 * math.pi / rate / STEP)]) / turns

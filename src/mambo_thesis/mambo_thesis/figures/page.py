@@ -1,4 +1,4 @@
-"""What came of the figures, as a table for a terminal, as Markdown, JSON and one HTML page."""
+"""Results of the figures as text for a terminal, as Markdown, as JSON and as one HTML page."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LEAD = (
 
 
 class Examined(NamedTuple):
-    """A claim and what came of it."""
+    """A claim and its result."""
 
     claim: Claim
     result: Result
@@ -39,7 +39,7 @@ class Examined(NamedTuple):
 
 
 def summary(examined: list[Examined]) -> str:
-    """Return how many have which verdict, in one line."""
+    """Return the number of figures with each verdict, in one line."""
     counts: dict[str, int] = {}
     for each in examined:
         counts[each.verdict] = counts.get(each.verdict, 0) + 1
@@ -53,7 +53,7 @@ def counted(examined: list[Examined]) -> list[tuple[str, int, str]]:
 
 
 def line(each: Examined) -> str:
-    """Return a figure as lines for a terminal."""
+    """Return the result of one figure as lines for a terminal."""
     rows = [f'{each.claim.title:<24} {each.verdict}']
     rows += [f'    {"ok " if m.holds else "NO "} {m.what}: {m} (wanted: {m.wanted})'
              for m in each.result.measured]
@@ -61,7 +61,7 @@ def line(each: Examined) -> str:
 
 
 def markdown(examined: list[Examined]) -> str:
-    """Return the table of ``docs/evidence/reproduction.md``."""
+    """Return the page ``docs/evidence/reproduction.md``."""
     out = ['# What of the thesis is reproduced', '', LEAD, '', f'    {COMMAND}', '',
            f'prints this, and draws the figures into a report: {summary(examined)}.', '',
            'Which mutated drones each claim notices is in [the matrix](claims.md).', '',
@@ -91,7 +91,7 @@ def _sentence(text: str) -> str:
 
 
 def data(examined: list[Examined]) -> list[Mapping[str, object]]:
-    """Return everything measured, ready for JSON."""
+    """Return all measurements in a form that JSON can hold."""
     return [{
         'figure': e.claim.title, 'claim': e.claim.says, 'scenario': e.claim.flights,
         'verdict': e.verdict, 'why_not': e.result.why_not, 'contains': e.claim.contains,
@@ -100,7 +100,7 @@ def data(examined: list[Examined]) -> list[Mapping[str, object]]:
 
 
 def picture(figure: Figure, path: Path) -> None:
-    """Save a figure."""
+    """Save a figure as a PNG file."""
     digest.save(figure, path, dpi=130)
 
 
@@ -141,7 +141,7 @@ MARKS = {'reproduced': ' ✓', 'by': ' ≡', 'partly': ' ½', 'not': ' ✗', 'no
 
 
 def page(examined: list[Examined]) -> str:
-    """Return one HTML page with every figure in it, to be read without a network."""
+    """Return one HTML page with every figure embedded, so that it needs no network."""
     links = ''.join(
         f'<li><a class="{_css(e)}" href="#{_anchor(e)}">{html.escape(e.claim.number)}'
         f'{MARKS[_css(e)]}<span class="hidden"> {e.verdict}</span></a></li>'
