@@ -12,15 +12,14 @@ over the flights.
 from __future__ import annotations
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor
 import json
 import math
-import multiprocessing
 import os
 
 from mambo_bags.command import guard, Parser, write_json
 from mambo_model.errors import InputError
 
+from ..worker_pool import worker_pool
 from .bound import add_seeds, check_slopes, flight_of, seeds_of
 from .error_statistics import Measured, measured, Report, summary
 from .filter_error import evaluate, with_unknowns
@@ -56,8 +55,7 @@ def consistency(
         check_slopes(flight_of(name), slopes, True)  # wrong input, before anything is flown
     cases = [(name, slope) for name in names for slope in slopes]
     jobs = [(*case, seed) for case in cases for seed in seeds]
-    with ProcessPoolExecutor(
-            min(workers, len(jobs)), mp_context=multiprocessing.get_context('spawn')) as pool:
+    with worker_pool(min(workers, len(jobs))) as pool:
         found = list(pool.map(one, *zip(*jobs, strict=True)))
     count = len(seeds)
     return {case: summary(found[i * count:(i + 1) * count]) for i, case in enumerate(cases)}

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Executor, FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 import contextlib
-import multiprocessing
 import os
-import signal
 from typing import Any, Protocol
 
 from tqdm import tqdm
 
 from ..scenario import Scenario
+from ..worker_pool import worker_pool
 from .guarded import fly
 from .table import batches, Journal, SweepEndedError, SweepError
 
@@ -31,27 +30,11 @@ class Numbered(Protocol):
         """Return one scenario."""
 
 
-def _nothing() -> None:
-    """Do nothing; submitted to start a worker."""
-
-
 @contextlib.contextmanager
 def _processes(workers: int) -> Iterator[tuple[Executor, int]]:
     """Provide an executor of processes and their number."""
-    pool = ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context('spawn'),
-        initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN))  # handled here
-    # a worker inherits the blocked signals and ignores Ctrl-C from its start
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        for _ in range(workers):
-            pool.submit(_nothing)
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-    try:
+    with worker_pool(workers) as pool:
         yield pool, workers
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
 
 
 @contextlib.contextmanager

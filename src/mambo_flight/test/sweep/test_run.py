@@ -138,13 +138,13 @@ def test_flights_are_the_scenarios_with_these_values(tmp_path):
     (2, 'vary:\n  seed: {range: [1, 2, 3]}', 'whole numbers'),
     (2, 'vary:\n  vehicle: {uniform: [1, 2]}', 'give a list'),
     (2, 'vary:\n  seed: []', 'empty list'),
-    (3, 'vary:\n  sim_node:\n    simulator.seed: [1]\n    simulator: {seed: 2}', 'twice'),
+    (3, 'vary:\n  sim_node:\n    simulator.seed: [1]\n    simulator: {seed: 2}', 'duplicate key'),
     (1, 'design: cube', 'design'),
     (1, 'samples: 0', 'samples'),
     (1, 'colour: red', 'colour: unknown parameter'),
     (2, 'vary:\n  vehicle: [identified, eagle]', 'eagle'),
     (2, 'vary:\n  sim_node.simulator.plant.physics_rate: [1001]', 'multiple'),
-    (2, 'vary:\n  duration: 1\n  duration: 2', 'twice'),
+    (2, 'vary:\n  duration: 1\n  duration: 2', 'duplicate key'),
 ])
 def test_a_wrong_file_is_refused_by_file_line_and_key(tmp_path, capsys, line, text, message):
     path = file(tmp_path, text)

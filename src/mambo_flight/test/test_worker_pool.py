@@ -1,0 +1,61 @@
+"""Workers work, and none outlives the process that started them."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from mambo_flight.worker_pool import worker_pool
+from mambo_model.errors import JobError
+import pytest
+
+SCRIPT = """
+import os
+import time
+from mambo_flight.worker_pool import worker_pool
+if __name__ == '__main__':
+    with worker_pool(1) as pool:
+        print(pool.submit(os.getpid).result(), flush=True)
+        pool.submit(time.sleep, 600).result()
+"""
+
+
+def is_running(process):
+    try:
+        with open(f'/proc/{process}/stat') as file:
+            return file.read().rpartition(')')[2].split()[0] != 'Z'
+    except FileNotFoundError:
+        return False
+
+
+def test_workers_return_results_in_order():
+    with worker_pool(2) as pool:
+        assert list(pool.map(abs, range(-3, 1))) == [3, 2, 1, 0]
+
+
+def test_a_worker_that_is_killed_is_one_line():
+    with pytest.raises(JobError, match='a worker process was killed'), worker_pool(1) as pool:
+        os.kill(pool.submit(os.getpid).result(), signal.SIGKILL)
+        pool.submit(abs, 1).result()
+
+
+def test_a_worker_ends_with_a_parent_that_is_killed(tmp_path):
+    script = tmp_path / 'parent.py'
+    script.write_text(SCRIPT)
+    parent = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True)
+    try:
+        worker = int(parent.stdout.readline())
+        assert is_running(worker)
+        parent.send_signal(signal.SIGKILL)
+        parent.wait()
+        limit = time.monotonic() + 60.0
+        while is_running(worker) and time.monotonic() < limit:
+            time.sleep(0.05)
+        assert not is_running(worker)
+    finally:
+        parent.kill()
+        parent.wait()
+        parent.stdout.close()
+        if is_running(worker):
+            os.kill(worker, signal.SIGKILL)
