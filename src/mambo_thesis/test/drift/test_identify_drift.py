@@ -19,11 +19,13 @@ def test_the_command_finds_a_mechanism_in_a_bag(tmp_path, capsys):
     assert identify_drift.main([
         str(bag), '--json', str(tmp_path / 'a.json'), '--figure', str(tmp_path / 'a.png')]) == 0
     found = json.loads((tmp_path / 'a.json').read_text())
-    assert found['models'][0]['model'] == ['A']
+    # a second mechanism that adds less than the noise is as likely as none: either comes first
+    assert 'A' in found['models'][0]['model']
     assert found['models'][0]['values']['slope'] == pytest.approx(0.07, abs=0.01)
     assert (tmp_path / 'a.png').stat().st_size > 5000
-    assert found['mechanisms']['A'] > 0.95
-    assert 'factor rises with height, linear' in capsys.readouterr().out
+    probable = [name for name, odds in found['mechanisms'].items() if odds > 0.5]
+    assert probable == ['A'] and found['mechanisms']['A'] > 0.95
+    assert 'the flights support A (factor rises with height, linear)' in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(('lacks', 'says'), [
