@@ -33,6 +33,11 @@ _SOON = 0.0003  # s, within which the messages that belong to a prompt one arriv
 _QUIET = 0.1  # s without a message after which a stopping node has received everything
 
 
+def _never(since: float) -> bool:
+    """Return that no publisher may take over."""
+    return False
+
+
 class Loop:
     """
     Runs nodes of one process: holds their wait set and the message queue between them.
@@ -161,7 +166,14 @@ class Loop:
         self.drain()
 
     def drain(self) -> None:
-        """Handle messages until none has come for a moment or a second signal arrives."""
+        """
+        Handle messages until none has come for a moment or a second signal arrives.
+
+        Nobody takes over from a publisher that has left: the others leave, too.
+        """
+        for node in self.nodes:
+            for guard in node.input_guards:
+                guard.replaceable = _never
         limit = time.monotonic() + 5.0
         quiet_since = time.monotonic()
         while not self.urgent and (

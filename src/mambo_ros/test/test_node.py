@@ -108,6 +108,17 @@ def test_a_shared_topic_arrives_once_from_inside_and_once_from_outside(ros):
     loop.close()
 
 
+def test_nobody_takes_over_while_a_loop_ends(ros):
+    node = MamboNode('listener', NoParams)
+    node.accept(topics.CLOCK, lambda data: (cdr.stamp_ns(data),), print)
+    loop = Loop(node)
+    [guard] = node.input_guards
+    assert guard.replaceable(0.0)
+    loop.drain()
+    assert not guard.replaceable(0.0)
+    loop.close()
+
+
 def test_one_loop_serves_several_nodes(ros):
     source, publish = talker(topics.CLOCK)
     relay, last = MamboNode('relay', NoParams), []
