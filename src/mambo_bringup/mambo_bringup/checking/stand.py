@@ -221,7 +221,7 @@ def wait_for_nodes(sim: Any, loop: Any, transcripts: Sequence[Transcript], patie
     """Serve the graph until the checked nodes are there; note who never came."""
     limit = time.monotonic() + patience
     graph = [node.get_name() for node in loop.nodes]
-    while sim.links.missing():
+    while sim.links.look():
         loop.once(0.01)
         loop.turn()
         for one in transcripts:
@@ -232,6 +232,7 @@ def wait_for_nodes(sim: Any, loop: Any, transcripts: Sequence[Transcript], patie
                 limit = min(limit, time.monotonic() + _WRONG)
         if loop.stopping or time.monotonic() > limit:
             break
+    sim.links.close()
     present = True
     for one in transcripts:
         if ends.publishers(sim, one.contract.answer):

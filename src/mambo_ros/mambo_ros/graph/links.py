@@ -62,7 +62,7 @@ class Links:
         self._entry = Entry(self._subscription.handle, source)
 
     def _look(self, now: float) -> None:
-        """Take what is new from the nodes of the graph."""
+        """Take what is new from the nodes of the graph, at a wall time in s."""
         self._entry.take_all()
         if now >= self._next_look:
             self._next_look = now + _LOOK_EVERY
@@ -84,6 +84,16 @@ class Links:
                 infos = self._owner.get_publishers_info_by_topic(topic)
                 return f'{peers.crowd(topic, infos)}: end the others'
         return ''
+
+    def look(self) -> str:
+        """Take the announcements that have come; return what is missing, also one's own."""
+        self._look(time.monotonic())
+        return self.missing() or self._unannounced()
+
+    def close(self) -> None:
+        """Take no more announcements."""
+        self._entry.close()
+        self._owner.destroy_subscription(self._subscription)
 
     def missing(self, guests: bool = True) -> str:
         """
@@ -162,17 +172,14 @@ class Links:
         try:
             return self._wait(loop, patience)
         finally:
-            self._entry.close()
-            self._owner.destroy_subscription(self._subscription)
+            self.close()
 
     def _wait(self, loop: Loop, patience: float) -> bool:
         """Wait, as :meth:`wait` says."""
         began = logged = time.monotonic()
         since = dict.fromkeys(('crowd', 'guests'), began)
         while True:
-            now = time.monotonic()
-            self._look(now)
-            missing = self.missing() or self._unannounced()
+            now, missing = time.monotonic(), self.look()
             since['crowd'] = since['crowd'] if self._crowd else now
             since['guests'] = since['guests'] if missing and not self.missing(False) else now
             if not missing and not self._crowd:

@@ -123,6 +123,21 @@ def flight(*names, **options):
     return [node(name, *FLIGHT[name], **options) for name in names or FLIGHT]
 
 
+def test_one_who_does_not_wait_can_look():
+    sim, estimator, controller = flight()
+    links, loop = Links(sim, 'estimator,controller'), Loop(sim)
+
+    def look():
+        loop.once(0.01)
+        loop.turn()
+        return links.look() == ''
+    with serving(estimator, controller):
+        until(look, 'the announcements')
+    links.close()
+    assert links.missing() == ''
+    loop.close()
+
+
 def test_a_complete_graph_proceeds_and_its_first_message_arrives():
     sim, estimator, controller = flight()
     heard = []
@@ -259,7 +274,7 @@ def serve(links, loop):
     """Return what takes announcements and looks at the graph once."""
     def step():
         loop.once(0.01)
-        links._look(time.monotonic())
+        links.look()
     return step
 
 
