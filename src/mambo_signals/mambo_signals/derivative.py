@@ -17,12 +17,12 @@ from scipy.spatial.transform import Rotation
 
 from .resample import Floats, gaps
 
-LEAST = 5          # samples in a window
-REACH = 0.25       # [-] part of the window that must have samples on either side
-SPARSE = 6.0       # [-] periods: a window is never narrower
-POSITION = 0.22    # s, of positions for a velocity
-ATTITUDE = 0.09    # s, of attitudes for a body rate
-_AT_ONCE = 20_000  # instants
+LEAST = 5          # smallest number of samples in a window
+REACH = 0.25       # [-] share of the window that must have samples on either side
+SPARSE = 6.0       # [-] smallest width of a window in sample periods
+POSITION = 0.22    # s, window to get velocities from positions
+ATTITUDE = 0.09    # s, window to get body rates from attitudes
+_AT_ONCE = 20_000  # instants computed at a time, to limit memory
 
 
 def local_fit(
@@ -102,5 +102,5 @@ def body_rates(
     steps = (turns[:-1].inv() * turns[1:]).as_rotvec()
     path = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
     _, rates = local_fit(times, path, at, window)
-    told = np.isfinite(rates).all(axis=1)
-    return at[told], rates[told]
+    known = np.isfinite(rates).all(axis=1)
+    return at[known], rates[known]

@@ -11,10 +11,10 @@ from . import time_offset
 from .derivative import local_fit
 from .motion import Motion
 
-BLEND = 3.0  # [s] to the trajectory where the bag does not say how long it takes
-LEVEL = 0.1  # [m/s] that the vehicle climbs or sinks no faster than, on a height it keeps
-SETTLED = 0.5  # [s] for which it does
-EVEN = 0.05  # [s] grid of what takes tenths of a second
+BLEND = 3.0  # [s] assumed duration of the blend to the trajectory, if the bag does not hold it
+LEVEL = 0.1  # [m/s] largest vertical speed of a vehicle that keeps its height
+SETTLED = 0.5  # [s] time for which it must keep its height
+EVEN = 0.05  # [s] step of the time grid
 
 
 class Phases(NamedTuple):
@@ -22,7 +22,7 @@ class Phases(NamedTuple):
 
     takeoff_end: int | None
     landing_start: int | None
-    text: str  # how the take-off ended
+    text: str  # how the end of the take-off was determined
     liftoff: int | None = None
 
     def parts(self) -> list[tuple[str, int | None, int | None]]:
@@ -71,23 +71,23 @@ def phases(bag: Bag) -> Phases:
         return Phases(None, landing_start, 'the trajectory is never reached', liftoff)
     begin = int(stamps[track][0])
     if track[0]:
-        return Phases(begin, landing_start, 'no take-off, on the trajectory from the start')
+        return Phases(begin, landing_start, 'no take-off: on the trajectory from the start')
     blend = _plan(bag.scenario).get('blend_duration')
     seconds = BLEND if blend is None else float(blend)
     return Phases(
         begin + round(seconds * 1e9), landing_start,
         f'phase TRACK from {begin * 1e-9:.2f} s and {seconds:g} s of blend'
-        f'{" (assumed, the bag does not tell)" if blend is None else ""}', liftoff)
+        f'{" (assumed: the bag does not hold it)" if blend is None else ""}', liftoff)
 
 
-def found(motion: Motion) -> Phases:
+def detect_phases(motion: Motion) -> Phases:
     """
-    Find take-off and landing in the height of a flight.
+    Detect take-off and landing in the height of a flight.
 
-    Take-off begins and landing ends on the ground
-    (:func:`mambo_signals.time_offset.flight_by_height`).
-    Take-off ends when the vehicle first climbs and sinks slower than ``LEVEL`` for ``SETTLED``;
-    landing begins with the last descent. What begins in the air has no take-off.
+    The take-off begins and the landing ends on the ground
+    (:func:`mambo_signals.time_offset.flight_by_height`). The take-off ends when the vertical speed
+    first stays below ``LEVEL`` for ``SETTLED``. The landing begins with the last descent. A
+    recording that begins in the air has no take-off.
     """
     t = motion.stamps * 1e-9
     try:
@@ -111,4 +111,5 @@ def found(motion: Motion) -> Phases:
         steady = np.flatnonzero((speed > -0.5 * LEVEL) & high)
         landing = round(even[max(steady[-1], level[0])] * 1e9)
     return Phases(round(even[level[0]] * 1e9), landing,
-                  f'found in the height of {motion.name}, which is first kept then', liftoff)
+                  f'detected in the height of {motion.name}, which is first constant then',
+                  liftoff)

@@ -41,8 +41,8 @@ def statistics(errors: Floats) -> Statistics:
     errors = np.asarray(errors, float)
     good = errors[np.isfinite(errors).all(axis=1)]
     if not len(good):
-        nothing = (float('nan'),) * errors.shape[1]
-        return Statistics(0, nothing, nothing, float('nan'), float('nan'))
+        unknown = (float('nan'),) * errors.shape[1]
+        return Statistics(0, unknown, unknown, float('nan'), float('nan'))
     squares = good * good
     norm = squares.sum(axis=1)
     return Statistics(
@@ -51,22 +51,22 @@ def statistics(errors: Floats) -> Statistics:
         float(np.sqrt(norm.max())))
 
 
-def common(a: Ints, b: Ints) -> tuple[Ints, Ints]:
-    """Return the indices into two arrays of stamps at which both have the same one."""
+def common_stamps(a: Ints, b: Ints) -> tuple[Ints, Ints]:
+    """Return the indices of the common stamps in two arrays of stamps."""
     _, in_a, in_b = np.intersect1d(a, b, return_indices=True)
     return in_a, in_b
 
 
-def missing(stamps: Ints, period: float) -> int:
+def count_missing(stamps: Ints, period: float) -> int:
     """
-    Return how many samples a grid of stamps lacks between its first and last.
+    Return the number of samples missing between the first and the last stamp.
 
     Parameters
     ----------
     stamps : (n,) ns
-        In any order; repeated ones count once.
+        In any order; repeated stamps count once.
     period : ns
-        Of the grid; each gap is rounded to a whole number of periods.
+        Sampling period; each gap is rounded to a whole number of periods.
 
     """
     gaps = np.diff(np.unique(stamps))
@@ -112,12 +112,12 @@ def running_rms(stamps: Ints, errors: Floats) -> Floats:
     """
     squares = (np.asarray(errors, float) ** 2).sum(axis=1)
     good = np.isfinite(squares)
-    lasts = np.diff(stamps, append=stamps[-1:]).astype(float)
-    if len(lasts) > 1:
-        lasts[-1] = lasts[-2]
-    weight = np.where(good, np.maximum(lasts, 1.0), 0.0)
+    durations = np.diff(stamps, append=stamps[-1:]).astype(float)
+    if len(durations) > 1:
+        durations[-1] = durations[-2]
+    weight = np.where(good, np.maximum(durations, 1.0), 0.0)
     summed, weights = np.cumsum(np.where(good, squares, 0.0) * weight), np.cumsum(weight)
-    weights[len(good) - int(np.argmax(good[::-1])):] = 0.0  # ends with its data
+    weights[len(good) - int(np.argmax(good[::-1])):] = 0.0  # NaN after the last valid error
     return np.sqrt(np.divide(
         summed, weights, out=np.full(len(weights), np.nan), where=weights > 0.0))
 
@@ -131,10 +131,10 @@ def drift(errors: Floats) -> Floats:
 
 def _variances(a: Floats, b: Floats, weight: Floats) -> Floats:
     """
-    Return the variance of ``a - b[k:]`` for every k, of the elements with weight 1, not 0.
+    Return the variance of ``a - b[k:]`` for every k, over the elements with weight 1 (not 0).
 
-    As sums of products, many times faster than one after the other; ``a`` is 0 where the weight
-    is, and both must vary about 0, or digits are lost.
+    Correlations give all of them much faster than a loop. ``a`` must be 0 where the weight is 0,
+    and both signals should have a mean near 0 to limit rounding errors.
     """
     count = weight.sum()
     squares = (a * a).sum() - 2.0 * np.correlate(b, a) + np.correlate(b * b, weight)
@@ -165,26 +165,28 @@ def _misfits(a: Floats, b: Floats, lags: int) -> tuple[Floats, float] | None:
 
 def delay(a: Floats, b: Floats, period: float, longest: float = 1.0) -> float:
     """
-    Return by how much one signal is behind another [s], positive: ``a`` is later.
+    Return the delay of one signal behind another [s]; positive if ``a`` is later.
 
-    The shift that leaves the least variance of the difference, between samples by a parabola
-    through the three least. Either signal is shifted against the middle of the other and the
-    variances are added: a jump at an end of one middle would else bend the parabola. So the
-    delay of a signal behind itself is 0, and that of ``b`` behind ``a`` is the negative one.
+    It is the shift that minimises the variance of the difference, refined between samples by a
+    parabola through the minimum and its two neighbours. Each signal is shifted against the middle
+    of the other, and the two variances are added. A jump at an end of one middle would otherwise
+    bend the parabola. The delay of a signal behind itself is therefore 0, and that of ``b`` behind
+    ``a`` is the negative one.
 
     Parameters
     ----------
     a, b : (n,)
-        At the same instants.
+        Signals at the same instants.
     period : s
-        Between samples.
+        Time between samples.
     longest : s
-        The longest delay looked for, either way.
+        Largest delay in the search, in either direction.
 
     Returns
     -------
-    NaN where the signals do not tell: fewer samples than four times the longest delay, no
-    motion, less than 0.9 of it explained by the other signal, or least at the end of the search.
+    NaN if the signals do not determine it: they are shorter than four times the longest delay,
+    there is no motion, the other signal explains less than 0.9 of the variance, or the minimum
+    is at the end of the search.
 
     """
     lags = round(longest / period)
@@ -193,10 +195,10 @@ def delay(a: Floats, b: Floats, period: float, longest: float = 1.0) -> float:
     one, other = _misfits(a, b, lags), _misfits(b, a, lags)
     if one is None or other is None:
         return float('nan')
-    left, variance = one[0] + other[0][::-1], one[1] + other[1]
-    best = int(left.argmin())
-    if best in (0, len(left) - 1) or left[best] > 0.1 * variance:
+    variances, variance = one[0] + other[0][::-1], one[1] + other[1]
+    best = int(variances.argmin())
+    if best in (0, len(variances) - 1) or variances[best] > 0.1 * variance:
         return float('nan')
-    before, here, after = left[best - 1:best + 2]
+    before, here, after = variances[best - 1:best + 2]
     bend = before - 2.0 * here + after
     return (best - lags + (0.5 * (before - after) / bend if bend > 0.0 else 0.0)) * period

@@ -13,13 +13,13 @@ from .resample import Bools, Floats, Ints
 
 TRUTH = ('ground_truth/odom', 'optitrack/pose')
 MOTIONS = (*TRUTH, 'estimate/odom', 'onboard/odom')
-"""Topics with the motion of the vehicle, the most trustworthy first."""
+"""Topics with the motion of the vehicle, the most accurate first."""
 REFERENCE = 'mambo_interfaces/msg/Reference'
 KINDS = ('nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped',
          'geometry_msgs/msg/PoseWithCovarianceStamped', REFERENCE)
-"""Types of message that hold a motion."""
+"""Message types that hold a motion."""
 POSES = KINDS[1:3]
-"""Types of message of a motion capture."""
+"""Message types of a motion capture system."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Motion:
 
     def at(self, stamps: Ints) -> Motion:
         """Return the motion interpolated at other stamps; NaN in gaps and outside."""
-        q = self.values(stamps, self.quaternion)  # a chord: 1e-5 rad off for 0.1 rad a sample
+        q = self.values(stamps, self.quaternion)  # linear: error 1e-5 rad at 0.1 rad per sample
         return dataclasses.replace(
             self, stamps=stamps, position=self.values(stamps, self.position),
             quaternion=q / np.linalg.norm(q, axis=1, keepdims=True),
@@ -150,7 +150,7 @@ def read(bag: Bag, topic: str) -> Motion:
     if messages.type_name == REFERENCE:
         velocity = messages.velocity
     elif messages.type_name == KINDS[0]:
-        q = resample.one_sign(q)
+        q = resample.continuous_quaternions(q)
         velocity = np.full(position.shape, np.nan)
         good = np.isfinite(q).all(axis=1)
         if good.any():  # the twist is in the axes of the body
@@ -158,16 +158,16 @@ def read(bag: Bag, topic: str) -> Motion:
     good = np.flatnonzero(np.isfinite(position).all(axis=1))
     _, first = np.unique(stamps[good], return_index=True)
     kept = good[first]
-    q = resample.one_sign(q[kept])
+    q = resample.continuous_quaternions(q[kept])
     impossible = 0
     if messages.type_name in POSES:
         possible = _possible(stamps[kept], position[kept], q)
         impossible = int((~possible).sum())
-        kept, q = kept[possible], resample.one_sign(q[possible])
+        kept, q = kept[possible], resample.continuous_quaternions(q[possible])
     if len(kept) < 2:
         raise BagError(
             f'{bag.path}: {name} has {len(kept)} usable sample{"s" * (len(kept) != 1)} of '
-            f'{len(messages)}; two are needed to compare it')
+            f'{len(messages)}; two are needed for a comparison')
     prefix = f'{bag.namespace}/'
     return Motion(
         name[len(prefix):] if bag.namespace and name.startswith(prefix) else name, stamps[kept],

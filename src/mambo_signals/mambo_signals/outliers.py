@@ -1,11 +1,11 @@
 """
-Poses of a motion capture that cannot be true: a tracker that flips the body, and comes back.
+Impossible poses of a motion capture: the tracker mixes up markers and flips the body.
 
-Between two frames no vehicle turns faster than ``FASTEST_TURN`` or moves faster than
-``FASTEST``. Where a recording does, the tracker has changed its mind about which marker is which.
-What it says then is turned and shifted against the truth by the same amount until it jumps
-again. So the stretches between jumps are sorted by the sum of the jumps before them: stretches
-with one sum are of one mind, and the mind that holds for most of the poses is right.
+Between two frames no vehicle turns faster than ``FASTEST_TURN`` or moves faster than ``FASTEST``.
+If a recording does, the tracker has changed its assignment of markers to points of the body. Until
+the next jump its poses differ from the truth by a constant rotation and translation. The segments
+between jumps are therefore grouped by the sum of the jumps before them. Segments with the same sum
+have the same assignment, and the assignment of most poses is taken for the correct one.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from .resample import Bools, Floats, Ints
 
 FASTEST_TURN = 35.0  # rad/s, 2000 deg/s: the full scale of the gyros of small drones
 FASTEST = 30.0       # m/s
-ALIKE_TURN = 0.5     # rad, between stretches of one mind: what it may really turn over the jumps
-ALIKE = 0.3          # m
-MOST = 100           # minds that are told apart: a tracker has a few, noise has one a pose
+SAME_TURN = 0.5      # rad, tolerance for one assignment: true rotation during the jumps
+SAME_SHIFT = 0.3     # m, tolerance for one assignment: true motion during the jumps
+MAX_ASSIGNMENTS = 100  # a tracker has a few; in noise every pose would make another
 
 
 def _jumps(times: Floats, position: Floats, turns: Rotation) -> Ints:
     """Return the indices of poses that a vehicle could not reach from the previous pose."""
     steps = np.diff(times)
-    steps = np.maximum(steps, np.median(steps))  # stamps of a busy machine come in bursts
+    steps = np.maximum(steps, np.median(steps))  # stamps from a busy computer come in bursts
     turned = (turns[:-1].inv() * turns[1:]).magnitude()
     moved = np.linalg.norm(np.diff(position, axis=0), axis=1)
     return np.flatnonzero((turned > FASTEST_TURN * steps) | (moved > FASTEST * steps)) + 1
@@ -53,29 +53,30 @@ def impossible(times: Floats, position: Floats, orientation: Floats) -> Bools:
     begins = _jumps(times, position, turns)
     lengths = np.diff(np.concatenate([[0], begins, [len(times)]])).astype(int)
     steps, moves = turns[begins - 1].inv() * turns[begins], position[begins] - position[begins - 1]
-    held, places, counts = np.zeros((MOST, 4)), np.zeros((MOST, 3)), np.zeros(MOST, int)
+    rotations, shifts = np.zeros((MAX_ASSIGNMENTS, 4)), np.zeros((MAX_ASSIGNMENTS, 3))
+    counts = np.zeros(MAX_ASSIGNMENTS, int)  # poses of each assignment
     turn, shift, count = Rotation.identity(), np.zeros(3), 1
-    held[0], counts[0], chosen = turn.as_quat(), lengths[0], [0]
+    rotations[0], counts[0], chosen = turn.as_quat(), lengths[0], [0]
     for k, length in enumerate(lengths[1:].tolist()):
         turn, shift = turn * steps[k], shift + moves[k]
         q = turn.as_quat()
-        alike = (np.abs(held[:count] @ q) > np.cos(0.5 * ALIKE_TURN)) & (
-            np.linalg.norm(places[:count] - shift, axis=1) < ALIKE)
-        mind = int(np.argmax(alike)) if alike.any() else count
-        if mind == MOST:
-            chosen.append(-1)  # of no mind that counts
+        same = (np.abs(rotations[:count] @ q) > np.cos(0.5 * SAME_TURN)) & (
+            np.linalg.norm(shifts[:count] - shift, axis=1) < SAME_SHIFT)
+        assignment = int(np.argmax(same)) if same.any() else count
+        if assignment == MAX_ASSIGNMENTS:
+            chosen.append(-1)
             continue
-        if mind == count:
-            held[mind], places[mind], count = q, shift, count + 1
-        else:  # what it really moves over the jumps does not add up
-            turn, shift = Rotation.from_quat(held[mind]), places[mind].copy()
-        counts[mind] += length
-        chosen.append(mind)
+        if assignment == count:
+            rotations[assignment], shifts[assignment], count = q, shift, count + 1
+        else:  # reset, so that true motion during the jumps does not accumulate
+            turn, shift = Rotation.from_quat(rotations[assignment]), shifts[assignment].copy()
+        counts[assignment] += length
+        chosen.append(assignment)
     return np.repeat(np.array(chosen) != int(np.argmax(counts)), lengths)
 
 
 def describe(name: str, count: int) -> str:
     """Return a line that reports rejected poses."""
-    return (f'{name}: {count} pose{"s" * (count != 1)} left out that jump{"s" * (count == 1)} '
-            f'faster than {np.degrees(FASTEST_TURN):.0f} deg/s or {FASTEST:g} m/s and back: the '
-            'tracker lost the body')
+    return (f'{name}: {count} impossible pose{"s" * (count != 1)} left out, reached faster than '
+            f'{np.degrees(FASTEST_TURN):.0f} deg/s or {FASTEST:g} m/s: the tracker mixed up its '
+            'markers')

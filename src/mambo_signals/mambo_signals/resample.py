@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-GAP_PERIODS = 3.5  # [-] samples further apart than this are not connected
+GAP_PERIODS = 3.5  # [-] samples more median periods apart than this are not connected
 
 
-def usual_period(stamps: Ints) -> float:
-    """Return the median distance of neighbouring stamps [ns], NaN for fewer than two."""
+def median_period(stamps: Ints) -> float:
+    """Return the median time between neighbouring stamps [ns]; NaN for fewer than two."""
     gaps = np.diff(stamps)
     if not (gaps > 0).all():
         gaps = np.diff(np.unique(stamps))
@@ -28,7 +28,7 @@ def usual_period(stamps: Ints) -> float:
 
 def longest_step(stamps: Ints) -> int:
     """Return the largest time [ns] between connected samples; 0 for fewer than two samples."""
-    period = usual_period(stamps)
+    period = median_period(stamps)
     return 0 if np.isnan(period) else round(GAP_PERIODS * period)
 
 
@@ -141,14 +141,14 @@ def resampled(stamps: Ints, values: Floats, period: int, gap: int) -> tuple[Ints
     return grid, interpolate(grid, stamps, values, gap)
 
 
-def one_sign(q: Floats) -> Floats:
+def continuous_quaternions(q: Floats) -> Floats:
     """
     Return unit quaternions without jumps of sign, so that neighbours can be interpolated.
 
     Parameters
     ----------
     q : (n, 4)
-        In either order. Rows that are no unit quaternion become NaN.
+        Scalar first or last. Rows that are not unit quaternions become NaN.
 
     """
     norm = np.linalg.norm(q, axis=1, keepdims=True)

@@ -23,7 +23,7 @@ import math
 from typing import NamedTuple, Protocol
 
 from mambo_bags.mcap_reader import BagError
-from mambo_bags.reader import Bag, Messages
+from mambo_bags.reader import Bag
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.fft import irfft, next_fast_len, rfft
@@ -32,21 +32,21 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from .derivative import local_fit, POSITION
-from .resample import inside_gaps, interpolate, longest_step
+from .resample import inside_gaps
 
 Floats = NDArray[np.float64]
-GRID = (1e-3, 0.02)  # [s] finest and coarsest common grid
-GAP = 5.0  # [-] periods that a correlation bridges: a sonar misses several echoes in a row
-LEAST_QUALITY = 0.6  # [-] correlation below which two signals are not of one motion
-RIVAL = 1.3  # [-] how much more unexplained variance the second best lag must leave
-UNEXPLAINED = 1e-3  # [-] part of the variance that is never counted as explained there
-SETTLED_OFFSET = 1e-6  # [s] change of the offset that ends the fit
-LEAST_RISE = 0.1  # [m] a flight is at least this high
-LEAST_SWING = 0.1  # [m], [m/s], [rad/s] over which a signal swings that tells the time
-RANGE_LATE = 0.03  # [s] that a range may be behind: it is measured, kept and passed on
-AGREE = 0.15  # [s] by which signals may differ: a filter is up to 0.1 s late, a range 0.05 s
-SETTLED = 0.02  # [m] above the ground a vehicle still stands
-CLIPPED = 0.05  # [m] above the shortest range of a sonar in which its noise is cut off
+GRID = (1e-3, 0.02)  # [s] finest and coarsest step of the common grid
+GAP = 5.0  # [-] periods that are bridged: a sonar misses several echoes in a row
+LEAST_QUALITY = 0.6  # [-] smallest correlation of two signals of the same motion
+RIVAL = 1.3  # [-] unexplained variance of the second best lag over that of the best, at least
+UNEXPLAINED = 1e-3  # [-] share of the variance added to both in that comparison
+SETTLED_OFFSET = 1e-6  # [s] change of the offset at which the fit has converged
+LEAST_RISE = 0.1  # [m] smallest height of a flight
+LEAST_SWING = 0.1  # [m], [m/s], [rad/s] smallest range of a signal used for the alignment
+RANGE_LATE = 0.03  # [s] possible delay of a range by measurement, sampling and transmission
+AGREE = 0.15  # [s] allowed difference of signals: filters lag by up to 0.1 s, ranges by 0.05 s
+SETTLED = 0.02  # [m] height below which a vehicle counts as standing on the ground
+CLIPPED = 0.05  # [m] distance above a sonar's shortest range in which its noise is clipped
 
 
 class AlignError(BagError):
@@ -117,7 +117,7 @@ def _checked(times: ArrayLike, values: ArrayLike, name: str) -> tuple[Floats, Fl
     good = np.isfinite(t) & np.isfinite(v)
     t, v = t[good], v[good]
     if len(t) < 8:
-        raise AlignError(f'{name} signal has {len(t)} finite samples, too few to align')
+        raise AlignError(f'{name} signal has {len(t)} finite samples; 8 are needed to align it')
     if (np.diff(t) < 0.0).any():
         raise AlignError(f'{name} signal: its times run backwards at {_backwards(t):.3f} s')
     keep = np.append(True, np.diff(t) > 0.0)
@@ -179,18 +179,18 @@ def _peak(lags: Floats, r: Floats, step: float, shift: float,
     if limits is not None:
         inside &= (offsets >= limits[0]) & (offsets <= limits[1])
     if not inside.any():
-        raise AlignError('the signals never overlap enough, or one of them does not move')
+        raise AlignError('the signals never overlap enough, or one of them is constant')
     r = np.where(inside, r, -1.0)
     best = int(np.argmax(r))
     if r[best] < LEAST_QUALITY:
         raise AlignError(
-            f'no offset brings the signals together: the best, {offsets[best]:.3f} s, leaves a '
+            f'no offset aligns the signals: the best, {offsets[best]:.3f} s, gives a '
             f'correlation of {r[best]:.2f} (at least {LEAST_QUALITY} is needed)')
     if not (0 < best < len(r) - 1 and inside[best - 1] and inside[best + 1]):
         raise AlignError(
             f'the best offset, {offsets[best]:.3f} s, is at the end of the search: '
             'widen its limits, or the recordings are not of one motion')
-    low = r < 0.5 * r[best]  # the hill of the best lag ends where the correlation has halved
+    low = r < 0.5 * r[best]  # the peak of the best lag ends where the correlation has halved
     left = best - int(np.argmax(low[best::-1])) if low[:best].any() else 0
     right = best + int(np.argmax(low[best:])) if low[best:].any() else len(r)
     rest = np.concatenate([np.arange(left), np.arange(right, len(r))])
@@ -200,7 +200,7 @@ def _peak(lags: Floats, r: Floats, step: float, shift: float,
         if unexplained[0] < RIVAL * unexplained[1] and r[rival] > 0.0:
             raise AlignError(
                 f'the signals repeat: offsets of {offsets[best]:.3f} s and {offsets[rival]:.3f} s '
-                f'fit alike (correlation {r[best]:.3f} and {r[rival]:.3f}); give limits')
+                f'fit equally well (correlation {r[best]:.3f} and {r[rival]:.3f}); give limits')
     return best
 
 
@@ -242,17 +242,17 @@ def _refined(a: _Grid, b: _Grid, lag: float, smooth: float) -> Offset:
         design = np.column_stack([np.ones(len(x)), x])
         (bias, factor), *_ = np.linalg.lstsq(design, y, rcond=None)
         residual = y - design @ (bias, factor)
-        moved = -factor * slope(at[use])  # of the model, by a later offset
+        moved = -factor * slope(at[use])  # derivative of the model by the offset
         moved = moved - design @ np.linalg.lstsq(design, moved, rcond=None)[0]
         power = float(moved @ moved)
         if power <= 0.0:
-            raise AlignError('the signals do not move where they overlap')
+            raise AlignError('the signals are constant where they overlap')
         change = float(moved @ residual) / power
         offset += float(np.clip(change, -2.0 * a.step, 2.0 * a.step))
         if abs(change) < SETTLED_OFFSET:
             break
     else:
-        raise AlignError('the offset does not settle: the signals are too noisy to align')
+        raise AlignError('the offset does not converge: the signals are too noisy to align')
     least_lag = round(4.0 * smooth / a.step)
     sigma = math.sqrt(_long_run_variance(moved * residual, least_lag)) / power
     spread = float(((y - y.mean()) ** 2).sum())
@@ -303,7 +303,7 @@ def time_offset(
     tb, vb = _checked(times_b, b, 'second')
     least = min(float(np.ptp(np.percentile(v, [0.5, 99.5]))) for v in (va, vb))
     if least < swing:
-        raise NotExcited(f'it changes by {least:.3f}, {swing:g} are needed')
+        raise NotExcited(f'it changes by {least:.3f}; {swing:g} are needed')
     periods = [float(np.median(np.diff(t))) for t in (ta, tb)]
     step = float(np.clip(min(periods), *GRID))
     smooth = max(step, *periods)
@@ -313,11 +313,11 @@ def time_offset(
     best = _peak(lags, r, step, grid_a.start - grid_b.start, limits)
     found = _refined(grid_a, grid_b, float(lags[best]) * step, smooth)
     if found.factor <= 0.0 or found.quality < LEAST_QUALITY:
-        raise AlignError('the signals do not resemble each other at any offset')
+        raise AlignError('the signals are not correlated at any offset')
     if not found.sigma <= worst:
         raise AlignError(
-            f'the offset {found.offset:.3f} s has a standard error of {found.sigma:.3f} s, more '
-            f'than {worst:g} s: the signals do not determine it')
+            f'the offset of {found.offset:.3f} s has a standard error of {found.sigma:.3f} s, '
+            f'above {worst:g} s: the signals do not determine it')
     return found
 
 
@@ -346,43 +346,43 @@ def offsets(
     return found, reasons
 
 
-def agreed(
+def most_precise(
     found: Mapping[str, Offset], late: Mapping[str, float] | None = None,
 ) -> tuple[str, Offset]:
     """
-    Return the signal that tells the offset of two clocks best, if the others agree with it.
+    Return the most precise offset of two clocks, if those of the other signals agree with it.
 
     Parameters
     ----------
     found
-        What each signal says, one or more.
+        Offsets by signal, one or more.
     late : s
-        By how much a signal may be behind the motion, of those that may be. Its standard error
-        knows nothing of that: both count, as the root of the sum of squares.
+        Possible delays by signal. The standard error of an offset does not include them; they
+        are added as the root of the sum of squares.
 
     Returns
     -------
-    The name of the signal with the smallest standard error, and its offset. Where the signals
-    that are as prompt scatter more than their standard errors say, ``sigma`` is larger by that
+    The name of the signal with the smallest standard error, and its offset. If signals with the
+    same delay scatter more than their standard errors predict, ``sigma`` is increased by that
     ratio (Birge 1932).
 
     Raises
     ------
     AlignError
-        If a signal is more than ``AGREE`` away from it.
+        If the offset of a signal differs by more than ``AGREE``.
 
     """
     late = late or {}
     sigma = {name: math.hypot(one.sigma, late.get(name, 0.0)) for name, one in found.items()}
     best = min(sigma, key=lambda name: sigma[name])
-    apart = {name: one.offset - found[best].offset for name, one in found.items()}
-    far = [name for name, distance in apart.items() if abs(distance) > AGREE]
+    difference = {name: one.offset - found[best].offset for name, one in found.items()}
+    far = [name for name, distance in difference.items() if abs(distance) > AGREE]
     if far:
-        said = ', '.join(f'{name} {found[name].offset:+.3f} s' for name in (best, *far))
-        raise AlignError(f'the signals disagree about the clocks ({said})')
-    alike = [apart[name] / found[name].sigma for name in found
-             if name != best and late.get(name) == late.get(best) and found[name].sigma > 0.0]
-    scatter = math.sqrt(sum(x * x for x in alike) / len(alike)) if alike else 1.0
+        values = ', '.join(f'{name} {found[name].offset:+.3f} s' for name in (best, *far))
+        raise AlignError(f'the signals give different clock offsets ({values})')
+    similar = [difference[name] / found[name].sigma for name in found
+               if name != best and late.get(name) == late.get(best) and found[name].sigma > 0.0]
+    scatter = math.sqrt(sum(x * x for x in similar) / len(similar)) if similar else 1.0
     return best, found[best]._replace(sigma=sigma[best] * max(scatter, 1.0))
 
 
@@ -450,28 +450,7 @@ def pose_offset(
         kind = NotExcited if all(
             isinstance(reason, NotExcited) for reason in reasons.values()) else AlignError
         raise kind('; '.join(f'{name}: {reason}' for name, reason in sorted(reasons.items())))
-    return agreed(found)[1], {**found, **{name: str(why) for name, why in reasons.items()}}
-
-
-def matched(a: Messages, b: Messages, offset: float = 0.0) -> tuple[Floats, Floats, Floats]:
-    """
-    Return the positions of two recordings at the stamps of the first.
-
-    Parameters
-    ----------
-    a, b
-        Messages with position.
-    offset : s
-        To add to the stamps of b, as found by :func:`pose_offset`.
-
-    Returns
-    -------
-    Times (n,) s; positions of a and of b, (n, 3) m, those of b interpolated, NaN outside of it
-    and in its gaps.
-
-    """
-    stamps = b.stamp + round(offset * 1e9)
-    return a.t, a.position, interpolate(a.stamp, stamps, b.position, longest_step(stamps))
+    return most_precise(found)[1], {**found, **{name: str(why) for name, why in reasons.items()}}
 
 
 class Registration(NamedTuple):
@@ -503,8 +482,9 @@ class Registration(NamedTuple):
 def _registration(a: Floats, b: Floats, yaw: float, sigma: float) -> Registration:
     turn = Rotation.from_euler('z', yaw)
     translation = a.mean(axis=0) - turn.apply(b.mean(axis=0))
-    left = a - turn.apply(b) - translation
-    return Registration(yaw, translation, float(np.sqrt((left * left).sum(axis=1).mean())), sigma)
+    residual = a - turn.apply(b) - translation
+    rms = float(np.sqrt((residual * residual).sum(axis=1).mean()))
+    return Registration(yaw, translation, rms, sigma)
 
 
 def registration(a: ArrayLike, b: ArrayLike) -> Registration:
@@ -526,21 +506,22 @@ def registration(a: ArrayLike, b: ArrayLike) -> Registration:
     a, b = np.asarray(a, float), np.asarray(b, float)
     good = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
     if good.sum() < 2:
-        raise AlignError(f'{int(good.sum())} common positions, too few to register')
+        raise AlignError(f'{int(good.sum())} common positions; a registration needs two')
     a, b = a[good], b[good]
     pa, pb = a[:, :2] - a[:, :2].mean(axis=0), b[:, :2] - b[:, :2].mean(axis=0)
     along = float((pa * pb).sum())
     across = float((pb[:, 0] * pa[:, 1] - pb[:, 1] * pa[:, 0]).sum())
     spread = float((pb * pb).sum())
     yaw = math.atan2(across, along)
-    left = pa - Rotation.from_euler('z', yaw).as_matrix()[:2, :2].dot(pb.T).T
-    noise = float((left * left).sum()) / max(2 * len(a) - 3, 1)
+    residual = pa - Rotation.from_euler('z', yaw).as_matrix()[:2, :2].dot(pb.T).T
+    noise = float((residual * residual).sum()) / max(2 * len(a) - 3, 1)
     sigma = math.sqrt(noise / spread) if spread > 0.0 else math.inf
-    likeness = math.hypot(along, across) / math.sqrt(spread * float((pa * pa).sum()) or math.inf)
-    if likeness < LEAST_QUALITY or sigma > 0.1:
+    correlation = math.hypot(along, across) / math.sqrt(
+        spread * float((pa * pa).sum()) or math.inf)
+    if correlation < LEAST_QUALITY or sigma > 0.1:
         raise AlignError(
-            'the paths are too small or too different to give a yaw; give it, or equalise at an '
-            'instant')
+            'the paths are too small or too different to determine a yaw; give the yaw, or '
+            'equalise at an instant')
     return _registration(a, b, yaw, sigma)
 
 
@@ -583,7 +564,7 @@ class Flight(NamedTuple):
 
     takeoff: float | None
     landing: float | None
-    source: str
+    source: str  # the signal in which they were detected
 
 
 def _ends(t: Floats, high: NDArray[np.bool_], hold: float) -> tuple[int, int]:
@@ -621,7 +602,7 @@ def flight_by_height(times: ArrayLike, height: ArrayLike, hold: float = 0.3) -> 
     ground, top = np.percentile(z, [2.0, 98.0])
     rise = float(top - ground)
     if rise < LEAST_RISE:
-        raise AlignError(f'the vehicle never leaves the ground: it rises {rise:.3f} m')
+        raise AlignError(f'the vehicle never leaves the ground: it rises by {rise:.3f} m')
     first, last = _ends(t, z > ground + 0.5 * rise, hold)
 
     def standing(part: slice) -> Floats:
@@ -685,28 +666,28 @@ def flight_by_acceleration(
     shake = np.sqrt(gaussian_filter1d(((values - mean) ** 2).sum(axis=1), width))
     calm, loud = np.percentile(shake, [5.0, 90.0])
     if loud < 5.0 * calm or loud < 0.05:
-        raise AlignError('the acceleration does not tell rest from flight: no calm part, or no '
-                         'motors')
+        raise AlignError('the acceleration does not separate rest from flight: it has no calm '
+                         'part, or the motors never run')
     first, last = _ends(t, shake > math.sqrt(max(calm, 1e-3 * loud) * loud), hold)
     return Flight(float(t[first]) if first > 0 else None,
                   float(t[last]) if last < len(t) - 1 else None, 'acceleration')
 
 
-def echoes(bag: Bag) -> tuple[Floats, Floats]:
-    """Return times [s] and ranges [m] of the sonar, NaN where it heard nothing, (n,) each."""
+def sonar_ranges(bag: Bag) -> tuple[Floats, Floats]:
+    """Return times [s] and ranges [m] of the sonar, (n,) each; NaN where a range is invalid."""
     messages = bag['sonar/range']
     valid = (messages.range >= messages.min_range) & (messages.range <= messages.max_range)
     return messages.t, np.where(valid, messages.range, np.nan)
 
 
-def clear_echoes(bag: Bag) -> tuple[Floats, Floats]:
+def unclipped_ranges(bag: Bag) -> tuple[Floats, Floats]:
     """
-    Return :func:`echoes` with NaN where the floor is nearer than the shortest range, too.
+    Return :func:`sonar_ranges`, with NaN also where the floor may be below the shortest range.
 
-    Down there a sonar reads its shortest range, whatever the height: beside a tracked height such
+    There a sonar reads its shortest range at any height. Compared with a tracked height, such
     readings look like a take-off that is up to 0.2 s late.
     """
-    t, ranges = echoes(bag)
+    t, ranges = sonar_ranges(bag)
     shortest = bag['sonar/range'].min_range
     return t, np.where(ranges > shortest + CLIPPED, ranges, np.nan)
 
@@ -733,7 +714,7 @@ def find_flight(bag: Bag) -> Flight:
 
     ways = {
         'ground_truth/odom': height, 'optitrack/pose': height, 'estimate/odom': height,
-        'onboard/odom': height, 'sonar/range': lambda topic: flight_by_height(*echoes(bag)),
+        'onboard/odom': height, 'sonar/range': lambda topic: flight_by_height(*sonar_ranges(bag)),
         'motor_pwm': lambda topic: flight_by_thrust(bag[topic].t, bag[topic].pwm.mean(axis=1)),
         'imu/data_raw': lambda topic: flight_by_acceleration(
             bag[topic].t, bag[topic].acceleration)}
@@ -744,4 +725,5 @@ def find_flight(bag: Bag) -> Flight:
                 return find(topic)._replace(source=topic)
             except AlignError as error:
                 reasons.append(f'{topic}: {error}')
-    raise AlignError(f'{bag.path}: no flight found; ' + ('; '.join(reasons) or 'no signal of one'))
+    raise AlignError(f'{bag.path}: no flight found; ' + (
+        '; '.join(reasons) or 'it has no topic with height, thrust or acceleration'))

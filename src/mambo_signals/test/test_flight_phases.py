@@ -1,7 +1,8 @@
 """The parts of a flight, by its reference and by its height; what is not told is not made up."""
 
 from mambo_bags.reader import read_bag
-from mambo_signals.flight_phases import BLEND as ASSUMED, found, LEVEL, phases, Phases, SETTLED
+from mambo_signals.flight_phases import (
+    BLEND as ASSUMED, detect_phases, LEVEL, phases, Phases, SETTLED)
 from mambo_signals.motion import Motion
 import numpy as np
 import pytest
@@ -49,15 +50,15 @@ def test_the_blend_is_that_of_the_scenario_in_the_bag(tmp_path):
     assert '1.25 s of blend' in phases(bag).text and 'assumed' not in phases(bag).text
 
 
-def test_a_blend_that_the_bag_does_not_tell_is_assumed_and_said(tmp_path):
+def test_a_blend_missing_in_the_bag_is_assumed_and_reported(tmp_path):
     bag = referenced(tmp_path / 'b', [(TAKEOFF, 2.0), (TRACK, 8.0)], 'a: [1, {b: 2}]\n')
     assert phases(bag).takeoff_end == round((2.0 + ASSUMED) * SECOND)
-    assert 'assumed, the bag does not tell' in phases(bag).text
+    assert 'assumed: the bag does not hold it' in phases(bag).text
 
 
 @pytest.mark.parametrize(('steps', 'want', 'words'), [
     ([(GROUND, 1.0), (TAKEOFF, 3.0)], (None, None, 1.0), 'never reached'),
-    ([(TRACK, 3.0), (LAND, 5.0)], (0.0, 3.0, None), 'no take-off, on the trajectory'),
+    ([(TRACK, 3.0), (LAND, 5.0)], (0.0, 3.0, None), 'no take-off: on the trajectory'),
     ([(GROUND, 1.0), (TAKEOFF, 2.0), (LAND, 3.0)], (None, 2.0, 1.0), 'never reached'),
     ([(LANDED, 1.0), (TAKEOFF, 2.0), (TRACK, 4.0), (LAND, 5.0), (LANDED, 6.0)],
      (3.25, 4.0, 1.0), 'phase TRACK from 2.00 s'),
@@ -71,7 +72,7 @@ def test_parts_that_are_not_there_are_none(tmp_path, steps, want, words):
     assert len(seen.parts()) == 1 + (want[0] is not None) * (2 + (want[1] is not None))
 
 
-def test_a_bag_without_a_reference_tells_nothing(tmp_path):
+def test_a_bag_without_a_reference_has_no_phases(tmp_path):
     bag = read_bag(make_flight(tmp_path / 'b', 1.0, leave_out=('reference',)))
     assert phases(bag) == Phases(None, None, '')
 
@@ -98,7 +99,7 @@ def profile(noise=0.0, seed=0, duration=30.0):
 @pytest.mark.parametrize('noise', [0.0, 0.001])
 @pytest.mark.parametrize('floor', [0.0, -7.0])
 def test_take_off_and_landing_are_found_in_the_height(noise, floor):
-    seen = found(height(profile(noise)[1] + floor))
+    seen = detect_phases(height(profile(noise)[1] + floor))
     # within what the height moves over the window of the speed, and 2 cm of the ground
     assert seen.liftoff == pytest.approx(3 * SECOND, abs=0.1 * SECOND)
     assert seen.takeoff_end == pytest.approx(5 * SECOND, abs=0.3 * SECOND)
@@ -110,7 +111,7 @@ def test_take_off_and_landing_are_found_in_the_height(noise, floor):
 def test_a_slow_climb_is_a_height_that_is_kept(speed, kept):
     t, _ = profile()
     z = np.interp(t, [3.0, 5.0, 15.0, 24.0, 26.0], [0.0, 1.5, 1.5 + 10.0 * speed, 1.5, 0.0])
-    end = found(height(z)).takeoff_end
+    end = detect_phases(height(z)).takeoff_end
     assert (end is not None and end < 6.0 * SECOND) == kept
 
 
@@ -119,24 +120,25 @@ def test_a_pause_ends_the_take_off_if_it_lasts(pause, ends):
     t, _ = profile()
     z = np.interp(t, [3.0, 4.5, 4.5 + pause, 6.0 + pause, 20.0, 24.0],
                   [0.0, 1.2, 1.2, 2.2, 2.2, 0.0])
-    assert (found(height(z)).takeoff_end < (4.7 + pause) * SECOND) == ends
+    assert (detect_phases(height(z)).takeoff_end < (4.7 + pause) * SECOND) == ends
 
 
-def test_what_the_height_does_not_tell_is_said():
+def test_phases_missing_in_the_height_are_reported():
     t, z = profile()
-    assert found(height(0.0 * z)).text.startswith('no take-off found: the vehicle never leaves')
+    text = detect_phases(height(0.0 * z)).text
+    assert text.startswith('no take-off found: the vehicle never leaves')
     flying = (t > 8.0) & (t < 18.0)
-    seen = found(height(z[flying] + 0.4 * np.sin(t[flying])))
+    seen = detect_phases(height(z[flying] + 0.4 * np.sin(t[flying])))
     assert seen == Phases(None, None, 'no take-off found: the recording begins in the air')
     restless = z + np.where(z > 0.2, 0.5 * np.sin(6.0 * t), 0.0)
-    seen = found(height(restless))
+    seen = detect_phases(height(restless))
     assert seen.takeoff_end is None and seen.liftoff is not None
     assert 'no height is kept' in seen.text
 
 
 def test_a_recording_that_ends_in_the_air_has_no_landing():
     t, z = profile()
-    seen = found(height(z[t < 15.0]))
+    seen = detect_phases(height(z[t < 15.0]))
     assert seen.takeoff_end is not None and seen.landing_start is None
     assert [name for name, _, _ in seen.parts()] == ['whole flight', 'take-off', 'after take-off']
 
@@ -148,4 +150,4 @@ def test_a_gap_is_no_height_that_is_kept():
     kept = (t < 4.9) | (t > 9.0)
     lost = Motion(motion.name, motion.stamps[kept], motion.position[kept],
                   motion.quaternion[kept])
-    assert found(lost).takeoff_end >= 9.0 * SECOND
+    assert detect_phases(lost).takeoff_end >= 9.0 * SECOND

@@ -34,26 +34,26 @@ def test_errors_that_are_not_finite_do_not_count():
 
 def test_missing_counts_gaps_and_not_jitter_or_repeats():
     grid = np.arange(100) * 5_000_000
-    assert metrics.missing(grid, 5e6) == 0
-    assert metrics.missing(np.delete(grid, [7, 8, 50]), 5e6) == 3
-    assert metrics.missing(np.concatenate([grid, grid[:5]]), 5e6) == 0
-    assert metrics.missing(np.random.default_rng(1).permutation(grid), 5e6) == 0
+    assert metrics.count_missing(grid, 5e6) == 0
+    assert metrics.count_missing(np.delete(grid, [7, 8, 50]), 5e6) == 3
+    assert metrics.count_missing(np.concatenate([grid, grid[:5]]), 5e6) == 0
+    assert metrics.count_missing(np.random.default_rng(1).permutation(grid), 5e6) == 0
     jitter = grid + np.random.default_rng(1).integers(-500_000, 500_000, 100)
-    assert metrics.missing(jitter, 5e6) == 0
-    assert metrics.missing(np.array([], int), 5e6) == 0
+    assert metrics.count_missing(jitter, 5e6) == 0
+    assert metrics.count_missing(np.array([], int), 5e6) == 0
 
 
 @given(st.lists(st.integers(0, 200), unique=True, max_size=60))
 def test_missing_is_what_the_grid_lacks_between_its_ends(steps):
     stamps = np.array(steps, np.int64) * 5_000_000
     want = max(steps) - min(steps) + 1 - len(steps) if steps else 0
-    assert metrics.missing(stamps, 5e6) == want
+    assert metrics.count_missing(stamps, 5e6) == want
 
 
 def test_common_stamps():
-    a, b = metrics.common(np.array([1, 3, 5, 7]), np.array([7, 3, 4]))
+    a, b = metrics.common_stamps(np.array([1, 3, 5, 7]), np.array([7, 3, 4]))
     assert (a.tolist(), b.tolist()) == ([1, 3], [1, 0])
-    a, b = metrics.common(np.array([1, 2]), np.array([], int))
+    a, b = metrics.common_stamps(np.array([1, 2]), np.array([], int))
     assert len(a) == len(b) == 0
 
 
@@ -158,7 +158,7 @@ def test_the_delay_knows_gaps_and_little_noise():
 
 
 @pytest.mark.parametrize('case', ['short', 'still', 'strangers', 'beyond', 'nothing'])
-def test_a_delay_that_the_signals_do_not_tell_is_none(case):
+def test_a_delay_that_the_signals_do_not_determine_is_nan(case):
     x, other = wandering(2)(AT), wandering(3)(AT)
     a, b = {
         'short': (x[:399], x[:399]), 'still': (np.ones(1500), np.ones(1500)),

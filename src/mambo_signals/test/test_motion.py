@@ -41,7 +41,7 @@ def test_rotation_vectors_are_scipys_and_survive_tiny_angles(v):
         np.testing.assert_allclose(motion.rotation_vectors(one)[0], v, atol=1e-14)
 
 
-def test_a_rotation_vector_of_nothing_is_nothing():
+def test_a_rotation_vector_of_nan_is_nan():
     q = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, -1.0], [np.nan] * 4])
     out = motion.rotation_vectors(q)
     np.testing.assert_array_equal(out[:2], 0.0)
@@ -148,7 +148,7 @@ def test_a_type_without_a_motion_is_refused_by_name(tmp_path):
         motion.read(bag, 'imu/data_raw')
 
 
-def test_a_reference_tells_its_velocity_in_the_world(tmp_path):
+def test_the_velocity_of_a_reference_is_inertial(tmp_path):
     maker = Maker(tmp_path / 'b', ['reference', 'estimate/odom'])
     maker.odometry('estimate/odom', 0, (0, 0, 0))  # known as a drone's
     turn = Rotation.from_euler('z', 1.0).as_quat()

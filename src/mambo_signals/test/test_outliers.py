@@ -106,9 +106,9 @@ def test_an_estimate_may_jump(tmp_path):
     assert motion.impossible == 0 and motion.position[30, 0] == 5.0
 
 
-@pytest.mark.parametrize(('count', 'words'), [(1, '1 pose left out that jumps'),
-                                              (2, '2 poses left out that jump ')])
-def test_what_was_left_out_is_said_in_one_line(count, words):
+@pytest.mark.parametrize(('count', 'words'), [(1, '1 impossible pose left out, reached'),
+                                              (2, '2 impossible poses left out, reached')])
+def test_rejected_poses_are_reported_in_one_line(count, words):
     message = outliers.describe('optitrack/pose', count)
     assert message.startswith(f'optitrack/pose: {words}') and '\n' not in message
     assert '2005 deg/s or 30 m/s' in message

@@ -51,7 +51,7 @@ def test_a_sample_at_the_very_stamp_is_returned_to_the_bit():
     np.testing.assert_array_equal(out, values)
 
 
-def test_nothing_is_made_up_outside_and_in_gaps():
+def test_there_are_no_values_outside_and_in_gaps():
     out = resample.interpolate(
         np.array([5, 10, 15, 60, 100, 105]), np.array([10, 20, 100]),
         np.array([[1.0], [2.0], [10.0]]), gap=20)
@@ -120,12 +120,12 @@ def test_the_longest_run(known, run):
 
 def test_usual_period_is_that_of_most_gaps():
     frames = np.delete(np.arange(50) * 8_333_333, [10, 11, 30])
-    assert resample.usual_period(frames) == 8_333_333
-    assert resample.usual_period(np.random.default_rng(0).permutation(frames)) == 8_333_333
-    assert resample.usual_period(np.repeat(frames, 2)) == 8_333_333  # repeated stamps
+    assert resample.median_period(frames) == 8_333_333
+    assert resample.median_period(np.random.default_rng(0).permutation(frames)) == 8_333_333
+    assert resample.median_period(np.repeat(frames, 2)) == 8_333_333  # repeated stamps
     assert resample.longest_step(frames) == round(3.5 * 8_333_333)
     for few in (np.array([], np.int64), np.array([5]), np.array([5, 5])):
-        assert np.isnan(resample.usual_period(few)) and resample.longest_step(few) == 0
+        assert np.isnan(resample.median_period(few)) and resample.longest_step(few) == 0
 
 
 def test_a_grid_of_whole_periods_lies_within_the_signal():
@@ -138,17 +138,17 @@ def test_a_grid_of_whole_periods_lies_within_the_signal():
     assert grid.shape == (0,) and out.shape == (0, 3)
 
 
-def test_quaternions_get_one_sign_and_what_is_none_is_left_out():
+def test_quaternions_get_one_sign_and_invalid_ones_become_nan():
     rng = np.random.default_rng(3)
     angle = np.linspace(0.0, 12.0, 200)  # twice round: the scalar part goes through zero
     q = np.column_stack([np.zeros(200), np.zeros(200), np.sin(angle / 2), np.cos(angle / 2)])
     mixed = q * np.where(rng.random(200) < 0.5, -1.0, 1.0)[:, None]
     mixed[[20, 90]] = [[0.0, 0.0, 0.0, 0.0], [np.nan, 0.0, 0.0, 1.0]]
     mixed[150] *= 1.05  # rounded on the way: made unit
-    out = resample.one_sign(mixed)
+    out = resample.continuous_quaternions(mixed)
     good = np.isfinite(out).all(axis=1)
     assert np.flatnonzero(~good).tolist() == [20, 90]
     np.testing.assert_allclose(np.linalg.norm(out[good], axis=1), 1.0)
     assert ((out[good][1:] * out[good][:-1]).sum(axis=1) > 0.9).all()
     np.testing.assert_allclose(np.abs((out[good] * q[good]).sum(axis=1)), 1.0, atol=1e-12)
-    np.testing.assert_array_equal(resample.one_sign(np.empty((0, 4))), np.empty((0, 4)))
+    assert resample.continuous_quaternions(np.empty((0, 4))).shape == (0, 4)

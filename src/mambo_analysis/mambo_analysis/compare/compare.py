@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.reader import Bag, BagError, Messages, read_bag
 from mambo_signals import metrics, motion, resample
-from mambo_signals.flight_phases import found, Phases, phases
-from mambo_signals.resample import Floats, Ints, one_sign
+from mambo_signals.flight_phases import detect_phases, Phases, phases
+from mambo_signals.resample import continuous_quaternions, Floats, Ints
 from mambo_signals.time_offset import LEAST_RISE
 import numpy as np
 from numpy.typing import NDArray
@@ -71,11 +71,12 @@ def align(odometry: Messages, other: Messages) -> Aligned | None:
 
     None if they have no stamp in common.
     """
-    here, there = metrics.common(odometry.stamp, other.stamp)
+    here, there = metrics.common_stamps(odometry.stamp, other.stamp)
     if not len(here):
         return None
     ours, theirs = (
-        motion.Motion(name, m.stamp[index], m.position[index], one_sign(m.orientation[index]))
+        motion.Motion(name, m.stamp[index], m.position[index],
+                      continuous_quaternions(m.orientation[index]))
         for name, m, index in (('estimate/odom', odometry, here), ('onboard/odom', other, there)))
     alignment = pair.own_origin(ours, theirs, pair.begins_in_air(
         motion.Motion('', other.stamp, other.position, other.orientation), ours.stamps[0]))
@@ -115,8 +116,8 @@ def _lost(bag: Bag, topic: str, messages: Messages) -> int | None:
         have = int((messages.stamp <= tick.stamp[last]).sum())
         return max(int(tick[COUNTED[topic]][last]) - have, 0)
     if topic in STEADY:
-        period = resample.usual_period(messages.stamp)
-        return 0 if math.isnan(period) else metrics.missing(messages.stamp, period)
+        period = resample.median_period(messages.stamp)
+        return 0 if math.isnan(period) else metrics.count_missing(messages.stamp, period)
     return None
 
 
@@ -210,7 +211,7 @@ def _rows(table: NDArray, index: Ints) -> NDArray:
 
 def _identical(recorded: Messages, replayed: Messages) -> list[str]:
     """Describe how a replayed estimate differs from the recorded one, message by message."""
-    here, there = metrics.common(recorded.stamp, replayed.stamp)
+    here, there = metrics.common_stamps(recorded.stamp, replayed.stamp)
     a, b = recorded.table, replayed.table
     if a is not None and b is not None and a.shape[1] == b.shape[1]:
         same = (_rows(a, here) == _rows(b, there)).all(axis=1)
@@ -302,8 +303,8 @@ def _parts(a: Bag, b: Bag, ours: motion.Motion, theirs: motion.Motion, offset: i
     for recorded, moved in ((phases(b), 0), (phases(a), offset)):
         if recorded.takeoff_end is not None:
             return recorded.moved(moved)
-    seen = found(theirs)
-    return seen if seen.takeoff_end is not None else found(ours)
+    seen = detect_phases(theirs)
+    return seen if seen.takeoff_end is not None else detect_phases(ours)
 
 
 def _reference(a: Bag, b: Bag, alignment: Alignment) -> str | None:

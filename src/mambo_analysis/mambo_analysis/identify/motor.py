@@ -217,7 +217,7 @@ def read(path: Path, vehicle: Vehicle, namespace: str | None) -> tuple[Floats, F
     """Return times s, commands and acceleration of a bag, of the steps in the air."""
     bag = result.open_bag(path, ('imu/data_raw', 'motor_pwm'), namespace)
     imu, motors = bag['imu/data_raw'], bag['motor_pwm']
-    here, there = metrics.common(imu.stamp, motors.stamp)
+    here, there = metrics.common_stamps(imu.stamp, motors.stamp)
     if len(here) < LEAST:
         raise IdentifyError(
             f'{path}: {len(here)} commands with the stamp of an IMU sample, at least {LEAST} are '

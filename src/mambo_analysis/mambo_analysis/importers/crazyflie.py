@@ -45,8 +45,8 @@ Motion capture
     7 to 35 ms behind the gyro (it averages, and is passed on each 40 ms), and so is a pose stamped
     that way: the standard error that is printed holds 30 ms for it. ``--mocap-offset gyro`` takes
     the gyro instead, as does a log without a usable range. Signals that give different clocks
-    (:func:`mambo_signals.time_offset.agreed`) are refused. NaN is marker loss: no pose; nor is
-    there one where the tracker flips the body (:mod:`mambo_signals.outliers`).
+    (:func:`mambo_signals.time_offset.most_precise`) are refused. NaN is marker loss: no pose; nor
+    is there one where the tracker flips the body (:mod:`mambo_signals.outliers`).
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ from mambo_signals import outliers
 from mambo_signals.derivative import body_rates
 from mambo_signals.resample import interpolate
 from mambo_signals.time_offset import (
-    agreed, AlignError, Offset, offsets, RANGE_LATE, time_offset)
+    AlignError, most_precise, Offset, offsets, RANGE_LATE, time_offset)
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
@@ -397,7 +397,7 @@ def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, 
         by_range = _range_offset(log)
         if by_range is not None:
             found = by_range
-            agreed({RANGE: found, **_gyro_offsets(log)[0]}, {RANGE: RANGE_LATE})
+            most_precise({RANGE: found, **_gyro_offsets(log)[0]}, {RANGE: RANGE_LATE})
             height = float(np.median(log.mocap[:, 3]))
             details['range_minus_mocap_z_m'] = found.bias + (found.factor - 1.0) * height
             if asked == 'gyro':

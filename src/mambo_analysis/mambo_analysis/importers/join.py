@@ -25,7 +25,7 @@ from mambo_ros import cdr
 from mambo_signals import motion
 from mambo_signals.derivative import body_rates
 from mambo_signals.time_offset import (
-    agreed, AlignError, clear_echoes, Floats, offsets, pose_offset, Poses, RANGE_LATE)
+    AlignError, Floats, most_precise, offsets, pose_offset, Poses, RANGE_LATE, unclipped_ranges)
 import numpy as np
 
 POSE = 'optitrack/pose'
@@ -76,7 +76,7 @@ def signals(bag: Bag, poses: Poses) -> dict[str, tuple[Floats, Floats, Floats, F
         out['turn rate'] = (gyro.t, np.linalg.norm(gyro.angular_velocity, axis=1),
                             t, np.linalg.norm(rates, axis=1))
     if 'sonar/range' in bag:
-        out['height'] = (*clear_echoes(bag), poses.t, poses.position[:, 2])
+        out['height'] = (*unclipped_ranges(bag), poses.t, poses.position[:, 2])
     return out
 
 
@@ -111,7 +111,7 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
         why = why or 'no gyro, sonar or pose of the drone'
         raise AlignError(f'the clocks cannot be aligned ({why}); give --offset SECONDS')
     try:
-        best, offset = agreed(found, LATE)
+        best, offset = most_precise(found, LATE)
     except AlignError as error:
         raise AlignError(
             f'{error}: another flight, or wrong axes of the tracked body (import_motive --nose); '

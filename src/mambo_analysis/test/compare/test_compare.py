@@ -59,7 +59,7 @@ def test_an_unknown_blend_is_assumed_and_said(tmp_path):
     bag = read_bag(make_flight(tmp_path / 'b', 6.0, attachments={}))
     parts = phases(bag)
     assert parts.takeoff_end == 8 * 10**9
-    assert 'assumed, the bag does not tell' in parts.text
+    assert 'assumed: the bag does not hold it' in parts.text
 
 
 def test_a_flight_without_take_off_is_all_after_it(tmp_path):

@@ -7,7 +7,7 @@ from mambo_analysis.compare import pair, report, tables
 from mambo_analysis.compare.compare import compare, compare_bags, main
 from mambo_bags.reader import BagError, read_bag
 from mambo_signals import metrics, motion
-from mambo_signals.flight_phases import found, Phases
+from mambo_signals.flight_phases import detect_phases, Phases
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -63,7 +63,7 @@ def test_only_what_is_asked_for_is_aligned(flights):
 
 def test_positions_are_made_equal_some_time_after_take_off(flights):
     result, comparison, _ = compare_bags(*flights, what=('time',), equal_at=6.0)
-    error, seen = comparison['position'], found(motion.read(flights[1], 'estimate/odom'))
+    error, seen = comparison['position'], detect_phases(motion.read(flights[1], 'estimate/odom'))
     at = np.abs(error.stamps - (seen.liftoff + 6_000_000_000)).argmin()
     # equal on the mean of 0.1 s, over which the turned path moves on by 0.07 m
     assert np.linalg.norm(error.error[at]) < 5e-3
@@ -122,7 +122,7 @@ def test_velocity_of_the_body_is_compared_in_the_world(tmp_path):
 
 
 def test_take_off_and_landing_are_found_in_the_height(tmp_path):
-    seen = found(motion.read(flown(tmp_path / 'a', seconds=22.0), 'estimate/odom'))
+    seen = detect_phases(motion.read(flown(tmp_path / 'a', seconds=22.0), 'estimate/odom'))
     start = 10.0  # of the clock of these bags
     # climbs from 1 s to 4 s, slower than 0.1 m/s for half a second at 4.4 s, sinks from 16 s
     assert seen.takeoff_end * 1e-9 - start == pytest.approx(4.0, abs=0.2)
@@ -286,7 +286,7 @@ def test_signals_that_disagree_about_the_clocks_align_nothing(tmp_path):
     p = p.copy()
     p[:, 2] = truth_position(t - 0.4)[:, 2]
     b = motion.Motion('b', a.stamps, p, q)
-    with pytest.raises(BagError, match='signals disagree about the clocks.*take time out'):
+    with pytest.raises(BagError, match='signals give different clock offsets.*take time out'):
         pair.aligned(a, b)
 
 

@@ -234,7 +234,7 @@ def test_range_and_gyro_must_tell_the_same_clock(tmp_path, capsys):
     times = np.array(entry['time'])
     entry['data'] = np.interp(times - 0.4, times, entry['data']).tolist()
     refuse(save(tmp_path / 'log.json', log), tmp_path, capsys,
-           'the signals disagree about the clocks')
+           'the signals give different clock offsets')
 
 
 def test_poses_that_a_tracker_flips_are_counted_and_left_out(tmp_path, capsys):
@@ -247,7 +247,7 @@ def test_poses_that_a_tracker_flips_are_counted_and_left_out(tmp_path, capsys):
     bag = read_bag(tmp_path / 'bag')
     assert len(bag['optitrack/pose']) == 1990 - 30
     assert bag.metadata['import']['mocap_poses_impossible'] == '30'
-    assert '30 poses left out that jump faster than' in capsys.readouterr().out
+    assert '30 impossible poses left out, reached faster than' in capsys.readouterr().out
     upright = Rotation.from_quat(bag['optitrack/pose'].orientation).apply([0.0, 0.0, 1.0])
     assert upright[:, 2].min() > 0.9
 

@@ -202,7 +202,7 @@ def test_signals_that_disagree_are_told():
     bag, poses = recorded_apart(4, 0.0)
     sonar = bag['sonar/range']
     bag['sonar/range'] = SimpleNamespace(**{**vars(sonar), 't': sonar.t + 0.4})
-    with pytest.raises(AlignError, match='the signals disagree about the clocks .*height'):
+    with pytest.raises(AlignError, match='the signals give different clock offsets .*height'):
         join.find_clock(bag, poses)
 
 
