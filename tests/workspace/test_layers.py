@@ -25,6 +25,7 @@ BELOW = {
     'mambo_control': {'mambo_model'},
     'mambo_bags': WIRE | {'mambo_model'},
 }
+BELOW['mambo_mocap'] = {'mambo_model', 'mambo_sim'}
 BELOW['mambo_flight'] = LAWS | BELOW['mambo_bags'] | {'mambo_bags'}
 BELOW['mambo_signals'] = BELOW['mambo_bags'] | {'mambo_bags'}
 BELOW['mambo_analysis'] = BELOW['mambo_flight'] | {'mambo_flight', 'mambo_signals'}
