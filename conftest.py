@@ -25,6 +25,8 @@ def own_domain():
 _DOMAIN, _HELD = own_domain()
 os.environ['ROS_DOMAIN_ID'] = str(_DOMAIN)
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(
+    Path(__file__).parent / 'src/mambo_ros/mambo_ros/fastdds_loopback.xml')
 os.environ.setdefault(
     'HYPOTHESIS_STORAGE_DIRECTORY', str(Path(__file__).parent / '.cache/hypothesis'))
 

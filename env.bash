@@ -51,7 +51,8 @@ _mambo_enter() {
             COLCON_PREFIX_PATH PKG_CONFIG_PATH; do
             _mambo_forget "$variable" "$MAMBO_ROOT"
         done
-        for variable in MAMBO_CACHE_DIR COLCON_DEFAULTS_FILE MPLCONFIGDIR ROS_LOG_DIR; do
+        for variable in MAMBO_CACHE_DIR COLCON_DEFAULTS_FILE MPLCONFIGDIR ROS_LOG_DIR \
+            FASTRTPS_DEFAULT_PROFILES_FILE; do
             [[ ${!variable:-} != "$MAMBO_ROOT"/* ]] || unset "$variable"
         done
         [[ ${MAMBO_ROS:-} != wheels ]] || unset ROS_DISTRO ROS_VERSION ROS_PYTHON_VERSION
@@ -78,6 +79,12 @@ _mambo_enter() {
     export MPLCONFIGDIR=${MPLCONFIGDIR:-$cache/matplotlib}
     export ROS_LOG_DIR=${ROS_LOG_DIR:-$cache/ros-log}
     export COLCON_DEFAULTS_FILE=${COLCON_DEFAULTS_FILE:-$root/tools/colcon-defaults.yaml}
+    # this machine only, unless asked otherwise: docs/how-to/network.md
+    export ROS_AUTOMATIC_DISCOVERY_RANGE=${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}
+    if [[ $ROS_AUTOMATIC_DISCOVERY_RANGE == LOCALHOST && -z ${ROS_STATIC_PEERS:-} ]]; then
+        local profiles=$root/src/mambo_ros/mambo_ros/fastdds_loopback.xml
+        export FASTRTPS_DEFAULT_PROFILES_FILE=${FASTRTPS_DEFAULT_PROFILES_FILE:-$profiles}
+    fi
     if [[ $MAMBO_ROS == wheels ]]; then
         source "$root/.venv/local_setup.bash"
     else

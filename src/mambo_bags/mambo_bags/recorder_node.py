@@ -61,7 +61,7 @@ def _stamp(data: bytes, offset: int) -> int | None:
 class RecorderNode(node.MamboNode[RecorderNodeParams]):
     """Records the graph's topics to a rosbag2 directory with an MCAP file."""
 
-    subscribes = topics.RECORDED
+    publishes, subscribes = (topics.DIAGNOSTICS,), topics.RECORDED
     example = '--ros-args -p bag:=my_flight'
 
     def __init__(self, **kwargs) -> None:

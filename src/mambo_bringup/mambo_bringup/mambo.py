@@ -100,6 +100,8 @@ GROUPS: dict[str, dict[str, Command]] = {
         'recordings': Command('mambo_thesis.recordings.validate', 'measure the public recordings'),
     },
     'Workspace': {
+        'policy': Command('mambo_bringup.policy', 'write the SROS2 policy: which node may publish '
+                          'and subscribe what'),
         'docs': Command('tools/docs.py', 'build or serve the documentation'),
         'test': Command('test', 'run every test'),
         'bench': Command('bench', 'measure speed beside C and another simulator'),

@@ -19,7 +19,8 @@ from mambo_flight import flight_options, scenario as scenarios, scenario_file
 from mambo_model import schema
 from mambo_model.motion.trajectory import COURSE
 
-from .flight.nodes import COMPOSED, FLIGHT_NODES, NAMESPACE, RECORDER, REPLACEABLE, SIMULATOR
+from .flight.nodes import (
+    check_drones, COMPOSED, FLIGHT_NODES, namespaces, RECORDER, REPLACEABLE, SIMULATOR)
 from .flight.outcome import FlightEndedError, Outcome, print_refused
 from .flight.runner import fly_several
 from .processes import FlightError, load
@@ -93,8 +94,7 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
     if options.without and options.composed:
         raise schema.ParameterError(
             '--without and --composed exclude each other: your node needs the others as processes')
-    if not 1 <= options.drones <= 16:
-        raise schema.ParameterError(f'--drones {options.drones} must be within 1 to 16')
+    check_drones(options.drones)
     if not flight.sim_node.duration > 0.0:
         raise schema.ParameterError(f'{name}: sim_node.duration must be more than 0 s')
     return f'{name}_seed{flight.seed}', flight
@@ -134,8 +134,7 @@ def _fly_and_report(
 ) -> None:
     bag = options.output or _free(Path('bags'), name)
     load('.'.join(node) for node in (COMPOSED, *FLIGHT_NODES, RECORDER, SIMULATOR))
-    spaces = [NAMESPACE] if options.drones == 1 else [
-        f'{NAMESPACE}{number + 1}' for number in range(options.drones)]
+    spaces = namespaces(options.drones)
     bags = {space: bag if len(spaces) == 1 else bag / space.strip('/') for space in spaces}
     flights = {space: _reseeded(flight, number) for number, space in enumerate(spaces)}
     problem: FlightError | None = None

@@ -26,7 +26,6 @@ from .loop import Loop
 from .node import FLUSH, MamboNode
 
 _TEARDOWN = 1.0  # s for the middleware to shut down, which has been seen to hang
-_PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'  # the user's own file, or ours
 _REFUSALS = (MamboError, FileNotFoundError, FileExistsError, _rclpy.RCLError,
              _rclpy.UnknownROSArgsError)
 
@@ -97,7 +96,7 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
             if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup
                 signal.signal(number, stop)
         loopback.check()
-        os.environ.setdefault(_PROFILES, str(Path(__file__).with_name('fastdds.xml')))
+        loopback.configure()
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         for node_type in node_types:
             if not stopped:

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from mambo_flight import recording_to_bag, scenario as scenarios
+from mambo_model import schema
 
 from ..processes import parameter
 
@@ -25,6 +26,26 @@ COMPOSED = ('mambo_bringup', 'composed_node')
 NAMESPACE = '/mambo'
 OWN = ('clock', 'tf', 'diagnostics')
 """Absolute topics that are remapped into the namespace if there are several drones."""
+
+
+def check_drones(count: int) -> None:
+    """
+    Refuse a number of drones that one machine does not fly.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        If it is not from 1 to 16.
+
+    """
+    if not 1 <= count <= 16:
+        raise schema.ParameterError(f'--drones {count} must be within 1 to 16')
+
+
+def namespaces(drones: int) -> list[str]:
+    """Return the namespaces of one drone, ``/mambo``, or of several, ``/mambo1`` and so on."""
+    return [NAMESPACE] if drones == 1 else [
+        f'{NAMESPACE}{number + 1}' for number in range(drones)]
 
 
 def label(namespace: str, node: tuple[str, str]) -> str:

@@ -1,11 +1,35 @@
-"""Nodes of one machine find each other by its loopback interface: whether it works."""
+"""Nodes of one machine find each other by its loopback interface, and nobody else finds them."""
 
 from __future__ import annotations
 
 import os
+from pathlib import Path
 import socket
 
 from mambo_model.errors import JobError
+
+RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'        # LOCALHOST, SUBNET, OFF or SYSTEM_DEFAULT
+PEERS = 'ROS_STATIC_PEERS'                     # addresses of machines that a user has named
+PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'    # Fast DDS reads it, at the first participant
+OPEN, CLOSED = (str(Path(__file__).parents[1] / name)
+                for name in ('fastdds.xml', 'fastdds_loopback.xml'))  # all interfaces, 127.0.0.1
+
+
+def configure() -> None:
+    """
+    Keep the nodes of this process on this machine, unless the user has asked for more.
+
+    Without ``ROS_AUTOMATIC_DISCOVERY_RANGE``, discovery is limited to this machine: ROS itself
+    would take the subnet. Fast DDS then receives on 127.0.0.1 only, where it would listen on
+    every interface otherwise. A range other than LOCALHOST, a static peer or a profile of the
+    user's own is left as it is. Acts on nodes that start from now on.
+    """
+    if not os.environ.get(RANGE):
+        os.environ[RANGE] = 'LOCALHOST'
+    given = os.environ.get(PROFILES, '')
+    if given in ('', OPEN) or Path(given).name == Path(CLOSED).name:  # that of env.bash, too
+        closed = os.environ[RANGE] == 'LOCALHOST' and not os.environ.get(PEERS)
+        os.environ[PROFILES] = CLOSED if closed else OPEN
 
 
 def check() -> None:
@@ -18,7 +42,7 @@ def check() -> None:
         If discovery is to stay on this machine and its loopback interface is down.
 
     """
-    if os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') not in ('', None, 'LOCALHOST'):
+    if os.environ.get(RANGE) not in ('', None, 'LOCALHOST'):
         return
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

@@ -1,0 +1,126 @@
+"""
+Write the access policy of the nodes for SROS2: who may publish, subscribe and answer what.
+
+The file has the format of SROS2 (design.ros2.org/articles/ros2_access_control_policies.html), one
+enclave for each node with the topics that its class declares, its own parameter services and the
+log; everything else is denied. ``ros2 security create_permission KEYSTORE ENCLAVE FILE`` turns it
+into signed permissions. It needs an installed ROS 2: the wheels are built without security.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Sequence
+from importlib import import_module
+from typing import Any
+from xml.etree import ElementTree
+
+from mambo_bags.command import guard, Parser, refuse_existing
+from mambo_ros import topics
+
+from .flight.nodes import (
+    check_drones, FLIGHT_NODES, NAMESPACE, namespaces, OWN, RECORDER, SIMULATOR)
+
+NODES = (SIMULATOR, *FLIGHT_NODES, RECORDER, ('mambo_bags', 'replay_node'))
+SERVICES = ('describe_parameters', 'get_parameter_types', 'get_parameters',
+            'get_type_description', 'list_parameters', 'set_parameters',
+            'set_parameters_atomically')
+"""Services that rclpy gives every node, below its own name."""
+_SUBSCRIBED = {'sim_node': (topics.LINKS,), 'replay_node': (topics.LINKS,),
+               'recorder_node': topics.AIDED}
+"""What a node subscribes besides the topics of its class: while it waits, or on request."""
+
+
+def node_class(package: str, name: str) -> Any:
+    """Return the class of a node of the workspace."""
+    module = import_module(f'{package}.{name}')
+    return getattr(module, ''.join(part.capitalize() for part in name.split('_')))
+
+
+def _resolved(listed: Iterable[topics.Topic], namespace: str) -> list[str]:
+    """Return full names of topics; several drones have their own clock, frames, diagnostics."""
+    own = {f'/{name}' for name in OWN} if namespace != NAMESPACE else set()
+    return sorted({
+        topic.name if topic.name.startswith('/') and topic.name not in own
+        else f'{namespace}/{topic.name.lstrip("/")}' for topic in listed})
+
+
+def allowed(package: str, name: str, namespace: str) -> dict[str, list[str]]:
+    """
+    Return what a node may do.
+
+    Parameters
+    ----------
+    package, name
+        Of the node.
+    namespace
+        Of its drone, with a leading slash.
+
+    Returns
+    -------
+    dict of str to list of str
+        Full names by ``publish``, ``subscribe`` (topics) and ``reply`` (services), sorted.
+
+    """
+    node_type = node_class(package, name)
+    subscribed = (*node_type.subscribes, *_SUBSCRIBED.get(name, ()))
+    return {
+        'publish': sorted([*_resolved((*node_type.publishes, topics.LINKS), namespace),
+                           '/parameter_events', '/rosout']),
+        'subscribe': _resolved(subscribed, namespace),
+        'reply': [f'{namespace}/{name}/{service}' for service in SERVICES]}
+
+
+def _enclave(package: str, name: str, namespace: str) -> ElementTree.Element:
+    """Return the element of a node."""
+    out = ElementTree.Element('enclave', path=f'{namespace}/{name}')
+    profile = ElementTree.SubElement(
+        ElementTree.SubElement(out, 'profiles'), 'profile', ns=namespace, node=name)
+    for kind, names in allowed(package, name, namespace).items():
+        one = 'service' if kind == 'reply' else 'topic'
+        listed = ElementTree.SubElement(profile, f'{one}s', {kind: 'ALLOW'})
+        for full in names:
+            ElementTree.SubElement(listed, one).text = full
+    return out
+
+
+def policy(namespaces: Sequence[str]) -> str:
+    """
+    Return the policy of every node of some drones as XML.
+
+    Parameters
+    ----------
+    namespaces
+        Of the drones, with a leading slash.
+
+    """
+    out = ElementTree.Element('policy', version='0.2.0')
+    enclaves = ElementTree.SubElement(out, 'enclaves')
+    for namespace in namespaces:
+        for package, name in NODES:
+            enclaves.append(_enclave(package, name, namespace))
+    ElementTree.indent(out)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(out, "unicode")}\n'
+
+
+def _run(options: argparse.Namespace) -> None:
+    check_drones(options.drones)
+    refuse_existing(options.output)
+    options.output.parent.mkdir(parents=True, exist_ok=True)
+    options.output.write_text(policy(namespaces(options.drones)), encoding='utf-8')
+    print(f'{options.output}: {len(NODES) * options.drones} enclaves')
+
+
+def parser() -> Parser:
+    """Return the command line."""
+    out = Parser('policy', __doc__)
+    out.add_output('XML', 'policy to write', required=True)
+    out.add_argument('--drones', type=int, default=1, metavar='N',
+                     help='number of drones, named as by mambo run (default: 1)')
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``mambo policy``; return the exit code."""
+    options = parser().parse_args(arguments)
+    return guard('policy', lambda: _run(options))

@@ -1,0 +1,84 @@
+"""The access policy allows every node what it does, and nothing else."""
+
+from xml.etree import ElementTree
+
+from mambo_bringup import policy
+from mambo_bringup.flight import nodes
+from mambo_ros import topics
+import pytest
+import rclpy
+
+AIDED = ['-p', 'estimator:=joint', '-p', 'joint.pose.enabled:=true']
+OPTIONS = {  # of a node with which it opens each of its topics
+    'estimator_node': [AIDED, ['-p', 'estimator:=ground_truth']],
+    'controller_node': [[], ['-p', 'estimate:=map']],
+    'optitrack_node': [['-p', 'watermark:=true']],
+    'recorder_node': [['-p', 'bag:=BAG', '-p', 'topics:=' + ','.join(
+        one.name for one in (*topics.RECORDED, *topics.AIDED))]]}
+
+
+def opened(package, name, words, bag):
+    """Return what a node publishes, subscribes and answers, by the middleware."""
+    words = [word.replace('BAG', str(bag)) for word in words]
+    rclpy.init(args=['--ros-args', *words])
+    try:
+        node = policy.node_class(package, name)()
+        me = (node.get_name(), node.get_namespace())
+        published, subscribed, answered = ({one for one, _ in listed(*me)} for listed in (
+            node.get_publisher_names_and_types_by_node,
+            node.get_subscriber_names_and_types_by_node,
+            node.get_service_names_and_types_by_node))
+        out = published, subscribed.union(one.name for one in node.inputs), answered
+        assert not node.get_client_names_and_types_by_node(*me)
+        node.destroy_node()
+        return out
+    finally:
+        rclpy.try_shutdown()
+
+
+@pytest.mark.parametrize(('package', 'name'), policy.NODES[:-1], ids=lambda one: one)
+def test_each_node_opens_what_its_policy_allows_and_no_less(package, name, tmp_path):
+    found = [set(), set(), set()]
+    for number, words in enumerate(OPTIONS.get(name, [[]])):
+        for all_found, one in zip(found, opened(package, name, words, tmp_path / f'{number}')):
+            all_found |= one
+    granted = policy.allowed(package, name, '/mambo')
+    while_waiting = {'/mambo/graph/links'} if name == 'sim_node' else set()
+    assert found[0] == set(granted['publish'])
+    assert found[1] | while_waiting == set(granted['subscribe'])
+    assert found[2] == set(granted['reply'])
+
+
+def test_the_file_has_the_form_of_sros2_and_an_enclave_for_each_node():
+    root = ElementTree.fromstring(policy.policy(nodes.namespaces(2)).split('?>')[1])
+    assert (root.tag, root.attrib) == ('policy', {'version': '0.2.0'})
+    enclaves = root.findall('enclaves/enclave')
+    assert [one.get('path') for one in enclaves] == [
+        f'/mambo{number}/{name}' for number in (1, 2) for _, name in policy.NODES]
+    for one in enclaves:
+        profile, = one.findall('profiles/profile')
+        assert one.get('path') == f'{profile.get("ns")}/{profile.get("node")}'
+        assert [(part.tag, part.attrib) for part in profile] == [
+            ('topics', {'publish': 'ALLOW'}), ('topics', {'subscribe': 'ALLOW'}),
+            ('services', {'reply': 'ALLOW'})]
+        names = [line.text for part in profile for line in part]
+        assert all(name.startswith(('/mambo1/', '/mambo2/', '/rosout', '/parameter_events'))
+                   for name in names), names  # not the clock of another drone
+
+
+def test_one_drone_keeps_the_clock_and_frames_of_ros():
+    granted = policy.allowed('mambo_sim', 'sim_node', '/mambo')
+    assert '/clock' in granted['publish'] and '/mambo/motor_pwm' in granted['subscribe']
+    assert '/mambo/motor_pwm' not in granted['publish']
+
+
+def test_the_command_writes_a_file_once_and_refuses_what_cannot_be(tmp_path, capsys):
+    target = tmp_path / 'new' / 'policy.xml'
+    assert policy.main(['-o', str(target), '--drones', '3']) == 0
+    assert target.read_text() == policy.policy(['/mambo1', '/mambo2', '/mambo3'])
+    assert '21 enclaves' in capsys.readouterr().out
+    for words, text in ((['-o', str(target)], 'exists'),
+                        (['-o', str(tmp_path / 'b'), '--drones', '0'], '--drones 0 must be')):
+        assert policy.main(words) == 2
+        said = capsys.readouterr().err
+        assert said.count('\n') == 1 and text in said, said
