@@ -19,7 +19,7 @@ NUMBER = re.compile(r'-?\d+(?:\.\d+)?(?:e-?\d+)?')
 
 @pytest.fixture(scope='module')
 def examined():
-    return reproduce.examine(reproduce.chosen([]))
+    return reproduce.examine(reproduce.select_figures([]))
 
 
 @pytest.mark.slow
@@ -35,7 +35,7 @@ def test_the_document_is_what_the_command_says(examined):
 
 
 def test_every_scenario_of_the_thesis_is_looked_at(examined):
-    looked_at = {each.claim.flights for each in examined}
+    looked_at = {each.claim.scenario for each in examined}
     assert {name for name in scenario_file.names() if name.startswith('fig_')} <= looked_at
 
 
@@ -44,7 +44,7 @@ def test_what_does_not_hold_says_why(examined):
         if each.verdict == BY_CONSTRUCTION:
             assert each.claim.contains and each.claim.tests, each.claim.number
         elif each.verdict != REPRODUCED:
-            assert each.result.why_not, each.claim.number
+            assert each.result.remark, each.claim.number
 
 
 def test_verdicts_follow_from_what_was_measured():
@@ -80,15 +80,15 @@ def test_every_tolerance_has_its_reason(examined):
 
 
 def test_figures_are_chosen_by_number_and_by_chapter():
-    assert [claim.number for claim in reproduce.chosen(['6'])] == [
+    assert [claim.number for claim in reproduce.select_figures(['6'])] == [
         '6.1', '6.2', '6.3', 'Section 6.3', '6.4', 'Section 6.4', '6.5', '6.6']
-    assert [claim.number for claim in reproduce.chosen(['c.3', '5.11'])] == ['5.11', 'C.3']
+    assert [claim.number for claim in reproduce.select_figures(['c.3', '5.11'])] == ['5.11', 'C.3']
 
 
 def test_an_unknown_figure_is_refused_with_the_known_ones(capsys):
     assert reproduce.main(['7.1']) == 2
     assert capsys.readouterr().err.startswith(
-        "reproduce: no figure '7.1'; known: 2.1; Table 2.1; 3.1")
+        "reproduce: no figure '7.1': choose one of 2.1; Table 2.1; 3.1")
 
 
 def test_the_report_is_written_whole(examined, tmp_path):

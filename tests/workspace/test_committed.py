@@ -32,7 +32,7 @@ def test_the_figure_of_the_drift_shows_the_table_beside_it():
     lines = (ROOT / 'docs/evidence/drift.md').read_text().splitlines()
     begin = lines.index(report.flown_table({}).splitlines()[0])
     end = next(k for k in range(begin, len(lines)) if not lines[k].startswith('|'))
-    assert digest.saved(ROOT / 'docs/evidence/drift.png') == report.shows(
+    assert digest.saved(ROOT / 'docs/evidence/drift.png') == report.figure_digest(
         '\n'.join(lines[begin:end])), 'stale: run tools/remake.py docs/evidence/drift.png'
 
 

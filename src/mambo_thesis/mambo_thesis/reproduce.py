@@ -1,8 +1,8 @@
 """
-Fly every experiment of the thesis again and say what is reproduced.
+Fly every experiment of the thesis again and report which claims are reproduced.
 
-Writes ``index.html`` with every figure, ``reproduction.md`` and ``reproduction.json``. With
-``--mutations`` it flies mutated drones instead, says which claims notice them, and writes
+It writes ``index.html`` with every figure, ``reproduction.md`` and ``reproduction.json``. With
+``--mutations`` it flies mutated drones instead, reports which claims notice them, and writes
 ``claims.md`` and ``claims.json``.
 """
 
@@ -17,7 +17,7 @@ from mambo_model.errors import JobError, MamboError
 from mambo_model.whole_file import write_text
 from tqdm import tqdm
 
-from .figures import (  # noqa: F401 (each registers its figures)
+from .figures import (  # noqa: F401 (each module registers its figures)
     appendix_c, chapter_2, chapter_3, chapter_4, chapter_5, chapter_6, matrix, matrix_page, tables)
 from .figures.claim import Claim, CLAIMS
 from .figures.page import data, Examined, line, markdown, page, picture, summary
@@ -27,14 +27,14 @@ class ReproductionError(MamboError):
     """The report cannot be made; the message gives the reason in one line."""
 
 
-def chosen(numbers: list[str]) -> list[Claim]:
+def select_figures(numbers: list[str]) -> list[Claim]:
     """
-    Return the figures of some numbers or chapters, all of them for none.
+    Return the figures with these numbers or in these chapters; without numbers, all of them.
 
     Raises
     ------
     ReproductionError
-        Naming the known ones.
+        If a number is unknown; the message lists the known ones.
 
     """
     def belongs(claim: Claim, number: str) -> bool:
@@ -44,7 +44,8 @@ def chosen(numbers: list[str]) -> list[Claim]:
     for number in numbers:
         if not any(belongs(claim, number) for claim in known):
             raise ReproductionError(
-                f'no figure {number!r}; known: {"; ".join(c.number for c in known)}; or a chapter')
+                f'no figure {number!r}: choose one of {"; ".join(c.number for c in known)}; '
+                'or a chapter')
     return [claim for claim in known
             if not numbers or any(belongs(claim, number) for number in numbers)]
 
@@ -74,10 +75,10 @@ def _file(number: str) -> str:
 
 
 def _run(options: argparse.Namespace) -> None:
-    claims = chosen(options.figures)
+    claims = select_figures(options.figures)
     if options.output.exists() and not options.output.is_dir():
-        raise ReproductionError(f'{options.output} is no folder: give another --output')
-    options.output.mkdir(parents=True, exist_ok=True)  # if it cannot be, before anything is flown
+        raise ReproductionError(f'{options.output} is not a folder: give another --output')
+    options.output.mkdir(parents=True, exist_ok=True)  # fails before anything is flown
     if options.mutations:
         _run_matrix(claims, options.output)
         return
@@ -103,10 +104,10 @@ def parser() -> Parser:
     out = Parser('reproduce', __doc__.split('\n\n')[0])
     out.add_argument(
         'figures', nargs='*', metavar='FIGURE',
-        help='e.g. 5.11 or C.3, or a chapter: 6 (default: all)')
+        help='a figure such as 5.11 or C.3, or a chapter such as 6 (default: all)')
     out.add_argument(
         '--mutations', action='store_true',
-        help='say which claims notice that the drone is another one: drag, flow, motors, ...')
+        help='report which claims notice a mutated drone: other drag, flow, motors, ...')
     out.add_output('DIR', 'folder to write into (default: reproduction)', Path('reproduction'))
     return out
 

@@ -30,7 +30,7 @@ def reproduction():
     curve = (t, np.stack([t, np.full_like(t, np.nan), -t], axis=1))
     made = drawing.positions({'reference': (t, np.stack([t, t, t], axis=1)), 'IMU': curve})
     wanted = claim.at_most('an error', 0.1, 1.0, 'm'), claim.at_most('another', 2.0, 1.0, 'm')
-    results = [claim.Result([], why_not='a photograph'), *(
+    results = [claim.Result([], remark='a photograph'), *(
         claim.Result(list(wanted[:k]), made) for k in (1, 2))]
     return thesis.page([thesis.Examined(claim.Claim(f'5.{k}', 'it works', 'fig_5_3', None), result)
                         for k, result in enumerate(results)])

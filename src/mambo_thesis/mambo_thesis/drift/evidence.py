@@ -38,14 +38,14 @@ from .paths import Array, DRAG_RATE, EXPERIMENTS, LEVEL, PATHS, perfect, Track
 Model = tuple[str, ...]
 
 PRIOR = (0.1, 0.6, 0.3)
-"""Of no mechanism, of one (each alike), of two (each pair alike)."""
-CALIBRATION = 0.1   # of the scale, where only drift counts: 1.5 m with an offset of 0.15 m
+"""Prior probability of no mechanism, of one and of two; models of one size share it equally."""
+CALIBRATION = 0.1  # standard deviation of the scale with windows: offset of 0.15 m at 1.5 m
 ORDER = 8          # of the autoregressive process
-DURATION = 30.0    # s of an experiment that would separate
-ITERATIONS = 8     # of Gauss and Newton
+DURATION = 30.0    # s, length of a proposed experiment
+ITERATIONS = 8     # of the Gauss-Newton method
 NOISE_ITERATIONS = 3
-LEAST_SHARE = 0.1  # of noise that is not that of the gyro, should this explain all of it
-STEP = 1e-3        # of the derivative, in widths of the prior
+MIN_SHARE = 0.1    # of the residuals' power that always counts as noise other than the gyro's
+STEP = 1e-3        # of the numerical derivative, in prior widths
 MODELS: tuple[Model, ...] = tuple(
     model for size in range(3) for model in itertools.combinations(MECHANISMS, size))
 
@@ -80,8 +80,8 @@ class Fit(NamedTuple):
 class Noise(NamedTuple):
     """Noise of the flow, rad/s, as an autoregressive process."""
 
-    coefficients: Array  # (p,), of the samples before
-    sigma: float         # of the innovation
+    coefficients: Array  # (p,), of the previous samples
+    sigma: float         # standard deviation of the innovation
 
     @property
     def long_run(self) -> float:
@@ -115,7 +115,8 @@ class Evidence:
         self.scale = (1.0, PARAMETERS['scale'].width)
         self.windows = [_windows(f, window) for f in self.flights] if window else []
         if window and not any(len(rows) for rows in self.windows):
-            raise ValueError(f'no flight has flow without a gap for a window of {window:g} s')
+            raise ValueError(f'no flight has {window:g} s of flow without a gap; give a shorter '
+                             '--window')
         self.noise = noise or self._noise()
         if window:
             self.scale = (self.fit(()).values['scale'], CALIBRATION)
@@ -123,24 +124,28 @@ class Evidence:
 
     def residuals(self, values: dict[str, float]) -> list[Array]:
         """Return measured flow minus the flow of a model, (n, 2) rad/s for each flight."""
-        lag, late = values.get('height_lag', 0.0), values.get('late', 0.0)
+        lag, delay = values.get('height_lag', 0.0), values.get('delay', 0.0)
         out = []
         for f in self.flights:
             exact = flow(f.track, f.height_before(lag), values)
-            if late:
-                # by what came before: the noise of the flow steers what comes after
+            if delay:
+                # backward differences: the noise of the flow steers the vehicle afterwards
                 step = np.diff(f.track.t, prepend=2.0 * f.track.t[0] - f.track.t[1])
-                exact = exact - late / step[:, None] * np.diff(exact, axis=0, prepend=exact[:1])
+                exact = exact - delay / step[:, None] * np.diff(exact, axis=0, prepend=exact[:1])
             out.append(f.flow - exact)
         return out
 
     def _noise(self) -> Noise:
-        """Return the noise that the model with everything free leaves, that of the gyro aside."""
-        whole = tuple(MECHANISMS)
+        """
+        Estimate the noise from the residuals of the model with all parameters free.
+
+        The noise that the gyro adds through the rotation terms of the model is not part of it.
+        """
+        everything = tuple(MECHANISMS)
         noise = Noise(np.zeros(ORDER), 0.02)
         for _ in range(NOISE_ITERATIONS):
             self.noise = noise
-            values = self.fit(whole).values
+            values = self.fit(everything).values
             noise = _autoregression(
                 self.residuals(values),
                 [rate_share(f.track, values) * f.rate_noise for f in self.flights])
@@ -148,24 +153,25 @@ class Evidence:
 
     def whitened(self, values: dict[str, float]) -> Array:
         """
-        Return the residuals of a model as numbers of variance 1, and what their widths cost.
+        Return the whitened residuals of a model, which have unit variance, and width terms.
 
-        A model that explains flow by the measured rotation takes its noise along; by how much the
-        residuals are wider for it is part of the likelihood, as numbers whose squares count.
+        A model that explains flow by the measured rotation also takes over the noise of the gyro,
+        which widens its residuals. The likelihood contains the logarithm of that width. It is
+        appended as further numbers whose squares add up to it.
         """
-        left = self.residuals(values)
+        residuals = self.residuals(values)
         if self.window is None:
             kernel = np.r_[1.0, -self.noise.coefficients]
             out = []
-            for f, r in zip(self.flights, left, strict=True):
+            for f, r in zip(self.flights, residuals, strict=True):
                 innovation = lfilter(kernel, [1.0], r, axis=0)[ORDER:] / self.noise.sigma
                 gyro = rate_share(f.track, values)[ORDER:] * f.rate_noise / self.noise.sigma
-                more = np.linalg.norm(kernel)**2 * gyro**2  # variance, that of the flow being 1
+                more = np.linalg.norm(kernel)**2 * gyro**2  # variance, relative to the flow noise
                 out += [(innovation / np.sqrt(1.0 + more)).ravel(),
                         (np.sign(gyro) * np.sqrt(np.log1p(more))).ravel()]
             return np.concatenate(out)
         out = []
-        for f, r, windows in zip(self.flights, left, self.windows, strict=True):
+        for f, r, windows in zip(self.flights, residuals, self.windows, strict=True):
             Z, t = f.track.depth, f.track.t
             step = np.gradient(t)
             body = np.column_stack([r * (Z * step)[:, None], np.zeros(len(t))])
@@ -177,32 +183,33 @@ class Evidence:
 
     def fit(self, model: Model, known: Fit | None = None) -> Fit:
         """Return the most probable values of a model; ``known``, if given, replaces the prior."""
-        names = ['scale', 'late', *(n for letter in model for n in MECHANISMS[letter].parameters)]
+        names = ['scale', 'delay', *(n for letter in model for n in MECHANISMS[letter].parameters)]
         widths = np.array([self.scale[1], *(PARAMETERS[name].width for name in names[1:])])
-        middle = np.array([self.scale[0]] + [0.0] * (len(names) - 1))
+        prior = np.array([self.scale[0]] + [0.0] * (len(names) - 1))
         if known is not None:
-            middle = np.array([known.values[name] for name in names])
+            prior = np.array([known.values[name] for name in names])
             widths = np.array([known.sigmas[name] for name in names])
-        theta = middle.copy()
+        theta = prior.copy()
 
-        def left(x: Array) -> Array:
+        def residual(x: Array) -> Array:
             return self.whitened(dict(zip(names, x.tolist(), strict=True)))
 
         def cost(x: Array, r: Array) -> float:
-            return 0.5 * float(np.sum(r * r) + np.sum(((x - middle) / widths)**2))
+            return 0.5 * float(np.sum(r * r) + np.sum(((x - prior) / widths)**2))
 
-        r = left(theta)
+        r = residual(theta)
         for _ in range(ITERATIONS):
-            J = np.column_stack([(left(theta + d) - r) / (STEP * w) for d, w in zip(
+            J = np.column_stack([(residual(theta + d) - r) / (STEP * w) for d, w in zip(
                 STEP * np.diag(widths), widths, strict=True)])
             H = J.T @ J + np.diag(widths**-2.0)
-            move = np.linalg.solve(H, -J.T @ r - (theta - middle) / widths**2)
-            share, before = 1.0, cost(theta, r)
-            while cost(theta + share * move, left(theta + share * move)) > before and share > 0.01:
+            step = np.linalg.solve(H, -J.T @ r - (theta - prior) / widths**2)
+            share, start = 1.0, cost(theta, r)
+            while cost(theta + share * step, residual(theta + share * step)) > start \
+                    and share > 0.01:
                 share *= 0.5
-            theta = theta + share * move
-            r = left(theta)
-            if float(move @ H @ move) < 1e-4:
+            theta = theta + share * step
+            r = residual(theta)
+            if float(step @ H @ step) < 1e-4:
                 break
         sigmas = np.sqrt(np.diag(np.linalg.inv(H)))
         evidence = -cost(theta, r) - float(np.log(widths).sum()) \
@@ -240,20 +247,20 @@ def _windows(f: Flight, window: float) -> list[slice]:
 
 def _autoregression(residuals: Sequence[Array], white: Sequence[Array]) -> Noise:
     """
-    Return the autoregressive process of residuals, by Yule and Walker.
+    Return the autoregressive process of residuals, by the Yule-Walker equations.
 
     Parameters
     ----------
     residuals : (n, 2) rad/s of each flight
     white : (n, 2) rad/s of each flight
-        Standard deviation of white noise in them that is not part of the process.
+        Standard deviation of white noise in the residuals that is not part of the process.
 
     """
     sums, count = np.zeros(ORDER + 1), 0
     for r, s in zip(residuals, white, strict=True):
         r = r - r.mean(axis=0)
         sums += [float(np.sum(r[k:] * r[:len(r) - k])) for k in range(ORDER + 1)]
-        sums[0] -= (1.0 - LEAST_SHARE) * min(float(np.sum(s * s)), float(np.sum(r * r)))
+        sums[0] -= (1.0 - MIN_SHARE) * min(float(np.sum(s * s)), float(np.sum(r * r)))
         count += r.size
     covariance = sums / count
     a = solve_toeplitz(covariance[:-1], covariance[1:])
@@ -266,28 +273,28 @@ def inclusion(fits: Sequence[Fit]) -> dict[str, float]:
             for letter in MECHANISMS}
 
 
-def minor(flights: Sequence[Flight], fit: Fit, noise: Noise) -> list[str]:
+def negligible(flights: Sequence[Flight], fit: Fit, noise: Noise) -> list[str]:
     """
     Return which mechanism of a pair is too small beside the other one to be a finding.
 
-    What it adds to the flow is less than the noise of a sample and less than half of what the
-    other one adds: what no model here explains may look like that.
+    It is negligible if it changes the flow by less than the noise of one sample and by less than
+    half of what the other one does. Effects that no model here contains may be of that size.
     """
     if len(fit.model) < 2:
         return []
     sizes = {}
     for letter in fit.model:
-        less = {name: value for name, value in fit.values.items()
-                if name not in MECHANISMS[letter].parameters}
-        added = np.concatenate([np.subtract(*(
+        others = {name: value for name, value in fit.values.items()
+                  if name not in MECHANISMS[letter].parameters}
+        change = np.concatenate([np.subtract(*(
             flow(f.track, f.height_before(values.get('height_lag', 0.0)), values)
-            for values in (fit.values, less))) for f in flights])
-        sizes[letter] = math.sqrt(np.mean(added**2))
+            for values in (fit.values, others))) for f in flights])
+        sizes[letter] = math.sqrt(np.mean(change**2))
     return [x for x in fit.model if sizes[x] < min(noise.sigma, 0.5 * max(sizes.values()))]
 
 
-def not_separated(fits: Sequence[Fit], level: float = 0.95) -> list[Fit]:
-    """Return the fewest models that hold a probability together, the most probable first."""
+def credible_models(fits: Sequence[Fit], level: float = 0.95) -> list[Fit]:
+    """Return the smallest set of models whose probabilities sum to a level, best first."""
     total, out = 0.0, []
     for fit in fits:
         out.append(fit)
@@ -297,19 +304,19 @@ def not_separated(fits: Sequence[Fit], level: float = 0.95) -> list[Fit]:
     return out
 
 
-def separating(a: Fit, b: Fit, noise: Noise, window: float | None = None) -> dict[str, float]:
+def separating_odds(a: Fit, b: Fit, noise: Noise, window: float | None = None) -> dict[str, float]:
     """
-    Return by how much 30 s of each experiment would tell two models apart, as ln of the odds.
+    Return the ln odds by which 30 s of each experiment would separate two models.
 
-    What one model predicts is fitted by the other one, within what the flights so far left open
-    of its values; the smaller of both ways.
+    The prediction of one model is fitted by the other, whose values may move within their present
+    standard deviations. The smaller of the two directions counts.
 
     Parameters
     ----------
     a, b
-        Models with their values.
+        Fitted models.
     noise
-        Of the flow.
+        Noise of the flow.
     window : s
         As in :class:`Evidence`.
 
@@ -329,8 +336,8 @@ def separating(a: Fit, b: Fit, noise: Noise, window: float | None = None) -> dic
             before = still.height_before(truth.values.get('height_lag', 0.0))
             flown = still._replace(flow=flow(still.track, before, truth.values))
             fit = Evidence([flown], window, noise).fit(other.model, other)
-            moved = sum(((value - other.values[name]) / other.sigmas[name])**2
-                        for name, value in fit.values.items())
-            odds.append(0.5 * (fit.chi_square + moved))
+            change = sum(((value - other.values[name]) / other.sigmas[name])**2
+                         for name, value in fit.values.items())
+            odds.append(0.5 * (fit.chi_square + change))
         out[name] = min(odds)
     return out

@@ -24,17 +24,17 @@ import numpy as np
 from tqdm import tqdm
 
 from . import observations, report, table
-from .evidence import Evidence, inclusion, minor
+from .evidence import Evidence, inclusion, negligible
 from .flight import Flight, flow_of, from_recording
 from .mechanisms import flow
 from .paths import Array, EXPERIMENTS, Track
-from .report import Flown, Found
+from .report import Flown, Identification
 
 Q0 = 1.06
 SEEDS = (1, 2, 3)
-TURNS = 4.0 * np.pi  # s, whole turns at every speed of the experiments
+TURNS = 4.0 * np.pi  # s, a whole number of turns at every speed
 ONE_PATH = ('drift_w_1',)
-GRAINS = {  # what is asked: experiments, window in s
+DATA_SETS = {  # {name: (experiments, window in s)}
     'all five, every sample': (tuple(EXPERIMENTS), None),
     'all five, drift alone': (tuple(EXPERIMENTS), TURNS),
     '`drift_w_1`, every sample': (ONE_PATH, None),
@@ -45,15 +45,15 @@ GRAINS = {  # what is asked: experiments, window in s
 class Truth(NamedTuple):
     """The error that a flight of the scenarios contains."""
 
-    row: str                  # of the table of mechanisms
-    sensor: dict[str, float]  # what the equation says of the flow
-    letter: str               # of the mechanism that is to be found
-    parameter: str
-    value: float
+    row: str                  # its row in the table of mechanisms
+    sensor: dict[str, float]  # parameters of the flow equation
+    letter: str               # of the mechanism to identify
+    parameter: str            # the parameter of that mechanism
+    value: float              # its true value
 
 
 SLOPE = 0.07 / 1.025  # 1/m, (C.2b) about 1.5 m
-TRUTHS = {  # flight of the scenario: what is wrong; C2 is an error of the estimator
+TRUTHS = {  # {flight of the scenario: its error}; C2 is an error of the estimator
     'a': Truth('A', {'slope': SLOPE, 'scale': 1.025}, 'A', 'slope', SLOPE),
     'c2': Truth('C2 drag', {'scale': Q0}, 'C2', 'frame', 1.0),
     'd2': Truth('D2 drag', {'leakage': -1.0, 'scale': Q0}, 'D', 'leakage', -1.0),
@@ -61,11 +61,11 @@ TRUTHS = {  # flight of the scenario: what is wrong; C2 is an error of the estim
 }
 
 
-def judged(key: str, track: Track, samples: Array) -> Array:
-    """Return flow, (n, 2) rad/s, as the estimator of a flight stands for it: for C2 unturned."""
+def flow_of_estimator(key: str, track: Track, samples: Array) -> Array:
+    """Return the flow, (n, 2) rad/s, equivalent to the estimator's velocity; C2 alone differs."""
     if key != 'c2':
         return samples
-    return flow_of(track, table.without_turning(track, Q0 * samples)) / Q0
+    return flow_of(track, table.without_rotation(track, Q0 * samples)) / Q0
 
 
 @functools.cache
@@ -74,7 +74,7 @@ def fly(name: str, seed: int = 1) -> Flight:
     over = {'seed': scenario_file.Place(seed, '--seed')}
     flight = from_recording(name, closed_loop.fly(scenario_file.load(name, over)[1]))
     key = name.rpartition('/')[2]
-    return flight._replace(flow=judged(key, flight.track, flight.flow))
+    return flight._replace(flow=flow_of_estimator(key, flight.track, flight.flow))
 
 
 def per_turn(track: Track, path: Array, speed: float) -> float:
@@ -105,7 +105,7 @@ def drift(flight: Flight, samples: Array, speed: float) -> float:
 
     """
     track = flight.track
-    error = table.right(track, Q0 * samples) - track.velocity[:, :2]
+    error = table.exact_velocity(track, Q0 * samples) - track.velocity[:, :2]
     return per_turn(track, integral(track.t, error[:, 0]), speed)
 
 
@@ -123,7 +123,7 @@ def experiment(name: str) -> dict[str, Flown]:
     for key, truth in TRUTHS.items():
         flights = [fly(f'{name}/{key}', seed) for seed in SEEDS]
         track = flights[0].track
-        exact = judged(key, track, flow(track, track.height, truth.sensor))
+        exact = flow_of_estimator(key, track, flow(track, track.height, truth.sensor))
         out[key] = Flown(
             loop(flights[0], speed, size),
             float(table.drift(table.ROWS[truth.row], path, speed, size)[0]),
@@ -133,52 +133,56 @@ def experiment(name: str) -> dict[str, Flown]:
     return out
 
 
-def identify(key: str, grain: str) -> Found:
-    """Return what the flights of a mechanism, first seed, support."""
-    names, window = GRAINS[grain]
+def identify(key: str, data_set: str) -> Identification:
+    """Identify the mechanism from flights (first seed) whose error is known."""
+    names, window = DATA_SETS[data_set]
     truth = TRUTHS[key]
     evidence = Evidence([fly(f'{name}/{key}') for name in names], window)
     fits = evidence.compare()
     alone, = (f for f in fits if f.model == (truth.letter,))
     best, whole = fits[0], inclusion(fits)
-    small = minor(evidence.flights, best, evidence.noise) if window is None else []
+    small = negligible(evidence.flights, best, evidence.noise) if window is None else []
     model = tuple(x for x in best.model if x not in small)
     probability = min(whole[x] for x in model) if small else best.probability
-    return Found(key, grain, model, probability, whole[truth.letter],
-                 alone.values[truth.parameter], alone.sigmas[truth.parameter])
+    return Identification(
+        key, data_set, model, probability, whole[truth.letter],
+        alone.values[truth.parameter], alone.sigmas[truth.parameter])
 
 
 def _run(options: argparse.Namespace) -> None:
     perfect = table.table()
     flown = {name: experiment(name) for name in tqdm(
         EXPERIMENTS, desc='flying (compiles once)', disable=None, leave=False)}
-    asked = [(key, grain) for key in TRUTHS for grain in GRAINS]
-    found = [identify(*one) for one in tqdm(
-        asked, desc='asking the flights', disable=None, leave=False)]
-    shown = observations.confronted()
+    cases = [(key, data_set) for key in TRUTHS for data_set in DATA_SETS]
+    found = [identify(*case) for case in tqdm(
+        cases, desc='identifying mechanisms', disable=None, leave=False)]
+    shown = observations.observed_by_mechanism()
     tables = [
         report.perfect_table(perfect), report.sources_table(), report.observed_table(shown),
-        report.flown_table(flown),
-        report.found_table(found, {key: truth.value for key, truth in TRUTHS.items()})]
+        report.flown_table(flown), report.identification_table(
+            found, {key: truth.value for key, truth in TRUTHS.items()})]
     print('\n'.join(tables))
     write_text(options.output / 'drift.md', '\n'.join(tables))
     write_text(options.output / 'drift.json', json.dumps({
         'table': {k: v.tolist() for k, v in perfect.items()}, 'observations': shown,
         'flown': {n: {k: f._asdict() for k, f in d.items()} for n, d in flown.items()},
-        'found': [f._asdict() for f in found],
+        'identified': [f._asdict() for f in found],
     }, indent=1) + '\n')
-    digest.save(report.draw(flown), options.output / 'drift.png', 130, report.shows(tables[3]))
+    digest.save(report.draw(flown), options.output / 'drift.png', 130,
+                report.figure_digest(tables[3]))
     if options.write:
-        write_text(options.write, report.put(tables, options.write.read_text(), options.write))
+        write_text(options.write, report.replace_tables(
+            tables, options.write.read_text(), options.write))
     print(f'figure: {options.output / "drift.png"}')
 
 
 def parser() -> Parser:
     """Return the command line."""
-    out = Parser('drift_experiments', 'Drift by mechanism: table and experiments.')
+    out = Parser('drift_experiments',
+                 'Predict the drift of each mechanism and fly the experiments that separate them.')
     out.add_output('DIR', 'folder to write into (default: drift)', Path('drift'))
     out.add_argument('--write', type=Path, metavar='FILE',
-                     help='put the tables into this document, in place of those it has')
+                     help='replace the tables of this document')
     return out
 
 

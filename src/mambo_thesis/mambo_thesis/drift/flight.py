@@ -1,12 +1,12 @@
 """
-A flight as evidence: at each sample of the optical flow, what Optitrack says of the motion.
+A flight as evidence: the true motion from Optitrack at each sample of the optical flow.
 
-Velocity is the derivative of the local cubic of
-:func:`mambo_signals.derivative.local_fit` over about 0.13 s, which does not shift in
-time; angular rate is that of the gyro, its bias taken from Optitrack, or else Optitrack's own. Of
-the gyro a mean of 15 ms is taken, which leaves a third of what vibrates from sample to sample. No
-more: the noise of the flow steers the vehicle, so that a rate which holds later ones is no longer
-independent of it.
+The velocity is the derivative of a local cubic over about 0.13 s
+(:func:`mambo_signals.derivative.local_fit`), which has no time lag. The angular rate comes from
+the gyro, with its bias removed by comparison with Optitrack, or from Optitrack if there is no
+gyro. The gyro is averaged over 15 ms, which leaves a third of its vibration from sample to sample.
+A longer average would be correlated with the flow noise: this noise steers the vehicle, and the
+average contains later samples.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from scipy.spatial.transform import Rotation, Slerp
 from .mechanisms import level_part
 from .paths import Array, Track
 
-SMOOTH = 0.13        # s, of the local cubic
-GYRO_MEAN = 0.015    # s, of the gyro
-MIN_HEIGHT = 0.45    # m: the sensor says nothing below 0.4 m
-MIN_COSINE = 0.7     # of the tilt, as the estimator wants
+SMOOTH = 0.13        # s, window of the local cubic
+GYRO_MEAN = 0.015    # s, window of the average of the gyro
+MIN_HEIGHT = 0.45    # m: the sensor measures nothing below 0.4 m
+MIN_COSINE = 0.7     # of the tilt, the limit of the estimator
 MIN_SAMPLES = 100
 LAGS = np.arange(-0.02, 0.1501, 0.0025)  # s
 
@@ -47,19 +47,19 @@ class Flight(NamedTuple):
     Attributes
     ----------
     name
-        Of the bag.
+        Name of the bag.
     track : n instants
         True motion at the samples of the flow, in time order.
     flow : (n, 2) rad/s, body x forward and y right
-        Flow, or what an estimate would need as flow.
+        Measured flow, or the flow equivalent to an estimate (:func:`from_estimate`).
     heights : (m, 2) s, m
-        Height over time, finer than the track, for what lags.
+        Height over time, sampled more densely than the track, to look up earlier heights.
     velocity_noise : m/s
-        Standard deviation of a component of the velocity, from what the local cubic leaves.
+        Standard deviation of a velocity component, from the residuals of the local cubic.
     rate_noise : rad/s
         Standard deviation of the angular rate about x and y, from third differences of means.
     impossible
-        How many poses of Optitrack were left out that cannot be true.
+        Number of impossible Optitrack poses that were rejected.
 
     """
 
@@ -90,8 +90,8 @@ class Smooth(NamedTuple):
     t: Array         # (n,) s
     position: Array  # (n, 3) m
     velocity: Array  # (n, 3) m/s
-    known: NDArray[np.bool_]
-    noise: float     # m/s
+    known: NDArray[np.bool_]  # (n,), False in gaps
+    noise: float     # m/s, standard deviation of a velocity component
 
 
 def smoothed(poses: Poses) -> Smooth:
@@ -106,35 +106,36 @@ def smoothed(poses: Poses) -> Smooth:
     """
     period = float(np.median(np.diff(poses.t))) if len(poses.t) > 1 else 1.0
     if len(poses.t) * period < 1.0 or len(poses.t) < 30:
-        raise BagError(f'{len(poses.t)} poses of Optitrack: 1 s and 30 of them are needed')
+        raise BagError(f'only {len(poses.t)} Optitrack poses: at least 1 s and 30 poses are '
+                       'needed')
     t = np.arange(poses.t[0], poses.t[-1], period)
     width = max(2 * round(0.5 * SMOOTH / period) + 1, 7)
     position, velocity = local_fit(poses.t, poses.position, t, width * period, 3)
     known = np.isfinite(velocity).all(axis=1)
     if not known.any():
-        raise BagError('poses of Optitrack: gaps leave no 0.13 s of them')
+        raise BagError('Optitrack poses have too many gaps: 0.13 s without a gap are needed')
     middle, slope = (savgol_coeffs(width, 3, deriv=d, delta=period) for d in (0, 1))
     raw = columns_at(t, poses.t, poses.position)
-    left = np.nanmedian(np.abs(raw - position)) / 0.6745
-    single = left / np.sqrt(max(1.0 - middle[width // 2], 1e-3))
-    return Smooth(t, position, velocity, known, float(single * np.linalg.norm(slope)))
+    residual = np.nanmedian(np.abs(raw - position)) / 0.6745
+    noise = residual / np.sqrt(max(1.0 - middle[width // 2], 1e-3))  # of a single pose
+    return Smooth(t, position, velocity, known, float(noise * np.linalg.norm(slope)))
 
 
 def _rates(poses: Poses, gyro: Stream | None) -> tuple[Array, Array, float]:
-    """Return times, rates, (n, 3) rad/s body, and their noise: of the gyro, if there, unbiased."""
-    t, seen = body_rates(poses.t, poses.rotation.as_quat())
+    """Return times, body rates, (n, 3) rad/s, and their noise: gyro minus bias, or Optitrack."""
+    t, tracked = body_rates(poses.t, poses.rotation.as_quat())
     if gyro is None or len(gyro.t) < 2:
-        return t, seen, rate_noise(seen)
+        return t, tracked, rate_noise(tracked)
     count = 2 * int(0.5 * GYRO_MEAN / np.median(np.diff(gyro.t))) + 1
     means = uniform_filter1d(gyro.values, count, axis=0)
     return gyro.t, means - np.nanmedian(
-        columns_at(t, gyro.t, gyro.values) - seen, axis=0), rate_noise(means[::count])
+        columns_at(t, gyro.t, gyro.values) - tracked, axis=0), rate_noise(means[::count])
 
 
 def rate_noise(rates: Array) -> float:
     """Return the white noise of rates, (n, 3) rad/s, about x and y; slow motion does not count."""
-    apart = np.diff(rates[:, :2], n=3, axis=0)
-    return float(np.median(np.abs(apart)) / 0.6745 / np.sqrt(20.0))  # 1 + 9 + 9 + 1
+    differences = np.diff(rates[:, :2], n=3, axis=0)
+    return float(np.median(np.abs(differences)) / 0.6745 / np.sqrt(20.0))  # 1 + 9 + 9 + 1
 
 
 def assemble(
@@ -166,12 +167,12 @@ def assemble(
 
     """
     grid = smoothed(poses)
-    seen = np.isfinite(flow.values).all(axis=1)
-    t, values = flow.t[seen] - lag, flow.values[seen]
+    valid = np.isfinite(flow.values).all(axis=1)
+    t, values = flow.t[valid] - lag, flow.values[valid]
     heights = np.column_stack([grid.t, -grid.position[:, 2]])[grid.known]
     if height is not None:
-        heard = np.isfinite(height.values)
-        heights = np.column_stack([height.t[heard], height.values[heard]])
+        valid = np.isfinite(height.values)
+        heights = np.column_stack([height.t[valid], height.values[valid]])
     inside = (t > max(grid.t[0], poses.t[0])) & (t < min(grid.t[-1], poses.t[-1]))
     t, values = t[inside], values[inside]
     rates = _rates(poses, gyro)
@@ -182,15 +183,15 @@ def assemble(
     t, values, turning = t[known], values[known], turning[known]
     position, velocity = track[known, :3], track[known, 3:]
     if len(t) < MIN_SAMPLES:
-        raise BagError(f'{name}: {len(t)} samples of optical flow have a pose of Optitrack beside '
-                       f'them; {MIN_SAMPLES} are needed')
+        raise BagError(f'{name}: only {len(t)} samples of optical flow have an Optitrack pose; '
+                       f'{MIN_SAMPLES} are needed')
 
     position[:, 2] = -np.interp(t, *heights.T)
     track = Track(t, position, velocity, Slerp(poses.t, poses.rotation)(t).as_matrix(), turning)
     flying = (track.height > min_height) & (track.R[:, 2, 2] > MIN_COSINE)
     if flying.sum() < MIN_SAMPLES:
-        raise BagError(f'{name}: {flying.sum()} samples of optical flow above {min_height:g} m; '
-                       f'{MIN_SAMPLES} are needed')
+        raise BagError(f'{name}: only {flying.sum()} samples of optical flow are above '
+                       f'{min_height:g} m and not tilted too far; {MIN_SAMPLES} are needed')
     return Flight(name, track.part(flying), values[flying], heights, grid.noise,
                   rates[2])
 
@@ -203,7 +204,7 @@ class Source(NamedTuple):
     flow: Stream
     gyro: Stream | None
     height: Stream | None = None
-    impossible: int = 0  # poses left out
+    impossible: int = 0  # number of rejected poses
 
     def flight(self, lag: float, min_height: float = MIN_HEIGHT) -> Flight:
         """Return the flight for a given lag of the flow, s."""
@@ -212,17 +213,17 @@ class Source(NamedTuple):
         return found._replace(impossible=self.impossible)
 
 
-def _unexplained(f: Flight) -> float:
-    """Return ln of the mean square, factor over height, rotation and cubic being free."""
+def _log_residual(f: Flight) -> float:
+    """Return ln of the mean square residual of the flow, fitted by terms of all mechanisms."""
     omega, nu, Z = f.track.omega, f.track.nu[:, :2], f.track.depth[:, None]
-    rotation, exact, left = np.column_stack([omega[:, 1], -omega[:, 0]]), nu / Z, 0.0
+    rotation, exact, power = np.column_stack([omega[:, 1], -omega[:, 0]]), nu / Z, 0.0
     for axis in range(2):
-        parts = np.column_stack([part[:, axis] for part in (
+        terms = np.column_stack([term[:, axis] for term in (
             exact, nu, exact / Z, exact**3, rotation, level_part(f.track) / Z,
             np.ones_like(nu))])
-        best = np.linalg.lstsq(parts, f.flow[:, axis], rcond=None)[0]
-        left += float(np.mean((f.flow[:, axis] - parts @ best)**2))
-    return float(np.log(max(left, 1e-12)))
+        best = np.linalg.lstsq(terms, f.flow[:, axis], rcond=None)[0]
+        power += float(np.mean((f.flow[:, axis] - terms @ best)**2))
+    return float(np.log(max(power, 1e-12)))
 
 
 def flow_lag(sources: Sequence[Source], min_height: float = MIN_HEIGHT) -> float:
@@ -232,10 +233,10 @@ def flow_lag(sources: Sequence[Source], min_height: float = MIN_HEIGHT) -> float
     The lag belongs to the sensor and is the same in all flights. A slow flight alone hardly
     determines it.
     """
-    left = [sum(len(s.flow.t) * _unexplained(
+    cost = [sum(len(s.flow.t) * _log_residual(
         s._replace(height=None).flight(float(lag), min_height)) for s in sources) for lag in LAGS]
-    k = int(np.clip(np.argmin(left), 1, len(left) - 2))
-    before, here, after = left[k - 1:k + 2]
+    k = int(np.clip(np.argmin(cost), 1, len(cost) - 2))
+    before, here, after = cost[k - 1:k + 2]
     bend = before - 2.0 * here + after
     return float(LAGS[k] + (0.5 * (before - after) / bend if bend > 0.0 else 0.0) * 0.0025)
 
@@ -285,23 +286,23 @@ def _source(path: Path, namespace: str | None, height: str, bag: Bag) -> Source:
     """Read the streams of a bag; raise BagError if flow, poses or sonar are missing."""
     sensors = read_sensors(path, namespace)
     if sensors.flow is None or 'optitrack/pose' not in bag:
-        lacks = 'optical_flow' if sensors.flow is None else 'optitrack/pose'
-        raise BagError(f'{path}: no {lacks} in it: flow and Optitrack are both needed')
-    seen = motion.read(bag, 'optitrack/pose')
-    good = np.isfinite(seen.quaternion).all(axis=1)
+        topic = 'optical_flow' if sensors.flow is None else 'optitrack/pose'
+        raise BagError(f'{path}: no topic {topic}; optical_flow and optitrack/pose are needed')
+    tracked = motion.read(bag, 'optitrack/pose')
+    good = np.isfinite(tracked.quaternion).all(axis=1)
     if not good.any():
-        raise BagError(f'{path}: optitrack/pose has no attitude')
-    x, y, z, w = seen.quaternion[good].T
-    position = np.column_stack(flip_vector(tuple(seen.position[good].T)))
-    poses = Poses(seen.t[good], position, Rotation.from_quat(np.column_stack([x, -y, -z, w])))
-    ranged = None
+        raise BagError(f'{path}: optitrack/pose has no attitude; record the orientation too')
+    x, y, z, w = tracked.quaternion[good].T
+    position = np.column_stack(flip_vector(tuple(tracked.position[good].T)))
+    poses = Poses(tracked.t[good], position, Rotation.from_quat(np.column_stack([x, -y, -z, w])))
+    sonar_height = None
     if height == 'sonar':
         if sensors.sonar is None:
-            raise BagError(f'{path}: no sonar/range in it; take --height optitrack')
+            raise BagError(f'{path}: no topic sonar/range; use --height optitrack')
         upright = poses.rotation.as_matrix()[:, 2, 2]
         cosine = columns_at(sensors.sonar.t, poses.t, upright[:, None])[:, 0]
-        ranged = Stream(sensors.sonar.t, sensors.sonar.values * cosine)
-    return Source(path.name, poses, sensors.flow, sensors.gyro, ranged, seen.impossible)
+        sonar_height = Stream(sensors.sonar.t, sensors.sonar.values * cosine)
+    return Source(path.name, poses, sensors.flow, sensors.gyro, sonar_height, tracked.impossible)
 
 
 def read(paths: Sequence[Path], namespace: str | None = None, lag: float | None = None,
@@ -337,7 +338,7 @@ def read(paths: Sequence[Path], namespace: str | None = None, lag: float | None 
         lag = flow_lag(sources, min_height)
     flights = [source.flight(lag, min_height) for source in sources]
     if estimate:
-        told = [motion.read(bag, estimate) for bag in bags]
+        estimates = [motion.read(bag, estimate) for bag in bags]
         flights = [from_estimate(f, e.t, np.column_stack(flip_vector(tuple(e.position.T))))
-                   for f, e in zip(flights, told, strict=True)]
+                   for f, e in zip(flights, estimates, strict=True)]
     return flights, lag

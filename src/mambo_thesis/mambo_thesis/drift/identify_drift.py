@@ -27,14 +27,14 @@ import numpy as np
 from ..figures.drawing import sheet
 from ..figures.page import picture
 from .evidence import (
-    Evidence, Fit, inclusion, minor, Noise, not_separated, PRIOR, separating)
+    credible_models, Evidence, Fit, inclusion, negligible, Noise, PRIOR, separating_odds)
 from .flight import Flight, MIN_HEIGHT, read
 from .mechanisms import flow, MECHANISMS, PARAMETERS
 
-SURE = 0.95
-SHOWN = 6
-ODDS = 3.0  # ln: 20 to 1
-DIM = 0.03  # share of noise in the rotation, by which a leakage comes out too small
+CONFIDENCE = 0.95
+SHOWN_MODELS = 6
+SEPARATING_ODDS = 3.0   # ln odds that separate two models: 20 to 1
+MAX_NOISE_SHARE = 0.03  # share of noise in the rotation's power: it biases the leakage towards 0
 
 
 def label(model: Sequence[str]) -> str:
@@ -48,64 +48,67 @@ def _values(fit: Fit) -> str:
         .removesuffix(' 1') for name, value in fit.values.items())
 
 
-def sentence(fits: list[Fit], small: Sequence[str] = ()) -> str:
-    """Return what the flights say, in one sentence; ``small`` of :func:`minor`."""
-    best, left = fits[0], not_separated(fits, SURE)
-    what = ' and '.join(f'{x} ({MECHANISMS[x].says})' for x in best.model if x not in small) \
+def conclusion(fits: list[Fit], small: Sequence[str] = ()) -> str:
+    """Return the conclusion from the flights in one sentence; ``small`` of `negligible`."""
+    best, credible = fits[0], credible_models(fits, CONFIDENCE)
+    what = ' and '.join(f'{x} ({MECHANISMS[x].description})' for x in best.model
+                        if x not in small) \
         or 'no mechanism: a constant scale is enough'
     if small:
         whole = inclusion(fits)
         main = min(whole[x] for x in best.model if x not in small)
-        return (f'the flights support {what}, probability {main:.2f}; {small[0]} beside it adds '
-                'less than the noise: no finding')
-    if len(left) == 1:
+        return (f'the flights support {what}, probability {main:.2f}; {small[0]} adds less than '
+                'the noise and is not a finding')
+    if len(credible) == 1:
         return f'the flights support {what}, probability {best.probability:.2f}'
-    sure = [x for x, p in inclusion(fits).items() if p >= SURE]
-    more = f'; {" and ".join(sure)} is part of it (at least {SURE:.2f})' if sure else ''
-    others = ', '.join(label(f.model) for f in left[1:SHOWN])
+    certain = [x for x, p in inclusion(fits).items() if p >= CONFIDENCE]
+    more = f'; {" and ".join(certain)} present with probability of at least {CONFIDENCE:.2f}' \
+        if certain else ''
+    others = ', '.join(label(f.model) for f in credible[1:SHOWN_MODELS])
     return (f'these flights cannot separate {label(best.model)} ({best.probability:.2f}) from '
             f'{others}{more}')
 
 
-def advice(fits: list[Fit], noise: Noise, window: float | None) -> str:
-    """Return which experiment would separate the two most probable models; '' if none need be."""
-    left = not_separated(fits, SURE)
-    if len(left) < 2:
+def recommendation(fits: list[Fit], noise: Noise, window: float | None) -> str:
+    """Return the experiment that best separates the two most probable models; '' if not needed."""
+    credible = credible_models(fits, CONFIDENCE)
+    if len(credible) < 2:
         return ''
-    odds = separating(left[0], left[1], noise, window)
+    odds = separating_odds(credible[0], credible[1], noise, window)
     name = max(odds, key=lambda key: odds[key])
-    pair = f'{label(left[0].model)} and {label(left[1].model)}'
-    if odds[name] < ODDS:
-        return (f'30 s of none of {", ".join(odds)} would separate {pair} as they are fitted '
-                f'(at best {name}, ln odds {odds[name]:.1f})')
-    return f'{pair} would be separated best by 30 s of {name} (ln odds {odds[name]:.0f})'
+    pair = f'{label(credible[0].model)} and {label(credible[1].model)}'
+    if odds[name] < SEPARATING_ODDS:
+        return (f'30 s of any one of {", ".join(odds)} would not separate {pair} as fitted '
+                f'(best: {name}, ln odds {odds[name]:.1f})')
+    return f'30 s of {name} would separate {pair} best (ln odds {odds[name]:.0f})'
 
 
-def caveat(flights: Sequence[Flight]) -> str:
-    """Return that rotation cannot be judged, if it is hidden in the noise of its measurement."""
-    seen = np.concatenate([f.track.omega[:, :2].ravel() for f in flights])
-    noise = np.concatenate([np.full(2 * len(f.flow), f.rate_noise) for f in flights])
-    rotation, unsure = math.sqrt(np.mean(seen**2)), math.sqrt(np.mean(noise**2))
-    if unsure**2 <= DIM * rotation**2:
+def rotation_warning(flights: Sequence[Flight]) -> str:
+    """Return a warning if the rotation is too small against its measurement noise, else ''."""
+    measured = np.concatenate([f.track.omega[:, :2].ravel() for f in flights])
+    noises = np.concatenate([np.full(2 * len(f.flow), f.rate_noise) for f in flights])
+    rotation, noise = math.sqrt(np.mean(measured**2)), math.sqrt(np.mean(noises**2))
+    if noise**2 <= MAX_NOISE_SHARE * rotation**2:
         return ''
-    return (f'little rotation: {rotation:.3f} rad/s measured with a noise of {unsure:.3f} rad/s: '
-            'D and G may be taken for others; add a faster flight such as drift_w_2')
+    return (f'little rotation: {rotation:.3f} rad/s measured with a noise of {noise:.3f} rad/s; '
+            'D and G may be mistaken for other mechanisms; add a faster flight such as drift_w_2')
 
 
 def table(fits: list[Fit]) -> str:
     """Return the most probable models and the probability of every mechanism as text."""
     lines = [f'{"model":<10}{"probability":>12}{"ln evidence":>13}  values with 95 % intervals']
-    shown = fits[:max(SHOWN, min(len(not_separated(fits, SURE)), 12))]
+    shown = fits[:max(SHOWN_MODELS, min(len(credible_models(fits, CONFIDENCE)), 12))]
     lines += [f'{label(f.model):<10}{f.probability:>12.4f}{f.log_evidence:>13.1f}  {_values(f)}'
               for f in shown]
-    lines += ['', 'mechanism, alone or with another one']
-    lines += [f'  {x:<4}{p:>8.4f}  {MECHANISMS[x].says}' for x, p in inclusion(fits).items()]
+    lines += ['', 'probability of each mechanism, alone or in a pair']
+    lines += [f'  {x:<4}{p:>8.4f}  {MECHANISMS[x].description}'
+              for x, p in inclusion(fits).items()]
     return '\n'.join(lines)
 
 
-def apparent_factor(f: Flight, seen: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Return the factor that best makes flow times depth the velocity, in bins of height."""
-    signal, nu = seen * f.track.depth[:, None], f.track.nu[:, :2]
+def apparent_factor(f: Flight, rates: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Return the least-squares factor from flow times depth to velocity in bins of height."""
+    signal, nu = rates * f.track.depth[:, None], f.track.nu[:, :2]
     out = np.full(len(edges) - 1, np.nan)
     for k, (low, high) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
         rows = (f.track.height >= low) & (f.track.height < high)
@@ -119,7 +122,7 @@ def draw(flights: Sequence[Flight], fits: list[Fit]) -> Figure:
     figure, (left, right) = sheet(1, 2, 3.2)
     shares = inclusion(fits)
     left.bar(list(shares), list(shares.values()), color=palette.COLOURS[palette.SERIES[0]])
-    left.set(ylim=(0.0, 1.0), ylabel='probability', xlabel='mechanism, alone or with another')
+    left.set(ylim=(0.0, 1.0), ylabel='probability', xlabel='mechanism, alone or in a pair')
     heights = np.concatenate([f.track.height for f in flights])
     edges = np.linspace(heights.min(), heights.max(), 13)
     for k, f in enumerate(flights):
@@ -147,7 +150,7 @@ def data(flights: Sequence[Flight], lag: float, fits: list[Fit], noise: Noise,
         'noise': {'sigma_rad_s': noise.sigma, 'coefficients': noise.coefficients.tolist()},
         'prior': {'models_of_no_one_two_mechanisms': PRIOR,
                   'widths': {p.name: p.width for p in PARAMETERS.values()}},
-        'models': [f._asdict() for f in fits], 'mechanisms': inclusion(fits), 'says': lines}
+        'models': [f._asdict() for f in fits], 'mechanisms': inclusion(fits), 'summary': lines}
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -158,8 +161,9 @@ def _run(options: argparse.Namespace) -> None:
     except ValueError as error:
         raise BagError(f'{options.bags[0]}: {error}') from None
     fits = evidence.compare()
-    small = minor(flights, fits[0], evidence.noise)
-    lines = [sentence(fits, small), advice(fits, evidence.noise, options.window), caveat(flights)]
+    small = negligible(flights, fits[0], evidence.noise)
+    lines = [conclusion(fits, small), recommendation(fits, evidence.noise, options.window),
+             rotation_warning(flights)]
     lines = [line for line in lines if line]
     if options.json != '-':
         _print_result(flights, lag, fits, evidence.noise, lines)
@@ -174,20 +178,20 @@ def _print_result(flights: Sequence[Flight], lag: float, fits: Sequence[Fit], no
                   lines: Sequence[str]) -> None:
     """Print the result for a terminal."""
     for f in flights:
-        print(f'{f.name}: {len(f.flow)} samples, {f.track.height.min():.2f} to '
-              f'{f.track.height.max():.2f} m high; flow {1e3 * lag:.0f} ms behind; noise of the '
-              f'velocity of Optitrack {f.velocity_noise:.4f} m/s')
+        print(f'{f.name}: {len(f.flow)} samples at {f.track.height.min():.2f} to '
+              f'{f.track.height.max():.2f} m; flow lags by {1e3 * lag:.0f} ms; velocity noise of '
+              f'Optitrack {f.velocity_noise:.4f} m/s')
         if f.impossible:
             print(f'  {outliers.describe("optitrack/pose", f.impossible)}')
-    print(f'noise of the flow {noise.sigma:.4f} rad/s, of its slow part '
-          f'{noise.long_run:.4f} rad/s\n\n{table(fits)}\n')
+    print(f'flow noise {noise.sigma:.4f} rad/s, its slow part {noise.long_run:.4f} rad/s\n\n'
+          f'{table(fits)}\n')
     print('\n'.join(lines))
 
 
 def _positive(text: str) -> float:
     value = float(text)
     if not 0.0 < value < 1e4:
-        raise argparse.ArgumentTypeError(f'{text} is no number above 0')
+        raise argparse.ArgumentTypeError(f'{text} is not a number above 0')
     return value
 
 
@@ -196,7 +200,7 @@ def _lag(text: str) -> float | None:
         return None
     value = float(text)
     if not -1.0 <= value <= 1.0:
-        raise argparse.ArgumentTypeError(f'{text} is neither auto nor within a second')
+        raise argparse.ArgumentTypeError(f'{text} is neither auto nor between -1 and 1 s')
     return value
 
 
@@ -206,18 +210,20 @@ def parser() -> Parser:
     out.add_argument('bags', type=Path, nargs='+', metavar='BAG',
                      help='flights of one drone with optical_flow and optitrack/pose')
     out.add_argument('--window', type=_positive, metavar='SECONDS',
-                     help='look at displacements over windows only; a turn: drift alone')
+                     help='use only displacements over windows of this length; a window of one '
+                          'turn leaves only the drift')
     out.add_argument('--estimate', metavar='TOPIC',
-                     help='judge this estimate (estimate/odom) in place of the flow')
+                     help='examine this estimate (such as estimate/odom) in place of the flow')
     out.add_argument('--flow-lag', type=_lag, default=None, metavar='SECONDS',
-                     help='by how much the flow is behind (default: auto, found)')
+                     help='lag of the flow (default: auto, found from the flights)')
     out.add_argument('--height', choices=('optitrack', 'sonar'), default='optitrack',
-                     help='whose height is taken for the true one (default: %(default)s)')
+                     help='source of the true height (default: %(default)s)')
     out.add_argument('--min-height', type=_positive, default=MIN_HEIGHT, metavar='M',
-                     help='leave out what is lower (default: %(default)s)')
-    out.add_argument('--figure', type=Path, metavar='PNG', help='draw probabilities and factor')
+                     help='leave out samples below this height (default: %(default)s)')
+    out.add_argument('--figure', type=Path, metavar='PNG',
+                     help='draw the probabilities and the apparent factor')
     out.add_json()
-    out.add_argument('--namespace', help='of the drone, if a bag holds several')
+    out.add_argument('--namespace', help='namespace of the drone, if a bag holds several')
     return out
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from .paths import Array, Track
 
-REFERENCE_HEIGHT = 1.5  # m, where the scale is that of Q(h)
+REFERENCE_HEIGHT = 1.5  # m, the height at which Q(h) equals the scale
 
 
 class Parameter(NamedTuple):
@@ -44,13 +44,13 @@ class Mechanism(NamedTuple):
     """A candidate error: its letter, a description, and the names of its parameters."""
 
     letter: str
-    says: str
+    description: str
     parameters: tuple[str, ...]
 
 
 PARAMETERS = {p.name: p for p in (
     Parameter('scale', '1', 0.3),
-    Parameter('late', 's', 0.005),
+    Parameter('delay', 's', 0.005),
     Parameter('slope', '1/m', 0.1),
     Parameter('gain', '1', 0.015),
     Parameter('height_offset', 'm', 0.15),
@@ -70,13 +70,13 @@ MECHANISMS = {m.letter: m for m in (
     Mechanism('H', 'height offset', ('height_offset',)),
     Mechanism('B', 'height lags', ('height_lag',)),
     Mechanism('C1', 'tilt ignored in Z', ('tilt_ignored',)),
-    Mechanism('C2', 'flow velocity not turned to inertial axes', ('frame',)),
+    Mechanism('C2', 'flow velocity not rotated to inertial axes', ('frame',)),
     Mechanism('D', 'rotational flow left in (+) or removed twice (-)', ('leakage',)),
-    Mechanism('E', 'vertical speed couples in', ('coupling_x', 'coupling_y')),
-    Mechanism('F', 'flow not linear', ('cubic',)),
+    Mechanism('E', 'vertical speed couples into the flow', ('coupling_x', 'coupling_y')),
+    Mechanism('F', 'sensor not linear', ('cubic',)),
     Mechanism('G', 'Coriolis term missing in the velocity filter', ('coriolis',)),
 )}
-"""I, a constant error of the scale, is part of every model."""
+"""The mechanisms by letter. I, a constant error of the scale, is part of every model."""
 
 
 def factor(height: Array, scale: float, slope: float, gain: float) -> Array:

@@ -24,15 +24,15 @@ HELPED = 0.3          # of the drift is left where a factor gives a good match
 
 
 class Observation(NamedTuple):
-    """Something the thesis saw, and whether a mechanism shows it."""
+    """An observation of the thesis, and the test whether a mechanism shows it."""
 
     name: str
     source: str
-    says: str
+    description: str
     shown: Callable[[Row], bool]
 
 
-def _moves(row: Row, path: str) -> tuple[bool, bool]:
+def _drifts(row: Row, path: str) -> tuple[bool, bool]:
     """Return whether x and y drift on a path."""
     x, y = np.abs(drift(row, path)) > DRIFT
     return bool(x), bool(y)
@@ -94,14 +94,14 @@ def _rising(row: Row) -> bool:
 
 
 OBSERVATIONS = (
-    Observation('O1', '(5.3)', 'level circle: no drift', lambda r: not any(_moves(r, '(5.3)'))),
-    Observation('O2', '(5.4)', 'y drifts, x does not', lambda r: _moves(r, '(5.4)') == (0, 1)),
+    Observation('O1', '(5.3)', 'level circle: no drift', lambda r: not any(_drifts(r, '(5.3)'))),
+    Observation('O2', '(5.4)', 'y drifts, x does not', lambda r: _drifts(r, '(5.4)') == (0, 1)),
     Observation('O3', 'sec. 5.5', 'x and y exchanged: x drifts',
-                lambda r: _moves(r, 'swapped')[0]),
-    Observation('O4', '(5.5)', 'inclined line: no drift', lambda r: not _moves(r, '(5.5)')[0]),
-    Observation('O5', '(5.6)', 'vertical circle: x drifts', lambda r: _moves(r, '(5.6)')[0]),
+                lambda r: _drifts(r, 'swapped')[0]),
+    Observation('O4', '(5.5)', 'inclined line: no drift', lambda r: not _drifts(r, '(5.5)')[0]),
+    Observation('O5', '(5.6)', 'vertical circle: x drifts', lambda r: _drifts(r, '(5.6)')[0]),
     Observation('O6', 'C.1', 'carried by hand, level: x drifts',
-                lambda r: _moves(r, 'hand loop')[0]),
+                lambda r: _drifts(r, 'hand loop')[0]),
     Observation('O7', 'C.2', 'ramp: the difference grows steadily', _steady),
     Observation('O8', 'C.3', 'the best factor rises with the height', _rising),
     Observation('O9', 'C.4 to C.6', 'a slope of 0.07 helps, 0.10 helps better', _retuned),
@@ -109,7 +109,7 @@ OBSERVATIONS = (
 )
 
 
-def confronted() -> Mapping[str, dict[str, bool]]:
+def observed_by_mechanism() -> Mapping[str, dict[str, bool]]:
     """Return {row of the table: {observation: whether the mechanism shows it}}."""
     return {name: {o.name: bool(o.shown(row)) for o in OBSERVATIONS}
             for name, row in ROWS.items()}

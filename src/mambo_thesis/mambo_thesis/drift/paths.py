@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 Array = NDArray[np.float64]
 
 GRAVITY = 9.81     # m/s^2
-DRAG_RATE = 0.54   # 1/s, acceleration by rotor drag over horizontal velocity
+DRAG_RATE = 0.54   # 1/s, deceleration by rotor drag over horizontal velocity
 SWAPPED = Trajectory(
     '(5.4) with x and y exchanged, sec. 5.5', (0.0, 0.0, -1.5), (1.0, 1.0, 1.0),
     phase=(0.5 * math.pi, 0.0, math.pi))
@@ -35,8 +35,8 @@ PATHS = {
     '(4.1)': TRAJECTORIES['default_circle'],
     LEVEL: TRAJECTORIES['vertical_circle_large'],
 }
-"""The columns of the table of mechanisms; the last one is level."""
-EXPERIMENTS = {  # scenario: speed and size of the circle of Figure C.4, path of the table
+"""The columns of the table of mechanisms; on the last one the drone is level."""
+EXPERIMENTS = {  # {scenario: (speed factor, size factor, path of the table)}
     'drift_w_half': (0.5, 1.0, 'C.4'),
     'drift_w_1': (1.0, 1.0, 'C.4'),
     'drift_w_2': (2.0, 1.0, 'C.4'),
@@ -138,6 +138,6 @@ def turn_of(
     path: Trajectory, speed: float = 1.0, size: float = 1.0, drag_rate: float = 0.0,
     steps: int = 1256, level: bool = False,
 ) -> Track:
-    """Return one turn of any path, as :func:`perfect`, in equal steps, its end left out."""
+    """Return one turn of any path, as :func:`perfect`, in equal steps, without its end."""
     T = 2.0 * math.pi / (path.rate * speed)
     return perfect(path, np.arange(steps) * T / steps, speed, size, level, drag_rate)

@@ -30,30 +30,30 @@ SPEEDS = [name for name in EXPERIMENTS if name.startswith('drift_w')]
 class Flown(NamedTuple):
     """Drift in x per turn of one mechanism in one experiment; lists have one value per seed."""
 
-    loop: float            # area that the first seed encloses in x and h, over that of the path
-    perfect: float         # m, with perfect tracking
-    predicted: float       # m, by the equation along the motion of the first seed
+    loop: float            # area enclosed in x and height (first seed) over that of the path
+    perfect: float         # m, predicted with perfect tracking
+    predicted: float       # m, predicted along the motion flown (first seed)
     measured: list[float]  # m
-    vehicle: list[float]   # m, by which the vehicle itself moves on
+    vehicle: list[float]   # m, drift of the vehicle itself
 
 
-class Found(NamedTuple):
-    """What flights of one mechanism support."""
+class Identification(NamedTuple):
+    """The mechanism identified from flights whose true mechanism is known."""
 
     truth: str
-    grain: str
-    model: tuple[str, ...]  # the most probable one
+    data_set: str
+    model: tuple[str, ...]  # the most probable model
     probability: float
-    included: float         # probability of the true mechanism, alone or with another one
-    value: float            # of its parameter, fitted alone
-    sigma: float
+    included: float         # probability of the true mechanism, alone or in a pair
+    value: float            # parameter of the true mechanism, fitted alone
+    sigma: float            # its standard deviation
 
 
 Drifts = Mapping[str, Mapping[str, Flown]]  # {experiment: {flight: drift}}
 
 
-def number(x: float) -> str:
-    """Return metres with three digits and sign, 0 where they are 0."""
+def signed(x: float) -> str:
+    """Return metres with sign and three decimals; below half a millimetre ``0``."""
     return '0' if abs(x) < 5e-4 else f'{x:+.3f}'
 
 
@@ -62,9 +62,9 @@ def perfect_table(perfect: Mapping[str, Array]) -> str:
     out = ['| mechanism | ' + ' | '.join(PATHS) + ' | largest difference |',
            '|---' * (len(PATHS) + 2) + '|']
     for name, found in perfect.items():
-        apart = np.abs(found - np.array(ROWS[name].audit))
-        cells = ' | '.join(f'{number(x)}, {number(y)}' for x, y in found)
-        out.append(f'| {name}: {ROWS[name].says} | {cells} | {np.nanmax(apart):.3f} |')
+        difference = np.abs(found - np.array(ROWS[name].audit))
+        cells = ' | '.join(f'{signed(x)}, {signed(y)}' for x, y in found)
+        out.append(f'| {name}: {ROWS[name].description} | {cells} | {np.nanmax(difference):.3f} |')
     return '\n'.join(out) + '\n'
 
 
@@ -81,51 +81,52 @@ def sources_table() -> str:
     """Return what the thesis observed, and where."""
     return '\n'.join([
         '| observation | where | what |', '|---|---|---|',
-        *(f'| {o.name} | {o.source} | {o.says} |' for o in OBSERVATIONS)]) + '\n'
+        *(f'| {o.name} | {o.source} | {o.description} |' for o in OBSERVATIONS)]) + '\n'
 
 
 def flown_table(flown: Drifts) -> str:
     """Return predicted and flown drift, one row for each experiment and mechanism."""
-    out = ['| experiment | mechanism | perfect tracking | loop flown | along it | flown, mean of '
-           'seeds (least to most) | vehicle |', '|---|---|---|---|---|---|---|']
+    out = ['| experiment | mechanism | predicted, perfect tracking | loop area | predicted, as '
+           'flown | flown, mean of seeds (range) | vehicle |', '|---|---|---|---|---|---|---|']
     for name, drifts in flown.items():
         for key, d in drifts.items():
-            span = f'{number(min(d.measured))} to {number(max(d.measured))}'
+            span = f'{signed(min(d.measured))} to {signed(max(d.measured))}'
             out.append(
-                f'| `{name}` | {key.upper()} | {number(d.perfect)} | {d.loop:.2f} | '
-                f'{number(d.predicted)} | **{number(float(np.mean(d.measured)))}** ({span}) | '
-                f'{number(float(np.mean(d.vehicle)))} |')
+                f'| `{name}` | {key.upper()} | {signed(d.perfect)} | {d.loop:.2f} | '
+                f'{signed(d.predicted)} | **{signed(float(np.mean(d.measured)))}** ({span}) | '
+                f'{signed(float(np.mean(d.vehicle)))} |')
     return '\n'.join(out) + '\n'
 
 
-def found_table(found: Sequence[Found], value: Mapping[str, float]) -> str:
-    """Return what the flights of each mechanism support; ``value`` {flight: its true value}."""
-    out = ['| true | flights and evidence | most probable | probability | of the true one | '
-           'its value, alone | true value |', '|---|---|---|---|---|---|---|']
+def identification_table(found: Sequence[Identification], value: Mapping[str, float]) -> str:
+    """Return the identified mechanisms; ``value`` is {flight: true value of its parameter}."""
+    out = ['| true mechanism | flights and evidence | most probable model | its probability | '
+           'probability of the true mechanism | its value, fitted alone | true value |',
+           '|---|---|---|---|---|---|---|']
     for f in found:
         out.append(
-            f'| {f.truth.upper()} | {f.grain} | {"+".join(f.model) or "none"} | '
+            f'| {f.truth.upper()} | {f.data_set} | {"+".join(f.model) or "none"} | '
             f'{f.probability:.2f} | {f.included:.2f} | {f.value:.3f} +- {1.96 * f.sigma:.3f} | '
             f'{value[f.truth]:.3f} |')
     return '\n'.join(out) + '\n'
 
 
-def put(tables: Sequence[str], document: str, where: Path) -> str:
+def replace_tables(tables: Sequence[str], document: str, where: Path) -> str:
     """
-    Return a document with tables in place of those with the same first line.
+    Replace the tables of a document that have the same first line, and return the document.
 
     Raises
     ------
     BagError
-        If it has no such table.
+        If the document has no such table.
 
     """
     lines = document.splitlines()
     for table in tables:
         new = table.splitlines()
         if new[0] not in lines:
-            raise BagError(f'{where}: has no table that begins with "{new[0]}": put this line '
-                           'where the table shall be')
+            raise BagError(f'{where}: no table begins with "{new[0]}"; add this line where the '
+                           'table belongs')
         begin = end = lines.index(new[0])
         while end < len(lines) and lines[end].startswith('|'):
             end += 1
@@ -162,12 +163,12 @@ def _over_speed(axes: Axes, flown: Drifts) -> None:
     axes.set_yticks([0.05, 0.1, 0.2, 0.5, 1.0], ['0.05', '0.1', '0.2', '0.5', '1'])
     axes.xaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_minor_locator(NullLocator())
-    axes.set(xlabel='speed [rad/s]', ylabel='drift in a turn [m]')
+    axes.set(xlabel='speed [rad/s]', ylabel='drift per turn [m]')
     axes.legend(fontsize=7, frameon=False, handletextpad=0.2)
 
 
-def shows(flown_rows: str) -> str:
-    """Return the digest of the figure, by its table (:func:`flown_table`) and its colours."""
+def figure_digest(flown_rows: str) -> str:
+    """Return the digest of the figure: of its table (:func:`flown_table`) and its colours."""
     return digest.of_text(flown_rows.strip(), str(palette.ROLES))
 
 
@@ -180,15 +181,15 @@ def draw(flown: Drifts) -> Figure:
         axes.set_title(TITLES[name], fontsize='small')
         axes.margins(y=0.1)
     _over_speed(last, flown)
-    last.set_title('line: perfect, dot: flown', fontsize='small')
+    last.set_title('line: perfect tracking, dot: flown', fontsize='small')
     for axes in (plots[0], plots[3]):
-        axes.set_ylabel('drift in a turn [m]')
+        axes.set_ylabel('drift per turn [m]')
     for axes in bars:
         axes.set_xlabel('mechanism')
     grey = palette.COLOURS['soft']
     figure.legend(handles=[
         Patch(fill=False, edgecolor=grey, label='predicted, perfect tracking'),
-        Patch(color=grey, alpha=0.4, label='predicted along the motion flown'),
+        Patch(color=grey, alpha=0.4, label='predicted, as flown'),
         Patch(color=grey, label='flown, mean; dots: seeds')],
         loc='outside upper center', ncols=3, frameon=False, fontsize='small')
     return figure

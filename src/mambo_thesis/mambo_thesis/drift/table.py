@@ -24,8 +24,8 @@ EXACT = {'factor_offset': 1.0, 'factor_slope': 0.0}
 Estimator = Callable[[Track, Array], Array]
 
 
-def right(track: Track, flow: Array) -> Array:
-    """Return the horizontal velocity (5.2), (n, 2) m/s, of flow times factor, (n, 2) rad/s."""
+def exact_velocity(track: Track, flow: Array) -> Array:
+    """Return the horizontal velocity (5.2), (n, 2) m/s, for flow times factor, (n, 2) rad/s."""
     return dead_reckoned(track, flow)
 
 
@@ -34,8 +34,8 @@ def without_tilt(track: Track, flow: Array) -> Array:
     return dead_reckoned(track, flow * track.R[:, 2, 2][:, None])
 
 
-def without_turning(track: Track, flow: Array) -> Array:
-    """Return the velocity in body axes as if it were inertial (C2)."""
+def without_rotation(track: Track, flow: Array) -> Array:
+    """Return the body velocity without rotation to inertial axes (C2)."""
     return track.depth[:, None] * flow
 
 
@@ -65,51 +65,51 @@ class Row(NamedTuple):
 
     """
 
-    says: str
-    audit: tuple[tuple[float, float], ...]  # m, (x, y) on each of PATHS; NaN: not given
+    description: str
+    audit: tuple[tuple[float, float], ...]
     sensor: Mapping[str, Any] = EXACT
     scale: float = 1.0
-    estimator: Estimator = right
+    estimator: Estimator = exact_velocity
     drag_rate: float = 0.0
 
 
-def _on(x53: float, y54: float, x56: float, c4: float, hand: float, x54: float = 0.0,
+def _audit(x53: float, y54: float, x56: float, c4: float, hand: float, x54: float = 0.0,
         x55: float = 0.0, x41: float | None = None) -> tuple[tuple[float, float], ...]:
-    """Return the row of a table whose axes follow from one another."""
+    """Return the drift on all PATHS from the independent values of a row."""
     return ((x53, 0.0), (x54, y54), (y54, x54), (x55, 0.0), (x56, 0.0), (c4, 0.0),
             (x55 if x41 is None else x41, x56), (hand, 0.0))
 
 
 UNKNOWN = float('nan')
 ROWS = {
-    'A': Row('Q = 0.92 + 0.07 h, estimator 1.06', _on(0, .233, .058, .233, .223), {}, 1.06),
-    'A2': Row('slope 0.10, estimator Q(1.5 m)', _on(0, .295, .073, .295, .296),
+    'A': Row('Q = 0.92 + 0.07 h, estimator 1.06', _audit(0, .233, .058, .233, .223), {}, 1.06),
+    'A2': Row('slope 0.10, estimator Q(1.5 m)', _audit(0, .295, .073, .295, .296),
               {'factor_slope': 0.1}, 1.07),
-    'A3': Row('Q = 0.95 + 0.011 exp(h)', _on(0, .167, .039, .166, .169),
+    'A3': Row('Q = 0.95 + 0.011 exp(h)', _audit(0, .167, .039, .166, .169),
               {'factor_law': 'exponential', 'factor_offset': 0.95, 'factor_slope': 0.011}),
-    'H': Row('height offset 0.14 m', _on(0, .278, .049, .278, .275),
+    'H': Row('height offset 0.14 m', _audit(0, .278, .049, .278, .275),
              {**EXACT, 'height_offset': 0.14}, 1.5 / 1.64),
-    'B': Row('height lags 0.1 s', _on(0, .016, .003, .016, .016, -.237, -.054),
+    'B': Row('height lags 0.1 s', _audit(0, .016, .003, .016, .016, -.237, -.054),
              {**EXACT, 'height_delay': 0.1}),
-    'C1': Row('tilt ignored in Z', _on(0, .002, 0, 0, 0), estimator=without_tilt),
-    'C2': Row('not turned to inertial axes', _on(0, .319, .080, .321, 0),
-              estimator=without_turning),
-    'C2 drag': Row('the same, with the tilt of drag', _on(0, .320, .080, .321, 0, -.170, -.043),
-                   estimator=without_turning, drag_rate=DRAG_RATE),
-    'D1': Row('rotational flow left in', _on(0, -.322, -.080, -.320, 0),
+    'C1': Row('tilt ignored in Z', _audit(0, .002, 0, 0, 0), estimator=without_tilt),
+    'C2': Row('not rotated to inertial axes', _audit(0, .319, .080, .321, 0),
+              estimator=without_rotation),
+    'C2 drag': Row('as C2, tilted by drag', _audit(0, .320, .080, .321, 0, -.170, -.043),
+                   estimator=without_rotation, drag_rate=DRAG_RATE),
+    'D1': Row('rotational flow left in', _audit(0, -.322, -.080, -.320, 0),
               {**EXACT, 'leakage': 1.0}),
-    'D2': Row('rotational flow removed twice', _on(0, .322, .080, .320, 0),
+    'D2': Row('rotational flow removed twice', _audit(0, .322, .080, .320, 0),
               {**EXACT, 'leakage': -1.0}),
-    'D2 drag': Row('the same, with the tilt of drag', _on(0, .322, .080, .320, 0, -.174, -.043),
+    'D2 drag': Row('as D2, tilted by drag', _audit(0, .322, .080, .320, 0, -.174, -.043),
                    {**EXACT, 'leakage': -1.0}, drag_rate=DRAG_RATE),
-    'E': Row('vertical coupling 0.05', _on(0, 0, 0, 0, 0),
+    'E': Row('vertical coupling 0.05', _audit(0, 0, 0, 0, 0),
              {**EXACT, 'vertical_coupling': (0.05, 0.05)}),
-    'F': Row('flow (1 + 0.1 flow^2)', _on(0, .387, .011, .389, .368),
+    'F': Row('flow (1 + 0.1 flow^2)', _audit(0, .387, .011, .389, .368),
              {**EXACT, 'nonlinearity': 0.1}),
-    'G': Row('Coriolis term missing, filter gain 1/s, with the tilt of drag',
+    'G': Row('Coriolis term missing, filter gain 1/s, tilted by drag',
              ((0, 0), (-.32, -.17), (-.17, -.32), (-.08, 0), (-.04, 0), (-.17, 0),
               (UNKNOWN, UNKNOWN), (0, 0)), estimator=without_coriolis, drag_rate=DRAG_RATE),
-    'I': Row('scale 3 % wrong', _on(0, .010, .002, .010, 0), {'factor_offset': 1 / 1.03,
+    'I': Row('scale error 3 %', _audit(0, .010, .002, .010, 0), {'factor_offset': 1 / 1.03,
                                                               'factor_slope': 0.0}),
 }
 
@@ -129,16 +129,16 @@ def sensed(track: Track, sensor: Mapping[str, Any], earlier: Track) -> Array:
 
 def estimated(row: Row, turn: Track, scale: float | Array) -> Array:
     """
-    Return the horizontal velocity, (n, 2) m/s, that an estimator makes of a whole turn.
+    Return the horizontal velocity, (n, 2) m/s, that an estimator computes over a whole turn.
 
     Parameters
     ----------
     row
-        What is wrong.
+        The mechanism.
     turn
         True motion.
     scale
-        Factor of the estimator, a number or (n,) of the height.
+        Factor of the estimator, one number, or (n,) one for each instant.
 
     """
     T = (turn.t[1] - turn.t[0]) * len(turn.t)

@@ -1,4 +1,4 @@
-"""Chapters 2 and 3 before the controller: operations, flow, motors and axes, drag over speed."""
+"""Chapter 2 and sections 3.1 to 3.3: camera flow, motor signs, drag over speed."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ from .drawing import lines, sheet
 SIGNS = ((1, 1, -1), (-1, 1, 1), (-1, -1, -1), (1, -1, 1))  # roll, pitch, yaw of motors 1 to 4
 
 
-@claim('2.1', 'the flow of a point in the image follows from velocity and rate of the camera',
+@claim('2.1', 'the flow of an image point follows from the velocity and angular rate of the '
+       'camera',
        contains='(2.18)-(2.20) as printed', tests='whether they are the derivative of (2.17): '
-       'mathematics, which no drone can break')
+       'mathematics, which does not depend on the drone')
 def figure_2_1() -> Result:
     """Compare (2.18)-(2.20) with the motion of a projected point (2.17)."""
     rng, h, worst = np.random.default_rng(1), 1e-5, 0.0
     for _ in range(200):
         point, V, omega = rng.normal(size=3) + (0.0, 0.0, 5.0), *rng.normal(size=(2, 3))
-        rate = -V - np.cross(omega, point)  # of a point at rest, in the camera's axes
+        rate = -V - np.cross(omega, point)  # of a fixed point, in camera axes
         before, after = (
             project(tuple((point + t * rate).tolist()), 1.0) for t in (-h, h))
         flow = image_flow(tuple(point.tolist()), tuple(V.tolist()), tuple(omega.tolist()), 1.0)
@@ -37,8 +38,8 @@ def figure_2_1() -> Result:
         'central differences of 1e-5 s: rounding 1e-11, third order 1e-9')])
 
 
-@claim('3.1', 'motors and axes: which motor rolls, pitches and yaws which way',
-       contains='the mixer (3.2)', tests='its twelve signs, read off the drawing')
+@claim('3.1', 'each motor rolls, pitches and yaws the drone in the direction drawn',
+       contains='the mixer (3.2)', tests='its twelve signs against the drawing')
 def figure_3_1() -> Result:
     """Evaluate (3.2) for the torque of each motor alone."""
     vv = truths.vehicle().values()
@@ -48,12 +49,13 @@ def figure_3_1() -> Result:
         thrust[motor] = 1.0
         _, tau = mix(tuple(thrust), vv)
         wrong += sum(int(np.sign(t)) != s for t, s in zip(tau, signs, strict=True))
-    return Result([at_most('wrong signs of twelve', wrong, 0, reason='a sign is right or wrong')])
+    return Result([at_most('wrong signs out of twelve', wrong, 0,
+                           reason='a sign is right or wrong')])
 
 
-@claim('3.2', 'the sum of the drags of the rotors is linear in speed below w, that of the frame '
+@claim('3.2', 'the total drag of the rotors is linear in speed below w, and the drag of the frame '
        'is small there', contains='(3.4)-(3.10), with coefficients of the right size', given=True,
-       tests='what their sum does over speed', broken_by=('drag quadratic',))
+       tests='how their sum depends on speed', broken_by=('drag quadratic',))
 def figure_3_2() -> Result:
     """Draw the components of the drag over the horizontal speed at hover thrust."""
     vehicle = truths.vehicle()
@@ -88,12 +90,13 @@ def figure_3_2() -> Result:
     axes.legend(frameon=False)
     bend = np.abs(rotors - line)[below].max() / rotors[below].max()
     beyond = 1.0 - rotors[-1] / line[-1]
-    slow = speeds <= 2.0  # the fastest flight of the thesis
+    slow = speeds <= 2.0  # fastest flight of the thesis
     return Result([
-        at_most('rotors below w, from a straight line', bend, 1e-12, reason='rounding'),
-        at_least('rotors at 1.6 w, below that line by', beyond, 0.05,
+        at_most('rotor drag below w, relative deviation from a straight line', bend, 1e-12,
+                reason='rounding'),
+        at_least('rotor drag at 1.6 w, relative shortfall from that line', beyond, 0.05,
                  reason='the width of a line in the figure'),
-        at_most('share of the frame up to 2 m/s',
+        at_most('share of the frame in the drag up to 2 m/s',
                 (arrays['parasitic'] / np.maximum(arrays['sum'], 1e-12))[slow].max(), 0.1,
-                reason='a tenth is small; the fastest flight has 2 m/s'),
+                reason='a tenth is small; the fastest flight of the thesis has 2 m/s'),
     ], figure)

@@ -12,12 +12,12 @@ import numpy as np
 REPRODUCED, BY_CONSTRUCTION, PARTLY, NOT_REPRODUCED, NOTHING = (
     'reproduced', 'by construction', 'partly', 'not reproduced', 'nothing to measure')
 VERDICTS = {
-    REPRODUCED: 'all that was measured holds, the simulator does not contain it, and at least one '
-                'mutated truth breaks it',
-    BY_CONSTRUCTION: 'all holds, but the simulator contains what is shown, or no mutated truth '
-                     'can break it',
-    PARTLY: 'some of it holds',
-    NOT_REPRODUCED: 'nothing of it holds',
+    REPRODUCED: 'all measurements hold, the simulator does not contain the result, and at least '
+                'one mutated drone breaks the claim',
+    BY_CONSTRUCTION: 'all measurements hold, but the simulator contains the result, or no mutated '
+                     'drone can break the claim',
+    PARTLY: 'some measurements hold',
+    NOT_REPRODUCED: 'no measurement holds',
     NOTHING: 'photographs and diagrams'}
 """Every verdict and what it means."""
 
@@ -44,7 +44,7 @@ class Measured(NamedTuple):
     low: float
     high: float
     unit: str
-    wanted: str
+    expected: str
     holds: bool
     reason: str = ''  # of the limit or the tolerance
 
@@ -56,11 +56,11 @@ class Measured(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What a figure's function returns."""
+    """Measurements, the redrawn figure and a remark: the return value of a figure's function."""
 
     measured: list[Measured]
     figure: Figure | None = None
-    why_not: str = ''  # for what does not hold, or is not measured: the reason
+    remark: str = ''  # explains what does not hold or is not measured
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,28 +71,28 @@ class Claim:
     Attributes
     ----------
     number
-        Of the figure, or a table or section with that word.
-    says
-        What it claims, in our words.
-    flights
-        Scenario file, '' where nothing is flown.
+        Number of the figure, or ``Table`` or ``Section`` with its number.
+    statement
+        The claim, in our words.
+    scenario
+        Scenario file, or '' if nothing is flown.
     examine
-        Measures it.
+        Function that measures and draws it.
     contains
-        What the simulator has of it by construction.
+        The part of it that the simulator contains by construction.
     tests
-        What is then left to test.
+        What the measurements therefore test.
     broken_by
-        Names of mutated truths, see :mod:`mambo_thesis.figures.truths`, for which less of it
-        holds; others may break it too.
+        Names of mutations, see :mod:`mambo_thesis.figures.truths`, for which fewer of its
+        measurements hold. Others may break it too.
     given
-        Whether the simulator contains what is shown.
+        Whether the simulator contains the result itself.
 
     """
 
     number: str
-    says: str
-    flights: str
+    statement: str
+    scenario: str
     examine: Callable[[], Result]
     contains: str = ''
     tests: str = ''
@@ -101,19 +101,19 @@ class Claim:
 
     @property
     def place(self) -> str:
-        """Return the number of the first figure, ``4.1``, without the word of a table."""
+        """Return the first number, such as ``4.1``, without ``Table`` or ``Section``."""
         return self.number.split(',')[0].rpartition(' ')[2]
 
     @property
     def order(self) -> list[tuple[bool, int, str]]:
-        """Return what sorts figures as the thesis has them, a table after the figure."""
+        """Return the key that sorts figures in the order of the thesis, tables after figures."""
         word = self.title.split()[0]
         parts = [*self.place.split('.'), *([] if word.startswith('Figure') else [word])]
         return [(not part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]
 
     @property
     def title(self) -> str:
-        """Return e.g. ``Figure 5.11``; a section or a table keeps its own word."""
+        """Return the heading, such as ``Figure 5.11``, ``Figures 4.1, 4.2`` or ``Table 2.1``."""
         if ' ' in self.number.split(',')[0]:
             return self.number
         return f'Figure{"s" if "," in self.number else ""} {self.number}'
@@ -129,49 +129,50 @@ CLAIMS: dict[str, Claim] = {}
 
 
 def claim(
-    number: str, says: str, flights: str = '', *, contains: str = '', tests: str = '',
+    number: str, statement: str, scenario: str = '', *, contains: str = '', tests: str = '',
     broken_by: tuple[str, ...] = (), given: bool = False,
 ) -> Callable:
-    """Register a function as what examines a figure; arguments as of :class:`Claim`."""
+    """Register the decorated function as the one that examines a figure; see :class:`Claim`."""
     def register(examine: Callable[[], Result]) -> Callable[[], Result]:
-        CLAIMS[number] = Claim(number, says, flights, examine, contains, tests, broken_by, given)
+        CLAIMS[number] = Claim(
+            number, statement, scenario, examine, contains, tests, broken_by, given)
         return examine
     return register
 
 
 def verdict(result: Result) -> str:
-    """Return the verdict by what holds alone, whatever the simulator contains."""
+    """Return the verdict by how many measurements hold, whatever the simulator contains."""
     if not result.measured:
         return NOTHING
-    held = [m.holds for m in result.measured]
-    if all(held):
+    holds = [m.holds for m in result.measured]
+    if all(holds):
         return REPRODUCED
-    return PARTLY if any(held) else NOT_REPRODUCED
+    return PARTLY if any(holds) else NOT_REPRODUCED
 
 
 def at_most(what: str, values: float | list[float], limit: float, unit: str = '',
             reason: str = '') -> Measured:
-    """Return a measurement that must not exceed a limit, for any seed."""
+    """Return a measurement that must not exceed a limit for any seed."""
     low, high = _range(values)
     return Measured(what, low, high, unit, f'at most {limit:.3g}', high <= limit, reason)
 
 
 def at_least(what: str, values: float | list[float], limit: float, unit: str = '',
              reason: str = '') -> Measured:
-    """Return a measurement that must reach a limit, for every seed."""
+    """Return a measurement that must reach a limit for every seed."""
     low, high = _range(values)
     return Measured(what, low, high, unit, f'at least {limit:.3g}', low >= limit, reason)
 
 
 def near(
-    what: str, values: float | list[float], wanted: float, tolerance: float, unit: str = '',
+    what: str, values: float | list[float], expected: float, tolerance: float, unit: str = '',
     reason: str = '',
 ) -> Measured:
-    """Return a measurement that must be within a tolerance of a number, for every seed."""
+    """Return a measurement that must be within a tolerance of a number for every seed."""
     low, high = _range(values)
     return Measured(
-        what, low, high, unit, f'{wanted:.4g} within {tolerance:.3g}',
-        bool(wanted - tolerance <= low and high <= wanted + tolerance), reason)
+        what, low, high, unit, f'{expected:.4g} within {tolerance:.3g}',
+        bool(expected - tolerance <= low and high <= expected + tolerance), reason)
 
 
 def _range(values: float | list[float]) -> tuple[float, float]:

@@ -36,6 +36,15 @@ def lines(axes: Axes, curves: Mapping[str, tuple[Array, Array]], ylabel: str) ->
     axes.set_ylabel(ylabel)
 
 
+def over_time(curves: Mapping[str, tuple[Array, Array]], ylabel: str) -> Figure:
+    """Draw one quantity over time, ``{label: (time in s, values (n,))}``, with a legend."""
+    figure, (axes,) = sheet(1, height=3.0)
+    lines(axes, curves, ylabel)
+    axes.set_xlabel('time [s]')
+    axes.legend(frameon=False)
+    return figure
+
+
 def positions(curves: Curves, axes_shown: Sequence[int] = (0, 1, 2)) -> Figure:
     """
     Draw positions over time, one plot per axis, inertial NED (z down) as in the thesis.

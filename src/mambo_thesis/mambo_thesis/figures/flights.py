@@ -69,7 +69,7 @@ class Flight:
 
     def integrated_flow(self) -> Array:
         """Return the integral of the raw flow, (n, 2) rad; each sample is held until the next."""
-        return np.cumsum(held(self.recording.flow[:, :2]), axis=0) * STEP
+        return np.cumsum(hold_last_sample(self.recording.flow[:, :2]), axis=0) * STEP
 
     def flow_times_height(self, factor: float) -> Array:
         """
@@ -78,25 +78,25 @@ class Flight:
         Appendix C examines the factor this way. Flow below 0.4 m is ignored.
         """
         height = -self.truth[:, Z]
-        flow = np.where(height[:, None] > 0.4, held(self.recording.flow[:, :2]), 0.0)
+        flow = np.where(height[:, None] > 0.4, hold_last_sample(self.recording.flow[:, :2]), 0.0)
         return np.cumsum(flow * (factor * height)[:, None], axis=0) * STEP
 
 
 def fly(name: str, seed: int | None = None, changes: tuple[tuple[str, float], ...] = ()) -> Flight:
     """
-    Return the flight of a scenario, ``fig_5_11`` or ``fig_6_1/simulation``; kept.
+    Return the flight of a scenario such as ``fig_5_11`` or ``fig_6_1/simulation``; cached.
 
     Parameters
     ----------
     name, seed
-        Of the scenario; None: its own seed.
+        Name of the scenario, and seed; None: the seed in its file.
     changes
-        Parameters of the scenario with other values.
+        New values of parameters of the scenario.
 
     """
     over = {} if seed is None else {'seed': scenario_file.Place(seed, '--seed')}
     flight = _scenario(name, tuple(over.items()))
-    return _flown(name, seed, changes, truths.of(name, flight))
+    return _flown(name, seed, changes, truths.mutation_of(name, flight))
 
 
 @functools.cache
@@ -111,20 +111,33 @@ def _flown(
     over = () if seed is None else (('seed', scenario_file.Place(seed, '--seed')),)
     flight = replaced(_scenario(name, over), dict(changes))
     if truth:
-        flight = truths.changed(flight, truths.MUTATIONS[truth])
+        flight = truths.mutate(flight, truths.MUTATIONS[truth])
     return Flight(flight)
 
 
 def seeds(name: str) -> list[Flight]:
-    """Return the flights of a scenario with each of the seeds of :mod:`truths`."""
+    """Return the flights of a scenario, one for each seed of :mod:`truths`."""
     return [fly(name, seed) for seed in truths.seeds()]
 
 
-def held(samples: Array) -> Array:
-    """Return samples, (n, k), with those that are missing (NaN) as the one before, or 0."""
-    seen = np.isfinite(samples[:, 0])
-    newest = np.maximum.accumulate(np.where(seen, np.arange(len(samples)), -1))
+def hold_last_sample(samples: Array) -> Array:
+    """Replace missing (NaN) rows of samples, (n, k), by the last valid one, or 0 before any."""
+    valid = np.isfinite(samples[:, 0])
+    newest = np.maximum.accumulate(np.where(valid, np.arange(len(samples)), -1))
     return np.where(newest[:, None] >= 0, samples[newest], 0.0)
+
+
+def first_time(t: Array, holds: NDArray[np.bool_]) -> float:
+    """Return the first time, s, at which a condition holds; infinite if it never does."""
+    return float(t[np.argmax(holds)]) if holds.any() else math.inf
+
+
+def settling_time(t: Array, small: NDArray[np.bool_]) -> float:
+    """Return the time, s, from which a condition holds until the end; infinite if it does not."""
+    violated = np.flatnonzero(~small)
+    if not len(violated):
+        return float(t[0])
+    return float(t[violated[-1] + 1]) if violated[-1] + 1 < len(t) else math.inf
 
 
 def rms(x: Array) -> float:
@@ -149,9 +162,9 @@ def harmonic(t: Array, x: Array, rate: float = 1.0, turns: int = 2) -> complex:
 
 def lag(flight: Flight, axis: int) -> float:
     """Return the phase lag of the estimate behind the reference at 1 rad/s, deg."""
-    got, wanted = (
+    estimate, reference = (
         harmonic(flight.t, rows[:, axis]) for rows in (flight.estimate, flight.reference))
-    return -math.degrees(cmath.phase(got / wanted))
+    return -math.degrees(cmath.phase(estimate / reference))
 
 
 def drift(x: Array, rate: float = 1.0, turns: int = 4) -> Array:

@@ -1,9 +1,8 @@
 """
-The matrix: every claim against every mutated truth, and what noticed it.
+The matrix of claims and mutated drones: which claims notice which mutations.
 
-A claim notices a mutation if something that holds of it for the drone as it is does not hold for
-the mutated one. Two seeds of the noise are enough for that, and only the claims are examined
-whose flights a mutation changes.
+A claim notices a mutation if one of its measurements holds for the original drone but not for the
+mutated one. Two seeds of the noise are enough for that.
 """
 
 from __future__ import annotations
@@ -22,11 +21,11 @@ SEEDS = (1, 2)
 
 
 class Entry(NamedTuple):
-    """A claim: what holds of it for the drone as it is, and which mutations it noticed."""
+    """A claim, its verdict for the original drone, and the mutations that it noticed."""
 
     claim: Claim
     verdict: str
-    noticed: dict[str, list[str]]  # {mutation: what no longer holds}
+    noticed: dict[str, list[str]]  # {mutation: measurements that no longer hold}
 
     @property
     def missing(self) -> list[str]:
@@ -34,8 +33,8 @@ class Entry(NamedTuple):
         return [name for name in self.claim.broken_by if name not in self.noticed]
 
 
-def lost(before: Result, after: Result) -> list[str]:
-    """Return what holds in a result and not in another one of the same claim."""
+def no_longer_holding(before: Result, after: Result) -> list[str]:
+    """Return the measurements that hold before a mutation but not after it."""
     return [a.what for a, b in zip(before.measured, after.measured, strict=True)
             if a.holds and not b.holds]
 
@@ -43,27 +42,28 @@ def lost(before: Result, after: Result) -> list[str]:
 def examined(
     claim: Claim, mutation: Mutation | None, seeds: tuple[int, ...] = SEEDS,
 ) -> Result | None:
-    """Return what is measured with a mutated truth; None if nothing can be measured any more."""
+    """Examine a claim with a mutated drone; None if nothing can be measured any more."""
     with truths.mutated(mutation, seeds):
         try:
             return claim.examine()
-        except np.linalg.LinAlgError:  # a drone that is nowhere
+        except np.linalg.LinAlgError:  # the drone has flown off
             return None
 
 
 def matrix(
     claims: Sequence[Claim], mutations: Iterable[Mutation] | None = None,
 ) -> list[Entry]:
-    """Return an entry for each claim that measures something; None: all mutations."""
+    """Return an entry for each claim with measurements; ``mutations`` None: all of them."""
     mutations = list(MUTATIONS.values() if mutations is None else mutations)
     before = {c.number: examined(c, None) for c in claims}
-    asked = [c for c in claims if before[c.number].measured]
-    noticed: dict[str, dict[str, list[str]]] = {c.number: {} for c in asked}
-    for mutation in tqdm(mutations, desc='mutated truths', disable=None, leave=False):
-        for claim in asked:
-            whole, after = before[claim.number], examined(claim, mutation)
-            gone = lost(whole, after) if after else [m.what for m in whole.measured if m.holds]
-            if gone:
-                noticed[claim.number][mutation.name] = gone
+    measured = [c for c in claims if before[c.number].measured]
+    noticed: dict[str, dict[str, list[str]]] = {c.number: {} for c in measured}
+    for mutation in tqdm(mutations, desc='mutated drones', disable=None, leave=False):
+        for claim in measured:
+            original, after = before[claim.number], examined(claim, mutation)
+            broken = no_longer_holding(original, after) if after else [
+                m.what for m in original.measured if m.holds]
+            if broken:
+                noticed[claim.number][mutation.name] = broken
     return [Entry(c, c.verdict(examined(c, None, truths.SEEDS)), noticed[c.number])
-            for c in asked]
+            for c in measured]

@@ -1,4 +1,4 @@
-"""The matrix of claims and mutated truths as a page, Markdown."""
+"""The matrix of claims and mutated drones as a Markdown page."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from .truths import MUTATIONS
 
 COMMAND = 'mambo reproduce --mutations'
 LEAD = (
-    'A claim that holds whatever the drone is like says nothing. Here the simulated drone of the '
-    'experiments is another one, mutated in one respect, while the model beside it and the '
-    'limits stay; a claim notices that if something that holds of it does not hold any more. '
-    f'Flown with {len(SEEDS)} seeds.')
+    'A claim that holds for every drone proves nothing. Here the simulated drone of the '
+    'experiments is mutated in one respect, while the model under test and the limits stay the '
+    'same. A claim notices the mutation if one of its measurements no longer holds. Each mutation '
+    f'is flown with {len(SEEDS)} seeds.')
 
 
 def counts(entries: Sequence[Entry]) -> list[tuple[str, int, str]]:
-    """Return every verdict that something measured may have, its count and its meaning."""
+    """Return the verdicts that occur, with their count and meaning."""
     found = [e.verdict for e in entries]
     return [(name, found.count(name), meaning) for name, meaning in VERDICTS.items()
             if name in found]
@@ -28,17 +28,17 @@ def markdown(entries: Sequence[Entry]) -> str:
     """Return the page ``docs/evidence/claims.md``."""
     numbers = {name: str(k) for k, name in enumerate(MUTATIONS, 1)}
     noticed = {name: sum(name in e.noticed for e in entries) for name in MUTATIONS}
-    out = ['# Which claims can fail', '', LEAD, '', f'    {COMMAND}', '', 'makes this page.', '',
+    out = ['# Which claims can fail', '', LEAD, '', f'    {COMMAND}', '', 'writes this page.', '',
            *table(COUNTS, counts(entries)), '',
            '## Mutated drones', '',
            *table(('', 'mutation', 'what is changed', 'noticed by'), [
-               (numbers[m.name], m.name, m.says, noticed[m.name])
+               (numbers[m.name], m.name, m.description, noticed[m.name])
                for m in MUTATIONS.values()]), '',
            '## Claims', '', 'x: the claim notices the mutation of that number.', '',
            *table(('claim', 'verdict', *numbers.values()), [
                (e.claim.title, e.verdict, *('x' if name in e.noticed else '' for name in numbers))
                for e in entries]), '',
-           '## What the simulator contains, and what is tested', '',
+           '## What the simulator contains and what is tested', '',
            *table(('claim', 'in the simulator', 'tested', 'noticed'), [
                (e.claim.title, e.claim.contains, e.claim.tests, ', '.join(e.noticed) or 'nothing')
                for e in entries]), '']
@@ -46,14 +46,14 @@ def markdown(entries: Sequence[Entry]) -> str:
 
 
 def data(entries: Sequence[Entry]) -> list[Mapping[str, object]]:
-    """Return the matrix, ready for JSON: what no longer holds for each mutation noticed."""
+    """Return the matrix for JSON: the measurements that each mutation breaks."""
     return [{'claim': e.claim.title, 'verdict': e.verdict, 'noticed': e.noticed}
             for e in entries]
 
 
 def problems(entries: Sequence[Entry]) -> list[str]:
-    """Return what contradicts the verdicts, one line each: none if they stand."""
+    """Return the contradictions to the verdicts, one line each."""
     return [f'{e.claim.title}: does not notice {", ".join(e.missing)}' for e in entries
             if e.missing] + [
-        f'{e.claim.title}: counts as reproduced, but notices nothing' for e in entries
+        f'{e.claim.title}: is reproduced, but notices no mutation' for e in entries
         if e.verdict == REPRODUCED and not e.noticed]

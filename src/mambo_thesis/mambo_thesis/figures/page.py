@@ -17,13 +17,13 @@ from .claim import Claim, Result, VERDICTS
 
 COMMAND = 'mambo reproduce'
 COUNTS = ('verdict', 'count', 'meaning')
-HEAD = ('measured', 'value', 'wanted', 'reason', 'holds')
+HEAD = ('measured', 'value', 'expected', 'reason', 'holds')
 LEAD = (
-    'Every figure of the thesis whose data a simulation can make, its claim in our words, and '
-    'what the simulated drone showed. Ranges are over five seeds of the sensor noise. "Wanted" '
-    'is the number of the thesis or of its audit where there is one; else it says what the '
-    'claim needs, and the reason for a tolerance is beside it. Positions are drawn as in the '
-    'thesis: inertial NED, z down.')
+    'Every figure of the thesis whose data can be simulated, with its claim in our words and the '
+    'result of the simulated drone. Ranges are over five seeds of the sensor noise. "Expected" '
+    'is the number in the thesis or in our independent audit of it, where there is one, and '
+    'otherwise the condition that the claim sets; the reason for a tolerance is beside it. '
+    'Positions are drawn as in the thesis: inertial NED, z down.')
 
 
 class Examined(NamedTuple):
@@ -47,7 +47,7 @@ def summary(examined: list[Examined]) -> str:
 
 
 def counted(examined: list[Examined]) -> list[tuple[str, int, str]]:
-    """Return every verdict, how many have it, and what it means."""
+    """Return every verdict with its count and meaning."""
     found = [each.verdict for each in examined]
     return [(name, found.count(name), meaning) for name, meaning in VERDICTS.items()]
 
@@ -55,28 +55,28 @@ def counted(examined: list[Examined]) -> list[tuple[str, int, str]]:
 def line(each: Examined) -> str:
     """Return the result of one figure as lines for a terminal."""
     rows = [f'{each.claim.title:<24} {each.verdict}']
-    rows += [f'    {"ok " if m.holds else "NO "} {m.what}: {m} (wanted: {m.wanted})'
+    rows += [f'    {"ok " if m.holds else "NO "} {m.what}: {m} (expected: {m.expected})'
              for m in each.result.measured]
     return '\n'.join(rows)
 
 
 def markdown(examined: list[Examined]) -> str:
     """Return the page ``docs/evidence/reproduction.md``."""
-    out = ['# What of the thesis is reproduced', '', LEAD, '', f'    {COMMAND}', '',
-           f'prints this, and draws the figures into a report: {summary(examined)}.', '',
-           'Which mutated drones each claim notices is in [the matrix](claims.md).', '',
+    out = ['# Which figures of the thesis are reproduced', '', LEAD, '', f'    {COMMAND}', '',
+           f'prints these results and draws the figures into a report: {summary(examined)}.', '',
+           '[The matrix](claims.md) gives the mutated drones that each claim notices.', '',
            *table(COUNTS, counted(examined)), '']
     for each in examined:
         c, r = each
-        flown = f' Scenario `{c.flights}`.' if c.flights else ''
-        out += [f'## {c.title}: {each.verdict}', '', f'{_sentence(c.says)}.{flown}', '']
+        flown = f' Scenario `{c.scenario}`.' if c.scenario else ''
+        out += [f'## {c.title}: {each.verdict}', '', f'{_sentence(c.statement)}.{flown}', '']
         if c.contains:
             out += [f'*In the simulator:* {c.contains}. *Tested:* {c.tests}.', '']
         if r.measured:
-            out += [*table(HEAD, [(m.what, m, m.wanted, m.reason, 'yes' if m.holds else '**no**')
+            out += [*table(HEAD, [(m.what, m, m.expected, m.reason, 'yes' if m.holds else '**no**')
                                   for m in r.measured]), '']
-        if r.why_not:
-            out += [f'{_sentence(r.why_not).rstrip(".")}.', '']
+        if r.remark:
+            out += [f'{_sentence(r.remark).rstrip(".")}.', '']
     return '\n'.join(out)
 
 
@@ -93,8 +93,8 @@ def _sentence(text: str) -> str:
 def data(examined: list[Examined]) -> list[Mapping[str, object]]:
     """Return all measurements in a form that JSON can hold."""
     return [{
-        'figure': e.claim.title, 'claim': e.claim.says, 'scenario': e.claim.flights,
-        'verdict': e.verdict, 'why_not': e.result.why_not, 'contains': e.claim.contains,
+        'figure': e.claim.title, 'claim': e.claim.statement, 'scenario': e.claim.scenario,
+        'verdict': e.verdict, 'remark': e.result.remark, 'contains': e.claim.contains,
         'tests': e.claim.tests,
         'measured': [m._asdict() for m in e.result.measured]} for e in examined]
 
@@ -137,7 +137,7 @@ nav a { text-decoration: none; display: inline-block; min-height: 1.6rem; }
 
 
 MARKS = {'reproduced': ' ✓', 'by': ' ≡', 'partly': ' ½', 'not': ' ✗', 'nothing': ''}
-"""What a link shows of a verdict besides its colour."""
+"""The mark of each verdict in a link, so that colour is not needed to tell them apart."""
 
 
 def page(examined: list[Examined]) -> str:
@@ -173,17 +173,17 @@ def _section(each: Examined) -> str:
     out = [
         f'<section id="{_anchor(each)}"><h2>{html.escape(c.title)}'
         f'<span class="verdict {_css(each)}">{each.verdict}</span></h2>'
-        f'<p>{html.escape(_sentence(c.says))}.'
-        + (f' <code>./run --scenario {c.flights}</code>' if c.flights else '') + '</p>']
+        f'<p>{html.escape(_sentence(c.statement))}.'
+        + (f' <code>./run --scenario {c.scenario}</code>' if c.scenario else '') + '</p>']
     if r.figure is not None:
-        out.append(f'<img alt="{html.escape(c.title)}: {html.escape(c.says)}" '
+        out.append(f'<img alt="{html.escape(c.title)}: {html.escape(c.statement)}" '
                    f'src="data:image/png;base64,{_embedded(r.figure)}">')
     if c.contains:
         out.append(f'<p>In the simulator: {html.escape(c.contains)}. '
                    f'Tested: {html.escape(c.tests)}.</p>')
     if r.measured:
         out.append(markup.table(f'{c.title}, measured', HEAD, _texts([
-            (m.what, m, m.wanted, m.reason, 'yes' if m.holds else 'no') for m in r.measured])))
-    if r.why_not:
-        out.append(f'<p class="why">{html.escape(_sentence(r.why_not))}</p>')
+            (m.what, m, m.expected, m.reason, 'yes' if m.holds else 'no') for m in r.measured])))
+    if r.remark:
+        out.append(f'<p class="why">{html.escape(_sentence(r.remark))}</p>')
     return ''.join(out) + '</section>'

@@ -24,7 +24,7 @@ INCREASES = (19.0, 8.0, 50.0)  # %, sec. 4.4.1
 
 
 class Counted:
-    """A number that counts what is done with it and others of its kind."""
+    """A number that counts the multiplications and additions of all its instances."""
 
     done = {'multiplications': 0, 'additions': 0}
 
@@ -42,7 +42,7 @@ class Counted:
 
 
 def counted(function: Callable[[], object]) -> tuple[int, int]:
-    """Return how many multiplications and additions of :class:`Counted` a function does."""
+    """Return the numbers of multiplications and additions of :class:`Counted` in a function."""
     Counted.done = {'multiplications': 0, 'additions': 0}
     function()
     return Counted.done['multiplications'], Counted.done['additions']
@@ -60,9 +60,9 @@ def plain(function: Callable) -> Callable:
 
 @claim('Table 2.1', 'operations of rotations and of their products, as matrices and quaternions',
        contains='the functions that every flight uses',
-       tests='whether they need what the table says: mathematics, which no drone can break')
+       tests='whether they need as many as in the table: mathematics, independent of the drone')
 def table_2_1() -> Result:
-    """Count what our functions do with numbers that count."""
+    """Count the operations of our functions, with numbers that count them."""
     A, B, v = (np.array([Counted() for _ in range(n)], object) for n in (9, 9, 3))
     p, q, r = (tuple(Counted() for _ in range(n)) for n in (4, 4, 3))
     done = {
@@ -78,12 +78,12 @@ def table_2_1() -> Result:
 
 @claim('Table 4.1', 'the Mambo has barometer, gyro, accelerometer, sonar and flow, but no GPS and '
        'no magnetometer', contains='the sensors of the table', tests='that none is missing and '
-       'none is too many')
+       'none is extra')
 def table_4_1() -> Result:
-    """Look at the parameters of the simulated sensors."""
+    """Compare the simulated sensors with the table."""
     has = {field.name for field in dataclasses.fields(SimulatorParams)}
     wrong = sum((name in has) != there for name, there in SENSORS.items())
-    return Result([at_most('sensors unlike the table', wrong, 0, '', 'there or not')])
+    return Result([at_most('sensors that differ from the table', wrong, 0, '', 'present or not')])
 
 
 @claim('Table 4.2', 'the measured moments of inertia are 19, 8 and 50 % above those of the '
@@ -94,5 +94,5 @@ def table_4_2() -> Result:
     old, new = preset('toolbox').inertia, truths.vehicle().inertia
     return Result([
         near(f'J_{axis}{axis}, increase', 100.0 * (b / a - 1.0), wanted, 1.0, '%',
-             'printed without digits; 18.4 % is printed as 19')
+             'printed without decimals; 18.4 % is printed as 19')
         for axis, a, b, wanted in zip('xyz', old, new, INCREASES, strict=True)])

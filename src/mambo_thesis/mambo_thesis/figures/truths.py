@@ -1,9 +1,9 @@
 """
-Mutated truths: drones that are other ones. A claim that holds for all of them says nothing.
+Mutated drones, which test whether a claim can fail. A claim that holds for all proves nothing.
 
-A mutation changes the simulated drone of the experiments, never the model beside them: flights
-named ``simulation`` are what chapter 6 compares the experiments with. Figures 3.3 and 6.3 have no
-experiment; what they simulate is changed.
+A mutation changes the simulated drone of the experiments, but not the model under test: chapter 6
+compares the experiments with the flights named ``simulation``. Figures 3.3 and 6.3 have no
+experiment; there the simulated drone is changed.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ VEHICLE = 'sim_node.simulator.vehicle.'
 FLOW = 'sim_node.simulator.optical_flow.'
 
 
-class Times(NamedTuple):
-    """A change that multiplies the value, or each of several, by a factor."""
+class Scaled(NamedTuple):
+    """A change that multiplies a value, or each of several, by a factor."""
 
     factor: float
 
-    def of(self, value: Any) -> Any:
+    def applied_to(self, value: Any) -> Any:
         """Return the changed value."""
         if isinstance(value, tuple):
             return tuple(self.factor * each for each in value)
@@ -35,21 +35,21 @@ class Times(NamedTuple):
 
 class Mutation(NamedTuple):
     """
-    Another truth.
+    A change of the simulated drone.
 
     Attributes
     ----------
-    name, says
-        Short name, and what is changed.
+    name, description
+        Short name, and the change in words.
     changes
-        {parameter of a scenario: value, or Times}.
+        {parameter of a scenario: value, or Scaled}.
     noise_free
-        Whether flights of a perfect state, without sensors, have it too.
+        Whether flights on the true state, without sensors, are changed too.
 
     """
 
     name: str
-    says: str
+    description: str
     changes: Mapping[str, Any]
     noise_free: bool = True
 
@@ -66,29 +66,29 @@ HOVER_RATE = 9.81 * 0.22 / 4.0  # 1/s, deceleration by (3.13) over speed, in hov
 QUADRATIC = 0.068 * HOVER_RATE  # kg/m: the same drag as (3.13) at 1 m/s
 
 MUTATIONS = {m.name: m for m in (
-    Mutation('drag absent', 'k_c = 0', {f'{VEHICLE}drag_coefficient': Times(0.0)}),
-    Mutation('drag x 2', 'k_c = 0.44 s/m', {f'{VEHICLE}drag_coefficient': Times(2.0)}),
-    Mutation('drag x 4', 'k_c = 0.88 s/m', {f'{VEHICLE}drag_coefficient': Times(4.0)}),
-    Mutation('drag quadratic', 'drag with the square of the speed, that of (3.13) at 1 m/s', {
+    Mutation('drag absent', 'k_c = 0', {f'{VEHICLE}drag_coefficient': Scaled(0.0)}),
+    Mutation('drag x 2', 'k_c = 0.44 s/m', {f'{VEHICLE}drag_coefficient': Scaled(2.0)}),
+    Mutation('drag x 4', 'k_c = 0.88 s/m', {f'{VEHICLE}drag_coefficient': Scaled(4.0)}),
+    Mutation('drag quadratic', 'drag with the square of the speed, equal to (3.13) at 1 m/s', {
         f'{VEHICLE}drag_reading': 'none', f'{VEHICLE}drag.parasitic': True,
         f'{VEHICLE}drag.parasitic_coefficient': (QUADRATIC, QUADRATIC, 0.0)}, False),
-    Mutation('drag without thrust', 'drag linear in speed whatever the thrust, that of (3.13) in '
-             'hover', _drag('acceleration', HOVER_RATE), False),
+    Mutation('drag without thrust', 'drag linear in speed and independent of thrust, equal to '
+             '(3.13) in hover', _drag('acceleration', HOVER_RATE), False),
     Mutation('slope 0', 'Q = 1.025 at every height', _factor(1.025, 0.0)),
     Mutation('slope reversed', 'Q falls by 0.07 per metre, 1.025 at 1.5 m',
              _factor(1.13, -0.07)),
     Mutation('slope x 2', 'Q rises by 0.14 per metre, 1.025 at 1.5 m', _factor(0.815, 0.14)),
     Mutation('factor -10 %', 'Q a tenth lower at every height', _factor(0.828, 0.063)),
     Mutation('leak +1', 'rotation of the vehicle left in the flow', {f'{FLOW}leakage': 1.0}),
-    Mutation('leak -1', 'rotation of the vehicle taken out of the flow twice',
+    Mutation('leak -1', 'rotation of the vehicle removed from the flow twice',
              {f'{FLOW}leakage': -1.0}),
-    Mutation('flow late', 'optical flow 0.1 s late', {f'{FLOW}latency': 0.1}),
-    Mutation('motors late', 'thrust follows the command with 0.1 s',
+    Mutation('flow late', 'optical flow with a delay of 0.1 s', {f'{FLOW}latency': 0.1}),
+    Mutation('motors late', 'thrust follows the command with a time constant of 0.1 s',
              {f'{VEHICLE}motor_time_constant': 0.1}),
     Mutation('motor map', "motors with the support package's linear map",
              {f'{VEHICLE}thrust_map': 'linear'}),
-    Mutation('mass +10 %', 'a tenth heavier', {f'{VEHICLE}mass': Times(1.1)}),
-    Mutation('inertia x 2', 'twice the moments of inertia', {f'{VEHICLE}inertia': Times(2.0)}),
+    Mutation('mass +10 %', 'mass 10 % larger', {f'{VEHICLE}mass': Scaled(1.1)}),
+    Mutation('inertia x 2', 'twice the moments of inertia', {f'{VEHICLE}inertia': Scaled(2.0)}),
     Mutation('floor slopes', 'take-off from a floor that slopes by 0.01 rad in roll and pitch',
              {'sim_node.simulator.plant.floor_slope': (0.01, 0.01)}, False),
     Mutation('calibration', 'bias of the accelerometer walks by 0.1 m/s^2 in a second',
@@ -98,32 +98,32 @@ MUTATIONS = {m.name: m for m in (
 )}
 
 
-class _Now(NamedTuple):
+class _Context(NamedTuple):
     mutation: Mutation | None = None
     seeds: tuple[int, ...] = SEEDS
 
 
-_now = [_Now()]
+_contexts = [_Context()]
 
 
 @contextlib.contextmanager
 def mutated(mutation: Mutation | None, seeds: tuple[int, ...] = SEEDS) -> Iterator[None]:
-    """Let figures see another truth, and fly it with these seeds, within the block."""
-    _now.append(_Now(mutation, seeds))
+    """Fly the mutated drone, with these seeds, in all figures within the block."""
+    _contexts.append(_Context(mutation, seeds))
     try:
         yield
     finally:
-        _now.pop()
+        _contexts.pop()
 
 
 def seeds() -> tuple[int, ...]:
-    """Return the seeds that experiments are flown with."""
-    return _now[-1].seeds
+    """Return the seeds of the experiments."""
+    return _contexts[-1].seeds
 
 
-def of(name: str, flight: Scenario) -> str:
-    """Return the name of the mutation that concerns a flight of a name; '': none."""
-    mutation = _now[-1].mutation
+def mutation_of(name: str, flight: Scenario) -> str:
+    """Return the name of the mutation that changes the flight of this name; '': none."""
+    mutation = _contexts[-1].mutation
     model = name.rpartition('/')[2].startswith('simulation')
     if mutation is None or model:
         return ''
@@ -134,22 +134,22 @@ def of(name: str, flight: Scenario) -> str:
     return mutation.name
 
 
-def changed(flight: Scenario, mutation: Mutation) -> Scenario:
-    """Return a scenario whose drone is the mutated one."""
+def mutate(flight: Scenario, mutation: Mutation) -> Scenario:
+    """Return the scenario with the mutated drone."""
     flat = flatten(flight)
     return replaced(flight, {
-        key: change.of(flat[key]) if isinstance(change, Times) else change
+        key: change.applied_to(flat[key]) if isinstance(change, Scaled) else change
         for key, change in mutation.changes.items()})
 
 
 def vehicle(name: str = 'identified') -> Vehicle:
-    """Return the true vehicle where nothing is flown: a known one, mutated as all others."""
-    known, mutation = preset(name), _now[-1].mutation
+    """Return the true vehicle, mutated, for figures without a flight."""
+    known, mutation = preset(name), _contexts[-1].mutation
     if mutation is None:
         return known
     flat = flatten(known)
     changes = {key.removeprefix(VEHICLE): change for key, change in mutation.changes.items()
                if key.startswith(VEHICLE)}
     return replaced(known, {
-        key: change.of(flat[key]) if isinstance(change, Times) else change
+        key: change.applied_to(flat[key]) if isinstance(change, Scaled) else change
         for key, change in changes.items()})

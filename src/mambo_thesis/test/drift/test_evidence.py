@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 from drift_flights import ALONE, experiments_of, flown, NOISE, thesis_of, TRUE
 from mambo_thesis.drift import evidence, experiments, table
-from mambo_thesis.drift.evidence import Evidence, inclusion, not_separated, separating
+from mambo_thesis.drift.evidence import credible_models, Evidence, inclusion, separating_odds
 from mambo_thesis.drift.flight import from_estimate
 from mambo_thesis.drift.mechanisms import MECHANISMS, PARAMETERS
 from mambo_thesis.drift.paths import DRAG_RATE
@@ -33,25 +33,25 @@ def test_a_perfect_flow_needs_no_mechanism():
 @pytest.mark.parametrize('letter', ['A', 'C2', 'D'])
 def test_drift_on_the_paths_of_the_thesis_does_not_separate_three_mechanisms(letter):
     fits = Evidence(thesis_of(TRUE[letter], drag=0.0), 2 * math.pi).compare()
-    left = {f.model for f in not_separated(fits)}
+    left = {f.model for f in credible_models(fits)}
     assert {('A',), ('C2',), ('D',)} <= left
     assert fits[0].probability < 0.5
     assert () not in left
 
 
-def test_the_tilt_of_drag_tells_the_factor_from_the_other_two_but_not_these_apart():
+def test_the_tilt_of_drag_separates_the_factor_from_the_other_two_but_not_these():
     of_a = Evidence(thesis_of(TRUE['A'], DRAG_RATE), 2 * math.pi).compare()
     assert inclusion(of_a)['C2'] + inclusion(of_a)['D'] < 0.1
     of_d = Evidence(thesis_of(TRUE['D'], DRAG_RATE), 2 * math.pi).compare()
     assert inclusion(of_d)['A'] < 0.05
-    assert {('C2',), ('D',)} <= {f.model for f in not_separated(of_d)}
+    assert {('C2',), ('D',)} <= {f.model for f in credible_models(of_d)}
 
 
 def test_the_experiment_that_separates_the_factor_from_rotation_is_another_speed_or_the_hand():
     fits = {f.model: f for f in Evidence(
         thesis_of(TRUE['A'], 0.0), 2 * math.pi).compare([('A',), ('D',)])}
     noise = evidence.Noise(np.zeros(8), NOISE)
-    odds = separating(fits['A',], fits['D',], noise, 4 * math.pi)
+    odds = separating_odds(fits['A',], fits['D',], noise, 4 * math.pi)
     assert max(odds, key=odds.get) in ('drift_w_2', 'drift_hand_loop', 'drift_w_half')
     assert max(odds.values()) > 5.0
 
@@ -96,7 +96,7 @@ def test_a_noise_with_memory_widens_the_intervals():
 def test_an_estimate_that_is_not_turned_to_inertial_axes_is_found():
     flights = []
     for k, f in enumerate(experiments_of({}, seed=3)):
-        body = table.without_turning(f.track, f.flow)
+        body = table.without_rotation(f.track, f.flow)
         path = np.column_stack([np.cumsum(body / 32, axis=0), f.track.position[:, 2]])
         flights.append(from_estimate(f._replace(name=str(k)), f.track.t, path))
     assert Evidence(flights).compare(ALONE)[0].model == ('C2',)
@@ -143,7 +143,7 @@ def test_a_noisy_gyro_does_not_lead_astray(key, letter):
     asked = Evidence([experiments.fly(f'drift_w_1/{key}')])
     fits = asked.compare()
     assert inclusion(fits)[letter] > 0.95
-    small = evidence.minor(asked.flights, fits[0], asked.noise)
+    small = evidence.negligible(asked.flights, fits[0], asked.noise)
     assert tuple(x for x in fits[0].model if x not in small) == (letter,)
 
 
@@ -153,11 +153,10 @@ def test_a_mechanism_below_the_noise_is_minor_beside_a_larger_one():
 
     def of(model, **values):
         return evidence.Fit(model, {'scale': 1.0, **values}, {}, 0.0, 0.0)
-    assert evidence.minor([f], of(('D', 'E'), leakage=-1.0, coupling_x=0.02, coupling_y=0.0),
-                          noise) == ['E']
-    assert not evidence.minor([f], of(('D', 'E'), leakage=-1.0, coupling_x=0.2, coupling_y=0.0),
-                              noise)
-    assert not evidence.minor([f], of(('E',), coupling_x=0.001, coupling_y=0.0), noise)
+    for coupling, small in ((0.02, ['E']), (0.2, [])):
+        fit = of(('D', 'E'), leakage=-1.0, coupling_x=coupling, coupling_y=0.0)
+        assert evidence.negligible([f], fit, noise) == small
+    assert not evidence.negligible([f], of(('E',), coupling_x=0.001, coupling_y=0.0), noise)
 
 
 def fits(*rows):
@@ -172,9 +171,9 @@ def test_a_mechanism_is_in_every_model_that_names_it():
 
 def test_the_fewest_models_that_hold_the_level_are_not_separated():
     found = fits((('A',), 0.5), (('D',), 0.44), (('F',), 0.06))
-    assert [f.model for f in not_separated(found)] == [('A',), ('D',), ('F',)]
-    assert [f.model for f in not_separated(found, 0.9)] == [('A',), ('D',)]
-    assert [f.model for f in not_separated(found, 0.5)] == [('A',)]
+    assert [f.model for f in credible_models(found)] == [('A',), ('D',), ('F',)]
+    assert [f.model for f in credible_models(found, 0.9)] == [('A',), ('D',)]
+    assert [f.model for f in credible_models(found, 0.5)] == [('A',)]
 
 
 def test_priors_are_shared_by_models_of_one_size_and_probabilities_are_one_in_all():
@@ -190,8 +189,8 @@ def test_priors_are_shared_by_models_of_one_size_and_probabilities_are_one_in_al
 
 def test_a_fit_that_is_known_is_the_prior_of_the_next():
     one = Evidence([flown('C.4', {}, 0, duration=6.0)], noise=evidence.Noise(np.zeros(8), 1e4))
-    known = evidence.Fit(('A',), {'scale': 1.3, 'late': 0.0, 'slope': 0.2},
-                         {'scale': 0.01, 'late': 0.001, 'slope': 0.02}, 0.0, 0.0)
+    known = evidence.Fit(('A',), {'scale': 1.3, 'delay': 0.0, 'slope': 0.2},
+                         {'scale': 0.01, 'delay': 0.001, 'slope': 0.02}, 0.0, 0.0)
     fit = one.fit(('A',), known)
     assert fit.values['slope'] == pytest.approx(0.2, abs=1e-3)
     assert fit.sigmas['slope'] == pytest.approx(0.02, rel=1e-2)

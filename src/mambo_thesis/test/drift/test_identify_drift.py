@@ -1,4 +1,4 @@
-"""The command identify_drift: what it finds in a bag, says in a sentence and refuses."""
+"""The command identify_drift: what it finds in a bag, says in a conclusion and refuses."""
 
 import json
 
@@ -29,7 +29,7 @@ def test_the_command_finds_a_mechanism_in_a_bag(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(('lacks', 'says'), [
-    ('optical_flow', 'no optical_flow in it'), ('optitrack/pose', 'no optitrack/pose')])
+    ('optical_flow', 'no topic optical_flow;'), ('optitrack/pose', 'no topic optitrack/pose;')])
 def test_a_bag_that_lacks_something_is_refused_in_one_line(lacks, says, tmp_path, capsys):
     with BagWriter(tmp_path / 'bag') as writer:
         out = Publisher(writer, {k: v for k, v in TOPICS.items() if k != lacks})
@@ -46,15 +46,16 @@ def test_a_bag_that_lacks_something_is_refused_in_one_line(lacks, says, tmp_path
 def test_too_long_a_window_is_refused(tmp_path, capsys):
     bag = write(tmp_path / 'bag', {})
     assert identify_drift.main([str(bag), '--window', '60']) == 2
-    assert 'no flight has flow without a gap for a window of 60 s' in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert 'no flight has 60 s of flow without a gap; give a shorter --window' in error
 
 
-def test_little_rotation_raises_a_doubt():
+def test_little_rotation_gives_a_warning():
     flight = experiments.fly('drift_w_1/d2')  # rotation of 0.05 rad/s
-    assert 'D and G may be taken for others' in identify_drift.caveat([
+    assert 'D and G may be mistaken for other mechanisms' in identify_drift.rotation_warning([
         flight._replace(rate_noise=0.01)])
-    assert not identify_drift.caveat([flight])
-    assert not identify_drift.caveat([experiments.fly('drift_w_2/d2')])
+    assert not identify_drift.rotation_warning([flight])
+    assert not identify_drift.rotation_warning([experiments.fly('drift_w_2/d2')])
 
 
 def fit(model, probability, **values):
@@ -62,31 +63,31 @@ def fit(model, probability, **values):
     return Fit(model, values, sigmas, -10.0, 5.0, probability)
 
 
-def test_a_model_is_a_word():
+def test_a_model_has_a_short_name():
     assert identify_drift.label(('A', 'D')) == 'A+D' and identify_drift.label(()) == 'none'
 
 
-def test_one_sentence_says_what_the_flights_support():
-    sure = identify_drift.sentence([fit(('D',), 0.97), fit((), 0.03)])
+def test_the_conclusion_names_what_the_flights_support():
+    sure = identify_drift.conclusion([fit(('D',), 0.97), fit((), 0.03)])
     assert sure == ('the flights support D (rotational flow left in (+) or removed twice (-)), '
                     'probability 0.97')
-    small = identify_drift.sentence([fit(('D', 'E'), 0.6), fit(('D',), 0.39)], ['E'])
-    assert small.endswith('probability 0.99; E beside it adds less than the noise: no finding')
-    nothing = identify_drift.sentence([fit((), 0.99)])
+    small = identify_drift.conclusion([fit(('D', 'E'), 0.6), fit(('D',), 0.39)], ['E'])
+    assert small.endswith('probability 0.99; E adds less than the noise and is not a finding')
+    nothing = identify_drift.conclusion([fit((), 0.99)])
     assert 'no mechanism: a constant scale is enough' in nothing
-    torn = identify_drift.sentence([fit(('A',), 0.5), fit(('A', 'D'), 0.47), fit((), 0.03)])
-    assert torn == ('these flights cannot separate A (0.50) from A+D; A is part of it '
-                    '(at least 0.95)')
+    torn = identify_drift.conclusion([fit(('A',), 0.5), fit(('A', 'D'), 0.47), fit((), 0.03)])
+    assert torn == ('these flights cannot separate A (0.50) from A+D; A present with '
+                    'probability of at least 0.95')
 
 
-def test_advice_names_the_experiment_of_the_best_odds(monkeypatch):
+def test_the_recommendation_is_the_experiment_with_the_best_odds(monkeypatch):
     noise, two = Noise(np.zeros(8), 0.01), [fit(('A',), 0.5), fit(('D',), 0.5)]
-    assert identify_drift.advice([fit(('A',), 1.0)], noise, None) == ''
-    monkeypatch.setattr(identify_drift, 'separating', lambda *_: {'slow': 2.0, 'fast': 41.6})
-    assert identify_drift.advice(two, noise, None) == (
-        'A and D would be separated best by 30 s of fast (ln odds 42)')
-    monkeypatch.setattr(identify_drift, 'separating', lambda *_: {'slow': 2.0, 'fast': 2.5})
-    assert identify_drift.advice(two, noise, None).endswith('(at best fast, ln odds 2.5)')
+    assert identify_drift.recommendation([fit(('A',), 1.0)], noise, None) == ''
+    monkeypatch.setattr(identify_drift, 'separating_odds', lambda *_: {'slow': 2.0, 'fast': 41.6})
+    assert identify_drift.recommendation(two, noise, None) == (
+        '30 s of fast would separate A and D best (ln odds 42)')
+    monkeypatch.setattr(identify_drift, 'separating_odds', lambda *_: {'slow': 2.0, 'fast': 2.5})
+    assert identify_drift.recommendation(two, noise, None).endswith('(best: fast, ln odds 2.5)')
 
 
 def test_the_apparent_factor_is_that_of_the_sensor_at_each_height():
@@ -121,8 +122,75 @@ def test_the_figure_has_a_bar_for_each_mechanism_and_a_line_for_each_flight():
 def test_data_for_json_is_plain():
     f = flown('C.4', {}, 0)
     found = identify_drift.data([f], 0.03, [fit((), 1.0, scale=1.0)], Noise(np.ones(2), 0.1),
-                                ['said'])
+                                ['a sentence'])
     again = json.loads(json.dumps(found))
-    assert again['flights'][0]['flow_lag_s'] == 0.03 and again['says'] == ['said']
+    assert again['flights'][0]['flow_lag_s'] == 0.03 and again['summary'] == ['a sentence']
     assert again['noise'] == {'sigma_rad_s': 0.1, 'coefficients': [1.0, 1.0]}
     assert again['models'][0]['values'] == {'scale': 1.0}
+
+
+@pytest.mark.parametrize(('arguments', 'expected'), [
+    (['--window', '-1'], '-1 is not a number above 0'),
+    (['--min-height', '0'], '0 is not a number above 0'),
+    (['--flow-lag', '2'], '2 is neither auto nor between -1 and 1 s'),
+    (['--height', 'barometer'], "'barometer' is not one of optitrack, sonar")])
+def test_wrong_options_are_refused_before_a_bag_is_read(arguments, expected, capsys):
+    with pytest.raises(SystemExit) as exit_:
+        identify_drift.main(['nowhere', *arguments])
+    assert exit_.value.code == 2 and expected in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('text', 'lag'), [('auto', None), ('0.03', 0.03), ('-0.5', -0.5)])
+def test_a_lag_is_a_number_of_seconds_or_found(text, lag):
+    assert identify_drift.parser().parse_args(['BAG', '--flow-lag', text]).flow_lag == lag
+
+
+def rotating(noise, rate=0.5):
+    """Return a flight that pitches at a rate, measured with a noise."""
+    f = flown('C.4', {}, 0)
+    omega = np.tile([0.0, rate, 0.0], (len(f.track.t), 1))
+    return f._replace(track=f.track._replace(omega=omega), rate_noise=noise)
+
+
+@pytest.mark.parametrize(('noise', 'warned'), [(0.0, False), (0.05, False), (0.1, True)])
+def test_rotation_is_warned_of_by_its_share_of_noise(noise, warned):
+    """The power of the noise over that of the rotation, (0.5^2)/2 per axis, against 3 %."""
+    share = noise**2 / (0.5**2 / 2.0)
+    assert (share > identify_drift.MAX_NOISE_SHARE) == warned
+    text = identify_drift.rotation_warning([rotating(noise)])
+    assert bool(text) == warned
+    if warned:
+        assert '0.354 rad/s measured with a noise of 0.100 rad/s' in text
+
+
+def test_the_table_shows_at_most_twelve_models_that_are_not_separated():
+    many = [fit((letter,), 0.05) for letter in MECHANISMS] * 2
+    rows = identify_drift.table(many).splitlines()
+    assert rows.index('') == 1 + 12
+    few = [fit(('A',), 0.99), *[fit((letter,), 0.001) for letter in 'CDEFGHI']]
+    assert identify_drift.table(few).splitlines().index('') == 1 + identify_drift.SHOWN_MODELS
+
+
+def test_an_estimate_is_examined_in_place_of_the_flow(monkeypatch, capsys):
+    calls = []
+
+    def read(paths, namespace, lag, height, min_height, estimate):
+        calls.append((lag, height, min_height, estimate))
+        return [flown('C.4', {'slope': 0.07}, 0)], 0.0
+    monkeypatch.setattr(identify_drift, 'read', read)
+    assert identify_drift.main(['BAG', '--estimate', 'estimate/odom', '--height', 'sonar',
+                                '--flow-lag', '0.01', '--min-height', '0.6']) == 0
+    assert calls == [(0.01, 'sonar', 0.6, 'estimate/odom')]
+    output = capsys.readouterr().out
+    assert output.startswith('C.4: ') and 'flow lags by 0 ms' in output
+    assert 'probability of each mechanism, alone or in a pair' in output
+
+
+def test_json_on_the_terminal_replaces_the_text(monkeypatch, capsys):
+    monkeypatch.setattr(identify_drift, 'read', lambda *_: (
+        [flown('C.4', {'slope': 0.07}, 0)], 0.025))
+    assert identify_drift.main(['BAG', '--json', '-']) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found['flights'][0]['flow_lag_s'] == 0.025
+    assert found['models'][0]['model'] == ['A'] and found['summary'][0].startswith('the')
+    assert sum(model['probability'] for model in found['models']) == pytest.approx(1.0)

@@ -2,10 +2,12 @@
 
 import math
 
+from hypothesis import given, settings, strategies as st
 from mambo_thesis.drift import table
 from mambo_thesis.drift.flight import flow_of
-from mambo_thesis.drift.mechanisms import dead_reckoned, flow, MECHANISMS, PARAMETERS
-from mambo_thesis.drift.paths import DRAG_RATE, one_turn
+from mambo_thesis.drift.mechanisms import (
+    dead_reckoned, factor, flow, level_part, MECHANISMS, PARAMETERS)
+from mambo_thesis.drift.paths import DRAG_RATE, one_turn, Track
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -27,7 +29,7 @@ def test_the_equation_is_that_of_the_simulated_sensor(values, sensor):
                                table.sensed(turn, sensor, turn), atol=1e-12)  # rounding
 
 
-def test_what_5_2_makes_of_a_flow_gives_the_flow_back():
+def test_flow_and_the_velocity_of_5_2_are_inverse():
     turn = one_turn('swapped', drag_rate=DRAG_RATE)
     seen = np.random.default_rng(0).normal(size=(len(turn.t), 2))
     exact = flow(turn, turn.height, {})
@@ -41,7 +43,7 @@ def test_what_5_2_makes_of_a_flow_gives_the_flow_back():
     ('(5.4)', 6e-3)])  # roll turns the heading of a body that pitches: 0.1^2 of 0.6 rad/s
 def test_the_equation_of_c2_is_that_of_a_velocity_that_is_not_turned(path, tolerance):
     turn = one_turn(path, drag_rate=DRAG_RATE)
-    unturned = flow_of(turn, table.without_turning(turn, flow(turn, turn.height, {})))
+    unturned = flow_of(turn, table.without_rotation(turn, flow(turn, turn.height, {})))
     np.testing.assert_allclose(flow(turn, turn.height, {'frame': 1.0}), unturned, rtol=0.0,
                                atol=tolerance)
 
@@ -72,7 +74,7 @@ def test_c2_does_not_depend_on_the_heading():
                                flow(turn, turn.height, {'frame': 1.0}), atol=1e-12)
 
 
-def test_nothing_wrong_is_velocity_over_depth():
+def test_the_flow_without_errors_is_velocity_over_depth():
     turn = one_turn('(5.4)', drag_rate=DRAG_RATE, steps=50)
     np.testing.assert_allclose(flow(turn, turn.height, {}), turn.nu[:, :2] / turn.depth[:, None])
 
@@ -108,6 +110,47 @@ def test_a_height_that_lags_is_the_height_handed_over():
 def test_every_parameter_belongs_to_one_mechanism_but_scale_and_delay():
     named = [name for m in MECHANISMS.values() for name in m.parameters]
     assert len(named) == len(set(named))
-    assert set(PARAMETERS) - set(named) == {'scale', 'late'}
-    assert all(letter == m.letter and m.says for letter, m in MECHANISMS.items())
+    assert set(PARAMETERS) - set(named) == {'scale', 'delay'}
+    assert all(letter == m.letter and m.description for letter, m in MECHANISMS.items())
     assert all(p.width > 0.0 for p in PARAMETERS.values())
+
+
+LEVEL_PARAMETERS = [name for name in PARAMETERS if name not in ('delay', 'height_lag')]
+
+
+@given(name=st.sampled_from(LEVEL_PARAMETERS), value=st.floats(-0.1, 0.1))
+@settings(deadline=None)
+def test_without_its_parameter_a_mechanism_is_not_there(name, value):
+    """The flow is exact with every parameter 0, and differs from it otherwise."""
+    turn = one_turn('(5.4)', drag_rate=DRAG_RATE, steps=20)
+    exact = flow(turn, turn.height, {})
+    neutral = 1.0 if name == 'scale' else 0.0
+    np.testing.assert_array_equal(flow(turn, turn.height, {name: neutral}), exact)
+    if abs(value) > 1e-3:
+        changed = flow(turn, turn.height, {name: neutral + value})
+        assert np.abs(changed - exact).max() > 1e-7
+
+
+@given(scale=st.floats(0.5, 2.0), slope=st.floats(-0.2, 0.2), gain=st.floats(-0.02, 0.02))
+def test_the_factor_scales_and_equals_the_scale_at_the_reference_height(scale, slope, gain):
+    heights = np.array([0.5, 1.5, 2.5])
+    found = factor(heights, scale, slope, gain)
+    assert found[1] == pytest.approx(scale)
+    np.testing.assert_allclose(found, scale * factor(heights, 1.0, slope, gain))
+    assert (found[2] - found[1]) / scale == pytest.approx(
+        slope + gain * (math.exp(2.5) - math.exp(1.5)), abs=1e-12)
+
+
+@pytest.mark.parametrize('yaw', [0.0, 0.5, -2.0])
+def test_the_level_part_is_the_vertical_speed_times_the_tilt(yaw):
+    """A climb of 1 m/s along b3 with a pitch of 0.1 rad: to first order -0.1 m/s along b1."""
+    R = Rotation.from_euler('ZYX', [yaw, 0.1, 0.0]).as_matrix()
+    nu = np.array([0.0, 0.0, -1.0])
+    track = Track(np.zeros(1), np.array([[0.0, 0.0, -1.5]]), (R @ nu)[None], R[None],
+                  np.zeros((1, 3)))
+    np.testing.assert_allclose(level_part(track), [[-0.1, 0.0]], atol=2e-3)
+
+
+def test_a_level_vehicle_has_no_level_part():
+    turn = one_turn('hand loop', steps=30)
+    np.testing.assert_allclose(level_part(turn), 0.0, atol=1e-12)

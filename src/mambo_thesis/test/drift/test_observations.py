@@ -50,7 +50,8 @@ def test_a_table_counts_what_is_shown():
     assert len(report.sources_table().splitlines()) == 12
 
 
-def test_the_document_has_the_confrontation_of_today():
+def test_the_document_has_the_observations_of_today():
     lines = DOCUMENT.read_text().splitlines()
-    for table in (report.sources_table(), report.observed_table(observations.confronted())):
+    observed = report.observed_table(observations.observed_by_mechanism())
+    for table in (report.sources_table(), observed):
         assert all(row in lines for row in table.splitlines())

@@ -1,6 +1,8 @@
 """Motion on the paths of the thesis: velocity, tilt and rates belong together."""
 
-from mambo_thesis.drift.paths import DRAG_RATE, LEVEL, one_turn, PATHS, perfect
+from hypothesis import given, settings, strategies as st
+from mambo_thesis.drift.paths import (
+    DRAG_RATE, EXPERIMENTS, LEVEL, one_turn, PATHS, perfect)
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -74,3 +76,32 @@ def test_one_turn_ends_where_it_began_and_leaves_the_end_out():
     end = perfect(PATHS['(5.4)'], np.array([turn.t[-1] + step]), 2.0)
     np.testing.assert_allclose(end.position[0], turn.position[0], atol=1e-9)
     assert turn.part(turn.t > 1.0).position.shape == (int((turn.t > 1.0).sum()), 3)
+
+
+@given(speed=st.floats(0.2, 3.0), size=st.floats(0.1, 1.2), name=st.sampled_from(list(PATHS)))
+@settings(max_examples=40, deadline=None)
+def test_velocity_and_attitude_belong_to_the_path_at_any_speed_and_size(speed, size, name):
+    dt = 1e-4
+    t = np.arange(0.0, 0.01, dt)
+    track = perfect(PATHS[name], t, speed, size, level=name == LEVEL)
+    moved = np.gradient(track.position, dt, axis=0)[1:-1]
+    np.testing.assert_allclose(moved, track.velocity[1:-1], atol=1e-5)
+    np.testing.assert_allclose(track.R @ np.swapaxes(track.R, 1, 2), np.tile(
+        np.eye(3), (len(t), 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(  # a rotation keeps the length of the velocity
+        np.linalg.norm(track.nu, axis=1), np.linalg.norm(track.velocity, axis=1))
+
+
+@given(speed=st.floats(0.2, 2.0))
+@settings(deadline=None)
+def test_a_turn_is_closed_and_as_long_as_the_speed_says(speed):
+    turn = one_turn('C.4', speed, steps=64)
+    step = turn.t[1] - turn.t[0]
+    assert 64 * step == pytest.approx(2.0 * np.pi / speed)
+    np.testing.assert_allclose(turn.velocity.mean(axis=0), 0.0, atol=1e-9)
+
+
+def test_experiments_are_on_known_paths_and_only_the_hand_is_level():
+    assert {path for _, _, path in EXPERIMENTS.values()} <= set(PATHS)
+    assert [name for name, (_, _, path) in EXPERIMENTS.items() if path == LEVEL] == [
+        'drift_hand_loop']

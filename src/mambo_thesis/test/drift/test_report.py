@@ -27,10 +27,11 @@ def test_the_document_has_what_was_flown(name):
 
 def test_tables_replace_those_of_a_document():
     old = 'text\n\n| a | b |\n|---|---|\n| 1 | 2 |\n\nmore\n'
-    assert report.put(['| a | b |\n|---|---|\n| 3 | 4 |\n| 5 | 6 |\n'], old, 'f.md') == (
+    new = '| a | b |\n|---|---|\n| 3 | 4 |\n| 5 | 6 |\n'
+    assert report.replace_tables([new], old, 'f.md') == (
         'text\n\n| a | b |\n|---|---|\n| 3 | 4 |\n| 5 | 6 |\n\nmore\n')
-    with pytest.raises(BagError, match='f.md: has no table that begins with'):
-        report.put(['| c |\n'], old, 'f.md')
+    with pytest.raises(BagError, match='f.md: no table begins with'):
+        report.replace_tables(['| c |\n'], old, 'f.md')
 
 
 def flown_row(measured, predicted=0.2):
@@ -39,8 +40,8 @@ def flown_row(measured, predicted=0.2):
 
 @pytest.mark.parametrize(('x', 'text'), [
     (0.0, '0'), (4.9e-4, '0'), (-4.9e-4, '0'), (0.0012, '+0.001'), (-0.2384, '-0.238')])
-def test_a_number_has_its_sign_unless_it_is_nothing(x, text):
-    assert report.number(x) == text
+def test_a_number_has_a_sign_unless_it_is_zero(x, text):
+    assert report.signed(x) == text
 
 
 def test_a_flown_row_has_mean_and_extremes_of_its_seeds():
@@ -51,10 +52,10 @@ def test_a_flown_row_has_mean_and_extremes_of_its_seeds():
 
 
 def test_a_found_row_has_its_interval_beside_the_truth():
-    found = report.Found('d2', 'all', ('D',), 0.97, 0.99, -1.02, 0.01)
-    line = report.found_table([found], {'d2': -1.0}).splitlines()[2]
+    found = report.Identification('d2', 'all', ('D',), 0.97, 0.99, -1.02, 0.01)
+    line = report.identification_table([found], {'d2': -1.0}).splitlines()[2]
     assert line == '| D2 | all | D | 0.97 | 0.99 | -1.020 +- 0.020 | -1.000 |'
-    none = report.found_table([found._replace(model=())], {'d2': -1.0}).splitlines()[2]
+    none = report.identification_table([found._replace(model=())], {'d2': -1.0}).splitlines()[2]
     assert '| none |' in none
 
 
@@ -73,7 +74,8 @@ def test_the_figure_has_a_plot_for_each_experiment_with_prediction_and_flights()
 
 
 def test_a_figure_is_stale_when_its_table_or_colours_change(monkeypatch):
-    before = report.shows('| a |\n')
-    assert before == report.shows('\n| a |\n\n') and before != report.shows('| b |')
+    before = report.figure_digest('| a |\n')
+    assert before == report.figure_digest('\n| a |\n\n')
+    assert before != report.figure_digest('| b |')
     monkeypatch.setattr(report.palette, 'ROLES', {})
-    assert before != report.shows('| a |\n')
+    assert before != report.figure_digest('| a |\n')

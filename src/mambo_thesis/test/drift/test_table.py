@@ -51,9 +51,9 @@ def test_a_scale_that_is_wrong_alone_drifts_by_tilt_and_not_along_a_level_path()
 def test_estimators_without_a_term_differ_by_that_term():
     turn = one_turn('(5.4)', drag_rate=DRAG_RATE, steps=40)
     seen = flow(turn, turn.height, {})
-    np.testing.assert_allclose(table.right(turn, seen), turn.velocity[:, :2], atol=1e-12)
+    np.testing.assert_allclose(table.exact_velocity(turn, seen), turn.velocity[:, :2], atol=1e-12)
     # C2: the body velocity itself; C1: its horizontal part shrinks by the cosine of the tilt
-    np.testing.assert_allclose(table.without_turning(turn, seen), turn.nu[:, :2], atol=1e-12)
+    np.testing.assert_allclose(table.without_rotation(turn, seen), turn.nu[:, :2], atol=1e-12)
     cosine = turn.R[:, 2, 2]
     body = np.column_stack([turn.nu[:, :2] * cosine[:, None], turn.nu[:, 2]])
     np.testing.assert_allclose(table.without_tilt(turn, seen),
@@ -71,8 +71,9 @@ def test_a_sensor_that_lags_uses_the_height_of_before():
 
 
 def test_the_table_has_a_drift_in_x_and_y_for_every_row_and_path(monkeypatch):
-    monkeypatch.setattr(table, 'drift', lambda row, path: np.array([len(row.says), len(path)]))
+    monkeypatch.setattr(
+        table, 'drift', lambda row, path: np.array([len(row.description), len(path)]))
     found = table.table()
     assert list(found) == list(table.ROWS)
     assert all(drifts.shape == (len(PATHS), 2) for drifts in found.values())
-    assert found['E'][0].tolist() == [len(table.ROWS['E'].says), len('(5.3)')]
+    assert found['E'][0].tolist() == [len(table.ROWS['E'].description), len('(5.3)')]

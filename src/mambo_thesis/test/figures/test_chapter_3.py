@@ -36,3 +36,38 @@ def test_position_velocity_and_attitude_are_drawn(monkeypatch):
     np.testing.assert_allclose(curves[r'$|\nu_e|$ [m/s]'], 0.0)
     assert curves[r'$|\rho_e|$ [m]'][0] == pytest.approx(1.0)
     assert curves['$x$ [m]'][0] == pytest.approx(-1.0)
+
+
+def settling(until=5.815, at_six=0.039, decay=1.0):
+    """Return an error over time: large until a time, then an exponential."""
+    return lambda t: np.where(t < until, 0.2, at_six * np.exp(-decay * (t - 6.0)))
+
+
+def verdicts(monkeypatch, error, pwm=334.8):
+    flight = made(path(lambda t: -error(t)), None, path(), seconds=20.0)
+    flight.recording.pwm[100, 2] = pwm  # of one motor at one instant
+    monkeypatch.setattr(chapter_3, 'fly', lambda name: flight)
+    return [m.holds for m in chapter_3.figure_3_3().measured]
+
+
+def test_a_flight_that_tracks_as_printed_reproduces_the_claim(monkeypatch):
+    assert verdicts(monkeypatch, settling()) == [True, True, True, True]
+
+
+@pytest.mark.parametrize(('error', 'pwm', 'expected'), [
+    (settling(until=6.2), 334.8, [False, False, True, True]),     # settles late
+    (settling(at_six=0.0405), 334.8, [True, False, True, True]),  # larger error at 6 s
+    (settling(decay=0.05), 334.8, [True, True, False, True]),     # decays too slowly
+    (settling(), 350.0, [True, True, True, False])])              # larger command
+def test_each_part_of_the_claim_can_fail_alone(monkeypatch, error, pwm, expected):
+    assert verdicts(monkeypatch, error, pwm) == expected
+
+
+def test_a_drone_that_never_tracks_settles_never(monkeypatch):
+    settled, *_ = examined(monkeypatch, lambda t: np.full_like(t, 0.2)).measured
+    assert settled.high == math.inf and not settled.holds
+
+
+def test_a_drone_that_always_tracks_settles_at_once(monkeypatch):
+    settled, *_ = examined(monkeypatch, lambda t: np.zeros_like(t)).measured
+    assert settled.low == 0.0 and not settled.holds  # the claim is about 5.8 s

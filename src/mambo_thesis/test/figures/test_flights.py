@@ -2,10 +2,13 @@
 
 import cmath
 import math
+from types import SimpleNamespace
 
+from hypothesis import given, strategies as st
 from made_flights import made, path
 from mambo_thesis.figures import flights
-from mambo_thesis.figures.flights import drift, harmonic, held, lag, rms, running_rms, STEP, X, Y
+from mambo_thesis.figures.flights import (
+    drift, harmonic, hold_last_sample, lag, rms, running_rms, STEP, X, Y)
 import numpy as np
 import pytest
 
@@ -26,9 +29,9 @@ def test_after_is_from_the_beginning_on_and_before_the_end():
 def test_a_sample_is_held_until_the_next_and_nothing_before_the_first():
     n = np.nan
     samples = np.array([[n, n], [1.0, 2.0], [n, n], [n, n], [3.0, 4.0], [n, n]])
-    np.testing.assert_array_equal(held(samples), [
+    np.testing.assert_array_equal(hold_last_sample(samples), [
         [0, 0], [1, 2], [1, 2], [1, 2], [3, 4], [3, 4]])
-    assert not held(np.full((3, 2), n)).any()
+    assert not hold_last_sample(np.full((3, 2), n)).any()
 
 
 def test_the_integral_of_a_flow_is_an_angle():
@@ -93,7 +96,7 @@ def test_every_seed_is_flown_once(monkeypatch):
     monkeypatch.setattr(flights.scenario_file, 'load', lambda name, over: (
         name, (name, over['seed'].value if over else None)))
     monkeypatch.setattr(flights, 'replaced', lambda scenario, changes: scenario)
-    monkeypatch.setattr(flights.truths, 'of', lambda name, scenario: '')
+    monkeypatch.setattr(flights.truths, 'mutation_of', lambda name, scenario: '')
     flights._flown.cache_clear()
     flights._scenario.cache_clear()
     try:
@@ -117,3 +120,79 @@ def test_an_amplitude_is_the_mean_of_the_turns_asked_for(turns, amplitude):
     found = harmonic(t, np.where(before, 3.0, 1.0) * np.cos(t), 1.0, turns)
     # the line beside it takes a little of the step in amplitude
     assert abs(found) == pytest.approx(amplitude, abs=0.1)
+
+
+def test_the_first_time_of_a_condition_is_infinite_if_it_never_holds():
+    t = np.array([0.0, 1.0, 2.0, 3.0])
+    assert flights.first_time(t, t > 1.5) == 2.0
+    assert flights.first_time(t, t > 9.0) == math.inf
+
+
+@pytest.mark.parametrize(('small', 'expected'), [
+    ([False, True, False, True], 3.0), ([True, True, True, True], 0.0),
+    ([True, True, True, False], math.inf), ([False, False, True, True], 2.0)])
+def test_the_settling_time_is_when_a_condition_holds_until_the_end(small, expected):
+    t = np.array([0.0, 1.0, 2.0, 3.0])
+    assert flights.settling_time(t, np.array(small)) == expected
+
+
+@given(small=st.lists(st.booleans(), min_size=1, max_size=30))
+def test_nothing_is_violated_after_the_settling_time(small):
+    t, small = np.arange(len(small), dtype=float), np.array(small)
+    settled = flights.settling_time(t, small)
+    assert small[t >= settled].all()
+    assert settled == 0.0 or not small[t < settled][-1]
+
+
+@given(amplitude=st.floats(0.1, 10.0), phase=st.floats(-3.0, 3.0), offset=st.floats(-5.0, 5.0),
+       slope=st.floats(-1.0, 1.0), rate=st.sampled_from([0.5, 1.0, 2.0]))
+def test_a_harmonic_is_found_beside_any_line(amplitude, phase, offset, slope, rate):
+    t = np.arange(0.0, 30.0, 0.05)
+    found = harmonic(t, amplitude * np.cos(rate * t + phase) + offset + slope * t, rate)
+    assert found == pytest.approx(cmath.rect(amplitude, phase), abs=1e-6 * amplitude)
+
+
+@given(shift=st.floats(-3.0, 3.0), factor=st.floats(0.1, 5.0))
+def test_a_drift_is_linear_and_does_not_depend_on_an_offset(shift, factor):
+    x = np.cumsum(np.random.default_rng(0).normal(size=(6000, 2)), axis=0)
+    np.testing.assert_allclose(drift(factor * x + shift), factor * drift(x), rtol=1e-9, atol=1e-9)
+
+
+@given(mask=st.lists(st.booleans(), min_size=1, max_size=40))
+def test_held_samples_are_those_of_a_loop(mask):
+    samples = np.array([[k, -k] if valid else [np.nan] * 2 for k, valid in enumerate(mask, 1)])
+    last, expected = [0.0, 0.0], []
+    for row in samples:
+        last = last if np.isnan(row).any() else row.tolist()
+        expected.append(last)
+    np.testing.assert_array_equal(hold_last_sample(samples), expected)
+
+
+def test_a_running_rms_ends_at_the_rms():
+    x = np.random.default_rng(1).normal(size=(200, 3))
+    np.testing.assert_allclose(running_rms(x)[-1], [rms(column) for column in x.T])
+
+
+def test_a_lag_of_half_a_turn_is_180_degrees():
+    f = made(path(), path(lambda t: -np.cos(t)), path(np.cos), seconds=40.0)
+    assert abs(lag(f, X)) == pytest.approx(180.0, abs=1e-6)
+
+
+def test_another_estimator_gets_the_recorded_samples(monkeypatch):
+    f = made(path(), seconds=1.0)
+    calls = []
+
+    def estimate_again(recording, node):
+        calls.append((recording, node))
+        return np.tile(np.arange(13.0), (len(f.t), 1))
+    monkeypatch.setattr(flights.offline_replay, 'estimate_again', estimate_again)
+    other = SimpleNamespace(estimator_node='of another scenario')
+    assert f.estimated_by(other)[7].tolist() == [0.0, 1.0, 2.0]
+    assert calls == [(f.recording, 'of another scenario')]
+
+
+def test_a_flight_is_flown_when_it_is_made(monkeypatch):
+    recording = SimpleNamespace(t=np.array([0, 5_000_000, 10_000_000]))
+    monkeypatch.setattr(flights.closed_loop, 'fly', {'a scenario': recording}.__getitem__)
+    f = flights.Flight('a scenario')
+    assert f.t.tolist() == [0.0, 0.005, 0.01] and f.recording is recording

@@ -42,7 +42,7 @@ def test_each_claim_says_what_the_simulator_has_and_what_it_noticed():
 def test_a_verdict_without_a_mutation_that_breaks_it_is_a_problem():
     assert not matrix_page.problems(ENTRIES)
     assert matrix_page.problems([entry('5.5', 'reproduced')]) == [
-        'Figure 5.5: counts as reproduced, but notices nothing']
+        'Figure 5.5: is reproduced, but notices no mutation']
     assert matrix_page.problems([entry('5.6', 'partly', [], ['wind', 'leak +1'])]) == [
         'Figure 5.6: does not notice wind, leak +1']
 

@@ -3,8 +3,12 @@
 from html.parser import HTMLParser
 import json
 
-from mambo_thesis.figures.claim import at_most, Claim, Measured, Result
-from mambo_thesis.figures.page import data, Examined, line, markdown, page, picture, summary
+from hypothesis import given, settings, strategies as st
+from mambo_flight import scenario_file
+from mambo_thesis import reproduce  # noqa: F401 (registers the figures)
+from mambo_thesis.figures.claim import at_most, Claim, CLAIMS, Measured, Result
+from mambo_thesis.figures.page import (
+    _anchor, data, Examined, line, markdown, page, picture, summary)
 from matplotlib.figure import Figure
 import pytest
 
@@ -28,7 +32,7 @@ def test_a_summary_counts_each_verdict():
 def test_a_line_has_the_verdict_and_every_number():
     rows = line(ALL[1]).splitlines()
     assert rows[0].split() == ['Figure', '5.4', 'partly']
-    assert rows[1] == '    ok  error 0: 0.1 to 0.2 m (wanted: at most 0.3)'
+    assert rows[1] == '    ok  error 0: 0.1 to 0.2 m (expected: at most 0.3)'
     assert rows[2].startswith('    NO  error 1: ')
 
 
@@ -50,9 +54,9 @@ def test_data_is_plain_and_whole():
     found = json.loads(json.dumps(data(ALL)))
     assert [entry['verdict'] for entry in found] == [
         'reproduced', 'partly', 'not reproduced', 'nothing to measure']
-    assert found[2]['why_not'] == 'no wind' and found[0]['scenario'] == 'fig_5_3'
+    assert found[2]['remark'] == 'no wind' and found[0]['scenario'] == 'fig_5_3'
     assert found[1]['measured'][1] == {
-        'what': 'error 1', 'low': 0.1, 'high': 0.2, 'unit': 'm', 'wanted': 'at most 0.3',
+        'what': 'error 1', 'low': 0.1, 'high': 0.2, 'unit': 'm', 'expected': 'at most 0.3',
         'holds': False, 'reason': 'noise'}
     assert (found[0]['contains'], found[0]['tests']) == ('a floor', 'its height')
 
@@ -96,7 +100,7 @@ def test_a_page_needs_no_network():
     assert source.startswith('data:image/png;base64,iVBORw0KGgo')
 
 
-def test_what_a_claim_says_is_text_and_no_markup():
+def test_the_statement_of_a_claim_is_escaped():
     text = page([examined('5.3', says='x < y & "z" <script>')])
     assert '<script>' not in text and 'X &lt; y &amp; &quot;z&quot; &lt;script&gt;' in text
 
@@ -119,3 +123,63 @@ def test_a_measurement_in_the_page_is_that_of_the_claim():
     result = Result([at_most('height', [0.1, 0.25], 0.2, 'm')])
     text = page([Examined(Claim('5.3', 'x', '', lambda: result), result)])
     assert '0.1 to 0.25 m' in text and 'at most 0.2' in text and '>no<' in text
+
+
+SCENARIOS = {'', *(name.partition('/')[0] for name in scenario_file.names())}
+LETTERS = st.text(st.characters(codec='utf-8', exclude_categories=('Cc', 'Cs')), max_size=30)
+MEASURED = st.builds(
+    Measured, LETTERS, st.floats(-1e6, 1e6), st.floats(-1e6, 1e6), st.sampled_from(['', 'm', '%']),
+    LETTERS, st.booleans())
+EXAMINED = st.builds(
+    Examined, st.builds(Claim, st.sampled_from(['2.1', '5.11', 'C.3', '5.9, 5.10']), LETTERS,
+                        st.sampled_from(['', 'fig_5_3']), st.none()),
+    st.builds(Result, st.lists(MEASURED, max_size=4), st.none(), LETTERS))
+
+
+@given(examined=st.lists(EXAMINED, max_size=3))
+@settings(max_examples=40, deadline=None)
+def test_any_texts_make_a_valid_page_with_all_of_them(examined):
+    checker = Checker(page(examined))
+    assert len(checker.ids) == len(examined)
+    for each in examined:
+        for m in each.result.measured:
+            assert m.what in checker.text and m.expected in checker.text
+        assert each.claim.statement[1:] in checker.text
+
+
+@given(examined=st.lists(EXAMINED, min_size=1, max_size=6))
+@settings(max_examples=40, deadline=None)
+def test_the_verdicts_of_a_summary_add_up(examined):
+    counts = [int(part.split()[0]) for part in summary(examined).split(', ')]
+    assert sum(counts) == len(examined)
+    assert [entry['verdict'] for entry in data(examined)] == [e.verdict for e in examined]
+
+
+def test_a_table_has_one_row_of_five_cells_for_each_measurement():
+    text = markdown([examined('5.3', True, False, True)])
+    rows = [row for row in text.splitlines() if row.startswith('|')]
+    head = rows.index('| measured | value | expected | reason | holds |')
+    assert len(rows[head:]) == 2 + 3 and all(row.count('|') == 6 for row in rows[head:])
+
+
+def test_the_registered_figures_have_different_links_and_whole_sentences():
+    anchors = [_anchor(Examined(claim, Result([]))) for claim in CLAIMS.values()]
+    assert len(set(anchors)) == len(anchors) == len(CLAIMS)
+    for claim in CLAIMS.values():
+        assert claim.statement and not claim.statement.endswith('.'), claim.number
+        assert claim.scenario in SCENARIOS, claim.number
+
+
+def test_a_figure_that_was_flown_names_its_scenario_and_how_to_fly_it():
+    text = page([examined('5.3', True, flights='fig_5_3'), examined('2.1', True)])
+    assert text.count('./run --scenario') == 1 and './run --scenario fig_5_3' in text
+
+
+def test_a_remark_ends_with_one_full_stop():
+    for why in ('no wind', 'no wind.'):
+        assert '\nNo wind.\n' in markdown([examined('5.3', False, why=why)])
+
+
+def test_a_figure_without_a_drawing_has_no_image():
+    checker = Checker(page([examined('5.3', True)]))
+    assert checker.sources == [] and 'measured' in checker.text

@@ -4,7 +4,7 @@ from mambo_flight import scenario_file
 from mambo_flight.scenario import LEAVES
 from mambo_model.schema import flatten
 from mambo_thesis.figures import truths
-from mambo_thesis.figures.truths import Mutation, MUTATIONS, Times
+from mambo_thesis.figures.truths import Mutation, MUTATIONS, Scaled
 import pytest
 
 DRAG = 'sim_node.simulator.vehicle.drag_coefficient'
@@ -18,14 +18,14 @@ def scenario(name):
 def test_every_mutation_changes_parameters_that_there_are_and_nothing_else(name):
     flight = scenario('fig_5_10')
     before, after = (flatten(f) for f in (
-        flight, truths.changed(flight, MUTATIONS[name])))
+        flight, truths.mutate(flight, MUTATIONS[name])))
     different = {key for key in before if before[key] != after[key]}
     assert different and different <= set(MUTATIONS[name].changes) <= set(LEAVES)
 
 
 def test_a_change_may_multiply_a_number_or_several():
-    assert Times(2.0).of(0.22) == 0.44
-    assert Times(2.0).of((1.0, 3.0)) == (2.0, 6.0)
+    assert Scaled(2.0).applied_to(0.22) == 0.44
+    assert Scaled(2.0).applied_to((1.0, 3.0)) == (2.0, 6.0)
 
 
 @pytest.mark.parametrize(('name', 'mutation', 'concerned'), [
@@ -34,8 +34,8 @@ def test_a_change_may_multiply_a_number_or_several():
     ('fig_3_3', 'wind', False), ('fig_5_10', 'wind', True)])
 def test_the_model_and_what_has_no_sensors_stay(name, mutation, concerned):
     with truths.mutated(MUTATIONS[mutation]):
-        assert truths.of(name, scenario(name)) == (mutation if concerned else '')
-    assert truths.of(name, scenario(name)) == ''
+        assert truths.mutation_of(name, scenario(name)) == (mutation if concerned else '')
+    assert truths.mutation_of(name, scenario(name)) == ''
 
 
 def test_a_block_has_its_own_seeds_and_leaves_none_behind():
@@ -65,4 +65,4 @@ def test_drag_laws_are_the_same_in_hover_at_1_m_s():
 
 def test_an_unknown_parameter_does_not_pass_silently():
     with pytest.raises(KeyError):
-        truths.changed(scenario('fig_5_10'), Mutation('x', '', {DRAG + 's': Times(2.0)}))
+        truths.mutate(scenario('fig_5_10'), Mutation('x', '', {DRAG + 's': Scaled(2.0)}))
