@@ -11,6 +11,7 @@ from mambo_bags.replay_node import ReplayNodeParams
 from mambo_flight import scenario_file
 from mambo_flight.scenario import Scenario
 from mambo_flight.sweep import design
+from mambo_mocap.parameters import NatNetClientNodeParams, NatNetServerNodeParams
 from mambo_model import schema
 
 from .source import table
@@ -52,7 +53,9 @@ def row(name: str, field: dataclasses.Field) -> tuple[str, ...]:
 def nodes() -> dict[str, type]:
     """Return the parameter dataclass of every node, by the name of the node."""
     flown = {field.name: field.metadata['group'] for field in dataclasses.fields(Scenario)}
-    return {**flown, 'recorder_node': RecorderNodeParams, 'replay_node': ReplayNodeParams}
+    return {**flown, 'recorder_node': RecorderNodeParams, 'replay_node': ReplayNodeParams,
+            'natnet_server_node': NatNetServerNodeParams,
+            'natnet_client_node': NatNetClientNodeParams}
 
 
 def _sections(params_type: type) -> Iterator[tuple[str, list[tuple[str, ...]]]]:

@@ -30,10 +30,11 @@ USES = {
     'sensor_tick': Use('how many samples of each sensor exist', _SIM, _ESTIMATOR),
     'ground_truth/odom': Use(
         'true pose [m] in `map`, velocity [m/s] and body rate [rad/s] in `base_link`; the '
-        'estimator takes it with `estimator: ground_truth` alone', _SIM, ('optitrack_node',)),
+        'estimator takes it with `estimator: ground_truth` alone', _SIM,
+        ('optitrack_node', 'natnet_server_node')),
     'optitrack/pose': Use(
         'pose [m] in `map`; nothing while the body is lost; the estimator takes it with '
-        '`joint.pose.enabled`', ('optitrack_node',), _ESTIMATOR),
+        '`joint.pose.enabled`', ('optitrack_node', 'natnet_client_node'), _ESTIMATOR),
     'optitrack/tick': Use('how many poses exist; where the estimator uses them',
                           ('optitrack_node',), _ESTIMATOR),
     'estimate/odom': Use(
@@ -50,7 +51,8 @@ USES = {
                      _CONTROLLER, _SIM),
     '/tf': Use('`map` to `odom` to `base_link` [m]', _ESTIMATOR, ()),
     '/diagnostics': Use('status of the node',
-                        ('sim_node', 'optitrack_node', 'estimator_node', 'controller_node'), ()),
+                        ('sim_node', 'optitrack_node', 'estimator_node', 'controller_node',
+                        'natnet_server_node', 'natnet_client_node'), ()),
     'graph/links': Use('which topics a node publishes and subscribes to, and what is matched',
                        ('every node',), ('every node',))}
 

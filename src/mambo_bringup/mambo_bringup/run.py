@@ -19,6 +19,7 @@ from mambo_flight import flight_options, scenario as scenarios, scenario_file
 from mambo_model import schema
 from mambo_model.motion.trajectory import COURSE
 
+from .flight import natnet
 from .flight.nodes import (
     check_drones, COMPOSED, FLIGHT_NODES, namespaces, RECORDER, REPLACEABLE, SIMULATOR)
 from .flight.outcome import FlightEndedError, Outcome, print_refused
@@ -49,6 +50,7 @@ def parser() -> Parser:
                '  ./run --composed                      all nodes in one process\n'
                '  ./run --composed --drones 4           four drones, a process each\n'
                '  ./run --mode realtime --duration 30   paced to the wall clock\n'
+               '  ./run --scenario motion_capture --natnet   poses through a NatNet server\n'
                '  ./run --set sim_node.simulator.vehicle.drag_coefficient=0.3\n')
     add = out.add_argument
     add('--scenario', metavar='NAME',
@@ -64,6 +66,10 @@ def parser() -> Parser:
         help='all nodes of a drone in one process: the same bag, faster')
     add('--without', action='append', default=[], choices=tuple(REPLACEABLE), metavar='NODE',
         help=f"leave a node out and wait for yours: one of {', '.join(REPLACEABLE)}; repeatable")
+    add('--natnet', type=int, nargs='?', const=natnet.PORT, default=0, metavar='PORT',
+        help='serve the hall as Motive does, by NatNet at this command port of 127.0.0.1 and the '
+             f'data port after it, and take the poses from there, in real time '
+             f'(default port: {natnet.PORT})')
     add('--drones', type=int, default=1, metavar='N',
         help='number of drones, in namespaces /mambo1 to /mamboN, with consecutive seeds from '
                      '--seed, each with its own clock and bag (default: 1)')
@@ -95,9 +101,24 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
         raise schema.ParameterError(
             '--without and --composed exclude each other: your node needs the others as processes')
     check_drones(options.drones)
+    if options.natnet:
+        flight = _with_natnet(flight, options)
     if not flight.sim_node.duration > 0.0:
         raise schema.ParameterError(f'{name}: sim_node.duration must be more than 0 s')
     return f'{name}_seed{flight.seed}', flight
+
+
+def _with_natnet(
+    flight: scenarios.Scenario, options: argparse.Namespace,
+) -> scenarios.Scenario:
+    """Return the flight with a NatNet server; ParameterError if the options exclude it."""
+    if options.composed or options.drones > 1 or 'optitrack' in options.without:
+        raise schema.ParameterError(
+            '--natnet serves one drone with its nodes as processes: leave out --composed, '
+            '--drones and --without optitrack')
+    if not 1024 <= options.natnet <= 65_534:
+        raise schema.ParameterError(f'--natnet {options.natnet} must be within 1024 to 65534')
+    return natnet.scenario(flight)
 
 
 def _list_scenarios() -> None:
@@ -133,7 +154,9 @@ def _fly_and_report(
     name: str, flight: scenarios.Scenario, options: argparse.Namespace,
 ) -> None:
     bag = options.output or _free(Path('bags'), name)
-    load('.'.join(node) for node in (COMPOSED, *FLIGHT_NODES, RECORDER, SIMULATOR))
+    load('.'.join(node) for node in (
+        COMPOSED, *FLIGHT_NODES, RECORDER, SIMULATOR,
+        *((natnet.SERVER, natnet.CLIENT) if options.natnet else ())))
     spaces = namespaces(options.drones)
     bags = {space: bag if len(spaces) == 1 else bag / space.strip('/') for space in spaces}
     flights = {space: _reseeded(flight, number) for number, space in enumerate(spaces)}
@@ -141,7 +164,7 @@ def _fly_and_report(
     try:
         outcomes = fly_several(
             flights, {space: path.absolute() for space, path in bags.items()}, options.composed,
-            tuple(dict.fromkeys(options.without)))
+            tuple(dict.fromkeys(options.without)), options.natnet)
     except FlightEndedError as error:
         problem, outcomes = error, error.outcomes
     stopped = outcomes[0].stopped

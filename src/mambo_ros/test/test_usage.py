@@ -15,6 +15,8 @@ NODES = {
     'mambo_estimation.estimator_node': 'EstimatorNode',
     'mambo_control.controller_node': 'ControllerNode',
     'mambo_control.reference_node': 'ReferenceNode',
+    'mambo_mocap.natnet_client_node': 'NatNetClientNode',
+    'mambo_mocap.natnet_server_node': 'NatNetServerNode',
     'mambo_bags.recorder_node': 'RecorderNode', 'mambo_bags.replay_node': 'ReplayNode'}
 OPTIONS = {
     'mambo_sim.optitrack_node': [{'watermark': True}],

@@ -10,6 +10,7 @@ from types import MappingProxyType
 from mambo_flight import recording_to_bag, scenario as scenarios
 from mambo_model import schema
 
+from . import natnet as natnet_nodes
 from ..processes import parameter
 
 FLIGHT_NODES = (
@@ -53,15 +54,17 @@ def label(namespace: str, node: tuple[str, str]) -> str:
     return node[1] if namespace == NAMESPACE else f'{namespace}/{node[1]}'
 
 
-def _nodes_to_start(without: Collection[str]) -> list[tuple[str, str]]:
+def _nodes_to_start(without: Collection[str], natnet: bool) -> list[tuple[str, str]]:
     """Return the nodes, other than simulator and recorder, that the runner starts."""
     theirs = [REPLACEABLE[name][0] for name in without]
-    return [node for node in FLIGHT_NODES if node not in theirs]
+    capture = (natnet_nodes.SERVER, natnet_nodes.CLIENT) if natnet else FLIGHT_NODES[:1]
+    return [node for node in (*capture, *FLIGHT_NODES[1:]) if node not in theirs]
 
 
-def run_parameters(flight: scenarios.Scenario, without: Collection[str]) -> dict[str, object]:
+def run_parameters(flight: scenarios.Scenario, without: Collection[str],
+                   natnet: bool = False) -> dict[str, object]:
     """Return the parameters that belong to the run, not to the experiment."""
-    waited = [name for _, name in (*_nodes_to_start(without), RECORDER)]
+    waited = [name for _, name in (*_nodes_to_start(without, natnet), RECORDER)]
     return {'optitrack_node.watermark': flight.estimator_node.waits_for_capture,
             'sim_node.wait_for': ','.join(waited),
             'sim_node.wait_for_publishers': ','.join(REPLACEABLE[name][1] for name in without)}
@@ -80,7 +83,7 @@ def recorder_topics(flight: scenarios.Scenario) -> dict[str, str]:
 
 def start_arguments(
     file: Path, bag: Path, composed: bool, namespace: str, without: Collection[str] = (),
-    recorder: Mapping[str, str] = MappingProxyType({}),
+    recorder: Mapping[str, str] = MappingProxyType({}), natnet: Path | None = None,
 ) -> list[tuple[tuple[str, str], list[str]]]:
     """
     Return the nodes of a drone with their command line arguments.
@@ -101,6 +104,8 @@ def start_arguments(
         Names in :data:`REPLACEABLE` of nodes that the user starts.
     recorder
         Further parameters of the recorder.
+    natnet
+        Parameters of the NatNet server and client, which stand in for the mock Optitrack.
 
     """
     arguments = ['--ros-args']
@@ -117,5 +122,7 @@ def start_arguments(
         return [(COMPOSED, [*flown, '--params-file', str(recorder_file)])]
     recorded = [*arguments, *parameter('bag', bag), *parameter('scenario', file),
                 *(one for name, value in recorder.items() for one in parameter(name, value))]
-    others = (*_nodes_to_start(without), SIMULATOR)
+    if natnet is not None:
+        flown += ['--params-file', str(natnet)]
+    others = (*_nodes_to_start(without, natnet is not None), SIMULATOR)
     return [(RECORDER, recorded), *((node, flown) for node in others)]

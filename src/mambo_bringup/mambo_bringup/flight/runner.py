@@ -16,6 +16,7 @@ from mambo_flight import scenario as scenarios
 from ..node_group import NodeGroup
 from ..processes import FlightInputError, NodeProcess
 from ..stuck import closed_again, Silence, stuck
+from .natnet import write as write_natnet
 from .nodes import (
     COMPOSED, label, NAMESPACE, RECORDER, recorder_topics, REPLACEABLE, run_parameters,
     start_arguments)
@@ -25,7 +26,7 @@ _LOADING = 60.0  # s that nodes may take to load, at least
 
 
 def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False,
-        without: Collection[str] = ()) -> Outcome:
+        without: Collection[str] = (), natnet: int = 0) -> Outcome:
     """
     Fly a scenario in the graph and record it.
 
@@ -39,6 +40,9 @@ def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False,
         Run all nodes in one process: the same bag, faster.
     without
         Names in :data:`REPLACEABLE` of nodes that the user starts.
+    natnet
+        Command port of a NatNet server that stands in for the mock Optitrack, with its client; 0:
+        none.
 
     Raises
     ------
@@ -47,11 +51,12 @@ def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False,
         until then.
 
     """
-    return fly_several({NAMESPACE: flight}, {NAMESPACE: bag}, composed, without)[0]
+    return fly_several({NAMESPACE: flight}, {NAMESPACE: bag}, composed, without, natnet)[0]
 
 
 def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Path],
-                composed: bool = False, without: Collection[str] = ()) -> list[Outcome]:
+                composed: bool = False, without: Collection[str] = (),
+                natnet: int = 0) -> list[Outcome]:
     """
     Fly several drones at once, each with its own clock and its own bag.
 
@@ -61,7 +66,7 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
         Scenario and bag of each drone by namespace; see :func:`fly`.
     composed
         One process per drone instead of one per node.
-    without
+    without, natnet
         See :func:`fly`.
 
     Raises
@@ -81,12 +86,14 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
         for number, (namespace, flight) in enumerate(flights.items()):
             file = group.folder / f'scenario{number or ""}.yaml'
             file.write_text(scenarios.commented_yaml(
-                scenarios.override(flight, run_parameters(flight, without)), namespace))
+                scenarios.override(flight, run_parameters(flight, without, bool(natnet))),
+                namespace))
             progress[namespace] = bar = Progress(flight.sim_node.duration, shown=not number)
             bars.callback(bar.close)
             started[namespace] = []
             *nodes, owner = start_arguments(
-                file, bags[namespace], composed, namespace, without, recorder_topics(flight))
+                file, bags[namespace], composed, namespace, without, recorder_topics(flight),
+                write_natnet(file, flight, natnet, namespace) if natnet else None)
             last.append((namespace, *owner))
             for node, arguments in nodes:
                 started[namespace].append(

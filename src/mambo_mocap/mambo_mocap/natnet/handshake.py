@@ -93,6 +93,8 @@ def decode_server_info(data: bytes) -> ServerInfo:
     frequency, port, multicast, group = reader.take(_SERVER, "the server's reply")
     if not frequency or not port:
         raise PacketError('the server names no data port or no frequency of its clock')
+    if multicast and not IPv4Address(group).is_multicast:
+        raise PacketError(f'the group {IPv4Address(group)} of the server is no multicast address')
     return ServerInfo(sender, frequency, port, multicast, str(IPv4Address(group)))
 
 

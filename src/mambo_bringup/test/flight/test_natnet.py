@@ -1,0 +1,49 @@
+"""A flight through NatNet: its parameters, and what it refuses."""
+
+import json
+
+from mambo_bringup.flight import natnet, nodes
+from mambo_flight.scenario import override, scenario
+from mambo_mocap.parameters import NatNetClientNodeParams, NatNetServerNodeParams
+from mambo_model import schema
+import pytest
+import yaml
+
+
+def test_server_and_client_have_the_hall_of_the_flight(tmp_path):
+    flight = natnet.scenario(override(scenario(seed=5), {
+        'optitrack_node.optitrack.fault': 'lost', 'optitrack_node.optitrack.fault_end': 3.0,
+        'optitrack_node.optitrack.markers.occlusion': 0.2}))
+    file = natnet.write(tmp_path / 'flight.yaml', flight, 20_000, '/mambo')
+    given = yaml.safe_load(file.read_text())
+    assert given == json.loads(file.read_text())
+    server = schema.build(
+        NatNetServerNodeParams, given['/mambo/natnet_server_node']['ros__parameters'])
+    client = schema.build(
+        NatNetClientNodeParams, given['/mambo/natnet_client_node']['ros__parameters'])
+    assert (server.command_port, server.data_port, client.command_port) == (20_000, 20_001, 20_000)
+    assert (server.seed, server.fault, server.fault_end) == (5, 'lost', 3.0)
+    assert server.markers == flight.optitrack_node.optitrack.markers
+    assert client.stamp == 'server' and server.body in client.bodies
+    assert flight.sim_node.mode == 'realtime'
+    assert not flight.estimator_node.waits_for_capture
+
+
+def test_they_stand_in_for_the_mock(tmp_path):
+    flight, file = scenario(), tmp_path / 'flight.yaml'
+    started = nodes.start_arguments(
+        file, tmp_path / 'bag', False, '/mambo', natnet=tmp_path / 'natnet.yaml')
+    names = [node for node, _ in started]
+    assert natnet.SERVER in names and natnet.CLIENT in names
+    assert ('mambo_sim', 'optitrack_node') not in names
+    assert str(tmp_path / 'natnet.yaml') in dict(started)[natnet.SERVER]
+    waited = nodes.run_parameters(flight, (), natnet=True)['sim_node.wait_for'].split(',')
+    assert {natnet.SERVER[1], natnet.CLIENT[1]} < {*waited} and 'optitrack_node' not in waited
+
+
+@pytest.mark.parametrize('given', [{'model': 'pose'}, {'frame_loss': 0.1}, {'stamp': 'arrival'}])
+def test_what_no_server_streams_is_refused(given):
+    flight = override(scenario(), {
+        f'optitrack_node.optitrack.{name}': value for name, value in given.items()})
+    with pytest.raises(schema.ParameterError, match='with NatNet optitrack_node.optitrack needs'):
+        natnet.scenario(flight)

@@ -1,0 +1,114 @@
+"""ROS node that serves the simulated hall as Motive serves a real one."""
+
+from __future__ import annotations
+
+from collections import deque
+import time
+
+from mambo_model.motion.rigid_body import State
+from mambo_ros import diagnostics, input_guard, messages, node, process, topics
+from mambo_ros.loop import Loop
+
+from . import udp
+from .hall import content, Hall, View
+from .natnet.frame import Times
+from .pace import Pace
+from .parameters import NatNetServerNodeParams
+from .server import Server, ticks
+
+_REPORT_EVERY = 1_000_000_000  # ns
+_QUEUE = 2000  # views that wait for their time
+_CAMERA = 5_000_000  # ns of the latency that is spent before the server has the images
+
+
+def _check(truth: tuple) -> str:
+    """Return the reason to refuse a decoded true state; empty if it is usable."""
+    return input_guard.finite(*truth[1])
+
+
+class NatNetServerNode(node.MamboNode[NatNetServerNodeParams]):
+    """
+    NatNet server of the simulated hall, for the clients of a real one.
+
+    Subscribes ``ground_truth/odom`` of a flight in real time, and sends each frame its latency
+    after the exposure; publishes ``/diagnostics``.
+    """
+
+    publishes = (topics.DIAGNOSTICS,)
+    subscribes = (topics.GROUND_TRUTH,)
+    example = "--ros-args -p transmission:=unicast -p version:=\"'3.1'\" -p rate:=360.0"
+
+    def __init__(self, **kwargs) -> None:
+        super().__init__('natnet_server_node', NatNetServerNodeParams, **kwargs)
+        p = self.params
+        self._hall, self._server = Hall(p), Server(p)
+        still = State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
+        Hall(p).look(0, still)  # have the compiled steps in memory before time starts
+        self._commands = udp.open_socket(p.address, p.command_port)
+        self._group = udp.open_socket(p.address, 0)
+        self._waiting: deque[View] = deque(maxlen=_QUEUE)
+        self._pace = Pace()
+        self._sent = self._failed = self._next_report = 0
+        self._diagnostics = self.advertise(topics.DIAGNOSTICS)
+        self.accept(topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth, check=_check)
+
+    def _on_truth(self, t: int, state: State) -> None:
+        self._pace.add(t, time.time_ns())
+        self._waiting.extend(self._hall.look(t, state))
+        if t >= self._next_report:
+            self._next_report = (t // _REPORT_EVERY + 1) * _REPORT_EVERY
+            self._report(t)
+
+    def turn(self) -> float:
+        """Answer commands and send the frames that are due; return the time to the next, s."""
+        for data, sender, arrived in udp.receive(self._commands):
+            reply = self._server.answer(data, sender, arrived)
+            if reply is not None:
+                udp.send(self._commands, reply, sender)
+        latency = round(self.params.latency * 1e9)
+        while self._waiting:
+            exposed = self._waiting[0].exposure + self._pace.offset
+            now = time.time_ns()
+            if now < exposed + latency:
+                return (exposed + latency - now) * 1e-9
+            self._send(self._waiting.popleft(), exposed, now)
+        return 0.005
+
+    def _send(self, view: View, exposed: int, now: int) -> None:
+        times = Times(view.exposure * 1e-9, ticks(exposed),
+                      ticks(min(exposed + _CAMERA, now)), ticks(now))
+        target = self._group if self.params.transmission == 'multicast' else self._commands
+        for data, address in self._server.packets(content(view, self.params, times), now):
+            if udp.send(target, data, address):
+                self._sent += 1
+            else:
+                self._failed += 1
+
+    def _report(self, t: int) -> None:
+        refused = self._server.refused
+        level, line = diagnostics.OK, 'serving'
+        if self._failed:
+            level, line = diagnostics.WARN, 'frames were not sent'
+        elif refused:
+            level, line = diagnostics.WARN, 'commands were refused'
+        self._diagnostics(diagnostics.report(t, self.get_name(), level, line, {
+            'frames sent': self._sent, 'frames not sent': self._failed,
+            'unicast clients': len(self._server.clients),
+            **{f'commands {reason}': count for reason, count in sorted(refused.items())}}))
+
+    def finish(self) -> None:
+        """Close the sockets."""
+        self._commands.close()
+        self._group.close()
+
+
+def serve(server: NatNetServerNode, loop: Loop) -> int:
+    """Serve until stopped; return the exit code."""
+    while not loop.stopping:
+        loop.once(min(server.turn(), 0.005))
+    return 0
+
+
+def main(args=None) -> None:
+    """Entry point ``natnet_server_node``."""
+    process.main(NatNetServerNode, args, serve)

@@ -1,0 +1,174 @@
+"""The client over a simulated channel: jitter, loss, reordering, strangers and damage."""
+
+import heapq
+
+from mambo_mocap.client import Client, RESTART
+from mambo_mocap.natnet import handshake, wire
+from mambo_mocap.natnet.frame import encode_frame, Frame, RigidBody, Times, TRACKED
+from mambo_mocap.parameters import NatNetServerNodeParams
+from mambo_mocap.server import FREQUENCY, Server
+from motive import FRAMES, INFOS, packet
+import numpy as np
+import pytest
+
+EPOCH = 1_795_000_000_000_000_000  # ns
+ADDRESS = ('10.0.0.2', 4000)
+BODY = RigidBody(1, (0.5, 1.5, -0.25), (0.0, 0.6, 0.0, 0.8), 1e-4, TRACKED)
+
+
+class Channel:
+    """A server, a network and this host's clock, played without waiting."""
+
+    def __init__(self, version='4.1', drift=0.0, jitter=5e-3, loss=0.1, damage=0.0, seed=1,
+                 **given):
+        self.server = Server(NatNetServerNodeParams(
+            version=version, transmission='unicast', **given))
+        self.client = Client()
+        self.rng = np.random.default_rng(seed)
+        self.drift, self.jitter, self.loss, self.damage = drift, jitter, loss, damage
+        self.events, self.count, self.seen = [], 0, []
+
+    def here(self, s):
+        """Return this host's clock, ns, at a true time, s, which is the server's."""
+        return EPOCH + round(s * (1.0 + self.drift) * 1e9)
+
+    def send(self, now, to_server, data):
+        """Put a packet on its way."""
+        if self.rng.random() < self.loss:
+            return
+        if self.rng.random() < self.damage:
+            data = bytearray(data)
+            for _ in range(3):
+                data[self.rng.integers(len(data))] = self.rng.integers(256)
+            data = bytes(data[:self.rng.integers(1, len(data) + 1)])
+        self.count += 1
+        heapq.heappush(self.events, (
+            now + 1e-4 + self.rng.uniform(0.0, self.jitter), self.count, to_server, data))
+
+    def play(self, seconds, rate=120.0, begin=0.0):
+        """Stream for some seconds; collect (true exposure, pose, arrival)."""
+        for k in range(round(seconds * rate)):
+            now = begin + k / rate
+            while self.events and self.events[0][0] <= now:
+                at, _, to_server, data = heapq.heappop(self.events)
+                if to_server:
+                    reply = self.server.answer(data, ADDRESS, round(at * 1e9))
+                    if reply:
+                        self.send(at, False, reply)
+                else:
+                    self.seen += [(at, one) for one in self.client.take(data, self.here(at))]
+            exposure = now - 6e-3
+            frame = Frame(k + 1 + round(begin * rate), Times(max(exposure, 0.0), *(
+                max(round(t * FREQUENCY), 0) for t in (exposure, now - 1e-3, now))),
+                bodies=(BODY,))
+            for data, _ in self.server.packets(frame, round(now * 1e9)):
+                self.send(now, False, data)
+            if k % 2 == 0:
+                for data in self.client.due(self.here(now)):
+                    self.send(now, True, data)
+
+
+@pytest.mark.parametrize('drift', [0.0, 60e-6])
+@pytest.mark.parametrize('version', ['3.1', '4.2'])
+def test_stamps_are_within_a_fifth_of_a_millisecond_of_the_exposure(version, drift):
+    channel = Channel(version, drift)
+    channel.play(25.0, rate=360.0)
+    found = [(at, one) for at, one in channel.seen if at > 10.0]
+    assert len(found) > 3000  # of 5400: a tenth is lost, others are overtaken by later ones
+    stamps = np.array([one.stamp for _, one in found])
+    frames = np.round(((stamps - EPOCH) * 1e-9 / (1.0 + drift) + 6e-3) * 360.0)
+    truth = np.array([channel.here(k / 360.0 - 6e-3) for k in frames.tolist()])
+    assert np.abs(stamps - truth).max() < 200_000
+    assert (np.diff(stamps) > 0).all()
+    latency = np.array([one.latency for _, one in found])
+    late = np.array([channel.here(at) for at, _ in found]) - stamps
+    np.testing.assert_allclose(latency, late * 1e-9, atol=2e-4)
+    assert channel.client.counts['late frames'] > 100
+    assert 6e-3 < channel.client.delays.total < 13e-3
+    assert channel.client.delays.camera == pytest.approx(5e-3, abs=1e-6)
+    assert channel.client.delays.software == pytest.approx(1e-3, abs=1e-6)
+
+
+def test_the_pose_is_in_our_axes_and_has_its_name():
+    channel = Channel(loss=0.0, jitter=1e-4, body='drone')
+    channel.play(3.0)
+    seen = channel.seen[-1][1]
+    assert (seen.name, seen.identifier) == ('drone', 1)
+    assert seen.rho == pytest.approx((0.5, -0.25, -1.5))
+    assert seen.q == pytest.approx((0.8, 0.0, 0.0, -0.6))
+    assert channel.client.counts['frames'] == len(channel.seen)
+    assert not channel.client.counts['missing frames']
+
+
+def test_damage_is_counted_and_survived():
+    channel = Channel(damage=0.3, seed=5)
+    channel.play(20.0)
+    client = channel.client
+    assert client.counts['malformed'] > 100 and client.problem
+    assert client.counts['frames'] > 500
+    assert client.info is not None and client.names == {1: 'mambo'}
+
+
+def test_a_server_that_comes_back_is_found_again():
+    channel = Channel(loss=0.0)
+    channel.play(3.0)
+    channel.server = Server(NatNetServerNodeParams(version='3.1', transmission='unicast'))
+    before = len(channel.seen)
+    channel.play(6.0, begin=10.0)
+    assert channel.client.version == (3, 1)
+    assert channel.client.counts['lost connection'] == 1
+    assert len(channel.seen) - before > 300
+
+
+def test_only_frames_of_known_kind_and_order_are_used():
+    client = Client()
+    client.take(handshake.encode_server_info(Server(NatNetServerNodeParams(
+        version='3.0')).info), EPOCH)
+    for number, used in ((5, 1), (5, 0), (4, 0), (8, 1), (8 - RESTART, 1)):
+        data = encode_frame(Frame(number, Times(0.1, 1, 2, 3), bodies=(BODY,)), (3, 0))
+        assert len(client.take(data, EPOCH + 10**8)) == used, number
+    assert client.counts['late frames'] == 2 and client.counts['missing frames'] == 2
+    for bad in (BODY._replace(attitude=(0.0,) * 4), BODY._replace(flags=0),
+                BODY._replace(position=(float('nan'), 0.0, 0.0)),
+                BODY._replace(position=(float('inf'), 0.0, 0.0))):
+        data = encode_frame(Frame(9, Times(0.1, 1, 2, 3), bodies=(bad,)), (3, 0))
+        client._last = 8
+        assert client.take(data, EPOCH) == []
+    assert client.counts['bodies without a pose'] == 3
+    assert client.counts['bodies not tracked'] == 1
+    for time in (float('nan'), float('inf'), -1.0):
+        data = encode_frame(Frame(9, Times(time, 1, 2, 3), bodies=(BODY,)), (3, 0))
+        assert client.take(data, EPOCH) == []
+    assert client.counts['malformed'] == 3 and 'has no time' in client.problem
+
+
+@pytest.mark.parametrize(('name', 'version'), FRAMES.items())
+def test_the_frames_of_motive_are_poses(name, version):
+    info = next(one for one, of in INFOS.items() if of == version)
+    client = Client(server_time=True)
+    assert client.take(packet(name), EPOCH) == []
+    assert client.counts == {'before the connection': 1}
+    client.take(packet(info), EPOCH)
+    seen, = client.take(packet(name), EPOCH)
+    assert abs(sum(x * x for x in seen.q) - 1.0) < 1e-9 and seen.stamp > 0
+    if version == (3, 0):
+        client.take(packet('modeldef_packet_v3'), EPOCH)
+        assert client.names == {2: 'RaceQuad'}
+
+
+def test_an_unknown_version_is_one_clear_line():
+    client = Client()
+    info = handshake.ServerInfo(handshake.Sender('Motive', (4, 0, 0, 0), (5, 0, 0, 0)), 10)
+    client.take(handshake.encode_server_info(info), EPOCH)
+    assert client.info is None
+    assert client.problem == (
+        'NatNet 5.0 is unknown: set the server to a version from 2.5 to 4.2')
+
+
+def test_an_echo_that_nobody_asked_for_is_not_believed():
+    client = Client()
+    client.take(handshake.encode_server_info(Server(NatNetServerNodeParams()).info), EPOCH)
+    for sent in (EPOCH + 1, EPOCH - 10**11, 0, 2**64 - 1):
+        client.take(handshake.encode_echo_response(sent, 5), EPOCH)
+    assert client.counts['malformed'] == 4 and client.match.line is None
+    assert client.take(wire.message(55, b''), EPOCH) == [] and client.counts['unknown'] == 1

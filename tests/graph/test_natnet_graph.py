@@ -1,0 +1,67 @@
+"""The simulated hall through a NatNet server and its client to the estimator and the bag."""
+
+import socket
+
+from mambo_bags.reader import read_bag
+from mambo_bringup.flight import natnet
+from mambo_bringup.flight.runner import fly
+from mambo_flight.scenario import scenario
+import numpy as np
+import pytest
+
+SECONDS = 8.0
+PERIOD = round(1e9 / 120.0)  # ns
+
+
+def free_port():
+    """Return a port that is free, and so is the next one."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(('127.0.0.1', 0))
+        return min(one.getsockname()[1], 65_534)
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    """Return a flight in real time whose poses went over UDP."""
+    path = tmp_path_factory.mktemp('natnet') / 'bag'
+    flight = natnet.scenario(scenario(
+        estimator='joint', duration=SECONDS, seed=3, land=False, overrides={
+            'controller_node.estimate': 'map', 'estimator_node.joint.pose.enabled': True}))
+    outcome = fly(flight, path, natnet=free_port())
+    assert not outcome.fault and outcome.closed
+    return read_bag(path)
+
+
+def test_every_frame_arrives_with_the_time_of_its_exposure(bag):
+    stamps = bag['/mambo/optitrack/pose'].stamp
+    frames = np.round(stamps / PERIOD)
+    assert np.abs(stamps - frames * PERIOD).max() <= 1  # ns
+    flown = bag['/mambo/ground_truth/odom'].stamp[-1]
+    # those of the last 30 ms may be under way; the first may be before the connection
+    assert (np.diff(frames) == 1).all()
+    assert len(frames) >= flown / PERIOD - 10
+
+
+def test_the_poses_are_those_of_the_vehicle(bag):
+    poses, truth = bag['/mambo/optitrack/pose'], bag['/mambo/ground_truth/odom']
+    at = np.stack([np.interp(poses.stamp, truth.stamp, truth.position[:, axis])
+                   for axis in range(3)], axis=1)
+    assert np.abs(at - poses.position).max() < 2e-3
+
+
+def test_the_estimator_uses_them(bag):
+    estimate, truth = bag['/mambo/estimate/map'], bag['/mambo/ground_truth/odom']
+    at = np.stack([np.interp(estimate.stamp, truth.stamp, truth.position[:, axis])
+                   for axis in range(3)], axis=1)
+    late = estimate.stamp > 3e9
+    assert np.abs(at - estimate.position)[late].max() < 0.05
+
+
+def test_latency_and_counts_are_in_the_diagnostics(bag):
+    found = {status.name: {one.key: one.value for one in status.values}
+             for message in bag['/diagnostics'].objects() for status in message.status}
+    client, server = found['natnet_client_node'], found['natnet_server_node']
+    assert 0.005 < 1e-3 * float(client['latency [ms]']) < 0.2
+    assert client['NatNet'] == '4.1' and client['clocks matched by echoes'] == 'True'
+    assert 'malformed' not in client and 'late frames' not in client
+    assert int(client['frames']) > 100 and int(server['frames sent']) >= int(client['frames'])
