@@ -22,6 +22,7 @@ import tempfile
 import time
 from typing import NamedTuple
 
+from mambo_bags.cli.option_types import whole
 from mambo_bags.reader import BagError, read_bag
 from mambo_bags.recover import recover
 from mambo_bringup.domain import Domain
@@ -298,8 +299,10 @@ def parser() -> argparse.ArgumentParser:
     kinds = out.add_subparsers(dest='kind', required=True)
     add = kinds.add_parser(
         'processes', help='signals to any process of a flight or replay, at any time').add_argument
-    add('--count', type=int, default=100, metavar='N', help='faults to inject (default: 100)')
-    add('--seed', type=int, default=1, metavar='S', help='of their choice (default: 1)')
+    add('--count', type=whole(1, 1_000_000), default=100, metavar='N',
+        help='faults to inject (default: 100)')
+    add('--seed', type=whole(0, 2**31 - 1), default=1, metavar='S',
+        help='of their choice (default: 1)')
     add('--recording', type=Path, default=ROOT / 'bags/circle_short', metavar='BAG',
         help='bag that replays play (default: bags/circle_short)')
     return out

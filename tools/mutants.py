@@ -23,6 +23,7 @@ import tempfile
 import time
 from typing import NamedTuple
 
+from mambo_bags.cli.option_types import whole
 import pytest
 import yaml
 
@@ -259,12 +260,10 @@ def main() -> int:
     """Run the command; return its exit code."""
     parser = argparse.ArgumentParser(prog='mutants', description=__doc__.split('\n\n')[0].strip())
     parser.add_argument('files', nargs='*', help='rotor, sensors/sonar, mambo_sim; all')
-    parser.add_argument('--jobs', type=int, default=1, help='how many at a time (1)')
+    parser.add_argument('--jobs', type=whole(1, 1024), default=1, help='how many at a time (1)')
     parser.add_argument('--write', action='store_true',
                         help='write the tables to docs/evidence/mutants.md')
     options = parser.parse_args()
-    if options.jobs < 1:
-        parser.error('--jobs must be at least 1')
     os.nice(10)
     os.environ |= {'NUMBA_DISABLE_JIT': '1', 'OPENBLAS_NUM_THREADS': '1'}
     began, results, pool = time.monotonic(), {}, ThreadPoolExecutor(options.jobs)

@@ -17,6 +17,7 @@ from mambo_sim import lockstep, sim_node
 from mambo_sim.sim_node import SimNode
 import pytest
 import rclpy
+from rclpy.clock import ClockType
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
@@ -109,6 +110,12 @@ def test_a_stream_that_nobody_publishes_any_more_is_not_waited_for(controller):
     controller.node._look()
     controller.reference(3)
     assert controller.stamps == [0, 1, 2]
+
+
+def test_the_look_for_lost_streams_does_not_depend_on_the_wall_clock(controller):
+    """A timer of the wall clock is silent for as long as that clock is set back."""
+    (timer,) = controller.node.timers
+    assert timer.clock.clock_type == ClockType.STEADY_TIME
 
 
 @pytest.mark.parametrize('lost', ['estimate/odom', 'reference'])

@@ -12,8 +12,10 @@ from typing import Any, TextIO
 import warnings
 
 from mambo_model.errors import InputError, MamboError, visible
-from mambo_model.whole_file import is_wrong_path, write_text
+from mambo_model.whole_file import check_writable, is_wrong_path, write_text
 import numpy as np
+
+from .cli import drawing, supervisor
 
 _WRITTEN = ('output', 'json', 'html', 'csv', 'figure', 'write')  # options naming a file to write
 _OF_A_BAG = ('*.mcap', '*.db3', '*.zstd', 'metadata.yaml')  # never written over
@@ -68,6 +70,12 @@ def set_program(name: str | None) -> None:
 def program(name: str) -> str:
     """Return the name of a command in messages: as the user typed it, else its own name."""
     return _program or name
+
+
+def own_process() -> None:
+    """Prepare a process that runs one command and nothing else: its pictures, a user's code."""
+    drawing.draw_files_only()
+    supervisor.enable()
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
@@ -152,6 +160,8 @@ class Parser(argparse.ArgumentParser):
         self, args: list[str] | None = None, namespace: argparse.Namespace | None = None,
     ) -> argparse.Namespace:
         """Parse; print one line and exit with code 2 on an error."""
+        if args is None:
+            own_process()
         options, rest = self.parse_known_args(args, namespace)
         if self._takes_last:
             if options.last is None and len(rest) == 1 and not rest[0].startswith('-'):
@@ -168,6 +178,7 @@ class Parser(argparse.ArgumentParser):
         if self._needs_output and options.output is None:
             self.error('-o/--output is missing')
         self._refuse_overwriting(vars(options))
+        self._refuse_unwritable(vars(options))
         return options
 
     def _refuse_overwriting(self, options: dict[str, Any]) -> None:
@@ -186,6 +197,19 @@ class Parser(argparse.ArgumentParser):
             if _is_file(path) and any(Path(place).match(end) for end in _OF_A_BAG):
                 self.error(f'--{name}: {path} is part of a bag, which is never written over')
             taken[place] = f'also that of --{name}'
+
+    def _refuse_unwritable(self, options: dict[str, Any]) -> None:
+        """Exit behind one line if a file to write cannot be written, before any work is done."""
+        for name in _WRITTEN:
+            path = options.get(name)
+            if path is None or path == '-':
+                continue
+            try:
+                check_writable(Path(path))
+            except MamboError as error:
+                self.exit(error.exit_code, f'{self.prog}: --{name}: {one_line(str(error))}\n')
+            except ValueError:  # a name that no file can have
+                self.error(f'--{name}: {path}: no file can have this name')
 
     def print_help(self, file: Any = None) -> None:
         """Print the help; if the output cannot be written, print one line and exit with code 1."""
@@ -209,8 +233,7 @@ class Parser(argparse.ArgumentParser):
         except argparse.ArgumentTypeError as error:
             raise argparse.ArgumentError(action, str(error)) from None
         except (TypeError, ValueError):
-            what = 'a whole number' if convert is int else 'a number'
-            raise argparse.ArgumentError(action, f'{text!r} is not {what}') from None
+            raise argparse.ArgumentError(action, f'{text!r} is not a number') from None
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
@@ -267,6 +290,8 @@ def guard(name: str, work: Callable[[], None]) -> int:
         return _complain(name, 'the input is nested too deeply', 2)
     finally:
         sys.stdout = plain
+        if not isinstance(sys.exc_info()[1], SystemExit):  # which no code of ours raises in a job
+            supervisor.ended()
     return 0
 
 

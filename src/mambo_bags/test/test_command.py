@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 from mambo_bags import command
+from mambo_bags.cli.option_types import whole
 from mambo_bags.command import guard
 from mambo_bags.reader import BagError
 from mambo_model.errors import InputError, JobError
@@ -83,7 +84,7 @@ def line():
     out = command.Parser('tool', 'Makes a bag.')
     out.add_argument('source')
     out.add_output('BAG', 'to make', required=True, positional=True)
-    out.add_argument('--seed', type=int)
+    out.add_argument('--seed', type=whole(0, 9))
     out.add_argument('--height', type=lambda text: float(text))
     out.add_argument('--mode', choices=('lockstep', 'realtime'))
     out.add_json()
@@ -209,8 +210,12 @@ def test_a_value_that_ends_the_options_is_none(line, capsys):
 
 
 @pytest.mark.parametrize('name', ['x' * 5000, 'a\0b'])
-def test_a_name_that_no_file_can_have_is_not_looked_up(line, name):
-    assert line.parse_args(['a', '-o', 'b', '--json', name]).json == name
+def test_a_name_that_no_file_can_have_is_refused(line, name, capsys):
+    with pytest.raises(SystemExit) as end:
+        line.parse_args(['a', '-o', 'b', '--json', name])
+    error = capsys.readouterr().err
+    assert end.value.code == 2 and error.count('\n') == 1 and len(error) < 2200
+    assert '--json: ' in error and ('File name too long' in error or 'no file can have' in error)
 
 
 def test_numbers_that_overflow_do_not_fill_the_screen(capsys, recwarn):

@@ -210,6 +210,8 @@ def main(arguments: list[str] | None = None) -> int:
     if is_script(entry):
         return run_script(entry, rest)
     command.set_program(f'mambo {name}')
+    if arguments is None:  # this process does nothing else
+        command.own_process()
     return import_module(entry.module).main(rest)
 
 

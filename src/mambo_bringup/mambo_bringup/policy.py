@@ -19,7 +19,7 @@ from mambo_bags.command import guard, Parser, refuse_existing
 from mambo_ros import topics
 
 from .flight.nodes import (
-    check_drones, FLIGHT_NODES, NAMESPACE, namespaces, OWN, RECORDER, SIMULATOR)
+    DRONES, FLIGHT_NODES, NAMESPACE, namespaces, OWN, RECORDER, SIMULATOR)
 
 NODES = (SIMULATOR, *FLIGHT_NODES, RECORDER, ('mambo_bags', 'replay_node'))
 SERVICES = ('describe_parameters', 'get_parameter_types', 'get_parameters',
@@ -104,7 +104,6 @@ def policy(namespaces: Sequence[str]) -> str:
 
 
 def _run(options: argparse.Namespace) -> None:
-    check_drones(options.drones)
     refuse_existing(options.output)
     options.output.parent.mkdir(parents=True, exist_ok=True)
     options.output.write_text(policy(namespaces(options.drones)), encoding='utf-8')
@@ -115,7 +114,7 @@ def parser() -> Parser:
     """Return the command line."""
     out = Parser('policy', __doc__)
     out.add_output('XML', 'policy to write', required=True)
-    out.add_argument('--drones', type=int, default=1, metavar='N',
+    out.add_argument('--drones', type=DRONES, default=1, metavar='N',
                      help='number of drones, named as by mambo run (default: 1)')
     return out
 

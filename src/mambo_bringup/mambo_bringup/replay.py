@@ -13,10 +13,10 @@ from pathlib import Path
 
 from mambo_analysis.compare.compare import compare_replay
 from mambo_analysis.compare.verdict import verdict
+from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight import scenario as scenarios
-from mambo_model.errors import InputError
 from mambo_ros import topics
 
 from .flight.nodes import RECORDER
@@ -107,7 +107,7 @@ def parser() -> Parser:
     out = Parser('replay', __doc__.split('\n\n')[0])
     out.add_argument('bag', type=Path, help='rosbag2 directory or .mcap file')
     out.add_output('NEW_BAG', 'bag to create (default: BAG_replay)')
-    out.add_argument('--rate', type=float, default=0.0, metavar='X',
+    out.add_argument('--rate', type=real(0.0, 1000.0), default=0.0, metavar='X',
                      help='ratio of recorded time to wall time, 0: as fast as possible (default)')
     out.add_argument('--parameters', type=Path, metavar='FILE',
                      help='ROS 2 parameter file of the estimator (default: that of the bag)')
@@ -121,8 +121,6 @@ def main(arguments: list[str] | None = None) -> int:
 
     def work() -> None:
         """Replay, compare, and print both."""
-        if not 0.0 <= options.rate <= 1000.0:
-            raise InputError(f'--rate {options.rate:g} must be within 0 to 1000')
         load('.'.join(node) for node in (RECORDER, ESTIMATOR, PLAYER))
         print_refused(replay(
             options.bag.absolute(), output.absolute(), options.rate, options.parameters))

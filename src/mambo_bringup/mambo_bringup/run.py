@@ -12,6 +12,7 @@ from pathlib import Path
 import signal
 
 from mambo_analysis.compare.ending import ended_early, ENDINGS
+from mambo_bags.cli.option_types import real, whole
 from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import read_bag
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
@@ -21,7 +22,7 @@ from mambo_model.motion.trajectory import COURSE
 
 from .flight import natnet
 from .flight.nodes import (
-    check_drones, COMPOSED, FLIGHT_NODES, namespaces, RECORDER, REPLACEABLE, SIMULATOR)
+    COMPOSED, DRONES, FLIGHT_NODES, namespaces, RECORDER, REPLACEABLE, SIMULATOR)
 from .flight.outcome import FlightEndedError, Outcome, print_refused
 from .flight.runner import fly_several
 from .processes import FlightError, load
@@ -29,6 +30,9 @@ from .stopping import stoppable
 
 CONTROLLER = 'flatness_drag'
 """Default controller of ``./run``; unlike that of the thesis it compensates rotor drag."""
+
+
+_SPEED = scenarios.LEAVES['sim_node.speed'].metadata
 
 
 def _free(folder: Path, name: str) -> Path:
@@ -60,17 +64,18 @@ def parser() -> Parser:
     flight_options.add(out, 'circle', CONTROLLER)
     add('--mode', default='lockstep', choices=('lockstep', 'realtime'),
         help='lockstep: as fast as the machine allows, bit-for-bit repeatable (default)')
-    add('--speed', type=float, metavar='X',
+    add('--speed', type=real(_SPEED['low'], _SPEED['high']), metavar='X',
         help='flight time over wall time, only with --mode realtime (default: 1)')
     add('--composed', action='store_true',
         help='all nodes of a drone in one process: the same bag, faster')
     add('--without', action='append', default=[], choices=tuple(REPLACEABLE), metavar='NODE',
         help=f"leave a node out and wait for yours: one of {', '.join(REPLACEABLE)}; repeatable")
-    add('--natnet', type=int, nargs='?', const=natnet.PORT, default=0, metavar='PORT',
+    add('--natnet', type=whole(1024, 65534), nargs='?', const=natnet.PORT, default=0,
+        metavar='PORT',
         help='serve the hall as Motive does, by NatNet at this command port of 127.0.0.1 and the '
              f'data port after it, and take the poses from there, in real time '
              f'(default port: {natnet.PORT})')
-    add('--drones', type=int, default=1, metavar='N',
+    add('--drones', type=DRONES, default=1, metavar='N',
         help='number of drones, in namespaces /mambo1 to /mamboN, with consecutive seeds from '
                      '--seed, each with its own clock and bag (default: 1)')
     out.add_output('BAG', 'bag to create (default: a new one under bags/)')
@@ -100,7 +105,6 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
     if options.without and options.composed:
         raise schema.ParameterError(
             '--without and --composed exclude each other: your node needs the others as processes')
-    check_drones(options.drones)
     if options.natnet:
         flight = _with_natnet(flight, options)
     if not flight.sim_node.duration > 0.0:
@@ -116,8 +120,6 @@ def _with_natnet(
         raise schema.ParameterError(
             '--natnet serves one drone with its nodes as processes: leave out --composed, '
             '--drones and --without optitrack')
-    if not 1024 <= options.natnet <= 65_534:
-        raise schema.ParameterError(f'--natnet {options.natnet} must be within 1024 to 65534')
     return natnet.scenario(flight)
 
 

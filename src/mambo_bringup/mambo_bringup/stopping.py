@@ -8,6 +8,8 @@ import os
 import signal
 import sys
 
+from mambo_bags.cli import supervisor
+
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -36,11 +38,13 @@ def stoppable(name: str, work: Callable[[], int]) -> int:
 
     def stop(number: int, _: object) -> None:
         """Raise KeyboardInterrupt with the signal; in a fork use the default action."""
-        if os.getpid() != tool:  # in a worker process of the tool: default action
+        pid = os.getpid()
+        if pid != tool and not supervisor.is_command(pid):  # a worker process of the tool
             signal.signal(number, signal.SIG_DFL if number != signal.SIGINT
                           else signal.default_int_handler)
             os.kill(os.getpid(), number)
             return
+        supervisor.handled(number)
         for each, _handler in before:
             signal.signal(each, leave_at_once(name))
         raise KeyboardInterrupt(signal.Signals(number))

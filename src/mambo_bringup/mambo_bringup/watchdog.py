@@ -48,11 +48,16 @@ def _mapped() -> set[str]:
     return found
 
 
+def _is_young(file: Path) -> bool:
+    """Return whether a file is younger than a second, and not from before the clock was set."""
+    return 0.0 <= time.time() - file.stat().st_mtime < _YOUNG
+
+
 def _remove_unlocked(lock: Path) -> bool:
     """Remove a file whose lock is free, and the lock; return whether they are too young for it."""
     with contextlib.suppress(OSError), lock.open() as file:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if time.time() - lock.stat().st_mtime < _YOUNG:
+        if _is_young(lock):
             return True
         lock.with_name(lock.name.removesuffix('_el')).unlink(missing_ok=True)
         lock.unlink()
@@ -80,7 +85,7 @@ def sweep() -> bool:
         with contextlib.suppress(OSError):
             if file.name != port and any(_SHARED.glob(f'{port}*')):
                 continue
-            if time.time() - file.stat().st_mtime < _YOUNG:
+            if _is_young(file):
                 young.append(True)
             else:
                 file.unlink()

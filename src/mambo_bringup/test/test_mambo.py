@@ -1,5 +1,6 @@
 """The command mambo: every verb is there, typing errors get a suggestion, options complete."""
 
+import argparse
 from importlib import import_module
 import os
 from pathlib import Path
@@ -7,6 +8,7 @@ import resource
 import shutil
 import subprocess
 import sys
+import time
 
 from mambo_bags import command
 from mambo_bringup import mambo
@@ -38,6 +40,50 @@ def test_an_unknown_option_is_one_line_with_the_words_of_the_user(name, capsys):
         mambo.main([*name.split(), '--no-such-option'])
     error = capsys.readouterr().err
     assert end.value.code == 2 and error.count('\n') == 1 and error.startswith(f'mambo {name}: ')
+
+
+HOSTILE = ('nan', '-nan', 'inf', '-inf', '1e400', '-1e400', '9' * 5000, '', 'x', '-1e300')
+TEXTS = {'--flow-lag', '--mocap-offset'}  # numbers or words, bounded by functions of their own
+
+
+@pytest.mark.parametrize('name', MODULES)
+def test_every_number_of_a_command_line_has_limits(name):
+    parser = import_module(MODULES[name]).parser()
+    for action in parser._actions:
+        assert action.type not in (int, float, complex), action.option_strings
+        if action.type in (None, Path) or 'option_types' not in getattr(
+                action.type, '__module__', '') and not TEXTS & set(action.option_strings):
+            continue
+        for text in HOSTILE:
+            with pytest.raises(argparse.ArgumentError):
+                print(parser._get_value(action, text))
+
+
+@pytest.mark.parametrize('name', MODULES)
+@pytest.mark.parametrize('place', ['{file}/new', '/proc/none/new'])
+def test_what_cannot_be_written_is_one_line_before_any_work(name, place, tmp_path, capsys):
+    """Every option that names a file to write, of every command."""
+    (tmp_path / 'file').touch()
+    target = place.format(file=tmp_path / 'file')
+    parser = import_module(MODULES[name]).parser()
+    for action in parser._actions:
+        if action.dest in command._WRITTEN and action.option_strings[0] != '--out':
+            with pytest.raises(SystemExit) as end:
+                parser._refuse_unwritable({action.dest: target})
+            error = capsys.readouterr().err
+            assert end.value.code == 2 and error.count('\n') == 1
+            assert f'--{action.dest}: {target}: cannot be written (' in error
+
+
+def test_a_file_that_cannot_be_written_is_noticed_before_anything_is_flown(tmp_path, capsys):
+    for line in ('bound circle --seeds 10000 --json', 'consistency --json',
+                 'race -o', 'sweep none.yaml -o', 'fly circle -o',
+                 'trajectory plan none.yaml -o'):
+        began = time.monotonic()
+        with pytest.raises(SystemExit) as end:
+            mambo.main([*line.split(), '/proc/none/new.json'])
+        assert end.value.code == 2 and 'cannot be written' in capsys.readouterr().err, line
+        assert time.monotonic() - began < 5.0
 
 
 def test_every_script_is_there():

@@ -78,7 +78,9 @@ def test_the_command_writes_a_file_once_and_refuses_what_cannot_be(tmp_path, cap
     assert target.read_text() == policy.policy(['/mambo1', '/mambo2', '/mambo3'])
     assert '21 enclaves' in capsys.readouterr().out
     for words, text in ((['-o', str(target)], 'exists'),
-                        (['-o', str(tmp_path / 'b'), '--drones', '0'], '--drones 0 must be')):
-        assert policy.main(words) == 2
+                        (['-o', str(tmp_path / 'b'), '--drones', '0'], '--drones: 0 must be')):
+        with pytest.raises(SystemExit) as end:
+            raise SystemExit(policy.main(words))
+        assert end.value.code == 2
         said = capsys.readouterr().err
         assert said.count('\n') == 1 and text in said, said

@@ -318,10 +318,10 @@ def test_shared_memory_of_the_living_stays_and_of_the_dead_goes(tmp_path, monkey
             'sem.fastrtps_port3_mutex', 'sem.fastrtps_port4_mutex', 'fastrtps_port7',
             'sem.fastrtps_port7_mutex']
 
-    def make(time):
+    def make(times):
         for name in (*living, *dead):
             (tmp_path / name).touch()
-            os.utime(tmp_path / name, time)
+            os.utime(tmp_path / name, times)
     make((1.0, 1.0))
     with (tmp_path / 'fastrtps_port1_el').open() as held:
         fcntl.flock(held, fcntl.LOCK_EX)
@@ -329,6 +329,11 @@ def test_shared_memory_of_the_living_stays_and_of_the_dead_goes(tmp_path, monkey
         assert sorted(file.name for file in tmp_path.iterdir()) == living
         make(None)
         assert watchdog.sweep() is True  # may be just being made
+        make((time.time() + 3600.0,) * 2)
+        assert watchdog.sweep() is False  # made before the clock was set back
+        assert sorted(file.name for file in tmp_path.iterdir()) == living
+        make(None)
+        assert watchdog.sweep() is True
         assert sorted(file.name for file in tmp_path.iterdir()) == sorted([*living, *dead])
 
 

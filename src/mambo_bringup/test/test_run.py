@@ -113,7 +113,8 @@ def test_set_can_be_repeated_and_comes_last():
     (['--set', 'sim_node.simulator.seed=1.5'], 'must be a whole number'),
     (['--speed', '2'], '--speed 2 needs --mode realtime'),
     (['--duration', '0'], 'duration'), (['--duration', 'nan'], 'duration'),
-    (['--seed', '-1'], 'seed = -1'), (['--vehicle', 'eagle'], "--vehicle: vehicle 'eagle' is un"),
+    (['--seed', '-1'], '--seed: -1 must be within 0'),
+    (['--vehicle', 'eagle'], "--vehicle: vehicle 'eagle' is un"),
     (['--believed', 'eagle'], 'known: crazyflie'), (['--vehicle', 'no.yaml'], 'No such file'),
     (['--scenario', 'fig_1_1'], 'one of fig_3_3'), (['--scenario', 'no.yaml'], 'No such file'),
     (['--scenario', 'fig_6_1/third'], 'experiment_old_map')])

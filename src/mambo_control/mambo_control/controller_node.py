@@ -7,6 +7,7 @@ from mambo_model.compiled import Held, hold, jit
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.rigid_body import State
 from mambo_ros import diagnostics, input_guard, messages, node, process, topics
+from rclpy.clock import Clock, ClockType
 
 from . import failsafe
 from .command import Command
@@ -84,7 +85,8 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self.accept(
             self._estimate, messages.decode_estimate, self._on_estimate,
             check=_check_estimate, **bounds)
-        self.create_timer(_LOOK_EVERY, self._look)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # goes on when the wall clock is set back
+        self.create_timer(_LOOK_EVERY, self._look, clock=steady)
 
     def _begin(self) -> Held:
         """Return the controller at its start."""

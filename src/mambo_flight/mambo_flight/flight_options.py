@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
+from mambo_bags.cli.option_types import declared
 from mambo_bags.command import Parser
 from mambo_control.controllers import REGISTRY as CONTROLLERS
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
@@ -46,9 +47,10 @@ def add(out: Parser, trajectory: str = '', controller: str = '') -> None:
             f'--{kind}', metavar='NAME',
             help=f"one of: {', '.join(registry.names)}; FILE.py or FILE.py:NAME; or the name of "
             f'an installed one{default(usual)}'))
-    add('--duration', type=float, metavar='S',
+    add('--duration', type=_setting('duration'), metavar='S',
         help='flight time in s, landing included where it fits (default: 40)')
-    add('--seed', type=int, metavar='N', help='seed of every noise stream (default: 1)')
+    add('--seed', type=_setting('seed'), metavar='N',
+        help='seed of every noise stream (default: 1)')
     add('--vehicle', metavar='NAME',
         help=f"true vehicle, one of: {', '.join(PRESETS)}, or a file (default: identified)")
     add('--believed', metavar='NAME',
@@ -64,6 +66,12 @@ def add(out: Parser, trajectory: str = '', controller: str = '') -> None:
         help='set any parameter of any node; repeatable')
     add('--print-scenario', action='store_true',
         help='print every parameter with unit, range and source and end')
+
+
+def _setting(name: str) -> Callable[[str], Any]:
+    """Return the type of the option of a numeric setting: within the range of the setting."""
+    field = FIELDS[name]
+    return declared(field.default, *(field.metadata[key] for key in ('low', 'high', 'unit')))
 
 
 def given(options: argparse.Namespace) -> dict[str, Place]:

@@ -217,7 +217,8 @@ def to_yaml(flight: Scenario, namespace: str = '/mambo') -> str:
     """Return the scenario as a ROS 2 parameter file."""
     def plain(value: Any) -> Any:
         if isinstance(value, dict):
-            return {key: plain(inner) for key, inner in value.items()}
+            return {key: plain(inner) for key, inner in value.items()
+                    if inner != {}}  # a component without parameters: rcl reads no empty group
         return list(value) if isinstance(value, tuple) else value
     sections = {
         f'{namespace}/{field.name}': {
@@ -246,7 +247,8 @@ def _commented(params: Any, indent: str) -> Iterator[str]:
     for field in dataclasses.fields(params):
         value = getattr(params, field.name)
         if 'group' in field.metadata:
-            yield f'{indent}{field.name}:'
+            if dataclasses.fields(value):
+                yield f'{indent}{field.name}:'
             yield from _commented(value, indent + '  ')
             continue
         if 'text' in field.metadata and '\n' in value:

@@ -93,9 +93,10 @@ def test_a_fault_of_a_component_of_yours_is_told_after_the_bag(file, tmp_path, c
 @pytest.mark.parametrize('arguments, message', [
     (['fig_99'], 'fig_99'), (['fig_5_10', '--seed', '-1'], 'seed')])
 def test_careless_arguments_get_one_line(tmp_path, capsys, arguments, message):
-    code = fly.main([*arguments, '--out', str(tmp_path / 'bag')])
+    with pytest.raises(SystemExit) as end:
+        raise SystemExit(fly.main([*arguments, '--out', str(tmp_path / 'bag')]))
     error = capsys.readouterr().err
-    assert code == 2 and error.count('\n') == 1 and message in error
+    assert end.value.code == 2 and error.count('\n') == 1 and message in error
     assert not (tmp_path / 'bag').exists()
 
 

@@ -43,6 +43,29 @@ def test_what_is_written_is_read_back(write, namespace):
             f'{namespace}/{field.name}' for field in dataclasses.fields(Scenario)}
 
 
+@pytest.mark.parametrize('write', [to_yaml, commented_yaml])
+def test_a_component_without_parameters_has_no_group(write, tmp_path):
+    """The parser of ROS refuses an empty group: "No value at line 713"."""
+    file = tmp_path / 'plain.py'
+    file.write_text("""
+from dataclasses import dataclass
+from mambo_control.command import thrust_and_torque
+from mambo_model.values import Parameters
+@dataclass(frozen=True)
+class Params(Parameters):
+    'None.'
+def initial(values):
+    return 0
+def step(memory, state, reference, dt, gains, vehicle):
+    return memory, thrust_and_torque(
+        vehicle.mass * vehicle.gravity, (0.0, 0.0, 0.0), state, reference, vehicle)
+""")
+    flight = scenario(controller=str(file))
+    text = write(flight)
+    assert 'plain' not in yaml.safe_load(text)['/mambo/controller_node']['ros__parameters']
+    assert from_yaml(text) == flight
+
+
 def test_both_files_hold_the_same_values():
     for flight in (scenario(), odd()):
         assert yaml.safe_load(commented_yaml(flight)) == yaml.safe_load(to_yaml(flight))

@@ -20,6 +20,7 @@ from pathlib import Path
 import re
 from typing import Any
 
+from . import own_file
 from .errors import MamboError
 from .own_file import describe, digest, fault_place, load_file, name_apart
 from .schema import component_fields, group, ParameterError, shown
@@ -231,6 +232,7 @@ class Registry:
                     f'{self.kind} {shown(name)} is unknown: give a file (mine.py or mine.py:Name),'
                     f' an installed one (entry point of {self.group}) or one of '
                     f'{", ".join(self.names)}')
+            own_file.before_loading(Path(name))
             try:
                 holder = entry.load()
             except Exception as error:  # whatever a package raises while it is imported

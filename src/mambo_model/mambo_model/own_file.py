@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import hashlib
 import importlib.util
@@ -18,6 +18,14 @@ from . import limits
 from .compiled import own_cache, OWN_MODULES
 from .errors import MamboError
 from .schema import ParameterError
+
+
+def nothing(path: Path) -> None:
+    """Do nothing."""
+
+
+before_loading: Callable[[Path], None] = nothing
+"""Called with the file before a user's code is loaded for the first time."""
 
 
 class TooLongError(ParameterError):
@@ -147,6 +155,7 @@ def load_file(path: Path) -> ModuleType:
     name = f'{OWN_MODULES}{path.stem}_{digest(path)[:16]}'
     if getattr(sys.modules.get(name), '__file__', None):
         return sys.modules[name]
+    before_loading(path)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None  # of a .py file
     module = importlib.util.module_from_spec(spec)

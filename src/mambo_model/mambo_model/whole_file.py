@@ -15,7 +15,7 @@ def is_wrong_path(error: OSError) -> bool:
     """Return whether the path itself is wrong: the user's to mend, not the disk's."""
     return isinstance(error, (
         FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError,
-        PermissionError)) or error.errno in (errno.ENAMETOOLONG, errno.ELOOP)
+        PermissionError)) or error.errno in (errno.ENAMETOOLONG, errno.ELOOP, errno.EROFS)
 
 
 @contextmanager
@@ -48,13 +48,45 @@ def replacing(path: Path) -> Iterator[Path]:
         if is_plain:
             os.replace(part, target)
     except OSError as error:
-        kind = InputError if is_wrong_path(error) else JobError
-        reason = os.strerror(error.errno) if error.errno else error
-        raise kind(f'{path}: cannot be written ({reason})') from None
+        raise _error(path, error) from None
     finally:
         if is_plain:
             with suppress(OSError):
                 part.unlink(missing_ok=True)
+
+
+def check_writable(path: Path) -> None:
+    """
+    Check that a file or folder can be made at a path, before work whose result goes there.
+
+    Missing folders and a file are made and removed again. Errors as of :func:`replacing`.
+    """
+    target, made = Path(os.path.realpath(path)), []
+    try:
+        with suppress(FileNotFoundError):
+            target.stat()
+        folder = target if target.is_dir() else target.parent
+        missing = [one for one in (folder, *folder.parents) if not os.path.lexists(one)]
+        for one in reversed(missing):
+            one.mkdir()
+            made.append(one)
+        if not target.exists() or target.is_file() or target.is_dir():  # no device
+            part = folder / f'.{os.getpid()}.part'
+            os.close(os.open(part, os.O_CREAT | os.O_WRONLY))
+            part.unlink()
+    except OSError as error:
+        raise _error(path, error) from None
+    finally:
+        for one in reversed(made):
+            with suppress(OSError):
+                one.rmdir()
+
+
+def _error(path: Path, error: OSError) -> InputError | JobError:
+    """Return the error for a path that cannot be written."""
+    reason = os.strerror(error.errno) if error.errno else error
+    return (InputError if is_wrong_path(error) else JobError)(
+        f'{path}: cannot be written ({reason})')
 
 
 def write_text(path: Path, text: str) -> Path:

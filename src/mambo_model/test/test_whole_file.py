@@ -58,3 +58,32 @@ def test_a_full_device_is_the_fault_of_the_disk():
 def test_a_name_that_is_not_utf_8_does_not_keep_a_page_from_being_written(tmp_path):
     page = whole_file.write_text(tmp_path / 'page.html', 'bag: x\udcff')
     assert page.read_text(encoding='utf-8') == r'bag: x\udcff'
+
+
+def test_a_path_that_can_be_written_is_left_as_it_was(tmp_path):
+    (tmp_path / 'old').write_text('as it was')
+    for name in ('old', 'new', 'a/b/new', '.'):
+        whole_file.check_writable(tmp_path / name)
+    whole_file.check_writable(whole_file.Path('/dev/null'))
+    assert os.listdir(tmp_path) == ['old'] and (tmp_path / 'old').read_text() == 'as it was'
+
+
+@pytest.mark.parametrize('name, reason', [
+    ('/proc/none/new', 'No such file or directory'), ('old/new', 'Not a directory'),
+    ('old/a/new', 'Not a directory'), ('x' * 300, 'File name too long'),
+    (f'{"x" * 300}/new', 'File name too long'), ('loop', 'Too many levels of symbolic links')])
+def test_a_path_that_cannot_be_written_is_one_line(name, reason, tmp_path):
+    (tmp_path / 'old').write_text('as it was')
+    (tmp_path / 'loop').symlink_to('loop')
+    with pytest.raises(InputError, match=f'cannot be written .{reason}'):
+        whole_file.check_writable(tmp_path / name)
+    assert sorted(os.listdir(tmp_path)) == ['loop', 'old']
+
+
+def test_a_full_disk_is_a_failed_job(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, 'No space left on device')
+    monkeypatch.setattr(os, 'open', full)
+    with pytest.raises(JobError, match='cannot be written .No space left'):
+        whole_file.check_writable(tmp_path / 'a/new')
+    assert os.listdir(tmp_path) == []

@@ -18,6 +18,7 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.reader import Bag, BagError, Messages, read_bag
 from mambo_signals import metrics, motion, resample
@@ -455,7 +456,7 @@ def parser() -> Parser:
     add('--align', metavar='LIST', help='what of A is made equal to B first: '
         f'{",".join(pair.WHAT)} (default: all, nothing for simulated flights and for one bag)')
     add('--no-align', action='store_true', help='take clocks and frames as they are')
-    add('--equal-at', type=float, metavar='S',
+    add('--equal-at', type=real(0.0, 1e6, 's'), metavar='S',
         help='make the positions equal S seconds after take-off (section 5.4)')
     add('--namespace', help='of the drone, if a bag has several')
     return out

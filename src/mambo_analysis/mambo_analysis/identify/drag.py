@@ -17,6 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_bags.cli.option_types import real, TIME
 from mambo_bags.command import Parser
 from mambo_flight import closed_loop
 from mambo_flight.scenario import from_yaml, load, override, Scenario
@@ -269,10 +270,10 @@ def parser() -> Parser:
     out.add_argument('--part', choices=tuple(PARTS), default='horizontal', help='k_c or k_z')
     out.add_argument('--scenario', type=Path, metavar='FILE',
                      help='what was flown; default: that in the bag')
-    out.add_argument('--shift', type=float, default=0.0,
+    out.add_argument('--shift', type=real(-100.0, 100.0, 's'), default=0.0,
                      help='s, added to the stamps of Optitrack if its clock is another')
-    out.add_argument('--start', type=float, help='s, compare from here; default: in the air')
-    out.add_argument('--end', type=float, help='s, compare to here; default: landing')
+    out.add_argument('--start', type=TIME, help='s, compare from here; default: in the air')
+    out.add_argument('--end', type=TIME, help='s, compare to here; default: landing')
     out.add_argument('--namespace', help='of the drone, if the bag has several')
     return out
 

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_bags.cli.option_types import real, TIME
 from mambo_bags.command import Parser
 from mambo_flight.closed_loop import Recording
 from mambo_model import palette
@@ -309,17 +310,18 @@ def parser() -> Parser:
     out = result.parser(
         'identify_flow', 'Factor of the optical flow from Optitrack, (5.2) and (C.2).')
     out.add_argument('bag', type=Path, help='with optical_flow and optitrack/pose')
-    out.add_argument('--floor', type=float, default=0.0, help='m, its height for Optitrack')
-    out.add_argument('--shift', type=float, default=0.0,
+    out.add_argument('--floor', type=real(-100.0, 100.0, 'm'), default=0.0,
+                     help='m, its height for Optitrack')
+    out.add_argument('--shift', type=real(-100.0, 100.0, 's'), default=0.0,
                      help='s, added to the stamps of Optitrack: another clock, or a late flow')
     out.add_argument('--leak', action='store_true',
                      help='fit the share of the rotation in the flow, for sensors without gyro')
-    out.add_argument('--lowest', type=float, default=LOWEST,
+    out.add_argument('--lowest', type=real(0.0, 100.0, 'm'), default=LOWEST,
                      help='m, leave out what is lower (default: %(default)g)')
-    out.add_argument('--slowest', type=float, default=SLOWEST,
+    out.add_argument('--slowest', type=real(0.0, 100.0, 'm/s'), default=SLOWEST,
                      help='m/s, refuse a slower motion, rms (default: %(default)g)')
-    out.add_argument('--start', type=float, default=-np.inf, help='s, leave out what is before')
-    out.add_argument('--end', type=float, default=np.inf, help='s, leave out what is after')
+    out.add_argument('--start', type=TIME, default=-np.inf, help='s, leave out what is before')
+    out.add_argument('--end', type=TIME, default=np.inf, help='s, leave out what is after')
     out.add_argument('--namespace', help='of the drone, if the bag has several')
     return out
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_bags.cli.option_types import real, TIME
 from mambo_bags.command import Parser
 from mambo_model import palette
 from mambo_model.vehicle import bifilar
@@ -266,19 +267,22 @@ def parser() -> Parser:
     out.add_argument('--axis', choices=AXES, default='z', help='of the body, that is vertical')
     out.add_argument('--column', help='with the rate; default: gyro.AXIS')
     out.add_argument('--time', default='t', help='column with the time in s')
-    out.add_argument('--rate', type=float, default=0.0, help='Hz, if there are no times')
+    out.add_argument('--rate', type=real(0.0, 1e6, 'Hz'), default=0.0,
+                     help='Hz, if there are no times')
     out.add_argument('--unit', choices=('rad/s', 'deg/s'), default='rad/s')
-    out.add_argument('--start', type=float, default=0.0, help='s, drop what is before')
-    out.add_argument('--end', type=float, default=np.inf, help='s, drop what is after')
+    out.add_argument('--start', type=TIME, default=0.0, help='s, drop what is before')
+    out.add_argument('--end', type=TIME, default=np.inf, help='s, drop what is after')
     out.add_argument('--rig', choices=('bifilar', 'physical'), default='bifilar',
                      help='two wires, or a horizontal axis beside the body')
-    out.add_argument('--separation', type=float, metavar='D',
+    out.add_argument('--separation', type=real(0.0, 100.0, 'm', above=True), metavar='D',
                      help='m between the wires; physical: from the axis to the centre of mass')
-    out.add_argument('--length', type=float, metavar='H', help='m, of the wires')
-    out.add_argument('--mass', type=float, help='kg')
-    out.add_argument('--gravity', type=float, default=9.81, help='m/s^2')
+    out.add_argument('--length', type=real(0.0, 100.0, 'm', above=True), metavar='H',
+                     help='m, of the wires')
+    out.add_argument('--mass', type=real(0.0, 1000.0, 'kg', above=True), help='kg')
+    out.add_argument('--gravity', type=real(0.0, 100.0, 'm/s^2', above=True), default=9.81,
+                     help='m/s^2')
     for name, unit in (('separation', 'm'), ('length', 'm'), ('mass', 'kg')):
-        out.add_argument(f'--{name}-error', type=float, default=0.0,
+        out.add_argument(f'--{name}-error', type=real(0.0, 100.0, unit), default=0.0,
                          help=f'{unit}, standard deviation')
     out.add_argument('--namespace', help='of the drone, if a bag has several')
     return out

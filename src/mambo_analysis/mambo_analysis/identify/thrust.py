@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_bags.cli.option_types import real, whole
 from mambo_bags.command import Parser
 from mambo_model import palette
 from matplotlib.figure import Figure
@@ -162,9 +163,11 @@ def parser() -> Parser:
     out.add_argument('--command', default='pwm', help='column with the commands')
     out.add_argument('--thrust', default='thrust', help='column with what the scale says')
     out.add_argument('--unit', choices=('N', 'g'), default='N', help='of that column')
-    out.add_argument('--motors', type=int, default=1, help='that the scale carries together')
-    out.add_argument('--gravity', type=float, default=9.81, help='m/s^2, for grams')
-    out.add_argument('--max-pwm', type=float, default=np.inf,
+    out.add_argument('--motors', type=whole(1, 100), default=1,
+                     help='that the scale carries together')
+    out.add_argument('--gravity', type=real(0.0, 100.0, 'm/s^2', above=True), default=9.81,
+                     help='m/s^2, for grams')
+    out.add_argument('--max-pwm', type=real(0.0, 1e6, above=True), default=np.inf,
                      help='leave out what is above: there thrust fades (350 in the thesis)')
     return out
 
@@ -175,8 +178,6 @@ def main(arguments: list[str] | None = None) -> int:
 
     def work() -> result.Report:
         """Read the bench file and return the result."""
-        if options.motors < 1:
-            raise IdentifyError('--motors must be 1 or more')
         table = columns.read(options.file)
         _, pwm = columns.column(table, options.command, options.file)
         _, thrust = columns.column(table, options.thrust, options.file)

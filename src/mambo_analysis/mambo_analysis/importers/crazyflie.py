@@ -58,6 +58,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
@@ -476,19 +477,12 @@ def _offset(text: str) -> str:
     return text
 
 
-def _counts(text: str) -> float:
-    value = float(text)
-    if not 1.0 < value < 1e5:
-        raise argparse.ArgumentTypeError(f'{text} is outside of 1 to 100000')
-    return value
-
-
 def parser() -> Parser:
     """Return the command line."""
     out = Parser('import_crazyflie', __doc__.split('\n\n')[0])
     out.add_argument('log', type=Path, help='JSON file of a flight')
     out.add_output('BAG', 'bag to create', required=True, positional=True)
-    out.add_argument('--counts-per-radian', type=_counts, default=COUNTS_PER_RADIAN,
+    out.add_argument('--counts-per-radian', type=real(1.0, 1e5), default=COUNTS_PER_RADIAN,
                      metavar='N', help='of the flow sensor (default: %(default).4g)')
     out.add_argument('--mocap-offset', type=_offset, default='auto', metavar='SECONDS',
                      help='to add to its clock; auto: by the range, gyro: by the gyro, none: '

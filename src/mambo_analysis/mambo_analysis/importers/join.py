@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mambo_bags import mcap_reader
+from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag, bag_files, read_bag
 from mambo_bags.recover import declare, extras, in_order, OWN_RECORD
 from mambo_bags.writer import BagWriter, BagWriterError
-from mambo_model.errors import InputError
 from mambo_ros import cdr
 from mambo_signals import motion
 from mambo_signals.derivative import body_rates
@@ -191,7 +191,7 @@ def parser() -> Parser:
     out.add_argument('flight', type=Path, help="bag of the drone's log")
     out.add_argument('mocap', type=Path, help='bag with optitrack/pose of the same flight')
     out.add_output('BAG', 'bag to create', required=True, positional=True)
-    out.add_argument('--offset', type=float, metavar='SECONDS',
+    out.add_argument('--offset', type=real(-LONGEST, LONGEST, 's'), metavar='SECONDS',
                      help="to add to the motion capture's clock; default: by correlation")
     return out
 
@@ -201,8 +201,6 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
 
     def work() -> None:
-        if options.offset is not None and not abs(options.offset) <= LONGEST:
-            raise InputError(f'--offset {options.offset}: must be up to {LONGEST:g} s')
         print(join(options.flight, options.mocap, options.output, options.offset))
     return guard('join', work)
 

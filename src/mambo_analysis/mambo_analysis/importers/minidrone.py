@@ -64,11 +64,11 @@ Calibration
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 from pathlib import Path
 from typing import Any
 
+from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
@@ -372,19 +372,13 @@ def _import_package(
         return writer.counts, notes + unused(log.ignored)
 
 
-def _scale(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < 1e4:
-        raise argparse.ArgumentTypeError(f'{text} is outside of 0 to 10000 rad/s')
-    return value
-
-
 def parser() -> Parser:
     """Return the command line."""
     out = Parser('import_minidrone', __doc__.split('\n\n')[0])
     out.add_argument('log', type=Path, help='mat file of a flight')
     out.add_output('BAG', 'bag to create', required=True, positional=True)
-    out.add_argument('--flow-scale', type=_scale, metavar='RAD_PER_S',
+    out.add_argument('--flow-scale', type=real(0.0, 1e4, 'rad/s', above=True),
+                     metavar='RAD_PER_S',
                      help='rad/s for a logged optical flow of 1 (default: 20 for the units of '
                           "the toolbox, 1 for those of the later package's signals)")
     out.add_argument('--map', type=Path, metavar='FILE', dest='names',

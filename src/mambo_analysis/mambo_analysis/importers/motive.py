@@ -25,7 +25,6 @@ Time
 
 from __future__ import annotations
 
-import argparse
 import csv
 import dataclasses
 from io import StringIO
@@ -34,6 +33,7 @@ from pathlib import Path
 import re
 from typing import Any
 
+from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
@@ -315,13 +315,6 @@ def import_motive(
         return writer.counts, unused(take.others)
 
 
-def _degrees(text: str) -> float:
-    value = float(text)
-    if not abs(value) <= 360.0:
-        raise argparse.ArgumentTypeError(f'{text} is outside of -360 to 360 deg')
-    return value
-
-
 def parser() -> Parser:
     """Return the command line."""
     out = Parser('import_motive', __doc__.split('\n\n')[0])
@@ -330,7 +323,7 @@ def parser() -> Parser:
     out.add_argument('--body', help='name of the rigid body, if there are several')
     out.add_argument('--up', choices=tuple(UP), default='y',
                      help="axis that is up in the file (default: %(default)s, Motive's own)")
-    out.add_argument('--nose', type=_degrees, default=0.0, metavar='DEG',
+    out.add_argument('--nose', type=real(-360.0, 360.0, 'deg'), default=0.0, metavar='DEG',
                      help="direction of the nose from the rigid body's x axis, "
                           'counter-clockwise from above (default: %(default)g)')
     return out

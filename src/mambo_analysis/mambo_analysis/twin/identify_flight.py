@@ -13,6 +13,7 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+from mambo_bags.cli.option_types import real
 from mambo_bags.command import Parser
 from mambo_model import palette
 from mambo_model.vehicle.parameters import preset, Vehicle
@@ -145,7 +146,8 @@ def parser() -> Parser:
     out = result.parser('identify_flight', 'What one flight tells of its vehicle, each value '
                                            'with its interval.')
     out.add_argument('bag', type=Path, help='with imu/data_raw, motor_pwm and optitrack/pose')
-    out.add_argument('--mass', type=float, metavar='KG', help='default: that of the base')
+    out.add_argument('--mass', type=real(0.0, 1000.0, 'kg', above=True), metavar='KG',
+                     help='default: that of the base')
     out.add_argument('--namespace', help='of the drone, if the bag has several')
     return out
 

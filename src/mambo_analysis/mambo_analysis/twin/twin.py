@@ -9,11 +9,11 @@ angles, and with ``--past`` what the accelerometer showed in the second before e
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, write_json
 from mambo_model.errors import InputError
 
@@ -71,22 +71,13 @@ def as_json(rows: list[Row], horizon: float, past: float) -> str:
          'windows': len(row.windows.model)} for row in rows]}, indent=2)
 
 
-def _within(low: float, high: float):
-    def number(text: str) -> float:
-        value = float(text)
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f'{text} is outside of {low:g} to {high:g} s')
-        return value
-    return number
-
-
 def parser() -> Parser:
     """Return the command line."""
     out = Parser('twin', __doc__.split('\n\n')[0])
     out.add_argument('bags', type=Path, nargs='+', metavar='BAG', help='flights of one vehicle')
-    out.add_argument('--horizon', type=_within(0.05, 3.0), default=HORIZON, metavar='S',
+    out.add_argument('--horizon', type=real(0.05, 3.0, 's'), default=HORIZON, metavar='S',
                      help='length of a window (default: %(default)g)')
-    out.add_argument('--past', type=_within(0.0, 5.0), default=PAST, metavar='S',
+    out.add_argument('--past', type=real(0.0, 5.0, 's'), default=PAST, metavar='S',
                      help='before a window, in which the accelerometer corrects the model; 0: not '
                           'at all (default: %(default)g)')
     out.add_json()

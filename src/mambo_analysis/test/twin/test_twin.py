@@ -31,7 +31,8 @@ def test_leaves_each_out(tmp_path, capsys):
 
 
 @pytest.mark.parametrize('arguments, said', [
-    ([], 'at least two'), (['--horizon', '9'], 'outside'), (['--past', 'nan'], 'outside')])
+    ([], 'at least two'), (['--horizon', '9'], 'within 0.05 to 3 s'),
+    (['--past', 'nan'], 'within 0 to 5 s')])
 def test_wrong_input_is_one_line(tmp_path, capsys, arguments, said):
     try:
         code = main([*bags(tmp_path, 1), *arguments])

@@ -14,9 +14,10 @@ import sys
 import time
 from typing import Any
 
+from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, program, write_json
 from mambo_flight import scenario as scenarios
-from mambo_model.errors import InputError, JobError
+from mambo_model.errors import JobError
 
 from ..flight.nodes import FLIGHT_NODES, NAMESPACE, REPLACEABLE
 from ..node_group import NodeGroup
@@ -38,9 +39,9 @@ def parser() -> Parser:
         '  mambo check-node controller estimator -- ./both    one process that is both\n')
     out.add_argument('nodes', metavar='NODE', nargs='+', choices=tuple(REPLACEABLE),
                      help=f"what your node stands for: {', '.join(REPLACEABLE)}")
-    out.add_argument('--wait', type=float, default=60.0, metavar='S',
+    out.add_argument('--wait', type=real(1.0, 3600.0, 's'), default=60.0, metavar='S',
                      help='for your node to appear (default: 60)')
-    out.add_argument('--patience', type=float, default=2.0, metavar='S',
+    out.add_argument('--patience', type=real(0.01, 60.0, 's'), default=2.0, metavar='S',
                      help='of wall time for one answer (default: 2)')
     out.add_json()
     out.usage = f'{out.prog} [-h] [--wait S] [--patience S] [--json [FILE]] NODE ... [-- COMMAND]'
@@ -158,10 +159,6 @@ def table(findings: list[Finding], times: list[dict[str, Any]], several: bool) -
 
 
 def _run(options: argparse.Namespace, command: list[str]) -> None:
-    if not 1.0 <= options.wait <= 3600.0:
-        raise InputError(f'--wait {options.wait:g} must be within 1 to 3600 s')
-    if not 0.01 <= options.patience <= 60.0:
-        raise InputError(f'--patience {options.patience:g} must be within 0.01 to 60 s')
     nodes = list(dict.fromkeys(options.nodes))
     findings, times = check(nodes, command, options.wait, options.patience)
     broken = [one for one in findings if one.verdict == BROKEN]

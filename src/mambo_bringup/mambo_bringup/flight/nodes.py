@@ -7,8 +7,8 @@ import json
 from pathlib import Path
 from types import MappingProxyType
 
+from mambo_bags.cli.option_types import whole
 from mambo_flight import recording_to_bag, scenario as scenarios
-from mambo_model import schema
 
 from . import natnet as natnet_nodes
 from ..processes import parameter
@@ -27,20 +27,8 @@ COMPOSED = ('mambo_bringup', 'composed_node')
 NAMESPACE = '/mambo'
 OWN = ('clock', 'tf', 'diagnostics')
 """Absolute topics that are remapped into the namespace if there are several drones."""
-
-
-def check_drones(count: int) -> None:
-    """
-    Refuse a number of drones that one machine does not fly.
-
-    Raises
-    ------
-    mambo_model.schema.ParameterError
-        If it is not from 1 to 16.
-
-    """
-    if not 1 <= count <= 16:
-        raise schema.ParameterError(f'--drones {count} must be within 1 to 16')
+DRONES = whole(1, 16)
+"""Type of an option for the number of drones that one machine flies."""
 
 
 def namespaces(drones: int) -> list[str]:

@@ -136,9 +136,12 @@ def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess],
     killed = [node.name for node in nodes if node.exit_code == -signal.SIGKILL]
     closed = nodes[0].exit_code == 0 and bag.exists()
     step = stuck(flight, killed)
-    if step and COMPOSED[1] in killed and bag.exists():
+    # a user's code may end the process of all nodes with exit code 0
+    silent = not (progress.ended or group.fault or group.interrupts.first)
+    early = f'{nodes[-1].label} ended before the flight was over' if silent else ''
+    if bag.exists() and (step and COMPOSED[1] in killed or silent and nodes[0] is nodes[-1]):
         closed = closed_again(bag)
-    fault = '; '.join(filter(None, (group.fault, step)))
+    fault = '; '.join(filter(None, (group.fault, step, early)))
     if fault and progress.flown:
         fault = f'flew {progress.flown:.2f} of {asked:g} s: {fault}'
     return Outcome(

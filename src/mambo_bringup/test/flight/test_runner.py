@@ -31,6 +31,14 @@ def test_a_node_that_dies_ends_the_flight_and_is_named_with_its_complaint(graph,
     assert str(error.value) == f'{name} ended with exit code 1: ValueError: out of paint'
 
 
+def test_a_simulator_that_ends_without_a_word_has_not_flown(graph, tmp_path):
+    """A component of the user may end the process with exit code 0."""
+    graph(sim_node='import os; os._exit(0)')
+    outcome = fly(short(), tmp_path / 'bag')
+    assert outcome.fault == 'sim_node ended before the flight was over'
+    assert not outcome.whole and not outcome.closed
+
+
 def test_a_missing_node_ends_the_flight_before_it_begins(tmp_path, monkeypatch):
     monkeypatch.delenv('ROS_DOMAIN_ID', raising=False)
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))

@@ -18,6 +18,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from mambo_bags.cli.option_types import SLOPE, whole
 from mambo_bags.command import guard, Parser, write_json
 from mambo_model.errors import InputError
 from mambo_model.motion.trajectory import TRAJECTORIES
@@ -57,17 +58,15 @@ def check_slopes(flight: Scenario, slopes: Iterable[float], vary: bool) -> None:
 
 def add_seeds(out: Parser, default: int, what: str = 'how many flights') -> None:
     """Add the options of a command that flies many seeds; :func:`seeds_of` reads them."""
-    out.add_argument('--seeds', type=int, default=default, metavar='N',
+    out.add_argument('--seeds', type=whole(1, MOST), default=default, metavar='N',
                      help=f'{what} (default: %(default)s)')
-    out.add_argument('--first', type=int, default=1, metavar='SEED',
+    out.add_argument('--first', type=whole(0, LAST), default=1, metavar='SEED',
                      help='seed of the first (default: %(default)s)')
 
 
 def seeds_of(options: argparse.Namespace) -> range:
     """Return the seeds of the options; InputError for none, too many or one out of range."""
-    if not 1 <= options.seeds <= MOST:
-        raise InputError(f'--seeds {options.seeds}: must be 1 to {MOST}')
-    if not 0 <= options.first <= LAST + 1 - options.seeds:
+    if options.first > LAST + 1 - options.seeds:
         raise InputError(f'--first {options.first}: every seed must be within 0 to {LAST}')
     return range(options.first, options.first + options.seeds)
 
@@ -129,7 +128,7 @@ def parser() -> Parser:
     add_seeds(out, 20)
     add('--vary', action='store_true',
         help='draw slope (-0.1 to 0.15 1/m), scale (8 %%) and latency (0 to 0.1 s) of the flow')
-    add('--slope', type=float, metavar='X', help='true slope of the scale in 1/m')
+    add('--slope', type=SLOPE, metavar='X', help='true slope of the scale in 1/m')
     add('--beside', choices=ESTIMATORS, metavar='ESTIMATOR',
         help=f'also another one on the same samples: {", ".join(ESTIMATORS)}; the last two are '
              'the filter of the Crazyflie, whose Python bindings the environment variable '

@@ -16,8 +16,8 @@ import json
 import math
 import os
 
+from mambo_bags.cli.option_types import SLOPE, WORKERS
 from mambo_bags.command import guard, Parser, write_json
-from mambo_model.errors import InputError
 
 from ..worker_pool import worker_pool
 from .bound import add_seeds, check_slopes, flight_of, seeds_of
@@ -90,8 +90,6 @@ def table(reports: dict[tuple[str, float], Report]) -> str:
 
 def _run(options: argparse.Namespace) -> None:
     seeds = seeds_of(options)
-    if options.workers < 1:
-        raise InputError(f'--workers {options.workers}: must be 1 or more')
     reports = consistency(
         options.scenario or list(PATHS), options.slopes, seeds, options.workers)
     if options.json:
@@ -111,10 +109,10 @@ def parser() -> Parser:
     add = out.add_argument
     add('scenario', nargs='*', metavar='SCENARIO',
         help=f'experiment, file or trajectory (default: {", ".join(PATHS)})')
-    add('--slopes', type=float, nargs='+', default=list(SLOPES), metavar='X',
+    add('--slopes', type=SLOPE, nargs='+', default=list(SLOPES), metavar='X',
         help='true slopes of the scale of the flow, 1/m (default: 0 -0.07 0.14)')
     add_seeds(out, 100, 'flights a line')
-    add('--workers', type=int, default=os.cpu_count() or 1, metavar='N',
+    add('--workers', type=WORKERS, default=os.cpu_count() or 1, metavar='N',
         help='processes (default: one for each core)')
     out.add_json()
     return out

@@ -15,11 +15,12 @@ import math
 from pathlib import Path
 from typing import Any
 
+from mambo_bags.cli.option_types import declared, real
 from mambo_bags.command import guard, Parser, refuse_existing, write_json
 from mambo_model import schema
 from mambo_model.errors import InputError, JobError
 from mambo_model.motion.polynomial import Array, Course, raised, resized, stretched
-from mambo_model.motion.uav_trajectories import FARTHEST
+from mambo_model.motion.uav_trajectories import FARTHEST, LONGEST
 from mambo_model.vehicle.parameters import find, PRESETS, Vehicle
 
 from . import course_file, feasibility, function_course
@@ -39,7 +40,7 @@ def add_course(out: Parser) -> None:
     add('course', metavar='COURSE',
         help='a file of waypoints (.csv, .yaml) or polynomials (.csv), or a function: FILE.py, '
              'FILE.py:NAME or an installed one')
-    add('--duration', type=float, metavar='S',
+    add('--duration', type=real(0.0, LONGEST, 's', above=True), metavar='S',
         help='duration of a function of time, from 0 (default: as its file states)')
     leaves = dict(schema.walk(Settings))
     for option, name in PLANNER.items():
@@ -47,13 +48,16 @@ def add_course(out: Parser) -> None:
         if 'options' in meta:
             add(flag, choices=meta['options'], help='what the path between waypoints minimises')
         else:
-            add(flag, type=int if name == 'pieces' else float, metavar=meta['unit'],
+            add(flag, metavar=meta['unit'], type=declared(
+                leaves[name].default, meta['low'], meta['high'], meta['unit'], name == 'speed'),
                 help={'speed': 'mean speed of legs without a time',
                       'tube': 'radius of the corridor round each leg',
                       'pieces': 'polynomials for each leg in corridors or limits'
                       }.get(name, f'limit for waypoints: {name.removeprefix("limits.")}'))
-    add('--height', type=float, metavar='M', help='height at which the course begins')
-    add('--scale', type=float, metavar='FACTOR', help='size of the path about its first point')
+    add('--height', type=real(-FARTHEST, FARTHEST, 'm'), metavar='M',
+        help='height at which the course begins')
+    add('--scale', type=real(0.01, 100.0), metavar='FACTOR',
+        help='size of the path about its first point')
     add('--stretch', metavar='FACTOR',
         help='stretch time by FACTOR; auto: the smallest factor that the vehicle can fly')
     add('--vehicle', metavar='NAME', default='identified',
@@ -82,10 +86,8 @@ def chosen(options: argparse.Namespace) -> tuple[Course, Vehicle, float]:
         course = course_file.read(Path(options.course).expanduser(), over)
     vehicle, factor = find(options.vehicle), 1.0
     if options.scale is not None:
-        course = resized(course, feasibility.factor(str(options.scale), '--scale'))
+        course = resized(course, options.scale)
     if options.height is not None:
-        if not abs(options.height) <= FARTHEST:
-            raise InputError(f'--height {options.height:g} must be at most {FARTHEST:g} m')
         course = raised(course, options.height)
     if options.stretch is not None:
         factor = (feasibility.stretch(course, vehicle) if options.stretch == 'auto'

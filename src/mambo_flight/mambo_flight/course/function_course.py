@@ -13,6 +13,7 @@ import inspect
 from pathlib import Path
 from typing import Any, NamedTuple, TYPE_CHECKING
 
+from mambo_model import own_file
 from mambo_model.components import absolute, file_and_name
 from mambo_model.errors import InputError, MamboError
 from mambo_model.motion.polynomial import Array, AXES, Course
@@ -131,6 +132,7 @@ def _load_installed(name: str) -> Source:
     entry = installed().get(name)
     if entry is None:
         raise InputError(f'{name}: write FILE.py or FILE.py:FUNCTION')
+    own_file.before_loading(Path(name))
     try:
         function = entry.load()
     except Exception as error:  # whatever a package raises while it is imported

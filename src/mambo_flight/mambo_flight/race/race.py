@@ -13,6 +13,7 @@ import hashlib
 import json
 from pathlib import Path
 
+from mambo_bags.cli.option_types import whole, WORKERS
 from mambo_bags.command import guard, Parser
 from mambo_model.compiled import source_digest
 from mambo_model.errors import InputError
@@ -109,10 +110,6 @@ def _names(text: str, known: Sequence[str], option: str) -> list[str]:
 
 
 def _run(options: argparse.Namespace) -> None:
-    if not 1 <= options.draws <= MOST:
-        raise InputError(f'--draws {options.draws}: must be 1 to {MOST}')
-    if options.workers is not None and options.workers < 1:
-        raise InputError(f'--workers {options.workers}: must be 1 or more')
     given = options.controllers.split(',') if options.controllers else list(ENTRANTS)
     names = (enter([*given, *options.controller]),
              _names(options.courses, COURSES, '--courses'),
@@ -132,7 +129,7 @@ def parser() -> Parser:
     add = out.add_argument
     add('-o', '--output', type=Path, metavar='FOLDER', required=True,
         help='folder for the page, the numbers and the plots')
-    add('--draws', type=int, default=1000, metavar='N',
+    add('--draws', type=whole(1, MOST), default=1000, metavar='N',
         help='flights of each controller, course and condition (default: 1000)')
     add('--controller', default=[], action='append', metavar='NAME',
         help='add a controller of yours: FILE.py, FILE.py:NAME, or an installed one; '
@@ -147,7 +144,7 @@ def parser() -> Parser:
     add('--add', action='store_true',
         help='keep what the page in FOLDER has of other flights, which this version of the '
         'software must still fly as they were')
-    add('--workers', type=int, metavar='N', help='processes (default: one for each core)')
+    add('--workers', type=WORKERS, metavar='N', help='processes (default: one for each core)')
     return out
 
 

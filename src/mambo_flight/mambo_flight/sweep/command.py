@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from mambo_bags.cli.option_types import WORKERS
 from mambo_bags.command import guard, Parser, refuse_existing
 from mambo_model.errors import JobError
 import numpy as np
@@ -101,8 +102,6 @@ def _run(options: argparse.Namespace) -> None:
         return
     if options.output is None:
         raise SweepError('give --output RESULT.parquet')
-    if options.workers is not None and options.workers < 1:
-        raise SweepError(f'--workers {options.workers}: must be 1 or more')
     try:
         data = sweep(options.sweep, options.output, options.ideal, options.workers, options.dask)
     except KeyboardInterrupt:
@@ -122,7 +121,7 @@ def parser() -> Parser:
     add = out.add_argument
     add('sweep', type=Path, metavar='SWEEP.yaml', help='sweep file')
     out.add_output('RESULT.parquet', 'table to write')
-    add('--workers', type=int, metavar='N', help='processes (default: one for each core)')
+    add('--workers', type=WORKERS, metavar='N', help='processes (default: one for each core)')
     add('--dask', metavar='ADDRESS',
         help="fly on the workers of a Dask scheduler, e.g. tcp://host:8786, in place of this "
         "machine's processes")

@@ -51,18 +51,20 @@ def test_command_prints_a_table_or_json(capsys):
 
 
 @pytest.mark.parametrize(('arguments', 'message'), [
-    (['circle', '--seeds', '0'], '--seeds 0: must be 1 to 10000'),
-    (['circle', '--seeds', '10001'], '--seeds 10001: must be 1 to 10000'),
-    (['circle', '--first', '-1'], '--first -1: every seed must be within 0 to 2147483647'),
+    (['circle', '--seeds', '0'], '--seeds: 0 must be within 1 to 10000'),
+    (['circle', '--seeds', '10001'], '--seeds: 10001 must be within 1 to 10000'),
+    (['circle', '--first', '-1'], '--first: -1 must be within 0 to 2147483647'),
     (['circle', '--seeds', '2', '--first', '2147483647'], '--first 2147483647: every seed'),
-    (['circle', '--slope', '1e308'], 'slope 1e+308 1/m: '),
+    (['circle', '--slope', '1e308'], '--slope: 1e308 must be within -100 to 100 1/m'),
+    (['circle', '--slope', '99'], 'slope 99 1/m: '),
     (['nonesuch'], 'nonesuch'),
     ([BAG, '--vary'], f'{BAG}: a bag has been flown, so --vary and --slope do not apply'),
     ([BAG], f'{BAG}: the flight must last more than 10 s after take-off')])
 def test_wrong_input_is_one_line(arguments, message, capsys):
-    assert command.main(arguments) == 2
+    with pytest.raises(SystemExit) as end:
+        raise SystemExit(command.main(arguments))
     error = capsys.readouterr().err
-    assert message in error and error.count('\n') == 1
+    assert end.value.code == 2 and message in error and error.count('\n') == 1
 
 
 @pytest.fixture

@@ -61,11 +61,12 @@ def test_command_prints_json(capsys):
 
 
 @pytest.mark.parametrize(('arguments', 'message'), [
-    (['circle', '--seeds', '0'], '--seeds 0: must be 1 to 10000'),
-    (['circle', '--slopes', '0', 'nan'], 'slope nan 1/m: '),
-    (['circle', '--workers', '0'], '--workers 0: must be 1 or more'),
+    (['circle', '--seeds', '0'], '--seeds: 0 must be within 1 to 10000'),
+    (['circle', '--slopes', '0', 'nan'], '--slopes: nan must be within -100 to 100 1/m'),
+    (['circle', '--workers', '0'], '--workers: 0 must be within 1 to 1024'),
     (['nonesuch', '--seeds', '1'], 'nonesuch')])
 def test_wrong_input_is_one_line(arguments, message, capsys):
-    assert consistency.main(arguments) == 2
+    with pytest.raises(SystemExit) as end:
+        raise SystemExit(consistency.main(arguments))
     error = capsys.readouterr().err
-    assert message in error and error.count('\n') == 1
+    assert end.value.code == 2 and message in error and error.count('\n') == 1

@@ -45,17 +45,21 @@ def test_numbers_as_json_are_those_of_the_table(fast, capsys):
     (['no.csv'], 'no.csv: No such file or directory'),
     ([EIGHT, '--stretch', 'much'], '--stretch much: write a number, or auto'),
     ([EIGHT, '--stretch', '0'], '--stretch 0 must be within 0.01 to 100'),
-    ([EIGHT, '--scale', 'nan'], '--scale nan must be within 0.01 to 100'),
-    ([EIGHT, '--height', 'nan'], '--height nan must be at most 1000 m'),
+    ([EIGHT, '--scale', 'nan'], '--scale: nan must be within 0.01 to 100'),
+    ([EIGHT, '--height', 'nan'], '--height: nan must be within -1000 to 1000 m'),
     ([EIGHT, '--duration', '3'], '--duration is for a function of time; for a file use --stretch'),
     ([EIGHT, '--vehicle', 'eagle'], "vehicle 'eagle' is unknown"),
-    ([EIGHT, '--tube', '-1'], 'tube = -1.0 m is outside'),
+    ([EIGHT, '--tube', '-1'], '--tube: -1 must be within 0 to 100 m'),
+    ([EIGHT, '--speed', '0'], '--speed: 0 must be more than 0 and at most 100 m/s'),
+    ([EIGHT, '--pieces', '1.5'], "--pieces: '1.5' is not a whole number"),
     ([EIGHT, '-o', 'x.doc'], 'x.doc: the name of a picture must end in .png, .svg, .pdf'),
     (['mine.py:f', '--duration', '3'], 'mine.py: No such file or directory')])
 def test_what_is_wrong_is_one_line_and_exit_code_2(capsys, arguments, message):
-    assert check_course.main(arguments) == 2
+    with pytest.raises(SystemExit) as end:
+        raise SystemExit(check_course.main(arguments))
     out, (line,) = lines(capsys)
-    assert not out and line.startswith('trajectory check: ') and message in line
+    assert end.value.code == 2 and not out
+    assert line.startswith('trajectory check: ') and message in line
 
 
 def test_a_function_is_as_long_as_its_file_says_or_the_option(capsys, tmp_path):

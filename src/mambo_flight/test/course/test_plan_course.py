@@ -64,11 +64,12 @@ def test_a_plan_is_planned_as_itself(tmp_path):
 @pytest.mark.parametrize(('arguments', 'message'), [
     (['none.csv'], 'none.csv: No such file or directory'),
     ([EIGHT, '--stretch', 'much'], '--stretch much: write a number, or auto'),
-    ([EIGHT, '--height', '1e9'], '--height 1e+09 must be at most 1000 m')])
+    ([EIGHT, '--height', '1e9'], '--height: 1e9 must be within -1000 to 1000 m')])
 def test_a_course_that_cannot_be_read_is_one_line_and_no_file(
         tmp_path, capsys, arguments, message):
     plan = tmp_path / 'plan.csv'
-    assert plan_course.main([*arguments, '-o', str(plan)]) == 2
+    with pytest.raises(SystemExit) as end:
+        raise SystemExit(plan_course.main([*arguments, '-o', str(plan)]))
     (line,) = lines(capsys)[1]
-    assert line.startswith('trajectory plan: ') and message in line
+    assert end.value.code == 2 and line.startswith('trajectory plan: ') and message in line
     assert not plan.exists()

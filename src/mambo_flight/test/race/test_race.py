@@ -19,13 +19,14 @@ ROW = {'tracking_rms': 0.01, 'tracking_max': 0.1, 'tracking_final': 0.02, 'satur
     (['--add'], 'controllers.json: No such file or directory: race without --add first'),
     (['--conditions', 'storm'], '--conditions: storm is unknown; known: known, '),
     (['--state', 'true,true'], '--state: true is given twice'),
-    (['--draws', '0'], '--draws 0: must be 1 to 10000'),
-    (['--draws', '10001'], '--draws 10001: must be 1 to 10000'),
-    (['--workers', '0'], '--workers 0: must be 1 or more')])
+    (['--draws', '0'], '--draws: 0 must be within 1 to 10000'),
+    (['--draws', '10001'], '--draws: 10001 must be within 1 to 10000'),
+    (['--workers', '0'], '--workers: 0 must be within 1 to 1024')])
 def test_what_cannot_be_flown_is_refused_in_one_line(tmp_path, capsys, options, message):
-    assert race.main(['-o', str(tmp_path / 'out'), *options]) == 2
+    with pytest.raises(SystemExit) as end:
+        raise SystemExit(race.main(['-o', str(tmp_path / 'out'), *options]))
     error = capsys.readouterr().err
-    assert message in error and error.count('\n') == 1
+    assert end.value.code == 2 and message in error and error.count('\n') == 1
     assert not (tmp_path / 'out').exists()
 
 

@@ -78,11 +78,13 @@ def test_a_flight_that_contradicts_itself_is_refused_before_any_is_flown(file, t
 
 @pytest.mark.parametrize(('arguments', 'wanted'), [
     ([], 'give --output RESULT.parquet'),
-    (['-o', 'a.parquet', '--workers', '0'], '--workers 0: must be 1 or more')])
+    (['-o', 'a.parquet', '--workers', '0'],
+     '--workers: 0 must be within 1 to 1024; sweep --help says more')])
 def test_wrong_options_are_one_line(file, capsys, flown, arguments, wanted):
-    assert main([str(file), *arguments]) == 2
+    with pytest.raises(SystemExit) as end:
+        raise SystemExit(main([str(file), *arguments]))
     error = capsys.readouterr().err
-    assert error == f'sweep: {wanted}\n' and not flown
+    assert end.value.code == 2 and error == f'sweep: {wanted}\n' and not flown
 
 
 def test_ctrl_c_says_that_the_same_command_goes_on(file, tmp_path, capsys, monkeypatch):

@@ -17,6 +17,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.mcap_reader import BagError
 from mambo_model import palette
@@ -188,20 +189,8 @@ def _print_result(flights: Sequence[Flight], lag: float, fits: Sequence[Fit], no
     print('\n'.join(lines))
 
 
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < 1e4:
-        raise argparse.ArgumentTypeError(f'{text} is not a number above 0')
-    return value
-
-
 def _lag(text: str) -> float | None:
-    if text == 'auto':
-        return None
-    value = float(text)
-    if not -1.0 <= value <= 1.0:
-        raise argparse.ArgumentTypeError(f'{text} is neither auto nor between -1 and 1 s')
-    return value
+    return None if text == 'auto' else real(-1.0, 1.0, 's')(text)
 
 
 def parser() -> Parser:
@@ -209,7 +198,7 @@ def parser() -> Parser:
     out = Parser('identify_drift', __doc__.split('\n\n')[0])
     out.add_argument('bags', type=Path, nargs='+', metavar='BAG',
                      help='flights of one drone with optical_flow and optitrack/pose')
-    out.add_argument('--window', type=_positive, metavar='SECONDS',
+    out.add_argument('--window', type=real(0.0, 1e4, 's', above=True), metavar='SECONDS',
                      help='use only displacements over windows of this length; a window of one '
                           'turn leaves only the drift')
     out.add_argument('--estimate', metavar='TOPIC',
@@ -218,7 +207,8 @@ def parser() -> Parser:
                      help='lag of the flow (default: auto, found from the flights)')
     out.add_argument('--height', choices=('optitrack', 'sonar'), default='optitrack',
                      help='source of the true height (default: %(default)s)')
-    out.add_argument('--min-height', type=_positive, default=MIN_HEIGHT, metavar='M',
+    out.add_argument('--min-height', type=real(0.0, 1e4, 'm', above=True),
+                     default=MIN_HEIGHT, metavar='M',
                      help='leave out samples below this height (default: %(default)s)')
     out.add_argument('--figure', type=Path, metavar='PNG',
                      help='draw the probabilities and the apparent factor')

@@ -1,0 +1,117 @@
+"""
+Notice when a user's code ends a command without a word.
+
+A component of a user runs in the process of the command. It may end that process (``os._exit``)
+or crash it (a segmentation fault in a library), and then nobody is left to say so. Before the
+first code of a user is loaded, the process therefore forks. The copy continues with the command.
+The original waits, passes signals on, and exits as the copy did. If the copy ended before the
+command did, the original raises an error, which becomes one line and exit code 1, and the clean-up
+of whatever the original had begun is done.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import mmap
+import os
+from pathlib import Path
+import select
+import signal
+import sys
+import threading
+from typing import NoReturn
+import warnings
+
+from mambo_model.errors import JobError
+
+_PASSED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_DELAY = 0.05  # s: the terminal sends Ctrl-C to the copy, too, which counts it within this time
+_PR_SET_PDEATHSIG = 1  # of Linux: the signal that a process gets when its parent ends
+
+_copy = 0  # number of the process that continues with the command; 0: nothing was split
+_notes = mmap.mmap(-1, signal.NSIG)  # shared: signals that the copy has handled, by number
+_ENDED = 0  # index of the note that the command has ended
+
+
+def enable() -> None:
+    """Fork this process before a user's code is loaded; it must run one command only."""
+    from mambo_model import own_file  # slow to import: a command that starts does without
+    own_file.before_loading = _split
+
+
+def is_command(pid: int) -> bool:
+    """Return whether a process is the copy that continues with the command."""
+    return pid == _copy
+
+
+def handled(number: int) -> None:
+    """Note that the command has handled a signal, which it then need not be sent again."""
+    _notes[number] = min(_notes[number] + 1, 255)
+
+
+def ended() -> None:
+    """Note that the command has ended by itself and has printed what there was to say."""
+    _notes[_ENDED] = 1
+
+
+def _split(path: Path) -> None:
+    """Fork; return in the copy. The original exits as the copy, or raises JobError."""
+    global _copy
+    from mambo_model import own_file
+    own_file.before_loading = own_file.nothing
+    if threading.current_thread() is not threading.main_thread():
+        return
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, AttributeError):
+            stream.flush()  # or both would write it
+    original = os.getpid()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _PASSED)
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore', DeprecationWarning)  # the copy needs no other thread
+        child = os.fork()
+    if not child:
+        _copy = os.getpid()
+        with contextlib.suppress(OSError, AttributeError):  # not Linux
+            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != original:  # it has ended already
+            os._exit(1)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        return
+    _exit_as(_status_of(child, before), path)
+
+
+def _status_of(child: int, mask: set[signal.Signals]) -> int:
+    """Wait for a child and pass signals on to it; return its exit code, negative for a signal."""
+    # a signal may come to any thread, so it is read from a pipe that Python's handler writes
+    read, write = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+    signal.set_wakeup_fd(write, warn_on_full_buffer=False)
+    for number in _PASSED:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, lambda *_: None)
+    signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+    handle = os.pidfd_open(child)
+    seen = [0] * signal.NSIG
+    while True:
+        ready = select.select([handle, read], [], [])[0]
+        if handle in ready:
+            return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        for number in os.read(read, 256):
+            seen[number] += 1
+            if select.select([handle], [], [], _DELAY)[0] or _notes[number] >= seen[number]:
+                continue
+            os.kill(child, number)
+
+
+def _exit_as(code: int, path: Path) -> NoReturn:
+    """End this process as its copy ended; JobError if the copy did not end by itself."""
+    signal.set_wakeup_fd(-1)
+    if _notes[_ENDED] and code >= 0:
+        os._exit(code)
+    if -code in _PASSED:  # no handler for it, as if there were one process
+        signal.signal(-code, signal.SIG_DFL)
+        os.kill(os.getpid(), -code)
+    how = (f'exit code {code}' if code >= 0 else
+           f'{signal.Signals(-code).name}, {signal.strsignal(-code)}')
+    raise JobError(f'{path}: this file, or code that it calls, ended the command ({how}); '
+                   'it must return or raise an error')

@@ -1,0 +1,98 @@
+"""A user's code that ends the process is one line and exit code 1; signals end it as ever."""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+TOOL = """
+import os, sys, tempfile
+from pathlib import Path
+from mambo_bags.command import guard, own_process
+from mambo_bringup.stopping import stoppable
+from mambo_model.own_file import load_file
+own_process()
+print('before', flush=False)
+
+
+def work():
+    with tempfile.TemporaryDirectory(prefix='kept_', dir='.'):
+        module = load_file(Path('mine.py'))
+        print(module.work())
+
+
+sys.exit(stoppable('tool', lambda: guard('tool', work)))
+"""
+WAITS = """
+import time
+from pathlib import Path
+def work():
+    Path('ready').touch()
+    time.sleep(60)
+"""
+
+
+def start(folder, code):
+    (folder / 'mine.py').write_text(code)
+    return subprocess.Popen([sys.executable, '-c', TOOL], text=True, cwd=folder,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                            start_new_session=True)
+
+
+@pytest.mark.parametrize('code, how', [
+    ('import os; os._exit(0)', 'exit code 0'),
+    ('import os\ndef work(): os._exit(7)', 'exit code 7'),
+    ('import sys\ndef work(): sys.exit(0)', 'exit code 0'),
+    ('import ctypes\ndef work(): ctypes.string_at(0)', 'SIGSEGV, Segmentation fault'),
+    ('import os\ndef work(): os.abort()', 'SIGABRT, Aborted'),
+    ('import os\ndef work(): os.kill(os.getpid(), 9)', 'SIGKILL, Killed')])
+def test_code_that_ends_the_process_is_one_line(code, how, tmp_path):
+    tool = start(tmp_path, code)
+    out, err = tool.communicate(timeout=60)
+    assert (tool.returncode, out) == (1, 'before\n')
+    assert err == (f'tool: mine.py: this file, or code that it calls, ended the command ({how}); '
+                   'it must return or raise an error\n')
+    assert not list(tmp_path.glob('kept_*'))  # what the command had begun is cleared away
+
+
+@pytest.mark.parametrize('code, status, out, err', [
+    ('def work(): return 5', 0, 'before\n5\n', ''),
+    ('def work(): open("none")', 2, 'before\n', 'tool: none: No such file or directory\n')])
+def test_code_that_returns_or_raises_is_as_ever(code, status, out, err, tmp_path):
+    tool = start(tmp_path, code)
+    assert (*tool.communicate(timeout=60), tool.returncode) == (out, err, status)
+
+
+@pytest.mark.parametrize('group', [False, True], ids=['process', 'terminal'])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_one_or_both_is_one_line(number, group, tmp_path):
+    tool = start(tmp_path, WAITS)
+    wait_for(tmp_path / 'ready')
+    (os.killpg if group else os.kill)(tool.pid, number)
+    _, err = tool.communicate(timeout=30)
+    assert (tool.returncode, err) == (128 + number, f'tool: ended by {number.name}\n')
+    assert not list(tmp_path.glob('kept_*'))
+
+
+def test_the_command_ends_with_the_process_above_it(tmp_path):
+    tool = start(tmp_path, WAITS.replace(
+        '.touch()', '.write_text(str(__import__("os").getpid()))'))
+    wait_for(tmp_path / 'ready')
+    time.sleep(0.1)
+    pid = int((tmp_path / 'ready').read_text())
+    assert pid != tool.pid
+    tool.kill()
+    tool.communicate(timeout=30)  # its outputs are closed: by the copy, too
+    assert not Path(f'/proc/{pid}/exe').exists()
+
+
+def wait_for(file):
+    limit = time.monotonic() + 60.0
+    while not file.exists():
+        assert time.monotonic() < limit
+        time.sleep(0.01)
+    time.sleep(0.05)
