@@ -27,9 +27,9 @@ def environment() -> dict[str, str]:
     return {**kept, **THREADS}
 
 
-def install(folder: Path) -> Path:
+def install(folder: Path, requirements: Path = REQUIREMENTS, what: str = 'RotorPy') -> Path:
     """
-    Make the environment unless it is there; return its Python.
+    Make the environment of peers unless it is there; return its Python.
 
     Raises
     ------
@@ -38,22 +38,22 @@ def install(folder: Path) -> Path:
 
     """
     python, done = folder / 'bin/python3', folder / 'installed.txt'
-    if done.is_file() and done.read_text() == REQUIREMENTS.read_text():
+    if done.is_file() and done.read_text() == requirements.read_text():
         return python
     try:
         for command in (
                 [sys.executable, '-m', 'venv', '--clear', str(folder)],
                 [str(python), '-m', 'pip', 'install', '-q', '--disable-pip-version-check',
-                 '-r', str(REQUIREMENTS)]):
+                 '-r', str(requirements)]):
             subprocess.run(command, check=True, text=True, capture_output=True, timeout=900,
                            env=environment())
     except subprocess.CalledProcessError as error:
         lines = [line for line in error.stderr.splitlines() if line.startswith('ERROR')]
-        raise Gap(f'RotorPy cannot be installed ({(lines or ["no reason given"])[0]}): '
+        raise Gap(f'{what} cannot be installed ({(lines or ["no reason given"])[0]}): '
                   'is there a network?') from None
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise Gap(f'RotorPy cannot be installed: {error}') from None
-    done.write_text(REQUIREMENTS.read_text())
+        raise Gap(f'{what} cannot be installed: {error}') from None
+    done.write_text(requirements.read_text())
     return python
 
 
