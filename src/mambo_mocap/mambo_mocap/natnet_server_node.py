@@ -77,7 +77,6 @@ class NatNetServerNode(node.MamboNode[NatNetServerNodeParams]):
         return 0.005
 
     def _send(self, view: View, exposed: int, now: int) -> None:
-        self._newest = now
         times = Times(view.exposure * 1e-9, ticks(exposed),
                       ticks(min(exposed + _CAMERA, now)), ticks(now))
         target = self._group if self.params.transmission == 'multicast' else self._commands
@@ -86,6 +85,7 @@ class NatNetServerNode(node.MamboNode[NatNetServerNodeParams]):
                 self._sent += 1
             else:
                 self._failed += 1
+        self._newest = time.time_ns()
 
     def _report(self, t: int) -> None:
         refused = self._server.refused

@@ -89,6 +89,16 @@ def test_stamps_are_within_a_fifth_of_a_millisecond_of_the_exposure(version, dri
     assert channel.client.delays.software == pytest.approx(1e-3, abs=1e-6)
 
 
+def test_without_echoes_a_stamp_is_late_by_the_least_delay_alone():
+    channel = Channel('3.1', loss=0.0, jitter=1e-3)
+    channel.server._echo = lambda data, now: None
+    channel.play(12.0)
+    found = np.array([one.stamp for at, one in channel.seen if at > 10.0])
+    late = (found - EPOCH) * 1e-9 + 6e-3  # behind the exposure
+    assert np.abs(late - np.round(late * 120.0) / 120.0 - 1e-4).max() < 5e-5
+    assert not channel.client.match.answered
+
+
 def test_the_pose_is_in_our_axes_and_has_its_name():
     channel = Channel(loss=0.0, jitter=1e-4, body='drone')
     channel.play(3.0)

@@ -98,6 +98,14 @@ def test_a_hostile_count_is_refused_before_anything_is_made_of_it(version, count
         decode_frame(data, version)
 
 
+def test_nothing_may_follow_the_end():
+    data = encode_frame(frames.Frame(1, frames.Times(0.0)), (3, 1))
+    with pytest.raises(PacketError, match='1 bytes too many'):
+        decode_frame(message(FRAME, data[4:] + b'!'), (3, 1))
+    with pytest.raises(PacketError, match='does not end with zeros'):
+        decode_frame(data[:-1] + b'!', (3, 1))
+
+
 def test_what_does_not_fit_is_refused():
     times = frames.Times(0.0)
     with pytest.raises(PacketError, match='does not fit'):

@@ -1,0 +1,154 @@
+"""Server and client as nodes on loopback, without a graph: several bodies, hostile packets."""
+
+import socket
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+from mambo_mocap import udp
+from mambo_mocap.natnet import wire
+from mambo_mocap.natnet.frame import encode_frame, Frame, RigidBody, Times
+from mambo_mocap.natnet.handshake import encode_server_info
+from mambo_mocap.natnet.model import BodyModel, encode_model
+from mambo_mocap.natnet_client_node import NatNetClientNode
+from mambo_mocap.natnet_server_node import NatNetServerNode
+from mambo_mocap.parameters import NatNetServerNodeParams
+from mambo_mocap.server import Server, ticks
+from mambo_model.motion.rigid_body import State
+from mambo_ros import messages
+import numpy as np
+import pytest
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.serialization import deserialize_message
+
+HERE = '127.0.0.1'
+STILL = State((1.0, 2.0, -1.5), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
+
+
+@pytest.fixture(scope='module', autouse=True)
+def ros():
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+def free_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind((HERE, 0))
+        return min(one.getsockname()[1], 65_534)
+
+
+@pytest.fixture
+def make():
+    """Return a function that makes a node; its reports go to ``reports``."""
+    made = []
+
+    def one(kind, **given):
+        node = kind(parameter_overrides=[
+            Parameter(name, value=value) for name, value in given.items()])
+        node.reports = []
+        node._diagnostics = lambda data: node.reports.append(
+            deserialize_message(data, DiagnosticArray).status[0])
+        made.append(node)
+        return node
+
+    yield one
+    for node in made:
+        node.finish()
+        node.destroy_node()
+
+
+def values(status):
+    return {one.key: one.value for one in status.values}
+
+
+def test_a_server_and_a_client_survive_what_strangers_send(make):
+    port = free_port()
+    server = make(NatNetServerNode, transmission='unicast', command_port=port, data_port=port + 1)
+    client = make(NatNetClientNode, command_port=port, stamp='server')
+    poses = []
+    client._publish['mambo'] = lambda data: poses.append(messages.decode_pose(data))
+    rng = np.random.default_rng(1)
+    begun = time.monotonic()
+    with udp.open_socket(HERE, 0) as stranger:
+        for k in range(400):  # 2 s
+            for _ in range(5):
+                noise = rng.bytes(int(rng.integers(0, 200)))
+                udp.send(stranger, noise, (HERE, port))
+                udp.send(stranger, b'\7\0' + noise, client._commands.getsockname())
+            server._on_truth(k * 5_000_000, STILL)
+            server.turn()
+            client.turn(0.0)
+            time.sleep(max(begun + k * 0.005 - time.monotonic(), 0.0))
+        server._report(1)
+        client._report()
+    assert len(poses) > 150 and [t for t, *_ in poses] == sorted({t for t, *_ in poses})
+    assert np.abs(np.array([rho for _, rho, _ in poses]) - STILL.rho).max() < 1e-3
+    assert int(values(client.reports[-1])['malformed']) > 100
+    assert 'malformed packets' in client.reports[-1].message
+    refused = values(server.reports[-1])
+    assert sum(int(n) for key, n in refused.items() if key.startswith('commands')) > 500
+    assert int(refused['unicast clients']) <= 32 and len(server._waiting) < 10
+
+
+def test_every_body_goes_to_its_topic_by_name_or_number(make):
+    client = make(NatNetClientNode, bodies='drone=a/pose, 7=/b/pose, gone=c/pose', up='z')
+    names = {output.publisher.topic_name for output in client.outputs}
+    assert {'/mambo/a/pose', '/b/pose', '/mambo/c/pose'} < names
+    poses = {name: [] for name in client._publish}
+    client._publish = {name: poses[name].append for name in poses}
+    now = time.time_ns()
+    info = Server(NatNetServerNodeParams(transmission='unicast')).info
+    client._take(encode_server_info(info), now)
+    client._take(encode_model((BodyModel('drone', 3), BodyModel('other', 7)), (4, 1)), now)
+    bodies = tuple(RigidBody(number, (float(number), 0.0, 1.0), (0.0, 0.0, 0.0, 1.0), 0.0)
+                   for number in (3, 7, 9))
+    for k in range(3):
+        times = Times(k * 0.01, *(ticks(now + k * 10_000_000),) * 3)
+        client._take(encode_frame(Frame(k, times, bodies=bodies), (4, 1)), now + k * 10_000_000)
+    # the same times again, in a frame of a new number
+    client._take(encode_frame(Frame(3, times, bodies=bodies[:1]), (4, 1)), now + 20_000_000)
+    assert client._client.counts['stamps not after the last one'] == 1
+    assert [len(found) for found in poses.values()] == [3, 3, 0]
+    assert messages.decode_pose(poses['7'][0])[1] == (7.0, 0.0, -1.0)
+    client._report()
+    assert client.reports[-1].message == (
+        'the server does not stream gone; it has: drone, other')
+    assert values(client.reports[-1])['bodies not asked for'] == '3'  # one in each frame
+
+
+def test_a_client_without_a_server_says_what_to_look_at(make):
+    client = make(NatNetClientNode, command_port=free_port())
+    for _ in range(3):
+        client.turn(0.01)
+    client._report()
+    assert 'is streaming switched on there?' in client.reports[-1].message
+
+
+def test_a_data_port_in_use_is_told(make):
+    client = make(NatNetClientNode, command_port=free_port())
+    with udp.open_socket(HERE, 0) as other:
+        info = Server(NatNetServerNodeParams(
+            version='2.9', data_port=other.getsockname()[1])).info
+        client._client.info = info
+        client._join()
+        client._join()
+        client._report()
+    assert 'cannot be used' in client.reports[-1].message
+
+
+def test_a_paced_server_sends_no_two_frames_together(make):
+    port = free_port()
+    server = make(NatNetServerNode, transmission='unicast', command_port=port, data_port=port + 1,
+                  rate=360.0)
+    with udp.open_socket(HERE, 0) as client:
+        udp.send(client, wire.message(wire.CONNECT, b''), (HERE, port))
+        server.turn()
+        for k in range(20):
+            server._on_truth(k * 5_000_000, STILL)  # 0.1 s at once
+        arrivals, limit = [], time.monotonic() + 3.0
+        while len(arrivals) < 30 and time.monotonic() < limit:
+            time.sleep(min(server.turn(), 0.001))
+            arrivals += [at for data, _, at in udp.receive(client) if wire.kind(data) == 7]
+    assert len(arrivals) >= 30
+    assert np.diff(arrivals).min() > 1.38e6  # ns; half a period is 1.389 ms
