@@ -3,6 +3,7 @@
 from mambo_analysis.importers.any_table import import_table
 from mambo_analysis.twin.force import ForceModel
 from mambo_analysis.twin.recorded import GRAVITY, Recorded, STEP
+from mambo_analysis.twin.torque import MIX, TorqueModel
 import numpy as np
 import pandas
 from scipy.spatial.transform import Rotation
@@ -58,6 +59,8 @@ topics:
   motor_pwm: {pwm: [m1, m2, m3, m4]}
   battery: {voltage: [v]}
 """
+REFERENCE = '  onboard/reference: {position: [x, y, z]}\n'
+STRAIGHT = np.zeros(3)
 MOUNTING = np.array([0.01, -0.02, 0.0])
 
 
@@ -68,7 +71,13 @@ def bag(folder, change=lambda data: data, text=MAP, seconds=12.0, seed=0, noise=
     Two seconds at rest, two in which somebody lifts it by 1 m, and a flight.
     """
     one = flight(seed, seconds, noise=noise)
-    q = (one.turn * Rotation.from_rotvec(MOUNTING).inv()).as_quat()
+    return table_of(one, folder, change, text, MOUNTING)
+
+
+def table_of(one, folder, change=lambda data: data, text=MAP, mounting=STRAIGHT,
+             reference=False):
+    """Return the path of a bag of a flight, after two seconds of rest and two of lifting."""
+    q = (one.turn * Rotation.from_rotvec(mounting).inv()).as_quat()
     columns = dict(zip(('x', 'y', 'z'), one.position.T)) | dict(zip(
         ('qx', 'qy', 'qz', 'qw'), q.T))
     columns |= dict(zip(('p', 'q', 'r'), one.gyro.T)) | dict(zip(('ax', 'ay', 'az'), one.force.T))
@@ -83,6 +92,48 @@ def bag(folder, change=lambda data: data, text=MAP, seconds=12.0, seed=0, noise=
     data['t'] = np.arange(len(data)) * STEP
     source, mapping = folder / 'flight.csv', folder / 'map.yaml'
     change(data).to_csv(source, index=False)
-    mapping.write_text(text)
+    mapping.write_text(text + REFERENCE if reference else text)
     import_table(source, folder / 'bag', mapping)
     return folder / 'bag'
+
+
+SPIN = TorqueModel((30.0, 28.0, 4.0), (9.0, -8.0), (1.0, 1.5, 2.0))
+
+
+def steered(seed=0, seconds=12.0, torque=SPIN, model=TRUE, shake=0.0):
+    """
+    Return a flight whose motors turn it: the models hold in every step, to the bit of a float.
+
+    A controller follows wanted tilts and holds the place loosely. ``shake`` is the standard
+    deviation of a torque that no model knows, rad/s^2.
+    """
+    rng = np.random.default_rng(seed)
+    n = round(seconds / STEP)
+    left, phase = np.exp(-STEP / model.lag), rng.uniform(0.0, 6.0, 3)
+    p, v, rate, turn = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.zeros(3), Rotation.identity()
+    lagged, rows = None, []
+    for k in range(n):
+        t, w = k * STEP, turn.inv().apply(v)
+        yaw, pitch, roll = turn.as_euler('ZYX')
+        wanted = np.array([0.15 * np.sin(1.7 * t + phase[0]) + 0.05 * (p[1] + v[1]),
+                           0.15 * np.sin(1.3 * t + phase[1]) - 0.05 * (p[0] + v[0]),
+                           0.3 * np.sin(0.9 * t + phase[2])])
+        spin = 15.0 * (6.0 * (wanted - [roll, pitch, yaw]) - rate)
+        lift = GRAVITY + 2.0 * (1.0 - p[2]) - 2.0 * v[2] + 0.5 * np.sin(2.1 * t)
+        each = 0.25 * (lift + MIX.T @ (spin / np.array(torque.gain)))
+        each = np.maximum(each, 0.1)
+        lagged = each if lagged is None else left * lagged + (1.0 - left) * each
+        force = model.force(np.array([lagged.sum()]), w[None])[0]
+        rows.append((p, v, turn.as_quat(), force, rate, each))
+        a = turn.apply(force) - [0.0, 0.0, GRAVITY]
+        spun = torque.acceleration((MIX @ lagged)[None], w[None], rate[None])[0]
+        spun = spun + rng.normal(0.0, shake, 3)
+        p, v = p + STEP * v + 0.5 * STEP * STEP * a, v + STEP * a
+        turn = turn * Rotation.from_rotvec(STEP * (rate + 0.5 * STEP * spun))
+        rate = rate + STEP * spun
+    position, velocity, attitude, force, gyro, each = (np.array(x) for x in zip(*rows))
+    voltage = model.voltage + 0.1 - 0.2 * np.arange(n) / n
+    command = model.command * model.voltage / voltage[:, None] * (
+        each / model.thrust) ** (1.0 / model.exponent)
+    return Recorded(f'steered {seed}', np.arange(n) * STEP, position, velocity, attitude, force,
+                    gyro, command, voltage, slice(0, n), slice(0, 0), np.zeros(3))

@@ -51,6 +51,8 @@ class Report(NamedTuple):
     replay: dict[str, Any]
     figures: list[dict[str, Any]]
     phases: Phases
+    tables: Sequence[tuple[str, Sequence[str], Sequence[Sequence[str]]]] = ()
+    """(caption, head, rows) of tables above the sections."""
 
 
 def _numbers(values: Floats, digits: int) -> list[float | None]:
@@ -98,7 +100,7 @@ def _direction(axis: str) -> str:
     return 'z up' if axis == 'z' else axis
 
 
-def _figures(
+def comparison_figures(
     comparison: Comparison, name: str, others: Mapping[str, Sequence[Motion]],
     colours: Sequence[str],
 ) -> list[dict[str, Any]]:
@@ -143,7 +145,7 @@ def _error_figure(q: Quantity, name: str, what: str, digits: int) -> dict[str, A
                    f'{what}, its {label}, and the RMS up to each instant.', panels)
 
 
-def _replay(
+def replay_of(
     tracks: Sequence[tuple[str, str, Motion]], vehicles: Sequence[tuple[str, str, Motion]],
 ) -> dict[str, Any]:
     """Return the paths, and the vehicles on a grid of time; (label, colour, motion) of each."""
@@ -237,8 +239,8 @@ def of_two(
         [*tables.times(result), *result['notes']],
         [{**entry, 'title': f'{entry["quantity"]}, A minus B'} for entry in result['errors']],
         result['differences'], _details(a) if other is a else _details(a, other),
-        _replay(tracks, vehicles), _figures(named, '', {'position': references}, colours),
-        comparison.phases))
+        replay_of(tracks, vehicles),
+        comparison_figures(named, '', {'position': references}, colours), comparison.phases))
 
 
 def of_one(bag: Bag, result: Mapping[str, Any]) -> Report:
@@ -272,7 +274,7 @@ def of_one(bag: Bag, result: Mapping[str, Any]) -> Report:
     shown, sections = [], []
     names = [f'{comparison.title.split()[0]}: ' for comparison in comparisons]
     for comparison, name in zip(comparisons, names):
-        shown += _figures(comparison, name, {
+        shown += comparison_figures(comparison, name, {
             'position': references} if 'reference' not in comparison.labels else {},
             [colours[label] for label in comparison.labels])
         sections += [{**entry, 'title': f'{entry["quantity"]}: {comparison.title}'}
@@ -286,7 +288,7 @@ def of_one(bag: Bag, result: Mapping[str, Any]) -> Report:
         result['bag'], lead, result['ending'],
         _cards(comparisons[0].sections() if comparisons else []),
         [*facts, *tables.times(result), *result['notes']], sections, [], _details(bag),
-        _replay([*tracks, *vehicles[::-1]], vehicles), shown, parts))
+        replay_of([*tracks, *vehicles[::-1]], vehicles), shown, parts))
 
 
 def _section_table(entry: Mapping[str, Any]) -> str:
@@ -344,6 +346,7 @@ def html(report: Report) -> str:
         [name, *('–' if value is None else str(value) for value in values)]
         for name, *values in report.differences]) if report.differences else ''
     details = ''.join(itertools.starmap(markup.details, report.details))
+    above = ''.join(itertools.starmap(markup.table, report.tables))
     shaded = figures.shaded(report.phases)
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -356,7 +359,8 @@ def html(report: Report) -> str:
         f'{shaded} Zooming in time zooms every plot; a double click shows all of every plot '
         'again.</p>'
         f'<div class="figures">{pages}</div></section>'
-        f'<section id="numbers"><h2>Numbers</h2>{"".join(map(_section_table, report.sections))}'
+        f'<section id="numbers"><h2>Numbers</h2>{above}'
+        f'{"".join(map(_section_table, report.sections))}'
         f'{differ}</section><section id="notes"><h2>What was compared</h2><ul>{notes}</ul>'
         f'{details}</section></main><script id="data" type="application/json">{data}</script>'
         f'<script>{get_plotlyjs()}</script><script>{script}</script></body></html>\n')

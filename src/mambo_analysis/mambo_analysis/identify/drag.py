@@ -252,7 +252,8 @@ def read(
         text = bag.attachments.get('scenario.yaml')
         if not isinstance(text, str):
             raise IdentifyError(
-                f'{path}: no scenario in the bag; say what was flown with --scenario FILE')
+                f'{path}: no scenario in the bag; say what was flown with --scenario FILE, '
+                'or take mambo identify flight, which needs none')
         flight = from_yaml(text, f'{path}: scenario.yaml')
     else:
         flight = load(file)

@@ -1,9 +1,10 @@
 """
-Import of tables, CSV or Parquet: ``import_table FLIGHT.csv BAG --map MAPPING.yaml``.
+Import of tables, PX4 logs and MATLAB files: ``import_table FLIGHT.csv BAG --map MAPPING.yaml``.
 
 The mapping assigns columns to topics, with unit, frame and clock
 (:mod:`mambo_analysis.importers.table_map`). Mappings that come with the package are chosen by
-name: ``nanobench`` for the data set of that name (a Crazyflie 2.1 under Vicon, 100 Hz).
+name: ``nanobench`` for the data set of that name (a Crazyflie 2.1 under Vicon, 100 Hz), ``px4``
+for a log of PX4.
 
 Stamps count from the first row. A row without all values of a topic gives no message on it, and is
 counted. Impossible poses are left out (:mod:`mambo_signals.outliers`). Unused columns are
@@ -26,7 +27,7 @@ from scipy.spatial.transform import Rotation
 
 from .common import (
     LONGEST, new_samples, provenance, Publisher, read_source, report, stamps_ns, unused)
-from .table_file import read_table
+from .logs.named_columns import read_columns
 from .table_map import Map, Quantity, read_map, Topic
 
 Floats = NDArray[np.float64]
@@ -239,7 +240,7 @@ def import_table(
     Parameters
     ----------
     source
-        CSV or Parquet file.
+        CSV, Parquet, ``.ulg`` or ``.mat`` file.
     target
         Directory to make.
     mapping
@@ -261,7 +262,7 @@ def import_table(
     """
     wanted = read_map(mapping)
     file = read_source(source)
-    table, others = read_table(source, wanted.columns(), wanted.delimiter)
+    table, others = read_columns(file, wanted)
     rows = _Rows(source, table, wanted)
     record = provenance(source.name, file.sha256, 'import_table', 'table', {
         'mapping': mapping.name, 'mapping_sha256': read_source(mapping).sha256,
@@ -279,7 +280,7 @@ def import_table(
 def parser() -> Parser:
     """Return the command line."""
     out = Parser('import_table', __doc__.split('\n\n')[0])
-    out.add_argument('table', type=Path, help='CSV or Parquet file')
+    out.add_argument('table', type=Path, help='CSV, Parquet, .ulg or .mat file')
     out.add_output('BAG', 'bag to create', required=True, positional=True)
     option = out.add_argument('--map', required=True, metavar='MAPPING',
                               help='YAML file, or one of: ' + ', '.join(shipped()))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import scipy.io
 
 from . import bounded
+from .logs import hdf5
 
 Floats = NDArray[np.float64]
 _HDF5 = b'\x89HDF\r\n\x1a\n'  # begins it, or follows a first block of text
@@ -50,7 +51,7 @@ def load(content: bytes) -> dict[str, Any]:
 
     """
     if content[:10].upper() == b'MATLAB 7.3' or _HDF5 in (content[:8], content[512:520]):
-        raise ValueError('it is of version 7.3; save it with -v7 in MATLAB first')
+        return hdf5.load(content)
     try:
         found = scipy.io.loadmat(BytesIO(content), simplify_cells=True)
     except OSError as error:  # of content that ends too early: no file is read here
@@ -69,7 +70,7 @@ def variables(path: Path, content: bytes) -> dict[str, Any]:
     path
         Of the file, for errors.
     content
-        Of the file, up to version 7.
+        Of the file.
 
     Returns
     -------
@@ -78,7 +79,7 @@ def variables(path: Path, content: bytes) -> dict[str, Any]:
     Raises
     ------
     BagError
-        If the file is of version 7.3, damaged, cut off, no such file, or too large.
+        If the file is damaged, cut off, no such file, too large, or of version 7.3 without h5py.
 
     """
     def read(_: Path) -> dict[str, Any]:

@@ -103,11 +103,11 @@ def read_table(path: Path, wanted: list[str], delimiter: str) -> tuple[dict[str,
     if missing:
         raise BagError(f'{path}: no column {quoted(missing[0])}{nearest(missing[0], names)}; '
                        f'it has {shortened(names)}')
-    return ({name: _numbers(path, name, found[name]) for name in wanted},
+    return ({name: numbers(path, name, found[name]) for name in wanted},
             [name for name in names if name not in wanted])
 
 
-def _numbers(path: Path, name: str, found: Any) -> NDArray[np.float64]:
+def numbers(path: Path, name: str, found: Any) -> NDArray[np.float64]:
     """Return a column as numbers, (n,); BagError naming the row of what is none."""
     if found.dtype.kind in 'iufb':
         values = found.astype(float)

@@ -100,6 +100,14 @@ class Map(NamedTuple):
     delimiter: str
     topics: dict[str, Topic]
 
+    def clocks(self) -> dict[str, list[str]]:
+        """Return the columns that are wanted at the times of each clock, each once."""
+        out: dict[str, list[str]] = {self.clock.column: []}
+        for topic in self.topics.values():
+            out.setdefault(topic.clock.column, []).extend(
+                name for one in topic.quantities.values() for name in one.columns)
+        return {clock: list(dict.fromkeys(names)) for clock, names in out.items()}
+
     def columns(self) -> list[str]:
         """Return the names of all columns that it needs, each once."""
         names = [self.clock.column]

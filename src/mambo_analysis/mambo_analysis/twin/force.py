@@ -68,8 +68,8 @@ class ForceModel(NamedTuple):
     command: float
     voltage: float
 
-    def thrust_over_mass(self, flight: Recorded) -> Floats:
-        """Return the thrust of all motors over the mass, (n,) m/s^2, along b3 up."""
+    def motor_thrust(self, flight: Recorded) -> Floats:
+        """Return the thrust of each motor over the mass, (n, 4) m/s^2, along b3 up."""
         share = np.nan_to_num(flight.command) / self.command
         if np.isfinite(self.voltage) and np.isfinite(flight.voltage).any():
             v = flight.voltage / self.voltage
@@ -77,7 +77,11 @@ class ForceModel(NamedTuple):
         each = self.thrust * np.maximum(share, 0.0) ** self.exponent
         left = np.exp(-STEP / self.lag) if self.lag > 0.0 else 0.0
         out, _ = signal.lfilter([1.0 - left], [1.0, -left], each, axis=0, zi=left * each[:1])
-        return out.sum(axis=1)
+        return out
+
+    def thrust_over_mass(self, flight: Recorded) -> Floats:
+        """Return the thrust of all motors over the mass, (n,) m/s^2, along b3 up."""
+        return self.motor_thrust(flight).sum(axis=1)
 
     def force(self, thrust: Floats, v: Floats) -> Floats:
         """Return the specific force, (n, 3), of a thrust over the mass, (n,), at a velocity."""

@@ -23,6 +23,7 @@ from ..identify.regression import IdentifyError
 Floats = NDArray[np.float64]
 
 STEP = 0.01            # s, of the grid
+REFERENCE, ESTIMATE = 'onboard/reference', 'onboard/odom'
 GAP = 0.1              # s, over which samples are connected
 LEAST_REST = 1.0       # s before take-off that show biases and noise
 STILL_SPEED = 0.03     # m/s, of a vehicle at rest, not carried around
@@ -33,6 +34,27 @@ LEAST_FLIGHT = 5.0     # s in the air
 FLYING = 0.3           # [-] of the usual command in flight: below, no motor flies
 CLEAR = 0.2            # m above the start: below, the floor acts
 EDGE = 0.3             # s of the flight left out at both ends, while it still jumps
+
+
+class Onboard(NamedTuple):
+    """
+    What the drone itself followed and believed, on the grid of a flight; NaN where not known.
+
+    Attributes
+    ----------
+    reference : (n, 3) m
+        Wanted position, held until the next one.
+    position, velocity : (n, 3) m, m/s
+        Estimate, inertial; NaN throughout if the recording has none.
+    attitude : (n, 4)
+        x y z w.
+
+    """
+
+    reference: Floats
+    position: Floats
+    velocity: Floats
+    attitude: Floats
 
 
 class Recorded(NamedTuple):
@@ -60,6 +82,8 @@ class Recorded(NamedTuple):
         Rotation vector from the inertial sensor to the marker body.
     has_flow
         Whether the recording has optical flow, too.
+    onboard
+        None without a reference in the recording.
 
     """
 
@@ -76,6 +100,7 @@ class Recorded(NamedTuple):
     rest: slice
     mounting: Floats
     has_flow: bool = False
+    onboard: Onboard | None = None
 
     @property
     def turn(self) -> Rotation:
@@ -95,6 +120,21 @@ def _motion(bag: Bag) -> motion.Motion:
         if topic in bag and len(bag[topic]):
             return motion.read(bag, topic)
     raise IdentifyError(f'{bag.path}: no motion: neither {" nor ".join(motion.TRUTH)} in the bag')
+
+
+def _onboard(bag: Bag, t: Floats) -> Onboard | None:
+    """Return reference and estimate of the drone at times t, (n,) s; None without a reference."""
+    if REFERENCE not in bag or not len(bag[REFERENCE]):
+        return None
+    given = bag[REFERENCE]
+    last = np.searchsorted(given.t, t, side='right') - 1
+    wanted = np.where(last[:, None] >= 0, given.position[np.maximum(last, 0)], np.nan)
+    unknown = np.full((len(t), 3), np.nan)
+    if ESTIMATE not in bag or len(bag[ESTIMATE]) < 2:
+        return Onboard(wanted, unknown, unknown, np.full((len(t), 4), np.nan))
+    there = motion.read(bag, ESTIMATE).at(np.rint(t * 1e9).astype(np.int64))
+    return Onboard(wanted, there.position,
+                   unknown if there.velocity is None else there.velocity, there.quaternion)
 
 
 def _mounting(found: dict[str, Floats], air: slice) -> Floats:
@@ -196,4 +236,4 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
     found['attitude'][known] = (Rotation.from_quat(found['attitude'][known])
                                 * Rotation.from_rotvec(mounting)).as_quat()
     return Recorded(path.name, **found, air=air, rest=rest, mounting=mounting,
-                    has_flow='optical_flow' in bag)
+                    has_flow='optical_flow' in bag, onboard=_onboard(bag, found['t']))

@@ -25,6 +25,7 @@ from .force import ForceModel
 from .recorded import GRAVITY, Recorded, STEP
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
 
 HORIZON = 0.5     # s
 EVERY = 0.1       # s from window to window
@@ -54,6 +55,22 @@ class Windows(NamedTuple):
                      / np.linalg.norm(self.constant, axis=1).mean())
 
 
+def starts(flight: Recorded, horizon: float, past: float, every: float = EVERY) -> Ints:
+    """Return the rows, (k,), at which windows in the air begin, each with its past, all in s."""
+    return np.arange(flight.air.start + round(past / STEP),
+                     flight.air.stop - round(horizon / STEP), round(every / STEP))
+
+
+def past_mean(values: Floats, rows: Ints, past: float) -> Floats:
+    """Return the mean of values (n, 3) over ``past`` s before each row; 0 without a past."""
+    back = round(past / STEP)
+    if not back:
+        return np.zeros((len(rows), 3))
+    first = int(rows[0]) - back if len(rows) else 0
+    total = np.concatenate([np.zeros((1, 3)), np.cumsum(values[first:], axis=0)])
+    return (total[rows - first] - total[rows - first - back]) / back
+
+
 def predict(
     flight: Recorded, model: ForceModel, horizon: float = HORIZON, past: float = PAST,
 ) -> Windows:
@@ -71,15 +88,10 @@ def predict(
         Before a window, whose mean error of the force is taken out.
 
     """
-    steps, back = round(horizon / STEP), round(past / STEP)
-    first = np.arange(flight.air.start + back, flight.air.stop - steps, round(EVERY / STEP))
+    steps, first = round(horizon / STEP), starts(flight, horizon, past)
     thrust, turn = model.thrust_over_mass(flight), flight.turn
-    beyond = np.zeros((len(first), 3))
-    if back:
-        rest = (flight.force - model.force(thrust, flight.body_velocity))[flight.air]
-        total = np.concatenate([np.zeros((1, 3)), np.cumsum(rest, axis=0)])
-        at = first - flight.air.start
-        beyond = (total[at] - total[at - back]) / back
+    beyond = past_mean(
+        flight.force - model.force(thrust, flight.body_velocity), first, past)
     p, v = flight.position[first].copy(), flight.velocity[first].copy()
     for i in range(steps):
         now = turn[first + i]

@@ -69,3 +69,17 @@ def test_says_what_is_wrong_and_where(tmp_path, old, new, line, text):
     with pytest.raises(ParameterError) as error:
         read_map(file)
     assert f'{file}:{line}: ' in str(error.value) and text in str(error.value)
+
+
+def test_each_clock_has_the_columns_that_are_wanted_at_its_times(tmp_path):
+    path = tmp_path / 'map.yaml'
+    path.write_text("""\
+time: {column: t, unit: us}
+topics:
+  battery: {voltage: [v], time: {column: slow}}
+  motor_pwm: {pwm: [a, b, a, c]}
+  sonar/range: {range: [v], time: {column: slow}}
+""")
+    wanted = read_map(path)
+    assert wanted.clocks() == {'t': ['a', 'b', 'c'], 'slow': ['v']}
+    assert set(wanted.columns()) == {'t', 'slow', 'a', 'b', 'c', 'v'}

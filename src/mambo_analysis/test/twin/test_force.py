@@ -39,6 +39,8 @@ def test_thrust_follows_commands_voltage_and_lag():
     one = flight(noise=0.0)
     thrust = one.force[:, 2] + 0.25 * one.body_velocity[:, 2]
     assert np.allclose(TRUE.thrust_over_mass(one), thrust, atol=2e-3)
+    assert TRUE.motor_thrust(one).shape == (len(one.t), 4)
+    assert np.allclose(TRUE.motor_thrust(one).sum(axis=1), TRUE.thrust_over_mass(one))
     doubled = one._replace(command=2.0 * one.command)
     assert np.allclose(TRUE.thrust_over_mass(doubled), 2.0 ** 1.8 * TRUE.thrust_over_mass(one))
     dead = one._replace(voltage=np.full(len(one.t), np.nan))

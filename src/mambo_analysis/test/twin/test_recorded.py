@@ -69,3 +69,43 @@ def test_body_velocity_is_that_of_the_world_turned_back(tmp_path):
     v = one.body_velocity
     assert np.allclose(np.linalg.norm(v, axis=1), np.linalg.norm(one.velocity, axis=1))
     assert np.allclose(one.turn.apply(v), one.velocity)
+
+
+def own(tmp_path, estimate):
+    """Return a bag with a reference, that steps and begins late, and an estimate or none."""
+    text = MAP + '  onboard/reference: {position: [rx, ry, rz]}\n'
+    if estimate:
+        text += ('  onboard/odom:\n    position: [ex, ey, ez]\n'
+                 '    quaternion: {columns: [qx, qy, qz, qw], order: xyzw}\n'
+                 '    velocity: [vx, vy, vz]\n')
+
+    def add(data):
+        data[['rx', 'ry', 'rz']] = data[['x', 'y', 'z']].to_numpy()[(len(data) // 2)]
+        data.loc[data.index >= 1000, 'rx'] = 5.0
+        data.loc[data.index < 100, ['rx', 'ry', 'rz']] = np.nan
+        for axis in 'xyz':
+            data[f'e{axis}'] = data[axis] + 0.1
+            data[f'v{axis}'] = np.gradient(data[axis], 0.01)
+        return data
+    return read_flight(bag(tmp_path, add, text=text)).onboard
+
+
+def test_a_reference_is_held_until_the_next_one(tmp_path):
+    known = own(tmp_path, False)
+    step = int(np.argmax(known.reference[:, 0] == 5.0))
+    assert step == pytest.approx(999, abs=1) and (known.reference[step:, 0] == 5.0).all()
+    assert np.isnan(known.reference[:98]).all() and np.isfinite(known.reference[100:]).all()
+    assert np.isnan(known.position).all() and np.isnan(known.attitude).all()
+
+
+def test_the_estimate_of_the_drone_is_on_the_same_grid(tmp_path):
+    known = own(tmp_path, True)
+    found = read_flight(tmp_path / 'bag')
+    rows = found.air
+    assert np.abs(known.position[rows] - found.position[rows] - 0.1).max() < 2e-3
+    assert np.abs(known.velocity[rows] - found.velocity[rows]).max() < 0.1
+    assert np.isfinite(known.attitude[rows]).all()
+
+
+def test_without_a_reference_nothing_is_known_on_board(tmp_path):
+    assert read_flight(bag(tmp_path)).onboard is None

@@ -1,7 +1,7 @@
 """The true model predicts the flight; what it lacks is seen, and the second before makes it up."""
 
 from flown import flight, TRUE
-from mambo_analysis.twin.windows import predict
+from mambo_analysis.twin.windows import past_mean, predict, starts
 import numpy as np
 import pytest
 
@@ -45,3 +45,22 @@ def test_a_tilted_thrust_is_seen_sideways():
     found = predict(flight(noise=0.0), straight, past=0.0)
     assert found.model[:, 0].mean() == pytest.approx(-0.5 * 0.25 * 0.05, rel=0.1)
     assert abs(found.model[:, 1].mean()) < 1e-3
+
+
+def test_windows_begin_after_their_past_and_end_in_the_air():
+    one = flight(noise=0.0)._replace(air=slice(200, 600))
+    rows = starts(one, 0.5, 1.0)
+    assert rows[0] == 300 and rows[-1] < 550 and set(np.diff(rows)) == {10}
+    assert len(starts(one, 0.5, 0.0)) == len(rows) + 10
+    assert not len(starts(one, 0.5, 4.0))
+
+
+def test_the_mean_of_the_past_is_that_of_the_rows_before():
+    values = np.random.default_rng(2).normal(size=(400, 3))
+    values[:20] = np.nan  # before the first past: not looked at
+    rows = np.array([130, 131, 399])
+    found = past_mean(values, rows, 1.0)
+    wanted = [values[row - 100:row].mean(axis=0) for row in rows]
+    assert np.allclose(found, wanted)
+    assert not past_mean(values, rows, 0.0).any()
+    assert past_mean(values, rows[:0], 1.0).shape == (0, 3)
