@@ -42,7 +42,11 @@ def test_hover_command_at_the_voltage_of_the_flight():
     (['--namespace', '/other'], 'other')])
 def test_wrong_input_is_one_line(tmp_path, capsys, arguments, said):
     path = bag(tmp_path, seconds=6.0)
-    assert main([str(path), *arguments]) == 2
+    try:
+        code = main([str(path), *arguments])
+    except SystemExit as error:
+        code = error.code
+    assert code == 2
     error = capsys.readouterr().err.strip()
     assert said in error and '\n' not in error
 
