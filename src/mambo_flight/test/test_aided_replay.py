@@ -1,5 +1,6 @@
 """Poses of the motion capture paired with filter steps: by watermarks, and by times of the log."""
 
+from hypothesis import given, strategies as st
 from mambo_flight import aided_replay
 from mambo_ros import topics
 import numpy as np
@@ -80,3 +81,28 @@ def test_a_bag_without_motion_capture_has_no_pose_and_every_step():
     poses, whole = aided_replay.poses({}, np.arange(4))
     assert whole == 4 and poses.age.shape == (4,) and poses.pose.shape == (4, 7)
     assert np.isnan(poses.age).all() and np.isnan(poses.pose).all()
+
+
+@given(ticked=st.lists(st.integers(0, 200), min_size=1, max_size=15, unique=True),
+       counts=st.data(), steps=st.lists(st.integers(0, 250), min_size=1, max_size=20, unique=True))
+def test_every_step_gets_the_count_of_the_first_watermark_not_older(ticked, counts, steps):
+    stamp = sorted(ticked)
+    poses = np.cumsum([counts.draw(st.integers(0, 1)) for _ in stamp[:1]]
+                      + [counts.draw(st.integers(0, 3)) for _ in stamp[1:]]).tolist()
+    steps = sorted(steps)
+    expected = [next((n for at, n in zip(stamp, poses, strict=True) if at >= step), -1)
+                for step in steps]
+    assert announced(ticks(stamp, poses), steps) == expected
+
+
+@given(logged=st.lists(st.integers(0, 400), max_size=12),
+       delays=st.lists(st.integers(1, 20), min_size=1, max_size=12))
+def test_without_watermarks_every_pose_is_counted_once_and_none_too_early(logged, delays):
+    """Inertial samples every 5 ns of the clock, each logged some time after the one before."""
+    log_time = np.cumsum(delays).tolist()
+    t = list(range(0, 5 * len(delays), 5))
+    logged = sorted(logged)
+    found = announced({topics.IMU.name: Topic(t, log_time)}, t, logged)
+    assert found == sorted(found) and found[-1] == len(logged)
+    for k, count in enumerate(found[:-1]):
+        assert count == sum(at < log_time[k + 1] for at in logged)

@@ -1,6 +1,8 @@
 """Compiled code of a user that never ends: the flight does, with a line and what was flown."""
 
+import os
 from pathlib import Path
+import signal
 import time
 
 from mambo_bags.reader import read_bag
@@ -59,3 +61,65 @@ def test_an_error_of_the_copy_is_that_of_the_flight(monkeypatch):
     monkeypatch.setattr(closed_loop, 'run', fail)
     with pytest.raises(JobError, match='the disk is full'):
         supervised.fly(flight(PD))
+
+
+def test_results_of_a_copy_come_in_their_order_and_whole():
+    def work(give):
+        for size in (0, 1, 200_000, 3):  # more than a pipe holds at once
+            give(np.arange(size))
+    found, ended = supervised.in_copy(work)
+    assert ended and [len(part) for part in found] == [0, 1, 200_000, 3]
+    assert found[2][-1] == 199_999
+
+
+def test_what_a_copy_changes_stays_in_the_copy():
+    kept = [1]
+    found, ended = supervised.in_copy(lambda give: give(kept.append(2) or list(kept)))
+    assert (found, ended, kept) == ([[1, 2]], True, [1])
+
+
+@pytest.mark.parametrize('error', [JobError('no space'), ValueError('a value'), KeyError('x')])
+def test_the_error_of_the_work_is_raised_here(error):
+    def work(give):
+        give('before')
+        raise error
+    with pytest.raises(type(error)) as raised:
+        supervised.in_copy(work)
+    assert str(raised.value) == str(error)
+
+
+def test_a_copy_that_is_killed_from_outside_is_an_error():
+    def work(give):
+        os.kill(os.getpid(), signal.SIGKILL)
+    with pytest.raises(JobError, match='the process of the flight was killed'):
+        supervised.in_copy(work)
+
+
+def hang(give):
+    """Stop without Python running: no signal, no thread, as compiled code does."""
+    give('first')
+    os.kill(os.getpid(), signal.SIGSTOP)
+
+
+def test_a_copy_that_stops_advancing_is_killed_and_its_results_stay(monkeypatch):
+    monkeypatch.setattr(supervised, 'HUNG', 0.5)
+    began = time.monotonic()
+    assert supervised.in_copy(hang) == (['first'], False)
+    assert 0.5 <= time.monotonic() - began < 30.0
+
+
+def test_progress_keeps_a_copy_alive(monkeypatch):
+    """Rows that are still written count, though Python in the copy stands still."""
+    monkeypatch.setattr(supervised, 'HUNG', 0.4)
+    calls, began = [], time.monotonic()
+
+    def progress():
+        calls.append(0)
+        return min(time.monotonic() - began, 1.2)  # advances for 1.2 s
+    assert supervised.in_copy(hang, progress) == (['first'], False)
+    assert time.monotonic() - began >= 1.6 and len(calls) > 3
+
+
+def test_slow_python_code_is_not_taken_for_a_step_that_hangs(monkeypatch):
+    monkeypatch.setattr(supervised, 'HUNG', 2.0)
+    assert supervised.in_copy(lambda give: time.sleep(3.0) or give('done')) == (['done'], True)

@@ -59,3 +59,11 @@ def test_a_worker_ends_with_a_parent_that_is_killed(tmp_path):
         parent.stdout.close()
         if is_running(worker):
             os.kill(worker, signal.SIGKILL)
+
+
+def test_the_result_does_not_wait_for_work_that_is_not_begun():
+    began = time.monotonic()
+    with worker_pool(1) as pool:
+        jobs = [pool.submit(time.sleep, 0.2) for _ in range(500)]
+        jobs[0].result()
+    assert time.monotonic() - began < 60.0 and jobs[-1].cancelled()

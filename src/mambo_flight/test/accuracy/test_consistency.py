@@ -4,7 +4,8 @@ import json
 import math
 
 from mambo_flight.accuracy import consistency
-from mambo_flight.accuracy.error_statistics import Measured, Row, summary
+from mambo_flight.accuracy.error_statistics import Line, Measured, Report, Row, summary
+from mambo_model.errors import MamboError
 import numpy as np
 import pytest
 
@@ -70,3 +71,72 @@ def test_wrong_input_is_one_line(arguments, message, capsys):
         raise SystemExit(consistency.main(arguments))
     error = capsys.readouterr().err
     assert end.value.code == 2 and message in error and error.count('\n') == 1
+
+
+class Pool:
+    """Workers of this process, which count what they are given."""
+
+    def __init__(self, workers):
+        self.workers, self.jobs = workers, []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        return False
+
+    def map(self, function, *columns):
+        self.jobs += zip(*columns, strict=True)
+        return map(function, *columns)
+
+
+@pytest.fixture
+def pools(monkeypatch):
+    """Let every flight be made up: its error is its seed, times 100 for a negative slope."""
+    made = []
+
+    def one(name, slope, seed):
+        rows = tuple(Row(math.nan, (100.0 if slope < 0.0 else 1.0) * seed**2, n, n)
+                     for n in (2, 1, 2, 1, 2, 3, 3, 1, 1))
+        return Measured(rows, (1.0, 1.0, math.nan))
+    monkeypatch.setattr(consistency, 'one', one)
+    monkeypatch.setattr(
+        consistency, 'worker_pool', lambda workers: made.append(Pool(workers)) or made[-1])
+    return made
+
+
+def test_every_case_gets_its_own_flights(pools):
+    found = consistency.consistency(['hover', 'circle'], [0.1, -0.1], range(3, 5), 7)
+    assert list(found) == [('hover', 0.1), ('hover', -0.1), ('circle', 0.1), ('circle', -0.1)]
+    for (_, slope), one in found.items():
+        assert one.flights == 2
+        scale = 10.0 if slope < 0.0 else 1.0
+        assert one.lines[0].reached == pytest.approx(scale * math.sqrt((9.0 + 16.0) / 2.0))
+    pool, = pools
+    assert pool.workers == 7 and len(pool.jobs) == 8
+    assert pool.jobs[:3] == [('hover', 0.1, 3), ('hover', 0.1, 4), ('hover', -0.1, 3)]
+
+
+def test_there_are_no_more_workers_than_flights(pools):
+    consistency.consistency(['hover'], [0.0], range(1, 3), 50)
+    assert pools[0].workers == 2
+
+
+@pytest.mark.parametrize(('names', 'slopes'), [
+    (['hover', 'nonesuch'], [0.0]), (['hover'], [0.0, math.inf])])
+def test_wrong_input_in_the_last_place_is_refused_before_a_worker_starts(pools, names, slopes):
+    with pytest.raises(MamboError):
+        consistency.consistency(names, slopes, range(1, 3), 2)
+    assert not pools
+
+
+@pytest.mark.parametrize(('nees', 'marked'), [
+    (0.5, True), (0.7, False), (1.0, False), (1.3, False), (1.5, True), (math.nan, False)])
+def test_a_quantity_is_marked_outside_of_its_limits_on_either_side(nees, marked):
+    line = Line('height', 'm', math.nan, 1.0, math.nan, nees, 0.7, 1.3)
+    one = Report(9, [line], {'sonar': 1.0, 'flow': 1.0, 'barometer': math.nan})
+    assert (consistency.outside(one) == ['height']) is marked
+    text = consistency.table({('hover', 0.0): one})
+    assert ('*' in text) is marked
+    counted = 0 if math.isnan(nees) else 1
+    assert f'{int(marked)} of {counted} outside their 95 % limits' in text

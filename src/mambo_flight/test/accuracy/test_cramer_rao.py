@@ -1,7 +1,8 @@
 """The Cramer-Rao bound against closed forms."""
 
 from mambo_estimation.joint.joint_parameters import JointParams
-from mambo_estimation.joint.state import POSITION, RANGE_OFFSET, SIZE, VELOCITY
+from mambo_estimation.joint.state import (
+    DRAG, POSITION, PRESSURE_OFFSET, RANGE_OFFSET, SIZE, VELOCITY)
 from mambo_flight.accuracy import cramer_rao
 from mambo_model import schema
 import numpy as np
@@ -73,3 +74,73 @@ def test_an_unknown_offset_of_the_sonar_stays_in_the_height():
     start[2, 2] = 1.0
     P = run(hovering(20.0, 6, 8), values, start)[-1]
     assert np.sqrt(P[2, 2]) == pytest.approx(0.05, rel=0.02)
+
+
+def final(flight, values, start=None, truth=HOVER):
+    return run(flight, values, np.zeros((SIZE, SIZE)) if start is None else start, truth)[-1]
+
+
+def uncertain():
+    """Return a covariance with every error of the filter unknown."""
+    return np.diag(np.full(SIZE, 0.01))
+
+
+def test_a_bound_is_a_covariance_at_every_step():
+    bound = run(hovering(4.0, 6, 8), params(), uncertain())
+    np.testing.assert_allclose(bound, bound.transpose(0, 2, 1), atol=1e-12)
+    assert np.linalg.eigvalsh(bound).min() > -1e-12
+
+
+@pytest.mark.parametrize(('sensor', 'improved'), [
+    ('flow', VELOCITY), ('sonar', POSITION + 2), ('pressure', PRESSURE_OFFSET)])
+def test_samples_of_a_sensor_never_make_the_bound_larger(sensor, improved):
+    without = hovering(3.0, 10**9, 10**9)
+    for name in ('flow', 'sonar', 'pressure'):
+        getattr(without, name)[:] = False
+    with_it = without._replace(**{sensor: np.arange(len(without.state)) % 8 == 0})
+    before, after = (final(f, params(), uncertain()) for f in (without, with_it))
+    assert (np.diag(after) <= np.diag(before) * (1.0 + 1e-9)).all()
+    assert after[improved, improved] < 0.9 * before[improved, improved]
+
+
+def test_samples_twice_as_noisy_give_a_larger_bound():
+    flight = hovering(3.0, 6, 8)
+    quiet, noisy = (final(flight, params(**{'optical_flow.noise': noise, 'sonar.noise': noise}))
+                    for noise in (0.02, 0.04))
+    for i in (POSITION, POSITION + 2, VELOCITY, VELOCITY + 2):
+        assert quiet[i, i] < noisy[i, i]
+
+
+def test_a_barometer_without_an_offset_in_the_filter_is_left_out():
+    flight, start = hovering(2.0, 6, 8), uncertain()
+    start[PRESSURE_OFFSET] = start[:, PRESSURE_OFFSET] = 0.0
+    used = flight._replace(pressure=np.ones(len(flight.state), np.bool_))
+    np.testing.assert_array_equal(
+        final(used, params(), start.copy()), final(flight, params(), start.copy()))
+
+
+def test_the_bound_starts_with_the_take_off():
+    flight, start = hovering(2.0, 6, 8), uncertain()
+    out = np.empty((len(flight.state), SIZE, SIZE))
+    cramer_rao.covariances(flight, 100, start.copy(), DT, HOVER, params(), out)
+    np.testing.assert_array_equal(out[:101], np.broadcast_to(start, (101, SIZE, SIZE)))
+    assert out[101, VELOCITY, VELOCITY] != start[VELOCITY, VELOCITY]
+
+
+def test_a_late_flow_counts_once_it_shows_the_motion_after_take_off():
+    flight = hovering(0.5, 1, 10**9)
+    none = flight._replace(flow=np.zeros(len(flight.state), np.bool_))
+    truth = HOVER._replace(latency=0.1)  # 20 steps
+    values = params(**{'drag.min_height': 9.0})
+    with_it, without = (run(f, values, uncertain(), truth) for f in (flight, none))
+    np.testing.assert_array_equal(with_it[:21], without[:21])
+    assert with_it[21, VELOCITY, VELOCITY] < 0.9 * without[21, VELOCITY, VELOCITY]
+
+
+def test_drag_is_observed_in_the_air_alone():
+    def known(height):
+        values = params(**{'drag.min_height': 0.5})
+        flight = hovering(3.0, 10**9, 10**9, height)
+        flight.state[:, 3] = 1.0  # m/s forward, against which drag acts
+        return final(flight, values, uncertain())[DRAG, DRAG]
+    assert known(0.3) == pytest.approx(0.01) and known(1.0) < 0.009

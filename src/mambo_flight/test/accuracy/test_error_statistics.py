@@ -149,3 +149,36 @@ def test_the_table_has_a_line_for_each_quantity_and_the_sensors_that_were_used()
     assert lines[-1] == '2 flights; mean NIS: sonar 1.00, flow 2.00, barometer 0.50'
     silent = Report(2, report.lines, {'sonar': 1.0, 'barometer': math.nan})
     assert table(silent).endswith('mean NIS: sonar 1.00')
+
+
+NINE = (2, 1, 2, 1, 2, 3, 3, 1, 1)
+
+
+def of_errors(rng, spread, flights):
+    """Return a report of errors that are a multiple of their stated deviation."""
+    return summary([Measured(tuple(
+        Row(1.0, spread**2, spread**2 * rng.chisquare(n), n) for n in NINE), (1.0, 1.0, 1.0))
+        for _ in range(flights)])
+
+
+@pytest.mark.parametrize(('spread', 'low', 'high'), [(1.0, 0.9, 0.99), (1.4, 0.0, 0.2),
+                                                     (0.7, 0.0, 0.2)])
+def test_limits_hold_honest_errors_in_95_of_100_and_no_others(spread, low, high):
+    """100 reports of 40 flights; errors stated as too small or too large are outside."""
+    rng = np.random.default_rng(7)
+    lines = [one for _ in range(100) for one in of_errors(rng, spread, 40).lines]
+    inside = np.mean([one.low <= one.nees <= one.high for one in lines])
+    assert low <= inside <= high
+
+
+def test_limits_close_on_1_with_more_flights():
+    rng = np.random.default_rng(8)
+    widths = [max(one.high - one.low for one in of_errors(rng, 1.0, n).lines)
+              for n in (5, 50, 500)]
+    assert widths[0] > 2.5 * widths[1] > 6.0 * widths[2]  # by the root of the number
+
+
+@pytest.mark.parametrize('factor', [0.5, 1.0, 3.0])
+def test_the_ratio_is_of_deviations_not_of_variances(factor):
+    one = summary([Measured(tuple(Row(0.04, 0.04 * factor**2, 1.0, n) for n in NINE), (1.0,) * 3)])
+    assert [line.ratio for line in one.lines] == pytest.approx([factor] * 9)

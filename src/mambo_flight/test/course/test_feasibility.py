@@ -3,8 +3,9 @@
 import dataclasses
 import math
 
+from hypothesis import given, strategies as st
 from mambo_flight.course import feasibility as fe, minimum_snap as ms
-from mambo_model.errors import JobError
+from mambo_model.errors import InputError, JobError
 from mambo_model.motion.polynomial import connect, Course, state_at, stretched
 from mambo_model.vehicle.battery import supply
 from mambo_model.vehicle.motor_mixer import pwm_from_thrust, thrust_from_pwm
@@ -192,3 +193,23 @@ def test_the_flight_that_is_asked_for_is_the_one_that_is_flown():
             total = sum(thrust_from_pwm(x, vv) for x in found[6:10].tolist())
             assert total == pytest.approx(at((k + 1) * h).f, rel=1e-9)
     assert state.rho == pytest.approx((1.0, 0.5, -2.0), abs=1e-4)
+
+
+@given(st.floats(0.01, 100.0))
+def test_a_factor_within_its_range_is_taken_as_it_is(value):
+    assert fe.factor(repr(value), '--scale') == value
+
+
+@pytest.mark.parametrize(('text', 'message'), [
+    ('0.0099', 'must be within 0.01 to 100'), ('100.1', 'must be within 0.01 to 100'),
+    ('nan', 'must be within'), ('inf', 'must be within'), ('-1', 'must be within'),
+    ('fast', 'write a number, or auto'), ('', 'write a number, or auto')])
+def test_a_factor_outside_of_its_range_is_one_line(text, message):
+    with pytest.raises(InputError, match=f'^--stretch {text} ?.*{message}'):
+        fe.factor(text, '--stretch')
+
+
+def test_a_stretched_course_can_be_flown_and_a_little_less_cannot():
+    found = fe.stretch(QUICK, VEHICLE)
+    assert found > 1.0 and fe.check(stretched(QUICK, found), VEHICLE) is None
+    assert fe.check(stretched(QUICK, found * (1.0 - 2.0 * fe.PRECISION)), VEHICLE) is not None

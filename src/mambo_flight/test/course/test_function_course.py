@@ -2,6 +2,7 @@
 
 import math
 
+from hypothesis import given, settings, strategies as st
 from mambo_flight.course import function_course
 from mambo_model.errors import InputError
 from mambo_model.motion.polynomial import state_at
@@ -117,3 +118,50 @@ def test_an_installed_function_is_found_by_its_entry_point(monkeypatch):
                         lambda group: [Entry()] if group == 'mambo.trajectories' else [])
     source = function_course.load('ring')
     assert source.function is circle and source.about.startswith('ring, sha256 ')
+
+
+@pytest.mark.parametrize(('name', 'expected'), [
+    ('mine.py', True), ('mine.py:loop', True), ('folder/mine.py', True), ('circle', False),
+    ('mine.csv', False), ('', False)])
+def test_a_function_is_known_by_its_file(name, expected):
+    assert function_course.is_function(name) is expected
+
+
+def test_a_function_of_a_script_is_flown_under_its_name_and_hash():
+    def loop(t):
+        return t, 0.0, -1.0
+    loop.duration = 4
+    key = function_course.offer(loop)
+    assert key.startswith('loop of a script, sha256 ')
+    assert function_course.is_function(key) and function_course.offer(loop) == key
+    source = function_course.load(key)
+    assert source.function is loop and source.duration == 4.0 and source.about == key
+
+
+@pytest.mark.parametrize('order', [1, 2, 3, 4])
+def test_a_stated_derivative_that_is_wrong_is_named_by_its_order_and_axis(order):
+    names = ('velocity', 'acceleration', 'jerk', 'snap')
+
+    def rows(t):  # y = sin t
+        derivatives = [math.sin(t + 0.5 * k * math.pi) for k in range(order + 1)]
+        derivatives[order] *= 1.5
+        return [[0.0, y, -1.0 if k == 0 else 0.0] for k, y in enumerate(derivatives)]
+    with pytest.raises(InputError, match=f'returns a {names[order - 1]} along y of'):
+        function_course.fit(rows, 3.0)
+
+
+@given(speed=st.floats(0.1, 3.0), size=st.floats(0.1, 3.0), phase=st.floats(0.0, 6.0))
+@settings(max_examples=8, deadline=None)
+def test_any_smooth_path_is_followed_to_a_micrometre(speed, size, phase):
+    def path(t):
+        return size * math.sin(speed * t + phase), 0.2 * t, -2.0
+    course = function_course.fit(path, 3.0)
+    for t in np.linspace(0.0, 3.0, 97).tolist():
+        assert state_at(course, t)[:3, 0] == pytest.approx(path(t), abs=1.1e-6)
+
+
+@pytest.mark.parametrize('value', [None, 'far', (1.0, 'north', 0.0), [[[0.0, 0.0, 0.0]]], ()])
+def test_values_that_are_no_position_are_one_line(value):
+    with pytest.raises(InputError, match='the function: ') as refused:
+        function_course.fit(lambda t: value, 2.0)
+    assert '\n' not in str(refused.value)

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from mambo_flight.course import feasibility
 from mambo_flight.race.comparison import (
-    Comparison, CONDITIONS, COURSES, DURATION, enter, ENTRANTS, GUST, Start, STATES)
+    Comparison, CONDITIONS, COURSES, DURATION, enter, ENTRANTS, GUST, lemniscate, Start, STATES)
 from mambo_flight.scenario import override, scenario
-from mambo_model.errors import InputError
+from mambo_model.errors import InputError, MamboError
 from mambo_model.motion.trajectory import reference_at
 from mambo_model.vehicle.parameters import Vehicle
 import numpy as np
@@ -115,3 +115,41 @@ def test_the_vehicle_can_fly_the_courses(course):
     speeds = [np.linalg.norm(reference_at(float(t), plan, Vehicle())[0].v)
               for t in np.arange(5.0, DURATION, 0.1)]
     assert 0.5 < max(speeds) < 3.0
+
+
+def test_drawn_vehicles_depend_on_the_number_of_the_draw_alone():
+    condition = CONDITIONS['everything']
+    assert [condition(k) for k in range(5)] == [condition(k) for k in range(5)]
+    assert len({str(condition(k)) for k in range(50)}) == 50
+
+
+def test_errors_of_exactly_20_percent_come_in_turns():
+    condition = CONDITIONS['twenty_percent']
+    assert [condition(k) for k in range(4)] == [condition(k) for k in range(4, 8)]
+
+
+@pytest.mark.parametrize(('names', 'message'), [
+    (['indi', 'indi'], 'indi: indi is given twice'),
+    (['nonesuch'], 'nonesuch'), ([str(PD), str(PD)], 'pd_controller is given twice')])
+def test_a_name_that_is_unknown_or_given_twice_is_refused(names, message):
+    with pytest.raises(MamboError, match=message):
+        enter(names)
+
+
+def test_the_lemniscate_closes_after_8_seconds_and_crosses_itself_once_between():
+    for t in (0.0, 1.3, 5.0):
+        assert lemniscate(t + 8.0) == pytest.approx(lemniscate(t), abs=1e-12)
+    assert lemniscate(4.0) == pytest.approx(lemniscate(0.0), abs=1e-12)
+    north, east, down = np.array([lemniscate(t) for t in np.linspace(0.0, 8.0, 801)]).T
+    assert np.ptp(north) == pytest.approx(2.0) and np.ptp(east) == pytest.approx(1.0, abs=1e-4)
+    assert (down == -1.5).all()
+
+
+def test_a_flight_is_built_once_for_all_its_draws(monkeypatch):
+    comparison = Comparison(enter(('indi',)), ('circle',), ('twenty_percent',), 4, 'true')
+    built = []
+    base = Comparison._base
+    monkeypatch.setattr(
+        Comparison, '_base', lambda self, *key: built.append(key) or base(self, *key))
+    seeds = [comparison[k].sim_node.simulator.seed for k in range(4)]
+    assert built == [('indi', 'circle')] and seeds == [1, 2, 3, 4]

@@ -1,5 +1,6 @@
 """What is said of a smoothed flight."""
 
+from hypothesis import given, strategies as st
 from mambo_estimation.joint.state import SCALE
 from mambo_flight.smooth import intervals
 import numpy as np
@@ -33,3 +34,52 @@ def test_table_compares_with_the_filter_where_there_is_a_truth():
     assert 'filter                             1.0000     1.0000     1.0000' in both
     assert 'smoother                           0.5000     0.5000     0.5000' in both
     assert intervals.table(made_up(), np.full((N, 3), np.nan)) == alone
+
+
+def drawn(rng, spread):
+    """Return a smoothed flight whose errors are a multiple of their stated deviation."""
+    s = made_up()
+    k = intervals.middle(s)
+    for quantity in intervals.QUANTITIES:
+        deviation = np.sqrt(s.P[k, quantity.index, quantity.index])
+        s.x[k, quantity.index + 1] += spread * deviation * rng.standard_normal()
+    return s
+
+
+@pytest.mark.parametrize(('spread', 'share'), [(1.0, 0.95), (2.0, 0.673), (0.5, 0.99991)])
+def test_intervals_hold_in_95_of_100_and_in_no_more(spread, share):
+    """Errors as stated, twice as large (too narrow) and half as large (too wide)."""
+    rng, truth, held = np.random.default_rng(0), made_up(), 0
+    flights, k = 300, intervals.middle(made_up())
+    for _ in range(flights):
+        held += sum(one.low <= truth.x[k, one.quantity.index + 1] <= one.high
+                    for one in intervals.intervals(drawn(rng, spread)))
+    count = flights * len(intervals.QUANTITIES)
+    # four standard deviations of a binomial count; one more for the share of 0.9999
+    assert abs(held - share * count) < 4.0 * np.sqrt(count * share * (1.0 - share)) + 1.0
+
+
+def test_a_variance_below_zero_by_rounding_is_an_interval_of_no_width():
+    s = made_up()
+    s.P[:, SCALE, SCALE] = -1e-18
+    first, *_ = intervals.intervals(s)
+    assert first.low == first.value == first.high
+
+
+ERRORS = st.lists(st.one_of(st.just(np.nan), st.floats(-100.0, 100.0)), min_size=1, max_size=20)
+
+
+@given(north=ERRORS, east=st.floats(-10.0, 10.0), last=st.floats(-100.0, 100.0))
+def test_the_largest_path_error_is_at_least_the_rms_and_the_end(north, east, last):
+    truth = np.stack([np.array([*north, last]), np.full(len(north) + 1, east)], axis=1)
+    path = intervals.path_error(np.zeros((len(truth), 24)), truth)
+    assert path.end == pytest.approx(np.hypot(last, east))
+    known = np.hypot(*truth[np.isfinite(truth[:, 0])].T)
+    assert path.rms == pytest.approx(np.sqrt(np.mean(known**2)))
+    assert path.largest * (1.0 + 1e-12) >= max(path.rms, path.end)
+
+
+@pytest.mark.parametrize(('start', 'count', 'middle'), [(3, N, 6), (0, N, 5), (0, 1, 0)])
+def test_the_middle_is_that_of_the_smoothed_steps(start, count, middle):
+    s = made_up()._replace(start=start)
+    assert intervals.middle(s._replace(t=s.t[:count])) == middle

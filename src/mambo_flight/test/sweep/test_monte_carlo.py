@@ -2,6 +2,7 @@
 
 import math
 
+from hypothesis import given, settings, strategies as st
 from mambo_flight import closed_loop
 from mambo_flight.scenario import scenario
 from mambo_flight.sweep import monte_carlo
@@ -84,3 +85,49 @@ def test_what_is_not_in_flight_counts_for_the_end_alone():
 def test_a_scenario_without_an_end_is_refused():
     with pytest.raises(ValueError, match='duration'):
         list(monte_carlo.fly_many([scenario(duration=0.0)]))
+
+
+COORDINATE = st.floats(-10.0, 10.0)
+STEPS = st.lists(st.tuples(
+    st.tuples(*[COORDINATE] * 3), st.tuples(*[COORDINATE] * 3), st.tuples(*[COORDINATE] * 3),
+    st.sampled_from([0, 1, 2, 3, 4]), st.tuples(*[st.sampled_from([0.0, 10.0, 200.0, 500.0])] * 4),
+    st.booleans()), min_size=1, max_size=12)
+
+
+@given(steps=STEPS)
+@settings(max_examples=60, deadline=None)
+def test_any_flight_has_the_metrics_of_its_arrays(steps):
+    tally, vehicle = monte_carlo.START, Vehicle()
+    for k, (truth, estimate, reference, phase, pwm, stopped) in enumerate(steps):
+        tally = monte_carlo.count(tally, 0.005 * k, truth, estimate, reference, phase, pwm,
+                                  stopped, 3 if stopped else 0, vehicle.values())
+    row = monte_carlo.metrics(tally, vehicle)
+    truth, estimate, reference, phase, pwm, stopped = map(np.array, zip(*steps))
+    flown = (phase > GROUND) & (phase < LANDED)
+    for name, error in (('tracking', truth - reference), ('estimation', estimate - truth)):
+        length = np.linalg.norm(error, axis=1)
+        assert row[f'{name}_final'] == pytest.approx(length[-1])
+        if flown.any():
+            assert row[f'{name}_rms'] == pytest.approx(math.sqrt((length[flown]**2).mean()))
+            assert row[f'{name}_max'] == pytest.approx(length[flown].max())
+            assert row[f'{name}_rms'] <= row[f'{name}_max'] * (1.0 + 1e-12)
+        else:
+            assert math.isnan(row[f'{name}_rms']) and math.isnan(row[f'{name}_max'])
+    running = pwm.max(axis=1) > 0.0
+    limited = (pwm >= vehicle.pwm_max).any(axis=1) | (pwm <= vehicle.pwm_min).any(axis=1)
+    if running.any():
+        assert row['saturated_share'] == (limited & running).sum() / running.sum()
+    assert row['pwm_max'] == pwm.max() and row['energy'] >= 0.0
+    assert row['shutdown'] == stopped.any()
+    if stopped.any():
+        assert row['shutdown_time'] == 0.005 * np.argmax(stopped)
+
+
+def test_the_speed_is_the_median_without_the_flight_that_compiles(monkeypatch):
+    took = [9.0, 0.5, 0.25, 4.0]  # the first compiles, the last is disturbed
+    times = np.repeat(np.cumsum([0.0, *took]), 2)[1:-1].tolist()
+    monkeypatch.setattr(monte_carlo, 'fly_with_sensors', lambda flight: None)
+    monkeypatch.setattr(monte_carlo.time, 'process_time', lambda: times.pop(0))
+    found = monte_carlo.speed(scenario(duration=10.0), False, 3)
+    assert found.real_time_factor == pytest.approx(10.0 / 0.5)
+    assert found.drone_steps == pytest.approx(20.0 * 1000.0)

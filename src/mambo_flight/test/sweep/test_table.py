@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+from hypothesis import given, settings, strategies as st
 from mambo_flight.sweep import table
 from mambo_flight.sweep.table import batches, columns, Journal, parameters, SweepError, write
 import numpy as np
@@ -130,3 +131,36 @@ def test_batches_hold_every_number_once():
     assert list(batches(range(7), 3)) == [range(0, 3), range(3, 6), range(6, 7)]
     assert list(batches([], 3)) == []
     assert list(batches([5, 2], 10)) == [[5, 2]]
+
+
+VALUES = st.one_of(st.floats(), st.booleans(), st.integers(-10**9, 10**9), st.text(max_size=20))
+ROWS = st.dictionaries(st.integers(0, 50), st.dictionaries(
+    st.sampled_from(['rms', 'why', 'shutdown', 'energy']), VALUES), min_size=1, max_size=6)
+
+
+@given(rows=ROWS, data=st.data())
+@settings(max_examples=40, deadline=None)
+def test_a_journal_cut_anywhere_keeps_the_whole_lines_before(rows, data, tmp_path_factory):
+    path = tmp_path_factory.mktemp('journal') / 'rows'
+    journal = Journal(path, 'a')
+    for number, row in rows.items():
+        journal.add(number, dict(row))
+    journal.close()
+    content = path.read_bytes()
+    head = content.index(b'\n') + 1
+    cut = data.draw(st.integers(head, len(content)))
+    path.write_bytes(content[:cut])
+    kept = list(rows)[:content[:cut].count(b'\n') - 1]
+    found = rows_of(path)
+    assert list(found) == kept
+    for number in kept:  # NaN is not equal to itself; its text is
+        assert repr(found[number]) == repr(rows[number])
+    assert path.read_bytes() == content[:content[:cut].rindex(b'\n') + 1]
+
+
+@given(numbers=st.lists(st.integers(), max_size=30), size=st.integers(1, 12))
+def test_batches_are_the_numbers_in_order_and_full_but_the_last(numbers, size):
+    found = [list(batch) for batch in batches(numbers, size)]
+    assert [number for batch in found for number in batch] == numbers
+    assert all(len(batch) == size for batch in found[:-1])
+    assert all(1 <= len(batch) <= size for batch in found)
