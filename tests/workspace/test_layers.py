@@ -41,12 +41,13 @@ LONGEST = 200  # lines of a file that imports rclpy
 ROS = {'ament_index_python', 'launch', 'launch_ros', 'rclpy', 'rosbag2_py', 'tf2_ros'}
 ROS_MESSAGES = {'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs',
                 'rcl_interfaces', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs', 'tf2_msgs'}
-# rosdep's name of what Python imports under another; None where rosdep has none
+# rosdep's name of what Python imports under another; None where rosdep has none, or for extras
 ROSDEP = {'argcomplete': 'python3-argcomplete', 'clarabel': None, 'distributed': None,
-          'gymnasium': None, 'lz4': None,
+          'gymnasium': None, 'h5py': None, 'lz4': None,
           'matplotlib': 'python3-matplotlib', 'mcap': None,
           'numba': 'python3-numba', 'numpy': 'python3-numpy', 'osqp': None,
-          'pandas': 'python3-pandas', 'plotly': None, 'pyarrow': None, 'rosbags': None,
+          'pandas': 'python3-pandas', 'plotly': None, 'pyarrow': None, 'pyulog': None,
+          'rosbags': None,
           'scipy': 'python3-scipy',
           'tqdm': 'python3-tqdm', 'yaml': 'python3-yaml', 'zstandard': None}
 
