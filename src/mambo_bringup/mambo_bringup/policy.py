@@ -18,10 +18,11 @@ from xml.etree import ElementTree
 from mambo_bags.command import guard, Parser, refuse_existing
 from mambo_ros import topics
 
+from .flight.natnet import CLIENT, SERVER
 from .flight.nodes import (
     DRONES, FLIGHT_NODES, NAMESPACE, namespaces, OWN, RECORDER, SIMULATOR)
 
-NODES = (SIMULATOR, *FLIGHT_NODES, RECORDER, ('mambo_bags', 'replay_node'))
+NODES = (SIMULATOR, *FLIGHT_NODES, RECORDER, SERVER, CLIENT, ('mambo_bags', 'replay_node'))
 SERVICES = ('describe_parameters', 'get_parameter_types', 'get_parameters',
             'get_type_description', 'list_parameters', 'set_parameters',
             'set_parameters_atomically')
@@ -34,7 +35,8 @@ _SUBSCRIBED = {'sim_node': (topics.LINKS,), 'replay_node': (topics.LINKS,),
 def node_class(package: str, name: str) -> Any:
     """Return the class of a node of the workspace."""
     module = import_module(f'{package}.{name}')
-    return getattr(module, ''.join(part.capitalize() for part in name.split('_')))
+    return next(value for key, value in vars(module).items()
+                if key.lower() == name.replace('_', ''))
 
 
 def _resolved(listed: Iterable[topics.Topic], namespace: str) -> list[str]:

@@ -20,7 +20,7 @@ def run(*arguments):
     """Return the scenario and bag that a command line would fly, or SystemExit."""
     seen = []
 
-    def fly(flights, bags, composed, without):
+    def fly(flights, bags, composed, without, natnet):
         seen.append((flights['/mambo'], bags['/mambo']))
         raise FlightError('far enough')
     with pytest.MonkeyPatch.context() as patch:
@@ -53,6 +53,17 @@ def test_arguments_choose_trajectory_estimator_seed_vehicle_and_pace():
     assert flown.controller_node.vehicle == flown.reference_node.vehicle == preset('frictionless')
     assert (flown.sim_node.mode, flown.sim_node.speed) == ('realtime', 2.0)
     assert not flown.sim_node.simulator.noise
+
+
+def test_natnet_needs_real_time_and_processes(capsys):
+    flown, _ = run('--scenario', 'motion_capture', '--natnet')
+    assert flown.sim_node.mode == 'realtime' and flown.estimator_node.aided
+    assert not flown.estimator_node.waits_for_capture
+    for words in (['--composed'], ['--drones', '2'], ['--without', 'optitrack']):
+        with pytest.raises(SystemExit, match='2'):
+            run('--natnet', *words)
+        assert 'run: --natnet serves one drone with its nodes as processes' in (
+            capsys.readouterr().err)
 
 
 def test_no_landing_is_no_landing():
