@@ -15,7 +15,7 @@ from .. import bounded, mat_file
 from ..common import quoted, shortened, Source
 from ..table_file import numbers, read_table
 from ..table_map import Map
-from . import ulog
+from .ulog import read as read_log
 
 Floats = NDArray[np.float64]
 INDEXED = re.compile(r'(.+)\[(\d{1,6})\]')
@@ -38,7 +38,7 @@ def read_columns(source: Source, wanted: Map) -> tuple[dict[str, Floats], list[s
     others: list[str] = []
     if suffix == '.ulg':
         try:
-            found = bounded.call(lambda file: ulog.read(file, wanted.clocks()), path)
+            found = bounded.call(lambda file: read_log(file, wanted.clocks()), path)
         except bounded.UnreadableError as error:
             raise BagError(f'{path}: {error}') from None
         except OSError as error:
