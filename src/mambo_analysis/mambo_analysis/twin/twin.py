@@ -23,7 +23,7 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, write_json
 from mambo_model.errors import InputError
 
-from . import beside, loop, motors
+from . import agreement, beside, loop, motors
 from .force import fit_force
 from .motors import MotorWindows, predict_all
 from .recorded import read_flight, Recorded
@@ -159,6 +159,8 @@ def parser() -> Parser:
                      help='predict the attitude, too, from the motor commands')
     out.add_argument('--loop', action='store_true',
                      help='fly the reference of each recording in closed loop, too')
+    out.add_argument('--agree', action='store_true',
+                     help='identify each flight alone, too, and count the pairs that agree')
     out.add_argument('--horizon', type=real(0.05, 3.0, 's'), default=HORIZON, metavar='S',
                      help='length of a window (default: %(default)g)')
     out.add_argument('--past', type=real(0.0, 5.0, 's'), default=PAST, metavar='S',
@@ -177,6 +179,8 @@ def _work(options: argparse.Namespace) -> None:
         raise InputError(f'--loop: no reference (onboard/reference) in {options.bags[0]}, nor in '
                          'the other bags')
     more = _tables(rows, options.horizon)
+    if options.agree:
+        more.append(agreement.table(agreement.identified([row.flight for row in rows])))
     if options.json != '-':
         print('\n\n'.join([table(rows, options.horizon), *map(as_text, more)]))
     if options.json and (path := write_json(

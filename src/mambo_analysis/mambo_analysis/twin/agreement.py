@@ -1,0 +1,40 @@
+"""Whether flights of one vehicle agree: the same parameter from each, with its interval."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+import math
+
+from ..identify.regression import Value
+from .force import fit_force, Found, NAMES
+from .recorded import Recorded
+
+COMPARED = tuple(name for name in NAMES if name != 'thrust')
+"""The thrust belongs to the mean command and voltage of its flight."""
+
+
+def agree(a: Value, b: Value) -> bool:
+    """Return whether two values differ by less than their difference's interval."""
+    return abs(a.value - b.value) <= math.hypot(a.half, b.half)
+
+
+def identified(flights: Sequence[Recorded]) -> list[tuple[str, Found]]:
+    """Return the name of each flight, and what it tells alone."""
+    return [(one.name, fit_force(one)) for one in flights]
+
+
+def table(found: Sequence[tuple[str, Found]]) -> tuple[str, list[str], list[list[str]]]:
+    """Return caption, head and rows: each parameter by flight, and how many pairs agree."""
+    body = []
+    for name in COMPARED:
+        shown = [one.values[name] for _, one in found
+                 if name not in {line.split(':')[0] for line in one.hidden}]
+        pairs = list(combinations(shown, 2))
+        cells = ['-' if name in {line.split(':')[0] for line in one.hidden} else
+                 f'{one.values[name].value:.3f}+-{one.values[name].half:.3f}' for _, one in found]
+        unit = found[0][1].values[name].unit
+        body.append([f'{name} [{unit}]', *cells,
+                     f'{sum(agree(a, b) for a, b in pairs)} of {len(pairs)}'])
+    return ('each flight alone, interval of 95 %; pairs of flights that agree',
+            ['parameter', *(name for name, _ in found), 'agree'], body)
