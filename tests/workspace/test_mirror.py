@@ -59,8 +59,8 @@ HELD = {
     'mambo_model/vehicle/vehicle_options.py': 'src/mambo_model/test/test_drag_parts.py',
 }
 """Modules without a test file of their own: the file that holds them, and why, above each."""
-FLOORS = {'mambo_analysis': 0.8, 'mambo_bags': 0.8, 'mambo_flight': 0.72, 'mambo_signals': 0.8,
-          'mambo_thesis': 0.48}
+FLOORS = {'mambo_analysis': 0.8, 'mambo_bags': 0.8, 'mambo_flight': 0.8, 'mambo_signals': 0.8,
+          'mambo_thesis': 0.8}
 """Least lines of test per line of code."""
 
 

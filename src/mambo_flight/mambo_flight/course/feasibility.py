@@ -27,7 +27,7 @@ import numpy as np
 
 STEP = 0.005        # s, between samples: the period of the controller
 MOST = 2_000_000    # samples of a course at most
-LONGEST = 100.0     # largest stretch of time that is tried
+LONGEST = 100.0     # largest factor of time, tried or given by an option
 PRECISION = 1e-4    # relative precision of the stretch
 
 QUANTITIES = {  # column: unit
@@ -170,8 +170,8 @@ def factor(text: str, option: str) -> float:
         value = float(text)
     except ValueError:
         raise InputError(f'{option} {text}: write a number, or auto') from None
-    if not 0.01 <= value <= 100.0:
-        raise InputError(f'{option} {text} must be within 0.01 to 100')
+    if not 1.0 / LONGEST <= value <= LONGEST:
+        raise InputError(f'{option} {text} must be within {1.0 / LONGEST:g} to {LONGEST:g}')
     return value
 
 

@@ -40,3 +40,13 @@ def test_the_table_says_what_is_reached():
     text = goals.lines(FOUND)
     assert '| `indi` | 14 mm, reached | 41 mm, missed | 96.5 %, reached | 87.5 %, missed |' in text
     assert '| `cascaded` | 580 mm, missed |  | 0.0 %, missed | 99.5 %, reached |' in text
+
+
+def test_a_goal_counts_only_flights_of_its_state_and_condition():
+    others = [result(9.0, condition='known'), result(9.0, entrant='geometric')]
+    assert goals.worst([*FOUND, *others], 'indi', 'true') == goals.worst(FOUND, 'indi', 'true')
+    assert goals.worst([result(9.0, condition='known')], 'indi', 'true') is None
+
+
+def test_without_flights_nothing_is_reached_or_missed():
+    assert 'reached' not in goals.lines([]) and 'missed' not in goals.lines([])

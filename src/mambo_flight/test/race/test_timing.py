@@ -29,3 +29,20 @@ def test_the_first_answer_compiles_and_does_not_count(clock):
     _, took = clock
     took += [1e-9, 0.10, 0.08, 0.06, 0.12, 0.2]  # compiled before: quicker than any other
     assert step_time(Scenario()) == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize('slow', range(1, 6))
+def test_one_run_that_is_disturbed_does_not_count(clock, slow):
+    _, took = clock
+    took += [1.0, *[0.06] * 5]
+    took[slow] = 5.0
+    assert step_time(Scenario()) == pytest.approx(3.0)
+
+
+def test_the_time_is_that_of_this_process_alone(clock, monkeypatch):
+    """Wall time would count what other processes do."""
+    _, took = clock
+    took += [1.0, *[0.06] * 5]
+    monkeypatch.setattr(timing.time, 'perf_counter', lambda: pytest.fail('wall time'))
+    monkeypatch.setattr(timing.time, 'monotonic', lambda: pytest.fail('wall time'))
+    assert step_time(Scenario()) == pytest.approx(3.0)

@@ -42,3 +42,25 @@ def test_table_counts_and_averages():
 def test_no_flight_is_refused(capsys):
     assert coverage.main(['circle', '--seeds', '0']) == 2
     assert capsys.readouterr().err == 'coverage: --seeds 0: must be 1 to 10000\n'
+
+
+def of_errors(held, error=0.01, rms=0.03):
+    count = len(QUANTITIES)
+    return coverage.Trial((held,) * count, (error,) * count, Path(rms, 2.0 * rms, rms),
+                          Path(0.5 * rms, rms, 0.0))
+
+
+def test_the_table_has_the_rms_error_over_all_flights():
+    text = coverage.table([of_errors(True, 0.03), of_errors(False, 0.04)]).splitlines()
+    assert text[0].split()[:3] == ['held', 'of', '2']
+    for row, quantity in zip(text[1:], QUANTITIES):
+        assert row.startswith(f'{quantity.name} [{quantity.unit}]')
+        assert row.split()[-2:] == ['1', '0.03536']  # the root of (9 + 16) / 2
+
+
+def test_both_paths_are_averaged_as_squares():
+    *_, filtered, smoothed = coverage.table([
+        of_errors(True, rms=0.03), of_errors(True, rms=0.04)]).splitlines()
+    assert filtered.endswith('rms 0.0354, largest 0.0707, end 0.0354')
+    assert smoothed.endswith('rms 0.0177, largest 0.0354, end 0.0000')
+    assert 'filtered [m]' in filtered and 'smoothed [m]' in smoothed

@@ -1,5 +1,6 @@
 """The plots of a sweep are drawn whatever came of its flights."""
 
+from hypothesis import given, strategies as st
 from mambo_flight.sweep import plot
 import numpy as np
 import pytest
@@ -92,3 +93,28 @@ def test_a_band_is_of_percentiles_about_the_median(tmp_path, figure):
     np.testing.assert_allclose(band.lines[0].get_xydata(), [[0.0, 0.5], [1.0, 2.5]])
     outer = band.collections[0].get_paths()[0].vertices[:, 1]
     assert (outer.min(), outer.max()) == pytest.approx((0.05, 2.95))
+
+
+@given(values=st.lists(st.one_of(st.floats(-1e3, 1e3), st.just(np.nan)), max_size=40))
+def test_percentiles_rise_and_hold_every_finite_value(values):
+    percent, found = plot.percentiles(np.array(values))
+    assert sorted(x for x in values if np.isfinite(x)) == found.tolist()
+    assert (np.diff(percent) > 0.0).all() and ((percent > 0.0) & (percent < 100.0)).all()
+    np.testing.assert_allclose(percent + percent[::-1], 100.0)
+
+
+@given(x=st.lists(st.floats(0.0, 10.0), min_size=1, max_size=80))
+def test_every_flight_is_in_one_bin(x):
+    x = np.array(x)
+    found = plot.bins(x, np.arange(len(x)))
+    assert sorted(np.concatenate([rows for _, rows in found]).tolist()) == list(range(len(x)))
+    assert len(found) <= plot.MOST_BINS
+    middles = [middle for middle, _ in found]
+    assert middles == sorted(middles) and x.min() <= middles[0] <= middles[-1] <= x.max()
+
+
+@given(column=st.lists(st.one_of(st.integers(0, 9), st.sampled_from(['a', 'b'])), min_size=1))
+def test_every_flight_is_in_one_group(column):
+    found = plot.groups(column)
+    np.testing.assert_array_equal(np.sum([rows for _, rows in found], axis=0), 1)
+    assert len(found) <= plot.MOST_GROUPS

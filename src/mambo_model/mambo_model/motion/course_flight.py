@@ -97,8 +97,8 @@ def assemble(course: Course, timing: Timing) -> Pieces:
     Raises
     ------
     ParameterError
-        If the flight hits the ground or accelerates downward by more than 9 m/s^2; the message
-        gives the time.
+        If the flight hits the ground or accelerates downward by more than MAX_DOWNWARD; the
+        message gives the time.
 
     """
     line, first = _Timeline(), state_at(course, 0.0)

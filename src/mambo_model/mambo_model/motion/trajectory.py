@@ -18,7 +18,7 @@ from ..compiled import jit, jit_inside
 from ..schema import choice, ParameterError, quantity, text
 from ..values import derived, Parameters, values_type
 from ..vehicle.parameters import Vehicle
-from .course_flight import assemble, Timing
+from .course_flight import assemble, MAX_DOWNWARD, Timing
 from .flatness import from_flat_output, from_flat_output_yaw, Reference
 from .polynomial import Course, evaluate, Jet, NO_PIECES, Pieces, raised, resized, stretched
 from .uav_trajectories import parse
@@ -251,7 +251,7 @@ def _check_order(plan: FlightPlanParams) -> None:
 
 
 def _check_vertical(plan: FlightPlanParams) -> None:
-    """Raise ParameterError if the plan hits the ground or needs over 9 m/s^2 downward."""
+    """Raise ParameterError if the plan hits the ground or falls faster than MAX_DOWNWARD."""
     path = TRAJECTORIES[plan.trajectory]
     height, depth = -plan.hover()[2], plan.scale_amplitude * path.amplitude[2]
     if depth >= height:
@@ -268,10 +268,10 @@ def _check_vertical(plan: FlightPlanParams) -> None:
     for name, value, remedy in (
             ('scale_rate', track, 'lower it or scale_amplitude, or lengthen blend_duration'),
             ('climb_duration', climb, 'lengthen it')):
-        if value > 9.0:
+        if value > MAX_DOWNWARD:
             raise ParameterError(
                 f'{name} = {getattr(plan, name):g} lets {plan.trajectory} ask '
-                f'for up to {value:.3g} m/s^2 downward, limit 9 m/s^2: {remedy}')
+                f'for up to {value:.3g} m/s^2 downward, limit {MAX_DOWNWARD:g} m/s^2: {remedy}')
 
 
 @jit

@@ -4,7 +4,9 @@ from pathlib import Path
 
 from mambo_thesis.drift import observations, report
 from mambo_thesis.drift.observations import corrected, factors, OBSERVATIONS, ramp
-from mambo_thesis.drift.table import ROWS
+from mambo_thesis.drift.paths import one_turn
+from mambo_thesis.drift.table import Row, ROWS
+import numpy as np
 import pytest
 
 DOCUMENT = Path(__file__).parents[4] / 'docs' / 'evidence' / 'drift.md'
@@ -55,3 +57,46 @@ def test_the_document_has_the_observations_of_today():
     observed = report.observed_table(observations.observed_by_mechanism())
     for table in (report.sources_table(), observed):
         assert all(row in lines for row in table.splitlines())
+
+
+def observed(name):
+    """Return a table of observed effects in which one row shows the named ones."""
+    return {o.name: o.shown(ROWS[name]) for o in OBSERVATIONS}
+
+
+def test_a_row_is_shown_by_the_observations_of_the_document():
+    cells = observations.observed_by_mechanism()
+    assert list(cells) == list(ROWS)
+    assert cells['A'] == observed('A') and cells['C1'] == observed('C1')
+    assert all(type(shown) is bool for row in cells.values() for shown in row.values())
+
+
+def test_a_perfect_sensor_shows_only_that_nothing_drifts():
+    perfect = Row('no error', ROWS['A'].audit)
+    assert [o.name for o in OBSERVATIONS if o.shown(perfect)] == ['O1', 'O4']
+
+
+@pytest.mark.parametrize('slope', [0.0, 0.07, 0.1])
+def test_the_tuned_factor_is_1_at_the_reference_height(slope):
+    turn = one_turn('(5.6)')
+    found = observations.tuned(turn, slope)
+    level = np.abs(turn.height - 1.5) < 1e-9
+    assert level.any() and found[level] == pytest.approx(1.0)
+    rising = np.argsort(turn.height)
+    assert (np.diff(found[rising]) >= -1e-12).all() and np.ptp(found) == pytest.approx(
+        slope * np.ptp(turn.height) / (0.92 + 1.5 * slope))
+
+
+def test_a_sensor_with_the_slope_of_the_estimator_does_not_drift():
+    """Q = 0.92 + 0.07 h in sensor and estimator: nothing is left on a vertical circle."""
+    row = Row('the same slope', ROWS['A'].audit, {}, 0.92 + 0.07 * 1.5)
+    assert corrected(row, 'C.4', 0.07) == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert abs(corrected(row, 'C.4', 0.0)[0]) > 0.2
+
+
+@pytest.mark.parametrize(('row', 'rises'), [('A', True), ('I', False)])
+def test_a_factor_that_depends_on_the_height_rises_with_it(row, rises):
+    found = factors(ROWS[row])
+    assert bool(np.ptp(found) > 0.03) is rises
+    if rises:  # half of a sine at a constant height: Q itself, to the tilt
+        np.testing.assert_allclose(found, 0.92 + 0.07 * np.array(observations.HEIGHTS), rtol=0.01)

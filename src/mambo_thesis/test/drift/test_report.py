@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from hypothesis import given, strategies as st
 from mambo_bags.mcap_reader import BagError
 from mambo_thesis.drift import experiments, report, table
 from mambo_thesis.drift.paths import EXPERIMENTS
@@ -79,3 +80,34 @@ def test_a_figure_is_stale_when_its_table_or_colours_change(monkeypatch):
     assert before != report.figure_digest('| b |')
     monkeypatch.setattr(report.palette, 'ROLES', {})
     assert before != report.figure_digest('| a |\n')
+
+
+@given(x=st.floats(-100.0, 100.0))
+def test_a_signed_number_is_read_back_within_half_a_millimetre(x):
+    text = report.signed(x)
+    assert float(text) == pytest.approx(x, abs=5.001e-4)
+    assert text == '0' or text[0] == ('-' if x < 0.0 else '+')
+
+
+@given(before=st.integers(0, 4), after=st.integers(0, 4), rows=st.integers(0, 5))
+def test_a_replaced_table_leaves_the_text_around_it(before, after, rows):
+    head = '| a | b |\n|---|---|\n'
+    top, bottom = 'x\n' * before + '\n', '\n' + 'y\n' * after
+    new = head + '| 1 | 2 |\n' * rows
+    document = f'{top}{head}| old | row |\n{bottom}z\n'
+    assert report.replace_tables([new], document, 'f.md') == f'{top}{new}{bottom}z\n'
+    again = report.replace_tables([new], f'{top}{new}{bottom}z\n', 'f.md')
+    assert again == f'{top}{new}{bottom}z\n'
+
+
+def test_tables_that_are_alike_in_their_rows_are_told_apart_by_their_heads():
+    document = '| a |\n|---|\n| 1 |\n\n| b |\n|---|\n| 1 |\n'
+    found = report.replace_tables(['| b |\n|---|\n| 2 |\n'], document, 'f.md')
+    assert found == '| a |\n|---|\n| 1 |\n\n| b |\n|---|\n| 2 |\n'
+
+
+@pytest.mark.parametrize(('sigma', 'interval'), [(0.01, '0.020'), (0.1, '0.196'), (0.0, '0.000')])
+def test_an_interval_is_196_deviations(sigma, interval):
+    found = report.Identification('a', 'all', ('A',), 0.9, 0.9, 0.068, sigma)
+    row = report.identification_table([found], {'a': 0.068}).splitlines()[2]
+    assert f'| 0.068 +- {interval} |' in row

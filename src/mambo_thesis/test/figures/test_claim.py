@@ -114,3 +114,19 @@ def test_more_that_holds_never_gives_a_worse_verdict(holds):
     found = [measured(0.0, 1.0)._replace(holds=h) for h in holds]
     better = [m._replace(holds=True) if k == 0 else m for k, m in enumerate(found)]
     assert ranks.index(verdict(Result(better))) >= ranks.index(verdict(Result(found)))
+
+
+@pytest.mark.parametrize(('given_', 'broken_by', 'expected'), [
+    (False, ('wind',), 'reproduced'), (True, ('wind',), 'by construction'),
+    (False, (), 'by construction'), (True, (), 'by construction')])
+def test_a_claim_that_nothing_can_break_is_by_construction(given_, broken_by, expected):
+    entry = Claim('9.9', '', '', None, broken_by=broken_by, given=given_)
+    assert entry.verdict(Result([measured(0.0, 1.0)])) == expected
+    half = Result([measured(0.0, 1.0), measured(0.0, 1.0)._replace(holds=False)])
+    assert entry.verdict(half) == 'partly' and entry.verdict(Result([])) == 'nothing to measure'
+
+
+@pytest.mark.parametrize(('number', 'place'), [
+    ('5.11', '5.11'), ('Table 4.1', '4.1'), ('Section 4.4.2', '4.4.2'), ('4.1, 4.2', '4.1')])
+def test_the_place_is_the_first_number_without_its_word(number, place):
+    assert Claim(number, '', '', None).place == place

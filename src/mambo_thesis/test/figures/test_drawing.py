@@ -1,7 +1,8 @@
 """Figures in the layout of the thesis: positions below each other, gaps left open."""
 
 from mambo_model import palette
-from mambo_thesis.figures.drawing import lines, POSITION, positions, positions_and_rms, sheet
+from mambo_thesis.figures.drawing import (
+    lines, over_time, POSITION, positions, positions_and_rms, sheet)
 import numpy as np
 import pytest
 
@@ -63,3 +64,12 @@ def test_the_rms_stands_beside_its_axis():
     np.testing.assert_array_equal(right.lines[0].get_ydata(), rms[:, 1])
     np.testing.assert_array_equal(last.lines[0].get_ydata(), rms[:, 2])
     assert right.get_ylim()[0] == 0.0 and below.get_xlabel() == last.get_xlabel() == 'time [s]'
+
+
+def test_one_quantity_over_time_has_a_curve_for_each_label():
+    figure = over_time({'gyro': (T, T**2), 'fit': (T, T)}, 'rate [rad/s]')
+    axes, = figure.axes
+    assert [line.get_label() for line in axes.lines] == ['gyro', 'fit']
+    np.testing.assert_array_equal(axes.lines[0].get_ydata(), T**2)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ('time [s]', 'rate [rad/s]')
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ['gyro', 'fit']

@@ -1,5 +1,6 @@
 """The page of the matrix: every claim a row, every mutation a column, and what contradicts it."""
 
+from hypothesis import given, settings, strategies as st
 from mambo_thesis.figures import matrix_page
 from mambo_thesis.figures.claim import Claim, Result
 from mambo_thesis.figures.matrix import Entry
@@ -50,3 +51,27 @@ def test_a_verdict_without_a_mutation_that_breaks_it_is_a_problem():
 def test_data_is_what_no_longer_holds():
     assert matrix_page.data(ENTRIES)[2] == {
         'claim': 'Figure C.1', 'verdict': 'reproduced', 'noticed': {'wind': ['something']}}
+
+
+@given(noticed=st.lists(st.sets(st.sampled_from(sorted(MUTATIONS))), min_size=1, max_size=5))
+@settings(max_examples=30, deadline=None)
+def test_the_counts_of_the_page_are_those_of_its_marks(noticed):
+    entries = [entry(f'5.{k}', 'reproduced' if names else 'partly', sorted(names))
+               for k, names in enumerate(noticed)]
+    rows = [[cell.strip() for cell in line.strip('|').split('|')]
+            for line in matrix_page.markdown(entries).splitlines() if line.startswith('|')]
+    marks = [row[2:] for row in rows if len(row) == 2 + len(MUTATIONS) and row[0] != 'claim'
+             and row[1] in ('reproduced', 'partly')]
+    for k, name in enumerate(MUTATIONS):
+        count, = (row[3] for row in rows if len(row) == 4 and row[1] == name)
+        assert int(count) == sum(row[k] == 'x' for row in marks) == sum(
+            name in names for names in noticed)
+    assert not matrix_page.problems(entries)
+
+
+def test_every_contradiction_is_a_line_of_its_own():
+    found = matrix_page.problems([
+        entry('5.5', 'reproduced', [], ['wind']), entry('5.6', 'by construction'),
+        entry('5.7', 'partly', ['wind'], ['wind', 'slope 0'])])
+    assert found == ['Figure 5.5: does not notice wind', 'Figure 5.7: does not notice slope 0',
+                     'Figure 5.5: is reproduced, but notices no mutation']

@@ -183,3 +183,24 @@ def test_a_remark_ends_with_one_full_stop():
 def test_a_figure_without_a_drawing_has_no_image():
     checker = Checker(page([examined('5.3', True)]))
     assert checker.sources == [] and 'measured' in checker.text
+
+
+def test_a_page_of_nothing_is_valid_and_counts_nothing():
+    checker = Checker(page([]))
+    assert checker.ids == [] and checker.sources == []
+    assert summary([]) == '' and data([]) == []
+    assert markdown([]).count('| 0 |') == 5  # every verdict, none of which occurs
+
+
+@pytest.mark.parametrize(('holds', 'mark'), [((True,), 'yes'), ((False,), '**no**')])
+def test_a_row_in_markdown_says_whether_it_holds(holds, mark):
+    text = markdown([examined('5.3', *holds)])
+    row, = (line for line in text.splitlines() if line.startswith('| error 0 |'))
+    assert row.endswith(f'| {mark} |') and '| at most 0.3 |' in row
+
+
+@pytest.mark.parametrize(('scenario', 'shown'), [('fig_5_3', ' Scenario `fig_5_3`.'), ('', '.')])
+def test_a_claim_is_a_sentence_with_its_scenario(scenario, shown):
+    text = markdown([examined('5.3', True, flights=scenario)])
+    assert f'The drone hovers.{shown if scenario else ""}' in text
+    assert ('Scenario' in text) is bool(scenario)

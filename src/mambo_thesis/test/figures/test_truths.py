@@ -1,5 +1,6 @@
 """Mutated truths: the experiment is another drone, the model beside it stays."""
 
+from hypothesis import given, strategies as st
 from mambo_flight import scenario_file
 from mambo_flight.scenario import LEAVES
 from mambo_model.schema import flatten
@@ -66,3 +67,26 @@ def test_drag_laws_are_the_same_in_hover_at_1_m_s():
 def test_an_unknown_parameter_does_not_pass_silently():
     with pytest.raises(KeyError):
         truths.mutate(scenario('fig_5_10'), Mutation('x', '', {DRAG + 's': Scaled(2.0)}))
+
+
+@given(factor=st.floats(-5.0, 5.0), values=st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=4))
+def test_a_scaled_value_is_multiplied_each_alone(factor, values):
+    assert Scaled(factor).applied_to(tuple(values)) == tuple(factor * x for x in values)
+    assert Scaled(factor).applied_to(values[0]) == factor * values[0]
+
+
+def test_mutations_do_not_add_up():
+    """A block within another one has its own mutation and its own seeds."""
+    with truths.mutated(MUTATIONS['mass +10 %'], (1,)):
+        with truths.mutated(MUTATIONS['inertia x 2'], (2, 3)):
+            assert truths.vehicle().mass == 0.068 and truths.seeds() == (2, 3)
+        assert truths.vehicle().mass == pytest.approx(1.1 * 0.068) and truths.seeds() == (1,)
+
+
+@pytest.mark.parametrize(('name', 'quantity'), [
+    ('slope 0', 1.025), ('slope reversed', 1.025), ('slope x 2', 1.025), ('factor -10 %', 0.9225)])
+def test_mutated_factors_are_equal_at_the_reference_height(name, quantity):
+    """All slopes leave Q(1.5 m) = 1.025; the lower factor is 0.9 of it."""
+    changes = MUTATIONS[name].changes
+    offset, slope = (changes[f'{truths.FLOW}factor_{part}'] for part in ('offset', 'slope'))
+    assert offset + 1.5 * slope == pytest.approx(quantity)
