@@ -40,8 +40,10 @@ def test_table_counts_and_averages():
 
 
 def test_no_flight_is_refused(capsys):
-    assert coverage.main(['circle', '--seeds', '0']) == 2
-    assert capsys.readouterr().err == 'coverage: --seeds 0: must be 1 to 10000\n'
+    with pytest.raises(SystemExit) as end:
+        coverage.main(['circle', '--seeds', '0'])
+    assert end.value.code == 2
+    assert 'coverage: --seeds: 0 must be within 1 to 10000' in capsys.readouterr().err
 
 
 def of_errors(held, error=0.01, rms=0.03):
