@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from .common import (
-    LONGEST, new_samples, provenance, Publisher, read_source, report, stamps_ns, unused)
+    importer_parser, LONGEST, new_samples, provenance, Publisher, read_source, report, stamps_ns,
+    unused)
 from .logs.named_columns import read_columns
 from .table_map import Map, Quantity, read_map, Topic
 
@@ -279,9 +280,7 @@ def import_table(
 
 def parser() -> Parser:
     """Return the command line."""
-    out = Parser('import_table', __doc__.split('\n\n')[0])
-    out.add_argument('table', type=Path, help='CSV, Parquet, .ulg or .mat file')
-    out.add_output('BAG', 'bag to create', required=True, positional=True)
+    out = importer_parser('import_table', __doc__, 'table', 'CSV, Parquet, .ulg or .mat file')
     option = out.add_argument('--map', required=True, metavar='MAPPING',
                               help='YAML file, or one of: ' + ', '.join(shipped()))
     Parser.complete(shipped(), option)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mambo_bags import columns
+from mambo_bags.command import Parser
 from mambo_bags.mcap_reader import BagError, read_file
 from mambo_bags.writer import BagWriter
 import numpy as np
@@ -149,6 +150,26 @@ class Publisher:
         message = columns.zero(self._store, name, header=self.header(stamp, frame), **fields)
         self._writer.write(
             f'{NAMESPACE}/{topic}', bytes(self._store.serialize_cdr(message, name)), stamp)
+
+
+def importer_parser(name: str, description: str, source: str, help: str) -> Parser:
+    """
+    Return the command line of an importer, with the file to read and the bag to create.
+
+    Parameters
+    ----------
+    name
+        Name of the command.
+    description
+        Its docstring, of which the first paragraph is shown.
+    source, help
+        Name and description of the argument that is read.
+
+    """
+    out = Parser(name, description.split('\n\n')[0])
+    out.add_argument(source, type=Path, help=help)
+    out.add_output('BAG', 'bag to create', required=True, positional=True)
+    return out
 
 
 def report(source: Path, target: Path, counts: Mapping[str, int], *notes: str) -> None:

@@ -72,8 +72,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from .common import (
-    is_sound, LONGEST, new_samples, provenance, Publisher, read_source, report, Source, stamps_ns,
-    unused)
+    importer_parser, is_sound, LONGEST, new_samples, provenance, Publisher, read_source, report,
+    Source, stamps_ns, unused)
 
 Floats = NDArray[np.float64]
 COUNTS_PER_RADIAN = 10.0 * 35.0 / 0.71674
@@ -479,9 +479,7 @@ def _offset(text: str) -> str:
 
 def parser() -> Parser:
     """Return the command line."""
-    out = Parser('import_crazyflie', __doc__.split('\n\n')[0])
-    out.add_argument('log', type=Path, help='JSON file of a flight')
-    out.add_output('BAG', 'bag to create', required=True, positional=True)
+    out = importer_parser('import_crazyflie', __doc__, 'log', 'JSON file of a flight')
     out.add_argument('--counts-per-radian', type=real(1.0, 1e5), default=COUNTS_PER_RADIAN,
                      metavar='N', help='of the flow sensor (default: %(default).4g)')
     out.add_argument('--mocap-offset', type=_offset, default='auto', metavar='SECONDS',

@@ -79,7 +79,8 @@ from numpy.typing import NDArray
 import yaml
 
 from .common import (
-    is_sound, new_samples, provenance, Publisher, read_source, report, shortened, Source, unused)
+    importer_parser, is_sound, new_samples, provenance, Publisher, read_source, report, shortened,
+    Source, unused)
 from .mat_file import variables
 from .simulink import is_package_log, PackageLog, publish, read_package_log
 
@@ -374,9 +375,7 @@ def _import_package(
 
 def parser() -> Parser:
     """Return the command line."""
-    out = Parser('import_minidrone', __doc__.split('\n\n')[0])
-    out.add_argument('log', type=Path, help='mat file of a flight')
-    out.add_output('BAG', 'bag to create', required=True, positional=True)
+    out = importer_parser('import_minidrone', __doc__, 'log', 'mat file of a flight')
     out.add_argument('--flow-scale', type=real(0.0, 1e4, 'rad/s', above=True),
                      metavar='RAD_PER_S',
                      help='rad/s for a logged optical flow of 1 (default: 20 for the units of '

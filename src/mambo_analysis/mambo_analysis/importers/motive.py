@@ -42,8 +42,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from .common import (
-    LARGEST, LONGEST, provenance, Publisher, quoted, read_source, report, shortened, Source,
-    stamps_ns, unused)
+    importer_parser, LARGEST, LONGEST, provenance, Publisher, quoted, read_source, report,
+    shortened, Source, stamps_ns, unused)
 
 Floats = NDArray[np.float64]
 TOPIC = 'optitrack/pose'
@@ -317,9 +317,7 @@ def import_motive(
 
 def parser() -> Parser:
     """Return the command line."""
-    out = Parser('import_motive', __doc__.split('\n\n')[0])
-    out.add_argument('take', type=Path, help='CSV export of Motive')
-    out.add_output('BAG', 'bag to create', required=True, positional=True)
+    out = importer_parser('import_motive', __doc__, 'take', 'CSV export of Motive')
     out.add_argument('--body', help='name of the rigid body, if there are several')
     out.add_argument('--up', choices=tuple(UP), default='y',
                      help="axis that is up in the file (default: %(default)s, Motive's own)")

@@ -76,3 +76,13 @@ def test_provenance_is_text_with_nine_digits():
 def test_what_was_not_used_is_one_line_or_none():
     assert common.unused([]) == []
     assert common.unused(['a', 'b']) == ['not used: a, b']
+
+
+def test_the_command_line_of_an_importer_reads_a_file_and_creates_a_bag(capsys):
+    parser = common.importer_parser('import_x', 'Import X.\n\nDetails.', 'log', 'a log of X')
+    options = parser.parse_args(['x.log', 'bag'])
+    assert (str(options.log), str(options.output)) == ('x.log', 'bag')
+    assert 'Import X.' in parser.format_help() and 'Details' not in parser.format_help()
+    with pytest.raises(SystemExit):
+        parser.parse_args(['x.log'])
+    assert '-o/--output is missing' in capsys.readouterr().err
