@@ -5,6 +5,10 @@ Injects faults into flights and checks that each ends as it should.
 process, in any mode, at any time. A fault is survived if everything is over within 15 s behind
 one line and a non-zero exit code, the bag is closed or can be recovered, and no process, no
 temporary folder and no shared memory is left.
+
+``./chaos files`` damages files of every format, and writes command lines, by their structure. An
+input is survived if the command ends with exit code 0, or with 1 or 2 behind one line, within
+limits of time, memory and output, and leaves nothing half-written.
 """
 
 from __future__ import annotations
@@ -296,7 +300,7 @@ def processes(count: int, seed: int, recording: Path) -> int:
 def parser() -> argparse.ArgumentParser:
     """Return the command line."""
     out = argparse.ArgumentParser(prog='chaos', description=__doc__.split('\n\n')[0].strip())
-    kinds = out.add_subparsers(dest='kind', required=True)
+    kinds = out.add_subparsers(dest='kind_of_fault', required=True)
     add = kinds.add_parser(
         'processes', help='signals to any process of a flight or replay, at any time').add_argument
     add('--count', type=whole(1, 1_000_000), default=100, metavar='N',
@@ -305,9 +309,24 @@ def parser() -> argparse.ArgumentParser:
         help='of their choice (default: 1)')
     add('--recording', type=Path, default=ROOT / 'bags/circle_short', metavar='BAG',
         help='bag that replays play (default: bags/circle_short)')
+    add = kinds.add_parser(
+        'files', help='damaged files of every format, and command lines').add_argument
+    add('--count', type=whole(1, 10_000_000), default=1000, metavar='N',
+        help='inputs to try (default: 1000)')
+    add('--seed', type=whole(0, 2**31 - 1), default=1, metavar='S',
+        help='of their choice (default: 1)')
+    add('--kind', default='', metavar='KIND,...', help='only these, such as bag,line')
+    add('--start', type=whole(0, 10_000_000), default=0, metavar='N',
+        help='number of the first input of each kind (default: 0)')
+    add('--jobs', type=whole(1, 1024), default=os.cpu_count() or 1, metavar='N',
+        help='inputs at a time (default: one for each core)')
     return out
 
 
 if __name__ == '__main__':
     options = parser().parse_args()
+    if options.kind_of_fault == 'files':
+        from chaos_files import campaign
+        sys.exit(bool(campaign.files(
+            options.count, options.seed, options.jobs, options.kind, options.start)))
     sys.exit(processes(options.count, options.seed, options.recording.absolute()))

@@ -1,40 +1,15 @@
-"""
-Damaged files by the thousand, made with a seed: each ends well or in one line.
+"""Damage to bags, YAML and MATLAB files by their structure, the same at each run of a seed."""
 
-``python3 fuzzing.py KIND COUNT SEED`` tries so many of a kind (a name of ``KINDS``) within 3 GB of
-memory and prints what came out; test_fuzz.py tries a few. An input that does worse is kept.
-"""
-
-from collections import Counter
-import contextlib
-import io
-import json
-from pathlib import Path
-import random
-import resource
-import shutil
 import struct
-import sys
-import tempfile
-import time
 import zlib
 
-from mambo_analysis.compare import compare
-from mambo_analysis.identify import thrust
-from mambo_bags import mcap_reader, recover
-from mambo_bags.reader import bag_files, BagError
-from mambo_flight import scenario, scenario_file
-from mambo_model.schema import ParameterError
-from mambo_model.vehicle import parameters
+from mambo_bags import mcap_reader
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
 import numpy as np
 from scipy import io as matlab
-from synthetic import make_flight
 import zstandard
 
-MEMORY = 3 << 30  # bytes of address space, which the libraries fill by half
-SLOWEST = 20.0  # s for one input
 NUMBERS = (0, 1, 2, 7, 127, 128, 255, 256, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1, 2**40,
            2**62, 2**63, 2**64 - 1)
 
@@ -141,18 +116,6 @@ def damage_bag(rng, whole, file):
         rewritten(rng, whole, file)
 
 
-def base_bag(folder):
-    make_flight(folder / 'flight', 2.0)
-    return folder / 'flight/flight_0.mcap'
-
-
-def try_bag(file, folder):
-    code = recover.main([str(file), str(folder / 'saved')])
-    if code == 0 and not mcap_reader.scan(folder / 'saved/saved_0.mcap').complete:
-        raise AssertionError('what was saved is damaged')
-    return f'recover {code}, compare {compare.main([str(file)])}'
-
-
 TEXTS = ('1e400', '-1e308', '9' * 1000, '0x' + 'f' * 5000, '.nan', '2001-13-45', '!!int x', '~',
          '',
          '!!binary a', '[' * 300, '{a: ' * 300, '&a [*a, *a]', '*nothing', '<<: 1', '? [a]', '\0',
@@ -178,40 +141,6 @@ def spoilt_text(rng, text):
             del lines[at]
             lines = lines or ['']
     return '\n'.join(lines)
-
-
-def base_yaml(folder):
-    make_flight(folder / 'flight', 0.5)
-    return [
-        ('scenario.yaml', scenario_file.find('fig_5_11').read_text()),
-        ('scenario.yaml', scenario.commented_yaml(scenario.scenario())),
-        ('vehicle.yaml', (parameters.FOLDER / 'identified.yaml').read_text()),
-        ('vehicle.yaml', (parameters.FOLDER / 'crazyflie.yaml').read_text()),
-        ('metadata.yaml', (folder / 'flight/metadata.yaml').read_text())]
-
-
-def damage_yaml(rng, texts, file):
-    name, text = rng.choice(texts)
-    file.with_name(name).write_text(spoilt_text(rng, text), errors='replace')
-
-
-def try_yaml(file, folder):
-    (file,) = (folder / name for name in ('scenario.yaml', 'vehicle.yaml', 'metadata.yaml')
-               if (folder / name).exists())
-    read = {'scenario': scenario_file.read, 'vehicle': parameters.load,
-            'metadata': lambda path: bag_files(path.parent)}[file.stem]
-    try:
-        scenario.read_value(file.read_text().partition(': ')[2].partition('\n')[0])
-    except ParameterError as error:
-        print(f'fuzz: {error}', file=sys.stderr)
-    try:
-        read(file)
-        return f'{file.stem} read'
-    except (ParameterError, BagError) as error:
-        sys.stderr.seek(0)
-        sys.stderr.truncate()
-        print(f'fuzz: {error}', file=sys.stderr)
-        return f'{file.stem} refused'
 
 
 def base_mat(folder):
@@ -247,56 +176,3 @@ def damage_mat(rng, files, file):
     else:
         data = spoilt(rng, data)
     file.with_suffix('.mat').write_bytes(data)
-
-
-def try_mat(file, folder):
-    return f'identify_thrust {thrust.main([str(file.with_suffix(".mat"))])}'
-
-
-KINDS = {'bag': (base_bag, damage_bag, try_bag), 'yaml': (base_yaml, damage_yaml, try_yaml),
-         'mat': (base_mat, damage_mat, try_mat)}
-
-
-def attempt(trial, file, folder):
-    """Return what became of an input, and what is wrong with that or ''."""
-    output = io.StringIO()
-    began = time.monotonic()
-    try:
-        with contextlib.redirect_stderr(output), contextlib.redirect_stdout(io.StringIO()):
-            outcome = trial(file, folder)
-    except BaseException as error:
-        return 'raised', f'{type(error).__name__}: {str(error)[:200]}'
-    took, lines = time.monotonic() - began, output.getvalue().splitlines()
-    if took > SLOWEST:
-        return outcome, f'took {took:.0f} s'
-    if any(not line.startswith(('recover: ', 'compare: ', 'fuzz: ', 'identify_thrust: '))
-           or len(line) > 2500 for line in lines):
-        return outcome, f'said {lines}'[:2000]
-    return outcome, ''
-
-
-def fuzz(kind, count, seed, keep):
-    """Try inputs; return {outcome: how many} and what went wrong."""
-    make, damage, trial = KINDS[kind]
-    outcomes, wrong = Counter(), []
-    with tempfile.TemporaryDirectory() as name:
-        base = make(Path(name))
-        for number in range(count):
-            folder = Path(name) / 'one'
-            folder.mkdir()
-            file = folder / 'damaged.mcap'
-            damage(random.Random(f'{seed} {number}'), base, file)
-            outcome, problem = attempt(trial, file, folder)
-            outcomes[outcome] += 1
-            if problem:
-                wrong.append(f'{kind} {seed} {number}: {problem}')
-                shutil.copytree(folder, keep / f'{kind}_{seed}_{number}', dirs_exist_ok=True)
-            shutil.rmtree(folder)
-    return outcomes, wrong
-
-
-if __name__ == '__main__':
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    found, bad = fuzz(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), Path(sys.argv[4]))
-    print(json.dumps({'outcomes': found, 'wrong': bad, 'memory_mb': resource.getrusage(
-        resource.RUSAGE_SELF).ru_maxrss // 1024}, indent=1))

@@ -1,0 +1,149 @@
+"""Try many damaged files and command lines, count what survived, keep what did not."""
+
+from __future__ import annotations
+
+from collections import Counter
+import contextlib
+from importlib import import_module
+import os
+from pathlib import Path
+import random
+import select
+import shutil
+import sys
+import tempfile
+import time
+
+from mambo_bringup import mambo
+
+from . import lines, ROOT
+from .attempt import Attempt
+from .kinds import Kind, kinds
+
+LINE = 'line'  # the kind of the command lines
+COMPILED = ('estimate', 'fly', 'trajectory check', 'trajectory plan', 'sweep')
+
+
+def warm(all_kinds: dict[str, Kind], folder: Path) -> None:
+    """Import every command, and compile what the good files need, before the forks."""
+    for entry in mambo.COMMANDS.values():
+        if not mambo.is_script(entry):
+            import_module(entry.module)
+    compiled = [(file, command) for kind in all_kinds.values() for command in kind.commands
+                if command.startswith(COMPILED) for file in kind.files]
+    for number, (file, command) in enumerate(compiled):
+        with open(os.devnull, 'w') as nowhere, contextlib.redirect_stdout(
+                nowhere), contextlib.redirect_stderr(nowhere):
+            mambo.main(worded(command, file, folder, folder / f'warm_{number}'))
+
+
+def worded(command: str, file: Path, base: Path, out: Path) -> list[str]:
+    """Return the words of a template."""
+    return [word.format(
+        file=file, out=out, good=base / 'flight', examples=ROOT / 'examples',
+        map=base / 'map.yaml', table=base / 'table.csv') for word in command.split()]
+
+
+def begin(kind: str, number: int, seed: int, all_kinds: dict[str, Kind], base: Path,
+          folder: Path) -> Attempt:
+    """Start one input in an empty folder; it depends on kind, number and seed alone."""
+    rng, spoil = (random.Random(f'{seed} {kind} {number} {what}') for what in ('line', 'file'))
+    inside, out = folder / 'work', folder / 'out'
+    inside.mkdir(parents=True)
+    if kind == LINE:
+        os.mkfifo(folder / 'fifo')
+        file = folder / 'file.csv'
+        file.write_text('a,b\n1,2\n')
+        words = lines.line(rng, {
+            'good': str(base / 'flight'), 'file': str(file), 'out': str(out),
+            'folder': str(inside), 'fifo': str(folder / 'fifo')})
+        return Attempt(words, inside, lambda: None)
+    chosen = all_kinds[kind]
+    good, command = rng.choice(chosen.files), rng.choice(chosen.commands)
+    file = folder / (f'damaged{good.suffix}' if kind != 'metadata' else 'damaged')
+    return Attempt(worded(command, file, base, out), inside,
+                   lambda: chosen.damage(spoil, good, file),
+                   out if '{out}' in command.split() else None)
+
+
+def files(count: int, seed: int, jobs: int, only: str = '', start: int = 0,
+          keep: Path = ROOT / '.cache/chaos', shown: bool = True) -> int:
+    """
+    Try inputs of every kind in turn; print the lost ones and a table.
+
+    Parameters
+    ----------
+    count
+        Number of inputs.
+    seed
+        Of their choice.
+    jobs
+        Processes at a time.
+    only
+        Names of the kinds to try, separated by commas; empty: all.
+    start
+        Number of the first input of a kind.
+    keep
+        Folder for the files of lost inputs.
+    shown
+        Whether to print the table.
+
+    Returns
+    -------
+    lost
+        How many inputs were lost.
+
+    """
+    tried: Counter[tuple[str, str]] = Counter()
+    slowest = (0.0, '')
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix='chaos_') as name:
+        base = Path(name)
+        all_kinds = kinds(base)
+        names = only.split(',') if only else [*all_kinds, LINE]
+        if unknown := set(names) - {*all_kinds, LINE}:
+            sys.exit(f'chaos: --kind {min(unknown)} is not one of {", ".join([*all_kinds, LINE])}')
+        all_kinds = {name: all_kinds[name] for name in names if name != LINE}
+        warm(all_kinds, base)
+
+        running: dict[Attempt, tuple[str, int, Path]] = {}
+        index = 0
+        while index < count or running:
+            while index < count and len(running) < jobs:
+                kind, number = names[index % len(names)], start + index // len(names)
+                folder = base / f'{kind}_{number}'
+                running[begin(kind, number, seed, all_kinds, base, folder)] = kind, number, folder
+                index += 1
+            handles = select.select(
+                [each.handle for each in running], [], [], min(each.left for each in running))[0]
+            for each in [each for each in running if each.handle in handles or not each.left]:
+                kind, number, folder = running.pop(each)
+                end = each.end()
+                tried[kind, 'lost' if end.wrong else end.outcome] += 1
+                slowest = max(slowest, (end.took, f'{kind} {number}'))
+                if end.wrong:
+                    _report(f'{kind} {seed} {number}', each.words, end.wrong)
+                    shutil.copytree(folder, keep / f'{kind}_{seed}_{number}', dirs_exist_ok=True,
+                                    ignore=shutil.ignore_patterns('fifo'))
+                shutil.rmtree(folder, ignore_errors=True)
+    lost = sum(value for (_, outcome), value in tried.items() if outcome == 'lost')
+    if shown:
+        print(_table(tried, names))
+        print(f'tried {count}, survived {count - lost}, lost {lost}; '
+              f'{time.monotonic() - began:.0f} s, the slowest ({slowest[1]}) {slowest[0]:.1f} s')
+    return lost
+
+
+def _report(name: str, words: list[str], wrong: str) -> None:
+    """Print a lost input: its number, its command line and what was wrong."""
+    text = f'lost {name}: mambo {" ".join(words)[:500]}\n  {wrong}'
+    print(text.encode('utf-8', 'backslashreplace').decode(), flush=True)
+
+
+def _table(tried: Counter[tuple[str, str]], names: list[str]) -> str:
+    """Return the numbers of all kinds as text."""
+    outcomes = ('done', 'refused', 'failed', 'lost')
+    rows = [f'{"":<10}' + ''.join(f'{outcome:>9}' for outcome in outcomes)]
+    rows += [f'{name:<10}' + ''.join(f'{tried[name, outcome]:>9}' for outcome in outcomes)
+             for name in names]
+    return '\n'.join(rows)
