@@ -7,6 +7,7 @@ from mambo_analysis.compare.verdict import verdict
 from mambo_analysis.importers.minidrone import import_minidrone
 from mambo_bags.reader import read_bag
 from mambo_flight import offline_replay
+from mambo_thesis.recordings.validate_flights import height_errors
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -37,3 +38,12 @@ def test_the_height_stays_with_the_sonar(log, tmp_path):
     # In the worst one the sonar jumps between 0.45 and 2 m.
     assert np.sqrt(np.mean(off_the_sonar(steps, found) ** 2)) < 0.6
     assert 'height diverged' not in verdict(bag, answered(bag, found))
+
+
+@pytest.mark.skipif(not LOGS, reason='real recordings are not beside the checkout')
+@pytest.mark.parametrize('log', LOGS, ids=lambda log: log.stem)
+def test_the_joint_filter_is_within_0_3_m_of_the_sonar(log, tmp_path):
+    _, joint = height_errors(log, tmp_path)
+    assert -0.11 < joint.lowest and joint.highest < 3.0
+    if not log.stem.startswith('1a_y_rest'):  # which lies on its side, so that the sonar sees no floor
+        assert joint.rms_error < 0.3

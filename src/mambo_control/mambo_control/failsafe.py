@@ -148,8 +148,8 @@ class FailsafeParams(Parameters):
     crash_time: float = quantity(
         0.25, 's', 0.0, 10.0, 'for which any of these limits must be exceeded (judgement)')
     takeoff_tilt_std: float = quantity(
-        0.05, 'rad', 0.001, 10.0,
-        'no take-off beyond: an alignment at rest leaves 0.03 at most, one that failed 0.1')
+        0.08, 'rad', 0.001, 10.0,
+        'no take-off beyond: an alignment at rest leaves 0.07 at most, one that failed 0.1')
 
 
 FailsafeValues = values_type(FailsafeParams)

@@ -124,12 +124,13 @@ EMPTY = Alignment(
     ZERO, ZERO, ZERO)
 BLOCK = 10       # samples: 50 ms
 UNLIKELY = 10.3  # chi squared with three degrees of freedom over 3 exceeds it once in 10^6 blocks
+TILTED = 0.01    # share of the starts that are not on a level floor: judgement
+STEEPER = 10.0   # deviation of their tilt over that of a reading on a level floor: 0.3 rad
 NOT_LEVEL = 4.3
 """
 Number of deviations beyond which a tilt is more likely than a level start. By Bayes it is
-sqrt(2 ln(100 * 10^2)) if one start in a hundred is tilted, by 0.3 rad, ten times the deviation.
-One level start in 10000 exceeds it. With a threshold of 3, one in 90 took off with a tilt error of
-5 degrees.
+sqrt(2 ln(STEEPER^2 / TILTED)). One level start in 10000 exceeds it. With a threshold of 3, one in
+90 took off with a tilt error of 5 degrees.
 """
 
 
@@ -155,13 +156,59 @@ def level(mean: Vec3, gravity: float, v: AlignmentValues) -> Level:
     share = bias / total
     if math.hypot(mean[0], mean[1]) > NOT_LEVEL * math.sqrt(total):
         share = 0.0
+    q, accel_bias = split(mean, gravity, share)
+    return Level(q, accel_bias, math.sqrt((1.0 - share) * bias) / gravity)
+
+
+@jit
+def split(mean: Vec3, gravity: float, share: float) -> tuple[Quat, Vec3]:
+    """
+    Return attitude and accelerometer bias at rest, if a share of the horizontal force is bias.
+
+    Parameters
+    ----------
+    mean : (3,) m/s^2, body FRD
+        Specific force.
+    gravity : m/s^2
+    share : -
+        0: all of it is tilt; 1: all of it is bias.
+
+    """
     x, y = (1.0 - share) * mean[0], (1.0 - share) * mean[1]
     z = math.copysign(math.sqrt(max(gravity * gravity - x * x - y * y, 0.0)), mean[2])
-    tilt = math.sqrt((1.0 - share) * bias) / gravity
     pitch = math.asin(max(-1.0, min(1.0, x / gravity)))
-    return Level(
-        from_euler(math.atan2(-y, -z), pitch, 0.0),
-        (share * mean[0], share * mean[1], mean[2] - z), tilt)
+    return (from_euler(math.atan2(-y, -z), pitch, 0.0),
+            (share * mean[0], share * mean[1], mean[2] - z))
+
+
+@jit
+def reading_std(gravity: float, v: AlignmentValues) -> float:
+    """Return the deviation of the horizontal specific force on a level floor, m/s^2, each axis."""
+    return math.hypot(v.accel_bias_std, gravity * v.floor_slope_std)
+
+
+@jit
+def tilted_probability(mean: Vec3, gravity: float, v: AlignmentValues) -> float:
+    """
+    Return the probability that a vehicle with this reading does not stand on a level floor.
+
+    With the prior ``TILTED`` and Gaussian readings, two numbers each, whose deviations are in the
+    ratio 1 : ``STEEPER``. It is a half about ``NOT_LEVEL`` deviations.
+
+    Parameters
+    ----------
+    mean : (3,) m/s^2, body FRD
+        Specific force at rest.
+    gravity : m/s^2
+    v
+        Deviations of the bias and of the slope of the floor.
+
+    """
+    distance = math.hypot(mean[0], mean[1]) / reading_std(gravity, v)
+    wider = STEEPER * STEEPER
+    log_odds = (math.log(TILTED / (1.0 - TILTED) / wider)
+                + 0.5 * distance * distance * (1.0 - 1.0 / wider))
+    return 1.0 / (1.0 + math.exp(-log_odds))
 
 
 @jit

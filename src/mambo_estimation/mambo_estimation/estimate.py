@@ -19,7 +19,7 @@ STATUS_ALIGNING, STATUS_DEAD_RECKONING, STATUS_NOMINAL = range(3)  # as in Estim
 STATUS = ('aligning', 'dead reckoning', 'nominal')
 GOOD, DOUBTFUL, BAD = range(3)
 UNKNOWN = (0.0,) * 36  # covariance of an estimator that publishes none
-NOT_ALIGNED = 0.05  # rad: as the controller's limit of a take-off
+NOT_ALIGNED = 0.08  # rad: as the controller's limit of a take-off
 
 
 class Estimate(NamedTuple):

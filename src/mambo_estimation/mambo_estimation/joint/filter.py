@@ -40,9 +40,9 @@ from .answer import (
     NONE2, NOT_COMPARED, NOTHING, pose_covariance, Results, state_of, twist_covariance)
 from .flow import remember, RING
 from .joint_parameters import JointValues
-from .propagation import bridge, predict
+from .propagation import bridge, predict, wander
 from .start import aligned, unaligned
-from .state import Array, Nominal, PRESSURE_OFFSET
+from .state import Array, Nominal
 from .update import Noise, use_drag, use_flow, use_pressure, use_range
 from .vibration import CALM, left, shaken, variance, Vibration
 
@@ -78,10 +78,10 @@ def initial(v: JointValues) -> Memory:
     The filter then collects samples at rest.
     """
     x, P = unaligned(alignment.EMPTY, v)
-    sonar, flow = v.sonar.noise, v.optical_flow.noise
+    sonar, flow, air = v.sonar.noise, v.optical_flow.noise, v.barometer.noise
     return Memory(
         True, False, alignment.EMPTY, x, P, np.zeros((RING, 7)), 0, False, drag.EMPTY, CALM,
-        Noise(sonar * sonar, flow * flow), Gates(gate.OPEN, gate.OPEN, gate.OPEN),
+        Noise(sonar * sonar, flow * flow, air * air), Gates(gate.OPEN, gate.OPEN, gate.OPEN),
         Counts(0, 0, math.inf, math.inf), ZERO, (0.0, 0.0, -v.gravity), health.START)
 
 
@@ -139,8 +139,7 @@ def _advance(
         rest, resting = alignment.watch(rest, gyro, accel, dt, v.alignment)
         if not resting:
             return rest, False, _replay(x, P, ring, (m.at + 1) % RING, v), window, CALM
-        walk = v.barometer.offset_walk
-        P[PRESSURE_OFFSET, PRESSURE_OFFSET] += walk * walk * dt
+        wander(P, dt, v)
         return rest, True, x, window, CALM
     x = _bounded(predict(x, P, rate, force, dt, held, v), v)
     if held[0] > 0.0 or held[1] > 0.0 or -x.p[2] < v.drag.min_height:
@@ -186,8 +185,9 @@ def _run(
         x, sonar_gate, noise, ranged = use_range(x, P, sonar_gate, sonar, noise, v)
         sonar_age = 0.0 if ranged.used else sonar_age
     if v.barometer.enabled and math.isfinite(pressure):
-        x, barometer_gate, has_pressure, weighed = use_pressure(
-            x, P, barometer_gate, pressure, has_pressure, v)
+        x, barometer_gate, noise, weighed = use_pressure(
+            x, P, barometer_gate, pressure, noise, has_pressure, v)
+        has_pressure = has_pressure or pressure_model.is_valid(pressure, v.barometer)
     if math.isfinite(flow[0]) and math.isfinite(flow[1]):
         x, flow_gate, noise, seen = use_flow(
             x, P, ring, at, flow_gate, flow, quality, noise,

@@ -157,10 +157,20 @@ class PressureParams(BarometerParams):
 
 
 @dataclass(frozen=True)
+class RestParams(AlignmentParams):
+    """Alignment of the joint filter: that of the three, whose gyro bias does not walk."""
+
+    gyro_bias_floor: float = quantity(
+        3e-5, 'rad/s', 1e-7, 1.0,
+        'the bias of a mean is not known better: lowest Allan deviation, sqrt(2 N K / sqrt(3)), '
+        'of a gyro with N = `motion.gyro_noise` and K = `motion.gyro_bias_walk`')
+
+
+@dataclass(frozen=True)
 class JointParams(AgeParams):
     """Parameters of the joint filter: one group per sensor and per model."""
 
-    alignment: AlignmentParams = group(AlignmentParams)
+    alignment: AlignmentParams = group(RestParams)
     motion: MotionParams = group(MotionParams)
     imu: ImuParams = group(ImuParams)
     sonar: RangeParams = group(RangeParams)

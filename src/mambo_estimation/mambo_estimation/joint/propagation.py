@@ -150,6 +150,13 @@ def _add_noise(
             P[3 + i, 3 + j] -= turn * v[i] * v[j]
             P[3 + i, 6 + j] += turn * cross[i][j]
             P[6 + j, 3 + i] += turn * cross[i][j]
+    wander(P, dt, p)
+
+
+@jit
+def wander(P: Array, dt: float, p: JointValues) -> None:
+    """Add the walks of what changes also at rest, in place: biases, scale, offset by pressure."""
+    for i in range(3):
         P[9 + i, 9 + i] += p.motion.gyro_bias_walk * p.motion.gyro_bias_walk * dt
         P[12 + i, 12 + i] += p.motion.accel_bias_walk * p.motion.accel_bias_walk * dt
     P[SCALE, SCALE] += p.optical_flow.scale_walk * p.optical_flow.scale_walk * dt

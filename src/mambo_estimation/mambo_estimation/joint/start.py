@@ -4,6 +4,13 @@ Initial state and covariance of the joint filter, with and without an alignment.
 At rest the accelerometer reads b - g R^T e_3. The reading is used as a measurement of both, with
 the slope of the floor and the size of a bias as priors. Tilt and bias, which cannot be separated,
 stay correlated: a later correction of the tilt also corrects the bias.
+
+A vehicle may also have been set down on a slope or be held. Both cases explain the reading, with
+probabilities 1 - p and p. State and covariance are the mean and the covariance of the mixture,
+
+    x = (1 - p) x_level + p x_tilted,    P = sum of p_i (P_i + d_i d_i^T),    d_i = x_i - x
+
+so that a reading that both explain equally well leaves the tilt as unknown as it is.
 """
 
 from __future__ import annotations
@@ -11,7 +18,7 @@ from __future__ import annotations
 import math
 
 from mambo_model.compiled import jit
-from mambo_model.motion.quaternion import IDENTITY, Quat, to_matrix
+from mambo_model.motion.quaternion import conjugate, IDENTITY, multiply, Quat, to_matrix
 from mambo_model.motion.vector import Vec3
 import numpy as np
 
@@ -86,18 +93,47 @@ def aligned(rest: Alignment, v: JointValues) -> tuple[Nominal, Array]:
         Priors.
 
     """
-    here, P = alignment.level(rest.accel, v.gravity, v.alignment), _sensors(v)
-    slope = v.alignment.floor_slope_std
-    if math.hypot(rest.accel[0], rest.accel[1]) > alignment.NOT_LEVEL * math.hypot(
-            v.alignment.accel_bias_std, v.gravity * slope):
-        slope = v.motion.initial_tilt_std  # such a vehicle does not stand on a level floor
+    a, tilted = v.alignment, alignment.tilted_probability(rest.accel, v.gravity, v.alignment)
+    reading = alignment.reading_std(v.gravity, a)
+    share = (a.accel_bias_std / reading) ** 2
+    q, bias = alignment.split(rest.accel, v.gravity, (1.0 - tilted) * share)
+    x = _nominal(q, rest.gyro, bias, v)
+    steep = max(v.motion.initial_tilt_std, alignment.STEEPER * reading / v.gravity)
+    return x, ((1.0 - tilted) * _about(x, rest, share, a.floor_slope_std, v)
+               + tilted * _about(x, rest, 0.0, steep, v))
+
+
+@jit
+def _about(x: Nominal, rest: Alignment, share: float, slope: float, v: JointValues) -> Array:
+    """
+    Return the second moment about x of a vehicle that stands on a slope.
+
+    Parameters
+    ----------
+    x
+        State.
+    rest
+        Means of gyro and accelerometer, and scatter.
+    share : -
+        Of the horizontal force that is then expected to be bias.
+    slope : rad
+        Deviation of the slope.
+    v
+        Priors.
+
+    """
+    P = _sensors(v)
     _set(P, POSITION, 3, v.motion.initial_height_std)
     _set(P, VELOCITY, 3, STILL)
     _set(P, ATTITUDE, 2, slope)
     _set(P, GYRO_BIAS, 3, math.sqrt(alignment.gyro_bias_variance(rest, v.alignment)))
     _set(P, ACCEL_BIAS, 3, v.alignment.accel_bias_std)
-    _use_rest(P, here.q, rest.noise.accel / (3.0 * rest.count), v.gravity)
-    return _nominal(here.q, rest.gyro, here.accel_bias, v), P
+    q, bias = alignment.split(rest.accel, v.gravity, share)
+    _use_rest(P, q, rest.noise.accel / (3.0 * rest.count), v.gravity)
+    d, turn = np.zeros(SIZE), multiply(q, conjugate(x.q))
+    for i in range(3):
+        d[ATTITUDE + i], d[ACCEL_BIAS + i] = 2.0 * turn[1 + i], bias[i] - x.accel_bias[i]
+    return P + np.outer(d, d)
 
 
 @jit

@@ -32,6 +32,7 @@ class Noise(NamedTuple):
 
     sonar: float   # m^2
     flow: float    # rad^2/s^2, each axis
+    barometer: float   # m^2, of a height by pressure
 
 
 @jit
@@ -98,7 +99,8 @@ def use_range(
     correct(P, column, innovation, variance, d)
     if not near:
         least = v.sonar.noise * v.sonar.noise
-        noise = Noise(_found(noise.sonar, squared, explained, least), noise.flow)
+        noise = Noise(
+            _found(noise.sonar, squared, explained, least), noise.flow, noise.barometer)
     return inject(x, d), gate, noise, result
 
 
@@ -114,8 +116,9 @@ def _lose_height(P: Array, squared: float, v: JointValues) -> None:
 
 @jit
 def use_pressure(
-    x: Nominal, P: Array, gate: Gate, sample: float, started: bool, v: JointValues,
-) -> tuple[Nominal, Gate, bool, Result]:
+    x: Nominal, P: Array, gate: Gate, sample: float, noise: Noise, started: bool,
+    v: JointValues,
+) -> tuple[Nominal, Gate, Noise, Result]:
     """
     Correct with a pressure, Pa; the first one sets the offset, the covariance in place.
 
@@ -124,25 +127,28 @@ def use_pressure(
     """
     p = v.barometer
     if not pressure_model.is_valid(sample, p):
-        return x, refuse_invalid(gate), started, NOT_COMPARED
-    measured, noise = pressure_model.measured_height(sample), p.noise * p.noise
+        return x, refuse_invalid(gate), noise, NOT_COMPARED
+    measured, least = pressure_model.measured_height(sample), p.noise * p.noise
     if not started:
-        pressure.start(P, noise)
-        return _with_offset(x, measured + x.p[2]), gate, True, NOT_COMPARED
+        pressure.start(P, least)
+        return _with_offset(x, measured + x.p[2]), gate, noise, NOT_COMPARED
     h, column, d = np.empty(SIZE), np.empty(SIZE), np.zeros(SIZE)
     pressure.jacobian(h)
     innovation = measured - pressure.predict(x)
-    variance = covariance_with(P, h, column) + noise
-    ratio = innovation * innovation / (p.gate * p.gate * variance)
+    explained = covariance_with(P, h, column)
+    variance, squared = explained + noise.barometer, innovation * innovation
+    ratio = squared / (p.gate * p.gate * variance)
     gate, verdict = judge(
         gate, Trial((sample, sample), (innovation, innovation), 2.0 * variance, ratio),
         p.gate, p.recovery_time)
     if verdict == RECOVER:
-        P[PRESSURE_OFFSET, PRESSURE_OFFSET] += innovation * innovation
+        P[PRESSURE_OFFSET, PRESSURE_OFFSET] += squared
     if verdict == ACCEPT:
         correct(P, column, innovation, variance, d)
         x = inject(x, d)
-    return x, gate, True, Result((innovation, innovation), ratio, verdict == ACCEPT)
+        noise = Noise(
+            noise.sonar, noise.flow, _found(noise.barometer, squared, explained, least))
+    return x, gate, noise, Result((innovation, innovation), ratio, verdict == ACCEPT)
 
 
 @jit
@@ -253,7 +259,8 @@ def use_flow(
     x = _correct_pair(x, P, columns, y, pair, _calibrates(x, P, p.excitation))
     squared = 0.5 * (y[0] * y[0] + y[1] * y[1])
     return x, gate, Noise(
-        noise.sonar, _found(noise.flow, squared, explained, p.noise * p.noise)), result
+        noise.sonar, _found(noise.flow, squared, explained, p.noise * p.noise),
+        noise.barometer), result
 
 
 @jit

@@ -103,6 +103,21 @@ def test_a_bias_of_the_gyro_is_found_in_ten_seconds_of_flight(axis):
     assert std[11] < 0.3 * params.motion.initial_gyro_bias_std  # without a line of sight
 
 
+def test_a_bias_is_less_known_the_longer_the_vehicle_has_waited():
+    short, long = (found(sense(fly(lambda t: np.zeros((len(t), 3)), seconds), TYPICAL, seed=1))[1]
+                   for seconds in (1.0, 21.0))
+    walk = PARAMS.motion.gyro_bias_walk
+    np.testing.assert_allclose(
+        long[9:12] ** 2 - short[9:12] ** 2, 20.0 * walk * walk, rtol=1e-3)
+
+
+def test_noise_of_the_barometer_is_found():
+    noise = Noise(**{**vars(TYPICAL), 'pressure': 15.0})
+    memory = estimate(sense(fly(hover(), 30.0, drag=K_DRAG), noise, seed=3), PARAMS).memory
+    # 1.25 m, and not the 0.4 m of the parameters; 200 innovations give a deviation to 5 %
+    assert np.sqrt(memory.noise.barometer) == pytest.approx(1.25, rel=0.15)
+
+
 @pytest.mark.parametrize('latency', [0.05, 0.1])
 def test_a_late_flow_is_used_at_its_own_time(latency):
     truth = fly(circle(), 40.0, drag=K_DRAG)

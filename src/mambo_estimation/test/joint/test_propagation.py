@@ -53,6 +53,13 @@ def walks(v):
     return out
 
 
+def test_at_rest_only_what_walks_becomes_less_known():
+    P = any_covariance()
+    before = P.copy()
+    propagation.wander(P, 10.0, VALUES)
+    np.testing.assert_allclose(P - before, np.diag(10.0 * walks(VALUES)), atol=1e-15)
+
+
 def test_noise_of_the_inertial_sensors_spreads_as_drawn():
     rng, n, dt = np.random.default_rng(3), 20000, 0.005
     x, gyro, accel = any_state(1), 0.02, 0.3   # densities

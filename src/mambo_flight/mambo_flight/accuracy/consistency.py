@@ -6,7 +6,8 @@ of the flow. Scale, latency and the offset of the sonar are drawn for every flig
 squared error at the end of a flight over the variance that the filter states, per component. For
 a consistent filter it lies between the limits in brackets with a probability of 95 %, so that one
 number in twenty is outside by chance (marked with *). NIS is the same for the innovations, mean
-over the flights.
+over the flights. Its limits are near 1.01, because the filter finds the variance of a sensor from
+the last 200 innovations.
 """
 
 from __future__ import annotations
@@ -67,21 +68,31 @@ def outside(report: Report) -> list[str]:
             if math.isfinite(line.nees) and not line.low <= line.nees <= line.high]
 
 
+def outside_nis(report: Report) -> list[str]:
+    """Return the names of the sensors whose mean NIS is not between its limits."""
+    return [name for name, (low, high) in report.nis_limits.items()
+            if math.isfinite(report.nis[name]) and not low <= report.nis[name] <= high]
+
+
 def table(reports: dict[tuple[str, float], Report]) -> str:
     """Return the NEES of all cases as text, with the number outside the limits."""
     first = next(iter(reports.values()))
     heads = [f'{line.name} ({line.low:.2f} to {line.high:.2f})' for line in first.lines]
     out, bad, total = [f'{first.flights} flights a line; NEES of'], 0, 0
     out += [f'  {chr(97 + i)}: {head}' for i, head in enumerate(heads)]
+    out.append('NIS of ' + ', '.join(
+        f'{name} ({low:.3f} to {high:.3f})' for name, (low, high) in first.nis_limits.items()))
     out.append(f'{"":<23}{"slope":>7}' + ''.join(
         f'{chr(97 + i):>7}' for i in range(len(heads))) + '   NIS sonar, flow, barometer')
     for (name, slope), report in reports.items():
-        wrong = outside(report)
-        bad, total = bad + len(wrong), total + sum(
-            math.isfinite(line.nees) for line in report.lines)
+        wrong, spoilt = outside(report), outside_nis(report)
+        bad += len(wrong) + len(spoilt)
+        total += sum(math.isfinite(line.nees) for line in report.lines)
+        total += sum(math.isfinite(report.nis[sensor]) for sensor in report.nis_limits)
         cells = ''.join(
             f'{line.nees:>6.2f}{"*" if line.name in wrong else " "}' for line in report.lines)
-        nis = ', '.join(f'{x:.2f}' for x in report.nis.values())
+        nis = ', '.join(
+            f'{x:.3f}{"*" if sensor in spoilt else ""}' for sensor, x in report.nis.items())
         out.append(f'{name:<23}{slope:>7g}{cells}   {nis}')
     out.append(f'{bad} of {total} outside their 95 % limits; chance alone: '
                f'about {0.05 * total:.0f}')
@@ -95,7 +106,8 @@ def _run(options: argparse.Namespace) -> None:
     if options.json:
         write_json(options.json, json.dumps([
             {'scenario': name, 'slope': slope, 'flights': report.flights, 'nis': report.nis,
-             'outside': outside(report), 'quantities': [
+             'nis_limits': report.nis_limits,
+             'outside': outside(report) + outside_nis(report), 'quantities': [
                  {key: value for key, value in line._asdict().items()
                   if key in ('name', 'nees', 'low', 'high')} for line in report.lines]}
             for (name, slope), report in reports.items()], indent=1))

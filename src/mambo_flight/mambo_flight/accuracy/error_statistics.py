@@ -2,7 +2,9 @@
 Statistics of the filter error over flights: deviation beside the bound, NEES and NIS.
 
 NEES is the squared error over the covariance that the filter states, NIS the same of the
-innovations; of a consistent filter both are 1 per component on average.
+innovations; of a consistent filter both are 1 per component on average. Where the variance of a
+sensor is itself found from the last innovations, an innovation over it is distributed as F, and
+the mean is n / (n - 2), with n the number of innovations that the found variance stands for.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import math
 from typing import NamedTuple
 
 from mambo_estimation.joint.state import ACCEL_BIAS, ATTITUDE, GYRO_BIAS, SCALE, SLOPE, VELOCITY
+from mambo_estimation.joint.update import WEIGHT
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
@@ -117,6 +120,7 @@ class Report(NamedTuple):
     flights: int
     lines: list[Line]
     nis: dict[str, float]
+    nis_limits: dict[str, tuple[float, float]]  # 95 % limits of the mean
 
 
 class Measured(NamedTuple):
@@ -124,15 +128,37 @@ class Measured(NamedTuple):
 
     rows: tuple[Row, ...]               # one for each of QUANTITIES, or of the first MOTION
     nis: tuple[float, float, float]     # mean normalised innovation of SENSORS, NaN: none
+    samples: tuple[int, int, int] = (0, 0, 0)   # how many of each
 
 
 def measured(j: FilterError) -> Measured:
     """Return errors and innovations of one flight."""
-    nis = []
+    nis, counts = [], []
     for i, (_, size) in enumerate(SENSORS):
         seen = j.made.ratios[j.start:, i] / size
-        nis.append(float(np.nanmean(seen)) if np.isfinite(seen).any() else math.nan)
-    return Measured(tuple(one.measure(j) for one in QUANTITIES), (nis[0], nis[1], nis[2]))
+        counts.append(int(np.isfinite(seen).sum()))
+        nis.append(float(np.nanmean(seen)) if counts[-1] else math.nan)
+    return Measured(tuple(one.measure(j) for one in QUANTITIES), (nis[0], nis[1], nis[2]),
+                    (counts[0], counts[1], counts[2]))
+
+
+def nis_limits(size: int, samples: int) -> tuple[float, float]:
+    """
+    Return the 95 % limits of the mean normalised innovation of a consistent filter.
+
+    Parameters
+    ----------
+    size
+        Numbers in a sample, whose squares are averaged.
+    samples
+        How many; none: the limits are infinitely wide.
+
+    """
+    found = size * (2.0 / WEIGHT - 1.0)  # innovations that an exponential mean stands for
+    if not samples:
+        return -math.inf, math.inf
+    mean, half = found / (found - 2.0), 1.96 * math.sqrt(2.0 / (size * samples))
+    return mean - half, mean + half
 
 
 def summary(flights: list[Measured]) -> Report:
@@ -151,7 +177,9 @@ def summary(flights: list[Measured]) -> Report:
             *(float(chi2.ppf(p, degrees)) / degrees for p in (0.025, 0.975))))
     nis = {name: float(np.mean([one.nis[i] for one in flights]))
            for i, (name, _) in enumerate(SENSORS)}
-    return Report(len(flights), lines, nis)
+    limits = {name: nis_limits(size, sum(one.samples[i] for one in flights))
+              for i, (name, size) in enumerate(SENSORS)}
+    return Report(len(flights), lines, nis, limits)
 
 
 def table(report: Report) -> str:

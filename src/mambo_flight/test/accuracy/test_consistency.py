@@ -4,7 +4,8 @@ import json
 import math
 
 from mambo_flight.accuracy import consistency
-from mambo_flight.accuracy.error_statistics import Line, Measured, Report, Row, summary
+from mambo_flight.accuracy.error_statistics import (
+    Line, Measured, nis_limits, Report, Row, summary)
 from mambo_model.errors import MamboError
 import numpy as np
 import pytest
@@ -23,8 +24,29 @@ def test_errors_are_as_large_as_they_are_stated(report):
     for line in report.lines:
         # nine at once: 99.9 % limits, about twice as far from 1 as those of 95 %
         assert 1.0 - 1.7 * (1.0 - line.low) < line.nees < 1.0 + 2.0 * (line.high - 1.0), line.name
-    assert report.nis['flow'] == pytest.approx(1.0, abs=0.1)
-    assert report.nis['sonar'] == pytest.approx(1.0, abs=0.1)
+    for name, (low, high) in report.nis_limits.items():
+        assert 1.7 * low - 0.7 * high < report.nis[name] < 1.7 * high - 0.7 * low, name
+
+
+def test_mean_of_innovations_over_a_found_variance_is_within_its_limits():
+    rng, w, count = np.random.default_rng(3), 0.01, 20000
+    squares, variance, seen = rng.standard_normal(count) ** 2, 1.0, []
+    for square in squares:
+        seen.append(square / variance)
+        variance += w * (square - variance)
+    low, high = nis_limits(1, count)
+    assert low < np.mean(seen) < high and low < 1.01 < high
+    assert high - low == pytest.approx(2 * 1.96 * np.sqrt(2.0 / count))
+    assert nis_limits(2, count)[1] < high  # twice as many numbers
+    assert nis_limits(1, 0) == (-math.inf, math.inf)
+
+
+def test_a_sensor_whose_noise_is_misjudged_is_marked():
+    rng = np.random.default_rng(1)
+    flights = [measured_row(1.0, rng)._replace(nis=(1.01, 1.14, math.nan)) for _ in range(100)]
+    report = summary(flights)
+    assert consistency.outside_nis(report) == ['flow']
+    assert '1.010, 1.140*, nan' in consistency.table({('hover', 0.0): report})
 
 
 @pytest.mark.slow
@@ -40,7 +62,7 @@ def made_up(factor, rng):
 def measured_row(factor, rng):
     rows = tuple(Row(math.nan, 1.0, factor ** 2 * rng.chisquare(n), n)
                  for n in (2, 1, 2, 1, 2, 3, 3, 1, 1))
-    return Measured(rows, (1.0, 1.0, math.nan))
+    return Measured(rows, (1.01, 1.005, math.nan), (1000, 1000, 0))
 
 
 def test_what_is_not_honest_is_marked(capsys):
@@ -50,7 +72,7 @@ def test_what_is_not_honest_is_marked(capsys):
     assert len(consistency.outside(bold)) == len(consistency.outside(shy)) == 9
     text = consistency.table({('hover', 0.0): honest, ('circle', -0.07): bold})
     assert text.count('*') == 9 + len(consistency.outside(honest))
-    assert 'of 18 outside' in text and '100 flights' in text
+    assert 'of 22 outside' in text and '100 flights' in text
 
 
 def test_command_prints_json(capsys):
@@ -134,7 +156,7 @@ def test_wrong_input_in_the_last_place_is_refused_before_a_worker_starts(pools, 
     (0.5, True), (0.7, False), (1.0, False), (1.3, False), (1.5, True), (math.nan, False)])
 def test_a_quantity_is_marked_outside_of_its_limits_on_either_side(nees, marked):
     line = Line('height', 'm', math.nan, 1.0, math.nan, nees, 0.7, 1.3)
-    one = Report(9, [line], {'sonar': 1.0, 'flow': 1.0, 'barometer': math.nan})
+    one = Report(9, [line], {'sonar': 1.0, 'flow': 1.0, 'barometer': math.nan}, {})
     assert (consistency.outside(one) == ['height']) is marked
     text = consistency.table({('hover', 0.0): one})
     assert ('*' in text) is marked

@@ -147,7 +147,7 @@ def test_the_table_has_a_line_for_each_quantity_and_the_sensors_that_were_used()
     assert lines[1].split() == [
         'drift', 'at', 'the', 'end', '[m]', '2.5', '3.536', '1.41', '1.00', '0.12', 'to', '2.79']
     assert lines[-1] == '2 flights; mean NIS: sonar 1.00, flow 2.00, barometer 0.50'
-    silent = Report(2, report.lines, {'sonar': 1.0, 'barometer': math.nan})
+    silent = Report(2, report.lines, {'sonar': 1.0, 'barometer': math.nan}, {})
     assert table(silent).endswith('mean NIS: sonar 1.00')
 
 

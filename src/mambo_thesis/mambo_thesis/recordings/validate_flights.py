@@ -21,7 +21,8 @@ Inertial samples
 The limits of the sensors come from their data sheets: VL53L1x from 0.04 m, PMW3901 from 0.08 m.
 No flight stays at 0.08 m, so 0.1 m is used. No parameter is tuned to an error reported here.
 
-The joint filter takes its parameters from ``crazyflie.yaml`` beside this module, for every flight.
+The joint filter takes its parameters from ``crazyflie.yaml`` and ``rolling_spider.yaml`` beside
+this module, for every flight of the vehicle.
 """
 
 from __future__ import annotations
@@ -61,6 +62,7 @@ MIN_RANGE = 0.04         # m
 JOINT_COUNTS = 409.0     # flow counts per radian for the joint filter: 30 pixels over 4.2 deg
 SQUARE_DURATION = 15.0   # s from take-off: the square is flown, the landing has not begun
 MEDIAN_WINDOW = 0.25     # s: the sonar height is the median of the ranges within this time
+NEAR = 0.3               # m: a height this near to that median agrees with it
 FLOW_LAGS = np.arange(-0.02, 0.1001, 0.02)  # s, lags of the flow behind the motion capture to try
 
 
@@ -251,9 +253,9 @@ def variants(found: Identified) -> dict[str, EstimatorParams]:
             constant=full.optical_flow.constant * found.height, height_scaling=False)}
 
 
-def joint_params() -> JointParams:
-    """Return the parameters of the joint filter, the same for every Crazyflie."""
-    return load(Path(__file__).with_name('crazyflie.yaml')).estimator_node.joint
+def joint_params(vehicle: str) -> JointParams:
+    """Return the parameters of the joint filter, the same for every flight of a vehicle."""
+    return load(Path(__file__).with_name(f'{vehicle}.yaml')).estimator_node.joint
 
 
 def import_crazyflies(
@@ -283,6 +285,7 @@ class Height(NamedTuple):
     """Estimated height of a minidrone flight, compared with its sonar."""
 
     rms_error: float  # m, against the median of the sonar heights near in time
+    near: float       # %, of the ranges whose median is within ``NEAR`` of it
     lowest: float     # m
     highest: float    # m
 
@@ -294,7 +297,7 @@ def height_errors(log: Path, folder: Path) -> tuple[Height, Height]:
     bag = read_bag(target)
     kalman = _calibrated_kalman(bag)
     cascaded, joint = (_height(offline_replay.steps(bag), params) for params in (
-        kalman, replace(JointParams(), alignment=kalman.alignment)))
+        kalman, replace(joint_params('rolling_spider'), alignment=kalman.alignment)))
     return cascaded, joint
 
 
@@ -308,7 +311,9 @@ def _height(found: offline_replay.Steps, params: filters.Params) -> Height:
     t, measured = found.t[at] * 1e-9, found.sonar[at] * upright[at]
     smoothed = [np.median(measured[np.abs(t - now) <= MEDIAN_WINDOW]) for now in t]
     height = made.estimator[:, 1]
-    return Height(_rms(height[at] - smoothed), float(height.min()), float(height.max()))
+    off = height[at] - smoothed
+    return Height(_rms(off), 100.0 * float(np.mean(np.abs(off) <= NEAR)), float(height.min()),
+                  float(height.max()))
 
 
 def against_onboard(log: Path, folder: Path, flow_scale: float) -> list[float]:

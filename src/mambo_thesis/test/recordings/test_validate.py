@@ -218,7 +218,8 @@ class Steps:
     def replayed(self, bag, params):
         return params
 
-    def joint_params(self):
+    def joint_params(self, vehicle):
+        assert vehicle == 'crazyflie'
         return 'joint'
 
     def errors(self, estimate, truth, longest=0.0):
@@ -226,7 +227,7 @@ class Steps:
         return (known.get(estimate, 4.0), longest, 0.0, 0.0, 0.0, 0.0)
 
     def height_errors(self, log, folder):
-        return (0.1, 0.0, 1.0), (0.2, 0.0, 1.5)
+        return (0.1, 90.0, 0.0, 1.0), (0.2, 80.0, 0.0, 1.5)
 
     def recording_name(self, path):
         return path.stem
@@ -289,7 +290,7 @@ def test_rolling_spider_flights_are_compared_for_both_scales_of_the_flow(steps, 
     minus, heights = validate.rolling_spider(tmp_path, tmp_path)
     first, second = validate.FLOW_SCALES
     assert minus.rows == [('a', 30.0, first, 0.1, 10.0 * first, 1.0, 2.0, second, 10.0 * second)]
-    assert heights.rows == [('a', 0.1, 0.0, 1.0, 0.2, 0.0, 1.5)]
+    assert heights.rows == [('a', 0.1, 90.0, 0.0, 1.0, 0.2, 80.0, 0.0, 1.5)]
     assert minus.cells()[0][2] == f'xy rms, {first:g} [m]'
 
 

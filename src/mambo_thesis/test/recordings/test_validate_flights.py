@@ -7,6 +7,7 @@ from mambo_estimation.kalman import EstimatorParams
 from mambo_thesis.recordings import validate_flights as flights
 from mambo_thesis.recordings.validate_flights import (
     airborne, errors, joint_params, mocap_truth, Odometry)
+from mambo_sim.sensors.barometer import BarometerParams
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -39,9 +40,16 @@ def test_errors_may_end_before_the_landing(tmp_path):
 
 
 def test_every_crazyflie_has_the_same_parameters():
-    params = joint_params()
+    params = joint_params('crazyflie')
     assert params.optical_flow.scale == 1.0 and params.sonar.min_range == 0.04
     assert not params.drag.enabled
+
+
+def test_every_rolling_spider_has_the_noise_that_its_own_flights_show():
+    params = joint_params('rolling_spider')
+    assert params.motion.accel_noise == EstimatorParams().altitude.accel_noise
+    # 12.0 Pa a metre
+    assert params.barometer.offset_walk == pytest.approx(BarometerParams().walk / 12.0, rel=0.01)
 
 
 STEP = 10_000_000  # ns
