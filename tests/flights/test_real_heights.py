@@ -45,5 +45,5 @@ def test_the_height_stays_with_the_sonar(log, tmp_path):
 def test_the_joint_filter_is_within_0_3_m_of_the_sonar(log, tmp_path):
     _, joint = height_errors(log, tmp_path)
     assert -0.11 < joint.lowest and joint.highest < 3.0
-    if not log.stem.startswith('1a_y_rest'):  # which lies on its side, so that the sonar sees no floor
+    if not log.stem.startswith('1a_y_rest'):  # on its side: the sonar sees no floor
         assert joint.rms_error < 0.3
