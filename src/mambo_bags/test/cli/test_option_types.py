@@ -2,7 +2,7 @@
 
 import argparse
 
-from mambo_bags.cli.option_types import declared, real, whole
+from mambo_bags.cli.option_types import declared, real, SLOPE, TIME, whole, WORKERS
 import pytest
 
 
@@ -37,3 +37,16 @@ def test_a_number_of_many_digits_is_refused():
     for kind, text in ((whole(1, 16), '9' * 9000), (real(0.0, 1.0), '9' * 9000)):
         with pytest.raises(argparse.ArgumentTypeError):
             kind(text)
+
+
+@pytest.mark.parametrize('text', ['-1e12', '0', '1e12', '1700000000.25'])
+def test_times_of_recordings_are_taken(text):
+    assert TIME(text) == float(text)
+
+
+@pytest.mark.parametrize('kind, text', [
+    (TIME, 'inf'), (TIME, '2e12'), (SLOPE, '101'), (SLOPE, 'nan'),
+    (WORKERS, '0'), (WORKERS, '1025'), (WORKERS, '-1')])
+def test_shared_types_have_limits(kind, text):
+    with pytest.raises(argparse.ArgumentTypeError):
+        kind(text)
