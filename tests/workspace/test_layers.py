@@ -25,12 +25,13 @@ BELOW = {
     'mambo_control': {'mambo_model'},
     'mambo_bags': WIRE | {'mambo_model'},
 }
+BELOW['mambo_view'] = WIRE | {'mambo_model', 'mambo_bags'}
 BELOW['mambo_mocap'] = {'mambo_model', 'mambo_sim'}
 BELOW['mambo_flight'] = LAWS | BELOW['mambo_bags'] | {'mambo_bags'}
 BELOW['mambo_signals'] = BELOW['mambo_bags'] | {'mambo_bags'}
 BELOW['mambo_analysis'] = BELOW['mambo_flight'] | {'mambo_flight', 'mambo_signals'}
 BELOW['mambo_thesis'] = BELOW['mambo_analysis'] | {'mambo_analysis'}
-BELOW['mambo_bringup'] = BELOW['mambo_thesis'] | {'mambo_thesis'}
+BELOW['mambo_bringup'] = BELOW['mambo_thesis'] | {'mambo_thesis', 'mambo_view'}
 BELOW['mambo'] = BELOW['mambo_analysis'] | {'mambo_analysis'}
 HOLD_MESSAGES = {
     'mambo', 'mambo_bags', 'mambo_flight', 'mambo_analysis', 'mambo_signals', 'mambo_thesis'}

@@ -60,6 +60,9 @@ GROUPS: dict[str, dict[str, Command]] = {
         'race': Command('mambo_flight.race.race', 'fly every controller over the same courses '
                         'in the same wind'),
     },
+    'Watch': {
+        'view': Command('mambo_view.view', 'a running flight or a bag in the browser, in 3-D'),
+    },
     'Bags': {
         'compare': Command('mambo_analysis.compare.compare', 'errors of a flight, or of flight A '
                            'against flight B; report'),

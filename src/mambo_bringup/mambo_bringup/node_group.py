@@ -46,6 +46,7 @@ class NodeGroup:
     def __init__(self, recorder: str, owners: int = 1) -> None:
         self._recorder, self._owners = recorder, owners
         self.children: list[NodeProcess] = []
+        self._spectators: list[NodeProcess] = []
         self.fault = ''
 
     def __enter__(self) -> NodeGroup:
@@ -73,6 +74,12 @@ class NodeGroup:
         self._watchdog.keep(f'+{child.pid}')
         return child
 
+    def start_spectator(self, package: str, name: str, arguments: list[str]) -> None:
+        """Start a node without which the flight goes on, whatever happens to it."""
+        child = NodeProcess(package, name, arguments)
+        self._spectators.append(child)
+        self._watchdog.keep(f'+{child.pid}')
+
     def watch(self, begun: Callable[[], bool] = lambda: True, limit: float = math.inf,
               hung: Callable[[], str] = str) -> None:
         """Wait until the flight is over, a node fails or the user stops it; see ``watch``."""
@@ -83,10 +90,10 @@ class NodeGroup:
         last = self.children[-self._owners:] if len(self.children) >= self._owners else []
         recorders = [child for child in self.children if child.name == self._recorder]
         others = [child for child in self.children if child not in (*last, *recorders)]
-        for child in self.children:
+        for child in (*self.children, *self._spectators):
             child.resume()
         # nodes that own time get their answers until they have ended
-        for group in (last, others, recorders):
+        for group in (last, others, recorders, self._spectators):
             end(group, interrupts=self.interrupts)
         for child in self.children:
             self.fault = self.fault or child.trouble(owner=child in last)

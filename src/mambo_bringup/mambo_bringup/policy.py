@@ -20,9 +20,10 @@ from mambo_ros import topics
 
 from .flight.natnet import CLIENT, SERVER
 from .flight.nodes import (
-    DRONES, FLIGHT_NODES, NAMESPACE, namespaces, OWN, RECORDER, SIMULATOR)
+    DRONES, FLIGHT_NODES, NAMESPACE, namespaces, OWN, RECORDER, SIMULATOR, VIEW)
 
-NODES = (SIMULATOR, *FLIGHT_NODES, RECORDER, SERVER, CLIENT, ('mambo_bags', 'replay_node'))
+NODES = (SIMULATOR, *FLIGHT_NODES, RECORDER, VIEW, SERVER, CLIENT,
+         ('mambo_bags', 'replay_node'))
 SERVICES = ('describe_parameters', 'get_parameter_types', 'get_parameters',
             'get_type_description', 'list_parameters', 'set_parameters',
             'set_parameters_atomically')

@@ -19,6 +19,8 @@ from mambo_estimation.filters import REGISTRY as ESTIMATORS
 from mambo_flight import flight_options, scenario as scenarios, scenario_file
 from mambo_model import schema
 from mambo_model.motion.trajectory import COURSE
+from mambo_view import page as view
+from mambo_view.page import PORT
 
 from .flight import natnet
 from .flight.nodes import (
@@ -78,6 +80,9 @@ def parser() -> Parser:
     add('--drones', type=DRONES, default=1, metavar='N',
         help='number of drones, in namespaces /mambo1 to /mamboN, with consecutive seeds from '
                      '--seed, each with its own clock and bag (default: 1)')
+    add('--view', type=int, nargs='?', const=PORT, default=0, metavar='PORT',
+        help='show the flight in the browser while it flies, best with --mode realtime '
+             f'(default port: {PORT})')
     out.add_output('BAG', 'bag to create (default: a new one under bags/)')
     add('--no-report', action='store_true', help='record only: no table, no page of plots')
     return out
@@ -156,6 +161,9 @@ def _fly_and_report(
     name: str, flight: scenarios.Scenario, options: argparse.Namespace,
 ) -> None:
     bag = options.output or _free(Path('bags'), name)
+    if options.view:
+        view.check(options.view)
+        print(f'view: {view.address(options.view)}', flush=True)
     load('.'.join(node) for node in (
         COMPOSED, *FLIGHT_NODES, RECORDER, SIMULATOR,
         *((natnet.SERVER, natnet.CLIENT) if options.natnet else ())))
@@ -166,7 +174,7 @@ def _fly_and_report(
     try:
         outcomes = fly_several(
             flights, {space: path.absolute() for space, path in bags.items()}, options.composed,
-            tuple(dict.fromkeys(options.without)), options.natnet)
+            tuple(dict.fromkeys(options.without)), options.natnet, options.view)
     except FlightEndedError as error:
         problem, outcomes = error, error.outcomes
     stopped = outcomes[0].stopped

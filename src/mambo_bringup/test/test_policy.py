@@ -2,6 +2,7 @@
 
 from xml.etree import ElementTree
 
+from free_port import free_port
 from mambo_bringup import policy
 from mambo_bringup.flight import nodes
 from mambo_ros import topics
@@ -13,13 +14,14 @@ OPTIONS = {  # of a node with which it opens each of its topics
     'estimator_node': [AIDED, ['-p', 'estimator:=ground_truth']],
     'controller_node': [[], ['-p', 'estimate:=map']],
     'optitrack_node': [['-p', 'watermark:=true']],
+    'view_node': [['-p', 'port:=PORT']],
     'recorder_node': [['-p', 'bag:=BAG', '-p', 'topics:=' + ','.join(
         one.name for one in (*topics.RECORDED, *topics.AIDED))]]}
 
 
 def opened(package, name, words, bag):
     """Return what a node publishes, subscribes and answers, by the middleware."""
-    words = [word.replace('BAG', str(bag)) for word in words]
+    words = [word.replace('BAG', str(bag)).replace('PORT', str(free_port())) for word in words]
     rclpy.init(args=['--ros-args', *words])
     try:
         node = policy.node_class(package, name)()
@@ -30,6 +32,8 @@ def opened(package, name, words, bag):
             node.get_service_names_and_types_by_node))
         out = published, subscribed.union(one.name for one in node.inputs), answered
         assert not node.get_client_names_and_types_by_node(*me)
+        if name == 'view_node':
+            node.page.close()
         node.destroy_node()
         return out
     finally:

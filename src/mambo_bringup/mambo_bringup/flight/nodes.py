@@ -23,6 +23,7 @@ REPLACEABLE = {
 """Values of ``--without``: the node, and the topic that the user's node publishes instead."""
 RECORDER = ('mambo_bags', 'recorder_node')
 SIMULATOR = ('mambo_sim', 'sim_node')
+VIEW = ('mambo_view', 'view_node')
 COMPOSED = ('mambo_bringup', 'composed_node')
 NAMESPACE = '/mambo'
 OWN = ('clock', 'tf', 'diagnostics')

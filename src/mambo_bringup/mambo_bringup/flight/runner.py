@@ -14,12 +14,12 @@ import signal
 from mambo_flight import scenario as scenarios
 
 from ..node_group import NodeGroup
-from ..processes import FlightInputError, NodeProcess
+from ..processes import FlightInputError, NodeProcess, parameter
 from ..stuck import closed_again, Silence, stuck
 from .natnet import write as write_natnet
 from .nodes import (
     COMPOSED, label, NAMESPACE, RECORDER, recorder_topics, REPLACEABLE, run_parameters,
-    start_arguments)
+    start_arguments, VIEW)
 from .outcome import FlightEndedError, listener, Outcome, Progress, refused, used
 
 _LOADING = 60.0  # s that nodes may take to load, at least
@@ -56,7 +56,7 @@ def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False,
 
 def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Path],
                 composed: bool = False, without: Collection[str] = (),
-                natnet: int = 0) -> list[Outcome]:
+                natnet: int = 0, view: int = 0) -> list[Outcome]:
     """
     Fly several drones at once, each with its own clock and its own bag.
 
@@ -68,6 +68,8 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
         One process per drone instead of one per node.
     without, natnet
         See :func:`fly`.
+    view
+        Port of a page in the browser that shows the flight; 0: none.
 
     Raises
     ------
@@ -82,6 +84,9 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
     started: dict[str, list[NodeProcess]] = {}
     silences: dict[str, Silence] = {}
     with ExitStack() as bars, NodeGroup(RECORDER[1], len(flights)) as group:
+        if view:
+            group.start_spectator(*VIEW, ['--ros-args', *parameter('drones', ','.join(flights)),
+                                          *parameter('port', view)])
         last = []
         for number, (namespace, flight) in enumerate(flights.items()):
             file = group.folder / f'scenario{number or ""}.yaml'

@@ -1,0 +1,25 @@
+from setuptools import find_packages, setup
+
+package_name = 'mambo_view'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    packages=find_packages(exclude=['test']),
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+    ],
+    install_requires=['setuptools'],
+    extras_require={'test': ['pytest']},
+    zip_safe=False,
+    maintainer='The Mambo developers',
+    maintainer_email='mambo@example.com',
+    description='Live view of a flight, and of a bag, in the browser.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'view_node = mambo_view.view_node:main',
+        ],
+    },
+)

@@ -1,0 +1,98 @@
+"""The page is served on this machine alone and shows what it is given; texts stay texts."""
+
+import socket
+import sys
+import urllib.request
+
+from free_port import free_port
+from mambo_model.errors import InputError
+from mambo_view import page
+from mambo_view.drone_state import DroneState, ESTIMATE, Pose, ROLES, SIGNALS, TRUTH
+import pytest
+
+HERE = Pose((0.5, -1.0, 1.5), (0.6, 0.0, 0.8, 0.0))
+
+
+@pytest.fixture
+def shown(capfd):
+    one = page.Page(['/mambo1', '/mambo2'], free_port(), 100)
+    assert capfd.readouterr().out == ''
+    yield one
+    one.close()
+
+
+def test_it_is_served_on_the_loopback_interface_alone(shown):
+    with urllib.request.urlopen(shown.address, timeout=20) as answer:
+        assert b'<html' in answer.read().lower()
+    port = shown.server.get_port()
+    assert shown.address == page.address(port)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(('192.0.2.1', 9))  # sends nothing: which address would be used
+            outer = probe.getsockname()[0]
+        except OSError:
+            outer = '127.0.0.2'
+    with pytest.raises(OSError), socket.create_connection((outer, port), 5):
+        pass
+
+
+def test_drones_are_where_their_poses_are_and_hidden_without(shown):
+    shown.show([DroneState(1.0, {TRUTH: HERE}), DroneState()])
+    frames = [drone._frames for drone in shown._drones]
+    assert frames[0][TRUTH].visible and not frames[0][ESTIMATE].visible
+    assert tuple(frames[0][TRUTH].position) == HERE.position
+    assert tuple(frames[0][TRUTH].wxyz) == HERE.attitude
+    assert not any(frame.visible for frame in frames[1].values())
+    shown._roles[TRUTH].value = False
+    shown.show([DroneState(1.0, {TRUTH: HERE}), DroneState()])
+    assert not frames[0][TRUTH].visible
+
+
+def test_paths_and_curves_are_drawn_from_the_histories(shown):
+    for t in range(3):
+        shown.histories[0].add(DroneState(float(t), {TRUTH: Pose((t, 0.0, 1.0), HERE.attitude)}))
+    shown.draw()
+    assert shown._drones[0]._paths[TRUTH].visible
+    assert shown._drones[0]._paths[TRUTH].points.shape == (2, 2, 3)
+    assert not shown._drones[1]._paths[TRUTH].visible
+    before = shown._plot
+    assert before.data[0].tolist() == [0.0, 1.0, 2.0]
+    y = before.scales['y']  # the other roles are unknown, which is no limit
+    assert (y['min'], y['max']) == (0.5, 1.5)
+    shown._signal.value = 'x, m'
+    shown.draw()
+    assert shown._plot is not before and shown._plot.data[1].tolist() == [0.0, 1.0, 2.0]
+    assert len(shown._plot.series) == len(SIGNALS['x, m']) + 1 == len(ROLES) + 1
+    shown._chooser.value = '/mambo2'
+    shown.draw()
+    assert shown._plot.data[0].tolist() == [0.0, 1.0, 2.0]  # nothing yet to draw of it
+
+
+def test_nothing_new_is_not_drawn_again(shown, monkeypatch):
+    shown.draw()
+    monkeypatch.setattr(shown._drones[0], 'draw', None)
+    shown.draw()
+    shown._roles[TRUTH].value = False
+    with pytest.raises(TypeError):
+        shown.draw()
+
+
+def test_texts_of_strangers_are_no_markup(shown):
+    evil = '<img src=x onerror=alert(1)>{alert(2)}' + 'x' * 500
+    state = DroneState(0.0, health={evil: (9, evil), 'sim_node': (0, 'flying')})
+    shown.report([state, state], '<b>t</b>')
+    assert '<img' not in shown._health.content and '&lt;img' in shown._health.content
+    assert 'ERROR' in shown._health.content and len(shown._health.content) < 2000
+    assert '&lt;b&gt;t' in shown._status.content
+
+
+def test_a_port_in_use_or_out_of_range_and_a_missing_package_are_one_line(shown, monkeypatch):
+    port = shown.server.get_port()
+    with pytest.raises(InputError, match=f'port {port}: .*give another'):
+        page.check(port)
+    for wrong in (0, 65536, -1):
+        with pytest.raises(InputError, match='must be from 1 to 65535'):
+            page.check(wrong)
+    monkeypatch.setitem(sys.modules, 'viser', None)
+    with pytest.raises(InputError, match='pip install -r requirements/view.txt'):
+        page.check(free_port())
