@@ -80,7 +80,7 @@ def parser() -> Parser:
     add('--drones', type=DRONES, default=1, metavar='N',
         help='number of drones, in namespaces /mambo1 to /mamboN, with consecutive seeds from '
                      '--seed, each with its own clock and bag (default: 1)')
-    add('--view', type=int, nargs='?', const=PORT, default=0, metavar='PORT',
+    add('--view', type=whole(1, 65535), nargs='?', const=PORT, default=0, metavar='PORT',
         help='show the flight in the browser while it flies, best with --mode realtime '
              f'(default port: {PORT})')
     out.add_output('BAG', 'bag to create (default: a new one under bags/)')

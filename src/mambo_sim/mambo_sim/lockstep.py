@@ -101,6 +101,7 @@ def run(sim: Any, loop: Any) -> int:
     took = time.monotonic() - began
     log.info(f'flew {sim.t * 1e-9:.3f} s in {took:.3f} s of wall time, '
              f'{sim.missed} steps without their motor command')
-    delay = ', '.join(f'{name} {value} ms' for name, value in sim.delays.values().items())
-    log.info(f'IMU sample to motor command: {delay} of {sim.delays.count} steps')
+    if sim.delays.count:
+        delay = ', '.join(f'{name} {value} ms' for name, value in sim.delays.values().items())
+        log.info(f'IMU sample to motor command: {delay} of {sim.delays.count} steps')
     return 0 if loop.stopping or end is None or sim.t >= end else 1

@@ -112,11 +112,13 @@ def test_waiting_in_lockstep_is_said_every_five_seconds(clock, caplog):
     assert logged.count('waiting for motor_pwm of t = 0.000 s') == 2 and len(logged) == 4
 
 
-def test_somebody_who_stops_the_flight_ends_it_without_a_failure(clock):
+def test_somebody_who_stops_the_flight_ends_it_without_a_failure(clock, caplog):
     sim = Sim(mode='lockstep', duration=1.0)
     loop = Loop(sim, clock, lambda t: None)
     loop.once = lambda timeout: setattr(loop, 'stopping', True)
-    assert lockstep.run(sim, loop) == 0 and sim.t == 0 and not sim.gave_up
+    with caplog.at_level('INFO'):
+        assert lockstep.run(sim, loop) == 0 and sim.t == 0 and not sim.gave_up
+    assert 'flew 0.000 s' in caplog.text and 'nan' not in caplog.text  # no delay to state
 
 
 @pytest.mark.parametrize(('speed', 'took'), [(1.0, 0.2), (2.0, 0.1), (0.5, 0.4)])

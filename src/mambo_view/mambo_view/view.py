@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 import time
 
+from mambo_bags.cli.option_types import whole
 from mambo_bags.command import guard, Parser
 import numpy as np
 
@@ -105,7 +106,7 @@ def parser() -> Parser:
                      help='recording to play; several: one for each drone')
     out.add_argument('--drones', default='/mambo', metavar='NAMESPACES',
                      help='of a running flight, separated by commas (default: /mambo)')
-    out.add_argument('--port', type=int, default=PORT, metavar='N',
+    out.add_argument('--port', type=whole(1, 65535), default=PORT, metavar='N',
                      help=f'of the page (default: {PORT})')
     return out
 
