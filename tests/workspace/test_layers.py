@@ -34,7 +34,8 @@ BELOW['mambo_thesis'] = BELOW['mambo_analysis'] | {'mambo_analysis'}
 BELOW['mambo_bringup'] = BELOW['mambo_thesis'] | {'mambo_thesis', 'mambo_view'}
 BELOW['mambo'] = BELOW['mambo_analysis'] | {'mambo_analysis'}
 HOLD_MESSAGES = {
-    'mambo', 'mambo_bags', 'mambo_flight', 'mambo_analysis', 'mambo_signals', 'mambo_thesis'}
+    'mambo', 'mambo_bags', 'mambo_flight', 'mambo_analysis', 'mambo_signals', 'mambo_thesis',
+    'mambo_view'}
 MOST = 0.26  # of all lines, in one package
 LONGEST = 200  # lines of a file that imports rclpy
 
@@ -50,7 +51,7 @@ ROSDEP = {'argcomplete': 'python3-argcomplete', 'clarabel': None, 'distributed':
           'pandas': 'python3-pandas', 'plotly': None, 'pyarrow': None, 'pyulog': None,
           'rosbags': None,
           'scipy': 'python3-scipy',
-          'tqdm': 'python3-tqdm', 'yaml': 'python3-yaml', 'zstandard': None}
+          'tqdm': 'python3-tqdm', 'viser': None, 'yaml': 'python3-yaml', 'zstandard': None}
 
 
 def modules(package):

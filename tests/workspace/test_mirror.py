@@ -49,7 +49,6 @@ HELD = {
     'mambo_estimation/estimate.py': 'src/mambo_estimation/test/test_kalman.py',
     'mambo_estimation/filters.py': 'src/mambo_estimation/test/test_kalman.py',
     'mambo_estimation/joint/answer.py': JOINT,
-    'mambo_estimation/joint/start.py': JOINT,
     'mambo_estimation/joint/update.py': JOINT,
     'mambo_estimation/measurements/samples.py': 'src/mambo_estimation/test/test_kalman.py',
     'mambo_flight/gym/episode.py': DRONES,

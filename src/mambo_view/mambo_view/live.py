@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import math
 import struct
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from mambo_model.frames import flip_vector, wire_quaternion
 from mambo_ros import messages, topics
-from rclpy.serialization import deserialize_message
 
 from .drone_state import DroneState, ESTIMATE, MEASURED, Pose, REFERENCE, TRUTH
 
@@ -55,6 +53,11 @@ class Mailbox:
     Anybody may publish: messages that are too large, cannot be read or are not finite are counted
     and not shown.
 
+    Parameters
+    ----------
+    statuses : callable
+        Returns (node, level, message) for each status in the bytes of ``/diagnostics``.
+
     Attributes
     ----------
     state : DroneState
@@ -64,7 +67,8 @@ class Mailbox:
 
     """
 
-    def __init__(self) -> None:
+    def __init__(self, statuses: Callable[[bytes], Sequence[tuple[str, int, str]]]) -> None:
+        self._statuses = statuses
         self.state = DroneState()
         self.refused = 0
         self._new: dict[topics.Topic, bytes] = {}
@@ -119,6 +123,6 @@ class Mailbox:
 
     def _report(self, _: topics.Topic, data: bytes) -> None:
         """Take a report of health."""
-        for status in deserialize_message(data, DiagnosticArray).status[:_MOST]:
-            if status.name in self.state.health or len(self.state.health) < _MOST:
-                self.state.health[status.name] = (status.level[0], status.message)
+        for name, level, message in self._statuses(data)[:_MOST]:
+            if name in self.state.health or len(self.state.health) < _MOST:
+                self.state.health[name] = (level, message)

@@ -7,10 +7,12 @@ from functools import partial
 import math
 import time
 
+from diagnostic_msgs.msg import DiagnosticArray
 from mambo_model import schema
 from mambo_ros import node, process, topics
 from mambo_ros.endpoints import Input
 from mambo_ros.loop import Loop
+from rclpy.serialization import deserialize_message
 
 from .live import Mailbox, SHOWN
 from .page import Page, PORT
@@ -30,6 +32,12 @@ class ViewNodeParams:
 
     def __post_init__(self) -> None:
         schema.check(self)
+
+
+def statuses(data: bytes) -> list[tuple[str, int, str]]:
+    """Return (node, level, message) of each status in a message of ``/diagnostics``."""
+    return [(one.name, one.level[0], one.message)
+            for one in deserialize_message(data, DiagnosticArray).status]
 
 
 def _topic(topic: topics.Topic, namespace: str) -> topics.Topic:
@@ -57,7 +65,7 @@ class ViewNode(node.MamboNode[ViewNodeParams]):
                 f'ViewNodeParams.drones = {self.params.drones!r} must be namespaces such as '
                 '/mambo1,/mambo2')
         self.page = Page(names, self.params.port, _LENGTH)
-        self._boxes = [Mailbox() for _ in names]
+        self._boxes = [Mailbox(statuses) for _ in names]
         for name, box in zip(names, self._boxes, strict=True):
             for topic in SHOWN:
                 full = _topic(topic, name)

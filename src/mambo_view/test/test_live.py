@@ -6,6 +6,7 @@ from mambo_model.motion.rigid_body import State
 from mambo_ros import diagnostics, messages, topics
 from mambo_view.drone_state import ESTIMATE, MEASURED, TRUTH
 from mambo_view.live import Mailbox
+from mambo_view.view_node import statuses
 import pytest
 
 Q = (math.cos(0.1), 0.0, math.sin(0.1), 0.0)  # NED: pitch up by 0.2 rad
@@ -20,7 +21,7 @@ def put(box, *pairs):
 
 
 def test_poses_are_in_the_world_with_z_up():
-    box = Mailbox()
+    box = Mailbox(statuses)
     assert put(box, (topics.GROUND_TRUTH, messages.ground_truth(2_500_000_000, AT)),
                (topics.OPTITRACK, messages.optitrack(0, AT.rho, AT.q)),
                (topics.MOTOR_PWM, messages.motor_pwm(0, (1.0, 2.0, 3.0, 4.0), False, 0)))
@@ -33,7 +34,7 @@ def test_poses_are_in_the_world_with_z_up():
 
 
 def test_the_last_message_of_a_topic_counts_and_estimates_in_map_win():
-    box = Mailbox()
+    box = Mailbox(statuses)
     near, far = AT._replace(rho=(0.1, 0.0, 0.0)), AT._replace(rho=(9.0, 0.0, 0.0))
     put(box, (topics.ESTIMATE, messages.estimate(0, AT, NONE, NONE)),
         (topics.ESTIMATE, messages.estimate(5, near, NONE, NONE)))
@@ -49,13 +50,13 @@ def test_the_last_message_of_a_topic_counts_and_estimates_in_map_win():
     messages.ground_truth(0, AT._replace(q=(0.0,) * 4))],
     ids=['empty', 'short', 'noise', 'large', 'nan', 'no attitude'])
 def test_what_is_no_pose_is_counted_and_not_shown(data):
-    box = Mailbox()
+    box = Mailbox(statuses)
     put(box, (topics.GROUND_TRUTH, data))
     assert box.refused == 1 and not box.state.poses and math.isnan(box.state.t)
 
 
 def test_health_is_that_of_each_node_and_bounded():
-    box = Mailbox()
+    box = Mailbox(statuses)
     put(box, *((topics.DIAGNOSTICS, diagnostics.report(0, name, level, text, {}))
                for name, level, text in (('a', diagnostics.OK, 'flying'),
                                          ('b', diagnostics.ERROR, 'lost'),
