@@ -103,8 +103,9 @@ def files(count: int, seed: int, jobs: int, only: str = '', start: int = 0,
         names = only.split(',') if only else [*all_kinds, LINE]
         if unknown := set(names) - {*all_kinds, LINE}:
             sys.exit(f'chaos: --kind {min(unknown)} is not one of {", ".join([*all_kinds, LINE])}')
-        all_kinds = {name: all_kinds[name] for name in names if name != LINE}
-        warm(all_kinds, base)
+        chosen = {name: all_kinds[name] for name in names if name != LINE}
+        warm(all_kinds if LINE in names else chosen, base)  # a line may be of any command
+        all_kinds = chosen
 
         running: dict[Attempt, tuple[str, int, Path]] = {}
         index = 0
