@@ -76,7 +76,7 @@ def test_a_broken_rule_is_named(kinds, said, monkeypatch):
 
 def test_what_cannot_be_checked_is_one_line(capsys):
     for words, code, text in (
-            (['pilot'], 2, 'pilot'), (['controller', '--wait', '0'], 2, '--wait 0 must be'),
+            (['pilot'], 2, 'pilot'), (['controller', '--wait', '0'], 2, '--wait: 0 must be'),
             (['controller', '--', '/no/such/node'], 2, '/no/such/node: No such file'),
             (['controller', '--', sys.executable, '-c', 'raise SystemExit("bad luck")'], 1,
              'ended with exit code 1 before the check was over: bad luck')):
