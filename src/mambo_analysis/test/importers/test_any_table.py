@@ -126,7 +126,7 @@ def test_impossible_poses_are_left_out(tmp_path):
     source, mapping = files(tmp_path, data)
     counts, notes = import_table(source, tmp_path / 'bag', mapping)
     assert counts['/mambo/optitrack/pose'] == N - 3
-    assert '3 poses left out' in notes[0]
+    assert '3 impossible poses left out' in notes[0]
 
 
 def damage(tmp_path, change, capsys, **options):

@@ -77,7 +77,7 @@ def test_a_given_offset_is_taken_and_poses_outside_of_the_flight_are_counted(log
 def test_what_is_joined_can_be_asked_for_the_drift(log, take, tmp_path, capsys):
     join.join(log, take, tmp_path / 'joined')
     assert identify_drift.main([str(tmp_path / 'joined')]) == 0
-    assert 'mechanism, alone or with another one' in capsys.readouterr().out
+    assert 'probability of each mechanism, alone or in a pair' in capsys.readouterr().out
 
 
 def test_a_body_tracked_with_wrong_axes_is_told(log, take):
