@@ -77,9 +77,11 @@ def test_a_file_in_place_of_the_folder_is_refused_before_anything_is_flown(
     assert reproduce.main(['5.3', '-o', str(tmp_path / 'out')]) != 0
     assert capsys.readouterr().err == (
         f'reproduce: {tmp_path / "out"} is not a folder: give another --output\n')
-    assert reproduce.main(['5.3', '-o', str(tmp_path / 'out' / 'below')]) == 2
-    assert capsys.readouterr().err == (
-        f'reproduce: {tmp_path / "out" / "below"}: Not a directory\n')
+    with pytest.raises(SystemExit) as end:
+        reproduce.main(['5.3', '-o', str(tmp_path / 'out' / 'below')])
+    assert end.value.code == 2 and capsys.readouterr().err == (
+        f'reproduce: --output: {tmp_path / "out" / "below"}: cannot be written '
+        '(Not a directory)\n')
 
 
 def test_each_claim_is_examined_once_and_keeps_its_place(claims):

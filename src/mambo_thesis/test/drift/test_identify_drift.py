@@ -130,9 +130,9 @@ def test_data_for_json_is_plain():
 
 
 @pytest.mark.parametrize(('arguments', 'expected'), [
-    (['--window', '-1'], '-1 is not a number above 0'),
-    (['--min-height', '0'], '0 is not a number above 0'),
-    (['--flow-lag', '2'], '2 is neither auto nor between -1 and 1 s'),
+    (['--window', '-1'], '--window: -1 must be more than 0'),
+    (['--min-height', '0'], '--min-height: 0 must be more than 0'),
+    (['--flow-lag', '2'], '--flow-lag: 2 must be within -1 to 1 s'),
     (['--height', 'barometer'], "'barometer' is not one of optitrack, sonar")])
 def test_wrong_options_are_refused_before_a_bag_is_read(arguments, expected, capsys):
     with pytest.raises(SystemExit) as exit_:
