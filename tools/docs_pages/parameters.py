@@ -13,6 +13,7 @@ from mambo_flight.scenario import Scenario
 from mambo_flight.sweep import design
 from mambo_mocap.parameters import NatNetClientNodeParams, NatNetServerNodeParams
 from mambo_model import schema
+from mambo_view.view_node import ViewNodeParams
 
 from .source import table
 
@@ -55,7 +56,7 @@ def nodes() -> dict[str, type]:
     flown = {field.name: field.metadata['group'] for field in dataclasses.fields(Scenario)}
     return {**flown, 'recorder_node': RecorderNodeParams, 'replay_node': ReplayNodeParams,
             'natnet_server_node': NatNetServerNodeParams,
-            'natnet_client_node': NatNetClientNodeParams}
+            'natnet_client_node': NatNetClientNodeParams, 'view_node': ViewNodeParams}
 
 
 def _sections(params_type: type) -> Iterator[tuple[str, list[tuple[str, ...]]]]:

@@ -4,10 +4,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from mambo_estimation.kalman import EstimatorParams
+from mambo_sim.sensors.barometer import BarometerParams
 from mambo_thesis.recordings import validate_flights as flights
 from mambo_thesis.recordings.validate_flights import (
     airborne, errors, joint_params, mocap_truth, Odometry)
-from mambo_sim.sensors.barometer import BarometerParams
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
