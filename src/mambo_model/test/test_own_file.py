@@ -55,7 +55,8 @@ def test_named_tuples_of_two_versions_have_names_of_their_own(write):
 @pytest.mark.parametrize(('text', 'wanted'), [
     ('x = (\n', r"mine.py:1: '\(' was never closed"),
     ('def f():\n    return 1\n\n\nf() / 0\n', 'mine.py:5: ZeroDivisionError: division by zero'),
-    ('x = 1\0\n', 'mine.py: source code string cannot contain null bytes'),
+    # its kind depends on the version of Python
+    ('x = 1\0\n', 'mine.py: (ValueError: )?source code string cannot contain null bytes'),
     ('raise SystemExit(5)\n', 'mine.py:1: SystemExit: 5'),
     ('def f():\n    f()\n\n\nf()\n', 'mine.py:2: RecursionError'),
     ('class E(Exception):\n    def __str__(self):\n        return None\n\n\nraise E\n',
