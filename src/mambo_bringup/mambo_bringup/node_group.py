@@ -38,6 +38,8 @@ class NodeGroup:
         ROS domain of the nodes.
     interrupts : Interrupts
         Signals received from the user.
+    spectators_lost : list[str]
+        Last line of each spectator that ended before the flight.
     fault : str
         What went wrong, beginning with the name of the node; empty if nothing did.
 
@@ -47,6 +49,7 @@ class NodeGroup:
         self._recorder, self._owners = recorder, owners
         self.children: list[NodeProcess] = []
         self._spectators: list[NodeProcess] = []
+        self.spectators_lost: list[str] = []
         self.fault = ''
 
     def __enter__(self) -> NodeGroup:
@@ -90,6 +93,9 @@ class NodeGroup:
         last = self.children[-self._owners:] if len(self.children) >= self._owners else []
         recorders = [child for child in self.children if child.name == self._recorder]
         others = [child for child in self.children if child not in (*last, *recorders)]
+        self.spectators_lost = [
+            child.lines[-1] if child.lines else f'exit code {child.exit_code}'
+            for child in self._spectators if child.exit_code is not None]
         for child in (*self.children, *self._spectators):
             child.resume()
         # nodes that own time get their answers until they have ended

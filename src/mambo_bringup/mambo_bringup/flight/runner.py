@@ -86,7 +86,7 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
     with ExitStack() as bars, NodeGroup(RECORDER[1], len(flights)) as group:
         if view:
             group.start_spectator(*VIEW, ['--ros-args', *parameter('drones', ','.join(flights)),
-                                          *parameter('port', view)])
+                                          '-p', f'port:={view}'])
         last = []
         for number, (namespace, flight) in enumerate(flights.items()):
             file = group.folder / f'scenario{number or ""}.yaml'
@@ -117,6 +117,8 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
             lambda: next(filter(None, (
                 silences[space].kill(bar.begun and not bar.ended, bar.lines)
                 for space, bar in progress.items())), ''))
+    for line in group.spectators_lost:
+        print(f'the view ended before the flight: {line}')
     outcomes = [
         _outcome(bags[namespace], progress[namespace], started[namespace],
                  flights[namespace], group)
