@@ -61,4 +61,6 @@ def worker_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
         raise JobError('a worker process was killed (out of memory?): start again, with fewer '
                        '--workers') from None
     finally:
+        if pool._broken:  # early Python 3.11 waits for ever to write to a killed worker
+            pool._call_queue._reader.close()
         pool.shutdown(wait=True, cancel_futures=True)
