@@ -64,4 +64,6 @@ def test_latency_and_counts_are_in_the_diagnostics(bag):
     assert 0.005 < 1e-3 * float(client['latency [ms]']) < 0.2
     assert client['NatNet'] == '4.1' and client['clocks matched by echoes'] == 'True'
     assert 'malformed' not in client and 'late frames' not in client
-    assert int(client['frames']) > 100 and int(server['frames sent']) >= int(client['frames'])
+    # the last reports of two nodes are up to a second apart, 120 frames
+    assert int(client['frames']) > 100
+    assert abs(int(server['frames sent']) - int(client['frames'])) <= 120
