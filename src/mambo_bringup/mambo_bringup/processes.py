@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 import contextlib
-import ctypes
 import gc
 from importlib import import_module
 import json
@@ -21,13 +20,13 @@ import threading
 import time
 
 from ament_index_python.packages import get_package_prefix, PackageNotFoundError
+from mambo_bags.cli.parent_end import end_with, LIBC
 from mambo_model import compiled
 from mambo_model.errors import JobError
 
 from .watchdog import INTERRUPT_TIMEOUT, is_stopped, TERMINATE_TIMEOUT
 
-_PR_SET_PDEATHSIG, _PR_SET_NAME = 1, 15
-_LIBC = ctypes.CDLL(None, use_errno=True)
+_PR_SET_NAME = 15
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _LOOK = 0.01  # s
 _ONE = 0.3  # s within which a closing terminal sends its signals
@@ -74,13 +73,6 @@ def executable(package: str, name: str) -> Path:
 def parameter(name: str, text: str | Path) -> list[str]:
     """Return the arguments that set a text parameter verbatim, protected from YAML parsing."""
     return ['-p', f'{name}:={json.dumps(str(text), ensure_ascii=False)}']
-
-
-def _interrupt_with_parent(parent: int) -> None:
-    """Have the kernel interrupt this process when its parent dies."""
-    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
-    if os.getppid() != parent:  # the parent died before this call
-        os.kill(os.getpid(), signal.SIGINT)
 
 
 _FORK = multiprocessing.get_context('fork')
@@ -145,9 +137,9 @@ def _run_node(module: str, arguments: list[str], output: int, parent: int) -> No
             signal.signal(number, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
     os.setsid()
-    _interrupt_with_parent(parent)
+    end_with(parent, signal.SIGINT)
     name = module.rpartition('.')[2]
-    _LIBC.prctl(_PR_SET_NAME, name.encode())
+    LIBC.prctl(_PR_SET_NAME, name.encode())
     for number, stream in enumerate((os.open(os.devnull, os.O_RDONLY), output, output)):
         os.dup2(stream, number)
     os.closerange(3, os.sysconf('SC_OPEN_MAX'))
@@ -203,7 +195,7 @@ class NodeProcess:
                 self._process = subprocess.Popen(
                     start, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                     stderr=subprocess.STDOUT, text=True, errors='replace',
-                    start_new_session=True, preexec_fn=lambda: _interrupt_with_parent(parent),
+                    start_new_session=True, preexec_fn=lambda: end_with(parent, signal.SIGINT),
                     env={**os.environ, **_ENVIRONMENT})
             except OSError as error:
                 raise FlightInputError(f'{start[0]}: {error.strerror}') from None

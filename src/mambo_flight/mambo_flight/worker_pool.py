@@ -6,14 +6,12 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 import contextlib
-import ctypes
 import multiprocessing
 import os
 import signal
 
+from mambo_bags.cli.parent_end import end_with
 from mambo_model.errors import JobError
-
-_PR_SET_PDEATHSIG = 1  # of Linux: the signal that a process gets when its parent ends
 
 
 def _nothing() -> None:
@@ -23,10 +21,7 @@ def _nothing() -> None:
 def _begin(parent: int) -> None:
     """Let this worker ignore Ctrl-C, which its parent handles, and end with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with contextlib.suppress(OSError, AttributeError):  # not Linux
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # it has ended already
-        os._exit(1)
+    end_with(parent)
 
 
 @contextlib.contextmanager

@@ -12,7 +12,6 @@ of whatever the original had begun is done.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import mmap
 import os
 from pathlib import Path
@@ -25,9 +24,10 @@ import warnings
 
 from mambo_model.errors import JobError
 
+from .parent_end import end_with
+
 _PASSED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _DELAY = 0.05  # s: the terminal sends Ctrl-C to the copy, too, which counts it within this time
-_PR_SET_PDEATHSIG = 1  # of Linux: the signal that a process gets when its parent ends
 
 _copy = 0  # number of the process that continues with the command; 0: nothing was split
 _notes = mmap.mmap(-1, signal.NSIG)  # shared: signals that the copy has handled, by number
@@ -72,10 +72,7 @@ def _split(path: Path) -> None:
         child = os.fork()
     if not child:
         _copy = os.getpid()
-        with contextlib.suppress(OSError, AttributeError):  # not Linux
-            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != original:  # it has ended already
-            os._exit(1)
+        end_with(original)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         return
     _exit_as(_status_of(child, before), path)
