@@ -16,11 +16,12 @@ from typing import Any
 from xml.etree import ElementTree
 
 from mambo_bags.command import guard, Parser, refuse_existing
+from mambo_model.whole_file import write_text
 from mambo_ros import topics
 
 from .flight.natnet import CLIENT, SERVER
 from .flight.nodes import (
-    DRONES, FLIGHT_NODES, NAMESPACE, namespaces, OWN, RECORDER, SIMULATOR, VIEW)
+    DRONES, FLIGHT_NODES, namespaces, RECORDER, SIMULATOR, VIEW)
 
 NODES = (SIMULATOR, *FLIGHT_NODES, RECORDER, VIEW, SERVER, CLIENT,
          ('mambo_bags', 'replay_node'))
@@ -41,11 +42,8 @@ def node_class(package: str, name: str) -> Any:
 
 
 def _resolved(listed: Iterable[topics.Topic], namespace: str) -> list[str]:
-    """Return full names of topics; several drones have their own clock, frames, diagnostics."""
-    own = {f'/{name}' for name in OWN} if namespace != NAMESPACE else set()
-    return sorted({
-        topic.name if topic.name.startswith('/') and topic.name not in own
-        else f'{namespace}/{topic.name.lstrip("/")}' for topic in listed})
+    """Return full names of topics, sorted."""
+    return sorted({topics.full_name(topic, namespace) for topic in listed})
 
 
 def allowed(package: str, name: str, namespace: str) -> dict[str, list[str]]:
@@ -109,7 +107,7 @@ def policy(namespaces: Sequence[str]) -> str:
 def _run(options: argparse.Namespace) -> None:
     refuse_existing(options.output)
     options.output.parent.mkdir(parents=True, exist_ok=True)
-    options.output.write_text(policy(namespaces(options.drones)), encoding='utf-8')
+    write_text(options.output, policy(namespaces(options.drones)))
     print(f'{options.output}: {len(NODES) * options.drones} enclaves')
 
 

@@ -70,6 +70,19 @@ LINKS = Topic('graph/links', NodeLinks, 0.0, transient_local=True, shared=True)
 TF = Topic('/tf', TFMessage, 50.0, shared=True)
 DIAGNOSTICS = Topic('/diagnostics', DiagnosticArray, 1.0, shared=True)
 
+NAMESPACE = '/mambo'
+"""Of a drone that flies alone."""
+OWN = ('clock', 'tf', 'diagnostics')
+"""Absolute topics that each of several drones has in its namespace."""
+
+
+def full_name(topic: Topic, namespace: str) -> str:
+    """Return the absolute name of a topic of the drone in a namespace."""
+    own = not topic.name.startswith('/') or (
+        namespace != NAMESPACE and topic.name[1:] in OWN)
+    return f'{namespace}/{topic.name.lstrip("/")}' if own else topic.name
+
+
 RECORDED = (
     CLOCK, IMU, SONAR, OPTICAL_FLOW, BAROMETER, SENSOR_TICK, GROUND_TRUTH, OPTITRACK, ESTIMATE,
     ESTIMATOR_STATE, REFERENCE, CONTROLLER_STATE, MOTOR_PWM, TF, DIAGNOSTICS)

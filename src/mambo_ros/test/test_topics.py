@@ -33,3 +33,11 @@ def test_what_several_nodes_publish_is_shared_and_links_wait_for_latecomers():
         '/tf', '/diagnostics', 'graph/links'}
     assert [topic for topic in EVERY if topic.transient_local] == [topics.LINKS]
     assert all(topic.rate > 0.0 for topic in topics.RECORDED)
+
+
+def test_full_names_of_one_drone_and_of_several():
+    for topic, alone, one in ((topics.IMU, '/mambo/imu/data_raw', '/mambo2/imu/data_raw'),
+                              (topics.CLOCK, '/clock', '/mambo2/clock'),
+                              (topics.DIAGNOSTICS, '/diagnostics', '/mambo2/diagnostics')):
+        assert topics.full_name(topic, topics.NAMESPACE) == alone
+        assert topics.full_name(topic, '/mambo2') == one

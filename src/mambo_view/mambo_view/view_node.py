@@ -40,12 +40,6 @@ def statuses(data: bytes) -> list[tuple[str, int, str]]:
             for one in deserialize_message(data, DiagnosticArray).status]
 
 
-def _topic(topic: topics.Topic, namespace: str) -> topics.Topic:
-    """Return a topic with its full name; of several drones, each reports in its namespace."""
-    own = topic.name.lstrip('/') if namespace != '/mambo' else topic.name
-    return replace(topic, name=own if own.startswith('/') else f'{namespace}/{own}')
-
-
 class ViewNode(node.MamboNode[ViewNodeParams]):
     """
     Live view of one or several drones in the browser.
@@ -68,7 +62,7 @@ class ViewNode(node.MamboNode[ViewNodeParams]):
         self._boxes = [Mailbox(statuses) for _ in names]
         for name, box in zip(names, self._boxes, strict=True):
             for topic in SHOWN:
-                full = _topic(topic, name)
+                full = replace(topic, name=topics.full_name(topic, name))
                 self.inputs.append(
                     Input(full, full.name, partial(box.put, topic), False, reliable=False))
         self._drawn = self._reported = -math.inf

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from mambo_bags.cli.option_types import whole
 from mambo_flight import recording_to_bag, scenario as scenarios
+from mambo_ros.topics import NAMESPACE, OWN
 
 from . import natnet as natnet_nodes
 from ..processes import parameter
@@ -25,9 +26,6 @@ RECORDER = ('mambo_bags', 'recorder_node')
 SIMULATOR = ('mambo_sim', 'sim_node')
 VIEW = ('mambo_view', 'view_node')
 COMPOSED = ('mambo_bringup', 'composed_node')
-NAMESPACE = '/mambo'
-OWN = ('clock', 'tf', 'diagnostics')
-"""Absolute topics that are remapped into the namespace if there are several drones."""
 DRONES = whole(1, 16)
 """Type of an option for the number of drones that one machine flies."""
 
