@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from pathlib import Path
 from typing import NamedTuple
 
@@ -38,6 +39,19 @@ def _track(messages: Messages, *fields: str) -> _Track:
     usable = np.isfinite(values).all(axis=1) & np.isfinite(messages.t)
     order = np.argsort(messages.t[usable], kind='stable')
     return _Track(messages.t[usable][order], values[usable][order])
+
+
+def _reports(bag: Bag) -> dict[str, tuple[list[float], list[tuple[int, str]]]]:
+    """Return the times, s, and the (level, message) of the health that each node reported."""
+    out: dict[str, tuple[list[float], list[tuple[int, str]]]] = {}
+    if HEALTH in bag:
+        messages = bag[HEALTH]
+        for t, report in zip(messages.t.tolist(), messages.objects(), strict=True):
+            for one in report.status:
+                times, reports = out.setdefault(str(one.name), ([], []))
+                times.append(t)
+                reports.append((int(one.level), str(one.message)))
+    return out
 
 
 class Recording:
@@ -78,17 +92,7 @@ class Recording:
         self.start = min(float(track.t[0]) for track in self._poses.values())
         self.end = max(float(track.t[-1]) for track in self._poses.values())
         self._pwm = _track(bag[PWM], 'pwm') if PWM in bag else None
-        self._health = self._reports(bag)
-
-    @staticmethod
-    def _reports(bag: Bag) -> list[tuple[float, str, int, str]]:
-        """Return (time s, node, level, message) of every report of health."""
-        if HEALTH not in bag:
-            return []
-        messages = bag[HEALTH]
-        return [(float(t), str(one.name), int(one.level), str(one.message))
-                for t, report in zip(messages.t, messages.objects(), strict=True)
-                for one in report.status]
+        self._health = _reports(bag)
 
     def state(self, t: float) -> DroneState:
         """Return what was known at a time, s."""
@@ -101,8 +105,7 @@ class Recording:
         command = None if self._pwm is None else self._pwm.at(t)
         if command is not None and len(command) == 4:
             out.pwm = tuple(command.tolist())
-        for when, node, level, message in self._health:
-            if when > t:
-                break
-            out.health[node] = (level, message)
+        for node, (times, reports) in self._health.items():
+            if index := bisect_right(times, t):
+                out.health[node] = reports[index - 1]
         return out

@@ -26,13 +26,13 @@ def identified(flights: Sequence[Recorded]) -> list[tuple[str, Found]]:
 
 def table(found: Sequence[tuple[str, Found]]) -> tuple[str, list[str], list[list[str]]]:
     """Return caption, head and rows: each parameter by flight, and how many pairs agree."""
+    hidden = [{line.split(':')[0] for line in one.hidden} for _, one in found]
     body = []
     for name in COMPARED:
-        shown = [one.values[name] for _, one in found
-                 if name not in {line.split(':')[0] for line in one.hidden}]
-        pairs = list(combinations(shown, 2))
-        cells = ['-' if name in {line.split(':')[0] for line in one.hidden} else
-                 f'{one.values[name].value:.3f}+-{one.values[name].half:.3f}' for _, one in found]
+        values = [None if name in unseen else one.values[name]
+                  for (_, one), unseen in zip(found, hidden, strict=True)]
+        pairs = list(combinations([one for one in values if one is not None], 2))
+        cells = ['-' if one is None else f'{one.value:.3f}+-{one.half:.3f}' for one in values]
         unit = found[0][1].values[name].unit
         body.append([f'{name} [{unit}]', *cells,
                      f'{sum(agree(a, b) for a, b in pairs)} of {len(pairs)}'])

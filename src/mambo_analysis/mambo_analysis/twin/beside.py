@@ -57,15 +57,16 @@ def page(pairs: Sequence[Beside], tables: Sequence[Table], notes: Sequence[str])
     """Return the content of the page; sections are the errors of each flight."""
     flown, simulated, wanted = _motions(pairs)
     vehicles = [('flown', 'truth', _one(flown))]
-    tracks = [('flown', 'truth', _one(flown))]
+    tracks = [*vehicles]
     sections, drawn = [], []
     if simulated:
-        vehicles.append(('simulated', 'estimate', _one(simulated)))
-        tracks = [('reference', 'reference', _one(wanted)), *tracks, vehicles[-1]]
+        model, plan = _one(simulated), _one(wanted)
+        vehicles.append(('simulated', 'estimate', model))
+        tracks = [('reference', 'reference', plan), *vehicles]
         labels = ('simulated', 'flown')
         drawn = report.comparison_figures(
-            pair.Comparison('', labels, tuple(pair.motions(_one(simulated), _one(flown))), WHOLE),
-            '', {'position': [_one(wanted)]}, ('estimate', 'truth'))
+            pair.Comparison('', labels, tuple(pair.motions(model, vehicles[0][2])), WHOLE),
+            '', {'position': [plan]}, ('estimate', 'truth'))
         names = [one.flight.name for one in pairs if one.flown is not None]
         here = [m for m, one in zip(flown, pairs) if one.flown is not None]
         sections = [pair.section(

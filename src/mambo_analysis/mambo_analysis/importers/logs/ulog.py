@@ -74,6 +74,7 @@ def read(path: Path, clocks: Mapping[str, Sequence[str]]) -> dict[str, Floats]:
     held = {(data.name, data.multi_id): data.data for data in log.data_list}
 
     def field(column: str) -> Floats:
+        """Return the samples of a column, (n,); ValueError if the log has none."""
         message, number, name = names[column]
         data = held.get((message, number))
         if data is None:
