@@ -8,11 +8,17 @@ a Ctrl-C at these times would print a traceback. ``./run`` and ``./mambo`` there
 
 from __future__ import annotations
 
+import contextlib
 from importlib import import_module
+import os
 import signal
 import sys
+import threading
+import time
 
 from .stopping import leave_at_once, stoppable
+
+_THREADS = 5.0  # s that threads of a user's code may take to end after the command
 
 
 def main(module: str) -> int:
@@ -21,9 +27,26 @@ def main(module: str) -> int:
     command = import_module(f'.{module}', __package__)
     signal.signal(signal.SIGINT, before)
     try:
-        return stoppable(module, command.main)
+        code = stoppable(module, command.main)
     finally:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # later signals need no message
+    _end_threads(module, code)
+    return code
+
+
+def _end_threads(module: str, code: int) -> None:
+    """Wait for other threads, as Python would; exit with the code if they do not end."""
+    until = time.monotonic() + _THREADS
+    threads = [thread for thread in threading.enumerate()
+               if thread is not threading.main_thread() and not thread.daemon]
+    for thread in threads:
+        thread.join(max(until - time.monotonic(), 0.0))
+    if any(thread.is_alive() for thread in threads):
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            sys.stderr.write(f'{module}: a thread was still running and was ended\n')
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(code)
 
 
 if __name__ == '__main__':

@@ -7,10 +7,13 @@ import contextlib
 import os
 import signal
 import sys
+import threading
+from typing import Any
 
 from mambo_bags.cli import supervisor
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_AGAIN = 0.1  # s after which an interrupt that a library has dropped is tried again
 
 
 def _line(name: str, number: int) -> str:
@@ -35,6 +38,7 @@ def stoppable(name: str, work: Callable[[], int]) -> int:
     process at once, without clean-up.
     """
     tool = os.getpid()
+    received: list[int] = []
 
     def stop(number: int, _: object) -> None:
         """Raise KeyboardInterrupt with the signal; in a fork use the default action."""
@@ -44,23 +48,45 @@ def stoppable(name: str, work: Callable[[], int]) -> int:
                           else signal.default_int_handler)
             os.kill(os.getpid(), number)
             return
-        supervisor.handled(number)
+        if not received:
+            supervisor.handled(number)
+        received.append(number)
         for each, _handler in before:
             signal.signal(each, leave_at_once(name))
         raise KeyboardInterrupt(signal.Signals(number))
 
+    def dropped(what: Any) -> None:
+        """
+        Interrupt again: a library called Python that was interrupted, and dropped the error.
+
+        The compiler does so for each function that it has compiled.
+        """
+        if not received or not issubclass(what.exc_type, KeyboardInterrupt):
+            hook(what)
+            return
+        for each, _handler in before:
+            signal.signal(each, stop)
+        again = threading.Timer(_AGAIN, os.kill, (os.getpid(), received[0]))
+        again.daemon = True
+        again.start()
+
     before = [
         (number, signal.getsignal(number)) for number in _SIGNALS
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN]  # nohup
+    hook, sys.unraisablehook = sys.unraisablehook, dropped
     try:
         for number, _ in before:
             signal.signal(number, stop)
         return work()
-    except KeyboardInterrupt as end:
-        (number,) = end.args or (signal.SIGINT,)
+    except (KeyboardInterrupt, Exception) as end:
+        if not isinstance(end, KeyboardInterrupt) and not received:
+            raise
+        # an error may follow an interrupt that was dropped
+        number = received[0] if received else (end.args or (signal.SIGINT,))[0]
         with contextlib.suppress(OSError):
             sys.stderr.write(_line(name, number))
         return 128 + number
     finally:
+        sys.unraisablehook = hook
         for number, handler in before:
             signal.signal(number, handler)

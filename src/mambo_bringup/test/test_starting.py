@@ -53,3 +53,30 @@ starting.import_module = lambda *_: SimpleNamespace(main=lambda: 7)
 sys.exit(starting.main('run'))
 """)
     assert (done.returncode, done.stderr) == (7, '')
+
+
+def test_a_thread_that_never_ends_does_not_hold_up_the_exit():
+    done = run("""
+import threading, time
+starting._THREADS = 0.2
+def main():
+    threading.Thread(target=lambda: time.sleep(600)).start()
+    print('done')
+    return 3
+starting.import_module = lambda *_: SimpleNamespace(main=main)
+sys.exit(starting.main('mambo'))
+""")
+    assert (done.returncode, done.stdout) == (3, 'done\n')
+    assert done.stderr == 'mambo: a thread was still running and was ended\n'
+
+
+def test_a_thread_that_ends_soon_is_waited_for():
+    done = run("""
+import threading, time
+def main():
+    threading.Thread(target=lambda: (time.sleep(0.5), print('late'))).start()
+    return 0
+starting.import_module = lambda *_: SimpleNamespace(main=main)
+sys.exit(starting.main('mambo'))
+""")
+    assert (done.returncode, done.stdout, done.stderr) == (0, 'late\n', '')

@@ -58,3 +58,36 @@ def work():
 sys.exit(stoppable('tool', work))
 """)
     assert (done.returncode, done.stdout, done.stderr) == (0, '-15\n', '')
+
+
+CALLED_BY_A_LIBRARY = """
+import ctypes
+@ctypes.CFUNCTYPE(None)
+def callback():
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.01)
+
+def work():
+    callback()  # drops the error, as the compiler does
+"""
+
+
+@pytest.mark.parametrize('after', ['time.sleep(20.0)', 'raise RuntimeError("no compiled object")'])
+def test_a_signal_that_a_library_drops_is_not_lost(after):
+    done = run(f'{CALLED_BY_A_LIBRARY}    {after}\n\nsys.exit(stoppable("tool", work))')
+    assert (done.returncode, done.stderr) == (130, 'tool: ended by SIGINT\n')
+
+
+def test_errors_that_python_ignores_are_still_printed():
+    done = run("""
+class Noisy:
+    def __del__(self):
+        raise ValueError('mine')
+
+def work():
+    Noisy()
+    return 0
+
+sys.exit(stoppable('tool', work))
+""")
+    assert done.returncode == 0 and 'ValueError: mine' in done.stderr

@@ -113,6 +113,16 @@ STEP = 'return Memory(memory.steps + 1), thrust'
      r'plain.py:\d+: step answers thrust = nan'),
     (STEP, f'while memory.steps > 1000:\n        pass\n    {STEP}',
      r'plain.py:\d+: takes too long'),
+    (STEP, 'while memory.steps > 1000:\n        try:\n            __import__("time").sleep(9)\n'
+           f'        except Exception:\n            pass\n    {STEP}',
+     r'plain.py:\d+: takes too long'),
+    (STEP, f'if memory.steps > 1000:\n        raise SystemExit(3)\n    {STEP}',
+     r'plain.py:\d+: SystemExit: 3'),
+    (STEP, f'if memory.steps > 1000:\n        raise GeneratorExit\n    {STEP}',
+     r'plain.py:\d+: GeneratorExit: no message'),
+    (STEP, 'if memory.steps > 1000:\n'
+           f'        thrust_and_torque(10**400, torque, state, reference, vehicle)\n    {STEP}',
+     r'plain.py:\d+: calls a compiled function with a value of a wrong type'),
     (STEP, f'if memory.steps > 1000:\n        return None\n    {STEP}',
      r'plain.py:\d+: step must answer two things: .* it answers NoneType None')])
 def test_one_that_fails_in_flight_is_landed_and_its_line_told(plain, old, new, output):

@@ -4,8 +4,10 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 
+from mambo_flight import worker_pool as pools
 from mambo_flight.worker_pool import worker_pool
 from mambo_model.errors import JobError
 import pytest
@@ -67,3 +69,24 @@ def test_the_result_does_not_wait_for_work_that_is_not_begun():
         jobs = [pool.submit(time.sleep, 0.2) for _ in range(500)]
         jobs[0].result()
     assert time.monotonic() - began < 60.0 and jobs[-1].cancelled()
+
+
+def test_work_that_never_ends_does_not_hold_up_an_error():
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), worker_pool(2) as pool:
+        number = pool.submit(os.getpid).result()
+        pool.submit(sum, range(10**13))
+        raise KeyboardInterrupt
+    assert time.monotonic() - began < 60.0 and not is_running(number)
+
+
+def test_a_worker_whose_thread_never_ends_is_killed(monkeypatch):
+    monkeypatch.setattr(pools, '_EXIT', 0.5)
+    with worker_pool(1) as pool:
+        number = pool.submit(os.getpid).result()
+        pool.submit(start_thread).result()
+    assert not is_running(number)
+
+
+def start_thread():
+    threading.Thread(target=time.sleep, args=(600.0,)).start()

@@ -32,12 +32,34 @@ class TooLongError(ParameterError):
     """A user's code takes too long; the text says where and what raises the limit."""
 
 
-class _OverdueError(BaseException):
-    """A file takes too long; no Exception, which a user's loop may pass over."""
+class OverdueError(BaseException):
+    """A user's code takes too long; no Exception, which a loop in it may pass over."""
 
 
 def _overdue(*_: Any) -> NoReturn:
-    raise _OverdueError
+    raise OverdueError
+
+
+@contextmanager
+def time_limit(seconds: float) -> Iterator[None]:
+    """
+    Raise OverdueError in work that takes longer, and again each second until the work has ended.
+
+    Only the main thread has such a limit: signals come to that alone.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGALRM, _overdue)
+    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
+    try:
+        yield
+    finally:
+        try:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        except OverdueError:  # at the last moment: the work has ended, and the next is 1 s away
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 @contextmanager
@@ -56,20 +78,13 @@ def bounded(path: Path | None) -> Iterator[None]:
         With the line at which it was, if it takes more than ``MAMBO_MAX_READING_S`` (120 s).
 
     """
-    if threading.current_thread() is not threading.main_thread():  # signals come to that alone
-        yield
-        return
     seconds = limits.READING_S.value()
-    before = signal.signal(signal.SIGALRM, _overdue)
-    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
     try:
-        yield
-    except _OverdueError as error:
+        with time_limit(seconds):
+            yield
+    except OverdueError as error:
         raise TooLongError(f'{fault_place(path, error)}: takes more than {seconds} s; '
                            f'{limits.raised_by(limits.READING_S)}') from None
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
 
 
 def describe(error: BaseException) -> str:

@@ -15,14 +15,12 @@ import dataclasses
 import itertools
 from pathlib import Path
 import re
-import signal
-import threading
 from typing import Any, NamedTuple
 
 from .compiled import NumbaError, typeof
 from .components import Component, where
 from .errors import InputError
-from .own_file import describe, fault_place
+from .own_file import describe, fault_place, OverdueError, time_limit
 from .schema import ParameterError, shown
 from .script import python
 from .values import values
@@ -162,13 +160,19 @@ def tried(component: Component, arguments: tuple, read: Callable[[Any], Any]) ->
     given = tuple(own if x is None else x for x in arguments)
     slot, place = Slot(component, own), where(component.path, component.step)
 
-    def work() -> tuple[Any, Any]:
-        memory = component.initial(own)
-        return memory, component.step(memory, *given)
-    try:
-        found = _guarded(slot, work, LONGEST_TRIAL)
-    except NumbaError as error:
-        raise ParameterError(_uncompiled(error, component)) from None
+    uncompiled = ''
+
+    def work() -> tuple[Any, Any] | None:
+        nonlocal uncompiled
+        try:
+            memory = component.initial(own)
+            return memory, component.step(memory, *given)
+        except NumbaError as error:
+            uncompiled = _uncompiled(error, component)
+            return None
+    found = _guarded(slot, work, LONGEST_TRIAL)
+    if uncompiled:
+        raise ParameterError(uncompiled)
     if slot.fault and component.compiled:  # compiled code does not say its line
         slot.fault = ''
         _guarded(slot, lambda: python(component.step)(
@@ -228,28 +232,29 @@ def _uncompiled(error: Exception, component: Component) -> str:
     return f'{at}: does not compile: {said}'
 
 
-def _too_long(*_: Any) -> None:
-    raise TimeoutError('takes too long')
-
-
 def _guarded(slot: Slot, work: Callable[[], Any], limit: float = LONGEST_STEP) -> Any:
     """Run work of a component; after an error or timeout note the fault and return None."""
-    timed = threading.current_thread() is threading.main_thread()
-    if timed:
-        before = signal.signal(signal.SIGALRM, _too_long)
-        signal.setitimer(signal.ITIMER_REAL, limit)
     try:
-        return work()
-    except NumbaError:
+        with time_limit(limit):
+            return work()
+    except KeyboardInterrupt:  # of the user at the keyboard, for all that one can tell
         raise
-    except Exception as error:  # whatever a user's code raises
-        place = fault_place(slot.component.path, error)
-        if isinstance(error, UnusableError):
-            place = where(slot.component.path, slot.component.step)
-        own = type(error) in (UnusableError, TimeoutError)
-        slot.fault = f'{place}: {" ".join(str(error).split()) if own else describe(error)}'
+    except BaseException as error:  # whatever a user's code raises, sys.exit() included
+        slot.fault = f'{_place(slot.component, error)}: {_reason(error)}'
         return None
-    finally:
-        if timed:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
-            signal.signal(signal.SIGALRM, before)
+
+
+def _place(component: Component, error: BaseException) -> str:
+    """Return file and line of what is wrong: of the step for what it returns."""
+    if isinstance(error, UnusableError):
+        return where(component.path, component.step)
+    return fault_place(component.path, error)
+
+
+def _reason(error: BaseException) -> str:
+    """Return what a component did wrong, in one line."""
+    if isinstance(error, OverdueError):
+        return 'takes too long'
+    if isinstance(error, NumbaError):  # its text has many lines, and types of the compiler
+        return 'calls a compiled function with a value of a wrong type'
+    return describe(error)

@@ -4,9 +4,10 @@ Notice when a user's code ends a command without a word.
 A component of a user runs in the process of the command. It may end that process (``os._exit``)
 or crash it (a segmentation fault in a library), and then nobody is left to say so. Before the
 first code of a user is loaded, the process therefore forks. The copy continues with the command.
-The original waits, passes signals on, and exits as the copy did. If the copy ended before the
-command did, the original raises an error, which becomes one line and exit code 1, and the clean-up
-of whatever the original had begun is done.
+The original waits, passes signals on, and exits as the copy did. A copy that does not answer a
+signal, as its code is stuck in a library or has stopped the process, is killed. If the copy ended
+before the command did, the original raises an error, which becomes one line and exit code 1, and
+the clean-up of whatever the original had begun is done.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import select
 import signal
 import sys
 import threading
+import time
 from typing import NoReturn
 import warnings
 
@@ -28,6 +30,9 @@ from .parent_end import end_with
 
 _PASSED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _DELAY = 0.05  # s: the terminal sends Ctrl-C to the copy, too, which counts it within this time
+
+_DEAF = 10.0  # s that the copy may take to answer a signal
+_HURRY = 1.0  # s, likewise, to answer the second one
 
 _copy = 0  # number of the process that continues with the command; 0: nothing was split
 _notes = mmap.mmap(-1, signal.NSIG)  # shared: signals that the copy has handled, by number
@@ -75,11 +80,26 @@ def _split(path: Path) -> None:
         end_with(original)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         return
-    _exit_as(_status_of(child, before), path)
+    status, unanswered = _status_of(child, before)
+    if unanswered:
+        raise KeyboardInterrupt(unanswered)  # one line and the exit code, as of any command
+    _exit_as(status, path)
 
 
-def _status_of(child: int, mask: set[signal.Signals]) -> int:
-    """Wait for a child and pass signals on to it; return its exit code, negative for a signal."""
+def _status_of(
+    child: int, mask: set[signal.Signals],
+) -> tuple[int, signal.Signals | None]:
+    """
+    Wait for a child and pass signals on to it; kill it if it does not answer one.
+
+    Returns
+    -------
+    status
+        Its exit code, negative for a signal.
+    unanswered
+        The signal for which it was killed.
+
+    """
     # a signal may come to any thread, so it is read from a pipe that Python's handler writes
     read, write = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
     signal.set_wakeup_fd(write, warn_on_full_buffer=False)
@@ -89,15 +109,26 @@ def _status_of(child: int, mask: set[signal.Signals]) -> int:
     signal.pthread_sigmask(signal.SIG_SETMASK, mask)
     handle = os.pidfd_open(child)
     seen = [0] * signal.NSIG
+    waiting: signal.Signals | None = None  # for an answer to this signal, until the time below
+    until = 0.0
     while True:
-        ready = select.select([handle, read], [], [])[0]
+        left = max(until - time.monotonic(), 0.0) if waiting else None
+        ready = select.select([handle, read], [], [], left)[0]
         if handle in ready:
-            return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-        for number in os.read(read, 256):
+            return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), None
+        for number in os.read(read, 256) if read in ready else b'':
             seen[number] += 1
             if select.select([handle], [], [], _DELAY)[0] or _notes[number] >= seen[number]:
                 continue
             os.kill(child, number)
+            waiting = signal.Signals(number)
+            until = time.monotonic() + (_DEAF if sum(seen) == 1 else _HURRY)
+        if waiting and _notes[waiting] >= seen[waiting]:
+            waiting = None
+        elif waiting and time.monotonic() >= until:
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            return -signal.SIGKILL, waiting
 
 
 def _exit_as(code: int, path: Path) -> NoReturn:

@@ -36,9 +36,9 @@ def work():
 """
 
 
-def start(folder, code):
+def start(folder, code, tool=TOOL):
     (folder / 'mine.py').write_text(code)
-    return subprocess.Popen([sys.executable, '-c', TOOL], text=True, cwd=folder,
+    return subprocess.Popen([sys.executable, '-c', tool], text=True, cwd=folder,
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                             start_new_session=True)
 
@@ -75,6 +75,27 @@ def test_a_signal_to_one_or_both_is_one_line(number, group, tmp_path):
     (os.killpg if group else os.kill)(tool.pid, number)
     _, err = tool.communicate(timeout=30)
     assert (tool.returncode, err) == (128 + number, f'tool: ended by {number.name}\n')
+    assert not list(tmp_path.glob('kept_*'))
+
+
+@pytest.mark.parametrize('stuck', [
+    'sum(range(10**13))',  # in C code that looks at no signals
+    'os.kill(os.getpid(), signal.SIGSTOP)',
+    'signal.signal(signal.SIGINT, signal.SIG_IGN); time.sleep(60)'])
+@pytest.mark.parametrize('signals', [1, 2])
+def test_code_that_answers_no_signal_is_ended(stuck, signals, tmp_path):
+    patient = TOOL.replace('own_process()\n', 'own_process()\n'
+                           'from mambo_bags.cli import supervisor\nsupervisor._DEAF = 2.0\n')
+    tool = start(tmp_path, 'import os, signal\n' + WAITS.replace('time.sleep(60)', stuck),
+                 patient if signals == 1 else TOOL)
+    wait_for(tmp_path / 'ready')
+    began = time.monotonic()
+    for _ in range(signals):
+        tool.send_signal(signal.SIGINT)
+        time.sleep(0.2)
+    _, err = tool.communicate(timeout=30)
+    assert (tool.returncode, err) == (130, 'tool: ended by SIGINT\n')
+    assert time.monotonic() - began < 8.0  # s: of the 10 that one signal is given
     assert not list(tmp_path.glob('kept_*'))
 
 

@@ -9,6 +9,7 @@ import contextlib
 import os
 from typing import Any, Protocol
 
+from mambo_model.components import own_components
 from tqdm import tqdm
 
 from ..scenario import Scenario
@@ -111,23 +112,27 @@ def _spread(flights: Numbered, left: Sequence[int], ideal: bool, executor: Execu
         while True:
             while len(under_way) < AHEAD * count and (numbers := next(todo, None)):
                 scenarios = [flights[number] for number in numbers]
-                under_way[executor.submit(fly, scenarios, ideal)] = numbers
+                under_way[executor.submit(fly, scenarios, ideal)] = (numbers, scenarios)
             if not under_way:
                 return
             done, _ = wait(under_way, return_when=FIRST_COMPLETED)
             for future in done:
-                keep(under_way.pop(future), _result(future))
+                numbers, scenarios = under_way.pop(future)
+                keep(numbers, _result(future, scenarios))
     finally:
         for future in under_way:
             future.cancel()
 
 
-def _result(future: Future) -> list[dict[str, Any]]:
+def _result(future: Future, flights: Sequence[Scenario]) -> list[dict[str, Any]]:
+    """Return the rows of a batch of flights; raise SweepEndedError if there are none."""
     try:
         return future.result()
     except BrokenProcessPool:
-        raise SweepEndedError(
-            'a worker was killed; finished flights are kept, the same command continues') from None
+        own = sorted({str(part.path) for flight in flights for part in own_components(flight)})
+        cause = f', perhaps by code of {" or ".join(own)}' if own else ''
+        raise SweepEndedError(f'a worker was killed{cause}; finished flights are kept, the same '
+                              'command continues') from None
     except Exception as error:  # a remote worker may raise anything
         text = ' '.join(f'{type(error).__name__}: {error}'.split())
         raise SweepEndedError(

@@ -1,5 +1,7 @@
 """Sweeps: what a file means, and that a result depends on nothing else."""
 
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 import json
 import math
 import os
@@ -10,13 +12,16 @@ import sys
 import textwrap
 import time
 
-from mambo_flight.sweep import design, plot, table
+from mambo_flight.scenario import scenario
+from mambo_flight.sweep import design, plot, run as run_module, table
 from mambo_flight.sweep.command import main, summary, sweep
+from mambo_flight.sweep.table import SweepEndedError
 from mambo_model.schema import ParameterError
 import numpy as np
 import pyarrow.parquet as parquet
 import pytest
 
+PD = Path(__file__).parents[4] / 'examples/pd_controller.py'
 MASS = 'sim_node.simulator.vehicle.mass'
 SHORT = """
 title: Short flights
@@ -294,6 +299,18 @@ def workers(run):
     children = Path(f'/proc/{run.pid}/task/{run.pid}/children').read_text().split()
     return [int(pid) for pid in children
             if b'spawn_main' in Path(f'/proc/{pid}/cmdline').read_bytes()]
+
+
+def test_a_killed_worker_names_the_files_whose_code_it_ran(tmp_path):
+    mine = tmp_path / 'mine.py'
+    mine.write_text(PD.read_text().replace('@jit\n', ''))
+    flight = scenario(controller=str(mine), duration=1.0)
+    gone = Future()
+    gone.set_exception(BrokenProcessPool())
+    with pytest.raises(SweepEndedError, match='killed, perhaps by code of .*mine.py;'):
+        run_module._result(gone, [flight, scenario(duration=1.0)])
+    with pytest.raises(SweepEndedError, match='a worker was killed; finished'):
+        run_module._result(gone, [scenario(duration=1.0)])
 
 
 @pytest.mark.slow
