@@ -25,6 +25,7 @@ setup(
             'drift_experiments = mambo_thesis.drift.experiments:main',
             'estimate = mambo_analysis.compare.estimate:main',
             'fly = mambo_flight.fly:main',
+            'identify_coverage = mambo_analysis.twin.coverage:main',
             'identify_drag = mambo_analysis.identify.drag:main',
             'identify_drift = mambo_thesis.drift.identify_drift:main',
             'identify_flight = mambo_analysis.twin.identify_flight:main',

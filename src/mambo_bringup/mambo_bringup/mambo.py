@@ -88,6 +88,8 @@ GROUPS: dict[str, dict[str, Command]] = {
         'identify motor': Command('mambo_analysis.identify.motor', 'motor lag from a flight'),
         'identify flight': Command('mambo_analysis.twin.identify_flight', 'thrust, drag, lag, '
                                    'biases and noise from one flight'),
+        'identify coverage': Command('mambo_analysis.twin.coverage', 'fly many seeds: how often '
+                                     'the intervals of identify flight hold'),
         'identify flow': Command('mambo_analysis.identify.flow', 'factor of the optical flow'),
         'twin': Command('mambo_analysis.twin.twin', 'how well a model predicts flights it has not '
                         'seen'),

@@ -35,19 +35,26 @@ def section(entry: Mapping[str, Any]) -> list[str]:
             if row['part'] not in entry['too_few']:
                 lines.append(f'  {row["part"]:<16}  nothing to compare')
             continue
-        numbers = ''.join(f'{value:{width}.4f}' for value in (
+        numbers = ''.join(_cell(value, width) for value in (
             *row['rms'], row['rms_total'], row['maximum_total']))
         lines.append(f'  {row["part"]:<16}{numbers}{row["count"]:9d}')
     lines += [f'  {part:<16}  {why}' for part, why in too_few(entry)]
     last, main = entry['rows'][0], main_row(entry)
     if last['count']:
-        numbers = ''.join(f'{value:{width}.4f}' for value in (*last['drift'], last['drift_total']))
+        numbers = ''.join(
+            _cell(value, width) for value in (*last['drift'], last['drift_total']))
         lines.append(f'  {"final drift":<16}{numbers}')
     if any(value is not None for value in main['delay']):
         lines.append(f'  {"delay [s]":<16}' + ''.join(
-            f'{"-":>{width}}' if value is None else f'{value:{width}.4f}'
+            f'{"-":>{width}}' if value is None else _cell(value, width)
             for value in main['delay']))
     return lines
+
+
+def _cell(value: float, width: int) -> str:
+    """Return a number right in its column, with a space before it however large it is."""
+    text = f'{value:.4f}'
+    return f'{text if len(text) < width else f"{value:.{max(width - 7, 1)}g}":>{width}}'
 
 
 def times(result: Mapping[str, Any]) -> list[str]:

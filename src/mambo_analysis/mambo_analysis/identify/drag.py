@@ -9,10 +9,13 @@ What is left is the path of a vehicle that follows its estimate, hence no noise 
 could describe. The interval is therefore that of simulated flights with noise, of other seeds,
 each fitted like the real one (a parametric bootstrap); where the flight leaves more than any of
 them the interval is wider by as much.
+
+For a bag that holds no scenario the drag is that of the accelerometer (:mod:`.from_flight`).
 """
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -29,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from . import regression, result
+from . import from_flight, regression, result
 from .regression import IdentifyError, LEVEL, Value
 
 Floats = NDArray[np.float64]
@@ -237,9 +240,9 @@ def _draw(found: Drag, part: Part) -> Callable[[Figure], None]:
 
 def read(
     path: Path, file: Path | None, shift: float, namespace: str | None,
-) -> tuple[Track, Scenario]:
+) -> tuple[Track, Scenario | None]:
     """
-    Return track, its stamps shifted by some s, and scenario of a bag.
+    Return track, its stamps shifted by some s, and scenario of a bag; None if it holds none.
 
     Raises
     ------
@@ -250,11 +253,7 @@ def read(
     bag = result.open_bag(path, ('optitrack/pose',), namespace)
     if file is None:
         text = bag.attachments.get('scenario.yaml')
-        if not isinstance(text, str):
-            raise IdentifyError(
-                f'{path}: no scenario in the bag; say what was flown with --scenario FILE, '
-                'or take mambo identify flight, which needs none')
-        flight = from_yaml(text, f'{path}: scenario.yaml')
+        flight = from_yaml(text, f'{path}: scenario.yaml') if isinstance(text, str) else None
     else:
         flight = load(file)
     pose = bag['optitrack/pose']
@@ -267,7 +266,8 @@ def parser() -> Parser:
     """Return the command line."""
     out = result.parser(
         'identify_drag', 'Lumped drag by fitting the closed-loop simulation to a flight.')
-    out.add_argument('bag', type=Path, help='with optitrack/pose')
+    out.add_argument('bag', type=Path, help='with optitrack/pose; without a scenario also '
+                                            'imu/data_raw and motor_pwm')
     out.add_argument('--part', choices=tuple(PARTS), default='horizontal', help='k_c or k_z')
     out.add_argument('--scenario', type=Path, metavar='FILE',
                      help='what was flown; default: that in the bag')
@@ -276,7 +276,18 @@ def parser() -> Parser:
     out.add_argument('--start', type=TIME, help='s, compare from here; default: in the air')
     out.add_argument('--end', type=TIME, help='s, compare to here; default: landing')
     out.add_argument('--namespace', help='of the drone, if the bag has several')
+    from_flight.add_options(out)
     return out
+
+
+def _unknown_flight(options: argparse.Namespace) -> result.Report:
+    """Return the result for a bag that holds no scenario."""
+    if options.shift or options.start is not None or options.end is not None:
+        raise IdentifyError(
+            f'{options.bag}: no scenario in the bag, and --shift, --start and --end need one: '
+            'say what was flown with --scenario FILE, or leave them out')
+    return from_flight.drag_report(from_flight.read(
+        options.bag, options.base, options.mass, options.namespace), options.part)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -287,6 +298,10 @@ def main(arguments: list[str] | None = None) -> int:
         """Read the bag and return the result."""
         track, flight = read(
             options.bag, options.scenario, options.shift, options.namespace)
+        if flight is None:
+            return _unknown_flight(options)
+        if options.mass is not None:
+            raise IdentifyError('--mass: the scenario of the flight says the mass')
         found = fit_drag(track, flight, options.part, options.start, options.end)
         part, value = PARTS[options.part], found.coefficient
         source = (f'identify_drag, {options.bag.name}, 95 %: {value.low:.4g} to {value.high:.4g}; '

@@ -147,7 +147,9 @@ def _check(samples: Samples, slowest: float) -> None:
         raise IdentifyError('the height is 0 or below: is the floor where z is 0?')
     size = float(np.sqrt(np.mean(samples.velocity ** 2)))
     if size < slowest:
-        raise IdentifyError(f'a motion of {size:.3f} m/s shows no factor: fly a circle or a sine')
+        raise IdentifyError(
+            f'a motion of {size:.3f} m/s rms is slower than {slowest:g} m/s and hardly shows a '
+            'factor: fly a circle or a sine, or admit it with --slowest')
     geometric = samples.velocity / samples.depth[:, None]
     ratio = float(np.sum(samples.flow * geometric) / np.sum(geometric ** 2))
     if not 0.2 < ratio < 5.0:

@@ -13,27 +13,33 @@ the time constant itself would have no effect.
 
 Propellers shake an accelerometer above 20 Hz, a hundred times as much as below. Data and model are
 therefore compared as means over 0.1 s, in which the shaking is gone and the lag is not.
+
+The map is that of the base. A bag with a motion and without a scenario is a flight of a vehicle
+that nobody knows: there the map is fitted along (:mod:`.from_flight`), unless ``--map base``.
 """
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable
+import dataclasses
 from pathlib import Path
 from typing import NamedTuple
 
 from mambo_bags.command import Parser
+from mambo_bags.reader import read_bag
 from mambo_flight.closed_loop import Recording
 from mambo_model import palette
 from mambo_model.compiled import jit
 from mambo_model.frames import flip_vector
 from mambo_model.vehicle.motor_mixer import limit_pwm, thrust_from_pwm
-from mambo_model.vehicle.parameters import preset, Vehicle, VehicleValues
-from mambo_signals import metrics
+from mambo_model.vehicle.parameters import find, Vehicle, VehicleValues
+from mambo_signals import metrics, motion
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 
-from . import regression, result
+from . import from_flight, regression, result
 from .regression import IdentifyError, Value
 
 Floats = NDArray[np.float64]
@@ -235,7 +241,20 @@ def parser() -> Parser:
         'identify_motor', 'Lag of the motors from commands and accelerometer of a flight.')
     out.add_argument('bag', type=Path, help='with imu/data_raw and motor_pwm')
     out.add_argument('--namespace', help='of the drone, if the bag has several')
+    out.add_argument('--map', choices=('base', 'flight'),
+                     help='motor map: of the base, or fitted to the flight, which needs a motion '
+                          '(default: flight for a bag with a motion and without a scenario)')
+    from_flight.add_options(out)
     return out
+
+
+def _map_of_flight(options: argparse.Namespace) -> bool:
+    """Return whether the motor map comes from the flight."""
+    if options.map is not None:
+        return bool(options.map == 'flight')
+    bag = read_bag(options.bag, motion.TRUTH, options.namespace)
+    return 'scenario.yaml' not in bag.attachments and any(
+        topic in bag and len(bag[topic]) for topic in motion.TRUTH)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -244,7 +263,12 @@ def main(arguments: list[str] | None = None) -> int:
 
     def work() -> result.Report:
         """Read the bag and return what was found."""
-        vehicle = preset(options.base)
+        if _map_of_flight(options):
+            return from_flight.motor_report(from_flight.read(
+                options.bag, options.base, options.mass, options.namespace))
+        vehicle = find(options.base)
+        if options.mass is not None:
+            vehicle = dataclasses.replace(vehicle, mass=options.mass)  # checks its range
         t, pwm, acceleration = read(options.bag, vehicle, options.namespace)
         found = fit_motor(t, pwm, acceleration, vehicle)
         value = found.time_constant

@@ -9,6 +9,11 @@ generalised least squares. Intervals are those of Gauss and Newton on these whit
 
 with Student's t. They are valid if the model is right and its errors are small against its
 curvature; an error common to a whole recording, of a ruler say, is not in them.
+
+A model of a real flight is right for a while: warm motors and gusts change it within seconds.
+With ``blocks`` the recording is therefore cut into parts, each is left out once, and where the
+estimates scatter by more than the interval above admits, the interval is theirs (the CR3
+covariance of Bell and McCaffrey, Survey Methodology 28, 2002, linearised at the solution).
 """
 
 from __future__ import annotations
@@ -49,6 +54,19 @@ class Value(NamedTuple):
 
     def __str__(self) -> str:
         return f'{self.value:.5g} {self.unit} [{self.low:.5g}, {self.high:.5g}]'
+
+
+def plus_minus(value: float, half: float) -> str:
+    """
+    Return ``value +- half`` with two digits of the half width, and three decimals at least.
+
+    A half width above 0 therefore never reads as 0. One of exactly 0 reads ``+- 0``: the samples
+    do not scatter beyond the resolution of their log.
+    """
+    if not half > 0.0 or not np.isfinite(half):
+        return f'{value:.6g} +- {half:g}'
+    digits = min(max(3, 1 - int(np.floor(np.log10(half)))), 12)
+    return f'{value:.{digits}f} +- {half:.{digits}f}'
 
 
 class Fit(NamedTuple):
@@ -213,7 +231,7 @@ class _Problem:
 def fit(
     model: Model, data: Floats, start: Sequence[float], low: Sequence[float],
     high: Sequence[float], names: Sequence[str], nuisance: Floats | None = None,
-    step: float | None = None, colour: bool = True, tolerance: float = 1e-7,
+    step: float | None = None, colour: bool = True, tolerance: float = 1e-7, blocks: int = 0,
 ) -> Fit:
     """
     Fit a model to recorded channels.
@@ -236,6 +254,8 @@ def fit(
         Whether to whiten; without, intervals are those of independent residuals.
     tolerance
         Relative change of theta that ends the search.
+    blocks
+        Parts of the recording whose disagreement widens the intervals; 0: none.
 
     Raises
     ------
@@ -260,10 +280,13 @@ def fit(
             problem.residual, theta, bounds=(low, high), x_scale='jac', diff_step=step,
             xtol=tolerance, ftol=1e-2 * tolerance, gtol=1e-2 * tolerance)
         theta = found.x
-    freedom -= sum(map(len, problem.whiten.coefficients))
+    freedom = max(freedom - sum(map(len, problem.whiten.coefficients)), 1)
+    covariance = _covariance(found.jac, 2.0 * found.cost / freedom, names)
+    if blocks:
+        wider = _wider(found.jac, found.fun, covariance, freedom, blocks)
+        covariance = covariance * np.outer(wider, wider)
     return Fit(
-        theta, _covariance(found.jac, 2.0 * found.cost / max(freedom, 1), names),
-        max(freedom, 1), problem.unexplained(theta),
+        theta, covariance, freedom, problem.unexplained(theta),
         tuple(len(a) for a in problem.whiten.coefficients))
 
 
@@ -279,6 +302,40 @@ def _covariance(J: Floats, variance: float, names: Sequence[str]) -> Floats:
         raise IdentifyError(f'the data do not tell {" from ".join(mixed)}: excite them more')
     inverse = (vectors / values) @ vectors.T
     return variance * inverse / np.outer(length, length)
+
+
+def _wider(
+    J: Floats, residual: Floats, covariance: Floats, freedom: int, blocks: int,
+) -> Floats:
+    """
+    Return by how much the estimates without each block scatter more than a covariance says.
+
+    Parameters
+    ----------
+    J : (n, p)
+        Derivatives of the whitened residuals (n,) at the solution.
+    covariance : (p, p)
+        Of independent whitened residuals.
+    freedom, blocks
+        Degrees of freedom of the covariance; parts of the recording.
+
+    Returns
+    -------
+    factor : (p,)
+        Of the half widths, at least 1; Student's t of the few blocks is in it.
+
+    """
+    size = np.linalg.norm(J, axis=0)
+    J = J / size
+    whole, moved = J.T @ J, []
+    ridge = POOREST * np.trace(whole) * np.eye(len(size))
+    for part in np.array_split(np.arange(len(residual)), blocks):
+        rest = whole - J[part].T @ J[part]
+        moved.append(np.linalg.solve(rest + ridge, J[part].T @ residual[part]) / size)
+    spread = np.sqrt((blocks - 1) * np.var(moved, axis=0))
+    level = 0.5 + 0.5 * LEVEL
+    ratio = float(stats.t.ppf(level, blocks - 1) / stats.t.ppf(level, freedom))
+    return np.maximum(1.0, ratio * spread / np.sqrt(np.diag(covariance)))
 
 
 def check_columns(columns: dict[str, Floats], least: int) -> None:

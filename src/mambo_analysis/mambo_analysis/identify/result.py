@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.reader import Bag, BagError, read_bag
+from mambo_model import palette
 from mambo_model.schema import ParameterError
 from mambo_model.vehicle import vehicle_file
 from mambo_model.vehicle.parameters import PRESETS, Vehicle
@@ -41,7 +42,8 @@ def parser(name: str, description: str) -> Parser:
     out.add_output('DIR', 'write NAME.json, NAME.png and NAME.yaml, a vehicle, into it')
     out.add_json()
     out.add_argument('--base', default='identified', metavar='VEHICLE',
-                     help=f'vehicle that the new one starts from: {", ".join(PRESETS)}')
+                     help=f'vehicle that the new one starts from: {", ".join(PRESETS)}, or a '
+                          'FILE.yaml')
     return out
 
 
@@ -50,10 +52,42 @@ def table(report: Report) -> str:
     width = max([len(name) for name in (*report.values, *report.facts)])
     lines = [report.title, '']
     lines += [
-        f'{name:<{width}}  {v.value:>12.6g} {v.unit:<9} {100 * LEVEL:.0f} %: '
-        f'{v.low:.6g} .. {v.high:.6g}' for name, v in report.values.items()]
+        f'{name:<{width}}  {v.value:>12.6g} {v.unit:<9} {100 * LEVEL:.0f} %: {_bounds(v)}'
+        for name, v in report.values.items()]
     lines += [f'{name:<{width}}  {_short(value)}' for name, value in report.facts.items()]
-    return '\n'.join([*lines, '', *(f'note: {note}' for note in report.notes), report.method])
+    notes = [*report.notes, *(
+        f'{name}: an interval without width: its samples do not scatter beyond the resolution of '
+        'the file, so it says nothing of the error'
+        for name, v in report.values.items() if v.low == v.high)]
+    return '\n'.join([*lines, '', *(f'note: {note}' for note in notes), report.method])
+
+
+def _bounds(v: Value) -> str:
+    """Return the limits of an interval, with as many digits as tell them apart."""
+    digits = next((n for n in range(6, 17) if f'{v.low:.{n}g}' != f'{v.high:.{n}g}'), 6)
+    return f'{v.low:.{digits}g} .. {v.high:.{digits}g}'
+
+
+def _checked(base: str) -> str:
+    """Return the name or file of a base; a file must be one that a vehicle can start from."""
+    if base.endswith('.yaml'):
+        content = vehicle_file.read(Path(base), Vehicle)
+        if content.base is None or content.base.value not in PRESETS or content.markers:
+            raise ParameterError(
+                f'--base: {base}: a vehicle starts from a file with a known "base" and without '
+                '"markers"')
+    return base
+
+
+def _based(
+    base: str, values: dict[str, tuple[Any, str]],
+) -> tuple[str, dict[str, tuple[Any, str]]]:
+    """Return the known vehicle at the root of a base, and the values with those of its file."""
+    if not base.endswith('.yaml'):
+        return base, values
+    content = vehicle_file.read(Path(base), Vehicle)
+    kept = {name: (value, f'of {Path(base).name}') for name, value in content.values.items()}
+    return content.base.value if content.base else base, kept | values
 
 
 def _short(value: Any) -> str:
@@ -66,6 +100,31 @@ def as_json(report: Report) -> str:
         'title': report.title, 'level': LEVEL, 'method': report.method,
         'values': {name: v._asdict() for name, v in report.values.items()},
         'facts': report.facts, 'notes': report.notes}, indent=2, allow_nan=False)
+
+
+def drawn_force(
+    t: Any, measured: Any, residual: Any, axes: str = 'xyz',
+) -> Callable[[Figure], None]:
+    """
+    Return what draws the specific force, measured and as fitted, one row for each of ``axes``.
+
+    Parameters
+    ----------
+    t : (n,) s
+    measured, residual : (n, 3) m/s^2, body FLU
+
+    """
+    def draw(figure: Figure) -> None:
+        rows = figure.subplots(len(axes), 1, sharex=True, squeeze=False)[:, 0]
+        flown, fitted = palette.lines(['accelerometer', 'model'])
+        for row, axis in zip(rows, axes):
+            i = 'xyz'.index(axis)
+            row.plot(t, measured[:, i], label='accelerometer', **flown)
+            row.plot(t, measured[:, i] - residual[:, i], label='model', **fitted)
+            row.set_title(f'specific force along {axis} [m/s^2], FLU')
+        rows[0].legend()
+        rows[-1].set_xlabel('time [s]')
+    return draw
 
 
 def write(name: str, report: Report, folder: Path, base: str) -> list[Path]:
@@ -83,7 +142,7 @@ def write(name: str, report: Report, folder: Path, base: str) -> list[Path]:
     texts = {f'{name}.json': as_json(report) + '\n', **report.files}
     if report.vehicle:
         texts[f'{name}.yaml'] = vehicle_file.to_text(
-            report.title, base, report.vehicle, Vehicle)
+            report.title, *_based(base, report.vehicle), Vehicle)
     for file, text in texts.items():
         write_text(folder / file, text)
     figure = Figure(figsize=(9.0, 6.0), layout='constrained')
@@ -97,9 +156,11 @@ def run(name: str, options: argparse.Namespace, work: Callable[[], Report]) -> i
     """Do the work of a command, print and write its report; return the exit code."""
     def whole() -> None:
         """Check the base; work, print and write."""
-        if options.base not in PRESETS:
+        if not options.base.endswith('.yaml') and options.base not in PRESETS:
             raise ParameterError(
-                f'--base: vehicle {options.base!r} is unknown; known: {", ".join(PRESETS)}')
+                f'--base: vehicle {options.base!r} is unknown; known: {", ".join(PRESETS)}, or '
+                'a FILE.yaml')
+        options.base = _checked(options.base)
         report = work()
         if options.json != '-':
             print(table(report))

@@ -2,7 +2,8 @@
 Motor map from a bench: thrust of one motor over its command, (4.5)-(4.7).
 
 A power law T = a X^b by least squares on logarithms (4.6), which weighs every reading by its
-magnitude, and the line X = c T through the origin.
+magnitude, and the line X = c T through the origin. A bag is a flight, not a bench: its map is that
+of the accelerometer (:mod:`.from_flight`).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from . import columns, regression, result
+from . import columns, from_flight, regression, result
 from .regression import IdentifyError, LEVEL, Value
 
 Floats = NDArray[np.float64]
@@ -159,7 +160,7 @@ def parser() -> Parser:
     """Return the command line."""
     out = result.parser(
         'identify_thrust', 'Motor map from commands and thrusts of a bench, (4.5)-(4.7).')
-    out.add_argument('file', type=Path, help='.csv, .mat or .json')
+    out.add_argument('file', type=Path, help='.csv, .mat or .json; or the bag of a flight')
     out.add_argument('--command', default='pwm', help='column with the commands')
     out.add_argument('--thrust', default='thrust', help='column with what the scale says')
     out.add_argument('--unit', choices=('N', 'g'), default='N', help='of that column')
@@ -169,6 +170,8 @@ def parser() -> Parser:
                      help='m/s^2, for grams')
     out.add_argument('--max-pwm', type=real(0.0, 1e6, above=True), default=np.inf,
                      help='leave out what is above: there thrust fades (350 in the thesis)')
+    out.add_argument('--namespace', help='of the drone, if a bag has several')
+    from_flight.add_options(out)
     return out
 
 
@@ -178,6 +181,11 @@ def main(arguments: list[str] | None = None) -> int:
 
     def work() -> result.Report:
         """Read the bench file and return the result."""
+        if result.is_bag(options.file):
+            return from_flight.thrust_report(from_flight.read(
+                options.file, options.base, options.mass, options.namespace))
+        if options.mass is not None:
+            raise IdentifyError(f'--mass: {options.file} is a bench, not the bag of a flight')
         table = columns.read(options.file)
         _, pwm = columns.column(table, options.command, options.file)
         _, thrust = columns.column(table, options.thrust, options.file)

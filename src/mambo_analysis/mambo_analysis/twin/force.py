@@ -10,26 +10,30 @@ where :math:`L` is the first-order lag of the motors, X_j their commands, V the 
 (a command is a share of the supply, so a motor at X and V does what it does at X V / V_0 at the
 voltage V_0), X_0 and V_0 the means in the air, and the d are linear drags over the mass, 1/s.
 The c hold the tilt of the thrust axis and the bias of the accelerometer, which a flight does not
-tell apart. Everything here is per mass: an accelerometer does not know the mass.
+tell apart. Everything here is per mass: an accelerometer does not know the mass. A command acts
+from its stamp on, somewhere between two steps of the grid: the lag may be shorter by up to a step
+than the fit says, and its interval reaches down as far.
 
 Propellers shake an accelerometer above 20 Hz; flight and model are compared as means over 50 ms.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
+from scipy import signal, stats
 
 from ..identify import regression
-from ..identify.regression import Fit, IdentifyError, Value
-from .recorded import Recorded, STEP
+from ..identify.regression import Fit, IdentifyError, LEVEL, Value
+from .recorded import bias_doubt, Recorded, STEP
 
 Floats = NDArray[np.float64]
 
 BLOCK = 5                # steps from mean to mean
+BLOCKS = 8               # parts of the flights whose disagreement widens an interval: 2 s or more
 NAMES = ('drag x', 'drag y', 'drag z', 'tilt x', 'tilt y', 'thrust', 'exponent', 'motor lag')
 LOW = (-1.0, -1.0, -2.0, -3.0, -3.0, 0.2, 0.4, 0.0)
 HIGH = (5.0, 5.0, 5.0, 3.0, 3.0, 20.0, 4.0, 0.98)
@@ -126,6 +130,14 @@ def _swing(x: Floats) -> float:
     return float(high - low)
 
 
+def _with_doubt(found: Fit, flights: Sequence[Recorded]) -> Fit:
+    """Return a fit whose thrust is as uncertain as the bias of the accelerometer makes it."""
+    doubt = max(bias_doubt(one.mounting) for one in flights) / 4.0
+    covariance, i = found.covariance.copy(), NAMES.index('thrust')
+    covariance[i, i] += (doubt / float(stats.norm.ppf(0.5 + 0.5 * LEVEL))) ** 2
+    return found._replace(covariance=covariance)
+
+
 def fit_force(*flights: Recorded) -> Found:
     """
     Fit the specific force to the accelerometer of flights of one vehicle.
@@ -153,15 +165,17 @@ def fit_force(*flights: Recorded) -> Found:
         return np.concatenate([means(model.predict(one)[one.air]) for one in flights])
     names = ', '.join(one.name for one in flights)
     try:
-        found = regression.fit(predicted, measured, START, LOW, HIGH, NAMES)
+        found = regression.fit(
+            predicted, measured, START, LOW, HIGH, NAMES, blocks=BLOCKS)
     except IdentifyError as error:
         raise IdentifyError(f'{names}: {error}') from None
+    found = _with_doubt(found, flights)
     model = _model(found.theta, command, voltage)
     units = ('1/s', '1/s', '1/s', 'm/s^2', 'm/s^2', 'm/s^2', '1')
     values = {name: found.value(i, unit) for i, (name, unit) in enumerate(zip(NAMES, units))}
     left = found.value(len(units), '1')
-    values['motor lag'] = Value(
-        *(lag_of(min(x, HIGH[-1])) for x in (left.value, left.low, left.high)), 's')
+    lag, low, high = (lag_of(min(x, HIGH[-1])) for x in (left.value, left.low, left.high))
+    values['motor lag'] = Value(lag, max(0.0, low - STEP), high, 's')
     hidden = [f'drag {axis}: the velocity along {axis} swings by {_swing(v[:, i]):.2f} m/s, '
               f'{LEAST_SWING:g} m/s are needed'
               for i, axis in enumerate('xyz') if _swing(v[:, i]) < LEAST_SWING]

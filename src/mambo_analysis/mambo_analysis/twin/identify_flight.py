@@ -1,9 +1,10 @@
 """
-Vehicle parameters from one flight: drag, thrust and its lag, mounting, biases, noise.
+Vehicle parameters from one flight: drag, thrust and its lag, inertia, mounting, biases, noise.
 
 Reads a bag with IMU, motor commands and a motion capture (or truth), of any drone, and writes
 a vehicle file that can be flown. Parameters that the flight does not excite are named and keep the
 value of the base. An accelerometer cannot determine the mass: give ``--mass``, or keep the base.
+Moments of inertia hold for a lag of the motors: give ``--motor-lag``, or keep that of the base.
 """
 
 from __future__ import annotations
@@ -15,18 +16,18 @@ from typing import Any
 
 from mambo_bags.cli.option_types import real
 from mambo_bags.command import Parser
-from mambo_model import palette
-from mambo_model.vehicle.parameters import preset, Vehicle
-from matplotlib.figure import Figure
+from mambo_model.vehicle.parameters import find, Vehicle
 import numpy as np
 from scipy import stats
 
 from ..identify import result
 from ..identify.regression import LEVEL, Value
-from .force import fit_force, Found
+from .force import BLOCKS, fit_force, Found
+from .moments import fit_moments, Moment
 from .recorded import GRAVITY, read_flight, Recorded
 
 AXES = 'xyz'
+METHOD = f'{result.METHOD}; wider where {BLOCKS} parts of the flight disagree (CR3 covariance)'
 
 
 def _resting(flight: Recorded) -> dict[str, Value]:
@@ -63,12 +64,37 @@ def hover_command(found: Found) -> Value:
     return Value(float(command), float(command) - half, float(command) + half, 'PWM')
 
 
+def drag_parameters(found: Found, source: str) -> dict[str, tuple[Any, str]]:
+    """
+    Return the drag of a vehicle file with its source; nothing without a horizontal drag.
+
+    The reading belongs to both coefficients, so a vertical one alone has no place in a file.
+    """
+    hidden = {line.split(':')[0] for line in found.hidden}
+
+    def shown(axis: str) -> bool:
+        return f'drag {axis}' not in hidden and found.values[f'drag {axis}'].low > 0.0
+    sideways = [found.model.drag[i] for i, axis in enumerate('xy') if shown(axis)]
+    if not sideways:
+        return {}
+    upward = (found.model.drag[2], source) if shown('z') else (0.0, 'not shown by the flight')
+    return {'drag_reading': ('acceleration', source),
+            'drag_coefficient': (float(np.mean(sideways)), source),
+            'vertical_drag_coefficient': upward}
+
+
 def _vehicle(
     found: Found, base: Vehicle, mass: float, hover: float, source: str,
+    moments: dict[str, Moment],
 ) -> dict[str, tuple[Any, str]]:
     """Return the parameters of a vehicle file that the flight determines, with the PWM range."""
     model, hidden = found.model, {line.split(':')[0] for line in found.hidden}
     out: dict[str, tuple[Any, str]] = {'mass': (mass, 'as given, or of the base')}
+    shown = [None if axis not in moments else moments[axis].value for axis in AXES]
+    if any(shown):
+        out['inertia'] = (tuple(
+            kept if one is None else one.value for one, kept in zip(shown, base.inertia)),
+            f'{source}; about {" and ".join(a for a, v in zip(AXES, shown) if v)}')
     exponent = base.power_b if 'exponent' in hidden else model.exponent
     # the law through the hover point, at the mean voltage of the flight
     out |= {'thrust_map': ('power', source), 'power_b': (exponent, source),
@@ -76,35 +102,35 @@ def _vehicle(
             'linear_gain': (hover / (mass * GRAVITY / 4.0), source)}
     if 'motor lag' not in hidden:
         out['motor_time_constant'] = (model.lag, source)
-    sideways = [model.drag[i] for i, axis in enumerate('xy')
-                if f'drag {axis}' not in hidden and found.values[f'drag {axis}'].low > 0.0]
-    if sideways:
-        out['drag_reading'] = ('acceleration', source)
-        out['drag_coefficient'] = (max(0.0, float(np.mean(sideways))), source)
-        out['vertical_drag_coefficient'] = (0.0, 'not shown by the flight')
-        if 'drag z' not in hidden and found.values['drag z'].low > 0.0:
-            out['vertical_drag_coefficient'] = (model.drag[2], source)
-    return out
+    return out | drag_parameters(found, source)
 
 
-def _draw(found: Found) -> Any:
-    def draw(figure: Figure) -> None:
-        """Draw the specific force on each axis, measured and as fitted."""
-        rows = figure.subplots(3, 1, sharex=True)
-        flown, fitted = palette.lines(['accelerometer', 'model'])
-        for i, axes in enumerate(rows):
-            axes.plot(found.t, found.measured[:, i], label='accelerometer', **flown)
-            axes.plot(found.t, found.measured[:, i] - found.fit.residual[:, i], label='model',
-                      **fitted)
-            axes.set_title(f'specific force along {AXES[i]} [m/s^2], FLU')
-        rows[0].legend()
-        rows[-1].set_xlabel('time [s]')
-    return draw
+def known_lag(given: float | None, base: Vehicle, found: Found) -> tuple[float, str]:
+    """Return the lag of the motors that moments of inertia are to hold for, s, and its source."""
+    if given is not None:
+        return given, 'as given'
+    if base.motor_time_constant > 0.0:
+        return base.motor_time_constant, 'of the base'
+    return found.model.lag, 'of this flight'
 
 
-def identify(path: Path, base: str, mass: float | None, namespace: str | None) -> result.Report:
+def identify(
+    path: Path, base: str, mass: float | None, namespace: str | None, lag: float | None = None,
+) -> result.Report:
     """
     Identify a vehicle from a flight and return the report.
+
+    Parameters
+    ----------
+    path
+        Bag with IMU, motor commands and a motion.
+    base
+        Name or file of the vehicle that the rest is taken from.
+    mass : kg
+    lag : s
+        Of the motors, for the moments of inertia. None, like the mass: of the base.
+    namespace
+        Of the drone; None if the bag has one.
 
     Raises
     ------
@@ -112,16 +138,23 @@ def identify(path: Path, base: str, mass: float | None, namespace: str | None) -
         In one line.
 
     """
-    start = preset(base)
+    start = find(base)
     if mass is not None:
         start = dataclasses.replace(start, mass=mass)  # checks its range
     flight = read_flight(path, namespace)
     found = fit_force(flight)
     hover = hover_command(found)
+    motors, whence = known_lag(lag, start, found)
+    moments = fit_moments(flight, found, start, motors)
+    hidden = [*found.hidden, *(
+        f'inertia {axis}: {one.hidden}' for axis, one in moments.items() if one.hidden)]
     shown = {line.split(':')[0] for line in found.hidden}
     values = {name: value for name, value in found.values.items() if name not in shown}
+    values |= {f'inertia {axis}': one.value for axis, one in moments.items() if one.value}
     values |= {'hover command': hover, **_resting(flight)}
-    notes = [f'not shown by this flight: {line}' for line in found.hidden]
+    notes = [f'not shown by this flight: {line}' for line in hidden]
+    notes.append(f'inertia is for a motor lag of {motors:.3g} s, {whence}; a longer lag gives a '
+                 'smaller one')
     if flight.rest.stop == flight.rest.start:
         notes.append('not shown by this flight: biases and noise: no second of rest, motors off, '
                      'before take-off')
@@ -134,11 +167,14 @@ def identify(path: Path, base: str, mass: float | None, namespace: str | None) -
              'mass [kg], not identified': start.mass,
              'markers turned by, roll [deg]': float(angles[0]),
              'markers turned by, pitch [deg]': float(angles[1]),
+             'accelerometer bias z [m/s^2]': flight.bias,
+             **{f'R^2 of the gyro {axis}': one.share for axis, one in moments.items()},
              'rms residual [m/s^2]': found.fit.rms}
     return result.Report(
         f'what {path.name} tells of its vehicle', values, facts, notes,
-        _vehicle(found, start, start.mass, hover.value, f'mambo identify flight, {path.name}'),
-        _draw(found))
+        _vehicle(found, start, start.mass, hover.value, f'mambo identify flight, {path.name}',
+                 moments),
+        result.drawn_force(found.t, found.measured, found.fit.residual), method=METHOD)
 
 
 def parser() -> Parser:
@@ -148,6 +184,9 @@ def parser() -> Parser:
     out.add_argument('bag', type=Path, help='with imu/data_raw, motor_pwm and optitrack/pose')
     out.add_argument('--mass', type=real(0.0, 1000.0, 'kg', above=True), metavar='KG',
                      help='default: that of the base')
+    out.add_argument('--motor-lag', type=real(0.0, 0.5, 's'), metavar='S',
+                     help='of the motors, for the inertia (default: that of the base; if it has '
+                          'none, that of the flight)')
     out.add_argument('--namespace', help='of the drone, if the bag has several')
     return out
 
@@ -156,7 +195,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Entry point ``identify_flight``; return the exit code."""
     options: argparse.Namespace = parser().parse_args(arguments)
     return result.run('identify_flight', options, lambda: identify(
-        options.bag, options.base, options.mass, options.namespace))
+        options.bag, options.base, options.mass, options.namespace, options.motor_lag))
 
 
 if __name__ == '__main__':

@@ -4,7 +4,9 @@ A recorded flight on one uniform grid: motion, inertial sensor, motor commands a
 Axes are those of ROS: the world has z up, the body is FLU. The inertial sensor and the
 markers are not mounted exactly alike. The two small angles between them come from the flight: in
 the mean over ``STRETCH`` seconds, the measured specific force turned into the world, less gravity,
-must be the change of the measured velocity. A turn about the vertical stays unknown.
+must be the change of the measured velocity. A turn about the vertical stays unknown. Along z the
+same mean gives the bias of the accelerometer, which would else count as thrust. A bias along x
+and y looks like a turned sensor; along z they differ in second order (:func:`bias_doubt`).
 """
 
 from __future__ import annotations
@@ -84,6 +86,8 @@ class Recorded(NamedTuple):
         Whether the recording has optical flow, too.
     onboard
         None without a reference in the recording.
+    bias
+        Of the accelerometer along z, m/s^2, which is taken out of ``force``.
 
     """
 
@@ -101,6 +105,7 @@ class Recorded(NamedTuple):
     mounting: Floats
     has_flow: bool = False
     onboard: Onboard | None = None
+    bias: float = 0.0
 
     @property
     def turn(self) -> Rotation:
@@ -137,12 +142,19 @@ def _onboard(bag: Bag, t: Floats) -> Onboard | None:
                    unknown if there.velocity is None else there.velocity, there.quaternion)
 
 
-def _mounting(found: dict[str, Floats], air: slice) -> Floats:
+def _mounting(found: dict[str, Floats], air: slice) -> tuple[Floats, float]:
     r"""
-    Return the rotation vector r from the inertial sensor to the markers, (3,) rad, r_z = 0.
+    Return the rotation vector r from the inertial sensor to the markers, and its bias along z.
 
     Least squares over stretches of the flight, R being the attitude of the markers:
-    :math:`\\overline{R f} + \\overline{R (r \\times f)} - g e_3 = \\overline{\\dot v}`.
+    :math:`\\overline{R f} + \\overline{R (r \\times f)} - b \\overline{R e_3} - g e_3
+    = \\overline{\\dot v}`.
+
+    Returns
+    -------
+    rotation : (3,) rad
+        With r_z = 0.
+    bias : m/s^2
     """
     count = round(STRETCH / STEP)
     length = (air.stop - air.start) // count * count
@@ -153,11 +165,23 @@ def _mounting(found: dict[str, Floats], air: slice) -> Floats:
     def mean(x: Floats) -> Floats:
         return x.reshape(-1, count, 3).mean(axis=1)
     effect = [mean(turn.apply(np.cross(axis, force))) for axis in np.eye(3)[:2]]
+    effect.append(mean(turn.apply(np.tile([0.0, 0.0, -1.0], (length, 1)))))
     v = found['velocity'][rows].reshape(-1, count, 3)
     change = (v[:, -1] - v[:, 0]) / (STEP * (count - 1))
     rest = change + [0.0, 0.0, GRAVITY] - mean(turn.apply(force))
     r = np.linalg.lstsq(np.stack([e.ravel() for e in effect], axis=1), rest.ravel())[0]
-    return np.append(r, 0.0)
+    doubled = GRAVITY * float(r[0] ** 2 + r[1] ** 2)
+    # the fit has a bias along x, y turn the force up by all of this, a turned sensor by half of it
+    return np.array([r[0], r[1], 0.0]), float(r[2]) - 0.75 * doubled
+
+
+def bias_doubt(mounting: Floats) -> float:
+    """
+    Return half of the difference of the biases along z, m/s^2, that a mounting (3,) rad admits.
+
+    If it is a bias along x and y in truth, or a turned sensor.
+    """
+    return 0.25 * GRAVITY * float(mounting[:2] @ mounting[:2])
 
 
 def _grid(bag: Bag, path: motion.Motion) -> dict[str, Floats]:
@@ -231,9 +255,10 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
         raise IdentifyError(f'{path}: imu/data_raw lacks an acceleration on some axis')
     found = _grid(bag, _motion(bag))
     air, rest = _rows(path, found)
-    mounting = _mounting(found, air)
+    mounting, bias = _mounting(found, air)
+    found['force'] = found['force'] - [0.0, 0.0, bias]
     known = np.isfinite(found['attitude']).all(axis=1)
     found['attitude'][known] = (Rotation.from_quat(found['attitude'][known])
                                 * Rotation.from_rotvec(mounting)).as_quat()
     return Recorded(path.name, **found, air=air, rest=rest, mounting=mounting,
-                    has_flow='optical_flow' in bag, onboard=_onboard(bag, found['t']))
+                    has_flow='optical_flow' in bag, onboard=_onboard(bag, found['t']), bias=bias)

@@ -27,6 +27,16 @@ def result(**changed):
             **changed}
 
 
+@pytest.mark.parametrize('scale', [1.0, 1e3, 1e4, 1e7, -1e5, 1e12])
+def test_large_numbers_never_run_together(scale):
+    """A head of n columns has n numbers below it, whatever their size."""
+    whole, drift = tables.section(section(row(scale=scale)))[2:]
+    assert len(whole.split()) == len('whole flight'.split()) + 5 + 1
+    assert [float(x) for x in whole.split()[2:5]] == pytest.approx(
+        [0.1 * scale, 0.2 * scale, 0.3 * scale], rel=0.06)
+    assert len(drift.split()) == len('final drift'.split()) + 4
+
+
 def test_the_row_that_says_most_is_that_after_take_off():
     whole, after = row(), row('after take-off', 80)
     assert tables.main_row(section(whole, after)) is after

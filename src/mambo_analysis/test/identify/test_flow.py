@@ -138,7 +138,8 @@ def change(**columns):
     (change(flow=lambda d: np.zeros_like(d.flow)), 'constant', 'flow is constant'),
     (change(flow=lambda d: np.rad2deg(d.flow)), 'constant', 'it must be in rad/s'),
     (change(flow=lambda d: -d.flow), 'constant', "with the vehicle's sign"),
-    (change(velocity=lambda d: 0.01 * d.velocity), 'constant', 'shows no factor'),
+    (change(velocity=lambda d: 0.01 * d.velocity), 'constant',
+     r'slower than 0.1 m/s .* or admit it with --slowest'),
     (change(depth=lambda d: -d.depth), 'constant', 'is the floor where z is 0'),
     (change(height=lambda d: 1.5 + 0.0 * d.height), 'linear', 'heights differ by 0.00 m'),
     (lambda d: d, 'cubic', "law 'cubic' is not one of constant, linear, exponential")])
@@ -166,6 +167,13 @@ def test_wrong_use_is_one_line(capsys, options, message):
     assert main([str(BAG), *options]) == 2
     error = capsys.readouterr().err
     assert message in error and error.count('\n') == 1 and error.startswith('identify_flow: ')
+
+
+def test_a_slow_flight_is_refused_with_the_option_that_admits_it(capsys):
+    assert main([str(BAG), '--slowest', '2']) == 2
+    error = capsys.readouterr().err.strip()
+    assert 'is slower than 2 m/s' in error and '--slowest' in error and '\n' not in error
+    assert main([str(BAG), '--slowest', '0.01']) == 0
 
 
 def test_a_topic_without_messages_is_one_line(tmp_path, capsys):

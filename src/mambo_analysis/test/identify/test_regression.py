@@ -2,7 +2,7 @@
 
 from interval_checks import assert_covers
 from mambo_analysis.identify.regression import (
-    autoregression, check_columns, check_times, fit, IdentifyError)
+    autoregression, check_columns, check_times, fit, IdentifyError, plus_minus)
 import numpy as np
 import pytest
 from scipy import signal, stats
@@ -29,6 +29,38 @@ def test_white_noise_gives_the_intervals_of_linear_regression():
     np.testing.assert_allclose(found.theta, theta, rtol=1e-7)
     np.testing.assert_allclose(
         [found.half(0), found.half(1)], stats.t.ppf(0.975, N - 2) * sd, rtol=1e-5)
+
+
+def test_blocks_that_disagree_widen_and_blocks_that_agree_do_not():
+    noise = 0.1 * np.random.default_rng(5).standard_normal((N, 1))
+    for data, low, high in ((line([2.0, 0.3]) + noise, 1.0, 2.0),
+                            (line([2.0, 0.3]) * (1.0 + (T > 5.0)[:, None]) + noise, 5.0, 50.0)):
+        plain, blocks = (fit_line(data, blocks=n, colour=False) for n in (0, 8))
+        np.testing.assert_array_equal(plain.theta, blocks.theta)
+        expected = without_blocks(data, 8)
+        spread = np.sqrt(7.0 / 8.0 * np.sum((expected - expected.mean(axis=0)) ** 2, axis=0))
+        wanted = np.maximum(stats.t.ppf(0.975, 7) * spread, [plain.half(0), plain.half(1)])
+        if low > 1.0:
+            np.testing.assert_allclose([blocks.half(0), blocks.half(1)], wanted, rtol=1e-4)
+            assert blocks.half(0) > 2.0 * plain.half(0)
+        else:
+            assert blocks.half(0) < high * plain.half(0)
+
+
+def without_blocks(data, count):
+    """Return the parameters of the line, fitted without each block, (count, 2)."""
+    A, out = np.stack([np.sin(2.0 * T), T], axis=1), []
+    for part in np.array_split(np.arange(N), count):
+        keep = np.setdiff1d(np.arange(N), part)
+        out.append(np.linalg.lstsq(A[keep], data[keep, 0])[0])
+    return np.array(out)
+
+
+@pytest.mark.parametrize('value, half, text', [
+    (0.1, 4e-4, '0.10000 +- 0.00040'), (1.234567, 0.05, '1.235 +- 0.050'),
+    (56326.7, 139.7, '56326.700 +- 139.700'), (2.0, 0.0, '2 +- 0'), (1.0, np.inf, '1 +- inf')])
+def test_an_interval_with_a_width_never_reads_as_none(value, half, text):
+    assert plus_minus(value, half) == text
 
 
 def test_nuisance_terms_are_fitted_along_in_every_channel():

@@ -7,6 +7,8 @@ from mambo_analysis.identify.regression import IdentifyError, Value
 from mambo_bags.mcap_reader import BagError
 from mambo_model.schema import ParameterError
 from mambo_model.vehicle.parameters import load, PRESETS
+from matplotlib.figure import Figure
+import numpy as np
 import pytest
 from synthetic import Maker
 
@@ -30,6 +32,15 @@ def test_the_table_has_every_value_with_unit_and_interval_in_a_column():
     assert lines[4].split() == ['samples', '4000']       # a count as it is
     assert lines[5].split() == ['rms', '0.123457']       # a number to six digits
     assert lines[-2:] == ['note: only forward', result.METHOD]
+
+
+def test_an_interval_without_width_is_explained_and_a_narrow_one_shown():
+    found, _ = report(values={'noise': Value(0.0, 0.0, 0.0, 'rad/s'),
+                              'k': Value(1234.5678, 1234.5677, 1234.5679, '1')})
+    lines = result.table(found).splitlines()
+    assert lines[3].split()[-3:] == ['1234.5677', '..', '1234.5679']
+    assert 'note: noise: an interval without width: its samples do not scatter' in '\n'.join(lines)
+    assert not any(line.startswith('note: k') for line in lines)
 
 
 def test_json_holds_the_same_and_no_nan():
@@ -116,3 +127,52 @@ def test_a_bag_must_have_messages_of_each_topic(tmp_path):
         result.open_bag(tmp_path / 'bag', ('motor_pwm', 'optical_flow'))
     with pytest.raises(BagError, match='imu/data_raw'):
         result.open_bag(tmp_path / 'bag', ('imu/data_raw',))
+
+
+def vehicle_of(folder, text):
+    path = folder / 'own.yaml'
+    path.write_text(text)
+    return path
+
+
+OWN = """description: mine
+base: crazyflie
+mass: {value: 0.033, unit: kg, source: a scale}
+arm: {value: 0.04, unit: m, source: a ruler}
+"""
+
+
+def test_a_base_may_be_a_file_whose_values_are_kept(tmp_path, capsys):
+    base, (found, _) = vehicle_of(tmp_path, OWN), report()
+    assert run(['--base', str(base), '--output', str(tmp_path / 'out')], lambda: found) == 0
+    got = load(tmp_path / 'out' / 'drag.yaml')
+    assert (got.mass, got.arm) == (0.07, 0.04)  # as found; as in the file
+    assert got.power_b == PRESETS['crazyflie'].power_b
+    assert 'of own.yaml' in (tmp_path / 'out' / 'drag.yaml').read_text()
+
+
+@pytest.mark.parametrize('text, said', [
+    (OWN.replace('base: crazyflie\n', ''), 'a known "base"'),
+    (OWN.replace('crazyflie', 'other.yaml'), 'a known "base"'), ('mass: 1', 'no description')])
+def test_a_file_that_is_no_base_is_one_line(tmp_path, capsys, text, said):
+    base = vehicle_of(tmp_path, text)
+    assert run(['--base', str(base)], lambda: pytest.fail('worked')) == 2
+    error = capsys.readouterr().err.strip()
+    assert said in error and str(base) in error and '\n' not in error
+
+
+@pytest.mark.parametrize('axes', ['xyz', 'xy', 'z'])
+def test_a_specific_force_is_drawn_measured_and_as_fitted(axes):
+    t, rng = np.arange(50) * 0.05, np.random.default_rng(0)
+    measured, residual = rng.standard_normal((2, 50, 3))
+    figure = Figure()
+    result.drawn_force(t, measured, residual, axes)(figure)
+    assert [row.get_title()[21] for row in figure.axes] == list(axes)
+    for row, axis in zip(figure.axes, axes, strict=True):
+        i = 'xyz'.index(axis)
+        shown, fitted = (line.get_ydata() for line in row.lines)
+        np.testing.assert_array_equal(shown, measured[:, i])
+        np.testing.assert_allclose(fitted, measured[:, i] - residual[:, i])
+    assert figure.axes[-1].get_xlabel() == 'time [s]'
+    words = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert words == ['accelerometer', 'model']

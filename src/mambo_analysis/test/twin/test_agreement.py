@@ -21,10 +21,14 @@ def test_flights_of_one_model_agree_in_nearly_all_pairs():
     """Of 42 pairs 2 disagree by chance; 8 have a chance below 0.2 %."""
     caption, head, rows = table(identified([flight(seed) for seed in range(4)]))
     assert 'pairs of flights that agree' in caption
-    assert head == ['parameter', *(['flight'] * 4), 'agree'] and len(rows) == len(COMPARED)
+    assert head == ['parameter', *(['flight'] * 4), 'agree'] and len(rows) == len(COMPARED) + 2
     counts = [row[-1].split(' of ') for row in rows]
-    assert {total for _, total in counts} == {'6'}
-    assert sum(int(count) for count, _ in counts) >= 35
+    assert {total for _, total in counts[:-2]} == {'6'}
+    agreed = [int(count) for count, _ in counts]
+    assert sum(agreed[:-2]) >= 35
+    assert rows[-2] == ['all', '', '', '', '', f'{sum(agreed[:-2])} of 42']
+    tilts = sum(n for row, n in zip(rows, agreed) if row[0].startswith('tilt'))
+    assert rows[-1][0] == 'all but tilt' and rows[-1][-1] == f'{agreed[-2] - tilts} of 30'
 
 
 def test_another_drag_is_seen():

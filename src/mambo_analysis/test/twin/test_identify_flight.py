@@ -2,11 +2,12 @@
 
 import json
 
-from flown import bag, flight, TRUE
+from flown import bag, flight, SPIN, steered, STRAIGHT, table_of, TRUE
 from mambo_analysis.twin.force import fit_force
-from mambo_analysis.twin.identify_flight import hover_command, main
+from mambo_analysis.twin.identify_flight import drag_parameters, hover_command, known_lag, main
 from mambo_analysis.twin.recorded import GRAVITY
 from mambo_model.vehicle.parameters import load, preset
+import numpy as np
 import pytest
 
 
@@ -71,3 +72,57 @@ def test_what_a_flight_does_not_show_stays_as_in_the_base(tmp_path, capsys):
     assert 'drag_coefficient' not in text and 'power_b' in text
     kept = load(tmp_path / 'out' / 'identify_flight.yaml').drag_coefficient
     assert kept == preset('crazyflie').drag_coefficient
+
+
+def turned(folder):
+    """Return the bag of a flight that its motors turn, and that gusts turn, too."""
+    one = steered(0, seconds=24.0, shake=20.0, torque=SPIN._replace(damping=(0.0, 0.0, 0.0)))
+    rng = np.random.default_rng(0)
+    return table_of(one._replace(gyro=one.gyro + rng.normal(0.0, 0.002, one.gyro.shape),
+                                 force=one.force + rng.normal(0.0, 0.05, one.force.shape)),
+                    folder, mounting=STRAIGHT)
+
+
+def test_a_flight_that_turns_shows_its_inertia(tmp_path, capsys):
+    path, flie = turned(tmp_path), preset('crazyflie')
+    assert main([str(path), '-o', str(tmp_path / 'out'), '--base', 'crazyflie',
+                 '--motor-lag', str(TRUE.lag), '--json', str(tmp_path / 'flight.json')]) == 0
+    found = json.loads((tmp_path / 'flight.json').read_text())
+    moment = found['values']['inertia x']
+    assert moment['unit'] == 'kg m^2'
+    assert moment['low'] < flie.arm * flie.mass / SPIN.gain[0] < moment['high']
+    assert found['facts']['R^2 of the gyro x'] > 0.7
+    vehicle = load(tmp_path / 'out' / 'identify_flight.yaml')
+    assert vehicle.inertia[0] == moment['value']
+    out = capsys.readouterr().out
+    assert 'inertia is for a motor lag of 0.05 s, as given' in out
+
+
+def test_a_flight_that_its_motors_do_not_turn_keeps_the_inertia_of_the_base(tmp_path, capsys):
+    path = bag(tmp_path, noise=0.05)
+    assert main([str(path), '-o', str(tmp_path / 'out'), '--base', 'crazyflie']) == 0
+    out = capsys.readouterr().out
+    assert 'not shown by this flight: inertia x: the data do not depend on gain' in out
+    assert 'inertia' not in (tmp_path / 'out' / 'identify_flight.yaml').read_text().replace(
+        'inertia is for', '')
+    assert load(tmp_path / 'out' / 'identify_flight.yaml').inertia == preset('crazyflie').inertia
+
+
+def test_the_lag_of_the_inertia_is_given_or_of_the_base_or_of_the_flight():
+    found, flie = fit_force(flight()), preset('crazyflie')
+    assert known_lag(0.03, flie, found) == (0.03, 'as given')
+    assert known_lag(None, flie, found) == (flie.motor_time_constant, 'of the base')
+    lag, whence = known_lag(None, preset('identified'), found)
+    assert lag == found.model.lag and whence == 'of this flight'
+
+
+def test_a_drag_that_is_not_above_zero_is_none_of_the_vehicle():
+    found = fit_force(flight())
+    given = drag_parameters(found, 'here')
+    assert given['drag_coefficient'][0] == pytest.approx(0.375, abs=0.01)
+    assert given['vertical_drag_coefficient'][0] == pytest.approx(0.25, abs=0.03)
+    unsure = {name: value._replace(low=-1.0) for name, value in found.values.items()}
+    assert drag_parameters(found._replace(values=unsure), 'here') == {}
+    level = found.values | {'drag z': unsure['drag z']}
+    assert drag_parameters(found._replace(values=level), 'here')[
+        'vertical_drag_coefficient'] == (0.0, 'not shown by the flight')

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from flown import bag, flight, MAP, MOUNTING
 from mambo_analysis.identify.regression import IdentifyError
-from mambo_analysis.twin.recorded import read_flight
+from mambo_analysis.twin.recorded import bias_doubt, GRAVITY, read_flight
 import numpy as np
 import pytest
 
@@ -109,3 +109,28 @@ def test_the_estimate_of_the_drone_is_on_the_same_grid(tmp_path):
 
 def test_without_a_reference_nothing_is_known_on_board(tmp_path):
     assert read_flight(bag(tmp_path)).onboard is None
+
+
+@pytest.mark.parametrize('bias', [-0.4, 0.0, 0.3])
+def test_a_bias_along_z_is_taken_out_of_the_force(tmp_path, bias):
+    def biased(data):
+        data['az'] += bias
+        return data
+    found = read_flight(bag(tmp_path, biased))
+    assert found.bias == pytest.approx(bias, abs=5e-3)
+    assert found.mounting == pytest.approx(MOUNTING, abs=1e-3)
+    folder = tmp_path / 'plain'
+    folder.mkdir()
+    plain = read_flight(bag(folder))
+    assert found.force[found.air] == pytest.approx(plain.force[plain.air], abs=5e-3)
+
+
+def test_a_bias_along_x_changes_that_along_z_in_second_order_only(tmp_path):
+    """0.5 m/s^2 look like a sensor turned by 0.051 rad; the rest is within the doubt."""
+    def biased(data):
+        data['ax'] += 0.5
+        return data
+    found = read_flight(bag(tmp_path, biased))
+    angle = np.hypot(*found.mounting[:2])
+    assert bias_doubt(found.mounting) == pytest.approx(0.25 * GRAVITY * angle ** 2)
+    assert abs(found.bias) < bias_doubt(found.mounting) + 5e-3 < 0.02

@@ -102,5 +102,5 @@ def table(s: Smoothed, truth: Array | None = None) -> str:
         out.append(f'{"horizontal path error [m]":<32}{"rms":>11}{"largest":>11}{"end":>11}')
         for name, rows in (('filter', s.filtered.x), ('smoother', s.x)):
             path = path_error(rows[s.start:], truth[s.start:])
-            out.append(f'  {name:<30}' + ''.join(f'{number:>11.4f}' for number in path))
+            out.append(f'  {name:<30}' + ''.join(f' {number:>10.4f}' for number in path))
     return '\n'.join(out)

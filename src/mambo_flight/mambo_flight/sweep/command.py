@@ -84,7 +84,7 @@ def summary(data: Mapping[str, Sequence[Any]]) -> str:
         good = values[np.isfinite(values)]
         if len(good):
             shown = (*np.percentile(good, (5, 50, 95)), good.max())
-            lines.append(f'{name:<18}' + ''.join(f'{x:>10.4g}' for x in shown))
+            lines.append(f'{name:<18}' + ''.join(f' {x:>9.3g}' for x in shown))
     lines.append(f'{sum(data["shutdown"])} of {len(data["flight"])} flights were shut down')
     return '\n'.join(lines)
 

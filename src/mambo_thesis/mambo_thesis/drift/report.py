@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mambo_analysis.compare import digest
+from mambo_analysis.identify.regression import plus_minus
 from mambo_bags.mcap_reader import BagError
 from mambo_model import palette
 from matplotlib.axes import Axes
@@ -106,7 +107,7 @@ def identification_table(found: Sequence[Identification], value: Mapping[str, fl
     for f in found:
         out.append(
             f'| {f.truth.upper()} | {f.data_set} | {"+".join(f.model) or "none"} | '
-            f'{f.probability:.2f} | {f.included:.2f} | {f.value:.3f} +- {1.96 * f.sigma:.3f} | '
+            f'{f.probability:.2f} | {f.included:.2f} | {plus_minus(f.value, 1.96 * f.sigma)} | '
             f'{value[f.truth]:.3f} |')
     return '\n'.join(out) + '\n'
 

@@ -57,7 +57,7 @@ def table(lines: list[Measured]) -> str:
         if not np.isfinite(line.value):
             value, bounds = '-', ''
         elif line.low == line.high:
-            bounds = ''
+            bounds = 'none'
         rows.append((line.sensor, line.quantity, value, bounds, line.unit, str(line.samples),
                      line.note))
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]

@@ -79,3 +79,13 @@ def test_recordings_are_summed_up_by_median_and_extremes_of_what_they_know():
 def test_the_same_quantity_in_another_unit_is_another_line():
     lines = [[Measured('s', 'noise', unit, 1.0, 1.0, 1.0, 1)] for unit in ('m', 'Pa')]
     assert [line.unit for line in summary(lines)] == ['m', 'Pa']
+
+
+@pytest.mark.parametrize('value, low, high, said', [
+    (5.0, 5.0, 5.0, 'none'), (5.0, 4.9, 5.1, '4.9 to 5.1'), (np.nan, 1.0, 1.0, '')])
+def test_an_interval_without_width_says_so(value, low, high, said):
+    line = Measured('imu', 'interval', 'ms', value, low, high, 100)
+    head, row = table([line]).splitlines()
+    place = head.index('95 % interval')
+    assert row[place:].startswith(f'{said}  ') and row[place:].split()[-2:] == ['ms', '100']
+    assert row[head.index('value'):].split()[0] == ('5' if value == 5.0 else '-')

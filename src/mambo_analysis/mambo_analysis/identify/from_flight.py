@@ -1,0 +1,147 @@
+"""
+Drag, motor map and motor lag from a flight of which nothing is known but its recording.
+
+``identify drag``, ``identify thrust`` and ``identify motor`` take a bag that holds no scenario:
+the accelerometer shows the specific force, whatever was flown
+(:mod:`mambo_analysis.twin.force`). What the recording cannot know comes from the command line: the
+vehicle that all else is taken from (``--base``), and its mass (``--mass``).
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mambo_bags.cli.option_types import real
+from mambo_model.vehicle.parameters import find, Vehicle
+import numpy as np
+
+from . import result
+from ..twin.force import fit_force, Found
+from ..twin.identify_flight import drag_parameters, METHOD
+from ..twin.recorded import GRAVITY, read_flight, Recorded
+from .regression import IdentifyError, Value
+
+AXES = {'horizontal': 'xy', 'vertical': 'z'}
+
+
+class Flight(NamedTuple):
+    """A recorded flight, its force model, and the vehicle that all else is taken from."""
+
+    recorded: Recorded
+    found: Found
+    vehicle: Vehicle
+
+    @property
+    def name(self) -> str:
+        """Return the name of the bag."""
+        return self.recorded.name
+
+    def value(self, name: str) -> Value:
+        """Return a parameter of the force model; an IdentifyError says why it is not shown."""
+        for line in self.found.hidden:
+            if line.startswith(f'{name}:'):
+                raise IdentifyError(f'{self.name} does not show {line}')
+        return self.found.values[name]
+
+    def facts(self) -> dict[str, Any]:
+        """Return what was known beforehand, and how well the model fits."""
+        model, t = self.found.model, self.recorded.t[self.recorded.air]
+        return {'mass [kg], not identified': self.vehicle.mass,
+                'time in the air [s]': float(t[-1] - t[0]),
+                'mean command': model.command, 'mean voltage [V]': model.voltage
+                if np.isfinite(model.voltage) else 'not recorded',
+                'rms residual [m/s^2]': self.found.fit.rms}
+
+
+def add_options(out: argparse.ArgumentParser) -> None:
+    """Add the option with the fact that a recording does not hold."""
+    out.add_argument('--mass', type=real(0.0, 1000.0, 'kg', above=True), metavar='KG',
+                     help='of the vehicle, if the bag holds no scenario (default: of the base)')
+
+
+def read(path: Path, base: str, mass: float | None, namespace: str | None) -> Flight:
+    """
+    Read a flight and fit its specific force.
+
+    Parameters
+    ----------
+    path
+        Bag with ``imu/data_raw``, ``motor_pwm`` and a motion (capture or truth).
+    base
+        Name or file of a vehicle.
+    mass : kg
+        None: that of the base.
+    namespace
+        Of the drone; None if the bag has one.
+
+    Raises
+    ------
+    IdentifyError, mambo_bags.reader.BagError, mambo_model.schema.ParameterError
+        In one line.
+
+    """
+    vehicle = find(base)
+    if mass is not None:
+        vehicle = dataclasses.replace(vehicle, mass=mass)  # checks its range
+    recorded = read_flight(path, namespace)
+    return Flight(recorded, fit_force(recorded), vehicle)
+
+
+def _draw(flight: Flight, axes: str) -> Any:
+    return result.drawn_force(
+        flight.found.t, flight.found.measured, flight.found.fit.residual, axes)
+
+
+def _source(command: str, flight: Flight, value: Value) -> str:
+    return f'{command}, {flight.name}, 95 %: {value.low:.4g} to {value.high:.4g}'
+
+
+def drag_report(flight: Flight, part: str) -> result.Report:
+    """Return the linear drag over the mass along the axes of a part, 1/s."""
+    values = {f'drag {axis}': flight.value(f'drag {axis}') for axis in AXES[part]}
+    found = list(values.values())
+    mean = float(np.mean([v.value for v in found]))
+    if not mean > 0.0:
+        raise IdentifyError(f'{flight.name}: a drag of {mean:.3g} 1/s drives the vehicle: check '
+                            'axes and signs of velocity and accelerometer')
+    return result.Report(
+        f'{part} drag of {flight.name}', values, flight.facts(),
+        ['no scenario in the bag: the drag is that of the accelerometer against the velocity of '
+         'the motion capture, per mass'],
+        drag_parameters(flight.found, f'identify_drag, {flight.name}'),
+        _draw(flight, AXES[part]), method=METHOD)
+
+
+def thrust_report(flight: Flight) -> result.Report:
+    """Return the power law of one motor at the mean voltage, N over command."""
+    model, mass = flight.found.model, flight.vehicle.mass
+    kappa, b = flight.value('thrust'), flight.value('exponent')
+    thrust = Value(*(mass * x for x in kappa[:3]), 'N')
+    a = mass * model.thrust / model.command ** model.exponent
+    hover = model.command * (GRAVITY / 4.0 / model.thrust) ** (1.0 / model.exponent)
+    source = _source('identify_thrust', flight, b)
+    return result.Report(
+        f'motor map of {flight.name}', {'thrust at the mean command': thrust, 'b': b},
+        {**flight.facts(), 'a [N]': f'{a:.6g}', 'hover command': hover},
+        ['no scenario in the bag: thrust is mass times specific force, over the command and the '
+         'voltage of the battery; a holds at the mean voltage and belongs to b'],
+        {'mass': (mass, 'as given, or of the base'), 'thrust_map': ('power', source),
+         'power_a': (a, source), 'power_b': (model.exponent, source),
+         'linear_gain': (hover / (mass * GRAVITY / 4.0), f'{source}; through the hover')},
+        _draw(flight, 'z'), method=METHOD)
+
+
+def motor_report(flight: Flight) -> result.Report:
+    """Return the lag of the motors, with the motor map of the flight itself."""
+    lag = flight.value('motor lag')
+    return result.Report(
+        f'lag of the motors of {flight.name}',
+        {'time constant': lag},
+        {**flight.facts(), 'exponent of the map': flight.found.model.exponent},
+        ['no scenario in the bag: the motor map is that of this flight, with its battery',
+         'a delay of the commands counts as lag'],
+        {'motor_time_constant': (lag.value, _source('identify_motor', flight, lag))},
+        _draw(flight, 'z'), method=METHOD)
