@@ -42,7 +42,8 @@ LONGEST = 200  # lines of a file that imports rclpy
 # The packages of ROS that run a graph, and those that only hold messages, which bags hold too.
 ROS = {'ament_index_python', 'launch', 'launch_ros', 'rclpy', 'rosbag2_py', 'tf2_ros'}
 ROS_MESSAGES = {'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs',
-                'rcl_interfaces', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs', 'tf2_msgs'}
+                'rcl_interfaces', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs',
+                'tf2_msgs'}
 # rosdep's name of what Python imports under another; None where rosdep has none, or for extras
 ROSDEP = {'argcomplete': 'python3-argcomplete', 'clarabel': None, 'distributed': None,
           'gymnasium': None, 'h5py': None, 'lz4': None,

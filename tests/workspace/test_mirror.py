@@ -38,6 +38,8 @@ HELD = {
     'mambo_control/command.py': 'src/mambo_control/test/test_cascaded.py',
     'mambo_control/controllers.py': 'src/mambo_control/test/test_cascaded.py',
     'mambo_control/virtual_thrust.py': 'src/mambo_control/test/test_cascaded.py',
+    # moved below the courses that are checked by it
+    'mambo_control/commanded/demand.py': 'src/mambo_flight/test/course/test_feasibility.py',
     'mambo_control/safety.py': 'src/mambo_control/test/test_cascaded.py',
     'mambo_control/literature/drag_estimate.py':
         'src/mambo_control/test/literature/test_extended.py',

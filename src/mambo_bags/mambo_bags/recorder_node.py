@@ -38,7 +38,7 @@ _SIZE = f'of more than {_LARGEST // 1_000_000} MB, not recorded'
 
 def _selected(names: str) -> list[topics.Topic]:
     """Return the topics to record, refusing unknown names."""
-    known = {topic.name: topic for topic in (*topics.RECORDED, *topics.AIDED)}
+    known = {topic.name: topic for topic in topics.RECORDABLE}
     wanted = [name.strip() for name in names.split(',') if name.strip()] or [
         topic.name for topic in topics.RECORDED]
     for name in wanted:

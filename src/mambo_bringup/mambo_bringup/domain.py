@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import fcntl
 import os
-from pathlib import Path
-import tempfile
 
 from mambo_model.errors import JobError
 from mambo_ros.graph import loopback
+from mambo_ros.graph.domains import HIGHEST, lock_path
 
 from .processes import FlightError
 
 _FREE = range(0, 101)  # domains whose ports are free of the ephemeral range on Linux
-_HIGHEST = 232  # a higher domain has no valid ports
 
 
 class Domain:
@@ -46,9 +44,9 @@ class Domain:
         except JobError as error:
             raise FlightError(str(error)) from None
         asked = os.environ.get('ROS_DOMAIN_ID', '')
-        if asked and not (asked.isascii() and asked.isdigit() and int(asked) <= _HIGHEST):
+        if asked and not (asked.isascii() and asked.isdigit() and int(asked) <= HIGHEST):
             raise FlightError(
-                f'ROS_DOMAIN_ID = {asked!r} is not a whole number from 0 to {_HIGHEST}')
+                f'ROS_DOMAIN_ID = {asked!r} is not a whole number from 0 to {HIGHEST}')
         for number in [int(asked)] if asked else _FREE:
             if self._claim(number):
                 self.number = number
@@ -64,7 +62,7 @@ class Domain:
                 self._added.append(name)
 
     def _claim(self, number: int) -> bool:
-        path = Path(tempfile.gettempdir()) / f'mambo_domain_{number}.lock'
+        path = lock_path(number)
         try:
             lock = os.open(path, os.O_RDONLY | os.O_CREAT, 0o666)
         # another user's file: Linux allows opening it, but not with O_CREAT

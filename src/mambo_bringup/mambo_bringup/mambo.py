@@ -60,6 +60,16 @@ GROUPS: dict[str, dict[str, Command]] = {
         'race': Command('mambo_flight.race.race', 'fly every controller over the same courses '
                         'in the same wind'),
     },
+    'Command a running flight': {
+        'takeoff': Command('mambo_bringup.commanding.takeoff', 'climb and hover'),
+        'go-to': Command('mambo_bringup.commanding.go_to', 'fly to a position and hover'),
+        'follow': Command('mambo_bringup.commanding.follow', 'follow the file of a course'),
+        'stop': Command('mambo_bringup.commanding.halt', 'come to rest and hover'),
+        'land': Command('mambo_bringup.commanding.land', 'stop, descend, motors off'),
+        'pause': Command('mambo_bringup.commanding.pause', 'pause the simulation'),
+        'step': Command('mambo_bringup.commanding.single_step', 'make single steps while paused'),
+        'resume': Command('mambo_bringup.commanding.resume', 'go on after a pause'),
+    },
     'Watch': {
         'view': Command('mambo_view.view', 'a running flight or a bag in the browser, in 3-D'),
     },

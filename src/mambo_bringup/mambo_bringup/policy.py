@@ -2,9 +2,10 @@
 Write the access policy of the nodes for SROS2: who may publish, subscribe and answer what.
 
 The file has the format of SROS2 (design.ros2.org/articles/ros2_access_control_policies.html), one
-enclave for each node with the topics that its class declares, its own parameter services and the
-log; everything else is denied. ``ros2 security create_permission KEYSTORE ENCLAVE FILE`` turns it
-into signed permissions. It needs an installed ROS 2: the wheels are built without security.
+enclave for each node with the topics and services that its class declares, its own parameter
+services and the log; everything else is denied. ``ros2 security create_permission KEYSTORE ENCLAVE
+FILE`` turns it into signed permissions. It needs an installed ROS 2: the wheels are built without
+security.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ SERVICES = ('describe_parameters', 'get_parameter_types', 'get_parameters',
             'set_parameters_atomically')
 """Services that rclpy gives every node, below its own name."""
 _SUBSCRIBED = {'sim_node': (topics.LINKS,), 'replay_node': (topics.LINKS,),
-               'recorder_node': topics.AIDED}
+               'recorder_node': (*topics.AIDED, *topics.COMMANDED)}
 """What a node subscribes besides the topics of its class: while it waits, or on request."""
 
 
@@ -69,7 +70,8 @@ def allowed(package: str, name: str, namespace: str) -> dict[str, list[str]]:
         'publish': sorted([*_resolved((*node_type.publishes, topics.LINKS), namespace),
                            '/parameter_events', '/rosout']),
         'subscribe': _resolved(subscribed, namespace),
-        'reply': [f'{namespace}/{name}/{service}' for service in SERVICES]}
+        'reply': sorted([*(f'{namespace}/{name}/{service}' for service in SERVICES),
+                         *(f'{namespace}/{service.name}' for service in node_type.serves)])}
 
 
 def _enclave(package: str, name: str, namespace: str) -> ElementTree.Element:

@@ -68,6 +68,11 @@ def parser() -> Parser:
         help='lockstep: as fast as the machine allows, bit-for-bit repeatable (default)')
     add('--speed', type=real(_SPEED['low'], _SPEED['high']), metavar='X',
         help='flight time over wall time, only with --mode realtime (default: 1)')
+    add('--commanded', action='store_true',
+        help='wait on the floor for commands, such as mambo takeoff, in place of a trajectory; '
+             'best with --mode realtime, or with --paused')
+    add('--paused', action='store_true',
+        help='begin paused: mambo step makes single steps, mambo resume goes on')
     add('--composed', action='store_true',
         help='all nodes of a drone in one process: the same bag, faster')
     add('--without', action='append', default=[], choices=tuple(REPLACEABLE), metavar='NODE',
@@ -101,7 +106,14 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
             Path(options.trajectory).stem)
         estimator = ESTIMATORS.find(flight.estimator_node.estimator)
         name = f'{flown}_{estimator.name if estimator else flight.estimator_node.estimator}'
+    if options.commanded:
+        if options.trajectory:
+            raise schema.ParameterError(
+                '--commanded and --trajectory exclude each other: mambo follow FILE flies one')
+        flight = scenarios.override(flight, {'reference_node.commands.enabled': True})
+        name = name if options.scenario else 'commanded'
     flight = flight_options.applied(scenarios.override(flight, {
+        **({'sim_node.paused': True} if options.paused else {}),
         'sim_node.mode': options.mode, 'sim_node.speed': 1.0 if options.speed is None else
         options.speed}), options)
     if options.speed is not None and flight.sim_node.mode != 'realtime':

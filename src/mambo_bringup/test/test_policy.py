@@ -13,10 +13,11 @@ AIDED = ['-p', 'estimator:=joint', '-p', 'joint.pose.enabled:=true']
 OPTIONS = {  # of a node with which it opens each of its topics
     'estimator_node': [AIDED, ['-p', 'estimator:=ground_truth']],
     'controller_node': [[], ['-p', 'estimate:=map']],
+    'reference_node': [['-p', 'commands.enabled:=true']],
     'optitrack_node': [['-p', 'watermark:=true']],
     'view_node': [['-p', 'port:=PORT']],
     'recorder_node': [['-p', 'bag:=BAG', '-p', 'topics:=' + ','.join(
-        one.name for one in (*topics.RECORDED, *topics.AIDED))]]}
+        one.name for one in (*topics.RECORDED, *topics.AIDED, *topics.COMMANDED))]]}
 
 
 def opened(package, name, words, bag):
@@ -74,6 +75,16 @@ def test_one_drone_keeps_the_clock_and_frames_of_ros():
     granted = policy.allowed('mambo_sim', 'sim_node', '/mambo')
     assert '/clock' in granted['publish'] and '/mambo/motor_pwm' in granted['subscribe']
     assert '/mambo/motor_pwm' not in granted['publish']
+
+
+def test_only_the_nodes_that_carry_commands_out_answer_them():
+    answers = {
+        name: {one.rpartition('/')[2] for one in policy.allowed(package, name, '/mambo')['reply']}
+        - set(policy.SERVICES) for package, name in policy.NODES}
+    assert answers.pop('reference_node') == {
+        'takeoff', 'land', 'go_to', 'start_trajectory', 'stop'}
+    assert answers.pop('sim_node') == {'pause', 'step'}
+    assert not any(answers.values())
 
 
 def test_the_command_writes_a_file_once_and_refuses_what_cannot_be(tmp_path, capsys):

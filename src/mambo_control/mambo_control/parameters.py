@@ -7,9 +7,12 @@ from typing import Any
 
 from mambo_model import schema
 from mambo_model.components import built_in_groups
-from mambo_model.motion.trajectory import FlightPlanParams
+from mambo_model.motion.trajectory import FlightPlanParams, PlanValues
 from mambo_model.vehicle.parameters import Vehicle
 
+from .commanded import evaluation, script
+from .commanded.command_params import CommandParams
+from .commanded.evaluation import CommandedValues
 from .controllers import OwnParams, REGISTRY
 from .failsafe import FailsafeParams
 
@@ -20,6 +23,17 @@ class ReferenceNodeParams:
 
     plan: FlightPlanParams = schema.group(FlightPlanParams)
     vehicle: Vehicle = schema.group(Vehicle)
+    commands: CommandParams = schema.group(CommandParams)
+
+    def __post_init__(self) -> None:
+        if self.commands.enabled:
+            script.flown(self.commands, self.vehicle)
+
+    def flown(self) -> PlanValues | CommandedValues:
+        """Return what the reference follows, for compiled code: the plan, or the script."""
+        if self.commands.enabled:
+            return evaluation.values(script.flown(self.commands, self.vehicle))
+        return self.plan.values()
 
 
 @built_in_groups(REGISTRY, before='failsafe')

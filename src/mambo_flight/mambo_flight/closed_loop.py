@@ -11,12 +11,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from mambo_control import controllers, failsafe
+from mambo_control.commanded.evaluation import CommandedValues, reference_step
 from mambo_estimation import filters
 from mambo_estimation.estimate import Estimate
 from mambo_model.compiled import jit
 from mambo_model.motion.flatness import body_velocity
 from mambo_model.motion.rigid_body import State
-from mambo_model.motion.trajectory import PlanValues, reference_step
+from mambo_model.motion.trajectory import PlanValues
 from mambo_model.motion.vector import Vec3
 from mambo_model.vehicle.parameters import VehicleValues
 from mambo_sim import simulator
@@ -81,7 +82,7 @@ class Settings(NamedTuple):
     simulator: simulator.SimulatorValues  # true vehicle and sensors
     optitrack: optitrack.OptitrackValues  # motion capture
     estimator: filters.Values             # of the chosen estimator
-    plan: PlanValues                      # flight plan
+    plan: PlanValues | CommandedValues    # flight plan, or the commands of the flight
     gains: controllers.Gains              # of the chosen controller
     failsafe: failsafe.FailsafeValues     # limits of the failsafe
     reference_vehicle: VehicleValues      # vehicle model of the reference
@@ -98,7 +99,7 @@ def settings(flight: Scenario) -> Settings:
     sim, estimator = flight.sim_node.simulator, flight.estimator_node
     return Settings(
         sim.values(), flight.optitrack_node.optitrack.values(), estimator.filter.values(),
-        flight.reference_node.plan.values(), flight.controller_node.law.values(),
+        flight.reference_node.flown(), flight.controller_node.law.values(),
         flight.controller_node.failsafe.values(),
         flight.reference_node.vehicle.values(), flight.controller_node.vehicle.values(),
         flight.controller_node.period, estimator.estimator == 'ground_truth',

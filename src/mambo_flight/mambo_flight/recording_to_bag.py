@@ -14,6 +14,7 @@ from typing import Any
 from geometry_msgs.msg import TransformStamped
 from mambo_bags.writer import BagWriter, BagWriterError, Qos
 from mambo_control import failsafe
+from mambo_control.commanded import script
 from mambo_estimation.capture import report as capture_report
 from mambo_estimation.capture.frames import odom_in_map
 from mambo_estimation.estimate import diagnostic_status, tilt_deviation
@@ -22,6 +23,7 @@ from mambo_model import frames
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.rigid_body import State
 from mambo_ros import cdr, diagnostics, messages, topics
+from mambo_ros.commands.command_message import encode
 import numpy as np
 from numpy.typing import NDArray
 from tf2_msgs.msg import TFMessage
@@ -230,15 +232,25 @@ def _streams(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Str
         yield topics.CAPTURE_TICK, _block(r.t, messages.capture_tick(r.t, np.cumsum(seen)))
     yield from _laws(r, flight)
     yield topics.TF, _tf(r, flight.estimator_node.map_to_odom)
-    reports = list(_reports(r, flight))
-    yield topics.DIAGNOSTICS, _block(
-        np.array([t for t, _ in reports], dtype=np.int64),
-        *(np.frombuffer(data, dtype=np.uint8)[None] for _, data in reports))
+    yield topics.DIAGNOSTICS, _single(list(_reports(r, flight)))
+    commands = flight.reference_node.commands
+    if commands.enabled:
+        yield topics.COMMAND, _single([
+            (command.t, encode(command)) for command in script.parse(commands.script)
+            if command.t <= r.t[-1]])
+
+
+def _single(found: list[tuple[int, bytes]]) -> Stream:
+    """Return a stream of messages of different lengths, given with their stamps."""
+    return _block(
+        np.array([t for t, _ in found], dtype=np.int64),
+        *(np.frombuffer(data, dtype=np.uint8)[None] for _, data in found))
 
 
 def recorded(flight: Scenario) -> tuple[topics.Topic, ...]:
     """Return the topics in the bag of a flight."""
-    return topics.RECORDED + (topics.AIDED if flight.estimator_node.aided else ())
+    return (topics.RECORDED + (topics.AIDED if flight.estimator_node.aided else ())
+            + (topics.COMMANDED if flight.reference_node.commands.enabled else ()))
 
 
 def check(flight: Scenario) -> None:

@@ -13,7 +13,8 @@ figures. A file holds only what differs from the defaults:
       other_seed: {seed: 2}
 
 The keys are those of :class:`Settings`, for all flights or for one under ``flights``;
-``parameters`` takes any parameter of any node. A ROS 2 parameter file can be read, too.
+``parameters`` takes any parameter of any node. ``commands`` makes a commanded flight of it: a list
+of commands with times, see :mod:`.commanded`. A ROS 2 parameter file can be read, too.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from mambo_model.motion.trajectory import FlightPlanParams, TAKEOFFS
 from mambo_sim.parameters import STEP_NS
 import yaml
 
-from . import scenario as scenarios
+from . import commanded, scenario as scenarios
 from .course import course_file
 from .scenario import ParameterReader, Place
 
@@ -93,13 +94,16 @@ class _Reader(ParameterReader):
         settings, parameters = {}, {}
         for name, (key, node) in keys.items():
             if name == 'parameters':
-                parameters = dict(self.parameters(node, ''))
+                parameters |= self.parameters(node, '')
+            elif name == 'commands':
+                parameters |= commanded.parameters(self, node)
             elif name in FIELDS:
                 settings[name] = Place(
                     self.leaf('', name, FIELDS[name], node), self.where(node))
             else:
+                known = [*FIELDS, 'parameters', 'commands']
                 raise schema.ParameterError(
-                    f'{self.where(key)}: {schema.unknown(name, [*FIELDS, "parameters"])}')
+                    f'{self.where(key)}: {schema.unknown(name, known)}')
         return _Layer(settings, parameters)
 
 

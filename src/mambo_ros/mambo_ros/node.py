@@ -20,6 +20,7 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from . import diagnostics, params, topics
+from .commands.table import Service
 from .endpoints import Input, LoopGroup, qos, RawPublisher
 from .graph import peers
 from .graph.publisher_guard import PublisherGuard
@@ -54,6 +55,7 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
     # shown by ``--help`` of a node, whatever its parameters are
     publishes: tuple[topics.Topic, ...] = ()
     subscribes: tuple[topics.Topic, ...] = ()
+    serves: tuple[Service, ...] = ()
     example = ''
 
     def __init__(self, name: str, params_type: type[P], **kwargs: Any) -> None:
@@ -66,8 +68,7 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
         self._sources: dict[str, Subscription] = {}  # by topic
         self._matched: list[int] | None = None
         self._refusals = diagnostics.Refusals(self)
-        self._links = self.create_publisher(
-            topics.LINKS.msg_type, topics.LINKS.name, qos(topics.LINKS, 1))
+        self._links = self.create_publisher(NodeLinks, topics.LINKS.name, qos(topics.LINKS, 1))
 
     def advertise(self, topic: topics.Topic) -> RawPublisher:
         """Advertise a topic; return a publisher, which is called with serialised messages."""
@@ -75,10 +76,9 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
         for output in self.outputs:
             if output.publisher.topic_name == name:
                 return output
-        output = RawPublisher(
-            self.create_publisher(topic.msg_type, topic.name, qos(topic)), topic.shared)
-        self.outputs.append(output)
-        return output
+        self.outputs.append(RawPublisher(
+            self.create_publisher(topic.msg_type, topic.name, qos(topic)), topic.shared))
+        return self.outputs[-1]
 
     def subscribe(self, topic: topics.Topic, callback: Callable[[bytes], None],
                   prompt: bool = True, single: bool = False) -> None:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from mambo_interfaces.msg import (
-    CaptureTick, ControllerState, EstimatorState, MotorPwm, NodeLinks, OpticalFlow, Reference,
-    SensorTick)
+    CaptureTick, Command, ControllerState, EstimatorState, MotorPwm, NodeLinks, OpticalFlow,
+    Reference, SensorTick)
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import FluidPressure, Imu, Range
+from sensor_msgs.msg import FluidPressure, Imu, Joy, Range
 from tf2_msgs.msg import TFMessage
 
 QUEUE = 2000
@@ -64,6 +64,9 @@ ESTIMATE = Topic('estimate/odom', Odometry, 200.0)
 LOCATED = Topic('estimate/map', Odometry, 200.0)
 ESTIMATOR_STATE = Topic('estimator/state', EstimatorState, 200.0)
 REFERENCE = Topic('reference', Reference, 200.0)
+COMMAND = Topic('command', Command, 0.0)
+SETPOINT = Topic('setpoint', Reference, 0.0)
+JOY = Topic('joy', Joy, 0.0)
 CONTROLLER_STATE = Topic('controller/state', ControllerState, 200.0)
 MOTOR_PWM = Topic('motor_pwm', MotorPwm, 200.0)
 LINKS = Topic('graph/links', NodeLinks, 0.0, transient_local=True, shared=True)
@@ -90,3 +93,8 @@ RECORDED = (
 
 AIDED = (CAPTURE_TICK, LOCATED)
 """What the recorder takes besides where the estimator uses the motion capture."""
+
+COMMANDED = (COMMAND,)
+"""What the recorder takes besides in a commanded flight."""
+
+RECORDABLE = (*RECORDED, *AIDED, *COMMANDED)

@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 from mambo_model import schema
 
+from .commands.table import Service
 from .topics import Topic
 
 
@@ -47,8 +48,8 @@ def _parameter(name: str, field: dataclasses.Field) -> Iterator[str]:
     yield f'      {meta["source"]}'
 
 
-def _topics(heading: str, listed: Sequence[Topic]) -> Iterator[str]:
-    """Yield a list of topics with their types."""
+def _topics(heading: str, listed: Sequence[Topic | Service]) -> Iterator[str]:
+    """Yield a list of topics or services with their types."""
     yield heading
     for topic in listed:
         yield f'  {topic.name}  {topic.type_name}'
@@ -62,6 +63,8 @@ def _node(node_type: Any) -> Iterator[str]:
     yield ''
     yield from _topics('publishes:', node_type.publishes)
     yield from _topics('subscribes to:', node_type.subscribes)
+    if node_type.serves:
+        yield from _topics('serves:', node_type.serves)
     yield 'parameters:'
     for name, field in schema.walk(_params_type(node_type)):
         yield from _parameter(name, field)

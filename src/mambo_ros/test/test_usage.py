@@ -23,6 +23,7 @@ OPTIONS = {
     'mambo_sim.optitrack_node': [{'watermark': True}],
     'mambo_estimation.estimator_node': [
         {'estimator': 'ground_truth'}, {'estimator': 'joint', 'joint.pose.enabled': True}],
+    'mambo_control.reference_node': [{'commands.enabled': True}],
     'mambo_control.controller_node': [{'estimate': 'map'}]}
 """Parameters with which a node has more topics."""
 SRC = Path(__file__).parents[2]
@@ -54,7 +55,7 @@ def test_help_names_purpose_topics_parameters_and_an_example(module, word):
     kind, (package, executable) = node_type(module), module.split('.')
     assert done.stdout.startswith(f'usage: ros2 run {package} {executable} ')
     assert kind.__doc__.split()[0] in done.stdout
-    for topic in (*kind.publishes, *kind.subscribes):
+    for topic in (*kind.publishes, *kind.subscribes, *kind.serves):
         assert f'  {topic.name}  {topic.type_name}\n' in done.stdout
     for name, field in schema.walk(usage._params_type(kind)):
         assert f'\n  {name} = ' in done.stdout

@@ -14,6 +14,60 @@ from typing import Any
 from .parameters import STEP_NS
 
 _ASK_AGAIN = 5.0  # s of wall time between log lines that name the missing motor command
+MOST_STEPS = 1_000_000  # of one request, while paused
+
+
+class Pause:
+    """
+    Whether a simulation goes on, and how many steps a paused one is still to make.
+
+    Parameters
+    ----------
+    paused
+        At the beginning.
+
+    """
+
+    def __init__(self, paused: bool) -> None:
+        self.paused, self._steps = paused, 0
+
+    def set(self, paused: bool) -> str:
+        """Pause or go on; return what it is now."""
+        self.paused, self._steps = paused, 0
+        return 'paused' if paused else 'going on'
+
+    def step(self, steps: int, t: int) -> tuple[bool, str]:
+        """
+        Ask for steps of a paused simulation.
+
+        Parameters
+        ----------
+        steps
+            How many more; 0: one.
+        t : ns
+            Of the next one.
+
+        Returns
+        -------
+        success
+            Whether they will be made.
+        message
+            Until when, or why not.
+
+        """
+        if not self.paused:
+            return False, 'the simulation is not paused'
+        if self._steps + steps > MOST_STEPS:
+            return False, f'{self._steps + steps} steps to be made, limit {MOST_STEPS}'
+        self._steps += max(steps, 1)
+        return True, f'to t = {(t + (self._steps - 1) * STEP_NS) * 1e-9:.3f} s'
+
+    def due(self) -> bool:
+        """Return whether the next step is to be made, which then counts."""
+        if not self.paused:
+            return True
+        self._steps -= bool(going := self._steps > 0)
+        return going
 
 
 def status(missed: int, starved: int, limit: float) -> tuple[int, str]:
@@ -74,6 +128,20 @@ def wait_for_deadline(sim: Any, loop: Any, deadline: float) -> None:
         sim.watch(time.monotonic())
 
 
+def wait_while_paused(sim: Any, loop: Any) -> float:
+    """Serve the graph until the next step is due; return how long that took, s of wall time."""
+    began = logged = time.monotonic()
+    if sim.pause.due():
+        return 0.0
+    while not loop.stopping and not sim.pause.due():
+        loop.once(0.02)
+        if time.monotonic() - logged > 1.0:  # who watches the flight sees that it lives
+            logged = time.monotonic()
+            sim.get_logger().info(f'paused before t = {sim.t * 1e-9:.3f} s')
+    sim.start()
+    return time.monotonic() - began
+
+
 def run(sim: Any, loop: Any) -> int:
     """Step the simulation to its end or until stopped; return the exit code."""
     p, log = sim.params, sim.get_logger()
@@ -83,6 +151,9 @@ def run(sim: Any, loop: Any) -> int:
     sim.start()
     lockstep = p.mode == 'lockstep'
     while not loop.stopping:
+        began += wait_while_paused(sim, loop)
+        if loop.stopping:
+            break
         sim.sense()
         if lockstep:
             if not wait_for_answer(sim, loop):

@@ -20,6 +20,7 @@ class SimNodeParams:
     mode: str = schema.choice('realtime', ('realtime', 'lockstep'), 'how time advances')
     speed: float = schema.quantity(1.0, '-', 0.01, 100.0, 'simulated over wall time (realtime)')
     duration: float = schema.quantity(0.0, 's', 0.0, 86400.0, 'flight time, 0: until stopped')
+    paused: bool = schema.flag(False, 'begin paused, before the first step')
     wait_for: str = schema.text('', 'names of nodes to wait for, separated by commas')
     wait_for_publishers: str = schema.text(
         '', 'topics, separated by commas, that a node of another origin publishes: wait for it '

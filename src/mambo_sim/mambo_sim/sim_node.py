@@ -13,6 +13,7 @@ import time
 
 from mambo_model.compiled import Held, hold
 from mambo_ros import diagnostics, input_guard, messages, node, process, topics
+from mambo_ros.commands import services, table
 from mambo_ros.graph import links
 from mambo_ros.loop import Loop
 
@@ -35,6 +36,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
         topics.CLOCK, topics.IMU, topics.SONAR, topics.OPTICAL_FLOW, topics.BAROMETER,
         topics.SENSOR_TICK, topics.GROUND_TRUTH, topics.DIAGNOSTICS)
     subscribes = (topics.MOTOR_PWM,)
+    serves = (table.PAUSE, table.STEP)
     example = '--ros-args -p mode:=realtime -p duration:=40.0'
 
     def __init__(self, **kwargs) -> None:
@@ -64,6 +66,10 @@ class SimNode(node.MamboNode[SimNodeParams]):
             check=input_guard.check_pwm)
         self.links = links.Links(
             self, self.params.wait_for, self.params.wait_for_publishers)
+        self.pause = lockstep.Pause(self.params.paused)
+        services.Services(self).offer(
+            (table.PAUSE, lambda request: (True, self.pause.set(request.data))),
+            (table.STEP, lambda request: self.pause.step(request.steps, self.t)))
         self._held = self._begin()
         simulator.sense_held(self._held, 0)  # have the compiled steps in memory before time starts
         simulator.advance_held(self._held, self._pwm, self._shutdown)
@@ -89,7 +95,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
     @property
     def t(self) -> int:
         """Return the flight time of the current step in ns."""
-        return self._tick * STEP_NS
+        return self._time()
 
     @property
     def answered(self) -> bool:
@@ -102,8 +108,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
         s, body = simulator.sense_held(self._held, self._tick)
         p = self.params.simulator
         self._clock_output(messages.clock(t))
-        streams = (self._imu, self._sonar, self._flow, self._barometer)
-        for stream in streams:
+        for stream in (streams := (self._imu, self._sonar, self._flow, self._barometer)):
             stream.catch_up(self._tick)
         self.sensed = time.monotonic()
         self._imu.put(self._tick, messages.imu(

@@ -30,6 +30,7 @@ class Sim:
         self.t, self.sensed, self.missed, self.senses = 0, 0.0, 0, 0
         self.answered_to, self.gave_up, self.watched, self.heard = -1, [], [], None
         self.delays, self.log = Delays(), logging.getLogger('test')
+        self.pause = lockstep.Pause(self.params.paused)
 
     def get_logger(self):
         return self.log
@@ -191,3 +192,57 @@ def test_the_worst_is_what_the_diagnostics_say(arguments, want):
 
 def test_the_clock_is_the_monotonic_one():
     assert lockstep.time is time
+
+
+class Paused(Loop):
+    """A graph in which somebody acts at wall times: {s since the start: action}."""
+
+    def __init__(self, sim, clock, actions):
+        super().__init__(sim, clock)
+        self.actions, self.began = dict(actions), clock.now
+
+    def once(self, timeout):
+        for due in [due for due in self.actions if self.clock.now >= self.began + due]:
+            self.actions.pop(due)()
+        super().once(timeout)
+
+
+def test_a_paused_flight_waits_makes_single_steps_and_goes_on(clock, caplog):
+    sim, at = Sim(mode='lockstep', duration=0.1, paused=True), []
+    with caplog.at_level(logging.INFO):
+        loop = Paused(sim, clock, {
+            2.5: lambda: at.append(sim.senses), 3.0: lambda: sim.pause.step(0, sim.t),
+            4.0: lambda: at.append(sim.senses), 5.0: lambda: sim.pause.step(5, sim.t),
+            6.0: lambda: at.append(sim.senses), 7.0: lambda: sim.pause.set(False)})
+        assert lockstep.run(sim, loop) == 0
+    assert at == [0, 1, 6] and sim.senses == 21 and not sim.gave_up
+    assert 'paused before t = 0.000 s' in caplog.text  # the runner sees a flight that lives
+    assert 'paused before t = 0.030 s' in caplog.text
+
+
+def test_a_pause_does_not_count_as_delay_in_real_time(clock):
+    sim = Sim(mode='realtime', duration=0.05)
+    loop = Paused(sim, clock, {
+        0.02: lambda: sim.pause.set(True), 9.0: lambda: sim.pause.set(False)})
+    assert lockstep.run(sim, loop) == 0
+    assert sim.missed == 0 and not sim.gave_up
+    assert clock.now == pytest.approx(109.0 + 0.03 + PERIOD, abs=0.025)
+
+
+def test_a_paused_flight_can_be_ended(clock):
+    sim = Sim(mode='lockstep', duration=1.0, paused=True)
+    loop = Loop(sim, clock)
+    loop.once = lambda timeout: setattr(loop, 'stopping', True)
+    assert lockstep.run(sim, loop) == 0 and sim.senses == 0
+
+
+def test_steps_are_for_a_paused_flight_and_have_a_limit():
+    pause = lockstep.Pause(False)
+    assert pause.due() and pause.step(1, 0) == (False, 'the simulation is not paused')
+    assert pause.set(True) == 'paused'
+    assert pause.step(3, 10 * STEP_NS) == (True, 'to t = 0.060 s')
+    assert pause.step(lockstep.MOST_STEPS, 0)[0] is False
+    assert [pause.due() for _ in range(4)] == [True, True, True, False]
+    pause.step(3, 0)
+    pause.set(True)  # forgets the steps
+    assert not pause.due()

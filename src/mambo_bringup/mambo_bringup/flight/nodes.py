@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from mambo_bags.cli.option_types import whole
 from mambo_flight import recording_to_bag, scenario as scenarios
-from mambo_ros.topics import NAMESPACE, OWN
+from mambo_ros.topics import NAMESPACE, OWN, RECORDED
 
 from . import natnet as natnet_nodes
 from ..processes import parameter
@@ -61,9 +61,9 @@ def recorder_topics(flight: scenarios.Scenario) -> dict[str, str]:
     """
     Return the parameter ``topics`` of the recorder, or nothing for its default topics.
 
-    A flight whose estimator uses motion capture has further topics.
+    A flight whose estimator uses motion capture has further topics, and so has a commanded one.
     """
-    if not flight.estimator_node.aided:
+    if recording_to_bag.recorded(flight) == RECORDED:
         return {}
     return {'topics': ','.join(topic.name for topic in recording_to_bag.recorded(flight))}
 

@@ -14,8 +14,9 @@ import time
 from typing import Any, NamedTuple
 
 from mambo_control import controllers, failsafe
+from mambo_control.commanded.evaluation import CommandedValues, reference_step
 from mambo_model.compiled import jit
-from mambo_model.motion.trajectory import PlanValues, reference_step
+from mambo_model.motion.trajectory import PlanValues
 from mambo_model.motion.vector import add, dot, mul, sub, Vec3
 from mambo_model.vehicle.motor_mixer import thrust_from_pwm
 from mambo_model.vehicle.parameters import OptionValues, Vehicle, VehicleValues
@@ -157,7 +158,7 @@ class _Ideal(NamedTuple):
     options: OptionValues | None
     wind: wind.WindValues | None
     noise: bool
-    plan: PlanValues
+    plan: PlanValues | CommandedValues
     gains: controllers.Gains
     failsafe: failsafe.FailsafeValues
     reference_vehicle: VehicleValues
@@ -204,7 +205,7 @@ def fly_many(flights: Iterable[Scenario]) -> Iterator[dict[str, Any]]:
         sim, controller = flight.sim_node.simulator, flight.controller_node
         p = _Ideal(
             sim.vehicle.values(), sim.plant.values(), sim.vehicle.options(), sim.wind.values(),
-            sim.noise, flight.reference_node.plan.values(), controller.law.values(),
+            sim.noise, flight.reference_node.flown(), controller.law.values(),
             controller.failsafe.values(), flight.reference_node.vehicle.values(),
             controller.vehicle.values(), controller.period)
         yield metrics(_fly_ideal(

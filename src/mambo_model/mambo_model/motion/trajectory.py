@@ -31,7 +31,7 @@ _ZERO: Jet = (0.0, 0.0, 0.0, 0.0, 0.0)
 _ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 
 BLEND_SPEED = 630.0 / 4.0**4            # largest first derivative of the blend
-_BLEND_ACCELERATION = 2520.0 * (3.0 / 14.0)**3 / math.sqrt(7.0)  # largest second one
+BLEND_ACCELERATION = 2520.0 * (3.0 / 14.0)**3 / math.sqrt(7.0)  # largest second one
 _BLEND_HALF = 63.0 / 1024.0              # integral of the blend over its first half
 
 
@@ -262,9 +262,9 @@ def _check_vertical(plan: FlightPlanParams) -> None:
     rate, T = path.rate * plan.scale_rate, plan.blend_duration
     extra = 2.0 * BLEND_SPEED * rate * plan.scale_rate / TURN_DURATION if path.loops else 0.0
     if blends:
-        extra = max(extra, 2.0 * BLEND_SPEED * rate / T + _BLEND_ACCELERATION / T**2)
+        extra = max(extra, 2.0 * BLEND_SPEED * rate / T + BLEND_ACCELERATION / T**2)
     track = depth * (rate**2 + extra)
-    climb = height * _BLEND_ACCELERATION / plan.climb_duration**2 if blends else 0.0
+    climb = height * BLEND_ACCELERATION / plan.climb_duration**2 if blends else 0.0
     for name, value, remedy in (
             ('scale_rate', track, 'lower it or scale_amplitude, or lengthen blend_duration'),
             ('climb_duration', climb, 'lengthen it')):

@@ -211,7 +211,7 @@ def test_blend_rises_smoothly_from_zero_to_one():
     np.testing.assert_allclose(
         [tr.blend_integral(b) for b in (0.2, 0.5, 0.9, 1.0)], area, rtol=0.0, atol=1e-12)
     assert weights[:, 1].max() == pytest.approx(tr.BLEND_SPEED, rel=1e-4)
-    assert weights[:, 2].max() == pytest.approx(tr._BLEND_ACCELERATION, rel=1e-4)
+    assert weights[:, 2].max() == pytest.approx(tr.BLEND_ACCELERATION, rel=1e-4)
 
 
 @pytest.mark.parametrize(('values', 'message'), [

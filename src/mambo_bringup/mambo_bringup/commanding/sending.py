@@ -1,0 +1,50 @@
+"""What the commands to a running flight share: their options, and how they end."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from mambo_bags.cli.option_types import real
+from mambo_bags.command import guard, Parser
+from mambo_flight.commanded import course_text
+from mambo_ros.topics import NAMESPACE
+
+_LONGEST = 600.0  # s
+
+
+def command_parser(name: str, description: str) -> Parser:
+    """Return a parser with the option that names the drone."""
+    out = Parser(name, f"""{description}
+
+The flight is the one that runs on this machine, or that of ROS_DOMAIN_ID. It must have been
+started with ./run --commanded, except for pause, resume and step.""")
+    out.add_argument('--drone', default=NAMESPACE, metavar='NAMESPACE',
+                     help=f'of the drone (default: {NAMESPACE})')
+    return out
+
+
+def add_duration(out: Parser, what: str) -> None:
+    """Add the option of a duration."""
+    out.add_argument('--duration', type=real(0.0, _LONGEST), default=0.0, metavar='S',
+                     help=f'{what} in s, 0: as short as the limits allow (default: 0)')
+
+
+def run(name: str, options: argparse.Namespace) -> int:
+    """Send a command with the options as its arguments; print the answer, return the exit code."""
+    arguments = dict(vars(options))
+    drone = arguments.pop('drone')
+
+    def work() -> None:
+        """Send and print."""
+        print(f'{name}: {send(name, drone, arguments)}')
+    return guard(name, work)
+
+
+def send(name: str, drone: str, arguments: dict[str, Any]) -> str:
+    """Send a command; a trajectory is the path of a course."""
+    from mambo_ros.commands import client  # ROS, half a second that --help does without
+    if isinstance(arguments.get('trajectory'), Path):
+        arguments = {**arguments, 'trajectory': course_text(arguments['trajectory'])}
+    return client.send(name, drone, **arguments)

@@ -1,0 +1,171 @@
+"""
+Commands from streams of messages: sticks of a joystick, setpoints from outside.
+
+A stream is thinned to a period of flight time. After a refusal, which costs the most time, it is
+left alone for a moment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import math
+
+from mambo_model.frames import flip_vector
+from mambo_model.motion.flatness import Reference
+from mambo_model.motion.flight_command import (
+    FlightCommand, LAND, SETPOINT, STOP, TAKEOFF, VELOCITY)
+from mambo_model.motion.quaternion import to_euler
+from mambo_model.motion.vector import Vec3
+import numpy as np
+
+from .command_params import CommandParams, JoystickParams
+from .commander import Commander
+from .maneuvers import extrapolated
+from .timeline import state_of
+
+REST = 200_000_000  # ns of flight time after a refusal
+Give = Callable[[FlightCommand], str]  # carries a command out; returns why it was refused
+
+
+def sticks(axes: Sequence[float], p: JoystickParams) -> tuple[float, float, float, float] | None:
+    """
+    Return the velocity that the sticks ask for; None where an axis is missing or not a number.
+
+    Parameters
+    ----------
+    axes
+        As in ``sensor_msgs/Joy``, -1 to 1.
+    p
+        Which axis is which, and the speeds of a full stick.
+
+    Returns
+    -------
+    forward, left, up : m/s, and turn to the left : rad/s
+
+    """
+    out = []
+    for axis, full in ((p.forward, p.speed), (p.left, p.speed), (p.up, p.climb),
+                       (p.turn, p.yaw_rate)):
+        if axis >= len(axes) or not math.isfinite(axes[axis]):
+            return None
+        x = max(-1.0, min(1.0, float(axes[axis])))
+        far = max(abs(x) - p.deadband, 0.0) / (1.0 - p.deadband)
+        out.append(math.copysign(far * full, x) if far else 0.0)
+    return out[0], out[1], out[2], out[3]
+
+
+class Joystick:
+    """
+    Makes commands of the messages of a joystick.
+
+    Parameters
+    ----------
+    commander
+        Of the flight.
+    params
+        Of commands.
+    give
+        Carries a command out.
+
+    """
+
+    def __init__(self, commander: Commander, params: CommandParams, give: Give) -> None:
+        self._commander, self._p, self._give = commander, params.joystick, give
+        self._held = frozenset[int]()  # buttons of the message before
+        self._due, self._active = 0, False  # ns; whether the vehicle follows the sticks
+
+    def take(self, axes: Sequence[float], buttons: Sequence[int]) -> None:
+        """Give the commands of one message, if any."""
+        p = self._p
+        held = frozenset(i for i, button in enumerate(buttons) if button)
+        pressed, self._held = held - self._held, held
+        if p.enable not in held:
+            if self._active and self._commander.timeline.streamed:
+                self._give(FlightCommand(0, STOP))
+            self._active = False
+            return
+        if p.takeoff in pressed:
+            self._give(FlightCommand(0, TAKEOFF, height=p.height))
+        elif p.land in pressed:
+            self._give(FlightCommand(0, LAND))
+        elif (wanted := sticks(axes, p)) is not None and self._commander.next_step >= self._due:
+            self._fly(wanted)
+
+    def _fly(self, wanted: tuple[float, float, float, float]) -> None:
+        """Give a velocity; at the edge of the volume, what of it stays inside."""
+        now = self._commander.next_step
+        if self._active and not self._commander.timeline.streamed:
+            return  # another command came in between: until the button is let go
+        state, _ = state_of(self._commander.timeline, now * 1e-9)
+        if not any(wanted) and (not self._active or not state[:, 1:].any()):
+            return
+        self._due = now + round(self._p.period * 1e9)
+        yaw = float(state[3, 0])
+        forward, right = wanted[0], -wanted[1]
+        x = forward * math.cos(yaw) - right * math.sin(yaw)
+        y = forward * math.sin(yaw) + right * math.cos(yaw)
+        z = -wanted[2]
+        for velocity in dict.fromkeys(((x, y, z), (x, 0.0, z), (0.0, y, z), (x, y, 0.0))):
+            if not self._give(FlightCommand(
+                    0, VELOCITY, velocity=velocity, yaw_rate=-wanted[3],
+                    duration=self._p.timeout)):
+                self._active = True
+                return
+        self._due = now + REST
+
+
+class Setpoints:
+    """
+    Makes commands of references from outside.
+
+    Parameters
+    ----------
+    commander
+        Of the flight.
+    params
+        Of commands.
+    give
+        Carries a command out.
+
+    """
+
+    def __init__(self, commander: Commander, params: CommandParams, give: Give) -> None:
+        self._commander, self._give = commander, give
+        self._period = round(params.setpoint_period * 1e9)
+        self._timeout = round(params.setpoint_timeout * 1e9)
+        self._due, self._last = 0, -self._timeout  # ns; of the newest message
+        self._followed = False  # whether the vehicle follows, or did until another command came
+
+    def take(self, t: int, ref: Reference) -> None:
+        """
+        Give the command of a reference of the time t in ns, if one is due and it is not old.
+
+        After another command the stream has to pause before it is followed again.
+        """
+        now = self._commander.next_step
+        paused, self._last = now - self._last > self._timeout, now
+        if paused:
+            self._followed = False
+        interrupted = self._followed and not self._commander.timeline.streamed
+        if interrupted or now < self._due or now - t > self._timeout:
+            return
+        wanted = np.zeros((4, 5))
+        for order, vector in enumerate((ref.rho, ref.v, ref.a, ref.j, ref.s)):
+            wanted[:3, order] = vector
+        wanted[3, :2] = to_euler(ref.q)[2], ref.omega[2]
+        there = extrapolated(wanted, (now - t) * 1e-9).tolist()
+        vectors = [_vector(there, order) for order in range(5)]
+        reason = self._give(FlightCommand(0, SETPOINT, False, 0.0, 0.0, *vectors, there[3][0],
+                                          there[3][1]))
+        self._followed = self._followed or not reason
+        self._due = now + (REST if reason else self._period)
+
+
+def _vector(rows: list[list[float]], order: int) -> Vec3:
+    """Return a derivative of the position."""
+    return rows[0][order], rows[1][order], rows[2][order]
+
+
+def from_wire(goal: Vec3, yaw: float) -> tuple[Vec3, float]:
+    """Return a position and yaw, z-up, as inertial NED."""
+    return flip_vector(goal), -yaw

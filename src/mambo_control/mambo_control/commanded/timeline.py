@@ -1,0 +1,303 @@
+"""
+The reference of a commanded flight: one pure step from a command to the path that it makes.
+
+The path is a sequence of polynomials of flight time, :class:`Timeline`. A command replaces what
+comes after its time by a path that continues the present reference with four derivatives. The
+reference therefore is a function of the commands with their times alone: node, replay and closed
+loop evaluate the same polynomials and get the same bits.
+
+A command that is unsafe has no effect; :func:`step` gives the reason in one line.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterable
+import math
+from typing import NamedTuple
+
+from mambo_model.motion import flight_command as fc, uav_trajectories
+from mambo_model.motion.flight_command import FlightCommand
+from mambo_model.motion.polynomial import Array, DEGREE, jet, state_at, stretched
+from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
+from mambo_model.schema import ParameterError
+from mambo_model.vehicle.parameters import Vehicle
+import numpy as np
+
+from ..safety import LARGEST
+from .command_params import CommandParams
+from .envelope import beyond
+from .maneuvers import (
+    at_rest, extrapolated, fly_on, least_duration, move, rest, Segment, SHORTEST, stop)
+
+TOUCHDOWN = 0.1  # m, highest reference at which the motors may stop
+_LONGER = 1.4  # factor by which a duration that is not given grows until the limits allow it
+_TRIES = 8
+_JOINED = 1e-6  # m, rad and their derivatives, by which the ends of a course may miss
+_STREAM_TRIES = 5  # of a kind that comes many times a second
+_PHASES = ('on the floor', 'taking off', 'flying', 'landing', 'on the floor')
+Way = tuple[list[Segment], Array]  # the way, and the point of rest behind it, (4,)
+
+
+class Refused(Exception):
+    """A command cannot be carried out; the text is the reason."""
+
+
+class Timeline(NamedTuple):
+    """The reference so far and to come; a piece lasts until the next begins."""
+
+    begin: tuple[float, ...]          # s of flight time, increasing
+    coefficients: tuple[Array, ...]   # (4, 10) each, as in polynomial.Pieces
+    phases: tuple[int, ...]           # GROUND ... LANDED of trajectory
+    until: float                      # s, end of the newest command's path
+    streamed: bool                    # whether that command is one of a stream
+    last: int                         # ns, time of the newest command; -1: none
+
+
+def _padded(coefficients: Array) -> Array:
+    out = np.zeros((4, DEGREE + 1))
+    out[:, :coefficients.shape[1]] = coefficients
+    return out
+
+
+def initial() -> Timeline:
+    """Return the timeline without commands: at rest on the floor, at the origin."""
+    return Timeline((0.0,), (_padded(np.zeros((4, 1))),), (GROUND,), 0.0, False, -1)
+
+
+def state_of(timeline: Timeline, t: float) -> tuple[Array, int]:
+    """Return the reference at t in s, (4, 5) m and rad with four derivatives, and its phase."""
+    i = max(bisect_right(timeline.begin, t) - 1, 0)
+    x, c = max(t - timeline.begin[i], 0.0), timeline.coefficients[i]
+    return np.array([jet(axis, x) for axis in c]), timeline.phases[i]
+
+
+def forgotten(timeline: Timeline, t: float) -> Timeline:
+    """Return the timeline without the pieces that ended before t in s."""
+    i = max(bisect_right(timeline.begin, t) - 1, 0)
+    return timeline._replace(begin=timeline.begin[i:], coefficients=timeline.coefficients[i:],
+                             phases=timeline.phases[i:])
+
+
+def step(
+    timeline: Timeline, command: FlightCommand, p: CommandParams, vehicle: Vehicle,
+) -> tuple[Timeline, str]:
+    """
+    Return the timeline after a command, and why it was refused; empty: it was not.
+
+    Parameters
+    ----------
+    timeline
+        Result of the previous step, or :func:`initial`.
+    command
+        Not earlier than the previous one.
+    p
+        Limits of commands.
+    vehicle
+        As the controller knows it: thrust, tilt, rates and PWM of the path are checked.
+
+    """
+    t = command.t * 1e-9
+    state, phase = state_of(timeline, t)
+    try:
+        _check(timeline, command, phase, p.longest)
+        segments, end = _plan(command, state, phase, p, vehicle)
+    except (Refused, ParameterError) as error:
+        return timeline, str(error)
+    return _joined(timeline, command, segments, end), ''
+
+
+def fold(
+    commands: Iterable[FlightCommand], p: CommandParams, vehicle: Vehicle,
+) -> Timeline:
+    """
+    Return the timeline of a whole flight.
+
+    Raises
+    ------
+    ParameterError
+        For a command that is refused, naming it and its time.
+
+    """
+    out = initial()
+    for command in commands:
+        out, reason = step(out, command, p, vehicle)
+        if reason:
+            raise ParameterError(
+                f'{fc.NAMES[command.kind]} at t = {command.t * 1e-9:g} s: {reason}')
+    return out
+
+
+def _joined(
+    timeline: Timeline, command: FlightCommand, segments: list[Segment], end: Array,
+) -> Timeline:
+    """Return the timeline with a path in place of all that comes after its command."""
+    t = command.t * 1e-9
+    kept = sum(begin < t for begin in timeline.begin)
+    begins, coefficients, phases = [], [], []
+    last = LANDED if segments and segments[-1].phase == LANDING else TRACK
+    for segment in (*segments, rest(end, last)):
+        begins.append(t)
+        coefficients.append(_padded(segment.coefficients))
+        phases.append(segment.phase)
+        t += segment.duration
+    return Timeline(
+        (*timeline.begin[:kept], *begins), (*timeline.coefficients[:kept], *coefficients),
+        (*timeline.phases[:kept], *phases), begins[-1], command.kind in fc.STREAMED, command.t)
+
+
+def _check(timeline: Timeline, c: FlightCommand, phase: int, longest: float) -> None:
+    """Raise Refused for a command that does not fit the moment, or is none at all."""
+    numbers = (c.duration, c.height, c.yaw, c.yaw_rate, c.timescale, *c.position, *c.velocity,
+               *c.acceleration, *c.jerk, *c.snap)
+    if not 0 <= c.kind < len(fc.NAMES):
+        raise Refused(f'{c.kind} is not a kind of command')
+    if not all(map(math.isfinite, numbers)):
+        raise Refused('holds a number that is not finite')
+    if c.t < max(timeline.last, 0):
+        raise Refused(f'is earlier than the command before it, at {timeline.last * 1e-9:g} s')
+    if not all(abs(number) <= LARGEST for number in numbers):
+        raise Refused(f'holds a number above {LARGEST:g}')
+    if not 0.0 <= c.duration <= longest:
+        raise Refused(f'duration = {c.duration:g} s is outside [0, {longest:g}] s')
+    grounded = phase in (GROUND, LANDED)
+    if c.kind == fc.TAKEOFF and not grounded:
+        raise Refused(f'the vehicle is {_PHASES[phase]} already')
+    if c.kind != fc.TAKEOFF and grounded:
+        raise Refused('the vehicle is on the floor: take off first')
+    if c.kind == fc.LAND and phase == LANDING:
+        raise Refused('the vehicle is landing already')
+    if c.kind in fc.STREAMED and (phase != TRACK or (
+            not timeline.streamed and c.t * 1e-9 < timeline.until)):
+        raise Refused('another command is being carried out, until '
+                      f't = {timeline.until:.3f} s')
+
+
+def _plan(
+    c: FlightCommand, state: Array, phase: int, p: CommandParams, vehicle: Vehicle,
+) -> Way:
+    """Return the path of a command within all limits; raise Refused if there is none."""
+    if phase == LANDED:
+        state = at_rest(state[:, 0] * np.array([1.0, 1.0, 0.0, 1.0]))
+    build, tries = _BUILDERS[c.kind](c, state, p)
+    first = ''
+    for k in range(tries):
+        way, end = build(_LONGER**k)
+        reason = beyond(way, end, -state[2, 0], p, vehicle)
+        if not reason:
+            return way, end
+        first = first or reason
+    raise Refused(first)
+
+
+Builder = tuple[Callable[[float], Way], int]  # by a factor of time; how many factors are tried
+
+
+def _tries(c: FlightCommand) -> int:
+    """Return how many durations are tried: one that is given is flown, or refused."""
+    return 1 if c.duration else _TRIES
+
+
+def _takeoff(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
+    if not p.lowest <= c.height <= p.ceiling:
+        raise Refused(f'height = {c.height:g} m is outside [{p.lowest:g}, {p.ceiling:g}] m')
+    goal = state[:, 0].copy()
+    goal[2] = -c.height
+    duration = c.duration or max(2.0 * SHORTEST, least_duration(state, goal, p))
+    return lambda longer: ([move(state, at_rest(goal), longer * duration, TAKEOFF)], goal), (
+        _tries(c))
+
+
+def _land(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
+    if not 0.0 <= c.height <= TOUCHDOWN:
+        raise Refused(f'height = {c.height:g} m is outside [0, {TOUCHDOWN:g}] m: that of the '
+                      'reference when the motors stop')
+
+    def build(longer: float) -> Way:
+        slowing, above = stop(state, p, longer)
+        way, down = _descent(above, c.height, c.duration, p, longer)
+        return slowing + way, down
+    return build, _tries(c)
+
+
+def _descent(
+    above: Array, height: float, duration: float, p: CommandParams, longer: float,
+) -> Way:
+    """Return the descent from rest at a point, in a duration in s; 0: as the limits allow."""
+    down = above.copy()
+    down[2] = -height
+    took = duration or longer * max(
+        2.0 * SHORTEST, 2.0 * least_duration(at_rest(above), down, p))
+    return [move(at_rest(above), at_rest(down), took, LANDING)], down
+
+
+def _go_to(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
+    here = state[:, 0]
+    goal = np.array([*c.position, c.yaw]) + (here if c.relative else 0.0)
+    goal[3] = here[3] + math.remainder(goal[3] - here[3], 2.0 * math.pi)
+    duration = c.duration or least_duration(state, goal, p)
+    return lambda longer: ([move(state, at_rest(goal), longer * duration)], goal), (
+        _tries(c))
+
+
+def _follow(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
+    if len(c.trajectory) > fc.MAX_TRAJECTORY:
+        raise Refused(f'the trajectory is longer than {fc.MAX_TRAJECTORY} characters')
+    if not 0.05 <= c.timescale <= 20.0:
+        raise Refused(f'timescale = {c.timescale:g} is outside [0.05, 20]')
+    course = stretched(uav_trajectories.parse(c.trajectory, 'trajectory'), c.timescale)
+    if course.total > p.longest:
+        raise Refused(f'the trajectory lasts {course.total:g} s, limit {p.longest:g} s')
+    shift = np.zeros(4)
+    if c.relative:
+        shift[:3] = state[:3, 0] - state_at(course, 0.0)[:3, 0]
+    first, last = state_at(course, 0.0), state_at(course, math.inf)
+    turn = 2.0 * math.pi * round((state[3, 0] - first[3, 0]) / (2.0 * math.pi))
+    shift[3] = turn
+    first[:, 0] += shift
+    last[:, 0] += shift
+    pieces = course.coefficients.copy()
+    pieces[:, :, 0] += shift
+    own = [Segment(float(duration), piece, TRACK)
+           for duration, piece in zip(course.duration, pieces, strict=True)]
+    # pieces of degree 7 join up to jerk only, so the whole may as well
+    near = np.allclose(state[:, :4], first[:, :4], rtol=0.0, atol=_JOINED)
+    if np.abs(last[:, 1:4]).max() < _JOINED:
+        last = at_rest(last[:, 0])
+
+    def build(longer: float) -> Way:
+        approach = longer * (c.duration or least_duration(state, first[:, 0], p))
+        way = [] if near else [move(state, first, approach)]
+        slowing, end = stop(last, p, longer)
+        return way + own + slowing, end
+    return build, _tries(c)
+
+
+def _stop(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
+    return lambda longer: stop(state, p, longer), _TRIES
+
+
+def _velocity(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
+    velocity = np.array([*c.velocity, c.yaw_rate])
+    return lambda longer: fly_on(state, velocity, c.duration, p, longer), _STREAM_TRIES
+
+
+def _setpoint(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
+    wanted = np.zeros((4, 5))
+    for order, vector in enumerate((c.position, c.velocity, c.acceleration, c.jerk, c.snap)):
+        wanted[:3, order] = vector
+    yaw = state[3, 0] + math.remainder(c.yaw - state[3, 0], 2.0 * math.pi)
+    wanted[3, :2] = yaw, c.yaw_rate
+
+    def build(longer: float) -> Way:
+        ahead = longer * p.setpoint_timeout
+        there = extrapolated(wanted, ahead)
+        slowing, above = stop(there, p)
+        way, down = _descent(above, 0.0, 0.0, p, 1.0)
+        hover = [rest(above, TRACK, p.setpoint_landing)] if p.setpoint_landing else []
+        return [move(state, there, ahead), *slowing, *hover, *way], down
+    return build, _STREAM_TRIES
+
+
+_BUILDERS = {fc.TAKEOFF: _takeoff, fc.LAND: _land, fc.GO_TO: _go_to, fc.FOLLOW: _follow,
+             fc.STOP: _stop, fc.VELOCITY: _velocity, fc.SETPOINT: _setpoint}

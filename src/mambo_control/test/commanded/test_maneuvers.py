@@ -1,0 +1,68 @@
+"""Paths from a present state: where they end, how long they take, what they keep."""
+
+import math
+
+from mambo_control.commanded import maneuvers as mv
+from mambo_control.commanded.command_params import CommandParams
+from mambo_model.motion.polynomial import jet, largest
+import numpy as np
+import pytest
+
+P = CommandParams()
+MOVING = np.zeros((4, 5))
+MOVING[:, 0], MOVING[:, 1] = (1.0, 2.0, -1.5, 0.2), (1.2, -0.5, 0.3, 0.4)
+
+
+def end_of(segment):
+    return np.array([jet(axis, segment.duration) for axis in segment.coefficients])
+
+
+def test_a_stop_ends_at_rest_and_within_the_acceleration():
+    (segment,), end = mv.stop(MOVING, P)
+    np.testing.assert_allclose(end_of(segment), mv.at_rest(end), atol=1e-9)
+    assert np.array_equal(segment.coefficients[:, 0], MOVING[:, 0])
+    peaks = [largest(-c, segment.duration, 2)[0] for c in segment.coefficients[:2]]
+    assert max(peaks) < 0.55 * P.acceleration
+    assert mv.stop(mv.at_rest(end), P) == ([], pytest.approx(end))
+
+
+def test_a_change_of_velocity_peaks_at_the_stated_multiple_of_its_mean():
+    (segment, hold, slow), end = mv.fly_on(
+        mv.at_rest(np.zeros(4)), np.array([1.5, 0.0, 0.0, 0.0]), 0.5, P)
+    peak, _ = largest(segment.coefficients[0], segment.duration, 2)
+    assert peak == pytest.approx(35.0 / 16.0 * 1.5 / segment.duration, rel=1e-6)
+    assert peak == pytest.approx(0.5 * P.acceleration)
+    assert hold.duration == 0.5 and end_of(hold)[0, 1] == pytest.approx(1.5)
+    np.testing.assert_allclose(end_of(slow), mv.at_rest(end), atol=1e-9)
+
+
+def test_no_velocity_needs_no_time_at_it():
+    (segment,), end = mv.fly_on(MOVING, np.zeros(4), 0.5, P)
+    np.testing.assert_allclose(end_of(segment), mv.at_rest(end), atol=1e-9)
+
+
+@pytest.mark.parametrize(('goal', 'limit', 'order', 'axis'), [
+    ((3.0, 0.0, 0.0, 0.0), 'speed', 1, 0), ((0.0, 0.0, -0.8, 0.0), 'acceleration', 2, 2),
+    ((0.0, 0.0, 0.0, math.pi), 'yaw_rate', 1, 3)])
+def test_the_least_duration_keeps_a_margin_from_the_limit_that_counts(goal, limit, order, axis):
+    start = mv.at_rest(np.zeros(4))
+    p = CommandParams(speed=2.0, acceleration=3.0, yaw_rate=1.0)
+    duration = mv.least_duration(start, np.array(goal), p)
+    segment = mv.move(start, mv.at_rest(np.array(goal)), duration)
+    sign = math.copysign(1.0, goal[axis])
+    peak, _ = largest(sign * segment.coefficients[axis], duration, order)
+    assert peak == pytest.approx(0.8 * getattr(p, limit), rel=1e-6) or duration == mv.SHORTEST
+
+
+def test_a_state_is_extrapolated_by_its_series():
+    state = np.arange(20.0).reshape(4, 5)
+    out = mv.extrapolated(state, 0.3)
+    for row, before in zip(out, state, strict=True):
+        series = before / [math.factorial(k) for k in range(5)]
+        np.testing.assert_allclose(row, jet(series, 0.3), rtol=1e-12)
+
+
+def test_rest_has_one_coefficient_and_no_end():
+    segment = mv.rest(np.arange(4.0), 2)
+    assert segment.duration == math.inf and segment.coefficients.shape == (4, 1)
+    assert mv.is_resting(mv.at_rest(np.arange(4.0))) and not mv.is_resting(MOVING)

@@ -1,0 +1,210 @@
+"""The reference of a commanded flight: smooth, the same from the same commands, safe."""
+
+from bisect import bisect_right
+import math
+
+from mambo_control.commanded import script, timeline as tl
+from mambo_control.commanded.command_params import CommandParams
+from mambo_model.motion import flight_command as fc, uav_trajectories
+from mambo_model.motion.flight_command import FlightCommand
+from mambo_model.motion.polynomial import Course
+from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
+from mambo_model.schema import ParameterError
+from mambo_model.vehicle.parameters import Vehicle
+import numpy as np
+import pytest
+
+P, V = CommandParams(), Vehicle()
+S = 10**9
+UP = FlightCommand(S, fc.TAKEOFF, height=1.2)
+
+
+def loop():
+    """Return the text of a course: 1 m forward and back, from rest to rest, at a height of 1 m."""
+    blend = np.zeros((4, 8))
+    blend[0, 4:8] = 35.0, -84.0, 70.0, -20.0  # 0 to 1, three derivatives vanish at both ends
+    blend[1, 0], blend[2, 0] = 0.5, -1.0
+    back = blend.copy()
+    back[0] *= -1.0
+    back[0, 0] = 1.0
+    scale = 4.0 ** np.arange(8)
+    return uav_trajectories.to_text(Course(
+        np.array([4.0, 4.0]), np.stack((blend / scale, back / scale))))
+
+
+def flown(*commands):
+    """Return the timeline of commands that must all be accepted."""
+    return tl.fold(commands, P, V)
+
+
+def refused(timeline, command, params=P):
+    """Return why a command is refused, and that it changed nothing."""
+    after, reason = tl.step(timeline, command, params, V)
+    assert after is timeline and reason and '\n' not in reason
+    return reason
+
+
+EVERY = (
+    UP, FlightCommand(4 * S, fc.GO_TO, position=(1.0, -0.5, -1.5), yaw=-0.5),
+    FlightCommand(5 * S, fc.STOP),
+    FlightCommand(8 * S, fc.VELOCITY, velocity=(0.5, 0.2, 0.0), duration=0.5, yaw_rate=0.3),
+    FlightCommand(8 * S + 50_000_000, fc.VELOCITY, velocity=(0.5, 0.4, -0.1), duration=0.5),
+    FlightCommand(12 * S, fc.SETPOINT, position=(1.5, 0.0, -1.4), yaw=0.1),
+    FlightCommand(12 * S + 20_000_000, fc.SETPOINT, position=(1.5, 0.0, -1.39), yaw=0.1),
+    FlightCommand(13 * S, fc.FOLLOW, trajectory=loop()),
+    FlightCommand(16 * S, fc.GO_TO, position=(0.3, 0.0, 0.2), yaw=3.0, relative=True),
+    FlightCommand(17 * S, fc.LAND), FlightCommand(18 * S, fc.STOP),
+    FlightCommand(20 * S, fc.LAND, height=0.04))
+
+
+def test_every_seam_is_continuous_up_to_snap_whenever_a_command_comes():
+    """A course of degree 7 alone may jump in snap where it is joined: its own pieces do."""
+    line = flown(*EVERY)
+    for i in range(1, len(line.begin)):
+        before = np.array([[*tl.jet(axis, line.begin[i] - line.begin[i - 1])]
+                           for axis in line.coefficients[i - 1]])
+        after = np.array([tl.jet(axis, 0.0) for axis in line.coefficients[i]])
+        np.testing.assert_allclose(after[:, :4], before[:, :4], rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(after[:, 4], before[:, 4], rtol=0.0, atol=1e-7)
+    assert line.begin == tuple(sorted(line.begin))
+
+
+def test_what_was_flown_before_a_command_stays_to_the_last_bit():
+    whole = flown(*EVERY)
+    for count in range(1, len(EVERY)):
+        part, until = flown(*EVERY[:count]), EVERY[count].t * 1e-9
+        for t in np.arange(0.0, until, 0.117):
+            (a, phase_a), (b, phase_b) = tl.state_of(part, t), tl.state_of(whole, t)
+            assert np.array_equal(a, b) and phase_a == phase_b
+
+
+def test_a_forgetful_timeline_gives_the_same_reference():
+    line = tl.initial()
+    whole = flown(*EVERY)
+    for command in EVERY:
+        line, reason = tl.step(tl.forgotten(line, command.t * 1e-9), command, P, V)
+        assert not reason
+    assert len(line.begin) < 6 < len(whole.begin)
+    for t in np.arange(20.0, 30.0, 0.05):
+        (a, phase_a), (b, phase_b) = tl.state_of(line, t), tl.state_of(whole, t)
+        assert np.array_equal(a, b) and phase_a == phase_b
+
+
+def test_takeoff_and_landing_have_the_phases_that_start_and_stop_the_motors():
+    line = flown(UP, FlightCommand(6 * S, fc.LAND))
+    assert tl.state_of(line, 0.999)[1] == GROUND and tl.state_of(line, 1.0)[1] == TAKEOFF
+    assert tl.state_of(line, 5.9)[1] == TRACK and tl.state_of(line, 6.0)[1] == LANDING
+    state, phase = tl.state_of(line, line.until)
+    assert phase == LANDED and np.array_equal(state, np.zeros((4, 5)))
+    again, reason = tl.step(line, UP._replace(t=round(line.until * S) + S), P, V)
+    assert not reason and tl.state_of(again, again.until)[0][2, 0] == -1.2
+
+
+def test_a_goal_is_reached_at_rest_in_the_given_time_and_the_yaw_goes_the_short_way():
+    line = flown(UP, FlightCommand(5 * S, fc.GO_TO, position=(1.0, 2.0, -1.5), yaw=3.0),
+                 FlightCommand(15 * S, fc.GO_TO, duration=7.0, position=(0.0, 2.0, -1.5),
+                               yaw=-3.0))
+    state, phase = tl.state_of(line, 22.0)
+    np.testing.assert_allclose(state[:3, 0], (0.0, 2.0, -1.5), atol=1e-12)
+    assert phase == TRACK and state[3, 0] == pytest.approx(2.0 * math.pi - 3.0)
+    assert line.until == 22.0 and not state[:, 1:].any()
+
+
+def test_a_relative_goal_is_added_to_the_present_reference():
+    line = flown(UP, FlightCommand(5 * S, fc.GO_TO, relative=True, position=(0.5, 0.0, -0.2),
+                                   yaw=0.4))
+    np.testing.assert_allclose(
+        tl.state_of(line, 60.0)[0][:, 0], (0.5, 0.0, -1.4, 0.4), atol=1e-12)
+
+
+@pytest.mark.parametrize('relative', [False, True])
+def test_a_trajectory_is_flown_from_its_beginning_in_its_time(relative):
+    line = flown(UP, FlightCommand(5 * S, fc.FOLLOW, relative=relative, timescale=1.5,
+                                   trajectory=loop()))
+    i = bisect_right(line.begin, 5.0)
+    begin = line.begin[i - 1 if relative else i]  # absolute: after an approach
+    start = np.array([0.0, 0.0, -1.2] if relative else [0.0, 0.5, -1.0])
+    for t, x in ((0.0, 0.0), (3.0, 0.5), (6.0, 1.0), (9.0, 0.5), (12.0, 0.0)):
+        np.testing.assert_allclose(
+            tl.state_of(line, begin + t)[0][:3, 0], start + (x, 0.0, 0.0), atol=1e-9)
+
+
+def test_a_velocity_is_reached_kept_and_lost_again_when_nothing_follows():
+    line = flown(UP, FlightCommand(5 * S, fc.VELOCITY, velocity=(0.4, 0.0, 0.0), duration=0.5))
+    speeds = [tl.state_of(line, t)[0][0, 1] for t in np.arange(5.0, 8.0, 0.01)]
+    assert max(speeds) == pytest.approx(0.4) and speeds[-1] == 0.0
+    assert sum(speed == pytest.approx(0.4, abs=1e-9) for speed in speeds) >= 49
+
+
+def test_setpoints_that_stop_are_followed_by_a_hover_and_a_landing():
+    line = flown(UP, FlightCommand(5 * S, fc.SETPOINT, position=(0.05, 0.0, -1.2)))
+    assert tl.state_of(line, 9.0)[1] == TRACK
+    phases = [tl.state_of(line, t)[1] for t in np.arange(5.0, 30.0, 0.1)]
+    assert phases == sorted(phases) and phases[-1] == LANDED
+    assert phases.index(LANDING) * 0.1 >= P.setpoint_landing
+
+
+@pytest.mark.parametrize(('command', 'words'), [
+    (UP._replace(height=9.0), 'height = 9 m is outside [0.3, 3] m'),
+    (UP._replace(height=math.nan), 'not finite'),
+    (UP._replace(duration=-1.0), 'outside [0, 120] s'),
+    (UP._replace(duration=1e300), 'above 1e+06'),
+    (UP._replace(duration=0.05), 'the path needs'),
+    (UP._replace(kind=7), 'not a kind'),
+    (FlightCommand(S, fc.LAND), 'take off first'),
+    (FlightCommand(S, fc.STOP), 'take off first'),
+    (FlightCommand(S, fc.VELOCITY, duration=1.0), 'take off first')])
+def test_on_the_floor_only_a_sensible_takeoff_is_accepted(command, words):
+    assert words in refused(tl.initial(), command)
+
+
+@pytest.mark.parametrize(('command', 'words'), [
+    (FlightCommand(0, fc.TAKEOFF, height=1.0), 'flying already'),
+    (FlightCommand(0, fc.GO_TO, position=(6.0, 0.0, -1.0)), 'leaves the volume: x = 6 m, limit 5'),
+    (FlightCommand(0, fc.GO_TO, position=(0.0, 6.0, -1.0)), 'volume: y = -6 m'),
+    (FlightCommand(0, fc.GO_TO, position=(0.0, 0.0, -4.0)), '4 m high, ceiling 3 m'),
+    (FlightCommand(0, fc.GO_TO, position=(0.0, 0.0, -0.1)), 'comes down to 0.1 m'),
+    (FlightCommand(0, fc.GO_TO, position=(0.0, 0.0, 1.0)), 'comes down to -1 m'),
+    (FlightCommand(0, fc.GO_TO, position=(3.0, 0.0, -1.0), duration=3.0), 'speed'),
+    (FlightCommand(0, fc.GO_TO, position=(0.0, 0.0, -1.2), yaw=3.0, duration=2.0), 'turns at'),
+    (FlightCommand(0, fc.GO_TO, position=(0.0, math.inf, -1.0)), 'not finite'),
+    (FlightCommand(0, fc.GO_TO, position=(0.0, 1e300, -1.0)), 'above 1e+06'),
+    (FlightCommand(0, fc.LAND, height=0.5), 'outside [0, 0.1] m'),
+    (FlightCommand(0, fc.VELOCITY, velocity=(1.5, 1.5, 0.0), duration=0.1), 'speed'),
+    (FlightCommand(0, fc.VELOCITY, velocity=(0.0, 0.0, 1.0), duration=3.0), 'comes down'),
+    (FlightCommand(0, fc.SETPOINT, position=(50.0, 0.0, -1.2)), 'leaves the volume'),
+    (FlightCommand(0, fc.FOLLOW, trajectory='nonsense'), 'header'),
+    (FlightCommand(0, fc.FOLLOW, trajectory='x' * 200_001), 'longer than 200000'),
+    (FlightCommand(0, fc.FOLLOW, timescale=0.0, trajectory=loop()), 'timescale = 0'),
+    (FlightCommand(0, fc.FOLLOW, timescale=16.0, trajectory=loop()), 'lasts 128 s, limit 120'),
+    (FlightCommand(0, fc.FOLLOW, timescale=0.3, trajectory=loop()), 'the path needs acc')])
+def test_in_flight_what_is_unsafe_is_refused_in_one_line(command, words):
+    assert words in refused(flown(UP), command._replace(t=6 * S))
+
+
+def test_commands_that_do_not_fit_the_moment_are_refused():
+    line = flown(UP, FlightCommand(6 * S, fc.LAND))
+    assert 'landing already' in refused(line, FlightCommand(7 * S, fc.LAND))
+    assert 'earlier' in refused(line, FlightCommand(5 * S, fc.STOP))
+    assert 'being carried out' in refused(
+        flown(UP), FlightCommand(2 * S, fc.VELOCITY, duration=0.5))
+    low = round((line.until - 0.2) * S)
+    assert 'comes down' in refused(line, FlightCommand(
+        low, fc.GO_TO, position=(0.0, 0.0, -0.0)))
+
+
+def test_a_landing_can_be_broken_off():
+    line = flown(UP, FlightCommand(6 * S, fc.LAND), FlightCommand(6 * S + S // 2, fc.STOP))
+    state, phase = tl.state_of(line, 60.0)
+    assert phase == TRACK and 0.9 < -state[2, 0] < 1.2
+
+
+def test_a_duration_that_is_not_given_keeps_the_limits_and_uses_them():
+    line = flown(UP, FlightCommand(6 * S, fc.GO_TO, position=(4.0, 0.0, -1.2)))
+    fastest = max(tl.state_of(line, t)[0][0, 1] for t in np.arange(6.0, line.until, 0.005))
+    assert 0.5 * P.speed < fastest <= P.speed
+
+
+def test_a_script_that_is_refused_names_the_command_and_its_time():
+    with pytest.raises(ParameterError, match=r'^land at t = 3 s: the vehicle is on the floor'):
+        tl.fold(script.parse('- {time: 3, land: {}}'), P, V)

@@ -1,0 +1,104 @@
+"""
+Commanded flights: the commands in a scenario file, and those of a recorded flight.
+
+In a scenario file::
+
+    title: up, aside, down
+    duration: 20.0
+    commands:
+      - {time: 2.0, takeoff: {height: 1.0}}
+      - {time: 6.0, go_to: {goal: [1.0, 0.0, 1.0], yaw: 0.5}}
+      - {time: 10.0, follow: {file: loop.csv}}
+      - {time: 15.0, land: {}}
+
+``follow`` takes the file of a course, or its text as ``trajectory``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from mambo_bags.playback import recorded
+from mambo_bags.reader import read_bag
+from mambo_control.commanded import script
+from mambo_model.errors import InputError
+from mambo_model.motion import uav_trajectories
+from mambo_model.motion.flight_command import FlightCommand
+from mambo_model.schema import ParameterError
+from mambo_model.yaml_nodes import Loader
+from mambo_ros import topics
+from mambo_ros.commands.command_message import decode
+import yaml
+
+from . import scenario as scenarios
+from .course import course_file
+from .scenario import ParameterReader, Place, Scenario
+
+_GROUP = 'reference_node.commands'
+
+
+def parameters(reader: ParameterReader, node: yaml.Node) -> dict[str, Place]:
+    """
+    Return the parameters of a commanded flight, of the key ``commands`` of a scenario file.
+
+    Raises
+    ------
+    ParameterError
+        Naming file, line and what is wrong.
+
+    """
+    try:  # the file was measured when it was read: its aliases expand to a bounded size
+        entries = Loader('').construct_object(node, deep=True)
+    except yaml.YAMLError as error:
+        reader.fail(node, 'commands', str(error))
+    folder = Path(reader.path).parent
+    where = f'{reader.where(node)}: commands'
+    for entry in entries if isinstance(entries, list) else ():
+        _read_course(entry, folder, where)
+    found = script.commands(entries, where)
+    return {f'{_GROUP}.{name}': Place(value, reader.where(node)) for name, value in (
+        ('enabled', True), ('script', script.to_text(found)))}
+
+
+def _read_course(entry: Any, folder: Path, where: str) -> None:
+    """Replace the file of a ``follow`` by the text of its course."""
+    follow = entry.get('follow') if isinstance(entry, dict) else None
+    if isinstance(follow, dict) and 'file' in follow:
+        if not isinstance(follow['file'], str):
+            raise ParameterError(f'{where}: follow: file must be the path of a course')
+        follow['trajectory'] = course_text(folder / Path(follow.pop('file')).expanduser())
+
+
+def course_text(path: Path) -> str:
+    """Return the text of a course for ``follow``, of any file of a course."""
+    return uav_trajectories.to_text(course_file.read(path))
+
+
+def commands_of(bag: Path, namespace: str = topics.NAMESPACE) -> list[FlightCommand]:
+    """Return the commands that a flight has recorded, in their order."""
+    name = topics.full_name(topics.COMMAND, namespace)
+    return [decode(data) for _, _, data in recorded(bag, {name})]
+
+
+def scenario_of(bag: Path, namespace: str = topics.NAMESPACE) -> Scenario:
+    """
+    Return the scenario of a recorded flight, with the recorded commands as its script.
+
+    Flown in lockstep or in one process, it gives the reference of the recorded flight to the last
+    bit.
+
+    Raises
+    ------
+    InputError
+        If the bag holds no scenario, or not one of a commanded flight.
+
+    """
+    text = read_bag(bag, topics=()).attachments.get('scenario.yaml')
+    if text is None:
+        raise InputError(f'{bag}: holds no scenario.yaml: it was not recorded by ./run')
+    flight = scenarios.from_yaml(str(text), f'scenario.yaml in {bag}')
+    if not flight.reference_node.commands.enabled:
+        raise InputError(f'{bag}: is not a commanded flight')
+    return scenarios.override(
+        flight, {f'{_GROUP}.script': script.to_text(commands_of(bag, namespace))})

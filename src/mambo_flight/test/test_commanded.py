@@ -1,0 +1,98 @@
+"""Commanded flights in one process: from a file, recorded, and flown again to the last bit."""
+
+from mambo_bags.reader import read_bag
+from mambo_control.commanded import script
+from mambo_flight import closed_loop, commanded, recording_to_bag, scenario_file
+from mambo_flight.scenario import override, scenario
+from mambo_model.errors import InputError
+from mambo_model.motion import flight_command as fc
+from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
+from mambo_model.schema import ParameterError
+import numpy as np
+import pytest
+
+FILE = """
+title: up, aside, along a course, down
+duration: 20.0
+estimator: ground_truth
+commands:
+  - {time: 1.0, takeoff: {height: 1.0}}
+  - {time: 4.0, go_to: {goal: [1.0, -0.5, 1.0], yaw: 0.5}}
+  - {time: 6.0, velocity: {velocity: [0.0, 0.5, 0.0], duration: 0.5}}
+  - {time: 9.0, follow: {file: course.csv, relative: true}}
+  - {time: 14.0, land: {}}
+"""
+COURSE = 't,x,y,height\n0,0,0,1\n2,0.5,0,1\n4,0.5,0.5,1.2\n'
+
+
+@pytest.fixture(scope='module')
+def file(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('commanded')
+    (folder / 'course.csv').write_text(COURSE)
+    (folder / 'mine.yaml').write_text(FILE)
+    return folder / 'mine.yaml'
+
+
+@pytest.fixture(scope='module')
+def flown(file):
+    """Return the scenario of the file and its flight."""
+    flight = scenario_file.load(str(file))[1]
+    return flight, closed_loop.fly(flight, inner=True)
+
+
+@pytest.fixture(scope='module')
+def bag(flown, tmp_path_factory):
+    path = tmp_path_factory.mktemp('bags') / 'commanded'
+    recording_to_bag.write(path, *flown)
+    return path
+
+
+def test_the_vehicle_does_what_the_commands_say(flown):
+    _, r = flown
+    phases = [phase for phase, before in zip(r.phase, [-1, *r.phase]) if phase != before]
+    assert phases == [GROUND, TAKEOFF, TRACK, LANDING, LANDED]
+    assert not r.truth[:200, :3].any() and not r.stopped.any()
+    assert np.abs(r.truth[:, :3] - r.reference[:, :3]).max() < 0.2
+    at_goal = np.searchsorted(r.t, 6 * 10**9)
+    np.testing.assert_allclose(r.reference[at_goal, :3], (1.0, 0.5, -1.0), atol=1e-9)
+    assert r.pwm[-1].max() == 0.0 and abs(r.truth[-1, 2]) < 0.05
+
+
+def test_a_bag_holds_the_commands_and_they_give_the_flight_again(flown, bag):
+    flight, r = flown
+    recorded = commanded.commands_of(bag)
+    assert recorded == script.parse(flight.reference_node.commands.script)
+    assert [fc.NAMES[c.kind] for c in recorded] == [
+        'takeoff', 'go_to', 'velocity', 'follow', 'land']
+    again = closed_loop.fly(commanded.scenario_of(bag), inner=True)  # compiled already
+    for name in ('reference', 'truth', 'pwm', 'phase'):
+        assert np.array_equal(getattr(r, name), getattr(again, name)), name
+
+
+def test_a_flight_without_commands_has_no_topic_of_them():
+    plain = scenario(duration=1.0, land=False)
+    assert {topic.name for topic in recording_to_bag.recorded(plain)} == {
+        topic.name for topic in recording_to_bag.recorded(
+            override(plain, {'reference_node.commands.enabled': True}))} - {'command'}
+
+
+def test_other_bags_are_refused_in_one_line(flown, tmp_path):
+    plain = override(flown[0], {'reference_node.commands.enabled': False})
+    recording_to_bag.write(tmp_path / 'plain', plain, flown[1])
+    assert 'command' not in ' '.join(read_bag(tmp_path / 'plain').attachments)
+    with pytest.raises(InputError, match='is not a commanded flight'):
+        commanded.scenario_of(tmp_path / 'plain')
+
+
+@pytest.mark.parametrize(('commands', 'words'), [
+    ('{time: 1, takeoff: {height: 1}}', 'must be a list'),
+    ('[{time: 1, takeof: {height: 1}}]', 'mine.yaml:2: commands: command 1: takeof'),
+    ('[{time: 1, land: {}}]', 'mine.yaml: reference_node: land at t = 1 s'),
+    ('[{time: 1, follow: {file: 3}}]', 'file must be the path'),
+    ('[{time: 1, follow: {file: none.csv}}]', 'none.csv: No such file')])
+def test_what_is_wrong_in_a_file_is_located(tmp_path, commands, words):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(f'title: wrong\ncommands: {commands}\n')
+    with pytest.raises(ParameterError) as error:
+        scenario_file.load(str(path))
+    assert words in str(error.value) and '\n' not in str(error.value)
