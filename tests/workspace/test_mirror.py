@@ -16,6 +16,7 @@ PACKAGES = sorted(path.parent.name for path in SRC.glob('*/setup.py'))
 PROCESSES = 'src/mambo_bringup/test/test_processes.py'
 NODE = 'src/mambo_ros/test/test_node.py'
 CHECK = 'tests/graph/test_check_node.py'
+SENDING = 'src/mambo_bringup/test/commanding/test_sending.py'
 DRONES = 'src/mambo_flight/test/gym/test_vector_environment.py'
 JOINT = 'src/mambo_estimation/test/joint/test_filter.py'
 CAPTURE = 'src/mambo_flight/test/test_motion_capture.py'
@@ -24,6 +25,8 @@ HELD = {
     'mambo_bringup/checking/check.py': CHECK,
     'mambo_bringup/checking/ends.py': CHECK,
     'mambo_bringup/checking/stand.py': CHECK,
+    **{f'mambo_bringup/commanding/{name}.py': SENDING for name in (
+        'follow', 'go_to', 'halt', 'land', 'pause', 'resume', 'single_step', 'takeoff')},
     'mambo_bringup/launch_actions.py': 'src/mambo_bringup/test/test_launch.py',
     'mambo_bringup/launching.py': 'src/mambo_bringup/test/test_launch.py',
     'mambo_bringup/node_group.py': PROCESSES,
