@@ -18,7 +18,8 @@ GENERATED = {
     'parameters': parameters.all_parameters, 'scenario settings': parameters.scenario_settings,
     'sweep settings': parameters.sweep_settings, 'commands': commands.commands,
     'nodes': commands.nodes, 'tools': commands.tools, 'topics': topics.topic_table,
-    'messages': topics.messages, 'import targets': formats.import_targets,
+    'messages': topics.messages, 'services': topics.service_table,
+    'import targets': formats.import_targets,
     'scenarios': formats.scenarios}
 ROOT = Path(__file__).resolve().parents[2]
 _MARK = re.compile(r'^<!-- generated: (.*) -->$', re.MULTILINE)

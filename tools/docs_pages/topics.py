@@ -1,4 +1,4 @@
-"""Tables of topics and messages, from ``mambo_ros.topics`` and the comments of the messages."""
+"""Tables of topics, services and messages, from the tables of ``mambo_ros`` and their files."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import re
 from typing import NamedTuple
 
 from mambo_ros import topics
+from mambo_ros.commands import table as services
 
 from .source import SRC, table
 
@@ -45,6 +46,10 @@ USES = {
     'estimator/state': Use('biases, innovations, health of each sensor', _ESTIMATOR, ()),
     'reference': Use('position to snap, attitude, rates, thrust, torque; `odom` and body FLU',
                      ('reference_node',), _CONTROLLER),
+    'command': Use('accepted commands of a commanded flight', ('reference_node',), ()),
+    'joy': Use('sticks and buttons, in a commanded flight', (), ('reference_node',)),
+    'setpoint': Use('reference from outside, in a commanded flight; `odom` and body FLU', (),
+                    ('reference_node',)),
     'controller/state': Use('errors, virtual input, desired attitude, thrust and torque',
                             _CONTROLLER, ()),
     'motor_pwm': Use('command of the four motors [PWM], shutdown and its reason',
@@ -59,7 +64,7 @@ USES = {
 
 def all_topics() -> list[topics.Topic]:
     """Return every topic of the graph."""
-    return [*topics.RECORDED, *topics.AIDED, topics.LINKS]
+    return [*topics.RECORDABLE, topics.JOY, topics.SETPOINT, topics.LINKS]
 
 
 def _rate(topic: topics.Topic) -> str:
@@ -109,4 +114,21 @@ def messages() -> str:
     out = []
     for file in sorted((SRC / 'mambo_interfaces/msg').glob('*.msg')):
         out += [f'### {file.stem}', '', *_message(file.read_text(encoding='utf-8'))]
+    return '\n'.join(out)
+
+
+def all_services() -> dict[services.Service, str]:
+    """Return every command service with the node that answers it."""
+    return {**dict.fromkeys(services.REFERENCE, 'reference_node'),
+            services.PAUSE: 'sim_node', services.STEP: 'sim_node'}
+
+
+def service_table() -> str:
+    """Return the table of all command services, and the fields of our own types."""
+    out = [table(('service and type', 'of'), [
+        (f'`{one.name}`<br>`{one.type_name.replace("/srv/", "/")}`', node)
+        for one, node in all_services().items()]), '']
+    for file in sorted((SRC / 'mambo_interfaces/srv').glob('*.srv')):
+        request = file.read_text(encoding='utf-8').partition('---')[0]
+        out += [f'### {file.stem}', '', *_message(request)]
     return '\n'.join(out)

@@ -1,5 +1,5 @@
 """
-Commanded flights: the commands in a scenario file, and those of a recorded flight.
+Commanded flights: commands in a scenario file, of a recorded flight, and to a running one.
 
 In a scenario file::
 
@@ -102,3 +102,23 @@ def scenario_of(bag: Path, namespace: str = topics.NAMESPACE) -> Scenario:
         raise InputError(f'{bag}: is not a commanded flight')
     return scenarios.override(
         flight, {f'{_GROUP}.script': script.to_text(commands_of(bag, namespace))})
+
+
+def send(name: str, drone: str = topics.NAMESPACE, **arguments: Any) -> str:
+    """
+    Send a command to a running flight; see ``mambo_ros.commands.client.send``.
+
+    Parameters
+    ----------
+    name
+        ``takeoff``, ``go_to``, ``follow``, ``stop``, ``land``, ``pause``, ``resume`` or ``step``.
+    drone
+        Its namespace.
+    arguments
+        Of the command; a path as ``trajectory`` is that of a course.
+
+    """
+    from mambo_ros.commands import client  # ROS, which nothing else here needs
+    if isinstance(arguments.get('trajectory'), Path):
+        arguments['trajectory'] = course_text(arguments['trajectory'])
+    return client.send(name, drone, **arguments)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
-from typing import Any
 
 from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser
-from mambo_flight.commanded import course_text
+from mambo_flight.commanded import send
 from mambo_ros.topics import NAMESPACE
 
 _LONGEST = 600.0  # s
@@ -38,13 +36,6 @@ def run(name: str, options: argparse.Namespace) -> int:
 
     def work() -> None:
         """Send and print."""
-        print(f'{name}: {send(name, drone, arguments)}')
+        print(f'{name}: {send(name, drone, **arguments)}')
     return guard(name, work)
 
-
-def send(name: str, drone: str, arguments: dict[str, Any]) -> str:
-    """Send a command; a trajectory is the path of a course."""
-    from mambo_ros.commands import client  # ROS, half a second that --help does without
-    if isinstance(arguments.get('trajectory'), Path):
-        arguments = {**arguments, 'trajectory': course_text(arguments['trajectory'])}
-    return client.send(name, drone, **arguments)

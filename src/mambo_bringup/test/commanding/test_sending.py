@@ -15,7 +15,7 @@ def sent(monkeypatch):
     """Return what would be sent."""
     out = []
 
-    def record(name, drone, arguments):
+    def record(name, drone, **arguments):
         out.append((name, drone, arguments))
         return 'from t = 1.000 s'
     monkeypatch.setattr(sending, 'send', record)
@@ -64,7 +64,7 @@ def test_what_is_typed_wrong_is_one_line(sent, capsys, line):
 
 
 def test_a_refusal_is_one_line_and_exit_code_1(monkeypatch, capsys):
-    def refuse(*_):
+    def refuse(*_, **__):
         raise JobError('the vehicle is on the floor: take off first')
     monkeypatch.setattr(sending, 'send', refuse)
     assert typed('land') == 1

@@ -1,0 +1,27 @@
+"""Commands from a script: what is sent, what is raised, and a recorded flight flown again."""
+
+import mambo
+from mambo_ros.commands import client
+import pytest
+
+
+def test_a_command_is_sent_with_its_arguments(monkeypatch, tmp_path):
+    sent = []
+    monkeypatch.setattr(client, 'send', lambda *args, **more: sent.append((args, more)) or 'sent')
+    assert mambo.command('takeoff', height=1.0) == 'sent'
+    mambo.command('stop', drone='/mambo2')
+    course = tmp_path / 'course.csv'
+    course.write_text('t,x,y,height\n0,0,0,1\n2,0.5,0,1\n')
+    mambo.command('follow', trajectory=course)
+    assert sent[:2] == [(('takeoff', '/mambo'), {'height': 1.0}), (('stop', '/mambo2'), {})]
+    assert sent[2][1]['trajectory'].startswith('duration,')
+
+
+def test_what_cannot_be_sent_is_one_line():
+    with pytest.raises(mambo.InputError, match='dance: is none of takeoff'):
+        mambo.command('dance')
+
+
+def test_another_bag_is_refused(tmp_path):
+    with pytest.raises(mambo.InputError):
+        mambo.recorded_commands(tmp_path / 'none')

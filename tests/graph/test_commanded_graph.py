@@ -1,0 +1,110 @@
+"""A commanded flight in the graph: its services, a joystick, a pause; and the same again."""
+
+import subprocess
+import sys
+import time
+
+from mambo_bags.reader import read_bag
+from mambo_bringup.flight.runner import fly
+from mambo_flight import closed_loop, commanded, recording_to_bag
+from mambo_interfaces.msg import Command
+from mambo_model.errors import JobError
+from mambo_model.motion import flight_command as fc
+from mambo_model.motion.trajectory import LANDED
+from mambo_ros import topics
+from mambo_ros.commands import client
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import Joy
+
+REFUSALS = '/diagnostics'  # tells of the refused commands too, which the second flight has not
+BUSY = 240.0  # s that the start may take on a loaded machine
+RUN = ('--commanded', '--paused', '--composed', '--estimator', 'ground_truth', '--controller',
+       'cascaded', '--duration', '14', '--no-report')
+
+
+def until(action):
+    """Repeat an action until it is carried out; return what it returns."""
+    limit = time.monotonic() + BUSY
+    while True:
+        try:
+            return action()
+        except JobError as error:
+            assert time.monotonic() < limit, error
+
+
+def hold_the_stick():
+    """Publish a joystick, forward with its button held, until a command is made of it."""
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context)
+    node = rclpy.create_node('pilot', context=context, namespace='/mambo')
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    kinds = []
+    node.create_subscription(Command, 'command', lambda message: kinds.append(message.kind), 10)
+    sticks = node.create_publisher(Joy, 'joy', 10)
+    limit = time.monotonic() + BUSY
+    while fc.VELOCITY not in kinds:
+        assert time.monotonic() < limit, 'no command from the joystick'
+        sticks.publish(Joy(axes=[0.0, 0.0, 0.0, 0.0, 1.0], buttons=[0, 0, 0, 0, 1]))
+        executor.spin_once(0.05)
+    executor.shutdown()
+    rclpy.try_shutdown(context=context)
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    """Return a flight in lockstep that was commanded while it was paused and while it flew."""
+    path = tmp_path_factory.mktemp('graph') / 'commanded'
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'mambo_bringup.run', *RUN, '-o', str(path)])
+    try:
+        assert until(lambda: client.send('takeoff', height=1.2)) == 'from t = 0.000 s'
+        with pytest.raises(JobError, match='already'):
+            client.send('takeoff', height=1.0)
+        with pytest.raises(JobError, match='leaves the volume: x = 9 m'):
+            client.send('go_to', goal=(9.0, 0.0, 1.0))
+        assert client.send('step', steps=900) == 'to t = 4.495 s'
+        hold_the_stick()
+        client.send('step', steps=400)
+        client.send('go_to', goal=(0.5, -0.5, 1.0), yaw=0.4)
+        client.send('step', steps=200)
+        time.sleep(1.0)  # so that the landing begins on the way
+        client.send('land')
+        assert client.send('resume') == 'going on'
+        assert process.wait(BUSY) == 0
+    finally:
+        process.kill()
+    return path
+
+
+def payloads(bag):
+    """Return the messages of every topic of a bag."""
+    read = read_bag(bag)
+    return {name: read[name].raw for name in read.topics}
+
+
+def test_the_commands_are_recorded_and_the_vehicle_has_landed(bag):
+    kinds = [fc.NAMES[command.kind] for command in commanded.commands_of(bag)]
+    assert kinds[0] == 'takeoff' and kinds[-2:] == ['go_to', 'land'] and 'velocity' in kinds
+    assert read_bag(bag)['/mambo/reference']['phase'][-1] == LANDED
+
+
+def test_one_process_flies_the_recorded_commands_again_to_the_last_bit(bag, tmp_path):
+    flight = commanded.scenario_of(bag)
+    recording_to_bag.write(tmp_path / 'alone', flight, closed_loop.fly(flight, inner=True))
+    alone, graph = payloads(tmp_path / 'alone'), payloads(bag)
+    assert alone.keys() == graph.keys()
+    for name in graph:
+        assert alone[name] == graph[name] or name == REFUSALS, name
+
+
+def test_the_graph_flies_the_recorded_commands_again_to_the_last_bit(bag, tmp_path):
+    flight = commanded.scenario_of(bag)
+    fly(commanded.scenarios.override(flight, {'sim_node.paused': False}), tmp_path / 'graph')
+    again, before = payloads(tmp_path / 'graph'), payloads(bag)
+    assert again.keys() == before.keys()
+    for name in again:
+        assert again[name] == before[name] or name == REFUSALS, name
+    assert len(again[f'/mambo/{topics.COMMAND.name}']) >= 4
