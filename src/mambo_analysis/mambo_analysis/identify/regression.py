@@ -12,8 +12,8 @@ curvature; an error common to a whole recording, of a ruler say, is not in them.
 
 A model of a real flight is right for a while: warm motors and gusts change it within seconds.
 With ``blocks`` the recording is therefore cut into parts, each is left out once, and where the
-estimates scatter by more than the interval above admits, the interval is theirs (the CR3
-covariance of Bell and McCaffrey, Survey Methodology 28, 2002, linearised at the solution).
+estimates scatter by more than the interval above admits, the interval is theirs (the jackknife of
+Kuensch, Annals of Statistics 17, 1989, with few long blocks).
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ Model = Callable[[Floats], Floats]
 LEVEL = 0.95          # of every interval
 LARGEST_ORDER = 8     # of the autoregressive model
 PASSES = 3            # of whitening and fitting
+BLOCK_TOLERANCE = 1e-4  # of fits without a block, far below what they scatter
+UNKNOWN = 1e3         # times an interval, where a fit without a block is impossible
 POOREST = 1e-10       # least eigenvalue over largest of a scaled J^T J that determines a parameter
 
 
@@ -283,11 +285,27 @@ def fit(
     freedom = max(freedom - sum(map(len, problem.whiten.coefficients)), 1)
     covariance = _covariance(found.jac, 2.0 * found.cost / freedom, names)
     if blocks:
-        wider = _wider(found.jac, found.fun, covariance, freedom, blocks)
+        wider = _wider([_without(rows, model, data, theta, low, high, names, nuisance,
+                                  colour)
+                        for rows in np.array_split(np.arange(len(data)), blocks)],
+                       covariance, freedom)
         covariance = covariance * np.outer(wider, wider)
     return Fit(
         theta, covariance, freedom, problem.unexplained(theta),
         tuple(len(a) for a in problem.whiten.coefficients))
+
+
+def _without(
+    rows: NDArray[np.intp], model: Model, data: Floats, theta: Floats, low: Sequence[float],
+    high: Sequence[float], names: Sequence[str], nuisance: Floats, colour: bool,
+) -> Floats | None:
+    """Return the parameters of a fit without some rows; None if the rest shows too little."""
+    try:
+        return fit(lambda x: np.delete(model(x), rows, axis=0), np.delete(data, rows, axis=0),
+                   theta, low, high, names, np.delete(nuisance, rows, axis=0),
+                   colour=colour, tolerance=BLOCK_TOLERANCE).theta
+    except IdentifyError:
+        return None
 
 
 def _covariance(J: Floats, variance: float, names: Sequence[str]) -> Floats:
@@ -304,20 +322,18 @@ def _covariance(J: Floats, variance: float, names: Sequence[str]) -> Floats:
     return variance * inverse / np.outer(length, length)
 
 
-def _wider(
-    J: Floats, residual: Floats, covariance: Floats, freedom: int, blocks: int,
-) -> Floats:
+def _wider(fits: Sequence[Floats | None], covariance: Floats, freedom: int) -> Floats:
     """
-    Return by how much the estimates without each block scatter more than a covariance says.
+    Return by how much estimates without one block each scatter more than a covariance says.
 
     Parameters
     ----------
-    J : (n, p)
-        Derivatives of the whitened residuals (n,) at the solution.
+    fits : (p,) each
+        Parameters without a block; None: what is left does not determine them.
     covariance : (p, p)
-        Of independent whitened residuals.
-    freedom, blocks
-        Degrees of freedom of the covariance; parts of the recording.
+        Of all blocks, if their residuals are alike.
+    freedom
+        Of the covariance.
 
     Returns
     -------
@@ -325,16 +341,12 @@ def _wider(
         Of the half widths, at least 1; Student's t of the few blocks is in it.
 
     """
-    size = np.linalg.norm(J, axis=0)
-    J = J / size
-    whole, moved = J.T @ J, []
-    ridge = POOREST * np.trace(whole) * np.eye(len(size))
-    for part in np.array_split(np.arange(len(residual)), blocks):
-        rest = whole - J[part].T @ J[part]
-        moved.append(np.linalg.solve(rest + ridge, J[part].T @ residual[part]) / size)
-    spread = np.sqrt((blocks - 1) * np.var(moved, axis=0))
+    known = [one for one in fits if one is not None]
+    if len(known) < len(fits):
+        return np.full(len(covariance), UNKNOWN)
+    spread = np.sqrt((len(fits) - 1) * np.var(known, axis=0))
     level = 0.5 + 0.5 * LEVEL
-    ratio = float(stats.t.ppf(level, blocks - 1) / stats.t.ppf(level, freedom))
+    ratio = float(stats.t.ppf(level, len(fits) - 1) / stats.t.ppf(level, freedom))
     return np.maximum(1.0, ratio * spread / np.sqrt(np.diag(covariance)))
 
 

@@ -138,7 +138,7 @@ def _with_doubt(found: Fit, flights: Sequence[Recorded]) -> Fit:
     return found._replace(covariance=covariance)
 
 
-def fit_force(*flights: Recorded) -> Found:
+def fit_force(*flights: Recorded, blocks: int = BLOCKS) -> Found:
     """
     Fit the specific force to the accelerometer of flights of one vehicle.
 
@@ -146,6 +146,8 @@ def fit_force(*flights: Recorded) -> Found:
     ----------
     flights
         The first gives X_0 and V_0.
+    blocks
+        Parts whose disagreement widens the intervals; 0: intervals do not matter.
 
     Raises
     ------
@@ -166,7 +168,7 @@ def fit_force(*flights: Recorded) -> Found:
     names = ', '.join(one.name for one in flights)
     try:
         found = regression.fit(
-            predicted, measured, START, LOW, HIGH, NAMES, blocks=BLOCKS)
+            predicted, measured, START, LOW, HIGH, NAMES, blocks=blocks)
     except IdentifyError as error:
         raise IdentifyError(f'{names}: {error}') from None
     found = _with_doubt(found, flights)

@@ -27,7 +27,7 @@ from .moments import fit_moments, Moment
 from .recorded import GRAVITY, read_flight, Recorded
 
 AXES = 'xyz'
-METHOD = f'{result.METHOD}; wider where {BLOCKS} parts of the flight disagree (CR3 covariance)'
+METHOD = f'{result.METHOD}; wider where {BLOCKS} parts of the flight disagree (jackknife)'
 
 
 def _resting(flight: Recorded) -> dict[str, Value]:

@@ -57,8 +57,8 @@ def test_the_lag_may_be_shorter_by_a_step_of_the_grid():
         one = flight(seed)
         next_one = np.vstack([one.command[1:], one.command[-1:]])
         delayed = 0.5 * (one.command + next_one)  # what is logged acts half a step later
-        late.append(fit_force(one._replace(command=delayed)).values['motor lag'])
-        on_time.append(fit_force(one).values['motor lag'])
+        late.append(fit_force(one._replace(command=delayed), blocks=0).values['motor lag'])
+        on_time.append(fit_force(one, blocks=0).values['motor lag'])
     longer = np.mean([a.value - b.value for a, b in zip(late, on_time, strict=True)])
     assert 0.003 < longer < 0.008
     assert sum(value.low < TRUE.lag < value.high for value in late) >= 5
