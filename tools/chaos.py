@@ -80,7 +80,8 @@ def every() -> Iterator[Fault]:
     for number, mode, phase in product(SIGNALS, (*MODES, 'replay'), PHASES):
         if mode == 'replay' and phase in ('calibration', 'landing'):
             continue
-        nodes = {'composed': ('composed_node',), 'replay': REPLAYED}.get(mode, NODES)
+        nodes = {'composed': ('composed_node',), 'replay': REPLAYED,
+                 'drones': (*NODES[:-1], 'composed_node')}.get(mode, NODES)
         for target in ('runner', 'watchdog', *nodes):
             if phase == 'report' and target != 'runner':
                 continue  # nothing else runs

@@ -27,6 +27,7 @@ setup(
             'fly = mambo_flight.fly:main',
             'plan_trajectory = mambo_flight.course.plan_course:main',
             'race = mambo_flight.race.race:main',
+            'separation = mambo_flight.world.separation:main',
             'sweep = mambo_flight.sweep.command:main',
         ],
     },

@@ -68,11 +68,11 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         super().__init__('recorder_node', RecorderNodeParams, **kwargs)
         p = self.params
         selected = _selected(p.topics)
-        attachments = {'scenario.yaml': Path(p.scenario).read_text()} if p.scenario else {}
+        files = {'scenario.yaml': p.scenario, 'world.yaml': p.world}
+        attachments = {name: Path(file).read_text() for name, file in files.items() if file}
         self._times = LogTimes()
         self._early: list[tuple[Callable[[bytes], None], bytes]] = []  # before the first /clock
-        self._early_size = 0
-        self._failed = False
+        self._early_size, self._failed = 0, False
         self._odd: Counter[tuple[str, str]] = Counter()  # by topic and kind
         try:
             self._bag = BagWriter(Path(p.bag), attachments=attachments)
@@ -191,8 +191,8 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         odd = [f'{name}: {count} {kind}' for (name, kind), count in sorted(self._odd.items())]
         if self._bag.beyond:
             odd.append(f'{self._bag.beyond} with a stamp after the end, recorded at the end')
-        self.get_logger().info('; '.join([
-            f'closed {self.params.bag}, {self._bag.late} late messages', *odd]))
+        odd.insert(0, f'closed {self.params.bag}, {self._bag.late} late messages')
+        self.get_logger().info('; '.join(odd))
 
 
 def main(args=None) -> None:

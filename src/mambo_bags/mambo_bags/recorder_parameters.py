@@ -14,6 +14,7 @@ class RecorderNodeParams:
     bag: str = schema.text('', 'directory of the bag; must not exist')
     topics: str = schema.text('', 'names separated by commas, default: every topic of the flight')
     scenario: str = schema.text('', 'file kept inside the bag: scenario and parameters')
+    world: str = schema.text('', 'file kept inside the bag: the hall that several drones share')
 
     def __post_init__(self) -> None:
         schema.check(self)

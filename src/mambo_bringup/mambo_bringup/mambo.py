@@ -76,6 +76,8 @@ GROUPS: dict[str, dict[str, Command]] = {
     'Bags': {
         'compare': Command('mambo_analysis.compare.compare', 'errors of a flight, or of flight A '
                            'against flight B; report'),
+        'separation': Command('mambo_flight.world.separation', 'distance of the drones of a '
+                              'flight over time'),
         'replay': Command('mambo_bringup.replay', "a bag's sensors through a live estimator"),
         'estimate': Command('mambo_analysis.compare.estimate', 'the same offline'),
         'recover': Command('mambo_bags.recover', 'save what is readable of a damaged bag'),

@@ -17,12 +17,13 @@ from typing import Any
 from xml.etree import ElementTree
 
 from mambo_bags.command import guard, Parser, refuse_existing
+from mambo_flight.flight_options import DRONES
+from mambo_flight.world.formation import namespaces
 from mambo_model.whole_file import write_text
 from mambo_ros import topics
 
 from .flight.natnet import CLIENT, SERVER
-from .flight.nodes import (
-    DRONES, FLIGHT_NODES, namespaces, RECORDER, SIMULATOR, VIEW)
+from .flight.nodes import FLIGHT_NODES, RECORDER, SIMULATOR, VIEW
 
 NODES = (SIMULATOR, *FLIGHT_NODES, RECORDER, VIEW, SERVER, CLIENT,
          ('mambo_bags', 'replay_node'))

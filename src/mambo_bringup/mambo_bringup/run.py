@@ -17,14 +17,17 @@ from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import read_bag
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
 from mambo_flight import flight_options, scenario as scenarios, scenario_file
+from mambo_flight.world import formation, plot_separation, separation
+from mambo_flight.world.world_file import Hall
 from mambo_model import schema
 from mambo_model.motion.trajectory import COURSE
+from mambo_ros.topics import NAMESPACE
 from mambo_view import page as view
 from mambo_view.page import PORT
 
 from .flight import natnet
 from .flight.nodes import (
-    COMPOSED, DRONES, FLIGHT_NODES, namespaces, RECORDER, REPLACEABLE, SIMULATOR)
+    COMPOSED, FLIGHT_NODES, RECORDER, REPLACEABLE, SIMULATOR)
 from .flight.outcome import FlightEndedError, Outcome, print_refused
 from .flight.runner import fly_several
 from .processes import FlightError, load
@@ -54,7 +57,7 @@ def parser() -> Parser:
                '  ./run --trajectory z_sine --seed 7    another flight\n'
                '  ./run --scenario fig_5_11             an experiment of the thesis\n'
                '  ./run --composed                      all nodes in one process\n'
-               '  ./run --composed --drones 4           four drones, a process each\n'
+               '  ./run --composed --drones 4           four drones in one hall\n'
                '  ./run --mode realtime --duration 30   paced to the wall clock\n'
                '  ./run --scenario motion_capture --natnet   poses through a NatNet server\n'
                '  ./run --set sim_node.simulator.vehicle.drag_coefficient=0.3\n')
@@ -74,7 +77,7 @@ def parser() -> Parser:
     add('--paused', action='store_true',
         help='begin paused: mambo step makes single steps, mambo resume goes on')
     add('--composed', action='store_true',
-        help='all nodes of a drone in one process: the same bag, faster')
+        help='all nodes in one process: the same bag, faster')
     add('--without', action='append', default=[], choices=tuple(REPLACEABLE), metavar='NODE',
         help=f"leave a node out and wait for yours: one of {', '.join(REPLACEABLE)}; repeatable")
     add('--natnet', type=whole(1024, 65534), nargs='?', const=natnet.PORT, default=0,
@@ -82,9 +85,6 @@ def parser() -> Parser:
         help='serve the hall as Motive does, by NatNet at this command port of 127.0.0.1 and the '
              f'data port after it, and take the poses from there, in real time '
              f'(default port: {natnet.PORT})')
-    add('--drones', type=DRONES, default=1, metavar='N',
-        help='number of drones, in namespaces /mambo1 to /mamboN, with consecutive seeds from '
-                     '--seed, each with its own clock and bag (default: 1)')
     add('--view', type=whole(1, 65535), nargs='?', const=PORT, default=0, metavar='PORT',
         help='show the flight in the browser while it flies, best with --mode realtime '
              f'(default port: {PORT})')
@@ -133,7 +133,8 @@ def _with_natnet(
     flight: scenarios.Scenario, options: argparse.Namespace,
 ) -> scenarios.Scenario:
     """Return the flight with a NatNet server; ParameterError if the options exclude it."""
-    if options.composed or options.drones > 1 or 'optitrack' in options.without:
+    if options.composed or flight_options.world(options).drones > 1 or (
+            'optitrack' in options.without):
         raise schema.ParameterError(
             '--natnet serves one drone with its nodes as processes: leave out --composed, '
             '--drones and --without optitrack')
@@ -163,15 +164,23 @@ def _run(options: argparse.Namespace) -> None:
     name, flight = _scenario(options)
     if options.print_scenario:
         print(scenarios.commented_yaml(flight), end='')
-    else:
-        for line in flight_options.remarks(flight, options.stretch):
-            print(line)
-        _fly_and_report(name, flight, options)
+        return
+    for line in flight_options.remarks(flight, options.stretch):
+        print(line)
+    world = flight_options.world(options)
+    if world.drones == 1:
+        _fly_and_report(name, {NAMESPACE: flight}, options)
+        return
+    drones = formation.hall(flight, world)
+    _fly_and_report(
+        name, dict(zip(drones.hall.places, drones.flights, strict=True)), options, drones.hall)
 
 
 def _fly_and_report(
-    name: str, flight: scenarios.Scenario, options: argparse.Namespace,
+    name: str, flights: dict[str, scenarios.Scenario], options: argparse.Namespace,
+    hall: Hall | None = None,
 ) -> None:
+    """Fly one drone, or several in a hall; print the result of each, and of all."""
     bag = options.output or _free(Path('bags'), name)
     if options.view:
         view.check(options.view)
@@ -179,14 +188,14 @@ def _fly_and_report(
     load('.'.join(node) for node in (
         COMPOSED, *FLIGHT_NODES, RECORDER, SIMULATOR,
         *((natnet.SERVER, natnet.CLIENT) if options.natnet else ())))
-    spaces = namespaces(options.drones)
+    spaces = list(flights)
     bags = {space: bag if len(spaces) == 1 else bag / space.strip('/') for space in spaces}
-    flights = {space: _reseeded(flight, number) for number, space in enumerate(spaces)}
     problem: FlightError | None = None
     try:
         outcomes = fly_several(
             flights, {space: path.absolute() for space, path in bags.items()}, options.composed,
-            tuple(dict.fromkeys(options.without)), options.natnet, options.view)
+            tuple(dict.fromkeys(options.without)), options.natnet, options.view,
+            hall)
     except FlightEndedError as error:
         problem, outcomes = error, error.outcomes
     stopped = outcomes[0].stopped
@@ -195,17 +204,25 @@ def _fly_and_report(
             print(f'{space}:')
         reasons = _print_outcome(outcome, bags[space], options.no_report)
         problem = problem or (FlightError(reasons[0]) if reasons else None)
+    if hall is not None:
+        problem = _print_separation(bag, outcomes, hall) or problem
     if stopped:
         raise KeyboardInterrupt(stopped)
     if problem:
         raise problem
 
 
-def _reseeded(flight: scenarios.Scenario, number: int) -> scenarios.Scenario:
-    """Return the flight of a drone: that of the first drone with its own seeds."""
-    return scenarios.override(flight, {
-        'sim_node.simulator.seed': flight.sim_node.simulator.seed + number,
-        'optitrack_node.seed': flight.optitrack_node.seed + number})
+def _print_separation(bag: Path, outcomes: list[Outcome], hall: Hall) -> FlightError | None:
+    """Print the separation of drones, draw it, print collisions; return the first of these."""
+    if all(outcome.closed and outcome.flown for outcome in outcomes):
+        found = separation.pairs(separation.read([bag])[0])
+        print(separation.table(found, hall.params.collision_distance))
+        picture = bag / 'separation.png'
+        plot_separation.draw(picture, found, hall.params.collision_distance)
+        print(f'picture: {picture}')
+    collisions = outcomes[0].collisions
+    print(*collisions, sep='\n', end='\n' if collisions else '')
+    return FlightError(collisions[0]) if collisions else None
 
 
 def _print_outcome(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:

@@ -4,7 +4,7 @@ from xml.etree import ElementTree
 
 from free_port import free_port
 from mambo_bringup import policy
-from mambo_bringup.flight import nodes
+from mambo_flight.world.formation import namespaces
 from mambo_ros import topics
 import pytest
 import rclpy
@@ -55,7 +55,7 @@ def test_each_node_opens_what_its_policy_allows_and_no_less(package, name, tmp_p
 
 
 def test_the_file_has_the_form_of_sros2_and_an_enclave_for_each_node():
-    root = ElementTree.fromstring(policy.policy(nodes.namespaces(2)).split('?>')[1])
+    root = ElementTree.fromstring(policy.policy(namespaces(2)).split('?>')[1])
     assert (root.tag, root.attrib) == ('policy', {'version': '0.2.0'})
     enclaves = root.findall('enclaves/enclave')
     assert [one.get('path') for one in enclaves] == [

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from mambo_bags.cli.option_types import declared
+from mambo_bags.cli.option_types import declared, whole
 from mambo_bags.command import Parser
 from mambo_control.controllers import REGISTRY as CONTROLLERS
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
@@ -15,11 +15,17 @@ from mambo_model.components import remarks as component_remarks
 from mambo_model.errors import InputError
 from mambo_model.motion.trajectory import COURSE, TRAJECTORIES
 from mambo_model.vehicle.parameters import PRESETS
+from mambo_sim.world import MOST, WorldParams
 
 from . import scenario as scenarios
 from .course import course_file, feasibility
 from .scenario import Scenario
-from .scenario_file import FIELDS, long_enough, Place
+from .scenario_file import build_world, FIELDS, load_world, long_enough, Place
+
+
+DRONES = whole(1, MOST)
+"""Type of an option for the number of drones in one hall."""
+_WORLD = 'world.'
 
 
 def add(out: Parser, trajectory: str = '', controller: str = '') -> None:
@@ -64,6 +70,10 @@ def add(out: Parser, trajectory: str = '', controller: str = '') -> None:
         'the vehicle can, as the controller knows it')
     add('--set', action='append', default=[], metavar='NODE.PARAMETER=VALUE',
         help='set any parameter of any node; repeatable')
+    add('--drones', type=DRONES, metavar='N',
+        help='number of drones in one hall, in namespaces /mambo1 to /mamboN, with consecutive '
+        'seeds from --seed on, each with its own bag; --set world.formation=... and others of '
+        'world.* say how they fly (default: 1, or as the scenario says)')
     add('--print-scenario', action='store_true',
         help='print every parameter with unit, range and source and end')
 
@@ -102,6 +112,27 @@ def overrides(assignments: list[str]) -> dict[str, Any]:
     return out
 
 
+def world(options: argparse.Namespace) -> WorldParams:
+    """
+    Return the world of a flight: of its scenario, with ``--drones`` and ``--set world.*``.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        For a value that cannot be set, or one of several drones where there is one.
+
+    """
+    values = {name: value for name, value in overrides(options.set).items()
+              if name.startswith(_WORLD)}
+    given = next(iter(values), '')
+    if options.drones is not None:
+        values[f'{_WORLD}drones'] = options.drones
+    out = build_world(values, load_world(options.scenario) if options.scenario else None)
+    if given and out.drones == 1:
+        raise schema.ParameterError(f'--set {given}: needs several drones: give --drones')
+    return out
+
+
 def applied(flight: Scenario, options: argparse.Namespace) -> Scenario:
     """
     Return a flight with the changes of ``--set`` and ``--stretch``.
@@ -114,7 +145,9 @@ def applied(flight: Scenario, options: argparse.Namespace) -> Scenario:
         For a value that cannot be set, or a course that no speed makes feasible.
 
     """
-    flight = scenarios.override(flight, overrides(options.set))
+    flight = scenarios.override(flight, {
+        name: value for name, value in overrides(options.set).items()
+        if not name.startswith(_WORLD)})
     if options.stretch is None:
         return flight
     plan = flight.reference_node.plan

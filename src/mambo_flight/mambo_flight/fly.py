@@ -14,10 +14,13 @@ from typing import Any
 
 from mambo_bags.command import guard, Parser, refuse_existing
 from mambo_model.errors import InputError, JobError
+from mambo_sim.world import WorldParams
+import numpy as np
 
 from . import flight_options, recording_to_bag, scenario_file, supervised
 from .scenario import commented_yaml, Scenario
 from .sweep import monte_carlo
+from .world import formation, separation, together, world_file
 
 
 
@@ -44,7 +47,9 @@ def _errors(metrics: Mapping[str, Any]) -> str:
 
 def _run(options: argparse.Namespace) -> None:
     if options.print_scenario:
-        print(commented_yaml(_scenario(options)[1]), end='')
+        flight, world = _scenario(options)[1], flight_options.world(options)
+        print(commented_yaml(flight) if world.drones == 1 else world_file.to_text(
+            formation.hall(flight, world).hall), end='')
         return
     if options.output is None:
         raise InputError('-o/--output is missing')
@@ -55,6 +60,10 @@ def _run(options: argparse.Namespace) -> None:
     recording_to_bag.check(flight)
     for line in flight_options.remarks(flight, options.stretch):
         print(line)
+    world = flight_options.world(options)
+    if world.drones > 1:
+        _run_together(name, flight, world, options.output)
+        return
     began = time.monotonic()
     recording, fault = supervised.fly(flight, inner=True)
     flown = time.monotonic()
@@ -69,13 +78,37 @@ def _run(options: argparse.Namespace) -> None:
         raise JobError(f'{name}: {fault}')
 
 
+def _run_together(name: str, flight: Scenario, world: WorldParams, output: Path) -> None:
+    """Fly several drones in one hall and write a bag of each into a folder."""
+    drones = formation.hall(flight, world)
+    began = time.monotonic()
+    result = together.fly(drones.flights, world, list(drones.hall.places.values()), inner=True)
+    flown = time.monotonic()
+    text, tracks = world_file.to_text(drones.hall), {}
+    for (space, place), own, recording in zip(
+            drones.hall.places.items(), drones.flights, result.recordings, strict=True):
+        recording_to_bag.write(output / space.strip('/'), own, recording, space, text)
+        print(f'{space}: {_errors(monte_carlo.measure(own, recording))}')
+        tracks[space] = separation.Track(recording.t, recording.truth[:, :3] + np.array(place))
+    end = time.monotonic()
+    print(separation.table(separation.pairs(tracks), world.collision_distance))
+    seconds = result.recordings[0].t[-1] * 1e-9
+    print(f'{name}: {world.drones} drones, {seconds:.2f} s flown in {flown - began:.2f} s, bags '
+          f'written in {end - flown:.2f} s: {seconds / (end - began):.3g} times real time\n'
+          f'bags: {output}')
+    lines = [one.describe(list(tracks)) for one in result.collisions]
+    if lines:
+        print(*lines, sep='\n')
+        raise JobError(f'{name}: {lines[0]}')
+
+
 def parser() -> Parser:
     """Return the command line."""
     out = Parser('fly', __doc__)
     out.add_argument(
         'scenario', metavar='SCENARIO', nargs='?',
         help='an experiment, experiment/flight, or a file')
-    out.add_output('BAG', 'directory of the bag to create')
+    out.add_output('BAG', 'directory of the bag to create, of several drones: that of their bags')
     flight_options.add(out)
     return out
 

@@ -31,6 +31,7 @@ from tf2_msgs.msg import TFMessage
 from .capture_columns import anchor_of, capture_of, COLUMNS
 from .closed_loop import Recording
 from .scenario import commented_yaml, Scenario
+from .world import world_file
 
 SECOND = 1_000_000_000  # ns
 TF_EVERY = 20_000_000  # ns
@@ -261,7 +262,8 @@ def check(flight: Scenario) -> None:
             'fly it with ./run')
 
 
-def write(path: Path, flight: Scenario, recording: Recording, namespace: str = '/mambo') -> None:
+def write(path: Path, flight: Scenario, recording: Recording, namespace: str = topics.NAMESPACE,
+          world: str = '') -> None:
     """
     Write a bag.
 
@@ -275,6 +277,8 @@ def write(path: Path, flight: Scenario, recording: Recording, namespace: str = '
         Result of :func:`closed_loop.fly` with ``inner``.
     namespace
         Namespace of the topics.
+    world
+        Text of the hall that several drones share, kept inside the bag.
 
     Raises
     ------
@@ -284,9 +288,9 @@ def write(path: Path, flight: Scenario, recording: Recording, namespace: str = '
 
     """
     check(flight)
-    with BagWriter(path, attachments={'scenario.yaml': commented_yaml(flight)}) as bag:
-        name = {topic: topic.name if topic.name.startswith('/') else f'{namespace}/{topic.name}'
-                for topic in recorded(flight)}
+    attachments = {'scenario.yaml': commented_yaml(flight, namespace)}
+    with BagWriter(path, attachments | ({world_file.NAME: world} if world else {})) as bag:
+        name = {topic: topics.full_name(topic, namespace) for topic in recorded(flight)}
         for topic in recorded(flight):
             bag.add_topic(name[topic], topic.type_name, Qos(depth=topics.QUEUE),
                           shared=topic.shared)

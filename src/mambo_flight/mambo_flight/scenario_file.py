@@ -14,7 +14,8 @@ figures. A file holds only what differs from the defaults:
 
 The keys are those of :class:`Settings`, for all flights or for one under ``flights``;
 ``parameters`` takes any parameter of any node. ``commands`` makes a commanded flight of it: a list
-of commands with times, see :mod:`.commanded`. A ROS 2 parameter file can be read, too.
+of commands with times, see :mod:`.commanded`. ``world`` makes it a flight of several drones, with
+the keys of :class:`mambo_sim.world.WorldParams`. A ROS 2 parameter file can be read, too.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from mambo_model import schema
 from mambo_model.components import absolute
 from mambo_model.motion.trajectory import FlightPlanParams, TAKEOFFS
 from mambo_sim.parameters import STEP_NS
+from mambo_sim.world import WorldParams
 import yaml
 
 from . import commanded, scenario as scenarios
@@ -65,6 +67,7 @@ class Settings:
 
 
 FIELDS = {field.name: field for field in dataclasses.fields(Settings)}
+WORLD = {f'world.{name}': field for name, field in schema.walk(WorldParams)}
 
 
 class Experiment(NamedTuple):
@@ -73,6 +76,7 @@ class Experiment(NamedTuple):
     name: str
     title: str
     flights: dict[str, scenarios.Scenario]
+    world: WorldParams = WorldParams()  # of several drones
 
 
 class _Layer(NamedTuple):
@@ -105,6 +109,33 @@ class _Reader(ParameterReader):
                 raise schema.ParameterError(
                     f'{self.where(key)}: {schema.unknown(name, known)}')
         return _Layer(settings, parameters)
+
+    def world(self, node: yaml.Node) -> WorldParams:
+        """Read the section ``world`` of a file."""
+        self.leaves = {**self.leaves, **WORLD}
+        values = dict(self.parameters(node, 'world.'))
+        try:
+            return build_world({name: place.value for name, place in values.items()})
+        except schema.ParameterError as error:
+            raise scenarios.located(self.path, values, error) from None
+
+
+def build_world(values: Mapping[str, Any], base: WorldParams | None = None) -> WorldParams:
+    """
+    Return a world of values {'world.name': value} over those of another one.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        For an unknown name or a value out of range.
+
+    """
+    for name in values:
+        if name not in WORLD:
+            raise schema.ParameterError(schema.unknown(name, WORLD))
+    return schema.build(WorldParams, {
+        **({} if base is None else schema.flatten(base)),
+        **{name.removeprefix('world.'): value for name, value in values.items()}}, 'world.')
 
 
 def names() -> list[str]:
@@ -171,6 +202,7 @@ def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
     if 'title' not in keys:
         raise schema.ParameterError(f'{path}: title: missing; describe the flight in one line')
     title = reader.text(keys.pop('title')[1], 'title')
+    world = reader.world(keys.pop('world')[1]) if 'world' in keys else WorldParams()
     flights = {}
     if 'flights' in keys:
         node = keys.pop('flights')[1]
@@ -182,7 +214,7 @@ def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
     common = reader.layer(keys)
     layers = {name: layer.over(common) for name, layer in flights.items()} or {'': common}
     return Experiment(Path(path).stem, title, {
-        name: _build(path, last.over(layer)) for name, layer in layers.items()})
+        name: _build(path, last.over(layer)) for name, layer in layers.items()}, world)
 
 
 def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scenarios.Scenario]:
@@ -203,11 +235,7 @@ def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scena
         See :func:`find` and :func:`read`; also if there is no flight of that name.
 
     """
-    experiment, flight = name, None
-    if found := re.fullmatch(r'(.+\.ya?ml):(\w+)', name):
-        experiment, flight = found.groups()
-    elif not name.endswith(('.yaml', '.yml')):
-        experiment, _, flight = name.partition('/')
+    experiment, flight = _parts(name)
     found = read(find(experiment), over)
     if not flight:
         flight = next(iter(found.flights))
@@ -216,6 +244,21 @@ def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scena
         raise schema.ParameterError(
             f'{experiment}: no flight {schema.shown(flight)}; known: {known}')
     return '_'.join(filter(None, (found.name, flight))), found.flights[flight]
+
+
+def _parts(name: str) -> tuple[str, str | None]:
+    """Return experiment and flight of a name as for :func:`load`."""
+    if found := re.fullmatch(r'(.+\.ya?ml):(\w+)', name):
+        return found[1], found[2]
+    if name.endswith(('.yaml', '.yml')):
+        return name, None
+    experiment, _, flight = name.partition('/')
+    return experiment, flight
+
+
+def load_world(name: str) -> WorldParams:
+    """Return the section ``world`` of the file of a flight, as for :func:`load`; errors alike."""
+    return read(find(_parts(name)[0])).world
 
 
 def _relative_to_user(settings: Mapping[str, Place], folder: Path) -> dict[str, Place]:

@@ -63,7 +63,7 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
     Parameters
     ----------
     node_types
-        Classes of the nodes.
+        Classes of the nodes, or partial ones with arguments of the node.
     args
         Command line, default ``sys.argv``.
     run
@@ -132,7 +132,8 @@ def _start_failure(error: BaseException, node_type: type[MamboNode]) -> int:
     if not isinstance(error, _REFUSALS):
         _print_traceback()
         return 1
-    name = node_type.__module__.rpartition('.')[2].replace('__main__', Path(sys.argv[0]).stem)
+    made = getattr(node_type, 'func', node_type)  # a class with some of its arguments
+    name = made.__module__.rpartition('.')[2].replace('__main__', Path(sys.argv[0]).stem)
     with suppress(OSError):
         print(f'{name}: {_line(error)}', file=sys.stderr)
     return getattr(error, 'exit_code', 2)

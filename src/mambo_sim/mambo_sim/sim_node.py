@@ -17,7 +17,7 @@ from mambo_ros.commands import services, table
 from mambo_ros.graph import links
 from mambo_ros.loop import Loop
 
-from . import lockstep, simulator
+from . import lockstep, pushed, simulator
 from .delays import Delays
 from .faults import FaultParams, Outbox
 from .parameters import SimNodeParams, STEP_NS
@@ -58,11 +58,10 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._sonar = self._outbox(topics.SONAR, f.sonar)
         self._flow = self._outbox(topics.OPTICAL_FLOW, f.optical_flow)
         self._barometer = self._outbox(topics.BAROMETER, f.barometer)
-        self._truth = self.advertise(topics.GROUND_TRUTH)
-        self._watermark = self.advertise(topics.SENSOR_TICK)
-        self._diagnostics = self.advertise(topics.DIAGNOSTICS)
+        self._truth, self._watermark, self._diagnostics = map(self.advertise, (
+            topics.GROUND_TRUTH, topics.SENSOR_TICK, topics.DIAGNOSTICS))
         self.commands = self.accept(
-            topics.MOTOR_PWM, messages.decode_motor_pwm, self._on_pwm, now=self._time,
+            topics.MOTOR_PWM, messages.decode_motor_pwm, self._on_pwm, now=lambda: self.t,
             check=input_guard.check_pwm)
         self.links = links.Links(
             self, self.params.wait_for, self.params.wait_for_publishers)
@@ -70,10 +69,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
         services.Services(self).offer(
             (table.PAUSE, lambda request: (True, self.pause.set(request.data))),
             (table.STEP, lambda request: self.pause.step(request.steps, self.t)))
-        self._held = self._begin()
-        simulator.sense_held(self._held, 0)  # have the compiled steps in memory before time starts
-        simulator.advance_held(self._held, self._pwm, self._shutdown)
-        self._held = self._begin()
+        self.warm_up(None)
 
     def _outbox(self, topic: topics.Topic, fault: FaultParams) -> Outbox:
         return Outbox(self.advertise(topic), fault.delay_ticks())
@@ -83,29 +79,33 @@ class SimNode(node.MamboNode[SimNodeParams]):
         p = self.params.simulator
         return hold(simulator.initial_state(p), simulator.generators(p.seed), p.values())
 
+    def warm_up(self, push: float | None) -> None:
+        """Have the compiled steps in memory before time starts, and begin; push: see `sense`."""
+        self.held = self._begin()
+        pushed.sense_held(self.held, 0, push)
+        pushed.advance_held(self.held, self._pwm, self._shutdown, push)
+        self.held = self._begin()
+
     def _on_pwm(self, t: int, pwm: tuple, shutdown: bool) -> None:
         self._answered, self._pwm, self._shutdown = t, _STILL if shutdown else pwm, shutdown
         self._last_command = time.monotonic()
         if t == self.t and self.sensed:  # not a command from before the first sample
             self.delays.add(self._last_command - self.sensed)
 
-    def _time(self) -> int:
-        return self._tick * STEP_NS
-
     @property
     def t(self) -> int:
         """Return the flight time of the current step in ns."""
-        return self._time()
+        return self._tick * STEP_NS
 
     @property
     def answered(self) -> bool:
         """Return whether the motor command of the current step has arrived."""
         return self._answered >= self.t
 
-    def sense(self) -> None:
-        """Publish the clock, every sensor that is due, the watermark and the truth."""
+    def sense(self, push: float | None = None) -> None:
+        """Publish clock, sensors, watermark and truth; push: N along b3 in this step, or None."""
         t = self.t
-        s, body = simulator.sense_held(self._held, self._tick)
+        s, body = pushed.sense_held(self.held, self._tick, push)
         p = self.params.simulator
         self._clock_output(messages.clock(t))
         for stream in (streams := (self._imu, self._sonar, self._flow, self._barometer)):
@@ -179,10 +179,10 @@ class SimNode(node.MamboNode[SimNodeParams]):
             f"motors stopped{f'; refused: {refused}' if refused else ''}")
         self._report(self.t)
 
-    def advance(self) -> None:
-        """Move the vehicle to the next step with the newest motor command."""
-        stop = self._shutdown or self.starved >= 0
-        simulator.advance_held(self._held, self._pwm, stop)
+    def advance(self, push: float | None = None, stop: bool = False) -> None:
+        """Move the vehicle to the next step with the newest motor command, or stopped motors."""
+        stop = stop or self._shutdown or self.starved >= 0
+        pushed.advance_held(self.held, self._pwm, stop, push)
         self._tick += 1
 
 

@@ -226,16 +226,3 @@ def advance(
         values.plant.floor)
     return SimulatorState(
         moved, state.imu, state.optical_flow, state.barometer, state.faults, state.wind)
-
-
-@jit
-def sense_held(held, tick):
-    """Read all sensors of a held simulator; return the samples and the true state."""
-    held.memory, samples = sense(held.memory, tick, held.rng, held.values)
-    return samples, held.memory.plant.body
-
-
-@jit
-def advance_held(held, pwm, shutdown):
-    """Advance the vehicle of a held simulator by one tick."""
-    held.memory = advance(held.memory, pwm, shutdown, held.values)

@@ -122,7 +122,7 @@ def test_a_deserted_simulator_has_heard_nothing_for_its_patience(sim, wall):
     (False, -1, False), (True, -1, True), (False, 0, True)])
 def test_stopped_motors_stay_stopped_as_time_goes_on(sim, monkeypatch, shutdown, starved, stops):
     done = []
-    monkeypatch.setattr(sim_node.simulator, 'advance_held', lambda *given: done.append(given))
-    sim._held, sim._shutdown, sim.starved = 'held', shutdown, starved
+    monkeypatch.setattr(sim_node.pushed, 'advance_held', lambda *given: done.append(given))
+    sim.held, sim._shutdown, sim.starved = 'held', shutdown, starved
     sim.advance()
-    assert done == [('held', TURNING, stops)] and sim.t == STEP_NS
+    assert done == [('held', TURNING, stops, None)] and sim.t == STEP_NS

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 import json
 from pathlib import Path
 from types import MappingProxyType
 
-from mambo_bags.cli.option_types import whole
 from mambo_flight import recording_to_bag, scenario as scenarios
 from mambo_ros.topics import NAMESPACE, OWN, RECORDED
 
@@ -26,14 +25,6 @@ RECORDER = ('mambo_bags', 'recorder_node')
 SIMULATOR = ('mambo_sim', 'sim_node')
 VIEW = ('mambo_view', 'view_node')
 COMPOSED = ('mambo_bringup', 'composed_node')
-DRONES = whole(1, 16)
-"""Type of an option for the number of drones that one machine flies."""
-
-
-def namespaces(drones: int) -> list[str]:
-    """Return the namespaces of one drone, ``/mambo``, or of several, ``/mambo1`` and so on."""
-    return [NAMESPACE] if drones == 1 else [
-        f'{NAMESPACE}{number + 1}' for number in range(drones)]
 
 
 def label(namespace: str, node: tuple[str, str]) -> str:
@@ -66,6 +57,26 @@ def recorder_topics(flight: scenarios.Scenario) -> dict[str, str]:
     if recording_to_bag.recorded(flight) == RECORDED:
         return {}
     return {'topics': ','.join(topic.name for topic in recording_to_bag.recorded(flight))}
+
+
+def world_process(file: Path, owners: Sequence[list[str]], composed: bool) -> list[str]:
+    """
+    Return the arguments of the process that steps all drones of a hall.
+
+    Parameters
+    ----------
+    file
+        The hall.
+    owners
+        Arguments of the process of each drone that owns time, from :func:`start_arguments`.
+    composed
+        Whether all nodes of all drones run in it, or their simulators alone.
+
+    """
+    files = [word for arguments in owners
+             for flag, value in zip(arguments, arguments[1:], strict=False)
+             if flag == '--params-file' for word in (flag, value)]
+    return ['--world', str(file), *([] if composed else ['--simulators']), '--ros-args', *files]
 
 
 def start_arguments(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 import re
 import signal
@@ -19,6 +19,7 @@ _DELAY = re.compile(r'IMU sample to motor command: .*')
 _USED = re.compile(r'used ([\d.]+) s of CPU and (\d+) MB')
 _REFUSED = re.compile(r'\[[\w.]*?(\w+)\]: refused messages: (.+)')
 _BEGUN = re.compile(r'flying in \w+ mode$')
+_COLLIDED = re.compile(r'/\S+ and /\S+ collided at t = [\d.]+ s: [\d.]+ m apart')
 _PACED = re.compile(r'flying in realtime mode$')
 _WAITS = re.compile(r'waiting for .*')
 _TIME = re.compile(r't = ([\d.]+) s$')
@@ -39,6 +40,7 @@ class Outcome:
     closed: bool  # the bag
     fault: str = ''  # why the flight ended early, one line
     whole: bool = False  # whether the full duration was flown
+    collisions: list[str] = field(default_factory=list)  # in the hall, one line each
 
     @property
     def real_time_factor(self) -> float:
@@ -69,6 +71,7 @@ class Progress:
         self.flown, self.took, self.missed, self.delay = 0.0, 0.0, 0, ''
         self.begun = self.ended = False
         self.lines = 0
+        self.collisions: list[str] = []
         self._bar = tqdm(
             total=duration, desc='starting (compiles once)', leave=False,
             disable=None if shown else True,
@@ -81,6 +84,8 @@ class Progress:
         if found := _FLOWN.search(text):
             self.flown, self.took, self.missed = float(found[1]), float(found[2]), int(found[3])
             self.ended = True
+        elif found := _COLLIDED.search(text):
+            self.collisions.append(found[0])
         elif found := _DELAY.search(text):
             self.delay = found[0]
         elif found := _WAITS.search(text):

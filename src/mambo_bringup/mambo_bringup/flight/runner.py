@@ -12,6 +12,8 @@ from pathlib import Path
 import signal
 
 from mambo_flight import scenario as scenarios
+from mambo_flight.world import world_file
+from mambo_flight.world.world_file import Hall
 
 from ..node_group import NodeGroup
 from ..processes import FlightInputError, NodeProcess, parameter
@@ -19,7 +21,7 @@ from ..stuck import closed_again, Silence, stuck
 from .natnet import write as write_natnet
 from .nodes import (
     COMPOSED, label, NAMESPACE, RECORDER, recorder_topics, REPLACEABLE, run_parameters,
-    start_arguments, VIEW)
+    start_arguments, VIEW, world_process)
 from .outcome import FlightEndedError, listener, Outcome, Progress, refused, used
 
 _LOADING = 60.0  # s that nodes may take to load, at least
@@ -56,20 +58,22 @@ def fly(flight: scenarios.Scenario, bag: Path, composed: bool = False,
 
 def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Path],
                 composed: bool = False, without: Collection[str] = (),
-                natnet: int = 0, view: int = 0) -> list[Outcome]:
+                natnet: int = 0, view: int = 0, hall: Hall | None = None) -> list[Outcome]:
     """
-    Fly several drones at once, each with its own clock and its own bag.
+    Fly several drones at once, each with its own bag.
 
     Parameters
     ----------
     flights, bags
         Scenario and bag of each drone by namespace; see :func:`fly`.
     composed
-        One process per drone instead of one per node.
+        One process per drone, or for all drones of a hall, instead of one per node.
     without, natnet
         See :func:`fly`.
     view
         Port of a page in the browser that shows the flight; 0: none.
+    hall
+        The drones are in one hall and step together; None: each has its own time.
 
     Raises
     ------
@@ -83,28 +87,36 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
     progress: dict[str, Progress] = {}
     started: dict[str, list[NodeProcess]] = {}
     silences: dict[str, Silence] = {}
-    with ExitStack() as bars, NodeGroup(RECORDER[1], len(flights)) as group:
+    owners = len(flights) if hall is None else 1
+    with ExitStack() as bars, NodeGroup(RECORDER[1], owners) as group:
         if view:
             group.start_spectator(*VIEW, ['--ros-args', *parameter('drones', ','.join(flights)),
                                           '-p', f'port:={view}'])
         last = []
+        world = group.folder / world_file.NAME if hall is not None else None
+        if world is not None:
+            world.write_text(world_file.to_text(hall))
         for number, (namespace, flight) in enumerate(flights.items()):
             file = group.folder / f'scenario{number or ""}.yaml'
-            file.write_text(scenarios.commented_yaml(
-                scenarios.override(flight, run_parameters(flight, without, bool(natnet))),
-                namespace))
-            progress[namespace] = bar = Progress(flight.sim_node.duration, shown=not number)
-            bars.callback(bar.close)
+            _write(file, flight, run_parameters(flight, without, bool(natnet)), namespace)
+            if hall is None or not number:
+                bar = Progress(flight.sim_node.duration, shown=not number)
+                bars.callback(bar.close)
+            progress[namespace] = bar
             started[namespace] = []
             *nodes, owner = start_arguments(
-                file, bags[namespace], composed, namespace, without, recorder_topics(flight),
+                file, bags[namespace], composed, namespace, without, {
+                    **recorder_topics(flight), **({'world': str(world)} if world else {})},
                 write_natnet(file, flight, natnet, namespace) if natnet else None)
             last.append((namespace, *owner))
             for node, arguments in nodes:
                 started[namespace].append(
                     group.start(*node, arguments, label=label(namespace, node)))
+        shared = None if world is None else group.start(
+            *COMPOSED, world_process(world, [arguments for *_, arguments in last], composed),
+            listener(bar, [node for nodes in started.values() for node in nodes]))
         for namespace, node, arguments in last:
-            started[namespace].append(group.start(
+            started[namespace].append(shared or group.start(
                 *node, arguments, listener(progress[namespace], started[namespace]),
                 label(namespace, node)))
             silences[namespace] = Silence(flights[namespace], started[namespace][-1])
@@ -123,9 +135,17 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
         _outcome(bags[namespace], progress[namespace], started[namespace],
                  flights[namespace], group)
         for namespace in flights]
+    for outcome in outcomes[1:] if world else ():
+        outcome.used.pop(COMPOSED[1], None)  # that of all drones, counted for the first
     if group.fault and not group.interrupts.first:
         raise FlightEndedError(outcomes)
     return outcomes
+
+
+def _write(file: Path, flight: scenarios.Scenario, run: Mapping[str, object],
+           namespace: str) -> None:
+    """Write the parameters of a flight's nodes, those of the run included."""
+    file.write_text(scenarios.commented_yaml(scenarios.override(flight, run), namespace))
 
 
 def _invitation(without: Collection[str], namespaces: Collection[str], domain: int) -> str:
@@ -154,4 +174,4 @@ def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess],
     return Outcome(
         bag, progress.flown, progress.took, progress.missed, progress.delay,
         group.interrupts.first, used(nodes), refused(nodes), closed, fault,
-        whole=progress.flown >= asked)
+        whole=progress.flown >= asked, collisions=progress.collisions)

@@ -1,0 +1,123 @@
+"""The simulators of several drones in one hall, stepped together on one clock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mambo_flight.world.world_file import Hall
+from mambo_ros import topics
+from mambo_ros.loop import Loop
+from mambo_sim import lockstep, pushed
+from mambo_sim.delays import Delays
+from mambo_sim.sim_node import SimNode
+from mambo_sim.world import World
+
+
+class Fleet:
+    """
+    Simulators of one hall as one simulator for ``lockstep.run``.
+
+    Every step all of them publish their sensors, all motor commands are awaited, and all vehicles
+    move. The mode and the duration are those of the first; a pause is one of all.
+
+    Parameters
+    ----------
+    sims : sequence of SimNode
+        In the order of the places of the hall.
+    hall : Hall
+
+    Attributes
+    ----------
+    missed : int
+        Steps in which a motor command was missing.
+    pause : lockstep.Pause
+
+    """
+
+    def __init__(self, sims: Sequence[SimNode], hall: Hall) -> None:
+        self._sims, self._names = sims, list(hall.places)
+        self.params, self.missed, self.pause = sims[0].params, 0, sims[0].pause
+        for sim in sims:
+            sim.pause = self.pause  # whoever pauses one pauses all
+        self._world = World(hall.params, list(hall.places.values()), [
+            sim.params.simulator.vehicle for sim in sims])
+        self._pushes: list[float | None] = []
+        self._told = 0  # collisions that were logged
+        if hall.params.downwash.enabled:
+            for sim in sims:
+                sim.warm_up(0.0)
+
+    def get_logger(self) -> Any:
+        """Return the logger of the first simulator."""
+        return self._sims[0].get_logger()
+
+    @property
+    def t(self) -> int:
+        """Return the flight time of the current step in ns."""
+        return self._sims[0].t
+
+    @property
+    def answered(self) -> bool:
+        """Return whether all motor commands of the current step have arrived."""
+        return all(sim.answered for sim in self._sims)
+
+    @property
+    def sensed(self) -> float:
+        """Return the wall time of the newest IMU sample, s."""
+        return self._sims[-1].sensed
+
+    @property
+    def delays(self) -> Delays:
+        """Return the delays from IMU sample to motor command of the last drone, the longest."""
+        return self._sims[-1].delays
+
+    def start(self) -> None:
+        """Start to wait for motor commands."""
+        for sim in self._sims:
+            sim.start()
+
+    def sense(self) -> None:
+        """Look at all vehicles, log collisions, and publish the sensors of all drones."""
+        for sim, row in zip(self._sims, self._world.seen, strict=True):
+            pushed.observe_held(sim.held, row)
+        self._pushes = self._world.look(self.t)
+        for collision in self._world.collisions[self._told:]:
+            self.get_logger().error(collision.describe(self._names))
+        self._told = len(self._world.collisions)
+        for sim, push in zip(self._sims, self._pushes, strict=True):
+            sim.sense(push)
+
+    def advance(self) -> None:
+        """Move all vehicles to the next step."""
+        for sim, push, stop in zip(
+                self._sims, self._pushes, self._world.stopped, strict=True):
+            sim.advance(push, stop)
+
+    def watch(self, now: float) -> None:
+        """Count a missing motor command, and stop motors, as ``SimNode.watch`` at a wall time."""
+        for sim in self._sims:
+            if not sim.answered:
+                sim.missed += 1
+                sim.watch(now)
+
+    def is_deserted(self, now: float) -> bool:
+        """Return whether a drone had no motor command for its patience, at a wall time in s."""
+        return any(sim.is_deserted(now) for sim in self._sims)
+
+    def give_up(self) -> None:
+        """Stop the motors of the drones whose command is missing."""
+        for sim in self._sims:
+            if not sim.answered:
+                sim.give_up()
+
+
+def fly(hall: Hall, _: SimNode, loop: Loop) -> int:
+    """Run the simulators of a loop to their end or until stopped; return the exit code."""
+    sims = [node for node in loop.nodes if isinstance(node, SimNode)]
+    for sim in sims:
+        if not sim.links.wait(loop, sim.params.start_patience):
+            return 0 if loop.stopping else 1
+        if not sim.links.alone(topics.CLOCK):
+            return 1
+    return lockstep.run(Fleet(sims, hall), loop)

@@ -1,0 +1,95 @@
+"""
+Several drones flown in one hall, in one process, on one clock.
+
+Each step the hall looks at all vehicles, then every drone reads its sensors, commands and moves,
+with the compiled step of :mod:`mambo_flight.closed_loop`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from mambo_model.compiled import hold, jit
+from mambo_model.motion.vector import Vec3
+from mambo_model.schema import ParameterError
+from mambo_sim import pushed
+from mambo_sim.world import Collision, World, WorldParams
+
+from .. import closed_loop
+from ..closed_loop import control_step, moved, Recording
+from ..scenario import Scenario
+
+
+class Together(NamedTuple):
+    """Result of a flight of several drones."""
+
+    recordings: list[Recording]  # of each drone, in its own frame
+    collisions: list[Collision]
+
+
+@jit
+def _observe(held, row):
+    """Store what the hall sees of a drone."""
+    pushed.observe(held.memory.state.plant, row)
+
+
+@jit
+def _step(held, k, push, stop, last, row):
+    """Sense and command at step k; unless it is the last, move on and store what is seen."""
+    rngs, mocap_rng = held.rng
+    p, out = held.values
+    carry, command = control_step(held.memory, k, rngs, mocap_rng, p, out, push)
+    if not last:
+        carry = moved(carry, pushed.advance_as(
+            carry.state, command.pwm, command.shutdown or stop, p.simulator, push))
+        pushed.observe(carry.state.plant, row)
+    held.memory = carry
+
+
+def fly(
+    flights: Sequence[Scenario], params: WorldParams, places: Sequence[Vec3],
+    inner: bool = False,
+) -> Together:
+    """
+    Fly several drones in one hall.
+
+    Parameters
+    ----------
+    flights
+        One scenario each, all of the same duration.
+    params
+        Of the hall.
+    places
+        Where each drone starts, (3,) m, inertial NED of the hall.
+    inner
+        Whether to record the columns that only a bag needs.
+
+    Returns
+    -------
+    together
+        The same recordings as of drones that fly alone, unless there is downwash or a collision
+        stops them.
+
+    Raises
+    ------
+    ParameterError
+        If the durations differ.
+
+    """
+    if len({closed_loop.step_count(flight) for flight in flights}) != 1:
+        raise ParameterError('drones of one world need the same sim_node.duration')
+    world = World(params, places, [flight.sim_node.simulator.vehicle for flight in flights])
+    held, recordings = [], []
+    for flight, row in zip(flights, world.seen, strict=True):
+        p, out = closed_loop.settings(flight), closed_loop.blank(flight, inner)
+        carry, rngs, mocap_rng = closed_loop.begin(flight, p)
+        held.append(hold(carry, (rngs, mocap_rng), (p, out)))
+        recordings.append(out)
+        _observe(held[-1], row)
+    times = recordings[0].t.tolist()
+    for k, t in enumerate(times):
+        pushes = world.look(t)
+        for one, push, stop, row in zip(held, pushes, world.stopped, world.seen, strict=True):
+            _step(one, k, push, stop, k + 1 == len(times), row)
+    return Together(recordings, world.collisions)

@@ -1,0 +1,80 @@
+"""The hall of several drones as text, which nodes read and bags keep as ``world.yaml``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import dataclasses
+import math
+import re
+from typing import Any, NamedTuple, NoReturn
+
+from mambo_model import schema
+from mambo_model.motion.vector import Vec3
+from mambo_model.yaml_nodes import load, reason
+from mambo_sim.world import MOST, WorldParams
+import yaml
+
+NAME = 'world.yaml'
+_FAR = 1e6  # m, the farthest place
+
+
+class Hall(NamedTuple):
+    """A world and the place of each drone in it, (3,) m, inertial NED, by namespace."""
+
+    params: WorldParams
+    places: Mapping[str, Vec3]
+
+
+def to_text(hall: Hall) -> str:
+    """Return a hall as YAML."""
+    places = {name: [float(x) for x in place] for name, place in hall.places.items()}
+    return yaml.safe_dump(
+        {'world': dataclasses.asdict(hall.params), 'places': places}, sort_keys=False)
+
+
+def parse(text: str, where: str) -> Hall:
+    """
+    Return the hall of a text of :func:`to_text`.
+
+    Parameters
+    ----------
+    text
+        YAML.
+    where
+        File or bag, named in errors.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        In one line, if it is not such a text.
+
+    """
+    def fail(what: str) -> NoReturn:
+        raise schema.ParameterError(f'{where}: {NAME}: {what}')
+    try:
+        content = load(text)
+    except yaml.YAMLError as error:
+        fail(reason(error))
+    if not isinstance(content, dict) or set(content) != {'world', 'places'} or not all(
+            isinstance(part, dict) for part in content.values()):
+        fail('must hold world and places')
+    if len(content['places']) > MOST:
+        fail(f'{len(content["places"])} places; at most {MOST}')
+    for name, place in content['places'].items():
+        if not (isinstance(name, str) and re.fullmatch(r'(/[A-Za-z]\w{0,99})+', name, re.ASCII)):
+            fail(f'{schema.shown(name)} is not the namespace of a drone')
+        if not _is_place(place):
+            fail(f'places: {name}: must be 3 numbers within {_FAR:g} m')
+    try:
+        params = schema.build(WorldParams, content['world'])
+    except schema.ParameterError as error:
+        fail(str(error))
+    return Hall(params, {name: tuple(map(float, place))
+                         for name, place in content['places'].items()})
+
+
+def _is_place(place: Any) -> bool:
+    """Return whether a value is a place."""
+    return isinstance(place, list) and len(place) == 3 and all(
+        isinstance(x, (int, float)) and not isinstance(x, bool) and math.isfinite(x)
+        and abs(x) <= _FAR for x in place)

@@ -1,0 +1,79 @@
+"""Distance over time from bags: the distances of the flight, and refusals of other bags."""
+
+import json
+import shutil
+
+from mambo_flight import fly
+from mambo_flight.world import separation
+from mambo_flight.world.separation import pairs, Track
+from mambo_model.errors import InputError
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope='module')
+def flown(tmp_path_factory):
+    """Return a folder with the bags of three drones."""
+    out = tmp_path_factory.mktemp('separation') / 'flown'
+    assert fly.main(['--trajectory', 'hover', '--duration', '4', '--no-landing', '--drones', '3',
+                     '--set', 'world.spacing=0.8', '-o', str(out)]) == 0
+    return out
+
+
+def track(*rows, t=(0, 5, 10)):
+    return Track(np.array(t), np.array(rows, dtype=float))
+
+
+def test_distances_are_taken_at_common_stamps():
+    still = track((0, 0, 0), (0, 0, 0), (0, 0, 0))
+    moving = track((3, 4, 0), (0, 0, 2), (9, 9, 9), t=(0, 10, 20))
+    far = track(*[(100, 0, 0)] * 3)
+    found = pairs({'/a': still, '/b': moving, '/c': far})
+    assert [pair.names for pair in found] == [('/a', '/b'), ('/b', '/c'), ('/a', '/c')]
+    assert found[0].t.tolist() == [0, 10] and found[0].distance.tolist() == [5.0, 2.0]
+    assert found[0].least == (2.0, 10e-9)
+    with pytest.raises(InputError, match='no stamp in common'):
+        pairs({'/a': still, '/b': track((0, 0, 0), (0, 0, 0), (0, 0, 0), t=(1, 2, 3))})
+
+
+def test_bags_give_the_separation_of_the_flight(flown, tmp_path, capsys):
+    picture, numbers = tmp_path / 'separation.png', tmp_path / 'separation.json'
+    assert separation.main([str(flown), '-o', str(picture), '--json', str(numbers)]) == 0
+    printed = capsys.readouterr().out
+    assert printed.count('/mambo') == 6 and 'collision' not in printed
+    assert picture.read_bytes().startswith(b'\x89PNG')
+    found = json.loads(numbers.read_text())
+    assert found['collision_distance'] == 0.18
+    near = [pair for pair in found['pairs'] if pair['drones'] != ['/mambo1', '/mambo3']]
+    assert len(near) == 2 and all(0.5 < pair['least'] <= 0.8 for pair in near)
+    single = [str(flown / name) for name in ('mambo1', 'mambo3')]
+    assert separation.main(single) == 0  # bags one by one
+    assert '/mambo1 - /mambo3' in capsys.readouterr().out
+
+
+def test_a_collision_is_an_error(tmp_path, capsys):
+    out = tmp_path / 'near'
+    assert fly.main([
+        '--trajectory', 'hover', '--duration', '4', '--no-landing', '--drones', '2',
+        '--set', 'world.spacing=0.2', '--set', 'world.least_separation=0.1',
+        '--set', 'world.collision_distance=0.199', '-o', str(out)]) == 1
+    flown = capsys.readouterr()
+    assert '/mambo1 and /mambo2 collided at t = ' in flown.err and '  collision' in flown.out
+    assert separation.main([str(out)]) == 1
+    assert '/mambo1 and /mambo2 collided: 0.1' in capsys.readouterr().err
+
+
+def test_bags_of_other_flights_are_refused(flown, tmp_path, capsys):
+    alone = tmp_path / 'alone'
+    assert fly.main(['--trajectory', 'hover', '--duration', '0.1', '-o', str(alone)]) == 0
+    copy = tmp_path / 'copy'
+    shutil.copytree(flown / 'mambo1', copy)
+    for bags, message in (
+            ([flown / 'mambo1'], '1 bags: give those of 2 to'),
+            ([flown / 'mambo1', copy], '/mambo1 is in another bag, too'),
+            ([flown / 'mambo1', alone], 'holds no world.yaml'),
+            ([flown / 'mambo1', tmp_path / 'none'], 'none')):
+        assert separation.main([str(bag) for bag in bags]) == 2
+        printed = capsys.readouterr().err
+        assert message in printed and printed.count('\n') == 1
+    assert separation.main([str(flown), '-o', str(tmp_path / 'x.gif')]) == 2

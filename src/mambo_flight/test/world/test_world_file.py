@@ -1,0 +1,43 @@
+"""The hall as text survives the way there and back; anything else is refused in one line."""
+
+from mambo_flight.world import world_file
+from mambo_flight.world.world_file import Hall, parse, to_text
+from mambo_model.schema import ParameterError
+from mambo_sim.downwash import DownwashParams
+from mambo_sim.world import WorldParams
+import pytest
+
+HALL = Hall(
+    WorldParams(drones=2, formation='circle', downwash=DownwashParams(enabled=True)),
+    {'/mambo1': (0.1, -1.5, 0.0), '/mambo2': (1.0 / 3.0, 1.5, 0.0)})
+
+
+def test_a_hall_survives_being_written():
+    assert parse(to_text(HALL), 'bag') == HALL
+    assert world_file.NAME == 'world.yaml'
+
+
+@pytest.mark.parametrize('old, new, message', [
+    ('drones: 2', 'drones: 99', 'drones = 99'),
+    ('formation: circle', 'formation: heap', 'heap'),
+    ('world:', 'word:', 'must hold world and places'),
+    ('/mambo1:', 'mambo1:', 'not the namespace'),
+    ('/mambo1:', '"/mambo1\\n":', 'not the namespace'),
+    ('- 0.1', '- .nan', 'must be 3 numbers'),
+    ('- 0.1', '- true', 'must be 3 numbers'),
+    ('- 0.1\n', '- 0.1\n  - 0.2\n', 'must be 3 numbers'),
+    ('places:', 'places: [', 'line'),
+    ('spacing: 3.0', 'speed: 3.0', 'unknown'),
+])
+def test_what_is_not_a_hall_is_refused_in_one_line(old, new, message):
+    text = to_text(HALL)
+    assert old in text
+    with pytest.raises(ParameterError, match=message) as error:
+        parse(text.replace(old, new), 'bag')
+    assert str(error.value).startswith('bag: world.yaml: ') and '\n' not in str(error.value)
+
+
+def test_there_are_at_most_so_many_places():
+    many = Hall(HALL.params, {f'/mambo{k}': (0.0, float(k), 0.0) for k in range(33)})
+    with pytest.raises(ParameterError, match='33 places; at most 32'):
+        parse(to_text(many), 'bag')
