@@ -175,7 +175,7 @@ class TestWatchdog:
     def rise(self, sim, steps):
         for _ in range(steps):
             sim.advance()
-        return -memory_of(sim._held).plant.body.rho[2]
+        return -memory_of(sim.held).plant.body.rho[2]
 
     def test_it_stops_turning_motors_for_good_and_says_so(self, sim):
         heard = self.command(sim, 400.0)
@@ -244,7 +244,7 @@ class TestGarbage:
         sim = self.sim(mode='realtime', motor_timeout=0.2, duration=1.5)
         sim_node.fly(sim, self.loop(sim))
         assert 5 * STEP < sim.starved < 0.5e9
-        assert memory_of(sim._held).plant.body.rho[2] == 0.0  # on the floor, not in the air
+        assert memory_of(sim.held).plant.body.rho[2] == 0.0  # on the floor, not in the air
         assert min(sim.commands.refused.values()) > 10
         sim.destroy_node()
 
