@@ -25,6 +25,8 @@ from .measure import Contender, Gap, timed
 
 TEN_MINUTES = 600.0  # s
 JOINT = 40.0  # s, of the flight of the joint filter
+FACTORS_SEPARATE, FACTORS_COMPOSED = {4: 2.0}, {16: 1.0}
+"""Least flight time over wall time of several drones in one hall, by their number."""
 PACE = {'lockstep': 'lockstep', 'realtime': 'real time'}
 NODE = re.compile(r'(\w+) ([\d.]+)')
 FLOWN = re.compile(
@@ -200,10 +202,11 @@ def contenders(quick: bool, folder: Path) -> list[Contender]:
               memory=250.0),
         graph('graph_composed', 'composed in one process', True, least=10.0, start=2.0,
               memory=250.0),
-        *(graph(f'graph_{how}_{drones}', f'{drones} drones, {title}', how == 'composed',
-                drones=drones)
-          for how, title in (('separate', 'every node a process'),
-                             ('composed', 'a process each')) for drones in (2, 4)),
+        *(graph(f'graph_separate_{drones}', f'{drones} drones, every node a process', False,
+                drones=drones, least=FACTORS_SEPARATE.get(drones, 0.0)) for drones in (2, 4)),
+        *(graph(f'graph_composed_{drones}', f'{drones} drones in one process', True,
+                drones=drones, least=FACTORS_COMPOSED.get(drones, 0.0))
+          for drones in (2, 4, 8, 16, 32)),
         *(endurance(*how, *mode, **most)
           for mode, most in ((('lockstep', 5.0), {}), (('realtime', 0.99), {'cpu': 1.0}))
           for how in (('every node a process', False), ('composed', True))),

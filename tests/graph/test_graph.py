@@ -389,7 +389,7 @@ def test_a_killed_recorder_ends_the_flight_with_one_line(tmp_path):
     (['--set', 'nonsense'], 'node.parameter=value'),
     (['--seed', '1.5'], 'seed'),
     (['--believed', 'eagle'], 'eagle'),
-    (['--drones', '0'], '--drones: 0 must be within 1 to 16'),
+    (['--drones', '0'], '--drones: 0 must be within 1 to 32'),
 ])
 def test_careless_arguments_get_one_clear_line(capsys, arguments, complaint):
     try:

@@ -79,6 +79,7 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
         group.start(*ESTIMATOR, ['--ros-args', *parameters])
         group.start(*PLAYER, [
             '--ros-args', *parameter('bag', bag), '-p', f'rate:={float(rate)}',
+            *parameter('source_namespace', recording.namespace or topics.NAMESPACE),
             '-p', f'capture:={str(aided).lower()}',
             '-p', 'wait_for:=estimator_node,recorder_node'])
         group.watch()
