@@ -7,7 +7,7 @@ import time
 from mambo_bags.reader import read_bag
 from mambo_bringup.flight.runner import fly
 from mambo_flight import closed_loop, commanded, recording_to_bag
-from mambo_interfaces.msg import Command
+from mambo_interfaces.msg import Command, Reference
 from mambo_model.errors import JobError
 from mambo_model.motion import flight_command as fc
 from mambo_model.motion.trajectory import LANDED
@@ -34,8 +34,21 @@ def until(action):
             assert time.monotonic() < limit, error
 
 
-def hold_the_stick():
-    """Publish a joystick, forward with its button held, until a command is made of it."""
+def stick(_):
+    """Return a joystick, forward with its button held."""
+    return Joy(axes=[0.0, 0.0, 0.0, 0.0, 1.0], buttons=[0, 0, 0, 0, 1])
+
+
+def setpoint(number):
+    """Return a setpoint 5 cm above the vehicle, stamped with the last step before the pause."""
+    out = Reference()
+    out.header.stamp.sec, out.header.stamp.nanosec = 4, 495_000_000 + number
+    out.position.z, out.attitude.w = 1.25, 1.0
+    return out
+
+
+def stream(topic, make, kind):
+    """Publish messages until a command of a kind is made of them."""
     context = rclpy.Context()
     rclpy.init(args=[], context=context)
     node = rclpy.create_node('pilot', context=context, namespace='/mambo')
@@ -43,11 +56,12 @@ def hold_the_stick():
     executor.add_node(node)
     kinds = []
     node.create_subscription(Command, 'command', lambda message: kinds.append(message.kind), 10)
-    sticks = node.create_publisher(Joy, 'joy', 10)
-    limit = time.monotonic() + BUSY
-    while fc.VELOCITY not in kinds:
-        assert time.monotonic() < limit, 'no command from the joystick'
-        sticks.publish(Joy(axes=[0.0, 0.0, 0.0, 0.0, 1.0], buttons=[0, 0, 0, 0, 1]))
+    publisher = node.create_publisher(topic.msg_type, topic.name, 10)
+    limit, number = time.monotonic() + BUSY, 0
+    while kind not in kinds:
+        assert time.monotonic() < limit, f'no command from {topic.name}'
+        publisher.publish(make(number))
+        number += 1
         executor.spin_once(0.05)
     executor.shutdown()
     rclpy.try_shutdown(context=context)
@@ -66,7 +80,8 @@ def bag(tmp_path_factory):
         with pytest.raises(JobError, match='leaves the volume: x = 9 m'):
             client.send('go_to', goal=(9.0, 0.0, 1.0))
         assert client.send('step', steps=900) == 'to t = 4.495 s'
-        hold_the_stick()
+        stream(topics.SETPOINT, setpoint, fc.SETPOINT)
+        stream(topics.JOY, stick, fc.VELOCITY)
         client.send('step', steps=400)
         client.send('go_to', goal=(0.5, -0.5, 1.0), yaw=0.4)
         client.send('step', steps=200)
@@ -87,7 +102,8 @@ def payloads(bag):
 
 def test_the_commands_are_recorded_and_the_vehicle_has_landed(bag):
     kinds = [fc.NAMES[command.kind] for command in commanded.commands_of(bag)]
-    assert kinds[0] == 'takeoff' and kinds[-2:] == ['go_to', 'land'] and 'velocity' in kinds
+    assert kinds[0] == 'takeoff' and kinds[-2:] == ['go_to', 'land'] and (
+        {'velocity', 'setpoint'} < set(kinds))
     assert read_bag(bag)['/mambo/reference']['phase'][-1] == LANDED
 
 

@@ -17,7 +17,7 @@ from mambo_model.errors import InputError, JobError
 from mambo_sim.world import WorldParams
 import numpy as np
 
-from . import flight_options, recording_to_bag, scenario_file, supervised
+from . import commanded, flight_options, recording_to_bag, scenario_file, supervised
 from .scenario import commented_yaml, Scenario
 from .sweep import monte_carlo
 from .world import formation, separation, together, world_file
@@ -27,7 +27,12 @@ from .world import formation, separation, together, world_file
 def _scenario(options: argparse.Namespace) -> tuple[str, Scenario]:
     """Return the name and the scenario of the flight that the command line selects."""
     given = flight_options.given(options)
-    if options.scenario:
+    if options.again:
+        if options.scenario or given:
+            raise InputError('--again flies the recorded scenario: leave out SCENARIO and the '
+                             'options that choose another; --set changes it')
+        name, flight = options.again.stem, commanded.scenario_of(options.again)
+    elif options.scenario:
         name, flight = scenario_file.load(options.scenario, given)
     elif given:
         name = Path(options.trajectory or 'flight').stem
@@ -108,6 +113,9 @@ def parser() -> Parser:
     out.add_argument(
         'scenario', metavar='SCENARIO', nargs='?',
         help='an experiment, experiment/flight, or a file')
+    out.add_argument(
+        '--again', type=Path, metavar='BAG',
+        help='a recorded commanded flight, with the commands that it recorded')
     out.add_output('BAG', 'directory of the bag to create, of several drones: that of their bags')
     flight_options.add(out)
     return out

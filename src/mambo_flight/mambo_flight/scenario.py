@@ -42,6 +42,10 @@ class Scenario:
             raise schema.ParameterError(
                 'controller_node.estimate: map needs motion capture: set '
                 'estimator_node.estimator: joint and estimator_node.joint.pose.enabled: true')
+        if self.reference_node.commands.enabled and self.sim_node.simulator.hand.enabled:
+            raise schema.ParameterError(
+                'reference_node.commands.enabled: a vehicle that a hand carries takes no '
+                'commands: leave out carried')
 
     @property
     def seed(self) -> int:

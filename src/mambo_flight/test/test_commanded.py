@@ -96,3 +96,8 @@ def test_what_is_wrong_in_a_file_is_located(tmp_path, commands, words):
     with pytest.raises(ParameterError) as error:
         scenario_file.load(str(path))
     assert words in str(error.value) and '\n' not in str(error.value)
+
+
+def test_a_vehicle_in_a_hand_takes_no_commands():
+    with pytest.raises(ParameterError, match='a hand carries takes no commands'):
+        override(scenario(carried=True), {'reference_node.commands.enabled': True})

@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 from mambo_flight import fly
+from mambo_flight.scenario import scenario
 import pytest
 
 SCENARIO = """
@@ -47,6 +48,18 @@ def test_a_file_is_flown_as_it_says(file, tmp_path, capsys, flown):
     assert output[-3].endswith('tracking error 0.0123 m RMS, 0.1 m at most; estimation error 0.2 '
                                'm RMS; motors stopped (crash)')
     assert output[-2].endswith(' times real time') and output[-1] == f'bag: {tmp_path / "bag"}'
+
+
+def test_a_recorded_flight_is_flown_again_with_its_commands(tmp_path, flown, file, monkeypatch,
+                                                            capsys):
+    bags = []
+    monkeypatch.setattr(fly.commanded, 'scenario_of', lambda bag: bags.append(bag) or scenario())
+    out = ['-o', str(tmp_path / 'bag')]
+    assert fly.main(['--again', 'bags/mine', '--set', 'sim_node.duration=7', *out]) == 0
+    assert str(bags[0]) == 'bags/mine' and flown[0].sim_node.duration == 7.0
+    for more in ([file], ['--seed', '2']):
+        assert fly.main(['--again', 'bags/mine', *more, '-o', str(tmp_path / 'b')]) == 2
+        assert 'leave out SCENARIO' in capsys.readouterr().err
 
 
 def test_what_is_typed_counts_before_the_file(file, tmp_path, flown):

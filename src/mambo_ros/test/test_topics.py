@@ -23,9 +23,10 @@ def test_names_differ_and_those_of_the_whole_graph_are_absolute():
 
 
 def test_what_depends_on_the_simulated_flight_alone_is_recorded():
-    left_out = set(EVERY) - {*topics.RECORDED, *topics.AIDED}
-    assert left_out == {topics.LINKS}  # who heard whom is of the run and not of the flight
-    assert len({*topics.RECORDED, *topics.AIDED}) == len(topics.RECORDED) + len(topics.AIDED)
+    left_out = set(EVERY) - set(topics.RECORDABLE)
+    # who heard whom is of the run and not of the flight; commands stand for what they came from
+    assert left_out == {topics.LINKS, topics.JOY, topics.SETPOINT}
+    assert len(set(topics.RECORDABLE)) == len(topics.RECORDABLE)
 
 
 def test_what_several_nodes_publish_is_shared_and_links_wait_for_latecomers():

@@ -226,7 +226,7 @@ def test_a_pause_does_not_count_as_delay_in_real_time(clock):
         0.02: lambda: sim.pause.set(True), 9.0: lambda: sim.pause.set(False)})
     assert lockstep.run(sim, loop) == 0
     assert sim.missed == 0 and not sim.gave_up
-    assert clock.now == pytest.approx(109.0 + 0.03 + PERIOD, abs=0.025)
+    assert 109.0 + 0.03 <= clock.now <= 109.0 + 0.03 + 2 * PERIOD + 0.02  # at its old pace
 
 
 def test_a_paused_flight_can_be_ended(clock):
