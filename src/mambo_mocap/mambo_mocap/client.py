@@ -25,6 +25,7 @@ RETRY = 1_000_000_000  # ns between tries to connect or to get the definitions
 RESTART = 1000  # frames, a step back by which the server has begun anew
 UNIT = 0.02  # of a quaternion, largest deviation of its length from 1
 FARTHEST = 1e4  # m
+OLDEST = 60_000_000_000  # ns between exposure and arrival of a frame, either way
 
 
 class Seen(NamedTuple):
@@ -151,7 +152,7 @@ class Client:
                 self.names, self._known = bodies(decode_model(data, self.version)), True
             elif kind == wire.ECHO_RESPONSE:
                 sent, ticks = handshake.decode_echo_response(data)
-                if not 0 <= arrived - sent <= self._patience:
+                if self.version < (3, 0) or not 0 <= arrived - sent <= self._patience:
                     raise wire.PacketError('an echo that was not asked for')
                 self.match.add_echo(sent, self._ns(ticks), arrived)
                 self._heard = arrived
@@ -192,9 +193,12 @@ class Client:
         if 1 < frame.number - self._last < RESTART and self._last >= 0:
             self.counts['missing frames'] += frame.number - self._last - 1
         self._last = frame.number
-        self.counts['frames'] += 1
         waited = 0 if self.match.answered else self._least_delay
         here = (self.match.local(exposure) or arrived) - waited
+        if abs(arrived - here) > OLDEST:
+            raise wire.PacketError(f'frame {frame.number} was exposed '
+                                   f'{(arrived - here) * 1e-9:.3g} s before it arrived')
+        self.counts['frames'] += 1
         received = self._ns(times.received) if ticking else exposure
         self.delays = Delays(
             (received - exposure) * 1e-9, (sent - received) * 1e-9,

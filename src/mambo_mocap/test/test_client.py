@@ -182,3 +182,27 @@ def test_an_echo_that_nobody_asked_for_is_not_believed():
         client.take(handshake.encode_echo_response(sent, 5), EPOCH)
     assert client.counts['malformed'] == 4 and client.match.line is None
     assert client.take(wire.message(55, b''), EPOCH) == [] and client.counts['unknown'] == 1
+
+
+def test_an_echo_of_a_server_without_a_clock_is_not_believed():
+    client = Client()
+    info = Server(NatNetServerNodeParams(version='2.9')).info
+    client.take(handshake.encode_server_info(info), EPOCH)
+    assert client.version == (2, 9)
+    client.take(handshake.encode_echo_response(EPOCH, 5), EPOCH + 1)
+    assert client.counts['malformed'] == 1 and client.match.line is None
+
+
+@pytest.mark.parametrize('exposure', [0, 2**64 - 1])
+def test_a_frame_of_an_impossible_time_has_no_pose(exposure):
+    client = Client()
+    client.take(handshake.encode_server_info(Server(NatNetServerNodeParams()).info), EPOCH)
+    now = 10**15  # ticks
+    body = RigidBody(1, (1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0), 0.0)
+
+    def frame(number, exposed):
+        times = Times(1.0, exposed, now, now)
+        return encode_frame(Frame(number, times, bodies=(body,)), (4, 1))
+    assert client.take(frame(1, exposure), EPOCH) == []
+    assert 's before it arrived' in client.problem and client.counts['frames'] == 0
+    assert client.take(frame(2, now), EPOCH + 1)[0].stamp == EPOCH

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import contextlib
 import html
 import io
+import logging
 import socket
 from typing import Any
 
@@ -173,6 +174,8 @@ class Page:
     def __init__(self, names: Sequence[str], port: int = PORT, length: int = 600) -> None:
         check(port)
         viser = _viser()
+        # what a stranger sends to the port ends the connection and is no error of the view
+        logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
         with contextlib.redirect_stdout(io.StringIO()):  # its banner
             self.server = viser.ViserServer(host=HOST, port=port, label='Mambo', verbose=False)
         if self.server.get_port() != port:

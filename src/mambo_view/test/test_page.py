@@ -9,6 +9,7 @@ from mambo_model.errors import InputError
 from mambo_view import page
 from mambo_view.drone_state import DroneState, ESTIMATE, Pose, ROLES, SIGNALS, TRUTH
 import pytest
+import viser
 
 HERE = Pose((0.5, -1.0, 1.5), (0.6, 0.0, 0.8, 0.0))
 
@@ -84,6 +85,24 @@ def test_texts_of_strangers_are_no_markup(shown):
     assert '<img' not in shown._health.content and '&lt;img' in shown._health.content
     assert 'ERROR' in shown._health.content and len(shown._health.content) < 2000
     assert '&lt;b&gt;t' in shown._status.content
+
+
+def test_garbage_of_a_stranger_fills_no_terminal(shown, caplog):
+    port = shown.server.get_port()
+    hello = (b'GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n'
+             b'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n'
+             b'Sec-WebSocket-Protocol: viser-v%b\r\n\r\n' % viser.__version__.encode())
+    text = b'\x81\x85\x00\x00\x00\x00hello'  # a frame of text, where viser expects bytes
+    with socket.create_connection(('127.0.0.1', port), 20) as stranger:
+        stranger.sendall(hello)
+        assert b'101 Switching' in stranger.recv(4096)
+        stranger.sendall(text)
+        stranger.settimeout(20)
+        while stranger.recv(1 << 16):  # until the server has closed it
+            pass
+    with urllib.request.urlopen(shown.address, timeout=20) as answer:
+        assert answer.status == 200
+    assert not caplog.records
 
 
 def test_a_port_in_use_or_out_of_range_and_a_missing_package_are_one_line(shown, monkeypatch):
