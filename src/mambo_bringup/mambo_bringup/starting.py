@@ -24,6 +24,12 @@ _THREADS = 5.0  # s that threads of a user's code may take to end after the comm
 def main(module: str) -> int:
     """Load ``run`` or ``mambo``, run its ``main`` and return the exit code."""
     before = signal.signal(signal.SIGINT, leave_at_once(module))
+    try:
+        os.getcwd()
+    except OSError as error:  # a package that is loaded below asks for it
+        sys.stderr.write(f'{module}: the current folder cannot be used ({error.strerror}): change '
+                         'to another one\n')
+        return 1
     command = import_module(f'.{module}', __package__)
     signal.signal(signal.SIGINT, before)
     try:

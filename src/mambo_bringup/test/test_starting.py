@@ -80,3 +80,15 @@ starting.import_module = lambda *_: SimpleNamespace(main=main)
 sys.exit(starting.main('mambo'))
 """)
     assert (done.returncode, done.stdout, done.stderr) == (0, 'late\n', '')
+
+
+def test_a_current_folder_that_was_removed_is_one_line(tmp_path):
+    done = run(f"""
+os.mkdir({str(tmp_path / 'gone')!r})
+os.chdir({str(tmp_path / 'gone')!r})
+os.rmdir({str(tmp_path / 'gone')!r})
+sys.exit(starting.main('mambo'))
+""")
+    assert done.returncode == 1
+    assert done.stderr == ('mambo: the current folder cannot be used (No such file or directory): '
+                           'change to another one\n')
