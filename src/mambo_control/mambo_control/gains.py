@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
+from mambo_model.arithmetic.trigonometry import sin
 from mambo_model.schema import choice, flag, quantity
 from mambo_model.values import derived, Parameters, values_type
 
@@ -49,7 +50,8 @@ class CascadedParams(Parameters):
     @derived('-', 'tilt_limit')
     def tilt_sine_squared(self) -> float:
         """Squared sine of half the tilt limit."""
-        return math.sin(self.tilt_limit / 2) ** 2
+        s = sin(self.tilt_limit / 2)
+        return s * s
 
 
 GainValues = values_type(CascadedParams)

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from mambo_model.arithmetic.trigonometry import cos, sin
 from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.quaternion import angle, conjugate, from_euler, multiply, rotate, to_euler
@@ -73,7 +74,8 @@ class ToolboxControllerParams(Parameters):
     @derived('-', 'tilt_limit')
     def tilt_sine_squared(self) -> float:
         """Squared sine of half the tilt limit."""
-        return math.sin(self.tilt_limit / 2) ** 2
+        s = sin(self.tilt_limit / 2)
+        return s * s
 
 
 ToolboxGainValues = values_type(ToolboxControllerParams)
@@ -126,7 +128,7 @@ def _wanted_angles(
     if gains.reference == ATTITUDE:
         return (phi, theta, psi)
     x, y = ref.rho[0] - state.rho[0], ref.rho[1] - state.rho[1]
-    s, c = math.sin(yaw), math.cos(yaw)
+    s, c = sin(yaw), cos(yaw)
     ahead = _cut(c * x + s * y, gains.position_limit)
     right = _cut(c * y - s * x, gains.position_limit)
     return (

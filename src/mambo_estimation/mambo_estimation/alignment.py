@@ -22,9 +22,11 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from mambo_model.arithmetic.exponential import exp, log
+from mambo_model.arithmetic.trigonometry import asin, atan2
 from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import from_euler, Quat
-from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
+from mambo_model.motion.vector import add, dot, hypot, norm, scale, sub, Vec3
 from mambo_model.schema import quantity
 from mambo_model.values import Parameters, values_type
 
@@ -154,7 +156,7 @@ def level(mean: Vec3, gravity: float, v: AlignmentValues) -> Level:
     bias, slope = v.accel_bias_std * v.accel_bias_std, gravity * v.floor_slope_std
     total = bias + slope * slope
     share = bias / total
-    if math.hypot(mean[0], mean[1]) > NOT_LEVEL * math.sqrt(total):
+    if hypot(mean[0], mean[1]) > NOT_LEVEL * math.sqrt(total):
         share = 0.0
     q, accel_bias = split(mean, gravity, share)
     return Level(q, accel_bias, math.sqrt((1.0 - share) * bias) / gravity)
@@ -176,15 +178,15 @@ def split(mean: Vec3, gravity: float, share: float) -> tuple[Quat, Vec3]:
     """
     x, y = (1.0 - share) * mean[0], (1.0 - share) * mean[1]
     z = math.copysign(math.sqrt(max(gravity * gravity - x * x - y * y, 0.0)), mean[2])
-    pitch = math.asin(max(-1.0, min(1.0, x / gravity)))
-    return (from_euler(math.atan2(-y, -z), pitch, 0.0),
+    pitch = asin(max(-1.0, min(1.0, x / gravity)))
+    return (from_euler(atan2(-y, -z), pitch, 0.0),
             (share * mean[0], share * mean[1], mean[2] - z))
 
 
 @jit
 def reading_std(gravity: float, v: AlignmentValues) -> float:
     """Return the deviation of the horizontal specific force on a level floor, m/s^2, each axis."""
-    return math.hypot(v.accel_bias_std, gravity * v.floor_slope_std)
+    return hypot(v.accel_bias_std, gravity * v.floor_slope_std)
 
 
 @jit
@@ -204,11 +206,11 @@ def tilted_probability(mean: Vec3, gravity: float, v: AlignmentValues) -> float:
         Deviations of the bias and of the slope of the floor.
 
     """
-    distance = math.hypot(mean[0], mean[1]) / reading_std(gravity, v)
+    distance = hypot(mean[0], mean[1]) / reading_std(gravity, v)
     wider = STEEPER * STEEPER
-    log_odds = (math.log(TILTED / (1.0 - TILTED) / wider)
+    log_odds = (log(TILTED / (1.0 - TILTED) / wider)
                 + 0.5 * distance * distance * (1.0 - 1.0 / wider))
-    return 1.0 / (1.0 + math.exp(-log_odds))
+    return 1.0 / (1.0 + exp(-log_odds))
 
 
 @jit

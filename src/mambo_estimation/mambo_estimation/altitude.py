@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from mambo_model.arithmetic.exponential import exp
 from mambo_model.compiled import jit
 from mambo_model.schema import quantity
 from mambo_model.values import Parameters, values_type
@@ -145,7 +146,7 @@ def predict(
     """
     P = a.P
     half, turn = 0.5 * dt * dt * tilt_cos, dt * tilt_cos
-    keep = math.exp(-dt / v.accel_bias_time)
+    keep = exp(-dt / v.accel_bias_time)
     density = v.held_accel_noise if held else v.accel_noise
     q = density * density * dt
     hb, wb = P.hb + dt * P.wb + half * P.bb, P.wb + turn * P.bb
@@ -234,7 +235,8 @@ def _inflate_covariance(
     """
     bias = v.initial_accel_bias_std * v.initial_accel_bias_std
     velocity = max(a.P.ww, v.initial_velocity_std * v.initial_velocity_std)
-    velocity += squared_error / max(time, 0.1) ** 2
+    longer = max(time, 0.1)
+    velocity += squared_error / (longer * longer)
     height = a.P.hh + squared_error
     P = Covariance(height, 0.0, 0.0, 0.0, velocity, 0.0, 0.0, bias, 0.0, a.P.oo + height)
     return Altitude(a.height, a.velocity, a.accel_bias, a.offset, a.has_offset, P, a.fit)

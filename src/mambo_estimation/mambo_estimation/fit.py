@@ -9,8 +9,7 @@ covariances are scaled by it; gains and gates are not. Holds no equation of the 
 
 from __future__ import annotations
 
-import math
-
+from mambo_model.arithmetic.exponential import exp
 from mambo_model.compiled import jit
 
 FADE_TIME = 0.5  # s
@@ -50,4 +49,4 @@ def faded(fit: float, least: float, age: float) -> float:
         Since the last innovation, infinite before the first.
 
     """
-    return 1.0 + (max(fit, least) - 1.0) * math.exp(-age / FADE_TIME)
+    return 1.0 + (max(fit, least) - 1.0) * exp(-age / FADE_TIME)

@@ -28,6 +28,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from mambo_model.arithmetic.trigonometry import asin, atan, cos, sin
 from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.quaternion import from_euler, rotate, to_matrix
 from mambo_model.motion.rigid_body import State
@@ -53,9 +54,9 @@ def _low_pass(taps: int, cutoff: float) -> tuple[float, ...]:
     out = []
     for k in range(taps):
         x = math.pi * cutoff * (k - middle)
-        window = 0.54 - 0.46 * math.cos(2.0 * math.pi * k / (taps - 1))
-        out.append(window * (math.sin(x) / x if x else 1.0))
-    return tuple(tap / sum(out) for tap in out)
+        window = 0.54 - 0.46 * cos(2.0 * math.pi * k / (taps - 1))
+        out.append(window * (sin(x) / x if x else 1.0))
+    return tuple(tap / math.fsum(out) for tap in out)
 
 
 # Of the accelerometer: support package, a low pass of order 5 with cutoff 0.1.
@@ -259,17 +260,17 @@ def turned(euler: Vec3, omega: Vec3, force: Vec3, dt: float, v: ToolboxValues) -
 
     """
     phi, theta, psi = euler
-    s, c, c_theta = math.sin(phi), math.cos(phi), math.cos(theta)
+    s, c, c_theta = sin(phi), cos(phi), cos(theta)
     if abs(c_theta) < NOSE_UP:
         c_theta = math.copysign(NOSE_UP, c_theta)
     psi_dot = (omega[1] * s + omega[2] * c) / c_theta
-    phi += dt * (omega[0] + math.sin(theta) * psi_dot)
+    phi += dt * (omega[0] + sin(theta) * psi_dot)
     theta += dt * (omega[1] * c - omega[2] * s)
     psi += dt * psi_dot
     if abs(norm(force) - v.gravity) < v.attitude_tolerance * v.gravity:
         w = v.attitude_weight
-        phi = (1.0 - w) * phi + w * (math.atan(force[1] / force[2]) if force[2] != 0.0 else 0.0)
-        theta = (1.0 - w) * theta + w * math.asin(min(1.0, max(-1.0, force[0] / v.gravity)))
+        phi = (1.0 - w) * phi + w * (atan(force[1] / force[2]) if force[2] != 0.0 else 0.0)
+        theta = (1.0 - w) * theta + w * asin(min(1.0, max(-1.0, force[0] / v.gravity)))
     return (phi, theta, psi)
 
 
@@ -328,7 +329,8 @@ def _rise(
         height, climb, held, age, used_age, refused, a.smooth_range, a.by_pressure)
     if not new:
         return a, math.nan, math.nan
-    return a, innovation, (innovation / v.sonar_gate) ** 2
+    ratio = innovation / v.sonar_gate
+    return a, innovation, ratio * ratio
 
 
 @jit
@@ -367,7 +369,8 @@ def _move(
     innovation, ratio = NAN2, math.nan
     if is_new:
         innovation = (v.flow_to_velocity * new[0] - nu[0], v.flow_to_velocity * new[1] - nu[1])
-        ratio = (max(abs(innovation[0]), abs(innovation[1])) / v.flow_gate) ** 2
+        share = max(abs(innovation[0]), abs(innovation[1])) / v.flow_gate
+        ratio = share * share
     if _is_flow(flow, nu, age, a.height, euler, omega, v):
         nu = (nu[0] + v.flow_gain * (flow[0] - nu[0]), nu[1] + v.flow_gain * (flow[1] - nu[1]))
         used_age = 0.0

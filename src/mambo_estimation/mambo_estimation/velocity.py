@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from mambo_model.arithmetic.exponential import exp
 from mambo_model.compiled import jit
 from mambo_model.motion.vector import Vec3
 from mambo_model.schema import quantity
@@ -139,7 +140,7 @@ def _predict_covariance(
     in blocks of (2, 2), :math:`k = e^{-\Delta/\tau}`. Q holds noise of the acceleration (density
     S), of the bias, and of the velocity's scale (density :math:`\sigma_s`).
     """
-    keep = math.exp(-dt / v.accel_bias_time)
+    keep = exp(-dt / v.accel_bias_time)
     density = v.held_accel_noise if held else v.accel_noise
     q = density * density * dt
     G, H = scale2(dt, B), scale2(0.5 * dt * dt, B)
@@ -198,7 +199,7 @@ def predict(
 
     """
     B = ((R[0][0], R[0][1]), (R[1][0], R[1][1]))
-    keep = math.exp(-dt / v.accel_bias_time)
+    keep = exp(-dt / v.accel_bias_time)
     x, y = acceleration
     half = 0.5 * dt * dt
     position = (f.position[0] + dt * f.velocity[0] + half * x,

@@ -65,7 +65,7 @@ def _block(stamps: NDArray[np.int64], *blocks: NDArray[np.uint8]) -> Stream:
 def _sensors(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Stream]]:
     """Yield the sensor topics of ``sim_node``."""
     p = flight.sim_node.simulator
-    variances = [tuple(sigma ** 2 for sigma in noise)
+    variances = [tuple(sigma * sigma for sigma in noise)
                  for noise in (p.imu.gyro_noise, p.imu.accel_noise)]
     yield topics.IMU, _block(r.t, messages.imu(r.t, *_vectors(r.imu, 3, 3), *variances))
     echo, flow, air = (~np.isnan(x) for x in (r.inner.sonar, r.flow[:, 2], r.pressure))
@@ -76,7 +76,7 @@ def _sensors(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Str
     yield topics.OPTICAL_FLOW, _block(r.t[flow], messages.optical_flow(
         r.t[flow], (seen[:, 0], seen[:, 1]), seen[:, 2]))
     yield topics.BAROMETER, _block(r.t[air], messages.pressure(
-        r.t[air], r.pressure[air], p.barometer.noise ** 2))
+        r.t[air], r.pressure[air], p.barometer.noise * p.barometer.noise))
     counts = (np.arange(1, len(r.t) + 1), *(np.cumsum(new) for new in (echo, flow, air)))
     yield topics.SENSOR_TICK, _block(r.t, messages.sensor_tick(r.t, *counts))
 

@@ -18,11 +18,12 @@ from typing import NamedTuple
 
 from mambo_model import forces
 from mambo_model.aerodynamics import lumped_drag, through_air
+from mambo_model.arithmetic.exponential import exp
 from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import (
     conjugate, exp_map, from_euler, multiply, normalise, Quat, rotate, rotate_inverse)
 from mambo_model.motion.rigid_body import NORM_LIMIT, rk4_step, State
-from mambo_model.motion.vector import add, norm, scale, sub, Vec3
+from mambo_model.motion.vector import add, hypot, norm, scale, sub, Vec3
 from mambo_model.schema import choice, flag, ParameterError, quantity
 from mambo_model.values import derived, Parameters, values_type
 from mambo_model.vehicle.battery import supply
@@ -183,7 +184,7 @@ def _blend(target: Four, start: Four, weight: float) -> Four:
 def _lag(h: float, time_constant: float) -> tuple[float, float]:
     """Return the share of a deviation that a lag leaves after h s, and its mean over them."""
     if time_constant > 0.0:
-        left = math.exp(-h / time_constant)
+        left = exp(-h / time_constant)
         return left, (1.0 - left) * time_constant / h
     return 0.0, 0.0
 
@@ -236,7 +237,7 @@ def _supported(body: State, velocity: Vec3, acceleration: Vec3) -> bool:
 @jit
 def _slow_down(velocity: Vec3, drop: float) -> Vec3:
     """Return the horizontal part of a velocity, (3,) m/s, its length less by drop, 0 at least."""
-    speed = math.hypot(velocity[0], velocity[1])
+    speed = hypot(velocity[0], velocity[1])
     if speed <= drop:
         return (0.0, 0.0, 0.0)
     left = 1.0 - drop / speed
@@ -409,9 +410,9 @@ def specific_force(
 def _reaction(velocity: Vec3, acceleration: Vec3) -> Vec3:
     """Return what the floor adds to the free acceleration, (3,) m/s^2, inertial NED."""
     grip = FRICTION * acceleration[2]
-    speed = math.hypot(velocity[0], velocity[1])
+    speed = hypot(velocity[0], velocity[1])
     if speed > 0.0:
         return (-grip * velocity[0] / speed, -grip * velocity[1] / speed, -acceleration[2])
-    push = math.hypot(acceleration[0], acceleration[1])
+    push = hypot(acceleration[0], acceleration[1])
     hold = 1.0 if push <= grip else grip / push
     return (-hold * acceleration[0], -hold * acceleration[1], -acceleration[2])

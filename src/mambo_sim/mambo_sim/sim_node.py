@@ -42,8 +42,8 @@ class SimNode(node.MamboNode[SimNodeParams]):
     def __init__(self, **kwargs) -> None:
         super().__init__('sim_node', SimNodeParams, **kwargs)
         p = self.params.simulator
-        self._gyro_variance = tuple(sigma ** 2 for sigma in p.imu.gyro_noise)
-        self._accel_variance = tuple(sigma ** 2 for sigma in p.imu.accel_noise)
+        self._gyro_variance = tuple(sigma * sigma for sigma in p.imu.gyro_noise)
+        self._accel_variance = tuple(sigma * sigma for sigma in p.imu.accel_noise)
         self._tick = 0
         self._pwm, self._shutdown, self._answered = _STILL, False, -1
         self._last_command = time.monotonic()  # s of wall time
@@ -121,8 +121,9 @@ class SimNode(node.MamboNode[SimNodeParams]):
             self._flow.put(
                 self._tick, messages.optical_flow(t, s.flow, s.flow_quality), s.deliveries.flow)
         if s.baro_new:
+            noise = p.barometer.noise
             self._barometer.put(
-                self._tick, messages.pressure(t, s.pressure, p.barometer.noise ** 2),
+                self._tick, messages.pressure(t, s.pressure, noise * noise),
                 s.deliveries.barometer)
         self._watermark(messages.sensor_tick(t, *(stream.count for stream in streams)))
         self._truth(messages.ground_truth(t, body))

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from mambo_model.arithmetic.exponential import exp
+from mambo_model.arithmetic.normal import standard_normal
 from mambo_model.compiled import by_type, jit
 from mambo_model.motion.vector import add, Vec3
 from mambo_model.schema import quantity
@@ -82,13 +84,13 @@ def blow(
     """
     if not noise:
         return WindMemory(p.velocity, (0.0, 0.0, 0.0))
-    keep = math.exp(-STEP / p.gust_time) if tick else 0.0
+    keep = exp(-STEP / p.gust_time) if tick else 0.0
     new = math.sqrt(1.0 - keep * keep)
     old, sigma = memory.gust, p.gust
     gust = (
-        keep * old[0] + new * sigma[0] * rng.standard_normal(),
-        keep * old[1] + new * sigma[1] * rng.standard_normal(),
-        keep * old[2] + new * sigma[2] * rng.standard_normal())
+        keep * old[0] + new * sigma[0] * standard_normal(rng),
+        keep * old[1] + new * sigma[1] * standard_normal(rng),
+        keep * old[2] + new * sigma[2] * standard_normal(rng))
     return WindMemory(add(p.velocity, gust), gust)
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import math
 
 from mambo_model.aerodynamics import lumped_drag
+from mambo_model.arithmetic.trigonometry import atan2, cos, sin
 from mambo_model.compiled import jit
 from mambo_model.motion.flatness import minimal_rotation, Reference
 from mambo_model.motion.quaternion import angle, conjugate, multiply, Quat, rotate, rotate_inverse
@@ -33,7 +34,8 @@ class FlightLimits(Parameters):
     @derived('-', 'tilt_limit')
     def tilt_sine_squared(self) -> float:
         """Squared sine of half the tilt limit."""
-        return math.sin(self.tilt_limit / 2) ** 2
+        s = sin(self.tilt_limit / 2)
+        return s * s
 
 
 @jit
@@ -129,8 +131,8 @@ def attitude_of(
         -dot(b2, b3_ddot) + w2 * w3, dot(b1, b3_ddot) - w1 * w3, -dot(b1, b2_ddot) + w1 * w2)
     level, _, _ = minimal_rotation(b3, _ZERO, _ZERO)
     ahead = rotate_inverse(level, b1)  # (cos, sin, 0) of the turn about b3
-    half = 0.5 * math.atan2(ahead[1], ahead[0])
-    q = multiply(level, (math.cos(half), 0.0, 0.0, math.sin(half)))
+    half = 0.5 * atan2(ahead[1], ahead[0])
+    q = multiply(level, (cos(half), 0.0, 0.0, sin(half)))
     return q, (w1, w2, w3), omega_dot
 
 

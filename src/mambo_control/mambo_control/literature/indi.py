@@ -36,9 +36,9 @@ motors, and H must be slower than both: :math:`\omega_n \le c/T` of the force.
 from __future__ import annotations
 
 from dataclasses import dataclass
-import math
 from typing import NamedTuple
 
+from mambo_model.arithmetic.exponential import exp
 from mambo_model.compiled import jit
 from mambo_model.motion.flatness import Reference, torque
 from mambo_model.motion.quaternion import IDENTITY, Quat, rotate, rotate_inverse
@@ -186,7 +186,7 @@ def applied(pwm: Four, vv: VehicleValues) -> tuple[float, Vec3]:
 def _lag(dt: float, time_constant: float) -> tuple[float, float]:
     """Return the share of a change that the motors lack after dt s, and on average over them."""
     if time_constant > 0.0:
-        left = math.exp(-dt / time_constant)
+        left = exp(-dt / time_constant)
         return left, (1.0 - left) * time_constant / dt
     return 0.0, 0.0
 

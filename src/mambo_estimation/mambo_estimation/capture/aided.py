@@ -19,7 +19,7 @@ from typing import NamedTuple
 from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import normalise, Quat
 from mambo_model.motion.rigid_body import State
-from mambo_model.motion.vector import norm, sub, Vec3
+from mambo_model.motion.vector import hypot, norm, sub, Vec3
 import numpy as np
 
 from . import pose
@@ -152,7 +152,7 @@ def _agreed(
     old: Candidate, past: Past, rho: Vec3, turn: Vec3, v: PoseValues,
 ) -> Candidate:
     """Return what refused poses agree on, with one more; it begins anew where this one differs."""
-    if math.hypot(turn[0], turn[1]) > v.tilt_gate:
+    if hypot(turn[0], turn[1]) > v.tilt_gate:
         return NO_CANDIDATE
     new = Anchor(turn[2], sub(rho, about_z(turn[2], past.x.p)))
     if old.time < 0.0:

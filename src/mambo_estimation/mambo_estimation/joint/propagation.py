@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 
+from mambo_model.arithmetic.exponential import expm1
 from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import exp_map, multiply, normalise, rotate, to_matrix
 from mambo_model.motion.vector import add, scale, sub, Vec3
@@ -184,7 +185,8 @@ def bridge(dt: float, time: float) -> float:
         T.
 
     """
-    return 2.0 * time / dt * math.tanh(0.5 * dt / time)
+    less = expm1(-dt / time)  # tanh(x) = (1 - e^-2x) / (1 + e^-2x)
+    return -2.0 * time / dt * less / (2.0 + less)
 
 
 @jit

@@ -19,7 +19,7 @@ import math
 
 from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import conjugate, IDENTITY, multiply, Quat, to_matrix
-from mambo_model.motion.vector import Vec3
+from mambo_model.motion.vector import hypot, Vec3
 import numpy as np
 
 from .. import alignment
@@ -71,7 +71,7 @@ def unaligned(rest: Alignment, v: JointValues) -> tuple[Nominal, Array]:
     """
     P, m = _sensors(v), v.motion
     _set(P, POSITION, 2, m.initial_height_std)
-    height = math.hypot(m.initial_height_std, m.initial_velocity_std * rest.waited)
+    height = hypot(m.initial_height_std, m.initial_velocity_std * rest.waited)
     _set(P, POSITION + 2, 1, height)
     _set(P, VELOCITY, 3, m.initial_velocity_std)
     _set(P, ATTITUDE, 2, m.initial_tilt_std)
@@ -95,7 +95,8 @@ def aligned(rest: Alignment, v: JointValues) -> tuple[Nominal, Array]:
     """
     a, tilted = v.alignment, alignment.tilted_probability(rest.accel, v.gravity, v.alignment)
     reading = alignment.reading_std(v.gravity, a)
-    share = (a.accel_bias_std / reading) ** 2
+    share = a.accel_bias_std / reading
+    share *= share
     q, bias = alignment.split(rest.accel, v.gravity, (1.0 - tilted) * share)
     x = _nominal(q, rest.gyro, bias, v)
     steep = max(v.motion.initial_tilt_std, alignment.STEEPER * reading / v.gravity)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mambo_model.arithmetic.exponential import power
 from mambo_model.compiled import jit
 from mambo_model.schema import flag, quantity
 from mambo_model.values import Parameters, values_type
@@ -48,7 +49,7 @@ def is_valid(pressure: float, v: BarometerValues) -> bool:
 @jit
 def measured_height(pressure: float) -> float:
     """Return the height in m above the level of 101325 Pa in the standard atmosphere, Pa in."""
-    return SCALE_HEIGHT * (1.0 - (pressure / SEA_LEVEL_PRESSURE) ** EXPONENT)
+    return SCALE_HEIGHT * (1.0 - power(pressure / SEA_LEVEL_PRESSURE, EXPONENT))
 
 
 @jit
@@ -68,5 +69,5 @@ def predict(height_by_pressure: float) -> tuple[float, float]:
 
     """
     base = 1.0 - height_by_pressure / SCALE_HEIGHT
-    pressure = SEA_LEVEL_PRESSURE * base ** (1.0 / EXPONENT)
+    pressure = SEA_LEVEL_PRESSURE * power(base, 1.0 / EXPONENT)
     return pressure, -pressure / (EXPONENT * SCALE_HEIGHT * base)

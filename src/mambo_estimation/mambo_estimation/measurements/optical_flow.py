@@ -11,8 +11,8 @@ the flow by mistake (C5).
 from __future__ import annotations
 
 from dataclasses import dataclass
-import math
 
+from mambo_model.arithmetic.exponential import exp
 from mambo_model.compiled import jit
 from mambo_model.motion.vector import Vec3
 from mambo_model.schema import choice, flag, quantity
@@ -81,7 +81,7 @@ def factor_at(height: float, v: FlowValues) -> float:
     if v.factor == FACTOR_LINEAR:
         return v.linear_offset + v.linear_slope * h
     if v.factor == FACTOR_EXPONENTIAL:
-        return v.exponential_offset + v.exponential_gain * math.exp(h)
+        return v.exponential_offset + v.exponential_gain * exp(h)
     return v.constant
 
 

@@ -8,7 +8,6 @@ or a controller commands the motors, and the vehicle moves. Order and numbers ar
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from mambo_control import failsafe
@@ -16,6 +15,7 @@ from mambo_control.attitude_law import attitude_error, torque
 from mambo_control.command import motors
 from mambo_control.gains import GainValues
 from mambo_estimation import filters
+from mambo_model.arithmetic.trigonometry import atan2, cos, sin
 from mambo_model.compiled import jit, jit_beside_python
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.quaternion import from_euler, IDENTITY, Quat, rotate, to_euler
@@ -137,7 +137,7 @@ def _reward(body, ref, before, pwm, shutdown, aloft, rules, vv):
     distance = norm(sub(ref.rho, body.rho))
     speed = norm(sub(ref.v, rotate(body.q, body.nu)))
     turned = to_euler(body.q)[2] - to_euler(ref.q)[2]
-    turned = abs(math.atan2(math.sin(turned), math.cos(turned)))
+    turned = abs(atan2(sin(turned), cos(turned)))
     change = 0.0
     for i in range(4):
         change += (pwm[i] - before[i]) ** 2

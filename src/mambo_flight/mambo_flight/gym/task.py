@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from mambo_model.arithmetic.trigonometry import cos
 from mambo_model.schema import quantity
 from mambo_model.values import derived, Parameters, values_type
 from mambo_model.vehicle.parameters import Vehicle
@@ -69,7 +70,7 @@ class TaskParams(Parameters):
     @derived('-', 'tilt_limit')
     def tilt_cosine(self) -> float:
         """Cosine of the largest tilt."""
-        return math.cos(self.tilt_limit)
+        return cos(self.tilt_limit)
 
     def ticks(self, seconds: float) -> int:
         """Return the number of control steps in a time in s."""

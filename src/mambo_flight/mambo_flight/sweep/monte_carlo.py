@@ -82,7 +82,8 @@ def count(
     lowest = min(min(pwm[0], pwm[1]), min(pwm[2], pwm[3]))
     effort = a.effort
     for x in pwm:
-        effort += thrust_from_pwm(x, vv) ** 1.5
+        thrust = thrust_from_pwm(x, vv)
+        effort += thrust * math.sqrt(thrust)
     at = a.stopped_at
     if stopped and math.isnan(at):
         at = t

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from ..arithmetic.trigonometry import atan2, cos, sin
 from ..compiled import jit
 from .quaternion import from_euler, Quat, rotate_inverse
 from .vector import add, cross, direction, dot, mul, scale, sub, Vec3
@@ -123,7 +124,7 @@ def from_flat_output_yaw(
 
     """
     length, b3, b3_dot, b3_ddot = _thrust_axis(a, j, s, gravity)
-    cosine, sine = math.cos(psi), math.sin(psi)
+    cosine, sine = cos(psi), sin(psi)
     x_C, y_C = (cosine, sine, 0.0), (-sine, cosine, 0.0)
     y_C_dot = scale(-psi_dot, x_C)
     y_C_ddot = sub(scale(-psi_ddot, x_C), scale(psi_dot * psi_dot, y_C))
@@ -137,7 +138,7 @@ def from_flat_output_yaw(
     omega_dot = (
         -dot(b2, b3_ddot) + w2 * w3, dot(b1, b3_ddot) - w1 * w3, dot(b2, b1_ddot) - w1 * w2)
     x, y, z = dot(x_C, b3), dot(y_C, b3), b3[2]
-    q = from_euler(math.atan2(-y, math.sqrt(x * x + z * z)), math.atan2(x, z), psi)
+    q = from_euler(atan2(-y, math.sqrt(x * x + z * z)), atan2(x, z), psi)
     return Reference(
         rho, v, a, j, s, q, (w1, w2, w3), omega_dot, mass * length,
         torque((w1, w2, w3), omega_dot, inertia))

@@ -114,18 +114,19 @@ def connect(start: Array, end: Array, duration: float) -> Array:
     duration : s
 
     """
-    scale = duration ** np.arange(5) / _FACTORIALS
+    powers = np.cumprod([1.0] + [duration] * 9)
+    scale = powers[:5] / _FACTORIALS
     low, wanted = start * scale, end * scale
     # end values of x^0 ... x^9 at 1, each derivative over its factorial: binomial coefficients
     binomial = np.array([[math.comb(i, k) for i in range(10)] for k in range(5)], dtype=float)
     high = np.linalg.solve(binomial[:, 5:], (wanted - low @ binomial[:, :5].T).T).T
-    return np.hstack((low, high)) / duration ** np.arange(10)
+    return np.hstack((low, high)) / powers
 
 
 def stretched(course: Course, factor: float) -> Course:
     """Return the course along the same path in ``factor`` times its duration."""
-    powers = np.arange(course.coefficients.shape[2])
-    return Course(course.duration * factor, course.coefficients / factor**powers)
+    powers = np.cumprod([1.0] + [factor] * (course.coefficients.shape[2] - 1))
+    return Course(course.duration * factor, course.coefficients / powers)
 
 
 def resized(course: Course, factor: float) -> Course:

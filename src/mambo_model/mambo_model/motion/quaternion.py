@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+from ..arithmetic.trigonometry import asin, atan2, cos, sin
 from ..compiled import jit
 from .vector import add, cross, norm as vector_norm, scale, Vec3
 
@@ -101,9 +102,9 @@ def to_matrix(q: Quat) -> Matrix3:
 @jit
 def from_euler(phi: float, theta: float, psi: float) -> Quat:
     """Return the attitude of roll, pitch and yaw in rad, ZYX order, unit (4,) (2.4)."""
-    c1, s1 = math.cos(0.5 * phi), math.sin(0.5 * phi)
-    c2, s2 = math.cos(0.5 * theta), math.sin(0.5 * theta)
-    c3, s3 = math.cos(0.5 * psi), math.sin(0.5 * psi)
+    c1, s1 = cos(0.5 * phi), sin(0.5 * phi)
+    c2, s2 = cos(0.5 * theta), sin(0.5 * theta)
+    c3, s3 = cos(0.5 * psi), sin(0.5 * psi)
     return (
         c1 * c2 * c3 + s1 * s2 * s3,
         s1 * c2 * c3 - c1 * s2 * s3,
@@ -121,22 +122,22 @@ def to_euler(q: Quat) -> Vec3:
     """
     sine = max(-1.0, min(1.0, 2.0 * (q[0] * q[2] - q[3] * q[1])))
     return (
-        math.atan2(2.0 * (q[0] * q[1] + q[2] * q[3]),
-                   q[0] * q[0] - q[1] * q[1] - q[2] * q[2] + q[3] * q[3]),
-        math.asin(sine),
-        math.atan2(2.0 * (q[0] * q[3] + q[1] * q[2]),
-                   q[0] * q[0] + q[1] * q[1] - q[2] * q[2] - q[3] * q[3]))
+        atan2(2.0 * (q[0] * q[1] + q[2] * q[3]),
+              q[0] * q[0] - q[1] * q[1] - q[2] * q[2] + q[3] * q[3]),
+        asin(sine),
+        atan2(2.0 * (q[0] * q[3] + q[1] * q[2]),
+              q[0] * q[0] + q[1] * q[1] - q[2] * q[2] - q[3] * q[3]))
 
 
 @jit
 def angle(q: Quat) -> float:
     """Return the rotation angle of q in rad, in [0, pi], the same for q and -q."""
-    return 2.0 * math.atan2(vector_norm((q[1], q[2], q[3])), abs(q[0]))
+    return 2.0 * atan2(vector_norm((q[1], q[2], q[3])), abs(q[0]))
 
 
 @jit
 def exp_map(rotvec: Vec3) -> Quat:
     """Return the unit quaternion, (4,), of a rotation vector (axis times angle), (3,) rad."""
     a = vector_norm(rotvec)
-    k = 0.5 if a == 0.0 else math.sin(0.5 * a) / a
-    return (math.cos(0.5 * a), k * rotvec[0], k * rotvec[1], k * rotvec[2])
+    k = 0.5 if a == 0.0 else sin(0.5 * a) / a
+    return (cos(0.5 * a), k * rotvec[0], k * rotvec[1], k * rotvec[2])

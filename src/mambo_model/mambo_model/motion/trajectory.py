@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 import math
 
+from ..arithmetic.trigonometry import sin_cos
 from ..compiled import jit, jit_inside
 from ..schema import choice, ParameterError, quantity, text
 from ..values import derived, Parameters, values_type
@@ -31,7 +32,7 @@ _ZERO: Jet = (0.0, 0.0, 0.0, 0.0, 0.0)
 _ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 
 BLEND_SPEED = 630.0 / 4.0**4            # largest first derivative of the blend
-BLEND_ACCELERATION = 2520.0 * (3.0 / 14.0)**3 / math.sqrt(7.0)  # largest second one
+BLEND_ACCELERATION = 2520.0 * 27.0 / 2744.0 / math.sqrt(7.0)  # largest second one
 _BLEND_HALF = 63.0 / 1024.0              # integral of the blend over its first half
 
 
@@ -262,9 +263,11 @@ def _check_vertical(plan: FlightPlanParams) -> None:
     rate, T = path.rate * plan.scale_rate, plan.blend_duration
     extra = 2.0 * BLEND_SPEED * rate * plan.scale_rate / TURN_DURATION if path.loops else 0.0
     if blends:
-        extra = max(extra, 2.0 * BLEND_SPEED * rate / T + BLEND_ACCELERATION / T**2)
-    track = depth * (rate**2 + extra)
-    climb = height * BLEND_ACCELERATION / plan.climb_duration**2 if blends else 0.0
+        extra = max(extra, 2.0 * BLEND_SPEED * rate / T + BLEND_ACCELERATION / (T * T))
+    track = depth * (rate * rate + extra)
+    climb = (
+        height * BLEND_ACCELERATION / (plan.climb_duration * plan.climb_duration)
+        if blends else 0.0)
     for name, value, remedy in (
             ('scale_rate', track, 'lower it or scale_amplitude, or lengthen blend_duration'),
             ('climb_duration', climb, 'lengthen it')):
@@ -287,13 +290,15 @@ def blend(x: float) -> Jet:
     if x >= 1.0:
         return _ONE
     z = min(x, 1.0 - x)  # the value from the nearer end, for its accuracy
-    low = z**5 * (126.0 + z * (-420.0 + z * (540.0 + z * (-315.0 + z * 70.0))))
+    w = z * z
+    low = w * w * z * (126.0 + z * (-420.0 + z * (540.0 + z * (-315.0 + z * 70.0))))
     y, d = x * (1.0 - x), 1.0 - 2.0 * x
+    square = y * y
     return (
         low if x <= 0.5 else 1.0 - low,
-        630.0 * y**4,
-        2520.0 * y**3 * d,
-        2520.0 * y * y * (3.0 * d * d - 2.0 * y),
+        630.0 * square * square,
+        2520.0 * square * y * d,
+        2520.0 * square * (3.0 * d * d - 2.0 * y),
         2520.0 * y * d * (6.0 * d * d - 18.0 * y))
 
 
@@ -304,7 +309,8 @@ def blend_integral(x: float) -> float:
         return 0.0
     if x >= 1.0:
         return x - 0.5
-    return x**6 * (21.0 + x * (-60.0 + x * (67.5 + x * (-35.0 + x * 7.0))))
+    cube = x * x * x
+    return cube * cube * (21.0 + x * (-60.0 + x * (67.5 + x * (-35.0 + x * 7.0))))
 
 
 @jit
@@ -355,7 +361,8 @@ def _path_time(t: float, plan: PlanValues) -> Jet:
 def _axis(p: Jet, slope: float, amplitude: float, rate: float, phase: float) -> Jet:
     """Return slope p + amplitude sin(rate p + phase) with four derivatives, by the chain rule."""
     x = rate * p[0] + phase
-    s, c = amplitude * math.sin(x), amplitude * math.cos(x)
+    sine, cosine = sin_cos(x)
+    s, c = amplitude * sine, amplitude * cosine
     d1, d2, d3, d4 = rate * p[1], rate * p[2], rate * p[3], rate * p[4]
     return (
         slope * p[0] + s,

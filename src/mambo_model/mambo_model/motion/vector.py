@@ -57,6 +57,12 @@ def norm(a: Vec3) -> float:
 
 
 @jit
+def hypot(x: float, y: float) -> float:
+    """Return the length of (x, y), within 1 ulp where no square overflows or underflows."""
+    return math.sqrt(x * x + y * y)
+
+
+@jit
 def direction(x: Vec3, x_dot: Vec3, x_ddot: Vec3) -> tuple[float, Vec3, Vec3, Vec3]:
     r"""
     Return the length of a time-varying vector, and its direction with two time derivatives.

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arithmetic.trigonometry import cos, sin
 from ..compiled import jit
 
 LONGEST_STEP = 0.05  # in units of 1/omega_0: the phase error is 1e-8 of a swing
@@ -76,8 +77,8 @@ def acceleration(theta: float, rate: float, s: Swing) -> float:
         Parameters of the pendulum.
 
     """
-    drop = math.sqrt(1.0 - 0.5 * s.ratio * s.ratio * (1.0 - math.cos(theta)))
-    restoring = s.frequency * s.frequency * math.sin(theta) / drop
+    drop = math.sqrt(1.0 - 0.5 * s.ratio * s.ratio * (1.0 - cos(theta)))
+    restoring = s.frequency * s.frequency * sin(theta) / drop
     return -(s.quadratic * abs(rate) + s.linear) * rate - restoring
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import math
 
 from ..motion.vector import Vec3
 
@@ -49,10 +50,11 @@ def with_points(
         Inertia about the new centre of mass.
 
     """
-    total = mass + sum(m for m, _ in points)
-    cx, cy, cz = (sum(m * r[i] for m, r in points) / total for i in range(3))
+    total = mass + math.fsum(m for m, _ in points)
+    cx, cy, cz = (math.fsum(m * r[i] for m, r in points) / total for i in range(3))
     terms = [_steiner(m, r) for m, r in points] + [_steiner(-total, (cx, cy, cz))]
     rows = [
-        [sum(term[i][j] for term in terms) + (inertia[i] if i == j else 0.0) for j in range(3)]
+        [math.fsum(term[i][j] for term in terms) + (inertia[i] if i == j else 0.0)
+         for j in range(3)]
         for i in range(3)]
     return total, (cx, cy, cz), tuple(tuple(row) for row in rows)

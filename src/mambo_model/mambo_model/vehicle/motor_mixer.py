@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 
+from ..arithmetic.exponential import exp, power
 from ..compiled import jit
 from ..motion.vector import Vec3
 from .parameters import THRUST_LINEAR, VehicleValues
@@ -26,7 +27,7 @@ def thrust_from_pwm(pwm: float, vv: VehicleValues) -> float:
         return 0.0
     if vv.thrust_map == THRUST_LINEAR:
         return pwm / vv.linear_gain
-    return vv.power_a * pwm ** vv.power_b
+    return vv.power_a * power(pwm, vv.power_b)
 
 
 @jit
@@ -40,7 +41,7 @@ def pwm_from_thrust(thrust: float, vv: VehicleValues) -> float:
         return 0.0
     if vv.thrust_map == THRUST_LINEAR:
         return thrust * vv.linear_gain
-    return (thrust / vv.power_a) ** (1.0 / vv.power_b)
+    return power(thrust / vv.power_a, 1.0 / vv.power_b)
 
 
 @jit
@@ -106,7 +107,7 @@ def faded(lost: float, pwm: float, dt: float, p: FadeValues) -> float:
 
     """
     end = p.loss if pwm > p.pwm else 0.0
-    return end + (lost - end) * math.exp(-dt / p.time_constant)
+    return end + (lost - end) * exp(-dt / p.time_constant)
 
 
 @jit

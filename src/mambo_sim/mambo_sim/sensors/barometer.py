@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from mambo_model.arithmetic.exponential import power
+from mambo_model.arithmetic.normal import standard_normal
 from mambo_model.compiled import jit
 from mambo_model.schema import quantity
 from mambo_model.values import derived, Parameters, values_type
@@ -69,7 +71,7 @@ BarometerValues = values_type(BarometerParams)
 @jit
 def pressure_at(height: float, ground_pressure: float) -> float:
     """Return the pressure in Pa at a height in m above the floor, of pressure in Pa (ISO 2533)."""
-    return ground_pressure * (1.0 - LAPSE * height / TEMPERATURE) ** EXPONENT
+    return ground_pressure * power(1.0 - LAPSE * height / TEMPERATURE, EXPONENT)
 
 
 @jit
@@ -100,11 +102,11 @@ def step(
         return memory, BarometerSample(False, math.nan)
     pressure = pressure_at(height, p.ground_pressure)
     if noise:
-        draw = rng.standard_normal()
+        draw = standard_normal(rng)
         if memory.started:
             offset = memory.offset + p.walk * math.sqrt(p.period * 1e-9) * draw
         else:
             offset = p.offset * draw
         memory = BarometerMemory(True, offset)
-        pressure += offset + p.noise * rng.standard_normal()
+        pressure += offset + p.noise * standard_normal(rng)
     return memory, BarometerSample(True, quantise(pressure, p.resolution))

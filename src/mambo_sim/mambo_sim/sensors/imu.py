@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from mambo_model.arithmetic.exponential import expm1
+from mambo_model.arithmetic.normal import standard_normal
 from mambo_model.compiled import jit
 from mambo_model.motion.vector import add, mul, scale, sub, Vec3
 from mambo_model.schema import quantity
@@ -107,8 +109,9 @@ class ImuParams(Parameters):
         """Return the constant biases of gyro and accelerometer, zero for drone 0."""
         if not self.drone:
             return _ZERO, _ZERO
-        draw = np.random.default_rng(self.drone).standard_normal((2, 3)).tolist()
-        return mul(self.gyro_bias, (*draw[0],)), mul(self.accel_bias, (*draw[1],))
+        rng = np.random.default_rng(self.drone)
+        gyro = _draw(rng)
+        return mul(self.gyro_bias, gyro), mul(self.accel_bias, _draw(rng))
 
     @derived('rad/s', 'drone')
     def gyro_constant(self) -> Vec3:
@@ -133,7 +136,7 @@ class ImuParams(Parameters):
     @derived('-', 'warm_up_time')
     def warming(self) -> float:
         """Share of the remaining warm-up in one sample."""
-        return -math.expm1(-STEP / self.warm_up_time)
+        return -expm1(-STEP / self.warm_up_time)
 
 
 ImuValues = values_type(ImuParams)
@@ -142,7 +145,7 @@ ImuValues = values_type(ImuParams)
 @jit
 def _draw(rng: Generator) -> Vec3:
     """Return three standard normal numbers."""
-    return (rng.standard_normal(), rng.standard_normal(), rng.standard_normal())
+    return (standard_normal(rng), standard_normal(rng), standard_normal(rng))
 
 
 @jit

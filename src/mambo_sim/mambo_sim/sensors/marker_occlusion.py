@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import itertools
 import math
 
+from mambo_model.arithmetic.exponential import expm1
+from mambo_model.arithmetic.normal import standard_normal
 from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import Quat, rotate
 from mambo_model.motion.vector import add, Vec3
@@ -109,7 +111,7 @@ class MarkerParams(Parameters):
         A marker that is hidden for a share s of the time, for a mean time T each, changes with
         the rates 1/T and s/(1 - s)/T; between frames their sum decays exponentially.
         """
-        return -math.expm1(-period * 1e-9 / (self.occlusion_time * (1.0 - self.occlusion)))
+        return -expm1(-period * 1e-9 / (self.occlusion_time * (1.0 - self.occlusion)))
 
     def values(self, period: int) -> MarkerValues:
         """Return the values for compiled code, for frames a period of ns apart."""
@@ -125,7 +127,7 @@ def _see(
 ) -> tuple[Vec3, bool]:
     """Return the point of one marker and whether it is visible; draws four numbers."""
     s = p.noise
-    error = (s * rng.standard_normal(), s * rng.standard_normal(), s * rng.standard_normal())
+    error = (s * standard_normal(rng), s * standard_normal(rng), s * standard_normal(rng))
     chance = rng.random()
     return add(add(rho, rotate(q, at)), error), chance >= p.hide if seen else chance < p.show
 

@@ -18,6 +18,9 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from mambo_model.arithmetic.exponential import exp
+from mambo_model.arithmetic.normal import standard_normal
+from mambo_model.arithmetic.trigonometry import cos
 from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import Vec3
@@ -143,7 +146,7 @@ class OpticalFlowParams(Parameters):
             raise ParameterError(
                 f'factor_low = {self.factor_low:g} m must not exceed '
                 f'factor_high = {self.factor_high:g} m')
-        curve = math.exp if self.factor_law == 'exponential' else float
+        curve = exp if self.factor_law == 'exponential' else float
         lowest = min(
             self.factor_offset + self.factor_slope * curve(h)
             for h in (self.factor_low, self.factor_high))
@@ -175,7 +178,7 @@ class OpticalFlowParams(Parameters):
     @derived('-', 'max_tilt')
     def min_cosine(self) -> float:
         """Cosine of the largest tilt with a value."""
-        return math.cos(self.max_tilt)
+        return cos(self.max_tilt)
 
     @derived('ticks', 'height_delay')
     def height_ticks(self) -> float:
@@ -191,7 +194,7 @@ def true_factor(height: float, p: FlowValues) -> float:
     """Return Q(h) of the sensor at a height in m: the velocity is ``h Q(h)`` times its rate."""
     h = clamp(height, p.factor_low, p.factor_high)
     if p.factor_law == FACTOR_EXPONENTIAL:
-        return p.factor_offset + p.factor_slope * math.exp(h)
+        return p.factor_offset + p.factor_slope * exp(h)
     return p.factor_offset + p.factor_slope * h
 
 
@@ -283,7 +286,7 @@ def step(
     error_x, error_y, failed = 0.0, 0.0, False
     if noise:
         sigma = p.noise / p.texture
-        error_x, error_y = sigma * rng.standard_normal(), sigma * rng.standard_normal()
+        error_x, error_y = sigma * standard_normal(rng), sigma * standard_normal(rng)
         if p.failure > 0.0:
             failed = rng.random() < p.failure
     if p.latency_ticks > 0:

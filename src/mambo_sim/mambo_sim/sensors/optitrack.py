@@ -18,6 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from mambo_model.arithmetic.normal import standard_normal
 from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.quaternion import exp_map, multiply, normalise, Quat
 from mambo_model.motion.rigid_body import State
@@ -168,8 +169,8 @@ def _noisy(rho: Vec3, q: Quat, rng: Generator, p: OptitrackValues) -> tuple[Vec3
     if not p.noise:
         return rho, q
     s, r = p.position_noise, p.attitude_noise
-    shift = (s * rng.standard_normal(), s * rng.standard_normal(), s * rng.standard_normal())
-    turn = (r * rng.standard_normal(), r * rng.standard_normal(), r * rng.standard_normal())
+    shift = (s * standard_normal(rng), s * standard_normal(rng), s * standard_normal(rng))
+    turn = (r * standard_normal(rng), r * standard_normal(rng), r * standard_normal(rng))
     return add(rho, shift), normalise(multiply(q, exp_map(turn)))
 
 

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from mambo_model.arithmetic.normal import standard_normal
+from mambo_model.arithmetic.trigonometry import cos
 from mambo_model.compiled import jit
 from mambo_model.motion.rigid_body import State
 from mambo_model.schema import ParameterError, quantity
@@ -87,7 +89,7 @@ class SonarParams(Parameters):
     @derived('-', 'max_tilt')
     def min_cosine(self) -> float:
         """Cosine of the largest tilt with an echo."""
-        return math.cos(self.max_tilt)
+        return cos(self.max_tilt)
 
 
 SonarValues = values_type(SonarParams)
@@ -120,7 +122,7 @@ def step(
         return SonarSample(False, math.nan)
     error, stray, place = 0.0, 1.0, 0.0
     if noise:
-        error, stray, place = p.noise * rng.standard_normal(), rng.random(), rng.random()
+        error, stray, place = p.noise * standard_normal(rng), rng.random(), rng.random()
     cosine = tilt_cosine(body.q)
     if cosine < p.min_cosine:
         return SonarSample(False, math.nan)
