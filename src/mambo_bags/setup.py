@@ -19,7 +19,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'digest = mambo_bags.digest:main',
+            'digest = mambo_bags.cli.digest:main',
             'recorder_node = mambo_bags.recorder_node:main',
             'recover = mambo_bags.recover:main',
             'replay_node = mambo_bags.replay_node:main',

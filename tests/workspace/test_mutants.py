@@ -48,7 +48,8 @@ def test_a_mutant_still_is_a_program_that_does_something_else(target):
 
 
 def test_every_file_with_an_equation_has_mutants():
-    rest = {  # no equation, or the vehicle's data
+    rest = {  # no equation, or the vehicle's data, or (arithmetic) held to 1 ulp everywhere
+        'double_double', 'exponential', 'normal', 'trigonometry',
         '__init__', 'compiled', 'components', 'errors', 'flight_command', 'limits', 'own_file',
         'palette', 'parameters', 'schema', 'script', 'slots', 'uav_trajectories', 'values',
         'vector', 'vehicle_file', 'vehicle_options', 'whole_file', 'yaml_nodes'}

@@ -81,7 +81,7 @@ GROUPS: dict[str, dict[str, Command]] = {
         'replay': Command('mambo_bringup.replay', "a bag's sensors through a live estimator"),
         'estimate': Command('mambo_analysis.compare.estimate', 'the same offline'),
         'recover': Command('mambo_bags.recover', 'save what is readable of a damaged bag'),
-        'digest': Command('mambo_bags.digest', 'whether two bags hold the same messages'),
+        'digest': Command('mambo_bags.cli.digest', 'whether two bags hold the same messages'),
         'join': Command('mambo_analysis.importers.join', "a drone's log and its motion capture "
                         'as one bag'),
         'import bag': Command('mambo_analysis.importers.any_bag', 'any rosbag2 or MCAP bag'),

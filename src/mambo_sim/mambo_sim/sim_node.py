@@ -122,9 +122,8 @@ class SimNode(node.MamboNode[SimNodeParams]):
                 self._tick, messages.optical_flow(t, s.flow, s.flow_quality), s.deliveries.flow)
         if s.baro_new:
             noise = p.barometer.noise
-            self._barometer.put(
-                self._tick, messages.pressure(t, s.pressure, noise * noise),
-                s.deliveries.barometer)
+            self._barometer.put(self._tick, messages.pressure(
+                t, s.pressure, noise * noise), s.deliveries.barometer)
         self._watermark(messages.sensor_tick(t, *(stream.count for stream in streams)))
         self._truth(messages.ground_truth(t, body))
         if t % 1_000_000_000 == 0:

@@ -148,3 +148,11 @@ def test_columns_that_do_not_belong_together_are_named(columns, message):
 def test_time_that_stands_or_falls_is_named():
     with pytest.raises(IdentifyError, match='time does not rise after 2 s'):
         check_times(np.array([0.0, 1.0, 2.0, 2.0, 3.0]))
+
+
+@pytest.mark.parametrize('half', [3e-9, 0.00047, 0.0123, 1.0, 250.0])
+def test_a_printed_interval_holds_the_interval(half):
+    value = 12.3456789
+    middle, _, width = plus_minus(value, half).partition(' +- ')
+    assert abs(float(middle) - value) <= 0.05 * half + 1e-12
+    assert float(width) == pytest.approx(half, rel=0.05)

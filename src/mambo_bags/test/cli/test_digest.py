@@ -1,6 +1,6 @@
 """Bags of equal messages have equal digests; any other bag has another."""
 
-from mambo_bags.digest import digest, main
+from mambo_bags.cli.digest import digest, main
 from mambo_bags.reader import read_bag
 from mambo_bags.recover import recover
 import pytest

@@ -10,8 +10,8 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from .command import guard, Parser
-from .reader import Bag, read_bag
+from ..command import guard, Parser
+from ..reader import Bag, read_bag
 
 
 def digest(bag: Bag) -> str:
