@@ -2,15 +2,16 @@
 """
 Fly a few short flights in one process and compare every bit with the committed digests.
 
-usage: tools/same_bytes.py [--write]
+usage: tools/same_bytes.py [--write | FLIGHT ...]
 
 It needs the packages below ``src`` on the path of Python, with numpy, scipy, numba and PyYAML, but
-no ROS, so that it runs on machines that have none. NUMBA_DISABLE_JIT=1 leaves the compiler out.
+no ROS, so that it runs on machines that have none. NUMBA_DISABLE_JIT=1 leaves the compiler out:
+the flights then take some seconds, and minutes where the compiler makes each for the first time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 import hashlib
 import json
 from pathlib import Path
@@ -36,12 +37,13 @@ FLIGHTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {  # options and oth
 }
 
 
-def digests() -> dict[str, str]:
-    """Return {flight: SHA-256 of everything that the closed loop records}."""
+def digests(names: Iterable[str] = FLIGHTS) -> dict[str, str]:
+    """Return {flight: SHA-256 of everything that the closed loop records} of some flights."""
     from mambo_flight import closed_loop
     from mambo_flight.scenario import scenario
     out = {}
-    for name, (options, overrides) in FLIGHTS.items():
+    for name in names:
+        options, overrides = FLIGHTS[name]
         recording = closed_loop.fly(scenario(
             duration=DURATION, land=False, overrides=overrides, **options), inner=True)
         out[name] = hashlib.sha256(b''.join(_bytes(recording))).hexdigest()
@@ -60,15 +62,18 @@ def _bytes(value: Any) -> Iterator[bytes]:
 def main(arguments: list[str]) -> int:
     """Compare or write; return the exit code."""
     import numpy
-    found = digests()
     if arguments == ['--write']:
-        DIGESTS.write_text(json.dumps(found, indent=2) + '\n')
+        DIGESTS.write_text(json.dumps(digests(), indent=2) + '\n')
         return 0
+    if unknown := set(arguments) - set(FLIGHTS):
+        print(f'same_bytes: {unknown.pop()!r} is none of {", ".join(FLIGHTS)}', file=sys.stderr)
+        return 2
+    found = digests(arguments or FLIGHTS)
     known = json.loads(DIGESTS.read_text())
     print(f'{platform.machine()}, Python {platform.python_version()}, numpy {numpy.__version__}')
     for name, value in found.items():
         print(f'{"the same" if known.get(name) == value else "DIFFERENT"}  {value[:16]}  {name}')
-    return int(found != known)
+    return int(not found.items() <= known.items())
 
 
 if __name__ == '__main__':
