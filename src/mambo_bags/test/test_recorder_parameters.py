@@ -7,7 +7,7 @@ import pytest
 
 def test_a_bag_is_enough():
     found = RecorderNodeParams(bag='my_flight')
-    assert flatten(found) == {'bag': 'my_flight', 'topics': '', 'scenario': ''}
+    assert flatten(found) == {'bag': 'my_flight', 'topics': '', 'scenario': '', 'world': ''}
 
 
 def test_without_a_bag_it_says_which_parameter_is_missing():

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable
 import math
 from typing import NamedTuple
 
+from mambo_model.errors import InputError
 from mambo_model.motion import flight_command as fc, uav_trajectories
 from mambo_model.motion.flight_command import FlightCommand
 from mambo_model.motion.polynomial import Array, DEGREE, jet, state_at, stretched
@@ -39,7 +40,7 @@ _PHASES = ('on the floor', 'taking off', 'flying', 'landing', 'on the floor')
 Way = tuple[list[Segment], Array]  # the way, and the point of rest behind it, (4,)
 
 
-class Refused(Exception):
+class Refused(InputError):
     """A command cannot be carried out; the text is the reason."""
 
 
