@@ -86,7 +86,8 @@ def speed(s: float, r: float, induced: float, length: float, p: DownwashValues) 
 
 def vehicle_row(vehicle: Vehicle) -> tuple[float, float, float]:
     """Return what the jet depends on: l in m, area of the discs in m^2, density in kg/m^3."""
-    return (2.0 * math.sqrt(2.0) * vehicle.arm, ROTORS * math.pi * vehicle.rotor.radius**2,
+    radius = vehicle.rotor.radius
+    return (2.0 * math.sqrt(2.0) * vehicle.arm, ROTORS * math.pi * radius * radius,
             vehicle.air_density)
 
 

@@ -15,6 +15,7 @@ import itertools
 import math
 from typing import NamedTuple
 
+from mambo_model.arithmetic.trigonometry import cos, sin
 from mambo_model.motion.vector import Vec3
 from mambo_model.schema import choice, group, ParameterError, quantity
 from mambo_model.values import Parameters
@@ -150,8 +151,8 @@ class World:
 
 def circle(n: int, spacing: float) -> list[Vec3]:
     """Return places of n drones on a circle, neighbours ``spacing`` m apart; NED, m."""
-    radius = spacing / (2.0 * math.sin(math.pi / n)) if n > 1 else 0.0
-    return [(radius * math.cos(2.0 * math.pi * k / n), radius * math.sin(2.0 * math.pi * k / n),
+    radius = spacing / (2.0 * sin(math.pi / n)) if n > 1 else 0.0
+    return [(radius * cos(2.0 * math.pi * k / n), radius * sin(2.0 * math.pi * k / n),
              0.0) for k in range(n)]
 
 

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import math
 from typing import NamedTuple
 
+from mambo_model.arithmetic.trigonometry import asin
 from mambo_model.compiled import jit
 from mambo_model.errors import JobError
 from mambo_model.motion.flatness import body_velocity, from_flat_output_yaw
@@ -84,7 +85,7 @@ def _demand(t, pieces, vv, options, out):
             share = options.battery.reference_voltage / voltage if voltage > 0.0 else np.inf
         row[0], row[1], row[2], row[3] = -rho[2], norm(v), norm(a), ref.f
         q = ref.q
-        row[4] = math.degrees(2.0 * math.asin(min(1.0, math.sqrt(q[1] * q[1] + q[2] * q[2]))))
+        row[4] = math.degrees(2.0 * asin(min(1.0, math.sqrt(q[1] * q[1] + q[2] * q[2]))))
         row[5] = math.degrees(norm(ref.omega))
         for i in range(4):
             row[6 + i] = share * pwm_from_thrust(thrust[i], vv)

@@ -120,8 +120,9 @@ def fly_on(
 
 def extrapolated(state: Array, duration: float) -> Array:
     """Return a state, (4, 5), after a duration in s if its fourth derivative stays."""
-    out = np.zeros((4, 5))
-    for order in range(5):
-        for power in range(5 - order):
-            out[:, order] += state[:, order + power] * duration**power / math.factorial(power)
+    out, term = np.zeros((4, 5)), 1.0
+    for power in range(5):
+        for order in range(5 - power):
+            out[:, order] += state[:, order + power] * term
+        term *= duration / (power + 1)
     return out

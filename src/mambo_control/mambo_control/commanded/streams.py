@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 import math
 
+from mambo_model.arithmetic.trigonometry import sin_cos
 from mambo_model.frames import flip_vector
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.flight_command import (
@@ -102,8 +103,9 @@ class Joystick:
         self._due = now + round(self._p.period * 1e9)
         yaw = float(state[3, 0])
         forward, right = wanted[0], -wanted[1]
-        x = forward * math.cos(yaw) - right * math.sin(yaw)
-        y = forward * math.sin(yaw) + right * math.cos(yaw)
+        s, c = sin_cos(yaw)
+        x = forward * c - right * s
+        y = forward * s + right * c
         z = -wanted[2]
         for velocity in dict.fromkeys(((x, y, z), (x, 0.0, z), (0.0, y, z), (x, y, 0.0))):
             if not self._give(FlightCommand(

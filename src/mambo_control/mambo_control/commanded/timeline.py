@@ -181,9 +181,10 @@ def _plan(
     if phase == LANDED:
         state = at_rest(state[:, 0] * np.array([1.0, 1.0, 0.0, 1.0]))
     build, tries = _BUILDERS[c.kind](c, state, p)
-    first = ''
-    for k in range(tries):
-        way, end = build(_LONGER**k)
+    first, longer = '', 1.0
+    for _ in range(tries):
+        way, end = build(longer)
+        longer *= _LONGER
         reason = beyond(way, end, -state[2, 0], p, vehicle)
         if not reason:
             return way, end
