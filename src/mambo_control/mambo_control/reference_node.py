@@ -64,6 +64,7 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
         """Accept commands."""
         p, self._commander = self.params.commands, Commander(
             self.params.commands, self.params.vehicle)
+        # have what checks a path in memory before the first command
         Commander(p, self.params.vehicle).give(FlightCommand(0, fc.TAKEOFF, height=p.ceiling))
         self._renew()
         self._command = self.advertise(topics.COMMAND)

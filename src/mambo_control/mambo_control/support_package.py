@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-from mambo_model.arithmetic.trigonometry import cos, sin
+from mambo_model.arithmetic.trigonometry import sin, sin_cos
 from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.quaternion import angle, conjugate, from_euler, multiply, rotate, to_euler
@@ -128,7 +128,7 @@ def _wanted_angles(
     if gains.reference == ATTITUDE:
         return (phi, theta, psi)
     x, y = ref.rho[0] - state.rho[0], ref.rho[1] - state.rho[1]
-    s, c = sin(yaw), cos(yaw)
+    s, c = sin_cos(yaw)
     ahead = _cut(c * x + s * y, gains.position_limit)
     right = _cut(c * y - s * x, gains.position_limit)
     return (

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-from mambo_model.arithmetic.trigonometry import asin, atan, cos, sin
+from mambo_model.arithmetic.trigonometry import asin, atan, cos, sin, sin_cos
 from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.quaternion import from_euler, rotate, to_matrix
 from mambo_model.motion.rigid_body import State
@@ -260,11 +260,12 @@ def turned(euler: Vec3, omega: Vec3, force: Vec3, dt: float, v: ToolboxValues) -
 
     """
     phi, theta, psi = euler
-    s, c, c_theta = sin(phi), cos(phi), cos(theta)
+    s, c = sin_cos(phi)
+    s_theta, c_theta = sin_cos(theta)
     if abs(c_theta) < NOSE_UP:
         c_theta = math.copysign(NOSE_UP, c_theta)
     psi_dot = (omega[1] * s + omega[2] * c) / c_theta
-    phi += dt * (omega[0] + sin(theta) * psi_dot)
+    phi += dt * (omega[0] + s_theta * psi_dot)
     theta += dt * (omega[1] * c - omega[2] * s)
     psi += dt * psi_dot
     if abs(norm(force) - v.gravity) < v.attitude_tolerance * v.gravity:

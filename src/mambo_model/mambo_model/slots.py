@@ -163,6 +163,7 @@ def tried(component: Component, arguments: tuple, read: Callable[[Any], Any]) ->
     uncompiled = ''
 
     def work() -> tuple[Any, Any] | None:
+        """Try a step; note in ``uncompiled`` that it does not compile."""
         nonlocal uncompiled
         try:
             memory = component.initial(own)

@@ -10,18 +10,18 @@ vehicle that all else is taken from (``--base``), and its mass (``--mass``).
 from __future__ import annotations
 
 import argparse
-import dataclasses
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from mambo_bags.cli.option_types import real
-from mambo_model.vehicle.parameters import find, Vehicle
+from mambo_model.vehicle.parameters import Vehicle
 import numpy as np
 
 from . import result
-from ..twin.force import fit_force, Found
+from ..twin import identify_flight
+from ..twin.force import Found
 from ..twin.identify_flight import drag_parameters, METHOD
-from ..twin.recorded import GRAVITY, read_flight, Recorded
+from ..twin.recorded import GRAVITY, Recorded
 from .regression import IdentifyError, Value
 
 AXES = {'horizontal': 'xy', 'vertical': 'z'}
@@ -63,31 +63,8 @@ def add_options(out: argparse.ArgumentParser) -> None:
 
 
 def read(path: Path, base: str, mass: float | None, namespace: str | None) -> Flight:
-    """
-    Read a flight and fit its specific force.
-
-    Parameters
-    ----------
-    path
-        Bag with ``imu/data_raw``, ``motor_pwm`` and a motion (capture or truth).
-    base
-        Name or file of a vehicle.
-    mass : kg
-        None: that of the base.
-    namespace
-        Of the drone; None if the bag has one.
-
-    Raises
-    ------
-    IdentifyError, mambo_bags.reader.BagError, mambo_model.schema.ParameterError
-        In one line.
-
-    """
-    vehicle = find(base)
-    if mass is not None:
-        vehicle = dataclasses.replace(vehicle, mass=mass)  # checks its range
-    recorded = read_flight(path, namespace)
-    return Flight(recorded, fit_force(recorded), vehicle)
+    """Read a flight; arguments and errors as of :func:`..twin.identify_flight.read`."""
+    return Flight(*identify_flight.read(path, base, mass, namespace))
 
 
 def _draw(flight: Flight, axes: str) -> Any:
@@ -121,7 +98,7 @@ def thrust_report(flight: Flight) -> result.Report:
     kappa, b = flight.value('thrust'), flight.value('exponent')
     thrust = Value(*(mass * x for x in kappa[:3]), 'N')
     a = mass * model.thrust / model.command ** model.exponent
-    hover = model.command * (GRAVITY / 4.0 / model.thrust) ** (1.0 / model.exponent)
+    hover = identify_flight.hover_command(flight.found).value
     source = _source('identify_thrust', flight, b)
     return result.Report(
         f'motor map of {flight.name}', {'thrust at the mean command': thrust, 'b': b},

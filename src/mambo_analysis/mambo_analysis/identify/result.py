@@ -115,6 +115,7 @@ def drawn_force(
 
     """
     def draw(figure: Figure) -> None:
+        """Draw the rows."""
         rows = figure.subplots(len(axes), 1, sharex=True, squeeze=False)[:, 0]
         flown, fitted = palette.lines(['accelerometer', 'model'])
         for row, axis in zip(rows, axes):

@@ -32,11 +32,10 @@ def identified(flights: Sequence[Recorded]) -> list[tuple[str, Found]]:
 
 def table(found: Sequence[tuple[str, Found]]) -> tuple[str, list[str], list[list[str]]]:
     """Return caption, head and rows: each parameter by flight, and how many pairs agree."""
-    hidden = [{line.split(':')[0] for line in one.hidden} for _, one in found]
+    shown = [one.shown for _, one in found]
     body, counts = [], []
     for name in COMPARED:
-        values = [None if name in unseen else one.values[name]
-                  for (_, one), unseen in zip(found, hidden, strict=True)]
+        values = [one.get(name) for one in shown]
         pairs = list(combinations([one for one in values if one is not None], 2))
         cells = ['-' if one is None else plus_minus(one.value, one.half) for one in values]
         unit = found[0][1].values[name].unit

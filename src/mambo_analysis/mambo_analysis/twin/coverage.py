@@ -85,9 +85,7 @@ def trial(seed: int, path: str = PATH, seconds: float = SECONDS) -> Trial:
         recording_to_bag.write(bag, flight, closed_loop.fly(flight, inner=True))
         recorded = read_flight(bag)
     found = fit_force(recorded)
-    hidden = {line.split(':')[0] for line in found.hidden}
-    values = {name: one for name, one in found.values.items() if name not in hidden}
-    values['hover command'] = hover_command(found)
+    values = {**found.shown, 'hover command': hover_command(found)}
     values |= {f'inertia {axis}': one.value for axis, one in fit_moments(
         recorded, found, vehicle, vehicle.motor_time_constant).items() if one.value}
     return Trial(seed, {name: (values[name].value, values[name].low, values[name].high, true)

@@ -108,6 +108,12 @@ class Found(NamedTuple):
     measured: Floats  # (m, 3) m/s^2, of the means that were compared
     t: Floats         # (m,) s
 
+    @property
+    def shown(self) -> dict[str, Value]:
+        """Return the parameters that the flight shows."""
+        unseen = {line.split(':')[0] for line in self.hidden}
+        return {name: one for name, one in self.values.items() if name not in unseen}
+
 
 def means(x: Floats) -> Floats:
     """Return means over ``BLOCK`` rows, (n // BLOCK, k)."""

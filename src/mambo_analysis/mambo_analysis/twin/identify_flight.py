@@ -70,16 +70,14 @@ def drag_parameters(found: Found, source: str) -> dict[str, tuple[Any, str]]:
 
     The reading belongs to both coefficients, so a vertical one alone has no place in a file.
     """
-    hidden = {line.split(':')[0] for line in found.hidden}
-
-    def shown(axis: str) -> bool:
-        return f'drag {axis}' not in hidden and found.values[f'drag {axis}'].low > 0.0
-    sideways = [found.model.drag[i] for i, axis in enumerate('xy') if shown(axis)]
-    if not sideways:
+    shown = found.shown
+    drag = {axis: found.model.drag[i] for i, axis in enumerate(AXES)
+            if f'drag {axis}' in shown and shown[f'drag {axis}'].low > 0.0}
+    upward = (drag.pop('z'), source) if 'z' in drag else (0.0, 'not shown by the flight')
+    if not drag:
         return {}
-    upward = (found.model.drag[2], source) if shown('z') else (0.0, 'not shown by the flight')
     return {'drag_reading': ('acceleration', source),
-            'drag_coefficient': (float(np.mean(sideways)), source),
+            'drag_coefficient': (float(np.mean(list(drag.values()))), source),
             'vertical_drag_coefficient': upward}
 
 
@@ -88,19 +86,19 @@ def _vehicle(
     moments: dict[str, Moment],
 ) -> dict[str, tuple[Any, str]]:
     """Return the parameters of a vehicle file that the flight determines, with the PWM range."""
-    model, hidden = found.model, {line.split(':')[0] for line in found.hidden}
+    model, known = found.model, found.shown
     out: dict[str, tuple[Any, str]] = {'mass': (mass, 'as given, or of the base')}
     shown = [None if axis not in moments else moments[axis].value for axis in AXES]
     if any(shown):
         out['inertia'] = (tuple(
             kept if one is None else one.value for one, kept in zip(shown, base.inertia)),
             f'{source}; about {" and ".join(a for a, v in zip(AXES, shown) if v)}')
-    exponent = base.power_b if 'exponent' in hidden else model.exponent
+    exponent = model.exponent if 'exponent' in known else base.power_b
     # the law through the hover point, at the mean voltage of the flight
     out |= {'thrust_map': ('power', source), 'power_b': (exponent, source),
             'power_a': (mass * GRAVITY / 4.0 / hover ** exponent, source),
             'linear_gain': (hover / (mass * GRAVITY / 4.0), source)}
-    if 'motor lag' not in hidden:
+    if 'motor lag' in known:
         out['motor_time_constant'] = (model.lag, source)
     return out | drag_parameters(found, source)
 
@@ -114,21 +112,20 @@ def known_lag(given: float | None, base: Vehicle, found: Found) -> tuple[float, 
     return found.model.lag, 'of this flight'
 
 
-def identify(
-    path: Path, base: str, mass: float | None, namespace: str | None, lag: float | None = None,
-) -> result.Report:
+def read(
+    path: Path, base: str, mass: float | None, namespace: str | None,
+) -> tuple[Recorded, Found, Vehicle]:
     """
-    Identify a vehicle from a flight and return the report.
+    Read a flight, fit its specific force, and return the vehicle that all else is taken from.
 
     Parameters
     ----------
     path
-        Bag with IMU, motor commands and a motion.
+        Bag with ``imu/data_raw``, ``motor_pwm`` and a motion (capture or truth).
     base
-        Name or file of the vehicle that the rest is taken from.
+        Name or file of a vehicle.
     mass : kg
-    lag : s
-        Of the motors, for the moments of inertia. None, like the mass: of the base.
+        None: that of the base.
     namespace
         Of the drone; None if the bag has one.
 
@@ -138,18 +135,34 @@ def identify(
         In one line.
 
     """
-    start = find(base)
+    vehicle = find(base)
     if mass is not None:
-        start = dataclasses.replace(start, mass=mass)  # checks its range
-    flight = read_flight(path, namespace)
-    found = fit_force(flight)
+        vehicle = dataclasses.replace(vehicle, mass=mass)  # checks its range
+    recorded = read_flight(path, namespace)
+    return recorded, fit_force(recorded), vehicle
+
+
+def identify(
+    path: Path, base: str, mass: float | None, namespace: str | None, lag: float | None = None,
+) -> result.Report:
+    """
+    Identify a vehicle from a flight and return the report.
+
+    Parameters
+    ----------
+    path, base, mass, namespace
+        As of :func:`read`, errors too.
+    lag : s
+        Of the motors, for the moments of inertia. None: of the base.
+
+    """
+    flight, found, start = read(path, base, mass, namespace)
     hover = hover_command(found)
     motors, whence = known_lag(lag, start, found)
     moments = fit_moments(flight, found, start, motors)
     hidden = [*found.hidden, *(
         f'inertia {axis}: {one.hidden}' for axis, one in moments.items() if one.hidden)]
-    shown = {line.split(':')[0] for line in found.hidden}
-    values = {name: value for name, value in found.values.items() if name not in shown}
+    values = found.shown
     values |= {f'inertia {axis}': one.value for axis, one in moments.items() if one.value}
     values |= {'hover command': hover, **_resting(flight)}
     notes = [f'not shown by this flight: {line}' for line in hidden]

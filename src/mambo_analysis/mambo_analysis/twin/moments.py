@@ -114,7 +114,7 @@ def fit_moments(
     """
     lagged = found.model._replace(lag=lag).motor_thrust(flight)[flight.air]
     u, rate = lagged @ MIX.T, flight.gyro[flight.air]
-        # mean over the step that begins at a sample: of commands up to that sample, not after it
+    # mean over the step that begins at a sample: of commands up to that sample, not after it
     u, rate = 0.5 * (u[:-1] + u[1:]), rate[1:]
     velocity = flight.body_velocity[flight.air][1:]
     still = np.zeros(len(u))

@@ -38,4 +38,3 @@ def run(name: str, options: argparse.Namespace) -> int:
         """Send and print."""
         print(f'{name}: {send(name, drone, **arguments)}')
     return guard(name, work)
-

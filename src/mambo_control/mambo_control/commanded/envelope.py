@@ -16,10 +16,10 @@ from .maneuvers import Segment
 _ROUNDING = 1e-6  # m, m/s, m/s^2
 
 
-def _samples(segment: Segment) -> Array:
-    """Return the position of a path every control step and at its end, (n, 3) m."""
+def _samples(segment: Segment, polynomials: Array) -> Array:
+    """Return polynomials, (..., k), every control step of a path and at its end, (n, ...)."""
     t = np.append(np.arange(0.0, segment.duration, demands.STEP), segment.duration)
-    return np.polynomial.polynomial.polyval(t, segment.coefficients[:3].T).T
+    return np.polynomial.polynomial.polyval(t, polynomials.T).T
 
 
 def _outside(points: Array, low: float, p: CommandParams) -> str:
@@ -64,7 +64,7 @@ def beyond(
     for segment in (*segments, Segment(0.0, end[:, None], TRACK)):
         landing = segment.phase in (TAKEOFF, LANDING) or segment.duration == 0.0
         low = 0.0 if landing else min(p.lowest, height)
-        if wrong := _outside(_samples(segment), low, p):
+        if wrong := _outside(_samples(segment, segment.coefficients[:3]), low, p):
             return wrong
     if not segments:
         return ''
@@ -83,8 +83,7 @@ def _too_fast(segments: list[Segment], p: CommandParams) -> str:
     """Return whether a path turns faster than it may; empty: it does not."""
     for segment in segments:
         rate = np.polynomial.polynomial.polyder(segment.coefficients[3])
-        t = np.append(np.arange(0.0, segment.duration, demands.STEP), segment.duration)
-        fastest = float(np.abs(np.polynomial.polynomial.polyval(t, rate)).max())
+        fastest = float(np.abs(_samples(segment, rate)).max())
         if not fastest <= p.yaw_rate + _ROUNDING:
             return f'the path turns at {fastest:.3g} rad/s, limit {p.yaw_rate:g} rad/s'
     return ''

@@ -24,9 +24,10 @@ from mambo_model.yaml_nodes import load, reason
 import yaml
 
 from .command_params import CommandParams
+from .demand import STEP
 from .timeline import fold, Timeline
 
-STEP_NS = 5_000_000  # the control period of section 4.2, 200 Hz
+STEP_NS = round(1e9 * STEP)  # the control period of section 4.2, 200 Hz
 MOST = 20_000  # commands of a script
 _VECTORS = {'goal': 'position', 'position': 'position', 'velocity': 'velocity',
             'acceleration': 'acceleration', 'jerk': 'jerk', 'snap': 'snap'}

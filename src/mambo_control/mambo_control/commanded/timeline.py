@@ -216,6 +216,7 @@ def _land(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
                       'reference when the motors stop')
 
     def build(longer: float) -> Way:
+        """Return the way down."""
         slowing, above = stop(state, p, longer)
         way, down = _descent(above, c.height, c.duration, p, longer)
         return slowing + way, down
@@ -268,6 +269,7 @@ def _follow(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
         last = at_rest(last[:, 0])
 
     def build(longer: float) -> Way:
+        """Return the way to the course, the course, and the way to rest."""
         approach = longer * (c.duration or least_duration(state, first[:, 0], p))
         way = [] if near else [move(state, first, approach)]
         slowing, end = stop(last, p, longer)
@@ -292,6 +294,7 @@ def _setpoint(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
     wanted[3, :2] = yaw, c.yaw_rate
 
     def build(longer: float) -> Way:
+        """Return the way to the setpoint ahead, to rest, and down."""
         ahead = longer * p.setpoint_timeout
         there = extrapolated(wanted, ahead)
         slowing, above = stop(there, p)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import math
 
 from mambo_model.aerodynamics import lumped_drag
-from mambo_model.arithmetic.trigonometry import atan2, cos, sin
+from mambo_model.arithmetic.trigonometry import atan2, sin, sin_cos
 from mambo_model.compiled import jit
 from mambo_model.motion.flatness import minimal_rotation, Reference
 from mambo_model.motion.quaternion import angle, conjugate, multiply, Quat, rotate, rotate_inverse
@@ -132,7 +132,8 @@ def attitude_of(
     level, _, _ = minimal_rotation(b3, _ZERO, _ZERO)
     ahead = rotate_inverse(level, b1)  # (cos, sin, 0) of the turn about b3
     half = 0.5 * atan2(ahead[1], ahead[0])
-    q = multiply(level, (cos(half), 0.0, 0.0, sin(half)))
+    sine, cosine = sin_cos(half)
+    q = multiply(level, (cosine, 0.0, 0.0, sine))
     return q, (w1, w2, w3), omega_dot
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from mambo_model.arithmetic.exponential import exp
-from mambo_model.arithmetic.trigonometry import cos, sin
+from mambo_model.arithmetic.trigonometry import sin_cos
 from mambo_model.compiled import jit
 from mambo_model.motion.vector import add, scale, sub, Vec3
 
@@ -36,7 +36,8 @@ def lowpass(
     """
     sigma, w = damping * omega, omega * math.sqrt(1.0 - damping * damping)
     keep = exp(-sigma * dt)
-    c, s = keep * cos(w * dt), keep * sin(w * dt)
+    sine, cosine = sin_cos(w * dt)
+    c, s = keep * cosine, keep * sine
     off = sub(y, u)
     after = add(scale(c + sigma / w * s, off), scale(s / w, y_dot))
     rate = add(scale(-omega * omega / w * s, off), scale(c - sigma / w * s, y_dot))

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from mambo_model.arithmetic.trigonometry import atan2, cos, sin
+from mambo_model.arithmetic.trigonometry import atan2, sin_cos
 from mambo_model.compiled import jit
 from mambo_model.motion.quaternion import multiply, normalise, Quat
 from mambo_model.motion.rigid_body import State
@@ -36,20 +36,22 @@ SAME = Anchor(0.0, (0.0, 0.0, 0.0))
 @jit
 def about_z(yaw: float, v: Vec3) -> Vec3:
     """Return a vector turned about z by an angle in rad, (3,)."""
-    c, s = cos(yaw), sin(yaw)
+    s, c = sin_cos(yaw)
     return (c * v[0] - s * v[1], s * v[0] + c * v[1], v[2])
 
 
 @jit
 def yaw_quaternion(yaw: float) -> Quat:
     """Return the attitude of a yaw in rad, w x y z."""
-    return (cos(0.5 * yaw), 0.0, 0.0, sin(0.5 * yaw))
+    s, c = sin_cos(0.5 * yaw)
+    return (c, 0.0, 0.0, s)
 
 
 @jit
 def wrapped(turn: float) -> float:
     """Return an angle in rad within pi of zero."""
-    return atan2(sin(turn), cos(turn))
+    s, c = sin_cos(turn)
+    return atan2(s, c)
 
 
 @jit
@@ -96,7 +98,7 @@ def moved(x: Nominal, by: Anchor) -> Nominal:
 @jit
 def turn_covariance(P: Array, yaw: float) -> None:
     """Turn the errors of position, velocity and attitude about z, in place."""
-    c, s = cos(yaw), sin(yaw)
+    s, c = sin_cos(yaw)
     for first in (0, 3, 6):
         for j in range(len(P)):
             x, y = P[first, j], P[first + 1, j]

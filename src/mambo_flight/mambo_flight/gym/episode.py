@@ -15,7 +15,7 @@ from mambo_control.attitude_law import attitude_error, torque
 from mambo_control.command import motors
 from mambo_control.gains import GainValues
 from mambo_estimation import filters
-from mambo_model.arithmetic.trigonometry import atan2, cos, sin
+from mambo_estimation.capture.frames import wrapped
 from mambo_model.compiled import jit, jit_beside_python
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.quaternion import from_euler, IDENTITY, Quat, rotate, to_euler
@@ -136,8 +136,7 @@ def _reward(body, ref, before, pwm, shutdown, aloft, rules, vv):
     """Return the reward of the last control step, and the reason if the episode ends."""
     distance = norm(sub(ref.rho, body.rho))
     speed = norm(sub(ref.v, rotate(body.q, body.nu)))
-    turned = to_euler(body.q)[2] - to_euler(ref.q)[2]
-    turned = abs(atan2(sin(turned), cos(turned)))
+    turned = abs(wrapped(to_euler(body.q)[2] - to_euler(ref.q)[2]))
     change = 0.0
     for i in range(4):
         change += (pwm[i] - before[i]) ** 2

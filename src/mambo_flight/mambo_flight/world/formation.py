@@ -119,6 +119,7 @@ def _half_turn(place: Vec3, altitude: float, duration: float) -> str:
     x, y, _ = place
 
     def position(t: float) -> tuple[float, float, float]:
+        """Return where the drone is at t in s, m."""
         share = min(max(t / duration, 0.0), 1.0)
         # rises from 0 to 1; five derivatives vanish at both ends
         smooth = share**6 * (462.0 + share * (-1980.0 + share * (3465.0 + share * (

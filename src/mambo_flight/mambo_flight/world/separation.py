@@ -16,6 +16,7 @@ from typing import NamedTuple
 from mambo_bags.command import guard, Parser, refuse_existing, write_json
 from mambo_bags.reader import Bag, read_bag
 from mambo_model.errors import InputError, JobError
+from mambo_model.frames import flip_vector
 from mambo_model.motion.vector import Vec3
 from mambo_sim.world import MOST
 import numpy as np
@@ -87,8 +88,7 @@ def table(found: Sequence[Pair], limit: float) -> str:
 def _track(bag: Bag, place: Vec3) -> Track:
     """Return the track of a drone from its bag, whose axes are z-up."""
     odometry = bag[TRUTH]
-    x, y, z = odometry.position.T
-    position = np.column_stack((x, -y, -z)) + np.array(place)
+    position = np.column_stack(flip_vector(tuple(odometry.position.T))) + np.array(place)
     good = np.isfinite(position).all(axis=1)
     t, first = np.unique(odometry.stamp[good], return_index=True)
     return Track(t, position[good][first])

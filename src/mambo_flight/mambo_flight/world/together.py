@@ -17,7 +17,7 @@ from mambo_sim import pushed
 from mambo_sim.world import Collision, World, WorldParams
 
 from .. import closed_loop
-from ..closed_loop import control_step, moved, Recording
+from ..closed_loop import fly_on, Recording
 from ..scenario import Scenario
 
 
@@ -35,16 +35,12 @@ def _observe(held, row):
 
 
 @jit
-def _step(held, k, push, stop, last, row):
-    """Sense and command at step k; unless it is the last, move on and store what is seen."""
+def _step(held, k, push, stop, row):
+    """Sense, command and move on at step k; store what is seen of the drone then."""
     rngs, mocap_rng = held.rng
     p, out = held.values
-    carry, command = control_step(held.memory, k, rngs, mocap_rng, p, out, push)
-    if not last:
-        carry = moved(carry, pushed.advance_as(
-            carry.state, command.pwm, command.shutdown or stop, p.simulator, push))
-        pushed.observe(carry.state.plant, row)
-    held.memory = carry
+    fly_on(held.memory, k, k + 1, rngs, mocap_rng, p, out, push, stop, held)
+    pushed.observe(held.memory.state.plant, row)
 
 
 def fly(
@@ -91,5 +87,5 @@ def fly(
     for k, t in enumerate(times):
         pushes = world.look(t)
         for one, push, stop, row in zip(held, pushes, world.stopped, world.seen, strict=True):
-            _step(one, k, push, stop, k + 1 == len(times), row)
+            _step(one, k, push, stop, row)
     return Together(recordings, world.collisions)

@@ -36,7 +36,8 @@ with localcontext() as _context:
     _CELLS_PER_E = float(CELLS / Decimal(2).ln())
     _INVERSE = np.array([_inverse(i) for i in range(CELLS)])
     _LOGARITHMS = np.array([_on_grid(-Decimal(float(c)).ln()) for c in _INVERSE])
-    _ROOTS = np.array([split(Decimal(2) ** (Decimal(i) / CELLS), 53) for i in range(CELLS)])
+    _root = (Decimal(2).ln() / CELLS).exp()
+    _ROOTS = np.array([split(_root ** i, 53) for i in range(CELLS)])
 _POWERS = np.array([math.ldexp(1.0, k) for k in range(-1022, 1024)])
 
 

@@ -15,10 +15,11 @@ STEPS = 16             # of the table of arc tangents, from 0 to 1
 
 with localcontext() as _context:
     _context.prec = DIGITS
-    PI, PI_LOW = split(pi(), 53)
-    HALF_PI, HALF_PI_LOW = split(pi() / 2, 53)
-    _NEAR = split(pi() / 2, 33)                 # a product with 20 bits is exact
-    _FAR = split(pi() / 2, 21, 21, 21, 21)      # a product with 32 bits is exact
+    _pi = pi()
+    PI, PI_LOW = split(_pi, 53)
+    HALF_PI, HALF_PI_LOW = split(_pi / 2, 53)
+    _NEAR = split(_pi / 2, 33)                 # a product with 20 bits is exact
+    _FAR = split(_pi / 2, 21, 21, 21, 21)      # a product with 32 bits is exact
     _ARCTANGENTS = np.array([
         split(arctangent(Decimal(i) / STEPS), 53) for i in range(STEPS + 1)])
 

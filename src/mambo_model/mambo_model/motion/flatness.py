@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ..arithmetic.trigonometry import atan2, cos, sin
+from ..arithmetic.trigonometry import atan2, sin_cos
 from ..compiled import jit
 from .quaternion import from_euler, Quat, rotate_inverse
 from .vector import add, cross, direction, dot, mul, scale, sub, Vec3
@@ -124,7 +124,7 @@ def from_flat_output_yaw(
 
     """
     length, b3, b3_dot, b3_ddot = _thrust_axis(a, j, s, gravity)
-    cosine, sine = cos(psi), sin(psi)
+    sine, cosine = sin_cos(psi)
     x_C, y_C = (cosine, sine, 0.0), (-sine, cosine, 0.0)
     y_C_dot = scale(-psi_dot, x_C)
     y_C_ddot = sub(scale(-psi_ddot, x_C), scale(psi_dot * psi_dot, y_C))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from ..arithmetic.trigonometry import asin, atan2, cos, sin
+from ..arithmetic.trigonometry import asin, atan2, sin_cos
 from ..compiled import jit
 from .vector import add, cross, norm as vector_norm, scale, Vec3
 
@@ -102,9 +102,9 @@ def to_matrix(q: Quat) -> Matrix3:
 @jit
 def from_euler(phi: float, theta: float, psi: float) -> Quat:
     """Return the attitude of roll, pitch and yaw in rad, ZYX order, unit (4,) (2.4)."""
-    c1, s1 = cos(0.5 * phi), sin(0.5 * phi)
-    c2, s2 = cos(0.5 * theta), sin(0.5 * theta)
-    c3, s3 = cos(0.5 * psi), sin(0.5 * psi)
+    s1, c1 = sin_cos(0.5 * phi)
+    s2, c2 = sin_cos(0.5 * theta)
+    s3, c3 = sin_cos(0.5 * psi)
     return (
         c1 * c2 * c3 + s1 * s2 * s3,
         s1 * c2 * c3 - c1 * s2 * s3,
@@ -139,5 +139,6 @@ def angle(q: Quat) -> float:
 def exp_map(rotvec: Vec3) -> Quat:
     """Return the unit quaternion, (4,), of a rotation vector (axis times angle), (3,) rad."""
     a = vector_norm(rotvec)
-    k = 0.5 if a == 0.0 else sin(0.5 * a) / a
-    return (cos(0.5 * a), k * rotvec[0], k * rotvec[1], k * rotvec[2])
+    s, c = sin_cos(0.5 * a)
+    k = 0.5 if a == 0.0 else s / a
+    return (c, k * rotvec[0], k * rotvec[1], k * rotvec[2])

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arithmetic.trigonometry import cos, sin
+from ..arithmetic.trigonometry import sin_cos
 from ..compiled import jit
 
 LONGEST_STEP = 0.05  # in units of 1/omega_0: the phase error is 1e-8 of a swing
@@ -77,8 +77,9 @@ def acceleration(theta: float, rate: float, s: Swing) -> float:
         Parameters of the pendulum.
 
     """
-    drop = math.sqrt(1.0 - 0.5 * s.ratio * s.ratio * (1.0 - cos(theta)))
-    restoring = s.frequency * s.frequency * sin(theta) / drop
+    sine, cosine = sin_cos(theta)
+    drop = math.sqrt(1.0 - 0.5 * s.ratio * s.ratio * (1.0 - cosine))
+    restoring = s.frequency * s.frequency * sine / drop
     return -(s.quadratic * abs(rate) + s.linear) * rate - restoring
 
 
