@@ -101,12 +101,13 @@ def test_a_double_click_resets_every_plot(flights, tmp_path):
     tab = browser.opened(two(flights), tmp_path)
     before = tab.evaluate(RANGES)
     tab.evaluate("""
-        const boxes = [...document.querySelectorAll('.plot[data-live]')];
+        Plotly.setPlotConfig({ doubleClickDelay: 60000 }); // ms: the machine may be slow, and
+        const boxes = [...document.querySelectorAll('.plot[data-live]')]; // a redrawn plot asks it
+        boxes[1]._context.doubleClickDelay = 60000;
         await Plotly.relayout(boxes[1], { 'xaxis.range[0]': 3, 'xaxis.range[1]': 5,
           'yaxis.range': [0, 900] });
         await Plotly.relayout(boxes[0], { 'yaxis.range': [0, 900] });
         boxes[1].scrollIntoView();
-        boxes[1]._context.doubleClickDelay = 60000; // ms: the machine may be slow
     """)
     zoomed = tab.evaluate(f'for (let k = 0; k < 100; k += 1) {{ await new Promise('
                           f'requestAnimationFrame); }} {RANGES}')
