@@ -205,14 +205,16 @@ def _fly_and_report(
         reasons = _print_outcome(outcome, bags[space], options.no_report)
         problem = problem or (FlightError(reasons[0]) if reasons else None)
     if hall is not None:
-        problem = _print_separation(bag, outcomes, hall) or problem
+        problem = _print_separation(bag, outcomes, hall, options.no_report) or problem
     if stopped:
         raise KeyboardInterrupt(stopped)
     if problem:
         raise problem
 
 
-def _print_separation(bag: Path, outcomes: list[Outcome], hall: Hall) -> FlightError | None:
+def _print_separation(
+    bag: Path, outcomes: list[Outcome], hall: Hall, no_report: bool,
+) -> FlightError | None:
     """Print the separation of drones, draw it, print collisions; return the first of these."""
     if all(outcome.closed and outcome.flown for outcome in outcomes):
         found = separation.pairs(separation.read([bag])[0])
@@ -220,6 +222,9 @@ def _print_separation(bag: Path, outcomes: list[Outcome], hall: Hall) -> FlightE
         picture = bag / 'separation.png'
         plot_separation.draw(picture, found, hall.params.collision_distance)
         print(f'picture: {picture}')
+        if not no_report:
+            from mambo_analysis.compare import separation_page
+            print(f"page: {separation_page.write(bag / 'index.html', bag)}")
     collisions = outcomes[0].collisions
     print(*collisions, sep='\n', end='\n' if collisions else '')
     return FlightError(collisions[0]) if collisions else None

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.reader import Bag, BagError, Messages, read_bag
+from mambo_flight.world import separation
 from mambo_signals import metrics, motion, resample
 from mambo_signals.flight_phases import detect_phases, Phases, phases
 from mambo_signals.resample import continuous_quaternions, Floats, Ints
@@ -440,10 +441,12 @@ def parser() -> Parser:
         epilog='examples:\n'
                '  compare FLIGHT                          tracking and estimation error\n'
                '  compare SIMULATION EXPERIMENT --html report.html\n'
+               '  compare FOLDER --html report.html       several drones in one hall\n'
                '  compare A B --a-topic estimate/odom --align time,yaw --equal-at 6\n'
                '  compare FLIGHT --a-topic estimate/odom --b-topic ground_truth/odom\n')
     add = out.add_argument
-    add('bag', type=Path, metavar='A', help='rosbag2 directory or .mcap file')
+    add('bag', type=Path, metavar='A', help='rosbag2 directory or .mcap file, or '
+        'the folder that holds the bags of several drones in one hall')
     add('other', type=Path, metavar='B', nargs='?', help='the bag to compare with')
     add('--html', type=Path, metavar='FILE', help='write a report with plots and the flight, one '
         'file that needs no network')
@@ -476,6 +479,10 @@ def _what(options: argparse.Namespace) -> Collection[str] | None:
 
 
 def _work(options: argparse.Namespace) -> None:
+    if separation.is_folder(options.bag):
+        from . import separation_page
+        separation_page.work(options)
+        return
     bag = read_bag(options.bag, namespace=options.namespace)
     what = _what(options)
     is_pair = options.other is not None or options.a_topic or options.b_topic

@@ -61,9 +61,10 @@ def _numbers(values: Floats, digits: int) -> list[float | None]:
             for value in np.asarray(values, float).tolist()]
 
 
-def _line(
+def line_of(
     name: str, stamps: Ints, values: Floats, digits: int, style: Mapping[str, Any],
 ) -> dict[str, Any]:
+    """Return a line over stamps in ns; style: colour (a role), dash and width."""
     t, y = metrics.envelope(stamps * 1e-9, values, POINTS)
     return {'name': escape(name), **style, 't': _numbers(t, 3), 'y': _numbers(y, digits)}
 
@@ -87,7 +88,7 @@ def roles(names: Sequence[str]) -> list[str]:
     return used
 
 
-def _figure(
+def figure_of(
     name: str, title: str, text: str, panels: Sequence[tuple[str, list[dict[str, Any]]]],
 ) -> dict[str, Any]:
     """Return a figure of stacked panels (axis label, lines)."""
@@ -113,15 +114,15 @@ def comparison_figures(
         digits = DIGITS.get(q.unit, 4) + 3  # so that small differences do not become staircases
         panels = []
         for axis, label in enumerate(q.axes):
-            lines = [_line(other.name, other.stamps, other.position[:, axis], digits,
+            lines = [line_of(other.name, other.stamps, other.position[:, axis], digits,
                            {**_style('reference'), 'dash': 'dot'})
                      for other in others.get(q.name, ())]
             panels.append((f'{_direction(label)} [{q.unit}]', [
-                *lines, _line(theirs, q.stamps, q.b[:, axis], digits, b),
-                _line(ours, q.stamps, q.a[:, axis], digits, a)]))
+                *lines, line_of(theirs, q.stamps, q.b[:, axis], digits, b),
+                line_of(ours, q.stamps, q.a[:, axis], digits, a)]))
         shown = figures.listed([ours, theirs, *(other.name for other in others.get(q.name, ()))])
         up = ', z up' if q.axes[-1] == 'z' else ''
-        out.append(_figure(
+        out.append(figure_of(
             f'{name} {q.name}', f'{name}{q.name}'[:1].upper() + f'{name}{q.name}'[1:],
             f'{shown} by axis{up}.', panels))
         out.append(_error_figure(q, name, f'{ours} minus {theirs}', digits))
@@ -133,15 +134,15 @@ def _error_figure(q: Quantity, name: str, what: str, digits: int) -> dict[str, A
     panels = []
     if len(q.axes) == 3:
         panels = [(f'Δ{_direction(axis)} [{q.unit}]', [
-            _line(f'{axis} error', q.stamps, q.error[:, i], digits, _style('ink'))])
+            line_of(f'{axis} error', q.stamps, q.error[:, i], digits, _style('ink'))])
             for i, axis in enumerate(q.axes)]
     length = np.linalg.norm(q.error, axis=1)
     panels.append((f'{label} [{q.unit}]', [
-        _line(f'{label} of the error', q.stamps, length, digits, _style('ink')),
-        _line('running RMS', q.stamps, metrics.running_rms(q.stamps, q.error), digits,
+        line_of(f'{label} of the error', q.stamps, length, digits, _style('ink')),
+        line_of('running RMS', q.stamps, metrics.running_rms(q.stamps, q.error), digits,
               {**_style('sonar'), 'width': 2.2})]))
     title = f'{name}{q.name} error'
-    return _figure(title, title[:1].upper() + title[1:],
+    return figure_of(title, title[:1].upper() + title[1:],
                    f'{what}, its {label}, and the RMS up to each instant.', panels)
 
 

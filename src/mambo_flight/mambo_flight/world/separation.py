@@ -50,6 +50,11 @@ class Pair(NamedTuple):
         k = int(self.distance.argmin())
         return float(self.distance[k]), float(self.t[k]) * 1e-9
 
+    def collided(self) -> str:
+        """Return that the pair collided, as one line."""
+        distance, t = self.least
+        return f'{" and ".join(self.names)} collided: {distance:.3f} m apart at t = {t:.3f} s'
+
 
 def pairs(tracks: Mapping[str, Track]) -> list[Pair]:
     """
@@ -72,6 +77,14 @@ def pairs(tracks: Mapping[str, Track]) -> list[Pair]:
     return sorted(out, key=lambda pair: pair.least)
 
 
+def smallest(found: Sequence[Pair]) -> tuple[NDArray[np.int64], Array]:
+    """Return the smallest distance of any pair over time: stamps (n,) ns, distances (n,) m."""
+    t, index = np.unique(np.concatenate([pair.t for pair in found]), return_inverse=True)
+    distance = np.full(len(t), np.inf)
+    np.minimum.at(distance, index, np.concatenate([pair.distance for pair in found]))
+    return t, distance
+
+
 def table(found: Sequence[Pair], limit: float) -> str:
     """Return the least distance of each pair as text, the nearest pairs; marks those below m."""
     width = max(len(' - '.join(pair.names)) for pair in found) + 2
@@ -83,6 +96,18 @@ def table(found: Sequence[Pair], limit: float) -> str:
     if len(found) > _ROWS:
         lines.append(f'and {len(found) - _ROWS} pairs that stay farther apart')
     return '\n'.join(lines)
+
+
+class Seen(NamedTuple):
+    """A drone of a hall."""
+
+    bag: Bag  # with its ground truth
+    place: Vec3  # (3,) m, where it starts, inertial NED of the hall
+
+
+def tracks_of(drones: Mapping[str, Seen]) -> dict[str, Track]:
+    """Return the track of each drone in the hall."""
+    return {name: _track(*drone) for name, drone in drones.items()}
 
 
 def _track(bag: Bag, place: Vec3) -> Track:
@@ -98,6 +123,16 @@ def read(paths: Sequence[Path]) -> tuple[dict[str, Track], float]:
     """
     Return the tracks of the drones in bags, by namespace, and the distance of a collision in m.
 
+    Parameters and errors are those of :func:`read_drones`.
+    """
+    drones, limit = read_drones(paths)
+    return tracks_of(drones), limit
+
+
+def read_drones(paths: Sequence[Path]) -> tuple[dict[str, Seen], float]:
+    """
+    Return the drones of one hall, by namespace, and the distance of a collision in m.
+
     Parameters
     ----------
     paths
@@ -112,7 +147,7 @@ def read(paths: Sequence[Path]) -> tuple[dict[str, Track], float]:
     bags = list(itertools.chain.from_iterable(map(_bags, paths)))
     if not 2 <= len(bags) <= MOST:
         raise InputError(f'{len(bags)} bags: give those of 2 to {MOST} drones')
-    tracks: dict[str, Track] = {}
+    drones: dict[str, Seen] = {}
     limit = 0.0
     for path in bags:
         bag = read_bag(path, [TRUTH])
@@ -121,20 +156,25 @@ def read(paths: Sequence[Path]) -> tuple[dict[str, Track], float]:
             raise InputError(f'{path}: holds no {world_file.NAME}: it is not of a flight of '
                              'several drones')
         hall = world_file.parse(text, str(path))
-        if name in tracks:
+        if name in drones:
             raise InputError(f'{path}: {name} is in another bag, too')
         if name not in hall.places:
             raise InputError(f'{path}: {world_file.NAME} has no place for {name}')
         limit = max(limit, hall.params.collision_distance)
-        tracks[name] = _track(bag, hall.places[name])
-    return tracks, limit
+        drones[name] = Seen(bag, hall.places[name])
+    return drones, limit
+
+
+def is_folder(path: Path) -> bool:
+    """Return whether a path is a folder of bags, not a bag."""
+    return not (path / 'metadata.yaml').exists() and any(path.glob('*/metadata.yaml'))
 
 
 def _bags(path: Path) -> list[Path]:
     """Return the bags in a folder of bags, or the path itself."""
-    if (path / 'metadata.yaml').exists():
+    if not is_folder(path):
         return [path]
-    return sorted(file.parent for file in path.glob('*/metadata.yaml')) or [path]
+    return sorted(file.parent for file in path.glob('*/metadata.yaml'))
 
 
 def report(found: Sequence[Pair], limit: float) -> dict[str, object]:
@@ -160,11 +200,8 @@ def _run(options: argparse.Namespace) -> None:
         draw(options.output, found, limit)
         if options.json != '-':
             print(f'picture: {options.output}')
-    near = [pair for pair in found if pair.least[0] < limit]
-    if near:
-        distance, t = near[0].least
-        raise JobError(f'{" and ".join(near[0].names)} collided: {distance:.3f} m apart at '
-                       f't = {t:.3f} s')
+    if found[0].least[0] < limit:
+        raise JobError(found[0].collided())
 
 
 def parser() -> Parser:
