@@ -26,16 +26,18 @@ BELOW = {
     'mambo_bags': WIRE | {'mambo_model'},
 }
 BELOW['mambo_view'] = WIRE | {'mambo_model', 'mambo_bags'}
+BELOW['mambo_description'] = BELOW['mambo_view'] | {'mambo_view'}
 BELOW['mambo_mocap'] = {'mambo_model', 'mambo_sim'}
 BELOW['mambo_flight'] = LAWS | BELOW['mambo_bags'] | {'mambo_bags'}
 BELOW['mambo_signals'] = BELOW['mambo_bags'] | {'mambo_bags'}
 BELOW['mambo_analysis'] = BELOW['mambo_flight'] | {'mambo_flight', 'mambo_signals'}
 BELOW['mambo_thesis'] = BELOW['mambo_analysis'] | {'mambo_analysis'}
-BELOW['mambo_bringup'] = BELOW['mambo_thesis'] | {'mambo_thesis', 'mambo_view'}
+BELOW['mambo_bringup'] = BELOW['mambo_thesis'] | {
+    'mambo_thesis', 'mambo_view', 'mambo_description'}
 BELOW['mambo'] = BELOW['mambo_analysis'] | {'mambo_analysis'}
 HOLD_MESSAGES = {
     'mambo', 'mambo_bags', 'mambo_flight', 'mambo_analysis', 'mambo_signals', 'mambo_thesis',
-    'mambo_view'}
+    'mambo_view', 'mambo_description'}
 MOST = 0.26  # of all lines, in one package
 LONGEST = 200  # lines of a file that imports rclpy
 
@@ -43,7 +45,7 @@ LONGEST = 200  # lines of a file that imports rclpy
 ROS = {'ament_index_python', 'launch', 'launch_ros', 'rclpy', 'rosbag2_py', 'tf2_ros'}
 ROS_MESSAGES = {'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs',
                 'rcl_interfaces', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs',
-                'tf2_msgs'}
+                'tf2_msgs', 'visualization_msgs'}
 # rosdep's name of what Python imports under another; None where rosdep has none, or for extras
 ROSDEP = {'argcomplete': 'python3-argcomplete', 'clarabel': None, 'distributed': None,
           'gymnasium': None, 'h5py': None, 'lz4': None,

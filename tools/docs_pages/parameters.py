@@ -8,6 +8,7 @@ from typing import Any
 
 from mambo_bags.recorder_parameters import RecorderNodeParams
 from mambo_bags.replay_node import ReplayNodeParams
+from mambo_description.description_node import DescriptionNodeParams
 from mambo_flight import scenario_file
 from mambo_flight.scenario import Scenario
 from mambo_flight.sweep import design
@@ -56,7 +57,8 @@ def nodes() -> dict[str, type]:
     flown = {field.name: field.metadata['group'] for field in dataclasses.fields(Scenario)}
     return {**flown, 'recorder_node': RecorderNodeParams, 'replay_node': ReplayNodeParams,
             'natnet_server_node': NatNetServerNodeParams,
-            'natnet_client_node': NatNetClientNodeParams, 'view_node': ViewNodeParams}
+            'natnet_client_node': NatNetClientNodeParams, 'view_node': ViewNodeParams,
+            'description_node': DescriptionNodeParams}
 
 
 def _sections(params_type: type) -> Iterator[tuple[str, list[tuple[str, ...]]]]:

@@ -20,6 +20,7 @@ class Use(NamedTuple):
 
 
 _SIM, _ESTIMATOR, _CONTROLLER = ('sim_node',), ('estimator_node',), ('controller_node',)
+_DESCRIPTION = ('description_node',)
 USES = {
     '/clock': Use('flight time [s]', _SIM, ('reference_node',)),
     'imu/data_raw': Use('specific force [m/s^2], body rate [rad/s]; body FLU, `base_link`',
@@ -59,12 +60,21 @@ USES = {
                         ('sim_node', 'optitrack_node', 'estimator_node', 'controller_node',
                         'natnet_server_node', 'natnet_client_node'), ()),
     'graph/links': Use('which topics a node publishes and subscribes to, and what is matched',
-                       ('every node',), ('every node',))}
+                       ('every node',), ('every node',)),
+    'robot_description': Use('URDF of the drone', _DESCRIPTION, ()),
+    '/tf_static': Use('fixed frames of the vehicle: `imu_link`, `sonar_link` (the beam is +x), '
+                      '`camera_link`, rotors, markers', _DESCRIPTION, ()),
+    'path/true': Use('true way in `map`, on request', _DESCRIPTION, ()),
+    'path/estimated': Use('estimated way in `odom`, on request', _DESCRIPTION, ()),
+    'path/measured': Use('way of the motion capture in `map`, on request', _DESCRIPTION, ()),
+    'path/reference': Use('way of the reference in `odom`, on request', _DESCRIPTION, ()),
+    'markers': Use('name, motor commands and reference, on request', _DESCRIPTION, ()),
+    'sonar/beam': Use('slant range [m] in `sonar_link`, on request', _DESCRIPTION, ())}
 
 
 def all_topics() -> list[topics.Topic]:
     """Return every topic of the graph."""
-    return [*topics.RECORDABLE, topics.JOY, topics.SETPOINT, topics.LINKS]
+    return [*topics.RECORDABLE, topics.JOY, topics.SETPOINT, topics.LINKS, *topics.DESCRIBED]
 
 
 def _rate(topic: topics.Topic) -> str:

@@ -72,6 +72,7 @@ GROUPS: dict[str, dict[str, Command]] = {
     },
     'Watch': {
         'view': Command('mambo_view.view', 'a running flight or a bag in the browser, in 3-D'),
+        'urdf': Command('mambo_description.urdf', 'the URDF of a vehicle, for RViz and others'),
     },
     'Bags': {
         'compare': Command('mambo_analysis.compare.compare', 'errors of a flight, or of flight A '

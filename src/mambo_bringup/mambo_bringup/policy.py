@@ -23,9 +23,9 @@ from mambo_model.whole_file import write_text
 from mambo_ros import topics
 
 from .flight.natnet import CLIENT, SERVER
-from .flight.nodes import FLIGHT_NODES, RECORDER, SIMULATOR, VIEW
+from .flight.nodes import DESCRIPTION, FLIGHT_NODES, RECORDER, SIMULATOR, VIEW
 
-NODES = (SIMULATOR, *FLIGHT_NODES, RECORDER, VIEW, SERVER, CLIENT,
+NODES = (SIMULATOR, *FLIGHT_NODES, RECORDER, VIEW, DESCRIPTION, SERVER, CLIENT,
          ('mambo_bags', 'replay_node'))
 SERVICES = ('describe_parameters', 'get_parameter_types', 'get_parameters',
             'get_type_description', 'list_parameters', 'set_parameters',

@@ -16,6 +16,7 @@ OPTIONS = {  # of a node with which it opens each of its topics
     'reference_node': [['-p', 'commands.enabled:=true']],
     'optitrack_node': [['-p', 'watermark:=true']],
     'view_node': [['-p', 'port:=PORT']],
+    'description_node': [['-p', 'paths:=true', '-p', 'markers:=true']],
     'recorder_node': [['-p', 'bag:=BAG', '-p', 'topics:=' + ','.join(
         one.name for one in (*topics.RECORDED, *topics.AIDED, *topics.COMMANDED))]]}
 

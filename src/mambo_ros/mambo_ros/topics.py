@@ -9,10 +9,12 @@ from geometry_msgs.msg import PoseStamped
 from mambo_interfaces.msg import (
     CaptureTick, Command, ControllerState, EstimatorState, MotorPwm, NodeLinks, OpticalFlow,
     Reference, SensorTick)
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import Odometry, Path
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, Imu, Joy, Range
+from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
 
 QUEUE = 2000
 """Depth of every queue, 10 s of a 200 Hz topic: a slow reader lags but loses nothing."""
@@ -72,10 +74,18 @@ MOTOR_PWM = Topic('motor_pwm', MotorPwm, 200.0)
 LINKS = Topic('graph/links', NodeLinks, 0.0, transient_local=True, shared=True)
 TF = Topic('/tf', TFMessage, 50.0, shared=True)
 DIAGNOSTICS = Topic('/diagnostics', DiagnosticArray, 1.0, shared=True)
+TF_STATIC = Topic('/tf_static', TFMessage, 0.0, transient_local=True, shared=True)
+ROBOT_DESCRIPTION = Topic('robot_description', String, 0.0, transient_local=True)
+TRUE_PATH = Topic('path/true', Path, 0.0)
+ESTIMATED_PATH = Topic('path/estimated', Path, 0.0)
+MEASURED_PATH = Topic('path/measured', Path, 0.0)
+REFERENCE_PATH = Topic('path/reference', Path, 0.0)
+MARKERS = Topic('markers', MarkerArray, 10.0)
+BEAM = Topic('sonar/beam', Range, 22.0)
 
 NAMESPACE = '/mambo'
 """Of a drone that flies alone."""
-OWN = ('clock', 'tf', 'diagnostics')
+OWN = ('clock', 'tf', 'tf_static', 'diagnostics')
 """Absolute topics that each of several drones has in its namespace."""
 
 
@@ -98,3 +108,7 @@ COMMANDED = (COMMAND,)
 """What the recorder takes besides in a commanded flight."""
 
 RECORDABLE = (*RECORDED, *AIDED, *COMMANDED)
+
+DESCRIBED = (ROBOT_DESCRIPTION, TF_STATIC, TRUE_PATH, ESTIMATED_PATH, MEASURED_PATH,
+             REFERENCE_PATH, MARKERS, BEAM)
+"""What viewers get from description_node; never recorded."""

@@ -19,20 +19,22 @@ def test_a_type_name_leads_back_to_its_class(topic):
 def test_names_differ_and_those_of_the_whole_graph_are_absolute():
     names = [topic.name for topic in EVERY]
     assert len(set(names)) == len(names)
-    assert {name for name in names if name.startswith('/')} == {'/clock', '/tf', '/diagnostics'}
+    assert {name for name in names if name.startswith('/')} == {
+        '/clock', '/tf', '/tf_static', '/diagnostics'}
 
 
 def test_what_depends_on_the_simulated_flight_alone_is_recorded():
     left_out = set(EVERY) - set(topics.RECORDABLE)
     # who heard whom is of the run and not of the flight; commands stand for what they came from
-    assert left_out == {topics.LINKS, topics.JOY, topics.SETPOINT}
+    assert left_out == {topics.LINKS, topics.JOY, topics.SETPOINT, *topics.DESCRIBED}
     assert len(set(topics.RECORDABLE)) == len(topics.RECORDABLE)
 
 
 def test_what_several_nodes_publish_is_shared_and_links_wait_for_latecomers():
     assert {topic.name for topic in EVERY if topic.shared} == {
-        '/tf', '/diagnostics', 'graph/links'}
-    assert [topic for topic in EVERY if topic.transient_local] == [topics.LINKS]
+        '/tf', '/tf_static', '/diagnostics', 'graph/links'}
+    assert [topic for topic in EVERY if topic.transient_local] == [
+        topics.LINKS, topics.TF_STATIC, topics.ROBOT_DESCRIPTION]
     assert all(topic.rate > 0.0 for topic in topics.RECORDED)
 
 

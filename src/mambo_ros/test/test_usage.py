@@ -18,13 +18,15 @@ NODES = {
     'mambo_mocap.natnet_client_node': 'NatNetClientNode',
     'mambo_mocap.natnet_server_node': 'NatNetServerNode',
     'mambo_view.view_node': 'ViewNode',
+    'mambo_description.description_node': 'DescriptionNode',
     'mambo_bags.recorder_node': 'RecorderNode', 'mambo_bags.replay_node': 'ReplayNode'}
 OPTIONS = {
     'mambo_sim.optitrack_node': [{'watermark': True}],
     'mambo_estimation.estimator_node': [
         {'estimator': 'ground_truth'}, {'estimator': 'joint', 'joint.pose.enabled': True}],
     'mambo_control.reference_node': [{'commands.enabled': True}],
-    'mambo_control.controller_node': [{'estimate': 'map'}]}
+    'mambo_control.controller_node': [{'estimate': 'map'}],
+    'mambo_description.description_node': [{'paths': True, 'markers': True}]}
 """Parameters with which a node has more topics."""
 SRC = Path(__file__).parents[2]
 

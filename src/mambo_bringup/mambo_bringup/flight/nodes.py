@@ -24,6 +24,7 @@ REPLACEABLE = {
 RECORDER = ('mambo_bags', 'recorder_node')
 SIMULATOR = ('mambo_sim', 'sim_node')
 VIEW = ('mambo_view', 'view_node')
+DESCRIPTION = ('mambo_description', 'description_node')
 COMPOSED = ('mambo_bringup', 'composed_node')
 
 
