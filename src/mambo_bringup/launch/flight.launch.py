@@ -1,18 +1,42 @@
 """
-Fly the simulated Mambo: start every node of the graph in one namespace; record on request.
+Fly the simulated Mambo, or several: start every node of the graph; record on request.
 
     ros2 launch mambo_bringup flight.launch.py trajectory:=z_sine duration:=30 bag:=z_sine
+    ros2 launch mambo_bringup flight.launch.py drones:=4 mode:=lockstep duration:=30 bag:=four
     ros2 launch mambo_bringup flight.launch.py --show-args
 
 Launch ends with the flight when any node ends; ``sim_node`` ends after ``duration``.
 """
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
-from mambo_bringup.launch_actions import description
-from mambo_bringup.launching import choices, flight_plan
+from launch import LaunchContext, LaunchDescription
+from launch.action import Action
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from mambo_bringup.launch_actions import FlightNodes, texts
+from mambo_bringup.launching import choices
 
 ARGUMENTS = [
+    DeclareLaunchArgument(
+        'scenario', default_value='',
+        description='Experiment: a name from ./run --list-scenarios, NAME/FLIGHT, or full path to '
+                    'a file; the other launch arguments override it.'),
+    DeclareLaunchArgument(
+        'vehicle', default_value='',
+        description='True vehicle: a name, or full path to a vehicle file; empty: from the '
+                    'scenario, else identified.'),
+    DeclareLaunchArgument(
+        'drones', default_value='',
+        description='Number of drones in one hall, in the namespaces /mambo1 to /mamboN; empty: '
+                    'from the scenario, else 1.'),
+    DeclareLaunchArgument(
+        'composed', default_value='false', choices=('true', 'false'),
+        description='All nodes in one process; needs bag.'),
+    DeclareLaunchArgument(
+        'description', default_value='true', choices=('true', 'false'),
+        description='Publish robot_description, /tf_static, paths and markers for RViz and other '
+                    'viewers; the bag is the same with and without.'),
+    DeclareLaunchArgument(
+        'log_level', default_value='', choices=('', 'debug', 'info', 'warn', 'error', 'fatal'),
+        description='Least severity that the nodes log; empty: info.'),
     DeclareLaunchArgument(
         'trajectory', default_value='',
         description='Name of a trajectory (mambo run --help lists them) or full path to a course '
@@ -53,6 +77,22 @@ ARGUMENTS = [
 ]
 
 
+def nodes(context: LaunchContext) -> list[Action]:
+    """Return every node of the flight: one for each drone, unless it says otherwise."""
+    flight = FlightNodes(texts(context, ARGUMENTS))
+    return [
+        flight.cleanup,
+        *flight.nodes('mambo_bags', 'recorder_node'),            # with bag:=
+        *flight.nodes('mambo_sim', 'optitrack_node'),
+        *flight.nodes('mambo_estimation', 'estimator_node'),
+        *flight.nodes('mambo_control', 'reference_node'),
+        *flight.nodes('mambo_control', 'controller_node'),
+        *flight.nodes('mambo_sim', 'sim_node'),                  # of one drone: owns time
+        *flight.nodes('mambo_bringup', 'composed_node'),         # all with composed:=true, or the
+        #                                                          simulators of several drones
+        *flight.nodes('mambo_description', 'description_node')]  # for viewers, of all drones
+
+
 def generate_launch_description() -> LaunchDescription:
     """Return arguments and nodes."""
-    return description(ARGUMENTS, flight_plan)
+    return LaunchDescription([*ARGUMENTS, OpaqueFunction(function=nodes)])

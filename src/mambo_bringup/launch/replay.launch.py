@@ -6,10 +6,10 @@ Play the sensors of a bag to a live estimator, for viewers; record on request.
 Launch ends with the bag.
 """
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
-from mambo_bringup.launch_actions import description
-from mambo_bringup.launching import replay_plan
+from launch import LaunchContext, LaunchDescription
+from launch.action import Action
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from mambo_bringup.launch_actions import replay_nodes, texts
 
 ARGUMENTS = [
     DeclareLaunchArgument('bag', description='Rosbag2 directory or .mcap file.'),
@@ -34,6 +34,11 @@ ARGUMENTS = [
 ]
 
 
+def nodes(context: LaunchContext) -> list[Action]:
+    """Return recorder_node (with output:=), estimator_node and replay_node."""
+    return replay_nodes(texts(context, ARGUMENTS))
+
+
 def generate_launch_description() -> LaunchDescription:
     """Return arguments and nodes."""
-    return description(ARGUMENTS, replay_plan)
+    return LaunchDescription([*ARGUMENTS, OpaqueFunction(function=nodes)])

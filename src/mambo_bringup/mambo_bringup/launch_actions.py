@@ -1,69 +1,105 @@
-"""A plan of nodes as actions of ROS 2 launch; the only module that needs launch."""
+"""The processes of a launch file as actions of ROS 2 launch; the only module that needs launch."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 import shutil
 import tempfile
 
-from launch import LaunchContext, LaunchDescription
+from launch import LaunchContext
 from launch.action import Action
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, RegisterEventHandler, Shutdown
+from launch.actions import DeclareLaunchArgument, RegisterEventHandler, Shutdown
 from launch.event_handlers import OnShutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from mambo_flight.scenario import to_yaml
 from mambo_ros.graph import loopback
+from mambo_ros.topics import OWN
 
-from .flight.nodes import OWN, RECORDER
-from .launching import Plan
+from . import launching
+from .flight.nodes import DESCRIPTION, RECORDER
+from .launching import Process
+
+PATIENCE = '20'  # s that a node has to close its bag, after which launch ends it
 
 
-def description(
-    arguments: Iterable[DeclareLaunchArgument], plan: Callable[[Mapping[str, str]], Plan],
-) -> LaunchDescription:
+def texts(context: LaunchContext, arguments: Iterable[DeclareLaunchArgument]) -> dict[str, str]:
+    """Return the values of launch arguments by name."""
+    return {argument.name: LaunchConfiguration(argument.name).perform(context)
+            for argument in arguments}
+
+
+def _folder() -> tuple[Path, Action]:
+    """Return a new folder, and the action that removes it when the launch ends."""
+    folder = Path(tempfile.mkdtemp(prefix='mambo_'))
+    return folder, RegisterEventHandler(OnShutdown(
+        on_shutdown=lambda *_: shutil.rmtree(folder, ignore_errors=True)))
+
+
+class FlightNodes:
     """
-    Return the launch description of a launch file.
+    The nodes of a flight, which a launch file takes one by one.
 
     Parameters
     ----------
-    arguments
-        Arguments of the launch file, including ``namespace`` and ``own_clock``.
-    plan
-        Returns the nodes, given the texts of the arguments by name.
+    given
+        Texts of the launch arguments by name.
+
+    Attributes
+    ----------
+    cleanup : Action
+        Removes the files of the flight at its end.
+    left : list of Process
+        Processes that were not taken yet.
 
     """
-    arguments = list(arguments)
 
-    def nodes(context: LaunchContext) -> list[Action]:
-        texts = {argument.name: LaunchConfiguration(argument.name).perform(context)
-                 for argument in arguments}
+    def __init__(self, given: Mapping[str, str]) -> None:
         loopback.check()
-        return _start(plan(texts), texts['namespace'].strip('/'), texts['own_clock'] == 'true')
-    return LaunchDescription([*arguments, OpaqueFunction(function=nodes)])
+        plan = launching.flight(given)
+        self._level = given['log_level']
+        folder, self.cleanup = _folder()
+        self.left = launching.processes(plan, folder)
+
+    def nodes(self, package: str, executable: str) -> list[Action]:
+        """Return a node for each drone that has it as a process; none if it is not asked for."""
+        taken = [one for one in self.left if one[:2] == (package, executable)]
+        self.left = [one for one in self.left if one not in taken]
+        return [self._node(one) for one in taken]
+
+    def _node(self, one: Process) -> Node:
+        """Return the action of a process; the launch ends with it unless it only watches."""
+        level = ['--ros-args', '--log-level', self._level] if self._level else []
+        return Node(
+            package=one.package, executable=one.executable, arguments=[*one.arguments, *level],
+            output='screen', sigterm_timeout=PATIENCE,
+            on_exit=None if one[:2] == DESCRIPTION else Shutdown())
 
 
-def _start(plan: Plan, namespace: str, own_clock: bool) -> list[Action]:
-    """Return the nodes, with their parameters in a file that exists until the launch ends."""
+def replay_nodes(given: Mapping[str, str]) -> list[Action]:
+    """Return the actions of a replay, given the texts of the launch arguments by name."""
+    loopback.check()
+    plan = launching.replay_plan(given)
     actions: list[Action] = []
     common: list[str] = []
+    namespace = given['namespace'].strip('/')
     if plan.scenario is not None:
-        folder = Path(tempfile.mkdtemp(prefix='mambo_'))
+        folder, cleanup = _folder()
+        actions.append(cleanup)
         file = folder / 'scenario.yaml'
         file.write_text(to_yaml(plan.scenario, f'/{namespace}'))
         common = [str(file)]
-        actions.append(RegisterEventHandler(OnShutdown(
-            on_shutdown=lambda *_: shutil.rmtree(folder, ignore_errors=True))))
-    for package, executable, given in plan.nodes:
+    for package, executable, parameters in plan.nodes:
         if (package, executable) == RECORDER and common:
-            given = {**given, 'scenario': common[0]}
+            parameters = {**parameters, 'scenario': common[0]}
         own = {name: ParameterValue(value, value_type=type(value))
-               for name, value in given.items()}
+               for name, value in parameters.items()}
         actions.append(Node(
             package=package, executable=executable, namespace=namespace,
             parameters=[*common, own] if own else common, output='screen',
-            remappings=[(f'/{topic}', topic) for topic in OWN] if own_clock else None,
-            sigterm_timeout='20', on_exit=Shutdown()))
+            remappings=[(f'/{topic}', topic) for topic in OWN]
+            if given['own_clock'] == 'true' else None,
+            sigterm_timeout=PATIENCE, on_exit=Shutdown()))
     return actions

@@ -7,13 +7,19 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mambo_bags.reader import read_bag
-from mambo_flight import scenario as scenarios
+from mambo_flight import scenario as scenarios, scenario_file
 from mambo_flight.course import course_file
+from mambo_flight.scenario_file import build_world, Place
+from mambo_flight.world import formation, world_file
+from mambo_flight.world.world_file import Hall
 from mambo_model import schema
+from mambo_model.frames import flip_vector
 from mambo_ros import topics
 
-from .flight.nodes import FLIGHT_NODES, RECORDER, recorder_topics, SIMULATOR
-from .processes import FlightInputError
+from .flight.nodes import (
+    COMPOSED, DESCRIPTION, RECORDER, recorder_topics, run_parameters, start_arguments,
+    world_process)
+from .processes import FlightInputError, parameter
 from .replay import ESTIMATOR, PLAYER, RECORDED
 
 MEANING = {
@@ -26,7 +32,7 @@ MEANING = {
 
 class Plan(NamedTuple):
     """
-    Nodes to start.
+    Nodes of a replay.
 
     The last node owns time; when it ends, all end. The parameters given here override those of
     the file.
@@ -64,44 +70,143 @@ def _recorder(bag: str, topics: str = '') -> list[tuple[str, str, dict[str, obje
 ROOM = 22.0  # s, for a function that does not state its duration: as in a flight of 40 s
 
 
-def flight_plan(arguments: Mapping[str, str]) -> Plan:
-    """
-    Return the nodes of a flight.
+class Flight(NamedTuple):
+    """What a launch flies."""
 
-    Parameters
-    ----------
-    arguments
-        Texts by name: ``trajectory``, those of ``MEANING``, ``params_file`` and ``bag``. An empty
-        text means the value of the parameter file, or the default: real time, until stopped.
+    scenarios: dict[str, scenarios.Scenario]  # by namespace of the drone
+    bags: dict[str, Path]  # likewise; empty: not recorded
+    hall: Hall | None      # of several drones
+    composed: bool
+    own_clock: bool
+    vehicle: str           # of the description; empty: there is none
 
-    Raises
-    ------
-    mambo_model.schema.ParameterError
-        For a file that cannot be read or a value out of range.
-    mambo_bringup.processes.FlightError
-        If the bag exists.
 
-    """
+class Process(NamedTuple):
+    """A process of a launch."""
+
+    package: str
+    executable: str
+    namespace: str  # of its drone; empty: of all drones
+    arguments: list[str]
+
+
+def _scenario(arguments: Mapping[str, str]) -> scenarios.Scenario:
+    """Return the scenario of a flight of one drone; errors as :func:`flight`."""
     given = {
         name: _read(arguments, argument)
         for argument, names in MEANING.items() if arguments[argument] for name in names}
+    sources = [f'{name}:={arguments[name]}' for name in ('scenario', 'params_file')
+               if arguments[name]]
+    if len(sources) > 1 or arguments['params_file'] and arguments['vehicle']:
+        raise FlightInputError(
+            f'{sources[0]} cannot be combined with '
+            f'{[*sources, "vehicle:=" + arguments["vehicle"]][1]}: leave one out')
+    if arguments['scenario']:
+        settings = {name: Place(arguments[name], f'{name}:=') for name in ('trajectory', 'vehicle')
+                    if arguments[name]}
+        _, flight = scenario_file.load(arguments['scenario'], settings)
+        return scenarios.override(flight, given)
     if trajectory := arguments['trajectory']:
         course_file.check_name(trajectory)
         given |= {f'reference_node.plan.{name}': value
                   for name, value in course_file.plan(trajectory, room=ROOM).items()}
     if arguments['params_file']:
         written = scenarios.load(Path(arguments['params_file']).expanduser())
-        scenario = scenarios.override(written, given)
-    else:
-        scenario = scenarios.override(scenarios.scenario(duration=0.0), given)
-        landing = scenarios.landing_time(scenario.sim_node.duration)
-        scenario = scenarios.override(scenario, {'reference_node.plan.landing_time': landing})
-    scenario = scenarios.override(
-        scenario, {'optitrack_node.watermark': scenario.estimator_node.waits_for_capture})
-    others = [*_recorder(arguments['bag'], **recorder_topics(scenario)),
-              *((*node, {}) for node in FLIGHT_NODES)]
-    waits = {'wait_for': ','.join(executable for _, executable, _ in others)}
-    return Plan([*others, (*SIMULATOR, waits)], scenario)
+        return scenarios.override(written, given)
+    flight = scenarios.override(scenarios.scenario(
+        duration=0.0, vehicle=arguments['vehicle'] or 'identified'), given)
+    landing = scenarios.landing_time(flight.sim_node.duration)
+    return scenarios.override(flight, {'reference_node.plan.landing_time': landing})
+
+
+def flight(arguments: Mapping[str, str]) -> Flight:
+    """
+    Return what a launch flies.
+
+    Parameters
+    ----------
+    arguments
+        Texts by name, as in ``flight.launch.py``. An empty text means the value of the scenario
+        or parameter file, or the default: real time, until stopped.
+
+    Raises
+    ------
+    mambo_model.errors.MamboError
+        For a file that cannot be read, a value out of range, arguments that exclude each other, or
+        a bag that exists.
+
+    """
+    base, composed = _scenario(arguments), arguments['composed'] == 'true'
+    world = build_world(
+        {'world.drones': _read(arguments, 'drones')} if arguments['drones'] else {},
+        scenario_file.load_world(arguments['scenario']) if arguments['scenario'] else None)
+    space = '/' + arguments['namespace'].strip('/')
+    if world.drones > 1 and space != topics.NAMESPACE:
+        raise FlightInputError(
+            f'namespace:={arguments["namespace"]} is for one drone: several have /mambo1, '
+            '/mambo2 and so on')
+    if composed and not arguments['bag']:
+        raise FlightInputError('composed:=true records always: give bag:=')
+    hall, flown = None, {space: base}
+    if world.drones > 1:
+        drones = formation.hall(base, world)
+        hall, flown = drones.hall, dict(zip(drones.hall.places, drones.flights, strict=True))
+    bag = Path(arguments['bag']).expanduser().absolute() if arguments['bag'] else None
+    if bag and bag.exists():
+        raise FlightInputError(f'{bag} exists: name another bag or remove it')
+    bags = {name: bag if hall is None else bag / name.strip('/') for name in flown} if bag else {}
+    described = arguments['description'] == 'true'
+    own_clock = hall is not None or arguments['own_clock'] == 'true'
+    return Flight(flown, bags, hall, composed, own_clock,
+                  (arguments['vehicle'] or 'identified') if described else '')
+
+
+def processes(plan: Flight, folder: Path) -> list[Process]:
+    """
+    Return the processes of a flight; the one that owns time is the last of them.
+
+    Parameters
+    ----------
+    plan
+        What is flown.
+    folder
+        Where the parameters of the nodes are written; it must last as long as the processes.
+
+    """
+    out: list[Process] = []
+    world = folder / world_file.NAME
+    owners = []
+    if plan.hall is not None:
+        world.write_text(world_file.to_text(plan.hall))
+    for number, (space, flown) in enumerate(plan.scenarios.items()):
+        file = folder / f'scenario{number or ""}.yaml'
+        file.write_text(scenarios.to_yaml(scenarios.override(flown, run_parameters(
+            flown, (), recorded=bool(plan.bags))), space))
+        *nodes, owner = start_arguments(
+            file, plan.bags.get(space, Path()), plan.composed, space, (), {
+                **recorder_topics(flown), **({'world': str(world)} if plan.hall else {})},
+            own=plan.own_clock)
+        owners.append((*owner, space))
+        out += [Process(*node, space, words) for node, words in nodes
+                if plan.bags or node != RECORDER]
+    if plan.vehicle:
+        out.append(Process(*DESCRIPTION, '', _description(plan)))
+    if plan.hall is not None:
+        return [*out, Process(*COMPOSED, '', world_process(
+            world, [words for _, words, _ in owners], plan.composed))]
+    [(node, words, space)] = owners
+    return [*out, Process(*node, space, words)]
+
+
+def _description(plan: Flight) -> list[str]:
+    """Return the arguments of the node that describes the drones to viewers."""
+    words = ['--ros-args', *parameter('drones', ','.join(plan.scenarios)),
+             *parameter('vehicle', plan.vehicle), '-p', 'paths:=true', '-p', 'markers:=true']
+    if plan.hall is not None:
+        places = '; '.join(' '.join(f'{x:g}' for x in flip_vector(place))
+                           for place in plan.hall.places.values())
+        words += ['-p', 'prefixed:=true', *parameter('places', places)]
+    return words
 
 
 def replay_plan(arguments: Mapping[str, str]) -> Plan:

@@ -10,23 +10,25 @@ from mambo_bags.reader import BagError
 from mambo_bags.recorder_parameters import RecorderNodeParams
 from mambo_bags.replay_node import ReplayNodeParams
 from mambo_bags.writer import BagWriter
-from mambo_bringup.launching import choices, flight_plan, MEANING, replay_plan
+from mambo_bringup import launching
+from mambo_bringup.flight.nodes import FLIGHT_NODES, RECORDER, SIMULATOR
+from mambo_bringup.launching import choices, MEANING, replay_plan
 from mambo_bringup.processes import FlightError
 from mambo_bringup.replay import RECORDED
+from mambo_flight import scenario_file
 from mambo_flight.scenario import from_yaml, load, override, Scenario, scenario, to_yaml
 from mambo_model import schema
+from mambo_model.errors import MamboError
 from mambo_model.motion import uav_trajectories
 from mambo_model.motion.polynomial import Course
 from mambo_ros import messages, topics
-from mambo_sim.parameters import SimNodeParams
 import numpy as np
 import pytest
+import yaml
 
 SRC = Path(__file__).parents[2]
 FILES = sorted((SRC / 'mambo_bringup/launch').iterdir())
-PARAMETERS = {'sim_node': SimNodeParams, 'recorder_node': RecorderNodeParams,
-              'replay_node': ReplayNodeParams}
-PLANS = {'flight.launch.py': flight_plan, 'replay.launch.py': replay_plan}
+NAMES = ['flight.launch.py', 'replay.launch.py']
 installed = pytest.mark.skipif(
     importlib.util.find_spec('launch_ros') is None, reason='launch is not installed')
 
@@ -49,7 +51,26 @@ def arguments(name, **given):
 
 
 def flight(**given):
-    return flight_plan(arguments('flight.launch.py', **given))
+    return launching.flight(arguments('flight.launch.py', **given))
+
+
+def flown(**given):
+    """Return the scenario of the one drone of a flight."""
+    [only] = flight(**given).scenarios.values()
+    return only
+
+
+def processes(folder, **given):
+    folder.mkdir(exist_ok=True)
+    return launching.processes(flight(**given), folder)
+
+
+def parameters(one):
+    """Return the parameters of a process that are on its command line, and its files."""
+    words = list(zip(one.arguments, one.arguments[1:]))
+    return ({word.partition(':=')[0]: yaml.safe_load(word.partition(':=')[2])
+             for flag, word in words if flag == '-p'},
+            [Path(word) for flag, word in words if flag == '--params-file'])
 
 
 @pytest.fixture(autouse=True)
@@ -69,7 +90,7 @@ def bag(tmp_path):
 
 
 def test_ros_2_launch_finds_them():
-    assert [file.name for file in FILES] == list(PLANS)
+    assert [file.name for file in FILES] == NAMES
     assert "share/{package_name}/launch'" in (SRC / 'mambo_bringup/setup.py').read_text()
 
 
@@ -85,42 +106,116 @@ def test_a_launch_file_describes_every_argument(file):
         assert isinstance(about.get('default_value', ''), str), argument
 
 
-@pytest.mark.parametrize('name', PLANS)
-def test_every_node_is_installed_by_its_package_and_has_the_parameters(name, bag, tmp_path):
-    given = {'bag': str(bag), 'output': str(tmp_path / 'new')} if name.startswith('replay') else {
-        'bag': str(tmp_path / 'new')}
-    plan = PLANS[name](arguments(name, **given))
-    for package, executable, parameters in plan.nodes:
-        assert f"'{executable} = {package}.{executable}:main'" in (
-            SRC / package / 'setup.py').read_text()
-        if executable in PARAMETERS:
-            schema.build(PARAMETERS[executable], parameters)
+def test_every_node_of_a_replay_is_installed_and_has_the_parameters(bag, tmp_path):
+    plan = replay_plan(arguments(
+        'replay.launch.py', bag=str(bag), output=str(tmp_path / 'new')))
+    own = {'recorder_node': RecorderNodeParams, 'replay_node': ReplayNodeParams}
+    for package, executable, values in plan.nodes:
+        assert is_installed(package, executable)
+        if executable in own:
+            schema.build(own[executable], values)
         else:
-            assert not parameters
+            assert not values
+
+
+def is_installed(package, executable):
+    return f"'{executable} = {package}.{executable}:main'" in (
+        SRC / package / 'setup.py').read_text()
+
+
+def listed():
+    """Return the nodes that the launch file of a flight lists, by its text."""
+    tree = ast.parse((SRC / 'mambo_bringup/launch/flight.launch.py').read_text())
+    return [tuple(word.value for word in call.args) for call in ast.walk(tree)
+            if isinstance(call, ast.Call) and getattr(call.func, 'attr', '') == 'nodes']
+
+
+@pytest.mark.parametrize('given', [
+    {}, {'bag': 'BAG'}, {'bag': 'BAG', 'composed': 'true'}, {'drones': '3', 'bag': 'BAG'},
+    {'drones': '2'}, {'drones': '2', 'bag': 'BAG', 'composed': 'true'},
+    {'description': 'false'}], ids=str)
+def test_every_process_of_a_flight_is_listed_once_and_installed(given, tmp_path):
+    given = {name: value.replace('BAG', str(tmp_path / 'bag')) for name, value in given.items()}
+    found = processes(tmp_path / 'files', **given)
+    assert len(listed()) == len(set(listed())) == 8
+    drones, composed = int(given.get('drones', 1)), 'composed' in given
+    wanted = [*FLIGHT_NODES * drones] if not composed else []
+    wanted += [RECORDER] * drones if 'bag' in given and not composed else []
+    wanted += [('mambo_bringup', 'composed_node')] if composed or drones > 1 else [SIMULATOR]
+    wanted += [] if 'description' in given else [('mambo_description', 'description_node')]
+    assert sorted(one[:2] for one in found) == sorted(wanted)
+    for one in found:
+        assert one[:2] in listed() and is_installed(*one[:2])
+        assert all(file.is_file() for file in parameters(one)[1])
 
 
 def test_a_flight_without_arguments_is_the_circle_in_real_time_until_stopped():
-    plan = flight()
-    assert plan.scenario == scenario(duration=0.0)
-    assert plan.scenario.sim_node.mode == 'realtime'
-    assert [executable for _, executable, _ in plan.nodes] == [
-        'optitrack_node', 'estimator_node', 'reference_node', 'controller_node', 'sim_node']
+    assert flown() == scenario(duration=0.0)
+    assert flown().sim_node.mode == 'realtime'
+
+
+@pytest.mark.parametrize('given, expected', [
+    ({'vehicle': 'toolbox'}, lambda: scenario(vehicle='toolbox', duration=0.0)),
+    ({'scenario': 'fig_5_11', 'seed': '9', 'mode': 'lockstep'}, lambda: override(
+        scenario_file.load('fig_5_11')[1], {
+            'sim_node.simulator.seed': 9, 'optitrack_node.seed': 9, 'sim_node.mode': 'lockstep'})),
+    ({'scenario': 'fig_5_11', 'vehicle': 'toolbox'}, lambda: scenario_file.load('fig_5_11', {
+        'vehicle': scenario_file.Place('toolbox', '')})[1])])
+def test_a_scenario_and_a_vehicle_are_those_of_the_runner(given, expected):
+    assert flown(**given) == expected()
+
+
+@pytest.mark.parametrize('given, line', [
+    ({'scenario': 'fig_5_11', 'params_file': 'a.yaml'},
+     'scenario:=fig_5_11 cannot be combined with params_file:=a.yaml: leave one out'),
+    ({'vehicle': 'toolbox', 'params_file': 'a.yaml'},
+     'params_file:=a.yaml cannot be combined with vehicle:=toolbox'),
+    ({'scenario': 'nothing'}, "scenario 'nothing' is unknown"),
+    ({'vehicle': 'bee'}, "vehicle 'bee' is unknown"),
+    ({'drones': '2', 'namespace': 'mine'}, 'namespace:=mine is for one drone'),
+    ({'drones': '99'}, 'drones = 99'), ({'drones': 'two'}, "drones = 'two'"),
+    ({'composed': 'true'}, 'composed:=true records always: give bag:=')])
+def test_arguments_that_make_no_flight_get_one_line(given, line):
+    with pytest.raises(MamboError, match=line) as refusal:
+        flight(**given)
+    assert '\n' not in str(refusal.value)
+
+
+def test_several_drones_have_namespaces_seeds_and_bags_of_their_own(tmp_path):
+    found = processes(tmp_path / 'files', drones='2', seed='5', bag=str(tmp_path / 'two'))
+    by_drone = {space: [one for one in found if one.namespace == space]
+                for space in ('/mambo1', '/mambo2')}
+    for number, (space, own) in enumerate(by_drone.items()):
+        recorder, *others = own
+        assert parameters(recorder)[0]['bag'] == str(tmp_path / 'two' / space[1:])
+        for one in own:
+            assert f'__ns:={space}' in one.arguments and '/clock:=clock' in one.arguments
+            assert '/tf_static:=tf_static' in one.arguments
+        [file] = parameters(others[0])[1]
+        assert f'{space}/sim_node:' in file.read_text() and f'seed: {5 + number}' in (
+            file.read_text())
+    world, = (one for one in found if one.executable == 'composed_node')
+    assert found[-1] is world and '--simulators' in world.arguments
+    description, = (one for one in found if one.executable == 'description_node')
+    given, _ = parameters(description)
+    assert given['drones'] == '/mambo1,/mambo2' and given['prefixed'] is True
+    assert [len(place.split()) for place in given['places'].split(';')] == [3, 3]
 
 
 def test_arguments_of_a_flight_are_parameters():
-    plan = flight(trajectory='z_sine', estimator='ground_truth', mode='lockstep', speed='2',
+    given = flown(trajectory='z_sine', estimator='ground_truth', mode='lockstep', speed='2',
                   duration='30', seed='7')
-    assert plan.scenario == scenario(
+    assert given == scenario(
         'z_sine', 'ground_truth', duration=30.0, seed=7,
         overrides={'sim_node.mode': 'lockstep', 'sim_node.speed': 2.0})
-    assert plan.scenario.reference_node.plan.landing_time == 21.0  # as the runner lands
+    assert given.reference_node.plan.landing_time == 21.0  # as the runner lands
 
 
 def test_a_trajectory_is_a_name_or_the_file_of_a_course(tmp_path):
     file = tmp_path / 'course.csv'
     file.write_text(uav_trajectories.to_text(Course(
         np.array([4.0]), np.array([[[0.0, 0.0], [0.0, 0.5], [-1.0, 0.0], [0.0, 0.0]]]))))
-    plan = flight(trajectory=str(file)).scenario.reference_node.plan
+    plan = flown(trajectory=str(file)).reference_node.plan
     digest = hashlib.sha256(file.read_bytes()).hexdigest()
     assert (plan.trajectory, plan.course) == (
         'course', f'# course.csv, sha256 {digest}\n{file.read_text()}')
@@ -132,18 +227,22 @@ def test_the_parameter_file_comes_before_the_arguments(tmp_path):
     file, written = tmp_path / 'mine.yaml', override(scenario('z_sine', seed=4, land=False), {
         'sim_node.simulator.vehicle.mass': 0.07})
     file.write_text(to_yaml(written))
-    assert flight(params_file=str(file)).scenario == written
-    assert flight(params_file=str(file), seed='5', trajectory='hover').scenario == override(
+    assert flown(params_file=str(file)) == written
+    assert flown(params_file=str(file), seed='5', trajectory='hover') == override(
         written, {'sim_node.simulator.seed': 5, 'optitrack_node.seed': 5,
                   'reference_node.plan.trajectory': 'hover'})
 
 
 def test_the_simulator_is_last_and_waits_for_every_other_node(tmp_path):
     for given, recorded in (({}, False), ({'bag': str(tmp_path / 'new')}, True)):
-        *others, (package, executable, parameters) = flight(**given).nodes
-        assert (package, executable) == ('mambo_sim', 'sim_node')
-        assert parameters['wait_for'].split(',') == [name for _, name, _ in others]
-        assert ('recorder_node' in parameters['wait_for']) == recorded
+        *others, last = processes(tmp_path / 'files', **given)
+        assert last[:2] == SIMULATOR
+        [file] = parameters(last)[1]
+        waited = yaml.safe_load(file.read_text())['/mambo/sim_node']['ros__parameters'][
+            'wait_for'].split(',')
+        assert sorted(waited) == sorted(
+            one.executable for one in others if one.executable != 'description_node')
+        assert ('recorder_node' in waited) == recorded
 
 
 def test_a_bag_is_named_from_where_the_user_is(tmp_path, monkeypatch):
@@ -151,8 +250,9 @@ def test_a_bag_is_named_from_where_the_user_is(tmp_path, monkeypatch):
     monkeypatch.setenv('HOME', '/home/student')
     for name, path in (('mine', f'{tmp_path}/mine'), ('~/mine', '/home/student/mine'),
                        ('/bags/a b', '/bags/a b')):
-        (_, _, recorder), *_ = flight(bag=name).nodes
-        assert recorder == {'bag': path}
+        recorder, *_ = processes(tmp_path / 'files', bag=name)
+        given, _ = parameters(recorder)
+        assert given == {'bag': path, 'scenario': str(tmp_path / 'files/scenario.yaml')}
 
 
 def test_choices_are_those_of_the_nodes_and_to_leave_it_open():
@@ -248,36 +348,52 @@ def nodes_of(actions):
     return [action for action in actions if hasattr(action, 'node_executable')]
 
 
+def words(context, node):
+    """Return the command line of a node, without the program."""
+    from launch.utilities import perform_substitutions
+    return [perform_substitutions(context, list(word)) for word in node.cmd[1:]]
+
+
 @installed
 def test_launch_starts_the_nodes_of_the_plan(tmp_path):
-    context, actions = launched('flight.launch.py', seed='7', namespace='/two/',
-                                bag=str(tmp_path / 'new bag'))
+    bag = str(tmp_path / 'new bag')
+    context, actions = launched('flight.launch.py', seed='7', namespace='/two/', bag=bag,
+                                log_level='warn')
     nodes = nodes_of(actions)
     assert [(node.node_package, node.node_executable) for node in nodes] == [
-        node[:2] for node in flight(bag=str(tmp_path / 'new bag')).nodes]
-    from launch_ros.utilities import evaluate_parameters
-    recorder, *_, simulator = nodes
-    file, own = evaluate_parameters(context, recorder._Node__parameters)
-    assert own == {'bag': str(tmp_path / 'new bag'), 'scenario': str(file)}
-    text = Path(file).read_text()
-    assert from_yaml(text) == scenario(duration=0.0, seed=7)
-    assert text.startswith('/two/sim_node:\n')
-    _, own = evaluate_parameters(context, simulator._Node__parameters)
-    assert own['wait_for'].split(',') == [node.node_executable for node in nodes[:-1]]
+        node for node in listed() if node[1] != 'composed_node']
+    recorder, *_, simulator, _ = nodes
+    given = words(context, recorder)
+    assert f'bag:="{bag}"' in given and '__ns:=/two' in given
+    assert given[given.index('--log-level') + 1] == 'warn'
+    given = words(context, simulator)
+    text = Path(given[given.index('--params-file') + 1]).read_text()
+    assert from_yaml(text).seed == 7 and '/two/sim_node:' in text
 
 
 @installed
 def test_launch_ends_when_a_node_does_and_clears_up():
     from launch.events import Shutdown
     context, actions = launched('flight.launch.py')
-    for node in nodes_of(actions):
-        assert 'Shutdown' in repr(node._ExecuteLocal__on_exit)
-    (handler,) = [action.event_handler for action in actions if hasattr(action, 'event_handler')]
-    from launch_ros.utilities import evaluate_parameters
-    (file,) = evaluate_parameters(context, nodes_of(actions)[0]._Node__parameters)
-    assert Path(file).is_file()
+    nodes = nodes_of(actions)
+    for node in nodes:
+        ends = 'Shutdown' in repr(node._ExecuteLocal__on_exit)
+        assert ends == (node.node_executable != 'description_node')
+    [handler] = [action.event_handler for action in actions if hasattr(action, 'event_handler')]
+    given = words(context, nodes[0])
+    file = Path(given[given.index('--params-file') + 1])
+    assert file.is_file()
     handler.handle(Shutdown(), context)
-    assert not Path(file).parent.exists()
+    assert not file.parent.exists()
+
+
+@installed
+def test_launch_flies_several_drones_by_one_argument():
+    _, actions = launched('flight.launch.py', drones='3', description='false')
+    names = [node.node_executable for node in nodes_of(actions)]
+    assert {name: names.count(name) for name in names} == {
+        'optitrack_node': 3, 'estimator_node': 3, 'reference_node': 3, 'controller_node': 3,
+        'composed_node': 1}
 
 
 @installed
@@ -288,10 +404,10 @@ def test_launch_replays_a_bag(bag):
     from launch_ros.utilities import evaluate_parameters
     _, own = evaluate_parameters(context, nodes_of(actions)[1]._Node__parameters)
     assert own == {'bag': str(bag), 'rate': 1.0, 'source_namespace': '/mambo',
-                   'wait_for': 'estimator_node'}
+                   'wait_for': 'estimator_node', 'capture': False}
 
 
 @installed
 def test_launch_refuses_what_is_no_choice():
-    with pytest.raises(RuntimeError, match='loop'):
-        launched('flight.launch.py', trajectory='loop')
+    with pytest.raises(RuntimeError, match='sometimes'):
+        launched('flight.launch.py', mode='sometimes')

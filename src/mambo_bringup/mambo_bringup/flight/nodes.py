@@ -41,9 +41,10 @@ def _nodes_to_start(without: Collection[str], natnet: bool) -> list[tuple[str, s
 
 
 def run_parameters(flight: scenarios.Scenario, without: Collection[str],
-                   natnet: bool = False) -> dict[str, object]:
+                   natnet: bool = False, recorded: bool = True) -> dict[str, object]:
     """Return the parameters that belong to the run, not to the experiment."""
-    waited = [name for _, name in (*_nodes_to_start(without, natnet), RECORDER)]
+    waited = [name for _, name in (
+        *_nodes_to_start(without, natnet), *((RECORDER,) if recorded else ()))]
     return {'optitrack_node.watermark': flight.estimator_node.waits_for_capture,
             'sim_node.wait_for': ','.join(waited),
             'sim_node.wait_for_publishers': ','.join(REPLACEABLE[name][1] for name in without)}
@@ -83,6 +84,7 @@ def world_process(file: Path, owners: Sequence[list[str]], composed: bool) -> li
 def start_arguments(
     file: Path, bag: Path, composed: bool, namespace: str, without: Collection[str] = (),
     recorder: Mapping[str, str] = MappingProxyType({}), natnet: Path | None = None,
+    own: bool | None = None,
 ) -> list[tuple[tuple[str, str], list[str]]]:
     """
     Return the nodes of a drone with their command line arguments.
@@ -105,11 +107,15 @@ def start_arguments(
         Further parameters of the recorder.
     natnet
         Parameters of the NatNet server and client, which stand in for the mock Optitrack.
+    own
+        Whether the drone has a clock, frames and diagnostics of its own; None: it has them if its
+        namespace is not that of a drone that flies alone.
 
     """
     arguments = ['--ros-args']
-    if namespace != NAMESPACE:  # one of several drones: its own clock, frames and diagnostics
+    if namespace != NAMESPACE:
         arguments += ['-r', f'__ns:={namespace}']
+    if namespace != NAMESPACE if own is None else own:
         for topic in OWN:
             arguments += ['-r', f'/{topic}:={topic}']
     flown = [*arguments, '--params-file', str(file)]
