@@ -35,6 +35,19 @@ ARGUMENTS = [
         description='Publish robot_description, /tf_static, paths and markers for RViz and other '
                     'viewers; the bag is the same with and without.'),
     DeclareLaunchArgument(
+        'start_date', default_value='',
+        description='Date at flight time 0, ISO 8601 such as 2026-05-01T12:00:00Z; empty: stamps '
+                    'begin at 0.'),
+    DeclareLaunchArgument(
+        'sensor_frames', default_value='false', choices=('true', 'false'),
+        description='Frames of IMU and sonar are imu_link and sonar_link, not base_link.'),
+    DeclareLaunchArgument(
+        'prefixed', default_value='false', choices=('true', 'false'),
+        description='Names of frames begin with that of their drone, as in mambo1/base_link.'),
+    DeclareLaunchArgument(
+        'hardware_ids', default_value='false', choices=('true', 'false'),
+        description='Diagnostics have the drone as hardware id and in their names.'),
+    DeclareLaunchArgument(
         'log_level', default_value='', choices=('', 'debug', 'info', 'warn', 'error', 'fatal'),
         description='Least severity that the nodes log; empty: info.'),
     DeclareLaunchArgument(

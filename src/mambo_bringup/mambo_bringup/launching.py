@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from mambo_flight.world.world_file import Hall
 from mambo_model import schema
 from mambo_model.frames import flip_vector
 from mambo_ros import topics
+from mambo_ros.graph.wire import WireParams
 
 from .flight.nodes import (
     COMPOSED, DESCRIPTION, RECORDER, recorder_topics, run_parameters, start_arguments,
@@ -79,6 +81,7 @@ class Flight(NamedTuple):
     composed: bool
     own_clock: bool
     vehicle: str           # of the description; empty: there is none
+    wire: dict[str, dict[str, object]]  # parameters of what is published, by namespace
 
 
 class Process(NamedTuple):
@@ -158,7 +161,22 @@ def flight(arguments: Mapping[str, str]) -> Flight:
     described = arguments['description'] == 'true'
     own_clock = hall is not None or arguments['own_clock'] == 'true'
     return Flight(flown, bags, hall, composed, own_clock,
-                  (arguments['vehicle'] or 'identified') if described else '')
+                  (arguments['vehicle'] or 'identified') if described else '',
+                  {name: _wire(arguments, name, hall is not None) for name in flown})
+
+
+def _wire(arguments: Mapping[str, str], space: str, several: bool) -> dict[str, object]:
+    """Return what the nodes of a drone change in what they publish; see ``WireParams``."""
+    name = space.strip('/')
+    if arguments['prefixed'] == 'true' and not several:
+        raise FlightInputError('prefixed:=true is for several drones: give drones:=')
+    given: dict[str, object] = {
+        'start_date': arguments['start_date'],
+        'sensor_frames': arguments['sensor_frames'] == 'true',
+        'frame_prefix': f'{name}/' if arguments['prefixed'] == 'true' else '',
+        'hardware_id': name if arguments['hardware_ids'] == 'true' else ''}
+    schema.build(WireParams, given)
+    return {key: value for key, value in given.items() if value}
 
 
 def processes(plan: Flight, folder: Path) -> list[Process]:
@@ -182,10 +200,16 @@ def processes(plan: Flight, folder: Path) -> list[Process]:
         file = folder / f'scenario{number or ""}.yaml'
         file.write_text(scenarios.to_yaml(scenarios.override(flown, run_parameters(
             flown, (), recorded=bool(plan.bags))), space))
-        *nodes, owner = start_arguments(
+        started = start_arguments(
             file, plan.bags.get(space, Path()), plan.composed, space, (), {
                 **recorder_topics(flown), **({'world': str(world)} if plan.hall else {})},
             own=plan.own_clock)
+        if plan.wire[space]:
+            wire = folder / f'wire{number or ""}.json'  # parsed as YAML
+            wire.write_text(json.dumps({f'{space}/*': {'ros__parameters': {
+                'wire': plan.wire[space]}}}))
+            started = [(node, [*words, '--params-file', str(wire)]) for node, words in started]
+        *nodes, owner = started
         owners.append((*owner, space))
         out += [Process(*node, space, words) for node, words in nodes
                 if plan.bags or node != RECORDER]

@@ -181,6 +181,28 @@ def test_arguments_that_make_no_flight_get_one_line(given, line):
     assert '\n' not in str(refusal.value)
 
 
+def test_what_is_published_otherwise_is_in_a_file_of_each_drone(tmp_path):
+    given = {'start_date': '2026-05-01', 'prefixed': 'true', 'hardware_ids': 'true',
+             'sensor_frames': 'true'}
+    found = processes(tmp_path / 'files', drones='2', **given)
+    for one in found[:-2]:
+        wire = yaml.safe_load(parameters(one)[1][-1].read_text())
+        assert wire == {f'{one.namespace}/*': {'ros__parameters': {'wire': {
+            'start_date': '2026-05-01', 'frame_prefix': f'{one.namespace[1:]}/',
+            'hardware_id': one.namespace[1:], 'sensor_frames': True}}}}
+    assert sum(file.name.startswith('wire') for file in parameters(found[-1])[1]) == 2
+    for one in processes(tmp_path / 'plain'):
+        assert not [file for file in parameters(one)[1] if file.name.startswith('wire')]
+
+
+@pytest.mark.parametrize('given, line', [
+    ({'start_date': 'soon'}, "start_date = 'soon' is not a date"),
+    ({'prefixed': 'true'}, 'prefixed:=true is for several drones')])
+def test_what_cannot_be_published_is_refused(given, line):
+    with pytest.raises(MamboError, match=line):
+        flight(**given)
+
+
 def test_several_drones_have_namespaces_seeds_and_bags_of_their_own(tmp_path):
     found = processes(tmp_path / 'files', drones='2', seed='5', bag=str(tmp_path / 'two'))
     by_drone = {space: [one for one in found if one.namespace == space]

@@ -56,16 +56,24 @@ class RawPublisher:
     shared : bool
         Whether nodes of other processes publish the topic too.
 
+    Parameters
+    ----------
+    change
+        Returns what is published in place of a message; None: the message itself.
+
     """
 
-    def __init__(self, publisher: Publisher, shared: bool) -> None:
-        self.publisher, self.shared = publisher, shared
+    def __init__(self, publisher: Publisher, shared: bool,
+                 change: Callable[[bytes], bytes] | None = None) -> None:
+        self.publisher, self.shared, self._change = publisher, shared, change
         self.local: list[Callable[[bytes], None]] = []
         self.queue: deque[tuple[Callable[[bytes], None], bytes]] = deque()
         self._publish = publisher.handle.publish_raw
 
     def __call__(self, data: bytes) -> None:
         """Publish a serialised message."""
+        if self._change is not None:
+            data = self._change(data)
         if self.local:
             for take in self.local:
                 self.queue.append((take, data))

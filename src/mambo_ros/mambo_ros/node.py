@@ -24,6 +24,7 @@ from .commands.table import Service
 from .endpoints import Input, LoopGroup, qos, RawPublisher
 from .graph import peers
 from .graph.publisher_guard import PublisherGuard
+from .graph.wire import WireParams
 from .input_guard import InputGuard
 
 P = TypeVar('P')
@@ -61,6 +62,7 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
     def __init__(self, name: str, params_type: type[P], **kwargs: Any) -> None:
         kwargs.setdefault('namespace', 'mambo')
         super().__init__(name, **kwargs)
+        self.wire = params.declare_group(self, WireParams, 'wire.')
         self.params = params.declare(self, params_type)
         self.outputs: list[RawPublisher] = []
         self.inputs: list[Input] = []
@@ -77,7 +79,8 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
             if output.publisher.topic_name == name:
                 return output
         self.outputs.append(RawPublisher(
-            self.create_publisher(topic.msg_type, topic.name, qos(topic)), topic.shared))
+            self.create_publisher(topic.msg_type, topic.name, qos(topic)), topic.shared,
+            self.wire.outgoing(topic, self.get_namespace())))
         return self.outputs[-1]
 
     def subscribe(self, topic: topics.Topic, callback: Callable[[bytes], None],
@@ -127,7 +130,7 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
 
         """
         name = self.resolve_topic_name(topic.name)
-        guard = InputGuard(name, decode, callback, **bounds)
+        guard = InputGuard(name, self.wire.incoming(decode), callback, **bounds)
         self.inputs.append(Input(topic, name, self._guard(guard), prompt, reliable))
         return guard
 
@@ -164,15 +167,7 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
                         True) for output in self.outputs)]
 
     def report_refusals(self, now: float) -> None:
-        """
-        Log, at most once a second, how many messages were refused since the last report.
-
-        Parameters
-        ----------
-        now : s
-            Wall time, of ``time.monotonic``.
-
-        """
+        """Log, once a second at most, how many messages were refused since; s of wall time."""
         self._refusals.report(now)
 
     def finish(self) -> None:

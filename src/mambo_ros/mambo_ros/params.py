@@ -61,19 +61,33 @@ def declare(node: Node, params_type: type[P]) -> P:
     given = {name: parameter.value for name, parameter in node._parameter_overrides.items()}
     params_type = schema.extended(params_type, given)
     known = dict(schema.walk(params_type))
-    params = schema.build(
-        params_type, {name: value for name, value in given.items() if name in known})
-    for name, value in schema.flatten(params).items():
-        try:
-            node.declare_parameter(
-                name, _plain(value), _descriptor(known[name]), ignore_override=True)
-        except (InvalidParameterTypeException, InvalidParameterValueException,
-                ParameterException) as error:
-            raise schema.ParameterError(f'{name} = {value!r}: {error}') from None
+    params = _declare(node, params_type, '', given)
     unknown = sorted(name for name in given if not node.has_parameter(name))
     if unknown:
         raise schema.ParameterError(schema.unknown(unknown[0], known))
     _guard_services(node)
+    return params
+
+
+def declare_group(node: Node, params_type: type[P], prefix: str) -> P:
+    """Declare a dataclass whose parameters have a prefix, before :func:`declare`; errors alike."""
+    return _declare(node, params_type, prefix, {
+        name.removeprefix(prefix): parameter.value
+        for name, parameter in node._parameter_overrides.items() if name.startswith(prefix)})
+
+
+def _declare(node: Node, params_type: type[P], prefix: str, given: dict[str, Any]) -> P:
+    """Declare the fields of a dataclass below a prefix; return it with the given values."""
+    known = dict(schema.walk(params_type))
+    params = schema.build(
+        params_type, {name: value for name, value in given.items() if name in known}, prefix)
+    for name, value in schema.flatten(params).items():
+        try:
+            node.declare_parameter(
+                prefix + name, _plain(value), _descriptor(known[name]), ignore_override=True)
+        except (InvalidParameterTypeException, InvalidParameterValueException,
+                ParameterException) as error:
+            raise schema.ParameterError(f'{prefix}{name} = {value!r}: {error}') from None
     return params
 
 

@@ -10,6 +10,7 @@ from typing import Any, get_args
 from mambo_model import schema
 
 from .commands.table import Service
+from .graph.wire import WireParams
 from .topics import Topic
 
 
@@ -68,6 +69,8 @@ def _node(node_type: Any) -> Iterator[str]:
     yield 'parameters:'
     for name, field in schema.walk(_params_type(node_type)):
         yield from _parameter(name, field)
+    for name, field in schema.walk(WireParams):
+        yield from _parameter(f'wire.{name}', field)
 
 
 def text(node_types: Sequence[Any], package: str, executable: str) -> str:
