@@ -336,9 +336,9 @@ def test_drag_slows_the_flight_as_assumed_above():
 
 def test_whole_numbers_as_parameters_compile_nothing_anew():
     answer(still())
-    known = len(support_package.step.signatures)
+    known = len(support_package.step.for_python.signatures)
     answer(still(), gains=ToolboxControllerParams(altitude_gain=1, height_max=9).values())
-    assert len(support_package.step.signatures) == known
+    assert len(support_package.step.for_python.signatures) == known
 
 
 @pytest.mark.parametrize(('name', 'value'), [

@@ -400,10 +400,10 @@ def test_one_step_has_the_same_bits_alone_and_in_a_compiled_loop():
 
 def test_whole_numbers_as_parameters_compile_nothing_anew():
     advance(support_package.initial(UNCALIBRATED.values()), 1)
-    known = len(support_package.step.signatures)
+    known = len(support_package.step.for_python.signatures)
     whole = ToolboxEstimatorParams(calibration_samples=0, flow_to_velocity=2, hold=1)
     advance(support_package.initial(whole.values()), 1, whole)
-    assert len(support_package.step.signatures) == known
+    assert len(support_package.step.for_python.signatures) == known
 
 
 @pytest.mark.parametrize(('name', 'value'), [

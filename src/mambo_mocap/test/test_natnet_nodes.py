@@ -161,6 +161,6 @@ def test_a_paced_server_sends_no_two_frames_together(make):
             time.sleep(min(server.turn(), 0.001))
             arrivals += [at for data, _, at in udp.receive(client) if wire.kind(data) == 7]
     assert len(arrivals) >= 30
-    # ns; half a period is 1.389 ms. A busy machine may stop the server between looking at the clock
-    # and sending, which brings that frame nearer to the next one.
+    # ns; half a period is 1.389 ms. A busy machine may stop the server between looking at the
+    # clock and sending, which brings that frame nearer to the next one.
     assert np.sort(np.diff(arrivals))[2] > 1.38e6

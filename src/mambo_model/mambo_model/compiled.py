@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 import contextlib
+import functools
 import hashlib
 import importlib
 import importlib.abc
@@ -107,6 +108,7 @@ os.environ.setdefault('NUMBA_CACHE_DIR', str(_cache_root() / f'numba-{source_dig
 import numba  # noqa: E402 (reads NUMBA_CACHE_DIR while it is imported; all others import it here)
 from numba import objmode, typeof  # noqa: E402, F401
 from numba.core.errors import NumbaError  # noqa: E402, F401
+from numba.core.registry import CPUDispatcher  # noqa: E402
 from numba.experimental import structref  # noqa: E402
 from numba.extending import overload  # noqa: E402
 from numba.typed import List  # noqa: E402
@@ -131,6 +133,56 @@ def _load_arrays() -> None:
 _load_arrays()
 
 
+class _Compiled(CPUDispatcher):
+    """
+    A compiled function; calls from Python are compiled apart, when there is the first one.
+
+    Code that takes a call from Python apart, number by number, is a third of what numba compiles
+    for such functions, and compiled callers do not use it. So the machine code for them has none,
+    and what Python calls is compiled once more, with it.
+
+    Attributes
+    ----------
+    cache : str
+        Folder of the compiled code for calls from Python.
+
+    """
+
+    cache = ''
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call from Python."""
+        return self.for_python(*arguments)
+
+    @functools.cached_property
+    def for_python(self) -> CPUDispatcher:
+        """The same function for calls from Python."""
+        with own_cache(self.cache):
+            return numba.njit(cache=True, error_model='numpy')(self.py_func)
+
+
+def _compiled(function: Callable, **options: Any) -> Any:
+    """Return a compiled function; the function itself with compilation switched off."""
+    with own_cache('inside'):
+        made = numba.njit(cache=True, error_model='numpy', no_cpython_wrapper=True,
+                          no_cfunc_wrapper=True, **options)(function)
+    if isinstance(made, CPUDispatcher):
+        made.__class__ = _Compiled
+        made.cache = numba.config.CACHE_DIR
+    return made
+
+
+@contextlib.contextmanager
+def own_cache(name: str) -> Iterator[None]:
+    """Cache functions that are defined inside this context in a folder inside the present one."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(Path(before) / name)
+    try:
+        yield
+    finally:
+        numba.config.CACHE_DIR = before
+
+
 def jit(function: F) -> F:
     """
     Compile a pure numerical function: cached on disk, IEEE arithmetic (no fastmath).
@@ -138,7 +190,7 @@ def jit(function: F) -> F:
     Every caller (node, replay, closed loop, Monte Carlo) runs the same compiled code and so gets
     the same bits.
     """
-    return numba.njit(cache=True, error_model='numpy')(function)
+    return _compiled(function)
 
 
 def jit_inside(function: F) -> F:
@@ -150,23 +202,12 @@ def jit_inside(function: F) -> F:
     and without sensors 0.64. Only for functions with one or two callers, as each of these
     compiles the code anew; not for what is rarely reached, such as the alignment at rest.
     """
-    return numba.njit(cache=True, error_model='numpy', forceinline=True)(function)
+    return _compiled(function, forceinline=True)
 
 
 def jit_beside_python(function: F) -> F:
     """Compile as :func:`jit` what several threads run at once: it does not hold Python's lock."""
     return numba.njit(cache=True, error_model='numpy', nogil=True)(function)
-
-
-@contextlib.contextmanager
-def own_cache(name: str) -> Iterator[None]:
-    """Cache functions that are defined inside this context in a folder of their own."""
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(Path(os.environ['NUMBA_CACHE_DIR']) / name)
-    try:
-        yield
-    finally:
-        numba.config.CACHE_DIR = before
 
 
 class _Held(structref.StructRefProxy):

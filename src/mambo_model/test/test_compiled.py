@@ -108,6 +108,24 @@ def test_what_is_compiled_inside_leaves_no_call_in_its_caller():
     assert 'flat_output' not in calls_of(inside)
 
 
+@jit
+def half(x):
+    return 0.5 * x
+
+
+def entry_for_python(function):
+    """Return the address of a compiled function's code for calls from Python, 0 for none."""
+    one, = function.overloads.values()
+    return one.library.get_pointer_to_function(one.fndesc.llvm_cpython_wrapper_name)
+
+
+def test_only_what_python_calls_is_compiled_for_calls_from_python():
+    assert numba.njit(lambda x: half(x))(3.0) == 1.5
+    assert entry_for_python(half) == 0 and not half.for_python.signatures
+    assert half(3.0) == 1.5
+    assert entry_for_python(half.for_python) != 0
+
+
 def test_what_is_held_moves_with_the_same_bits_and_apart_from_others():
     plan = trajectory.FlightPlanParams(trajectory='circle', takeoff='none').values()
     vv = Vehicle().values()
@@ -138,11 +156,11 @@ def test_a_list_of_holders_has_all_of_them_in_their_order():
 
 def test_whole_numbers_as_parameters_compile_nothing_anew():
     trajectory.reference_at(1.0, trajectory.FlightPlanParams(), Vehicle())
-    known = len(trajectory.reference_step.signatures)
+    known = len(trajectory.reference_step.for_python.signatures)
     trajectory.reference_at(
         1, trajectory.FlightPlanParams(start_time=6, scale_rate=1, landing_time=20),
         Vehicle(drag_coefficient=0))
-    assert len(trajectory.reference_step.signatures) == known
+    assert len(trajectory.reference_step.for_python.signatures) == known
 
 
 def cache_folder(packages, cache):
@@ -198,7 +216,8 @@ def twice(fruit):
 def test_the_type_of_an_argument_chooses_the_function_compiled_or_not():
     for fruit, wanted in ((Apple(3.0), 6.0), (Pear(4.0, 1), -8.0)):
         assert of_fruit(2.0, fruit) == twice(fruit) == wanted
-    assert len(of_pear.signatures) == 1  # what is not chosen is not compiled
+    compiled_for = {*of_pear.signatures, *of_pear.for_python.signatures}
+    assert len(compiled_for) == 1  # what is not chosen is not compiled
 
 
 def test_a_type_without_a_function_is_said_by_name():
