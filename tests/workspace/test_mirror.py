@@ -26,7 +26,8 @@ HELD = {
     'mambo_bringup/checking/ends.py': CHECK,
     'mambo_bringup/checking/stand.py': CHECK,
     **{f'mambo_bringup/commanding/{name}.py': SENDING for name in (
-        'follow', 'go_to', 'halt', 'land', 'pause', 'resume', 'single_step', 'takeoff')},
+        'follow', 'go_to', 'halt', 'land', 'pause', 'resume', 'set_parameters', 'single_step',
+        'takeoff')},
     'mambo_bringup/launch_actions.py': 'src/mambo_bringup/test/test_launch.py',
     'mambo_bringup/launching.py': 'src/mambo_bringup/test/test_launch.py',
     'mambo_bringup/node_group.py': PROCESSES,

@@ -14,6 +14,7 @@ from mambo_flight.scenario import Scenario
 from mambo_flight.sweep import design
 from mambo_mocap.parameters import NatNetClientNodeParams, NatNetServerNodeParams
 from mambo_model import schema
+from mambo_ros.parameter_texts import describe
 from mambo_view.view_node import ViewNodeParams
 
 from .source import table
@@ -45,11 +46,11 @@ def _limits(meta: Any) -> tuple[str, str]:
     return '', '`true`, `false`' if 'flag' in meta else 'text'
 
 
-def row(name: str, field: dataclasses.Field) -> tuple[str, ...]:
-    """Return the line of one parameter."""
+def row(name: str, field: dataclasses.Field, what: str = '') -> tuple[str, ...]:
+    """Return the line of one parameter; what: it is, if its source does not say so."""
     breakable = name.replace('.', '.<wbr>')
     return (f'<code>{breakable}</code>', f'`{default(field.default)}`', *_limits(field.metadata),
-            field.metadata['source'])
+            '; '.join(filter(None, (what, field.metadata['source']))))
 
 
 def nodes() -> dict[str, type]:
@@ -65,7 +66,8 @@ def _sections(params_type: type) -> Iterator[tuple[str, list[tuple[str, ...]]]]:
     """Yield (prefix, rows) of each group of parameters that belongs together."""
     groups: dict[str, list[tuple[str, ...]]] = {}
     for name, field in schema.walk(params_type):
-        groups.setdefault(name.rpartition('.')[0], []).append(row(name, field))
+        groups.setdefault(name.rpartition('.')[0], []).append(
+            row(name, field, describe(name)))
     yield from groups.items()
 
 

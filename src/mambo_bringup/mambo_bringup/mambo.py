@@ -69,6 +69,8 @@ GROUPS: dict[str, dict[str, Command]] = {
         'pause': Command('mambo_bringup.commanding.pause', 'pause the simulation'),
         'step': Command('mambo_bringup.commanding.single_step', 'make single steps while paused'),
         'resume': Command('mambo_bringup.commanding.resume', 'go on after a pause'),
+        'set': Command('mambo_bringup.commanding.set_parameters', 'change gains, noise, wind, '
+                       'faults or speed'),
     },
     'Watch': {
         'view': Command('mambo_view.view', 'a running flight or a bag in the browser, in 3-D'),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mambo_model import slots
-from mambo_model.compiled import Held, hold, jit
+from mambo_model.compiled import Held, hold, jit, set_values
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.rigid_body import State
 from mambo_ros import diagnostics, input_guard, messages, node, process, topics
@@ -70,12 +70,14 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self._last = -1
         self._gone = (False, False)  # nobody publishes estimates, references any more
         self._told = failsafe.FLYING
-        self._held = self._begin()
-        _step(self._held, *_NO_ESTIMATE, NO_REFERENCE, 0)  # in memory before time starts
-        self._held = self._begin()
+        self.held = self._begin()
+        _step(self.held, *_NO_ESTIMATE, NO_REFERENCE, 0)  # in memory before time starts
+        set_values(self.held, p.compiled())
+        self.held = self._begin()
         self._pwm = self.advertise(topics.MOTOR_PWM)
         self._inner = self.advertise(topics.CONTROLLER_STATE)
         self._diagnostics = self.advertise(topics.DIAGNOSTICS)
+        self.allow_changes(self._next)
         clock = self.accept(topics.CLOCK, messages.decode_clock, _nothing, prompt=False)
         bounds = {'now': clock, 'ahead': round(p.period * 1e9), 'tolerant': True}
         self.accept(
@@ -90,10 +92,14 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
 
     def _begin(self) -> Held:
         """Return the controller at its start."""
-        p, gains = self.params, self.params.law.values()
+        values = self.params.compiled()
+        gains = values[1]
         self._slot = getattr(gains, 'slot', None)
-        return hold(failsafe.begin(gains), None, (
-            p.period, gains, p.failsafe.values(), p.vehicle.values()))
+        return hold(failsafe.begin(gains), None, values)
+
+    def _next(self) -> int:
+        """Return the stamp that is answered next, ns."""
+        return self._last + round(self.params.period * 1e9) if self._last >= 0 else 0
 
     def _on_estimate(self, t: int, state: State, variances: tuple[float, ...]) -> None:
         self._pair(
@@ -129,7 +135,9 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self._last = t
         estimate = self._estimates.get(t, _NO_ESTIMATE)
         reference, phase = self._references.get(t, (NO_REFERENCE, 0))
-        c, self.stage, reason, phase = _step(self._held, *estimate, reference, phase)
+        if t >= self.changes.due:
+            self.change(t)
+        c, self.stage, reason, phase = _step(self.held, *estimate, reference, phase)
         if self._slot is not None:
             self.fail(slots.fault(self._slot))
         for store in (self._estimates, self._references):

@@ -7,6 +7,7 @@ from typing import Any
 
 from mambo_model import schema
 from mambo_model.components import built_in_groups
+from mambo_model.motion import parameter_change
 from mambo_model.motion.trajectory import FlightPlanParams, PlanValues
 from mambo_model.vehicle.parameters import Vehicle
 
@@ -51,9 +52,31 @@ class ControllerNodeParams:
         'ahead by so much stamped time (judgement)')
     failsafe: FailsafeParams = schema.group(FailsafeParams)
     vehicle: Vehicle = schema.group(Vehicle)
+    changes: str = schema.text(
+        '', 'changes of gains and failsafe in flight, a YAML list: see docs/how-to/commands.md')
 
     def __post_init__(self) -> None:
         schema.check(self)
+        parameter_change.check(self)
+
+    def fixed(self, name: str) -> str:
+        """Return why a parameter cannot be changed in flight; empty: it can be."""
+        chosen, group = REGISTRY.find(self.controller), name.partition('.')[0]
+        if chosen.own and group in (chosen.name, 'failsafe'):
+            return 'a controller of your own keeps its parameters for a whole flight'
+        if group in (chosen.name, 'failsafe'):
+            return ''
+        if group in REGISTRY.built_in:
+            return f'the flight has the controller {chosen.name}'
+        return parameter_change.STARTED
+
+    def kept(self) -> dict[str, Any]:
+        """Return the parameters that every change sets as well: none."""
+        return {}
+
+    def compiled(self) -> tuple[Any, ...]:
+        """Return what the compiled step reads: period in s, gains, failsafe, vehicle."""
+        return (self.period, self.law.values(), self.failsafe.values(), self.vehicle.values())
 
     @property
     def law(self) -> Any:

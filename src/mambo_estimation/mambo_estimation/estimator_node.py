@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from mambo_model import slots
-from mambo_model.compiled import Held, hold, jit
+from mambo_model.compiled import Held, hold, jit, set_values
 from mambo_model.motion.rigid_body import State
 from mambo_ros import diagnostics, input_guard, messages, node, process, topics, transforms
 
@@ -18,7 +18,7 @@ from .estimate import diagnostic_status, Estimate, tilt_deviation
 from .parameters import EstimatorNodeParams
 from .synchroniser import Step, Synchroniser
 
-_TF_EVERY = 20_000_000  # ns
+_STEP, _TF_EVERY = 5_000_000, 20_000_000  # ns
 _REPORT_EVERY = 1_000_000_000  # ns
 _STREAMS = (topics.IMU, topics.SONAR, topics.OPTICAL_FLOW, topics.BAROMETER)
 _Counts = tuple[int, ...]
@@ -63,22 +63,21 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
     def __init__(self, **kwargs) -> None:
         super().__init__('estimator_node', EstimatorNodeParams, **kwargs)
         p = self.params
-        self._estimate = self.advertise(topics.ESTIMATE)
-        self._tf = self.advertise(topics.TF)
+        self._estimate, self._tf = map(self.advertise, (topics.ESTIMATE, topics.TF))
         if p.estimator == 'ground_truth':
             self.accept(
                 topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth, check=_check_truth)
             return
-        self._held = self._begin()
-        _step(  # have the compiled step in memory before time starts
-            self._held, 0.0, _ZERO3, _ZERO3, 0.0, _ZERO3[:2], 0, 0.0)
-        self._held = self._begin()
+        self.held = self._begin()
+        _step(self.held, 0.0, _ZERO3, _ZERO3, 0.0, _ZERO3[:2], 0, 0.0)  # in memory before time
+        set_values(self.held, p.compiled())
+        self.held = self._begin()
         watermark = p.synchronise == 'watermark'
-        self._sync = Synchroniser(watermark)
-        self._next_report, self._reported = 0, (0,) * 9
-        self._inner = self.advertise(topics.ESTIMATOR_STATE)
-        self._diagnostics = self.advertise(topics.DIAGNOSTICS)
-        sync = self._sync
+        sync = self._sync = Synchroniser(watermark)
+        self._next_report, self._reported, self._last = 0, (0,) * 9, -_STEP
+        self._inner, self._diagnostics = map(
+            self.advertise, (topics.ESTIMATOR_STATE, topics.DIAGNOSTICS))
+        self.allow_changes(lambda: self._last + _STEP)
         self._poses = self._subscribe_poses(watermark) if p.aided else None
         self._subscribe_sensor(topics.SONAR, messages.decode_sonar, sync.add_sonar)
         self._subscribe_sensor(topics.OPTICAL_FLOW, messages.decode_optical_flow, sync.add_flow)
@@ -94,7 +93,7 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
 
     def _begin(self) -> Held:
         """Return the estimator at its start."""
-        values = self.params.filter.values()
+        values = self.params.compiled()
         self._slot = getattr(values, 'slot', None)
         return hold(filters.initial(values), None, values)
 
@@ -145,10 +144,13 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
     def _take(self, steps: list[tuple[Step, SeenPose | None]]) -> None:
         """Take steps with their poses, and publish what they say."""
         for s, pose in steps:
+            self._last = s.t
+            if s.t >= self.changes.due:
+                self.change(s.t)
             if pose is not None:
-                _offer(self._held, (s.t - pose.t) * 1e-9, pose.rho, pose.q)
+                _offer(self.held, (s.t - pose.t) * 1e-9, pose.rho, pose.q)
             estimate, located = _step(
-                self._held, s.dt, s.gyro, s.accel, s.sonar, s.flow, s.flow_quality, s.pressure)
+                self.held, s.dt, s.gyro, s.accel, s.sonar, s.flow, s.flow_quality, s.pressure)
             if self._slot is not None:
                 self.fail(slots.fault(self._slot))
             if s.last:

@@ -14,7 +14,7 @@ from mambo_control import controllers, failsafe
 from mambo_control.commanded.evaluation import CommandedValues, reference_step
 from mambo_estimation import filters
 from mambo_estimation.estimate import Estimate
-from mambo_model.compiled import jit
+from mambo_model.compiled import hold, jit, memory_of
 from mambo_model.motion.flatness import body_velocity
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.trajectory import PlanValues
@@ -27,6 +27,7 @@ from mambo_sim.sensors import optitrack
 import numpy as np
 from numpy.typing import NDArray
 
+from . import changes
 from .capture_columns import store_located, WIDTH
 from .scenario import Scenario
 
@@ -152,7 +153,14 @@ def run(flight: Scenario, out: Recording) -> None:
     """Fly a scenario and fill a recording of :func:`blank`, one step for each row."""
     p = settings(flight)
     carry, rngs, mocap_rng = begin(flight, p)
-    fly_on(carry, 0, len(out.t), rngs, mocap_rng, p, out, None, False, None)
+    if not changes.changes_at_all(flight):
+        fly_on(carry, 0, len(out.t), rngs, mocap_rng, p, out, None, False, None)
+        return
+    later = changes.settings_later(flight, p, len(out.t))
+    held = hold(carry, (rngs, mocap_rng), (p, out))  # of the type of several drones: compiled once
+    ends = [*(k for k, _ in later), len(out.t)]
+    for (first, values), end in zip([(0, p), *later], ends, strict=True):
+        fly_on(memory_of(held), first, end, rngs, mocap_rng, values, out, None, False, held)
 
 
 def begin(

@@ -31,7 +31,7 @@ from mambo_ros import topics
 from mambo_ros.commands.command_message import decode
 import yaml
 
-from . import scenario as scenarios
+from . import changes, scenario as scenarios
 from .course import course_file
 from .scenario import ParameterReader, Place, Scenario
 
@@ -83,25 +83,28 @@ def commands_of(bag: Path, namespace: str = topics.NAMESPACE) -> list[FlightComm
 
 def scenario_of(bag: Path, namespace: str = topics.NAMESPACE) -> Scenario:
     """
-    Return the scenario of a recorded flight, with the recorded commands as its script.
+    Return the scenario of a recorded flight, with the recorded commands and changes as its script.
 
     Flown in lockstep or in one process, it gives the reference of the recorded flight to the last
-    bit.
+    bit, and all of a flight in lockstep.
 
     Raises
     ------
     InputError
-        If the bag holds no scenario, or not one of a commanded flight.
+        If the bag holds no scenario, or one without commands and changes of parameters.
 
     """
-    text = read_bag(bag, topics=()).attachments.get('scenario.yaml')
+    found = read_bag(bag, changes.RECORD, namespace)
+    text = found.attachments.get('scenario.yaml')
     if text is None:
         raise InputError(f'{bag}: holds no scenario.yaml: it was not recorded by ./run')
     flight = scenarios.from_yaml(str(text), f'scenario.yaml in {bag}')
-    if not flight.reference_node.commands.enabled:
-        raise InputError(f'{bag}: is not a commanded flight')
-    return scenarios.override(
-        flight, {f'{_GROUP}.script': script.to_text(commands_of(bag, namespace))})
+    again: dict[str, Any] = changes.changes_of(found)
+    if flight.reference_node.commands.enabled:
+        again[f'{_GROUP}.script'] = script.to_text(commands_of(bag, namespace))
+    elif not any(again.values()):
+        raise InputError(f'{bag}: is not a commanded flight, and no parameter changed in it')
+    return scenarios.override(flight, again)
 
 
 def send(name: str, drone: str = topics.NAMESPACE, **arguments: Any) -> str:
@@ -111,7 +114,8 @@ def send(name: str, drone: str = topics.NAMESPACE, **arguments: Any) -> str:
     Parameters
     ----------
     name
-        ``takeoff``, ``go_to``, ``follow``, ``stop``, ``land``, ``pause``, ``resume`` or ``step``.
+        ``takeoff``, ``go_to``, ``follow``, ``stop``, ``land``, ``pause``, ``resume``, ``step`` or
+        ``set``.
     drone
         Its namespace.
     arguments

@@ -9,9 +9,9 @@ sample is late, repeated or out of order, the :class:`Synchroniser` of the node 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import islice
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mambo_bags.reader import Bag, BagError, Messages
 from mambo_estimation import filters
@@ -225,10 +225,9 @@ def _offer_pose(memory, seen, k):
 
 
 @jit
-def _run(memory, values, s, seen, out):
-    """Run an estimator over some steps and fill ``out``."""
-    row = 0
-    for k in range(len(s.t)):
+def _run(memory, values, s, seen, out, first, end, row):
+    """Run an estimator over some steps and fill ``out`` from a row on; return both after it."""
+    for k in range(first, end):
         g, a, f = s.gyro[k], s.accel[k], s.flow[k]
         memory = _offer_pose(memory, seen, k)
         memory, estimate = filters.step(
@@ -239,9 +238,11 @@ def _run(memory, values, s, seen, out):
             store_estimate(out, row, estimate)
             store_located(out.located, row, filters.located(memory, estimate))
             row += 1
+    return memory, row
 
 
-def run(found: Steps, params: filters.Params, seen: Poses | None = None) -> Estimates:
+def run(found: Steps, params: filters.Params, seen: Poses | None = None,
+        later: Sequence[tuple[int, Any]] = ()) -> Estimates:
     """
     Run an estimator over some steps and return its estimates.
 
@@ -253,6 +254,8 @@ def run(found: Steps, params: filters.Params, seen: Poses | None = None) -> Esti
         Parameters of the estimator; their type selects it.
     seen
         Poses of the motion capture, for an estimator that uses them.
+    later
+        Other values for its compiled step, each with the time in ns from which they count.
 
     """
     n, values = int(found.last.sum()), params.values()
@@ -260,11 +263,16 @@ def run(found: Steps, params: filters.Params, seen: Poses | None = None) -> Esti
     out = Estimates(
         found.t[found.last], *(np.empty((n, width)) for width in (13, 36, 36, 36)),
         found.dropped[found.last], np.zeros((n, WIDTH)) if aided else None)
-    _run(filters.initial(values), values, found, seen if aided else None, out)
+    parts = [(0, values), *((int(np.searchsorted(found.t, t)), other) for t, other in later)]
+    memory, row = filters.initial(values), 0
+    for (first, own), end in zip(
+            parts, (*(first for first, _ in parts[1:]), len(found.t)), strict=True):
+        memory, row = _run(memory, own, found, seen if aided else None, out, first, end, row)
     return out
 
 
-def estimate(bag: Bag, params: filters.Params) -> Estimates:
+def estimate(bag: Bag, params: filters.Params,
+             later: Sequence[tuple[int, Any]] = ()) -> Estimates:
     """
     Run an estimator over a bag; the result equals the live one to the last bit.
 
@@ -275,14 +283,16 @@ def estimate(bag: Bag, params: filters.Params) -> Estimates:
         estimator that uses the motion capture.
     params
         Parameters of the estimator; their type selects it.
+    later
+        As of :func:`run`.
 
     """
     found = steps(bag)
     if not isinstance(params.values(), AidedValues):
-        return run(found, params)
+        return run(found, params, None, later)
     seen, whole = poses(bag, found.t)
     return run(Steps(*(column[:whole] for column in found)), params,
-               Poses(*(column[:whole] for column in seen)))
+               Poses(*(column[:whole] for column in seen)), later)
 
 
 def steps_of(recording: Recording) -> Steps:

@@ -23,11 +23,14 @@ from mambo_model import frames
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.rigid_body import State
 from mambo_ros import cdr, diagnostics, messages, topics
+from mambo_ros.commands import change_message
 from mambo_ros.commands.command_message import encode
+from mambo_sim.simulator import SimulatorParams
 import numpy as np
 from numpy.typing import NDArray
 from tf2_msgs.msg import TFMessage
 
+from . import changes
 from .capture_columns import anchor_of, capture_of, COLUMNS
 from .closed_loop import Recording
 from .scenario import commented_yaml, Scenario
@@ -62,11 +65,23 @@ def _block(stamps: NDArray[np.int64], *blocks: NDArray[np.uint8]) -> Stream:
     return stamps, [np.pad(rows, ((0, 0), (0, -rows.shape[1] % 4))) for rows in blocks]
 
 
+def _noise(r: Recording, flight: Scenario) -> tuple[Any, ...]:
+    """Return noise of gyro (3), accelerometer (3), pressure: columns if it changes in flight."""
+    def of(p: SimulatorParams) -> tuple[float, ...]:
+        return (*p.imu.gyro_noise, *p.imu.accel_noise, p.barometer.noise)
+    out: tuple[Any, ...] = of(flight.sim_node.simulator)
+    for one in changes.taken(flight, len(r.t)):
+        if one.node == 'sim_node':
+            out = tuple(np.where(np.arange(len(r.t)) < one.k, before, after)
+                        for before, after in zip(out, of(one.params.simulator), strict=True))
+    return out
+
+
 def _sensors(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Stream]]:
     """Yield the sensor topics of ``sim_node``."""
     p = flight.sim_node.simulator
-    variances = [tuple(sigma * sigma for sigma in noise)
-                 for noise in (p.imu.gyro_noise, p.imu.accel_noise)]
+    sigmas = _noise(r, flight)
+    variances = [tuple(sigma * sigma for sigma in noise) for noise in (sigmas[:3], sigmas[3:6])]
     yield topics.IMU, _block(r.t, messages.imu(r.t, *_vectors(r.imu, 3, 3), *variances))
     echo, flow, air = (~np.isnan(x) for x in (r.inner.sonar, r.flow[:, 2], r.pressure))
     yield topics.SONAR, _block(r.t[echo], messages.sonar(
@@ -76,7 +91,7 @@ def _sensors(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Str
     yield topics.OPTICAL_FLOW, _block(r.t[flow], messages.optical_flow(
         r.t[flow], (seen[:, 0], seen[:, 1]), seen[:, 2]))
     yield topics.BAROMETER, _block(r.t[air], messages.pressure(
-        r.t[air], r.pressure[air], p.barometer.noise * p.barometer.noise))
+        r.t[air], r.pressure[air], np.square(np.broadcast_to(sigmas[6], len(r.t))[air])))
     counts = (np.arange(1, len(r.t) + 1), *(np.cumsum(new) for new in (echo, flow, air)))
     yield topics.SENSOR_TICK, _block(r.t, messages.sensor_tick(r.t, *counts))
 
@@ -196,6 +211,13 @@ def _reports(r: Recording, flight: Scenario) -> Iterator[tuple[int, bytes]]:
         yield from sorted(at_t)
 
 
+def _changes(r: Recording, flight: Scenario) -> Iterator[tuple[int, bytes]]:
+    """Yield (stamp, message) of the changes of parameters."""
+    for one in changes.taken(flight, len(r.t)):
+        t = int(r.t[one.k])
+        yield t, change_message.encode(t, one.node, one.values)
+
+
 def _report(*arguments: Any) -> tuple[int, bytes]:
     return arguments[0], diagnostics.report(*arguments)
 
@@ -233,7 +255,7 @@ def _streams(r: Recording, flight: Scenario) -> Iterator[tuple[topics.Topic, Str
         yield topics.CAPTURE_TICK, _block(r.t, messages.capture_tick(r.t, np.cumsum(seen)))
     yield from _laws(r, flight)
     yield topics.TF, _tf(r, flight.estimator_node.map_to_odom)
-    yield topics.DIAGNOSTICS, _single(list(_reports(r, flight)))
+    yield topics.DIAGNOSTICS, _single(sorted((*_reports(r, flight), *_changes(r, flight))))
     commands = flight.reference_node.commands
     if commands.enabled:
         yield topics.COMMAND, _single([
@@ -256,7 +278,8 @@ def recorded(flight: Scenario) -> tuple[topics.Topic, ...]:
 
 def check(flight: Scenario) -> None:
     """Raise :class:`BagWriterError` for a flight that :func:`write` refuses."""
-    if flight.sim_node.simulator.faults.values() is not None:
+    later = (one.params for one in changes.taken(flight) if one.node == 'sim_node')
+    if any(node.simulator.faults.present() for node in (flight.sim_node, *later)):
         raise BagWriterError(
             'sim_node.simulator.faults: late, lost or repeated samples need the graph; '
             'fly it with ./run')

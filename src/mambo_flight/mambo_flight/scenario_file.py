@@ -14,7 +14,8 @@ figures. A file holds only what differs from the defaults:
 
 The keys are those of :class:`Settings`, for all flights or for one under ``flights``;
 ``parameters`` takes any parameter of any node. ``commands`` makes a commanded flight of it: a list
-of commands with times, see :mod:`.commanded`. ``world`` makes it a flight of several drones, with
+of commands with times, see :mod:`.commanded`. ``changes`` changes parameters in flight, see
+:mod:`.changes`. ``world`` makes it a flight of several drones, with
 the keys of :class:`mambo_sim.world.WorldParams`. A ROS 2 parameter file can be read, too.
 """
 
@@ -35,7 +36,7 @@ from mambo_sim.parameters import STEP_NS
 from mambo_sim.world import WorldParams
 import yaml
 
-from . import commanded, scenario as scenarios
+from . import changes, commanded, scenario as scenarios
 from .course import course_file
 from .scenario import ParameterReader, Place
 
@@ -101,11 +102,13 @@ class _Reader(ParameterReader):
                 parameters |= self.parameters(node, '')
             elif name == 'commands':
                 parameters |= commanded.parameters(self, node)
+            elif name == 'changes':
+                parameters |= changes.parameters(self, node)
             elif name in FIELDS:
                 settings[name] = Place(
                     self.leaf('', name, FIELDS[name], node), self.where(node))
             else:
-                known = [*FIELDS, 'parameters', 'commands']
+                known = [*FIELDS, 'parameters', 'commands', 'changes']
                 raise schema.ParameterError(
                     f'{self.where(key)}: {schema.unknown(name, known)}')
         return _Layer(settings, parameters)

@@ -80,7 +80,7 @@ def test_other_bags_are_refused_in_one_line(flown, tmp_path):
     plain = override(flown[0], {'reference_node.commands.enabled': False})
     recording_to_bag.write(tmp_path / 'plain', plain, flown[1])
     assert 'command' not in ' '.join(read_bag(tmp_path / 'plain').attachments)
-    with pytest.raises(InputError, match='is not a commanded flight'):
+    with pytest.raises(InputError, match='is not a commanded flight, and no parameter changed'):
         commanded.scenario_of(tmp_path / 'plain')
 
 

@@ -12,6 +12,7 @@ from mambo_flight.scenario_file import Settings
 from mambo_flight.sweep.design import HEAD
 from mambo_model import schema
 from mambo_model.vehicle.parameters import preset
+from mambo_ros.parameter_texts import describe, key_of, TEXTS
 from mambo_sim.parameters import STEP_NS
 import pytest
 import yaml
@@ -260,3 +261,12 @@ def test_limits_of_one_quantity_are_the_same_wherever_it_is_set():
     for name in SEEDS:
         assert settings['seed'].metadata['high'] == HEAD['seed'].metadata['high'] == high[name]
     assert high['sim_node.duration'] >= LONGEST
+
+
+def test_every_parameter_of_a_flight_says_what_it_is():
+    names = [name.partition('.')[2] for name in LEAVES]
+    explained = {'wait_for', 'start_patience', 'patience'}  # by what else is declared
+    assert {name for name in names if not describe(name)} == explained
+    assert {key_of(name) for name in names} - {''} == TEXTS.keys()  # and none describes nothing
+    bare = {name for name in names if '.' in name and '.' not in key_of(name)}
+    assert not bare, 'described by the words for another parameter'

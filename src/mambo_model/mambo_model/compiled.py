@@ -266,6 +266,12 @@ def hold_again(held, memory, rng, values):
 
 
 @jit
+def set_values(held, values):
+    """Let a holder hold other parameters, of the same types."""
+    held.values = values
+
+
+@jit
 def row_of(held):
     """Return a list for compiled code with one holder; :func:`lengthen` appends others."""
     return List([held])

@@ -325,7 +325,8 @@ def built_in_groups(registry: Registry, before: str = '') -> Callable[[type], ty
         groups = [(c.name, c.params, group(c.params)) for c in registry.built_in.values()]
         kept = {name: member for name, member in vars(params_type).items()
                 if isinstance(member, property) or name in (
-                    '__post_init__', '__doc__', '__module__', '__qualname__')}
+                    '__post_init__', '__doc__', '__module__', '__qualname__')
+                or inspect.isfunction(member) and not name.startswith('__')}
         return dataclasses.make_dataclass(
             params_type.__name__, [
                 (name, kind, copy.copy(field)) for name, kind, field in

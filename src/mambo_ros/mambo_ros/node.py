@@ -20,6 +20,7 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from . import diagnostics, params, topics
+from .commands.live import Live
 from .commands.table import Service
 from .endpoints import Input, LoopGroup, qos, RawPublisher
 from .graph import peers
@@ -33,7 +34,7 @@ FLUSH = 2.0  # s to wait for readers to acknowledge what an ending process has p
 _LOCAL = 2**32 - 1  # number of publishers of a topic that the same process publishes
 
 
-class MamboNode(diagnostics.Faulty, Node, Generic[P]):
+class MamboNode(diagnostics.Faulty, Live, Node, Generic[P]):
     """
     A node with schema parameters, byte topics and announced links.
 
@@ -60,8 +61,7 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
     example = ''
 
     def __init__(self, name: str, params_type: type[P], **kwargs: Any) -> None:
-        kwargs.setdefault('namespace', 'mambo')
-        super().__init__(name, **kwargs)
+        super().__init__(name, **{'namespace': 'mambo', **kwargs})
         self.wire = params.declare_group(self, WireParams, 'wire.')
         self.params = params.declare(self, params_type)
         self.outputs: list[RawPublisher] = []
@@ -191,5 +191,5 @@ class MamboNode(diagnostics.Faulty, Node, Generic[P]):
         self.report_refusals(math.inf)
         limit = time.monotonic() + seconds
         for output in self.outputs:
-            left = max(limit - time.monotonic(), 0.0)
-            output.publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=left))
+            output.publisher.wait_for_all_acked(
+                rclpy.duration.Duration(seconds=max(limit - time.monotonic(), 0.0)))

@@ -12,14 +12,16 @@ from rclpy.exceptions import (
 from rclpy.node import Node
 from rclpy.service import Service
 
+from . import parameter_texts
+
 P = TypeVar('P')
 _WARN_EVERY = 1.0  # s
 
 
-def _descriptor(field: Any) -> ParameterDescriptor:
-    """Describe one schema field: unit, range or options, source."""
+def _descriptor(name: str, field: Any, read_only: bool) -> ParameterDescriptor:
+    """Describe one parameter: what it is, unit, range or options, source."""
     meta, default = field.metadata, field.default
-    about = ParameterDescriptor(read_only=True)
+    about = ParameterDescriptor(read_only=read_only)
     if 'unit' in meta:
         about.description = f'[{meta["unit"]}] source: {meta["source"]}'
         about.additional_constraints = f'[{meta["low"]:g}, {meta["high"]:g}] {meta["unit"]}'
@@ -37,6 +39,8 @@ def _descriptor(field: Any) -> ParameterDescriptor:
             f'installed one; source: {meta["source"]}')
     else:
         about.description = f'source: {meta["source"]}'
+    if what := parameter_texts.describe(name):
+        about.description = f'{what}; {about.description}'
     return about
 
 
@@ -48,8 +52,9 @@ def declare(node: Node, params_type: type[P]) -> P:
     """
     Declare every field of a parameter dataclass, nested ones with dotted names, and fill it.
 
-    An integer is accepted for a floating-point parameter. Parameters are read-only: they are
-    fixed when the node starts.
+    An integer is accepted for a floating-point parameter. Parameters are read-only, but for those
+    that ``params.fixed`` gives no reason for: they can change while the node flies
+    (:mod:`.commands.live`).
 
     Raises
     ------
@@ -81,10 +86,12 @@ def _declare(node: Node, params_type: type[P], prefix: str, given: dict[str, Any
     known = dict(schema.walk(params_type))
     params = schema.build(
         params_type, {name: value for name, value in given.items() if name in known}, prefix)
+    fixed = getattr(params, 'fixed', lambda name: 'all are')
     for name, value in schema.flatten(params).items():
         try:
             node.declare_parameter(
-                prefix + name, _plain(value), _descriptor(known[name]), ignore_override=True)
+                prefix + name, _plain(value),
+                _descriptor(prefix + name, known[name], bool(fixed(name))), ignore_override=True)
         except (InvalidParameterTypeException, InvalidParameterValueException,
                 ParameterException) as error:
             raise schema.ParameterError(f'{prefix}{name} = {value!r}: {error}') from None

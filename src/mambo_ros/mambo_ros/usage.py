@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 from mambo_model import schema
 
+from . import parameter_texts
 from .commands.table import Service
 from .graph.wire import WireParams
 from .topics import Topic
@@ -35,7 +36,7 @@ def _default(field: dataclasses.Field) -> str:
 
 
 def _parameter(name: str, field: dataclasses.Field) -> Iterator[str]:
-    """Yield the two lines of a parameter: default, unit and range; source."""
+    """Yield the two lines of a parameter: default, unit and range; what it is and source."""
     meta = field.metadata
     unit = f' {meta["unit"]}' if meta.get('unit', '-') != '-' else ''
     bounds = ''
@@ -46,7 +47,8 @@ def _parameter(name: str, field: dataclasses.Field) -> Iterator[str]:
     elif 'component' in meta:
         bounds = f" (one of: {', '.join(meta['component'].names)}, or FILE.py[:NAME])"
     yield f'  {name} = {_default(field)}{unit}{bounds}'
-    yield f'      {meta["source"]}'
+    what = parameter_texts.describe(name)
+    yield '      ' + '; '.join(filter(None, (what, meta['source'])))
 
 
 def _topics(heading: str, listed: Sequence[Topic | Service]) -> Iterator[str]:

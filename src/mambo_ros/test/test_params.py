@@ -129,6 +129,21 @@ def test_a_description_has_unit_range_and_source():
     assert bias.type == ParameterType.PARAMETER_DOUBLE_ARRAY
 
 
+@dataclass(frozen=True)
+class Believing:
+    """A node that knows a vehicle."""
+
+    vehicle: Vehicle = schema.group(Vehicle)
+
+
+def test_a_parameter_says_what_it_is():
+    probe = MamboNode('probe', Believing)
+    assert probe.describe_parameter('vehicle.mass').description == (
+        'mass of the vehicle; [kg] source: weighed, thesis sec. 4.4')
+    assert probe.describe_parameter('vehicle.battery.enabled').description.startswith(
+        'whether the battery drains and sags; source: ')
+
+
 def test_parameters_of_the_vehicle_all_have_a_source():
     probe = MamboNode('probe', Vehicle)
     for name, _ in schema.walk(Vehicle):

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from mambo_model.compiled import jit
 from mambo_model.motion.vector import Vec3
-from mambo_model.schema import choice, group, quantity
+from mambo_model.schema import choice, flag, group, quantity
 from mambo_model.values import derived, Parameters, values_type
 import numpy as np
 from numpy.random import Generator
@@ -104,14 +104,21 @@ class FaultsParams(Parameters):
     sonar: FaultParams = group(FaultParams)
     optical_flow: FaultParams = group(FaultParams)
     barometer: FaultParams = group(FaultParams)
+    changeable: bool = flag(
+        False, 'whether the compiled step has faults even if none is set, so that one can be '
+        'set in flight')
 
     def values(self) -> FaultsValues | None:
         """Return the values for compiled code; None without faults."""
-        out = super().values()
-        return out if any(fault.code != NONE for fault in out) else None
+        return super().values() if self.changeable or self.present() else None
+
+    def present(self) -> bool:
+        """Return whether any sensor has a fault."""
+        return any(getattr(self, one).kind != KINDS[NONE] for one in (
+            'gyro', 'accel', 'imu', 'sonar', 'optical_flow', 'barometer'))
 
 
-FaultsValues = values_type(FaultsParams)
+FaultsValues = values_type(FaultsParams, without=('changeable',))
 
 
 class FaultMemory(NamedTuple):
@@ -245,12 +252,14 @@ class Outbox:
     ----------
     count : int
         Messages published since the start.
+    delay : ticks
+        Of the next late messages.
 
     """
 
     def __init__(self, publish: Callable[[bytes], None], delay: int = 1) -> None:
         self.count = 0
-        self._publish, self._delay = publish, delay
+        self._publish, self.delay = publish, delay
         self._late: deque[tuple[int, bytes]] = deque()
         self._held: bytes | None = None
 
@@ -266,7 +275,7 @@ class Outbox:
     def put(self, tick: int, data: bytes, what: int) -> None:
         """Publish, drop or hold the message of a tick."""
         if what == DELIVERY_LATE:
-            self._late.append((tick + self._delay, data))
+            self._late.append((tick + self.delay, data))
         elif what == DELIVERY_HELD:
             self._held = data
         elif what != DELIVERY_LOST:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from .delays import Delays
 from .parameters import STEP_NS
 
 _ASK_AGAIN = 5.0  # s of wall time between log lines that name the missing motor command
@@ -91,6 +92,15 @@ def status(missed: int, starved: int, limit: float) -> tuple[int, str]:
     return 0, 'flying'
 
 
+def numbers(mode: str, steps: int, missed: int, delays: Delays) -> dict[str, Any]:
+    """Return the values of that status; wall times, which never repeat, only in real time."""
+    out = {'mode': mode, 'steps': steps, 'missed': missed}
+    if mode == 'realtime':
+        out |= {f'IMU to motor command, {name} [ms]': value
+                for name, value in delays.values().items()}
+    return out
+
+
 def wait_for_answer(sim: Any, loop: Any) -> bool:
     """Serve the graph until the step's motor command has arrived (lockstep)."""
     began = logged = time.monotonic()
@@ -149,17 +159,20 @@ def run(sim: Any, loop: Any) -> int:
     end = round(p.duration * 1e9) if p.duration else None
     began = logged = time.monotonic()
     sim.start()
-    lockstep = p.mode == 'lockstep'
+    lockstep, speed = p.mode == 'lockstep', p.speed
     while not loop.stopping:
         began += wait_while_paused(sim, loop)
         if loop.stopping:
             break
         sim.sense()
+        if sim.params.speed != speed:  # changed in flight: what is flown stays where it was
+            began += sim.t * 1e-9 * (1.0 / speed - 1.0 / sim.params.speed)
+            speed = sim.params.speed
         if lockstep:
             if not wait_for_answer(sim, loop):
                 break
         else:
-            wait_for_deadline(sim, loop, began + (sim.t + STEP_NS) * 1e-9 / p.speed)
+            wait_for_deadline(sim, loop, began + (sim.t + STEP_NS) * 1e-9 / speed)
         now = time.monotonic()
         if now - logged > 1.0:
             logged = now

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from mambo_model import schema
+from mambo_model.motion import parameter_change
 
 from .sensors.optitrack import OptitrackParams
 from .simulator import SimulatorParams
 
 STEP_NS = 5_000_000
 """Control step of the toolbox: 200 Hz, section 4.2."""
+_SENSORS = ('imu', 'sonar', 'optical_flow', 'barometer')
+_NOISE = frozenset((
+    'gyro_noise', 'accel_noise', 'gyro_vibration', 'accel_vibration', 'noise',
+    'outlier_probability', 'multipath_probability', 'multipath_excess', 'dropout_probability',
+    'texture', 'dropout', 'texture_dropout'))
+"""Parameters of the sensors that can change in flight."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +43,35 @@ class SimNodeParams:
         'wall time without a motor command after which turning motors stop, as a watchdog in the '
         'firmware does it; 0: never (realtime)')
     simulator: SimulatorParams = schema.group(SimulatorParams)
+    changes: str = schema.text(
+        '', 'changes of noise, wind, faults and speed in flight, a YAML list: see '
+        'docs/how-to/commands.md')
 
     def __post_init__(self) -> None:
         schema.check(self)
+        parameter_change.check(self)
+
+    def fixed(self, name: str) -> str:
+        """Return why a parameter cannot be changed in flight; empty: it can be."""
+        if name == 'speed':
+            return '' if self.mode == 'realtime' else 'lockstep flies as fast as the machine can'
+        _, group, leaf = (*name.split('.'), '', '')[:3]
+        if group in ('wind', 'faults') and leaf != 'changeable':
+            if getattr(self.simulator, group).values() is None:
+                return f'start the flight with sim_node.simulator.{group}.changeable=true'
+            return ''
+        if group in _SENSORS and leaf in _NOISE:
+            return ''
+        return parameter_change.STARTED
+
+    def kept(self) -> dict[str, Any]:
+        """Return the parameters that keep wind and faults in the step when they are set to 0."""
+        return {f'simulator.{group}.changeable': True for group in ('wind', 'faults')
+                if getattr(self.simulator, group).values() is not None}
+
+    def compiled(self) -> Any:
+        """Return what the compiled step reads."""
+        return self.simulator.values()
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 
-from mambo_model.compiled import Held, hold
+from mambo_model.compiled import Held, hold, set_values
 from mambo_ros import diagnostics, input_guard, messages, node, process, topics
 from mambo_ros.commands import services, table
 from mambo_ros.graph import links
@@ -19,7 +19,7 @@ from mambo_ros.loop import Loop
 
 from . import lockstep, pushed, simulator
 from .delays import Delays
-from .faults import FaultParams, Outbox
+from .faults import Outbox
 from .parameters import SimNodeParams, STEP_NS
 
 _STILL = (0.0,) * 4  # PWM
@@ -41,23 +41,16 @@ class SimNode(node.MamboNode[SimNodeParams]):
 
     def __init__(self, **kwargs) -> None:
         super().__init__('sim_node', SimNodeParams, **kwargs)
-        p = self.params.simulator
-        self._gyro_variance = tuple(sigma * sigma for sigma in p.imu.gyro_noise)
-        self._accel_variance = tuple(sigma * sigma for sigma in p.imu.accel_noise)
-        self._tick = 0
+        self._tick, self._sensed_t, self.missed = 0, -STEP_NS, 0
         self._pwm, self._shutdown, self._answered = _STILL, False, -1
         self._last_command = time.monotonic()  # s of wall time
-        self.sensed = 0.0  # s of wall time, of the newest IMU sample
-        self.delays = Delays()  # from IMU sample to motor command
-        self.missed = 0
+        self.sensed, self.delays = 0.0, Delays()  # s, newest IMU sample; from it to the command
         self.starved = -1  # ns, when the watchdog stopped the motors; -1: it has not
         self._starved_after = 0.0  # s of wall time without a motor command
         self._clock_output = self.advertise(topics.CLOCK)
-        f = p.faults
-        self._imu = self._outbox(topics.IMU, f.imu)
-        self._sonar = self._outbox(topics.SONAR, f.sonar)
-        self._flow = self._outbox(topics.OPTICAL_FLOW, f.optical_flow)
-        self._barometer = self._outbox(topics.BAROMETER, f.barometer)
+        self._imu, self._sonar, self._flow, self._barometer = self._streams = tuple(
+            Outbox(self.advertise(topic)) for topic in (
+                topics.IMU, topics.SONAR, topics.OPTICAL_FLOW, topics.BAROMETER))
         self._truth, self._watermark, self._diagnostics = map(self.advertise, (
             topics.GROUND_TRUTH, topics.SENSOR_TICK, topics.DIAGNOSTICS))
         self.commands = self.accept(
@@ -70,9 +63,16 @@ class SimNode(node.MamboNode[SimNodeParams]):
             (table.PAUSE, lambda request: (True, self.pause.set(request.data))),
             (table.STEP, lambda request: self.pause.step(request.steps, self.t)))
         self.warm_up(None)
+        self.allow_changes(lambda: self._sensed_t + STEP_NS)
 
-    def _outbox(self, topic: topics.Topic, fault: FaultParams) -> Outbox:
-        return Outbox(self.advertise(topic), fault.delay_ticks())
+    def renew(self) -> None:
+        """Take what messages need of the parameters as they are now."""
+        p, f = self.params.simulator, self.params.simulator.faults
+        self._variances = tuple(tuple(sigma * sigma for sigma in noise) for noise in (
+            p.imu.gyro_noise, p.imu.accel_noise))
+        for stream, fault in zip(
+                self._streams, (f.imu, f.sonar, f.optical_flow, f.barometer), strict=True):
+            stream.delay = fault.delay_ticks()
 
     def _begin(self) -> Held:
         """Return the simulator at its start."""
@@ -82,6 +82,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
     def warm_up(self, push: float | None) -> None:
         """Have the compiled steps in memory before time starts, and begin; push: see `sense`."""
         self.held = self._begin()
+        set_values(self.held, self.params.compiled())
         pushed.sense_held(self.held, 0, push)
         pushed.advance_held(self.held, self._pwm, self._shutdown, push)
         self.held = self._begin()
@@ -104,15 +105,17 @@ class SimNode(node.MamboNode[SimNodeParams]):
 
     def sense(self, push: float | None = None) -> None:
         """Publish clock, sensors, watermark and truth; push: N along b3 in this step, or None."""
-        t = self.t
+        t = self._sensed_t = self.t
+        if t >= self.changes.due:
+            self.change(t)
         s, body = pushed.sense_held(self.held, self._tick, push)
         p = self.params.simulator
         self._clock_output(messages.clock(t))
-        for stream in (streams := (self._imu, self._sonar, self._flow, self._barometer)):
+        for stream in self._streams:
             stream.catch_up(self._tick)
         self.sensed = time.monotonic()
         self._imu.put(self._tick, messages.imu(
-            t, s.gyro, s.accel, self._gyro_variance, self._accel_variance), s.deliveries.imu)
+            t, s.gyro, s.accel, *self._variances), s.deliveries.imu)
         if s.sonar_new:
             self._sonar.put(self._tick, messages.sonar(
                 t, s.sonar, p.sonar.min_range, p.sonar.max_range, 2.0 * p.sonar.max_tilt),
@@ -124,7 +127,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
             noise = p.barometer.noise
             self._barometer.put(self._tick, messages.pressure(
                 t, s.pressure, noise * noise), s.deliveries.barometer)
-        self._watermark(messages.sensor_tick(t, *(stream.count for stream in streams)))
+        self._watermark(messages.sensor_tick(t, *(stream.count for stream in self._streams)))
         self._truth(messages.ground_truth(t, body))
         if t % 1_000_000_000 == 0:
             self._report(t)
@@ -136,12 +139,9 @@ class SimNode(node.MamboNode[SimNodeParams]):
 
     def _report(self, t: int) -> None:
         level, line = lockstep.status(self.missed, self.starved, self._starved_after)
-        numbers = {'mode': self.params.mode, 'steps': self._tick, 'missed': self.missed}
-        if self.params.mode == 'realtime':  # wall times would make the flight unrepeatable
-            numbers |= {f'IMU to motor command, {name} [ms]': value
-                        for name, value in self.delays.values().items()}
         self._diagnostics(diagnostics.report(
-            t, self.get_name(), diagnostics.LEVELS[level], line, numbers))
+            t, self.get_name(), diagnostics.LEVELS[level], line,
+            lockstep.numbers(self.params.mode, self._tick, self.missed, self.delays)))
 
     def watch(self, now: float) -> None:
         """

@@ -17,7 +17,7 @@ from mambo_model.arithmetic.exponential import exp
 from mambo_model.arithmetic.normal import standard_normal
 from mambo_model.compiled import by_type, jit
 from mambo_model.motion.vector import add, Vec3
-from mambo_model.schema import quantity
+from mambo_model.schema import flag, quantity
 from mambo_model.values import Parameters, values_type
 from numpy.random import Generator
 
@@ -41,15 +41,18 @@ class WindParams(Parameters):
         (0.0, 0.0, 0.0), 'm/s', 0.0, 10.0, 'standard deviation of gusts, inertial NED axes')
     gust_time: float = quantity(
         1.0, 's', 0.01, 600.0, 'correlation time of gusts: eddies of 2 m that pass at 2 m/s')
+    changeable: bool = flag(
+        False, 'whether the compiled step has wind even if the air is still, so that it can rise '
+        'in flight')
 
     def values(self) -> WindValues | None:
         """Return the values for compiled code; None, a separate type, for still air."""
-        if not (any(self.velocity) or any(self.gust)):
+        if not (any(self.velocity) or any(self.gust) or self.changeable):
             return None
         return super().values()
 
 
-WindValues = values_type(WindParams)
+WindValues = values_type(WindParams, without=('changeable',))
 
 
 def initial(params: WindParams) -> WindMemory | None:

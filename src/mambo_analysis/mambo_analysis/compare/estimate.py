@@ -19,7 +19,7 @@ from mambo_bags.command import guard, Parser, refuse_existing
 from mambo_bags.reader import Bag, BagError, Batch, Messages, read_bag
 from mambo_bags.writer import BagWriter
 from mambo_estimation.parameters import EstimatorNodeParams
-from mambo_flight import offline_replay, recording_to_bag, scenario
+from mambo_flight import changes, offline_replay, recording_to_bag, scenario
 from mambo_flight.smooth import recorded as smoothing
 from mambo_ros import topics
 import numpy as np
@@ -31,7 +31,7 @@ from .verdict import verdict
 
 READ = (*(topic.name for topic in (
     *offline_replay.SENSORS, topics.SENSOR_TICK, topics.ESTIMATE, topics.REFERENCE,
-    topics.OPTITRACK, topics.CAPTURE_TICK, topics.GROUND_TRUTH)), 'onboard/odom')
+    topics.OPTITRACK, topics.CAPTURE_TICK, topics.GROUND_TRUTH)), *changes.RECORD, 'onboard/odom')
 """Topics that are estimated from and compared with."""
 
 
@@ -39,7 +39,8 @@ def parameters(bag: Bag, file: Path | None = None) -> EstimatorNodeParams:
     """
     Return the parameters of the estimator, from a file, else from the bag's scenario.
 
-    The defaults, where a bag does not tell or was flown by the ground truth.
+    The defaults, where a bag does not tell or was flown by the ground truth. Parameters of the
+    scenario that changed in flight, as the bag recorded, change at the same time.
 
     Raises
     ------
@@ -54,9 +55,11 @@ def parameters(bag: Bag, file: Path | None = None) -> EstimatorNodeParams:
         return node
     if 'scenario.yaml' not in bag.attachments:
         return EstimatorNodeParams()
-    node = scenario.from_yaml(
-        str(bag.attachments['scenario.yaml']), f'scenario.yaml in {bag.path}').estimator_node
-    return EstimatorNodeParams() if node.estimator == 'ground_truth' else node
+    flight = scenario.from_yaml(
+        str(bag.attachments['scenario.yaml']), f'scenario.yaml in {bag.path}')
+    if flight.estimator_node.estimator == 'ground_truth':
+        return EstimatorNodeParams()
+    return changes.estimated(flight, bag).estimator_node
 
 
 @cache
@@ -132,7 +135,7 @@ def answer(bag: Bag, node: EstimatorNodeParams) -> Answer:
         If it has nothing to estimate from.
 
     """
-    found = offline_replay.estimate(bag, node.filter)
+    found = offline_replay.estimate(bag, node.filter, changes.values_later(node))
     if not len(found.t):
         raise BagError(f'{bag.path}: no step of the sensors is complete, nothing to estimate')
     ours = answered(bag, found)

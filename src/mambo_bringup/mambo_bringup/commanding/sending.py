@@ -17,7 +17,7 @@ def command_parser(name: str, description: str) -> Parser:
     out = Parser(name, f"""{description}
 
 The flight is the one that runs on this machine, or that of ROS_DOMAIN_ID. It must have been
-started with ./run --commanded, except for pause, resume and step.""")
+started with ./run --commanded, except for pause, resume, step and set.""")
     out.add_argument('--drone', default=NAMESPACE, metavar='NAMESPACE',
                      help=f'of the drone (default: {NAMESPACE})')
     return out

@@ -19,7 +19,7 @@ class Fleet:
     Simulators of one hall as one simulator for ``lockstep.run``.
 
     Every step all of them publish their sensors, all motor commands are awaited, and all vehicles
-    move. The mode and the duration are those of the first; a pause is one of all.
+    move. Mode, speed and duration are those of the first; a pause is one of all.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Fleet:
 
     def __init__(self, sims: Sequence[SimNode], hall: Hall) -> None:
         self._sims, self._names = sims, list(hall.places)
-        self.params, self.missed, self.pause = sims[0].params, 0, sims[0].pause
+        self.missed, self.pause = 0, sims[0].pause
         for sim in sims:
             sim.pause = self.pause  # whoever pauses one pauses all
         self._world = World(hall.params, list(hall.places.values()), [
@@ -51,6 +51,11 @@ class Fleet:
     def get_logger(self) -> Any:
         """Return the logger of the first simulator."""
         return self._sims[0].get_logger()
+
+    @property
+    def params(self) -> Any:
+        """Return the parameters of the first simulator."""
+        return self._sims[0].params
 
     @property
     def t(self) -> int:

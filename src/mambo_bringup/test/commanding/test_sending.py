@@ -34,6 +34,8 @@ def typed(line):
     ('go-to 1 -0.5 1.2 --yaw -0.3', 'go_to', {
         'goal': (1.0, -0.5, 1.2), 'yaw': -0.3, 'relative': False, 'duration': 0.0}),
     ('stop', 'stop', {}), ('pause', 'pause', {}), ('resume', 'resume', {}),
+    ('set sim_node.speed=2 sim_node.changes=[1,2]', 'set', {
+        'parameters': {'sim_node.speed': 2, 'sim_node.changes': [1, 2]}}),
     ('step', 'step', {'steps': 1}), ('step 20', 'step', {'steps': 20})])
 def test_a_line_sends_one_command_and_prints_the_answer(sent, capsys, line, name, arguments):
     assert typed(f'{line} --drone /mambo2') == 0
@@ -55,7 +57,7 @@ def test_a_course_is_sent_as_polynomials(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize('line', [
     'takeoff --height -1', 'takeoff --height x', 'go-to 1 2', 'step 0', 'stop now',
-    'land --duration 1e9'])
+    'land --duration 1e9', 'set', 'set sim_node.speed', 'set =3', 'set a.b=[1'])
 def test_what_is_typed_wrong_is_one_line(sent, capsys, line):
     with pytest.raises(SystemExit) as end:
         typed(line)

@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from mambo_model.compiled import hold, jit
+from mambo_model.compiled import hold, jit, set_values
 from mambo_model.motion.vector import Vec3
 from mambo_model.schema import ParameterError
 from mambo_sim import pushed
 from mambo_sim.world import Collision, World, WorldParams
 
-from .. import closed_loop
+from .. import changes, closed_loop
 from ..closed_loop import fly_on, Recording
 from ..scenario import Scenario
 
@@ -76,15 +76,19 @@ def fly(
     if len({closed_loop.step_count(flight) for flight in flights}) != 1:
         raise ParameterError('drones of one world need the same sim_node.duration')
     world = World(params, places, [flight.sim_node.simulator.vehicle for flight in flights])
-    held, recordings = [], []
+    held, recordings, later = [], [], []
     for flight, row in zip(flights, world.seen, strict=True):
         p, out = closed_loop.settings(flight), closed_loop.blank(flight, inner)
         carry, rngs, mocap_rng = closed_loop.begin(flight, p)
         held.append(hold(carry, (rngs, mocap_rng), (p, out)))
         recordings.append(out)
+        later.append(dict(changes.settings_later(flight, p, len(out.t))))
         _observe(held[-1], row)
     times = recordings[0].t.tolist()
     for k, t in enumerate(times):
+        for one, out, new in zip(held, recordings, later, strict=True):
+            if k in new:
+                set_values(one, (new[k], out))
         pushes = world.look(t)
         for one, push, stop, row in zip(held, pushes, world.stopped, world.seen, strict=True):
             _step(one, k, push, stop, row)

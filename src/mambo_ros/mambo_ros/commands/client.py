@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point
 from mambo_model.errors import InputError, JobError
+from rcl_interfaces.srv import SetParametersAtomically
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from . import table
@@ -54,6 +56,17 @@ def _follow(trajectory: str, timescale: float = 1.0, relative: bool = False,
         duration=_request_duration(duration))
 
 
+def _set(parameters: Mapping[str, Any]) -> Any:
+    return SetParametersAtomically.Request(parameters=[
+        Parameter(name, value=_plain(value)).to_parameter_msg()
+        for name, value in parameters.items()])
+
+
+def _plain(value: Any) -> Any:
+    """Return a value for a parameter; every vector is one of floats."""
+    return [float(x) for x in value] if isinstance(value, (list, tuple)) else value
+
+
 def _step(steps: int = 1) -> Any:
     if not 0 <= steps < 2**32:
         raise InputError(f'steps = {steps} must be 0 to {2**32 - 1}')
@@ -76,6 +89,8 @@ COMMANDS = {
     'pause': _Kind(table.PAUSE, lambda: table.PAUSE.srv_type.Request(data=True)),
     'resume': _Kind(table.PAUSE, lambda: table.PAUSE.srv_type.Request(data=False)),
     'step': _Kind(table.STEP, _step)}
+SET = 'set'
+"""Command that sets parameters of a node."""
 
 
 def send(name: str, namespace: str = NAMESPACE, **arguments: Any) -> str:
@@ -85,11 +100,12 @@ def send(name: str, namespace: str = NAMESPACE, **arguments: Any) -> str:
     Parameters
     ----------
     name
-        One of :data:`COMMANDS`.
+        One of :data:`COMMANDS`, or :data:`SET`.
     namespace
         Of the drone.
     arguments
-        Of the command: ``height`` m, ``duration`` s, ``goal`` (3,) m z-up, ``yaw`` rad, ...
+        Of the command: ``height`` m, ``duration`` s, ``goal`` (3,) m z-up, ``yaw`` rad, ...; to
+        set: ``parameters``, {'node.parameter': value}, all of one node.
 
     Returns
     -------
@@ -104,9 +120,12 @@ def send(name: str, namespace: str = NAMESPACE, **arguments: Any) -> str:
         If no flight answers, or it refuses the command; the message is the reason.
 
     """
-    if name not in COMMANDS:
-        raise InputError(f'{name}: is none of {", ".join(COMMANDS)}')
-    kind = COMMANDS[name]
+    if name == SET:
+        kind, arguments = _setting(**arguments)
+    elif name in COMMANDS:
+        kind = COMMANDS[name]
+    else:
+        raise InputError(f'{name}: is none of {", ".join((*COMMANDS, SET))}')
     try:
         request = kind.request(**arguments)
     except (AssertionError, TypeError, ValueError) as error:
@@ -123,9 +142,25 @@ def send(name: str, namespace: str = NAMESPACE, **arguments: Any) -> str:
         response = _call(node, kind.service, request, domain)
     finally:
         rclpy.try_shutdown(context=context)
-    if not response.success:
-        raise JobError(response.message or 'refused without a reason')
-    return response.message
+    if name == SET:
+        success, message = response.result.successful, response.result.reason
+    else:
+        success, message = response.success, response.message
+    if not success:
+        raise JobError(message or 'refused without a reason')
+    return message
+
+
+def _setting(parameters: Mapping[str, Any]) -> tuple[_Kind, dict[str, Any]]:
+    """Return the command that sets parameters of a node, and its arguments."""
+    nodes = {full.partition('.')[0] for full in parameters}
+    if len(nodes) != 1 or not all(full.partition('.')[2] for full in parameters):
+        raise InputError('set: give NODE.PARAMETER of one node, such as '
+                         'controller_node.cascaded.k_p')
+    node = nodes.pop()
+    service = table.Service(f'{node}/set_parameters_atomically', SetParametersAtomically)
+    return _Kind(service, _set), {'parameters': {
+        full.partition('.')[2]: value for full, value in parameters.items()}}
 
 
 def _call(node: Node, service: table.Service, request: Any, domain: int) -> Any:
@@ -138,9 +173,11 @@ def _call(node: Node, service: table.Service, request: Any, domain: int) -> Any:
             raise JobError(
                 f'no flight of {node.get_namespace()} runs in ROS domain {domain}: start one '
                 'with ./run --commanded')
+        own, _, parameters = service.name.partition('/')
         raise JobError(
-            f'the flight of {node.get_namespace()} in ROS domain {domain} has no {service.name}: '
-            'it takes commands if it is started with ./run --commanded')
+            f'the flight of {node.get_namespace()} in ROS domain {domain} has no ' + (
+                f'{own}; it has {", ".join(sorted(flying))}' if parameters else
+                f'{own}: it takes commands if it is started with ./run --commanded'))
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     future = client.call_async(request)

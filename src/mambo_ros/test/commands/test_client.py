@@ -29,7 +29,10 @@ def test_arguments_become_the_fields_of_the_request():
     ('takeoff', {}, "takeoff: .*'height'"), ('takeoff', {'heigth': 1.0}, 'takeoff: .*heigth'),
     ('takeoff', {'height': 'x'}, 'takeoff: '), ('go_to', {'goal': (1, 2)}, 'go_to: '),
     ('land', {'duration': -1.0}, 'duration = -1 s'), ('land', {'duration': math.nan}, 'duration'),
-    ('land', {'duration': 1e12}, 'duration'), ('step', {'steps': -1}, 'steps = -1')])
+    ('land', {'duration': 1e12}, 'duration'), ('step', {'steps': -1}, 'steps = -1'),
+    ('set', {'parameters': {'a.b': 1, 'c.d': 2}}, 'of one node'),
+    ('set', {'parameters': {'speed': 1}}, 'give NODE.PARAMETER'),
+    ('set', {'parameters': {'a.b': {'c': 1}}}, 'set: ')])
 def test_what_cannot_be_sent_is_refused_in_one_line(name, arguments, words):
     with pytest.raises(InputError, match=words) as error:
         client.send(name, **arguments)

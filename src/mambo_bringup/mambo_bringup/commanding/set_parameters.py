@@ -1,0 +1,39 @@
+"""Change parameters of a node of a running flight, from its next control step on."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from mambo_bags.command import Parser
+from mambo_flight.scenario import read_value
+from mambo_model.errors import InputError
+
+from .sending import command_parser, run
+
+
+def _setting(text: str) -> tuple[str, Any]:
+    """Return name and value of ``NODE.PARAMETER=VALUE``."""
+    name, equals, value = text.partition('=')
+    try:
+        if equals and name.strip():
+            return name.strip(), read_value(value)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(f'{text}: {error}') from None
+    raise argparse.ArgumentTypeError(f'{text}: write NODE.PARAMETER=VALUE')
+
+
+def parser() -> Parser:
+    """Return the command line."""
+    out = command_parser('set', __doc__)
+    out.add_argument(
+        'parameters', nargs='+', type=_setting, metavar='NODE.PARAMETER=VALUE',
+        help='such as controller_node.cascaded.k_p=3.5; several of one node change together')
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point ``mambo set``; return the exit code."""
+    options = parser().parse_args(arguments)
+    return run('set', argparse.Namespace(
+        parameters=dict(options.parameters), drone=options.drone))

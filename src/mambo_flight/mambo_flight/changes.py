@@ -1,0 +1,156 @@
+"""
+Parameters that change in flight: in a scenario file, of a recorded flight, and in one process.
+
+In a scenario file::
+
+    changes:
+      - {time: 5.0, set: {controller_node.cascaded.k_p: 3.5}}
+      - {time: 9.0, set: {sim_node.simulator.wind.velocity: [1.0, 0.0, 0.0]}}
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from mambo_bags.reader import Bag
+from mambo_estimation.parameters import EstimatorNodeParams
+from mambo_model import schema
+from mambo_model.motion import parameter_change
+from mambo_model.motion.parameter_change import Change, Changes, NEVER
+from mambo_model.yaml_nodes import Loader
+from mambo_ros import topics
+from mambo_ros.commands.change_message import decode
+from mambo_sim.parameters import STEP_NS
+import yaml
+
+from .scenario import LEAVES, override, ParameterReader, Place, Scenario
+
+NODES = ('sim_node', 'estimator_node', 'controller_node')
+"""Nodes whose parameters can change in flight."""
+RECORD = (topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.name[1:])
+"""Topics that a bag with the changes of a flight is read with, of one drone or of several."""
+
+
+class Taken(NamedTuple):
+    """A change of a node at the control step at which it takes effect."""
+
+    k: int                  # number of the step
+    node: str
+    values: dict[str, Any]  # by name within the node
+    params: Any             # of the node from then on
+
+
+def taken(flight: Scenario, rows: int = NEVER) -> list[Taken]:
+    """
+    Return the scripted changes of a flight, in the order of time.
+
+    Parameters
+    ----------
+    flight
+        Scenario.
+    rows
+        Number of control steps of the flight; later changes are left out.
+
+    """
+    out = []
+    for node in NODES:
+        changes = Changes(getattr(flight, node))
+        while (k := -(-changes.due // STEP_NS)) < min(rows, NEVER // STEP_NS):
+            out.append(Taken(k, node, changes.take(k * STEP_NS), changes.params))
+    return sorted(out, key=lambda one: (one.k, one.node))
+
+
+def changes_at_all(flight: Scenario) -> bool:
+    """Return whether a flight has scripted changes."""
+    return any(getattr(flight, node).changes for node in NODES)
+
+
+def settings_later(flight: Scenario, p: Any, rows: int) -> list[tuple[int, Any]]:
+    """
+    Return the constants of a flight that change, each with the number of its control step.
+
+    Parameters
+    ----------
+    flight
+        Scenario.
+    p
+        ``closed_loop.Settings`` at the start.
+    rows
+        Number of control steps.
+
+    """
+    out: dict[int, Any] = {}
+    for one in taken(flight, rows):
+        values = one.params.compiled()
+        if one.node == 'controller_node':
+            _, gains, failsafe, _ = values
+            p = p._replace(gains=gains, failsafe=failsafe)
+        elif one.node == 'estimator_node':
+            p = p._replace(estimator=values)
+        else:
+            p = p._replace(simulator=values)
+        out[one.k] = p
+    return list(out.items())
+
+
+def values_later(node: EstimatorNodeParams) -> list[tuple[int, Any]]:
+    """Return the values of an estimator that change, each with its time in ns."""
+    changes, out = Changes(node), []
+    while (t := changes.due) < NEVER:
+        changes.take(t)
+        out.append((t, changes.params.compiled()))
+    return out
+
+
+def by_node(found: list[Change], where: str) -> dict[str, list[Change]]:
+    """Return changes of ``node.parameter`` by node; ParameterError for one that has none."""
+    out: dict[str, list[Change]] = {}
+    for change in found:
+        own: dict[str, dict[str, Any]] = {}
+        for full, value in change.values.items():
+            node, _, name = full.partition('.')
+            if node not in NODES:
+                raise schema.ParameterError(f'{where}: ' + (
+                    f'{full}: cannot be changed in flight: {parameter_change.STARTED}'
+                    if full in LEAVES else schema.unknown(full, LEAVES)))
+            own.setdefault(node, {})[name] = value
+        for node, values in own.items():
+            out.setdefault(node, []).append(Change(change.t, values))
+    return out
+
+
+def parameters(reader: ParameterReader, node: yaml.Node) -> dict[str, Place]:
+    """
+    Return the parameters of the nodes for the key ``changes`` of a scenario file.
+
+    Raises
+    ------
+    ParameterError
+        Naming file, line and what is wrong.
+
+    """
+    try:  # the file was measured when it was read: its aliases expand to a bounded size
+        entries = Loader('').construct_object(node, deep=True)
+    except yaml.YAMLError as error:
+        reader.fail(node, 'changes', str(error))
+    where = f'{reader.where(node)}: changes'
+    found = by_node(parameter_change.read(entries, where), where)
+    return {f'{name}.changes': Place(parameter_change.to_text(own), reader.where(node))
+            for name, own in found.items()}
+
+
+def changes_of(bag: Bag) -> dict[str, str]:
+    """Return {node.changes: text} of a bag that was read with :data:`RECORD`."""
+    out: dict[str, list[Change]] = {node: [] for node in NODES}
+    name = topics.full_name(topics.DIAGNOSTICS, bag.namespace or topics.NAMESPACE)
+    for data in bag[name].raw if name in bag else ():
+        for node, change in decode(data):
+            if node in out:
+                out[node].append(change)
+    return {f'{node}.changes': parameter_change.to_text(found) for node, found in out.items()}
+
+
+def estimated(flight: Scenario, bag: Bag) -> Scenario:
+    """Return the scenario of a bag, read with :data:`RECORD`, with what its estimator changed."""
+    name = 'estimator_node.changes'
+    return override(flight, {name: changes_of(bag)[name]})

@@ -1,0 +1,101 @@
+"""Parameters that change while the graph flies: refused or recorded, and flown again."""
+
+import subprocess
+import sys
+import time
+
+from mambo_analysis.compare import estimate
+from mambo_bags.reader import read_bag
+from mambo_bringup.flight.runner import fly
+from mambo_flight import changes, closed_loop, commanded, recording_to_bag
+from mambo_model.errors import JobError
+from mambo_ros.commands import client
+import pytest
+
+BUSY = 240.0  # s that the start may take on a loaded machine
+GAIN = 'controller_node.cascaded.k_p'
+NOISE = 'estimator_node.kalman.sonar.noise'
+SENSOR = 'sim_node.simulator.imu.gyro_noise'
+RUN = ('--trajectory', 'circle', '--no-landing', '--composed', '--duration', '6', '--no-report',
+       '--set', 'sim_node.paused=true')
+
+
+def change(**values):
+    """Set parameters of a node, __ for a dot; return the answer, once the flight is there."""
+    limit = time.monotonic() + BUSY
+    while True:
+        try:
+            return client.send('set', parameters={
+                name.replace('__', '.'): value for name, value in values.items()})
+        except JobError as error:
+            if not any(early in str(error) for early in ('no flight', 'has no', 'no answer')):
+                raise
+            assert time.monotonic() < limit, error
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    """Return a flight in lockstep whose parameters were changed in pauses and as it flew."""
+    path = tmp_path_factory.mktemp('graph') / 'changed'
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'mambo_bringup.run', *RUN, '-o', str(path)])
+    try:
+        assert change(**{GAIN: 3}) == 'from t = 0.000 s'
+        assert change(**{GAIN: 2.8}) == 'from t = 0.000 s'
+        for name, value, words in (
+                (GAIN, 30.0, 'k_p = 30.0 m/s^2 is outside [0.01, 9]'),
+                (GAIN, 'high', "k_p = 'high' must be a number"),
+                ('controller_node.cascaded.kp', 1.0, 'did you mean cascaded.k_p'),
+                ('controller_node.toolbox.yaw_gain', 1.0, 'the flight has the controller'),
+                ('controller_node.vehicle.mass', 0.1, 'it is fixed when the node starts'),
+                ('optitrack_node.seed', 3, 'it is fixed when the node starts'),
+                ('sim_node.simulator.wind.gust', [1, 1, 1], 'wind.changeable=true'),
+                ('sim_node.speed', 2.0, 'lockstep flies as fast as the machine can'),
+                ('sim_node.simulator.faults.sonar.kind', 'missing', 'faults.changeable=true')):
+            with pytest.raises(JobError) as error:
+                change(**{name: value})
+            assert words in str(error.value) and '\n' not in str(error.value)
+        assert client.send('step', steps=600) == 'to t = 2.995 s'  # it flies during the next two
+        assert change(**{NOISE: 0.3}).startswith('from t = ')
+        change(**{GAIN: 3.5, 'controller_node.failsafe.hold': 0.2})
+        change(**{SENSOR: [0.1, 0.05, 0]})
+        client.send('resume')
+        assert process.wait(BUSY) == 0
+    finally:
+        process.kill()
+    return path
+
+
+def payloads(bag):
+    """Return the messages of every topic of a bag."""
+    read = read_bag(bag)
+    return {name: read[name].raw for name in read.topics}
+
+
+def test_the_changes_are_recorded_with_their_steps(bag):
+    flight = commanded.scenario_of(bag)
+    k, node, values, _ = changes.taken(flight)[0]
+    assert (k, node, values) == (0, 'controller_node', {'cascaded.k_p': 2.8})
+    assert {one.node for one in changes.taken(flight)} == set(changes.NODES)
+
+
+def test_one_process_flies_them_again_to_the_last_bit(bag, tmp_path):
+    flight = commanded.scenario_of(bag)
+    recording_to_bag.write(tmp_path / 'alone', flight, closed_loop.fly(flight, inner=True))
+    alone, graph = payloads(tmp_path / 'alone'), payloads(bag)
+    assert alone.keys() == graph.keys()
+    for name in graph:
+        assert alone[name] == graph[name], name
+
+
+def test_the_graph_flies_them_again_to_the_last_bit(bag, tmp_path):
+    fly(commanded.scenarios.override(commanded.scenario_of(bag), {'sim_node.paused': False}),
+        tmp_path / 'graph')
+    again, before = payloads(tmp_path / 'graph'), payloads(bag)
+    assert again.keys() == before.keys()
+    for name in again:
+        assert again[name] == before[name], name
+
+
+def test_the_estimator_answers_its_samples_again_to_the_last_bit(bag):
+    assert 'messages answered bit for bit' in estimate.again(bag)[2]
