@@ -16,8 +16,8 @@ BUSY = 240.0  # s that the start may take on a loaded machine
 GAIN = 'controller_node.cascaded.k_p'
 NOISE = 'estimator_node.kalman.sonar.noise'
 SENSOR = 'sim_node.simulator.imu.gyro_noise'
-RUN = ('--trajectory', 'circle', '--no-landing', '--composed', '--duration', '6', '--no-report',
-       '--set', 'sim_node.paused=true')
+RUN = ('--trajectory', 'circle', '--controller', 'cascaded', '--estimator', 'kalman',
+       '--no-landing', '--composed', '--duration', '6', '--no-report', '--paused')
 
 
 def change(**values):
