@@ -61,5 +61,5 @@ def decode(data: bytes) -> list[tuple[str, Change]]:
                 raise ParameterError(
                     f'/diagnostics at t = {t * 1e-9:g} s: a recorded parameter of {node} cannot '
                     'be read') from None
-            out.append((node, Change(t, values)))
+            out.append((node.rpartition('/')[2], Change(t, values)))  # without wire.hardware_id
     return out

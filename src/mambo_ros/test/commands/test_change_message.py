@@ -24,6 +24,11 @@ def test_a_reader_of_diagnostics_sees_what_changed():
     assert status.message == 'changed: speed = 2.0'
 
 
+def test_a_status_of_one_of_several_drones_is_read_too():
+    data = change_message.encode(0, 'mambo2/sim_node', {'speed': 2.0})
+    assert change_message.decode(data)[0][0] == 'sim_node'
+
+
 def test_other_statuses_are_no_changes():
     for name in ('sim_node', 'a: parameters of it', 'sim_node: inputs'):
         assert change_message.decode(
