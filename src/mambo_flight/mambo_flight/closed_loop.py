@@ -157,7 +157,7 @@ def run(flight: Scenario, out: Recording) -> None:
         fly_on(carry, 0, len(out.t), rngs, mocap_rng, p, out, None, False, None)
         return
     later = changes.settings_later(flight, p, len(out.t))
-    held = hold(carry, (rngs, mocap_rng), (p, out))  # of the type of several drones: compiled once
+    held = hold(carry, None, None)
     ends = [*(k for k, _ in later), len(out.t)]
     for (first, values), end in zip([(0, p), *later], ends, strict=True):
         fly_on(memory_of(held), first, end, rngs, mocap_rng, values, out, None, False, held)

@@ -10,7 +10,8 @@ import sys
 from typing import NamedTuple
 
 from mambo_model import compiled
-from mambo_model.compiled import by_type, hold, hold_again, jit, lengthen, memory_of, row_of
+from mambo_model.compiled import (
+    by_type, hold, hold_again, jit, lengthen, memory_of, row_of, set_values)
 from mambo_model.motion import rigid_body, trajectory
 from mambo_model.motion.quaternion import to_euler
 from mambo_model.motion.rigid_body import State
@@ -225,3 +226,16 @@ def test_a_type_without_a_function_is_said_by_name():
         of_fruit(2.0, 3)
     with pytest.raises(TypingError):
         twice(State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3))
+
+
+@jit
+def product(held):
+    """Return the memory times the parameter."""
+    return held.memory * held.values[0]
+
+
+def test_other_parameters_leave_the_memory_as_it_is():
+    held = hold(3.0, None, (2.0,))
+    assert product(held) == 6.0
+    set_values(held, (0.1,))
+    assert product(held) == 3.0 * 0.1 and memory_of(held) == 3.0
