@@ -26,7 +26,7 @@ from mambo_model.motion.quaternion import to_matrix
 from mambo_model.motion.vector import add, scale, Vec3
 import numpy as np
 
-from . import drag
+from . import drag, lost_force
 from .. import alignment, gate, health
 from ..alignment import Alignment
 from ..blocks import Vec2
@@ -42,7 +42,7 @@ from .flow import remember, RING
 from .joint_parameters import JointValues
 from .propagation import bridge, predict, wander
 from .start import aligned, unaligned
-from .state import Array, Nominal
+from .state import Array, Nominal, VELOCITY
 from .update import Noise, use_drag, use_flow, use_pressure, use_range
 from .vibration import CALM, left, shaken, variance, Vibration
 
@@ -167,10 +167,16 @@ def _bounded(x: Nominal, v: JointValues) -> Nominal:
 @jit
 def _run(
     m: Memory, counts: Counts, dt: float, gyro: Vec3, accel: Vec3, held: tuple[float, float],
-    sonar: float, flow: Vec2, quality: int, pressure: float, v: JointValues,
+    trusted: float, sonar: float, flow: Vec2, quality: int, pressure: float, v: JointValues,
 ) -> tuple[Memory, Results]:
-    """Predict, with rates and forces that may be held, then use every sample there is."""
+    """
+    Predict, with rates and forces that may be held, then use every sample there is.
+
+    ``trusted`` is the variance of the velocity by wrong forces that were believed, m^2/s^2.
+    """
     P, ring = m.P.copy(), m.ring.copy()
+    for i in range(VELOCITY, VELOCITY + 3):
+        P[i, i] += 0.0 if m.resting else trusted
     rest, resting, x, window, shake = _advance(m, P, ring, dt, gyro, accel, held, v)
     at, noise, has_pressure = (m.at + 1) % RING, m.noise, m.has_pressure
     sonar_gate = gate.advance(m.gates.sonar, dt)
@@ -231,9 +237,14 @@ def step(
         gyro_used, accel_used = bridged(
             sensors, dt, gyro, accel, usable, (m.gyro, m.accel),
             (m.x.gyro_bias, m.x.accel_bias), v.gravity, v.imu)
+        trusted = 0.0
+        if not usable[1]:
+            accel_used = lost_force.expected(
+                m.x, m.accel, sensors.accel, accel, stuck[1], dt, v)
+            trusted = lost_force.trusted(sensors.accel, accel, stuck[1], dt, v)
         m, results = _run(
             m, m.counts, min(dt, v.imu.max_gap), gyro_used, accel_used,
-            (lost if usable[0] else 1.0, lost if usable[1] else 1.0),
+            (lost if usable[0] else 1.0, lost if usable[1] else 1.0), trusted,
             math.nan if stuck[2] else sonar,
             NONE2 if stuck[3] else flow, flow_quality, math.nan if stuck[4] else pressure, v)
     m = _with_sensors(

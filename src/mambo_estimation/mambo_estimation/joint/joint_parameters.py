@@ -37,6 +37,9 @@ class MotionParams(Parameters):
     held_accel_noise: float = quantity(
         0.3, 'm/s^2/sqrt(Hz)', 1e-5, 100.0,
         'density while a sample is missing: 1 m/s^2 wrong for 0.1 s')
+    held_thrust_noise: float = quantity(
+        0.3, 'm/s^2/sqrt(Hz)', 0.0, 100.0,
+        'more along the vertical meanwhile, by which the thrust changes: likewise')
     held_time: float = quantity(
         0.1, 's', 1e-3, 10.0,
         'time constant of rates and forces in controlled flight: autocorrelation in a flight of '

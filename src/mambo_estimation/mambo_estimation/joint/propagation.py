@@ -25,7 +25,9 @@ from mambo_model.motion.vector import add, scale, sub, Vec3
 
 from ..blocks import Matrix3
 from .joint_parameters import JointValues
-from .state import Array, Nominal, PRESSURE_OFFSET, SCALE, SIZE
+from .state import Array, Nominal, PRESSURE_OFFSET, SCALE, SIZE, VELOCITY
+
+Z_VELOCITY = VELOCITY + 2
 
 
 @jit
@@ -213,7 +215,8 @@ def predict(
         Means over the step, biases included.
     dt : s
     held
-        Shares of gyro and force that are not measured but held: their noise is much larger.
+        Shares of gyro and force that are not measured but held: their noise is much larger, most
+        of all that of the thrust, which is nearly vertical.
     p
         Noise.
 
@@ -224,4 +227,5 @@ def predict(
     spread(
         P, middle, to_matrix(x.q), dt, _mixed(m.gyro_noise, m.held_gyro_noise, held[0]),
         _mixed(m.accel_noise, m.held_accel_noise, held[1]), p)
+    P[Z_VELOCITY, Z_VELOCITY] += held[1] * m.held_thrust_noise * m.held_thrust_noise * dt
     return later

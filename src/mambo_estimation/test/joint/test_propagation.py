@@ -101,6 +101,17 @@ def test_held_samples_count_for_less():
     assert (np.diag(lost)[3:9] > 1e4 * np.diag(still)[3:9]).all()
 
 
+def test_a_lost_thrust_is_unknown_along_the_vertical():
+    x, m, grown = any_state(0), VALUES.motion, []
+    for share in (0.0, 0.5, 1.0):
+        P = np.zeros((SIZE, SIZE))
+        propagation.predict(x, P, GYRO, ACCEL, 0.005, (0.0, share), VALUES)
+        grown.append(np.diag(P)[3:6] / 0.005)
+    np.testing.assert_allclose(np.diff(grown, axis=0), 0.5 * np.array(
+        [m.held_accel_noise ** 2] * 2 + [m.held_accel_noise ** 2 + m.held_thrust_noise ** 2])[
+            None].repeat(2, 0), rtol=1e-6)
+
+
 @pytest.mark.parametrize('dt', [0.02, 0.1, 0.5])
 def test_over_a_gap_the_mean_and_the_noise_are_those_of_an_ornstein_uhlenbeck_process(dt):
     time, sigma, n = 0.1, 0.4, 2000
