@@ -21,6 +21,7 @@ setup(
     entry_points={
         'console_scripts': [
             'drift_experiments = mambo_thesis.drift.experiments:main',
+            'estimators = mambo_thesis.estimators.estimators:main',
             'identify_drift = mambo_thesis.drift.identify_drift:main',
             'reproduce = mambo_thesis.reproduce:main',
             'validate_recordings = mambo_thesis.recordings.validate:main',

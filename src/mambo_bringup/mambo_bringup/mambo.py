@@ -51,10 +51,12 @@ GROUPS: dict[str, dict[str, Command]] = {
                                    'snap through waypoints'),
         'check-node': Command('mambo_bringup.checking.check', 'whether a node of yours keeps the '
                               'contract of the graph'),
-        'bound': Command('mambo_flight.accuracy.bound', 'the joint filter beside the lower bound '
-                         'of any estimator (Cramer-Rao)'),
+        'bound': Command('mambo_analysis.capture.recorded_bound', 'the joint filter beside the '
+                         'lower bound of any estimator (Cramer-Rao)'),
         'consistency': Command('mambo_flight.accuracy.consistency', 'whether the joint filter '
                                'states its errors as large as they are'),
+        'estimators': Command('mambo_thesis.estimators.estimators', 'the joint filter beside the '
+                              'default estimator, row by row: flights, faults, recordings'),
         'coverage': Command('mambo_flight.smooth.coverage', 'smooth many flights: how often the '
                             'intervals hold the true values'),
         'race': Command('mambo_flight.race.race', 'fly every controller over the same courses '

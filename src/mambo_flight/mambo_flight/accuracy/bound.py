@@ -94,7 +94,8 @@ def _data(report: Report) -> dict[str, Any]:
             'quantities': [line._asdict() for line in report.lines]}
 
 
-def _run(options: argparse.Namespace) -> None:
+def compare(options: argparse.Namespace) -> None:
+    """Fly as the options say, and print the comparison."""
     own, others = [], []
     if options.beside in FIRMWARE:
         crazyflie.bindings()  # what is wrong with them is said before anything is flown
@@ -140,7 +141,7 @@ def parser() -> Parser:
 def main(arguments: list[str] | None = None) -> int:
     """Entry point ``bound``; return the exit code."""
     options = parser().parse_args(arguments)
-    return guard('bound', lambda: _run(options))
+    return guard('bound', lambda: compare(options))
 
 
 if __name__ == '__main__':

@@ -14,6 +14,7 @@ from pathlib import Path
 import tempfile
 from typing import NamedTuple
 
+from mambo_analysis.capture import captured
 from mambo_analysis.identify import columns, inertia, thrust
 from mambo_analysis.identify.regression import Value
 from mambo_bags.command import guard, Parser, write_json
@@ -151,13 +152,14 @@ def _flown(bags: dict[str, Path], found: flights.Identified) -> list[tuple[Cell,
     rows: list[tuple[Cell, ...]] = []
     for name, path in bags.items():
         bag = read_bag(path)
-        truth = flights.mocap_truth(bag)
+        truth = captured.mocap_truth(bag)
         for variant, params in flights.variants(found).items():
-            rows.append((name, variant, *flights.errors(flights.replayed(bag, params), truth)))
+            rows.append((name, variant, *captured.errors(
+                captured.replayed(bag, params), truth, markers=captured.range_offset(bag))))
         onboard = bag['onboard/odom']
-        own = flights.Odometry(
+        own = captured.Odometry(
             onboard.stamp, onboard.position, onboard.velocity, onboard.orientation)
-        rows.append((name, 'onboard estimate', *flights.errors(own, truth)))
+        rows.append((name, 'onboard estimate', *captured.errors(own, truth)))
     return rows
 
 
@@ -165,10 +167,11 @@ def _joint(bags: dict[str, Path]) -> list[tuple[Cell, ...]]:
     rows: list[tuple[Cell, ...]] = []
     for name, path in bags.items():
         bag = read_bag(path)
-        truth = flights.mocap_truth(bag)
-        own = flights.replayed(bag, flights.joint_params('crazyflie'))
+        truth = captured.mocap_truth(bag)
+        own = captured.replayed(bag, flights.joint_params('crazyflie'))
         for longest in (flights.SQUARE_DURATION, math.inf):
-            rows.append((name, *flights.errors(own, truth, longest)))
+            rows.append((name, *captured.errors(
+                own, truth, longest, captured.range_offset(bag))))
     return rows
 
 
@@ -228,7 +231,7 @@ def rolling_spider(data: Path, folder: Path) -> list[Table]:
     heights: list[tuple[Cell, ...]] = []
     for log in find(data / 'rolling_spider_flights', '*.mat'):
         kalman, joint = flights.height_errors(log, folder)
-        heights.append((flights.recording_name(log), *kalman, *joint))
+        heights.append((flights.recording_name(log), *kalman[:4], *joint[:4]))
         first, second = (flights.against_onboard(log, folder, scale) for scale in FLOW_SCALES)
         rows.append((flights.recording_name(log), *first, second[1], second[3]))
     a, b = (f'{scale:g}' for scale in FLOW_SCALES)

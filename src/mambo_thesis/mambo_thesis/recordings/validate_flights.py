@@ -32,6 +32,8 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_analysis.capture.captured import (
+    airborne, mocap_truth, Odometry, range_offset, replayed)
 from mambo_analysis.compare.compare import align
 from mambo_analysis.identify import flow
 from mambo_analysis.importers.crazyflie import COUNTS_PER_RADIAN, GAP, import_crazyflie
@@ -42,10 +44,8 @@ from mambo_estimation.joint.joint_parameters import JointParams
 from mambo_estimation.kalman import EstimatorParams
 from mambo_flight import offline_replay
 from mambo_flight.scenario import from_yaml, load
-from mambo_model.frames import flip_vector, wire_quaternion
-from mambo_signals import motion, time_offset
-from mambo_signals.derivative import local_fit, POSITION
-from mambo_signals.resample import columns_at, interpolate, longest_run, longest_step
+from mambo_signals.derivative import local_fit
+from mambo_signals.resample import interpolate, longest_run, longest_step
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
@@ -66,26 +66,6 @@ NEAR = 0.3               # m: a height this near to that median agrees with it
 FLOW_LAGS = np.arange(-0.02, 0.1001, 0.02)  # s, lags of the flow behind the motion capture to try
 
 
-class Odometry(NamedTuple):
-    """Stamps (n,) ns, position (n, 3) m, velocity (n, 3) m/s (FLU), orientation (n, 4) x y z w."""
-
-    stamp: NDArray[np.int64]
-    position: Floats
-    velocity: Floats
-    orientation: Floats
-
-
-class Errors(NamedTuple):
-    """Errors of an estimate against motion capture, from take-off to landing."""
-
-    duration: float    # s
-    horizontal: float  # m, rms
-    drift: float       # m, horizontal, at the end
-    height: float      # m, rms
-    velocity: float    # m/s, rms of the two horizontal components, body axes
-    tilt: float        # deg, rms
-
-
 class Identified(NamedTuple):
     """Sensor parameters identified on one flight."""
 
@@ -97,77 +77,8 @@ class Identified(NamedTuple):
     missing_mean: float     # m/s^2
 
 
-def replayed(bag: Bag, params: filters.Params) -> Odometry:
-    """Replay a bag through an estimator and return its estimate, z up."""
-    found = offline_replay.estimate(bag, params)
-    columns = tuple(found.state.T)
-    return Odometry(found.t, *(np.stack(vector, axis=1) for vector in (
-        flip_vector(columns[:3]), flip_vector(columns[3:6]), wire_quaternion(columns[6:10]))))
-
-
-def mocap_truth(bag: Bag) -> Odometry:
-    """
-    Return the motion capture of a bag on an even grid of its own period, with velocity.
-
-    Values in gaps are NaN. Impossible poses are rejected (:func:`mambo_signals.motion.read`).
-    """
-    poses = motion.read(bag, 'optitrack/pose')
-    posed = np.isfinite(poses.quaternion).all(axis=1)
-    times = poses.t[posed]
-    t = np.arange(times[0], times[-1], float(np.median(np.diff(times))))
-    pose = columns_at(t, times, np.hstack([poses.position, poses.quaternion])[posed])
-    _, v = local_fit(times, poses.position[posed], t, POSITION)
-    known = np.isfinite(np.hstack([pose, v])).all(axis=1)
-    q, velocity = pose[:, 3:], np.full(v.shape, np.nan)
-    q /= np.linalg.norm(q, axis=1, keepdims=True)
-    velocity[known] = Rotation.from_quat(q[known]).inv().apply(v[known])
-    return Odometry(np.rint(t * 1e9).astype(np.int64), pose[:, :3], velocity, q)
-
-
-def airborne(truth: Odometry) -> tuple[float, float]:
-    """Return the times of take-off and landing, s; an end of the recording if one is missing."""
-    t = truth.stamp * 1e-9
-    found = time_offset.flight_by_height(t, truth.position[:, 2])
-    return (t[0] if found.takeoff is None else found.takeoff,
-            t[-1] if found.landing is None else found.landing)
-
-
-def errors(estimate: Odometry, truth: Odometry, longest: float = math.inf) -> Errors:
-    """
-    Compare an estimate with motion capture from take-off to landing, or for ``longest`` seconds.
-
-    Position and yaw are aligned at take-off, because no sensor measures them.
-    """
-    gap = longest_step(truth.stamp)
-    start, end = airborne(truth)
-    end = min(end, start + longest)
-    inside = (estimate.stamp * 1e-9 >= start) & (estimate.stamp * 1e-9 <= end)
-    stamps = estimate.stamp[inside]
-    columns = [interpolate(stamps, truth.stamp, x, gap) for x in truth[1:]]
-    whole = np.isfinite(np.hstack(columns)).all(axis=1)
-    position, velocity, q = (x[whole] for x in columns)
-    own = [x[inside][whole] for x in estimate[1:]]
-    ours, theirs = Rotation.from_quat(own[2]), Rotation.from_quat(q)
-    turn = float(theirs[0].as_euler('ZYX')[0] - ours[0].as_euler('ZYX')[0])
-    moved = Rotation.from_euler('z', turn).apply(own[0] - own[0][0])
-    error = moved - (position - position[0])
-    horizontal = np.hypot(error[:, 0], error[:, 1])
-    upright = ours.inv().apply([0.0, 0.0, 1.0]) - theirs.inv().apply([0.0, 0.0, 1.0])
-    tilt = upright - upright[0]  # the marker deck is not mounted exactly level
-    return Errors(
-        float(stamps[-1] - stamps[0]) * 1e-9, _rms(horizontal), float(horizontal[-1]),
-        _rms(error[:, 2]),
-        _rms(np.linalg.norm((own[1] - velocity)[:, :2], axis=1)),
-        math.degrees(_rms(np.linalg.norm(tilt, axis=1))))
-
-
 def _rms(x: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(x))))
-
-
-def range_offset(bag: Bag) -> float:
-    """Return the height of the markers above the range sensor, m, as found by the import."""
-    return -float(bag.metadata['import']['range_minus_mocap_z_m'])
 
 
 def samples_of(path: Path, shift: float = 0.0) -> flow.Samples:
@@ -288,6 +199,8 @@ class Height(NamedTuple):
     near: float       # %, of the ranges whose median is within ``NEAR`` of it
     lowest: float     # m
     highest: float    # m
+    t: Floats         # (n,) s, of the valid ranges
+    error: Floats     # (n,) m, at each
 
 
 def height_errors(log: Path, folder: Path) -> tuple[Height, Height]:
@@ -313,7 +226,7 @@ def _height(found: offline_replay.Steps, params: filters.Params) -> Height:
     height = made.estimator[:, 1]
     off = height[at] - smoothed
     return Height(_rms(off), 100.0 * float(np.mean(np.abs(off) <= NEAR)), float(height.min()),
-                  float(height.max()))
+                  float(height.max()), t, off)
 
 
 def against_onboard(log: Path, folder: Path, flow_scale: float) -> list[float]:

@@ -1,0 +1,1 @@
+"""Recordings against motion capture: errors of an estimate, and the bound of any estimator."""
