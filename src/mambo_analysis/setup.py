@@ -21,6 +21,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
+            'bound = mambo_analysis.capture.recorded_bound:main',
             'compare = mambo_analysis.compare.compare:main',
             'drift_experiments = mambo_thesis.drift.experiments:main',
             'estimate = mambo_analysis.compare.estimate:main',

@@ -21,7 +21,6 @@ setup(
     entry_points={
         'console_scripts': [
             'check_trajectory = mambo_flight.course.check_course:main',
-            'bound = mambo_flight.accuracy.bound:main',
             'consistency = mambo_flight.accuracy.consistency:main',
             'coverage = mambo_flight.smooth.coverage:main',
             'fly = mambo_flight.fly:main',
