@@ -146,6 +146,20 @@ def test_an_answer_just_in_time_is_not_late(clock):
     assert sim.missed == 0
 
 
+def test_a_speed_that_changes_in_flight_counts_from_then_on(clock):
+    sim = Sim(mode='realtime', duration=2.0)
+    sense = sim.sense
+
+    def faster():
+        if sim.t == 1_000_000_000:
+            sim.params = SimNodeParams(mode='realtime', duration=2.0, speed=4.0)
+        sense()
+
+    sim.sense = faster
+    assert lockstep.run(sim, Loop(sim, clock)) == 0 and sim.missed == 0
+    assert clock.now - 100.0 == pytest.approx(1.0 + 1.0 / 4.0, abs=2 * PERIOD)
+
+
 def test_a_step_that_began_late_leaves_its_period_for_the_answer(clock):
     """The machine was busy for 20 ms: the next steps follow as soon as they are answered."""
     sim = Sim(mode='realtime', duration=0.1)
