@@ -23,8 +23,8 @@ from .endpoints import AT_ONCE, Entry, Input, RawPublisher
 from .graph import peers
 from .graph.floods import Floods
 from .graph.publisher_guard import PublisherGuard
+from .graph.turns import Turns
 from .node import MamboNode
-from .turns import Turns
 
 _HOUSEKEEPING = 0.02  # s, the longest wait at once
 _TURN = 0.05  # s between turns of the ordinary executor

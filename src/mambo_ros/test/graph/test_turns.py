@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from mambo_ros import topics
+from mambo_ros.graph.turns import Turns
 from mambo_ros.node import MamboNode
-from mambo_ros.turns import Turns
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_helpers import until
