@@ -69,16 +69,38 @@ def _run(options: argparse.Namespace) -> None:
     if world.drones > 1:
         _run_together(name, flight, world, options.output)
         return
+    write_flight(name, flight, options.output)
+
+
+def write_flight(name: str, flight: Scenario, output: Path) -> None:
+    """
+    Fly a scenario, write its bag, and print its errors and how long it took.
+
+    Parameters
+    ----------
+    name
+        Of the flight, for what is printed.
+    flight
+        Scenario with a duration, for which :func:`recording_to_bag.check` has nothing to say.
+    output
+        Bag to write.
+
+    Raises
+    ------
+    mambo_model.errors.JobError
+        If a component failed in flight; the bag is written.
+
+    """
     began = time.monotonic()
     recording, fault = supervised.fly(flight, inner=True)
     flown = time.monotonic()
-    recording_to_bag.write(options.output, flight, recording)
+    recording_to_bag.write(output, flight, recording)
     end = time.monotonic()
     seconds = recording.t[-1] * 1e-9
     print(f'{name}: {_errors(monte_carlo.measure(flight, recording))}')
     print(f'{name}: {seconds:.2f} s flown in {flown - began:.2f} s, bag written in '
           f'{end - flown:.2f} s: {seconds / (end - began):.3g} times real time\n'
-          f'bag: {options.output}')
+          f'bag: {output}')
     if fault:
         raise JobError(f'{name}: {fault}')
 

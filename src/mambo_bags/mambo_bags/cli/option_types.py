@@ -67,3 +67,4 @@ SLOPE = real(-100.0, 100.0, '1/m')
 TIME = real(-1e12, 1e12, 's')
 """A time of a recording; stamps since 1970 are 2e9 s."""
 WORKERS = whole(1, 1024)
+FLIGHT = whole(0, 10_000_000)

@@ -1,9 +1,10 @@
 """
 Fly a scenario many times over seeds, vehicles, wind, sensor defects, gains: any parameter.
 
-Writes a Parquet table with a row for each flight and a PNG with percentiles beside it. Finished
-flights are kept if it is interrupted: the same command continues. The result does not depend on
-the number of workers. The file is described in mambo_flight/sweep/design.py.
+Writes a Parquet table with a row for each flight and a PNG with percentiles beside it; where two
+numbers vary, another with a heat map over them. ``--flight N`` writes one flight as a bag.
+Finished flights are kept if it is interrupted: the same command continues. The result does not
+depend on the number of workers. The file is described in mambo_flight/sweep/design.py.
 """
 
 from __future__ import annotations
@@ -13,12 +14,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from mambo_bags.cli.option_types import WORKERS
+from mambo_bags.cli.option_types import FLIGHT, WORKERS
 from mambo_bags.command import guard, Parser, refuse_existing
 from mambo_model.errors import JobError
 import numpy as np
 
-from . import design, monte_carlo, plot, table
+from . import design, heat_map, monte_carlo, plot, table
+from .. import fly, recording_to_bag
 from .run import run
 from .table import SweepEndedError, SweepError
 
@@ -71,9 +73,15 @@ def sweep(
         journal.remove()
     finally:
         journal.close()
-    plot.draw(out.with_suffix('.png'), data, list(table.parameters(flights.sweep, 0)),
-              flights.sweep.head.title or path.stem)
+    names, title = list(table.parameters(flights.sweep, 0)), flights.sweep.head.title or path.stem
+    plot.draw(out.with_suffix('.png'), data, names, title)
+    heat_map.draw(map_of(out), data, names, title)
     return data
+
+
+def map_of(out: Path) -> Path:
+    """Return the file of the heat map beside a result."""
+    return out.with_name(f'{out.stem}_map.png')
 
 
 def summary(data: Mapping[str, Sequence[Any]]) -> str:
@@ -96,18 +104,38 @@ def _measure(path: Path, ideal: bool) -> None:
           f'{speed.drone_steps / 1e6:.2f} million drone-steps/s')
 
 
+def _fly(path: Path, number: int, out: Path) -> None:
+    """Fly one flight of a sweep and write its bag."""
+    refuse_existing(out)
+    flights = design.Flights(design.read(path))
+    if number >= len(flights):
+        raise SweepError(f'--flight {number}: the last flight of {path} is {len(flights) - 1}')
+    flight = flights[number]
+    recording_to_bag.check(flight)
+    fly.write_flight(f'flight {number}', flight, out)
+
+
 def _run(options: argparse.Namespace) -> None:
     if options.measure:
         _measure(options.sweep, options.ideal)
         return
     if options.output is None:
         raise SweepError('give --output RESULT.parquet')
+    if options.flight is not None:
+        if options.ideal or options.dask:
+            raise SweepError('--flight flies one flight here, with sensors: leave out --ideal '
+                             'and --dask')
+        _fly(options.sweep, options.flight, options.output)
+        return
     try:
         data = sweep(options.sweep, options.output, options.ideal, options.workers, options.dask)
     except KeyboardInterrupt:
         raise SweepEndedError(
             'stopped by you; finished flights are kept, the same command continues') from None
     print(f'{summary(data)}\ntable: {options.output}\nplots: {options.output.with_suffix(".png")}')
+    if map_of(options.output).exists():
+        print(f'heat map: {map_of(options.output)}; the bag of the flight of a cell: mambo sweep '
+              f'{options.sweep} --flight N -o BAG')
     faults = {number: fault for number, fault in enumerate(data['fault']) if fault}
     if faults:
         number, fault = next(iter(faults.items()))
@@ -120,7 +148,9 @@ def parser() -> Parser:
     out = Parser('sweep', __doc__)
     add = out.add_argument
     add('sweep', type=Path, metavar='SWEEP.yaml', help='sweep file')
-    out.add_output('RESULT.parquet', 'table to write')
+    out.add_output('RESULT.parquet', 'table to write, with --flight the bag')
+    add('--flight', type=FLIGHT, metavar='N',
+        help='fly this one, numbered from 0 as in the table, and write its bag to --output')
     add('--workers', type=WORKERS, metavar='N', help='processes (default: one for each core)')
     add('--dask', metavar='ADDRESS',
         help="fly on the workers of a Dask scheduler, e.g. tcp://host:8786, in place of this "

@@ -43,7 +43,8 @@ def bins(x: np.ndarray, y: np.ndarray) -> list[tuple[float, np.ndarray]]:
     return [(float(np.median(x[part])), y[part]) for part in parts]
 
 
-def _numeric(values: Sequence[Any]) -> bool:
+def numeric(values: Sequence[Any]) -> bool:
+    """Return whether a column has several values, all of them numbers."""
     return (not isinstance(values[0], (bool, str))) and len(set(values)) > 1
 
 
@@ -80,7 +81,7 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
     """
     metrics = {name: label for name, label in METRICS.items() if np.nanmax(
         np.asarray(data[name], dtype=float), initial=0.0) > 0.0}
-    varied = [name for name in names if _numeric(data[name]) and not name.endswith('seed')]
+    varied = [name for name in names if numeric(data[name]) and not name.endswith('seed')]
     varied = varied[:MOST_PARAMETERS]
     colour = next((name for name in names if not name.endswith('seed')
                    and 1 < len(set(data[name])) <= MOST_GROUPS), None)

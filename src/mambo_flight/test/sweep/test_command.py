@@ -1,5 +1,6 @@
 """The command sweep: what is refused before a flight, what is kept, and what is printed."""
 
+import contextlib
 import math
 
 from mambo_flight.sweep import command, table
@@ -106,3 +107,30 @@ def test_a_summary_has_percentiles_of_what_is_finite_and_counts_shutdowns():
     assert row.split()[1:] == ['5', '50', '95', '100']
     assert not any(line.startswith('pwm_max') for line in lines)  # nothing to tell
     assert lines[-1] == '3 of 103 flights were shut down'
+
+
+def test_one_flight_of_a_sweep_is_flown_as_it_stands_in_the_table(
+        file, tmp_path, monkeypatch, capsys):
+    flown = []
+    monkeypatch.setattr(command.fly, 'write_flight', lambda *given: flown.append(given))
+    assert main([str(file), '--flight', '1', '-o', str(tmp_path / 'bag')]) == 0
+    (name, flight, out), = flown
+    assert name == 'flight 1' and out == tmp_path / 'bag'
+    assert flight.sim_node.simulator.vehicle.mass == 0.068 and flight.sim_node.duration == 2.5
+    (tmp_path / 'there').mkdir()
+    for words, told in (
+            (['--flight', '2'], 'the last flight of'), (['--flight', '-1'], '--flight'),
+            (['--flight', '0', '--ideal'], 'leave out --ideal')):
+        with pytest.raises(SystemExit) if '-1' in words else contextlib.nullcontext():
+            assert main([str(file), *words, '-o', str(tmp_path / 'other')]) == 2
+        assert told in capsys.readouterr().err
+    assert main([str(file), '--flight', '0', '-o', str(tmp_path / 'there')]) == 2
+    assert len(flown) == 1
+
+
+def test_a_map_lies_beside_the_result_and_is_told(file, tmp_path, flown, monkeypatch, capsys):
+    monkeypatch.setitem(ROW, 'fault', '')
+    file.write_text(TEXT + '  sim_node.simulator.vehicle.drag_coefficient: [0.2, 0.3]\n')
+    assert main([str(file), '-o', str(tmp_path / 'a.parquet')]) == 0
+    assert (tmp_path / 'a_map.png').is_file()
+    assert f'heat map: {tmp_path / "a_map.png"}; ' in capsys.readouterr().out

@@ -1,0 +1,75 @@
+"""The heat map of a sweep: which cell has which flights, and what is drawn."""
+
+from mambo_flight.sweep import heat_map, plot
+import numpy as np
+import pytest
+
+NAMES = ['controller_node.gain', 'mass', 'seed']
+
+
+def crossed(gains=(1.0, 2.0, 4.0), masses=(0.06, 0.07), seeds=(1, 2, 3)):
+    rows = [(g, m, s) for g in gains for m in masses for s in seeds]
+    data = dict(zip(NAMES, map(list, zip(*rows, strict=True)), strict=True))
+    error = [g * m + 0.001 * s for g, m, s in rows]
+    return data | dict.fromkeys(plot.METRICS, error)
+
+
+def test_flights_are_in_the_cell_of_their_two_numbers():
+    found = heat_map.grid(crossed(), NAMES)
+    assert found.names == ('controller_node.gain', 'mass')
+    assert found.values == ([1.0, 2.0, 4.0], [0.06, 0.07])
+    assert found.cells[0, 0] == [0, 1, 2] and found.cells[2, 1] == [15, 16, 17]
+    assert len(found.cells) == 6
+
+
+@pytest.mark.parametrize('data', [
+    crossed(masses=(0.06,)), crossed(gains=tuple(range(61))),
+    {**crossed(), 'mass': list(np.linspace(0.05, 0.07, 18)),
+     'controller_node.gain': list(np.linspace(1.0, 2.0, 18))},
+    {**crossed(), 'mass': ['a', 'b', 'c'] * 6}], ids=['one', 'many', 'drawn', 'words'])
+def test_what_is_no_grid_of_two_numbers_has_no_map(data, tmp_path):
+    assert heat_map.grid(data, NAMES) is None
+    old = tmp_path / 'map.png'
+    old.write_bytes(b'of an earlier result')
+    heat_map.draw(old, data, NAMES, 'none')
+    assert not old.exists()
+
+
+def test_three_numbers_that_vary_have_no_map():
+    assert heat_map.grid(crossed() | {'wind': list(range(18))}, [*NAMES, 'wind']) is None
+
+
+def test_the_typical_flight_has_the_lower_median_of_the_finite_values():
+    values = np.array([3.0, np.nan, 1.0, 2.0, 4.0, np.inf])
+    assert heat_map.typical(values, range(6)) == (2.0, 3)
+    value, number = heat_map.typical(values, [1, 5])
+    assert np.isnan(value) and number == 1
+
+
+def test_each_cell_has_its_median_and_the_number_of_its_flight(tmp_path, figures_of):
+    figures = figures_of(heat_map)
+    heat_map.draw(tmp_path / 'map.png', crossed(), NAMES, 'Gain and mass')
+    axes = [one for one in figures[0].axes if one.images]
+    assert len(axes) == len(plot.METRICS)
+    shown = np.asarray(axes[0].images[0].get_array())
+    np.testing.assert_allclose(shown, np.outer((0.06, 0.07), (1.0, 2.0, 4.0)) + 0.002)
+    texts = {tuple(map(int, text.get_position())): text.get_text() for text in axes[0].texts}
+    assert texts == {(c, r): str(6 * c + 3 * r + 1) for c in range(3) for r in range(2)}
+    assert axes[0].get_xlabel() == 'controller_node.gain' and axes[0].get_ylabel() == 'mass'
+    assert (tmp_path / 'map.png').stat().st_size > 10_000
+
+
+def test_many_cells_carry_no_numbers(tmp_path, figures_of):
+    figures = figures_of(heat_map)
+    heat_map.draw(tmp_path / 'map.png', crossed(tuple(np.arange(30.0)), seeds=(1,)), NAMES, 'Many')
+    assert not any(axes.texts for axes in figures[0].axes)
+
+
+def test_flights_without_numbers_are_drawn_without_a_warning(tmp_path, recwarn):
+    data = crossed() | {name: [np.nan] * 18 for name in plot.METRICS}
+    heat_map.draw(tmp_path / 'map.png', data, NAMES, 'None of them flew')
+    assert not (tmp_path / 'map.png').exists() and not recwarn.list
+    one = crossed()
+    one['tracking_rms'] = [0.1, *[np.nan] * 17]
+    heat_map.draw(tmp_path / 'map.png', one, NAMES, 'One of them flew')
+    assert (tmp_path / 'map.png').exists() and not recwarn.list
