@@ -74,3 +74,33 @@ def test_a_short_comparison_flies_and_agrees_with_the_page(capsys):
             assert lines.count(case.name) == 2, case.name
     assert all(lines.count(name) == 5 for name in simulated_rows.PATHS.values())
     assert 'Of ' in page and 'rows the joint filter is better in' in page
+
+
+def test_recordings_of_a_vehicle_have_a_row_over_all_of_them():
+    recorded = [Case('crazyflie', name, made) for name in ('lab05', 'lab06')]
+    found = command.compare([*CASES[2:], *recorded], range(2), [])
+    assert [row.case for row in found['thesis']] == ['one']  # flights are not pooled
+    assert [row.case for row in found['crazyflie']] == ['one', 'one', 'all flights']
+    assert found['crazyflie'][-1].joint.tolist() == [0.5, 0.5]
+
+
+def test_a_pattern_named_twice_compares_once_and_in_the_order_of_the_tables():
+    assert command.chosen(CASES, ['thesis', 'faults/*', 'faults']) == CASES
+
+
+def test_tables_are_markdown_on_request_and_numbers_go_to_a_file(no_flight, tmp_path, capsys):
+    file = tmp_path / 'numbers.json'
+    assert command.main(['--rows', 'thesis', '--markdown', '--json', str(file)]) == 0
+    text = capsys.readouterr().out
+    assert '| one | off [m] | 0.1 | 1 | 0.707 |' in text
+    assert json.loads(file.read_text())['sections']['thesis'][0]['joint'] == pytest.approx(
+        0.5 ** 0.5)
+
+
+def test_the_firmware_is_looked_for_before_anything_is_flown(no_flight, monkeypatch, capsys):
+    monkeypatch.delenv('CFFIRMWARE', raising=False)
+    monkeypatch.setattr(command, 'compare', lambda *_: pytest.fail('flown'))
+    name = command.FIRMWARE[0] if isinstance(command.FIRMWARE, tuple) else min(command.FIRMWARE)
+    assert command.main(['--beside', name]) == 2
+    error = capsys.readouterr().err
+    assert 'CFFIRMWARE' in error and error.count('\n') == 1

@@ -1,6 +1,7 @@
 """Rows of real recordings, on logs with a known answer."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 from mambo_analysis.capture.captured import ErrorSeries
 from mambo_bags.mcap_reader import BagError
@@ -57,3 +58,51 @@ def test_cases_are_the_logs_without_the_pendulum(tmp_path):
         recorded_rows.cases(tmp_path, tmp_path)
     with pytest.raises(BagError, match=r'nowhere: not a folder; docs/evidence/real_recordings'):
         recorded_rows.cases(tmp_path / 'nowhere', tmp_path)
+
+
+def series(off, end=6.0):
+    """Return an error that is the same all the time, in every quantity."""
+    t = np.arange(600) * end / 600
+    return ErrorSeries(end, t, np.full((600, 2), off), np.full(600, off), np.full((600, 2), off),
+                       np.full((600, 2), np.radians(off)))
+
+
+def test_each_filter_replays_a_log_with_its_own_flow_counts_and_parameters(monkeypatch, tmp_path):
+    imported, replayed = [], []
+    errors = {'kalman': series(0.3), 'joint': series(0.1)}
+
+    def import_crazyflies(logs, folder, kind, counts=None):
+        imported.append((logs[0].name, kind, counts))
+        return {'name': folder / 'bag'}
+
+    def replay(bag, params):
+        replayed.append(params)
+        return params
+    flights, capture = recorded_rows.validate_flights, recorded_rows.captured
+    monkeypatch.setattr(flights, 'import_crazyflies', import_crazyflies)
+    monkeypatch.setattr(flights, 'joint_params', lambda name: 'joint')
+    monkeypatch.setattr(recorded_rows, '_identified', lambda log, folder: 'kalman')
+    monkeypatch.setattr(recorded_rows, 'read_bag', lambda path: path)
+    monkeypatch.setattr(capture, 'replayed', replay)
+    monkeypatch.setattr(capture, 'mocap_truth', lambda bag: None)
+    monkeypatch.setattr(capture, 'range_offset', lambda bag: None)
+    monkeypatch.setattr(
+        capture, 'error_series', lambda estimate, truth, markers: errors[estimate])
+    names = ('horizontal position [m]', 'drift at the end [m]', 'height [m]',
+             'horizontal velocity [m/s]', 'tilt [deg]')
+    lines = [SimpleNamespace(name=name.rpartition(' ')[0], unit=name.rpartition(' ')[2][1:-1],
+                             bound=0.01 * k) for k, name in enumerate(names)]
+    monkeypatch.setattr(recorded_rows.recorded_bound, 'of_bag', lambda bag, params: (None, lines))
+    rows = recorded_rows._crazyflie(
+        Path('crazyflie-client_lab05_line__2.json'), Path('on.json'), tmp_path, range(1), ['a'])
+    assert replayed == ['kalman', 'joint']
+    assert imported == [
+        ('crazyflie-client_lab05_line__2.json', 'zero', flights.COUNTS_PER_RADIAN),
+        ('crazyflie-client_lab05_line__2.json', 'zero', flights.JOINT_COUNTS)]
+    assert [row.quantity for row in rows] == list(names)
+    assert [row.bound for row in rows] == [0.01 * k for k in range(5)]
+    for row in rows:
+        assert row.case == 'lab05_line' and np.isnan(row.others['a'])
+        ratio = np.sqrt(row.joint.mean() / row.kalman.mean())
+        assert abs(ratio - 1.0 / 3.0) < 1e-9 and row.verdict == 'joint'
+    assert [len(row.kalman) for row in rows] == [1, 1, 3, 3, 3]
