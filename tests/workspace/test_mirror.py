@@ -65,7 +65,7 @@ HELD = {
 }
 """Modules without a test file of their own: the file that holds them, and why, above each."""
 FLOORS = {'mambo_analysis': 0.8, 'mambo_bags': 0.8, 'mambo_flight': 0.8, 'mambo_signals': 0.8,
-          'mambo_thesis': 0.75}  # tables and pages, whose numbers tests/flights compares
+          'mambo_thesis': 0.8}
 """Least lines of test per line of code."""
 
 

@@ -194,3 +194,46 @@ def test_a_fit_that_is_known_is_the_prior_of_the_next():
     fit = one.fit(('A',), known)
     assert fit.values['slope'] == pytest.approx(0.2, abs=1e-3)
     assert fit.sigmas['slope'] == pytest.approx(0.02, rel=1e-2)
+
+
+@pytest.mark.parametrize('letter', TRUE)
+def test_the_residuals_of_the_true_values_are_the_noise_alone(letter):
+    known = evidence.Noise(np.zeros(8), NOISE)
+    flights = [flown('(5.4)', TRUE[letter], 0, duration=6.0, noise=0.0)]
+    exact, = Evidence(flights, noise=known).residuals(TRUE[letter])
+    np.testing.assert_allclose(exact, 0.0, atol=2e-6)  # the height is interpolated
+    without, = Evidence(flights, noise=known).residuals({})
+    assert np.abs(without).max() > 1e-3
+
+
+def test_whitened_residuals_of_the_true_values_have_unit_variance_in_both_forms():
+    flights = [flown('(5.4)', TRUE['A'], seed) for seed in range(8)]
+    known = evidence.Noise(np.zeros(8), NOISE)
+    samples = Evidence(flights, noise=known).whitened(TRUE['A'])
+    count = sum(2 * (len(f.track.t) - evidence.ORDER) for f in flights)
+    assert len(samples) == 2 * count  # and as many terms of the width, all 0 for an exact gyro
+    assert np.sum(samples ** 2) == pytest.approx(count, rel=4 * math.sqrt(2.0 / count))
+    windows = Evidence(flights, 2.0, known).whitened(TRUE['A'])
+    assert len(windows) < 0.05 * count
+    assert np.sum(windows ** 2) == pytest.approx(
+        len(windows), rel=4 * math.sqrt(2.0 / len(windows)))
+
+
+def test_the_noise_of_the_gyro_widens_what_a_mechanism_of_the_rotation_explains():
+    quiet = flown('(5.4)', TRUE['D'], 0, duration=6.0)
+    noisy = quiet._replace(rate_noise=NOISE)  # as large as that of the flow
+    known = evidence.Noise(np.zeros(8), NOISE)
+    narrow, wide = (Evidence([f], noise=known).whitened(TRUE['D']) for f in (quiet, noisy))
+    half = len(narrow) // 2
+    np.testing.assert_allclose(wide[:half], narrow[:half] / math.sqrt(2.0), rtol=1e-12)
+    np.testing.assert_allclose(wide[half:] ** 2, math.log(2.0))
+    assert not narrow[half:].any()
+
+
+def test_a_fit_is_the_least_of_its_cost():
+    found = Evidence([flown('(5.4)', TRUE['A'], 3)], noise=evidence.Noise(np.zeros(8), NOISE))
+    best = found.fit(('A',))
+    for name, sigma in best.sigmas.items():
+        for side in (-1.0, 1.0):
+            moved = {**best.values, name: best.values[name] + side * sigma}
+            assert np.sum(found.whitened(moved) ** 2) > best.chi_square

@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 from mambo_thesis.drift import table
 from mambo_thesis.drift.flight import flow_of
 from mambo_thesis.drift.mechanisms import (
-    dead_reckoned, factor, flow, level_part, MECHANISMS, PARAMETERS)
+    dead_reckoned, factor, flow, level_part, MECHANISMS, PARAMETERS, rate_share)
 from mambo_thesis.drift.paths import DRAG_RATE, one_turn, Track
 import numpy as np
 import pytest
@@ -154,3 +154,15 @@ def test_the_level_part_is_the_vertical_speed_times_the_tilt(yaw):
 def test_a_level_vehicle_has_no_level_part():
     turn = one_turn('hand loop', steps=30)
     np.testing.assert_allclose(level_part(turn), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize('values', [
+    {'leakage': 0.5}, {'coriolis': -0.7}, {'leakage': -1.0, 'scale': 1.06, 'slope': 0.07},
+    {'leakage': 1.0, 'gain': 0.011}, {'slope': 0.07}])
+def test_the_share_of_the_rate_is_how_the_flow_changes_with_it(values):
+    turn = one_turn('(5.4)', drag_rate=DRAG_RATE, steps=50)
+    share = rate_share(turn, values)
+    for axis, (column, sign) in enumerate(((1, -1.0), (0, 1.0))):
+        more = turn._replace(omega=turn.omega + 1e-3 * np.eye(3)[axis])
+        change = (flow(more, more.height, values) - flow(turn, turn.height, values)) / 1e-3
+        np.testing.assert_allclose(change[:, column], sign * share[:, column], atol=1e-9)

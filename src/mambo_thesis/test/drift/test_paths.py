@@ -1,8 +1,9 @@
 """Motion on the paths of the thesis: velocity, tilt and rates belong together."""
 
 from hypothesis import given, settings, strategies as st
+from mambo_model.motion.trajectory import Trajectory
 from mambo_thesis.drift.paths import (
-    DRAG_RATE, EXPERIMENTS, LEVEL, one_turn, PATHS, perfect)
+    DRAG_RATE, EXPERIMENTS, LEVEL, one_turn, PATHS, perfect, turn_of)
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -105,3 +106,20 @@ def test_experiments_are_on_known_paths_and_only_the_hand_is_level():
     assert {path for _, _, path in EXPERIMENTS.values()} <= set(PATHS)
     assert [name for name, (_, _, path) in EXPERIMENTS.items() if path == LEVEL] == [
         'drift_hand_loop']
+
+
+@pytest.mark.parametrize('speed', [0.5, 1.0, 3.0])
+def test_a_turn_of_any_path_is_one_period_of_it(speed):
+    path = Trajectory('sine in y', (0.0, 0.0, -1.2), (0.0, 0.7, 0.0), rate=2.0)
+    turn = turn_of(path, speed, steps=400)
+    period = np.pi / speed
+    np.testing.assert_allclose(turn.t, np.arange(400) * period / 400, atol=1e-12)
+    phase = 2.0 * speed * turn.t
+    np.testing.assert_allclose(turn.position[:, 1], 0.7 * np.sin(phase), atol=1e-12)
+    np.testing.assert_allclose(
+        turn.velocity[:, 1], 0.7 * 2.0 * speed * np.cos(phase), atol=1e-9)
+    np.testing.assert_allclose(turn.height, 1.2, atol=1e-12)
+    assert np.abs(turn.omega).max() > 0.0  # the vehicle leans into its accelerations
+    level = turn_of(path, speed, steps=40, level=True)
+    np.testing.assert_allclose(level.R, np.broadcast_to(np.eye(3), (40, 3, 3)), atol=1e-12)
+    assert not level.omega.any()
