@@ -150,9 +150,9 @@ class _Compiled(CPUDispatcher):
 
     cache = ''
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
         """Call from Python."""
-        return self.for_python(*arguments)
+        return self.for_python(*arguments, **named)
 
     @functools.cached_property
     def for_python(self) -> CPUDispatcher:

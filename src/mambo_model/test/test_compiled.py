@@ -123,7 +123,7 @@ def entry_for_python(function):
 def test_only_what_python_calls_is_compiled_for_calls_from_python():
     assert numba.njit(lambda x: half(x))(3.0) == 1.5
     assert entry_for_python(half) == 0 and not half.for_python.signatures
-    assert half(3.0) == 1.5
+    assert half(3.0) == half(x=3.0) == 1.5
     assert entry_for_python(half.for_python) != 0
 
 
