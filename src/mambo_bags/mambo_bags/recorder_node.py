@@ -62,7 +62,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
     """Records the graph's topics to a rosbag2 directory with an MCAP file."""
 
     publishes, subscribes = (topics.DIAGNOSTICS,), topics.RECORDED
-    example, lazy = '--ros-args -p bag:=my_flight', 0.02  # s: nobody waits for a record
+    example = '--ros-args -p bag:=my_flight'
 
     def __init__(self, **kwargs) -> None:
         super().__init__('recorder_node', RecorderNodeParams, **kwargs)

@@ -17,17 +17,18 @@ from collections.abc import Callable
 import time
 
 import rclpy
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
 from .endpoints import AT_ONCE, Entry, Input, RawPublisher
 from .graph import peers
 from .graph.floods import Floods
 from .graph.publisher_guard import PublisherGuard
-from .graph.turns import Turns
 from .node import MamboNode
 
 _HOUSEKEEPING = 0.02  # s, the longest wait at once
-_TURN = 0.05  # s between turns of the ordinary executor
+_TURN = 0.05  # s between turns of the ordinary executor; one turn costs most of a step
+_LAZY = 0.005  # s between looks at topics that are not prompt
 _SOON = 0.0003  # s, within which the messages that belong to a prompt one arrive
 _QUIET = 0.1  # s without a message after which a stopping node has received everything
 
@@ -59,9 +60,10 @@ class Loop:
     def __init__(self, *nodes: MamboNode) -> None:
         self.stopping = self.urgent = False
         self.nodes = nodes
-        self._turns = Turns(nodes)
+        self._executor = SingleThreadedExecutor()
         self._queue: deque[tuple[Callable[[bytes], None], bytes]] = deque()
         for node in nodes:
+            self._executor.add_node(node)
             for output in node.outputs:
                 output.queue = self._queue
         far = [(node, source) for node in nodes for source in node.inputs
@@ -72,8 +74,7 @@ class Loop:
             Entry(node.open_input(source).handle, source) for node, source in far]
         self._prompt = [
             entry for entry, (_, source) in zip(self._entries, far, strict=True) if source.prompt]
-        self._longest = _HOUSEKEEPING if len(self._prompt) == len(far) else min(
-            node.lazy for node in nodes)
+        self._longest = _HOUSEKEEPING if len(self._prompt) == len(far) else _LAZY
         self._mixed = 0 < len(self._prompt) < len(far)
         self._stirred = False
         self._context = rclpy.get_default_context()
@@ -188,8 +189,8 @@ class Loop:
             node.report_refusals(now)
         for watch in self._peers:
             watch.look()
-        self._turns.take()
+        self._executor.spin_once(timeout_sec=0.0)
 
     def close(self) -> None:
         """Release the executor."""
-        self._turns.close()
+        self._executor.shutdown()

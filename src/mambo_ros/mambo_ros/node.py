@@ -58,7 +58,7 @@ class MamboNode(diagnostics.Faulty, Live, Node, Generic[P]):
     publishes: tuple[topics.Topic, ...] = ()
     subscribes: tuple[topics.Topic, ...] = ()
     serves: tuple[Service, ...] = ()
-    example, lazy = '', 0.005  # lazy: s between looks at topics that are not prompt
+    example = ''
 
     def __init__(self, name: str, params_type: type[P], **kwargs: Any) -> None:
         super().__init__(name, **{'namespace': 'mambo', **kwargs})
