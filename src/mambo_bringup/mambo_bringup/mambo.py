@@ -56,7 +56,7 @@ GROUPS: dict[str, dict[str, Command]] = {
         'consistency': Command('mambo_flight.accuracy.consistency', 'whether the joint filter '
                                'states its errors as large as they are'),
         'estimators': Command('mambo_thesis.estimators.estimators', 'the joint filter beside the '
-                              'default estimator, row by row: flights, faults, recordings'),
+                              'default estimator, row by row'),
         'coverage': Command('mambo_flight.smooth.coverage', 'smooth many flights: how often the '
                             'intervals hold the true values'),
         'race': Command('mambo_flight.race.race', 'fly every controller over the same courses '
