@@ -183,7 +183,7 @@ def test_the_result_is_tidy(result):
     assert max(heavy) < min(light)  # the controller believes in 68 g
     assert result.with_suffix('.png').read_bytes().startswith(b'\x89PNG')
     assert sorted(path.name for path in result.parent.iterdir()) == [
-        'result.parquet', 'result.png', 'sweep.yaml']
+        'result.parquet', 'result.png', 'result_map.png', 'sweep.yaml']
     assert '0 of 20 flights were shut down' in summary(data)
 
 

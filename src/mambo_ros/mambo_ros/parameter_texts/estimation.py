@@ -109,6 +109,7 @@ _JOINT = {
     'motion.accel_bias_walk': 'random walk of the accelerometer bias',
     'motion.held_gyro_noise': 'assumed noise while a gyro sample is missing',
     'motion.held_accel_noise': 'assumed noise while an accelerometer sample is missing',
+    'motion.held_thrust_noise': 'assumed change of the thrust meanwhile, added along the vertical',
     'motion.held_time': 'correlation time of rates and forces in controlled flight',
     'motion.initial_tilt_std': 'uncertainty of the tilt where the alignment failed',
     'motion.initial_yaw_std': 'uncertainty of the yaw at the start',
