@@ -17,7 +17,6 @@ from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model import schema
 from mambo_model.motion import parameter_change
 from mambo_model.motion.parameter_change import Change, Changes, NEVER
-from mambo_model.yaml_nodes import Loader
 from mambo_ros import topics
 from mambo_ros.commands.change_message import decode
 from mambo_sim.parameters import STEP_NS
@@ -129,10 +128,7 @@ def parameters(reader: ParameterReader, node: yaml.Node) -> dict[str, Place]:
         Naming file, line and what is wrong.
 
     """
-    try:  # the file was measured when it was read: its aliases expand to a bounded size
-        entries = Loader('').construct_object(node, deep=True)
-    except yaml.YAMLError as error:
-        reader.fail(node, 'changes', str(error))
+    entries = reader.plain(node, 'changes')
     where = f'{reader.where(node)}: changes'
     found = by_node(parameter_change.read(entries, where), where)
     return {f'{name}.changes': Place(parameter_change.to_text(own), reader.where(node))

@@ -26,7 +26,6 @@ from mambo_model.errors import InputError
 from mambo_model.motion import uav_trajectories
 from mambo_model.motion.flight_command import FlightCommand
 from mambo_model.schema import ParameterError
-from mambo_model.yaml_nodes import Loader
 from mambo_ros import topics
 from mambo_ros.commands.command_message import decode
 import yaml
@@ -48,10 +47,7 @@ def parameters(reader: ParameterReader, node: yaml.Node) -> dict[str, Place]:
         Naming file, line and what is wrong.
 
     """
-    try:  # the file was measured when it was read: its aliases expand to a bounded size
-        entries = Loader('').construct_object(node, deep=True)
-    except yaml.YAMLError as error:
-        reader.fail(node, 'commands', str(error))
+    entries = reader.plain(node, 'commands')
     folder = Path(reader.path).parent
     where = f'{reader.where(node)}: commands'
     for entry in entries if isinstance(entries, list) else ():

@@ -23,7 +23,6 @@ from .sweep import monte_carlo
 from .world import formation, separation, together, world_file
 
 
-
 def _scenario(options: argparse.Namespace) -> tuple[str, Scenario]:
     """Return the name and the scenario of the flight that the command line selects."""
     given = flight_options.given(options)

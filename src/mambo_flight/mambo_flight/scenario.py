@@ -20,7 +20,7 @@ from mambo_model import schema
 from mambo_model.components import absolute
 from mambo_model.motion.trajectory import FlightPlanParams
 from mambo_model.vehicle.parameters import find
-from mambo_model.yaml_nodes import load as load_yaml, Reader, reason
+from mambo_model.yaml_nodes import load as load_yaml, Loader, Reader, reason
 from mambo_sim.parameters import OptitrackNodeParams, SimNodeParams
 import yaml
 
@@ -325,6 +325,13 @@ class ParameterReader(Reader):
                 self.leaves = {**self.leaves, **own_leaves([one])}
             except schema.ParameterError:
                 continue  # reported where the value is read
+
+    def plain(self, node: yaml.Node, name: str) -> Any:
+        """Return the lists, mappings and values of a key, whose file was measured when read."""
+        try:
+            return Loader('').construct_object(node, deep=True)
+        except yaml.YAMLError as error:
+            self.fail(node, name, str(error))
 
     def _chosen(self, node: yaml.Node) -> Iterator[tuple[str, str]]:
         """Yield every component that is chosen anywhere in a file."""

@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 import numpy as np
 
-from .plot import METRICS, numeric
+from .plot import measured, numbers
 
 MOST_VALUES = 60  # of each parameter
 NUMBERED = 14  # cells along an edge at most that carry the number of their flight
@@ -39,7 +39,7 @@ def grid(data: Mapping[str, Sequence[Any]], names: Sequence[str]) -> Grid | None
         Columns that are varied parameters; a seed is not counted.
 
     """
-    varied = [name for name in names if numeric(data[name]) and not name.endswith('seed')]
+    varied = numbers(data, names)
     if len(varied) != 2:
         return None
     values = tuple(sorted(set(data[name])) for name in varied)
@@ -82,9 +82,7 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
         Above the maps.
 
     """
-    found = grid(data, names)
-    metrics = {name: label for name, label in METRICS.items() if np.nanmax(
-        np.asarray(data[name], dtype=float), initial=0.0) > 0.0}
+    found, metrics = grid(data, names), measured(data)
     if found is None or not metrics:
         path.unlink(missing_ok=True)
         return

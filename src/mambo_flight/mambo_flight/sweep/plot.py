@@ -43,9 +43,16 @@ def bins(x: np.ndarray, y: np.ndarray) -> list[tuple[float, np.ndarray]]:
     return [(float(np.median(x[part])), y[part]) for part in parts]
 
 
-def numeric(values: Sequence[Any]) -> bool:
-    """Return whether a column has several values, all of them numbers."""
-    return (not isinstance(values[0], (bool, str))) and len(set(values)) > 1
+def numbers(data: Mapping[str, Sequence[Any]], names: Sequence[str]) -> list[str]:
+    """Return the parameters that are numbers and vary, seeds aside."""
+    return [name for name in names if not isinstance(data[name][0], (bool, str))
+            and len(set(data[name])) > 1 and not name.endswith('seed')]
+
+
+def measured(data: Mapping[str, Sequence[Any]]) -> dict[str, str]:
+    """Return {name: label} of the errors that some flight has."""
+    return {name: label for name, label in METRICS.items() if np.nanmax(
+        np.asarray(data[name], dtype=float), initial=0.0) > 0.0}
 
 
 def _band(axes: Any, x: np.ndarray, y: np.ndarray) -> None:
@@ -79,10 +86,7 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
         Above the plots.
 
     """
-    metrics = {name: label for name, label in METRICS.items() if np.nanmax(
-        np.asarray(data[name], dtype=float), initial=0.0) > 0.0}
-    varied = [name for name in names if numeric(data[name]) and not name.endswith('seed')]
-    varied = varied[:MOST_PARAMETERS]
+    metrics, varied = measured(data), numbers(data, names)[:MOST_PARAMETERS]
     colour = next((name for name in names if not name.endswith('seed')
                    and 1 < len(set(data[name])) <= MOST_GROUPS), None)
     rows, columns = 1 + len(varied), max(len(metrics), 1)
