@@ -4,10 +4,9 @@ import subprocess
 import sys
 import time
 
+from flown_again import assert_one_process_gives, assert_the_graph_gives
 from mambo_analysis.compare import estimate
-from mambo_bags.reader import read_bag
-from mambo_bringup.flight.runner import fly
-from mambo_flight import changes, closed_loop, commanded, recording_to_bag
+from mambo_flight import changes, commanded
 from mambo_model.errors import JobError
 from mambo_ros.commands import client
 import pytest
@@ -66,12 +65,6 @@ def bag(tmp_path_factory):
     return path
 
 
-def payloads(bag):
-    """Return the messages of every topic of a bag."""
-    read = read_bag(bag)
-    return {name: read[name].raw for name in read.topics}
-
-
 def test_the_changes_are_recorded_with_their_steps(bag):
     flight = commanded.scenario_of(bag)
     k, node, values, _ = changes.taken(flight)[0]
@@ -80,21 +73,11 @@ def test_the_changes_are_recorded_with_their_steps(bag):
 
 
 def test_one_process_flies_them_again_to_the_last_bit(bag, tmp_path):
-    flight = commanded.scenario_of(bag)
-    recording_to_bag.write(tmp_path / 'alone', flight, closed_loop.fly(flight, inner=True))
-    alone, graph = payloads(tmp_path / 'alone'), payloads(bag)
-    assert alone.keys() == graph.keys()
-    for name in graph:
-        assert alone[name] == graph[name], name
+    assert_one_process_gives(bag, tmp_path)
 
 
 def test_the_graph_flies_them_again_to_the_last_bit(bag, tmp_path):
-    fly(commanded.scenarios.override(commanded.scenario_of(bag), {'sim_node.paused': False}),
-        tmp_path / 'graph')
-    again, before = payloads(tmp_path / 'graph'), payloads(bag)
-    assert again.keys() == before.keys()
-    for name in again:
-        assert again[name] == before[name], name
+    assert_the_graph_gives(bag, tmp_path)
 
 
 def test_the_estimator_answers_its_samples_again_to_the_last_bit(bag):

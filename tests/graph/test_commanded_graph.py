@@ -4,9 +4,9 @@ import subprocess
 import sys
 import time
 
+from flown_again import assert_one_process_gives, assert_the_graph_gives
 from mambo_bags.reader import read_bag
-from mambo_bringup.flight.runner import fly
-from mambo_flight import closed_loop, commanded, recording_to_bag
+from mambo_flight import commanded
 from mambo_interfaces.msg import Command, Reference
 from mambo_model.errors import JobError
 from mambo_model.motion import flight_command as fc
@@ -94,12 +94,6 @@ def bag(tmp_path_factory):
     return path
 
 
-def payloads(bag):
-    """Return the messages of every topic of a bag."""
-    read = read_bag(bag)
-    return {name: read[name].raw for name in read.topics}
-
-
 def test_the_commands_are_recorded_and_the_vehicle_has_landed(bag):
     kinds = [fc.NAMES[command.kind] for command in commanded.commands_of(bag)]
     assert kinds[0] == 'takeoff' and kinds[-2:] == ['go_to', 'land'] and (
@@ -108,19 +102,9 @@ def test_the_commands_are_recorded_and_the_vehicle_has_landed(bag):
 
 
 def test_one_process_flies_the_recorded_commands_again_to_the_last_bit(bag, tmp_path):
-    flight = commanded.scenario_of(bag)
-    recording_to_bag.write(tmp_path / 'alone', flight, closed_loop.fly(flight, inner=True))
-    alone, graph = payloads(tmp_path / 'alone'), payloads(bag)
-    assert alone.keys() == graph.keys()
-    for name in graph:
-        assert alone[name] == graph[name] or name == REFUSALS, name
+    assert_one_process_gives(bag, tmp_path, REFUSALS)
 
 
 def test_the_graph_flies_the_recorded_commands_again_to_the_last_bit(bag, tmp_path):
-    flight = commanded.scenario_of(bag)
-    fly(commanded.scenarios.override(flight, {'sim_node.paused': False}), tmp_path / 'graph')
-    again, before = payloads(tmp_path / 'graph'), payloads(bag)
-    assert again.keys() == before.keys()
-    for name in again:
-        assert again[name] == before[name] or name == REFUSALS, name
-    assert len(again[f'/mambo/{topics.COMMAND.name}']) >= 4
+    assert_the_graph_gives(bag, tmp_path, REFUSALS)
+    assert len(read_bag(tmp_path / 'graph')[f'/mambo/{topics.COMMAND.name}'].raw) >= 4
