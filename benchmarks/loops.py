@@ -38,7 +38,7 @@ def _flights(quick: bool, folder: Path) -> list[Contender]:
             'closed_loop', name, title,
             lambda: timed(often * DURATION, lambda: [fly(flight) for _ in range(often)]),
             lambda: fly(flight), detail, {'factor': factor})
-    default = scenario.scenario(duration=DURATION)
+    default = scenario.scenario(estimator='kalman', duration=DURATION)
     joint = scenario.scenario(estimator='joint', duration=DURATION)
     toolbox = scenario.scenario(estimator='toolbox', controller='toolbox', duration=DURATION)
     return [
@@ -60,8 +60,8 @@ def _flights(quick: bool, folder: Path) -> list[Contender]:
 
 @cache
 def _taped() -> tuple[scenario.Scenario, elimination.Tape]:
-    """Return the default flight and its tape, checked against the closed loop."""
-    flight = scenario.scenario(duration=DURATION)
+    """Return the flight of the three filters and its tape, checked against the closed loop."""
+    flight = scenario.scenario(estimator='kalman', duration=DURATION)
     tape = elimination.tape(STEPS)
     mind, chance = elimination.begin(flight)
     elimination.fly(
@@ -103,7 +103,7 @@ def _waiting(where: str) -> scenario.Scenario:
                             'reference_node.plan.start_time': 600.0},
                  'landed': {'reference_node.plan.landing_time': 12.0}}[where]
     return scenario.scenario(
-        duration=DURATION, noise=False, land=False, overrides=overrides)
+        estimator='kalman', duration=DURATION, noise=False, land=False, overrides=overrides)
 
 
 def idle(where: str, seconds: float) -> tuple[list[float], elimination.FlightMemory]:

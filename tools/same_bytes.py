@@ -24,14 +24,14 @@ DIGESTS = ROOT / 'tests/flights/same_bytes.json'
 DURATION = 4.0  # s: take-off and half a second of the circle at its full speed
 
 FLIGHTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {  # options and other parameters
-    'kalman': ({}, {}),
+    'kalman': ({'estimator': 'kalman'}, {}),
     'joint': ({'estimator': 'joint', 'controller': 'flatness_drag'}, {}),
     'joint on motion capture': (
         {'estimator': 'joint', 'controller': 'indi'},
         {'estimator_node.joint.pose.enabled': True, 'controller_node.estimate': 'map'}),
     'support package': ({'estimator': 'toolbox', 'controller': 'toolbox'}, {}),
     'wind, another drone': (
-        {'controller': 'geometric', 'seed': 3},
+        {'estimator': 'kalman', 'controller': 'geometric', 'seed': 3},
         {'sim_node.simulator.wind.velocity': (1.0, 0.5, 0.0),
          'sim_node.simulator.wind.gust': (0.5, 0.5, 0.2), 'sim_node.simulator.imu.drone': 7}),
 }

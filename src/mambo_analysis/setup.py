@@ -7,7 +7,8 @@ setup(
     version='0.1.0',
     packages=find_packages(exclude=['test']),
     package_data={package_name: [
-        'compare/report.css', 'compare/report.js', 'importers/maps/*.yaml']},
+        'compare/report.css', 'compare/report.js', 'importers/estimators/*.yaml',
+        'importers/maps/*.yaml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),

@@ -41,6 +41,6 @@ def test_other_surroundings_have_them_too(surroundings, flights):
 
 def test_another_last_bit_and_an_unknown_flight_fail(monkeypatch, capsys):
     monkeypatch.setitem(same_bytes.FLIGHTS, 'kalman', (
-        {}, {'sim_node.simulator.vehicle.mass': math.nextafter(MASS, 1.0)}))
+        {'estimator': 'kalman'}, {'sim_node.simulator.vehicle.mass': math.nextafter(MASS, 1.0)}))
     assert same_bytes.main(['kalman']) == 1 and 'DIFFERENT' in capsys.readouterr().out
     assert same_bytes.main(['none']) == 2

@@ -57,7 +57,7 @@ ARGUMENTS = [
     DeclareLaunchArgument(
         'estimator', default_value='',
         description='Estimator: a name, or full path to a Python file; empty: from params_file, '
-                    'else kalman.'),
+                    'else joint.'),
     DeclareLaunchArgument(
         'controller', default_value='',
         description='Control law: a name, or full path to a Python file; empty: from params_file, '

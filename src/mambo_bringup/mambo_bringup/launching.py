@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mambo_bags.reader import read_bag
+from mambo_estimation.filters import DEFAULT
 from mambo_flight import changes, scenario as scenarios, scenario_file
 from mambo_flight.course import course_file
 from mambo_flight.scenario_file import build_world, Place
@@ -262,7 +263,7 @@ def replay_plan(arguments: Mapping[str, str]) -> Plan:
         scenario = scenarios.from_yaml(str(text), f'scenario.yaml in {bag}')
         # the recorder does not subscribe to sensors
         if scenario.estimator_node.estimator == 'ground_truth':
-            scenario = scenarios.override(scenario, {'estimator_node.estimator': 'kalman'})
+            scenario = scenarios.override(scenario, {'estimator_node.estimator': DEFAULT})
         else:
             scenario = changes.estimated(scenario, recording)
     aided = scenario is not None and scenario.estimator_node.aided

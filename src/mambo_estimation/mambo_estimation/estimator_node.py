@@ -58,7 +58,7 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         topics.ESTIMATE, topics.LOCATED, topics.ESTIMATOR_STATE, topics.TF, topics.DIAGNOSTICS)
     subscribes = (
         *_STREAMS, topics.SENSOR_TICK, topics.GROUND_TRUTH, topics.OPTITRACK, topics.CAPTURE_TICK)
-    example = '--ros-args -p estimator:=kalman -p sensor_reliability:=best_effort'
+    example = '--ros-args -p estimator:=joint -p sensor_reliability:=best_effort'
 
     def __init__(self, **kwargs) -> None:
         super().__init__('estimator_node', EstimatorNodeParams, **kwargs)

@@ -35,6 +35,8 @@ REGISTRY = Registry(
         'kalman': (EstimatorParams, kalman),
         'toolbox': (ToolboxEstimatorParams, support_package),
         'joint': (JointParams, joint)}, others=('ground_truth',))
+DEFAULT = 'joint'
+"""The estimator of a flight that names none: docs/evidence/estimators.md says why."""
 
 Memory = Any  # of any of them
 Values = Any  # of its parameters

@@ -9,7 +9,7 @@ from mambo_model import schema
 from mambo_model.components import built_in_groups
 from mambo_model.motion import parameter_change
 
-from .filters import OwnParams, REGISTRY
+from .filters import DEFAULT, OwnParams, REGISTRY
 
 
 @built_in_groups(REGISTRY)
@@ -18,7 +18,7 @@ class EstimatorNodeParams:
     """Parameters of ``estimator_node``."""
 
     estimator: str = schema.component(
-        'kalman', REGISTRY, 'which estimator is used')
+        DEFAULT, REGISTRY, 'which estimator is used')
     synchronise: str = schema.choice(
         'watermark', ('watermark', 'arrival'),
         'wait for every sample the watermark announces, or use what has arrived (real hardware)')
@@ -60,7 +60,7 @@ class EstimatorNodeParams:
     @property
     def filter(self) -> Any:
         """Return the parameters of the chosen filter; with the ground truth, one not used."""
-        chosen = REGISTRY.find(self.estimator) or REGISTRY.find('kalman')
+        chosen = REGISTRY.find(self.estimator) or REGISTRY.find(DEFAULT)
         params = getattr(self, chosen.name)
         return OwnParams(chosen, params) if chosen.own else params
 

@@ -9,7 +9,7 @@ from typing import Any
 from mambo_bags.cli.option_types import declared, whole
 from mambo_bags.command import Parser
 from mambo_control.controllers import REGISTRY as CONTROLLERS
-from mambo_estimation.filters import REGISTRY as ESTIMATORS
+from mambo_estimation.filters import DEFAULT, REGISTRY as ESTIMATORS
 from mambo_model import schema
 from mambo_model.components import remarks as component_remarks
 from mambo_model.errors import InputError
@@ -48,7 +48,7 @@ def add(out: Parser, trajectory: str = '', controller: str = '') -> None:
         help=f"one of: {', '.join(TRAJECTORIES)}; the file of a course; a function FILE.py or "
         f'FILE.py:NAME; or the name of an installed one{default(trajectory)}'))
     for kind, registry, usual in (
-            ('estimator', ESTIMATORS, 'kalman'), ('controller', CONTROLLERS, controller)):
+            ('estimator', ESTIMATORS, DEFAULT), ('controller', CONTROLLERS, controller)):
         out.complete(registry.names, add(
             f'--{kind}', metavar='NAME',
             help=f"one of: {', '.join(registry.names)}; FILE.py or FILE.py:NAME; or the name of "

@@ -15,6 +15,7 @@ import re
 from typing import Any, NamedTuple
 
 from mambo_control.parameters import ControllerNodeParams, ReferenceNodeParams
+from mambo_estimation.filters import DEFAULT
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model import schema
 from mambo_model.components import absolute
@@ -93,7 +94,7 @@ def own_leaves(chosen: Iterable[tuple[str, Any]]) -> dict[str, dataclasses.Field
 
 
 def scenario(
-    trajectory: str = 'circle', estimator: str = 'kalman', controller: str = 'cascaded',
+    trajectory: str = 'circle', estimator: str = DEFAULT, controller: str = 'cascaded',
     duration: float = 40.0, seed: int = 1, vehicle: str = 'identified', believed: str = '',
     noise: bool = True, land: bool = True, overrides: Mapping[str, Any] | None = None,
     carried: bool = False, folder: Path = Path(),

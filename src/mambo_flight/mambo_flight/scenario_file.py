@@ -28,7 +28,7 @@ import re
 from typing import Any, NamedTuple
 
 from mambo_control.controllers import REGISTRY as CONTROLLERS
-from mambo_estimation.filters import REGISTRY as ESTIMATORS
+from mambo_estimation.filters import DEFAULT, REGISTRY as ESTIMATORS
 from mambo_model import schema
 from mambo_model.components import absolute
 from mambo_model.motion.trajectory import FlightPlanParams, TAKEOFFS
@@ -56,7 +56,7 @@ class Settings:
         'of the flight; without one a course is flown to its end')
     vehicle: str = schema.text('identified', 'true vehicle: a known one, or a vehicle file')
     believed: str = schema.text('', 'that of reference and controller; empty: the true one')
-    estimator: str = schema.component('kalman', ESTIMATORS, 'of estimator_node')
+    estimator: str = schema.component(DEFAULT, ESTIMATORS, 'of estimator_node')
     controller: str = schema.component('cascaded', CONTROLLERS, 'of controller_node')
     noise: bool = schema.flag(True, 'whether sensors have noise and bias')
     carried: bool = schema.flag(False, 'whether a hand carries the vehicle, level')

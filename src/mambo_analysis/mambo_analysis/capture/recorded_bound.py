@@ -265,8 +265,8 @@ def parser() -> Parser:
     out = bound.parser()
     out.description = f'{bound.__doc__.strip()}\n\n{__doc__.strip().partition(chr(10))[2].strip()}'
     out.add_argument('--parameters', type=Path, metavar='FILE',
-                     help='scenario file with noise and priors of the sensors of a recording, '
-                          'such as crazyflie.yaml')
+                     help='scenario file with noise and priors of the sensors of a recording '
+                          '(default: that of the bag)')
     return out
 
 

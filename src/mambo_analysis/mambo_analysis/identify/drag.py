@@ -109,7 +109,8 @@ def _silent(flight: Scenario) -> Scenario:
     sensors = 'imu', 'sonar', 'optical_flow', 'barometer'
     return override(flight, {
         'sim_node.simulator.noise': False, 'optitrack_node.optitrack.noise': False,
-        **{f'estimator_node.kalman.{sensor}.stuck_samples': 0 for sensor in sensors}})
+        **{f'estimator_node.{one}.{sensor}.stuck_samples': 0
+           for one in ('kalman', 'joint') for sensor in sensors}})
 
 
 def fit_drag(

@@ -15,11 +15,13 @@ from mambo_bags.writer import BagWriter
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from rosbags.typesys.store import Typestore
+import yaml
 
 NAMESPACE = '/mambo'
 SECOND = 1_000_000_000
 LONGEST = 1e9  # [s] of a time
 LARGEST = 1e30  # of what is measured; some messages hold single precision
+ESTIMATORS = Path(__file__).with_name('estimators')  # a parameter file for each vehicle
 PACKAGES = {'Header': 'std_msgs', 'Time': 'builtin_interfaces'}
 
 
@@ -55,6 +57,29 @@ def provenance(
         'source_file': name, 'source_sha256': sha256,
         'importer': f'mambo_analysis.{importer}', 'source_kind': kind,
         **{key: text(value) for key, value in details.items()}}}
+
+
+def estimator_parameters(
+    vehicle: str, changes: Mapping[str, Mapping[str, Mapping[str, Any]]],
+) -> dict[str, str]:
+    """
+    Return the estimator's parameter file of a bag, {'scenario.yaml': text}.
+
+    Parameters
+    ----------
+    vehicle
+        Name of a file in ``estimators/``: how noisy the sensors of this vehicle are.
+    changes
+        {estimator: {group: {parameter: value}}} of this log, over those of the file.
+
+    """
+    parameters = yaml.safe_load((ESTIMATORS / f'{vehicle}.yaml').read_text())
+    node = parameters['estimator_node']['ros__parameters']
+    for estimator, groups in changes.items():
+        for group, values in groups.items():
+            node.setdefault(estimator, {}).setdefault(group, {}).update(values)
+    return {'scenario.yaml': yaml.safe_dump(
+        {'/mambo/estimator_node': {'ros__parameters': node}}, sort_keys=False)}
 
 
 def shortened(names: Sequence[str], most: int = 12) -> str:

@@ -72,11 +72,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from .common import (
-    importer_parser, is_sound, LONGEST, new_samples, provenance, Publisher, read_source, report,
-    Source, stamps_ns, unused)
+    estimator_parameters, importer_parser, is_sound, LONGEST, new_samples, provenance, Publisher,
+    read_source, report, Source, stamps_ns, unused)
 
 Floats = NDArray[np.float64]
 COUNTS_PER_RADIAN = 10.0 * 35.0 / 0.71674
+DATA_SHEET = 409.0  # counts per radian: 30 pixels over 4.2 deg
 FLOW_PERIOD = 0.01  # [s] over which a count is taken
 FOLLOWS = 1.5  # periods: beyond, the pair of counts before was lost
 FULL_QUALITY = 255
@@ -416,6 +417,12 @@ def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, 
         'mocap_offset_correlation': found.quality, **details}
 
 
+def _parameters(counts_per_radian: float) -> dict[str, str]:
+    """Return the estimator's parameter file, which takes a radian for ``DATA_SHEET`` counts."""
+    factor = min(max(counts_per_radian / DATA_SHEET, 0.1), 10.0)  # range of the parameter
+    return estimator_parameters('crazyflie', {'joint': {'optical_flow': {'scale': factor}}})
+
+
 def import_crazyflie(
     source: Path, target: Path, counts_per_radian: float = COUNTS_PER_RADIAN,
     mocap: str = 'auto', level: bool = False, repeated_flow: str = 'leave',
@@ -460,7 +467,7 @@ def import_crazyflie(
         'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535',
         'mocap_frames_lost': log.lost, 'mocap_poses_impossible': log.impossible,
         'ignored': ', '.join(log.ignored) or 'nothing', **details})
-    with BagWriter(target, metadata=record) as writer:
+    with BagWriter(target, _parameters(counts_per_radian), record) as writer:
         out = Publisher(writer, TOPICS)
         _publish_imu(log, out, level)
         _publish_sensors(log, out, counts_per_radian, repeated_flow)

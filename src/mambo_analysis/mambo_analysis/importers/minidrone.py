@@ -76,11 +76,10 @@ from mambo_model.frames import flip_vector, wire_quaternion
 from mambo_model.motion.quaternion import from_euler
 import numpy as np
 from numpy.typing import NDArray
-import yaml
 
 from .common import (
-    importer_parser, is_sound, new_samples, provenance, Publisher, read_source, report, shortened,
-    Source, unused)
+    estimator_parameters, importer_parser, is_sound, new_samples, provenance, Publisher,
+    read_source, report, shortened, Source, unused)
 from .mat_file import variables
 from .simulink import is_package_log, PackageLog, publish, read_package_log
 
@@ -257,13 +256,11 @@ def _publish_battery(log: Log, out: Publisher) -> None:
         out.publish('battery', step * STEP_NS, '', **out.battery(*battery[step].tolist()))
 
 
-def _estimator_parameters(
-    accel: list[float], gyro: list[float], **more: int,
-) -> dict[str, str]:
+def _alignment(accel: list[float], gyro: list[float], **more: int) -> dict[str, Any]:
     """
-    Return a ROS 2 parameter file, by name, with the log's calibration for the estimator.
+    Return parameters of the alignment with the log's calibration.
 
-    Nothing where that mean is no bias: a vehicle that did not stand level, or values of nothing.
+    Empty where that mean is no bias: a vehicle that did not stand level, or values of nothing.
 
     Parameters
     ----------
@@ -276,15 +273,19 @@ def _estimator_parameters(
     """
     if not (max(map(abs, accel)) <= LARGEST_BIAS and max(map(abs, gyro)) <= LARGEST_RATE):
         return {}
-    alignment = {**more, 'gyro_bias': gyro, 'accel_bias': accel}
-    return {'scenario.yaml': yaml.safe_dump(
-        {'/mambo/estimator_node': {'ros__parameters': {'kalman': {'alignment': alignment}}}})}
+    return {**more, 'gyro_bias': gyro, 'accel_bias': accel}
 
 
-def _calibration(log: Log) -> dict[str, str]:
+def _parameters(alignment: dict[str, Any]) -> dict[str, str]:
+    """Return the parameter file of both estimators, which begin with the same alignment."""
+    return estimator_parameters('rolling_spider', dict.fromkeys(
+        ('kalman', 'joint'), {'alignment': alignment}) if alignment else {})
+
+
+def _calibration(log: Log) -> dict[str, Any]:
     """Return it of a log, which begins when the motors start; its mean is of the rest before."""
     ax, ay, az, *gyro = log.signals['sensordataCalib_datout'][0][:6].tolist()
-    return _estimator_parameters([ax, ay, az + GRAVITY], gyro, samples=0)
+    return _alignment([ax, ay, az + GRAVITY], gyro, samples=0)
 
 
 def _metadata(log: Log, flow_scale: float) -> dict[str, dict[str, str]]:
@@ -344,7 +345,7 @@ def import_minidrone(
         return _import_package(file, target, read_package_log(
             source, found, names, gyro_unit, flow_scale))
     log, scale = read_log(file, found), flow_scale or FLOW_SCALE
-    with BagWriter(target, attachments=_calibration(log),
+    with BagWriter(target, attachments=_parameters(_calibration(log)),
                    metadata=_metadata(log, scale)) as writer:
         out = Publisher(writer, TOPICS)
         _publish_imu(log, out)
@@ -358,17 +359,17 @@ def _import_package(
     source: Source, target: Path, log: PackageLog,
 ) -> tuple[dict[str, int], list[str]]:
     """Write a bag from the log of a Simulink model."""
-    notes, attachments = list(log.notes), {}
+    notes, alignment = list(log.notes), {}
     if log.calibration is not None:
         ax, ay, az, *gyro = log.calibration.tolist()
         az += GRAVITY if az < -0.5 * GRAVITY else 0.0  # with gravity in some versions
-        attachments = _estimator_parameters([ax, ay, az], gyro)
-        notes += [] if attachments else [
+        alignment = _alignment([ax, ay, az], gyro)
+        notes += [] if alignment else [
             'the calibration in the log is no bias of a level vehicle: not used']
     record = provenance(
         source.path.name, source.sha256, 'import_minidrone', 'RSdata.mat of Simulink',
         {'ignored': ', '.join(log.ignored) or 'nothing', 'decided': '; '.join(notes) or 'nothing'})
-    with BagWriter(target, attachments=attachments, metadata=record) as writer:
+    with BagWriter(target, attachments=_parameters(alignment), metadata=record) as writer:
         publish(log, Publisher(writer, log.topics), SONAR_RANGE, FULL_QUALITY)
         return writer.counts, notes + unused(log.ignored)
 

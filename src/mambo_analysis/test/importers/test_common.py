@@ -5,6 +5,8 @@ import hashlib
 from hypothesis import given, strategies as st
 from mambo_analysis.importers import common
 from mambo_bags.mcap_reader import BagError
+from mambo_estimation.joint.joint_parameters import JointParams
+from mambo_flight.scenario import from_yaml, load
 import numpy as np
 import pytest
 
@@ -71,6 +73,17 @@ def test_provenance_is_text_with_nine_digits():
     assert record == {'import': {
         'source_file': 'a.mat', 'source_sha256': 'f' * 64, 'importer': 'mambo_analysis.import_x',
         'source_kind': 'log', 'scale': '0.333333333', 'n': '7'}}
+
+
+@pytest.mark.parametrize('path', sorted(common.ESTIMATORS.glob('*.yaml')), ids=lambda p: p.stem)
+def test_a_log_brings_the_estimator_of_its_vehicle_and_what_it_alone_knows(path):
+    files = common.estimator_parameters(
+        path.stem, {'kalman': {'sonar': {'noise': 0.07}}, 'joint': {'sonar': {'max_range': 2.5}}})
+    node = from_yaml(files.pop('scenario.yaml')).estimator_node
+    vehicle = load(path).estimator_node
+    assert not files and node.estimator == 'joint'
+    assert node.kalman.sonar.noise == 0.07 and node.joint.sonar.max_range == 2.5
+    assert node.joint.sonar.noise == vehicle.joint.sonar.noise != JointParams().sonar.noise
 
 
 def test_what_was_not_used_is_one_line_or_none():

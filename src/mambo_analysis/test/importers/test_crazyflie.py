@@ -9,6 +9,7 @@ from mambo_analysis.importers.common import read_source
 from mambo_analysis.importers.crazyflie import (
     COUNTS_PER_RADIAN, gyro_offset, import_crazyflie, main, mocap_offset, read_log)
 from mambo_bags.reader import read_bag
+from mambo_flight.scenario import from_yaml
 from mambo_signals.time_offset import find_flight
 import numpy as np
 import pytest
@@ -92,6 +93,16 @@ def test_counts_become_rates_by_the_firmware_s_constants(made):
     assert COUNTS_PER_RADIAN == pytest.approx(488.3, abs=0.1)
     pairs = np.column_stack([flow.rate_x, flow.rate_y])
     assert (np.diff(pairs, axis=0) != 0.0).any(axis=1).all()  # held pairs are not repeated
+
+
+@pytest.mark.parametrize('counts, factor', [
+    (409.0, 1.0), (488.0, 488.0 / 409.0), (1e5, 10.0)])  # 10: the largest that it may be
+def test_the_estimator_knows_the_counts_of_a_radian(counts, factor, tmp_path):
+    log = save(tmp_path / 'log.json')
+    import_crazyflie(log, tmp_path / 'bag', counts)
+    node = from_yaml(read_bag(tmp_path / 'bag').attachments['scenario.yaml']).estimator_node
+    assert node.estimator == 'joint' and not node.joint.drag.enabled
+    assert node.joint.optical_flow.scale == pytest.approx(factor, rel=1e-12)
 
 
 def test_counts_that_repeat_are_zero_where_asked(made, tmp_path):

@@ -12,6 +12,7 @@ from mambo_analysis.importers.minidrone import (
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriterError
+from mambo_estimation.joint.joint_parameters import JointParams
 from mambo_flight.scenario import from_yaml
 import numpy as np
 import pytest
@@ -303,10 +304,13 @@ def test_the_bag_gives_the_estimator_the_calibration_of_the_log(log, tmp_path):
     import_minidrone(log, tmp_path / 'bag')
     bag = read_bag(tmp_path / 'bag', topics=())
     details = bag.metadata['import']
+    node = from_yaml(bag.attachments['scenario.yaml']).estimator_node
+    assert (node.estimator, node.joint.sonar.noise) == ('joint', 0.1)  # of the Rolling Spider
     if log.stem.startswith('1a_y_rest'):  # lies on its side: no accelerometer bias but gravity
-        assert 'scenario.yaml' not in bag.attachments
+        assert node.joint.alignment == JointParams().alignment
         return
-    alignment = from_yaml(bag.attachments['scenario.yaml']).estimator_node.kalman.alignment
+    alignment = node.joint.alignment
+    assert node.kalman.alignment.accel_bias == alignment.accel_bias
     x, y, z = map(float, details['calibration_accel_flu'].split())
     assert alignment.samples == 0
     np.testing.assert_allclose(alignment.accel_bias, (x, -y, -z + 9.81), atol=1e-7)  # 9 digits

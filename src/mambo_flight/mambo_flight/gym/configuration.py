@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mambo_estimation.filters import DEFAULT
 from mambo_model import schema
 from mambo_model.errors import InputError
 import numpy as np
@@ -156,7 +157,7 @@ def configure(
     if observation == 'truth':
         values['estimator_node.estimator'] = 'ground_truth'
     elif chosen == 'ground_truth':
-        values['estimator_node.estimator'] = 'kalman'
+        values['estimator_node.estimator'] = DEFAULT
     flight = scenarios.override(flight, values)
     for name, registry in scenarios.COMPONENTS.items():
         value = schema.flatten(flight)[name]

@@ -150,7 +150,7 @@ def _true(mass: float, drag: float, wind: tuple, lag: float, supply: float) -> d
 TRUE, ESTIMATED, AIDED = 'true', 'estimated', 'aided'
 STATES = {
     TRUE: {},  # flown without sensors
-    ESTIMATED: {},
+    ESTIMATED: {'estimator_node.estimator': 'kalman'},
     AIDED: {'estimator_node.estimator': 'joint', 'estimator_node.joint.pose.enabled': True,
             'controller_node.estimate': 'map'}}
 """The state that a controller gets, and the parameters that select it."""

@@ -21,8 +21,8 @@ Inertial samples
 The limits of the sensors come from their data sheets: VL53L1x from 0.04 m, PMW3901 from 0.08 m.
 No flight stays at 0.08 m, so 0.1 m is used. No parameter is tuned to an error reported here.
 
-The joint filter takes its parameters from ``crazyflie.yaml`` and ``rolling_spider.yaml`` beside
-this module, for every flight of the vehicle.
+The joint filter takes its parameters from the file that the importers attach to a bag
+(``mambo_analysis/importers/estimators/``), for every flight of the vehicle.
 """
 
 from __future__ import annotations
@@ -36,9 +36,11 @@ from mambo_analysis.capture.captured import (
     airborne, mocap_truth, Odometry, range_offset, replayed)
 from mambo_analysis.compare.compare import align
 from mambo_analysis.identify import flow
-from mambo_analysis.importers.crazyflie import COUNTS_PER_RADIAN, GAP, import_crazyflie
+from mambo_analysis.importers.common import ESTIMATORS
+from mambo_analysis.importers.crazyflie import (
+    COUNTS_PER_RADIAN, DATA_SHEET, GAP, import_crazyflie)
 from mambo_analysis.importers.minidrone import import_minidrone
-from mambo_bags.reader import Bag, read_bag
+from mambo_bags.reader import read_bag
 from mambo_estimation import filters
 from mambo_estimation.joint.joint_parameters import JointParams
 from mambo_estimation.kalman import EstimatorParams
@@ -59,7 +61,7 @@ MIN_FIT_HEIGHT = 0.3     # m
 MIN_FIT_SPEED = 0.02     # m/s: low, so that hovering flights are fitted too; see their intervals
 MIN_FLOW_HEIGHT = 0.1    # m
 MIN_RANGE = 0.04         # m
-JOINT_COUNTS = 409.0     # flow counts per radian for the joint filter: 30 pixels over 4.2 deg
+JOINT_COUNTS = DATA_SHEET  # flow counts per radian for the joint filter
 SQUARE_DURATION = 15.0   # s from take-off: the square is flown, the landing has not begun
 MEDIAN_WINDOW = 0.25     # s: the sonar height is the median of the ranges within this time
 NEAR = 0.3               # m: a height this near to that median agrees with it
@@ -166,7 +168,7 @@ def variants(found: Identified) -> dict[str, EstimatorParams]:
 
 def joint_params(vehicle: str) -> JointParams:
     """Return the parameters of the joint filter, the same for every flight of a vehicle."""
-    return load(Path(__file__).with_name(f'{vehicle}.yaml')).estimator_node.joint
+    return load(ESTIMATORS / f'{vehicle}.yaml').estimator_node.joint
 
 
 def import_crazyflies(
@@ -186,12 +188,6 @@ def recording_name(path: Path) -> str:
     return path.stem.rsplit('__', 1)[0].removeprefix('crazyflie-client_')
 
 
-def _calibrated_kalman(bag: Bag) -> EstimatorParams:
-    """Return the parameters of the three filters, with the calibration of the log, if any."""
-    own = bag.attachments.get('scenario.yaml')
-    return from_yaml(own).estimator_node.kalman if own else EstimatorParams()
-
-
 class Height(NamedTuple):
     """Estimated height of a minidrone flight, compared with its sonar."""
 
@@ -208,9 +204,9 @@ def height_errors(log: Path, folder: Path) -> tuple[Height, Height]:
     target = folder / f'{recording_name(log)}_heights'
     import_minidrone(log, target)
     bag = read_bag(target)
-    kalman = _calibrated_kalman(bag)
-    cascaded, joint = (_height(offline_replay.steps(bag), params) for params in (
-        kalman, replace(joint_params('rolling_spider'), alignment=kalman.alignment)))
+    node = from_yaml(bag.attachments['scenario.yaml']).estimator_node
+    cascaded, joint = (_height(offline_replay.steps(bag), params)
+                       for params in (node.kalman, node.joint))
     return cascaded, joint
 
 
@@ -231,7 +227,7 @@ def _height(found: offline_replay.Steps, params: filters.Params) -> Height:
 
 def against_onboard(log: Path, folder: Path, flow_scale: float) -> list[float]:
     """
-    Compare the replayed estimate of a minidrone flight with the onboard one.
+    Compare what the three filters make of a minidrone flight with the onboard estimate.
 
     Returns
     -------
@@ -242,7 +238,7 @@ def against_onboard(log: Path, folder: Path, flow_scale: float) -> list[float]:
     target = folder / f'{recording_name(log)}_{flow_scale:g}'
     import_minidrone(log, target, flow_scale)
     bag = read_bag(target)
-    params = _calibrated_kalman(bag)
+    params = from_yaml(bag.attachments['scenario.yaml']).estimator_node.kalman
     error = align(replayed(bag, params), bag['onboard/odom'])
     position, velocity, tilt = (_rms(np.linalg.norm(x[:, :2], axis=1)) for x in (
         error.position, error.velocity, error.attitude))
