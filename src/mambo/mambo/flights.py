@@ -14,7 +14,7 @@ from mambo_bags.command import refuse_existing
 from mambo_bags.reader import Bag, read_bag
 from mambo_control.controllers import REGISTRY as CONTROLLERS
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
-from mambo_flight import recording_to_bag, scenario_file, supervised
+from mambo_flight import recording_to_bag, scenario_file, supervised, unused
 from mambo_flight.closed_loop import Recording
 from mambo_flight.course import function_course
 from mambo_flight.scenario import override, Scenario
@@ -186,6 +186,8 @@ def fly(
     else:
         name, chosen = scenario_file.load(str(scenario), given)
     chosen = override(chosen, parameters or {})
+    unused.refuse(
+        [chosen.estimator_node.estimator], dict.fromkeys(parameters or {}, 'parameters'))
     if not chosen.sim_node.duration > 0.0:
         raise InputError(f'{name}: sim_node.duration must be more than 0 s')
     recording, fault = supervised.fly(chosen, inner=True)

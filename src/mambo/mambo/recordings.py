@@ -10,7 +10,7 @@ from typing import Any
 
 from mambo_analysis.compare import compare as comparing, estimate as estimating, tables
 from mambo_bags.reader import Bag, read_bag
-from mambo_flight import offline_replay, scenario
+from mambo_flight import offline_replay, scenario, unused
 from mambo_model.errors import InputError
 import pandas
 
@@ -169,10 +169,9 @@ def estimate(
     values = dict(parameters or {})
     if estimator is not None:
         values['estimator'] = estimator
-    flight = scenario.override(
-        scenario.Scenario(estimator_node=node),
-        {f'estimator_node.{name}': value for name, value in values.items()})
-    node = flight.estimator_node
+    changed = {f'estimator_node.{name}': value for name, value in values.items()}
+    node = scenario.override(scenario.Scenario(estimator_node=node), changed).estimator_node
+    unused.refuse([node.estimator], dict.fromkeys(changed, 'parameters'))
     if node.estimator == 'ground_truth':
         raise InputError('estimator ground_truth estimates nothing; name another')
     ours = estimating.answer(bag, node)

@@ -64,6 +64,7 @@ def test_parameters_are_applied_last(flight):
     ({'trajectory': 'circel'}, "'circel'"), ({'scenario': 'fig_9_99'}, 'fig_9_99'),
     ({'duration': -1.0}, 'duration'), ({'duration': float('nan')}, 'duration'),
     ({'parameters': {'sim_node.mass': 1.0}}, 'sim_node.mass'), ({'seed': -1}, 'seed'),
+    ({'parameters': {'estimator_node.kalman.gravity': 9.8}}, 'has no effect'),
     ({'scenario': mambo.Scenario(), 'seed': 3}, 'seed')])
 def test_wrong_input_is_one_line(arguments, what):
     with pytest.raises(mambo.InputError) as error:
@@ -137,7 +138,7 @@ def test_a_function_is_flown_as_a_trajectory():
     assert flight.recording.reference[on, :3] == pytest.approx(spiral(3.0)[0], abs=1e-6)
     assert flight.metrics['tracking_rms'] < 0.02
     short = mambo.fly(trajectory=lambda t: (0.0, 0.0, -1.0), duration=20.0)
-    assert short.t[-1] == 20.0 and repr(short).startswith('<Flight lambda_kalman: 20 s')
+    assert short.t[-1] == 20.0 and repr(short).startswith('<Flight lambda_joint: 20 s')
 
 
 def test_a_controller_of_a_cell_is_flown_with_its_parameters():

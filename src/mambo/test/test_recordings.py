@@ -68,6 +68,7 @@ def test_another_parameter_gives_another_estimate(bag):
     (lambda: mambo.estimate(CIRCLE, 'kalmann'), 'kalmann'),
     (lambda: mambo.estimate(CIRCLE, 'ground_truth'), 'ground_truth'),
     (lambda: mambo.estimate(CIRCLE, parameters={'kalman.x': 1}), 'kalman.x'),
+    (lambda: mambo.estimate(CIRCLE, parameters={'joint.gravity': 9.8}), 'has no effect'),
     (lambda: mambo.compare(CIRCLE, a_topic='nowhere', b_topic='optitrack/pose'), 'nowhere')])
 def test_wrong_input_is_one_line(call, what):
     with pytest.raises(mambo.InputError) as error:

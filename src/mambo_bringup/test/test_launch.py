@@ -325,7 +325,7 @@ def test_a_flight_by_the_true_state_is_replayed_by_the_filter(tmp_path):
         writer.add_topic('/clock', topics.CLOCK.type_name)
         writer.write('/clock', messages.clock(0), 0)
     plan = replay_plan(arguments('replay.launch.py', bag=str(tmp_path / 'true')))
-    assert plan.scenario == scenario(estimator='kalman')
+    assert plan.scenario == scenario()
 
 
 def test_a_bag_without_parameters_is_replayed_with_the_defaults(tmp_path):

@@ -1,5 +1,6 @@
 """The access policy allows every node what it does, and nothing else."""
 
+import time
 from xml.etree import ElementTree
 
 from free_port import free_port
@@ -21,6 +22,16 @@ OPTIONS = {  # of a node with which it opens each of its topics
         one.name for one in (*topics.RECORDED, *topics.AIDED, *topics.COMMANDED))]]}
 
 
+def listed(node, which, made):
+    """Return what the middleware lists of a node, once all that the node made is in it."""
+    until = time.monotonic() + 20.0
+    while True:  # discovery takes its time
+        found = {one for one, _ in which(*node)}
+        if made <= found or time.monotonic() > until:
+            return found
+        time.sleep(0.01)
+
+
 def opened(package, name, words, bag):
     """Return what a node publishes, subscribes and answers, by the middleware."""
     words = [word.replace('BAG', str(bag)).replace('PORT', str(free_port())) for word in words]
@@ -28,10 +39,13 @@ def opened(package, name, words, bag):
     try:
         node = policy.node_class(package, name)()
         me = (node.get_name(), node.get_namespace())
-        published, subscribed, answered = ({one for one, _ in listed(*me)} for listed in (
+        made = ({one.topic_name for one in node.publishers},
+                {one.topic_name for one in node.subscriptions},
+                {one.srv_name for one in node.services})
+        published, subscribed, answered = (listed(me, which, names) for which, names in zip((
             node.get_publisher_names_and_types_by_node,
             node.get_subscriber_names_and_types_by_node,
-            node.get_service_names_and_types_by_node))
+            node.get_service_names_and_types_by_node), made))
         out = published, subscribed.union(one.name for one in node.inputs), answered
         assert not node.get_client_names_and_types_by_node(*me)
         if name == 'view_node':

@@ -162,11 +162,11 @@ def test_help_names_every_choice(capsys):
 
 def test_a_bag_gets_a_name_that_is_free(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert run()[1] == tmp_path / 'bags/circle_kalman_seed1'
-    (tmp_path / 'bags/circle_kalman_seed1').mkdir(parents=True)
-    assert run()[1] == tmp_path / 'bags/circle_kalman_seed1_2'
-    (tmp_path / 'bags/circle_kalman_seed1_2').mkdir()
-    assert run()[1] == tmp_path / 'bags/circle_kalman_seed1_3'
+    assert run()[1] == tmp_path / 'bags/circle_joint_seed1'
+    (tmp_path / 'bags/circle_joint_seed1').mkdir(parents=True)
+    assert run()[1] == tmp_path / 'bags/circle_joint_seed1_2'
+    (tmp_path / 'bags/circle_joint_seed1_2').mkdir()
+    assert run()[1] == tmp_path / 'bags/circle_joint_seed1_3'
     assert run('--output', 'mine')[1] == tmp_path / 'mine'
 
 

@@ -13,7 +13,7 @@ def test_the_filter_is_that_of_the_chosen_estimator(name):
 
 def test_with_the_ground_truth_there_is_a_filter_that_is_not_used():
     node = EstimatorNodeParams(estimator='ground_truth')
-    assert node.filter is node.kalman
+    assert node.filter is node.joint
 
 
 @pytest.mark.parametrize(('name', 'value', 'wanted'), [

@@ -17,7 +17,7 @@ from mambo_model.motion.trajectory import COURSE, TRAJECTORIES
 from mambo_model.vehicle.parameters import PRESETS
 from mambo_sim.world import MOST, WorldParams
 
-from . import scenario as scenarios
+from . import scenario as scenarios, unused
 from .course import course_file, feasibility
 from .scenario import Scenario
 from .scenario_file import build_world, FIELDS, load_world, long_enough, Place
@@ -145,9 +145,10 @@ def applied(flight: Scenario, options: argparse.Namespace) -> Scenario:
         For a value that cannot be set, or a course that no speed makes feasible.
 
     """
-    flight = scenarios.override(flight, {
-        name: value for name, value in overrides(options.set).items()
-        if not name.startswith(_WORLD)})
+    changed = {name: value for name, value in overrides(options.set).items()
+               if not name.startswith(_WORLD)}
+    flight = scenarios.override(flight, changed)
+    unused.refuse([flight.estimator_node.estimator], dict.fromkeys(changed, '--set'))
     if options.stretch is None:
         return flight
     plan = flight.reference_node.plan

@@ -36,7 +36,7 @@ from mambo_sim.parameters import STEP_NS
 from mambo_sim.world import WorldParams
 import yaml
 
-from . import changes, commanded, scenario as scenarios
+from . import changes, commanded, scenario as scenarios, unused
 from .course import course_file
 from .scenario import ParameterReader, Place
 
@@ -216,8 +216,12 @@ def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
             reader.fail(node, 'flights', 'holds no flight')
     common = reader.layer(keys)
     layers = {name: layer.over(common) for name, layer in flights.items()} or {'': common}
-    return Experiment(Path(path).stem, title, {
-        name: _build(path, last.over(layer)) for name, layer in layers.items()}, world)
+    built = {name: _build(path, last.over(layer)) for name, layer in layers.items()}
+    unused.refuse(
+        (flight.estimator_node.estimator for flight in built.values()),
+        {key: place.where for layer in layers.values() for key, place in layer.parameters.items()
+         if place.where})
+    return Experiment(Path(path).stem, title, built, world)
 
 
 def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scenarios.Scenario]:

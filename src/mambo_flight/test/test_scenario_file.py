@@ -45,12 +45,12 @@ def test_a_file_with_nothing_but_a_title_is_the_default_flight(file):
 def test_keys_do_what_the_arguments_of_a_scenario_do(file):
     path = file(
         'title: all of it\ntrajectory: y_sine\ntakeoff: step\nlanding: false\nduration: 30\n'
-        'vehicle: toolbox\nbelieved: identified\nestimator: toolbox\ncontroller: toolbox\n'
+        'vehicle: toolbox\nbelieved: identified\nestimator: kalman\ncontroller: toolbox\n'
         'noise: false\nseed: 7\nparameters:\n  estimator_node:\n'
         '    kalman.optical_flow.constant: 1.2\n'
         '  sim_node: {simulator: {imu: {accel_walk: 1e-3}}}\n')
     assert load(str(path))[1] == scenario(
-        'y_sine', 'toolbox', 'toolbox', 30.0, 7, 'toolbox', 'identified', False, False, {
+        'y_sine', 'kalman', 'toolbox', 30.0, 7, 'toolbox', 'identified', False, False, {
             'reference_node.plan.takeoff': 'step', 'sim_node.simulator.imu.accel_walk': 1e-3,
             'estimator_node.kalman.optical_flow.constant': 1.2})
 

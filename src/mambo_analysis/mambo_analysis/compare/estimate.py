@@ -53,13 +53,27 @@ def parameters(bag: Bag, file: Path | None = None) -> EstimatorNodeParams:
         if node.estimator == 'ground_truth':
             raise BagError(f'{file}: estimator ground_truth estimates nothing; name another')
         return node
+    return _recorded(bag) or EstimatorNodeParams()
+
+
+def _recorded(bag: Bag) -> EstimatorNodeParams | None:
+    """Return the parameters in a bag; None if it has none, or was flown by the ground truth."""
     if 'scenario.yaml' not in bag.attachments:
-        return EstimatorNodeParams()
+        return None
     flight = scenario.from_yaml(
         str(bag.attachments['scenario.yaml']), f'scenario.yaml in {bag.path}')
     if flight.estimator_node.estimator == 'ground_truth':
-        return EstimatorNodeParams()
+        return None
     return changes.estimated(flight, bag).estimator_node
+
+
+def _origin(bag: Bag, file: Path | None) -> str:
+    """Return where :func:`parameters` come from."""
+    if file is not None:
+        return str(file)
+    if _recorded(bag) is not None:
+        return 'the bag'
+    return 'the simulated Mambo, as the bag holds none: --parameters FILE gives those of a vehicle'
 
 
 @cache
@@ -159,8 +173,11 @@ def again(
 
     """
     bag = read_bag(path, READ, namespace)
-    ours = answer(bag, parameters(bag, file))
-    return bag, ours.found, f'{ours.comparison}\n{ours.verdict}'
+    node = parameters(bag, file)
+    ours = answer(bag, node)
+    return bag, ours.found, (
+        f'estimator: {node.estimator}, parameters of {_origin(bag, file)}\n'
+        f'{ours.comparison}\n{ours.verdict}')
 
 
 def _work(options: argparse.Namespace) -> None:

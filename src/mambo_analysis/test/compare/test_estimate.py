@@ -71,10 +71,22 @@ def test_the_estimator_is_that_of_the_bag_or_of_a_file(tmp_path):
     file.write_text(to_yaml(scenario(
         overrides={'estimator_node.kalman.optical_flow.constant': 2.0})))
     other = estimate.parameters(bag, file)
-    assert (other.estimator, other.kalman.optical_flow.constant) == ('kalman', 2.0)
+    assert (other.estimator, other.kalman.optical_flow.constant) == ('joint', 2.0)
     for name, options in (('truth', flown(estimator='ground_truth')), ('plain', {})):
         bag = read_bag(rest(tmp_path / name, **options))
         assert estimate.parameters(bag) == scenario().estimator_node
+
+
+def test_it_says_whose_parameters_were_used(tmp_path):
+    file = tmp_path / 'own.yaml'
+    file.write_text('/mambo/estimator_node: {ros__parameters: {joint: {sonar: {noise: 0.1}}}}')
+    flight, plain = rest(tmp_path / 'flight', **flown(estimator='toolbox')), rest(tmp_path / 'a')
+    for path, given, said in (
+            (flight, None, 'estimator: toolbox, parameters of the bag'),
+            (flight, file, f'estimator: joint, parameters of {file}'),
+            (plain, None, 'estimator: joint, parameters of the simulated Mambo, as the bag holds '
+                          'none: --parameters FILE gives those of a vehicle')):
+        assert estimate.again(path, given)[2].splitlines()[0] == said
 
 
 @pytest.mark.parametrize('options, text, output', [

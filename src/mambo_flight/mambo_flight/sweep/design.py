@@ -34,12 +34,13 @@ from mambo_model import schema
 import numpy as np
 import yaml
 
-from .. import scenario as scenarios, scenario_file
+from .. import scenario as scenarios, scenario_file, unused
 from ..course import course_file
 from ..scenario import ParameterReader, Place
-from ..scenario_file import FIELDS
+from ..scenario_file import FIELDS, Settings
 
 DISTRIBUTIONS = ('normal', 'range', 'uniform')
+ESTIMATOR = ('estimator', 'estimator_node.estimator')
 MOST = 10_000_000  # flights of a sweep at most
 
 
@@ -213,8 +214,10 @@ def read(path: Path) -> Sweep:
     if 'scenario' in keys and isinstance(keys['scenario'][1], yaml.ScalarNode):
         base = _base(Path(path), keys['scenario'][1].value, {})
         reader.learn(root, schema.flatten(base))
+        usual = base.estimator_node.estimator
     else:
         reader.learn(root)
+        usual = Settings().estimator
     settings, axes = {}, ()
     for name, (key, node) in keys.items():
         if name == 'vary':
@@ -231,6 +234,8 @@ def read(path: Path) -> Sweep:
     head = _Head(**settings)
     if head.design == 'random' and 'samples' not in settings:
         raise schema.ParameterError(f'{path}: samples: missing; a random design needs it')
+    flown = [value for axis in axes if axis.name in ESTIMATOR for value in axis.values]
+    unused.refuse(flown or [usual], {axis.name: axis.where for axis in axes})
     return Sweep(Path(path), head, axes, _table(axes, head, reader))
 
 

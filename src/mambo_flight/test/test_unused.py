@@ -1,0 +1,48 @@
+"""Parameters that would change nothing are refused, wherever they are given."""
+
+from mambo_flight import scenario_file, unused
+from mambo_flight.fly import main
+from mambo_flight.sweep import design
+from mambo_model.schema import ParameterError
+import pytest
+
+NOISE = 'estimator_node.kalman.sonar.noise'
+
+
+def test_only_the_estimators_that_are_flown_count():
+    unused.refuse(['joint', 'kalman'], {NOISE: 'here'})
+    unused.refuse(['joint'], {
+        'estimator_node.joint.sonar.noise': '', 'estimator_node.synchronise': '',
+        'controller_node.toolbox.k_p': ''})
+    with pytest.raises(ParameterError) as error:
+        unused.refuse(['toolbox', 'joint'], {NOISE: 'line 3'})
+    assert str(error.value) == (
+        f'line 3: {NOISE}: has no effect, as the estimator is joint or toolbox: choose '
+        'estimator: kalman, or leave it out')
+
+
+def test_a_scenario_file_is_refused_if_none_of_its_flights_has_the_estimator(tmp_path):
+    path = tmp_path / 'a.yaml'
+    text = f'title: a\nparameters:\n  {NOISE}: 0.1\n'
+    path.write_text(f'{text}flights:\n  one: {{}}\n  two: {{estimator: kalman}}\n')
+    assert scenario_file.read(path).flights['two'].estimator_node.kalman.sonar.noise == 0.1
+    path.write_text(text)
+    with pytest.raises(ParameterError, match=f'{path}:3: {NOISE}: has no effect'):
+        scenario_file.read(path)
+
+
+def test_a_sweep_is_refused_unless_it_flies_the_estimator(tmp_path):
+    path = tmp_path / 'sweep.yaml'
+    text = f'title: a\nvary:\n  {NOISE}: [0.1, 0.2]\n'
+    path.write_text(text)
+    with pytest.raises(ParameterError, match=f'{path}:3: {NOISE}: has no effect'):
+        design.read(path)
+    path.write_text(f'{text}  estimator: [joint, kalman]\n')
+    assert len(design.read(path).rows) == 4
+    path.write_text(f'scenario: fig_5_10\n{text}')
+    assert len(design.read(path).rows) == 2
+
+
+def test_an_option_is_refused(tmp_path, capsys):
+    given = ['--trajectory', 'circle', '--set', f'{NOISE}=0.1', '-o', str(tmp_path / 'bag')]
+    assert main(given) == 2 and f'--set: {NOISE}: has no effect' in capsys.readouterr().err
