@@ -25,10 +25,10 @@ BELOW = {
     'mambo_control': {'mambo_model'},
     'mambo_bags': WIRE | {'mambo_model'},
 }
-BELOW['mambo_view'] = WIRE | {'mambo_model', 'mambo_bags'}
-BELOW['mambo_description'] = BELOW['mambo_view'] | {'mambo_view'}
 BELOW['mambo_mocap'] = {'mambo_model', 'mambo_sim'}
 BELOW['mambo_flight'] = LAWS | BELOW['mambo_bags'] | {'mambo_bags'}
+BELOW['mambo_view'] = BELOW['mambo_flight'] | {'mambo_flight'}
+BELOW['mambo_description'] = WIRE | {'mambo_model', 'mambo_bags', 'mambo_view'}
 BELOW['mambo_signals'] = BELOW['mambo_bags'] | {'mambo_bags'}
 BELOW['mambo_analysis'] = BELOW['mambo_flight'] | {'mambo_flight', 'mambo_signals'}
 BELOW['mambo_thesis'] = BELOW['mambo_analysis'] | {'mambo_analysis'}

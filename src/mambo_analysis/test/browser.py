@@ -28,20 +28,23 @@ AXE_NEEDED = pytest.mark.skipif(
 OPTIONS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run',
            '--disable-background-networking', '--disable-component-update', '--disable-sync',
            '--hide-scrollbars', '--remote-debugging-pipe')
+WEBGL = ('--use-angle=swiftshader', '--enable-unsafe-swiftshader',
+         *(option for option in OPTIONS if option != '--disable-gpu'))
+"""For a page in 3-D."""
 LIMIT = 180.0  # s, for an answer of the browser
 
 
 class Browser:
     """A Chromium with one tab, spoken to through pipes by the DevTools protocol."""
 
-    def __init__(self):
+    def __init__(self, options=OPTIONS):
         self.folder = tempfile.mkdtemp(prefix='chromium-')
         ends = [*os.pipe(), *os.pipe()]
         theirs_in, self.out, self.inward, theirs_out = (
             fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in ends)
         self.process = subprocess.Popen(
             ['bash', '-c', f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}', 'bash', CHROMIUM,
-             *OPTIONS, f'--user-data-dir={self.folder}'], pass_fds=(theirs_in, theirs_out),
+             *options, f'--user-data-dir={self.folder}'], pass_fds=(theirs_in, theirs_out),
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         for end in (*ends, theirs_in, theirs_out):
             os.close(end)
@@ -103,6 +106,11 @@ class Browser:
                            awaitPromise=True, returnByValue=True)
         assert 'exceptionDetails' not in answer, answer['exceptionDetails']
         return answer['result'].get('value')
+
+    def click(self, x, y, count=1):
+        for kind in ('mouseMoved', 'mousePressed', 'mouseReleased'):
+            self.call('Input.dispatchMouseEvent', type=kind, x=x, y=y, button='left',
+                      clickCount=count)
 
     def double_click(self, x, y):
         for count, kind in ((1, 'mousePressed'), (1, 'mouseReleased'), (2, 'mousePressed'),

@@ -62,17 +62,20 @@ def allowed(package: str, name: str, namespace: str) -> dict[str, list[str]]:
     Returns
     -------
     dict of str to list of str
-        Full names by ``publish``, ``subscribe`` (topics) and ``reply`` (services), sorted.
+        Full names by ``publish``, ``subscribe`` (topics), ``reply`` and, for a node that sends
+        commands, ``request`` (services), sorted.
 
     """
     node_type = node_class(package, name)
     subscribed = (*node_type.subscribes, *_SUBSCRIBED.get(name, ()))
+    called = sorted({f'{namespace}/{service.name}' for service in node_type.calls})
     return {
         'publish': sorted([*_resolved((*node_type.publishes, topics.LINKS), namespace),
                            '/parameter_events', '/rosout']),
         'subscribe': _resolved(subscribed, namespace),
         'reply': sorted([*(f'{namespace}/{name}/{service}' for service in SERVICES),
-                         *(f'{namespace}/{service.name}' for service in node_type.serves)])}
+                         *(f'{namespace}/{service.name}' for service in node_type.serves)]),
+        **({'request': called} if called else {})}
 
 
 def _enclave(package: str, name: str, namespace: str) -> ElementTree.Element:
@@ -81,7 +84,7 @@ def _enclave(package: str, name: str, namespace: str) -> ElementTree.Element:
     profile = ElementTree.SubElement(
         ElementTree.SubElement(out, 'profiles'), 'profile', ns=namespace, node=name)
     for kind, names in allowed(package, name, namespace).items():
-        one = 'service' if kind == 'reply' else 'topic'
+        one = 'service' if kind in ('reply', 'request') else 'topic'
         listed = ElementTree.SubElement(profile, f'{one}s', {kind: 'ALLOW'})
         for full in names:
             ElementTree.SubElement(listed, one).text = full

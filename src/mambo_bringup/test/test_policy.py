@@ -80,7 +80,8 @@ def test_the_file_has_the_form_of_sros2_and_an_enclave_for_each_node():
         assert one.get('path') == f'{profile.get("ns")}/{profile.get("node")}'
         assert [(part.tag, part.attrib) for part in profile] == [
             ('topics', {'publish': 'ALLOW'}), ('topics', {'subscribe': 'ALLOW'}),
-            ('services', {'reply': 'ALLOW'})]
+            ('services', {'reply': 'ALLOW'}),
+            *[('services', {'request': 'ALLOW'})] * (profile.get('node') == 'view_node')]
         names = [line.text for part in profile for line in part]
         assert all(name.startswith(('/mambo1/', '/mambo2/', '/rosout', '/parameter_events'))
                    for name in names), names  # not the clock of another drone
@@ -100,6 +101,16 @@ def test_only_the_nodes_that_carry_commands_out_answer_them():
         'takeoff', 'land', 'go_to', 'start_trajectory', 'stop'}
     assert answers.pop('sim_node') == {'pause', 'step'}
     assert not any(answers.values())
+
+
+def test_only_the_page_sends_commands_and_only_to_its_drone():
+    asked = {name: policy.allowed(package, name, '/mambo2').get('request', ())
+             for package, name in policy.NODES}
+    of_page = asked.pop('view_node')
+    assert not any(asked.values())
+    assert {'/mambo2/takeoff', '/mambo2/step',
+            '/mambo2/controller_node/set_parameters_atomically'} < set(of_page)
+    assert all(one.startswith('/mambo2/') for one in of_page)
 
 
 def test_the_command_writes_a_file_once_and_refuses_what_cannot_be(tmp_path, capsys):

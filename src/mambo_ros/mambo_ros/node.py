@@ -58,6 +58,7 @@ class MamboNode(diagnostics.Faulty, Live, Node, Generic[P]):
     publishes: tuple[topics.Topic, ...] = ()
     subscribes: tuple[topics.Topic, ...] = ()
     serves: tuple[Service, ...] = ()
+    calls: tuple[Service, ...] = ()
     example = ''
 
     def __init__(self, name: str, params_type: type[P], **kwargs: Any) -> None:

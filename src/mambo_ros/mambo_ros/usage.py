@@ -68,6 +68,8 @@ def _node(node_type: Any) -> Iterator[str]:
     yield from _topics('subscribes to:', node_type.subscribes)
     if node_type.serves:
         yield from _topics('serves:', node_type.serves)
+    if node_type.calls:
+        yield from _topics('calls:', node_type.calls)
     yield 'parameters:'
     for name, field in schema.walk(_params_type(node_type)):
         yield from _parameter(name, field)

@@ -1,7 +1,8 @@
 """
 The page in the browser: drones in 3-D, curves, health.
 
-On viser, an optional package. It serves one page on this machine alone (127.0.0.1).
+On viser, an optional package. It serves one page on this machine alone (127.0.0.1), and to pages
+of its own alone.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import contextlib
 import html
 import io
 import logging
+import math
 import socket
 from typing import Any
 
@@ -18,6 +20,8 @@ from mambo_model import palette
 from mambo_model.errors import InputError, JobError
 import numpy as np
 
+from . import same_origin
+from .controls import Controls
 from .drone_state import DroneState, ESTIMATE, History, MEASURED, REFERENCE, ROLES, SIGNALS, TRUTH
 
 HOST = '127.0.0.1'
@@ -72,9 +76,23 @@ def _rgb(role: str) -> tuple[int, int, int]:
     return int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16)
 
 
-def _scales(low: float, high: float) -> dict[str, Any]:
-    """Return the axes of a plot whose curves may be unknown (NaN) for a while."""
-    margin = 0.05 * (high - low) or 0.5
+def _scales(low: float, high: float, now: dict[str, Any] | None = None) -> dict[str, Any]:
+    """
+    Return the axes of a plot whose curves, from low to high, may be unknown (NaN) for a while.
+
+    The browser makes a plot anew for other axes, and draws no curve if that is often: those of now
+    are kept while the curves fit, and others have room to grow.
+    """
+    if now is not None:
+        bottom, top = now['y']['min'], now['y']['max']
+        if bottom <= low and high <= top and high - low > 0.3 * (top - bottom):
+            return now
+    if high > low:
+        step = 2.0 ** math.ceil(math.log2(high - low)) / 4.0
+        margin = 0.1 * step
+        low, high = step * math.floor(low / step), step * math.ceil(high / step)
+    else:
+        margin = 0.5
     return {'x': {'time': False, 'auto': True},
             'y': {'auto': False, 'min': float(low - margin), 'max': float(high + margin)}}
 
@@ -154,9 +172,13 @@ class Page:
         To serve it on.
     length : int
         Samples of the curves that are kept.
+    commanded
+        Whether the page has commands, as that of a running flight.
 
     Attributes
     ----------
+    controls : Controls or None
+        The commands of the page.
     server : viser.ViserServer
         For controls of the caller's own.
     histories : list[History]
@@ -171,13 +193,21 @@ class Page:
 
     """
 
-    def __init__(self, names: Sequence[str], port: int = PORT, length: int = 600) -> None:
+    def __init__(self, names: Sequence[str], port: int = PORT, length: int = 600,
+                 commanded: bool = False) -> None:
         check(port)
         viser = _viser()
         # what a stranger sends to the port ends the connection and is no error of the view
         logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
-        with contextlib.redirect_stdout(io.StringIO()):  # its banner
-            self.server = viser.ViserServer(host=HOST, port=port, label='Mambo', verbose=False)
+        self.server = None
+        try:
+            with contextlib.redirect_stdout(io.StringIO()), same_origin.enforced():  # its banner
+                self.server = viser.ViserServer(
+                    host=HOST, port=port, label='Mambo', verbose=False)
+        except JobError:
+            if self.server is not None:
+                self.close()
+            raise
         if self.server.get_port() != port:
             self.close()
             raise JobError(f'port {port} was taken while the page started; start it again')
@@ -190,7 +220,8 @@ class Page:
         self.server.initial_camera.look_at = (0.0, 0.0, 0.9)
         self._drones = [_Drone(scene, name, len(names) > 1) for name in names]
         self._names = list(names)
-        gui.configure_theme(dark_mode=False, control_width='large')
+        # a shared page would be one on the Internet
+        gui.configure_theme(dark_mode=False, control_width='large', show_share_button=False)
         self._status = gui.add_html(_STATUS.format('waiting for a flight'))
         self._roles = {role: gui.add_checkbox(label, initial_value=True)
                        for role, label in ROLES.items()}
@@ -199,6 +230,7 @@ class Page:
         self._plotted, self._plot = '', None
         self._drawn: tuple[Any, ...] = ()
         self._health = gui.add_html(_health(DroneState()), order=_LAST)
+        self.controls = Controls(gui, names) if commanded else None
 
     @property
     def address(self) -> str:
@@ -248,7 +280,9 @@ class Page:
         known = np.concatenate(columns[1:])
         known = known[np.isfinite(known)]
         if len(known):
-            self._plot.scales = _scales(known.min(), known.max())
+            scales = _scales(known.min(), known.max(), self._plot.scales)
+            if scales != self._plot.scales:
+                self._plot.scales = scales
             self._plot.data = columns
 
     def report(self, states: Sequence[DroneState], text: str) -> None:

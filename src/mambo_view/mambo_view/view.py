@@ -1,7 +1,8 @@
 """
 Watch a flight in the browser: drones in 3-D, curves, health.
 
-Without a bag, shows the running flight of this ROS domain; it can begin later. With a bag, or
+Without a bag, shows the running flight of this ROS domain, which can begin later, and commands it
+if it was started with ./run --commanded. With a bag, or
 with one for each drone, plays the recording. The page is at http://127.0.0.1:8080, for this
 machine alone; Ctrl-C ends it.
 """
@@ -17,6 +18,7 @@ from mambo_bags.cli.option_types import whole
 from mambo_bags.command import guard, Parser
 import numpy as np
 
+from .dispatcher import FOLDERS
 from .page import check, Page, PORT
 from .recording import Recording
 
@@ -89,7 +91,9 @@ def _run(options: argparse.Namespace) -> None:
         check(options.port)
         from . import view_node
         view_node.main(['--ros-args', '-p', f'port:={options.port}', '-p',
-                        f'drones:={options.drones}'])
+                        f'drones:={options.drones}', '-p',
+                        f'commands:={str(not options.no_commands).lower()}', '-p',
+                        f'trajectories:={options.trajectories}'])
         return
     player = Player(options.bags, options.port)
     print(f'{player.page.address} (Ctrl-C ends it)', flush=True)
@@ -106,6 +110,11 @@ def parser() -> Parser:
                      help='recording to play; several: one for each drone')
     out.add_argument('--drones', default='/mambo', metavar='NAMESPACES',
                      help='of a running flight, separated by commas (default: /mambo)')
+    out.add_argument('--no-commands', action='store_true',
+                     help='only show a running flight: no buttons that command it')
+    out.add_argument('--trajectories', default=FOLDERS, metavar='FOLDERS',
+                     help='folders whose trajectories the page can let a drone follow, separated '
+                     f'by commas (default: {FOLDERS})')
     out.add_argument('--port', type=whole(1, 65535), default=PORT, metavar='N',
                      help=f'of the page (default: {PORT})')
     return out

@@ -1,23 +1,27 @@
-"""Live view: shows the drones of the graph on a page in the browser."""
+"""Live view: shows the drones of the graph on a page in the browser, and sends its commands."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
 import math
+from pathlib import Path
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from mambo_model import schema
 from mambo_ros import node, process, topics
+from mambo_ros.commands import client, table
+from mambo_ros.commands.command_request import parameters_of, setting
 from mambo_ros.endpoints import Input
 from mambo_ros.loop import Loop
 from rclpy.serialization import deserialize_message
 
+from .dispatcher import Dispatcher, FOLDERS
 from .live import Mailbox, SHOWN
 from .page import Page, PORT
 
-_DRAW_EVERY, _REPORT_EVERY = 0.2, 0.5  # s
+_DRAW_EVERY, _REPORT_EVERY, _LOOK_EVERY = 0.2, 0.5, 1.0  # s
 _LENGTH = 1500  # samples of the curves: a minute
 
 
@@ -29,6 +33,9 @@ class ViewNodeParams:
     port: int = schema.quantity(PORT, '1', 1, 65535, 'design choice: TCP port of the page')
     rate: float = schema.quantity(
         50.0, 'Hz', 1.0, 60.0, 'design choice: frames of a page in a second')
+    commands: bool = schema.flag(True, 'whether the page has buttons that command the drones')
+    trajectories: str = schema.text(
+        FOLDERS, 'folders whose trajectories can be followed, separated by commas')
 
     def __post_init__(self) -> None:
         schema.check(self)
@@ -40,15 +47,24 @@ def statuses(data: bytes) -> list[tuple[str, int, str]]:
             for one in deserialize_message(data, DiagnosticArray).status]
 
 
+def read_course(path: Path) -> str:
+    """Return the text of a trajectory for ``follow``, as ``mambo follow`` sends it."""
+    from mambo_flight.commanded import course_text  # 1 s of CPU, for this command alone
+    return course_text(path)
+
+
 class ViewNode(node.MamboNode[ViewNodeParams]):
     """
     Live view of one or several drones in the browser.
 
     Subscribes poses, references, motor commands and health of each drone with best effort, so
-    that it never holds up who publishes, and publishes nothing.
+    that it never holds up who publishes, and publishes nothing. Its page calls the services of a
+    commanded flight.
     """
 
     subscribes = SHOWN
+    calls = (*table.REFERENCE, table.PAUSE, table.STEP, *map(
+        parameters_of, ('controller_node', 'estimator_node', 'sim_node')))
     example = '--ros-args -p port:=8081'
 
     def __init__(self, **kwargs) -> None:
@@ -58,14 +74,18 @@ class ViewNode(node.MamboNode[ViewNodeParams]):
             raise schema.ParameterError(
                 f'ViewNodeParams.drones = {self.params.drones!r} must be namespaces such as '
                 '/mambo1,/mambo2')
-        self.page = Page(names, self.params.port, _LENGTH)
+        self.page = Page(names, self.params.port, _LENGTH, self.params.commands)
+        self._dispatcher = Dispatcher(
+            self.page.controls, names, partial(client.Call, self), read_course, setting,
+            [Path(folder.strip()) for folder in self.params.trajectories.split(',')
+             if folder.strip()]) if self.page.controls else None
         self._boxes = [Mailbox(statuses) for _ in names]
         for name, box in zip(names, self._boxes, strict=True):
             for topic in SHOWN:
                 full = replace(topic, name=topics.full_name(topic, name))
                 self.inputs.append(
                     Input(full, full.name, partial(box.put, topic), False, reliable=False))
-        self._drawn = self._reported = -math.inf
+        self._drawn = self._reported = self._looked = -math.inf
         self.get_logger().info(f'view: {self.page.address}')
 
     def frame(self, now: float) -> None:
@@ -77,6 +97,15 @@ class ViewNode(node.MamboNode[ViewNodeParams]):
         if now - self._reported >= _REPORT_EVERY:
             self._reported = now
             self._report()
+        if self._dispatcher:
+            if now - self._looked >= _LOOK_EVERY:
+                self._looked = now
+                self._dispatcher.offer(self._has)
+            self._dispatcher.step(now)
+
+    def _has(self, drone: str, service: str) -> bool:
+        """Return whether a drone answers a command."""
+        return self.count_services(f'{drone}/{service}') > 0
 
     def _show(self) -> None:
         """Move the drones, if there is anything new."""

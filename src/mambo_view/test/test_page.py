@@ -58,6 +58,7 @@ def test_paths_and_curves_are_drawn_from_the_histories(shown):
     assert not shown._drones[1]._paths[TRUTH].visible
     before = shown._plot
     assert before.data[0].tolist() == [0.0, 1.0, 2.0]
+    assert shown.controls is None  # commands are for a running flight
     y = before.scales['y']  # the other roles are unknown, which is no limit
     assert (y['min'], y['max']) == (0.5, 1.5)
     shown._signal.value = 'x, m'
@@ -67,6 +68,19 @@ def test_paths_and_curves_are_drawn_from_the_histories(shown):
     shown._chooser.value = '/mambo2'
     shown.draw()
     assert shown._plot.data[0].tolist() == [0.0, 1.0, 2.0]  # nothing yet to draw of it
+
+
+def test_axes_stay_while_the_curves_fit_and_a_climb_changes_them_seldom():
+    now, seen = page._scales(0.0, 0.0), []
+    for height in [0.001 * k for k in range(1, 1500)]:
+        now = page._scales(0.0, height, now)
+        assert now['y']['min'] <= 0.0 and height <= now['y']['max']
+        if not seen or now is not seen[-1]:
+            seen.append(now)
+    assert len(seen) < 25 and now['y']['max'] < 1.6
+    assert page._scales(0.2, 1.4, now) is now
+    assert page._scales(1.49, 1.5, now)['y']['min'] > 1.4  # not a line between far axes
+    assert page._scales(2.0, 2.0, now)['y'] == {'auto': False, 'min': 1.5, 'max': 2.5}
 
 
 def test_nothing_new_is_not_drawn_again(shown, monkeypatch):
@@ -89,7 +103,8 @@ def test_texts_of_strangers_are_no_markup(shown):
 
 def test_garbage_of_a_stranger_fills_no_terminal(shown, caplog):
     port = shown.server.get_port()
-    hello = (b'GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n'
+    hello = (b'GET / HTTP/1.1\r\nHost: localhost\r\nOrigin: http://localhost\r\n'
+             b'Upgrade: websocket\r\nConnection: Upgrade\r\n'
              b'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n'
              b'Sec-WebSocket-Protocol: viser-v%b\r\n\r\n' % viser.__version__.encode())
     text = b'\x81\x85\x00\x00\x00\x00hello'  # a frame of text, where viser expects bytes

@@ -6,7 +6,6 @@ import argparse
 from typing import Any
 
 from mambo_bags.command import Parser
-from mambo_flight.scenario import read_value
 from mambo_model.errors import InputError
 
 from .sending import command_parser, run
@@ -14,13 +13,11 @@ from .sending import command_parser, run
 
 def _setting(text: str) -> tuple[str, Any]:
     """Return name and value of ``NODE.PARAMETER=VALUE``."""
-    name, equals, value = text.partition('=')
+    from mambo_ros.commands.command_request import setting  # ROS, which --help does not need
     try:
-        if equals and name.strip():
-            return name.strip(), read_value(value)
+        return setting(text)
     except InputError as error:
-        raise argparse.ArgumentTypeError(f'{text}: {error}') from None
-    raise argparse.ArgumentTypeError(f'{text}: write NODE.PARAMETER=VALUE')
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def parser() -> Parser:

@@ -1,96 +1,103 @@
-"""Send a command to a running flight and wait for its answer: from a terminal or a script."""
+"""Send a command to a running flight and wait for its answer: from a terminal, script or page."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+import time
+from typing import Any
 
-from builtin_interfaces.msg import Duration
-from geometry_msgs.msg import Point
-from mambo_model.errors import InputError, JobError
-from rcl_interfaces.srv import SetParametersAtomically
+from mambo_model.errors import JobError
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
-from . import table
-from ..cdr import SECOND
 from ..graph import domains, loopback
 from ..topics import NAMESPACE
+from .command_request import answer, prepare
 
 FIND = 8.0  # s of wall time, to find the service
 ANSWER = 10.0  # s of wall time, for its answer
 
 
-def _request_duration(seconds: float) -> Duration:
-    """Return a duration for a request; InputError where there is none."""
-    if not 0.0 <= seconds < 2.0**31:
-        raise InputError(f'duration = {seconds:g} s must be 0 or more')
-    sec, nanosec = divmod(round(seconds * SECOND), SECOND)
-    return Duration(sec=sec, nanosec=nanosec)
+class Call:
+    """
+    A command on its way to a flight, in a node that somebody else serves.
 
+    :meth:`poll` is called again and again, and never waits.
 
-def _takeoff(height: float, duration: float = 0.0) -> Any:
-    return table.TAKEOFF.srv_type.Request(
-        height=float(height), duration=_request_duration(duration))
+    Parameters
+    ----------
+    node
+        That sends it.
+    name, namespace, arguments
+        As of :func:`send`.
 
+    Raises
+    ------
+    InputError
+        As :func:`send`.
 
-def _land(height: float = 0.0, duration: float = 0.0) -> Any:
-    return table.LAND.srv_type.Request(
-        height=float(height), duration=_request_duration(duration))
+    """
 
+    def __init__(self, node: Node, name: str, namespace: str = NAMESPACE,
+                 **arguments: Any) -> None:
+        self._service, self._request = prepare(name, arguments)
+        self._node, self._name, self._namespace = node, name, namespace
+        self._client = node.create_client(
+            self._service.srv_type, f'{namespace.rstrip("/")}/{self._service.name}')
+        self._future: Future | None = None
+        self._limit = time.monotonic() + FIND
 
-def _go_to(goal: Any, yaw: float = 0.0, relative: bool = False, duration: float = 0.0) -> Any:
-    x, y, z = map(float, goal)
-    return table.GO_TO.srv_type.Request(
-        goal=Point(x=x, y=y, z=z), yaw=float(yaw), relative=bool(relative),
-        duration=_request_duration(duration))
+    @property
+    def sent(self) -> bool:
+        """Return whether the flight may have got it."""
+        return self._future is not None
 
+    def poll(self, now: float) -> str | None:
+        """
+        Return what the flight answered; None: nothing yet.
 
-def _follow(trajectory: str, timescale: float = 1.0, relative: bool = False,
-            duration: float = 0.0) -> Any:
-    return table.START_TRAJECTORY.srv_type.Request(
-        trajectory=trajectory, timescale=float(timescale), relative=bool(relative),
-        duration=_request_duration(duration))
+        Parameters
+        ----------
+        now
+            Of ``time.monotonic``, s.
 
+        Raises
+        ------
+        JobError
+            If no flight answers, or it refuses the command; the message is the reason.
 
-def _set(parameters: Mapping[str, Any]) -> Any:
-    return SetParametersAtomically.Request(parameters=[
-        Parameter(name, value=_plain(value)).to_parameter_msg()
-        for name, value in parameters.items()])
+        """
+        if self._future is None:
+            if self._client.service_is_ready():
+                self._future = self._client.call_async(self._request)
+                self._limit = now + ANSWER
+            elif now > self._limit:
+                raise JobError(self._missing())
+            return None
+        if self._future.done():
+            return answer(self._name, self._future.result())
+        if now > self._limit:
+            raise JobError(f'{self._service.name}: no answer within {ANSWER:g} s')
+        return None
 
+    def close(self) -> None:
+        """Forget it; an answer that is still to come is dropped."""
+        self._node.destroy_client(self._client)
 
-def _plain(value: Any) -> Any:
-    """Return a value for a parameter; every vector is one of floats."""
-    return [float(x) for x in value] if isinstance(value, (list, tuple)) else value
-
-
-def _step(steps: int = 1) -> Any:
-    if not 0 <= steps < 2**32:
-        raise InputError(f'steps = {steps} must be 0 to {2**32 - 1}')
-    return table.STEP.srv_type.Request(steps=int(steps))
-
-
-class _Kind(NamedTuple):
-    """A command: its service, and the request made of its arguments."""
-
-    service: table.Service
-    request: Callable[..., Any]
-
-
-COMMANDS = {
-    'takeoff': _Kind(table.TAKEOFF, _takeoff),
-    'land': _Kind(table.LAND, _land),
-    'go_to': _Kind(table.GO_TO, _go_to),
-    'follow': _Kind(table.START_TRAJECTORY, _follow),
-    'stop': _Kind(table.STOP, table.STOP.srv_type.Request),
-    'pause': _Kind(table.PAUSE, lambda: table.PAUSE.srv_type.Request(data=True)),
-    'resume': _Kind(table.PAUSE, lambda: table.PAUSE.srv_type.Request(data=False)),
-    'step': _Kind(table.STEP, _step)}
-SET = 'set'
-"""Command that sets parameters of a node."""
+    def _missing(self) -> str:
+        """Return why there is no such service."""
+        domain = self._node.context.get_domain_id()
+        flying = [name for name, space in self._node.get_node_names_and_namespaces()
+                  if space == self._namespace and name != self._node.get_name()]
+        if not flying:
+            return (f'no flight of {self._namespace} runs in ROS domain {domain}: start one '
+                    'with ./run --commanded')
+        own, _, parameters = self._service.name.partition('/')
+        return f'the flight of {self._namespace} in ROS domain {domain} has no ' + (
+            f'{own}; it has {", ".join(sorted(flying))}' if parameters else
+            f'{own}: it takes commands if it is started with ./run --commanded')
 
 
 def send(name: str, namespace: str = NAMESPACE, **arguments: Any) -> str:
@@ -100,7 +107,7 @@ def send(name: str, namespace: str = NAMESPACE, **arguments: Any) -> str:
     Parameters
     ----------
     name
-        One of :data:`COMMANDS`, or :data:`SET`.
+        One of ``command_request.COMMANDS``, or ``set``.
     namespace
         Of the drone.
     arguments
@@ -120,16 +127,7 @@ def send(name: str, namespace: str = NAMESPACE, **arguments: Any) -> str:
         If no flight answers, or it refuses the command; the message is the reason.
 
     """
-    if name == SET:
-        kind, arguments = _setting(**arguments)
-    elif name in COMMANDS:
-        kind = COMMANDS[name]
-    else:
-        raise InputError(f'{name}: is none of {", ".join((*COMMANDS, SET))}')
-    try:
-        request = kind.request(**arguments)
-    except (AssertionError, TypeError, ValueError) as error:
-        raise InputError(f'{name}: {error}') from None
+    prepare(name, arguments)  # what cannot be sent is refused before anything is started
     domain = domains.chosen()
     loopback.check()
     loopback.configure()
@@ -139,50 +137,12 @@ def send(name: str, namespace: str = NAMESPACE, **arguments: Any) -> str:
     try:
         node = Node('mambo_command', context=context, namespace=namespace,
                     enable_rosout=False, start_parameter_services=False)
-        response = _call(node, kind.service, request, domain)
+        executor = SingleThreadedExecutor(context=context)
+        executor.add_node(node)
+        call = Call(node, name, node.get_namespace(), **arguments)
+        while (message := call.poll(time.monotonic())) is None:
+            executor.spin_once(0.02)
+        executor.shutdown()
+        return message
     finally:
         rclpy.try_shutdown(context=context)
-    if name == SET:
-        success, message = response.result.successful, response.result.reason
-    else:
-        success, message = response.success, response.message
-    if not success:
-        raise JobError(message or 'refused without a reason')
-    return message
-
-
-def _setting(parameters: Mapping[str, Any]) -> tuple[_Kind, dict[str, Any]]:
-    """Return the command that sets parameters of a node, and its arguments."""
-    nodes = {full.partition('.')[0] for full in parameters}
-    if len(nodes) != 1 or not all(full.partition('.')[2] for full in parameters):
-        raise InputError('set: give NODE.PARAMETER of one node, such as '
-                         'controller_node.cascaded.k_p')
-    node = nodes.pop()
-    service = table.Service(f'{node}/set_parameters_atomically', SetParametersAtomically)
-    return _Kind(service, _set), {'parameters': {
-        full.partition('.')[2]: value for full, value in parameters.items()}}
-
-
-def _call(node: Node, service: table.Service, request: Any, domain: int) -> Any:
-    """Return the response of a service, within the bounds of this module."""
-    client = node.create_client(service.srv_type, service.name)
-    if not client.wait_for_service(FIND):
-        flying = [name for name, space in node.get_node_names_and_namespaces()
-                  if space == node.get_namespace() and name != node.get_name()]
-        if not flying:
-            raise JobError(
-                f'no flight of {node.get_namespace()} runs in ROS domain {domain}: start one '
-                'with ./run --commanded')
-        own, _, parameters = service.name.partition('/')
-        raise JobError(
-            f'the flight of {node.get_namespace()} in ROS domain {domain} has no ' + (
-                f'{own}; it has {", ".join(sorted(flying))}' if parameters else
-                f'{own}: it takes commands if it is started with ./run --commanded'))
-    executor = SingleThreadedExecutor(context=node.context)
-    executor.add_node(node)
-    future = client.call_async(request)
-    executor.spin_until_future_complete(future, ANSWER)
-    executor.shutdown()
-    if not future.done():
-        raise JobError(f'{service.name}: no answer within {ANSWER:g} s')
-    return future.result()

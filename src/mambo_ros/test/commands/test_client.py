@@ -1,27 +1,14 @@
-"""Requests to a flight: what they hold, what is refused before anything is sent, no flight."""
+"""Commands to a flight: its answer, what is refused before anything is sent, no flight."""
 
 import math
+import time
 
 from mambo_model.errors import InputError, JobError
 from mambo_ros.commands import client, table
+from mambo_ros.commands.services import Services
 import pytest
-
-
-def test_every_service_has_its_command():
-    served = {one for one in vars(table).values() if isinstance(one, table.Service)}
-    assert {kind.service for kind in client.COMMANDS.values()} == served
-
-
-def test_arguments_become_the_fields_of_the_request():
-    made = client.COMMANDS['go_to'].request((1, -2, 3), yaw=0.5, relative=True, duration=2.25)
-    assert (made.goal.x, made.goal.y, made.goal.z, made.yaw) == (1.0, -2.0, 3.0, 0.5)
-    assert made.relative and (made.duration.sec, made.duration.nanosec) == (2, 250_000_000)
-    assert client.COMMANDS['takeoff'].request(height=1).height == 1.0
-    assert client.COMMANDS['land'].request().duration.sec == 0
-    made = client.COMMANDS['follow'].request('text', timescale=2)
-    assert (made.trajectory, made.timescale, made.relative) == ('text', 2.0, False)
-    assert client.COMMANDS['pause'].request().data and not client.COMMANDS['resume'].request().data
-    assert client.COMMANDS['step'].request(5).steps == 5
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
 
 
 @pytest.mark.parametrize(('name', 'arguments', 'words'), [
@@ -45,3 +32,66 @@ def test_without_a_flight_the_wait_is_short_and_the_line_says_what_to_do(monkeyp
     with pytest.raises(JobError, match=r'no flight of /mambo runs in ROS domain 187: start one '
                        r'with ./run --commanded'):
         client.send('stop')
+
+
+@pytest.fixture
+def ends(ros):
+    """Return a node that answers commands, one that sends them, and what serves both."""
+    flight = rclpy.create_node('flight', namespace='/mambo1')
+    page = rclpy.create_node('page', namespace='/mambo')
+    executor = SingleThreadedExecutor()
+    executor.add_node(page)
+    yield flight, page, executor
+    executor.shutdown()
+
+
+def polled(call, executor):
+    """Return the answer of a call, or raise its error."""
+    limit = time.monotonic() + 60.0
+    while (message := call.poll(time.monotonic())) is None:
+        assert time.monotonic() < limit
+        executor.spin_once(0.02)
+    return message
+
+
+def test_a_call_finds_its_drone_and_returns_the_answer_or_the_reason(ends):
+    flight, page, executor = ends
+    answers = iter([(True, 'from t = 1.000 s'), (False, 'on the floor')])
+    Services(flight).offer((table.LAND, lambda request: next(answers)))
+    executor.add_node(flight)
+    before = page.get_client_names_and_types_by_node('page', '/mambo')
+    call = client.Call(page, 'land', '/mambo1')
+    assert not call.sent
+    assert polled(call, executor) == 'from t = 1.000 s' and call.sent
+    call.close()
+    call = client.Call(page, 'land', '/mambo1')
+    with pytest.raises(JobError, match='on the floor'):
+        polled(call, executor)
+    call.close()
+    assert page.get_client_names_and_types_by_node('page', '/mambo') == before
+
+
+def test_a_flight_that_does_not_answer_is_given_up(ends, monkeypatch):
+    flight, page, executor = ends
+    Services(flight).offer((table.STOP, lambda request: (True, '')))  # nobody serves this node
+    monkeypatch.setattr(client, 'ANSWER', 0.3)
+    call = client.Call(page, 'stop', '/mambo1')
+    with pytest.raises(JobError, match='stop: no answer within 0.3 s'):
+        polled(call, executor)
+    call.close()
+
+
+def test_a_call_without_its_service_says_what_is_there(ends, monkeypatch):
+    _, page, executor = ends
+    monkeypatch.setattr(client, 'FIND', 0.3)
+    for drone, words in (('/mambo1', 'it takes commands if it is started with'),
+                         ('/mambo2', 'no flight of /mambo2 runs in ROS domain')):
+        limit = time.monotonic() + 30.0  # until the nodes know each other
+        while True:
+            call = client.Call(page, 'stop', drone)
+            with pytest.raises(JobError) as error:
+                polled(call, executor)
+            call.close()
+            if words in str(error.value):
+                break
+            assert time.monotonic() < limit, error.value

@@ -1,0 +1,145 @@
+"""What a command to a running flight holds: its service, its request, its answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import Point
+from mambo_model import yaml_nodes
+from mambo_model.errors import InputError, JobError
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
+import yaml
+
+from . import table
+from ..cdr import SECOND
+
+
+def _request_duration(seconds: float) -> Duration:
+    """Return a duration for a request; InputError where there is none."""
+    if not 0.0 <= seconds < 2.0**31:
+        raise InputError(f'duration = {seconds:g} s must be 0 or more')
+    sec, nanosec = divmod(round(seconds * SECOND), SECOND)
+    return Duration(sec=sec, nanosec=nanosec)
+
+
+def _takeoff(height: float, duration: float = 0.0) -> Any:
+    return table.TAKEOFF.srv_type.Request(
+        height=float(height), duration=_request_duration(duration))
+
+
+def _land(height: float = 0.0, duration: float = 0.0) -> Any:
+    return table.LAND.srv_type.Request(
+        height=float(height), duration=_request_duration(duration))
+
+
+def _go_to(goal: Any, yaw: float = 0.0, relative: bool = False, duration: float = 0.0) -> Any:
+    x, y, z = map(float, goal)
+    return table.GO_TO.srv_type.Request(
+        goal=Point(x=x, y=y, z=z), yaw=float(yaw), relative=bool(relative),
+        duration=_request_duration(duration))
+
+
+def _follow(trajectory: str, timescale: float = 1.0, relative: bool = False,
+            duration: float = 0.0) -> Any:
+    return table.START_TRAJECTORY.srv_type.Request(
+        trajectory=trajectory, timescale=float(timescale), relative=bool(relative),
+        duration=_request_duration(duration))
+
+
+def _set(parameters: Mapping[str, Any]) -> Any:
+    return SetParametersAtomically.Request(parameters=[
+        Parameter(name, value=_plain(value)).to_parameter_msg()
+        for name, value in parameters.items()])
+
+
+def _plain(value: Any) -> Any:
+    """Return a value for a parameter; every vector is one of floats."""
+    return [float(x) for x in value] if isinstance(value, (list, tuple)) else value
+
+
+def _step(steps: int = 1) -> Any:
+    if not 0 <= steps < 2**32:
+        raise InputError(f'steps = {steps} must be 0 to {2**32 - 1}')
+    return table.STEP.srv_type.Request(steps=int(steps))
+
+
+class _Kind(NamedTuple):
+    """A command: its service, and the request made of its arguments."""
+
+    service: table.Service
+    request: Callable[..., Any]
+
+
+COMMANDS = {
+    'takeoff': _Kind(table.TAKEOFF, _takeoff),
+    'land': _Kind(table.LAND, _land),
+    'go_to': _Kind(table.GO_TO, _go_to),
+    'follow': _Kind(table.START_TRAJECTORY, _follow),
+    'stop': _Kind(table.STOP, table.STOP.srv_type.Request),
+    'pause': _Kind(table.PAUSE, lambda: table.PAUSE.srv_type.Request(data=True)),
+    'resume': _Kind(table.PAUSE, lambda: table.PAUSE.srv_type.Request(data=False)),
+    'step': _Kind(table.STEP, _step)}
+SET = 'set'
+"""Command that sets parameters of a node."""
+
+
+def prepare(name: str, arguments: Mapping[str, Any]) -> tuple[table.Service, Any]:
+    """
+    Return the service of a command and its request.
+
+    Raises
+    ------
+    InputError
+        For a command or argument that does not exist or has a wrong value.
+
+    """
+    if name == SET:
+        kind, arguments = _setting(**arguments)
+    elif name in COMMANDS:
+        kind = COMMANDS[name]
+    else:
+        raise InputError(f'{name}: is none of {", ".join((*COMMANDS, SET))}')
+    try:
+        return kind.service, kind.request(**arguments)
+    except (AssertionError, TypeError, ValueError) as error:
+        raise InputError(f'{name}: {error}') from None
+
+
+def answer(name: str, response: Any) -> str:
+    """Return what a flight answered to a command; JobError with its reason if it refused."""
+    if name == SET:
+        success, message = response.result.successful, response.result.reason
+    else:
+        success, message = response.success, response.message
+    if not success:
+        raise JobError(message or 'refused without a reason')
+    return message
+
+
+def setting(text: str) -> tuple[str, Any]:
+    """Return name and value of ``NODE.PARAMETER=VALUE``; InputError if it is not of that form."""
+    name, equals, value = text.partition('=')
+    try:
+        if equals and name.strip():
+            return name.strip(), yaml_nodes.load(value)
+    except yaml.YAMLError as error:
+        raise InputError(f'{text}: {yaml_nodes.reason(error)}') from None
+    raise InputError(f'{text}: write NODE.PARAMETER=VALUE')
+
+
+def parameters_of(node: str) -> table.Service:
+    """Return the service that sets parameters of a node."""
+    return table.Service(f'{node}/set_parameters_atomically', SetParametersAtomically)
+
+
+def _setting(parameters: Mapping[str, Any]) -> tuple[_Kind, dict[str, Any]]:
+    """Return the command that sets parameters of a node, and its arguments."""
+    nodes = {full.partition('.')[0] for full in parameters}
+    if len(nodes) != 1 or not all(full.partition('.')[2] for full in parameters):
+        raise InputError('set: give NODE.PARAMETER of one node, such as '
+                         'controller_node.cascaded.k_p')
+    return _Kind(parameters_of(nodes.pop()), _set), {'parameters': {
+        full.partition('.')[2]: value for full, value in parameters.items()}}
