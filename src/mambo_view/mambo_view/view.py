@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
+import json
 from pathlib import Path
 import time
 
@@ -93,7 +94,7 @@ def _run(options: argparse.Namespace) -> None:
         view_node.main(['--ros-args', '-p', f'port:={options.port}', '-p',
                         f'drones:={options.drones}', '-p',
                         f'commands:={str(not options.no_commands).lower()}', '-p',
-                        f'trajectories:={options.trajectories}'])
+                        f'trajectories:={json.dumps(options.trajectories)}'])
         return
     player = Player(options.bags, options.port)
     print(f'{player.page.address} (Ctrl-C ends it)', flush=True)

@@ -80,6 +80,6 @@ def test_without_a_bag_it_is_the_node_of_the_running_flight(monkeypatch):
     assert view.main(['--port', str(port), '--drones', '/mambo1,/mambo2']) == 0
     assert given.pop() == [
         '--ros-args', '-p', f'port:={port}', '-p', 'drones:=/mambo1,/mambo2',
-        '-p', 'commands:=true', '-p', 'trajectories:=.,examples']
+        '-p', 'commands:=true', '-p', 'trajectories:=".,examples"']
     assert view.main(['--port', str(port), '--no-commands', '--trajectories', 'mine']) == 0
-    assert given.pop()[-3:] == ['commands:=false', '-p', 'trajectories:=mine']
+    assert given.pop()[-3:] == ['commands:=false', '-p', 'trajectories:="mine"']
