@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 from typing import Any
 
-from mambo_analysis.compare import compare as comparing, estimate as estimating, tables
+from mambo_analysis.compare import (
+    compare as comparing, estimate as estimating, report, tables)
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight import offline_replay, scenario, unused
 from mambo_model.errors import InputError
@@ -53,9 +54,11 @@ class Comparison(dict):
     The keys are those of ``mambo compare --json``.
     """
 
-    def __init__(self, values: dict[str, Any], text: str) -> None:
+    def __init__(
+        self, values: dict[str, Any], text: str, page: Callable[[], report.Report],
+    ) -> None:
         super().__init__(values)
-        self._text = text
+        self._text, self._page = text, page
 
     def __repr__(self) -> str:
         return self._text
@@ -63,6 +66,18 @@ class Comparison(dict):
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
         return f'<pre>{escape(self._text)}</pre>'
+
+    def to_html(self, path: Path | str) -> Path:
+        """
+        Write the page of ``./run`` and ``mambo compare --html``, one file; return its path.
+
+        Raises
+        ------
+        InputError, JobError
+            If the file cannot be written.
+
+        """
+        return report.write(Path(path), self._page())
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return the errors as a table: a row per quantity and part of the flight."""
@@ -103,10 +118,11 @@ def compare(
     first = _bag(a)
     if b is None and a_topic is None and b_topic is None:
         result = comparing.compare(first)
-        return Comparison(result, tables.table(result))
-    result, _, _ = comparing.compare_bags(
-        first, None if b is None else _bag(b), a_topic, b_topic, what)
-    return Comparison(result, tables.table(result))
+        return Comparison(result, tables.table(result), lambda: report.of_one(first, result))
+    other = None if b is None else _bag(b)
+    found = comparing.compare_bags(first, other, a_topic, b_topic, what)
+    return Comparison(
+        found[0], tables.table(found[0]), lambda: report.of_two(first, other, *found))
 
 
 @dataclass(frozen=True)

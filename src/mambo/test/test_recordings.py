@@ -42,6 +42,18 @@ def test_a_comparison_prints_as_the_command_and_is_a_table(bag, capsys):
     assert '<pre>' in result._repr_html_()
 
 
+@pytest.mark.parametrize('other', [(), (CIRCLE,)])
+def test_a_comparison_writes_the_page_of_the_command(other, tmp_path):
+    from mambo_analysis.compare import compare as command
+    page = mambo.compare(CIRCLE, *other).to_html(tmp_path / 'page.html')
+    paths = [str(path) for path in (CIRCLE, *other)]
+    assert command.main([*paths, '-o', str(tmp_path), '--html', str(tmp_path / 'two.html')]) == 0
+    text = page.read_text(encoding='utf-8')
+    assert text == (tmp_path / 'two.html').read_text(encoding='utf-8')
+    assert text == (tmp_path / 'index.html').read_text(encoding='utf-8')
+    assert 'id="explore"' in text
+
+
 def test_two_flights_are_compared(bag):
     flight = mambo.fly(duration=12.0, seed=2, landing=False)
     result = mambo.compare(flight, bag)

@@ -134,6 +134,9 @@ def opened(page, folder, **options):
     tab = started()
     tab.show(file, **options)
     tab.evaluate("""
+        const { dataset } = document.documentElement; // a page with a script says that it is ready
+        for (let k = 0; k < 600 && document.getElementById('data') && !dataset.ready; k += 1)
+          await new Promise((done) => setTimeout(done, 50));
         const due = () => document.querySelectorAll('.plot').length
           > document.querySelectorAll('.plot[data-live]').length;
         for (const plot of document.querySelectorAll('.plot')) {
@@ -147,15 +150,14 @@ def opened(page, folder, **options):
     return tab
 
 
-def serious(page, folder, **options):
-    """Return the serious and critical findings of axe-core, as texts."""
+def findings(page, folder, **options):
+    """Return the findings of axe-core, of any weight, as texts."""
     tab = opened(page, folder, **options)
     tab.call('Runtime.evaluate', expression=AXE.read_text(encoding='utf-8'))
-    found = tab.evaluate(
+    return tab.evaluate(
         'document.querySelectorAll("details").forEach((box) => { box.open = true; });'
         'const { violations } = await axe.run(); return violations.flatMap((v) => v.nodes.map('
         '(n) => [v.impact, v.id, n.target.join(" "), n.failureSummary]));')
-    return [row for row in found if row[0] in ('serious', 'critical')]
 
 
 def printed(page, folder, **options):

@@ -99,7 +99,7 @@ class Messages:
 
     def _ipython_key_completions_(self) -> list[str]:
         """Return the valid keys of ``messages['...']``, for tab completion."""
-        return list(self._leaves())
+        return list(self.leaves())
 
     @cached_property
     def raw(self) -> list[bytes]:
@@ -234,7 +234,7 @@ class Messages:
         """Return the stamps, (n,) s."""
         return self.stamp * 1e-9
 
-    def _leaves(self, path: str = '') -> Iterator[str]:
+    def leaves(self, path: str = '') -> Iterator[str]:
         """Yield the paths of all leaf fields."""
         store = self._decode()
         names = self._parts(path) if path else [
@@ -243,7 +243,7 @@ class Messages:
             yield path
             return
         for name in names:
-            yield from self._leaves(f'{path}.{name}' if path else name)
+            yield from self.leaves(f'{path}.{name}' if path else name)
 
     def to_pandas(self) -> pandas.DataFrame:
         """
@@ -263,7 +263,7 @@ class Messages:
         except ImportError:
             raise BagError('to_pandas needs pandas: python3 -m pip install pandas') from None
         columns: dict[str, Any] = {}
-        for path in self._leaves():
+        for path in self.leaves():
             if path.startswith(('header.stamp.', 'clock.')):
                 continue
             values = self[path]

@@ -263,7 +263,7 @@ def _print_outcome(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
 def report(bag: Path, real_time_factor: float | None = None, fault: Sequence[str] = (),
            stopped: bool = False) -> tuple[Path, list[str]]:
     """
-    Print the table of a flight and write its page of plots into the bag's directory.
+    Print the table of a flight and write its page into the bag's directory.
 
     Parameters
     ----------
@@ -286,15 +286,16 @@ def report(bag: Path, real_time_factor: float | None = None, fault: Sequence[str
         If the bag cannot be read.
 
     """
+    from mambo_analysis.compare import report as page
     from mambo_analysis.compare.compare import compare, table
-    from mambo_analysis.compare.page import write_page
     recording = read_bag(bag)
     result = compare(recording)
     if real_time_factor is not None:
         result['real_time_factor'] = real_time_factor
     result['ending'] = [*fault, *ended_early(recording, bool(fault) or stopped)]
     print(table(result))
-    return write_page(recording, result, bag), result['ending']
+    written = page.write(bag / 'index.html', page.of_one(recording, result))
+    return written, result['ending']
 
 
 if __name__ == '__main__':

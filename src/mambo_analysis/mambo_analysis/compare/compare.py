@@ -32,6 +32,7 @@ from scipy.spatial.transform import Rotation
 
 from . import pair, tables
 from .ending import ended_early, refused_messages
+from .events import parameters
 from .pair import Alignment, Comparison, Quantity
 from .tables import table
 
@@ -330,15 +331,9 @@ def _reference(a: Bag, b: Bag, alignment: Alignment) -> str | None:
 
 def _differences(a: Bag, b: Bag) -> list[list[Any]]:
     """Return (parameter, value in A, value in B) of all parameters that differ."""
-    def flat(content: Any, name: str = '') -> dict[str, Any]:
-        if not isinstance(content, dict):
-            return {name: content}
-        return {key: value for inner, section in content.items() for key, value in flat(
-            section, name if inner == 'ros__parameters'
-            else f'{name}.{inner}' if name else inner.rsplit('/', 1)[-1]).items()}
     if a.scenario is None or b.scenario is None:
         return []
-    ours, theirs = flat(a.scenario), flat(b.scenario)
+    ours, theirs = parameters(a.scenario), parameters(b.scenario)
     return [[name, ours.get(name), theirs.get(name)] for name in {**ours, **theirs}
             if ours.get(name) != theirs.get(name)]
 
@@ -452,7 +447,8 @@ def parser() -> Parser:
         'file that needs no network')
     add('--csv', type=Path, metavar='FILE', help='write the numbers, one a line')
     out.add_json()
-    out.add_output('DIR', 'write flight.png and index.html of one bag into this directory')
+    out.add_output('DIR', 'write this report as index.html, and flight.png with the plots of A on '
+                          'one sheet, into this directory')
     add('--a-topic', metavar='TOPIC', help='of A, an Odometry or a PoseStamped (default: the '
         'best that both have of ground_truth/odom, optitrack/pose, estimate/odom, onboard/odom)')
     add('--b-topic', metavar='TOPIC', help='of B, or of A without B')
@@ -488,10 +484,8 @@ def _work(options: argparse.Namespace) -> None:
     is_pair = options.other is not None or options.a_topic or options.b_topic
     if is_pair:
         other = read_bag(options.other, namespace=options.namespace) if options.other else None
-        if options.output:
-            raise BagError('--output writes the page of one bag; for two give --html FILE')
-        result, comparison, alignment = compare_bags(
-            bag, other, options.a_topic, options.b_topic, what, options.equal_at)
+        found = compare_bags(bag, other, options.a_topic, options.b_topic, what, options.equal_at)
+        result = found[0]
     else:
         if what or options.equal_at is not None:
             raise BagError('--align and --equal-at need two bags or two topics')
@@ -504,14 +498,13 @@ def _work(options: argparse.Namespace) -> None:
             options.json, json.dumps(_plain(result), indent=2, allow_nan=False)))
     if options.csv:
         written.append(tables.write_csv(result, options.csv))
-    if options.html:
-        from . import report
-        written.append(
-            report.write(options.html, report.of_two(bag, other, result, comparison, alignment)
-                         if is_pair else report.of_one(bag, result)))
-    if options.output:
-        from .page import write_page
-        written.append(write_page(bag, result, options.output))
+    if options.html or options.output:
+        from . import figures, report
+        page = report.of_two(bag, other, *found) if is_pair else report.of_one(bag, result)
+        written += [report.write(path, page) for path in (
+            options.html, options.output and options.output / 'index.html') if path]
+        if options.output:
+            figures.write_overview(bag, options.output / 'flight.png', bag.path.name)
     if options.json != '-':
         for path in written:
             print(f'\n{"page" if path.suffix == ".html" else "numbers"}: {path}')

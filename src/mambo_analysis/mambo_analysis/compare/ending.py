@@ -40,7 +40,7 @@ def _finals(bag: Bag) -> tuple[str, ...]:
     return ('sim_node',) if carried else ('sim_node', 'controller_node')
 
 
-def _statuses(bag: Bag) -> Iterator[tuple[float, Any]]:
+def statuses(bag: Bag) -> Iterator[tuple[float, Any]]:
     """Yield every diagnostic status of a bag with the stamp of its report, s."""
     for topic in ('/diagnostics', 'diagnostics'):
         try:
@@ -56,7 +56,7 @@ def refused_messages(bag: Bag) -> list[str]:
     """Return the numbers of messages that each node refused, one line per node."""
     counts = {
         status.name.removesuffix(_INPUTS): status.message.removeprefix(_REFUSED)
-        for _, status in _statuses(bag)  # the last report of a node includes all earlier ones
+        for _, status in statuses(bag)  # the last report of a node includes all earlier ones
         if status.name.endswith(_INPUTS) and status.message.startswith(_REFUSED)}
     return [f'{node} {_REFUSED}{count}' for node, count in counts.items()]
 
@@ -79,7 +79,7 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
 
     """
     lines, first, finals = [], set(), _finals(bag)
-    for t, status in _statuses(bag):
+    for t, status in statuses(bag):
         if status.name in finals and status.level == _ERROR and status.name not in first:
             first.add(status.name)
             lines.append(f'{status.name} at {t:.3f} s: {status.message}')

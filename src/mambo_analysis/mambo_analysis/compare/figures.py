@@ -1,14 +1,15 @@
 """
-Plots of a flight, one function per figure; each draws the signals that the bag has.
+Plots of a flight as data, and a sheet of them drawn with matplotlib.
 
-A signal has one colour everywhere, see :mod:`mambo_model.palette`. Captions name the signals.
+:func:`plots` says what a bag can show; :mod:`.report` draws the same plots in a page. A signal
+has one colour everywhere, see :mod:`mambo_model.palette`. Captions name the signals.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple, TYPE_CHECKING
 
 from mambo_bags.reader import Bag
 from mambo_model import palette
@@ -16,48 +17,100 @@ from mambo_model.palette import COLOURS, INK, LINE
 from mambo_signals import metrics
 from mambo_signals.flight_phases import Phases, phases
 from mambo_signals.metrics import Floats
-from mambo_signals.motion import position_errors
-import matplotlib
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from mambo_signals.motion import position_errors, TRUTH
+from mambo_signals.spectrum import amplitude_density
 import numpy as np
 from numpy.typing import NDArray
 
-from . import digest
+from .events import number, parameters
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 POINTS = 1000  # largest number of points of a line
 AIR = 1.2 * 9.81  # [Pa/m], converts pressure to height
+TIME = 'time [s]'
+LEAST_NIS = 1e-3  # smaller values are drawn here: the axis is logarithmic
+CHI_SQUARE = {1: 3.841, 2: 5.991}  # 95 % quantile by degrees of freedom
 STYLE = {
     'font.size': 10.0, 'font.family': 'DejaVu Sans', 'axes.edgecolor': INK, 'axes.labelcolor': INK,
     'text.color': INK, 'xtick.color': INK, 'ytick.color': INK, 'axes.grid': True,
     'grid.color': LINE, 'grid.linewidth': 0.6, 'axes.spines.top': False,
     'axes.spines.right': False, 'lines.linewidth': 1.3, 'legend.frameon': False,
     'legend.fontsize': 9.0, 'axes.titlesize': 10.5, 'axes.titleweight': 'bold',
-    'axes.titlelocation': 'left', 'axes.axisbelow': True, 'svg.fonttype': 'path',
-    'svg.hashsalt': 'mambo'}
+    'axes.titlelocation': 'left', 'axes.axisbelow': True}
 TRACKS = (
     ('reference', 'reference', 'reference'), ('ground_truth/odom', 'truth', 'ground truth'),
     ('optitrack/pose', 'optitrack', 'Optitrack'), ('estimate/odom', 'estimate', 'estimate'),
     ('onboard/odom', 'onboard', 'onboard estimate'))
 """Topics with a position: topic, colour, label, in the order of drawing."""
+MOTORS = ((0, 'front left'), (1, 'front right'), (3, 'rear left'), (2, 'rear right'))
+"""Number and place of the motors, row by row as seen from above."""
+AXES = (('x', 'estimate'), ('y', 'sonar'), ('z', 'onboard'))
+"""Axes of a sensor and their colours, those of the body axes in the replay."""
+
+
+class Line(NamedTuple):
+    """A curve, dots, crosses, or a band between ``low`` and ``y``."""
+
+    name: str
+    x: Floats  # (n,)
+    y: Floats  # (n,) NaN: a gap
+    role: str  # of the palette
+    kind: str = 'line'
+    low: Floats | None = None
+    dash: str = ''  # as matplotlib has it; empty: that of the role
+    width: float = 0.0  # points; 0: that of the role
+
+    def style(self) -> tuple[str, float, int]:
+        """Return dashes, width and drawing order."""
+        dash, width, order = palette.LINES.get(self.role, ('-', 1.2, 3))
+        return self.dash or dash, self.width or width, order
+
+    def thinned(self, points: int = POINTS) -> Line:
+        """Return the line with at most about that many points; the peaks of a curve stay."""
+        if self.kind == 'line':
+            x, y = metrics.envelope(self.x, self.y, points)
+            return self._replace(x=x, y=y)
+        keep = np.flatnonzero(np.isfinite(self.y))
+        keep = keep[::max(1, -(-len(keep) // points))]
+        return self._replace(x=self.x[keep], y=self.y[keep],
+                             low=None if self.low is None else self.low[keep])
+
+
+class Panel(NamedTuple):
+    """Lines in common axes."""
+
+    label: str  # quantity and unit of the vertical axis
+    lines: list[Line]
+    title: str = ''
+    limits: tuple[float, float] | None = None
 
 
 class Plot(NamedTuple):
-    """A figure: how to draw it, its text and its layout."""
+    """A figure: panels below each other with a common horizontal axis, and its text."""
 
     name: str
     title: str
     text: str  # what it shows
-    shape: tuple[int, int]  # rows and columns of axes
-    height: float  # inches
-    legend: int  # columns of the legend below all axes, 0: none
-    draw: Callable[[list[Axes], Bag, Phases], None]
+    panels: list[Panel]
+    row: float = 1.7  # inches, height of a panel
+    columns: int = 1  # of panels on a sheet
+    across: str = TIME
+    log: str = ''  # logarithmic axes: x, y, xy
+    shade: Sequence[tuple[float, float]] = ()  # s
+    bag: str = ''  # A or B on a page of two, if it shows one of them
 
-
-def _thin(*columns: Floats) -> tuple[Floats, ...]:
-    """Return columns of equal length, thinned to at most ``POINTS`` evenly spaced rows."""
-    step = max(1, -(-len(columns[0]) // POINTS))
-    return tuple(column[::step] for column in columns)
+    def of(self, label: str, offset: float) -> Plot:
+        """Return the plot of a named bag, on a clock that is ahead by an offset [s]."""
+        if self.across != TIME:
+            offset = 0.0
+        return self._replace(
+            name=f'{label}-{self.name}', title=f'{label}: {self.title}', bag=label,
+            shade=[(a + offset, b + offset) for a, b in self.shade],
+            panels=[panel._replace(lines=[line._replace(x=line.x + offset)
+                                          for line in panel.lines]) for panel in self.panels])
 
 
 def tracks(bag: Bag) -> list[tuple[str, str, str]]:
@@ -86,313 +139,335 @@ def shaded(parts: Phases) -> str:
     return f' {listed(names).capitalize()} {"are" if len(names) > 1 else "is"} shaded.'
 
 
-def _line(
-    ax: Axes, t: Floats, values: Floats, role: str, label: str | None, **style: Any,
-) -> None:
-    """Draw a signal over time in the style of its role, with overrides."""
-    ax.plot(*metrics.envelope(t, values, POINTS), label=label, **{**palette.line(role), **style})
+def shade(parts: Phases, begin: int, end: int) -> list[tuple[float, float]]:
+    """Return the spans [s] of take-off and landing in a flight, to be shaded."""
+    spans = [(begin, parts.takeoff_end), (parts.landing_start, end)]
+    return [(a * 1e-9, b * 1e-9) for a, b in spans if a is not None and b is not None]
 
 
-def _mark(axes: list[Axes], parts: Phases) -> None:
-    """Shade the take-off, and the landing."""
-    for ax in axes:
-        low, high = ax.get_xlim()
-        if parts.takeoff_end is not None:
-            ax.axvspan(low, parts.takeoff_end * 1e-9, color=LINE, alpha=0.35, lw=0, zorder=0)
-        if parts.landing_start is not None:
-            ax.axvspan(parts.landing_start * 1e-9, high, color=LINE, alpha=0.35, lw=0, zorder=0)
-        ax.set_xlim(low, high)
-    axes[-1].set_xlabel('time [s]')
+def _positions(bag: Bag) -> Plot | None:
+    found = tracks(bag)
+    panels = [Panel(f'{name} [m]', [
+        Line(label, bag[topic].t, bag[topic].position[:, axis], role)
+        for topic, role, label in found]) for axis, name in enumerate(('x', 'y', 'z up'))]
+    names = listed([label for _, _, label in found]) if found else ''
+    return Plot('position', 'Position',
+                f'Position of {names} over time on the axes x, y and z, which is up.'
+                f'{shaded(phases(bag))}', panels) if found else None
 
 
-def _span(bag: Bag, axes: list[Axes]) -> None:
-    for ax in axes:
-        ax.set_xlim(bag.start * 1e-9, max(bag.end * 1e-9, bag.start * 1e-9 + 1e-3))
-
-
-def draw_position(axes: list[Axes], bag: Bag, parts: Phases) -> None:
-    """Position by axis, z up."""
-    for topic, role, label in tracks(bag):
-        t, p = bag[topic].t, bag[topic].position
-        for axis, ax in enumerate(axes):
-            _line(ax, t, p[:, axis], role, label)
-    for ax, name in zip(axes, ('x', 'y', 'z up')):
-        ax.set_ylabel(f'{name} [m]')
-    _span(bag, axes)
-    _mark(axes, parts)
-
-
-def _errors(bag: Bag) -> list[tuple[str, str, Floats, Floats]]:
-    """Return (role, label, t, errors (n, 3)) of every position that can be compared."""
+def _errors(bag: Bag) -> Plot | None:
     found = []
-    truth = next((name for name in ('ground_truth/odom', 'optitrack/pose') if name in bag), None)
-    if truth and 'reference' in bag:
-        stamps, e = position_errors(bag['reference'], bag[truth])
-        label = 'ground truth' if truth.startswith('ground') else 'Optitrack'
-        found.append(('reference', f'tracking: {label} minus reference', stamps * 1e-9, e))
-    source = next((name for name in ('optitrack/pose', 'ground_truth/odom') if name in bag), None)
-    if source and 'estimate/odom' in bag:
-        stamps, e = position_errors(bag['estimate/odom'], bag[source])
-        label = 'ground truth' if source.startswith('ground') else 'Optitrack'
-        found.append(('estimate', f'estimation: estimate minus {label}', stamps * 1e-9, e))
-    return found
+    for signal, truths, text in (
+            ('reference', TRUTH, 'tracking: {} minus reference'),
+            ('estimate/odom', TRUTH[::-1], 'estimation: estimate minus {}')):
+        truth = next((name for name in truths if name in bag), None)
+        if truth and signal in bag:
+            stamps, e = position_errors(bag[signal], bag[truth])
+            found.append(Line(text.format(_name(truth)), stamps * 1e-9, np.linalg.norm(e, axis=1),
+                              signal.partition('/')[0]))
+    return Plot('errors', 'Position errors', 'Length of the position error over time: '
+                f'{listed([line.name for line in found])}.', [Panel('error [m]', found)],
+                2.3) if found else None
 
 
-def draw_errors(axes: list[Axes], bag: Bag, parts: Phases) -> None:
-    """Size of the position errors."""
-    for role, label, t, e in _errors(bag):
-        _line(axes[0], t, np.linalg.norm(e, axis=1), role, label)
-    axes[0].set_ylabel('error [m]')
-    axes[0].set_ylim(bottom=0.0)
-    _span(bag, axes)
-    _mark(axes, parts)
+def _name(topic: str) -> str:
+    return next(label for name, _, label in TRACKS if name == topic)
 
 
-def draw_path(axes: list[Axes], bag: Bag, parts: Phases) -> None:
-    """Top view and side view of the path, to scale."""
-    for ax, (across, up) in zip(axes, ((0, 1), (0, 2))):
-        for topic, role, label in tracks(bag):
-            p = bag[topic].position
-            ax.plot(*_thin(p[:, across], p[:, up]), label=label if ax is axes[0] else None,
-                    **palette.line(role))
-        ax.set_aspect('equal', adjustable='datalim')
-        ax.set_xlabel('x [m]')
-        ax.set_ylabel(('', 'y [m]', 'z up [m]')[up])
-    axes[0].set_title('from above')
-    axes[1].set_title('from the side')
+def _path(bag: Bag) -> Plot | None:
+    found = tracks(bag)
+    panels = [Panel(label, [
+        Line(name, *bag[topic].position[:, (0, up)].T, role) for topic, role, name in found],
+        title) for up, label, title in (
+            (1, 'y [m]', 'from above'), (2, 'z up [m]', 'from the side'))]
+    names = listed([label for _, _, label in found]) if found else ''
+    return Plot('path', 'Path', f'The path of {names}, seen from above and from the side, to '
+                'scale.', panels, 3.1, 2, 'x [m]') if found else None
 
 
-def draw_motors(axes: list[Axes], bag: Bag, parts: Phases) -> None:
-    """Motor commands, the panels where the motors are seen from above."""
+def _motors(bag: Bag) -> Plot | None:
+    if 'motor_pwm' not in bag:
+        return None
     motors = bag['motor_pwm']
-    shown = motors.pwm[np.isfinite(motors.pwm)]  # a bag also holds refused commands
+    pwm = np.where(np.isfinite(motors.pwm), motors.pwm, np.nan)  # of refused commands as well
+    shown = pwm[np.isfinite(pwm)]
     low, high = (float(shown.min()), float(shown.max())) if shown.size else (0.0, 1.0)
     margin = max(0.05 * (high - low), 1.0)
-    places = ((0, 'front left'), (1, 'front right'), (3, 'rear left'), (2, 'rear right'))
-    for ax, (number, name) in zip(axes, places):
-        ax.plot(*metrics.envelope(motors.t, motors.pwm[:, number], POINTS), color=INK, lw=0.8)
-        ax.set_title(f'{number} {name}', weight='normal', size=9.0)
-        ax.set_ylabel('PWM [-]')
-        ax.set_ylim(low - margin, high + margin)
-    _span(bag, axes)
-    _mark(axes, parts)
-    axes[2].set_xlabel('time [s]')
+    panels = [Panel('PWM [-]', [Line(f'{k} {place}', motors.t, pwm[:, k], 'ink', width=0.8)],
+                    f'{k} {place}', (low - margin, high + margin)) for k, place in MOTORS]
+    return Plot('motors', 'Motor commands', 'PWM commands of the four motors over time: 0 front '
+                'left, 1 front right, 2 rear right, 3 rear left.', panels, 1.55, 2)
 
 
-def _dots(ax: Axes, t: Floats, values: Floats, role: str, label: str) -> None:
-    t, values = _thin(t, values)
-    ax.plot(t, values, ls='none', marker='.', ms=2.5, color=COLOURS[role], label=label)
-
-
-def draw_height(axes: list[Axes], bag: Bag, parts: Phases) -> None:
-    """Height by each sensor and by the estimate."""
-    ax = axes[0]
+def _height(bag: Bag) -> Plot | None:
+    lines, out = [], ''
+    if 'sonar/range' in bag:
+        valid, sonar = _valid_ranges(bag), bag['sonar/range']
+        if valid.any():
+            lines.append(Line('sonar, slant', sonar.t[valid], sonar.range[valid], 'sonar', 'dots'))
+        if not valid.all():
+            out = (f' {int((~valid).sum())} of {len(valid)} sonar samples are outside of its '
+                   'limits and left out.')
+    found = tracks(bag)
+    if not found and not lines:
+        return None
     if 'barometer/pressure' in bag:
         pressure = bag['barometer/pressure']
         ground = np.median(pressure.pressure[pressure.t <= pressure.t[0] + 0.5])
-        _dots(ax, pressure.t, (ground - pressure.pressure) / AIR, 'barometer', 'barometer')
-    if 'sonar/range' in bag:
-        sonar = bag['sonar/range']
-        valid = _valid_ranges(bag)
-        if valid.any():
-            _dots(ax, sonar.t[valid], sonar.range[valid], 'sonar', 'sonar, slant')
-    for topic, role, label in tracks(bag):
-        _line(ax, bag[topic].t, bag[topic].position[:, 2], role, label)
-    ax.set_ylabel('height [m]')
-    _span(bag, axes)
-    _mark(axes, parts)
+        lines.append(Line('barometer', pressure.t, (ground - pressure.pressure) / AIR,
+                          'barometer', 'dots'))
+    lines += [Line(label, bag[topic].t, bag[topic].position[:, 2], role)
+              for topic, role, label in found]
+    names = listed([line.name.partition(',')[0] for line in lines])
+    return Plot('height', 'Height', f'Height over time by {names}.{out}',
+                [Panel('height [m]', lines)], 2.8)
 
 
-def draw_flow(axes: list[Axes], bag: Bag, parts: Phases) -> None:
-    """Optical flow on both body axes."""
+def _flow(bag: Bag) -> Plot | None:
+    if 'optical_flow' not in bag:
+        return None
     flow = bag['optical_flow']
-    for ax, name, values in zip(axes, ('forward', 'left'), (flow.rate_x, flow.rate_y)):
-        _line(ax, flow.t, values, 'flow', 'optical flow' if ax is axes[0] else None, ls='-',
-              lw=0.9)
-        ax.set_ylabel(f'{name} [rad/s]')
-    _span(bag, axes)
-    _mark(axes, parts)
+    return Plot('flow', 'Optical flow', 'Optical flow forward and left over time.', [
+        Panel(f'{name} [rad/s]', [Line('optical flow', flow.t, values, 'flow', dash='-',
+                                       width=0.9)])
+        for name, values in (('forward', flow.rate_x), ('left', flow.rate_y))], 1.6)
 
 
-def _innovations(bag: Bag) -> list[tuple[str, str, Floats, Floats]]:
-    """Return (role, label, innovation (n,), test ratio (n,)) of each sensor that was used."""
-    state = bag['estimator/state']
-    every = (
-        ('sonar', 'sonar [m]', state.sonar_innovation, state.sonar_test_ratio),
-        ('flow', 'flow x [m/s]', state.flow_innovation[:, 0], state.flow_test_ratio),
-        ('flow', 'flow y [m/s]', state.flow_innovation[:, 1], state.flow_test_ratio),
-        ('barometer', 'barom. [m]', state.barometer_innovation, state.barometer_test_ratio))
-    return [row for row in every if np.isfinite(row[2]).any()]
+class _Innovation(NamedTuple):
+    """Innovation of a sensor on one axis."""
+
+    role: str
+    label: str
+    name: str  # of the sensor
+    values: Floats  # (n,)
+    ratio: Floats  # (n,) squared over the gate, 1 at the gate
+    sigma: Floats  # (n,) its standard deviation; NaN: unknown
+    nis: Floats  # (n,) normalised innovation squared
+    degrees: int  # of freedom of ``nis``
 
 
-def draw_innovations(axes: list[Axes], bag: Bag, parts: Phases) -> None:
-    """Innovations of the estimator; refused samples are crosses."""
+def _innovations(bag: Bag) -> list[_Innovation]:
+    """
+    Return the innovations of each sensor that was used.
+
+    The filter records the innovation and the test ratio, its normalised square over the squared
+    gate; with the gate of the scenario they give the standard deviation, of two axes that along
+    the innovation. The support package's estimator has no variance.
+    """
+    if 'estimator/state' not in bag:
+        return []
+    state, values, out = bag['estimator/state'], parameters(bag.scenario or {}), []
+    estimator = values.get('estimator_node.estimator')
+    for role, name, parts, innovation, ratio in (
+            ('sonar', 'sonar', ('sonar [m]',), state.sonar_innovation, state.sonar_test_ratio),
+            ('flow', 'optical flow', ('flow x [m/s]', 'flow y [m/s]'), state.flow_innovation,
+             state.flow_test_ratio),
+            ('barometer', 'barometer', ('barom. [m]',), state.barometer_innovation,
+             state.barometer_test_ratio)):
+        rows = innovation.reshape(len(ratio), -1)
+        gate = number(values, f'estimator_node.{estimator}.{name.replace(" ", "_")}.gate')
+        nis = np.where(ratio > 0.0, ratio, np.nan) * gate * gate
+        sigma = np.linalg.norm(rows, axis=1) / np.sqrt(nis)
+        out += [_Innovation(role, label, name, rows[:, k], ratio, sigma, nis, len(parts))
+                for k, label in enumerate(parts) if np.isfinite(rows[:, k]).any()]
+    return out
+
+
+def _innovation_plot(bag: Bag) -> Plot | None:
+    rows, panels = _innovations(bag), []
+    if not rows:
+        return None
     t = bag['estimator/state'].t
-    for ax, (role, label, innovation, ratio) in zip(axes, _innovations(bag)):
-        refused = np.isfinite(innovation) & (ratio > 1.0)
-        taken = np.isfinite(innovation) & ~refused
-        ax.plot(*_thin(t[taken], innovation[taken]), ls='none', marker='.', ms=2.5,
-                color=COLOURS[role])
-        ax.plot(t[refused], innovation[refused], ls='none', marker='x', ms=4.0, color=INK)
-        ax.axhline(0.0, color=INK, lw=0.6)
-        ax.set_ylabel(label)
-        ax.set_title(f'{int(refused.sum())} of {int((taken | refused).sum())} refused',
-                     loc='right', weight='normal', size=9.0)
-    _span(bag, axes)
-    _mark(axes, parts)
+    for row in rows:
+        refused = np.isfinite(row.values) & (row.ratio > 1.0)
+        taken = np.isfinite(row.values) & ~refused
+        band = 3.0 * np.where(taken, row.sigma, np.nan)
+        lines = [Line('3 standard deviations', t, band, row.role, 'band', -band)] \
+            if np.isfinite(band).any() else []
+        panels.append(Panel(row.label, [
+            *lines, Line('innovation', t[taken], row.values[taken], row.role, 'dots'),
+            *([Line('refused', t[refused], row.values[refused], 'ink', 'crosses')]
+              if refused.any() else [])],
+            f'{int(refused.sum())} of {int((taken | refused).sum())} refused'))
+    names = listed(list(dict.fromkeys(row.name for row in rows)))
+    refused = any(line.kind == 'crosses' for panel in panels for line in panel.lines)
+    return Plot(
+        'innovations', 'Innovations of the estimator',
+        f'Measurement minus prediction of {names} over time'
+        + (', and three standard deviations by the filter.' if any(
+            line.kind == 'band' for panel in panels for line in panel.lines) else '.')
+        + (' Refused samples are crosses.' if refused else ' No sample was refused.'), panels,
+        1.25)
 
 
-def draw_covariance(axes: list[Axes], bag: Bag, parts: Phases) -> None:
-    """Estimation error inside three standard deviations of the filter."""
-    estimate = bag['estimate/odom']
-    truth = 'ground_truth/odom' if 'ground_truth/odom' in bag else 'optitrack/pose'
-    stamps, e = position_errors(estimate, bag[truth])
-    variance = estimate.pose_covariance[:, [0, 7, 14]]
+def _nis(bag: Bag) -> Plot | None:
+    panels = []
+    for row in {row.name: row for row in _innovations(bag)}.values():
+        known = np.isfinite(row.nis)
+        if not known.any():
+            continue
+        t, nis = bag['estimator/state'].t[known], row.nis[known]
+        bound = CHI_SQUARE[row.degrees]
+        panels.append(Panel(f'{row.role} [-]', [
+            Line('95 % bound', t[[0, -1]], np.full(2, bound), 'ink', dash='--'),
+            Line('NIS', t, np.maximum(nis, LEAST_NIS), row.role, 'dots')],
+            f'{100.0 * np.mean(nis <= bound):.1f} % below, mean {nis.mean():.2f} of '
+            f'{row.degrees}'))
+    return Plot('nis', 'Normalised innovations squared', 'NIS of each sensor over time, and the '
+                'bound below which 95 % lie if the filter knows its error. A lower share: it is '
+                'too sure of itself; a higher one: too unsure.', panels, 1.25,
+                log='y') if panels else None
+
+
+def _covariance(bag: Bag) -> Plot | None:
+    truth = next((name for name in TRUTH if name in bag), None)
+    if truth is None or 'estimate/odom' not in bag or not np.any(
+            bag['estimate/odom'].pose_covariance):
+        return None
+    stamps, e = position_errors(bag['estimate/odom'], bag[truth])
+    variance = bag['estimate/odom'].pose_covariance[:, [0, 7, 14]]
     sigma = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
-    t = stamps * 1e-9
-    for axis, ax in enumerate(axes):
-        when, low, high = _thin(t, -3.0 * sigma[:, axis], 3.0 * sigma[:, axis])
-        ax.fill_between(when, low, high, color=COLOURS['estimate'], alpha=0.18, lw=0,
-                        label='three standard deviations' if axis == 0 else None)
-        _line(ax, t, e[:, axis], 'estimate', 'estimate minus '
-              f'{"ground truth" if truth.startswith("ground") else "Optitrack"}'
-              if axis == 0 else None, lw=1.0)
-        ax.set_ylabel(f'{"xyz"[axis]} [m]')
-        known = e[np.isfinite(e[:, axis]), axis], sigma[np.isfinite(sigma[:, axis]), axis]
-        if all(map(len, known)):  # so that a short, wide band does not hide the rest
-            ax.set_ylim(*(np.array([-1.2, 1.2]) * max(
-                np.abs(known[0]).max(), 3.0 * np.quantile(known[1], 0.9), 1e-6)))
-    _span(bag, axes)
-    _mark(axes, parts)
+    t, panels = stamps * 1e-9, []
+    for axis, name in enumerate(('x', 'y', 'z up')):
+        known = (e[np.isfinite(e[:, axis]), axis], sigma[np.isfinite(sigma[:, axis]), axis])
+        limit = 1.2 * max(np.abs(known[0]).max(), 3.0 * np.quantile(known[1], 0.9), 1e-6) \
+            if all(map(len, known)) else None  # a short, wide band must not hide the rest
+        panels.append(Panel(f'{name} [m]', [
+            Line('three standard deviations', t, 3.0 * sigma[:, axis], 'estimate', 'band',
+                 -3.0 * sigma[:, axis]),
+            Line(f'estimate minus {_name(truth)}', t, e[:, axis], 'estimate', width=1.0)],
+            limits=None if limit is None else (-limit, limit)))
+    return Plot('covariance', 'Does the filter know its error?',
+                'Position error of the estimate on each axis, z up, and the band of three '
+                'standard deviations that the filter gives.', panels)
 
 
-def _has_band(bag: Bag) -> bool:
-    """Return whether there is an estimate with a covariance, and a truth to compare it with."""
-    if 'estimate/odom' not in bag or not any(
-            name in bag for name in ('ground_truth/odom', 'optitrack/pose')):
-        return False
-    return bool(np.any(bag['estimate/odom'].pose_covariance))
+def _spectra(bag: Bag) -> list[Plot]:
+    """Return the spectra of the inertial sensors, and of the motor commands."""
+    out, across = [], 'frequency [Hz]'
+    if 'imu/data_raw' in bag:
+        imu, panels = bag['imu/data_raw'], []
+        for label, values in (('gyro [rad/s/√Hz]', imu.angular_velocity),
+                              ('accel. [m/s²/√Hz]', imu.acceleration)):
+            found = amplitude_density(imu.stamp, values)
+            if found is not None and (found[1] > 0.0).any():
+                panels.append(Panel(label, [
+                    Line(name, found[0], _positive(found[1][:, k]), role, dash='-', width=1.2)
+                    for k, (name, role) in enumerate(AXES)]))
+        out.append(Plot(
+            'imu-spectrum', 'Spectrum of the IMU', 'Amplitude spectral density of the gyro and of '
+            'the accelerometer on the body axes x forward, y left and z up.', panels, 1.9, 1,
+            across, 'xy'))
+    if 'motor_pwm' in bag:
+        motors = bag['motor_pwm']
+        found = amplitude_density(motors.stamp, motors.pwm)
+        out.append(Plot(
+            'motor-spectrum', 'Spectrum of the motor commands', 'Amplitude spectral density of '
+            'the four PWM commands.', [] if found is None else [Panel('PWM [1/√Hz]', [
+                Line(f'{k} {place}', found[0], _positive(found[1][:, k]), role, dash='-',
+                     width=1.2) for (k, place), role in zip(sorted(MOTORS), palette.SERIES)])],
+            2.6, 1, across, 'xy'))
+    return [plot for plot in out if plot.panels]
 
 
-def _height_text(bag: Bag) -> str:
-    """Return the text of the height figure."""
-    names, left_out = [label for _, _, label in tracks(bag)], ''
-    if 'barometer/pressure' in bag:
-        names.insert(0, 'barometer')
-    if 'sonar/range' in bag:
-        valid = _valid_ranges(bag)
-        if valid.any():
-            names.insert(0, 'sonar')
-        if not valid.all():
-            left_out = (f' {int((~valid).sum())} of {len(valid)} sonar samples are outside of its '
-                        'limits and left out.')
-    return f'Height over time by {listed(names)}.{left_out}' if names else left_out.strip()
-
-
-def _innovations_text(rows: list[tuple[str, str, Floats, Floats]]) -> str:
-    """Return the text of the innovation figure."""
-    names = {'sonar': 'sonar', 'flow': 'optical flow', 'barometer': 'barometer'}
-    sensors = [name for role, name in names.items() if any(row[0] == role for row in rows)]
-    refused = any((np.isfinite(innovation) & (ratio > 1.0)).any()
-                  for _, _, innovation, ratio in rows)
-    return (f'Measurement minus prediction of {listed(sensors)} over time.'
-            + (' Refused samples are crosses.' if refused else ' No sample was refused.'))
+def _positive(values: Floats) -> Floats:
+    """Return values for a logarithmic axis, NaN for 0."""
+    return np.where(values > 0.0, values, np.nan)
 
 
 def plots(bag: Bag) -> list[Plot]:
     """Return the figures that can be drawn from the bag, in the order of a page."""
-    found, errors, shade = tracks(bag), _errors(bag), shaded(phases(bag))
-    names = listed([label for _, _, label in found]) if found else ''
-    rows = _innovations(bag) if 'estimator/state' in bag else []
-    heard = 'sonar/range' in bag and bool(_valid_ranges(bag).any())
-    every = (
-        (bool(found), Plot(
-            'position', 'Position',
-            f'Position of {names} over time on the axes x, y and z, which is up.{shade}',
-            (3, 1), 5.4, 5, draw_position)),
-        (bool(errors), Plot(
-            'errors', 'Position errors', 'Length of the position error over time: '
-            f'{listed([label for _, label, _, _ in errors])}.' if errors else '',
-            (1, 1), 2.6, 2, draw_errors)),
-        (bool(found), Plot(
-            'path', 'Path', f'The path of {names}, seen from above and from the side, to scale.',
-            (1, 2), 3.5, 5, draw_path)),
-        ('motor_pwm' in bag, Plot(
-            'motors', 'Motor commands',
-            'PWM commands of the four motors over time, laid out as seen from above.',
-            (2, 2), 3.4, 0, draw_motors)),
-        (bool(found) or heard, Plot(
-            'height', 'Height', _height_text(bag), (1, 1), 3.1, 3, draw_height)),
-        ('optical_flow' in bag, Plot(
-            'flow', 'Optical flow', 'Optical flow forward and left over time.',
-            (2, 1), 3.2, 1, draw_flow)),
-        (bool(rows), Plot(
-            'innovations', 'Innovations of the estimator', _innovations_text(rows),
-            (len(rows), 1), 0.6 + 1.25 * len(rows), 0, draw_innovations)),
-        (_has_band(bag), Plot(
-            'covariance', 'Does the filter know its error?',
-            'Position error of the estimate on each axis, z up, and the band of three standard '
-            'deviations that the filter gives.', (3, 1), 5.0, 2, draw_covariance)))
-    return [plot for wanted, plot in every if wanted]
+    every = (_positions(bag), _errors(bag), _path(bag), _motors(bag), _height(bag), _flow(bag),
+             _innovation_plot(bag), _nis(bag), _covariance(bag), *_spectra(bag))
+    spans = shade(phases(bag), bag.start, bag.end)
+    return [plot._replace(shade=spans) if plot.across == TIME else plot
+            for plot in every if plot is not None]
 
 
-def _paint(figure: Any, plot: Plot, bag: Bag, parts: Phases) -> list[Axes]:
-    """Draw a plot into a figure or a part of one, its legend in a row of its own."""
-    rows, columns = plot.shape
-    row = (plot.height - 0.3) / rows  # inches
-    grid = figure.add_gridspec(
-        rows + (plot.legend > 0), columns, height_ratios=[row] * rows + [0.02] * (plot.legend > 0))
+def _draw(ax: Axes, line: Line, label: str | None) -> None:
+    """Draw a line into axes of matplotlib."""
+    line, (dash, width, order) = line.thinned(), line.style()
+    colour = COLOURS[line.role]
+    if line.low is not None:
+        ax.fill_between(line.x, line.low, line.y, color=colour, alpha=0.18, lw=0, label=label)
+    elif line.kind == 'line':
+        ax.plot(line.x, line.y, color=colour, ls=dash, lw=width, zorder=order, label=label)
+    else:
+        marker, size = ('.', 2.5) if line.kind == 'dots' else ('x', 4.0)
+        ax.plot(line.x, line.y, ls='none', marker=marker, ms=size, color=colour, label=label)
+
+
+def _paint(figure: Figure, plot: Plot, bag: Bag) -> None:
+    """Draw a plot into a part of a sheet, its legend in a row of its own."""
+    named = dict.fromkeys(line.name for panel in plot.panels for line in panel.lines)
+    with_legend = plot.name != 'motors'
+    rows = -(-len(plot.panels) // plot.columns)
+    grid = figure.add_gridspec(rows + with_legend, plot.columns,
+                               height_ratios=[plot.row] * rows + [0.02] * with_legend)
     axes: list[Axes] = []
-    for place in range(rows * columns):
-        axes.append(figure.add_subplot(
-            grid[place // columns, place % columns],
-            sharex=axes[0] if axes and columns == 1 else None))
-    if columns == 1:
-        for ax in axes[:-1]:
+    for k, panel in enumerate(plot.panels):
+        ax = figure.add_subplot(grid[k // plot.columns, k % plot.columns],
+                                sharex=axes[0] if axes and plot.columns == 1 else None)
+        for line in panel.lines:
+            _draw(ax, line, line.name)
+        ax.set_ylabel(panel.label)
+        ax.set_title(panel.title, loc='right', weight='normal', size=9.0)
+        for name in plot.log:
+            ax.set(**{f'{name}scale': 'log'})
+        if plot.across == TIME:
+            for a, b in plot.shade:
+                ax.axvspan(a, b, color=LINE, alpha=0.35, lw=0, zorder=0)
+            ax.set_xlim(bag.start * 1e-9, max(bag.end * 1e-9, bag.start * 1e-9 + 1e-3))
+        if plot.name == 'path':
+            ax.set_aspect('equal', adjustable='datalim')
+        if panel.limits is not None:
+            ax.set_ylim(*panel.limits)
+        if k >= len(plot.panels) - plot.columns:
+            ax.set_xlabel(plot.across)
+        elif plot.columns == 1:
             ax.tick_params(labelbottom=False)
-    plot.draw(axes, bag, parts)
-    handles, labels = axes[0].get_legend_handles_labels()  # every curve is in the first
-    if plot.legend and handles:
+        axes.append(ax)
+    if with_legend:
+        found = {label: handle for ax in axes
+                 for handle, label in zip(*ax.get_legend_handles_labels())}
         below = figure.add_subplot(grid[rows, :])
         below.axis('off')
-        below.legend(handles, labels, loc='upper center', ncol=plot.legend, borderaxespad=0.0,
-                     handlelength=1.4, columnspacing=1.2)
-    return axes
-
-
-def figure_of(plot: Plot, bag: Bag, width: float = 6.6) -> Figure:
-    """Return one plot as a figure without background, ``width`` inches wide."""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(width, plot.height), layout='constrained', facecolor='none')
-        for ax in _paint(figure, plot, bag, phases(bag)):
-            ax.set_facecolor('none')
-    return figure
+        below.legend([found[name] for name in named], list(named), loc='upper center',
+                     ncol=min(len(named), 5 if len(' '.join(named)) < 60 else 2),
+                     borderaxespad=0.0, handlelength=1.4, columnspacing=1.2)
 
 
 def overview(bag: Bag, title: str) -> Figure:
     """Return all plots of a flight on one white sheet, two columns."""
+    import matplotlib
+    from matplotlib.figure import Figure
     columns: list[list[Plot]] = [[], []]
+
+    def height(column: list[Plot]) -> float:
+        return sum(-(-len(plot.panels) // plot.columns) * plot.row + 0.65 for plot in column)
     for plot in plots(bag):
-        columns[0 if sum(p.height for p in columns[0]) <= sum(p.height for p in columns[1])
-                else 1].append(plot)
+        min(columns, key=height).append(plot)
     columns = [column for column in columns if column]
-    height = max((sum(p.height + 0.35 for p in column) for column in columns), default=1.0)
     with matplotlib.rc_context(STYLE):
-        sheet = Figure(figsize=(6.8 * max(len(columns), 1), height + 0.4), layout='constrained',
-                       facecolor=palette.PAPER)
+        sheet = Figure(figsize=(6.8 * max(len(columns), 1),
+                                max(map(height, columns), default=1.0) + 0.4),
+                       layout='constrained', facecolor=palette.PAPER)
         sheet.suptitle(palette.in_figure(title), x=0.01, ha='left', weight='bold')
-        parts = phases(bag)
         halves = np.atleast_1d(sheet.subfigures(1, len(columns))) if columns else []
         for half, column in zip(halves, columns):
             pieces = np.atleast_1d(half.subfigures(
-                len(column), 1, height_ratios=[p.height + 0.35 for p in column]))
+                len(column), 1, height_ratios=[height([plot]) for plot in column]))
             for piece, plot in zip(pieces, column):
                 piece.suptitle(plot.title, x=0.02, ha='left', size=10.5, weight='bold')
-                _paint(piece, plot, bag, parts)
+                _paint(piece, plot, bag)
     return sheet
 
 
 def write_overview(bag: Bag, path: Path, title: str) -> None:
     """Write all plots of a flight on one white sheet, two columns, as PNG."""
+    import matplotlib
+
+    from . import digest
     with matplotlib.rc_context(STYLE):
         digest.save(overview(bag, title), path, dpi=110)

@@ -1,12 +1,19 @@
 'use strict';
 // Draws the figures and the replay from the JSON of the page, in the colours of the page.
-(() => {
+(async () => {
+  const packed = Uint8Array.from(atob(document.getElementById('library').textContent),
+    (letter) => letter.charCodeAt(0));
+  const library = document.createElement('script');
+  library.textContent = await new Response(new Blob([packed]).stream()
+    .pipeThrough(new DecompressionStream('gzip'))).text();
+  document.head.append(library);
   const data = JSON.parse(document.getElementById('data').textContent);
   const { replay } = data;
   const dark = window.matchMedia('(prefers-color-scheme: dark)');
   let onPaper = false; // which is white
   const colour = (name) => data.colours[dark.matches && !onPaper ? 'dark' : 'light'][name];
   const config = { displaylogo: false, displayModeBar: false, doubleClick: false };
+  const panning = new Set(); // ids of the figures that a drag moves
   const fit = new ResizeObserver((entries) => entries.forEach(({ target }) => {
     if (target.querySelector('.main-svg')) Plotly.Plots.resize(target);
   }));
@@ -16,7 +23,7 @@
     return {
       font: { family: 'system-ui, "Helvetica Neue", Arial, sans-serif', size: 12,
         color: colour('ink') },
-      paper_bgcolor: 'transparent', plot_bgcolor: 'transparent',
+      paper_bgcolor: colour('paper'), plot_bgcolor: 'transparent',
       hoverlabel: { bgcolor: colour('paper'), bordercolor: colour('line'),
         font: { color: colour('ink') } },
     };
@@ -26,77 +33,210 @@
     linecolor: colour('soft'), tickcolor: colour('soft'), automargin: true, nticks: 7,
   });
 
-  // ---------------------------------------------------------------- figures over time
+  // ---------------------------------------------------------------- figures
+
+  const unescaped = (text) => new DOMParser().parseFromString(text, 'text/html').body.textContent;
+  const escaped = (text) => text.replace(/&/g, '&amp;').replace(/</g, '&lt;');
+  const whole = [replay.t[0], replay.t[replay.t.length - 1]];
+  let shown = whole; // the stretch of time of every plot
+
+  function traces(line, y) { // of one line
+    const base = { type: 'scatter', name: line.name, legendgroup: line.name, xaxis: 'x',
+      yaxis: y, connectgaps: false };
+    const ink = colour(line.colour);
+    if (line.kind === 'band') {
+      const border = { ...base, x: line.x, mode: 'lines', line: { width: 0, color: ink },
+        hoverinfo: 'skip' };
+      return [{ ...border, y: line.low, showlegend: false },
+        { ...border, y: line.y, fill: 'tonexty', fillcolor: `${ink}2e` }];
+    }
+    if (line.kind !== 'line') {
+      return [{ ...base, x: line.x, y: line.y, mode: 'markers', hovertemplate: '%{y}',
+        marker: { color: ink, size: line.kind === 'dots' ? 3 : 7,
+          symbol: line.kind === 'dots' ? 'circle' : 'x-thin-open' } }];
+    }
+    return [{ ...base, x: line.x, y: line.y, mode: 'lines', hovertemplate: '%{y}',
+      line: { color: ink, dash: line.dash, width: line.width } }];
+  }
+
+  function marks(bag) { // events as lines, rejected samples as ticks, each one path for speed
+    const path = (times, top) => [...new Set(times)].map((t) => `M${t},0L${t},${top}`).join('');
+    const here = ([whose]) => !bag || whose === bag;
+    const shape = (times, top, role, width) => ({ type: 'path', xref: 'x', yref: 'paper',
+      layer: 'below', path: path(times, top), fillcolor: 'rgba(0, 0, 0, 0)',
+      line: { color: colour(role), width } });
+    const out = ['bad', 'half'].map((role) => [data.events.filter(here)
+      .filter((event) => event[1] === role).map((event) => event[2]), 1, role, 1]);
+    return [...out, [data.rejected.filter(here).flatMap((row) => row[1]), 0.02, 'soft', 1]]
+      .filter(([times]) => times.length).map((row) => shape(...row));
+  }
 
   function draw(figure) {
     const box = document.getElementById(figure.id).querySelector('.plot');
     const n = figure.panels.length;
-    const traces = [];
+    const lines = [];
     const named = new Set();
-    const layout = { ...base(), margin: { l: 64, r: 8, t: 8, b: 44 }, hovermode: 'x unified',
-      dragmode: narrow() ? false : 'zoom', legend: { orientation: 'h', x: 0, y: 1, yref: 'container',
-        yanchor: 'top', traceorder: 'reversed' }, shapes: [] };
-    layout.margin.t = 34;
+    const layout = { ...base(), margin: { l: 64, r: 8, t: 34, b: 44 },
+      hovermode: figure.time ? 'x unified' : 'closest', annotations: [],
+      dragmode: panning.has(figure.id) ? 'pan' : narrow() ? false : 'zoom',
+      legend: { orientation: 'h', x: 0, y: 1, yref: 'container', yanchor: 'top',
+        traceorder: 'reversed' }, shapes: figure.time ? marks(figure.bag) : [] };
     figure.panels.forEach((panel, i) => {
       const k = i ? i + 1 : '';
-      panel.lines.forEach((line) => {
-        traces.push({ type: 'scatter', mode: 'lines', name: line.name, legendgroup: line.name,
-          showlegend: !named.has(line.name) && (n === 1 || line.colour !== 'ink' || i === n - 1),
-          x: line.t, y: line.y, xaxis: 'x', yaxis: `y${k}`, connectgaps: false,
-          hovertemplate: '%{y}', line: { color: colour(line.colour), dash: line.dash,
-            width: line.width } });
-        if (traces[traces.length - 1].showlegend) named.add(line.name);
-      });
-      const gap = 0.035;
+      panel.lines.forEach((line) => traces(line, `y${k}`).forEach((trace) => {
+        const first = !named.has(line.name) && trace.showlegend !== false
+          && line.name !== panel.title && (n === 1 || line.colour !== 'ink'
+            || line.kind !== 'line' || i === n - 1);
+        if (first) named.add(line.name);
+        lines.push({ ...trace, showlegend: first });
+      }));
+      const gap = figure.panels.some(({ title }) => title) ? 0.07 : 0.035;
       const height = (1 - gap * (n - 1)) / n;
       const top = 1 - i * (height + gap);
       layout[`yaxis${k}`] = { ...axis(panel.label), domain: [Math.max(0, top - height), top],
-        nticks: 5 };
+        nticks: 5, ...(figure.log.includes('y') ? { type: 'log', exponentformat: 'power' } : {}),
+        ...(panel.limits ? { range: [...panel.limits] } : {}) };
+      if (panel.title) {
+        layout.annotations.push({ text: escaped(panel.title), x: 1, y: top, xref: 'paper',
+          yref: 'paper', xanchor: 'right', yanchor: 'bottom', showarrow: false,
+          font: { size: 11, color: colour('soft') } });
+      }
     });
-    layout.xaxis = { ...axis('time [s]'), anchor: `y${n > 1 ? n : ''}`, domain: [0, 1],
-      range: [...whole] };
+    layout.xaxis = { ...axis(figure.across), anchor: `y${n > 1 ? n : ''}`, domain: [0, 1],
+      ...(figure.time ? { range: [...shown] } : {}), ...(figure.log.includes('x')
+        ? { type: 'log' } : {}) };
     figure.shade.forEach(([from, to]) => layout.shapes.push({ type: 'rect', xref: 'x',
       yref: 'paper', x0: from, x1: to, y0: 0, y1: 1, layer: 'below', line: { width: 0 },
       fillcolor: colour('shade'), opacity: 0.8 }));
-    Plotly.react(box, traces, layout, config);
-    if (!box.dataset.live) {
-      box.dataset.live = 'yes';
-      fit.observe(box);
-      box.on('plotly_relayout', (change) => follow(box, change));
-      box.on('plotly_doubleclick', reset);
-      if (shown !== whole) relayout([box], () => ({ 'xaxis.range': [...shown] }));
-      box.on('plotly_click', (event) => seek(event.points[0].x));
-    }
+    Plotly.react(box, lines, layout, config);
+    begin(box, figure);
   }
 
-  const whole = [replay.t[0], replay.t[replay.t.length - 1]];
-  let shown = whole; // the stretch of time of every plot
+  function begin(box, figure) { // once for each plot
+    if (box.dataset.live) return;
+    box.dataset.live = 'yes';
+    fit.observe(box);
+    box.on('plotly_doubleclick', reset);
+    if (!figure.time) return;
+    box.dataset.time = 'yes';
+    const cursor = document.createElement('div');
+    cursor.className = 'cursor';
+    box.append(cursor);
+    box.on('plotly_afterplot', () => place(box));
+    box.on('plotly_relayout', (change) => follow(box, change));
+    box.on('plotly_click', (event) => seek(event.points[0].x));
+    place(box);
+  }
+
+  function place(box) { // the line at the time of the replay
+    const { xaxis, _size: size } = box._fullLayout;
+    const at = xaxis.l2p(seconds());
+    const { style } = box.querySelector('.cursor');
+    style.display = at >= 0 && at <= xaxis._length ? 'block' : 'none';
+    style.transform = `translateX(${size.l + at}px)`;
+    style.top = `${size.t}px`;
+    style.height = `${size.h}px`;
+  }
+
   let following = false;
   function relayout(boxes, change) {
     following = true;
-    Promise.all(boxes.map((box) => Plotly.relayout(box, change(box))))
+    return Promise.all(boxes.map((box) => Plotly.relayout(box, change(box))))
       .finally(() => { following = false; });
   }
   const live = () => [...document.querySelectorAll('.plot[data-live]')];
+  const inTime = () => live().filter((box) => box.dataset.time);
   function follow(box, change) { // the others take the stretch of time of the one zoomed into
     if (following) return;
     const range = change['xaxis.range'] || [change['xaxis.range[0]'], change['xaxis.range[1]']];
     if (range[0] === undefined) return;
     shown = [...range];
-    relayout(live().filter((other) => other !== box), () => ({ 'xaxis.range': [...shown] }));
+    relayout(inTime().filter((other) => other !== box), () => ({ 'xaxis.range': [...shown] }));
   }
-  function reset() { // a double click into any plot: all of time and all values, in every plot
+  function reset() { // all of time and all values, in every plot
     shown = whole;
-    relayout(live(), (box) => Object.fromEntries([['xaxis.range', [...whole]],
-      ...Object.keys(box.layout).filter((key) => key.startsWith('yaxis'))
-        .map((key) => [`${key}.autorange`, true])]));
+    const limits = Object.fromEntries(data.figures.map((figure) => [figure.id, figure.panels]));
+    relayout(live(), (box) => Object.fromEntries([
+      ...(box.dataset.time ? [['xaxis.range', [...whole]]] : [['xaxis.autorange', true]]),
+      ...Object.keys(box.layout).filter((key) => key.startsWith('yaxis')).map((key) => {
+        const panel = (limits[box.parentElement.id] || [])[Number(key.slice(5) || 1) - 1];
+        return panel && panel.limits ? [`${key}.range`, [...panel.limits]]
+          : [`${key}.autorange`, true];
+      })]));
   }
+  function zoom(factor) { // every plot over time, about the cursor
+    const about = Math.min(shown[1], Math.max(shown[0], seconds()));
+    shown = [Math.max(whole[0], about - factor * (about - shown[0])),
+      Math.min(whole[1], about + factor * (shown[1] - about))];
+    relayout(inTime(), () => ({ 'xaxis.range': [...shown] }));
+  }
+
+  // ---------------------------------------------------------------- mode bars
+
+  function save(name, href) {
+    const link = document.createElement('a');
+    Object.assign(link, { download: name, href });
+    link.click();
+  }
+  const cell = (value) => { // no cell of a table begins a formula
+    const text = String(value ?? '');
+    return /^[\d.eE+-]*$/.test(text) ? text
+      : `"${text.replace(/^[=+\-@\t\r]/, "'$&").replace(/"/g, '""')}"`;
+  };
+  function csv(box) { // the points of every curve, one below the other
+    const rows = [['curve', 'axis', box.layout.xaxis.title.text, 'value']];
+    box.data.forEach((trace) => {
+      const label = box.layout[trace.yaxis.replace('y', 'yaxis')].title.text;
+      [...trace.x].forEach((x, k) => rows.push([unescaped(trace.name), unescaped(label), x,
+        trace.y[k]]));
+    });
+    return rows.map((row) => row.map(cell).join(',')).join('\r\n');
+  }
+  function act(what, bar) {
+    const id = bar.parentElement.id;
+    const box = bar.parentElement.querySelector('.plot');
+    const { xaxis } = box._fullLayout;
+    if (what === 'reset') reset();
+    else if (what === 'png') {
+      Plotly.downloadImage(box, { format: 'png', scale: 2, filename: id,
+        width: box.clientWidth, height: box.clientHeight });
+    } else if (what === 'csv') {
+      save(`${id}.csv`, URL.createObjectURL(new Blob([csv(box)], { type: 'text/csv' })));
+    } else if (what === 'pan') {
+      if (!panning.delete(id)) panning.add(id);
+      Plotly.relayout(box, { dragmode: panning.has(id) ? 'pan' : 'zoom' });
+      bar.querySelector('[data-do=pan]').setAttribute('aria-pressed', panning.has(id));
+    } else {
+      const factor = what === 'in' ? 0.5 : 2;
+      if (box.dataset.time) zoom(factor);
+      else {
+        const middle = (xaxis.range[0] + xaxis.range[1]) / 2;
+        Plotly.relayout(box, { 'xaxis.range': xaxis.range.map((v) => middle
+          + factor * (v - middle)) });
+      }
+    }
+  }
+  document.querySelectorAll('.modebar').forEach((bar) => {
+    const buttons = [...bar.querySelectorAll('button')];
+    bar.addEventListener('click', ({ target }) => { if (target.dataset.do) act(target.dataset.do,
+      bar); });
+    bar.addEventListener('keydown', (event) => { // one stop of Tab, arrows within
+      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (!step) return;
+      const next = buttons[(buttons.indexOf(event.target) + step + buttons.length)
+        % buttons.length];
+      buttons.forEach((button) => { button.tabIndex = button === next ? 0 : -1; });
+      next.focus();
+      event.preventDefault();
+    });
+  });
 
   // ---------------------------------------------------------------- replay
 
-  const scene = document.getElementById('scene');
+  const scene = document.getElementById('scene'); // absent without a motion
   const flat = document.getElementById('flat');
   const hasWebGL = (() => {
+    if (!scene) return false;
     try { return Boolean(document.createElement('canvas').getContext('webgl')); } catch (e) {
       return false;
     }
@@ -158,6 +298,7 @@
   const columns = (points) => [0, 1, 2].map((k) => points.map((p) => p[k]));
 
   function drawScene() {
+    if (!scene) return;
     if (!hasWebGL) {
       scene.innerHTML = '<p class="hint">This browser has no WebGL, so the flight is shown from '
         + 'above and from the side only.</p>';
@@ -192,6 +333,7 @@
   }
 
   function drawFlat() {
+    if (!flat) return;
     const traces = [];
     const legend = !hasWebGL || onPaper; // else the scene beside it has one
     [['x', 'y', ''], ['x', 'z', '2']].forEach(([across, up, k]) => {
@@ -250,14 +392,17 @@
   let now = 0; // in frames
   let playing = false;
 
+  const seconds = () => replay.t[0] + now / rate;
   function show() {
     slider.value = now;
-    clock.value = `${(replay.t[0] + now / rate).toFixed(2)} s`;
+    clock.value = `${seconds().toFixed(2)} s`;
     if (hasWebGL) showScene();
-    showFlat();
+    if (flat) showFlat();
+    inTime().forEach(place);
+    showPair();
   }
-  function seek(seconds) {
-    now = Math.min(last, Math.max(0, (seconds - replay.t[0]) * rate));
+  function seek(t) {
+    now = Math.min(last, Math.max(0, (t - replay.t[0]) * rate));
     show();
   }
   function run(on) {
@@ -282,6 +427,59 @@
   slider.max = last;
   slider.addEventListener('input', () => { now = Number(slider.value); show(); });
   play.addEventListener('click', () => run(!playing));
+  document.querySelectorAll('.when').forEach((button) => button.addEventListener('click',
+    () => seek(Number(button.dataset.t))));
+  document.addEventListener('keydown', (event) => {
+    if (event.ctrlKey || event.altKey || event.metaKey
+      || event.target.closest('button, input, select, summary, [tabindex]')) return;
+    const step = event.shiftKey ? 1 : 0.1;
+    const todo = { ' ': () => run(!playing), ArrowLeft: () => seek(seconds() - step),
+      ArrowRight: () => seek(seconds() + step), '+': () => zoom(0.5), '-': () => zoom(2),
+      0: reset }[event.key];
+    if (!todo) return;
+    todo();
+    event.preventDefault();
+  });
+
+  // ---------------------------------------------------------------- any signal against any other
+
+  const [across, up] = ['across', 'up'].map((name) => document.getElementById(name));
+  const pick = ({ value }) => (value === '' ? data.signals.t : data.signals.values[value]);
+  const label = (choice) => escaped(choice.selectedOptions[0].textContent);
+  function drawPair() {
+    if (!across) return;
+    const box = document.querySelector('#explore .plot');
+    const name = `${label(up)} against ${label(across)}`;
+    Plotly.react(box, [{ type: 'scatter', mode: 'lines+markers', name, x: pick(across),
+      y: pick(up), xaxis: 'x', yaxis: 'y', showlegend: false, connectgaps: false,
+      line: { color: colour('onboard'), width: 0.7 }, marker: { size: 3 } },
+    { type: 'scatter', mode: 'markers', name: 'now', x: [], y: [], xaxis: 'x', yaxis: 'y',
+      showlegend: false, hoverinfo: 'skip', marker: { size: 11, color: colour('estimate') } }],
+    { ...base(), margin: { l: 64, r: 8, t: 12, b: 44 }, xaxis: axis(label(across)),
+      yaxis: axis(label(up)), hovermode: 'closest', dragmode: narrow() ? false : 'zoom' }, config);
+    begin(box, { time: false });
+    showPair();
+  }
+  function showPair() { // the point at the time of the replay
+    const box = document.querySelector('#explore .plot[data-live]');
+    if (!box) return;
+    const { t } = data.signals;
+    const k = Math.round((seconds() - t[0]) / Math.max(t[t.length - 1] - t[0], 1e-9)
+      * (t.length - 1));
+    Plotly.restyle(box, { x: [[pick(across)[k]]], y: [[pick(up)[k]]] }, [1]);
+  }
+  if (across) {
+    [across, up].forEach((choice, which) => {
+      ['time [s]', ...data.signals.names].forEach((name, k) => {
+        const option = document.createElement('option');
+        option.textContent = name;
+        option.value = k ? k - 1 : '';
+        choice.append(option);
+      });
+      choice.value = Math.min(which, data.signals.names.length - 1);
+      choice.addEventListener('change', drawPair);
+    });
+  }
 
   // ---------------------------------------------------------------- when to draw
 
@@ -289,20 +487,21 @@
   const observer = new IntersectionObserver((entries) => entries.forEach((entry) => {
     if (!entry.isIntersecting || !waiting.has(entry.target)) return;
     observer.unobserve(entry.target);
-    draw(waiting.get(entry.target));
+    waiting.get(entry.target)();
     waiting.delete(entry.target);
   }), { rootMargin: '600px' });
-  data.figures.forEach((figure) => {
-    const box = document.getElementById(figure.id);
-    box.querySelector('.plot').style.setProperty('--panels', figure.panels.length);
-    waiting.set(box, figure);
+  const wait = (id, how) => {
+    const box = document.getElementById(id);
+    waiting.set(box, how);
     observer.observe(box);
-  });
-  function rest() { waiting.forEach((figure) => draw(figure)); waiting.clear(); }
+  };
+  now = Math.round(0.4 * last);
+  data.figures.forEach((figure) => wait(figure.id, () => draw(figure)));
+  if (across) wait('explore', drawPair);
+  function rest() { waiting.forEach((how) => how()); waiting.clear(); }
   drawScene();
   drawFlat();
-  [scene, flat].forEach((box) => fit.observe(box));
-  now = Math.round(0.4 * last);
+  [scene, flat].filter(Boolean).forEach((box) => fit.observe(box));
   show();
   function again() { // in other colours
     drawScene();
@@ -310,6 +509,7 @@
     data.figures.forEach((figure) => {
       if (!waiting.has(document.getElementById(figure.id))) draw(figure);
     });
+    if (across && !waiting.has(document.getElementById('explore'))) drawPair();
   }
   window.addEventListener('beforeprint', () => {
     onPaper = true;

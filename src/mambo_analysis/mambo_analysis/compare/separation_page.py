@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from mambo_bags.reader import BagError
 from mambo_flight.world import separation
@@ -14,10 +13,12 @@ from mambo_model import palette
 from mambo_model.frames import flip_vector
 from mambo_signals import motion
 from mambo_signals.flight_phases import Phases
+from mambo_signals.metrics import Floats, Ints
 from mambo_signals.motion import Motion
 import numpy as np
 
 from . import report
+from .figures import Line, Panel, Plot
 from .report import Report
 
 _SHOWN = 6  # nearest pairs with a line of their own
@@ -31,24 +32,21 @@ def _motions(drones: Mapping[str, separation.Seen]) -> dict[str, Motion]:
         0, 0.0, np.array(flip_vector(place))) for name, (bag, place) in drones.items()}
 
 
-def _line(
-    name: str, t: Any, values: Any, role: str, dash: str = 'solid', width: float = 1.4,
-) -> dict[str, Any]:
-    style = {'colour': role, 'dash': dash, 'width': width}
-    return report.line_of(name, t, values, report.DIGITS['m'], style)
+def _line(name: str, stamps: Ints, values: Floats, role: str, dash: str = '-') -> Line:
+    return Line(name, stamps * 1e-9, values, role, dash=dash, width=1.4)
 
 
-def _distances(found: Sequence[Pair], limit: float) -> dict[str, Any]:
+def _distances(found: Sequence[Pair], limit: float) -> Plot:
     """Return the figure of the distances over time: those of pairs, and the smallest."""
     t, least = separation.smallest(found)
-    collision = _line('collision', t[[0, -1]], np.full(2, limit), 'bad', 'dash')
+    collision = _line('collision', t[[0, -1]], np.full(2, limit), 'bad', '--')
     lines = [_line(' - '.join(pair.names), pair.t, pair.distance, role)
              for pair, role in zip(found[:_SHOWN], palette.SERIES, strict=False)]
-    return report.figure_of(
+    return Plot(
         'separation', 'Separation',
         f'Distance between the centres of {"the nearest" if len(found) > _SHOWN else "all"} '
         'pairs, the smallest distance of all pairs, and the distance of a collision, '
-        f'{limit:g} m.', [('pairs [m]', [collision, *lines]), ('smallest [m]', [
+        f'{limit:g} m.', [Panel('pairs [m]', [collision, *lines]), Panel('smallest [m]', [
             collision, _line('smallest of all pairs', t, least, 'ink')])])
 
 
@@ -87,8 +85,8 @@ def of_several(path: Path) -> Report:
           f'{" - ".join(found[0].names)} at {at:.2f} s'),
          ('collision', f'{limit:g} m', 'and nearer'),
          ('pairs that collided', str(len(near)), f'of {len(found)}')],
-        notes, [], [], [], report.replay_of(moving, moving),
-        [{**_distances(found, limit), 'shade': []}], Phases(None, None, ''),
+        notes, [], [], report.replay_of(moving, moving), [_distances(found, limit)],
+        Phases(None, None, ''),
         [('Distance of drones', ['drones', 'least [m]', 'at [s]', 'mean [m]'], rows)])
 
 

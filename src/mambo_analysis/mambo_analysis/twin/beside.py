@@ -11,13 +11,12 @@ from mambo_signals.motion import Motion
 import numpy as np
 
 from ..compare import pair, report
+from ..compare.report import Table
 from .loop import Flown
 from .recorded import Recorded
 
 PAUSE = 2.0  # s between two flights on the page
 WHOLE = Phases(None, None, 'whole flight')
-Table = tuple[str, Sequence[str], Sequence[Sequence[str]]]
-"""Caption, head and rows."""
 
 
 class Beside(NamedTuple):
@@ -80,8 +79,7 @@ def page(pairs: Sequence[Beside], tables: Sequence[Table], notes: Sequence[str])
     return report.Report(
         f'{count} beside their simulation', f'{", ".join(one.flight.name for one in pairs)}. Each '
         'is left out once, and predicted by a model of the others.', [], cards, list(notes),
-        sections, [], [], report.replay_of(tracks, vehicles),
-        [{**figure, 'shade': []} for figure in drawn], WHOLE, tables)
+        sections, [], report.replay_of(tracks, vehicles), drawn, WHOLE, tables)
 
 
 def write(path: Path, pairs: Sequence[Beside], tables: Sequence[Table],

@@ -7,7 +7,7 @@ import shutil
 import subprocess
 
 import browser
-from mambo_analysis.compare import figures, page, report, tables
+from mambo_analysis.compare import report, tables
 from mambo_analysis.compare.compare import compare, compare_bags
 from mambo_bags.reader import read_bag
 from mambo_thesis.figures import claim, drawing, page as thesis
@@ -36,10 +36,8 @@ def reproduction():
                         for k, result in enumerate(results)])
 
 
-@pytest.fixture(scope='module', params=['flight', 'one', 'two', 'thesis'])
+@pytest.fixture(scope='module', params=['one', 'two', 'thesis'])
 def text(request, flights):
-    if request.param == 'flight':
-        return page.html(flights[0], compare(flights[0]))
     if request.param == 'one':
         return report.html(report.of_one(flights[0], compare(flights[0])))
     if request.param == 'two':
@@ -86,14 +84,14 @@ def test_a_page_has_what_a_screen_reader_needs(text):
 @browser.AXE_NEEDED
 @pytest.mark.parametrize('theme', ['light', 'dark'])
 @pytest.mark.parametrize('width', [1280, 390])
-def test_axe_finds_nothing_serious(text, width, theme, tmp_path):
-    assert browser.serious(text, tmp_path, width=width, theme=theme) == []
+def test_axe_finds_nothing(text, width, theme, tmp_path):
+    assert browser.findings(text, tmp_path, width=width, theme=theme) == []
     across = browser.started().evaluate('return document.documentElement.scrollWidth')
     assert across <= width  # only tables scroll sideways, in frames of their own
 
 
-RANGES = """return [...document.querySelectorAll('.plot[data-live]')].map(({ _fullLayout: all }) =>
-    [all.xaxis, all.yaxis].map(({ range }) => range.map((v) => Number(v.toPrecision(6)))));"""
+RANGES = """return [...document.querySelectorAll('.plot[data-time]')].map(({ _fullLayout: all }) =>
+    [all.xaxis, all.yaxis].map(({ range }) => range.map((v) => Number(v.toPrecision(4)))));"""
 
 
 @browser.NEEDED
@@ -102,7 +100,7 @@ def test_a_double_click_resets_every_plot(flights, tmp_path):
     before = tab.evaluate(RANGES)
     tab.evaluate("""
         Plotly.setPlotConfig({ doubleClickDelay: 60000 }); // ms: the machine may be slow, and
-        const boxes = [...document.querySelectorAll('.plot[data-live]')]; // a redrawn plot asks it
+        const boxes = [...document.querySelectorAll('.plot[data-time]')]; // a redrawn plot asks it
         boxes[1]._context.doubleClickDelay = 60000;
         await Plotly.relayout(boxes[1], { 'xaxis.range[0]': 3, 'xaxis.range[1]': 5,
           'yaxis.range': [0, 900] });
@@ -114,7 +112,7 @@ def test_a_double_click_resets_every_plot(flights, tmp_path):
     assert len(before) > 3 and all(time[1] > 17.9 for time, _ in before)
     assert all(time == [3, 5] for time, _ in zoomed) and zoomed[0][1] == [0, 900]
     tab.double_click(*tab.evaluate("""
-        const area = document.querySelectorAll('.plot[data-live]')[1].querySelector('.nsewdrag')
+        const area = document.querySelectorAll('.plot[data-time]')[1].querySelector('.nsewdrag')
           .getBoundingClientRect();
         return [area.left + 40, area.top + 20];
     """))
@@ -156,7 +154,6 @@ def test_every_page_says_what_ended_a_flight_early_and_what_was_refused(flights,
     result = compare(ended)
     against, comparison, alignment = compare_bags(flights[0], ended)
     for shown, entries, name in (
-            (page.html(ended, result), result, ''),
             (report.html(report.of_one(ended, result)), result, ''),
             (report.html(report.of_two(flights[0], ended, against, comparison, alignment)),
              against, 'B: ')):
@@ -167,29 +164,9 @@ def test_every_page_says_what_ended_a_flight_early_and_what_was_refused(flights,
 
 
 def test_every_page_says_that_a_part_has_too_few_samples(flights):
-    bag = flights[0]
-    result = compare(bag)
-    few = [{**entry, 'too_few': {'after take-off': 1}} for entry in result['errors']]
-    assert '1 sample: too few for statistics' in page.html(bag, {**result, 'errors': few})
-    made = report.of_one(bag, result)
+    made = report.of_one(flights[0], compare(flights[0]))
     assert '1 sample: too few for statistics' in report.html(made._replace(sections=[
         {**entry, 'too_few': {'after take-off': 1}} for entry in made.sections]))
-
-
-def captions(flight):
-    return {plot.name: plot.text for plot in figures.plots(flight)}
-
-
-def test_captions_name_what_is_drawn_and_nothing_else(flights, tmp_path):
-    whole = captions(flights[0])
-    assert 'ground truth' in whole['position'] and 'Take-off' in whole['position']
-    less = captions(read_bag(make_flight(tmp_path / 'less', 3.0, leave_out=(
-        'ground_truth/odom', 'barometer/pressure', 'reference'))))
-    assert 'ground truth' not in less['position'] and 'reference' not in less['position']
-    assert 'shaded' not in less['position'] and 'barometer' not in less['height']
-    plot = next(plot for plot in figures.plots(flights[0]) if plot.name == 'height')
-    labels = figures.figure_of(plot, flights[0]).axes[0].get_legend_handles_labels()[1]
-    assert len(labels) > 3 and all(label.split(',')[0] in plot.text for label in labels)
 
 
 def test_a_curve_without_values_is_not_in_the_legend():

@@ -90,8 +90,8 @@ def test_the_browser_draws_it(text, tmp_path):
 
 @browser.AXE_NEEDED
 @pytest.mark.parametrize('theme', ['light', 'dark'])
-def test_axe_finds_nothing_serious(text, theme, tmp_path):
-    assert browser.serious(text, tmp_path, width=390, theme=theme) == []
+def test_axe_finds_nothing(text, theme, tmp_path):
+    assert browser.findings(text, tmp_path, width=390, theme=theme) == []
 
 
 def test_of_many_pairs_the_nearest_are_drawn_and_listed(monkeypatch, flown):
@@ -100,9 +100,9 @@ def test_of_many_pairs_the_nearest_are_drawn_and_listed(monkeypatch, flown):
     many = {f'/mambo{k}': first._replace(place=(0.0, float(k), 0.0)) for k in range(1, 11)}
     monkeypatch.setattr(separation, 'read_drones', lambda paths: (many, limit))
     made = separation_page.of_several(flown)
-    names = [line['name'] for line in made.figures[0]['panels'][0]['lines']]
+    names = [line.name for line in made.figures[0].panels[0].lines]
     assert len(names) == 7 and '/mambo1 - /mambo2' in names and '/mambo1 - /mambo9' not in names
-    assert 'the nearest pairs' in made.figures[0]['text']
+    assert 'the nearest pairs' in made.figures[0].text
     assert len(made.tables[0][2]) == 30 and made.notes[-1].startswith('15 pairs')
     assert made.cards[0][1] == '1.000 m' and len(made.replay['vehicles']) == 10
 
