@@ -63,7 +63,7 @@
     const path = (times, top) => [...new Set(times)].map((t) => `M${t},0L${t},${top}`).join('');
     const here = ([whose]) => !bag || whose === bag;
     const shape = (times, top, role, width) => ({ type: 'path', xref: 'x', yref: 'paper',
-      layer: 'below', path: path(times, top), fillcolor: 'rgba(0, 0, 0, 0)',
+      layer: 'below', path: path(times, top), fillcolor: 'transparent',
       line: { color: colour(role), width } });
     const out = ['bad', 'half'].map((role) => [data.events.filter(here)
       .filter((event) => event[1] === role).map((event) => event[2]), 1, role, 1]);

@@ -5,7 +5,7 @@ import json
 import re
 
 import browser
-from mambo_analysis.compare import report
+from mambo_analysis.compare import events, report
 from mambo_analysis.compare.compare import compare, compare_bags
 from mambo_bags.reader import read_bag
 import numpy as np
@@ -297,5 +297,53 @@ def test_any_signal_is_drawn_against_any_other(tab):
     """)
     t, x, y = np.array([t, x, y], float)[:, :-1]  # the last may be that of another topic
     np.testing.assert_allclose(x, truth_position(t)[:, 0], atol=1e-3)
-    np.testing.assert_allclose(y, 247.0 + 20.0 * np.sin(t + 2), atol=0.01)
+    np.testing.assert_allclose(y, 247.0 + 20.0 * np.sin(t + 2), atol=0.02)  # t to 1 ms
     assert title == 'motor_pwm pwm[2]'
+
+
+@browser.NEEDED
+def test_texts_of_a_bag_never_become_part_of_the_page(ended, tmp_path):
+    evil = '</script><img src=x onerror="window.hacked = 1">"\'<b>'
+    made = report.of_one(ended, compare(ended))
+    plot = made.figures[0]
+    panel = plot.panels[0]._replace(
+        title=evil, lines=[line._replace(name=evil) for line in plot.panels[0].lines])
+    text = report.html(made._replace(
+        title=evil, lead=evil, ending=[evil], cards=[(evil, evil, evil)], notes=[evil],
+        details=[(evil, evil)], below=[(evil, [evil, evil], [[evil, evil]])],
+        figures=[plot._replace(title=evil, text=evil, panels=[panel])],
+        events=[events.Event(1.0, 'bad', evil)],
+        signals={**made.signals, 'names': [evil] * len(made.signals['names'])}))
+    tab = browser.opened(text, tmp_path)
+    assert tab.evaluate("""
+        document.querySelector('#across').dispatchEvent(new Event('change'));
+        const bold = [...document.querySelectorAll('b')].filter((b) => !b.closest('figcaption'));
+        return [window.hacked || 0, document.images.length, bold.length,
+          document.querySelector('#across').options[1].textContent];
+    """) == [0, 0, 0, evil]
+
+
+@browser.NEEDED
+def test_the_plots_of_a_bag_have_its_own_events_only(ended, flights, tmp_path):
+    result, comparison, alignment = compare_bags(ended, flights[1])
+    page = report.html(report.of_two(ended, flights[1], result, comparison, alignment))
+    tab = browser.opened(page, tmp_path)
+    count = [tab.evaluate(f"""
+        return document.querySelector('#{name} .plot').layout.shapes.filter(
+          (shape) => shape.path && shape.path.startsWith('M9,')).length;
+    """) for name in ('position', 'bag-a-height', 'bag-b-height')]
+    assert count == [1, 1, 0]
+
+
+@browser.NEEDED
+def test_the_mode_bar_is_seen_on_the_screen_and_one_stop_of_the_tab_key(tab):
+    seen, stops, moved = tab.evaluate("""
+        const bar = document.querySelector('.modebar');
+        const buttons = [...bar.querySelectorAll('button')];
+        const stops = buttons.filter((button) => button.tabIndex === 0).length;
+        buttons[0].focus();
+        buttons[0].dispatchEvent(
+          new KeyboardEvent('keydown', { key: 'ArrowLeft', bubbles: true }));
+        return [bar.checkVisibility(), stops, document.activeElement.dataset.do];
+    """)
+    assert (seen, stops, moved) == (True, 1, 'csv')
