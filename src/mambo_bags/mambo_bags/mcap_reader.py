@@ -24,6 +24,7 @@ import zlib
 import lz4.frame
 from mambo_model import limits
 from mambo_model.errors import InputError
+from mambo_model.schema import ParameterError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Footer, Metadata, Schema
 import numpy as np
@@ -138,11 +139,18 @@ class Contents:
         return [*self.lost, *self.wrong]
 
 
+def check_regular(path: Path) -> None:
+    """Raise BagError if a path to be read is a pipe, a device or a file of the kernel."""
+    try:
+        limits.check_regular(path)
+    except ParameterError as error:
+        raise BagError(str(error)) from None
+
+
 def read_file(path: Path) -> bytes:
     """Return a file's content; BagError if it cannot be read, is empty or not a regular file."""
+    check_regular(path)
     try:
-        if not (path.is_file() or path.is_dir()) and path.exists():  # a device may be endless
-            raise BagError(f'{path}: not a regular file; copy it to one first')
         data = path.read_bytes()
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from None

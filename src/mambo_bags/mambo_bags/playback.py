@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from mambo_model import schema, yaml_nodes
+from mambo_model import limits, schema, yaml_nodes
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 import yaml
@@ -21,6 +21,7 @@ def bag_files(path: Path) -> list[Path]:
         If the path holds no MCAP file.
 
     """
+    limits.check_regular(path)
     if path.is_file():
         return [path]
     listing = path / 'metadata.yaml'

@@ -22,7 +22,7 @@ from rosbags.typesys.store import Typestore
 import yaml
 
 from . import columns as cdr, mcap_reader
-from .mcap_reader import BagError, Batch
+from .mcap_reader import BagError, Batch, check_regular
 
 if TYPE_CHECKING:
     import pandas
@@ -432,6 +432,7 @@ def bag_files(path: Path) -> tuple[list[Path], dict[str, Any]]:
         If the path is not an MCAP bag, or is one that another tool must convert first.
 
     """
+    check_regular(path)
     if path.is_file():
         if path.name == 'metadata.yaml':
             raise BagError(f'{path}: give the directory of the bag, not its metadata.yaml')

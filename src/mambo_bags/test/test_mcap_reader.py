@@ -116,7 +116,7 @@ def test_messages_of_a_channel_that_is_not_defined_are_told_and_the_others_kept(
     assert 'message of unknown channel 7' in contents.lost[0]
 
 
-@pytest.mark.parametrize('path', ['/dev/zero', 'pipe'])
+@pytest.mark.parametrize('path', ['/dev/zero', '/proc/kmsg', 'pipe'])
 def test_what_may_never_end_is_not_read(tmp_path, path):
     os.mkfifo(tmp_path / 'pipe')
     with pytest.raises(BagError, match='not a regular file'):

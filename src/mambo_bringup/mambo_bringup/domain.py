@@ -9,7 +9,7 @@ from mambo_model.errors import JobError
 from mambo_ros.graph import loopback
 from mambo_ros.graph.domains import HIGHEST, lock_path
 
-from .processes import FlightError
+from .processes import FlightError, FlightInputError
 
 _FREE = range(0, 101)  # domains whose ports are free of the ephemeral range on Linux
 
@@ -30,9 +30,10 @@ class Domain:
 
     Raises
     ------
+    FlightInputError
+        If the requested domain does not exist.
     FlightError
-        If the requested domain does not exist or is used by another flight, if none is free, or if
-        the loopback interface is down.
+        If it is used by another flight, if none is free, or if the loopback interface is down.
 
     """
 
@@ -45,7 +46,7 @@ class Domain:
             raise FlightError(str(error)) from None
         asked = os.environ.get('ROS_DOMAIN_ID', '')
         if asked and not (asked.isascii() and asked.isdigit() and int(asked) <= HIGHEST):
-            raise FlightError(
+            raise FlightInputError(
                 f'ROS_DOMAIN_ID = {asked!r} is not a whole number from 0 to {HIGHEST}')
         for number in [int(asked)] if asked else _FREE:
             if self._claim(number):

@@ -19,6 +19,7 @@ import sys
 from typing import NamedTuple
 
 from mambo_bags import command
+from mambo_bags.cli import environment
 
 
 class Command(NamedTuple):
@@ -134,6 +135,7 @@ GROUPS: dict[str, dict[str, Command]] = {
 }
 TABLES = ('.csv', '.parquet', '.pq')
 """Endings of files that `mambo import FILE` takes for tables."""
+_ROS = ('mambo_bringup.', 'mambo_view.')  # begin the modules of commands that use ROS
 COMMANDS = {name: entry for group in GROUPS.values() for name, entry in group.items()}
 
 
@@ -232,6 +234,9 @@ def main(arguments: list[str] | None = None) -> int:
     entry = COMMANDS[name]
     if is_script(entry):
         return run_script(entry, rest)
+    if wrong := environment.complaint(entry.module.startswith(_ROS)):
+        print(f'mambo: {wrong}', file=sys.stderr)
+        return 2
     command.set_program(f'mambo {name}')
     if arguments is None:  # this process does nothing else
         command.own_process()

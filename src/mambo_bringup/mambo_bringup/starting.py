@@ -16,6 +16,8 @@ import sys
 import threading
 import time
 
+from mambo_bags.cli import environment
+
 from .stopping import leave_at_once, stoppable
 
 _THREADS = 5.0  # s that threads of a user's code may take to end after the command
@@ -30,6 +32,9 @@ def main(module: str) -> int:
         sys.stderr.write(f'{module}: the current folder cannot be used ({error.strerror}): change '
                          'to another one\n')
         return 1
+    if wrong := environment.complaint(ros=module == 'run'):
+        sys.stderr.write(f'{module}: {wrong}\n')
+        return 2
     command = import_module(f'.{module}', __package__)
     signal.signal(signal.SIGINT, before)
     try:

@@ -104,6 +104,7 @@ def test_a_domain_that_cannot_be_is_refused_with_one_line(monkeypatch, nonsense)
     monkeypatch.setenv('ROS_DOMAIN_ID', nonsense)
     with pytest.raises(FlightError) as refusal:
         Domain()
+    assert refusal.value.exit_code == 2
     assert str(refusal.value) == (
         f'ROS_DOMAIN_ID = {nonsense!r} is not a whole number from 0 to 232')
 

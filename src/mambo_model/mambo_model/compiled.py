@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 from collections.abc import Callable, Iterator, Mapping
 import contextlib
 import functools
@@ -13,7 +14,9 @@ import importlib.metadata
 import importlib.util
 import os
 from pathlib import Path
+import shutil
 import sys
+import tempfile
 from typing import Any, TypeVar
 
 F = TypeVar('F', bound=Callable)
@@ -103,7 +106,40 @@ def _cache_root() -> Path:
     return Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache') / 'mambo'
 
 
-os.environ.setdefault('NUMBA_CACHE_DIR', str(_cache_root() / f'numba-{source_digest()}'))
+def _usable(folder: Path) -> bool:
+    """Return whether files can be made in a folder, which is made if it is missing."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _make_cache() -> str:
+    """
+    Return a folder that can be written for compiled code.
+
+    Without one, numba would write beside the sources, both functions of :class:`_Compiled` into
+    the same file, and what it then loads crashes. A folder for this process and its children
+    takes the place of one that cannot be written: they compile once more.
+    """
+    folder = Path(os.environ.get('NUMBA_CACHE_DIR') or _cache_root() / f'numba-{source_digest()}')
+    if _usable(folder):
+        return str(folder)
+    try:
+        made = tempfile.mkdtemp(prefix='mambo-compiled-')
+    except OSError as error:
+        sys.exit(f'mambo: {folder}: compiled code cannot be written there, nor to a temporary '
+                 f'folder ({error.strerror}): set MAMBO_CACHE_DIR to a folder that can')
+    owner = os.getpid()
+    atexit.register(lambda: os.getpid() == owner and shutil.rmtree(made, ignore_errors=True))
+    sys.stderr.write(f'mambo: {folder}: compiled code cannot be written there, so all is compiled '
+                     'again for about a minute: set MAMBO_CACHE_DIR to a folder that can\n')
+    return made
+
+
+os.environ['NUMBA_CACHE_DIR'] = _make_cache()
 
 import numba  # noqa: E402 (reads NUMBA_CACHE_DIR while it is imported; all others import it here)
 from numba import objmode, typeof  # noqa: E402, F401

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
+import stat
 from typing import NamedTuple
 
 from .schema import ParameterError
@@ -62,3 +64,25 @@ def unpacked(size: int) -> int:
 def raised_by(limit: Limit) -> str:
     """Return the end of a message that says which variable raises the limit."""
     return f'{limit.name} (now {limit.value()}) raises the limit'
+
+
+def check_regular(path: Path) -> None:
+    """
+    Check that a path to be read is no pipe, device or file of the kernel.
+
+    Reading such a one can wait or go on for ever. A path that is not there passes: its reader
+    says so.
+
+    Raises
+    ------
+    ParameterError
+        Naming the path.
+
+    """
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return
+    kernel = found.st_size == 0 and Path(os.path.realpath(path)).is_relative_to('/proc')
+    if kernel or not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+        raise ParameterError(f'{path}: not a regular file; copy its content to one first')

@@ -165,6 +165,7 @@ def load_file(path: Path) -> ModuleType:
         more than ``MAMBO_MAX_READING_S`` (default 120 s).
 
     """
+    limits.check_regular(path)
     if not path.is_file():
         raise ParameterError(f'{path}: No such file or directory')
     name = f'{OWN_MODULES}{path.stem}_{digest(path)[:16]}'

@@ -101,6 +101,7 @@ def read_text(path: Path) -> str:
 
     """
     most = _BYTES * limits.YAML_NODES.value()
+    limits.check_regular(path)
     try:
         with path.open(encoding='utf-8') as stream:
             text = stream.read(most + 1)

@@ -228,6 +228,24 @@ def test_a_type_without_a_function_is_said_by_name():
         twice(State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3))
 
 
+@pytest.mark.parametrize('variable', ['NUMBA_CACHE_DIR', 'MAMBO_CACHE_DIR'])
+def test_a_folder_that_cannot_be_written_is_said_and_another_one_is_used(variable, tmp_path):
+    """Without it, numba writes beside the sources and crashes, see ``compiled._make_cache``."""
+    environment = {**os.environ, variable: '/proc/none', 'TMPDIR': str(tmp_path)}
+    if variable == 'MAMBO_CACHE_DIR':
+        environment.pop('NUMBA_CACHE_DIR', None)
+    done = subprocess.run(
+        [sys.executable, '-c', 'from mambo_model.arithmetic.trigonometry import sin\n'
+         'print(sin(0.0))\nprint(__import__("os").environ["NUMBA_CACHE_DIR"])'],
+        env=environment, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0 and done.stderr.count('\n') == 1
+    assert done.stderr.startswith('mambo: /proc/none') and (
+        'compiled code cannot be written there' in done.stderr)
+    value, folder = done.stdout.splitlines()
+    assert value == '0.0' and Path(folder).parent == tmp_path
+    assert list(tmp_path.iterdir()) == []  # it goes with its process
+
+
 @jit
 def product(held):
     """Return the memory times the parameter."""

@@ -1,6 +1,9 @@
 """Limits of what a file may take: their variables, bounds and messages."""
 
-from mambo_model.limits import Limit, raised_by, RATIO, unpacked, UNPACKED_MB
+import os
+from pathlib import Path
+
+from mambo_model.limits import check_regular, Limit, raised_by, RATIO, unpacked, UNPACKED_MB
 from mambo_model.schema import ParameterError
 import pytest
 
@@ -35,3 +38,18 @@ def test_a_file_unpacks_to_the_limit_or_twenty_times_its_size(monkeypatch):
     assert unpacked(10) == 3_000_000
     assert unpacked(150_000) == 3_000_000
     assert unpacked(150_001) == RATIO * 150_001
+
+
+@pytest.mark.parametrize('name', ['/dev/zero', '/proc/kmsg', '/proc/self/mem', 'pipe'])
+def test_what_reading_may_wait_for_is_refused(tmp_path, name):
+    os.mkfifo(tmp_path / 'pipe')
+    with pytest.raises(ParameterError, match=f'{name}: not a regular file; copy its content'):
+        check_regular(tmp_path / name)
+
+
+@pytest.mark.parametrize('name', ['full', 'empty', 'link', '', 'none', 'zero\0'])
+def test_files_folders_and_what_is_not_there_pass(tmp_path, name):
+    (tmp_path / 'full').write_text('content')
+    (tmp_path / 'empty').touch()
+    (tmp_path / 'link').symlink_to('full')
+    check_regular(tmp_path / Path(name))

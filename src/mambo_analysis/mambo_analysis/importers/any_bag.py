@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 from mambo_bags import columns
 from mambo_bags.command import guard, Parser
 from mambo_bags.compression import is_compressed, unpack
-from mambo_bags.mcap_reader import BagError
+from mambo_bags.mcap_reader import BagError, check_regular
 from mambo_bags.reader import Messages, read_bag, read_listing
 from mambo_bags.writer import BagWriter
 from mambo_model.errors import InputError
@@ -102,6 +102,7 @@ def _checksum(files: list[Path]) -> str:
 
 def _files(path: Path) -> tuple[list[Path], str]:
     """Return the files of a bag, of any storage, and the distribution that recorded it."""
+    check_regular(path)
     if path.is_file():
         return [path], ''
     if not path.is_dir():

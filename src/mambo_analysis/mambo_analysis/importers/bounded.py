@@ -45,10 +45,13 @@ def call(function: Callable[[Path], Any], path: Path) -> Any:
     ------
     UnreadableError
         If the function raises anything but OSError, takes too much or too long, or crashes.
+    mambo_model.schema.ParameterError
+        If the path is a pipe, a device or a file of the kernel.
     OSError
         As the function.
 
     """
+    limits.check_regular(path)
     limits.UNPACKED_MB.value()  # raised here if it is no number
     seconds = limits.READING_S.value()
     receive, send = _FORK.Pipe(duplex=False)

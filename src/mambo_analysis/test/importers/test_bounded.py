@@ -31,7 +31,7 @@ from pathlib import Path
 import resource
 from mambo_analysis.importers import bounded
 resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))
-print(bounded.call(lambda path: resource.getrlimit(resource.RLIMIT_AS), Path('/dev/null')))
+print(bounded.call(lambda path: resource.getrlimit(resource.RLIMIT_AS), Path('.')))
 """
 
 

@@ -16,6 +16,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from .. import limits
 from ..schema import ParameterError, shown
 from .polynomial import AXES, Course, ends
 
@@ -44,6 +45,7 @@ def read_text(path: Path, most: int = _BYTES) -> str:
         If there is no such file, or if it is empty, too long or not text.
 
     """
+    limits.check_regular(path)
     try:
         with path.open(encoding='utf-8-sig') as stream:
             text = stream.read(most + 1)

@@ -19,6 +19,7 @@ from typing import NamedTuple
 from mambo_analysis.compare import digest
 from mambo_bags.command import guard, Parser
 from mambo_flight import closed_loop, scenario_file
+from mambo_model import limits
 from mambo_model.whole_file import write_text
 import numpy as np
 from tqdm import tqdm
@@ -151,6 +152,8 @@ def identify(key: str, data_set: str) -> Identification:
 
 def _run(options: argparse.Namespace) -> None:
     perfect = table.table()
+    if options.write:
+        limits.check_regular(options.write)
     flown = {name: experiment(name) for name in tqdm(
         EXPERIMENTS, desc='flying (compiles once)', disable=None, leave=False)}
     cases = [(key, data_set) for key in TRUTHS for data_set in DATA_SETS]

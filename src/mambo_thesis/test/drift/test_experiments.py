@@ -160,3 +160,9 @@ def test_a_document_without_the_tables_is_one_line(monkeypatch, tmp_path, capsys
         ['-o', str(tmp_path / 'out'), '--write', str(tmp_path / 'drift.md')]) == 2
     error = capsys.readouterr().err
     assert 'drift.md: no table begins with' in error and error.count('\n') == 1
+
+
+def test_a_document_that_is_no_file_is_noticed_before_anything_is_flown(monkeypatch, capsys):
+    monkeypatch.setattr(experiments, 'experiment', lambda name: pytest.fail('flown'))
+    assert experiments.main(['--write', '/dev/null']) == 2
+    assert '/dev/null: not a regular file' in capsys.readouterr().err

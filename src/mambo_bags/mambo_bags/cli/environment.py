@@ -1,0 +1,44 @@
+"""Variables of the environment that end a library with a traceback, or the whole process."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+_LATEST = 253_402_300_799  # s, the end of the year 9999
+
+
+def complaint(ros: bool = False) -> str:
+    """
+    Return what is wrong with the environment in one line; empty: nothing.
+
+    To be called before numpy, matplotlib and ROS are imported.
+
+    Parameters
+    ----------
+    ros
+        Whether ROS will be used.
+
+    """
+    date = os.environ.get('SOURCE_DATE_EPOCH')
+    if date is not None and not (
+            date.isascii() and date.isdigit() and len(date) < 16 and int(date) <= _LATEST):
+        return (f'SOURCE_DATE_EPOCH={date[:40]!r} must be a whole number of seconds since 1970: '
+                'set or unset it')
+    wanted, known = os.environ.get('RMW_IMPLEMENTATION', ''), _middlewares() if ros else []
+    if wanted and known and wanted not in known:
+        return (f'RMW_IMPLEMENTATION={wanted[:40]!r} is not installed: unset it, or set it to '
+                f'{" or ".join(known)}')
+    return ''
+
+
+def _middlewares() -> list[str]:
+    """Return the implementations of the middleware that are installed; empty: not known."""
+    found = set()
+    for prefix in filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)):
+        folder = Path(prefix, 'share/ament_index/resource_index/rmw_typesupport')
+        try:
+            found |= {file.name for file in folder.iterdir()}
+        except OSError:
+            continue
+    return sorted(found - {'rmw_implementation'})

@@ -1,0 +1,53 @@
+"""Variables at which libraries end with a traceback are one line before these are imported."""
+
+import os
+import subprocess
+import sys
+
+from mambo_bags.cli.environment import complaint
+import pytest
+
+MAMBO = [sys.executable, '-m', 'mambo_bringup.mambo']
+
+
+@pytest.mark.parametrize('text', ['abc', '', '-5', '1e400', '9' * 20, '1.5', '\u0665'])
+def test_a_date_that_is_none_is_named(text, monkeypatch):
+    monkeypatch.setenv('SOURCE_DATE_EPOCH', text)
+    assert complaint() == (f'SOURCE_DATE_EPOCH={text!r} must be a whole number of seconds since '
+                           '1970: set or unset it')
+
+
+@pytest.mark.parametrize('text', ['0', '1700000000', '253402300799'])
+def test_a_date_passes(text, monkeypatch):
+    monkeypatch.setenv('SOURCE_DATE_EPOCH', text)
+    assert complaint() == ''
+
+
+def test_a_middleware_that_is_not_installed_is_named_where_ros_is_used(tmp_path, monkeypatch):
+    folder = tmp_path / 'share/ament_index/resource_index/rmw_typesupport'
+    folder.mkdir(parents=True)
+    for name in ('rmw_implementation', 'rmw_one', 'rmw_other'):
+        (folder / name).touch()
+    monkeypatch.delenv('SOURCE_DATE_EPOCH', raising=False)
+    monkeypatch.setenv('AMENT_PREFIX_PATH', f'/none:{tmp_path}')
+    monkeypatch.setenv('RMW_IMPLEMENTATION', 'nonsense')
+    assert complaint(ros=True) == ("RMW_IMPLEMENTATION='nonsense' is not installed: unset it, or "
+                                   'set it to rmw_one or rmw_other')
+    assert complaint() == ''
+    for name in ('rmw_one', ''):
+        monkeypatch.setenv('RMW_IMPLEMENTATION', name)
+        assert complaint(ros=True) == ''
+    monkeypatch.setenv('RMW_IMPLEMENTATION', 'nonsense')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', '/none')  # nobody knows which there are
+    assert complaint(ros=True) == ''
+
+
+@pytest.mark.parametrize('start, variable', [
+    ([*MAMBO, 'compare', 'none'], 'SOURCE_DATE_EPOCH'), ([*MAMBO, 'stop'], 'RMW_IMPLEMENTATION'),
+    ([sys.executable, '-m', 'mambo_bringup.starting', 'run'], 'RMW_IMPLEMENTATION'),
+    ([sys.executable, '-m', 'mambo_bringup.starting', 'run'], 'SOURCE_DATE_EPOCH')])
+def test_a_command_says_so_and_ends(start, variable):
+    done = subprocess.run(start, env={**os.environ, variable: 'abc'}, capture_output=True,
+                          text=True, timeout=60)
+    assert done.returncode == 2 and done.stdout == '' and done.stderr.count('\n') == 1
+    assert f": {variable}='abc' " in done.stderr
