@@ -10,6 +10,7 @@ In a scenario file::
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from mambo_bags.reader import Bag
@@ -62,6 +63,17 @@ def taken(flight: Scenario, rows: int = NEVER) -> list[Taken]:
 def changes_at_all(flight: Scenario) -> bool:
     """Return whether a flight has scripted changes."""
     return any(getattr(flight, node).changes for node in NODES)
+
+
+def late(flight: Scenario) -> Iterator[str]:
+    """Yield a line for each node with changes that come after the end of a flight."""
+    end = flight.sim_node.duration
+    for node in NODES:
+        after = [one.t * 1e-9 for one in parameter_change.parse(getattr(flight, node).changes)
+                 if end and one.t >= end * 1e9]
+        if after:
+            yield (f'changes of {node} at t = {after[0]:g} s or later have no effect: the flight '
+                   f'ends at {end:g} s')
 
 
 def settings_later(flight: Scenario, p: Any, rows: int) -> list[tuple[int, Any]]:

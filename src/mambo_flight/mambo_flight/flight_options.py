@@ -17,7 +17,7 @@ from mambo_model.motion.trajectory import COURSE, TRAJECTORIES
 from mambo_model.vehicle.parameters import PRESETS
 from mambo_sim.world import MOST, WorldParams
 
-from . import scenario as scenarios, unused
+from . import changes, scenario as scenarios, unused
 from .course import course_file, feasibility
 from .scenario import Scenario
 from .scenario_file import build_world, FIELDS, load_world, long_enough, Place
@@ -186,6 +186,7 @@ def remarks(flight: Scenario, stretch: str | None = None) -> Iterator[str]:
         yield (f'stretched: flown at {flight.reference_node.plan.scale_rate:.4f} of its speed, '
                f'{flight.sim_node.duration:g} s in all')
     yield from component_remarks(flight)
+    yield from changes.late(flight)
     plan = flight.reference_node.plan
     if plan.trajectory != COURSE:
         return

@@ -328,11 +328,29 @@ class ParameterReader(Reader):
                 continue  # reported where the value is read
 
     def plain(self, node: yaml.Node, name: str) -> Any:
-        """Return the lists, mappings and values of a key, whose file was measured when read."""
+        """
+        Return the lists, mappings and values of a key, whose file was measured when read.
+
+        Raises
+        ------
+        mambo_model.schema.ParameterError
+            For a duplicate key, and for what is no value, such as an impossible date.
+
+        """
+        self._check_keys(node, name)
         try:
             return Loader('').construct_object(node, deep=True)
-        except yaml.YAMLError as error:
-            self.fail(node, name, str(error))
+        except (yaml.YAMLError, ArithmeticError, AttributeError, LookupError, TypeError,
+                ValueError) as error:
+            self.fail(node, name, ' '.join(str(error).split()))
+
+    def _check_keys(self, node: yaml.Node, name: str) -> None:
+        """Raise ParameterError for a duplicate key at any depth of a node."""
+        below = node.value if isinstance(node, yaml.SequenceNode) else (
+            [value for _, value in self.mapping(node, name).values()]
+            if isinstance(node, yaml.MappingNode) else [])
+        for one in below:
+            self._check_keys(one, name)
 
     def _chosen(self, node: yaml.Node) -> Iterator[tuple[str, str]]:
         """Yield every component that is chosen anywhere in a file."""
@@ -389,11 +407,12 @@ def located(
     """Return an error with file, line and key (or the option) of a value that it names."""
     text = str(error)
     words = re.findall(r'\w+', text)
-    for name, place in places.items():
-        key = name.rpartition('.')[2]
-        if key in words or (
+    begun = [name for name in places if text.startswith(f'{name}: ')]
+    for name in (*begun, *places):
+        place, key = places[name], name.rpartition('.')[2]
+        if name in begun or key in words or (
                 isinstance(place.value, str) and place.value and place.value in text):
-            text = text.removeprefix(f'{key}: ')
+            text = text.removeprefix(f'{name}: ').removeprefix(f'{key}: ')
             named = place.where.startswith('--') or text.startswith((f'{name} = ', f'{key} = '))
             return schema.ParameterError(f'{place.where}: {"" if named else f"{name}: "}{text}')
     return schema.ParameterError(f'{path}: {text}')

@@ -260,7 +260,7 @@ def _parts(name: str) -> tuple[str, str | None]:
     if name.endswith(('.yaml', '.yml')):
         return name, None
     experiment, _, flight = name.partition('/')
-    return experiment, flight
+    return (experiment, flight) if experiment in names() else (name, None)
 
 
 def load_world(name: str) -> WorldParams:

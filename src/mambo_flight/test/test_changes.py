@@ -106,13 +106,31 @@ def test_wind_that_rises_carries_the_vehicle_along_from_its_step_on():
 
 
 @pytest.mark.parametrize(('entries', 'words'), [
-    ('{time: 1, set: {a: 1}}', 'mine.yaml:2: changes: must be a list'),
-    ('[{time: 1, set: {speed: 1}}]', 'mine.yaml:2: changes: speed: unknown parameter'),
+    ('{time: 1, set: {a: 1}}', 'mine.yaml:3: changes: must be a list'),
+    ('[{time: 1, set: {speed: 1}}]', 'mine.yaml:3: changes: speed: unknown parameter'),
     ('[{time: 1, set: {reference_node.vehicle.mass: 1}}]', 'cannot be changed in flight: it is'),
-    ('[{time: 1, set: {controller_node.cascaded.k_q: 1}}]', 'k_q: unknown parameter; did')])
+    ('[{time: 1, set: {controller_node.cascaded.k_q: 1}}]', 'k_q: unknown parameter; did'),
+    ('[{time: 1, set: {controller_node.cascaded.k_p: 30.0}}]',
+     'mine.yaml:3: controller_node.changes: at t = 1 s: cascaded.k_p = 30.0 m/s^2 is outside'),
+    ('[{time: 1, set: {controller_node.cascaded.k_p: 3.0, controller_node.cascaded.k_p: 2.0}}]',
+     'mine.yaml:3: controller_node.cascaded.k_p: duplicate key'),
+    (f'[{{time: {"9" * 5000}, set: {{controller_node.cascaded.k_p: 3.0}}}}]',
+     'mine.yaml:3: changes: Exceeds the limit'),
+    ('[{time: 1, set: {controller_node.cascaded.k_p: 2020-01-01}}]', 'must be a number, true')])
 def test_what_is_wrong_in_a_file_is_located(tmp_path, entries, words):
     path = tmp_path / 'mine.yaml'
-    path.write_text(f'title: wrong\nchanges: {entries}\n')
+    path.write_text(f'title: wrong\ncontroller: cascaded\nchanges: {entries}\n')
     with pytest.raises(ParameterError) as error:
         scenario_file.load(str(path))
     assert words in str(error.value) and '\n' not in str(error.value)
+
+
+def test_a_change_after_the_end_of_the_flight_is_said(flown):
+    flight, _ = flown
+    assert list(changes.late(flight)) == []
+    later = override(flight, {
+        'sim_node.duration': 5.0,
+        'controller_node.changes': '- {time: 5.0, set: {cascaded.k_p: 2.6}}'})
+    assert list(changes.late(later)) == [
+        'changes of controller_node at t = 5 s or later have no effect: the flight ends at 5 s']
+    assert list(changes.late(override(later, {'sim_node.duration': 0.0}))) == []  # without end

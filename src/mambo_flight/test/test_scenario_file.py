@@ -155,6 +155,9 @@ def test_what_is_no_scenario_is_refused(file, text, message):
 def test_unknown_names_and_missing_files_are_named(tmp_path):
     with pytest.raises(schema.ParameterError, match=r"'fig_9_9' is unknown: .* of fig_3_3, fi"):
         load('fig_9_9')
+    for path in ('/dev/zero', 'folder/fig_3_3'):
+        with pytest.raises(schema.ParameterError, match=f"'{path}' is unknown"):
+            load(path)
     with pytest.raises(schema.ParameterError, match=r'none\.yaml: No such file'):
         load(str(tmp_path / 'none.yaml'))
     with pytest.raises(schema.ParameterError, match=r"no flight 'x'; known: one without a name"):

@@ -31,6 +31,10 @@ def parser() -> Parser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point ``mambo set``; return the exit code."""
-    options = parser().parse_args(arguments)
+    line = parser()
+    options = line.parse_args(arguments)
+    names = [name for name, _ in options.parameters]
+    if twice := [name for name in names if names.count(name) > 1]:
+        line.error(f'{twice[0]}: given twice')
     return run('set', argparse.Namespace(
         parameters=dict(options.parameters), drone=options.drone))

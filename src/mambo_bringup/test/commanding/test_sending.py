@@ -57,7 +57,8 @@ def test_a_course_is_sent_as_polynomials(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize('line', [
     'takeoff --height -1', 'takeoff --height x', 'go-to 1 2', 'step 0', 'stop now',
-    'land --duration 1e9', 'set', 'set sim_node.speed', 'set =3', 'set a.b=[1'])
+    'land --duration 1e9', 'set', 'set sim_node.speed', 'set =3', 'set a.b=[1',
+    'set a.b=1 a.c=2 a.b=1'])
 def test_what_is_typed_wrong_is_one_line(sent, capsys, line):
     with pytest.raises(SystemExit) as end:
         typed(line)

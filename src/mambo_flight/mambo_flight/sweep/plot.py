@@ -50,9 +50,10 @@ def numbers(data: Mapping[str, Sequence[Any]], names: Sequence[str]) -> list[str
 
 
 def measured(data: Mapping[str, Sequence[Any]]) -> dict[str, str]:
-    """Return {name: label} of the errors that some flight has."""
-    return {name: label for name, label in METRICS.items() if np.nanmax(
-        np.asarray(data[name], dtype=float), initial=0.0) > 0.0}
+    """Return {name: label} of the errors that some flight has, as a finite number."""
+    found = {name: np.asarray(data[name], dtype=float) for name in METRICS}
+    return {name: label for name, label in METRICS.items()
+            if (found[name][np.isfinite(found[name])] > 0.0).any()}
 
 
 def _band(axes: Any, x: np.ndarray, y: np.ndarray) -> None:

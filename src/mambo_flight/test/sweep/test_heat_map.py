@@ -73,3 +73,12 @@ def test_flights_without_numbers_are_drawn_without_a_warning(tmp_path, recwarn):
     one['tracking_rms'] = [0.1, *[np.nan] * 17]
     heat_map.draw(tmp_path / 'map.png', one, NAMES, 'One of them flew')
     assert (tmp_path / 'map.png').exists() and not recwarn.list
+
+
+@pytest.mark.parametrize('value', [np.inf, np.nan])
+def test_an_error_without_a_finite_value_has_no_map_of_its_own(value, tmp_path):
+    data, (first, *_) = crossed(), plot.METRICS
+    data[first] = [value] * len(data['seed'])
+    assert first not in plot.measured(data) and len(plot.measured(data)) == len(plot.METRICS) - 1
+    heat_map.draw(tmp_path / 'map.png', data, NAMES, 'with $one & without')
+    assert (tmp_path / 'map.png').stat().st_size > 1000

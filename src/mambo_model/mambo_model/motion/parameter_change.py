@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 import json
-import math
 from typing import Any, NamedTuple
 
 import yaml
@@ -46,10 +45,15 @@ def _change(entry: Any, where: str) -> Change:
         raise ParameterError(f'{where}: must hold a time and what to set, such as '
                              '{time: 5.0, set: {NAME: VALUE}}')
     time = entry['time']
-    if isinstance(time, bool) or not isinstance(time, (int, float)) or not math.isfinite(time):
+    if isinstance(time, bool) or not isinstance(time, (int, float)) or time != time:
         raise ParameterError(f'{where}: time = {shown(time)} must be a number')
     if not 0.0 <= time <= LATEST:
-        raise ParameterError(f'{where}: time = {time:g} s is outside [0, {LATEST:g}] s')
+        raise ParameterError(f'{where}: time = {shown(time)} s is outside [0, {LATEST:g}] s')
+    for name, value in entry['set'].items():
+        if not all(isinstance(one, (bool, int, float, str))
+                   for one in (value if isinstance(value, (list, tuple)) else [value])):
+            raise ParameterError(f'{where}: {shown(name)} = {shown(value)} must be a number, '
+                                 'true or false, a text, or a list of these')
     return Change(round(time * 1e9), {str(name): value for name, value in entry['set'].items()})
 
 

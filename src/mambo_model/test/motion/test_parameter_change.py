@@ -106,6 +106,11 @@ def test_a_change_is_refused_in_one_line(change, words):
     ('[{time: x, set: {gain: 1}}]', "time = 'x' must be a number"),
     ('[{time: -1, set: {gain: 1}}]', 'time = -1 s is outside'),
     ('[{time: .nan, set: {gain: 1}}]', 'must be a number'), ('[', 'changes: '),
+    ('[{time: .inf, set: {gain: 1}}]', 'time = inf s is outside'),
+    (f'[{{time: {"9" * 400}, set: {{gain: 1}}}}]', 'time = 9{60}.* s is outside'),
+    ('[{time: 1, set: {gain: 2020-01-01}}]', "'gain' = datetime.date.* must be a number, true"),
+    ('[{time: 1, set: {gain: !!binary aGk=}}]', 'must be a number, true'),
+    ('[{time: 1, set: {bias: [1, {a: 1}]}}]', 'must be a number, true'),
     ('[{time: 2, set: {gain: 1}}, {time: 1, set: {gain: 1}}]', 'change 2: is earlier'),
     ('[{time: 2, set: {gain: 9}}]', 'changes: at t = 2 s: gain = 9')])
 def test_a_wrong_script_is_refused_with_the_parameters(text, words):

@@ -23,6 +23,7 @@ from ..layout import Layout, LayoutError
 IMU_LINK, SONAR_LINK = 'imu_link', 'sonar_link'
 _SENSORS = {topics.IMU.name: IMU_LINK, topics.SONAR.name: SONAR_LINK}
 _LAST = datetime(2038, 1, 1, tzinfo=timezone.utc)  # seconds of a stamp have 32 bits
+_LONGEST = 200  # characters of a name
 _FIRST = datetime(1970, 1, 1, tzinfo=timezone.utc)
 
 
@@ -44,6 +45,16 @@ class WireParams:
         if not _FIRST <= self._date <= _LAST:
             raise schema.ParameterError(
                 f'start_date = {self.start_date} must be from 1970 to 2037')
+        if len(self.frame_prefix) > _LONGEST or self.frame_prefix and not all(
+                part.isidentifier() and part.isascii()
+                for part in self.frame_prefix.removesuffix('/').split('/')):
+            raise schema.ParameterError(
+                f'frame_prefix = {schema.shown(self.frame_prefix)} must be letters, digits and _, '
+                f'such as mambo1/, at most {_LONGEST} characters')
+        if len(self.hardware_id) > _LONGEST or not self.hardware_id.isprintable():
+            raise schema.ParameterError(
+                f'hardware_id = {schema.shown(self.hardware_id)} must be a text without line '
+                f'breaks and control characters, at most {_LONGEST} of them')
 
     @cached_property
     def _date(self) -> datetime:

@@ -113,3 +113,22 @@ def test_a_node_publishes_dates_and_takes_flight_times(ros):
 def test_an_unknown_parameter_is_refused(ros):
     with pytest.raises(ParameterError, match='wire.date: unknown parameter'):
         Echo(date=DATE)
+
+
+@pytest.mark.parametrize(
+    'prefix', ['/', '/a/', 'a b/', 'a//b', 'a\n', 'a\0/', 'é/', 'x' * 201, '"'])
+def test_a_prefix_that_makes_no_name_of_a_frame_is_refused(prefix):
+    with pytest.raises(ParameterError, match='^frame_prefix = .* must be letters') as error:
+        WireParams(frame_prefix=prefix)
+    assert len(str(error.value)) < 250 and '\n' not in str(error.value)
+
+
+@pytest.mark.parametrize('name', ['a\nb', '\x1b[2J', '\0', '\u202e', 'x' * 1_000_000])
+def test_a_hardware_id_that_breaks_lines_is_refused(name):
+    with pytest.raises(ParameterError, match='^hardware_id = .* must be a text without') as error:
+        WireParams(hardware_id=name)
+    assert len(str(error.value)) < 250 and '\n' not in str(error.value)
+
+
+def test_names_as_programs_have_them_pass():
+    assert WireParams(frame_prefix='a1/b_2/', hardware_id='Mambo 7, ü #3').frame_prefix
