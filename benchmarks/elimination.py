@@ -176,7 +176,7 @@ def fly(mind, chance, p, tape, start, stop, parts):
         t_before = t - STEP_NS if k else t
         if parts & MOCAP:
             mocap, seen = optitrack.step(
-                mocap, t_before, before, t, body, chance.mocap, p.optitrack)
+                mocap, t_before, before, t, body, chance.mocap, p.optitrack, None)
             total += seen.pose.rho[0]
         before = body
         estimated, spread = body, failsafe.EXACT

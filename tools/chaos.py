@@ -30,7 +30,7 @@ from mambo_bags.cli.option_types import whole
 from mambo_bags.reader import BagError, read_bag
 from mambo_bags.recover import recover
 from mambo_bringup.domain import Domain
-from mambo_bringup.flight.nodes import FLIGHT_NODES, RECORDER, SIMULATOR
+from mambo_bringup.flight.nodes import FLIGHT_NODES, HALL_CAPTURE, RECORDER, SIMULATOR
 from mambo_bringup.replay import ESTIMATOR, PLAYER
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -81,7 +81,8 @@ def every() -> Iterator[Fault]:
         if mode == 'replay' and phase in ('calibration', 'landing'):
             continue
         nodes = {'composed': ('composed_node',), 'replay': REPLAYED,
-                 'drones': (*NODES[:-1], 'composed_node')}.get(mode, NODES)
+                 'drones': (RECORDER[1], HALL_CAPTURE[1], *NODES[2:-1], 'composed_node')
+                 }.get(mode, NODES)
         for target in ('runner', 'watchdog', *nodes):
             if phase == 'report' and target != 'runner':
                 continue  # nothing else runs

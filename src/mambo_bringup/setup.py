@@ -25,6 +25,7 @@ setup(
             'check_node = mambo_bringup.checking.check_node:main',
             'composed_node = mambo_bringup.composed_node:main',
             'fly = mambo_bringup.run:main',
+            'hall_capture_node = mambo_bringup.hall_capture_node:main',
             'replay = mambo_bringup.replay:main',
         ],
     },

@@ -15,7 +15,8 @@ def loaded():
     if 'librmw_fastrtps' in Path('/proc/self/maps').read_text():
         return set()  # it may have threads of the middleware, which a copy does not get
     every = {*nodes.FLIGHT_NODES, nodes.RECORDER, nodes.SIMULATOR, nodes.COMPOSED,
-             nodes.VIEW, natnet.SERVER, natnet.CLIENT, replay.ESTIMATOR, replay.PLAYER}
+             nodes.HALL_CAPTURE, nodes.VIEW, natnet.SERVER, natnet.CLIENT, replay.ESTIMATOR,
+             replay.PLAYER}
     return {import_module('.'.join(node)).__name__ for node in every}
 
 

@@ -28,7 +28,7 @@ HELD = {
     **{f'mambo_bringup/commanding/{name}.py': SENDING for name in (
         'follow', 'go_to', 'halt', 'land', 'pause', 'resume', 'set_parameters', 'single_step',
         'takeoff')},
-    'mambo_bringup/launch_actions.py': 'src/mambo_bringup/test/test_launch.py',
+    'mambo_bringup/flight/launch_actions.py': 'src/mambo_bringup/test/test_launch.py',
     'mambo_bringup/launching.py': 'src/mambo_bringup/test/test_launch.py',
     'mambo_bringup/node_group.py': PROCESSES,
     'mambo_bringup/watchdog.py': PROCESSES,

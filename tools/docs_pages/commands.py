@@ -72,7 +72,7 @@ def nodes() -> str:
         for name, owners in sorted(names.items()) if module.endswith('_node') else ():
             out += [f'### {name}', '', docstring(module), '', *_fenced(
                 '\n'.join(f'ros2 run {package} {name}' for package in owners))]
-            if name not in ('check_node', 'composed_node'):
+            if name not in ('check_node', 'composed_node', 'hall_capture_node'):
                 out += [f'[Its parameters](parameters.md#{name})', '']
     return '\n'.join(out)
 

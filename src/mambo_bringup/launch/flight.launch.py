@@ -11,7 +11,7 @@ Launch ends with the flight when any node ends; ``sim_node`` ends after ``durati
 from launch import LaunchContext, LaunchDescription
 from launch.action import Action
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from mambo_bringup.launch_actions import FlightNodes, texts
+from mambo_bringup.flight.launch_actions import FlightNodes, texts
 from mambo_bringup.launching import choices
 
 ARGUMENTS = [
@@ -96,7 +96,8 @@ def nodes(context: LaunchContext) -> list[Action]:
     return [
         flight.cleanup,
         *flight.nodes('mambo_bags', 'recorder_node'),            # with bag:=
-        *flight.nodes('mambo_sim', 'optitrack_node'),
+        *flight.nodes('mambo_sim', 'optitrack_node'),            # of one drone
+        *flight.nodes('mambo_bringup', 'hall_capture_node'),     # of several drones
         *flight.nodes('mambo_estimation', 'estimator_node'),
         *flight.nodes('mambo_control', 'reference_node'),
         *flight.nodes('mambo_control', 'controller_node'),

@@ -9,7 +9,7 @@ Launch ends with the bag.
 from launch import LaunchContext, LaunchDescription
 from launch.action import Action
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from mambo_bringup.launch_actions import replay_nodes, texts
+from mambo_bringup.flight.launch_actions import replay_nodes, texts
 
 ARGUMENTS = [
     DeclareLaunchArgument('bag', description='Rosbag2 directory or .mcap file.'),

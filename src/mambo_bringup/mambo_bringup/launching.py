@@ -20,8 +20,8 @@ from mambo_ros import topics
 from mambo_ros.graph.wire import WireParams
 
 from .flight.nodes import (
-    COMPOSED, DESCRIPTION, RECORDER, recorder_topics, run_parameters, start_arguments,
-    world_process)
+    COMPOSED, DESCRIPTION, HALL_CAPTURE, RECORDER, recorder_topics, run_parameters,
+    start_arguments, take_cameras, world_process)
 from .processes import FlightInputError, parameter
 from .replay import ESTIMATOR, PLAYER, RECORDED
 
@@ -217,6 +217,10 @@ def processes(plan: Flight, folder: Path) -> list[Process]:
     if plan.vehicle:
         out.append(Process(*DESCRIPTION, '', _description(plan)))
     if plan.hall is not None:
+        flown, cameras = take_cameras(
+            world, [(one.namespace, one[:2], one.arguments) for one in out])
+        out = [Process(*node, space, words) for space, node, words in flown]
+        out += [Process(*HALL_CAPTURE, '', cameras)] if cameras else []
         return [*out, Process(*COMPOSED, '', world_process(
             world, [words for _, words, _ in owners], plan.composed))]
     [(node, words, space)] = owners

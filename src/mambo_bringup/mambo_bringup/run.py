@@ -27,7 +27,7 @@ from mambo_view.page import PORT
 
 from .flight import natnet
 from .flight.nodes import (
-    COMPOSED, FLIGHT_NODES, RECORDER, REPLACEABLE, SIMULATOR)
+    COMPOSED, FLIGHT_NODES, HALL_CAPTURE, RECORDER, REPLACEABLE, SIMULATOR)
 from .flight.outcome import FlightEndedError, Outcome, print_refused
 from .flight.runner import fly_several
 from .processes import FlightError, load
@@ -133,11 +133,10 @@ def _with_natnet(
     flight: scenarios.Scenario, options: argparse.Namespace,
 ) -> scenarios.Scenario:
     """Return the flight with a NatNet server; ParameterError if the options exclude it."""
-    if options.composed or flight_options.world(options).drones > 1 or (
-            'optitrack' in options.without):
+    if options.composed or 'optitrack' in options.without:
         raise schema.ParameterError(
-            '--natnet serves one drone with its nodes as processes: leave out --composed, '
-            '--drones and --without optitrack')
+            '--natnet serves drones with their nodes as processes: leave out --composed and '
+            '--without optitrack')
     return natnet.scenario(flight)
 
 
@@ -186,7 +185,7 @@ def _fly_and_report(
         view.check(options.view)
         print(f'view: {view.address(options.view)}', flush=True)
     load('.'.join(node) for node in (
-        COMPOSED, *FLIGHT_NODES, RECORDER, SIMULATOR,
+        COMPOSED, *FLIGHT_NODES, HALL_CAPTURE, RECORDER, SIMULATOR,
         *((natnet.SERVER, natnet.CLIENT) if options.natnet else ())))
     spaces = list(flights)
     bags = {space: bag if len(spaces) == 1 else bag / space.strip('/') for space in spaces}

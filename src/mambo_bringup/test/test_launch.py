@@ -11,7 +11,8 @@ from mambo_bags.recorder_parameters import RecorderNodeParams
 from mambo_bags.replay_node import ReplayNodeParams
 from mambo_bags.writer import BagWriter
 from mambo_bringup import launching
-from mambo_bringup.flight.nodes import FLIGHT_NODES, RECORDER, SIMULATOR
+from mambo_bringup.flight.nodes import (
+    COMPOSED, FLIGHT_NODES, HALL_CAPTURE, RECORDER, SIMULATOR)
 from mambo_bringup.launching import choices, MEANING, replay_plan
 from mambo_bringup.processes import FlightError
 from mambo_bringup.replay import RECORDED
@@ -137,9 +138,10 @@ def listed():
 def test_every_process_of_a_flight_is_listed_once_and_installed(given, tmp_path):
     given = {name: value.replace('BAG', str(tmp_path / 'bag')) for name, value in given.items()}
     found = processes(tmp_path / 'files', **given)
-    assert len(listed()) == len(set(listed())) == 8
+    assert len(listed()) == len(set(listed())) == 9
     drones, composed = int(given.get('drones', 1)), 'composed' in given
-    wanted = [*FLIGHT_NODES * drones] if not composed else []
+    cameras = FLIGHT_NODES[:1] if drones == 1 else (HALL_CAPTURE,)
+    wanted = [*cameras, *FLIGHT_NODES[1:] * drones] if not composed else []
     wanted += [RECORDER] * drones if 'bag' in given and not composed else []
     wanted += [('mambo_bringup', 'composed_node')] if composed or drones > 1 else [SIMULATOR]
     wanted += [] if 'description' in given else [('mambo_description', 'description_node')]
@@ -185,12 +187,13 @@ def test_what_is_published_otherwise_is_in_a_file_of_each_drone(tmp_path):
     given = {'start_date': '2026-05-01', 'prefixed': 'true', 'hardware_ids': 'true',
              'sensor_frames': 'true'}
     found = processes(tmp_path / 'files', drones='2', **given)
-    for one in found[:-2]:
+    for one in found[:-3]:
         wire = yaml.safe_load(parameters(one)[1][-1].read_text())
         assert wire == {f'{one.namespace}/*': {'ros__parameters': {'wire': {
             'start_date': '2026-05-01', 'frame_prefix': f'{one.namespace[1:]}/',
             'hardware_id': one.namespace[1:], 'sensor_frames': True}}}}
-    assert sum(file.name.startswith('wire') for file in parameters(found[-1])[1]) == 2
+    for one in found[-2:]:  # the cameras and the simulators of both drones
+        assert sum(file.name.startswith('wire') for file in parameters(one)[1]) == 2
     for one in processes(tmp_path / 'plain'):
         assert not [file for file in parameters(one)[1] if file.name.startswith('wire')]
 
@@ -383,7 +386,7 @@ def test_launch_starts_the_nodes_of_the_plan(tmp_path):
                                 log_level='warn')
     nodes = nodes_of(actions)
     assert [(node.node_package, node.node_executable) for node in nodes] == [
-        node for node in listed() if node[1] != 'composed_node']
+        node for node in listed() if node not in (COMPOSED, HALL_CAPTURE)]
     recorder, *_, simulator, _ = nodes
     given = words(context, recorder)
     assert f'bag:="{bag}"' in given and '__ns:=/two' in given
@@ -414,7 +417,7 @@ def test_launch_flies_several_drones_by_one_argument():
     _, actions = launched('flight.launch.py', drones='3', description='false')
     names = [node.node_executable for node in nodes_of(actions)]
     assert {name: names.count(name) for name in names} == {
-        'optitrack_node': 3, 'estimator_node': 3, 'reference_node': 3, 'controller_node': 3,
+        'estimator_node': 3, 'reference_node': 3, 'controller_node': 3, 'hall_capture_node': 1,
         'composed_node': 1}
 
 

@@ -154,13 +154,14 @@ def run(flight: Scenario, out: Recording) -> None:
     p = settings(flight)
     carry, rngs, mocap_rng = begin(flight, p)
     if not changes.changes_at_all(flight):
-        fly_on(carry, 0, len(out.t), rngs, mocap_rng, p, out, None, False, None)
+        fly_on(carry, 0, len(out.t), rngs, mocap_rng, p, out, None, False, None, None)
         return
     later = changes.settings_later(flight, p, len(out.t))
     held = hold(carry, None, None)
     ends = [*(k for k, _ in later), len(out.t)]
     for (first, values), end in zip([(0, p), *later], ends, strict=True):
-        fly_on(memory_of(held), first, end, rngs, mocap_rng, values, out, None, False, held)
+        fly_on(
+            memory_of(held), first, end, rngs, mocap_rng, values, out, None, False, None, held)
 
 
 def begin(
@@ -331,7 +332,7 @@ class Carry(NamedTuple):
 
 
 @jit
-def fly_on(carry, first, end, rngs, mocap_rng, p, out, push, stop, held):
+def fly_on(carry, first, end, rngs, mocap_rng, p, out, push, stop, view, held):
     """
     Fly from one control step until before another one, and store their rows.
 
@@ -352,6 +353,8 @@ def fly_on(carry, first, end, rngs, mocap_rng, p, out, push, stop, held):
         What the downwash of others does to the vehicle, along b3; None: it flies alone.
     stop : bool
         Whether the motors are stopped, whatever the command.
+    view : (12,)
+        What the motion capture of a hall sees of it, for ``optitrack.step``; None: it is alone.
     held
         Holder of ``mambo_model.compiled.hold`` that keeps the carry; None: the flight is over.
 
@@ -363,7 +366,8 @@ def fly_on(carry, first, end, rngs, mocap_rng, p, out, push, stop, held):
         state, samples = pushed.sense_as(state, k, rngs, p.simulator, push)
         body = state.plant.body
         t_before = t - STEP_NS if k else t
-        mocap, seen = optitrack.step(mocap, t_before, before, t, body, mocap_rng, p.optitrack)
+        mocap, seen = optitrack.step(
+            mocap, t_before, before, t, body, mocap_rng, p.optitrack, view)
         before = body
         estimated, fed_back, spread = body, body, failsafe.EXACT
         readings = delivered_readings(samples, p)

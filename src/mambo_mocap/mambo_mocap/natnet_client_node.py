@@ -8,6 +8,7 @@ import time
 
 from geometry_msgs.msg import PoseStamped
 from mambo_model.errors import JobError, visible
+from mambo_model.motion.vector import sub
 from mambo_ros import diagnostics, messages, node, process, topics
 from mambo_ros.endpoints import RawPublisher
 from mambo_ros.loop import Loop
@@ -15,7 +16,7 @@ from mambo_ros.loop import Loop
 from . import udp
 from .client import Client
 from .natnet.wire import DISCONNECT, message
-from .parameters import bodies, NatNetClientNodeParams
+from .parameters import bodies, NatNetClientNodeParams, places
 
 _REPORT_EVERY = 1.0  # s of wall time
 _WAIT = 0.005  # s for a packet, before the node has its turn
@@ -41,6 +42,8 @@ class NatNetClientNode(node.MamboNode[NatNetClientNodeParams]):
         self._publish: dict[str, RawPublisher] = {
             name: self.advertise(topics.Topic(topic, PoseStamped, topics.OPTITRACK.rate))
             for name, topic in bodies(p.bodies).items()}
+        self._places = dict(zip(
+            self._publish, places(p.places, len(self._publish)), strict=True))
         self._stamps = dict.fromkeys(self._publish, -1)
         self._diagnostics = self.advertise(topics.DIAGNOSTICS)
         self._commands = udp.open_socket(p.address, 0)
@@ -74,7 +77,8 @@ class NatNetClientNode(node.MamboNode[NatNetClientNodeParams]):
             elif seen.stamp > self._stamps[name]:
                 self._stamps[name] = seen.stamp
                 self._slowest = max(self._slowest, seen.latency)
-                self._publish[name](messages.optitrack(seen.stamp, seen.rho, seen.q))
+                rho = sub(seen.rho, self._places[name])
+                self._publish[name](messages.optitrack(seen.stamp, rho, seen.q))
             else:
                 self._client.counts['stamps not after the last one'] += 1
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
+from functools import partial
 import time
 
 from mambo_model.motion.rigid_body import State
 from mambo_ros import diagnostics, input_guard, messages, node, process, topics
 from mambo_ros.loop import Loop
+from mambo_sim.sensors.gathering import Gathering
 
 from . import udp
 from .hall import content, Hall, View
@@ -30,8 +33,8 @@ class NatNetServerNode(node.MamboNode[NatNetServerNodeParams]):
     """
     NatNet server of the simulated hall, for the clients of a real one.
 
-    Subscribes ``ground_truth/odom`` of a flight in real time, and sends each frame its latency
-    after the exposure; publishes ``/diagnostics``.
+    Subscribes ``ground_truth/odom`` of a flight in real time, or the truth of each of several
+    drones, and sends each frame its latency after the exposure; publishes ``/diagnostics``.
     """
 
     publishes = (topics.DIAGNOSTICS,)
@@ -43,19 +46,25 @@ class NatNetServerNode(node.MamboNode[NatNetServerNodeParams]):
         p = self.params
         self._hall, self._server = Hall(p), Server(p)
         still = State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
-        Hall(p).look(0, still)  # have the compiled steps in memory before time starts
+        # have the compiled steps in memory before time starts
+        Hall(p).look(0, [still] * len(p.topics))
         self._commands = udp.open_socket(p.address, p.command_port)
         self._group = udp.open_socket(p.address, 0)
-        self._waiting: deque[View] = deque(maxlen=_QUEUE)
+        self._steps = Gathering(len(p.topics))
+        self._waiting: deque[tuple[View, ...]] = deque(maxlen=_QUEUE)
         self._pace = Pace()
         self._newest, self._apart = 0, p.period // 2  # ns, when the last frame left; least gap
         self._sent = self._failed = self._next_report = 0
         self._diagnostics = self.advertise(topics.DIAGNOSTICS)
-        self.accept(topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth, check=_check)
+        for number, name in enumerate(p.topics.values()):
+            self.accept(
+                replace(topics.GROUND_TRUTH, name=name), messages.decode_odometry,
+                partial(self._on_truth, number), check=_check)
 
-    def _on_truth(self, t: int, state: State) -> None:
-        self._pace.add(t, time.time_ns())
-        self._waiting.extend(self._hall.look(t, state))
+    def _on_truth(self, number: int, t: int, state: State) -> None:
+        for at, states in self._steps.put(number, t, state):
+            self._pace.add(at, time.time_ns())
+            self._waiting.extend(self._hall.look(at, states))
         if t >= self._next_report:
             self._next_report = (t // _REPORT_EVERY + 1) * _REPORT_EVERY
             self._report(t)
@@ -68,7 +77,7 @@ class NatNetServerNode(node.MamboNode[NatNetServerNodeParams]):
                 udp.send(self._commands, reply, sender)
         latency = round(self.params.latency * 1e9)
         while self._waiting:
-            exposed = self._waiting[0].exposure + self._pace.offset
+            exposed = self._waiting[0][0].exposure + self._pace.offset
             # a client that takes the newest packet alone loses one of two that come together
             now, due = time.time_ns(), max(exposed + latency, self._newest + self._apart)
             if now < due <= now + 2 * self._apart + latency:
@@ -76,11 +85,11 @@ class NatNetServerNode(node.MamboNode[NatNetServerNodeParams]):
             self._send(self._waiting.popleft(), exposed, now)
         return 0.005
 
-    def _send(self, view: View, exposed: int, now: int) -> None:
-        times = Times(view.exposure * 1e-9, ticks(exposed),
+    def _send(self, views: tuple[View, ...], exposed: int, now: int) -> None:
+        times = Times(views[0].exposure * 1e-9, ticks(exposed),
                       ticks(min(exposed + _CAMERA, now)), ticks(now))
         target = self._group if self.params.transmission == 'multicast' else self._commands
-        for data, address in self._server.packets(content(view, self.params, times), now):
+        for data, address in self._server.packets(content(views, self.params, times), now):
             if udp.send(target, data, address):
                 self._sent += 1
             else:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from ipaddress import AddressValueError, IPv4Address
+import math
 
 from mambo_model import schema
-from mambo_sim.sensors import marker_occlusion, optitrack
+from mambo_model.frames import flip_vector
+from mambo_model.motion.vector import Vec3
+from mambo_sim.sensors import hall_capture, marker_occlusion, optitrack
 from mambo_sim.sensors.sampling import period_ns
 
 from .axes import UP
@@ -16,6 +19,9 @@ TRANSMISSIONS = ('multicast', 'unicast')
 GROUP = '239.255.42.99'
 MOST_BODIES = 256
 _PORT = (1024, 65_535)
+PLACES = (
+    'x y z of the origin of the frame `map` of each body in the hall, axes as `map`, in m, '
+    'separated by ;; empty: that of the hall')
 
 
 def check_address(name: str, value: str, multicast: bool = False) -> None:
@@ -54,7 +60,12 @@ class NatNetServerNodeParams:
         '4.1', VERSIONS, 'of the protocol; 4.1 is that of Motive 3.1, 3.1 of Motive 2.2')
     up: str = schema.choice('y', UP, "axis that is up; y is Motive's default")
     body: str = schema.text('mambo', 'name of the rigid body')
-    body_id: int = schema.quantity(1, '-', 1, 32_767, 'streaming identifier of the body')
+    body_id: int = schema.quantity(
+        1, '-', 1, 32_767 - MOST_BODIES, 'streaming identifier of the body, the first of several')
+    bodies: str = schema.text(
+        '', 'NAME=TOPIC for each of several rigid bodies, separated by commas: its name and the '
+        'topic of its true state; their seeds follow each other; empty: one, `body`')
+    places: str = schema.text('', PLACES)
     rate: float = schema.quantity(
         120.0, 'Hz', 1.0, 1000.0, 'frames a second; usual cameras have 120 to 360')
     latency: float = schema.quantity(
@@ -72,15 +83,26 @@ class NatNetServerNodeParams:
     fault_distance: float = schema.quantity(
         1.0, 'm', 0.0, 100.0, 'to the other body, northwards: room for two drones')
     markers: marker_occlusion.MarkerParams = schema.group(marker_occlusion.MarkerParams)
+    capture: hall_capture.HallCaptureParams = schema.group(hall_capture.HallCaptureParams)
 
     def __post_init__(self) -> None:
         schema.check(self)
         check_address('address', self.address)
         check_address('group', self.group, multicast=True)
-        if not self.body or len(self.body.encode()) > 255:
-            raise schema.ParameterError('body: a name has 1 to 255 bytes')
+        for name in self.topics:
+            if not name or len(name.encode()) > 255:
+                raise schema.ParameterError('body: a name has 1 to 255 bytes')
+        places(self.places, len(self.topics))
+        if self.seed + len(self.topics) > 2**31:
+            raise schema.ParameterError(
+                f'seed {self.seed} leaves no seeds for {len(self.topics)} bodies')
         if self.command_port == self.data_port:
             raise schema.ParameterError('data_port is command_port: give another one')
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Return {name: topic of the true state} of all bodies."""
+        return bodies(self.bodies) if self.bodies else {self.body: 'ground_truth/odom'}
 
     @property
     def period(self) -> int:
@@ -119,6 +141,29 @@ def bodies(text: str) -> dict[str, str]:
     return found
 
 
+def places(text: str, drones: int) -> list[Vec3]:
+    """
+    Return the places of a parameter ``places``, (3,) m, inertial NED of the hall.
+
+    Raises
+    ------
+    ParameterError
+        If they are not as many as the drones.
+
+    """
+    if not text:
+        return [(0.0, 0.0, 0.0)] * drones
+    try:
+        found = [tuple(map(float, place.split())) for place in text.split(';')]
+    except ValueError:
+        found = []
+    if len(found) != drones or any(
+            len(place) != 3 or not all(map(math.isfinite, place)) for place in found):
+        raise schema.ParameterError(
+            f'places = {schema.shown(text)} must be {drones} times x y z in m, separated by ;')
+    return [flip_vector(place) for place in found]
+
+
 @dataclass(frozen=True)
 class NatNetClientNodeParams:
     """Parameters of ``natnet_client_node``."""
@@ -131,6 +176,7 @@ class NatNetClientNodeParams:
         'mambo=optitrack/pose',
         'NAME=TOPIC for each rigid body, separated by commas; NAME is its name or its streaming '
         'identifier; an absolute topic leaves the namespace of the node')
+    places: str = schema.text('', PLACES)
     up: str = schema.choice('y', UP, "axis that is up; y is Motive's default")
     stamp: str = schema.choice(
         'system', ('system', 'server'),
@@ -145,4 +191,4 @@ class NatNetClientNodeParams:
         schema.check(self)
         check_address('server', self.server)
         check_address('address', self.address)
-        bodies(self.bodies)
+        places(self.places, len(bodies(self.bodies)))

@@ -9,7 +9,8 @@ from mambo_mocap.parameters import NatNetServerNodeParams
 from mambo_model.motion.quaternion import exp_map
 from mambo_model.motion.rigid_body import State
 from mambo_sim import simulator
-from mambo_sim.sensors import optitrack
+from mambo_sim.sensors import hall_capture, optitrack
+from mambo_sim.sensors.hall_capture import HallCaptureParams
 from mambo_sim.sensors.marker_occlusion import MarkerParams
 import pytest
 
@@ -26,7 +27,7 @@ def truth(t):
 
 def views(params, steps=400):
     hall = Hall(params)
-    return [view for k in range(steps) for view in hall.look(k * STEP, truth(k * STEP))]
+    return [view for k in range(steps) for view, in hall.look(k * STEP, [truth(k * STEP)])]
 
 
 @pytest.mark.parametrize('markers', [MarkerParams(), HIDDEN])
@@ -37,7 +38,7 @@ def test_the_poses_are_those_of_the_mock_to_the_bit(markers):
     memory, before, poses = optitrack.START, (0, truth(0)), {}
     for k in range(400):
         now = (k * STEP, truth(k * STEP))
-        memory, sample = optitrack.step(memory, *before, *now, rng, values)
+        memory, sample = optitrack.step(memory, *before, *now, rng, values, None)
         before = now
         if sample.new:
             poses[sample.pose.exposure] = sample.pose
@@ -62,7 +63,7 @@ def test_a_frame_has_the_markers_where_they_are_seen():
     params = NatNetServerNodeParams(markers=HIDDEN, up='z', version='3.1')
     hidden = lost = 0
     for view in views(params):
-        frame = content(view, params, Times(view.exposure * 1e-9))
+        frame = content([view], params, Times(view.exposure * 1e-9))
         body, = frame.bodies
         of_body = [one for one in frame.labelled if one.identifier >> 16 == params.body_id]
         points = {(x, -y, -z) for x, y, z in view.points}
@@ -110,3 +111,91 @@ def test_a_point_far_from_every_marker_has_no_label():
     places = [(float(k), 0.0, 0.0) for k in range(5)]
     assert label(((0.1, 0.0, 0.0), (9.0, 0.0, 0.0)), places, 0.4) == {0: (0, (0.1, 0.0, 0.0))}
     assert len(label(((0.1, 0.0, 0.0), (0.2, 0.0, 0.0)), places, 0.4)) == 1
+
+
+PLACES = '0 0 0; 0.0 -2.0 0.0'  # z up: the second stands 2 m to the east
+TWO = {'bodies': 'one=/one/ground_truth/odom, two=/two/ground_truth/odom', 'places': PLACES,
+       'seed': 4}
+
+
+def approaching(k):
+    """Return the states of two drones that approach each other, at step k."""
+    return [State((0.0, side * 0.02 * k, height), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
+            for side, height in ((1.0, -1.0), (-1.0, -1.3))]
+
+
+def frames_of(params, steps=60):
+    hall = Hall(params)
+    return [views for k in range(steps) for views in hall.look(k * STEP, approaching(k))]
+
+
+def test_each_of_several_bodies_is_that_of_a_hall_of_its_own_to_the_bit():
+    found = frames_of(NatNetServerNodeParams(**TWO))
+    assert len(found) > 30
+    for number in range(2):
+        alone = Hall(NatNetServerNodeParams(seed=4 + number))
+        assert [views[number] for views in found] == [
+            view for k in range(60) for view, in alone.look(k * STEP, [approaching(k)[number]])]
+
+
+@pytest.mark.parametrize('swap', [0.0, 0.5])
+def test_what_drones_do_to_each_other_is_that_of_the_mock_to_the_bit(swap):
+    shared = HallCaptureParams(
+        occlusion=True, cameras=2, camera_height=1.0, body_height=0.5, swap_distance=swap)
+    found = frames_of(NatNetServerNodeParams(**TWO, capture=shared))
+    capture = hall_capture.HallCapture(
+        shared, [(0.0, 0.0, 0.0), (0.0, 2.0, 0.0)], [MarkerParams().five()] * 2,
+        NatNetServerNodeParams().period)
+    mock = optitrack.OptitrackParams(latency=0.0)
+    values, rngs = mock.values(), [simulator.generators(4 + number)[4] for number in range(2)]
+    memory, before, poses = [optitrack.START] * 2, (0, approaching(0)), ({}, {})
+    for k in range(60):
+        now = (k * STEP, approaching(k))
+        rows = capture.step(*now)
+        for i in range(2):
+            memory[i], sample = optitrack.step(
+                memory[i], before[0], before[1][i], now[0], now[1][i], rngs[i], values, rows[i])
+            if sample.new:
+                poses[i][sample.stamp] = (sample.pose.rho, sample.pose.q)
+        before = now
+    assert bool(capture.exchanges) == bool(swap)
+    for i in range(2):
+        assert {views[i].exposure: (views[i].track.rho, views[i].track.q)
+                for views in found if views[i].track.tracked} == poses[i]
+    assert any(len(view.points) < 5 for views in found for view in views)
+
+
+def test_a_frame_has_all_bodies_and_markers_where_they_are_in_the_hall():
+    params = NatNetServerNodeParams(**TWO, body_id=7, up='z')
+    views = frames_of(params)[0]
+    frame = content(views, params, Times(0.0))
+    assert [body.identifier for body in frame.bodies] == [7, 8]
+    assert frame.bodies[0].position == pytest.approx((0.0, 0.0, 1.0), abs=1e-3)
+    assert frame.bodies[1].position == pytest.approx((0.0, -2.0, 1.3), abs=1e-3)
+    assert [one.name for one in frame.marker_sets] == ['one', 'two', 'all']
+    assert frame.marker_sets[2].positions == (
+        frame.marker_sets[0].positions + frame.marker_sets[1].positions)
+    assert [one.identifier for one in frame.labelled] == [
+        number << 16 | k for number in (7, 8) for k in range(1, 6)]
+    for one in frame.labelled:
+        assert math.dist(one.position, frame.bodies[(one.identifier >> 16) - 7].position) < 0.1
+    names = [one.name for one in model(params)]
+    assert names == ['one', 'two', 'all', 'one', 'two']
+
+
+def test_markers_of_bodies_that_are_not_found_are_numbered_through():
+    params = NatNetServerNodeParams(**TWO, fault='flip')
+    views = [view._replace(track=view.track._replace(tracked=False))
+             for view in frames_of(params)[0]]
+    frame = content(views, params, Times(0.0))
+    assert len(frame.others) == 10 and not any(body.tracked for body in frame.bodies)
+    assert [one.identifier for one in frame.labelled] == list(range(50_001, 50_011))
+
+
+def test_a_body_without_a_sample_is_not_tracked_and_comes_back():
+    hall = Hall(NatNetServerNodeParams(**TWO))
+    hall.look(0, approaching(0))
+    (_, gone), = hall.look(2 * STEP, [approaching(2)[0], None])
+    assert not gone.track.tracked and not gone.points
+    (_, back), *_ = hall.look(4 * STEP, approaching(4))
+    assert back.track.tracked

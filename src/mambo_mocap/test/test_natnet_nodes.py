@@ -83,7 +83,7 @@ def test_a_server_and_a_client_survive_what_strangers_send(make):
                 noise = rng.bytes(int(rng.integers(0, 200)))
                 udp.send(stranger, noise, (HERE, port))
                 udp.send(stranger, b'\7\0' + noise, client._commands.getsockname())
-            server._on_truth(k * 5_000_000, STILL)
+            server._on_truth(0, k * 5_000_000, STILL)
             server.turn()
             client.turn(0.0)
             time.sleep(max(begun + k * 0.005 - time.monotonic(), 0.0))
@@ -127,6 +127,32 @@ def test_every_body_goes_to_its_topic_by_name_or_number(make):
     assert values(client.reports[-1])['bodies not asked for'] == '3'  # one in each frame
 
 
+def test_poses_are_in_the_frame_of_each_drone(make):
+    """A server of two drones, and a client that knows where they start."""
+    port = free_port()
+    several = {'places': '1 2 0; -1 0.5 0', 'command_port': port}
+    server = make(
+        NatNetServerNode, transmission='unicast', data_port=port + 1,
+        bodies='a=/a/ground_truth/odom, b=/b/ground_truth/odom', **several)
+    assert {entry.name for entry in server.inputs} == {
+        '/a/ground_truth/odom', '/b/ground_truth/odom'}
+    client = make(NatNetClientNode, stamp='server', bodies='a=/a/optitrack/pose, b=/b/pose',
+                  **several)
+    poses = {name: [] for name in client._publish}
+    client._publish = {name: poses[name].append for name in poses}
+    there = STILL._replace(rho=(-3.0, 0.25, -1.0))
+    begun, k = time.monotonic(), 0
+    while min(map(len, poses.values())) < 20 and time.monotonic() < begun + 20.0:
+        server._on_truth(0, k * 5_000_000, STILL)
+        server._on_truth(1, k * 5_000_000, there)
+        server.turn()
+        client.turn(0.005)
+        k += 1
+    for name, truth in (('a', STILL), ('b', there)):
+        _, rho, _ = messages.decode_pose(poses[name][-1])
+        np.testing.assert_allclose(rho, truth.rho, atol=1e-3)
+
+
 def test_a_client_without_a_server_says_what_to_look_at(make):
     client = make(NatNetClientNode, command_port=free_port())
     for _ in range(3):
@@ -155,7 +181,7 @@ def test_a_paced_server_sends_no_two_frames_together(make):
         udp.send(client, wire.message(wire.CONNECT, b''), (HERE, port))
         server.turn()
         for k in range(20):
-            server._on_truth(k * 5_000_000, STILL)  # 0.1 s at once
+            server._on_truth(0, k * 5_000_000, STILL)  # 0.1 s at once
         arrivals, limit = [], time.monotonic() + 3.0
         while len(arrivals) < 30 and time.monotonic() < limit:
             time.sleep(min(server.turn(), 0.001))

@@ -1,6 +1,7 @@
 """Parameters of the nodes: what is refused, and with which words."""
 
-from mambo_mocap.parameters import bodies, NatNetClientNodeParams, NatNetServerNodeParams
+from mambo_mocap.parameters import (
+    bodies, NatNetClientNodeParams, NatNetServerNodeParams, places)
 from mambo_model.schema import ParameterError
 import pytest
 
@@ -28,6 +29,25 @@ def test_other_texts_are_refused(text, words):
 def test_a_server_refuses_what_it_cannot_serve(given, words):
     with pytest.raises(ParameterError, match=words):
         NatNetServerNodeParams(**given)
+
+
+@pytest.mark.parametrize('kind', [NatNetServerNodeParams, NatNetClientNodeParams])
+def test_each_body_has_a_place(kind):
+    two = 'a=/a/pose, b=/b/pose'
+    assert places(kind(bodies=two, places='1 2 3; 4 5 6').places, 2) == [
+        (1.0, -2.0, -3.0), (4.0, -5.0, -6.0)]
+    assert places('', 2) == [(0.0, 0.0, 0.0)] * 2
+    for text in ('1 2 3', '1 2; 3 4', '1 2 x; 3 4 5', '1 2 inf; 3 4 5'):
+        with pytest.raises(ParameterError, match='must be 2 times x y z in m'):
+            kind(bodies=two, places=text)
+
+
+def test_a_server_has_one_body_or_those_it_is_given():
+    assert NatNetServerNodeParams(body='drone').topics == {'drone': 'ground_truth/odom'}
+    assert NatNetServerNodeParams(bodies='a=/a/truth, b=/b/truth').topics == {
+        'a': '/a/truth', 'b': '/b/truth'}
+    with pytest.raises(ParameterError, match='leaves no seeds for 2 bodies'):
+        NatNetServerNodeParams(bodies='a=/a/truth, b=/b/truth', seed=2**31 - 1)
 
 
 def test_versions_are_numbers():

@@ -5,6 +5,8 @@ from __future__ import annotations
 from mambo_model.compiled import Held, hold, jit, memory_of
 from mambo_model.motion.rigid_body import State
 from mambo_ros import diagnostics, input_guard, messages, node, process, topics
+import numpy as np
+from numpy.typing import NDArray
 
 from . import simulator
 from .parameters import OptitrackNodeParams
@@ -14,11 +16,11 @@ _REPORT_EVERY = 1_000_000_000  # ns
 
 
 @jit
-def _step(held, t, state):
+def _step(held, t, state, view):
     """Process the next sample of the true state; return the result of the cameras."""
     memory, before_t, before = held.memory
     memory, sample = optitrack.step(
-        memory, before_t, before, t, state, held.rng, held.values)
+        memory, before_t, before, t, state, held.rng, held.values, view)
     held.memory = (memory, t, state)
     return sample
 
@@ -44,10 +46,8 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
     def __init__(self, **kwargs) -> None:
         super().__init__('optitrack_node', OptitrackNodeParams, **kwargs)
         self._begun = False
-        still = State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
-        self._held = self._begin(0, still)
-        _step(self._held, 0, still)  # have the compiled steps in memory before time starts
-        memory_of(self._held)
+        self.on_truth = self.expose  # what is called with each sample of the truth
+        self.warm_up(None)
         self._pose = self.advertise(topics.OPTITRACK)
         self._tick = self.advertise(topics.CAPTURE_TICK) if self.params.watermark else None
         self._published = 0
@@ -61,10 +61,28 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
         rng = simulator.generators(p.seed)[4]
         return hold((optitrack.START, t, state), rng, p.optitrack.values())
 
-    def _on_truth(self, t: int, state: State) -> None:
+    def warm_up(self, view: NDArray[np.float64] | None) -> None:
+        """Have the compiled steps in memory before time starts; view: see ``expose``."""
+        still = State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
+        self._held = self._begin(0, still)
+        _step(self._held, 0, still, view)
+        memory_of(self._held)
+
+    def expose(self, t: int, state: State, view: NDArray[np.float64] | None = None) -> None:
+        """
+        Take the true state at a time in ns; publish the pose that is due.
+
+        Parameters
+        ----------
+        t, state
+            A sample of the truth.
+        view : (12,)
+            What several drones in one hall show, of ``HallCapture``; None: this one is alone.
+
+        """
         if not self._begun:
             self._held, self._begun = self._begin(t, state), True
-        sample = _step(self._held, t, state)
+        sample = _step(self._held, t, state, view)
         if sample.new:
             self._pose(messages.optitrack(sample.stamp, sample.pose.rho, sample.pose.q))
             self._published += 1
@@ -72,6 +90,9 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
             self._tick(messages.capture_tick(t, self._published))
         if t % _REPORT_EVERY == 0:
             self._report(t)
+
+    def _on_truth(self, t: int, state: State) -> None:
+        self.on_truth(t, state)
 
     def _report(self, t: int) -> None:
         memory = memory_of(self._held)[0]

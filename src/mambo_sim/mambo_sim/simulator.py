@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from mambo_model.compiled import jit, jit_inside
+from mambo_model.motion.rigid_body import State
 from mambo_model.motion.trajectory import PlanValues
 from mambo_model.motion.vector import Vec3
 from mambo_model.schema import flag, group, quantity
@@ -123,6 +124,15 @@ def _motion(
     body, force = hand.carry(t, path, vv.gravity)
     stopped = (0.0, 0.0, 0.0, 0.0)
     return plant.PlantState(body, stopped, (0.0, 0.0, 0.0), truth.lost, truth.charge), force
+
+
+@jit
+def body_at(body: State, tick: int, path: PlanValues | None, gravity: float) -> State:
+    """Return the state of a vehicle's body at a tick, where a hand has it if one carries it."""
+    if path is None:
+        return body
+    carried, _ = hand.carry(tick * STEP, path, gravity)
+    return carried
 
 
 @jit_inside

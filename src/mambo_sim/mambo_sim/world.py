@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import downwash, pushed
+from .sensors.hall_capture import HallCaptureParams
 
 MOST = 32
 """Most drones in one world."""
@@ -55,6 +56,7 @@ class WorldParams(Parameters):
     on_collision: str = choice(
         'report', COLLISIONS, 'report: both fly on; stop: the motors of both stop')
     downwash: downwash.DownwashParams = group(downwash.DownwashParams)
+    capture: HallCaptureParams = group(HallCaptureParams)
 
     def __post_init__(self) -> None:
         super().__post_init__()

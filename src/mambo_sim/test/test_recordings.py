@@ -280,7 +280,7 @@ def test_poses_are_lost_as_often_as_in_a_hall():
     still = State((0.0, 0.0, -1.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
     for tick in range(1, 198 * 200):
         memory, sample = optitrack.step(
-            memory, (tick - 1) * 5_000_000, still, tick * 5_000_000, still, rng, p)
+            memory, (tick - 1) * 5_000_000, still, tick * 5_000_000, still, rng, p, None)
         if sample.new:
             out.append(sample.stamp * 1e-9)
     mocked = rows_of_lost_poses(np.array(out), 1.0 / 99.7)

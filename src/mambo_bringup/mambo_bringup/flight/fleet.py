@@ -10,8 +10,11 @@ from mambo_ros import topics
 from mambo_ros.loop import Loop
 from mambo_sim import lockstep, pushed
 from mambo_sim.delays import Delays
+from mambo_sim.optitrack_node import OptitrackNode
 from mambo_sim.sim_node import SimNode
 from mambo_sim.world import World
+
+from . import shared_capture
 
 
 class Fleet:
@@ -120,6 +123,7 @@ class Fleet:
 def fly(hall: Hall, _: SimNode, loop: Loop) -> int:
     """Run the simulators of a loop to their end or until stopped; return the exit code."""
     sims = [node for node in loop.nodes if isinstance(node, SimNode)]
+    shared_capture.share([node for node in loop.nodes if isinstance(node, OptitrackNode)], hall)
     for sim in sims:
         if not sim.links.wait(loop, sim.params.start_patience):
             return 0 if loop.stopping else 1

@@ -6,7 +6,10 @@ import json
 from pathlib import Path
 
 from mambo_flight import scenario as scenarios
+from mambo_flight.world.world_file import Hall
 from mambo_model import schema
+from mambo_model.frames import flip_vector
+from mambo_ros import topics
 
 SERVER, CLIENT = ('mambo_mocap', 'natnet_server_node'), ('mambo_mocap', 'natnet_client_node')
 PORT = 1510
@@ -33,21 +36,54 @@ def scenario(flight: scenarios.Scenario) -> scenarios.Scenario:
         'sim_node.mode': 'realtime', 'estimator_node.synchronise': 'arrival'})
 
 
-def parameters(flight: scenarios.Scenario, port: int, namespace: str) -> dict[str, object]:
-    """Return the parameters of server and client as the content of a parameter file."""
+def _several(hall: Hall) -> tuple[dict[str, object], dict[str, object]]:
+    """Return what server and client have of their own where several drones share a hall."""
+    places = '; '.join(' '.join(map(repr, flip_vector(place))) for place in hall.places.values())
+
+    def bodies(topic: topics.Topic) -> str:
+        return ', '.join(f'{space[1:]}={topics.full_name(topic, space)}' for space in hall.places)
+
+    return {
+        'bodies': bodies(topics.GROUND_TRUTH), 'places': places,
+        **{f'capture.{name}': value
+           for name, value in schema.flatten(hall.params.capture).items()}}, {
+        'bodies': bodies(topics.OPTITRACK), 'places': places}
+
+
+def parameters(
+    flight: scenarios.Scenario, port: int, namespace: str, several: Hall | None = None,
+) -> dict[str, object]:
+    """
+    Return the parameters of server and client as the content of a parameter file.
+
+    Parameters
+    ----------
+    flight
+        Of the drone, the first one of several.
+    port
+        Command port of the server.
+    namespace
+        Of the nodes.
+    several
+        Hall of several drones with the motion capture of the first and consecutive seeds; None:
+        there is one drone.
+
+    """
+    of_server, of_client = _several(several) if several else ({}, {})
     capture = flight.optitrack_node.optitrack
     hall = {f'markers.{name}': value for name, value in schema.flatten(capture.markers).items()}
     hall |= {name: getattr(capture, name) for name in _HALL}
     return {
         f'{namespace}/{SERVER[1]}': {'ros__parameters': {
-            **hall, 'seed': flight.optitrack_node.seed,
+            **hall, **of_server, 'seed': flight.optitrack_node.seed,
             'command_port': port, 'data_port': port + 1}},
         f'{namespace}/{CLIENT[1]}': {'ros__parameters': {
-            'command_port': port, 'stamp': 'server'}}}
+            **of_client, 'command_port': port, 'stamp': 'server'}}}
 
 
-def write(file: Path, flight: scenarios.Scenario, port: int, namespace: str) -> Path:
+def write(file: Path, flight: scenarios.Scenario, port: int, namespace: str,
+          several: Hall | None = None) -> Path:
     """Write the parameters of server and client beside the file of a flight; return where."""
     target = file.with_name(f'natnet_{file.name}')
-    target.write_text(json.dumps(parameters(flight, port, namespace)))  # parsed as YAML
+    target.write_text(json.dumps(parameters(flight, port, namespace, several)))  # parsed as YAML
     return target

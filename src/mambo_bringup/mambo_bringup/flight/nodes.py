@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 import json
 from pathlib import Path
 from types import MappingProxyType
@@ -26,6 +26,7 @@ SIMULATOR = ('mambo_sim', 'sim_node')
 VIEW = ('mambo_view', 'view_node')
 DESCRIPTION = ('mambo_description', 'description_node')
 COMPOSED = ('mambo_bringup', 'composed_node')
+HALL_CAPTURE = ('mambo_bringup', 'hall_capture_node')
 
 
 def label(namespace: str, node: tuple[str, str]) -> str:
@@ -75,10 +76,42 @@ def world_process(file: Path, owners: Sequence[list[str]], composed: bool) -> li
         Whether all nodes of all drones run in it, or their simulators alone.
 
     """
-    files = [word for arguments in owners
-             for flag, value in zip(arguments, arguments[1:], strict=False)
-             if flag == '--params-file' for word in (flag, value)]
-    return ['--world', str(file), *([] if composed else ['--simulators']), '--ros-args', *files]
+    return ['--world', str(file), *([] if composed else ['--simulators']), '--ros-args',
+            *_parameter_files(owners)]
+
+
+def _parameter_files(nodes: Iterable[list[str]]) -> list[str]:
+    """Return the words among the arguments of nodes that name parameter files."""
+    return [word for arguments in nodes
+            for flag, value in zip(arguments, arguments[1:], strict=False)
+            if flag == '--params-file' for word in (flag, value)]
+
+
+def take_cameras(
+    file: Path, started: Sequence[tuple[str, tuple[str, str], list[str]]],
+) -> tuple[list[tuple[str, tuple[str, str], list[str]]], list[str]]:
+    """
+    Let one process have the cameras of all drones of a hall.
+
+    Parameters
+    ----------
+    file
+        The hall.
+    started
+        Namespace, node and arguments of each process of the drones.
+
+    Returns
+    -------
+    others
+        The processes without the cameras of single drones.
+    arguments
+        Of :data:`HALL_CAPTURE`; empty if there are no cameras.
+
+    """
+    cameras = [words for _, node, words in started if node == FLIGHT_NODES[0]]
+    others = [one for one in started if one[1] != FLIGHT_NODES[0]]
+    return others, ['--world', str(file), '--ros-args', *_parameter_files(cameras)
+                    ] if cameras else []
 
 
 def start_arguments(

@@ -20,8 +20,8 @@ from ..processes import FlightInputError, NodeProcess, parameter
 from ..stuck import closed_again, Silence, stuck
 from .natnet import write as write_natnet
 from .nodes import (
-    COMPOSED, label, NAMESPACE, RECORDER, recorder_topics, REPLACEABLE, run_parameters,
-    start_arguments, VIEW, world_process)
+    COMPOSED, HALL_CAPTURE, label, NAMESPACE, RECORDER, recorder_topics, REPLACEABLE,
+    run_parameters, start_arguments, take_cameras, VIEW, world_process)
 from .outcome import FlightEndedError, listener, Outcome, Progress, refused, used
 
 _LOADING = 60.0  # s that nodes may take to load, at least
@@ -92,26 +92,33 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
         if view:
             group.start_spectator(*VIEW, ['--ros-args', *parameter('drones', ','.join(flights)),
                                           '-p', f'port:={view}'])
-        last = []
+        last, others = [], []  # namespace, node and arguments of each process
         world = group.folder / world_file.NAME if hall is not None else None
         if world is not None:
             world.write_text(world_file.to_text(hall))
         for number, (namespace, flight) in enumerate(flights.items()):
             file = group.folder / f'scenario{number or ""}.yaml'
-            _write(file, flight, run_parameters(flight, without, bool(natnet)), namespace)
+            left, port = _guest(without, natnet) if number and hall else (without, natnet)
+            _write(file, flight, run_parameters(flight, left, bool(port)), namespace)
             if hall is None or not number:
                 bar = Progress(flight.sim_node.duration, shown=not number)
                 bars.callback(bar.close)
             progress[namespace] = bar
             started[namespace] = []
             *nodes, owner = start_arguments(
-                file, bags[namespace], composed, namespace, without, {
+                file, bags[namespace], composed, namespace, left, {
                     **recorder_topics(flight), **({'world': str(world)} if world else {})},
-                write_natnet(file, flight, natnet, namespace) if natnet else None)
+                write_natnet(file, flight, port, namespace, hall) if port else None)
             last.append((namespace, *owner))
-            for node, arguments in nodes:
-                started[namespace].append(
-                    group.start(*node, arguments, label=label(namespace, node)))
+            others += [(namespace, *one) for one in nodes]
+        cameras = []
+        if world is not None:
+            others, cameras = take_cameras(world, others)
+        for namespace, node, arguments in others:
+            started[namespace].append(
+                group.start(*node, arguments, label=label(namespace, node)))
+        if cameras:
+            started[next(iter(flights))].append(group.start(*HALL_CAPTURE, cameras))
         shared = None if world is None else group.start(
             *COMPOSED, world_process(world, [arguments for *_, arguments in last], composed),
             listener(bar, [node for nodes in started.values() for node in nodes]))
@@ -140,6 +147,11 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
     if group.fault and not group.interrupts.first:
         raise FlightEndedError(outcomes)
     return outcomes
+
+
+def _guest(without: Collection[str], natnet: int) -> tuple[Collection[str], int]:
+    """Return what is left out of a drone, and the port, where the first one serves the hall."""
+    return ((*without, 'optitrack'), 0) if natnet else (without, 0)
 
 
 def _write(file: Path, flight: scenarios.Scenario, run: Mapping[str, object],

@@ -4,8 +4,12 @@ import json
 
 from mambo_bringup.flight import natnet, nodes
 from mambo_flight.scenario import override, scenario
-from mambo_mocap.parameters import NatNetClientNodeParams, NatNetServerNodeParams
+from mambo_flight.world.world_file import Hall
+from mambo_mocap.parameters import (
+    bodies, NatNetClientNodeParams, NatNetServerNodeParams, places)
 from mambo_model import schema
+from mambo_sim.sensors.hall_capture import HallCaptureParams
+from mambo_sim.world import WorldParams
 import pytest
 import yaml
 
@@ -27,6 +31,25 @@ def test_server_and_client_have_the_hall_of_the_flight(tmp_path):
     assert client.stamp == 'server' and server.body in client.bodies
     assert flight.sim_node.mode == 'realtime'
     assert not flight.estimator_node.waits_for_capture
+
+
+def test_one_server_and_one_client_are_those_of_all_drones_of_a_hall(tmp_path):
+    flight = natnet.scenario(scenario(seed=5))
+    hall = Hall(WorldParams(drones=2, capture=HallCaptureParams(occlusion=True, cameras=6)), {
+        '/mambo1': (0.0, -1.5, 0.0), '/mambo2': (0.1, 1.5, 0.0)})
+    given = yaml.safe_load(natnet.write(
+        tmp_path / 'flight.yaml', flight, 20_000, '/mambo1', hall).read_text())
+    server = schema.build(
+        NatNetServerNodeParams, given['/mambo1/natnet_server_node']['ros__parameters'])
+    client = schema.build(
+        NatNetClientNodeParams, given['/mambo1/natnet_client_node']['ros__parameters'])
+    assert server.topics == {
+        'mambo1': '/mambo1/ground_truth/odom', 'mambo2': '/mambo2/ground_truth/odom'}
+    assert bodies(client.bodies) == {
+        'mambo1': '/mambo1/optitrack/pose', 'mambo2': '/mambo2/optitrack/pose'}
+    for one in (server, client):
+        assert places(one.places, 2) == list(hall.places.values())
+    assert server.capture == hall.params.capture and server.seed == 5
 
 
 def test_they_stand_in_for_the_mock(tmp_path):

@@ -13,7 +13,9 @@ from typing import NamedTuple
 from mambo_model.compiled import hold, jit, set_values
 from mambo_model.motion.vector import Vec3
 from mambo_model.schema import ParameterError
-from mambo_sim import pushed
+from mambo_sim import pushed, simulator
+from mambo_sim.sensors import hall_capture
+from mambo_sim.sensors.hall_capture import Exchange
 from mambo_sim.world import Collision, World, WorldParams
 
 from .. import changes, closed_loop
@@ -26,6 +28,7 @@ class Together(NamedTuple):
 
     recordings: list[Recording]  # of each drone, in its own frame
     collisions: list[Collision]
+    exchanges: list[Exchange]  # of names in the motion capture
 
 
 @jit
@@ -35,11 +38,18 @@ def _observe(held, row):
 
 
 @jit
-def _step(held, k, push, stop, row):
+def _body(held, k):
+    """Return the true state of a drone's body at step k."""
+    p = held.values[0].simulator
+    return simulator.body_at(held.memory.state.plant.body, k, p.hand, p.vehicle.gravity)
+
+
+@jit
+def _step(held, k, push, stop, view, row):
     """Sense, command and move on at step k; store what is seen of the drone then."""
     rngs, mocap_rng = held.rng
     p, out = held.values
-    fly_on(held.memory, k, k + 1, rngs, mocap_rng, p, out, push, stop, held)
+    fly_on(held.memory, k, k + 1, rngs, mocap_rng, p, out, push, stop, view, held)
     pushed.observe(held.memory.state.plant, row)
 
 
@@ -64,18 +74,20 @@ def fly(
     Returns
     -------
     together
-        The same recordings as of drones that fly alone, unless there is downwash or a collision
-        stops them.
+        The same recordings as of drones that fly alone, unless there is downwash, a collision
+        stops them, or the motion capture sees what drones do to each other's markers.
 
     Raises
     ------
     ParameterError
-        If the durations differ.
+        If the durations differ, or the drones cannot share a motion capture.
 
     """
     if len({closed_loop.step_count(flight) for flight in flights}) != 1:
         raise ParameterError('drones of one world need the same sim_node.duration')
     world = World(params, places, [flight.sim_node.simulator.vehicle for flight in flights])
+    capture = hall_capture.of_hall(
+        params.capture, places, [flight.optitrack_node.optitrack for flight in flights])
     held, recordings, later = [], [], []
     for flight, row in zip(flights, world.seen, strict=True):
         p, out = closed_loop.settings(flight), closed_loop.blank(flight, inner)
@@ -90,6 +102,9 @@ def fly(
             if k in new:
                 set_values(one, (new[k], out))
         pushes = world.look(t)
-        for one, push, stop, row in zip(held, pushes, world.stopped, world.seen, strict=True):
-            _step(one, k, push, stop, row)
-    return Together(recordings, world.collisions)
+        views = [None] * len(held) if capture is None else list(
+            capture.step(t, [_body(one, k) for one in held]))
+        for one, push, stop, view, row in zip(
+                held, pushes, world.stopped, views, world.seen, strict=True):
+            _step(one, k, push, stop, view, row)
+    return Together(recordings, world.collisions, capture.exchanges if capture else [])

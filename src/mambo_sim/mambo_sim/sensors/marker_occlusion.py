@@ -23,6 +23,7 @@ from mambo_model.values import derived, Parameters, values, values_type
 from mambo_model.vehicle import parameters
 import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from .rigid_fit import COUNT, Five
 
@@ -31,6 +32,8 @@ NARROW = 0.01  # m, standard deviation of markers across their line below which 
 
 Seen = tuple[bool, bool, bool, bool, bool]
 ALL: Seen = (True,) * COUNT
+COLUMNS = 7 + COUNT
+"""Of a view: position (3) m and attitude (4) of the markers' body, and which of them show."""
 
 
 def file_positions() -> tuple[float, ...]:
@@ -119,6 +122,20 @@ class MarkerParams(Parameters):
 
 
 MarkerValues = values_type(MarkerParams)
+
+
+@jit
+def view_of(view: NDArray[np.float64]) -> tuple[Vec3, Quat, Seen]:
+    """Return position and attitude of the markers' body and which markers show, of a view."""
+    return ((view[0], view[1], view[2]), (view[3], view[4], view[5], view[6]),
+            (view[7] > 0.0, view[8] > 0.0, view[9] > 0.0, view[10] > 0.0, view[11] > 0.0))
+
+
+@jit
+def both(one: Seen, other: Seen) -> Seen:
+    """Return which markers are seen in both ways."""
+    return (one[0] and other[0], one[1] and other[1], one[2] and other[2], one[3] and other[3],
+            one[4] and other[4])
 
 
 @jit

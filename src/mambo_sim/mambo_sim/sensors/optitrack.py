@@ -25,7 +25,9 @@ from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import add, scale, sub, Vec3
 from mambo_model.schema import choice, flag, group, quantity
 from mambo_model.values import derived, Parameters, values, values_type
+import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from . import marker_occlusion, tracker
 from .sampling import period_ns
@@ -65,6 +67,7 @@ class OptitrackMemory(NamedTuple):
     queue: tuple[Pose, ...]  # (QUEUE,) not yet delivered, oldest first
     counts: Counts        # of the frames
     seen: marker_occlusion.Seen    # which markers the last frame showed
+    unhidden: marker_occlusion.Seen  # the same without what other drones hid
     dropping: bool        # the last frame did not arrive
     track: tracker.Track  # of the body
 
@@ -79,7 +82,7 @@ class OptitrackSample(NamedTuple):
 
 _NOWHERE = Pose(0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 START = OptitrackMemory(
-    0, (_NOWHERE,) * QUEUE, Counts(0, 0, 0), marker_occlusion.ALL, False,
+    0, (_NOWHERE,) * QUEUE, Counts(0, 0, 0), marker_occlusion.ALL, marker_occlusion.ALL, False,
     tracker.Track(False, 0, _NOWHERE.rho, _NOWHERE.q, (0.0, 0.0, 0.0)))
 
 
@@ -193,17 +196,22 @@ def _shown(pose: Pose, p: OptitrackValues) -> Pose:
 @jit
 def _expose(
     memory: OptitrackMemory, exposure: int, rho: Vec3, q: Quat, rng: Generator,
-    p: OptitrackValues,
+    p: OptitrackValues, view: NDArray[np.float64] | None,
 ) -> OptitrackMemory:
     """Expose a frame of a true pose and queue the pose found in it."""
-    pending, queue, counts, seen, dropping, track = memory
+    pending, queue, counts, seen, unhidden, dropping, track = memory
     if p.model == MODEL_POSE:
         place, attitude = _noisy(rho, q, rng, p)
         track = tracker.define(exposure, place, attitude)
     else:
         if counts.frames == 0:
             track = tracker.define(exposure, rho, q)
-        points, seen = marker_occlusion.reconstruct(seen, rho, q, rng, p.noise, p.markers)
+        shown = marker_occlusion.ALL
+        if view is not None:
+            rho, q, shown = marker_occlusion.view_of(view)
+        points, unhidden = marker_occlusion.reconstruct(
+            unhidden, rho, q, rng, p.noise, p.markers)
+        seen = unhidden if view is None else marker_occlusion.both(unhidden, shown)
         track = tracker.step(track, exposure, points, seen, p.markers)
     if p.noise:
         chance = rng.random()
@@ -215,13 +223,13 @@ def _expose(
     counts = Counts(
         counts.frames + 1, counts.lost + (not track.tracked),
         counts.dropped + (track.tracked and dropping))
-    return OptitrackMemory(pending, queue, counts, seen, dropping, track)
+    return OptitrackMemory(pending, queue, counts, seen, unhidden, dropping, track)
 
 
 @jit_inside
 def step(
     memory: OptitrackMemory, before_ns: int, before: State, now_ns: int, now: State,
-    rng: Generator, p: OptitrackValues,
+    rng: Generator, p: OptitrackValues, view: NDArray[np.float64] | None,
 ) -> tuple[OptitrackMemory, OptitrackSample]:
     """
     Expose the frame that falls between two samples of the truth, deliver the one that is due.
@@ -243,6 +251,9 @@ def step(
         The generator of this sensor.
     p
         From :meth:`OptitrackParams.values`.
+    view : (12,)
+        What the markers show in the frame of this step where several drones share a hall, from
+        ``HallCapture.step``; None: the drone is seen as if alone.
 
     Returns
     -------
@@ -257,13 +268,14 @@ def step(
     if exposure > before_ns or (first and exposure == now_ns):
         share = 1.0 if first else (exposure - before_ns) / (now_ns - before_ns)
         rho, q = interpolate(before, now, share)
-        memory = _expose(memory, exposure, rho, q, rng, p)
-    pending, queue, counts, seen, dropping, track = memory
+        memory = _expose(memory, exposure, rho, q, rng, p, view)
+    pending, queue, counts, seen, unhidden, dropping, track = memory
     if pending > 0:
         oldest = queue[QUEUE - pending]
         arrival = oldest.exposure + p.latency_ns
         if arrival <= now_ns:
             stamp = arrival if p.stamp == STAMP_ARRIVAL else oldest.exposure
-            memory = OptitrackMemory(pending - 1, queue, counts, seen, dropping, track)
+            memory = OptitrackMemory(
+                pending - 1, queue, counts, seen, unhidden, dropping, track)
             return memory, OptitrackSample(True, stamp, oldest)
     return memory, OptitrackSample(False, 0, queue[QUEUE - 1])

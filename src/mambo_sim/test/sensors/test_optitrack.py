@@ -42,7 +42,7 @@ def shoot(params, first, n, rng):
     for tick in range(first, first + n):
         now = (tick * STEP, state(tick * 0.005))
         before = before or now
-        memory, sample = optitrack.step(memory, *before, *now, rng, p)
+        memory, sample = optitrack.step(memory, *before, *now, rng, p, None)
         before = now
         if sample.new:
             out.append((now[0], sample.stamp, sample.pose))
@@ -111,7 +111,7 @@ def test_lost_truth_costs_frames_but_no_order():
     stamps, before = [], (0, state(0.0))
     for tick in (0, 1, 2, 10, 11, 12, 13, 14, 15):  # 35 ms missing
         now = (tick * STEP, state(tick * 0.005))
-        memory, sample = optitrack.step(memory, *before, *now, rng, p)
+        memory, sample = optitrack.step(memory, *before, *now, rng, p, None)
         before = now
         if sample.new:
             stamps.append(sample.stamp)

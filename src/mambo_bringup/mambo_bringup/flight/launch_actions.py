@@ -18,9 +18,9 @@ from mambo_flight.scenario import to_yaml
 from mambo_ros.graph import loopback
 from mambo_ros.topics import OWN
 
-from . import launching
-from .flight.nodes import DESCRIPTION, RECORDER
-from .launching import Process
+from .. import launching
+from .nodes import DESCRIPTION, RECORDER
+from ..launching import Process
 
 PATIENCE = '20'  # s that a node has to close its bag, after which launch ends it
 
