@@ -1,6 +1,8 @@
 """The simulated hall through a NatNet server and its client to the estimator and the bag."""
 
 import socket
+import subprocess
+import sys
 
 from mambo_bags.reader import read_bag
 from mambo_bringup.flight import natnet
@@ -67,3 +69,44 @@ def test_latency_and_counts_are_in_the_diagnostics(bag):
     # the last reports of two nodes are up to a second apart, 120 frames
     assert int(client['frames']) > 100
     assert abs(int(server['frames sent']) - int(client['frames'])) <= 120
+
+
+@pytest.fixture(scope='module')
+def bags(tmp_path_factory):
+    """Return the bags of two drones whose poses went through one server and one client."""
+    folder = tmp_path_factory.mktemp('natnet') / 'two'
+    done = subprocess.run(
+        [sys.executable, '-m', 'mambo_bringup.run', '--scenario', 'motion_capture', '--natnet',
+         str(free_port()), '--drones', '2', '--duration', str(SECONDS), '--no-landing',
+         '--no-report', '-o', str(folder)], text=True, capture_output=True, timeout=600,
+        check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return {space: read_bag(folder / space[1:]) for space in ('/mambo1', '/mambo2')}
+
+
+def test_one_server_brings_each_drone_its_own_poses(bags):
+    for space, bag in bags.items():
+        poses, truth = bag[f'{space}/optitrack/pose'], bag[f'{space}/ground_truth/odom']
+        frames = np.round(poses.stamp / PERIOD)
+        assert np.abs(poses.stamp - frames * PERIOD).max() <= 1  # ns
+        assert (np.diff(frames) == 1).all()
+        assert len(frames) >= truth.stamp[-1] / PERIOD - 10
+        at = np.stack([np.interp(poses.stamp, truth.stamp, truth.position[:, axis])
+                       for axis in range(3)], axis=1)
+        assert np.abs(at - poses.position).max() < 2e-3
+
+
+def test_the_estimator_of_each_drone_uses_them(bags):
+    for space, bag in bags.items():
+        estimate, truth = bag[f'{space}/estimate/map'], bag[f'{space}/ground_truth/odom']
+        at = np.stack([np.interp(estimate.stamp, truth.stamp, truth.position[:, axis])
+                       for axis in range(3)], axis=1)
+        late = estimate.stamp > 3e9
+        assert np.abs(at - estimate.position)[late].max() < 0.05
+
+
+def test_server_and_client_report_in_the_bag_of_the_first_drone(bags):
+    names = {space: {status.name for message in bag[f'{space}/diagnostics'].objects()
+                     for status in message.status} for space, bag in bags.items()}
+    assert {'natnet_server_node', 'natnet_client_node'} < names['/mambo1']
+    assert not {'natnet_server_node', 'natnet_client_node'} & names['/mambo2']

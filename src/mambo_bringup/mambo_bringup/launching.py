@@ -154,6 +154,7 @@ def flight(arguments: Mapping[str, str]) -> Flight:
     hall, flown = None, {space: base}
     if world.drones > 1:
         drones = formation.hall(base, world)
+        world_file.check_cameras(drones.hall, drones.flights)
         hall, flown = drones.hall, dict(zip(drones.hall.places, drones.flights, strict=True))
     bag = Path(arguments['bag']).expanduser().absolute() if arguments['bag'] else None
     if bag and bag.exists():

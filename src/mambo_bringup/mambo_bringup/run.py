@@ -18,7 +18,7 @@ from mambo_bags.reader import read_bag
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
 from mambo_flight import flight_options, scenario as scenarios, scenario_file
 from mambo_flight.world import formation, plot_separation, separation
-from mambo_flight.world.world_file import Hall
+from mambo_flight.world.world_file import check_cameras, Hall
 from mambo_model import schema
 from mambo_model.motion.trajectory import COURSE
 from mambo_ros.topics import NAMESPACE
@@ -171,6 +171,7 @@ def _run(options: argparse.Namespace) -> None:
         _fly_and_report(name, {NAMESPACE: flight}, options)
         return
     drones = formation.hall(flight, world)
+    check_cameras(drones.hall, drones.flights)
     _fly_and_report(
         name, dict(zip(drones.hall.places, drones.flights, strict=True)), options, drones.hall)
 

@@ -19,8 +19,8 @@ from mambo_ros.graph import loopback
 from mambo_ros.topics import OWN
 
 from .. import launching
-from .nodes import DESCRIPTION, RECORDER
 from ..launching import Process
+from .nodes import DESCRIPTION, RECORDER
 
 PATIENCE = '20'  # s that a node has to close its bag, after which launch ends it
 

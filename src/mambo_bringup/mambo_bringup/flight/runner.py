@@ -111,14 +111,7 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
                 write_natnet(file, flight, port, namespace, hall) if port else None)
             last.append((namespace, *owner))
             others += [(namespace, *one) for one in nodes]
-        cameras = []
-        if world is not None:
-            others, cameras = take_cameras(world, others)
-        for namespace, node, arguments in others:
-            started[namespace].append(
-                group.start(*node, arguments, label=label(namespace, node)))
-        if cameras:
-            started[next(iter(flights))].append(group.start(*HALL_CAPTURE, cameras))
+        _start(group, others, started, world)
         shared = None if world is None else group.start(
             *COMPOSED, world_process(world, [arguments for *_, arguments in last], composed),
             listener(bar, [node for nodes in started.values() for node in nodes]))
@@ -152,6 +145,18 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
 def _guest(without: Collection[str], natnet: int) -> tuple[Collection[str], int]:
     """Return what is left out of a drone, and the port, where the first one serves the hall."""
     return ((*without, 'optitrack'), 0) if natnet else (without, 0)
+
+
+def _start(group: NodeGroup, nodes: list[tuple[str, tuple[str, str], list[str]]],
+           started: Mapping[str, list[NodeProcess]], world: Path | None) -> None:
+    """Start nodes, each with namespace and arguments; the cameras of a hall are the first's."""
+    cameras = []
+    if world is not None:
+        nodes, cameras = take_cameras(world, nodes)
+    for namespace, node, arguments in nodes:
+        started[namespace].append(group.start(*node, arguments, label=label(namespace, node)))
+    if cameras:
+        started[next(iter(started))].append(group.start(*HALL_CAPTURE, cameras))
 
 
 def _write(file: Path, flight: scenarios.Scenario, run: Mapping[str, object],

@@ -50,6 +50,7 @@ class Candidate(NamedTuple):
 
     time: float    # s, for how long they have; negative: there is none
     anchor: Anchor  # by which map is turned and shifted against the filter's belief
+    first: Anchor   # the same by the first of them
 
 
 class Capture(NamedTuple):
@@ -85,7 +86,7 @@ class Located(NamedTuple):
 
 
 NOTHING_SEEN = Sight(math.nan, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-NO_CANDIDATE = Candidate(-1.0, SAME)
+NO_CANDIDATE = Candidate(-1.0, SAME, SAME)
 START = Capture(
     False, SAME, 0.0, 0.0, 0, 0, NEVER, math.nan, math.nan, NO_CANDIDATE, NOTHING_SEEN)
 
@@ -123,7 +124,7 @@ def _later(c: Capture, dt: float, v: PoseValues) -> Capture:
     step = dt if dt > 0.0 else 0.0
     candidate = c.candidate
     if candidate.time >= 0.0:
-        candidate = Candidate(candidate.time + step, candidate.anchor)
+        candidate = Candidate(candidate.time + step, candidate.anchor, candidate.first)
     if c.silence + step > v.max_age:
         candidate = NO_CANDIDATE
     return Capture(
@@ -151,17 +152,22 @@ def _used(c: Capture, anchor: Anchor, off: float, delay: float) -> Capture:
 def _agreed(
     old: Candidate, past: Past, rho: Vec3, turn: Vec3, v: PoseValues,
 ) -> Candidate:
-    """Return what refused poses agree on, with one more; it begins anew where this one differs."""
+    """
+    Return what refused poses agree on, with one more; it begins anew where this one differs.
+
+    It is compared with the first of them: another drone goes by in steps of some millimetres from
+    pose to pose, all of which would agree with the one before.
+    """
     if hypot(turn[0], turn[1]) > v.tilt_gate:
         return NO_CANDIDATE
     new = Anchor(turn[2], sub(rho, about_z(turn[2], past.x.p)))
     if old.time < 0.0:
-        return Candidate(0.0, new)
-    a = old.anchor
+        return Candidate(0.0, new, new)
+    a = old.first
     expected = about_z(a.yaw, past.x.p)
     apart = norm(sub(sub(rho, expected), a.shift))
     same = apart <= v.agreement and abs(wrapped(turn[2] - a.yaw)) <= v.agreement_turn
-    return Candidate(old.time if same else 0.0, new)
+    return Candidate(old.time, new, a) if same else Candidate(0.0, new, new)
 
 
 @jit

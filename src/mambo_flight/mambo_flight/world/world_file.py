@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import dataclasses
 import math
 import re
@@ -11,8 +11,11 @@ from typing import Any, NamedTuple, NoReturn
 from mambo_model import schema
 from mambo_model.motion.vector import Vec3
 from mambo_model.yaml_nodes import load, reason
+from mambo_sim.sensors import hall_capture
 from mambo_sim.world import MOST, WorldParams
 import yaml
+
+from ..scenario import Scenario
 
 NAME = 'world.yaml'
 _FAR = 1e6  # m, the farthest place
@@ -23,6 +26,27 @@ class Hall(NamedTuple):
 
     params: WorldParams
     places: Mapping[str, Vec3]
+
+
+def check_cameras(hall: Hall, flights: Sequence[Scenario]) -> None:
+    """
+    Check whether the drones of a hall can share a motion capture.
+
+    Parameters
+    ----------
+    hall
+        With a place for each drone.
+    flights
+        Scenario of each drone.
+
+    Raises
+    ------
+    ParameterError
+        If something in their motion capture excludes it.
+
+    """
+    hall_capture.of_hall(hall.params.capture, list(hall.places.values()), [
+        flight.optitrack_node.optitrack for flight in flights])
 
 
 def to_text(hall: Hall) -> str:

@@ -1,9 +1,11 @@
 """The hall as text survives the way there and back; anything else is refused in one line."""
 
+from mambo_flight.scenario import override, scenario
 from mambo_flight.world import world_file
 from mambo_flight.world.world_file import Hall, parse, to_text
 from mambo_model.schema import ParameterError
 from mambo_sim.downwash import DownwashParams
+from mambo_sim.sensors.hall_capture import HallCaptureParams
 from mambo_sim.world import WorldParams
 import pytest
 
@@ -15,6 +17,20 @@ HALL = Hall(
 def test_a_hall_survives_being_written():
     assert parse(to_text(HALL), 'bag') == HALL
     assert world_file.NAME == 'world.yaml'
+
+
+def test_a_hall_of_a_bag_from_before_the_shared_motion_capture_is_read():
+    old, _, _ = to_text(HALL).partition('  capture:')
+    _, found, places = to_text(HALL).partition('places:')
+    assert parse(old + found + places, 'bag') == HALL
+
+
+def test_drones_that_cannot_share_a_motion_capture_are_refused():
+    flights = [scenario(), override(scenario(), {'optitrack_node.optitrack.model': 'pose'})]
+    world_file.check_cameras(HALL, flights)
+    seen = HALL._replace(params=WorldParams(drones=2, capture=HallCaptureParams(occlusion=True)))
+    with pytest.raises(ParameterError, match='optitrack_node.optitrack.model: markers'):
+        world_file.check_cameras(seen, flights)
 
 
 @pytest.mark.parametrize('old, new, message', [
