@@ -24,7 +24,7 @@ def hall():
         'estimator_node.joint.pose.enabled': True, 'controller_node.estimate': 'map',
         'sim_node.mode': 'lockstep'}), PARAMS)
     first, second = drones.flights
-    return [first, override(second, {'reference_node.plan.takeoff_time': 2.5})], drones.hall
+    return [first, override(second, {'reference_node.plan.takeoff_time': 1.9})], drones.hall
 
 
 @pytest.fixture(scope='module')
