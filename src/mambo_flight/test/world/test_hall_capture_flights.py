@@ -36,9 +36,13 @@ def errors(recording):
 
 def test_drones_that_nobody_hides_or_mistakes_fly_as_if_alone():
     """The cameras look at both; nothing else is different, to the bit."""
-    for recording, flight in zip(flown(swap_distance=0.3).recordings, flights(), strict=True):
-        alone = closed_loop.fly(flight, inner=True)
-        for name in ('truth', 'estimate', 'pose', 'pose_t', 'located', 'pwm'):
+    known = [scenario.scenario(name, estimator='ground_truth', duration=6.0, land=False)
+             for name in ('hover', 'circle')]
+    params = WorldParams(drones=2, capture=HallCaptureParams(swap_distance=0.3))
+    for recording, flight in zip(
+            together.fly(known, params, PLACES).recordings, known, strict=True):
+        alone = closed_loop.fly(flight)
+        for name in ('truth', 'pose', 'pose_t', 'pwm'):
             np.testing.assert_array_equal(getattr(recording, name), getattr(alone, name))
 
 
@@ -68,17 +72,18 @@ def test_drones_that_are_taken_for_each_other_are_refused_and_found_again():
 
 def test_hidden_markers_cost_poses_and_no_accuracy():
     """Two cameras, one beyond each drone: while the drones are in line there is no pose."""
-    result = flown(occlusion=True, cameras=2, camera_height=1.5, body_height=0.1)
-    for recording, flight in zip(result.recordings, flights(), strict=True):
+    params = WorldParams(drones=2, capture=HallCaptureParams(
+        occlusion=True, cameras=2, camera_height=1.5, body_height=0.1))
+    result = together.fly(flights(), params, [(0.0, 0.0, 0.0), (0.0, -1.2, 0.0)], inner=True)
+    for recording in result.recordings:
         seen = recording.inner.health[:, 3]
         assert seen.min() < 3 and np.median(seen) == 5
         lost = recording.inner.health[-1, 5]
         assert 5 < lost < 2000
         airborne = recording.t > 3e9
         assert errors(recording)[airborne].max() < 0.05
-        poses = np.isfinite(recording.pose[:, 0]).sum()
-        alone = np.isfinite(closed_loop.fly(flight, inner=True).pose[:, 0]).sum()
-        assert 0 <= alone - poses - lost <= 2  # one or two are under way at the end
+        poses, frames = np.isfinite(recording.pose[:, 0]).sum(), recording.inner.health[-1, 4]
+        assert 0 <= frames - poses - lost <= 3  # some are under way at the end
 
 
 def test_a_flight_is_the_same_again():
