@@ -149,6 +149,8 @@ from numba.experimental import structref  # noqa: E402
 from numba.extending import overload  # noqa: E402
 from numba.typed import List  # noqa: E402
 
+numba.config.CACHE_DIR = os.environ['NUMBA_CACHE_DIR']  # of a script that imported numba before
+
 
 def _load_arrays() -> None:
     """

@@ -164,12 +164,12 @@ def test_whole_numbers_as_parameters_compile_nothing_anew():
     assert len(trajectory.reference_step.for_python.signatures) == known
 
 
-def cache_folder(packages, cache):
-    """Return where a new process with these packages keeps its compiled code."""
+def cache_folder(packages, cache, before=''):
+    """Return where a new process, after some other code, keeps its compiled code."""
     env = {k: v for k, v in os.environ.items() if k != 'NUMBA_CACHE_DIR'}
     env.update(MAMBO_CACHE_DIR=str(cache), PYTHONPATH=os.pathsep.join(
         [str(packages), *filter(None, [env.get('PYTHONPATH')])]))
-    code = 'import os, mambo_model.compiled; print(os.environ["NUMBA_CACHE_DIR"])'
+    code = f'{before}import mambo_model.compiled as c; print(c.numba.config.CACHE_DIR)'
     return subprocess.run(
         [sys.executable, '-c', code], env=env, check=True, capture_output=True,
         text=True).stdout.strip()
@@ -185,6 +185,8 @@ def test_compiled_code_is_kept_where_asked_and_a_changed_source_starts_afresh(tm
         cache_folder(tmp_path / copy, tmp_path) for copy in ('same', 'again', 'changed'))
     assert same == again != changed
     assert same.startswith(f'{tmp_path}{os.sep}numba-')
+    # a script may use numba of its own before
+    assert cache_folder(tmp_path / 'same', tmp_path, 'import numba; ') == same
 
 
 class Apple(NamedTuple):

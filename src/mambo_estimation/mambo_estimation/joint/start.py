@@ -134,7 +134,10 @@ def _about(x: Nominal, rest: Alignment, share: float, slope: float, v: JointValu
     d, turn = np.zeros(SIZE), multiply(q, conjugate(x.q))
     for i in range(3):
         d[ATTITUDE + i], d[ACCEL_BIAS + i] = 2.0 * turn[1 + i], bias[i] - x.accel_bias[i]
-    return P + np.outer(d, d)
+    for i in range(SIZE):  # np.outer takes seconds to compile
+        for j in range(SIZE):
+            P[i, j] += d[i] * d[j]
+    return P
 
 
 @jit

@@ -197,8 +197,10 @@ def _correct_pair(
     correct(P, columns[0], y[0], pair.S00, d)
     correct(P, columns[1], y[1] - share * y[0], pair.S11 - share * pair.S01, d)
     if not calibrates:
-        P[SCALE:LEAK + 1, SCALE:LEAK + 1] = kept
-        d[SCALE:LEAK + 1] = 0.0
+        for i in range(SCALE, LEAK + 1):  # an assigned slice takes seconds to compile
+            d[i] = 0.0
+            for j in range(SCALE, LEAK + 1):
+                P[i, j] = kept[i - SCALE, j - SCALE]
     return inject(x, d)
 
 
