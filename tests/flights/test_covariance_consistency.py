@@ -16,7 +16,7 @@ FLOWN = slice(1300, 4200, 100)  # in the air, each 0.5 s
 def sloping(path, seed):
     """Return a flight from a floor that slopes as the estimator expects floors to."""
     slope = PRIOR.floor_slope_std * np.random.default_rng(seed).standard_normal(2)
-    return override(scenario(path, seed=seed, duration=21.0, land=False), {
+    return override(scenario(path, 'kalman', seed=seed, duration=21.0, land=False), {
         'sim_node.simulator.plant.floor_slope': tuple(slope.tolist())})
 
 
@@ -62,7 +62,7 @@ def test_stated_covariances_are_neither_too_small_nor_too_large(path):
 
 def noisy(accel, gyro, seed):
     """Return a short flight whose inertial sensors have so much white noise, m/s^2 and rad/s."""
-    return override(scenario('circle', seed=seed, duration=8.0, land=False), {
+    return override(scenario('circle', 'kalman', seed=seed, duration=8.0, land=False), {
         'sim_node.simulator.imu.accel_noise': (accel,) * 3,
         'sim_node.simulator.imu.gyro_noise': (gyro,) * 3})
 

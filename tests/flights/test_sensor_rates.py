@@ -17,8 +17,7 @@ def test_the_state_of_the_controller_is_nan_only_while_the_motors_are_stopped(
         tmp_path, sonar, flow, barometer):
     rates = {'sonar': sonar, 'optical_flow': flow, 'barometer': barometer}
     flown = scenario(duration=3.0, land=False, overrides={
-        'estimator_node.kalman.barometer.enabled': True,
-        **{f'sim_node.simulator.{name}.rate': rate for name, rate in rates.items()}})
+        f'sim_node.simulator.{name}.rate': rate for name, rate in rates.items()})
     # byte for byte what the nodes publish: tests/graph/test_graph.py
     recording_to_bag.write(tmp_path / 'bag', flown, closed_loop.fly(flown, inner=True))
     flight = read_bag(tmp_path / 'bag')

@@ -40,7 +40,7 @@ def test_metrics_are_those_of_the_arrays(flight):
     r = flight.recording
     wrong = np.linalg.norm(r.estimate[:, :3] - r.truth[:, :3], axis=1)
     assert flight.metrics['estimation_final'] == pytest.approx(wrong[-1], rel=1e-12)
-    assert repr(flight).startswith('<Flight hover_kalman: 2 s, tracking RMS 0.')
+    assert repr(flight).startswith('<Flight hover_joint: 2 s, tracking RMS 0.')
 
 
 def test_a_saved_bag_is_that_of_the_command(tmp_path, capsys):

@@ -1,5 +1,5 @@
 """
-Compare the joint filter with the default estimator, the three filters of ``kalman``, row by row.
+Compare the joint filter, the default, with the three filters of ``kalman``, row by row.
 
 Simulated flights are flown on the joint filter, once for each seed, and ``kalman`` gets the same
 samples; where a sensor fails, each flies by itself, and a row is the largest distance after the

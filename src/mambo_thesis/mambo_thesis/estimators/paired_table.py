@@ -46,7 +46,7 @@ def may_be_default(found: dict[str, list[Row]]) -> bool:
 
 
 def decision(found: dict[str, list[Row]]) -> str:
-    """Return how many rows each estimator wins, and whether joint may be the default."""
+    """Return how many rows each estimator wins, and which rows speak against the joint filter."""
     every = [(TITLES[name], row) for name, rows in found.items() for row in rows]
     count = {verdict: sum(row.verdict == verdict for _, row in every)
              for verdict in (BETTER, UNDECIDED, WORSE)}
@@ -57,8 +57,8 @@ def decision(found: dict[str, list[Row]]) -> str:
                   (WORSE, 'worse'), (UNDECIDED, 'larger, but undecided'))
               for title, row in every
               if row.verdict == verdict and (row.larger or verdict == WORSE)]
-    lines.append('No row is worse: it may be the default.' if may_be_default(found) else
-                 'It may not be the default yet.')
+    lines.append('No row is worse.' if may_be_default(found) else
+                 'As it is worse in a row, it should not be the default estimator.')
     return '\n'.join(lines)
 
 

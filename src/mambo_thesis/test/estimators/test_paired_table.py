@@ -27,7 +27,7 @@ def test_one_row_that_is_worse_forbids_the_default_and_is_named():
     assert paired_table.decision(found).splitlines() == [
         'Of 2 rows the joint filter is better in 1, worse in 1; 0 are undecided.',
         '- worse: Crazyflie against motion capture, lab, height [m]: 0.2 against 0.1',
-        'It may not be the default yet.']
+        'As it is worse in a row, it should not be the default estimator.']
 
 
 def test_a_difference_within_chance_is_named_but_forbids_nothing():
@@ -35,7 +35,7 @@ def test_a_difference_within_chance_is_named_but_forbids_nothing():
     assert paired_table.may_be_default(found)
     lines = paired_table.decision(found).splitlines()
     assert lines[1].startswith('- larger, but undecided: ') and 'hover, drift [m]' in lines[1]
-    assert lines[-1] == 'No row is worse: it may be the default.'
+    assert lines[-1] == 'No row is worse.'
 
 
 def test_json_has_no_number_that_json_does_not_know():
