@@ -63,8 +63,8 @@ def test_the_smallest_distance_is_of_the_pairs_that_have_a_stamp():
 def test_a_collision_is_named_on_the_page(tmp_path):
     out = tmp_path / 'near'
     assert fly.main([
-        '--trajectory', 'hover', '--duration', '4', '--no-landing', '--drones', '2',
-        '--set', 'world.spacing=0.2', '--set', 'world.least_separation=0.1',
+        '--trajectory', 'hover', '--estimator', 'kalman', '--duration', '4', '--no-landing',
+        '--drones', '2', '--set', 'world.spacing=0.2', '--set', 'world.least_separation=0.1',
         '--set', 'world.collision_distance=0.199', '-o', str(out)]) == 1
     made = separation_page.of_several(out)
     assert made.ending[0].startswith('/mambo1 and /mambo2 collided: 0.1')

@@ -67,7 +67,7 @@ def test_a_sine_in_height_shows_the_vertical_drag():
 def test_intervals_cover_over_20_seeds():
     # a fit flies 15 s many times over: 20 still tell intervals that are half or twice as wide
     found = [fit_drag(flown(flight(seed=seed)), blind(seed=seed)) for seed in range(1, 21)]
-    assert max(abs(one.coefficient.value / K_C - 1.0) for one in found) < 0.05
+    assert max(abs(one.coefficient.value / K_C - 1.0) for one in found) < 0.06
     assert_covers(K_C, [one.coefficient for one in found])
 
 

@@ -1,13 +1,16 @@
 """Logs of Simulink models after the layouts of public ones, from a flight whose truth is known."""
 
+from dataclasses import replace
 import math
 
-from mambo_analysis.compare.estimate import again
+from mambo_analysis.compare.estimate import again, parameters
 from mambo_analysis.importers.mat_file import variables
 from mambo_analysis.importers.minidrone import import_minidrone, main
 from mambo_analysis.importers.simulink import tilt_of
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import read_bag
+from mambo_estimation.joint.joint_parameters import JointParams
+from mambo_flight import offline_replay
 from mambo_flight.closed_loop import fly
 from mambo_flight.scenario import scenario
 import numpy as np
@@ -92,7 +95,10 @@ def save(path, found):
 
 def errors(flight, bag):
     """Return largest errors of height [m], level attitude [deg] and horizontal position [m]."""
-    _, found, _ = again(bag)
+    content = read_bag(bag)
+    # the sensors are simulated ones, not those of a real minidrone
+    params = replace(JointParams(), alignment=parameters(content).joint.alignment)
+    found = offline_replay.estimate(content, params)
     rows = np.rint(found.t * 1e-9 / STEP).astype(int)
     truth = flight.truth[rows]
     fly = rows * STEP > 4.0
