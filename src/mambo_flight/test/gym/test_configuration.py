@@ -43,7 +43,7 @@ def test_components_from_outside_are_refused():
 
 def test_the_observation_chooses_the_estimator():
     for given, observation, flown in (
-            ('kalman', 'truth', 'ground_truth'), ('ground_truth', 'estimate', 'kalman'),
+            ('kalman', 'truth', 'ground_truth'), ('ground_truth', 'estimate', 'joint'),
             ('toolbox', 'estimate', 'toolbox')):
         made = configure('hover', observation=observation, scenario=scenario(estimator=given))
         assert made.scenario.estimator_node.estimator == flown
