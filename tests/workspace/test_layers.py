@@ -54,7 +54,8 @@ ROSDEP = {'argcomplete': 'python3-argcomplete', 'clarabel': None, 'distributed':
           'pandas': 'python3-pandas', 'plotly': None, 'pyarrow': None, 'pyulog': None,
           'rosbags': None,
           'scipy': 'python3-scipy',
-          'tqdm': 'python3-tqdm', 'viser': None, 'yaml': 'python3-yaml', 'zstandard': None}
+          'tqdm': 'python3-tqdm', 'viser': None, 'websockets': None,
+          'yaml': 'python3-yaml', 'zstandard': None}
 
 
 def modules(package):
