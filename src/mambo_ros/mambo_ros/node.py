@@ -20,6 +20,7 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from . import diagnostics, params, topics
+from .commands.bounded_service import BoundedService
 from .commands.live import Live
 from .commands.table import Service
 from .endpoints import Input, LoopGroup, qos, RawPublisher
@@ -62,7 +63,9 @@ class MamboNode(diagnostics.Faulty, Live, Node, Generic[P]):
     example = ''
 
     def __init__(self, name: str, params_type: type[P], **kwargs: Any) -> None:
-        super().__init__(name, **{'namespace': 'mambo', **kwargs})
+        super().__init__(
+            name, **{'namespace': 'mambo', 'start_parameter_services': False, **kwargs})
+        self._bounded = BoundedService(self)
         self.wire = params.declare_group(self, WireParams, 'wire.')
         self.params = params.declare(self, params_type)
         self.outputs: list[RawPublisher] = []

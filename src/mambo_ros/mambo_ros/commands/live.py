@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Sequence
+import time
 from typing import Any
 
 from mambo_model import schema
@@ -20,6 +21,9 @@ from rclpy.parameter import Parameter
 
 from .. import topics
 from .change_message import encode
+
+MOST = 50
+"""Requests within a second; each takes a millisecond of a node that has steps to take."""
 
 
 class Live:
@@ -37,6 +41,8 @@ class Live:
 
     changes: Changes | None = None
     held: Any
+    _second: int = 0  # of the machine's clock, in which there were ...
+    _requests: int = 0  # ... so many requests
 
     def allow_changes(self: Any, next_step: Callable[[], int]) -> None:
         """
@@ -61,6 +67,13 @@ class Live:
         self: Any, parameter_list: Sequence[Parameter],
     ) -> SetParametersResult:
         """Answer a request: set all parameters from the next control step on, or none of them."""
+        second = int(time.monotonic())
+        self._requests = self._requests + 1 if second == self._second else 1
+        self._second = second
+        if self._requests > MOST:  # one request of ``set_parameters`` may hold thousands
+            return SetParametersResult(successful=False, reason=(
+                f'more than {MOST} changes within a second: set the parameters together, by '
+                'set_parameters_atomically'))
         known = schema.flatten(self.params)
         if parameter_list and all(p.name not in known and self.has_parameter(p.name)
                                   for p in parameter_list):  # ROS's own, such as use_sim_time

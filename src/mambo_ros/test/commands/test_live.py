@@ -106,6 +106,17 @@ def test_a_refusal_says_why_in_one_line(node, values, words):
     assert not answer.successful and words in answer.reason and '\n' not in answer.reason
 
 
+def test_a_request_of_thousands_does_not_keep_a_node_from_its_steps(node, monkeypatch):
+    now = [7.3]
+    monkeypatch.setattr(live.time, 'monotonic', lambda: now[0])
+    gain = [Parameter('gain', value=2.0)]
+    answers = [node.set_parameters_atomically(gain) for _ in range(5000)]
+    assert [one.successful for one in answers] == [True] * 50 + [False] * 4950
+    assert answers[-1].reason.startswith('more than 50 changes within a second: ')
+    now[0] = 8.0
+    assert node.set_parameters_atomically(gain).successful
+
+
 def test_a_node_without_changes_says_so_and_ros_keeps_its_own(node):
     fixed = MamboNode('fixed', Params)
     answer = ask(fixed, gain=1.0)

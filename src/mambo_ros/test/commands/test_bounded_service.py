@@ -1,0 +1,41 @@
+"""Requests to set parameters have a bounded size."""
+
+from dataclasses import dataclass
+
+from mambo_model import schema
+from mambo_ros.commands.bounded_service import MOST
+from mambo_ros.node import MamboNode
+import pytest
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+import rclpy
+from rclpy.parameter import Parameter
+from ros_helpers import PATIENCE, serving
+
+pytestmark = pytest.mark.usefixtures('ros')
+
+
+@dataclass(frozen=True)
+class Params:
+    """One number."""
+
+    gain: float = schema.quantity(1.5, '1/s', 0.0, 5.0, 'equation (1)')
+
+
+@pytest.mark.parametrize('kind, name', [
+    (SetParameters, 'set_parameters'), (SetParametersAtomically, 'set_parameters_atomically')])
+@pytest.mark.parametrize('count, refused', [(2, False), (MOST, False), (MOST + 1, True)])
+def test_too_many_at_once_are_refused_unread(kind, name, count, refused):
+    """Too many are refused; the rest reaches the node, whose parameter is fixed."""
+    node, asking = MamboNode('one', Params), rclpy.create_node('asking')
+    with serving(node):
+        client = asking.create_client(kind, f'/mambo/one/{name}')
+        assert client.wait_for_service(PATIENCE)
+        future = client.call_async(kind.Request(parameters=[
+            Parameter('gain', value=2.0).to_parameter_msg()] * count))
+        rclpy.spin_until_future_complete(asking, future, timeout_sec=PATIENCE)
+        answer = future.result()
+    asking.destroy_node()
+    results = answer.results if kind is SetParameters else [answer.result]
+    assert len(results) == (count if kind is SetParameters else 1)
+    assert not any(one.successful for one in results)
+    assert all(('in one request' in one.reason) == refused for one in results)
