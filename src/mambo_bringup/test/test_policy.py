@@ -74,7 +74,8 @@ def test_the_file_has_the_form_of_sros2_and_an_enclave_for_each_node():
     assert (root.tag, root.attrib) == ('policy', {'version': '0.2.0'})
     enclaves = root.findall('enclaves/enclave')
     assert [one.get('path') for one in enclaves] == [
-        f'/mambo{number}/{name}' for number in (1, 2) for _, name in policy.NODES]
+        *(f'/mambo{number}/{node[1]}' for number in (1, 2) for node in policy.NODES
+          if node not in policy.WATCHERS), '/mambo/view_node', '/mambo/description_node']
     for one in enclaves:
         profile, = one.findall('profiles/profile')
         assert one.get('path') == f'{profile.get("ns")}/{profile.get("node")}'
@@ -83,8 +84,26 @@ def test_the_file_has_the_form_of_sros2_and_an_enclave_for_each_node():
             ('services', {'reply': 'ALLOW'}),
             *[('services', {'request': 'ALLOW'})] * (profile.get('node') == 'view_node')]
         names = [line.text for part in profile for line in part]
+        if one.get('path').startswith('/mambo/'):
+            continue
         assert all(name.startswith(('/mambo1/', '/mambo2/', '/rosout', '/parameter_events'))
                    for name in names), names  # not the clock of another drone
+
+
+@pytest.mark.parametrize(('node', 'options'), [
+    (policy.VIEW, [['-p', 'port:=PORT']]),
+    (policy.DESCRIPTION, [
+        ['-p', 'paths:=true', '-p', 'markers:=true'],
+        ['-p', 'paths:=true', '-p', 'markers:=true', '-p', 'prefixed:=true']])],
+    ids=['view', 'description'])
+def test_what_watches_several_drones_may_do_so_and_no_more(node, options, tmp_path):
+    found = [set(), set(), set()]
+    for words in options:
+        for all_found, one in zip(found, opened(
+                *node, [*words, '-p', 'drones:=/mambo1,/mambo2'], tmp_path / 'bag')):
+            all_found |= one
+    granted = policy.watching(*node, ['/mambo1', '/mambo2'])
+    assert found == [set(granted[kind]) for kind in ('publish', 'subscribe', 'reply')]
 
 
 def test_one_drone_keeps_the_clock_and_frames_of_ros():
@@ -111,13 +130,15 @@ def test_only_the_page_sends_commands_and_only_to_its_drone():
     assert {'/mambo2/takeoff', '/mambo2/step',
             '/mambo2/controller_node/set_parameters_atomically'} < set(of_page)
     assert all(one.startswith('/mambo2/') for one in of_page)
+    of_all = policy.watching(*policy.VIEW, ['/mambo1', '/mambo2'])['request']
+    assert set(of_page) < set(of_all) and {'/mambo1/takeoff', '/mambo1/step'} < set(of_all)
 
 
 def test_the_command_writes_a_file_once_and_refuses_what_cannot_be(tmp_path, capsys):
     target = tmp_path / 'new' / 'policy.xml'
     assert policy.main(['-o', str(target), '--drones', '3']) == 0
     assert target.read_text() == policy.policy(['/mambo1', '/mambo2', '/mambo3'])
-    assert f'{3 * len(policy.NODES)} enclaves' in capsys.readouterr().out
+    assert f'{3 * len(policy.NODES) - 4} enclaves' in capsys.readouterr().out
     for words, text in ((['-o', str(target)], 'exists'),
                         (['-o', str(tmp_path / 'b'), '--drones', '0'], '--drones: 0 must be')):
         with pytest.raises(SystemExit) as end:
