@@ -7,7 +7,7 @@ import sys
 from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriterError
 from mambo_flight import changes, closed_loop, commanded, recording_to_bag, scenario_file
-from mambo_flight.scenario import override
+from mambo_flight.scenario import override, scenario
 from mambo_model.schema import ParameterError
 import numpy as np
 import pytest
@@ -125,12 +125,10 @@ def test_what_is_wrong_in_a_file_is_located(tmp_path, entries, words):
     assert words in str(error.value) and '\n' not in str(error.value)
 
 
-def test_a_change_after_the_end_of_the_flight_is_said(flown):
-    flight, _ = flown
-    assert list(changes.late(flight)) == []
-    later = override(flight, {
-        'sim_node.duration': 5.0,
+def test_a_change_after_the_end_of_the_flight_is_said():
+    later = scenario(duration=5.0, overrides={
         'controller_node.changes': '- {time: 5.0, set: {cascaded.k_p: 2.6}}'})
+    assert list(changes.late(override(later, {'sim_node.duration': 5.5}))) == []
     assert list(changes.late(later)) == [
         'changes of controller_node at t = 5 s or later have no effect: the flight ends at 5 s']
     assert list(changes.late(override(later, {'sim_node.duration': 0.0}))) == []  # without end

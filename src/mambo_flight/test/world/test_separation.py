@@ -54,8 +54,8 @@ def test_bags_give_the_separation_of_the_flight(flown, tmp_path, capsys):
 def test_a_collision_is_an_error(tmp_path, capsys):
     out = tmp_path / 'near'
     assert fly.main([
-        '--trajectory', 'hover', '--duration', '4', '--no-landing', '--drones', '2',
-        '--set', 'world.spacing=0.2', '--set', 'world.least_separation=0.1',
+        '--trajectory', 'hover', '--estimator', 'kalman', '--duration', '4', '--no-landing',
+        '--drones', '2', '--set', 'world.spacing=0.2', '--set', 'world.least_separation=0.1',
         '--set', 'world.collision_distance=0.199', '-o', str(out)]) == 1
     flown = capsys.readouterr()
     assert '/mambo1 and /mambo2 collided at t = ' in flown.err and '  collision' in flown.out
