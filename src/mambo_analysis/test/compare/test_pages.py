@@ -1,7 +1,6 @@
 """Every page: usable by keyboard and screen reader, whole on paper, its plots linked."""
 
 from html.parser import HTMLParser
-import json
 import re
 import shutil
 import subprocess
@@ -116,13 +115,14 @@ def test_a_double_click_resets_every_plot(flights, tmp_path):
           .getBoundingClientRect();
         return [area.left + 40, area.top + 20];
     """))
-    assert tab.evaluate(f"""
+    after = tab.evaluate(f"""
         const ranges = () => {{ {RANGES} }};
-        const before = {json.dumps(before)};
-        for (let k = 0; k < 100 && JSON.stringify(ranges()) !== JSON.stringify(before); k += 1)
+        for (let k = 0; k < 100 && !ranges().every(([time]) => time[1] > 17.9); k += 1)
           await new Promise((done) => setTimeout(done, 50));
         return ranges();
-    """) == before
+    """)
+    # the room that plotly leaves around lines depends a little on the height of the plot
+    np.testing.assert_allclose(np.array(after), before, rtol=1e-3, atol=1e-3)
 
 
 @browser.NEEDED
