@@ -37,5 +37,6 @@ def test_every_node_signal_mode_and_phase_is_among_the_faults():
     assert {fault.mode for fault in faults} == {*chaos.MODES, 'replay'}
     assert {fault.phase for fault in faults} == set(chaos.PHASES)
     assert {fault.target for fault in faults} == {
-        'runner', 'watchdog', 'composed_node', *chaos.NODES, *chaos.REPLAYED}
+        'runner', 'watchdog', 'composed_node', chaos.HALL_CAPTURE[1], *chaos.NODES,
+        *chaos.REPLAYED}
     assert len(faults) == len(set(faults)) > 300
