@@ -66,6 +66,7 @@ def mkdocs(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
 
 def pictures() -> int:
     """Make the pictures of the documentation anew."""
+    install()
     from docs_pages import animation, graph
     folder = ROOT / 'docs/images'
     (folder / 'circle.svg').write_text(animation.svg(), encoding='utf-8')

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 
 from mambo_model import palette
 
+from .drone_state import rgb
+
 ALL = 'all drones'
 FLIGHT = ('takeoff', 'land', 'go_to', 'follow', 'stop')
 """Commands of a flight that takes commands."""
@@ -64,7 +66,7 @@ class Controls:
                 'drone', (ALL, *drones), visible=len(drones) > 1, initial_value=(
                     ALL if len(drones) > 1 else drones[0]))
             self._drone.on_update(lambda _: self._renew())
-            self._button(gui, 'stop', 'Stop and hover', lambda: {}, color='red')
+            self._button(gui, 'stop', 'Stop and hover', lambda: {}, color=rgb('bad'))
             tabs = gui.add_tab_group()
             with tabs.add_tab('fly'):
                 self._tab_fly(gui)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import math
 from typing import NamedTuple
 
+from mambo_model import palette
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +17,12 @@ ROLES = {TRUTH: 'ground truth', ESTIMATE: 'estimate', MEASURED: 'motion capture'
          REFERENCE: 'reference'}
 """Roles of ``mambo_model.palette`` with their labels."""
 NOWHERE = (math.nan, math.nan, math.nan)
+
+
+def rgb(role: str) -> tuple[int, int, int]:
+    """Return the colour of a role on white as numbers from 0 to 255."""
+    text = palette.COLOURS[role]
+    return int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16)
 
 
 class Pose(NamedTuple):

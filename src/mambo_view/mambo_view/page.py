@@ -22,7 +22,8 @@ import numpy as np
 
 from . import same_origin
 from .controls import Controls
-from .drone_state import DroneState, ESTIMATE, History, MEASURED, REFERENCE, ROLES, SIGNALS, TRUTH
+from .drone_state import (
+    DroneState, ESTIMATE, History, MEASURED, REFERENCE, rgb, ROLES, SIGNALS, TRUTH)
 
 HOST = '127.0.0.1'
 PORT = 8080
@@ -70,12 +71,6 @@ def address(port: int) -> str:
     return f'http://{HOST}:{port}'
 
 
-def _rgb(role: str) -> tuple[int, int, int]:
-    """Return the colour of a role on white as numbers from 0 to 255."""
-    text = palette.COLOURS[role]
-    return int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16)
-
-
 def _scales(low: float, high: float, now: dict[str, Any] | None = None) -> dict[str, Any]:
     """
     Return the axes of a plot whose curves, from low to high, may be unknown (NaN) for a while.
@@ -104,17 +99,17 @@ class _Drone:
         self._frames = {role: self._model(scene, f'{name}/{role}', role)
                         for role in (TRUTH, ESTIMATE, REFERENCE)}
         self._frames[MEASURED] = scene.add_icosphere(
-            f'{name}/{MEASURED}', radius=0.015, color=_rgb(MEASURED), visible=False)
+            f'{name}/{MEASURED}', radius=0.015, color=rgb(MEASURED), visible=False)
         if label:
             scene.add_label(f'{name}/{TRUTH}/label', name.strip('/'), position=(0.0, 0.0, 0.1))
         self._paths = {role: scene.add_line_segments(
-            f'{name}/paths/{role}', np.zeros((1, 2, 3), np.float32), _rgb(role), thickness=2.0,
+            f'{name}/paths/{role}', np.zeros((1, 2, 3), np.float32), rgb(role), thickness=2.0,
             thickness_units='screen', visible=False) for role in ROLES}
 
     @staticmethod
     def _model(scene: Any, name: str, role: str) -> Any:
         """Add a quadrotor: a body, two arms, four rotors; the front ones are lighter."""
-        colour, look = _rgb(role), {'opacity': _OPACITY[role]}
+        colour, look = rgb(role), {'opacity': _OPACITY[role]}
         root = scene.add_frame(name, show_axes=False, visible=False)
         scene.add_box(f'{name}/body', color=colour, dimensions=_BODY, **look)
         for number, (x, y) in enumerate(((1, -1), (1, 1), (-1, 1), (-1, -1))):
