@@ -48,32 +48,23 @@ def parameters(bag: Bag, file: Path | None = None) -> EstimatorNodeParams:
         If the file or the scenario in the bag is none, or asks for the ground truth (file only).
 
     """
+    return _chosen(bag, file)[0]
+
+
+def _chosen(bag: Bag, file: Path | None) -> tuple[EstimatorNodeParams, str]:
+    """Return the parameters, and where they come from."""
     if file is not None:
         node = scenario.load(file).estimator_node
         if node.estimator == 'ground_truth':
             raise BagError(f'{file}: estimator ground_truth estimates nothing; name another')
-        return node
-    return _recorded(bag) or EstimatorNodeParams()
-
-
-def _recorded(bag: Bag) -> EstimatorNodeParams | None:
-    """Return the parameters in a bag; None if it has none, or was flown by the ground truth."""
-    if 'scenario.yaml' not in bag.attachments:
-        return None
-    flight = scenario.from_yaml(
-        str(bag.attachments['scenario.yaml']), f'scenario.yaml in {bag.path}')
-    if flight.estimator_node.estimator == 'ground_truth':
-        return None
-    return changes.estimated(flight, bag).estimator_node
-
-
-def _origin(bag: Bag, file: Path | None) -> str:
-    """Return where :func:`parameters` come from."""
-    if file is not None:
-        return str(file)
-    if _recorded(bag) is not None:
-        return 'the bag'
-    return 'the simulated Mambo, as the bag holds none: --parameters FILE gives those of a vehicle'
+        return node, str(file)
+    if 'scenario.yaml' in bag.attachments:
+        flight = scenario.from_yaml(
+            str(bag.attachments['scenario.yaml']), f'scenario.yaml in {bag.path}')
+        if flight.estimator_node.estimator != 'ground_truth':
+            return changes.estimated(flight, bag).estimator_node, 'the bag'
+    return EstimatorNodeParams(), (
+        'the simulated Mambo, as the bag holds none: --parameters FILE gives those of a vehicle')
 
 
 @cache
@@ -173,10 +164,10 @@ def again(
 
     """
     bag = read_bag(path, READ, namespace)
-    node = parameters(bag, file)
+    node, origin = _chosen(bag, file)
     ours = answer(bag, node)
     return bag, ours.found, (
-        f'estimator: {node.estimator}, parameters of {_origin(bag, file)}\n'
+        f'estimator: {node.estimator}, parameters of {origin}\n'
         f'{ours.comparison}\n{ours.verdict}')
 
 

@@ -6,23 +6,18 @@ import math
 from typing import Any, NamedTuple
 
 from mambo_bags.reader import Bag, BagError
+from mambo_control.failsafe import REASONS
+from mambo_estimation import health
 from mambo_signals.metrics import Floats
 import numpy as np
 
 from .ending import statuses
+from .verdict import AIDING
 
 MOST = 60  # events of a bag, the first ones
 MARKS = 300  # times at which rejected samples of a sensor are marked
-REASONS = (
-    '', 'tilt limit', 'height limit', 'estimate lost or unusable',
-    'reference lost or unusable', 'crash', 'estimator not aligned', 'controller failed')
-"""Texts of ``MotorPwm.REASON_*``."""
-SENSORS = ('gyro', 'accelerometer', 'sonar', 'optical flow', 'barometer')
-"""Order of ``EstimatorState.health``."""
 HEALTH = ('', '', 'missing', 'not finite', 'implausible', 'stuck')
 """Texts of ``EstimatorState.HEALTH_*``; the first two are no fault."""
-REFUSED = {'sonar': 'sonar_refused', 'optical flow': 'flow_refused',
-           'barometer': 'barometer_refused'}
 _ERROR = 2
 
 
@@ -86,7 +81,9 @@ def _failsafe(bag: Bag) -> list[Event]:
     state = np.stack([motors['reason'].astype(int), motors['shutdown'].astype(int)], axis=1)
     for k in np.flatnonzero(np.diff(state, axis=0, prepend=[[0, 0]]).any(axis=1))[:MOST]:
         reason, stopped = state[k].tolist()
-        why = REASONS[reason] if 0 <= reason < len(REASONS) else f'reason {reason}'
+        # without the advice after it, such as to start again
+        why = (REASONS[reason].partition(':')[0] if 0 <= reason < len(REASONS)
+               else f'reason {reason}')
         if why or stopped:
             out.append(Event(float(motors.t[k]), 'bad', 'failsafe: ' + ': '.join(filter(None, (
                 'motors shut down' if stopped else 'holding or landing', why)))))
@@ -100,10 +97,11 @@ def _unhealthy(bag: Bag) -> list[Event]:
     if 'estimator/state' not in bag:
         return []
     state, out = bag['estimator/state'], []
-    health = state['health'].astype(int)
+    found = state['health'].astype(int)
     t = state.t
-    for k, name in enumerate(SENSORS[:health.shape[1]]):
-        column = np.where((health[:, k] > 1) & (health[:, k] < len(HEALTH)), health[:, k], 0)
+    for k, name in enumerate(health.NAMES[:found.shape[1]]):
+        bad = (found[:, k] > health.OUT_OF_REACH) & (found[:, k] < len(HEALTH))
+        column = np.where(bad, found[:, k], health.GOOD)
         for at in np.flatnonzero(np.diff(column, prepend=0))[:MOST]:
             out.append(Event(float(t[at]), 'half', f'{name} {HEALTH[column[at]] or "good again"}'))
     return out
@@ -138,8 +136,10 @@ def events(bag: Bag) -> list[Event]:
 
 def rejected(bag: Bag) -> list[Rejected]:
     """Return the rejected samples of each sensor that has some."""
+    if 'estimator/state' not in bag:
+        return []
     out = []
-    for sensor, field in REFUSED.items() if 'estimator/state' in bag else ():
+    for sensor, (_, field) in zip(health.NAMES[health.SONAR:], AIDING, strict=True):
         try:
             state = bag['estimator/state']
             count = state[field].astype(float)

@@ -18,7 +18,7 @@ FAR = 0.5  # m, difference between the height and every range, used or refused .
 FAR_TIME = 1.0  # s, ... for this long means divergence
 FASTEST = 10.0  # m/s, faster than these vehicles fly
 ALIGNING = 0  # EstimatorState.STATUS_ALIGNING
-_AIDING = ((topics.SONAR, 'sonar_refused'), (topics.OPTICAL_FLOW, 'flow_refused'),
+AIDING = ((topics.SONAR, 'sonar_refused'), (topics.OPTICAL_FLOW, 'flow_refused'),
            (topics.BAROMETER, 'barometer_refused'))
 
 
@@ -50,7 +50,7 @@ def _sensors(bag: Bag, state: Bag) -> list[str]:
     reach = (inner['health'] == health.OUT_OF_REACH).mean(axis=0)
     lines = [f'  {name}: unhealthy for {unhealthy[k]:.1%} of the time'
              for k, name in enumerate(health.NAMES[:health.SONAR])]
-    for k, (topic, refused) in enumerate(_AIDING, health.SONAR):
+    for k, (topic, refused) in enumerate(AIDING, health.SONAR):
         count = 0
         if topic.name in bag:
             values = SENSORS[topic][1](bag[topic.name])[0]

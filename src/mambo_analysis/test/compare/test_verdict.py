@@ -102,7 +102,7 @@ def test_everything_that_is_wrong_is_in_the_first_line(flight):
 
 def test_each_sensor_is_told_by_its_own_health(flight, monkeypatch):
     monkeypatch.setattr(judge, 'SENSORS', {
-        topic: (None, lambda messages: (messages['values'],)) for topic, _ in judge._AIDING})
+        topic: (None, lambda messages: (messages['values'],)) for topic, _ in judge.AIDING})
     inner = flight['estimator/state']
     inner['health'][:50, 0] = health.OUT_OF_REACH + 1       # a tenth of the time
     inner['health'][:100, health.SONAR] = health.OUT_OF_REACH + 1
@@ -112,7 +112,7 @@ def test_each_sensor_is_told_by_its_own_health(flight, monkeypatch):
     values[60:] = np.nan  # what is no number is no sample
     flight['sonar/range'] = Messages(stamp=stamps()[:100], values=values)
     lines = verdict(flight, flight).splitlines()[1:]
-    assert len(lines) == health.SONAR + len(judge._AIDING)
+    assert len(lines) == health.SONAR + len(judge.AIDING)
     assert lines[0] == f'  {health.NAMES[0]}: unhealthy for 10.0% of the time'
     assert lines[health.SONAR] == (
         f'  {health.NAMES[health.SONAR]}: 60 samples, 50.0% refused; unhealthy for 20.0% of the '
