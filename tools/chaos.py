@@ -14,7 +14,9 @@ limits of time, memory and output, and leaves nothing half-written.
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 import os
 from pathlib import Path
@@ -280,23 +282,26 @@ def try_fault(fault: Fault, recording: Path, delay: float = 0.0,
         return Struck(fault, Path(place), recording, delay).strike()
 
 
-def processes(count: int, seed: int, recording: Path) -> int:
-    """Inject ``count`` process faults, chosen by ``seed``; print each; return the exit code."""
+def processes(count: int, seed: int, recording: Path, start: int = 0, jobs: int = 1) -> int:
+    """Inject process faults, chosen by ``seed``; print each; return the exit code."""
     chance = random.Random(seed)
-    chosen = chance.choices(sorted(every()), k=count)
-    survived, missed, lost = 0, 0, []
-    for number, fault in enumerate(chosen, 1):
-        delay = chance.choice((0.0, chance.uniform(0.0, 2.0)))
-        verdict = try_fault(fault, recording, delay)
-        word = 'lost' if verdict.lost else 'missed' if verdict.missed else 'survived'
-        survived += word == 'survived'
-        missed += word == 'missed'
-        print(f'{number:3d} {word} {" ".join(fault)} +{delay:.2f} s: over after '
-              f'{verdict.took:.1f} s: {verdict.lost or verdict.line}', flush=True)
-        if verdict.lost:
-            lost.append(fault)
-    print(f'tried {count}, survived {survived}, lost {len(lost)}, over before the signal {missed}')
-    return 1 if lost else 0
+    chosen = [(fault, chance.choice((0.0, chance.uniform(0.0, 2.0))))
+              for fault in chance.choices(sorted(every()), k=start + count)][start:]
+    words: Counter[str] = Counter()
+    slowest = 0.0
+    with ProcessPoolExecutor(jobs) as pool:  # a domain is of a process
+        faults, delays = zip(*chosen, strict=True)
+        verdicts = pool.map(try_fault, faults, [recording] * count, delays)
+        for number, ((fault, delay), verdict) in enumerate(
+                zip(chosen, verdicts, strict=True), start):
+            word = 'lost' if verdict.lost else 'missed' if verdict.missed else 'survived'
+            words[word] += 1
+            slowest = max(slowest, verdict.took)
+            print(f'{number:3d} {word} {" ".join(fault)} +{delay:.2f} s: over after '
+                  f'{verdict.took:.1f} s: {verdict.lost or verdict.line}', flush=True)
+    print(f'tried {count}, survived {words["survived"]}, lost {words["lost"]}, over before the '
+          f'signal {words["missed"]}; the slowest was over after {slowest:.1f} s')
+    return 1 if words['lost'] else 0
 
 
 def parser() -> argparse.ArgumentParser:
@@ -309,6 +314,10 @@ def parser() -> argparse.ArgumentParser:
         help='faults to inject (default: 100)')
     add('--seed', type=whole(0, 2**31 - 1), default=1, metavar='S',
         help='of their choice (default: 1)')
+    add('--start', type=whole(0, 1_000_000), default=0, metavar='N',
+        help='number of the first fault (default: 0)')
+    add('--jobs', type=whole(1, 64), default=1, metavar='N',
+        help='flights at a time (default: 1)')
     add('--recording', type=Path, default=ROOT / 'bags/circle_short', metavar='BAG',
         help='bag that replays play (default: bags/circle_short)')
     add = kinds.add_parser(
@@ -331,4 +340,5 @@ if __name__ == '__main__':
         from chaos_files import campaign
         sys.exit(bool(campaign.files(
             options.count, options.seed, options.jobs, options.kind, options.start)))
-    sys.exit(processes(options.count, options.seed, options.recording.absolute()))
+    sys.exit(processes(options.count, options.seed, options.recording.absolute(), options.start,
+                       options.jobs))

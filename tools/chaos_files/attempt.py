@@ -67,6 +67,7 @@ class Attempt:
         self._files = [folder.with_name(f'{folder.name}.{name}') for name in ('out', 'err')]
         self._began = time.monotonic()
         sys.stdout.flush()
+        gc.freeze()  # no collection copies pages in the fork
         self._child = os.fork()
         if not self._child:
             _work(words, folder, self._files, prepare)
@@ -97,7 +98,6 @@ def _work(words: list[str], folder: Path, files: list[Path], prepare: Callable[[
     code = _FAILED
     try:
         os.setsid()
-        gc.freeze()
         faulthandler.disable()
         for number, path in zip((1, 2), files, strict=True):
             os.dup2(os.open(path, os.O_CREAT | os.O_WRONLY | os.O_TRUNC), number)

@@ -45,7 +45,10 @@ ENTRANTS = {
     'flatness_drag': Entrant('flatness_drag', {}, 'Faessler 2018'),
     'integral': Entrant('flatness_drag', {'k_i': 30.0}, 'the same with integral action'),
     'indi': Entrant('indi', {}, 'Smeur 2016, Sun 2022'),
+    'predictive': Entrant('predictive', {}, 'Mueller 2013, solved by OSQP'),
 }
+SLOW = ('predictive',)
+"""Entrants that are not compiled: in a race only if they are named."""
 
 
 def enter(names: Sequence[str]) -> dict[str, Entrant]:
@@ -150,7 +153,7 @@ def _true(mass: float, drag: float, wind: tuple, lag: float, supply: float) -> d
 TRUE, ESTIMATED, AIDED = 'true', 'estimated', 'aided'
 STATES = {
     TRUE: {},  # flown without sensors
-    ESTIMATED: {'estimator_node.estimator': 'kalman'},
+    ESTIMATED: {'estimator_node.estimator': 'joint'},
     AIDED: {'estimator_node.estimator': 'joint', 'estimator_node.joint.pose.enabled': True,
             'controller_node.estimate': 'map'}}
 """The state that a controller gets, and the parameters that select it."""

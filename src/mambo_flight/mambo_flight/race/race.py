@@ -22,7 +22,7 @@ from . import report
 from ..sweep.run import run
 from ..sweep.table import Journal, SweepEndedError
 from .comparison import (
-    Comparison, CONDITIONS, COURSES, enter, Entrant, ENTRANTS, STATES, TRUE)
+    Comparison, CONDITIONS, COURSES, enter, Entrant, ENTRANTS, SLOW, STATES, TRUE)
 from .timing import step_time
 
 NUMBERS = 'controllers.json'
@@ -110,7 +110,8 @@ def _names(text: str, known: Sequence[str], option: str) -> list[str]:
 
 
 def _run(options: argparse.Namespace) -> None:
-    given = options.controllers.split(',') if options.controllers else list(ENTRANTS)
+    given = options.controllers.split(',') if options.controllers else [
+        name for name in ENTRANTS if name not in SLOW]
     names = (enter([*given, *options.controller]),
              _names(options.courses, COURSES, '--courses'),
              _names(options.conditions, list(CONDITIONS), '--conditions'))
@@ -135,7 +136,8 @@ def parser() -> Parser:
         help='add a controller of yours: FILE.py, FILE.py:NAME, or an installed one; '
         'repeatable')
     add('--controllers', default='', metavar='A,B,...',
-        help=f'comma-separated names out of {", ".join(ENTRANTS)} (default: all)')
+        help=f'comma-separated names out of {", ".join(ENTRANTS)} (default: all but '
+        f'{", ".join(SLOW)}, which needs a package of its own and is slow)')
     for name, known in (('courses', COURSES), ('conditions', CONDITIONS)):
         add(f'--{name}', default='', metavar='A,B,...', help=f'out of {", ".join(known)}')
     add('--state', default='', metavar='A,B,...',

@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from mambo_model.errors import JobError
+from mambo_model.errors import InputError, JobError
 import rclpy
+from rclpy.exceptions import InvalidNamespaceException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.validate_namespace import validate_namespace
 
 from ..graph import domains, loopback
 from ..topics import NAMESPACE
@@ -100,6 +102,29 @@ class Call:
             f'{own}: it takes commands if it is started with ./run --commanded')
 
 
+def checked_namespace(namespace: str) -> str:
+    """
+    Return a namespace as it was given.
+
+    Raises
+    ------
+    InputError
+        If no drone can have it.
+
+    """
+    try:
+        if not namespace.isprintable():
+            raise TypeError
+        validate_namespace(f'/{namespace.removeprefix("/")}')
+    except InvalidNamespaceException as error:
+        reason = str(error).splitlines()[0].removeprefix('Invalid namespace: ').rstrip(':')
+        raise InputError(f'drone {namespace[:80]!r}: {reason}') from None
+    except (AttributeError, TypeError):
+        raise InputError(
+            f'drone {str(namespace)[:80]!r}: it must be a namespace such as {NAMESPACE}') from None
+    return namespace
+
+
 def send(name: str, namespace: str = NAMESPACE, **arguments: Any) -> str:
     """
     Send a command to the flight that runs on this machine, or in ``ROS_DOMAIN_ID``.
@@ -122,12 +147,13 @@ def send(name: str, namespace: str = NAMESPACE, **arguments: Any) -> str:
     Raises
     ------
     InputError
-        For a command or argument that does not exist, or a choice of flights.
+        For a command, argument or namespace that cannot be, or a choice of flights.
     JobError
         If no flight answers, or it refuses the command; the message is the reason.
 
     """
     prepare(name, arguments)  # what cannot be sent is refused before anything is started
+    checked_namespace(namespace)
     domain = domains.chosen()
     loopback.check()
     loopback.configure()

@@ -26,6 +26,17 @@ def test_what_cannot_be_sent_is_refused_in_one_line(name, arguments, words):
     assert '\n' not in str(error.value)
 
 
+@pytest.mark.parametrize(('namespace', 'words'), [
+    ('0', r"drone '0': namespace must not have a token that starts with a number"),
+    ('/a b', 'must not contain'), ('a' * 300, 'should not exceed'), ('/a//b', 'repeated'),
+    ('\udcff', 'a namespace such as /mambo'), ('a\nb', 'a namespace such as'), (7, 'such as'),
+    ('a\0b', 'such as')])
+def test_a_drone_that_cannot_be_is_refused_in_one_line(namespace, words):
+    with pytest.raises(InputError, match=words) as error:
+        client.send('stop', namespace)
+    assert '\n' not in str(error.value)
+
+
 def test_without_a_flight_the_wait_is_short_and_the_line_says_what_to_do(monkeypatch):
     monkeypatch.setattr(client, 'FIND', 0.2)
     monkeypatch.setattr(client.domains, 'chosen', lambda: 187)  # nobody flies there
