@@ -191,10 +191,12 @@ def remarks(flight: Scenario, stretch: str | None = None) -> Iterator[str]:
     if plan.trajectory != COURSE:
         return
     course, vehicle = plan.flown_course(), flight.reference_node.vehicle
+    name = course_file.source(plan).partition(',')[0] or 'the course'
+    if far := feasibility.far(course):
+        yield f'warning: {name} {far}'
     failure = feasibility.check(course, vehicle)
     if failure is None:
         return
-    name = course_file.source(plan).partition(',')[0] or 'the course'
     try:
         rate = plan.scale_rate / feasibility.stretch(course, vehicle)
         remedy = f'--stretch auto slows it: reference_node.plan.scale_rate={rate:.3f}'

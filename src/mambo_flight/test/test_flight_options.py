@@ -48,6 +48,14 @@ def test_a_flight_of_what_is_built_in_has_nothing_to_say():
     assert list(flight_options.remarks(Scenario())) == []
 
 
+def test_a_course_far_larger_than_a_hall_is_told(tmp_path):
+    file = tmp_path / 'cm.csv'
+    file.write_text('t,x,y,height\n0,0,0,1.5\n90,60,0,1.5\n')
+    assert list(flight_options.remarks(from_settings({
+        'trajectory': Place(str(file), '--trajectory')}))) == [
+        'warning: cm.csv goes 60 m from its first point: positions are in metres']
+
+
 def test_a_course_that_is_too_fast_is_told_with_what_slows_it(tmp_path):
     file = tmp_path / 'fast.csv'
     file.write_text('t,x,y,height\n0,0,0,1.5\n1.4,6,0,1.5\n2.8,0,0,1.5\n')

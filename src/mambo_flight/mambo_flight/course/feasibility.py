@@ -9,15 +9,18 @@ from __future__ import annotations
 from mambo_control.commanded import demand as demands
 from mambo_control.commanded.demand import demand, Failure, Limit, QUANTITIES
 from mambo_model.errors import InputError, JobError
-from mambo_model.motion.polynomial import Array, Course, stretched
+from mambo_model.motion.polynomial import Array, Course, ends, stretched
 from mambo_model.vehicle.parameters import Vehicle
 from mambo_sim.sensors.imu import ImuParams
+import numpy as np
 
 __all__ = [
-    'check', 'demand', 'factor', 'Failure', 'failure', 'Limit', 'limits', 'QUANTITIES', 'stretch']
+    'check', 'demand', 'factor', 'Failure', 'failure', 'far', 'Limit', 'limits', 'QUANTITIES',
+    'stretch']
 
 LONGEST = 100.0     # largest factor of time, tried or given by an option
 PRECISION = 1e-4    # relative precision of the stretch
+FAR = 30.0          # m, from the first point; a hall is smaller
 
 
 def limits(vehicle: Vehicle) -> dict[str, Limit]:
@@ -33,6 +36,13 @@ def failure(t: Array, columns: Array, vehicle: Vehicle) -> Failure | None:
 def check(course: Course, vehicle: Vehicle) -> Failure | None:
     """Return the first point of a course that a vehicle cannot fly, else None."""
     return failure(*demand(course, vehicle), vehicle)
+
+
+def far(course: Course) -> str:
+    """Return in words how far a course goes from its first point if that is far, else ''."""
+    at = np.concatenate(ends(course))[:, :3, 0]  # of all pieces
+    way = float(np.linalg.norm(at - at[0], axis=1).max())
+    return f'goes {way:.3g} m from its first point: positions are in metres' if way > FAR else ''
 
 
 def factor(text: str, option: str) -> float:

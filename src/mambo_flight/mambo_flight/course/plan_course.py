@@ -24,6 +24,8 @@ def _run(options: argparse.Namespace) -> None:
     options.output.write_text(to_text(course), encoding='utf-8')
     print(f'{options.output}: {course.total:.3f} s, {len(course.duration)} polynomials' + (
         f', stretched {factor:.4f} times' if factor != 1.0 else ''))
+    if far := feasibility.far(course):
+        print(f'warning: the course {far}')
     if failure := feasibility.check(course, vehicle):
         print(f'warning: {options.vehicle} cannot fly it: {failure}; --stretch auto slows it')
 

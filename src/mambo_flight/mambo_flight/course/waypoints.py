@@ -34,7 +34,8 @@ from .constrained import Bounds, DERIVATIVES
 from .minimum_snap import Waypoints
 
 COLUMNS = ('t', 'speed', 'x', 'y', 'z', 'height', 'yaw', 'yaw_deg', 'vx', 'vy', 'vz', 'tube')
-FASTEST = 100.0  # m/s, largest speed of a course
+FASTEST = 30.0   # m/s, largest speed of a course
+HIGHEST = 100.0  # m, of a waypoint
 _MOST_YAW = 4.0 * math.pi
 
 
@@ -246,6 +247,9 @@ def _position(where: str, row: Row, may_be_free: bool) -> list[float]:
         if abs(value) > FARTHEST:
             fail(where, row.line, f'{name} = {value:g} m is outside [-{FARTHEST:g}, '
                  f'{FARTHEST:g}]: positions are in metres')
+    if -out[2] > HIGHEST:
+        fail(where, row.line, f'a height of {-out[2]:g} m is above {HIGHEST:g} m: positions are '
+             'in metres')
     return out
 
 
@@ -289,9 +293,13 @@ def _times(where: str, points: list[Row], at: np.ndarray, settings: Settings) ->
                      'place or a coordinate is free')
             out[i] = out[i - 1] + way / speed
         duration, way = out[i] - out[i - 1], np.nan_to_num(np.linalg.norm(at[i] - at[i - 1]))
-        if duration > LONGEST or way / duration > FASTEST:
-            fail(where, row.line, f'{way:.3g} m in {duration:.3g} s: positions are in metres, '
-                 'times in seconds')
+        if duration > LONGEST:
+            fail(where, row.line, f'{way:.3g} m in {duration:.3g} s: the most is {LONGEST:g} s; '
+                 'positions are in metres, times in seconds')
+        if way / duration > FASTEST:
+            fail(where, row.line, f'{way:.3g} m in {duration:.3g} s are {way / duration:.3g} m/s, '
+                 f'above {FASTEST:g} m/s: positions are in metres, times in seconds, speeds in '
+                 'm/s')
     return out
 
 

@@ -32,6 +32,17 @@ def test_one_that_cannot_is_exit_code_1_with_time_and_quantity(fast, capsys):
     assert check_course.main([fast, '--stretch', '2']) == 0
 
 
+def test_one_that_is_far_larger_than_a_hall_gets_a_warning(tmp_path, capsys):
+    for size, warned in ((29.0, False), (31.0, True)):
+        file = tmp_path / f'{size:g}.csv'
+        file.write_text(f't,x,y,height\n0,0,0,1\n50,{size},0,1\n100,0,0,1\n')
+        assert check_course.main([str(file)]) == 0
+        out, err = lines(capsys)
+        assert not err and warned == (
+            out[-1] == 'warning: the course goes 31 m from its first point: positions are in '
+            'metres')
+
+
 def test_numbers_as_json_are_those_of_the_table(fast, capsys):
     assert check_course.main([fast, '--json']) == 1
     out, _ = capsys.readouterr()
@@ -50,7 +61,7 @@ def test_numbers_as_json_are_those_of_the_table(fast, capsys):
     ([EIGHT, '--duration', '3'], '--duration is for a function of time; for a file use --stretch'),
     ([EIGHT, '--vehicle', 'eagle'], "vehicle 'eagle' is unknown"),
     ([EIGHT, '--tube', '-1'], '--tube: -1 must be within 0 to 100 m'),
-    ([EIGHT, '--speed', '0'], '--speed: 0 must be more than 0 and at most 100 m/s'),
+    ([EIGHT, '--speed', '0'], '--speed: 0 must be more than 0 and at most 30 m/s'),
     ([EIGHT, '--pieces', '1.5'], "--pieces: '1.5' is not a whole number"),
     ([EIGHT, '-o', 'x.doc'], 'x.doc: the name of a picture must end in .png, .svg, .pdf'),
     (['mine.py:f', '--duration', '3'], 'mine.py: No such file or directory')])

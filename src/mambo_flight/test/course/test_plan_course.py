@@ -33,6 +33,14 @@ def test_a_plan_that_cannot_be_flown_is_written_with_a_warning(fast, tmp_path, c
     assert out[1].endswith('--stretch auto slows it')
 
 
+def test_a_plan_far_larger_than_a_hall_is_written_with_a_warning(tmp_path, capsys):
+    file = tmp_path / 'cm.csv'
+    file.write_text('t,x,y,height\n0,0,0,1\n60,-40,0,1\n')
+    assert plan_course.main([str(file), '-o', str(tmp_path / 'plan.csv')]) == 0
+    out, err = lines(capsys)
+    assert not err and out[-1].startswith('warning: the course goes 40 m from its first point')
+
+
 def test_a_function_is_planned(tmp_path, capsys):
     mine = tmp_path / 'mine.py'
     mine.write_text('from math import sin\n\ndef wave(t):\n    return sin(t), 0.0, -1.5\n')
