@@ -40,9 +40,10 @@ WITHIN = 15.0  # s from the signal to the end of all
 BUSY = 240.0  # s that a loaded machine may take to come to the phase
 SIGNALS = ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGKILL', 'SIGSTOP')
 NODES = tuple(name for _, name in (RECORDER, *FLIGHT_NODES, SIMULATOR))
+NAMES = (*NODES, HALL_CAPTURE[1])
 REPLAYED = tuple(name for _, name in (RECORDER, ESTIMATOR, PLAYER))
-MODES = {'processes': [], 'composed': ['--composed'], 'realtime': ['--mode', 'realtime'],
-         'drones': ['--drones', '4']}
+MODES = {'processes': ['--processes'], 'composed': ['--composed'],
+         'realtime': ['--mode', 'realtime'], 'drones': ['--drones', '4', '--processes']}
 OWNERS = ('sim_node', 'composed_node', 'replay_node')
 _PLAN = '--set=reference_node.plan.'
 PHASES = {
@@ -105,8 +106,9 @@ def _processes(mark: str) -> dict[int, str]:
             if entry.name.isdigit() and mark.encode() in (entry / 'environ').read_bytes():
                 if (entry / 'stat').read_text().rpartition(')')[2].split()[0] != 'Z':
                     command = (entry / 'cmdline').read_text()
-                    name = (entry / 'comm').read_text().strip()
-                    found[int(entry.name)] = 'watchdog' if 'watchdog.py' in command else name
+                    name = (entry / 'comm').read_text().strip()  # 15 characters at most
+                    full = next((node for node in NAMES if node[:15] == name), name)
+                    found[int(entry.name)] = 'watchdog' if 'watchdog.py' in command else full
         except OSError:
             pass
     return found

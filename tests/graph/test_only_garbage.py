@@ -55,7 +55,7 @@ def test_a_flight_whose_only_controller_publishes_garbage_ends(
     code = run.main([
         '--mode', mode, '--duration', '20', '--no-landing', '--no-report', '--output',
         str(bag), '--set', f'sim_node.patience={PATIENCE}',
-        *(['--composed'] if how == 'composed' else [])])
+        '--composed' if how == 'composed' else '--processes'])
     took = time.monotonic() - began
     out, err = capsys.readouterr()
     lines = [line for line in err.splitlines() if line.startswith('run: ')]
@@ -76,7 +76,8 @@ def test_a_flight_whose_only_controller_publishes_garbage_ends(
 def test_a_node_that_fails_at_the_start_is_named_and_not_the_empty_bag(
         tmp_path, prefix, monkeypatch, capsys):
     monkeypatch.setenv('MAMBO_GARBAGE', 'unknown')  # its constructor raises
-    code = run.main(['--duration', '5', '--no-report', '--output', str(tmp_path / 'bag')])
+    code = run.main([
+        '--processes', '--duration', '5', '--no-report', '--output', str(tmp_path / 'bag')])
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith('run: ')]
     assert code == 1 and len(lines) == 1 and 'controller_node' in lines[0]
     assert 'no messages' not in lines[0]

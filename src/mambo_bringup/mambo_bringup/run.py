@@ -56,8 +56,8 @@ def parser() -> Parser:
                '  ./run                                 the circle (5.3) at 1.5 m\n'
                '  ./run --trajectory z_sine --seed 7    another flight\n'
                '  ./run --scenario fig_5_11             an experiment of the thesis\n'
-               '  ./run --composed                      all nodes in one process\n'
-               '  ./run --composed --drones 4           four drones in one hall\n'
+               '  ./run --drones 4                      four drones in one hall\n'
+               '  ./run --processes                     every node a process of its own\n'
                '  ./run --mode realtime --duration 30   paced to the wall clock\n'
                '  ./run --scenario motion_capture --natnet   poses through a NatNet server\n'
                '  ./run --set sim_node.simulator.vehicle.drag_coefficient=0.3\n')
@@ -77,7 +77,9 @@ def parser() -> Parser:
     add('--paused', action='store_true',
         help='begin paused: mambo step makes single steps, mambo resume goes on')
     add('--composed', action='store_true',
-        help='all nodes in one process: the same bag, faster')
+        help='all nodes of a drone in one process (default in lockstep, without --without)')
+    add('--processes', action='store_true',
+        help='every node a process of its own (default otherwise): the same bag, slower')
     add('--without', action='append', default=[], choices=tuple(REPLACEABLE), metavar='NODE',
         help=f"leave a node out and wait for yours: one of {', '.join(REPLACEABLE)}; repeatable")
     add('--natnet', type=whole(1024, 65534), nargs='?', const=natnet.PORT, default=0,
@@ -119,6 +121,8 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
     if options.speed is not None and flight.sim_node.mode != 'realtime':
         raise schema.ParameterError(
             f'--speed {options.speed:g} needs --mode realtime: lockstep always runs at full speed')
+    if options.composed and options.processes:
+        raise schema.ParameterError('--composed and --processes exclude each other')
     if options.without and options.composed:
         raise schema.ParameterError(
             '--without and --composed exclude each other: your node needs the others as processes')
@@ -127,6 +131,13 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
     if not flight.sim_node.duration > 0.0:
         raise schema.ParameterError(f'{name}: sim_node.duration must be more than 0 s')
     return f'{name}_seed{flight.seed}', flight
+
+
+def _composed(options: argparse.Namespace, mode: str) -> bool:
+    """Return whether the nodes of a drone share a process, in a mode of the simulator."""
+    if options.composed or options.processes or options.without:
+        return options.composed
+    return mode == 'lockstep'  # where it is faster and gives the same bag
 
 
 def _with_natnet(
@@ -193,9 +204,9 @@ def _fly_and_report(
     problem: FlightError | None = None
     try:
         outcomes = fly_several(
-            flights, {space: path.absolute() for space, path in bags.items()}, options.composed,
-            tuple(dict.fromkeys(options.without)), options.natnet, options.view,
-            hall)
+            flights, {space: path.absolute() for space, path in bags.items()},
+            _composed(options, flights[spaces[0]].sim_node.mode),
+            tuple(dict.fromkeys(options.without)), options.natnet, options.view, hall)
     except FlightEndedError as error:
         problem, outcomes = error, error.outcomes
     stopped = outcomes[0].stopped
@@ -233,8 +244,11 @@ def _print_separation(
 def _print_outcome(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
     """Print the result of a flight; return the reasons for an early end, one line each."""
     what = 'stopped by you after' if outcome.stopped else 'flew'
-    print(f'{what} {outcome.flown:.2f} s in {outcome.took:.2f} s of wall time, '
-          f'{outcome.missed} steps without their motor command')
+    if outcome.took:
+        print(f'{what} {outcome.flown:.2f} s in {outcome.took:.2f} s of wall time, '
+              f'{outcome.missed} steps without their motor command')
+    else:  # the simulator was ended before it could say
+        print(f'{what} at least {outcome.flown:.2f} s')
     if outcome.delay:
         print(outcome.delay)
     if outcome.used and outcome.took:

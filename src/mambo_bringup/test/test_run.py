@@ -18,10 +18,16 @@ import pytest
 
 def run(*arguments):
     """Return the scenario and bag that a command line would fly, or SystemExit."""
+    return started(*arguments)[:2]
+
+
+def started(*arguments):
+    """Return scenario, bag and whether the nodes share a process, or SystemExit."""
     seen = []
 
-    def fly(flights, bags, *_):
-        seen.append((flights['/mambo'], bags['/mambo']))
+    def fly(flights, bags, composed, *_):
+        first = next(iter(flights))
+        seen.append((flights[first], bags[first], composed))
         raise FlightError('far enough')
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command, 'fly_several', fly)
@@ -64,6 +70,20 @@ def test_natnet_needs_real_time_and_processes(capsys):
             run('--natnet', *words)
         assert 'run: --natnet serves drones with their nodes as processes' in (
             capsys.readouterr().err)
+
+
+@pytest.mark.parametrize('arguments, composed', [
+    ([], True), (['--drones', '2'], True), (['--composed'], True), (['--processes'], False),
+    (['--mode', 'realtime'], False), (['--mode', 'realtime', '--composed'], True),
+    (['--without', 'controller'], False), (['--scenario', 'motion_capture', '--natnet'], False)])
+def test_nodes_share_a_process_in_lockstep_or_as_asked(arguments, composed):
+    assert started(*arguments)[2] is composed
+
+
+def test_composed_and_processes_exclude_each_other(capsys):
+    with pytest.raises(SystemExit, match='2'):
+        run('--composed', '--processes')
+    assert capsys.readouterr().err == 'run: --composed and --processes exclude each other\n'
 
 
 def test_no_landing_is_no_landing():

@@ -187,7 +187,8 @@ def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess],
         closed = closed_again(bag)
     fault = '; '.join(filter(None, (group.fault, step, early)))
     if fault and progress.flown:
-        fault = f'flew {progress.flown:.2f} of {asked:g} s: {fault}'
+        least = '' if progress.ended else 'at least '  # of what it said before it was killed
+        fault = f'flew {least}{progress.flown:.2f} of {asked:g} s: {fault}'
     return Outcome(
         bag, progress.flown, progress.took, progress.missed, progress.delay,
         group.interrupts.first, used(nodes), refused(nodes), closed, fault,
