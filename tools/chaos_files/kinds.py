@@ -206,7 +206,9 @@ def kinds(folder: Path) -> dict[str, Kind]:
         'flight': Kind(scenarios, of_text, FLIGHT),
         'vehicle': Kind(vehicles, of_text, VEHICLE),
         'drone': Kind(vehicles, of_text, DRONE),
-        'sweep': Kind([ROOT / 'examples/yours_sweep.yaml'], of_text, ('sweep {file} --measure',)),
+        'sweep': Kind([ROOT / 'examples/yours_sweep.yaml', _written(
+            folder / 'plain_sweep.yaml', 'title: Two seeds\nvary:\n  seed: [1, 2]\n')],
+            of_text, ('sweep {file} --measure',)),
         'course': Kind([ROOT / 'examples/gate.yaml', ROOT / 'examples/figure_eight.csv', _written(
             folder / 'polynomials.csv', POLYNOMIALS)], of_text, COURSE),
         'table': Kind([csv], of_text, TABLE),

@@ -10,7 +10,7 @@ import random
 from mambo_bringup import mambo
 
 LONG = ('run', 'replay', 'view', 'check-node', 'reproduce', 'drift', 'recordings', 'consistency',
-        'estimators', 'race', 'coverage', 'identify drag')
+        'estimators', 'race', 'coverage', 'identify coverage', 'identify drag')
 """Commands that start processes or fly for minutes: only command lines that are refused."""
 VALUES = ('', '-', '--', 'nan', 'inf', '-1', '0', '1', '2.5', '1e400', '9' * 5000, 'x' * 300,
           'x' * 5000, 'a\0b', '\N{GRINNING FACE}', '\udcff', '../..', '/', '/dev/null',

@@ -79,21 +79,22 @@ _FORK = multiprocessing.get_context('fork')
 _LOADED = set[str]()  # modules of nodes that a copy of this process can run
 
 
-def load(modules: Iterable[str]) -> None:
+def load(modules: Iterable[str]) -> bool:
     """
     Import node modules, so that each node starts as a fork of this process and not a new Python.
 
-    Forks share the memory of the imported modules. Nothing is imported if this process uses ROS
-    already: it may have threads of the middleware, which a fork does not get.
+    Forks share the memory of the imported modules. Nothing is imported, and False returned, if
+    this process uses ROS already: it may have threads of the middleware, which no fork gets.
     """
     if 'rclpy' in sys.modules:
-        return
+        return False
     for module in modules:
         import_module(module)
         _LOADED.add(module)
     compiled.hold(None, None, None)  # what numba loads for its first function
     gc.collect()
     gc.freeze()  # keeps the garbage collector off the shared memory
+    return True
 
 
 class _Copy(_FORK.Process):

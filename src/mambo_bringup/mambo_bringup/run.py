@@ -196,17 +196,20 @@ def _fly_and_report(
     if options.view:
         view.check(options.view)
         print(f'view: {view.address(options.view)}', flush=True)
-    load('.'.join(node) for node in (
+    copies = load('.'.join(node) for node in (
         COMPOSED, *FLIGHT_NODES, HALL_CAPTURE, RECORDER, SIMULATOR,
         *((natnet.SERVER, natnet.CLIENT) if options.natnet else ())))
     spaces = list(flights)
+    composed = _composed(options, flights[spaces[0]].sim_node.mode)
+    if copies and composed:
+        from .compiling import compile_ahead  # imports all nodes, as `load` has
+        compile_ahead(flights[spaces[0]])
     bags = {space: bag if len(spaces) == 1 else bag / space.strip('/') for space in spaces}
     problem: FlightError | None = None
     try:
         outcomes = fly_several(
             flights, {space: path.absolute() for space, path in bags.items()},
-            _composed(options, flights[spaces[0]].sim_node.mode),
-            tuple(dict.fromkeys(options.without)), options.natnet, options.view, hall)
+            composed, tuple(dict.fromkeys(options.without)), options.natnet, options.view, hall)
     except FlightEndedError as error:
         problem, outcomes = error, error.outcomes
     stopped = outcomes[0].stopped

@@ -70,9 +70,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self._last = -1
         self._gone = (False, False)  # nobody publishes estimates, references any more
         self._told = failsafe.FLYING
-        self.held = self._begin()
-        _step(self.held, *_NO_ESTIMATE, NO_REFERENCE, 0)  # in memory before time starts
-        set_values(self.held, p.compiled())
+        self.compile(p)
         self.held = self._begin()
         self._pwm = self.advertise(topics.MOTOR_PWM)
         self._inner = self.advertise(topics.CONTROLLER_STATE)
@@ -89,6 +87,14 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
             check=_check_estimate, **bounds)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # goes on when the wall clock is set back
         self.create_timer(_LOOK_EVERY, self._look, clock=steady)
+
+    @staticmethod
+    def compile(p: ControllerNodeParams) -> None:
+        """Have the compiled step of a controller in memory, before time starts."""
+        values = p.compiled()
+        held = hold(failsafe.begin(values[1]), None, values)
+        _step(held, *_NO_ESTIMATE, NO_REFERENCE, 0)
+        set_values(held, values)
 
     def _begin(self) -> Held:
         """Return the controller at its start."""

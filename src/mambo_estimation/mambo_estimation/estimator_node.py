@@ -18,8 +18,7 @@ from .estimate import diagnostic_status, Estimate, tilt_deviation
 from .parameters import EstimatorNodeParams
 from .synchroniser import Step, Synchroniser
 
-_STEP, _TF_EVERY = 5_000_000, 20_000_000  # ns
-_REPORT_EVERY = 1_000_000_000  # ns
+_STEP, _TF_EVERY, _REPORT_EVERY = 5_000_000, 20_000_000, 1_000_000_000  # ns
 _STREAMS = (topics.IMU, topics.SONAR, topics.OPTICAL_FLOW, topics.BAROMETER)
 _Counts = tuple[int, ...]
 _ZERO3, _ZERO36 = (0.0,) * 3, (0.0,) * 36
@@ -68,9 +67,7 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
             self.accept(
                 topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth, check=_check_truth)
             return
-        self.held = self._begin()
-        _step(self.held, 0.0, _ZERO3, _ZERO3, 0.0, _ZERO3[:2], 0, 0.0)  # in memory before time
-        set_values(self.held, p.compiled())
+        self.compile(p)
         self.held = self._begin()
         watermark = p.synchronise == 'watermark'
         sync = self._sync = Synchroniser(watermark)
@@ -91,6 +88,14 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         # the last message of a step, which completes it
         self.accept(topics.SENSOR_TICK, messages.decode_sensor_tick, self._adder(sync.add_tick))
 
+    @staticmethod
+    def compile(p: EstimatorNodeParams) -> None:
+        """Have the compiled step of an estimator in memory, before time starts."""
+        values = p.compiled()
+        held = hold(filters.initial(values), None, values)
+        _step(held, 0.0, _ZERO3, _ZERO3, 0.0, _ZERO3[:2], 0, 0.0)
+        set_values(held, values)
+
     def _begin(self) -> Held:
         """Return the estimator at its start."""
         values = self.params.compiled()
@@ -106,12 +111,7 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         return lambda *sample: self._run(add(*sample))
 
     def _subscribe_sensor(self, topic: topics.Topic, decode: Callable, add: Callable) -> None:
-        """
-        Queue each message of a sensor, late and repeated ones as well, whatever it reads.
-
-        The synchroniser sorts the samples and the filter checks their values. An unreadable
-        message still counts towards a watermark that announces it.
-        """
+        """Queue each message, late, repeated or unreadable: what sorts and checks is behind."""
         stream = _STREAMS.index(topic)
         self.accept(
             topic, decode, self._adder(add), prompt=False, reliable=self._reliable,

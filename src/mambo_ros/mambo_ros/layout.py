@@ -127,6 +127,8 @@ class Layout:
         count = max(np.size(number) for number in numbers)
         width = self.nbytes + len(self._filling)
         out = np.zeros((count, width), dtype=np.uint8)
+        if not count:
+            return out
         out[:, :4] = np.frombuffer(ENCAPSULATION, dtype=np.uint8)
         for start, piece in self._texts:
             out[:, start:start + len(piece)] = np.frombuffer(piece, dtype=np.uint8)

@@ -123,3 +123,10 @@ def test_many_messages_at_once_are_those_one_by_one(topic):
     stamps = np.array([7, 1_500_000_000])
     assert [row.tobytes() for row in layout.stamped(stamps, *values[0][2:])] == [
         layout.stamped(stamp, *values[0][2:]) for stamp in stamps.tolist()]
+
+
+def test_no_message_at_once_is_no_row():
+    layout = Layout(MotorPwm)
+    count = len(numbers(layout, np.random.default_rng(1)))
+    rows = layout.rows(*[np.empty(0)] * count)
+    assert rows.shape == (0, len(layout.rows(*[np.zeros(2)] * count)[0]))

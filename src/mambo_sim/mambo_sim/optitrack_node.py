@@ -13,6 +13,7 @@ from .parameters import OptitrackNodeParams
 from .sensors import optitrack
 
 _REPORT_EVERY = 1_000_000_000  # ns
+_STILL = State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
 
 
 @jit
@@ -23,6 +24,12 @@ def _step(held, t, state, view):
         memory, before_t, before, t, state, held.rng, held.values, view)
     held.memory = (memory, t, state)
     return sample
+
+
+def _begin(p: OptitrackNodeParams, t: int, state: State) -> Held:
+    """Return the cameras before their first sample of the truth."""
+    rng = simulator.generators(p.seed)[4]
+    return hold((optitrack.START, t, state), rng, p.optitrack.values())
 
 
 def _check(truth: tuple) -> str:
@@ -55,18 +62,17 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
         self.accept(topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth,
                     prompt=self.params.watermark, check=_check)
 
-    def _begin(self, t: int, state: State) -> Held:
-        """Return the cameras before their first sample of the truth."""
-        p = self.params
-        rng = simulator.generators(p.seed)[4]
-        return hold((optitrack.START, t, state), rng, p.optitrack.values())
+    @staticmethod
+    def compile(p: OptitrackNodeParams, view: NDArray[np.float64] | None = None) -> None:
+        """Have the compiled steps in memory before time starts; view: see ``expose``."""
+        held = _begin(p, 0, _STILL)
+        _step(held, 0, _STILL, view)
+        memory_of(held)
 
     def warm_up(self, view: NDArray[np.float64] | None) -> None:
-        """Have the compiled steps in memory before time starts; view: see ``expose``."""
-        still = State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
-        self._held = self._begin(0, still)
-        _step(self._held, 0, still, view)
-        memory_of(self._held)
+        """Compile, and begin; view: see ``expose``."""
+        self.compile(self.params, view)
+        self._held = _begin(self.params, 0, _STILL)
 
     def expose(self, t: int, state: State, view: NDArray[np.float64] | None = None) -> None:
         """
@@ -81,7 +87,7 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
 
         """
         if not self._begun:
-            self._held, self._begun = self._begin(t, state), True
+            self._held, self._begun = _begin(self.params, t, state), True
         sample = _step(self._held, t, state, view)
         if sample.new:
             self._pose(messages.optitrack(sample.stamp, sample.pose.rho, sample.pose.q))

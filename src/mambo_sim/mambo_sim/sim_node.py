@@ -25,6 +25,12 @@ from .parameters import SimNodeParams, STEP_NS
 _STILL = (0.0,) * 4  # PWM
 
 
+def _begin(params: SimNodeParams) -> Held:
+    """Return the simulator at its start."""
+    p = params.simulator
+    return hold(simulator.initial_state(p), simulator.generators(p.seed), p.values())
+
+
 class SimNode(node.MamboNode[SimNodeParams]):
     """
     Simulated Mambo: advances the vehicle by one step of 5 ms with each motor command.
@@ -74,18 +80,18 @@ class SimNode(node.MamboNode[SimNodeParams]):
                 self._streams, (f.imu, f.sonar, f.optical_flow, f.barometer), strict=True):
             stream.delay = fault.delay_ticks()
 
-    def _begin(self) -> Held:
-        """Return the simulator at its start."""
-        p = self.params.simulator
-        return hold(simulator.initial_state(p), simulator.generators(p.seed), p.values())
+    @staticmethod
+    def compile(p: SimNodeParams, push: float | None = None) -> None:
+        """Have the compiled steps in memory before time starts; push: see `sense`."""
+        held = _begin(p)
+        set_values(held, p.compiled())
+        pushed.sense_held(held, 0, push)
+        pushed.advance_held(held, _STILL, False, push)
 
     def warm_up(self, push: float | None) -> None:
-        """Have the compiled steps in memory before time starts, and begin; push: see `sense`."""
-        self.held = self._begin()
-        set_values(self.held, self.params.compiled())
-        pushed.sense_held(self.held, 0, push)
-        pushed.advance_held(self.held, self._pwm, self._shutdown, push)
-        self.held = self._begin()
+        """Compile, and begin; push: see `sense`."""
+        self.compile(self.params, push)
+        self.held = _begin(self.params)
 
     def _on_pwm(self, t: int, pwm: tuple, shutdown: bool) -> None:
         self._answered, self._pwm, self._shutdown = t, _STILL if shutdown else pwm, shutdown
@@ -144,15 +150,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
             lockstep.numbers(self.params.mode, self._tick, self.missed, self.delays)))
 
     def watch(self, now: float) -> None:
-        """
-        Stop the motors for good when they turn and no command has come for too long.
-
-        Parameters
-        ----------
-        now : s
-            Wall time, of ``time.monotonic``.
-
-        """
+        """Stop the motors for good if they turn and lack commands; now: of time.monotonic, s."""
         limit, silent = self.params.motor_timeout, now - self._last_command
         turning = not self._shutdown and any(x > 0.0 for x in self._pwm)
         if self.starved < 0 and turning and 0.0 < limit < silent:
