@@ -45,16 +45,17 @@ def test_a_sweep_varies_the_four_of_ones_own():
     assert last.sim_node.simulator.vehicle.mass == 0.074
 
 
-def test_one_that_raises_is_landed_and_ends_the_flight_with_its_line(tmp_path):
+@pytest.mark.parametrize('composed', [False, True])
+def test_one_that_raises_is_landed_and_ends_the_flight_with_its_line(tmp_path, composed):
     broken = tmp_path / 'broken.py'
-    broken.write_text(PD.read_text().replace('@jit\n', '').replace(
+    broken.write_text(f'# {composed}\n' + PD.read_text().replace('@jit\n', '').replace(
         'return Memory(memory.steps + 1), thrust',
         "if memory.steps > 600:\n        raise RuntimeError('lost my way')\n"
         '    return Memory(memory.steps + 1), thrust'))
     flight = scenario(controller=str(broken), estimator='ground_truth', duration=9.0, land=False,
                       overrides=LOCKSTEP)
     with pytest.raises(FlightEndedError, match=r'broken.py:\d+: RuntimeError: lost my way') as end:
-        fly(flight, tmp_path / 'bag')
+        fly(flight, tmp_path / 'bag', composed)
     outcome, = end.value.outcomes
     assert outcome.closed and outcome.whole and outcome.flown == pytest.approx(9.0)
     truth = read_bag(tmp_path / 'bag')

@@ -16,6 +16,7 @@ import time
 
 from mambo_bags.reader import BagError
 from mambo_bags.recover import recover
+from mambo_bags.writer import RECORDING
 from mambo_flight.scenario import Scenario
 from mambo_flight.supervised import own_compiled
 from mambo_model.components import own_components, where
@@ -24,6 +25,7 @@ from .flight.nodes import COMPOSED
 from .processes import NodeProcess
 
 SLACK = 10.0  # s of silence beyond the simulator's patience
+LARGEST = 200_000_000  # bytes of a bag that is closed in some 10 s, before the flight's last line
 
 
 def stuck(flight: Scenario, killed: Iterable[str]) -> str:
@@ -87,8 +89,19 @@ class Silence:
         return f'{self._child.label} did nothing for {self._limit:g} s'
 
 
+def is_closed(bag: Path) -> bool:
+    """Return whether a recorder has closed its bag, whatever became of its process."""
+    try:
+        text = (bag / 'metadata.yaml').read_text()
+    except OSError:
+        return False
+    return f"state: {RECORDING['state']}" not in text
+
+
 def closed_again(bag: Path) -> bool:
-    """Close the bag of a recorder that was killed; return whether anything is in it."""
+    """Close the bag of a recorder that was killed; return whether it is closed, with messages."""
+    if sum(file.stat().st_size for file in bag.glob('*.mcap')) > LARGEST:
+        return False
     with tempfile.TemporaryDirectory(dir=bag.parent, prefix=f'{bag.name}_') as folder:
         whole = Path(folder) / bag.name
         try:

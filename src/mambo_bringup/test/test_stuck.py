@@ -101,7 +101,8 @@ def test_the_bag_of_a_killed_recorder_is_closed_in_its_place(tmp_path):
     file = next(bag.glob('*.mcap'))
     file.write_bytes(file.read_bytes()[:file.stat().st_size // 2])  # the index is at the end
     (bag / 'metadata.yaml').unlink(missing_ok=True)
-    assert stuck.closed_again(bag)
+    assert not stuck.is_closed(bag)
+    assert stuck.closed_again(bag) and stuck.is_closed(bag)
     assert len(read_bag(bag)['motor_pwm']) > 100
     assert list(tmp_path.iterdir()) == [bag]
 
@@ -110,3 +111,19 @@ def test_an_empty_bag_is_not_closed(tmp_path):
     (tmp_path / 'bag').mkdir()
     assert not stuck.closed_again(tmp_path / 'bag')
     assert list(tmp_path.iterdir()) == [tmp_path / 'bag']
+
+
+def test_a_bag_that_would_take_long_is_left_to_the_user(tmp_path, monkeypatch):
+    (tmp_path / 'bag').mkdir()
+    (tmp_path / 'bag/bag_0.mcap').write_bytes(bytes(100))
+    monkeypatch.setattr(stuck, 'LARGEST', 99)
+    monkeypatch.setattr(stuck, 'recover', lambda *_: pytest.fail('tried'))
+    assert not stuck.closed_again(tmp_path / 'bag')
+
+
+def test_the_metadata_says_whether_a_bag_is_closed(tmp_path):
+    assert not stuck.is_closed(tmp_path)
+    for text, closed in (('custom_data:\n    state: recording\n', False),
+                         ('custom_data: null\n', True)):
+        (tmp_path / 'metadata.yaml').write_text(text)
+        assert stuck.is_closed(tmp_path) is closed

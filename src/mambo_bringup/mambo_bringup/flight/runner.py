@@ -17,7 +17,7 @@ from mambo_flight.world.world_file import Hall
 
 from ..node_group import NodeGroup
 from ..processes import FlightInputError, NodeProcess, parameter
-from ..stuck import closed_again, Silence, stuck
+from ..stuck import closed_again, is_closed, Silence, stuck
 from .natnet import write as write_natnet
 from .nodes import (
     COMPOSED, HALL_CAPTURE, label, NAMESPACE, RECORDER, recorder_topics, REPLACEABLE,
@@ -178,13 +178,12 @@ def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess],
     """Return the result of one drone's flight."""
     asked = flight.sim_node.duration
     killed = [node.name for node in nodes if node.exit_code == -signal.SIGKILL]
-    closed = nodes[0].exit_code == 0 and bag.exists()
-    step = stuck(flight, killed)
-    # a user's code may end the process of all nodes with exit code 0
+    closed, step = is_closed(bag), stuck(flight, killed)
+    # a user's code may end the process of all nodes, with exit code 0 too
     silent = not (progress.ended or group.fault or group.interrupts.first)
     early = f'{nodes[-1].label} ended before the flight was over' if silent else ''
-    if bag.exists() and (step and COMPOSED[1] in killed or silent and nodes[0] is nodes[-1]):
-        closed = closed_again(bag)
+    if not closed and not group.interrupts.first:
+        closed = bag.exists() and closed_again(bag)
     fault = '; '.join(filter(None, (group.fault, step, early)))
     if fault and progress.flown:
         least = '' if progress.ended else 'at least '  # of what it said before it was killed
