@@ -16,6 +16,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 GAP_PERIODS = 3.5  # [-] samples more median periods apart than this are not connected
+MOST = 10_000_000  # periods of a signal that is resampled: 14 hours at 200 Hz
 
 
 def median_period(stamps: Ints) -> float:
@@ -134,10 +135,18 @@ def columns_at(times: Floats, source: Floats, values: Floats) -> Floats:
 
 
 def resampled(stamps: Ints, values: Floats, period: int, gap: int) -> tuple[Ints, Floats]:
-    """Interpolate a signal at whole multiples of a period [ns], see :func:`interpolate`."""
+    """
+    Interpolate a signal at whole multiples of a period [ns], see :func:`interpolate`.
+
+    One that lasts longer than ten million periods, as with a stamp of years ahead, has no rows.
+    """
+    empty = np.empty(0, np.int64), np.empty((0, np.shape(values)[1]))
     if not len(stamps):
-        return np.empty(0, np.int64), np.empty((0, np.shape(values)[1]))
-    grid = np.arange(-(-int(np.min(stamps)) // period), int(np.max(stamps)) // period + 1) * period
+        return empty
+    first, last = -(-int(np.min(stamps)) // period), int(np.max(stamps)) // period
+    if last - first > MOST:
+        return empty
+    grid = np.arange(first, last + 1) * period
     return grid, interpolate(grid, stamps, values, gap)
 
 

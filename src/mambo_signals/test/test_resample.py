@@ -138,6 +138,14 @@ def test_a_grid_of_whole_periods_lies_within_the_signal():
     assert grid.shape == (0,) and out.shape == (0, 3)
 
 
+def test_a_signal_that_ends_years_later_has_no_rows():
+    stamps = np.array([0, 10, 2**31 * 10**9])
+    grid, out = resample.resampled(stamps, np.ones((3, 2)), 5_000_000, 20)
+    assert len(grid) == 0 and out.shape == (0, 2)
+    stamps[2] = resample.MOST * 10
+    assert len(resample.resampled(stamps, np.ones((3, 1)), 10, 20)[0]) == resample.MOST + 1
+
+
 def test_quaternions_get_one_sign_and_invalid_ones_become_nan():
     rng = np.random.default_rng(3)
     angle = np.linspace(0.0, 12.0, 200)  # twice round: the scalar part goes through zero

@@ -122,6 +122,12 @@ def _details(found: Sequence[Result]) -> str:
          for r in found))
 
 
+def _draws(flights: Iterable[int]) -> str:
+    """Return the numbers of draws in words; 1 is that of what is not random."""
+    numbers = sorted(set(flights) - {1}) or [1]
+    return ' or '.join(map(str, numbers))
+
+
 def markdown(
     found: Sequence[Result], steps: Mapping[str, tuple[str, float]], pictures: Sequence[str],
 ) -> str:
@@ -139,11 +145,12 @@ def markdown(
 
     """
     draws = ', '.join(
-        f'{most} for the {_STATES[state]}' for state in dict.fromkeys(r.state for r in found)
-        if (most := max(r.flights for r in found if r.state == state)))
+        f'{_draws(r.flights for r in found if r.state == state)} for the {_STATES[state]}'
+        for state in dict.fromkeys(r.state for r in found))
     out = ['# Controllers compared', '',
            f'Written by `mambo race`, which flies it again. {sum(r.flights for r in found)} '
-           f'flights of 30 s. Draws of each kind: {draws}; one if nothing is random.', '',
+           f'flights of 30 s. Draws of each kind: {draws}; one if nothing is random. The '
+           'estimates are those of `joint`.', '',
            'Numbers are the median of the RMS position error of a flight in mm, take-off '
            'included. A flight survives if it is neither shut down nor 2 m off. Saturated: share '
            'of the control steps with a motor at a limit. Energy: that of the commanded '
