@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterable
+import contextlib
 import difflib
+import errno
 import os
 from pathlib import Path
+import shutil
 import sys
 from typing import Any, TextIO
 import warnings
@@ -19,6 +22,7 @@ from .cli import drawing, supervisor
 
 _WRITTEN = ('output', 'json', 'html', 'csv', 'figure', 'write')  # options naming a file to write
 _OF_A_BAG = ('*.mcap', '*.db3', '*.zstd', 'metadata.yaml')  # never written over
+_LITTLE = 1 << 20  # bytes left on a disk that is full for most purposes
 _LONGEST = 2000  # longest error, characters, so that a huge name does not fill the screen
 
 
@@ -277,8 +281,8 @@ def guard(name: str, work: Callable[[], None]) -> int:
     except _OutputError as error:
         return _lost_output(name, plain, error.args[0])
     except OSError as error:
-        reason = error.strerror or str(error)
-        return _complain(name, f'{error.filename}: {reason}' if error.filename else reason,
+        reason, place = error.strerror or str(error), error.filename or _full(error)
+        return _complain(name, f'{place}: {reason}' if place else reason,
                          2 if is_wrong_path(error) else 1)
     except MamboError as error:
         return _complain(name, str(error), error.exit_code)
@@ -293,6 +297,16 @@ def guard(name: str, work: Callable[[], None]) -> int:
         if not isinstance(sys.exc_info()[1], SystemExit):  # which no code of ours raises in a job
             supervisor.ended()
     return 0
+
+
+def _full(error: OSError) -> str:
+    """Return the folder without space that an error may be of: the working or a temporary one."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        for folder in (os.environ.get('TMPDIR', '/tmp'), os.curdir, '/dev/shm'):
+            with contextlib.suppress(OSError):
+                if shutil.disk_usage(folder).free < _LITTLE:
+                    return folder
+    return ''
 
 
 def _complain(name: str, text: str, exit_code: int = 1) -> int:

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 import subprocess
 import sys
+from types import SimpleNamespace
 
 from mambo_bags import command
 from mambo_bags.cli.option_types import whole
@@ -64,6 +65,17 @@ def test_errors_are_one_short_line_and_the_right_exit_code(error, code, message,
     printed = capsys.readouterr().err
     assert printed.startswith('tool: ') and message in printed
     assert printed.count('\n') == 1 and len(printed) < 2100
+
+
+def test_a_full_disk_is_named(monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv('TMPDIR', str(tmp_path))
+    monkeypatch.setattr(command.shutil, 'disk_usage', lambda folder: SimpleNamespace(
+        free=1000 if folder == str(tmp_path) else 1 << 40))
+    for number, place in ((28, f'{tmp_path}: '), (122, f'{tmp_path}: '), (5, '')):
+        def work(number=number):
+            raise OSError(number, 'what the system says')
+        assert command.guard('tool', work) == 1
+        assert capsys.readouterr().err == f'tool: {place}what the system says\n'
 
 
 def test_names_cannot_steer_the_terminal(capsys):
