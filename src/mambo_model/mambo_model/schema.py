@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 from .errors import InputError
 
 P = TypeVar('P')
+_FEW = 30  # names that a message lists one by one
 
 
 def quantity(default: Any, unit: str, low: float, high: float, source: str) -> Any:
@@ -69,12 +70,15 @@ class ParameterError(InputError):
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
-    """Return the message for an unknown name, with the nearest known names or all of them."""
+    """Return the message for an unknown name, with the nearest known names, or all or groups."""
     known = sorted(known)
     name = name if len(name) <= 200 else f'{name[:60]}...'
     close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
     if close:
         return f"{name}: unknown parameter; did you mean {', '.join(close)}?"
+    if len(known) > _FEW:
+        known = sorted({first + ('.*' if rest else '') for first, _, rest in (
+            each.partition('.') for each in known)})
     return f"{name}: unknown parameter; known: {', '.join(known)}"
 
 

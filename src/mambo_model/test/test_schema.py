@@ -87,6 +87,12 @@ def test_errors_say_where_the_value_came_from(values, message):
         schema.build(Car, values, 'file.yaml: ')
 
 
+def test_many_known_names_are_listed_by_their_groups():
+    many = ['speed', *(f'{group}.x{k}' for group in ('imu', 'wind') for k in range(20))]
+    assert schema.unknown('QQ', many) == 'QQ: unknown parameter; known: imu.*, speed, wind.*'
+    assert schema.unknown('QQ', many[:3]).endswith('known: imu.x0, imu.x1, speed')
+
+
 def test_flattened_parameters_build_the_same_component():
     car = Car(engine=Engine(fuel='diesel', bore=(0.5, 0.6)), doors=2)
     flat = schema.flatten(car)

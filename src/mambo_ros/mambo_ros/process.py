@@ -17,6 +17,7 @@ from typing import Any, NoReturn
 
 from mambo_model.errors import MamboError
 import rclpy
+from rclpy.exceptions import ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerOptions
 
@@ -27,7 +28,7 @@ from .node import FLUSH, MamboNode
 
 _TEARDOWN = 1.0  # s for the middleware to shut down, which has been seen to hang
 _REFUSALS = (MamboError, FileNotFoundError, FileExistsError, _rclpy.RCLError,
-             _rclpy.UnknownROSArgsError)
+             _rclpy.UnknownROSArgsError, ParameterException)
 
 
 def _line(error: BaseException) -> str:

@@ -451,6 +451,8 @@ def test_a_process_exits_although_the_middleware_hangs(tmp_path, code):
 @pytest.mark.parametrize('arguments, complaint', [
     (['-p', 'gain:=7.0'], 'probe: gain = 7.0 1/s is outside [0, 5]'),
     (['-p', 'gian:=1.0'], 'probe: gian: unknown parameter; did you mean gain?'),
+    (['-p', 'use_sim_time:=1'], "Trying to set parameter 'use_sim_time' to '1' of type 'INTEGER'"),
+    (['-p', 'start_type_description_service:=a'], "expecting type 'BOOL'"),
     (['-p', 'gain:=high'], "probe: gain = 'high' must be a number"),
     (['--params-file', 'nowhere.yaml'], 'nowhere.yaml'),
     (['-p', 'nonsense'], 'nonsense'),
