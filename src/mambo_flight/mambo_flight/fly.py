@@ -9,12 +9,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
+import sys
 import time
 from typing import Any
 
 from mambo_bags.command import guard, Parser, refuse_existing
 from mambo_model.errors import InputError, JobError
 from mambo_sim.world import WorldParams
+from numba.core import event
 import numpy as np
 
 from . import commanded, flight_options, recording_to_bag, scenario_file, supervised
@@ -41,10 +43,27 @@ def _scenario(options: argparse.Namespace) -> tuple[str, Scenario]:
     return name, flight_options.applied(flight, options)
 
 
+class _Announced(event.Listener):
+    """Says on a terminal that a flight waits for the compiler."""
+
+    def __init__(self) -> None:
+        self._said = not sys.stderr.isatty()
+
+    def on_start(self, event: event.Event) -> None:
+        """Say so, once."""
+        if not self._said:
+            self._said = True
+            print('compiling, about a minute; once for these components and options',
+                  file=sys.stderr, flush=True)
+
+    def on_end(self, event: event.Event) -> None:
+        """Say nothing."""
+
+
 def _errors(metrics: Mapping[str, Any]) -> str:
     """Return the errors of a flight in a few words."""
     ending = f'; motors stopped ({metrics["shutdown_reason"]})' if metrics['shutdown'] else ''
-    return (f'tracking error {metrics["tracking_rms"]:.3g} m RMS, '
+    return (f'tracking error in flight {metrics["tracking_rms"]:.3g} m RMS, '
             f'{metrics["tracking_max"]:.3g} m at most; '
             f'estimation error {metrics["estimation_rms"]:.3g} m RMS{ending}')
 
@@ -90,12 +109,18 @@ def write_flight(name: str, flight: Scenario, output: Path) -> None:
         If a component failed in flight; the bag is written.
 
     """
+    compiled: list[float] = []
     began = time.monotonic()
-    recording, fault = supervised.fly(flight, inner=True)
+    with event.install_timer('numba:compile', compiled.append), event.install_listener(
+            'numba:compile', _Announced()):
+        recording, fault = supervised.fly(flight, inner=True)
     flown = time.monotonic()
     recording_to_bag.write(output, flight, recording)
     end = time.monotonic()
-    seconds = recording.t[-1] * 1e-9
+    seconds, compiling = recording.t[-1] * 1e-9, sum(compiled)
+    if compiling > 1.0:
+        print(f'compiled in {compiling:.1f} s, once for these components and options')
+        began += compiling
     print(f'{name}: {_errors(monte_carlo.measure(flight, recording))}')
     print(f'{name}: {seconds:.2f} s flown in {flown - began:.2f} s, bag written in '
           f'{end - flown:.2f} s: {seconds / (end - began):.3g} times real time\n'

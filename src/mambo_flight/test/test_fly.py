@@ -1,9 +1,12 @@
 """The command fly: which flight is meant, what it says, and what it refuses before it flies."""
 
+import re
+import time
 from types import SimpleNamespace
 
 from mambo_flight import fly
 from mambo_flight.scenario import scenario
+from numba.core import event
 import pytest
 
 SCENARIO = """
@@ -45,8 +48,8 @@ def test_a_file_is_flown_as_it_says(file, tmp_path, capsys, flown):
     assert (flight.sim_node.duration, flight.sim_node.simulator.seed) == (3.0, 2)
     output = capsys.readouterr().out.splitlines()
     assert output[-2].startswith(f'{file}: 3.00 s flown in ') or ': 3.00 s flown in ' in output[-2]
-    assert output[-3].endswith('tracking error 0.0123 m RMS, 0.1 m at most; estimation error 0.2 '
-                               'm RMS; motors stopped (crash)')
+    assert output[-3].endswith('tracking error in flight 0.0123 m RMS, 0.1 m at most; '
+                               'estimation error 0.2 m RMS; motors stopped (crash)')
     assert output[-2].endswith(' times real time') and output[-1] == f'bag: {tmp_path / "bag"}'
 
 
@@ -130,3 +133,26 @@ def test_a_flight_with_ill_sensors_is_left_to_the_graph(tmp_path, capsys):
     error = capsys.readouterr().err
     assert code == 2 and error.count('\n') == 1 and 'faults' in error
     assert not (tmp_path / 'bag').exists()
+
+
+def test_the_time_of_the_compiler_is_not_that_of_the_flight(file, tmp_path, capsys, flown,
+                                                            monkeypatch):
+    def compiles(*_, **__):
+        with event.trigger_event('numba:compile'):
+            time.sleep(1.2)
+        return SimpleNamespace(t=[0, 3_000_000_000]), ''
+    monkeypatch.setattr(fly.supervised, 'fly', compiles)
+    assert fly.main([file, '-o', str(tmp_path / 'bag')]) == 0
+    out, err = capsys.readouterr()
+    assert re.search(r'^compiled in 1\.\d s, once for these components and options$', out, re.M)
+    assert float(re.search(r'flown in ([\d.]+) s', out)[1]) < 0.6 and err == ''
+
+
+def test_a_terminal_is_told_once_that_a_flight_waits_for_the_compiler(monkeypatch, capsys):
+    monkeypatch.setattr(fly.sys.stderr, 'isatty', lambda: True)
+    with event.install_listener('numba:compile', fly._Announced()):
+        for _ in range(2):
+            with event.trigger_event('numba:compile'):
+                pass
+    line, = capsys.readouterr().err.splitlines()
+    assert line.startswith('compiling, about a minute')
