@@ -37,7 +37,10 @@ _HURRIED = 1.0  # s that a recorder has after a second Ctrl-C
 _HALTED = 1.0  # s for which a process may be stopped
 _LINE = 1 << 16  # most characters of a line that a node prints; a longer one is taken in parts
 _ENDED = re.compile(r'ended by (SIG\w+)')  # printed by a node
-_ENVIRONMENT = {'PYTHONUNBUFFERED': '1', 'RCUTILS_LOGGING_BUFFERED_STREAM': '0'}
+_ENVIRONMENT = {  # lines are read as they are written, whatever the user's own nodes log like
+    'PYTHONUNBUFFERED': '1', 'RCUTILS_LOGGING_BUFFERED_STREAM': '0',
+    'RCUTILS_LOGGING_USE_STDOUT': '0', 'RCUTILS_COLORIZED_OUTPUT': '0',
+    'RCUTILS_CONSOLE_OUTPUT_FORMAT': '[{severity}] [{time}] [{name}]: {message}'}
 
 
 class FlightError(JobError):

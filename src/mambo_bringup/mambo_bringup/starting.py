@@ -35,10 +35,16 @@ def main(module: str) -> int:
     if wrong := environment.complaint(ros=module == 'run'):
         sys.stderr.write(f'{module}: {wrong}\n')
         return 2
-    command = import_module(f'.{module}', __package__)
-    signal.signal(signal.SIGINT, before)
     try:
+        command = import_module(f'.{module}', __package__)
+        signal.signal(signal.SIGINT, before)
         code = stoppable(module, command.main)
+    except ImportError as error:
+        if 'shared object' not in str(error):
+            raise
+        sys.stderr.write(f'{module}: {str(error).splitlines()[0]}: source env.bash again in this '
+                         'shell, which sets LD_LIBRARY_PATH\n')
+        return 1
     finally:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # later signals need no message
     _end_threads(module, code)

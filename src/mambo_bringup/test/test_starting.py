@@ -55,6 +55,18 @@ sys.exit(starting.main('run'))
     assert (done.returncode, done.stderr) == (7, '')
 
 
+def test_libraries_that_are_not_found_are_one_line_with_the_remedy():
+    done = run('''
+def command():
+    raise ImportError('librcl.so: cannot open shared object file: No such file\\nThe C extension')
+starting.import_module = lambda *_: SimpleNamespace(main=command)
+sys.exit(starting.main('run'))
+''')
+    assert (done.returncode, done.stderr) == (
+        1, 'run: librcl.so: cannot open shared object file: No such file: source env.bash again '
+        'in this shell, which sets LD_LIBRARY_PATH\n')
+
+
 def test_a_thread_that_never_ends_does_not_hold_up_the_exit():
     done = run("""
 import threading, time
