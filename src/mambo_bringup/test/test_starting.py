@@ -56,12 +56,12 @@ sys.exit(starting.main('run'))
 
 
 def test_libraries_that_are_not_found_are_one_line_with_the_remedy():
-    done = run('''
+    done = run("""
 def command():
     raise ImportError('librcl.so: cannot open shared object file: No such file\\nThe C extension')
 starting.import_module = lambda *_: SimpleNamespace(main=command)
 sys.exit(starting.main('run'))
-''')
+""")
     assert (done.returncode, done.stderr) == (
         1, 'run: librcl.so: cannot open shared object file: No such file: source env.bash again '
         'in this shell, which sets LD_LIBRARY_PATH\n')
