@@ -27,8 +27,9 @@ def listed(node, which, made):
     until = time.monotonic() + 20.0
     while True:  # discovery takes its time
         found = {one for one, _ in which(*node)}
-        if made <= found or time.monotonic() > until:
+        if made <= found:
             return found
+        assert time.monotonic() < until, made - found
         time.sleep(0.01)
 
 
@@ -41,7 +42,7 @@ def opened(package, name, words, bag):
         me = (node.get_name(), node.get_namespace())
         made = ({one.topic_name for one in node.publishers},
                 {one.topic_name for one in node.subscriptions},
-                {one.srv_name for one in node.services})
+                {node.resolve_service_name(one.srv_name) for one in node.services})
         published, subscribed, answered = (listed(me, which, names) for which, names in zip((
             node.get_publisher_names_and_types_by_node,
             node.get_subscriber_names_and_types_by_node,
