@@ -67,6 +67,15 @@ def test_errors_are_one_short_line_and_the_right_exit_code(error, code, message,
     assert printed.count('\n') == 1 and len(printed) < 2100
 
 
+def test_a_null_character_is_refused(capsys):
+    parser = command.Parser('tool', 'Reads.')
+    parser.add_argument('file', type=Path)
+    with pytest.raises(SystemExit) as end:
+        parser.parse_args(['a\0b'])
+    error = capsys.readouterr().err
+    assert end.value.code == 2 and 'null character' in error and error.count('\n') == 1
+
+
 def test_a_full_disk_is_named(monkeypatch, tmp_path, capsys):
     monkeypatch.setenv('TMPDIR', str(tmp_path))
     monkeypatch.setattr(command.shutil, 'disk_usage', lambda folder: SimpleNamespace(
