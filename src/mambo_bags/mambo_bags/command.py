@@ -232,7 +232,8 @@ class Parser(argparse.ArgumentParser):
 
     def _get_value(self, action: argparse.Action, text: str) -> Any:
         if '\0' in text:  # from a script: no shell can give it
-            raise argparse.ArgumentError(action, f'{text!r} has a null character, which no file can have')
+            raise argparse.ArgumentError(
+                action, f'{text!r} has a null character, which no file can have')
         convert = self._registry_get('type', action.type, action.type)
         try:
             return convert(text)
