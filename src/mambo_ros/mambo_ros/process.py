@@ -26,9 +26,9 @@ from .graph import loopback
 from .loop import Loop
 from .node import FLUSH, MamboNode
 
-_TEARDOWN = 1.0  # s for the middleware to shut down, which has been seen to hang
-_REFUSALS = (MamboError, FileNotFoundError, FileExistsError, _rclpy.RCLError,
-             _rclpy.UnknownROSArgsError, ParameterException)
+_TEARDOWN = 1.0  # s for the middleware to shut down, which may hang
+_REFUSALS = (MamboError, FileNotFoundError, FileExistsError, ParameterException,
+             _rclpy.RCLError, _rclpy.UnknownROSArgsError)
 
 
 def _line(error: BaseException) -> str:
@@ -68,8 +68,7 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
     args
         Command line, default ``sys.argv``.
     run
-        What to do with the last node and the loop; returns the exit code. Default: serve
-        messages.
+        What to do with the last node and the loop; returns the exit code. Default: serve.
 
     """
     if usage.asked(sys.argv[1:] if args is None else args):
