@@ -34,6 +34,7 @@ from mambo_bags.recover import recover
 from mambo_bringup.domain import Domain
 from mambo_bringup.flight.nodes import FLIGHT_NODES, HALL_CAPTURE, RECORDER, SIMULATOR
 from mambo_bringup.replay import ESTIMATOR, PLAYER
+from mambo_bringup.stuck import is_closed
 
 ROOT = Path(__file__).resolve().parents[1]
 WITHIN = 15.0  # s from the signal to the end of all
@@ -259,7 +260,7 @@ class Struck:
         for file in self.bag.rglob('*.mcap') if self.fault.phase != 'start' else ():
             path = file.parent
             try:
-                if 'state: recording' in (path / 'metadata.yaml').read_text():  # not closed
+                if not is_closed(path):
                     path = self._temporary / path.name
                     recover(file.parent, path)
                 if not any('imu/data_raw' in name for name in read_bag(path).topics):

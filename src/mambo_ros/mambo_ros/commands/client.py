@@ -102,14 +102,14 @@ class Call:
             f'{own}: it takes commands if it is started with ./run --commanded')
 
 
-def checked_namespace(namespace: str) -> str:
+def check_namespace(namespace: str) -> None:
     """
-    Return a namespace as it was given.
+    Refuse a namespace that no drone can have.
 
     Raises
     ------
     InputError
-        If no drone can have it.
+        Says why no drone can have it.
 
     """
     try:
@@ -122,7 +122,6 @@ def checked_namespace(namespace: str) -> str:
     except (AttributeError, TypeError):
         raise InputError(
             f'drone {str(namespace)[:80]!r}: it must be a namespace such as {NAMESPACE}') from None
-    return namespace
 
 
 def send(name: str, namespace: str = NAMESPACE, **arguments: Any) -> str:
@@ -153,7 +152,7 @@ def send(name: str, namespace: str = NAMESPACE, **arguments: Any) -> str:
 
     """
     prepare(name, arguments)  # what cannot be sent is refused before anything is started
-    checked_namespace(namespace)
+    check_namespace(namespace)
     domain = domains.chosen()
     loopback.check()
     loopback.configure()
