@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 import os
 from pathlib import Path
@@ -31,7 +31,6 @@ from typing import NamedTuple
 from mambo_bags.cli.option_types import whole
 from mambo_bags.reader import BagError, read_bag
 from mambo_bags.recover import recover
-from mambo_bringup.domain import Domain
 from mambo_bringup.flight.nodes import FLIGHT_NODES, HALL_CAPTURE, RECORDER, SIMULATOR
 from mambo_bringup.replay import ESTIMATOR, PLAYER
 from mambo_bringup.stuck import is_closed
@@ -280,8 +279,8 @@ class Struck:
 
 def try_fault(fault: Fault, recording: Path, delay: float = 0.0,
               folder: Path | None = None) -> Verdict:
-    """Inject a fault in a domain of its own; return how it went. Parameters as of Struck."""
-    with Domain(), tempfile.TemporaryDirectory(prefix='chaos_', dir=folder) as place:
+    """Inject a fault; return how it went. Parameters as of Struck."""
+    with tempfile.TemporaryDirectory(prefix='chaos_', dir=folder) as place:
         return Struck(fault, Path(place), recording, delay).strike()
 
 
@@ -292,7 +291,7 @@ def processes(count: int, seed: int, recording: Path, start: int = 0, jobs: int 
               for fault in chance.choices(sorted(every()), k=start + count)][start:]
     words: Counter[str] = Counter()
     slowest = 0.0
-    with ProcessPoolExecutor(jobs) as pool:  # a domain is of a process
+    with ThreadPoolExecutor(jobs) as pool:
         faults, delays = zip(*chosen, strict=True)
         verdicts = pool.map(try_fault, faults, [recording] * count, delays)
         for number, ((fault, delay), verdict) in enumerate(

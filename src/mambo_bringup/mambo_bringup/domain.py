@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
+import socket
 
 from mambo_model.errors import JobError
 from mambo_ros.graph import loopback
-from mambo_ros.graph.domains import HIGHEST, lock_path
+from mambo_ros.graph.domains import claim, HIGHEST
 
 from .processes import FlightError, FlightInputError
 
@@ -38,7 +38,7 @@ class Domain:
     """
 
     def __init__(self) -> None:
-        self._lock = -1
+        self._held: socket.socket | None = None
         self._added: list[str] = []
         try:
             loopback.check()
@@ -49,7 +49,8 @@ class Domain:
             raise FlightInputError(
                 f'ROS_DOMAIN_ID = {asked!r} is not a whole number from 0 to {HIGHEST}')
         for number in [int(asked)] if asked else _FREE:
-            if self._claim(number):
+            self._held = claim(number)
+            if self._held:
                 self.number = number
                 break
         else:
@@ -62,31 +63,11 @@ class Domain:
                 os.environ[name] = value
                 self._added.append(name)
 
-    def _claim(self, number: int) -> bool:
-        path = lock_path(number)
-        try:
-            lock = os.open(path, os.O_RDONLY | os.O_CREAT, 0o666)
-        # another user's file: Linux allows opening it, but not with O_CREAT
-        except PermissionError:
-            try:
-                lock = os.open(path, os.O_RDONLY)
-            except OSError:
-                return False
-        except OSError:
-            return False
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(lock)
-            return False
-        self._lock = lock
-        return True
-
     def release(self) -> None:
         """Free the domain for others; the caller must have ended the nodes that use it."""
-        if self._lock >= 0:
-            os.close(self._lock)
-            self._lock = -1
+        if self._held:
+            self._held.close()
+            self._held = None
         while self._added:
             os.environ.pop(self._added.pop(), None)
 

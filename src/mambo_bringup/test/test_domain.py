@@ -4,11 +4,11 @@ import gc
 import os
 import subprocess
 import sys
-import tempfile
 
 from mambo_bringup import domain
 from mambo_bringup.domain import Domain
 from mambo_bringup.processes import FlightError
+from mambo_ros.graph import domains
 import pytest
 
 VARIABLES = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE')
@@ -17,7 +17,7 @@ VARIABLES = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE')
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path, monkeypatch):
     """Keep the claims of these tests apart from flights under way."""
-    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
+    monkeypatch.setattr(domains, '_NAME', f'\0{tmp_path}_')
     for name in VARIABLES:
         monkeypatch.setenv(name, '')  # so that it is put back whatever a test does
 
@@ -78,6 +78,7 @@ def test_the_claim_of_a_killed_flight_is_gone_with_it(monkeypatch, tmp_path):
     monkeypatch.setenv('ROS_DOMAIN_ID', '7')
     holder = subprocess.Popen(
         [sys.executable, '-c', 'import time\nfrom mambo_bringup.domain import Domain\n'
+         f'from mambo_ros.graph import domains\ndomains._NAME = {domains._NAME!r}\n'
          'claimed = Domain()\nprint(claimed.number, flush=True)\ntime.sleep(60)'],
         env={**os.environ, 'TMPDIR': str(tmp_path)}, stdout=subprocess.PIPE, text=True)
     assert holder.stdout.readline() == '7\n'
@@ -118,32 +119,6 @@ def test_an_error_names_that_all_domains_are_taken(monkeypatch):
     with pytest.raises(FlightError) as refusal:
         Domain()
     assert str(refusal.value) == 'no free ROS domain: other flights use all of them'
-
-
-def deny(monkeypatch, is_denied):
-    really_open = os.open
-
-    def guarded(path, flags, *rest, **options):
-        if str(path).endswith('.lock') and is_denied(path, flags):
-            raise PermissionError(13, 'Permission denied', str(path))
-        return really_open(path, flags, *rest, **options)
-    monkeypatch.setattr(os, 'open', guarded)
-
-
-def test_the_file_of_another_user_can_be_locked_though_not_created(monkeypatch, tmp_path):
-    # in a sticky folder Linux denies O_CREAT on what another user has created
-    (tmp_path / 'mambo_domain_0.lock').touch()
-    deny(monkeypatch, lambda path, flags: flags & os.O_CREAT)
-    claimed = Domain()
-    assert claimed.number == 0
-    monkeypatch.setenv('ROS_DOMAIN_ID', '0')
-    with pytest.raises(FlightError, match='ROS domain 0'):
-        Domain()
-
-
-def test_a_domain_whose_file_cannot_be_opened_is_passed_over(monkeypatch):
-    deny(monkeypatch, lambda path, flags: '_0.lock' in str(path) or '_1.lock' in str(path))
-    assert Domain().number == 2
 
 
 @pytest.mark.parametrize('module, name', [

@@ -3,39 +3,39 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
-import tempfile
+import socket
 
 from mambo_model.errors import InputError
 
 HIGHEST = 232  # a higher domain has no valid ports
-_LOCKS = Path('/proc/locks')
+_NAME = '\0mambo_domain_'  # of a socket: like a domain's ports, one for each network namespace
 
 
-def lock_path(number: int) -> Path:
-    """Return the file that a flight in a domain locks while it runs."""
-    return Path(tempfile.gettempdir()) / f'mambo_domain_{number}.lock'
+def claim(number: int) -> socket.socket | None:
+    """
+    Reserve a domain for a flight until the socket that is returned is closed; None: it is taken.
+
+    The socket has a name and no file, so that every user on this machine sees it, whatever their
+    folder for temporary files, and the kernel takes it away with the last process that has it.
+    """
+    held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    try:
+        held.bind(f'{_NAME}{number}')
+    except OSError:
+        held.close()
+        return None
+    return held
+
+
+def _is_claimed(number: int) -> bool:
+    """Return whether a flight has reserved a domain; it disturbs nobody who is about to."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as asking:
+        return asking.connect_ex(f'{_NAME}{number}') == 0
 
 
 def running() -> list[int]:
-    """
-    Return the domains in which flights run, sorted.
-
-    The system's table of locks is read, which disturbs nobody who is about to take one.
-    """
-    held = set()
-    for line in _LOCKS.read_text().splitlines() if _LOCKS.exists() else ():
-        words = line.split()
-        if 'FLOCK' in words:
-            held |= {int(word.rpartition(':')[2]) for word in words if word.count(':') == 2}
-    found = []
-    for number in range(HIGHEST + 1):
-        try:
-            if lock_path(number).stat().st_ino in held:
-                found.append(number)
-        except OSError:
-            continue
-    return found
+    """Return the domains in which flights run, sorted."""
+    return [number for number in range(HIGHEST + 1) if _is_claimed(number)]
 
 
 def chosen() -> int:
