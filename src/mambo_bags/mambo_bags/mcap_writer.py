@@ -7,7 +7,7 @@ flight at once costs a tenth of that. Chunks are compressed with zstd and have m
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 import struct
 from typing import Any, BinaryIO
 import zlib
@@ -82,7 +82,7 @@ class McapWriter:
         self._channels: list[Channel] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
-        self._chunks: list[ChunkIndex] = []
+        self._chunks = bytearray()  # their index, as it will be written: a flight may take a day
         self._statistics = Statistics(
             attachment_count=0, channel_count=0, channel_message_counts={}, chunk_count=0,
             message_count=0, metadata_count=0, message_start_time=0, message_end_time=0,
@@ -220,7 +220,7 @@ class McapWriter:
                 '<BQHI', Opcode.MESSAGE_INDEX, 6 + len(entries), channel, len(entries)) + entries
             self._stream.write(record)
             at += len(record)
-        self._chunks.append(ChunkIndex(
+        self._chunks += _bytes(ChunkIndex(
             message_start_time=first, message_end_time=last, chunk_start_offset=offset,
             chunk_length=length, message_index_offsets=places, message_index_length=at - begin,
             compression='zstd', compressed_size=len(compressed), uncompressed_size=len(data)))
@@ -238,17 +238,18 @@ class McapWriter:
         self._put(DataEnd(0))
         start, summary, offsets = self._stream.tell(), [], []
         at = start
-        for opcode, group in (
-                (Opcode.SCHEMA, self._schemas), (Opcode.CHANNEL, self._channels),
-                (Opcode.STATISTICS, [self._statistics]), (Opcode.CHUNK_INDEX, self._chunks),
-                (Opcode.ATTACHMENT_INDEX, self._attachments),
-                (Opcode.METADATA_INDEX, self._metadata)):
-            data = b''.join(map(_bytes, group))
+        for opcode, data in (
+                (Opcode.SCHEMA, _joined(self._schemas)),
+                (Opcode.CHANNEL, _joined(self._channels)),
+                (Opcode.STATISTICS, _bytes(self._statistics)),
+                (Opcode.CHUNK_INDEX, bytes(self._chunks)),
+                (Opcode.ATTACHMENT_INDEX, _joined(self._attachments)),
+                (Opcode.METADATA_INDEX, _joined(self._metadata))):
             summary.append(data)
             offsets.append(SummaryOffset(
                 group_opcode=opcode, group_start=at, group_length=len(data)))
             at += len(data)
-        data = b''.join([*summary, *map(_bytes, offsets)])
+        data = b''.join([*summary, _joined(offsets)])
         checked = data + struct.pack('<BQQQ', Opcode.FOOTER, 20, start, at)
         self._stream.write(data)
         self._put(Footer(
@@ -261,3 +262,8 @@ def _bytes(record: Any) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
     return builder.end()
+
+
+def _joined(records: Iterable[Any]) -> bytes:
+    """Return the bytes of records, one after the other."""
+    return b''.join(map(_bytes, records))

@@ -1,5 +1,6 @@
 import io
 import struct
+import tracemalloc
 
 from mambo_bags import mcap_writer
 from mambo_bags.mcap_writer import McapWriter
@@ -115,3 +116,22 @@ def test_records_count_up_and_hold_the_payload():
     out = mcap_writer.records(3, np.array([10, 20]), 4, np.array([[1, 2], [3, 4]], np.uint8))
     assert out.shape == (2, 33)
     assert struct.unpack('<BQHIQQ2B', out[1].tobytes()) == (5, 24, 3, 5, 20, 20, 3, 4)
+
+
+def test_an_hour_of_chunks_takes_little_memory(tmp_path):
+    chunks, channels = 1000, np.arange(1, 16)
+    with open(tmp_path / 'bag.mcap', 'wb') as stream:
+        writer = ours(stream)
+        begin(writer)
+        tracemalloc.start()
+        try:
+            for time in range(chunks):
+                writer.add_records(channels, np.full(15, time), [
+                    mcap_writer.record(c, time, time, time, b'') for c in channels.tolist()])
+                writer.flush()
+            held = tracemalloc.get_traced_memory()[0]
+        finally:
+            tracemalloc.stop()
+        writer.finish()
+    # its record in the index of chunks has 10 bytes for each channel, and 78; grown by eighths
+    assert held < 300 * chunks
