@@ -16,8 +16,8 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _AGAIN = 0.1  # s after which an interrupt that a library has dropped is tried again
 
 
-def _line(name: str, number: int) -> str:
-    return f'{name}: ended by {signal.Signals(number).name}\n'
+def _line(name: str, number: int, *notes: str) -> str:
+    return '; '.join((f'{name}: ended by {signal.Signals(number).name}', *notes)) + '\n'
 
 
 def leave_at_once(name: str) -> Callable[[int, object], None]:
@@ -34,8 +34,9 @@ def stoppable(name: str, work: Callable[[], int]) -> int:
     Run a tool that SIGINT, SIGTERM and SIGHUP end; return its exit code.
 
     The exit code is that of ``work``. After a signal it is 128 plus the signal's number, as in a
-    shell, and one line on stderr that begins with the name of the tool. A second signal ends the
-    process at once, without clean-up.
+    shell, and one line on stderr that begins with the name of the tool and ends with what
+    ``work`` has added to the arguments of the KeyboardInterrupt. A second signal ends the process
+    at once, without clean-up.
     """
     tool = os.getpid()
     received: list[int] = []
@@ -82,9 +83,10 @@ def stoppable(name: str, work: Callable[[], int]) -> int:
         if not isinstance(end, KeyboardInterrupt) and not received:
             raise
         # an error may follow an interrupt that was dropped
-        number = received[0] if received else (end.args or (signal.SIGINT,))[0]
+        given = end.args if isinstance(end, KeyboardInterrupt) else ()
+        number = received[0] if received else (given or (signal.SIGINT,))[0]
         with contextlib.suppress(OSError):
-            sys.stderr.write(_line(name, number))
+            sys.stderr.write(_line(name, number, *given[1:]))
         return 128 + number
     finally:
         sys.unraisablehook = hook

@@ -31,6 +31,20 @@ def test_a_signal_is_one_line_and_the_exit_code_of_a_shell(number):
     assert done.stderr == f'tool: ended by {number.name}\n'
 
 
+def test_work_may_add_what_becomes_of_it():
+    done = run("""
+def work():
+    try:
+        strike(signal.SIGTERM)
+    except KeyboardInterrupt as end:
+        raise KeyboardInterrupt(*end.args, 'two of ten are kept') from None
+
+sys.exit(stoppable('tool', work))
+""")
+    assert (done.returncode, done.stderr) == (
+        143, 'tool: ended by SIGTERM; two of ten are kept\n')
+
+
 def test_a_second_signal_ends_what_is_cleared_away():
     done = run("""
 def work():

@@ -20,7 +20,7 @@ from mambo_model.errors import InputError
 
 from . import report
 from ..sweep.run import run
-from ..sweep.table import Journal, SweepEndedError
+from ..sweep.table import interrupted, Journal
 from .comparison import (
     Comparison, CONDITIONS, COURSES, enter, Entrant, ENTRANTS, SLOW, STATES, TRUE)
 from .timing import step_time
@@ -118,9 +118,8 @@ def _run(options: argparse.Namespace) -> None:
     states = _names(options.state, list(STATES), '--state')
     try:
         race(options.output, *names, options.draws, states, options.workers, options.add)
-    except KeyboardInterrupt:
-        raise SweepEndedError(
-            'stopped by you; finished flights are kept, the same command continues') from None
+    except KeyboardInterrupt as end:
+        raise interrupted(end) from None
     print(f'page: {options.output / "controllers.md"}')
 
 

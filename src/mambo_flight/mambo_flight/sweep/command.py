@@ -22,7 +22,7 @@ import numpy as np
 from . import design, heat_map, monte_carlo, plot, table
 from .. import fly, recording_to_bag
 from .run import run
-from .table import SweepEndedError, SweepError
+from .table import interrupted, SweepError
 
 SHOWN = ('tracking_rms', 'tracking_max', 'estimation_rms', 'estimation_final',
          'saturated_share', 'pwm_max')
@@ -129,9 +129,8 @@ def _run(options: argparse.Namespace) -> None:
         return
     try:
         data = sweep(options.sweep, options.output, options.ideal, options.workers, options.dask)
-    except KeyboardInterrupt:
-        raise SweepEndedError(
-            'stopped by you; finished flights are kept, the same command continues') from None
+    except KeyboardInterrupt as end:
+        raise interrupted(end) from None
     print(f'{summary(data)}\ntable: {options.output}\nplots: {options.output.with_suffix(".png")}')
     if map_of(options.output).exists():
         print(f'heat map: {map_of(options.output)}; the bag of the flight of a cell: mambo sweep '

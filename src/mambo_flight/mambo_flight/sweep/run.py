@@ -15,7 +15,7 @@ from tqdm import tqdm
 from ..scenario import Scenario
 from ..worker_pool import worker_pool
 from .guarded import fly
-from .table import batches, Journal, SweepEndedError, SweepError
+from .table import batches, Journal, KEPT, SweepEndedError, SweepError
 
 BATCH = 16  # largest number of flights in a batch for a worker
 AHEAD = 3  # batches per worker that are flown or queued
@@ -131,10 +131,7 @@ def _result(future: Future, flights: Sequence[Scenario]) -> list[dict[str, Any]]
     except BrokenProcessPool:
         own = sorted({str(part.path) for flight in flights for part in own_components(flight)})
         cause = f', perhaps by code of {" or ".join(own)}' if own else ''
-        raise SweepEndedError(f'a worker was killed{cause}; finished flights are kept, the same '
-                              'command continues') from None
+        raise SweepEndedError(f'a worker was killed{cause}; {KEPT}') from None
     except Exception as error:  # a remote worker may raise anything
         text = ' '.join(f'{type(error).__name__}: {error}'.split())
-        raise SweepEndedError(
-            f'a worker failed: {text}; finished flights are kept, the same command continues'
-        ) from None
+        raise SweepEndedError(f'a worker failed: {text}; {KEPT}') from None

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import hashlib
 import json
 from pathlib import Path
+import signal
 from typing import Any
 
 from mambo_model.compiled import source_digest
@@ -22,8 +23,16 @@ class SweepError(InputError):
     """A sweep cannot start; the message says why and what to do."""
 
 
+KEPT = 'finished flights are kept, the same command continues'
+
+
 class SweepEndedError(JobError):
     """A running sweep has ended early; finished flights are kept."""
+
+
+def interrupted(end: KeyboardInterrupt) -> KeyboardInterrupt:
+    """Return an interrupt with the same signal, which also says that flights are kept."""
+    return KeyboardInterrupt(end.args[0] if end.args else signal.SIGINT, KEPT)
 
 
 def parameters(sweep: Sweep, number: int) -> dict[str, Any]:

@@ -3,8 +3,10 @@
 import json
 from pathlib import Path
 import re
+import signal
 
 from mambo_flight.race import race
+from mambo_flight.sweep import table
 import pytest
 
 ROW = {'tracking_rms': 0.01, 'tracking_max': 0.1, 'tracking_final': 0.02, 'saturated_share': 0.0,
@@ -36,13 +38,15 @@ def test_a_race_writes_its_page_and_goes_on_after_an_interruption(tmp_path, monk
     def fly(flights, ideal):
         flown.append(len(flights))
         if len(flown) == 2:
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt(signal.SIGTERM)
         return [ROW for _ in flights]
     monkeypatch.setattr('mambo_flight.sweep.run.fly', fly)
     monkeypatch.setattr(race, 'step_time', lambda flight: 0.5)
     arguments = ['-o', str(out), '--controllers', 'indi', '--courses', 'circle,step',
                  '--conditions', 'twenty_percent', '--draws', '2', '--workers', '1']
-    assert race.main([*arguments, '--state', 'true']) == 1
+    with pytest.raises(KeyboardInterrupt) as end:  # of which `mambo` makes a line and exit code
+        race.main([*arguments, '--state', 'true'])
+    assert end.value.args == (signal.SIGTERM, table.KEPT)
     assert not (out / 'controllers.md').exists()
     assert race.main([*arguments, '--state', 'true']) == 0
     assert sum(flown) == 5  # four flights, the interrupted one twice

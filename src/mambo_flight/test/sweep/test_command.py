@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import signal
 
 from mambo_flight.sweep import command, table
 from mambo_flight.sweep.command import main, summary, sweep
@@ -88,13 +89,13 @@ def test_wrong_options_are_one_line(file, capsys, flown, arguments, wanted):
     assert end.value.code == 2 and error == f'sweep: {wanted}\n' and not flown
 
 
-def test_ctrl_c_says_that_the_same_command_goes_on(file, tmp_path, capsys, monkeypatch):
+def test_ctrl_c_says_that_the_same_command_goes_on(file, tmp_path, monkeypatch):
     def stopped(*_):
         raise KeyboardInterrupt
     monkeypatch.setattr(command, 'run', stopped)
-    assert main([str(file), '-o', str(tmp_path / 'a.parquet')]) == 1
-    assert capsys.readouterr().err == (
-        'sweep: stopped by you; finished flights are kept, the same command continues\n')
+    with pytest.raises(KeyboardInterrupt) as end:  # of which `mambo` makes a line and exit code
+        main([str(file), '-o', str(tmp_path / 'a.parquet')])
+    assert end.value.args == (signal.SIGINT, table.KEPT)
 
 
 def test_a_summary_has_percentiles_of_what_is_finite_and_counts_shutdowns():
