@@ -57,6 +57,11 @@ def digest(flights: Flights, ideal: bool) -> str:
     return out.hexdigest()
 
 
+def _line(row: Mapping[str, Any]) -> bytes:
+    """Return a row as a line, with NaN and every bit of a float."""
+    return json.dumps(row).encode() + b'\n'
+
+
 class Journal:
     """
     Finished rows on disk, in any order, one line of JSON each.
@@ -85,41 +90,45 @@ class Journal:
         self.rows: dict[int, dict[str, Any]] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            good = self._read(head) if path.exists() else 0
+            header = _line({'sweep': head})
+            good = self._read(header) if path.exists() else 0
             self._stream = path.open('ab')
             self._stream.truncate(good)  # drop a line that an interruption cut off
             if not good:
-                self._write({'sweep': head})
+                self._put(header)
         except OSError as error:
             raise SweepError(f'{path}: {error.strerror}') from None
 
-    def _read(self, head: str) -> int:
-        """Read the finished rows; return the length in bytes of the complete lines."""
-        good = 0
-        for number, line in enumerate(self.path.read_bytes().splitlines(keepends=True)):
+    def _read(self, header: bytes) -> int:
+        """Read the finished rows; return the length in bytes of the lines that are sound."""
+        data = self.path.read_bytes()
+        if header.startswith(data):  # empty, or cut off at once
+            return 0
+        if not data.startswith(header):
+            raise SweepError(
+                f'{self.path}: not begun by this sweep file and this version of the software: '
+                'remove it, or give another --output')
+        good, names = len(header), None
+        for line in data[good:].splitlines(keepends=True):
             try:
                 row = json.loads(line) if line.endswith(b'\n') else None
-            except ValueError:
-                row = None
-            if not isinstance(row, dict):
+                number = row.pop('flight')
+            except (AttributeError, KeyError, RecursionError, TypeError, ValueError):
                 break
-            if number == 0 and row.get('sweep') != head:
-                raise SweepError(
-                    f'{self.path}: begun by another sweep file or another version of the '
-                    'software: remove it, or give another --output')
-            if number:
-                self.rows[row.pop('flight')] = row
+            if type(number) is not int or row.keys() != (names or row.keys()):
+                break
+            self.rows[number], names = row, row.keys()
             good += len(line)
         return good
 
-    def _write(self, row: Mapping[str, Any]) -> None:
-        self._stream.write(json.dumps(row).encode() + b'\n')  # keeps NaN and every bit of a float
+    def _put(self, line: bytes) -> None:
+        self._stream.write(line)
         self._stream.flush()
 
     def add(self, number: int, row: dict[str, Any]) -> None:
         """Add a finished row."""
         self.rows[number] = row
-        self._write({'flight': number, **row})
+        self._put(_line({'flight': number, **row}))
 
     def close(self) -> None:
         """Close the file; the rows stay in it."""

@@ -187,6 +187,40 @@ def test_the_result_is_tidy(result):
     assert '0 of 20 flights were shut down' in summary(data)
 
 
+HEADER = b'{"sweep": "head"}\n'
+ROW = b'{"flight": 4, "x": 1.5}\n'
+
+
+@pytest.mark.parametrize('damage', [
+    b'{"flight": 5, "x": ', b'{"x": 2.0}\n', b'{"flight": "5", "x": 2.0}\n', b'[5]\n', b'\xff\n',
+    b'{"flight": 5, "y": 2.0}\n', b'{"flight": true, "x": 2.0}\n', b'[' * 100_000 + b'\n'])
+def test_rows_up_to_a_damaged_one_are_kept_and_the_rest_is_flown_again(tmp_path, damage):
+    path = tmp_path / 'rows'
+    path.write_bytes(HEADER + ROW + damage + ROW.replace(b'4', b'6'))
+    journal = table.Journal(path, 'head')
+    assert journal.rows == {4: {'x': 1.5}}
+    journal.close()
+    assert path.read_bytes() == HEADER + ROW
+
+
+@pytest.mark.parametrize('data', [b'', HEADER[:9], HEADER[:-1]])
+def test_a_journal_that_was_cut_off_at_once_begins_again(tmp_path, data):
+    path = tmp_path / 'rows'
+    path.write_bytes(data)
+    table.Journal(path, 'head').close()
+    assert path.read_bytes() == HEADER
+
+
+@pytest.mark.parametrize('data', [
+    b'precious', b'\n', b'{"sweep": "another"}\n', b'{"flight": 1}\n', bytes(40)])
+def test_a_file_that_is_no_journal_of_this_sweep_is_left_as_it_is(tmp_path, data):
+    path = tmp_path / 'rows'
+    path.write_bytes(data)
+    with pytest.raises(table.SweepError, match='rows: not begun by this sweep file'):
+        table.Journal(path, 'head')
+    assert path.read_bytes() == data
+
+
 def test_two_workers_give_the_same_file(short, result, tmp_path):
     sweep(short, tmp_path / 'r.parquet', ideal=True, workers=2)
     assert (tmp_path / 'r.parquet').read_bytes() == result.read_bytes()
@@ -220,7 +254,8 @@ def test_an_interrupted_sweep_goes_on_where_it_was(short, result, tmp_path, monk
 
 
 def test_a_journal_that_was_cut_off_can_be_gone_on_with_again_and_again(tmp_path):
-    path, whole = tmp_path / 'rows', {0: {'x': 0.1 + 0.2, 'why': 'a'}, 1: {'x': math.nan}}
+    path, whole = tmp_path / 'rows', {0: {'x': 0.1 + 0.2, 'why': 'a'},
+                                       1: {'x': math.nan, 'why': ''}}
     for number, row in whole.items():
         journal = table.Journal(path, 'head')
         journal.add(number, row)
@@ -238,7 +273,7 @@ def test_rows_of_another_sweep_are_not_taken_for_its_own(short, tmp_path, capsys
     journal = tmp_path / 'r.parquet.rows'
     journal.write_text(json.dumps({'sweep': 'another'}) + '\n')
     assert main([str(short), '--out', str(out), '--ideal']) == 2
-    assert 'another sweep file' in capsys.readouterr().err
+    assert 'not begun by this sweep file' in capsys.readouterr().err
     journal.unlink()
     out.write_text('mine')
     assert main([str(short), '--out', str(out), '--ideal']) == 2
@@ -283,8 +318,8 @@ LONG = SHORT.replace('2.5', '20').replace('samples: 5', 'samples: 600')
 def start(path, out, *options):
     """Start a sweep in a process; return it once it has finished some flights."""
     run = subprocess.Popen(
-        [sys.executable, '-m', 'mambo_flight.sweep.command', str(path), '--ideal', '--out',
-         str(out), *options], stderr=subprocess.PIPE, text=True, start_new_session=True)
+        [sys.executable, '-m', 'mambo_bringup.starting', 'mambo', 'sweep', str(path), '--ideal',
+         '--out', str(out), *options], stderr=subprocess.PIPE, text=True, start_new_session=True)
     journal, begun = out.with_name(f'{out.name}.rows'), time.monotonic()
     before = len(journal.read_text().splitlines()) if journal.exists() else 0
     while time.monotonic() < begun + 60.0 and run.poll() is None and not (
@@ -324,7 +359,7 @@ def test_a_killed_worker_and_ctrl_c_cost_one_line_and_no_finished_flight(tmp_pat
     run = start(path, out, '--workers', '2')
     os.killpg(run.pid, signal.SIGINT)  # as a terminal does
     _, error = run.communicate(timeout=60.0)
-    assert run.returncode == 1 and error.count('\n') == 1 and 'stopped by you' in error
+    assert (run.returncode, error) == (130, f'mambo: ended by SIGINT; {table.KEPT}\n')
     assert len((tmp_path / 'r.parquet.rows').read_text().splitlines()) > kept > 10
     assert not out.exists()
 

@@ -46,7 +46,7 @@ def test_rows_come_back_to_the_bit(tmp_path):
     value = 0.1 + 0.2
     journal = Journal(tmp_path / 'new' / 'folder' / 'rows', 'a')
     journal.add(3, {'rms': value, 'worst': float('nan'), 'why': 'tilt'})
-    journal.add(0, {'rms': -0.0})
+    journal.add(0, {'rms': -0.0, 'worst': 1.0, 'why': ''})
     journal.close()
     found = rows_of(journal.path)
     assert sorted(found) == [0, 3] and found[3]['rms'] == value
@@ -85,7 +85,7 @@ def test_the_rows_of_another_sweep_are_refused_and_stay(tmp_path):
     journal.add(0, {'rms': 1.0})
     journal.close()
     before = journal.path.read_bytes()
-    with pytest.raises(SweepError, match='rows: begun by another sweep file or another version'):
+    with pytest.raises(SweepError, match='rows: not begun by this sweep file and this version'):
         Journal(journal.path, 'b')
     assert journal.path.read_bytes() == before
 
