@@ -42,7 +42,7 @@ from .flow import remember, RING
 from .joint_parameters import JointValues
 from .propagation import bridge, predict, wander
 from .start import aligned, unaligned
-from .state import Array, Nominal, VELOCITY
+from .state import Array, forget_heading, Nominal, VELOCITY
 from .update import Noise, use_drag, use_flow, use_pressure, use_range
 from .vibration import CALM, left, shaken, variance, Vibration
 
@@ -142,6 +142,7 @@ def _advance(
         wander(P, dt, v)
         return rest, True, x, window, CALM
     x = _bounded(predict(x, P, rate, force, dt, held, v), v)
+    forget_heading(P)
     if held[0] > 0.0 or held[1] > 0.0 or -x.p[2] < v.drag.min_height:
         return rest, False, x, drag.EMPTY, CALM
     return (rest, False, x, drag.accumulate(window, m.x, x, force, dt),

@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 POSITION, VELOCITY, ATTITUDE, GYRO_BIAS, ACCEL_BIAS = 0, 3, 6, 9, 12
 SCALE, SLOPE, DRAG, LATENCY, LEAK, RANGE_OFFSET, PRESSURE_OFFSET = 15, 16, 17, 19, 20, 21, 22
 SIZE = 23
+YAW = ATTITUDE + 2
+LARGEST_TURN = 0.5  # rad, of a correction of the yaw by one deviation: beyond it no turn is small
 
 
 class Nominal(NamedTuple):
@@ -138,3 +140,35 @@ def forget(P: Array, i: int, variance: float) -> None:
         P[i, j] = 0.0
         P[j, i] = 0.0
     P[i, i] = variance
+
+
+@jit
+def forget_heading(P: Array) -> None:
+    """
+    Part yaw and horizontal position from all other errors once corrections would be too large.
+
+    Nothing observes yaw and position without poses. In an hour or so, though, the yaw error comes
+    to depend on the other errors so much, by the bias of the gyro, that a small correction of
+    these would turn the yaw by a large angle, and move the position with it. The linear model
+    has no such turns. Their variances stay, and what each says about the other.
+
+    Parameters
+    ----------
+    P : (SIZE, SIZE)
+        Covariance, changed in place.
+
+    """
+    most = LARGEST_TURN * LARGEST_TURN
+    if P[YAW, YAW] <= most:
+        return
+    explained = 0.0
+    for j in range(SIZE):
+        if j > 1 and j != YAW and P[j, j] > 0.0:
+            explained = max(explained, P[YAW, j] * P[YAW, j] / P[j, j])
+    if explained <= most:
+        return
+    for j in range(SIZE):
+        if j > 1 and j != YAW:
+            for i in (0, 1, YAW):
+                P[i, j] = 0.0
+                P[j, i] = 0.0

@@ -1,5 +1,6 @@
 """The joint filter on flights whose truth it does not know."""
 
+from dataclasses import fields, replace
 import time
 
 from estimation_truth import (
@@ -12,6 +13,7 @@ from mambo_estimation.estimate import (
 from mambo_estimation.joint import filter as joint
 from mambo_estimation.joint.joint_parameters import (
     DragParams, FlowParams, JointParams, MotionParams, RangeParams)
+from mambo_estimation.joint.state import DRAG, SIZE, YAW
 from mambo_model.compiled import hold, jit
 import numpy as np
 import pytest
@@ -75,6 +77,25 @@ def test_vertical_circle_calibrates_scale_and_slope():
         scales.append(x.scale - 1.11)
         slopes.append(x.slope - slope)
     assert rms(scales) < 2 * 0.0039 * 1.06 and rms(slopes) < 2 * 0.0055  # twice the bounds
+
+
+def test_after_hours_of_flight_a_correction_turns_and_moves_nothing_far():
+    """As a circle of 5 h ends: 2 rad of the yaw error are explained by an error of the drag."""
+    truth = fly(circle(), 90.0, drag=K_DRAG)
+    samples = sense(truth, TYPICAL, seed=3)
+    middle = 12_000
+    early, late = (replace(samples, **{
+        field.name: getattr(samples, field.name)[half] for field in fields(samples)})
+        for half in (slice(middle), slice(middle, None)))
+    memory = estimate(early, PARAMS).memory
+    T = np.eye(SIZE)
+    T[YAW, DRAG] = 2.0 / np.sqrt(memory.P[DRAG, DRAG])
+    T[0, DRAG] = T[YAW, DRAG]
+    run = estimate(late, PARAMS, memory)
+    old = estimate(late, PARAMS, memory._replace(P=T @ memory.P @ T.T))
+    assert np.abs(old.rho - run.rho).max() < 0.01
+    assert np.abs(old.q - run.q).max() < 0.001
+    assert old.pose_covariance[-1, 5, 5] > 4.0  # rad^2: and it says that the yaw is unknown
 
 
 def test_hover_calibrates_nothing():

@@ -38,3 +38,25 @@ def test_what_is_forgotten_depends_on_nothing_else():
     assert P[3, 3] == 2.5
     assert not np.delete(P[3], 3).any() and not np.delete(P[:, 3], 3).any()
     np.testing.assert_array_equal(np.delete(np.delete(P, 3, 0), 3, 1), rest)
+
+
+def explained(P):
+    """Return the largest deviation of the yaw that one other error explains, rad."""
+    others = [j for j in range(SIZE) if j > 1 and j != state.YAW]
+    return max(abs(P[state.YAW, others]) / np.sqrt(P[others, others]))
+
+
+def test_yaw_and_position_depend_on_nothing_else_before_a_correction_turns_far():
+    P, T = any_covariance(), np.eye(SIZE)
+    P *= (0.1 / explained(P)) ** 2 if explained(P) > 0.1 else 1.0
+    before = P.copy()
+    state.forget_heading(P)
+    np.testing.assert_array_equal(P, before)
+    T[state.YAW, state.DRAG] = 1.1 * state.LARGEST_TURN / np.sqrt(P[state.DRAG, state.DRAG])
+    P = T @ P @ T.T
+    before, kept = P.copy(), [0, 1, state.YAW]
+    rest = np.delete(np.arange(SIZE), kept)
+    state.forget_heading(P)
+    assert not P[np.ix_(kept, rest)].any() and not P[np.ix_(rest, kept)].any()
+    for block in (kept, rest):
+        np.testing.assert_array_equal(P[np.ix_(block, block)], before[np.ix_(block, block)])
