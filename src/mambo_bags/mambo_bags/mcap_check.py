@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterator
 import dataclasses
 from io import BytesIO
+from mmap import mmap
 import struct
 from typing import Any, NamedTuple
 import zlib
@@ -79,7 +80,7 @@ class Account:
     statistics: Statistics | None = None
     wrong: list[str] = dataclasses.field(default_factory=list)
 
-    def take(self, opcode: int, data: bytes, start: int, end: int) -> None:
+    def take(self, opcode: int, data: bytes | mmap, start: int, end: int) -> None:
         """Add a top-level record whose content extends from start to end."""
         if opcode in _NAMES:
             self.found.append(Record(opcode, start - _FRAME.size, end - start + _FRAME.size))
@@ -98,7 +99,7 @@ class Account:
         elif opcode == Opcode.FOOTER:
             self._footer(data, start, end)
 
-    def _footer(self, data: bytes, start: int, end: int) -> None:
+    def _footer(self, data: bytes | mmap, start: int, end: int) -> None:
         footer = Footer.read(stream(data[start:end]))
         summary = memoryview(data)[footer.summary_start:end - _CRC]
         if footer.summary_start > start or (

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 import dataclasses
+import mmap
 from pathlib import Path
 import struct
 from typing import Any, NamedTuple
@@ -35,6 +36,8 @@ from . import compression
 from .mcap_check import Account, stream
 
 MAGIC = b'\x89MCAP0\r\n'
+LARGE = 1 << 30  # bytes of a file that is not held in memory as a whole
+Content = bytes | mmap.mmap
 _FRAME = struct.Struct('<BQ')
 _HEAD = np.dtype([  # header of a message, with its frame
     ('opcode', 'u1'), ('length', '<u8'), ('channel', '<u2'), ('sequence', '<u4'),
@@ -50,7 +53,7 @@ class BagError(InputError):
     """A bag cannot be read; the message is one line that names what, where and what to do."""
 
 
-def windows(data: bytes, starts: NDArray[np.int64], size: int) -> NDArray[np.uint8]:
+def windows(data: Content, starts: NDArray[np.int64], size: int) -> NDArray[np.uint8]:
     """Return a copy of the ``size`` bytes from each start, (n, size)."""
     every = np.ndarray((max(len(data) - size + 1, 0), size), np.uint8, data, strides=(1, 1))
     return every[starts]
@@ -63,7 +66,7 @@ class Heads(NamedTuple):
     table: NDArray[Any]
 
     @classmethod
-    def at(cls, data: bytes, starts: NDArray[np.int64]) -> Heads:
+    def at(cls, data: Content, starts: NDArray[np.int64]) -> Heads:
         """Return the message headers at the given offsets."""
         return cls(starts, windows(data, starts, _HEAD.itemsize).view(_HEAD)[:, 0])
 
@@ -161,7 +164,16 @@ def read_file(path: Path) -> bytes:
     return data
 
 
-def _records(data: bytes, start: int) -> Iterator[tuple[int, int, int]]:
+def _map(path: Path) -> Content:
+    """Return a file's content, that of a large one as a map of it; errors as of read_file."""
+    with suppress(OSError):
+        if path.is_file() and path.stat().st_size > LARGE:
+            with path.open('rb') as file:
+                return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    return read_file(path)
+
+
+def _records(data: Content, start: int) -> Iterator[tuple[int, int, int]]:
     """Yield (opcode, start, end) of each record; an end past the data means a truncated record."""
     position, size = start, len(data)
     while position + _FRAME.size <= size:
@@ -195,7 +207,7 @@ def _unpack(chunk: Chunk, most: int) -> bytes:
 class _Scanner:
     """Reads one file into :class:`Contents`."""
 
-    def __init__(self, data: bytes, is_wanted: Callable[[str], bool]) -> None:
+    def __init__(self, data: Content, is_wanted: Callable[[str], bool]) -> None:
         self.contents = Contents()
         self.account = Account()
         self._data, self._is_wanted = data, is_wanted
@@ -254,7 +266,7 @@ class _Scanner:
     def _summary(self) -> int | None:
         """Return the offset of the summary, from the footer at the end of the file."""
         at = len(self._data) - len(MAGIC) - _FOOTER
-        if at < len(MAGIC) or not self._data.endswith(MAGIC) or _FRAME.unpack_from(
+        if at < len(MAGIC) or self._data[-len(MAGIC):] != MAGIC or _FRAME.unpack_from(
                 self._data, at) != (Opcode.FOOTER, 20):
             return None
         begin = Footer.read(stream(self._data[at + _FRAME.size:])).summary_start
@@ -303,7 +315,7 @@ class _Scanner:
         self.messages(data, heads)
         return whole
 
-    def messages(self, data: bytes, heads: Heads) -> None:
+    def messages(self, data: Content, heads: Heads) -> None:
         """Add the messages with these headers, of the wanted topics."""
         order = np.argsort(heads.table['channel'], kind='stable')
         channels, log_times, publish_times, lengths = (
@@ -395,7 +407,7 @@ class _Scanner:
 
 
 def _cut(
-    data: bytes, starts: NDArray[np.int64], sizes: NDArray[np.int64],
+    data: Content, starts: NDArray[np.int64], sizes: NDArray[np.int64],
 ) -> NDArray[np.uint8] | list[bytes]:
     """Return the bytes of the given messages, in the form of :class:`Batch`."""
     if (sizes == sizes[0]).all():
@@ -424,7 +436,7 @@ def _indexed(data: bytes, index: Index) -> Heads | None:
     return heads if np.array_equal(ends, np.append(starts[1:], len(data))) else None
 
 
-def _index(data: bytes, behind: int) -> Index:
+def _index(data: Content, behind: int) -> Index:
     """Return the message indexes that follow a chunk."""
     out: Index = {}
     for opcode, start, end in _records(data, behind):
@@ -461,8 +473,8 @@ def scan(path: Path, is_wanted: Callable[[str], bool] = lambda topic: True) -> C
         listed in ``damage``, and everything around it is kept.
 
     """
-    data = read_file(path)
-    if not data.startswith(MAGIC):
+    data = _map(path)
+    if data[:len(MAGIC)] != MAGIC:
         raise BagError(f'{path}: not an MCAP file; give a rosbag2 directory or an .mcap file')
     scanner = _Scanner(data, is_wanted)
     scanner.walk()

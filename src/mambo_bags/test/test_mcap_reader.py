@@ -60,6 +60,24 @@ def test_messages_are_those_that_the_library_reads(file):
     assert contents.complete and contents.count == 120
 
 
+@pytest.mark.parametrize('change', [
+    lambda data: data, lambda data: data[:-9], lambda data: data[:len(data) // 2],
+    lambda data: data[:900] + bytes(9) + data[909:], lambda data: bytes(len(data))])
+def test_a_large_file_is_read_through_a_map_and_all_the_same(file, change, monkeypatch):
+    def read():
+        try:
+            contents = mcap_reader.scan(file)
+        except BagError as error:
+            return str(error)
+        return taken(contents), contents.damage, contents.complete
+
+    file.write_bytes(change(file.read_bytes()))
+    whole = read()
+    monkeypatch.setattr(mcap_reader, 'LARGE', 0)
+    monkeypatch.setattr(mcap_reader, 'read_file', None)
+    assert read() == whole
+
+
 def test_a_true_index_saves_the_walk_but_through_definitions(file, monkeypatch):
     chunks = walked(monkeypatch)
     mcap_reader.scan(file)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from mambo_bags.reader import read_bag
 from mambo_estimation.filters import DEFAULT
-from mambo_flight import changes, scenario as scenarios, scenario_file
+from mambo_flight import recorded_changes, scenario as scenarios, scenario_file
 from mambo_flight.course import course_file
 from mambo_flight.scenario_file import build_world, Place
 from mambo_flight.world import formation, world_file
@@ -263,14 +263,14 @@ def replay_plan(arguments: Mapping[str, str]) -> Plan:
     scenario = None
     if arguments['params_file']:
         scenario = scenarios.load(Path(arguments['params_file']).expanduser())
-    elif text := (recording := read_bag(bag, changes.RECORD)).attachments.get(
+    elif text := (recording := read_bag(bag, recorded_changes.RECORD)).attachments.get(
             'scenario.yaml'):
         scenario = scenarios.from_yaml(str(text), f'scenario.yaml in {bag}')
         # the recorder does not subscribe to sensors
         if scenario.estimator_node.estimator == 'ground_truth':
             scenario = scenarios.override(scenario, {'estimator_node.estimator': DEFAULT})
         else:
-            scenario = changes.estimated(scenario, recording)
+            scenario = recorded_changes.estimated(scenario, recording)
     aided = scenario is not None and scenario.estimator_node.aided
     recorded = f'{RECORDED},{topics.LOCATED.name}' if aided else RECORDED
     others = [*_recorder(arguments['output'], recorded), (*ESTIMATOR, {})]

@@ -16,7 +16,7 @@ from mambo_analysis.compare.verdict import verdict
 from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import Bag, read_bag
-from mambo_flight import changes, scenario as scenarios
+from mambo_flight import recorded_changes, scenario as scenarios
 from mambo_ros import topics
 
 from .flight.nodes import RECORDER
@@ -65,7 +65,7 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
     """
     if output.exists():
         raise FlightInputError(f'{output} exists: give another --output or remove it')
-    recording = read_bag(bag, changes.RECORD)  # a damaged bag is refused here
+    recording = read_bag(bag, recorded_changes.RECORD)  # a damaged bag is refused here
     if estimator_file is not None and not estimator_file.is_file():
         raise FlightInputError(f'{estimator_file}: there is no such parameter file')
     with NodeGroup(RECORDER[1]) as group:
@@ -98,7 +98,7 @@ def _recorded_parameters(bag: Bag, folder: Path) -> Path | None:
     flight = scenarios.from_yaml(text, f'scenario.yaml in {bag.path}')
     if flight.estimator_node.estimator == 'ground_truth':
         return None
-    flight = changes.estimated(flight, bag)
+    flight = recorded_changes.estimated(flight, bag)
     file = folder / 'estimator.yaml'
     file.write_text(scenarios.to_yaml(flight))
     return file

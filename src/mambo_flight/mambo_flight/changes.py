@@ -1,5 +1,5 @@
 """
-Parameters that change in flight: in a scenario file, of a recorded flight, and in one process.
+Parameters that change in flight: in a scenario file, and in one process.
 
 In a scenario file::
 
@@ -13,13 +13,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from mambo_bags.reader import Bag
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model import schema
 from mambo_model.motion import parameter_change
 from mambo_model.motion.parameter_change import Change, Changes, NEVER
-from mambo_ros import topics
-from mambo_ros.commands.change_message import decode
 from mambo_sim.parameters import STEP_NS
 import yaml
 
@@ -27,8 +24,6 @@ from .scenario import LEAVES, override, ParameterReader, Place, Scenario
 
 NODES = ('sim_node', 'estimator_node', 'controller_node')
 """Nodes whose parameters can change in flight."""
-RECORD = (topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.name[1:])
-"""Topics that a bag with the changes of a flight is read with, of one drone or of several."""
 
 
 class Taken(NamedTuple):
@@ -145,20 +140,3 @@ def parameters(reader: ParameterReader, node: yaml.Node) -> dict[str, Place]:
     found = by_node(parameter_change.read(entries, where), where)
     return {f'{name}.changes': Place(parameter_change.to_text(own), reader.where(node))
             for name, own in found.items()}
-
-
-def changes_of(bag: Bag) -> dict[str, str]:
-    """Return {node.changes: text} of a bag that was read with :data:`RECORD`."""
-    out: dict[str, list[Change]] = {node: [] for node in NODES}
-    name = topics.full_name(topics.DIAGNOSTICS, bag.namespace or topics.NAMESPACE)
-    for data in bag[name].raw if name in bag else ():
-        for node, change in decode(data):
-            if node in out:
-                out[node].append(change)
-    return {f'{node}.changes': parameter_change.to_text(found) for node, found in out.items()}
-
-
-def estimated(flight: Scenario, bag: Bag) -> Scenario:
-    """Return the scenario of a bag, read with :data:`RECORD`, with what its estimator changed."""
-    name = 'estimator_node.changes'
-    return override(flight, {name: changes_of(bag)[name]})

@@ -30,7 +30,7 @@ from mambo_ros import topics
 from mambo_ros.commands.command_message import decode
 import yaml
 
-from . import changes, scenario as scenarios
+from . import recorded_changes, scenario as scenarios
 from .course import course_file
 from .scenario import ParameterReader, Place, Scenario
 
@@ -90,12 +90,12 @@ def scenario_of(bag: Path, namespace: str = topics.NAMESPACE) -> Scenario:
         If the bag holds no scenario, or one without commands and changes of parameters.
 
     """
-    found = read_bag(bag, changes.RECORD, namespace)
+    found = read_bag(bag, recorded_changes.RECORD, namespace)
     text = found.attachments.get('scenario.yaml')
     if text is None:
         raise InputError(f'{bag}: holds no scenario.yaml: it was not recorded by ./run')
     flight = scenarios.from_yaml(str(text), f'scenario.yaml in {bag}')
-    again: dict[str, Any] = changes.changes_of(found)
+    again: dict[str, Any] = recorded_changes.changes_of(found)
     if flight.reference_node.commands.enabled:
         again[f'{_GROUP}.script'] = script.to_text(commands_of(bag, namespace))
     elif not any(again.values()):

@@ -19,7 +19,8 @@ from mambo_bags.command import guard, Parser, refuse_existing
 from mambo_bags.reader import Bag, BagError, Batch, Messages, read_bag
 from mambo_bags.writer import BagWriter
 from mambo_estimation.parameters import EstimatorNodeParams
-from mambo_flight import changes, offline_replay, recording_to_bag, scenario
+from mambo_flight import (
+    changes, offline_replay, recorded_changes, recording_to_bag, scenario)
 from mambo_flight.smooth import recorded as smoothing
 from mambo_ros import topics
 import numpy as np
@@ -31,7 +32,7 @@ from .verdict import verdict
 
 READ = (*(topic.name for topic in (
     *offline_replay.SENSORS, topics.SENSOR_TICK, topics.ESTIMATE, topics.REFERENCE,
-    topics.OPTITRACK, topics.CAPTURE_TICK, topics.GROUND_TRUTH)), *changes.RECORD, 'onboard/odom')
+    topics.OPTITRACK, topics.CAPTURE_TICK, topics.GROUND_TRUTH)), *recorded_changes.RECORD, 'onboard/odom')
 """Topics that are estimated from and compared with."""
 
 
@@ -62,7 +63,7 @@ def _chosen(bag: Bag, file: Path | None) -> tuple[EstimatorNodeParams, str]:
         flight = scenario.from_yaml(
             str(bag.attachments['scenario.yaml']), f'scenario.yaml in {bag.path}')
         if flight.estimator_node.estimator != 'ground_truth':
-            return changes.estimated(flight, bag).estimator_node, 'the bag'
+            return recorded_changes.estimated(flight, bag).estimator_node, 'the bag'
     return EstimatorNodeParams(), (
         'the simulated Mambo, as the bag holds none: --parameters FILE gives those of a vehicle')
 
