@@ -44,3 +44,13 @@ def test_another_last_bit_and_an_unknown_flight_fail(monkeypatch, capsys):
         {'estimator': 'kalman'}, {'sim_node.simulator.vehicle.mass': math.nextafter(MASS, 1.0)}))
     assert same_bytes.main(['kalman']) == 1 and 'DIFFERENT' in capsys.readouterr().out
     assert same_bytes.main(['none']) == 2
+
+
+def test_what_is_flown_needs_no_ros():
+    absent = ('rclpy', 'mambo_interfaces', 'std_msgs', 'sensor_msgs', 'diagnostic_msgs')
+    done = subprocess.run(
+        [sys.executable, '-c', 'import sys\n'
+         f'sys.modules.update(dict.fromkeys({absent}))\n'
+         'from mambo_flight import closed_loop\nfrom mambo_flight.scenario import scenario'],
+        timeout=120, check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

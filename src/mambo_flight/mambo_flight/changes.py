@@ -20,7 +20,7 @@ from mambo_model.motion.parameter_change import Change, Changes, NEVER
 from mambo_sim.parameters import STEP_NS
 import yaml
 
-from .scenario import LEAVES, override, ParameterReader, Place, Scenario
+from .scenario import LEAVES, ParameterReader, Place, Scenario
 
 NODES = ('sim_node', 'estimator_node', 'controller_node')
 """Nodes whose parameters can change in flight."""

@@ -32,7 +32,8 @@ from .verdict import verdict
 
 READ = (*(topic.name for topic in (
     *offline_replay.SENSORS, topics.SENSOR_TICK, topics.ESTIMATE, topics.REFERENCE,
-    topics.OPTITRACK, topics.CAPTURE_TICK, topics.GROUND_TRUTH)), *recorded_changes.RECORD, 'onboard/odom')
+    topics.OPTITRACK, topics.CAPTURE_TICK, topics.GROUND_TRUTH)),
+    *recorded_changes.RECORD, 'onboard/odom')
 """Topics that are estimated from and compared with."""
 
 
