@@ -7,18 +7,30 @@ from mambo_model.schema import ParameterError
 import pytest
 
 NOISE = 'estimator_node.kalman.sonar.noise'
+GAIN = 'controller_node.cascaded.k_p'
 
 
 def test_only_the_estimators_that_are_flown_count():
-    unused.refuse(['joint', 'kalman'], {NOISE: 'here'})
-    unused.refuse(['joint'], {
+    flown = [('joint', 'cascaded'), ('kalman', 'indi')]
+    unused.refuse(flown, {NOISE: 'here', 'controller_node.indi.k_x': 'there'})
+    unused.refuse([('joint', 'mine.py')], {
         'estimator_node.joint.sonar.noise': '', 'estimator_node.synchronise': '',
-        'controller_node.toolbox.k_p': ''})
+        'controller_node.mine.k_p': '', 'controller_node.cascaded.k_p': 'the backup'})
+    unused.refuse([('ground_truth', 'toolbox')], {'controller_node.toolbox.k_p': ''})
     with pytest.raises(ParameterError) as error:
-        unused.refuse(['toolbox', 'joint'], {NOISE: 'line 3'})
+        unused.refuse([('toolbox', 'indi'), ('joint', 'indi')], {NOISE: 'line 3'})
     assert str(error.value) == (
         f'line 3: {NOISE}: has no effect, as the estimator is joint or toolbox: choose '
         'estimator: kalman, or leave it out')
+
+
+@pytest.mark.parametrize('flown', ['indi', 'toolbox'])
+def test_of_a_controller_too(flown):
+    with pytest.raises(ParameterError) as error:
+        unused.refuse([('joint', flown)], {GAIN: 'line 3'})
+    assert str(error.value) == (
+        f'line 3: {GAIN}: has no effect, as the controller is {flown}: choose '
+        'controller: cascaded, or leave it out')
 
 
 def test_a_scenario_file_is_refused_if_none_of_its_flights_has_the_estimator(tmp_path):
@@ -41,6 +53,23 @@ def test_a_sweep_is_refused_unless_it_flies_the_estimator(tmp_path):
     assert len(design.read(path).rows) == 4
     path.write_text(f'scenario: fig_5_10\n{text}')
     assert len(design.read(path).rows) == 2
+
+
+def test_a_sweep_of_another_controllers_gains_is_refused(tmp_path):
+    path = tmp_path / 'sweep.yaml'
+    text = 'title: a\nvary:\n  controller_node.flatness_drag.k_x: [2.0, 3.0]\n'
+    path.write_text(text)
+    with pytest.raises(ParameterError, match='k_x: has no effect, as the controller is cascaded'):
+        design.read(path)
+    path.write_text(f'{text}  controller: [cascaded, flatness_drag]\n')
+    assert len(design.read(path).rows) == 4
+
+
+def test_two_keys_for_one_seed_are_refused(tmp_path):
+    path = tmp_path / 'sweep.yaml'
+    path.write_text('title: a\nvary:\n  sim_node.simulator.seed: [1, 2]\n  seed: [3, 4]\n')
+    with pytest.raises(ParameterError, match='yaml:3: sim_node.simulator.seed: the key seed sets'):
+        design.read(path)
 
 
 def test_an_option_is_refused(tmp_path, capsys):

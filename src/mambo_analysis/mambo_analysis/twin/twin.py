@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from itertools import combinations
 import json
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +23,7 @@ from typing import Any, NamedTuple
 from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, write_json
 from mambo_model.errors import InputError
+import numpy as np
 
 from . import agreement, beside, loop, motors
 from .force import fit_force
@@ -67,7 +69,7 @@ def leave_one_out(
     Raises
     ------
     mambo_model.errors.InputError
-        For fewer than two flights.
+        For fewer than two flights, or one that is given twice.
     mambo_analysis.identify.regression.IdentifyError, mambo_bags.reader.BagError
         If a bag is no usable flight.
 
@@ -76,6 +78,11 @@ def leave_one_out(
         raise InputError('one flight: at least two of the same vehicle are needed, as each is '
                          'predicted by the others')
     flights = [read_flight(path) for path in paths]
+    for (path, one), (again, other) in combinations(zip(paths, flights, strict=True), 2):
+        if all(np.array_equal(mine, theirs, equal_nan=True) for mine, theirs in (
+                (one.position, other.position), (one.force, other.force))):
+            raise InputError(f'{again}: the same flight as {path}: a flight is predicted by the '
+                             'others, so give each once')
     out = []
     for one in flights:
         others = [f for f in flights if f is not one]

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+import shutil
 from typing import NamedTuple
 
 from flown import bag, steered, table_of
@@ -55,6 +56,13 @@ def test_wrong_input_is_one_line(tmp_path, capsys, arguments, said):
     except SystemExit as error:
         code = error.code
     assert code == 2 and said in capsys.readouterr().err.strip().splitlines()[-1]
+
+
+def test_a_flight_that_is_given_twice_is_refused_also_as_a_copy(tmp_path, capsys):
+    first, second = bags(tmp_path)
+    copy = shutil.copytree(first, tmp_path / 'copy')
+    assert main([str(first), str(second), str(copy)]) == 2
+    assert f'{copy}: the same flight as {first}' in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not NANOBENCH.is_dir(), reason='the recordings of NanoBench are not at hand')

@@ -40,7 +40,8 @@ from ..scenario import ParameterReader, Place
 from ..scenario_file import FIELDS, Settings
 
 DISTRIBUTIONS = ('normal', 'range', 'uniform')
-ESTIMATOR = ('estimator', 'estimator_node.estimator')
+COMPONENTS = (('estimator', 'estimator_node.estimator'),
+              ('controller', 'controller_node.controller'))
 MOST = 10_000_000  # flights of a sweep at most
 
 
@@ -214,10 +215,10 @@ def read(path: Path) -> Sweep:
     if 'scenario' in keys and isinstance(keys['scenario'][1], yaml.ScalarNode):
         base = _base(Path(path), keys['scenario'][1].value, {})
         reader.learn(root, schema.flatten(base))
-        usual = base.estimator_node.estimator
+        usual = base.estimator_node.estimator, base.controller_node.controller
     else:
         reader.learn(root)
-        usual = Settings().estimator
+        usual = Settings().estimator, Settings().controller
     settings, axes = {}, ()
     for name, (key, node) in keys.items():
         if name == 'vary':
@@ -234,8 +235,13 @@ def read(path: Path) -> Sweep:
     head = _Head(**settings)
     if head.design == 'random' and 'samples' not in settings:
         raise schema.ParameterError(f'{path}: samples: missing; a random design needs it')
-    flown = [value for axis in axes if axis.name in ESTIMATOR for value in axis.values]
-    unused.refuse(flown or [usual], {axis.name: axis.where for axis in axes})
+    flown = ([value for axis in axes if axis.name in both for value in axis.values] or [chosen]
+             for both, chosen in zip(COMPONENTS, usual, strict=True))
+    unused.refuse(itertools.product(*flown), {axis.name: axis.where for axis in axes})
+    seed = next((axis for axis in axes if axis.name in scenarios.SEEDS), None)
+    if seed and 'seed' in names:
+        raise schema.ParameterError(
+            f'{seed.where}: {seed.name}: the key seed sets it as well: leave one out')
     return Sweep(Path(path), head, axes, _table(axes, head, reader))
 
 

@@ -182,14 +182,16 @@ class Links:
             now, missing = time.monotonic(), self.look()
             since['crowd'] = since['crowd'] if self._crowd else now
             since['guests'] = since['guests'] if missing and not self.missing(False) else now
-            if not missing and not self._crowd:
-                return True
+            stranded = missing and now - since['guests'] > _GUESTS
+            if not self._crowd and (not missing or stranded):
+                self._crowd = self._too_many(self._heard.look())  # now, not a moment ago
+                if not self._crowd and stranded:
+                    self._owner.get_logger().warning(f'begins without {missing}')
+                if not self._crowd:
+                    return True
             if now - since['crowd'] > _CROWDED:
                 self._owner.get_logger().error(f'the flight does not begin: {self._crowd}')
                 return False
-            if now - since['guests'] > _GUESTS and not self._crowd:
-                self._owner.get_logger().warning(f'begins without {missing}')
-                return True
             if now - began > patience:
                 self._owner.get_logger().error(
                     f'gave up after {patience:g} s without {missing}')
@@ -198,7 +200,8 @@ class Links:
                 logged = now
                 if not self.alone(topics.CLOCK):
                     return False
-                self._owner.get_logger().warning(f'waiting for {missing or self._crowd}')
+                self._owner.get_logger().warning(
+                    f'waiting for {missing}' if missing else f'waiting: {self._crowd}')
             loop.once(0.01)
             loop.turn()
             if loop.stopping:

@@ -341,8 +341,10 @@ def test_a_node_that_nobody_expects_holds_up_the_start_for_a_while_only(monkeypa
     loop.close()
 
 
+@pytest.mark.parametrize('every', [0.1, 2.0])  # s; the second: it came since the last look
 @pytest.mark.parametrize('kind', ['namesake', 'publisher'])
-def test_a_second_node_of_a_name_or_publisher_of_a_topic_is_no_flight(monkeypatch, kind):
+def test_a_second_node_of_a_name_or_publisher_of_a_topic_is_no_flight(monkeypatch, kind, every):
+    monkeypatch.setattr('mambo_ros.graph.links._LOOK_EVERY', every)
     monkeypatch.setattr('mambo_ros.graph.links._CROWDED', 0.5)
     sim, estimator, controller = flight()
     links, loop = Links(sim, 'estimator,controller'), Loop(sim)
