@@ -201,7 +201,9 @@ class Struck:
         """Send the signal at the time; see how everything ends."""
         fault = self.fault
         try:
-            _wait(lambda: self._reached() or self.run.poll() is not None, BUSY)
+            if not _wait(lambda: self._reached() or self.run.poll() is not None, BUSY):
+                self.run.terminate()
+                return self._missed()
             time.sleep(self._delay)
             living = self._living()
             living[self.run.pid] = 'runner'
@@ -235,6 +237,8 @@ class Struck:
         except subprocess.TimeoutExpired:
             return Verdict(f'hung without a signal: {self._living()}', BUSY, '')
         code = self.run.returncode
+        if code == 128 + signal.SIGTERM:  # ours, as it did not come to the phase
+            return Verdict('', 0.0, '', True)
         return Verdict(f'failed without a signal: {err}' if code else '', 0.0, '', not code)
 
     def _wrong_words(self, out: str, err: str) -> str:
@@ -291,6 +295,9 @@ def processes(count: int, seed: int, recording: Path, start: int = 0, jobs: int 
               for fault in chance.choices(sorted(every()), k=start + count)][start:]
     words: Counter[str] = Counter()
     slowest = 0.0
+    with tempfile.TemporaryDirectory() as folder:  # compile before the first one
+        subprocess.run([sys.executable, '-m', 'mambo_bringup.starting', 'run', '--duration=1',
+                        '--no-report', f'--output={folder}/bag'], check=True, capture_output=True)
     with ThreadPoolExecutor(jobs) as pool:
         faults, delays = zip(*chosen, strict=True)
         verdicts = pool.map(try_fault, faults, [recording] * count, delays)

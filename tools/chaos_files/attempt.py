@@ -3,9 +3,9 @@ Run a command of ``mambo`` in a forked process with limits, and judge how it end
 
 The modules of all commands are imported once and each attempt is a fork, so that a thousand take
 minutes. An attempt survives if the command exits with code 0, or with 1 or 2 behind exactly one
-line on stderr that begins with its name; within :data:`CPU_S`, :data:`WALL_S`, :data:`MEMORY`
-more than the process of the imports, and :data:`LINES`; without leaving a file behind that it
-began, or processes.
+line on stderr that begins with its name; within the CPU time it may take, :data:`WALL_S`,
+:data:`MEMORY` more than the process of the imports, and :data:`LINES`; without leaving a file
+behind that it began, or processes.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from typing import NamedTuple
 from mambo_bringup import mambo
 
 CPU_S = 20       # s of CPU for one command
+COMPILING_S = 120  # s of CPU for one that may compile what was damaged into another type
 WALL_S = 120.0   # s, on a machine with other work
 MEMORY = 1 << 30  # bytes of address space beyond what the imports take
 LINES = 3000     # lines of output
@@ -58,25 +59,28 @@ class Attempt:
         Called in the fork before the limits are set: makes the files.
     made
         What the command makes; it must not be there after exit code 2.
+    most : s
+        Of CPU.
 
     """
 
     def __init__(self, words: list[str], folder: Path, prepare: Callable[[], None],
-                 made: Path | None = None) -> None:
+                 made: Path | None = None, most: int = CPU_S) -> None:
         self.words, self._folder, self._made = words, folder, made
         self._files = [folder.with_name(f'{folder.name}.{name}') for name in ('out', 'err')]
         self._began = time.monotonic()
+        self._wall = WALL_S + 3 * (most - CPU_S)
         sys.stdout.flush()
         gc.freeze()  # no collection copies pages in the fork
         self._child = os.fork()
         if not self._child:
-            _work(words, folder, self._files, prepare)
+            _work(words, folder, self._files, prepare, most)
         self.handle = os.pidfd_open(self._child)
 
     @property
     def left(self) -> float:
         """Return how long it may still run, in s."""
-        return max(self._began + WALL_S - time.monotonic(), 0.0)
+        return max(self._began + self._wall - time.monotonic(), 0.0)
 
     def end(self) -> End:
         """Return how it ended; kill it if it has not."""
@@ -88,12 +92,15 @@ class Attempt:
         if code is None:
             os.waitpid(self._child, 0)
         os.close(self.handle)
-        wrong = _wrong(code, *self._files, self._folder, self._made) or (
-            'processes are left' if left else '')
+        wrong = f'did not end within {self._wall:g} s'
+        if code is not None:
+            wrong = _wrong(code, *self._files, self._folder, self._made) or (
+                'processes are left' if left else '')
         return End({0: 'done', 1: 'failed', 2: 'refused'}.get(code, 'lost'), wrong, took)
 
 
-def _work(words: list[str], folder: Path, files: list[Path], prepare: Callable[[], None]) -> None:
+def _work(words: list[str], folder: Path, files: list[Path], prepare: Callable[[], None],
+          most: int) -> None:
     """Prepare and run the command in this fork, and exit."""
     code = _FAILED
     try:
@@ -107,7 +114,7 @@ def _work(words: list[str], folder: Path, files: list[Path], prepare: Callable[[
         prepare()
         os.chdir(folder)
         own = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
-        cpu = CPU_S + round(time.process_time())
+        cpu = most + round(time.process_time())
         for kind, most in ((resource.RLIMIT_AS, own + MEMORY), (resource.RLIMIT_CORE, 0),
                            (resource.RLIMIT_FSIZE, MEMORY)):
             resource.setrlimit(kind, (most, most))
@@ -133,10 +140,8 @@ def _end_group(group: int) -> bool:
     return True
 
 
-def _wrong(code: int | None, output: Path, errors: Path, folder: Path, made: Path | None) -> str:
+def _wrong(code: int, output: Path, errors: Path, folder: Path, made: Path | None) -> str:
     """Return what is wrong with an end, empty if nothing."""
-    if code is None:
-        return f'did not end within {WALL_S:g} s'
     out, err = (path.read_text(errors='replace')[:1_000_000] for path in (output, errors))
     if code < 0:
         return f'ended by {signal.Signals(-code).name}: {err[-300:]}'

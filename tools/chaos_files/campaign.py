@@ -18,7 +18,7 @@ from mambo_bringup import mambo
 from mambo_ros.graph.domains import HIGHEST
 
 from . import lines, ROOT
-from .attempt import Attempt
+from .attempt import Attempt, COMPILING_S, CPU_S
 from .kinds import Kind, kinds
 
 LINE = 'line'  # the kind of the command lines
@@ -64,7 +64,8 @@ def begin(kind: str, number: int, seed: int, all_kinds: dict[str, Kind], base: P
     file = folder / (f'damaged{good.suffix}' if kind != 'metadata' else 'damaged')
     return Attempt(worded(command, file, base, out), inside,
                    lambda: chosen.damage(spoil, good, file),
-                   out if '{out}' in command.split() else None)
+                   out if '{out}' in command.split() else None,
+                   COMPILING_S if command.startswith(COMPILED) else CPU_S)
 
 
 def files(count: int, seed: int, jobs: int, only: str = '', start: int = 0,
