@@ -187,7 +187,9 @@ def fly(
         name, chosen = scenario_file.load(str(scenario), given)
     chosen = override(chosen, parameters or {})
     unused.refuse(
-        [chosen.estimator_node.estimator], dict.fromkeys(parameters or {}, 'parameters'))
+        dict.fromkeys(parameters or {}, 'parameters'),
+        estimators=[chosen.estimator_node.estimator],
+        controllers=[chosen.controller_node.controller])
     if not chosen.sim_node.duration > 0.0:
         raise InputError(f'{name}: sim_node.duration must be more than 0 s')
     recording, fault = supervised.fly(chosen, inner=True)

@@ -187,7 +187,7 @@ def estimate(
         values['estimator'] = estimator
     changed = {f'estimator_node.{name}': value for name, value in values.items()}
     node = scenario.override(scenario.Scenario(estimator_node=node), changed).estimator_node
-    unused.refuse([node.estimator], dict.fromkeys(changed, 'parameters'))
+    unused.refuse(dict.fromkeys(changed, 'parameters'), estimators=[node.estimator])
     if node.estimator == 'ground_truth':
         raise InputError('estimator ground_truth estimates nothing; name another')
     ours = estimating.answer(bag, node)

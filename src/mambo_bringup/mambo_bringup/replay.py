@@ -18,6 +18,7 @@ from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight import recorded_changes, scenario as scenarios
 from mambo_ros import topics
+from mambo_signals import stamps
 
 from .flight.nodes import RECORDER
 from .flight.outcome import print_refused, refused
@@ -30,6 +31,8 @@ PLAYER = ('mambo_bags', 'replay_node')
 RECORDED = (
     '/clock,imu/data_raw,sonar/range,optical_flow,barometer/pressure,sensor_tick,estimate/odom,'
     'estimator/state,/tf,/diagnostics')
+
+_STEPS = (topics.IMU.name, topics.SENSOR_TICK.name)  # each must be answered
 
 
 def replay(bag: Path, output: Path, rate: float = 0.0,
@@ -65,7 +68,8 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
     """
     if output.exists():
         raise FlightInputError(f'{output} exists: give another --output or remove it')
-    recording = read_bag(bag, recorded_changes.RECORD)  # a damaged bag is refused here
+    recording = read_bag(bag, (*recorded_changes.RECORD, *_STEPS))  # refused here if damaged
+    stamps.refuse_wrong(recording, _STEPS)
     if estimator_file is not None and not estimator_file.is_file():
         raise FlightInputError(f'{estimator_file}: there is no such parameter file')
     with NodeGroup(RECORDER[1]) as group:

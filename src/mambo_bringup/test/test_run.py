@@ -121,7 +121,7 @@ def test_a_printed_scenario_can_be_flown(capsys, tmp_path):
     ('sim_node.simulator.vehicle.inertia=[1e-4, 1e-4, 2e-4]', (1e-4, 1e-4, 2e-4)),
     ('sim_node.simulator.barometer.noise=1e-3', 0.001),
     ('sim_node.simulator.noise=false', False), ('sim_node.simulator.seed=12', 12),
-    ('controller_node.cascaded.derivatives=no_rates', 'no_rates'),
+    ('estimator_node.sensor_reliability=best_effort', 'best_effort'),
     ('reference_node.plan.landing_time=20', 20.0), ('sim_node.speed = 3', 3.0)])
 def test_set_takes_any_parameter(assignment, value):
     name = assignment.partition('=')[0].strip()

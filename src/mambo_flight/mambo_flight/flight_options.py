@@ -148,8 +148,9 @@ def applied(flight: Scenario, options: argparse.Namespace) -> Scenario:
     changed = {name: value for name, value in overrides(options.set).items()
                if not name.startswith(_WORLD)}
     flight = scenarios.override(flight, changed)
-    unused.refuse([(flight.estimator_node.estimator, flight.controller_node.controller)],
-                  dict.fromkeys(changed, '--set'))
+    unused.refuse(
+        dict.fromkeys(changed, '--set'), estimators=[flight.estimator_node.estimator],
+        controllers=[flight.controller_node.controller])
     if options.stretch is None:
         return flight
     plan = flight.reference_node.plan

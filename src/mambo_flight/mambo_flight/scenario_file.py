@@ -218,10 +218,10 @@ def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
     layers = {name: layer.over(common) for name, layer in flights.items()} or {'': common}
     built = {name: _build(path, last.over(layer)) for name, layer in layers.items()}
     unused.refuse(
-        ((flight.estimator_node.estimator, flight.controller_node.controller)
-         for flight in built.values()),
         {key: place.where for layer in layers.values() for key, place in layer.parameters.items()
-         if place.where})
+         if place.where},
+        estimators=[flight.estimator_node.estimator for flight in built.values()],
+        controllers=[flight.controller_node.controller for flight in built.values()])
     return Experiment(Path(path).stem, title, built, world)
 
 

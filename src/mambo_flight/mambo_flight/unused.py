@@ -12,16 +12,18 @@ _KINDS = {'estimator_node': ESTIMATORS, 'controller_node': CONTROLLERS}
 _BACKUP = 'cascaded'  # lands a vehicle whose own controller has failed, and has its limits
 
 
-def refuse(flown: Iterable[tuple[str, str]], places: Mapping[str, str]) -> None:
+def refuse(
+        places: Mapping[str, str], *, estimators: Iterable[str],
+        controllers: Iterable[str] = ()) -> None:
     """
     Refuse parameters of an estimator or a controller that no flight has.
 
     Parameters
     ----------
-    flown
-        The estimator and the controller of each flight.
     places
         {'node.parameter': where it is set}, such as file and line, or an option.
+    estimators, controllers
+        Names of all that are flown; none if nothing of the kind flies, as in an estimate of a bag.
 
     Raises
     ------
@@ -29,7 +31,7 @@ def refuse(flown: Iterable[tuple[str, str]], places: Mapping[str, str]) -> None:
         In one line that names the parameter and the components that are flown.
 
     """
-    names = dict(zip(_KINDS, map(set, zip(*flown, strict=True)), strict=True))
+    names = {'estimator_node': set(estimators), 'controller_node': set(controllers)}
     for name, where in places.items():
         node, _, rest = name.partition('.')
         group = rest.partition('.')[0]
@@ -40,4 +42,5 @@ def refuse(flown: Iterable[tuple[str, str]], places: Mapping[str, str]) -> None:
         kind = node.removesuffix('_node')
         raise schema.ParameterError(
             f'{where}: {name}: has no effect, as the {kind} is '
-            f'{" or ".join(sorted(names[node]))}: choose {kind}: {group}, or leave it out')
+            f'{" or ".join(sorted(names[node])) or "not flown"}: '
+            f'choose {kind}: {group}, or leave it out')

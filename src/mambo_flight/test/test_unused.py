@@ -11,14 +11,16 @@ GAIN = 'controller_node.cascaded.k_p'
 
 
 def test_only_the_estimators_that_are_flown_count():
-    flown = [('joint', 'cascaded'), ('kalman', 'indi')]
-    unused.refuse(flown, {NOISE: 'here', 'controller_node.indi.k_x': 'there'})
-    unused.refuse([('joint', 'mine.py')], {
+    unused.refuse({NOISE: 'here', 'controller_node.indi.k_x': 'there'},
+                  estimators=['joint', 'kalman'], controllers=['cascaded', 'indi'])
+    unused.refuse({
         'estimator_node.joint.sonar.noise': '', 'estimator_node.synchronise': '',
-        'controller_node.mine.k_p': '', 'controller_node.cascaded.k_p': 'the backup'})
-    unused.refuse([('ground_truth', 'toolbox')], {'controller_node.toolbox.k_p': ''})
+        'controller_node.mine.k_p': '', 'controller_node.cascaded.k_p': 'the backup'},
+        estimators=['joint'], controllers=['mine.py'])
+    unused.refuse({'controller_node.toolbox.k_p': ''},
+                  estimators=['ground_truth'], controllers=['toolbox'])
     with pytest.raises(ParameterError) as error:
-        unused.refuse([('toolbox', 'indi'), ('joint', 'indi')], {NOISE: 'line 3'})
+        unused.refuse({NOISE: 'line 3'}, estimators=['toolbox', 'joint'], controllers=['indi'])
     assert str(error.value) == (
         f'line 3: {NOISE}: has no effect, as the estimator is joint or toolbox: choose '
         'estimator: kalman, or leave it out')
@@ -27,7 +29,7 @@ def test_only_the_estimators_that_are_flown_count():
 @pytest.mark.parametrize('flown', ['indi', 'toolbox'])
 def test_of_a_controller_too(flown):
     with pytest.raises(ParameterError) as error:
-        unused.refuse([('joint', flown)], {GAIN: 'line 3'})
+        unused.refuse({GAIN: 'line 3'}, estimators=['joint'], controllers=[flown])
     assert str(error.value) == (
         f'line 3: {GAIN}: has no effect, as the controller is {flown}: choose '
         'controller: cascaded, or leave it out')

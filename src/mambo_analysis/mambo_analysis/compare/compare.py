@@ -22,7 +22,7 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.reader import Bag, BagError, Messages, read_bag
 from mambo_flight.world import separation
-from mambo_signals import metrics, motion, resample
+from mambo_signals import metrics, motion, resample, stamps
 from mambo_signals.flight_phases import detect_phases, Phases, phases
 from mambo_signals.resample import continuous_quaternions, Floats, Ints
 from mambo_signals.time_offset import LEAST_RISE
@@ -189,7 +189,7 @@ def compare(bag: Bag) -> dict[str, Any]:
 
     """
     check_types(bag)
-    parts, notes = phases(bag), refused_messages(bag)
+    parts, notes = phases(bag), [*refused_messages(bag), *stamps.doubtful(bag)]
     errors = [pair.section(comparison['position'], comparison.title, parts)
               for comparison in pair.within(bag, parts, notes)]
     if 'onboard/odom' in bag and 'estimate/odom' in bag:
@@ -276,7 +276,7 @@ def compare_replay(origin: Bag, answer: Bag) -> str:
     if 'estimate/odom' not in answer:
         raise BagError(f'{answer.path}: no estimate/odom, the estimator did not answer')
     estimate, parts, lines = answer['estimate/odom'], phases(origin), []
-    notes: list[str] = []
+    notes = stamps.doubtful(origin)
     sections = []
     if 'estimate/odom' in origin:
         lines += _identical(origin['estimate/odom'], estimate)
@@ -402,7 +402,8 @@ def compare_bags(
         f'{ours.name} of A minus {theirs.name} of B', (f'A: {ours.name}', f'B: {theirs.name}'),
         tuple(quantities), parts)
     both = (('', a),) if other is a else (('A: ', a), ('B: ', other))
-    notes = [*(f'{name}{line}' for name, bag in both for line in refused_messages(bag)),
+    notes = [*(f'{name}{line}' for name, bag in both
+               for line in (*refused_messages(bag), *stamps.doubtful(bag))),
              alignment.text, _reference(a, other, alignment), *pair.left_out((ours, theirs)),
              *(f'no {name}: only compared where both tell it'
                for name in ('velocity', 'attitude') if name not in {q.name for q in quantities})]

@@ -23,6 +23,7 @@ from mambo_flight import (
     changes, offline_replay, recorded_changes, recording_to_bag, scenario)
 from mambo_flight.smooth import recorded as smoothing
 from mambo_ros import topics
+from mambo_signals import stamps
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
@@ -139,9 +140,11 @@ def answer(bag: Bag, node: EstimatorNodeParams) -> Answer:
     Raises
     ------
     BagError
-        If it has nothing to estimate from.
+        If it has nothing to estimate from, or samples with stamps below 0.
 
     """
+    for line in stamps.below_zero(bag, [topic.name for topic in offline_replay.SENSORS]):
+        raise BagError(f'{bag.path}: {line}')
     found = offline_replay.estimate(bag, node.filter, changes.values_later(node))
     if not len(found.t):
         raise BagError(f'{bag.path}: no step of the sensors is complete, nothing to estimate')

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag, read_bag
+from mambo_signals import stamps
 import numpy as np
 from numpy.typing import NDArray
 
@@ -110,6 +111,7 @@ def _stream(bag: Bag, topic: str, read: Callable) -> Stream | None:
 def _bag(path: Path, namespace: str | None) -> Recording:
     """Return the sensor samples and commands of a bag, in FRD."""
     bag = read_bag(path, TOPICS, namespace)
+    stamps.refuse_wrong(bag, TOPICS)
 
     def flow(m):
         rates = np.stack([m.rate_x, -m.rate_y], axis=1).astype(float)

@@ -15,6 +15,7 @@ from mambo_model.schema import ParameterError
 from mambo_model.vehicle import vehicle_file
 from mambo_model.vehicle.parameters import PRESETS, Vehicle
 from mambo_model.whole_file import replacing, write_text
+from mambo_signals import stamps
 from matplotlib.figure import Figure
 
 from .regression import LEVEL, Value
@@ -186,11 +187,12 @@ def open_bag(path: Path, topics: tuple[str, ...], namespace: str | None = None) 
     Raises
     ------
     mambo_bags.reader.BagError
-        If it cannot be read, or lacks one or its messages.
+        If it cannot be read, lacks one or its messages, or has stamps that go back.
 
     """
     bag = read_bag(path, topics, namespace)
     for topic in topics:
         if not len(bag.messages(topic)):  # which says which there are, if not this one
             raise BagError(f'{path}: {bag.name(topic)} has no messages')
+    stamps.refuse_wrong(bag, topics)
     return bag

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mambo_bags.reader import Bag, read_bag
-from mambo_signals import derivative, motion, resample
+from mambo_signals import derivative, motion, resample, stamps
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -25,6 +25,7 @@ from ..identify.regression import IdentifyError
 Floats = NDArray[np.float64]
 
 STEP = 0.01            # s, of the grid
+_READ = ('imu/data_raw', 'motor_pwm', *motion.TRUTH)
 REFERENCE, ESTIMATE = 'onboard/reference', 'onboard/odom'
 GAP = 0.1              # s, over which samples are connected
 LEAST_REST = 1.0       # s before take-off that show biases and noise
@@ -251,6 +252,7 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
     for topic in ('imu/data_raw', 'motor_pwm'):
         if topic not in bag or not len(bag[topic]):
             raise IdentifyError(f'{path}: no {topic} in the bag')
+    stamps.refuse_wrong(bag, _READ)
     if not np.isfinite(bag['imu/data_raw'].acceleration).all(axis=1).any():
         raise IdentifyError(f'{path}: imu/data_raw lacks an acceleration on some axis')
     found = _grid(bag, _motion(bag))

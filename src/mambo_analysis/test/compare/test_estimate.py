@@ -147,3 +147,15 @@ def test_the_verdict_says_when_the_height_diverged_and_what_was_refused(tmp_path
 def test_without_the_estimators_own_state_there_is_no_verdict(tmp_path):
     bag = read_bag(rest(tmp_path / 'source'))
     assert verdict(bag, bag) == 'verdict: none, as there is no estimator/state'
+
+
+def test_samples_from_before_time_zero_are_refused_as_the_nodes_do(tmp_path, capsys):
+    with BagWriter(tmp_path / 'bag') as bag:
+        bag.add_topic(f'/mambo/{topics.IMU.name}', topics.IMU.type_name)
+        for k in range(100):
+            bag.write(f'/mambo/{topics.IMU.name}', messages.imu(
+                (k - 40) * STEP, (0.0,) * 3, (0.0, 0.0, -9.81), (0.0,) * 3, (0.0,) * 3), k * STEP)
+    assert estimate.main([str(tmp_path / 'bag')]) == 2
+    assert capsys.readouterr().err == (
+        f'estimate: {tmp_path / "bag"}: /mambo/imu/data_raw: 40 of 100 stamps are below 0, the '
+        'first is -0.200 s: no node takes them\n')

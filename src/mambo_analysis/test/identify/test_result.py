@@ -129,6 +129,17 @@ def test_a_bag_must_have_messages_of_each_topic(tmp_path):
         result.open_bag(tmp_path / 'bag', ('imu/data_raw',))
 
 
+def test_a_bag_with_stamps_that_go_back_is_refused(tmp_path):
+    maker = Maker(tmp_path / 'bag', ('motor_pwm', 'optical_flow'))
+    for k, stamp in enumerate((0, 2, 1)):
+        maker.writer.write('/mambo/motor_pwm', maker.message('motor_pwm', stamp * 10**9), k)
+        maker.write('optical_flow', k)
+    maker.writer.close()
+    assert len(result.open_bag(tmp_path / 'bag', ('optical_flow',))['optical_flow']) == 3
+    with pytest.raises(BagError, match='motor_pwm: stamps go back, first from 2.000 to 1.000 s'):
+        result.open_bag(tmp_path / 'bag', ('motor_pwm',))
+
+
 def vehicle_of(folder, text):
     path = folder / 'own.yaml'
     path.write_text(text)

@@ -235,9 +235,11 @@ def read(path: Path) -> Sweep:
     head = _Head(**settings)
     if head.design == 'random' and 'samples' not in settings:
         raise schema.ParameterError(f'{path}: samples: missing; a random design needs it')
-    flown = ([value for axis in axes if axis.name in both for value in axis.values] or [chosen]
-             for both, chosen in zip(COMPONENTS, usual, strict=True))
-    unused.refuse(itertools.product(*flown), {axis.name: axis.where for axis in axes})
+    estimators, controllers = (
+        [value for axis in axes if axis.name in both for value in axis.values] or [chosen]
+        for both, chosen in zip(COMPONENTS, usual, strict=True))
+    unused.refuse(
+        {axis.name: axis.where for axis in axes}, estimators=estimators, controllers=controllers)
     seed = next((axis for axis in axes if axis.name in scenarios.SEEDS), None)
     if seed and 'seed' in names:
         raise schema.ParameterError(

@@ -1,0 +1,104 @@
+"""Stamps of a recording that cannot be right, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+
+from mambo_bags.reader import Bag, BagError, FieldError, Messages
+import numpy as np
+from numpy.typing import NDArray
+
+LONGEST_GAP = 1.0  # s without an inertial sample, of which an estimator loses its state
+
+
+def below_zero(bag: Bag, topics: Collection[str] | None = None) -> list[str]:
+    """
+    Return the topics with stamps below 0, which every node refuses, one line each.
+
+    Parameters
+    ----------
+    bag
+        Recording.
+    topics
+        Topics to look at; default: all.
+
+    """
+    out = []
+    for messages in _chosen(bag, topics):
+        stamps = _of(messages)
+        low = np.flatnonzero(stamps < 0)
+        if len(low):
+            out.append(f'{messages.topic}: {len(low)} of {len(stamps)} stamps are below 0, the '
+                       f'first is {stamps[low[0]] * 1e-9:.3f} s: no node takes them')
+    return out
+
+
+def going_back(bag: Bag, topics: Collection[str] | None = None) -> list[str]:
+    """
+    Return the topics whose stamps go back from one message to the next, one line each.
+
+    What is computed from them leaves samples out or takes them at a wrong time. Parameters as
+    of :func:`below_zero`.
+
+    """
+    out = []
+    for messages in _chosen(bag, topics):
+        stamps = _of(messages)
+        back = np.flatnonzero(np.diff(stamps) < 0)
+        if len(back):
+            k = back[0]
+            older = int((stamps < np.maximum.accumulate(stamps)).sum())
+            out.append(f'{messages.topic}: stamps go back, first from {stamps[k] * 1e-9:.3f} to '
+                       f'{stamps[k + 1] * 1e-9:.3f} s: {older} of {len(stamps)} samples are not '
+                       'newer than all before, and numbers that need them are wrong')
+    return out
+
+
+def wrong(bag: Bag, topics: Collection[str] | None = None) -> list[str]:
+    """Return the lines of :func:`below_zero` and of :func:`going_back`."""
+    return [*below_zero(bag, topics), *going_back(bag, topics)]
+
+
+def refuse_wrong(bag: Bag, topics: Collection[str] | None = None) -> None:
+    """
+    Refuse a bag with :func:`wrong` stamps of ``topics``.
+
+    Raises
+    ------
+    mambo_bags.reader.BagError
+        In one line that names the bag, the topic and the place.
+
+    """
+    for line in wrong(bag, topics):
+        raise BagError(f'{bag.path}: {line}')
+
+
+def doubtful(bag: Bag) -> list[str]:
+    """Return the topics with :func:`wrong` stamps, and the longest gap of inertial samples."""
+    return [*wrong(bag), *_gaps(bag)]
+
+
+def _chosen(bag: Bag, topics: Collection[str] | None) -> Iterable[Messages]:
+    return bag if topics is None else [bag[name] for name in topics if name in bag]
+
+
+def _of(messages: Messages) -> NDArray[np.int64]:
+    """Return the stamps in ns, none of a topic that cannot be decoded: its reader says so."""
+    try:
+        return messages.stamp
+    except (BagError, FieldError):
+        return np.empty(0, np.int64)
+
+
+def _gaps(bag: Bag) -> list[str]:
+    if 'imu/data_raw' not in bag:
+        return []
+    messages = bag['imu/data_raw']
+    stamps = _of(messages)
+    if len(stamps) < 2:
+        return []
+    apart = np.diff(stamps) * 1e-9
+    k = int(apart.argmax())
+    if apart[k] <= LONGEST_GAP:
+        return []
+    return [f'{messages.topic}: no sample for {apart[k]:.1f} s after {stamps[k] * 1e-9:.3f} s']

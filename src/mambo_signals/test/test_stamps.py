@@ -1,0 +1,75 @@
+"""Stamps that go back and gaps are told, with topic, place and number."""
+
+from mambo_bags.reader import BagError, read_bag
+from mambo_signals import stamps
+import pytest
+from synthetic import Maker, TYPES
+
+IMU, TICK = 'imu/data_raw', 'sensor_tick'
+STEP = 5_000_000  # ns
+
+
+def bag_of(path, offsets):
+    """Return a bag whose IMU stamps are later than the log times by offsets in steps."""
+    maker = Maker(path, [IMU, 'estimate/odom'])
+    for k, offset in enumerate(offsets):
+        data = maker.message(TYPES[IMU], (k + offset) * STEP, 'base_link')
+        maker.writer.write(f'/mambo/{IMU}', data, k * STEP)
+    maker.odometry('estimate/odom', 0, (0, 0, 0))
+    maker.writer.close()
+    return read_bag(path)
+
+
+@pytest.mark.parametrize(('offsets', 'told'), [
+    ([0] * 8, []), ([3] * 8, []), ([0, 0, 1, 0, 1, 0], []),
+    ([0] * 4 + [-3] * 4, [
+        'stamps go back, first from 0.015 to 0.005 s: 2 of 8 samples are not newer']),
+    ([-2] * 4, ['2 of 4 stamps are below 0, the first is -0.010 s: no node takes them']),
+    ([0] * 4 + [300] * 4, ['no sample for 1.5 s after 0.015 s'])])
+def test_stamps_that_go_back_and_long_gaps_are_told(tmp_path, offsets, told):
+    found = stamps.doubtful(bag_of(tmp_path / 'bag', offsets))
+    assert len(found) == len(told)
+    for line, wanted in zip(found, told):
+        assert line.startswith(f'/mambo/{IMU}: {wanted}')
+
+
+def test_only_the_topics_that_are_asked_for_are_looked_at(tmp_path):
+    bag = bag_of(tmp_path / 'bag', [0, 0, -2, 0])
+    assert stamps.wrong(bag, [TICK, 'estimate/odom']) == []
+    assert len(stamps.wrong(bag, [TICK, IMU])) == 1
+
+
+def test_a_bag_without_inertial_samples_has_no_gap_to_tell(tmp_path):
+    maker = Maker(tmp_path / 'bag', ['estimate/odom'])
+    maker.odometry('estimate/odom', 0, (0, 0, 0))
+    maker.odometry('estimate/odom', 10**10, (0, 0, 0))
+    maker.writer.close()
+    assert stamps.doubtful(read_bag(tmp_path / 'bag')) == []
+
+
+def test_a_topic_that_cannot_be_decoded_is_left_to_who_reads_it(tmp_path):
+    maker = Maker(tmp_path / 'bag', [IMU])
+    maker.writer.write(f'/mambo/{IMU}', b'\0\1\0\0' + bytes(3), 0)
+    maker.writer.close()
+    bag = read_bag(tmp_path / 'bag')
+    with pytest.raises(BagError):
+        bag[IMU].stamp
+    assert stamps.doubtful(bag) == []
+
+
+def test_stamps_of_every_topic_are_looked_at(tmp_path):
+    maker = Maker(tmp_path / 'bag', [IMU, 'estimate/odom'])
+    for k, stamp in enumerate((0, 3, 1, 2, 4)):
+        data = maker.message(TYPES[IMU], stamp * STEP, 'base_link')
+        maker.writer.write(f'/mambo/{IMU}', data, k * STEP)
+        maker.odometry('estimate/odom', k * STEP, (0, 0, 0))
+    maker.writer.close()
+    line, = stamps.wrong(read_bag(tmp_path / 'bag'))
+    assert line.startswith(f'/mambo/{IMU}: stamps go back, first from 0.015 to 0.005 s: 2 of 5')
+
+
+def test_a_bag_is_refused_for_the_topics_that_are_needed(tmp_path):
+    bag = bag_of(tmp_path / 'bag', [0, 0, -2, 0])
+    stamps.refuse_wrong(bag, ['estimate/odom'])
+    with pytest.raises(BagError, match=f'{bag.path}: /mambo/{IMU}: stamps go back, first from'):
+        stamps.refuse_wrong(bag)
