@@ -20,9 +20,9 @@ setup(
     entry_points={
         'console_scripts': [
             'digest = mambo_bags.cli.digest:main',
-            'recorder_node = mambo_bags.recorder_node:main',
+            'recorder_node = mambo_ros.entry:mambo_bags.recorder_node',
             'recover = mambo_bags.recover:main',
-            'replay_node = mambo_bags.replay_node:main',
+            'replay_node = mambo_ros.entry:mambo_bags.replay_node',
         ],
     },
 )

@@ -22,10 +22,10 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'check_node = mambo_bringup.checking.check_node:main',
-            'composed_node = mambo_bringup.composed_node:main',
+            'check_node = mambo_ros.entry:mambo_bringup.checking.check_node',
+            'composed_node = mambo_ros.entry:mambo_bringup.composed_node',
             'fly = mambo_bringup.run:main',
-            'hall_capture_node = mambo_bringup.hall_capture_node:main',
+            'hall_capture_node = mambo_ros.entry:mambo_bringup.hall_capture_node',
             'replay = mambo_bringup.replay:main',
         ],
     },

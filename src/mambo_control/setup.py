@@ -19,8 +19,8 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'controller_node = mambo_control.controller_node:main',
-            'reference_node = mambo_control.reference_node:main',
+            'controller_node = mambo_ros.entry:mambo_control.controller_node',
+            'reference_node = mambo_ros.entry:mambo_control.reference_node',
         ],
         'mambo.controllers': ['predictive = mambo_control.literature.predictive'],
     },

@@ -26,7 +26,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'description_node = mambo_description.description_node:main',
+            'description_node = mambo_ros.entry:mambo_description.description_node',
         ],
     },
 )

@@ -19,7 +19,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'estimator_node = mambo_estimation.estimator_node:main',
+            'estimator_node = mambo_ros.entry:mambo_estimation.estimator_node',
         ],
     },
 )

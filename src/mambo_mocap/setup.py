@@ -19,8 +19,8 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'natnet_client_node = mambo_mocap.natnet_client_node:main',
-            'natnet_server_node = mambo_mocap.natnet_server_node:main',
+            'natnet_client_node = mambo_ros.entry:mambo_mocap.natnet_client_node',
+            'natnet_server_node = mambo_ros.entry:mambo_mocap.natnet_server_node',
         ],
     },
 )

@@ -19,10 +19,10 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'optitrack_node = mambo_sim.optitrack_node:main',
-            'recorder_node = mambo_bags.recorder_node:main',
-            'replay_node = mambo_bags.replay_node:main',
-            'sim_node = mambo_sim.sim_node:main',
+            'optitrack_node = mambo_ros.entry:mambo_sim.optitrack_node',
+            'recorder_node = mambo_ros.entry:mambo_bags.recorder_node',
+            'replay_node = mambo_ros.entry:mambo_bags.replay_node',
+            'sim_node = mambo_ros.entry:mambo_sim.sim_node',
         ],
     },
 )

@@ -19,7 +19,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'view_node = mambo_view.view_node:main',
+            'view_node = mambo_ros.entry:mambo_view.view_node',
         ],
     },
 )
