@@ -5,13 +5,14 @@ Fly the simulated Mambo, or several: start every node of the graph; record on re
     ros2 launch mambo_bringup flight.launch.py drones:=4 mode:=lockstep duration:=30 bag:=four
     ros2 launch mambo_bringup flight.launch.py --show-args
 
-Launch ends with the flight when any node ends; ``sim_node`` ends after ``duration``.
+The flight ends when any of its nodes ends; ``sim_node`` ends after ``duration``. If a node fails,
+launch ends with exit code 1.
 """
 
 from launch import LaunchContext, LaunchDescription
 from launch.action import Action
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from mambo_bringup.flight.launch_actions import FlightNodes, texts
+from mambo_bringup.flight.launch_actions import FlightNodes, misspelled, texts
 from mambo_bringup.launching import choices
 
 ARGUMENTS = [
@@ -94,6 +95,7 @@ def nodes(context: LaunchContext) -> list[Action]:
     """Return every node of the flight: one for each drone, unless it says otherwise."""
     flight = FlightNodes(texts(context, ARGUMENTS))
     return [
+        *misspelled(context, ARGUMENTS),
         flight.cleanup,
         *flight.nodes('mambo_bags', 'recorder_node'),            # with bag:=
         *flight.nodes('mambo_sim', 'optitrack_node'),            # of one drone

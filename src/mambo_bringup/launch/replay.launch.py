@@ -9,7 +9,7 @@ Launch ends with the bag.
 from launch import LaunchContext, LaunchDescription
 from launch.action import Action
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from mambo_bringup.flight.launch_actions import replay_nodes, texts
+from mambo_bringup.flight.launch_actions import misspelled, replay_nodes, texts
 
 ARGUMENTS = [
     DeclareLaunchArgument('bag', description='Rosbag2 directory or .mcap file.'),
@@ -36,7 +36,7 @@ ARGUMENTS = [
 
 def nodes(context: LaunchContext) -> list[Action]:
     """Return recorder_node (with output:=), estimator_node and replay_node."""
-    return replay_nodes(texts(context, ARGUMENTS))
+    return [*misspelled(context, ARGUMENTS), *replay_nodes(texts(context, ARGUMENTS))]
 
 
 def generate_launch_description() -> LaunchDescription:

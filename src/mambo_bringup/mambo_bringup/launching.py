@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+import difflib
 import json
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +18,7 @@ from mambo_flight.world.world_file import Hall
 from mambo_model import schema
 from mambo_model.frames import flip_vector
 from mambo_ros import topics
+from mambo_ros.commands.client import check_namespace
 from mambo_ros.graph.wire import WireParams
 
 from .flight.nodes import (
@@ -43,6 +45,14 @@ class Plan(NamedTuple):
 
     nodes: list[tuple[str, str, dict[str, object]]]  # package, executable, parameters
     scenario: scenarios.Scenario | None  # for a parameter file of all nodes
+
+
+def almost(given: Iterable[str], known: Collection[str]) -> Iterator[str]:
+    """Yield a line for each name that is not known but is close to one that is."""
+    for name in given:
+        close = difflib.get_close_matches(name, known, 1, 0.75)
+        if close and name not in known:
+            yield f'{name}:= is unknown and ignored; did you mean {close[0]}:= ?'
 
 
 def choices(argument: str) -> tuple[str, ...]:
@@ -140,7 +150,12 @@ def flight(arguments: Mapping[str, str]) -> Flight:
         a bag that exists.
 
     """
+    check_namespace(arguments['namespace'].strip('/'))
     base, composed = _scenario(arguments), arguments['composed'] == 'true'
+    if arguments['speed'] and base.sim_node.mode != 'realtime':
+        raise FlightInputError(
+            f'speed:={arguments["speed"]} needs mode:=realtime: lockstep always runs at full '
+            'speed')
     world = build_world(
         {'world.drones': _read(arguments, 'drones')} if arguments['drones'] else {},
         scenario_file.load_world(arguments['scenario']) if arguments['scenario'] else None)
@@ -247,7 +262,7 @@ def replay_plan(arguments: Mapping[str, str]) -> Plan:
     ----------
     arguments
         Texts by name: ``bag``, ``rate``, ``source_namespace``, ``output`` (empty: not recorded)
-        and ``params_file`` (empty: the parameters in the bag, if any).
+        and ``params_file`` (empty: the parameters in the bag, if any), ``namespace``.
 
     Raises
     ------
@@ -259,6 +274,7 @@ def replay_plan(arguments: Mapping[str, str]) -> Plan:
         If the output exists.
 
     """
+    check_namespace(arguments['namespace'].strip('/'))
     bag = Path(arguments['bag']).expanduser().absolute()
     scenario = None
     if arguments['params_file']:

@@ -120,7 +120,7 @@ def test_every_node_of_a_replay_is_installed_and_has_the_parameters(bag, tmp_pat
 
 
 def is_installed(package, executable):
-    return f"'{executable} = {package}.{executable}:main'" in (
+    return f"'{executable} = mambo_ros.entry:{package}.{executable}'" in (
         SRC / package / 'setup.py').read_text()
 
 
@@ -228,11 +228,11 @@ def test_several_drones_have_namespaces_seeds_and_bags_of_their_own(tmp_path):
 
 
 def test_arguments_of_a_flight_are_parameters():
-    given = flown(trajectory='z_sine', estimator='ground_truth', mode='lockstep', speed='2',
+    given = flown(trajectory='z_sine', estimator='ground_truth', mode='realtime', speed='2',
                   duration='30', seed='7')
     assert given == scenario(
         'z_sine', 'ground_truth', duration=30.0, seed=7,
-        overrides={'sim_node.mode': 'lockstep', 'sim_node.speed': 2.0})
+        overrides={'sim_node.mode': 'realtime', 'sim_node.speed': 2.0})
     assert given.reference_node.plan.landing_time == 21.0  # as the runner lands
 
 
@@ -396,14 +396,53 @@ def test_launch_starts_the_nodes_of_the_plan(tmp_path):
     assert from_yaml(text).seed == 7 and '/two/sim_node:' in text
 
 
+@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('namespace', ['a b', '1st', 'm-2', 'a//b', 'm\n', '/'])
+def test_a_namespace_that_no_drone_can_have_is_refused(name, namespace):
+    plan = {'flight.launch.py': launching.flight, 'replay.launch.py': replay_plan}[name]
+    with pytest.raises(MamboError, match='^drone ') as refusal:
+        plan(arguments(name, namespace=namespace, bag='there'))
+    assert '\n' not in str(refusal.value)
+
+
+def test_a_speed_in_lockstep_is_refused():
+    with pytest.raises(FlightError, match='speed:=2 needs mode:=realtime'):
+        flight(mode='lockstep', speed='2')
+
+
+def test_a_name_that_is_almost_an_argument_is_told():
+    known = declared(FILES[0])
+    assert list(launching.almost(['trajectry', 'use_rviz', 'bag', 'my_robot'], known)) == [
+        'trajectry:= is unknown and ignored; did you mean trajectory:= ?']
+
+
 @installed
-def test_launch_ends_when_a_node_does_and_clears_up():
+@pytest.mark.parametrize(('ends', 'code', 'other'), [
+    ('exit 0', 0, 'goes on'), ('exit 3', 1, 'ended'), ('kill -9 $$', 1, 'ended')])
+def test_nodes_end_together_and_those_of_another_flight_only_after_a_failure(
+        tmp_path, monkeypatch, ends, code, other):
+    from launch import LaunchDescription, LaunchService
+    from launch.actions import ExecuteProcess
+    from mambo_bringup.flight import launch_actions
+    monkeypatch.setattr(launch_actions, 'Node', ExecuteProcess)
+    flight, beside = launch_actions._Together(), launch_actions._Together()
+    log, slow = tmp_path / 'log', "trap 'echo ended >> {0}; exit 0' INT; sleep {1} & wait $!; {2}"
+    nodes = [
+        flight.node(cmd=['bash', '-c', f'sleep 1; {ends}']),
+        flight.node(cmd=['bash', '-c', slow.format(log, 20, 'true')]),
+        flight.node(cmd=['bash', '-c', slow.format(log, 20, 'true')], watches=True),
+        beside.node(cmd=['bash', '-c', slow.format(log, 2, f'echo goes on >> {log}')])]
+    service = LaunchService()
+    service.include_launch_description(LaunchDescription(nodes))
+    assert service.run() == code
+    assert sorted(log.read_text().split('\n')) == sorted(['', 'ended', 'ended', other])
+
+
+@installed
+def test_launch_clears_up():
     from launch.events import Shutdown
     context, actions = launched('flight.launch.py')
     nodes = nodes_of(actions)
-    for node in nodes:
-        ends = 'Shutdown' in repr(node._ExecuteLocal__on_exit)
-        assert ends == (node.node_executable != 'description_node')
     [handler] = [action.event_handler for action in actions if hasattr(action, 'event_handler')]
     given = words(context, nodes[0])
     file = Path(given[given.index('--params-file') + 1])

@@ -34,7 +34,7 @@ class Entry:
         return Entry(f'{self.name}.{name}')
 
     def __call__(self) -> None:
-        """Load the module and run its ``main``; on a signal before exit with 128 and its number."""
+        """Load the module and run its ``main``; exit with 128 plus a signal that comes before."""
         def leave(number: int, _: object) -> None:
             with contextlib.suppress(OSError):
                 os.write(2, f'{self.name.rpartition(".")[2]}: ended by '

@@ -6,11 +6,14 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 import shutil
 import tempfile
+from typing import Any
 
 from launch import LaunchContext
 from launch.action import Action
-from launch.actions import DeclareLaunchArgument, RegisterEventHandler, Shutdown
+from launch.actions import DeclareLaunchArgument, EmitEvent, LogInfo, RegisterEventHandler
 from launch.event_handlers import OnShutdown
+from launch.events.process import ProcessExited, ShutdownProcess
+from launch.events.matchers import matches_action
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -20,6 +23,7 @@ from mambo_ros.topics import OWN
 
 from .. import launching
 from ..launching import Process
+from ..processes import FlightError
 from .nodes import DESCRIPTION, RECORDER
 
 PATIENCE = '20'  # s that a node has to close its bag, after which launch ends it
@@ -29,6 +33,40 @@ def texts(context: LaunchContext, arguments: Iterable[DeclareLaunchArgument]) ->
     """Return the values of launch arguments by name."""
     return {argument.name: LaunchConfiguration(argument.name).perform(context)
             for argument in arguments}
+
+
+def misspelled(
+        context: LaunchContext, arguments: Iterable[DeclareLaunchArgument]) -> list[Action]:
+    """Return a line for each given name that is none of the arguments, but almost is."""
+    return [LogInfo(msg=f'launch argument {line}') for line in launching.almost(
+        context.launch_configurations, [argument.name for argument in arguments])]
+
+
+class _Together:
+    """
+    Nodes that end together: when one ends, the others do; if it failed, launch fails too.
+
+    Other nodes of the launch go on, such as those of a second include.
+    """
+
+    def __init__(self) -> None:
+        self._nodes: list[Node] = []
+
+    def node(self, watches: bool = False, **options: Any) -> Node:
+        """Return a node of the group; one that only watches does not end the others."""
+        made = Node(output='screen', sigterm_timeout=PATIENCE,
+                    on_exit=None if watches else self._end, **options)
+        self._nodes.append(made)
+        return made
+
+    def _end(self, event: ProcessExited, context: LaunchContext) -> list[Action]:
+        """End the other nodes; raise for a failure, which ends launch with exit code 1."""
+        if context.is_shutdown:
+            return []
+        if event.returncode:
+            raise FlightError(f'{event.process_name} ended with exit code {event.returncode}')
+        return [EmitEvent(event=ShutdownProcess(process_matcher=matches_action(node)))
+                for node in self._nodes if node is not event.action]
 
 
 def _folder() -> tuple[Path, Action]:
@@ -62,6 +100,7 @@ class FlightNodes:
         self._level = given['log_level']
         folder, self.cleanup = _folder()
         self.left = launching.processes(plan, folder)
+        self._together = _Together()
 
     def nodes(self, package: str, executable: str) -> list[Action]:
         """Return a node for each drone that has it as a process; none if it is not asked for."""
@@ -70,12 +109,11 @@ class FlightNodes:
         return [self._node(one) for one in taken]
 
     def _node(self, one: Process) -> Node:
-        """Return the action of a process; the launch ends with it unless it only watches."""
+        """Return the action of a process; the flight ends with it unless it only watches."""
         level = ['--ros-args', '--log-level', self._level] if self._level else []
-        return Node(
+        return self._together.node(
             package=one.package, executable=one.executable, arguments=[*one.arguments, *level],
-            output='screen', sigterm_timeout=PATIENCE,
-            on_exit=None if one[:2] == DESCRIPTION else Shutdown())
+            watches=one[:2] == DESCRIPTION)
 
 
 def replay_nodes(given: Mapping[str, str]) -> list[Action]:
@@ -83,6 +121,7 @@ def replay_nodes(given: Mapping[str, str]) -> list[Action]:
     loopback.check()
     plan = launching.replay_plan(given)
     actions: list[Action] = []
+    together = _Together()
     common: list[str] = []
     namespace = given['namespace'].strip('/')
     if plan.scenario is not None:
@@ -96,10 +135,9 @@ def replay_nodes(given: Mapping[str, str]) -> list[Action]:
             parameters = {**parameters, 'scenario': common[0]}
         own = {name: ParameterValue(value, value_type=type(value))
                for name, value in parameters.items()}
-        actions.append(Node(
+        actions.append(together.node(
             package=package, executable=executable, namespace=namespace,
-            parameters=[*common, own] if own else common, output='screen',
+            parameters=[*common, own] if own else common,
             remappings=[(f'/{topic}', topic) for topic in OWN]
-            if given['own_clock'] == 'true' else None,
-            sigterm_timeout=PATIENCE, on_exit=Shutdown()))
+            if given['own_clock'] == 'true' else None))
     return actions

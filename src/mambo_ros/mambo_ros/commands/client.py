@@ -113,7 +113,7 @@ def check_namespace(namespace: str) -> None:
 
     """
     try:
-        if not namespace.isprintable():
+        if not namespace.strip('/') or not namespace.isprintable():
             raise TypeError
         validate_namespace(f'/{namespace.removeprefix("/")}')
     except InvalidNamespaceException as error:
