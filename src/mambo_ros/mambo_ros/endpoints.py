@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
@@ -17,6 +18,11 @@ from .message_taker import MessageTaker
 AT_ONCE = 100
 """Most messages taken from one topic before timers and other topics are served."""
 _BYTES_AT_ONCE = 1_000_000  # most bytes, likewise
+
+
+# of a subscription that a loop waits for: an event that nobody takes would end every wait at once;
+# graph.peers tells what the events would
+NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 
 
 class LoopGroup(CallbackGroup):

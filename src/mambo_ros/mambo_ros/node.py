@@ -23,7 +23,7 @@ from . import diagnostics, params, topics
 from .commands.bounded_service import BoundedService
 from .commands.live import Live
 from .commands.table import Service
-from .endpoints import Input, LoopGroup, qos, RawPublisher
+from .endpoints import Input, LoopGroup, NO_EVENTS, qos, RawPublisher
 from .graph import peers
 from .graph.publisher_guard import PublisherGuard
 from .graph.wire import WireParams
@@ -148,7 +148,8 @@ class MamboNode(diagnostics.Faulty, Live, Node, Generic[P]):
         """Create the subscription of an input at the middleware."""
         self._sources[entry.name] = self.create_subscription(
             entry.topic.msg_type, entry.name, entry.take,
-            qos(entry.topic, reliable=entry.reliable), callback_group=self._lean, raw=True)
+            qos(entry.topic, reliable=entry.reliable), callback_group=self._lean, raw=True,
+            event_callbacks=NO_EVENTS)
         return self._sources[entry.name]
 
     @property

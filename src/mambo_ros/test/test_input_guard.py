@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import math
 from pathlib import Path
 import struct
+import time
 
 from mambo_model import schema
 from mambo_model.vehicle.parameters import Vehicle
@@ -14,8 +15,9 @@ from mambo_ros.input_guard import InputGuard
 from mambo_ros.loop import Loop
 from mambo_ros.node import MamboNode
 import pytest
+from rclpy.duration import Duration
 import rclpy.node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from ros_helpers import until
 
 STEP = 5_000_000  # ns
@@ -273,6 +275,35 @@ class TestInTheGraph:
             '/mambo/motor_pwm: /mambo/driver offers reliability best_effort, /mambo/listener '
             'requests reliable: nothing arrives; ')
         assert not driver.get_subscription_count()
+
+    @pytest.mark.parametrize('reliability', [
+        ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT])
+    def test_no_publisher_keeps_the_loop_from_waiting(self, graph, reliability):
+        node, loop = graph
+        stranger = self.other('stranger', reliability)
+        until(lambda: node.count_publishers(topics.MOTOR_PWM.name), 'it', lambda: loop.once(0.01))
+        stranger.publish(messages.motor_pwm(STEP, STILL, False, 0))
+        while loop.once(0.01):
+            pass
+        turns, end = 0, time.monotonic() + 0.5
+        while time.monotonic() < end:
+            loop.once(0.05)
+            turns += 1
+        assert turns < 200  # thousands if an event that nobody takes ends each wait at once
+
+    @pytest.mark.parametrize(('policy', 'reason'), [
+        ({'deadline': Duration(seconds=0.1)}, 'deadline'),
+        ({'liveliness': LivelinessPolicy.MANUAL_BY_TOPIC}, 'liveliness')])
+    def test_a_reader_that_asks_for_more_is_named_whatever_the_policy(self, graph, policy, reason):
+        node, loop = graph
+        outsider = rclpy.node.Node('viewer', namespace='mambo')
+        outsider.create_subscription(
+            topics.DIAGNOSTICS.msg_type, topics.DIAGNOSTICS.name, print, QoSProfile(
+                depth=1, **policy))
+        until(lambda: node.warned, 'the warning', lambda: loop.once(0.01))
+        assert node.warned[0].startswith(
+            '/diagnostics: /mambo/viewer requests what /mambo/listener does not offer: nothing '
+            'arrives (') and reason in node.warned[0]
 
     def test_an_incompatible_reader_is_named_too(self, graph):
         node, loop = graph

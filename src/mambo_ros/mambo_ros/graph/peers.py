@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy, qos_check_compatible, QoSCompatibility, QoSProfile, ReliabilityPolicy)
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 
@@ -44,6 +45,7 @@ def crowd(topic: str, infos: list[TopicEndpointInfo]) -> str:
 def incompatible(name: str, offered: QoSProfile, asked: QoSProfile, publisher: str,
                  reader: str) -> Iterator[str]:
     """Yield a line for each policy that a reader requests and a publisher does not offer."""
+    known = False
     for policy, weak, strong, remedy in (
             ('reliability', ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE,
              'let the reader request best_effort (sensor_reliability of the estimator) or the '
@@ -51,8 +53,13 @@ def incompatible(name: str, offered: QoSProfile, asked: QoSProfile, publisher: s
             ('durability', DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL,
              'let the reader request volatile or the publisher offer transient_local')):
         if getattr(offered, policy) == weak and getattr(asked, policy) == strong:
+            known = True
             yield (f'{name}: {publisher} offers {policy} {weak.name.lower()}, {reader} requests '
                    f'{strong.name.lower()}: nothing arrives; {remedy}')
+    verdict, reason = qos_check_compatible(offered, asked)
+    if verdict == QoSCompatibility.ERROR and not known:  # deadline, liveliness
+        yield (f'{name}: {reader} requests what {publisher} does not offer: nothing arrives '
+               f'({reason.removeprefix("ERROR: ").rstrip("; ")})')
 
 
 class Peers:
