@@ -8,6 +8,8 @@ from typing import Any
 from mambo_flight import commanded
 from mambo_flight.scenario import Scenario
 
+from . import given
+
 
 def command(name: str, drone: str = '/mambo', **arguments: Any) -> str:
     """
@@ -38,7 +40,9 @@ def command(name: str, drone: str = '/mambo', **arguments: Any) -> str:
         If no flight answers, or it refuses the command; the text is the reason.
 
     """
-    return commanded.send(name, drone, **arguments)
+    if 'parameters' in arguments:
+        arguments['parameters'] = given.parameters(arguments['parameters'])
+    return commanded.send(name, drone, **given.plain(arguments))
 
 
 def recorded_commands(bag: Path | str) -> Scenario:
@@ -53,4 +57,4 @@ def recorded_commands(bag: Path | str) -> Scenario:
         If the bag is not one of a commanded flight.
 
     """
-    return commanded.scenario_of(Path(bag))
+    return commanded.scenario_of(given.path(bag, 'bag'))

@@ -10,7 +10,6 @@ import tempfile
 from typing import Any, TYPE_CHECKING
 
 from mambo_analysis.compare import figures
-from mambo_bags.command import refuse_existing
 from mambo_bags.reader import Bag, read_bag
 from mambo_control.controllers import REGISTRY as CONTROLLERS
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
@@ -23,6 +22,8 @@ from mambo_model.errors import InputError
 import numpy as np
 from numpy.typing import NDArray
 import pandas
+
+from . import given
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -99,8 +100,9 @@ class Flight:
             If the path exists or cannot be made.
 
         """
-        path = Path(path)
-        refuse_existing(path)
+        path = given.path(path, 'path')
+        if path.exists():
+            raise InputError(f'{path} exists: give another path or remove it')
         recording_to_bag.check(self.scenario)
         recording_to_bag.write(path, self.scenario, self.recording)
         return read_bag(path)
@@ -118,8 +120,9 @@ class Flight:
 
 def _named(thing: Any, offer: Callable[[Any], str]) -> str | None:
     """Return the name of what is flown: itself, or one under which an object is offered."""
-    return thing if thing is None or isinstance(thing, str) else (
-        str(thing) if isinstance(thing, Path) else offer(thing))
+    if thing is None or isinstance(thing, str):
+        return thing
+    return str(thing) if isinstance(thing, Path) else offer(thing)
 
 
 def fly(
@@ -172,22 +175,23 @@ def fly(
         'controller': _named(controller, CONTROLLERS.offer),
         'duration': duration, 'seed': seed, 'vehicle': vehicle, 'believed': believed,
         'noise': noise, 'landing': landing}
-    given = {name: scenario_file.Place(value, name)
-             for name, value in choices.items() if value is not None}
+    chosen_ones = {name: scenario_file.Place(given.plain(value), name)
+                   for name, value in choices.items() if value is not None}
+    values = given.parameters(parameters)
     if isinstance(scenario, Scenario):
-        if given:
+        if chosen_ones:
             raise InputError(
-                f'{", ".join(given)}: a Scenario has its own; give them as parameters')
+                f'{", ".join(chosen_ones)}: a Scenario has its own; give them as parameters')
         name, chosen = 'scenario', scenario
     elif scenario is None:
-        chosen = scenario_file.from_settings(given)
+        chosen = scenario_file.from_settings(chosen_ones)
         name = '_'.join(Path(one).stem.partition(' ')[0] for one in (
             choices['trajectory'] or 'circle', chosen.estimator_node.estimator))
     else:
-        name, chosen = scenario_file.load(str(scenario), given)
-    chosen = override(chosen, parameters or {})
+        name, chosen = scenario_file.load(str(given.path(scenario, 'scenario')), chosen_ones)
+    chosen = override(chosen, values)
     unused.refuse(
-        dict.fromkeys(parameters or {}, 'parameters'),
+        dict.fromkeys(values, 'parameters'),
         estimators=[chosen.estimator_node.estimator],
         controllers=[chosen.controller_node.controller])
     if not chosen.sim_node.duration > 0.0:

@@ -15,6 +15,7 @@ from mambo_flight import offline_replay, scenario, unused
 from mambo_model.errors import InputError
 import pandas
 
+from . import given
 from .flights import Flight, STATE
 
 
@@ -37,7 +38,9 @@ def open_bag(path: Path | str, namespace: str | None = None) -> Bag:
         If it cannot be read.
 
     """
-    return read_bag(Path(path), None, namespace)
+    if not isinstance(namespace, str | None):
+        raise InputError(f'namespace: must be text, not {namespace!r}')
+    return read_bag(given.path(path, 'bag'), None, namespace)
 
 
 def _bag(source: Bag | Flight | Path | str) -> Bag:
@@ -182,7 +185,7 @@ def estimate(
     """
     bag = _bag(source)
     node = estimating.parameters(bag)
-    values = dict(parameters or {})
+    values = given.parameters(parameters)
     if estimator is not None:
         values['estimator'] = estimator
     changed = {f'estimator_node.{name}': value for name, value in values.items()}

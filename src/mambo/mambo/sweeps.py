@@ -8,8 +8,11 @@ import tempfile
 from typing import Any
 
 from mambo_flight.sweep import command
+from mambo_model.errors import InputError
 import pandas
 import yaml
+
+from . import given
 
 
 def sweep(
@@ -37,8 +40,18 @@ def sweep(
 
     """
     with tempfile.TemporaryDirectory(prefix='mambo_') as folder:
-        file = Path(what) if not isinstance(what, Mapping) else Path(folder) / 'sweep.yaml'
         if isinstance(what, Mapping):
-            file.write_text(yaml.safe_dump(dict(what), sort_keys=False))
-        out = Path(output) if output is not None else Path(folder) / 'sweep.parquet'
+            file = Path(folder) / 'sweep.yaml'
+            file.write_text(_text(what))
+        else:
+            file = given.path(what, 'sweep')
+        out = Path(folder) / 'sweep.parquet' if output is None else given.path(output, 'output')
         return pandas.DataFrame(command.sweep(file, out, ideal, workers))
+
+
+def _text(what: Mapping[str, Any]) -> str:
+    """Return a sweep file with the content of a mapping."""
+    try:
+        return yaml.safe_dump(given.plain(what), sort_keys=False)
+    except yaml.YAMLError as error:
+        raise InputError(f'sweep: {" ".join(map(str, error.args))}') from None

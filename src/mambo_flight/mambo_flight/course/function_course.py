@@ -68,7 +68,15 @@ def offer(function: Function) -> str:
 
     Its source may be in a notebook. The hash is that of the source text if Python knows it, else
     of the compiled function.
+
+    Raises
+    ------
+    InputError
+        If it cannot be called.
+
     """
+    if not callable(function):
+        raise InputError(f'trajectory: {function!r} is neither a name, a path nor a function')
     name = getattr(function, '__name__', type(function).__name__).strip('<>')
     path, sha256 = script_source(function)
     key = f'{name} of a script, sha256 {sha256}'

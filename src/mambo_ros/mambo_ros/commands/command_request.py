@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+import inspect
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Duration
@@ -96,16 +97,29 @@ def prepare(name: str, arguments: Mapping[str, Any]) -> tuple[table.Service, Any
         For a command or argument that does not exist or has a wrong value.
 
     """
+    if name != SET and name not in COMMANDS:
+        raise InputError(f'{name}: is none of {", ".join((*COMMANDS, SET))}')
+    _check(name, _setting if name == SET else COMMANDS[name].request, arguments)
     if name == SET:
         kind, arguments = _setting(**arguments)
-    elif name in COMMANDS:
-        kind = COMMANDS[name]
     else:
-        raise InputError(f'{name}: is none of {", ".join((*COMMANDS, SET))}')
+        kind = COMMANDS[name]
     try:
         return kind.service, kind.request(**arguments)
     except (AssertionError, TypeError, ValueError) as error:
         raise InputError(f'{name}: {error}') from None
+
+
+def _check(name: str, make: Callable[..., Any], arguments: Mapping[str, Any]) -> None:
+    """Raise InputError if a command has an argument that it does not take, or lacks one."""
+    known = {} if isinstance(make, type) else inspect.signature(make).parameters
+    takes = f'; it takes {", ".join(known)}' if known else ''
+    for argument in arguments:
+        if argument not in known:
+            raise InputError(f'{name}: {argument} is not an argument of this command{takes}')
+    for argument, about in known.items():
+        if about.default is about.empty and argument not in arguments:
+            raise InputError(f'{name}: {argument} is missing{takes}')
 
 
 def answer(name: str, response: Any) -> str:

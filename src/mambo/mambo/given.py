@@ -1,0 +1,53 @@
+"""What a script gives, checked before it is used: paths, parameters, numbers of numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import os
+from pathlib import Path
+from typing import Any
+
+from mambo_model.errors import InputError
+import numpy as np
+
+
+def plain(value: Any) -> Any:
+    """Return a value with its numbers and arrays of numpy as numbers and lists of Python."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {plain(key): plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return type(value)(map(plain, value)) if type(value) in (list, tuple) else value
+    return value
+
+
+def parameters(values: Mapping[str, Any] | None) -> dict[str, Any]:
+    """
+    Return parameters by name as plain values; nothing for None.
+
+    Raises
+    ------
+    InputError
+        If they are not a mapping from names.
+
+    """
+    if values is None:
+        return {}
+    if not isinstance(values, Mapping):
+        raise InputError(f"parameters: must be {{'name': value}}, not {_kind(values)}")
+    for name in values:
+        if not isinstance(name, str):
+            raise InputError(f'parameters: the name {name!r} must be text')
+    return plain(values)
+
+
+def path(value: Any, name: str) -> Path:
+    """Return a path; InputError naming the argument if it is none."""
+    if not isinstance(value, str | os.PathLike):
+        raise InputError(f'{name}: must be a path, not {_kind(value)}')
+    return Path(value)
+
+
+def _kind(value: Any) -> str:
+    return 'None' if value is None else f'a value of type {type(value).__name__}'
