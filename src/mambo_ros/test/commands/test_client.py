@@ -13,7 +13,8 @@ from rclpy.executors import SingleThreadedExecutor
 
 @pytest.mark.parametrize(('name', 'arguments', 'words'), [
     ('fly', {}, 'fly: is none of takeoff, land'),
-    ('takeoff', {}, 'takeoff: height is missing; it takes height'), ('takeoff', {'heigth': 1.0}, 'takeoff: .*heigth'),
+    ('takeoff', {}, 'takeoff: height is missing; it takes height'),
+    ('takeoff', {'heigth': 1.0}, 'takeoff: .*heigth'),
     ('takeoff', {'height': 'x'}, 'takeoff: '), ('go_to', {'goal': (1, 2)}, 'go_to: '),
     ('land', {'duration': -1.0}, 'duration = -1 s'), ('land', {'duration': math.nan}, 'duration'),
     ('land', {'duration': 1e12}, 'duration'), ('step', {'steps': -1}, 'steps = -1'),
