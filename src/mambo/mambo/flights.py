@@ -118,11 +118,15 @@ class Flight:
         return figures.overview(self.bag, self.name)
 
 
-def _named(thing: Any, offer: Callable[[Any], str]) -> str | None:
+def _named(what: str, thing: Any, offer: Callable[[Any], str]) -> str | None:
     """Return the name of what is flown: itself, or one under which an object is offered."""
     if thing is None or isinstance(thing, str):
         return thing
-    return str(thing) if isinstance(thing, Path) else offer(thing)
+    if isinstance(thing, Path):
+        return str(thing)
+    if not callable(thing) and not hasattr(thing, 'step'):
+        raise InputError(f'{what}: {thing!r} is neither a name, a path, a function nor a class')
+    return offer(thing)
 
 
 def fly(
@@ -170,9 +174,9 @@ def fly(
 
     """
     choices = {
-        'trajectory': _named(trajectory, function_course.offer),
-        'estimator': _named(estimator, ESTIMATORS.offer),
-        'controller': _named(controller, CONTROLLERS.offer),
+        'trajectory': _named('trajectory', trajectory, function_course.offer),
+        'estimator': _named('estimator', estimator, ESTIMATORS.offer),
+        'controller': _named('controller', controller, CONTROLLERS.offer),
         'duration': duration, 'seed': seed, 'vehicle': vehicle, 'believed': believed,
         'noise': noise, 'landing': landing}
     chosen_ones = {name: scenario_file.Place(given.plain(value), name)

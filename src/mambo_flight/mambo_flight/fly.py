@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+import math
 from pathlib import Path
 import sys
 import time
@@ -63,6 +64,8 @@ class _Announced(event.Listener):
 def _errors(metrics: Mapping[str, Any]) -> str:
     """Return the errors of a flight in a few words."""
     ending = f'; motors stopped ({metrics["shutdown_reason"]})' if metrics['shutdown'] else ''
+    if math.isnan(metrics['tracking_rms']):
+        return f'no errors to tell: it was never in flight{ending}'
     return (f'tracking error in flight {metrics["tracking_rms"]:.3g} m RMS, '
             f'{metrics["tracking_max"]:.3g} m at most; '
             f'estimation error {metrics["estimation_rms"]:.3g} m RMS{ending}')

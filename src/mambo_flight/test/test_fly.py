@@ -1,5 +1,6 @@
 """The command fly: which flight is meant, what it says, and what it refuses before it flies."""
 
+import math
 import re
 import time
 from types import SimpleNamespace
@@ -51,6 +52,15 @@ def test_a_file_is_flown_as_it_says(file, tmp_path, capsys, flown):
     assert output[-3].endswith('tracking error in flight 0.0123 m RMS, 0.1 m at most; '
                                'estimation error 0.2 m RMS; motors stopped (crash)')
     assert output[-2].endswith(' times real time') and output[-1] == f'bag: {tmp_path / "bag"}'
+
+
+def test_a_flight_that_stays_on_the_floor_has_no_errors(
+        file, tmp_path, monkeypatch, capsys, flown):
+    monkeypatch.setattr(fly.monte_carlo, 'measure', lambda flight, recording: METRICS | {
+        'tracking_rms': math.nan, 'shutdown': False})
+    assert fly.main([file, '-o', str(tmp_path / 'bag')]) == 0
+    output = capsys.readouterr().out.splitlines()
+    assert output[-3].endswith(': no errors to tell: it was never in flight')
 
 
 def test_a_recorded_flight_is_flown_again_with_its_commands(tmp_path, flown, file, monkeypatch,

@@ -18,7 +18,7 @@ def main():
     print(sys.argv[1:], signal.getsignal(signal.SIGINT).__qualname__)
     return 3
 """
-RUN = 'from mambo_ros import entry; entry.package.{}_node()'
+RUN = 'import sys; sys.path.insert(0, ""); from mambo_ros import entry; entry.package.{}_node()'
 
 
 def start(folder, name, text, *words, **options):

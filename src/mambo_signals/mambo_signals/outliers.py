@@ -78,5 +78,5 @@ def impossible(times: Floats, position: Floats, orientation: Floats) -> Bools:
 def describe(name: str, count: int) -> str:
     """Return a line that reports rejected poses."""
     return (f'{name}: {count} impossible pose{"s" * (count != 1)} left out, reached faster than '
-            f'{np.degrees(FASTEST_TURN):.0f} deg/s or {FASTEST:g} m/s: the tracker mixed up its '
-            'markers')
+            f'{np.degrees(FASTEST_TURN):.0f} deg/s or {FASTEST:g} m/s: mixed-up markers, or wrong '
+            'times or units')

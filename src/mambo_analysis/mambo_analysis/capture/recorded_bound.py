@@ -248,9 +248,9 @@ def _run(options: argparse.Namespace) -> None:
                              'motion capture; a scenario has its own')
         bound.compare(options)
         return
-    if options.vary or options.slope is not None or options.beside:
-        raise InputError(f'{options.scenario}: a recording has been flown, so --vary, --slope and '
-                         '--beside do not apply')
+    if given := bound.flown_already(options, 'beside'):
+        raise InputError(f'{options.scenario}: a recording has been flown: leave out '
+                         f'{", ".join(given)}')
     bag = read_bag(Path(options.scenario))
     duration, lines = of_bag(bag, parameters(bag, options.parameters).joint)
     if options.json:

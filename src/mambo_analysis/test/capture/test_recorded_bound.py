@@ -115,7 +115,8 @@ def test_a_table_has_the_ratio_of_each_quantity():
 
 
 @pytest.mark.parametrize(('options', 'message'), [
-    (['--vary'], 'a recording has been flown, so --vary, --slope and --beside do not apply'),
+    (['--vary', '--beside', 'kalman'], 'has been flown: leave out --vary, --beside'),
+    (['--seeds', '3'], 'a recording has been flown: leave out --seeds'),
     ([], 'b: no topic /mambo/imu/data_raw; it has /mambo/optitrack/pose')])
 def test_a_recording_that_cannot_be_bounded_is_one_line(options, message, tmp_path, capsys):
     make_capture(tmp_path / 'b')

@@ -58,17 +58,27 @@ def check_slopes(flight: Scenario, slopes: Iterable[float], vary: bool) -> None:
 
 def add_seeds(out: Parser, default: int, what: str = 'how many flights') -> None:
     """Add the options of a command that flies many seeds; :func:`seeds_of` reads them."""
-    out.add_argument('--seeds', type=whole(1, MOST), default=default, metavar='N',
-                     help=f'{what} (default: %(default)s)')
-    out.add_argument('--first', type=whole(0, LAST), default=1, metavar='SEED',
-                     help='seed of the first (default: %(default)s)')
+    out.add_argument('--seeds', type=whole(1, MOST), metavar='N',
+                     help=f'{what} (default: {default})')
+    out.add_argument('--first', type=whole(0, LAST), metavar='SEED',
+                     help='seed of the first (default: 1)')
+    out.set_defaults(usual_seeds=default)
 
 
 def seeds_of(options: argparse.Namespace) -> range:
     """Return the seeds of the options; InputError for none, too many or one out of range."""
-    if options.first > LAST + 1 - options.seeds:
-        raise InputError(f'--first {options.first}: every seed must be within 0 to {LAST}')
-    return range(options.first, options.first + options.seeds)
+    count = options.usual_seeds if options.seeds is None else options.seeds
+    first = 1 if options.first is None else options.first
+    if first > LAST + 1 - count:
+        raise InputError(f'--first {first}: every seed must be within 0 to {LAST}')
+    return range(first, first + count)
+
+
+def flown_already(options: argparse.Namespace, *others: str) -> list[str]:
+    """Return which options that only a scenario takes are given."""
+    names = ('seeds', 'first', 'vary', 'slope', *others)
+    values = vars(options)  # 0 is a value that was given
+    return [f'--{name}' for name in names if not any(values[name] is no for no in (None, False))]
 
 
 def flights_of(
@@ -76,9 +86,9 @@ def flights_of(
 ) -> Iterator[tuple[Scenario, closed_loop.Recording | from_bag.Samples]]:
     """Return the flight of a bag, or fly the scenario once for each seed."""
     if from_bag.is_bag(options.scenario):
-        if options.vary or options.slope is not None:
-            raise InputError(f'{options.scenario}: a bag has been flown, so --vary and --slope '
-                             'do not apply')
+        if given := flown_already(options):
+            raise InputError(f'{options.scenario}: a bag has been flown: leave out '
+                             f'{", ".join(given)}')
         yield from_bag.read(Path(options.scenario))
         return
     seeds, flight = seeds_of(options), flight_of(options.scenario)

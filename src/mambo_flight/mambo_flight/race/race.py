@@ -53,12 +53,14 @@ def race(
     Raises
     ------
     InputError
-        If the unfinished rows in the folder belong to another comparison, or there is no page
-        to add to.
+        If the folder is a bag, the unfinished rows in it belong to another comparison, or there
+        is no page to add to.
     SweepEndedError
         If it was interrupted; the finished rows are kept.
 
     """
+    if (folder / 'metadata.yaml').exists():
+        raise InputError(f'{folder}: is a bag; give a folder for the page')
     steps, before = report.load(folder / NUMBERS) if add else ({}, [])
     folder.mkdir(parents=True, exist_ok=True)
     found: list[report.Result] = []
@@ -97,9 +99,9 @@ def _write(
         {'steps_us': steps, 'results': [r._asdict() for r in found]}, indent=1) + '\n')
 
 
-def _names(text: str, known: Sequence[str], option: str) -> list[str]:
+def _names(text: str | None, known: Sequence[str], option: str) -> list[str]:
     """Return the names of a comma-separated list; InputError for an unknown one."""
-    names = text.split(',') if text else list(known)
+    names = text.split(',') if text is not None else list(known)
     for name in names:
         if name not in known:
             raise InputError(f'{option}: {name} is unknown; known: {", ".join(known)}')
@@ -110,8 +112,9 @@ def _names(text: str, known: Sequence[str], option: str) -> list[str]:
 
 
 def _run(options: argparse.Namespace) -> None:
-    given = options.controllers.split(',') if options.controllers else [
-        name for name in ENTRANTS if name not in SLOW]
+    given = [name for name in ENTRANTS if name not in SLOW]
+    if options.controllers is not None:
+        given = options.controllers.split(',')
     names = (enter([*given, *options.controller]),
              _names(options.courses, COURSES, '--courses'),
              _names(options.conditions, list(CONDITIONS), '--conditions'))
@@ -134,12 +137,12 @@ def parser() -> Parser:
     add('--controller', default=[], action='append', metavar='NAME',
         help='add a controller of yours: FILE.py, FILE.py:NAME, or an installed one; '
         'repeatable')
-    add('--controllers', default='', metavar='A,B,...',
+    add('--controllers', metavar='A,B,...',
         help=f'comma-separated names out of {", ".join(ENTRANTS)} (default: all but '
         f'{", ".join(SLOW)}, which needs a package of its own and is slow)')
     for name, known in (('courses', COURSES), ('conditions', CONDITIONS)):
-        add(f'--{name}', default='', metavar='A,B,...', help=f'out of {", ".join(known)}')
-    add('--state', default='', metavar='A,B,...',
+        add(f'--{name}', metavar='A,B,...', help=f'out of {", ".join(known)}')
+    add('--state', metavar='A,B,...',
         help=f'what the controllers get, out of {", ".join(STATES)}: the true state, an estimate '
         'from the sensors on board, one that motion capture aids')
     add('--add', action='store_true',

@@ -117,14 +117,18 @@ def _fly(path: Path, number: int, out: Path) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     if options.measure:
+        others = {'--flight': options.flight, '--output': options.output,
+                  '--workers': options.workers, '--dask': options.dask}
+        if given := [name for name, value in others.items() if value is not None]:
+            raise SweepError(f'--measure only measures: leave out {", ".join(given)}')
         _measure(options.sweep, options.ideal)
         return
     if options.output is None:
         raise SweepError('give --output RESULT.parquet')
     if options.flight is not None:
-        if options.ideal or options.dask:
-            raise SweepError('--flight flies one flight here, with sensors: leave out --ideal '
-                             'and --dask')
+        if options.ideal or options.dask or options.workers:
+            raise SweepError('--flight flies one flight here, with sensors: leave out --ideal, '
+                             '--dask and --workers')
         _fly(options.sweep, options.flight, options.output)
         return
     try:

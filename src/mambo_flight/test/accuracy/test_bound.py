@@ -58,7 +58,9 @@ def test_command_prints_a_table_or_json(capsys):
     (['circle', '--slope', '1e308'], '--slope: 1e308 must be within -100 to 100 1/m'),
     (['circle', '--slope', '99'], 'slope 99 1/m: '),
     (['nonesuch'], 'nonesuch'),
-    ([BAG, '--vary'], f'{BAG}: a bag has been flown, so --vary and --slope do not apply'),
+    ([BAG, '--vary'], f'{BAG}: a bag has been flown: leave out --vary'),
+    ([BAG, '--seeds', '20', '--slope', '0'], f'{BAG}: a bag has been flown: leave out --seeds, -'),
+    ([BAG, '--first', '0'], f'{BAG}: a bag has been flown: leave out --first'),
     ([BAG], f'{BAG}: the flight must last more than 10 s after take-off')])
 def test_wrong_input_is_one_line(arguments, message, capsys):
     with pytest.raises(SystemExit) as end:

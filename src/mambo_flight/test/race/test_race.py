@@ -16,6 +16,8 @@ ROW = {'tracking_rms': 0.01, 'tracking_max': 0.1, 'tracking_final': 0.02, 'satur
 @pytest.mark.parametrize('options, message', [
     (['--controllers', 'indi,foo'], "controller 'foo' is unknown: give a file"),
     (['--controller', 'none.py'], 'none.py: No such file'),
+    (['--courses', ''], '--courses:  is unknown; known: circle, '),
+    (['--controllers', ''], "controller '' is unknown"),
     (['--courses', 'square'], '--courses: square is unknown; known: circle, '),
     (['--state', 'dreamt'], '--state: dreamt is unknown; known: true, estimated, aided'),
     (['--add'], 'controllers.json: No such file or directory: race without --add first'),
@@ -30,6 +32,13 @@ def test_what_cannot_be_flown_is_refused_in_one_line(tmp_path, capsys, options, 
     error = capsys.readouterr().err
     assert end.value.code == 2 and message in error and error.count('\n') == 1
     assert not (tmp_path / 'out').exists()
+
+
+def test_the_folder_of_a_bag_is_left_alone(tmp_path, capsys):
+    (tmp_path / 'metadata.yaml').write_text('')
+    assert race.main(['-o', str(tmp_path), '--draws', '1']) == 2
+    assert capsys.readouterr().err == f'race: {tmp_path}: is a bag; give a folder for the page\n'
+    assert [path.name for path in tmp_path.iterdir()] == ['metadata.yaml']
 
 
 def test_a_race_writes_its_page_and_goes_on_after_an_interruption(tmp_path, monkeypatch):

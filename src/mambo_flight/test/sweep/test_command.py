@@ -121,7 +121,9 @@ def test_one_flight_of_a_sweep_is_flown_as_it_stands_in_the_table(
     (tmp_path / 'there').mkdir()
     for words, told in (
             (['--flight', '2'], 'the last flight of'), (['--flight', '-1'], '--flight'),
-            (['--flight', '0', '--ideal'], 'leave out --ideal')):
+            (['--flight', '0', '--ideal'], 'leave out --ideal'),
+            (['--flight', '0', '--workers', '2'], '--dask and --workers'),
+            (['--measure', '--flight', '0'], 'only measures: leave out --flight, --output')):
         with pytest.raises(SystemExit) if '-1' in words else contextlib.nullcontext():
             assert main([str(file), *words, '-o', str(tmp_path / 'other')]) == 2
         assert told in capsys.readouterr().err

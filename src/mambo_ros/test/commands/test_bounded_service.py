@@ -1,4 +1,4 @@
-"""Requests to set parameters have a bounded size."""
+"""Requests to set parameters have a bounded size and known types."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,7 @@ from mambo_model import schema
 from mambo_ros.commands.bounded_service import MOST
 from mambo_ros.node import MamboNode
 import pytest
+from rcl_interfaces.msg import Parameter as Message, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 import rclpy
 from rclpy.parameter import Parameter
@@ -39,3 +40,23 @@ def test_too_many_at_once_are_refused_unread(kind, name, count, refused):
     assert len(results) == (count if kind is SetParameters else 1)
     assert not any(one.successful for one in results)
     assert all(('in one request' in one.reason) == refused for one in results)
+
+
+@pytest.mark.parametrize('kind, name', [
+    (SetParameters, 'set_parameters'), (SetParametersAtomically, 'set_parameters_atomically')])
+def test_a_type_that_ros_does_not_have_is_refused(kind, name):
+    node, asking = MamboNode('one', Params), rclpy.create_node('asking')
+    fixed = Parameter('gain', value=2.0).to_parameter_msg()
+    with serving(node):
+        client = asking.create_client(kind, f'/mambo/one/{name}')
+        assert client.wait_for_service(PATIENCE)
+        future = client.call_async(kind.Request(parameters=[
+            fixed, Message(name='gain', value=ParameterValue(type=77)), fixed]))
+        rclpy.spin_until_future_complete(asking, future, timeout_sec=PATIENCE)
+        answer = future.result()
+    asking.destroy_node()
+    results = answer.results if kind is SetParameters else [answer.result]
+    assert len(results) == (3 if kind is SetParameters else 1)
+    assert not any(one.successful for one in results)
+    assert [one.reason for one in results if 'type 77' in one.reason] == [
+        'gain: type 77 is none of rcl_interfaces/ParameterType']
