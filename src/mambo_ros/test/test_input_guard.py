@@ -301,9 +301,22 @@ class TestInTheGraph:
             topics.DIAGNOSTICS.msg_type, topics.DIAGNOSTICS.name, print, QoSProfile(
                 depth=1, **policy))
         until(lambda: node.warned, 'the warning', lambda: loop.once(0.01))
-        assert node.warned[0].startswith(
-            '/diagnostics: /mambo/viewer requests what /mambo/listener does not offer: nothing '
-            'arrives (') and reason in node.warned[0]
+        assert node.warned[0] == (
+            f'/diagnostics: /mambo/viewer requests a stricter {reason} than /mambo/listener '
+            'offers: nothing arrives; leave it out')
+
+    def test_compatible_ends_are_not_warned_of(self, graph):
+        node, loop = graph
+        self.other('first')
+        viewer = rclpy.node.Node('viewer', namespace='mambo')
+        viewer.create_subscription(
+            topics.DIAGNOSTICS.msg_type, topics.DIAGNOSTICS.name, print, QoSProfile(depth=1))
+        until(lambda: node.count_subscribers(topics.DIAGNOSTICS.name), 'the viewer')
+        looking = loop._peers[0]
+        shown = [end.name for end in node.ends()].index(topics.DIAGNOSTICS.name)
+        until(lambda: looking._counts.get(shown) and len(looking._counts) == len(node.ends()),
+              'a look at all ends', lambda: loop.once(0.01))
+        assert node.warned == []
 
     def test_an_incompatible_reader_is_named_too(self, graph):
         node, loop = graph

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from rclpy.duration import Duration, Infinite
 from rclpy.node import Node
-from rclpy.qos import (
-    DurabilityPolicy, qos_check_compatible, QoSCompatibility, QoSProfile, ReliabilityPolicy)
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 
@@ -45,7 +45,6 @@ def crowd(topic: str, infos: list[TopicEndpointInfo]) -> str:
 def incompatible(name: str, offered: QoSProfile, asked: QoSProfile, publisher: str,
                  reader: str) -> Iterator[str]:
     """Yield a line for each policy that a reader requests and a publisher does not offer."""
-    known = False
     for policy, weak, strong, remedy in (
             ('reliability', ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE,
              'let the reader request best_effort (sensor_reliability of the estimator) or the '
@@ -53,13 +52,23 @@ def incompatible(name: str, offered: QoSProfile, asked: QoSProfile, publisher: s
             ('durability', DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL,
              'let the reader request volatile or the publisher offer transient_local')):
         if getattr(offered, policy) == weak and getattr(asked, policy) == strong:
-            known = True
             yield (f'{name}: {publisher} offers {policy} {weak.name.lower()}, {reader} requests '
                    f'{strong.name.lower()}: nothing arrives; {remedy}')
-    verdict, reason = qos_check_compatible(offered, asked)
-    if verdict == QoSCompatibility.ERROR and not known:  # deadline, liveliness
-        yield (f'{name}: {reader} requests what {publisher} does not offer: nothing arrives '
-               f'({reason.removeprefix("ERROR: ").rstrip("; ")})')
+    manual = LivelinessPolicy.MANUAL_BY_TOPIC
+    weaker = [policy for policy, yes in (
+        ('deadline', _later(offered.deadline, asked.deadline)),
+        ('liveliness', asked.liveliness == manual != offered.liveliness),
+        ('liveliness lease duration', _later(
+            offered.liveliness_lease_duration, asked.liveliness_lease_duration))) if yes]
+    if weaker:
+        yield (f'{name}: {reader} requests a stricter {" and ".join(weaker)} than {publisher} '
+               'offers: nothing arrives; leave it out')
+
+
+def _later(offered: Duration, asked: Duration) -> bool:
+    """Return whether an offered duration is longer than the one asked; 0 is not stated."""
+    return (offered.nanoseconds or Infinite.nanoseconds) > (
+        asked.nanoseconds or Infinite.nanoseconds)
 
 
 class Peers:
