@@ -1,15 +1,15 @@
 """
 How late the machine wakes a process of real-time priority that only sleeps, on every core.
 
-``PYTHONPATH=. python3 -m benchmarks.wakeups [SECONDS]``, as root. What it prints bounds what a
+``PYTHONPATH=. python3 -m benchmarks.wakeups [--seconds N]``, as root. What it prints bounds what a
 graph in real time can keep: a step of 5 ms passes through five processes, each of which is woken.
 """
 
 from __future__ import annotations
 
+import argparse
 from concurrent.futures import ProcessPoolExecutor
 import os
-import sys
 import time
 
 PERIOD = 0.001  # s of each sleep
@@ -33,7 +33,9 @@ def delays(core: int, seconds: float) -> tuple[int, list[float]]:
 
 def main() -> None:
     """Measure all cores at once; print a line for each."""
-    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
+    out = argparse.ArgumentParser('wakeups', description=__doc__)
+    out.add_argument('--seconds', type=float, default=60.0, help='default: 60')
+    seconds = out.parse_args().seconds
     cores = sorted(os.sched_getaffinity(0))
     with ProcessPoolExecutor(len(cores)) as pool:
         found = list(pool.map(delays, cores, [seconds] * len(cores)))

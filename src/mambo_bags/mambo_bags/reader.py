@@ -318,7 +318,9 @@ class Bag:
         messages._place = f'{self.path}: '
 
     def name(self, topic: str) -> str:
-        """Return the absolute name of a topic."""
+        """Return the absolute name of a topic; BagError if it is not text."""
+        if not isinstance(topic, str):
+            raise BagError(f'{self.path}: a topic is a name, not {topic!r}')
         if topic in self.topics:
             return topic
         return topic if topic.startswith('/') else f'{self.namespace}/{topic}'

@@ -71,6 +71,8 @@ def test_names_are_relative_to_the_only_drone_or_absolute(flight):
     assert 'motor_pwm' in bag and 'onboard/odom' not in bag
     with pytest.raises(BagError, match='no topic /mambo/onboard/odom; it has /mambo/barometer'):
         bag['onboard/odom']
+    with pytest.raises(BagError, match='flight: a topic is a name, not 3$'):
+        bag[3]
     with pytest.raises(AttributeError, match='has no field thrust; .* has header, pwm'):
         bag['motor_pwm'].thrust
 
