@@ -33,7 +33,7 @@ HELD = {
     'mambo_bringup/node_group.py': PROCESSES,
     'mambo_bringup/watchdog.py': PROCESSES,
     'mambo_ros/endpoints.py': NODE,
-    'mambo_ros/exit_timer.py': PROCESSES,
+    'mambo_ros/graph/exit_timer.py': PROCESSES,
     'mambo_ros/loop.py': NODE,
     'mambo_ros/process.py': NODE,
     'mambo_ros/graph/foreign.py': 'tests/graph/test_own_components.py',

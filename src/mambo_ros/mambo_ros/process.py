@@ -21,8 +21,8 @@ from rclpy.exceptions import ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from . import exit_timer, usage
-from .graph import loopback
+from . import usage
+from .graph import exit_timer, loopback
 from .loop import Loop
 from .node import FLUSH, MamboNode
 

@@ -50,7 +50,7 @@ def going_back(bag: Bag, topics: Collection[str] | None = None) -> list[str]:
             older = int((stamps < np.maximum.accumulate(stamps)).sum())
             out.append(f'{messages.topic}: stamps go back, first from {stamps[k] * 1e-9:.3f} to '
                        f'{stamps[k + 1] * 1e-9:.3f} s: {older} of {len(stamps)} samples are not '
-                       'newer than all before, and numbers that need them are wrong')
+                       'newer than all before, and numbers that need them may be wrong')
     return out
 
 

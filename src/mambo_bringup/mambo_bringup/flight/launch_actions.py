@@ -12,8 +12,8 @@ from launch import LaunchContext
 from launch.action import Action
 from launch.actions import DeclareLaunchArgument, EmitEvent, LogInfo, RegisterEventHandler
 from launch.event_handlers import OnShutdown
-from launch.events.process import ProcessExited, ShutdownProcess
 from launch.events.matchers import matches_action
+from launch.events.process import ProcessExited, ShutdownProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
