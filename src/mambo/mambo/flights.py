@@ -101,7 +101,11 @@ class Flight:
 
         """
         path = given.path(path, 'path')
-        if path.exists():
+        try:
+            there = path.exists()
+        except OSError as error:  # too long
+            raise InputError(f'path: {error}') from None
+        if there:
             raise InputError(f'{path} exists: give another path or remove it')
         recording_to_bag.check(self.scenario)
         recording_to_bag.write(path, self.scenario, self.recording)
@@ -192,7 +196,7 @@ def fly(
         name = '_'.join(Path(one).stem.partition(' ')[0] for one in (
             choices['trajectory'] or 'circle', chosen.estimator_node.estimator))
     else:
-        name, chosen = scenario_file.load(str(given.path(scenario, 'scenario')), chosen_ones)
+        name, chosen = scenario_file.load_alone(str(given.path(scenario, 'scenario')), chosen_ones)
     chosen = override(chosen, values)
     unused.refuse(
         dict.fromkeys(values, 'parameters'),

@@ -10,6 +10,7 @@ from typing import Any
 
 from mambo_analysis.compare import (
     compare as comparing, estimate as estimating, report, tables)
+from mambo_analysis.compare.pair import WHAT
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight import offline_replay, scenario, unused
 from mambo_model.errors import InputError
@@ -80,7 +81,7 @@ class Comparison(dict):
             If the file cannot be written.
 
         """
-        return report.write(Path(path), self._page())
+        return report.write(given.path(path, 'path'), self._page())
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return the errors as a table: a row per quantity and part of the flight."""
@@ -115,17 +116,27 @@ def compare(
     Raises
     ------
     InputError
-        If a bag cannot be read, or the two have nothing in common.
+        If a bag cannot be read, the two have nothing in common, or ``what`` is unknown.
 
     """
     first = _bag(a)
+    _check(what)
     if b is None and a_topic is None and b_topic is None:
+        if what is not None:
+            raise InputError('what: aligns two recordings; leave it out for one')
         result = comparing.compare(first)
         return Comparison(result, tables.table(result), lambda: report.of_one(first, result))
     other = None if b is None else _bag(b)
     found = comparing.compare_bags(first, other, a_topic, b_topic, what)
     return Comparison(
         found[0], tables.table(found[0]), lambda: report.of_two(first, other, *found))
+
+
+def _check(what: Any) -> None:
+    """Raise InputError for what cannot be made equal."""
+    if what is not None and (isinstance(what, str) or not isinstance(what, Collection) or not all(
+            one in WHAT for one in what)):
+        raise InputError(f'what: must be some of {list(WHAT)}, not {what!r}')
 
 
 @dataclass(frozen=True)
@@ -187,6 +198,8 @@ def estimate(
     node = estimating.parameters(bag)
     values = given.parameters(parameters)
     if estimator is not None:
+        if 'estimator' in values:
+            raise InputError('estimator: is given twice, also in parameters')
         values['estimator'] = estimator
     changed = {f'estimator_node.{name}': value for name, value in values.items()}
     node = scenario.override(scenario.Scenario(estimator_node=node), changed).estimator_node

@@ -8,6 +8,8 @@ from mambo_model.errors import InputError
 import numpy as np
 import pytest
 
+CIRCLE = Path(__file__).parents[3] / 'bags/circle_short'
+
 
 @pytest.mark.parametrize(('value', 'expected'), [
     (np.int64(3), 3), (np.float32(0.5), 0.5), (np.bool_(True), True), (np.array([1, 2]), [1, 2]),
@@ -50,6 +52,13 @@ def test_a_path_is_text_or_a_path():
     (lambda: mambo.fly(controller=3), 'controller: 3 is neither a name, a path, a function nor a'),
     (lambda: mambo.fly(estimator=[]), 'estimator: [] is neither a name, a path, a function nor a'),
     (lambda: mambo.fly(parameters='x'), "parameters: must be {'name': value}, not a value of"),
+    (lambda: mambo.compare(CIRCLE, what=['time']), 'what: aligns two recordings; leave it out'),
+    (lambda: mambo.compare(CIRCLE, CIRCLE, what=['nope']), "what: must be some of ['time', 'pos"),
+    (lambda: mambo.compare(CIRCLE, CIRCLE, what='yaw'), "what: must be some of ['time', 'positi"),
+    (lambda: mambo.compare(CIRCLE, CIRCLE, what=5), "what: must be some of ['time', 'position',"),
+    (lambda: mambo.estimate(CIRCLE, 'kalman', parameters={'estimator': 'joint'}),
+     'estimator: is given twice, also in parameters'),
+    (lambda: mambo.compare(CIRCLE).to_html(5), 'path: must be a path, not a value of type int'),
     (lambda: mambo.sweep(None), 'sweep: must be a path, not None'),
     (lambda: mambo.sweep({'title': object()}), 'sweep: cannot represent an object'),
     (lambda: mambo.recorded_commands(None), 'bag: must be a path, not None'),
@@ -70,6 +79,8 @@ def test_a_flight_takes_numbers_of_numpy_and_does_not_overwrite(tmp_path):
     assert (flight.scenario.seed, len(flight.t)) == (3, 101)
     assert flight.scenario.sim_node.simulator.vehicle.inertia == (1e-4, 1e-4, 2e-4)
     (tmp_path / 'bag').mkdir()
-    for path, words in ((tmp_path / 'bag', 'exists: give another path'), (None, 'path: must be')):
+    for path, words in (
+            (tmp_path / 'bag', 'exists: give another path'), (None, 'path: must be'),
+            ('a\0b', 'path: '), (tmp_path / ('n' * 300), 'path: ')):
         with pytest.raises(InputError, match=words):
             flight.save(path)

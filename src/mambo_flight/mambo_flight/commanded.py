@@ -16,6 +16,7 @@ In a scenario file::
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,15 @@ def course_text(path: Path) -> str:
     return uav_trajectories.to_text(course_file.read(path))
 
 
+def late(flight: Scenario) -> Iterator[str]:
+    """Yield a line if scripted commands come after the end of a flight."""
+    end, given = flight.sim_node.duration, flight.reference_node.commands
+    after = [one.t * 1e-9 for one in script.parse(given.script) if end and one.t >= end * 1e9]
+    if given.enabled and after:
+        yield (f'commands at t = {after[0]:g} s or later have no effect: the flight ends at '
+               f'{end:g} s')
+
+
 def commands_of(bag: Path, namespace: str = topics.NAMESPACE) -> list[FlightCommand]:
     """Return the commands that a flight has recorded, in their order."""
     name = topics.full_name(topics.COMMAND, namespace)
@@ -115,10 +125,12 @@ def send(name: str, drone: str = topics.NAMESPACE, **arguments: Any) -> str:
     drone
         Its namespace.
     arguments
-        Of the command; a path as ``trajectory`` is that of a course.
+        Of the command; ``trajectory`` is a course, as text of several lines or
+        as the path of its file.
 
     """
     from mambo_ros.commands import client  # ROS, which nothing else here needs
-    if isinstance(arguments.get('trajectory'), Path):
-        arguments['trajectory'] = course_text(arguments['trajectory'])
+    trajectory = arguments.get('trajectory')
+    if isinstance(trajectory, Path) or isinstance(trajectory, str) and '\n' not in trajectory:
+        arguments['trajectory'] = course_text(Path(trajectory))
     return client.send(name, drone, **arguments)

@@ -17,7 +17,7 @@ from mambo_model.motion.trajectory import COURSE, TRAJECTORIES
 from mambo_model.vehicle.parameters import PRESETS
 from mambo_sim.world import MOST, WorldParams
 
-from . import changes, scenario as scenarios, unused
+from . import changes, commanded, scenario as scenarios, unused
 from .course import course_file, feasibility
 from .scenario import Scenario
 from .scenario_file import build_world, FIELDS, load_world, long_enough, Place
@@ -189,6 +189,7 @@ def remarks(flight: Scenario, stretch: str | None = None) -> Iterator[str]:
                f'{flight.sim_node.duration:g} s in all')
     yield from component_remarks(flight)
     yield from changes.late(flight)
+    yield from commanded.late(flight)
     plan = flight.reference_node.plan
     if plan.trajectory != COURSE:
         return

@@ -363,8 +363,17 @@ class ParameterReader(Reader):
                         if isinstance(one, yaml.ScalarNode) and isinstance(key.value, str))
             yield from self._chosen(below)
 
-    def parameters(self, node: yaml.Node, prefix: str) -> Iterator[tuple[str, Place]]:
-        """Yield (node.parameter, value and place) of everything below a node."""
+    def parameters(self, node: yaml.Node, prefix: str) -> dict[str, Place]:
+        """Return {node.parameter: value and place} of everything below a node, each once."""
+        found: dict[str, Place] = {}
+        for name, place in self._each(node, prefix):
+            if name in found:
+                raise schema.ParameterError(
+                    f'{place.where}: {name}: is given twice, also at {found[name].where}')
+            found[name] = place
+        return found
+
+    def _each(self, node: yaml.Node, prefix: str) -> Iterator[tuple[str, Place]]:
         for part, (key, below) in self.mapping(node, prefix.rstrip('.') or 'parameters').items():
             name = f'{prefix}{part}'
             if name in self.leaves:
@@ -372,7 +381,7 @@ class ParameterReader(Reader):
                 yield name, Place(
                     self.leaf(owner, name, self.leaves[name], below), self.where(below))
             elif any(known.startswith(f'{name}.') for known in self.leaves):
-                yield from self.parameters(below, f'{name}.')
+                yield from self._each(below, f'{name}.')
             else:
                 raise schema.ParameterError(
                     f'{self.where(key)}: {schema.unknown(name, self.leaves)}')

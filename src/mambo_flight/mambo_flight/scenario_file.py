@@ -116,7 +116,7 @@ class _Reader(ParameterReader):
     def world(self, node: yaml.Node) -> WorldParams:
         """Read the section ``world`` of a file."""
         self.leaves = {**self.leaves, **WORLD}
-        values = dict(self.parameters(node, 'world.'))
+        values = self.parameters(node, 'world.')
         try:
             return build_world({name: place.value for name, place in values.items()})
         except schema.ParameterError as error:
@@ -252,6 +252,23 @@ def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scena
         raise schema.ParameterError(
             f'{experiment}: no flight {schema.shown(flight)}; known: {known}')
     return '_'.join(filter(None, (found.name, flight))), found.flights[flight]
+
+
+def load_alone(
+    name: str, over: Mapping[str, Place] | None = None,
+) -> tuple[str, scenarios.Scenario]:
+    """Return what :func:`load` does, errors alike; also refuse a file of several drones."""
+    found = load(name, over)
+    refuse_several(name)
+    return found
+
+
+def refuse_several(name: str) -> None:
+    """Raise ParameterError for a file of several drones where one is flown."""
+    if (drones := load_world(name).drones) > 1:
+        raise schema.ParameterError(
+            f'{name}: world.drones = {drones}: only one drone can be flown here; fly several '
+            'with mambo fly or ./run')
 
 
 def _parts(name: str) -> tuple[str, str | None]:

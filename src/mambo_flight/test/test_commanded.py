@@ -101,3 +101,25 @@ def test_what_is_wrong_in_a_file_is_located(tmp_path, commands, words):
 def test_a_vehicle_in_a_hand_takes_no_commands():
     with pytest.raises(ParameterError, match='a hand carries takes no commands'):
         override(scenario(carried=True), {'reference_node.commands.enabled': True})
+
+
+def test_a_command_after_the_end_of_the_flight_is_said():
+    flight = scenario(duration=5.0, overrides={
+        'reference_node.commands.enabled': True,
+        'reference_node.commands.script': '- {time: 6.0, takeoff: {height: 1.0}}'})
+    assert list(commanded.late(flight)) == [
+        'commands at t = 6 s or later have no effect: the flight ends at 5 s']
+    assert list(commanded.late(override(flight, {'sim_node.duration': 6.5}))) == []
+    assert list(commanded.late(override(flight, {'sim_node.duration': 0.0}))) == []  # no end
+
+
+def test_a_course_to_follow_is_a_file_or_its_text(tmp_path, monkeypatch):
+    from mambo_ros.commands import client
+    monkeypatch.setattr(client, 'send', lambda name, drone, trajectory: trajectory)
+    file = tmp_path / 'course.csv'
+    file.write_text('t,x,y,height\n0,0,0,1\n5,1,0,1\n')
+    text = commanded.send('follow', trajectory=str(file))
+    assert text == commanded.send('follow', trajectory=file) == commanded.course_text(file)
+    assert commanded.send('follow', trajectory=text) == text
+    with pytest.raises(InputError, match='nope'):
+        commanded.send('follow', trajectory='nope')

@@ -117,6 +117,8 @@ def test_a_ros_parameter_file_is_a_scenario_too(file, write):
     ('believed: b.yaml', r':2: believed: .*b.yaml: No such file or directory'),
     ('seed: 1\nseed: 2', ':3: seed: duplicate key'),
     ('title: again', ':2: title: duplicate key'),
+    ('parameters: {sim_node.speed: 2.0, sim_node: {speed: 3.0}}',
+     ':2: sim_node.speed: is given twice, also at '),
     ('flights: {}', ':2: flights: holds no flight'),
     ('flights: 3', ':2: flights: must hold names and values'),
     ('flights:\n  a: {sead: 1}', ':3: sead: unknown parameter; did you mean seed'),
@@ -173,3 +175,10 @@ def test_choices_without_a_file_say_where_they_came_from():
 def test_every_choice_is_documented():
     for name, field in scenario_file.FIELDS.items():
         assert field.metadata['source'], name
+
+
+def test_a_file_of_several_drones_is_refused_where_one_is_flown(file):
+    name = str(file('title: three\nworld: {drones: 3, spacing: 1.0}\n'))
+    with pytest.raises(schema.ParameterError, match=f'^{name}: world.drones = 3: only one drone'):
+        scenario_file.load_alone(name)
+    assert scenario_file.load_alone(str(file('title: one\n')))[1] == scenario()

@@ -32,6 +32,7 @@ from .maneuvers import (
     at_rest, extrapolated, fly_on, least_duration, move, rest, Segment, SHORTEST, stop)
 
 TOUCHDOWN = 0.1  # m, highest reference at which the motors may stop
+ALIGNING = 0.5  # s from the start, in which the vehicle rests and the estimator aligns
 _LONGER = 1.4  # factor by which a duration that is not given grows until the limits allow it
 _TRIES = 8
 _JOINED = 1e-6  # m, rad and their derivatives, by which the ends of a course may miss
@@ -206,8 +207,10 @@ def _takeoff(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
     goal = state[:, 0].copy()
     goal[2] = -c.height
     duration = c.duration or max(2.0 * SHORTEST, least_duration(state, goal, p))
-    return lambda longer: ([move(state, at_rest(goal), longer * duration, TAKEOFF)], goal), (
-        _tries(c))
+    waiting = ALIGNING - c.t * 1e-9
+    before = [rest(state[:, 0], GROUND, waiting)] if waiting > 0.0 else []
+    return lambda longer: (
+        [*before, move(state, at_rest(goal), longer * duration, TAKEOFF)], goal), _tries(c)
 
 
 def _land(c: FlightCommand, state: Array, p: CommandParams) -> Builder:

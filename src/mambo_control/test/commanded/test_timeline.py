@@ -100,6 +100,15 @@ def test_takeoff_and_landing_have_the_phases_that_start_and_stop_the_motors():
     assert not reason and tl.state_of(again, again.until)[0][2, 0] == -1.2
 
 
+def test_a_takeoff_before_the_estimator_can_be_aligned_begins_after_it():
+    line = flown(UP._replace(t=0))
+    assert tl.state_of(line, 0.999 * tl.ALIGNING)[1] == GROUND
+    assert tl.state_of(line, tl.ALIGNING)[1] == TAKEOFF
+    later = flown(UP._replace(t=round(tl.ALIGNING * S)))
+    for t in np.arange(0.0, 6.0, 0.05):
+        assert np.array_equal(tl.state_of(line, t)[0], tl.state_of(later, t)[0])
+
+
 def test_a_goal_is_reached_at_rest_in_the_given_time_and_the_yaw_goes_the_short_way():
     line = flown(UP, FlightCommand(5 * S, fc.GO_TO, position=(1.0, 2.0, -1.5), yaw=3.0),
                  FlightCommand(15 * S, fc.GO_TO, duration=7.0, position=(0.0, 2.0, -1.5),

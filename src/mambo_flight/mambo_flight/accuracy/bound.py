@@ -40,7 +40,7 @@ def flight_of(name: str) -> Scenario:
     """Return the scenario of a trajectory, experiment or file, flown on the joint filter."""
     if name in TRAJECTORIES:
         return scenario(trajectory=name, estimator='joint', duration=DURATION, land=False)
-    found = scenario_file.load(name)[1]
+    found = scenario_file.load_alone(name)[1]
     if not found.sim_node.duration > SETTLED + 10.0:
         raise InputError(
             f'{name}: sim_node.duration must be more than {SETTLED + 10.0:g} s')

@@ -214,6 +214,8 @@ def read(path: Path) -> Sweep:
     keys = reader.mapping(root, 'file')
     if 'scenario' in keys and isinstance(keys['scenario'][1], yaml.ScalarNode):
         base = _base(Path(path), keys['scenario'][1].value, {})
+        if name := keys['scenario'][1].value:
+            scenario_file.refuse_several(_file(Path(path), name))
         reader.learn(root, schema.flatten(base))
         usual = base.estimator_node.estimator, base.controller_node.controller
     else:
@@ -253,9 +255,12 @@ def _base(
     """Return the scenario of a sweep file, with settings applied."""
     if not name:
         return scenario_file.from_settings(settings)
-    if '.yaml' in name or '.yml' in name:
-        name = str(path.parent / name)
-    return scenario_file.load(name, settings)[1]
+    return scenario_file.load(_file(path, name), settings)[1]
+
+
+def _file(path: Path, name: str) -> str:
+    """Return the name of a scenario, whose file starts at the folder of the sweep file."""
+    return str(path.parent / name) if '.yaml' in name or '.yml' in name else name
 
 
 class Flights:

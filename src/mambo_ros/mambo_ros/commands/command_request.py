@@ -20,34 +20,50 @@ from ..cdr import SECOND
 
 def _request_duration(seconds: float) -> Duration:
     """Return a duration for a request; InputError where there is none."""
-    if not 0.0 <= seconds < 2.0**31:
+    if not 0.0 <= _number('duration', seconds) < 2.0**31:
         raise InputError(f'duration = {seconds:g} s must be 0 or more')
     sec, nanosec = divmod(round(seconds * SECOND), SECOND)
     return Duration(sec=sec, nanosec=nanosec)
 
 
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f'{name} = {value!r} must be a number')
+    return float(value)
+
+
+def _flag(name: str, value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise InputError(f'{name} = {value!r} must be True or False')
+    return value
+
+
 def _takeoff(height: float, duration: float = 0.0) -> Any:
     return table.TAKEOFF.srv_type.Request(
-        height=float(height), duration=_request_duration(duration))
+        height=_number('height', height), duration=_request_duration(duration))
 
 
 def _land(height: float = 0.0, duration: float = 0.0) -> Any:
     return table.LAND.srv_type.Request(
-        height=float(height), duration=_request_duration(duration))
+        height=_number('height', height), duration=_request_duration(duration))
 
 
 def _go_to(goal: Any, yaw: float = 0.0, relative: bool = False, duration: float = 0.0) -> Any:
-    x, y, z = map(float, goal)
+    if not isinstance(goal, list | tuple) or len(goal) != 3:
+        raise InputError(f'goal = {goal!r} must be three numbers')
+    x, y, z = (_number('goal', one) for one in goal)
     return table.GO_TO.srv_type.Request(
-        goal=Point(x=x, y=y, z=z), yaw=float(yaw), relative=bool(relative),
+        goal=Point(x=x, y=y, z=z), yaw=_number('yaw', yaw), relative=_flag('relative', relative),
         duration=_request_duration(duration))
 
 
 def _follow(trajectory: str, timescale: float = 1.0, relative: bool = False,
             duration: float = 0.0) -> Any:
+    if not isinstance(trajectory, str):
+        raise InputError(f'trajectory = {trajectory!r} must be the path of a course or its text')
     return table.START_TRAJECTORY.srv_type.Request(
-        trajectory=trajectory, timescale=float(timescale), relative=bool(relative),
-        duration=_request_duration(duration))
+        trajectory=trajectory, timescale=_number('timescale', timescale),
+        relative=_flag('relative', relative), duration=_request_duration(duration))
 
 
 def _set(parameters: Mapping[str, Any]) -> Any:
@@ -62,9 +78,9 @@ def _plain(value: Any) -> Any:
 
 
 def _step(steps: int = 1) -> Any:
-    if not 0 <= steps < 2**32:
-        raise InputError(f'steps = {steps} must be 0 to {2**32 - 1}')
-    return table.STEP.srv_type.Request(steps=int(steps))
+    if isinstance(steps, bool) or not isinstance(steps, int) or not 0 <= steps < 2**32:
+        raise InputError(f'steps = {steps!r} must be a whole number from 0 to {2**32 - 1}')
+    return table.STEP.srv_type.Request(steps=steps)
 
 
 class _Kind(NamedTuple):
