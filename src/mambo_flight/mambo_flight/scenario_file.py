@@ -259,13 +259,13 @@ def load_alone(
 ) -> tuple[str, scenarios.Scenario]:
     """Return what :func:`load` does, errors alike; also refuse a file of several drones."""
     found = load(name, over)
-    refuse_several(name)
+    refuse_several(name, over)
     return found
 
 
-def refuse_several(name: str) -> None:
+def refuse_several(name: str, over: Mapping[str, Place] | None = None) -> None:
     """Raise ParameterError for a file of several drones where one is flown."""
-    if (drones := load_world(name).drones) > 1:
+    if (drones := load_world(name, over).drones) > 1:
         raise schema.ParameterError(
             f'{name}: world.drones = {drones}: only one drone can be flown here; fly several '
             'with mambo fly or ./run')
@@ -281,9 +281,9 @@ def _parts(name: str) -> tuple[str, str | None]:
     return (experiment, flight) if experiment in names() else (name, None)
 
 
-def load_world(name: str) -> WorldParams:
+def load_world(name: str, over: Mapping[str, Place] | None = None) -> WorldParams:
     """Return the section ``world`` of the file of a flight, as for :func:`load`; errors alike."""
-    return read(find(_parts(name)[0])).world
+    return read(find(_parts(name)[0]), over).world
 
 
 def _relative_to_user(settings: Mapping[str, Place], folder: Path) -> dict[str, Place]:

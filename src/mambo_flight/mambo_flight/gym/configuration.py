@@ -12,12 +12,18 @@ from mambo_model import schema
 from mambo_model.errors import InputError
 import numpy as np
 
-from .. import scenario as scenarios, scenario_file
+from . import inputs
+from .. import changes, scenario as scenarios, scenario_file, unused
 from ..scenario import Scenario
 from .task import ACTIONS, OBSERVATIONS, TaskParams
 
 TASKS = ('hover', 'track')
 Ranges = Mapping[str, tuple[Any, Any]]
+_REPLACED = {
+    'sim_node.duration': 'a flight ends with its episode: set handover and episode',
+    'reference_node.plan.landing_time': 'an episode does not land: leave it out',
+    **dict.fromkeys(scenarios.SEEDS, 'the seed is that of reset(): leave it out')}
+"""Parameters that an episode sets itself, and what to do about them."""
 
 
 @dataclass(frozen=True)
@@ -72,10 +78,10 @@ def _one_of(name: str, value: Any, known: tuple[str, ...]) -> str:
     return value
 
 
-def _ranges(given: Mapping[str, Any] | None) -> Ranges:
+def _ranges(given: Mapping[str, Any]) -> Ranges:
     """Return the checked ranges of the parameters that are drawn for each episode."""
     out = {}
-    for name, pair in (given or {}).items():
+    for name, pair in given.items():
         field = scenarios.LEAVES.get(name)
         if field is None:
             raise InputError(f'randomise: {schema.unknown(name, scenarios.LEAVES)}')
@@ -93,6 +99,37 @@ def _ranges(given: Mapping[str, Any] | None) -> Ranges:
     return out
 
 
+def _refuse_unused(places: Mapping[str, str], made: Configuration) -> None:
+    """
+    Refuse parameters without effect.
+
+    Parameters
+    ----------
+    places
+        {'node.parameter': name of the argument that sets it}.
+    made
+        Configuration of the environment.
+
+    Raises
+    ------
+    InputError
+        Naming the parameter and what to do.
+
+    """
+    for name, where in places.items():
+        if name in _REPLACED:
+            raise InputError(f'{where}: {name}: has no effect, as {_REPLACED[name]}')
+        if made.observation == 'truth' and name.startswith('estimator_node.'):
+            raise InputError(
+                f"{where}: {name}: has no effect, as the observation is 'truth': choose "
+                "observation='estimate', or leave it out")
+    controllers = {made.scenario.controller_node.controller}
+    if made.action == 'attitude_thrust':
+        controllers.add('cascaded')  # its inner loop
+    unused.refuse(places, estimators=[made.scenario.estimator_node.estimator],
+                  controllers=controllers)
+
+
 def _flight(scenario: Scenario | Path | str | None, task: str, trajectory: str | None) -> Scenario:
     """Return the scenario that the arguments select."""
     if isinstance(scenario, Scenario):
@@ -101,11 +138,23 @@ def _flight(scenario: Scenario | Path | str | None, task: str, trajectory: str |
         return scenario
     if scenario is None:
         default = 'hover' if task == 'hover' else 'circle'
-        return scenario_file.from_settings(
-            {'trajectory': scenario_file.Place(trajectory or default, 'trajectory')})
+        return scenario_file.from_settings({'trajectory': scenario_file.Place(
+            default if trajectory is None else trajectory, 'trajectory')})
     over = {} if trajectory is None else {
         'trajectory': scenario_file.Place(trajectory, 'trajectory')}
-    return scenario_file.load(str(scenario), over)[1]
+    return scenario_file.load_alone(str(scenario), over)[1]
+
+
+def _episode(chosen: Scenario, observation: str, numbers: TaskParams) -> Scenario:
+    """Return a scenario with the length and the estimator of an episode."""
+    values: dict[str, Any] = {
+        'sim_node.duration': numbers.handover + numbers.episode,
+        'reference_node.plan.landing_time': 0.0}
+    if observation == 'truth':
+        values['estimator_node.estimator'] = 'ground_truth'
+    elif chosen.estimator_node.estimator == 'ground_truth':
+        values['estimator_node.estimator'] = DEFAULT
+    return scenarios.override(chosen, values)
 
 
 def configure(
@@ -141,29 +190,35 @@ def configure(
     Raises
     ------
     InputError
-        For an unknown argument, a value out of range, or a flight that an agent cannot fly.
+        For an unknown argument, a value out of range, a parameter without effect, or a flight
+        that an agent cannot fly.
 
     """
     _one_of('observation', observation, OBSERVATIONS)
     _one_of('action', action, ACTIONS)
-    numbers = schema.build(TaskParams, params)
-    flight = scenarios.override(
-        _flight(scenario, _one_of('task', task, TASKS), trajectory), parameters or {})
-    if flight.sim_node.simulator.hand.enabled:
+    numbers = schema.build(
+        TaskParams, {name: inputs.plain(value) for name, value in params.items()})
+    given = inputs.by_name('parameters', "{'node.parameter': value}", parameters)
+    drawn = inputs.by_name('randomise', "{'node.parameter': (low, high)}", randomise)
+    chosen = scenarios.override(
+        _flight(scenario, _one_of('task', task, TASKS), trajectory), given)
+    if chosen.sim_node.simulator.hand.enabled:
         raise InputError('scenario: a vehicle carried by hand has no motors to command')
-    duration = numbers.handover + numbers.episode
-    values = {'sim_node.duration': duration, 'reference_node.plan.landing_time': 0.0}
-    chosen = flight.estimator_node.estimator
-    if observation == 'truth':
-        values['estimator_node.estimator'] = 'ground_truth'
-    elif chosen == 'ground_truth':
-        values['estimator_node.estimator'] = DEFAULT
-    flight = scenarios.override(flight, values)
+    if chosen.reference_node.commands.enabled:
+        raise InputError(
+            'scenario: a commanded flight has no plan of its own to hand over from: '
+            'leave out commands')
+    if changes.changes_at_all(chosen):
+        raise InputError('scenario: nothing changes within an episode: leave out changes')
+    made = Configuration(
+        task, numbers, _episode(chosen, observation, numbers), observation, action,
+        _ranges(drawn))
     for name, registry in scenarios.COMPONENTS.items():
-        value = schema.flatten(flight)[name]
+        value = schema.flatten(made.scenario)[name]
         if registry.is_own(value):
             raise InputError(
                 f'{name} = {schema.shown(value)}: environments take built-in ones only: '
                 f'{", ".join(registry.names)}')
-    return Configuration(task, numbers, flight, observation, action, _ranges(randomise))
-
+    _refuse_unused(
+        {**dict.fromkeys(drawn, 'randomise'), **dict.fromkeys(given, 'parameters')}, made)
+    return made

@@ -17,7 +17,7 @@ from mambo_sim import simulator
 import numpy as np
 from numpy.typing import NDArray
 
-from . import episode
+from . import episode, inputs
 from .. import closed_loop
 from ..scenario import Scenario
 from .configuration import Configuration
@@ -69,6 +69,13 @@ class DroneBatch:
         self._row: Any = None
         self._threads = min(threads or len(os.sched_getaffinity(0)), count)
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        if self._holders or self._pool is not None:
+            raise TypeError(
+                'an environment with drones in flight or threads cannot be copied or pickled: '
+                'make another environment with the same arguments and seed')
+        return self.__dict__
 
     def close(self) -> None:
         """End the threads."""
@@ -186,10 +193,7 @@ class DroneBatch:
         channels = self.channels()
         shape = (len(channels),) if count is None else (count, len(channels))
         names = ', '.join(f'{c.name} [{c.unit}]' for c in channels)
-        try:
-            given = np.asarray(actions, dtype=float)
-        except (TypeError, ValueError):
-            raise InputError(f'action must be numbers: {names}') from None
+        given = inputs.floats('action', actions, names)
         if given.shape != shape:
             raise InputError(f'action has shape {given.shape}, must have {shape}: {names}')
         if not np.isfinite(given).all():

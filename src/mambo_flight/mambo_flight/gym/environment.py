@@ -12,6 +12,7 @@ from mambo_sim.parameters import STEP_NS
 import numpy as np
 from numpy.typing import NDArray
 
+from . import inputs
 from ..scenario import Scenario
 from .configuration import configure
 from .drone_batch import DroneBatch
@@ -84,7 +85,7 @@ class DroneEnv(gymnasium.Env):
             Not used.
 
         """
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else inputs.whole('seed', seed, 0))
         self._batch.advance(np.zeros((1, 4)), [0], [self.np_random], [])
         p = self._configuration.params
         self._last, self._over = p.ticks(p.handover) + p.ticks(p.episode), False

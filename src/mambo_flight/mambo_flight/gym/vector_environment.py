@@ -13,6 +13,7 @@ from mambo_sim.parameters import STEP_NS
 import numpy as np
 from numpy.typing import NDArray
 
+from . import inputs
 from ..scenario import Scenario
 from .configuration import configure
 from .drone_batch import DroneBatch
@@ -54,10 +55,9 @@ class DroneVectorEnv(VectorEnv):
     ) -> None:
         if render_mode is not None:
             raise InputError(f'render_mode = {render_mode!r}: there is none')
-        if not isinstance(num_envs, int) or num_envs < 1:
-            raise InputError(f'num_envs = {num_envs!r} must be a whole number, at least 1')
-        if threads is not None and (not isinstance(threads, int) or threads < 1):
-            raise InputError(f'threads = {threads!r} must be a whole number, at least 1')
+        num_envs = inputs.whole('num_envs', num_envs, 1)
+        if threads is not None:
+            threads = inputs.whole('threads', threads, 1)
         try:
             self.autoreset_mode = AutoresetMode(autoreset_mode)
         except ValueError:
@@ -96,13 +96,7 @@ class DroneVectorEnv(VectorEnv):
 
     def _seed(self, seed: int | Sequence[int | None] | None, rows: NDArray[np.int64]) -> None:
         """Give drones new generators; those without a seed keep theirs."""
-        if seed is None or isinstance(seed, int | np.integer):
-            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
-        else:
-            seeds = list(seed)
-            if len(seeds) != self.num_envs:
-                raise InputError(f'seed has {len(seeds)} numbers, one for each of '
-                                 f'{self.num_envs} drones is needed')
+        seeds = inputs.seeds(seed, self.num_envs)
         if not self._rngs:
             made = [seeding.np_random(one) for one in seeds]
             self._rngs, self._seeds = [rng for rng, _ in made], [own for _, own in made]
@@ -113,7 +107,7 @@ class DroneVectorEnv(VectorEnv):
 
     def _masked(self, options: dict[str, Any] | None) -> NDArray[np.int64]:
         """Return the drones that a reset is for."""
-        mask = (options or {}).get('reset_mask')
+        mask = inputs.mapping('options', "{'reset_mask': booleans}", options).get('reset_mask')
         if mask is None:
             return np.arange(self.num_envs)
         if not (isinstance(mask, np.ndarray) and mask.dtype == bool

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 MASS, GUST = 'sim_node.simulator.vehicle.mass', 'sim_node.simulator.wind.gust'
+GAIN, SCALE = 'controller_node.cascaded.k_p', 'estimator_node.joint.optical_flow.scale'
+PLAN = 'reference_node.plan.'
 
 
 @pytest.mark.parametrize(('arguments', 'said'), [
@@ -28,11 +30,95 @@ MASS, GUST = 'sim_node.simulator.vehicle.mass', 'sim_node.simulator.wind.gust'
     ({'randomise': {MASS: (0.07, 0.06)}}, r'must be \(low, high\)'),
     ({'randomise': {MASS: (0.06, 600.0)}}, 'mass = 600.0 kg is outside'),
     ({'randomise': {GUST: (0.0, 1.0)}}, 'gust = 0.0 must be 3 numbers'),
-    ({'randomise': {'sim_node.simulator.noise': (0.0, 1.0)}}, 'not a real number')])
+    ({'randomise': {'sim_node.simulator.noise': (0.0, 1.0)}}, 'not a real number'),
+    ({'trajectory': ''}, 'trajectory'),
+    ({'scenario': 'several_formation'}, 'several_formation: world.drones = 4: only one drone'),
+    ({'parameters': {'sim_node.changes': '- {time: 1, set: {simulator.wind.velocity: [1.0, 0.0, 0.0]}}'}},
+     'nothing changes within an episode'),
+    ({'parameters': {'reference_node.commands.enabled': True}}, 'commanded flight has no plan'),
+    ({'parameters': 5}, r"parameters = 5 must be {'node.parameter': value}"),
+    ({'parameters': [1]}, r"parameters = \[1\] must be {'node.parameter': value}"),
+    ({'parameters': {5: 1}}, 'parameters: the name 5 must be text'),
+    ({'randomise': 5}, r"randomise = 5 must be {'node.parameter': \(low, high\)}"),
+    ({'randomise': {5: 1}}, 'randomise: the name 5 must be text'),
+    ({'repeat': True}, 'repeat = True must be a whole number'),
+    ({'episode': np.True_}, 'episode = True must be a number')])
 def test_what_cannot_be_flown_is_refused_in_one_line(arguments, said):
     with pytest.raises(InputError, match=said) as error:
         configure(**{'task': 'hover', **arguments})
     assert '\n' not in str(error.value)
+
+
+@pytest.mark.parametrize(('arguments', 'said'), [
+    ({'parameters': {'sim_node.duration': 30.0}},
+     '^parameters: sim_node.duration: has no effect, .*: set handover and episode$'),
+    ({'randomise': {'sim_node.duration': (20.0, 30.0)}},
+     '^randomise: sim_node.duration: has no effect, .*: set handover and episode$'),
+    ({'parameters': {f'{PLAN}landing_time': 9.0}}, f'^parameters: {PLAN}landing_time: has no ef'),
+    ({'parameters': {'sim_node.simulator.seed': 3}}, r'has no effect, .* reset\(\): leave it out'),
+    ({'parameters': {SCALE: 1.1}},
+     f"^parameters: {SCALE}: has no effect, as the observation is 'truth': choose obs"),
+    ({'randomise': {SCALE: (1.0, 1.1)}}, f'^randomise: {SCALE}: has no effect'),
+    ({'parameters': {'estimator_node.estimator': 'kalman'}}, 'estimator: has no effect'),
+    ({'parameters': {SCALE: 1.1, 'estimator_node.estimator': 'kalman'},
+      'observation': 'estimate'},
+     f'^parameters: {SCALE}: has no effect, as the estimator is kalman: choose estimator: joint'),
+    ({'randomise': {'estimator_node.kalman.optical_flow.constant': (1.0, 1.1)},
+      'observation': 'estimate'}, '^randomise: .* as the estimator is joint'),
+    ({'parameters': {GAIN: 3.0}, 'scenario': scenario(controller='flatness_drag')},
+     f'^parameters: {GAIN}: has no effect, as the controller is flatness_drag'),
+    ({'randomise': {'controller_node.flatness_drag.k_x': (3.0, 4.0)}},
+     '^randomise: .* as the controller is cascaded')])
+def test_a_parameter_without_effect_is_refused(arguments, said):
+    with pytest.raises(InputError, match=said) as error:
+        configure('hover', **arguments)
+    assert '\n' not in str(error.value)
+
+
+def test_parameters_of_what_is_flown_are_taken():
+    drag = scenario(controller='flatness_drag')
+    made = configure('hover', 'estimate', parameters={SCALE: 1.1})
+    assert made.scenario.estimator_node.joint.optical_flow.scale == 1.1
+    made = configure('hover', action='attitude_thrust', scenario=drag, parameters={GAIN: 3.0})
+    assert made.scenario.controller_node.cascaded.k_p == 3.0  # of the inner loop
+
+
+def test_a_commanded_flight_is_refused(tmp_path):
+    file = tmp_path / 'up.yaml'
+    file.write_text('title: up\nduration: 9.0\ncommands: [{time: 1.0, takeoff: {height: 1.0}}]\n')
+    with pytest.raises(InputError, match='^scenario: a commanded flight .*: leave out commands$'):
+        configure('hover', scenario=file)
+
+
+def test_several_drones_of_a_file_are_refused_and_one_is_flown(tmp_path):
+    file = tmp_path / 'hall.yaml'
+    file.write_text('title: hall\nworld: {drones: 2}\n')
+    with pytest.raises(InputError, match=f'^{file}: world.drones = 2: .*mambo fly or ./run$'):
+        configure('track', scenario=file)
+    file.write_text('title: hall\nworld: {drones: 1}\n')
+    assert configure('track', scenario=file).scenario.reference_node.plan.trajectory == 'circle'
+
+
+def test_a_trajectory_replaces_one_of_a_file_that_cannot_be_read(tmp_path):
+    file = tmp_path / 'lost.yaml'
+    file.write_text('title: lost\ntrajectory: missing.csv\n')
+    made = configure('track', scenario=file, trajectory='hover')
+    assert made.scenario.reference_node.plan.trajectory == 'hover'
+
+
+def test_numbers_of_numpy_are_those_of_python():
+    made = configure(
+        'hover', repeat=np.int64(4), episode=np.float32(2.0), handover=np.int32(3),
+        parameters={MASS: np.float32(0.0625), GUST: np.array([1.0, 0.0, 0.0]),
+                    'sim_node.simulator.noise': np.False_},
+        randomise={'sim_node.simulator.vehicle.arm': np.array([0.04, 0.05]),
+                   'sim_node.simulator.wind.velocity': np.array([[0.0] * 3, [1.0, 0.5, 0.0]])})
+    plain = configure(
+        'hover', repeat=4, episode=2.0, handover=3.0,
+        parameters={MASS: 0.0625, GUST: (1.0, 0.0, 0.0), 'sim_node.simulator.noise': False},
+        randomise={'sim_node.simulator.vehicle.arm': (0.04, 0.05),
+                   'sim_node.simulator.wind.velocity': ((0.0, 0.0, 0.0), (1.0, 0.5, 0.0))})
+    assert made == plain and type(made.params.repeat) is int
 
 
 def test_components_from_outside_are_refused():

@@ -1,5 +1,7 @@
 """One drone: Gymnasium's contract, and the numbers of the closed loop."""
 
+import copy
+import pickle
 import warnings
 
 import gymnasium
@@ -188,6 +190,23 @@ def test_an_impossible_action_is_refused_in_one_line_and_nothing_is_lost(action,
         env.step(action)
     assert '\n' not in str(error.value)
     assert env.step(HOVER)[4]['time'] == 0.005
+
+
+def test_a_flown_environment_is_not_copied_and_a_new_one_is():
+    env = gymnasium.make('mambo/Hover-v0', handover=0.0)
+    assert copy.deepcopy(env).unwrapped.scenario == env.unwrapped.scenario
+    env.reset(seed=1)
+    for copied in (copy.deepcopy, pickle.dumps):
+        with pytest.raises(TypeError, match='^an environment .* same arguments and seed$'):
+            copied(env)
+
+
+def test_a_seed_is_a_whole_number():
+    env = make(handover=0.0)
+    np.testing.assert_array_equal(env.reset(seed=np.int64(3))[0], env.reset(seed=3)[0])
+    for seed in (1.5, True, -1):
+        with pytest.raises(InputError, match=f'^seed = {seed} must be a whole number'):
+            env.reset(seed=seed)
 
 
 def test_a_step_before_or_after_an_episode_is_refused():

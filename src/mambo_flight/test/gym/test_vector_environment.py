@@ -1,5 +1,8 @@
 """Many drones are so many single ones, to the bit, whatever the threads and the autoreset."""
 
+import copy
+import pickle
+
 import gymnasium
 from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
@@ -75,12 +78,45 @@ def test_a_drone_without_autoreset_rests_until_it_is_reset():
 
 @pytest.mark.parametrize(('arguments', 'said'), [
     ({'num_envs': 0}, 'num_envs = 0'), ({'threads': 0}, 'threads = 0'),
+    ({'num_envs': True}, 'num_envs = True must be a whole number'),
+    ({'threads': np.True_}, 'threads = True must be a whole number'),
+    ({'num_envs': 2.0}, 'num_envs = 2.0'),
     ({'autoreset_mode': 'never'}, 'NextStep, SameStep, Disabled'),
     ({'render_mode': 'human'}, 'render_mode')])
 def test_wrong_arguments_are_refused_in_one_line(arguments, said):
     with pytest.raises(InputError, match=said) as error:
         gymnasium.make_vec('mambo/Hover-v0', **{'num_envs': 2, **arguments})
     assert '\n' not in str(error.value)
+
+
+def test_numbers_of_numpy_are_taken_for_drones_threads_and_seeds():
+    envs = gymnasium.make_vec(
+        'mambo/Hover-v0', num_envs=np.int64(3), threads=np.int32(2), handover=0.0)
+    assert type(envs.num_envs) is int and envs.action_space.shape == (3, 4)
+    for seed, each in ((np.int64(7), (7, 8, 9)), (np.array([1, 2, 3]), (1, 2, 3))):
+        envs.reset(seed=seed)
+        assert envs.np_random_seed == each
+    envs.close()
+
+
+@pytest.mark.parametrize(('arguments', 'said'), [
+    ({'options': 5}, r"^options = 5 must be {'reset_mask': booleans}$"),
+    ({'options': 'x'}, "^options = 'x' must be"), ({'seed': 1.5}, '^seed = 1.5 must be a whole'),
+    ({'seed': 'five5'}, "^seed = 'five5' must be"), ({'seed': True}, '^seed = True must be'),
+    ({'seed': [1, 2, 3, 4, 0.5]}, r'^seed\[4\] = 0.5 must be a whole'),
+    ({'seed': -1}, '^seed = -1 must be a whole number, at least 0$')])
+def test_a_reset_with_what_is_no_seed_or_option_is_refused(arguments, said):
+    envs = vector(threads=1)
+    with pytest.raises(InputError, match=said):
+        envs.reset(**arguments)
+
+
+@pytest.mark.parametrize('copied', [copy.deepcopy, pickle.dumps])
+def test_threads_are_not_copied(copied):
+    envs = vector(threads=2)
+    with pytest.raises(TypeError, match='^an environment .* same arguments and seed$'):
+        copied(envs)
+    envs.close()
 
 
 def test_impossible_actions_seeds_and_masks_are_refused():
