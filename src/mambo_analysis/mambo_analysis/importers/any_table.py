@@ -29,6 +29,7 @@ from .common import (
     importer_parser, LONGEST, new_samples, provenance, Publisher, read_source, report, stamps_ns,
     unused)
 from .logs.named_columns import read_columns
+from .table_file import row_name
 from .table_map import Map, Quantity, read_map, Topic
 
 Floats = NDArray[np.float64]
@@ -72,8 +73,9 @@ def _seconds(path: Path, table: dict[str, Floats], mapping: Map) -> dict[str, Fl
     def times(clock: Any) -> Floats:
         values = table[clock.column]
         if not np.isfinite(values).all():
-            raise BagError(f'{path}: row {np.flatnonzero(~np.isfinite(values))[0] + 2}: no time '
-                           f'in column {clock.column}')
+            row = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise BagError(f'{path}: {row_name(path, row, mapping.delimiter)}: no time in column '
+                           f'{clock.column}')
         return values
     first = times(mapping.clock)
     if not len(first):
@@ -86,8 +88,9 @@ def _seconds(path: Path, table: dict[str, Floats], mapping: Map) -> dict[str, Fl
         out[name] = (times(clock) - start) * clock.factor + clock.offset
         back = np.flatnonzero(np.diff(out[name]) <= 0.0)
         if len(back):
-            raise BagError(f'{path}: row {back[0] + 3}: the time in column {clock.column} does '
-                           f'not increase ({times(clock)[back[0] + 1]:.15g})')
+            where = row_name(path, int(back[0]) + 1, mapping.delimiter)
+            raise BagError(f'{path}: {where}: the time in column {clock.column} does not increase '
+                           f'({times(clock)[back[0] + 1]:.15g})')
         if not np.abs(out[name]).max() < LONGEST:
             raise BagError(f'{path}: column {clock.column} spans more than {LONGEST:g} s: its '
                            'unit is not as the mapping says')
@@ -99,9 +102,10 @@ def _vectors(table: dict[str, Floats], quantity: Quantity) -> Floats:
 
 
 def _attitude(
-    path: Path, table: dict[str, Floats], topic: Topic, world: Rotation, usable: NDArray[np.bool_],
+    path: Path, table: dict[str, Floats], mapping: Map, topic: Topic, usable: NDArray[np.bool_],
 ) -> Floats:
     """Return x y z w of FLU in a world with z up, (n, 4), upright where not usable."""
+    world = WORLD[mapping.world]
     out = np.tile(UPRIGHT, (len(usable), 1))
     if 'quaternion' in topic.quantities:
         quantity = topic.quantities['quaternion']
@@ -109,9 +113,9 @@ def _attitude(
         given = given if quantity.order == 'xyzw' else given[:, [1, 2, 3, 0]]
         wrong = np.flatnonzero(np.abs(np.linalg.norm(given, axis=1) - 1.0) > LOOSE_NORM)
         if len(wrong):
-            row = np.flatnonzero(usable)[wrong[0]] + 2
-            raise BagError(f'{path}: row {row}: the quaternion in {", ".join(quantity.columns)} '
-                           f'has the norm {np.linalg.norm(given[wrong[0]]):.3g}, not 1')
+            where = row_name(path, int(np.flatnonzero(usable)[wrong[0]]), mapping.delimiter)
+            raise BagError(f'{path}: {where}: the quaternion in {", ".join(quantity.columns)} has '
+                           f'the norm {np.linalg.norm(given[wrong[0]]):.3g}, not 1')
         turns = Rotation.from_quat(given)
     else:
         quantity = topic.quantities['euler']
@@ -156,7 +160,7 @@ class _Rows:
     def _pose(self, topic: Topic, found: dict[str, Floats], usable: Any) -> tuple[Any, Any]:
         world = WORLD[self.mapping.world]
         position = world.apply(np.where(usable[:, None], found['position'], 0.0))
-        return position, _attitude(self.path, self.table, topic, world, usable)
+        return position, _attitude(self.path, self.table, self.mapping, topic, usable)
 
     def _optitrack_pose(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
         position, turn = self._pose(topic, found, usable)
@@ -186,7 +190,7 @@ class _Rows:
         world = WORLD[self.mapping.world]
         position = world.apply(np.where(usable[:, None], found['position'], 0.0))
         if {'quaternion', 'euler'} & set(found):
-            turn = _attitude(self.path, self.table, topic, world, usable)
+            turn = _attitude(self.path, self.table, self.mapping, topic, usable)
         elif 'yaw' in found:  # about the axis that points down or up in the file
             sign = -1.0 if self.mapping.world == 'z_down' else 1.0
             yaw = np.where(usable, sign * found['yaw'][:, 0], 0.0)

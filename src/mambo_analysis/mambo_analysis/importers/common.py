@@ -37,7 +37,8 @@ class Source(NamedTuple):
         try:
             return self.content.decode('utf-8-sig')
         except UnicodeDecodeError as error:
-            raise BagError(f'{self.path}: not a text file (byte {error.start})') from None
+            raise BagError(f'{self.path}: not a text file in UTF-8 (byte {error.start}): save it '
+                           'in this encoding') from None
 
 
 def read_source(path: Path) -> Source:

@@ -6,6 +6,7 @@ Export: CSV): a line of keys and values about the take, then the type, name and 
 column belongs to (and its parent, from 1.25), then Rotation or Position, then the axes. A column
 without a name of its own (marker error, time code) is skipped. The columns of one rigid body
 become ``optitrack/pose``; where its markers were lost the cells are empty, and there is no pose.
+Impossible poses are left out (:mod:`mambo_signals.outliers`). Both are counted.
 
 Axes
     The file does not say which axis is up. Motive's own is y, with x to the right and z towards
@@ -37,6 +38,7 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
+from mambo_signals import outliers
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -94,6 +96,11 @@ class Take:
 def _about(path: Path, row: list[str]) -> dict[str, str]:
     """Return the keys and values of the first line."""
     cells = [cell.strip() for cell in row]
+    other = re.match(r'"?Format Version"?\s*?([;|\t])', row[0]) if row else None
+    if other:
+        name = 'a tab' if other[1] == '\t' else repr(other[1])
+        raise BagError(f'{path}: its cells are separated by {name}: export or save it with commas '
+                       'instead')
     if not cells or cells[0] != 'Format Version':
         raise BagError(
             f'{path}: no CSV export of Motive (line 1 must begin with "Format Version"; export '
@@ -196,14 +203,14 @@ def _times(path: Path, frames: Floats, times: Floats, about: dict[str, str]) -> 
     return by_frame if (np.abs(by_frame - times) <= ROUNDED).all() else times
 
 
-def _rotations(path: Path, angles: Floats, kind: str) -> Floats:
-    """Return x y z w, (n, 4), NaN where an angle is."""
+def _rotations(path: Path, frames: Floats, angles: Floats, kind: str) -> Floats:
+    """Return x y z w, (n, 4), NaN where an angle is; errors name the number of the frame."""
     if kind == 'Quaternion':
         norm = np.linalg.norm(angles, axis=1)
         wrong = np.flatnonzero(np.abs(norm - 1.0) > LOOSE_NORM)
         if len(wrong):
-            raise BagError(f'{path}: the quaternion of frame {wrong[0]} has the length '
-                           f'{norm[wrong[0]]:.3g}, not 1')
+            raise BagError(f'{path}: the quaternion of frame {frames[wrong[0]]:.0f} has the '
+                           f'length {norm[wrong[0]]:.3g}, not 1')
         return angles / norm[:, None]
     out = np.full((len(angles), 4), math.nan)
     good = np.isfinite(angles).all(axis=1)
@@ -241,7 +248,8 @@ def read_take(source: Source, body: str | None = None) -> Take:
     table = _numbers(path, rows, line, [0, 1, *(bodies[name][column] for column in wanted)])
     times = _times(path, table[:, 0], table[:, 1], about)
     take = Take(times, UNITS[about['Length Units'].lower()] * table[:, -3:],
-                _rotations(path, table[:, 2:-3], turn), name, about, _others(rows, line, name))
+                _rotations(path, table[:, 0], table[:, 2:-3], turn), name, about,
+                _others(rows, line, name))
     if not take.seen.any():
         raise BagError(f'{path}: rigid body {quoted(name)} is never seen')
     return take
@@ -289,7 +297,7 @@ def import_motive(
 
     Returns
     -------
-    {topic: messages}; what was not used, in one line.
+    {topic: messages}; lines on what was left out or not used.
 
     Raises
     ------
@@ -302,9 +310,15 @@ def import_motive(
     file = read_source(source)
     take = read_take(file, body)
     times, position, attitude = poses(take, up, nose)
+    wrong = outliers.impossible(times, position, attitude)
+    frames, lost, impossible = len(take.times), int((~take.seen).sum()), int(wrong.sum())
+    times, position, attitude = times[~wrong], position[~wrong], attitude[~wrong]
+    notes = [f'{TOPIC}: {lost} of {frames} frames have no pose of {quoted(take.body)} and are '
+             'left out'] if lost else []
+    notes += [outliers.describe(TOPIC, impossible)] if impossible else []
     details: dict[str, Any] = {
-        'body': take.body, 'up': up, 'nose_rad': nose, 'frames': len(take.times),
-        'frames_lost': int((~take.seen).sum())}
+        'body': take.body, 'up': up, 'nose_rad': nose, 'frames': frames,
+        'frames_lost': lost, 'poses_impossible': impossible}
     details |= {f'motive_{key.lower().replace(" ", "_")}': value
                 for key, value in take.about.items() if key}
     record = provenance(source.name, file.sha256, 'import_motive', 'Motive CSV export', details)
@@ -312,7 +326,7 @@ def import_motive(
         out = Publisher(writer, {TOPIC: 'geometry_msgs/msg/PoseStamped'})
         for stamp, p, q in zip(stamps_ns(times).tolist(), position.tolist(), attitude.tolist()):
             out.publish(TOPIC, stamp, 'map', pose=out.pose(p, q))
-        return writer.counts, unused(take.others)
+        return writer.counts, [*notes, *unused(take.others)]
 
 
 def parser() -> Parser:

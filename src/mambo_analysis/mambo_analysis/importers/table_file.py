@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
+import csv
 from pathlib import Path
+import re
 from typing import Any
 import warnings
 
@@ -19,6 +21,8 @@ from . import bounded
 from .common import LARGEST, quoted, shortened
 
 PARQUET = ('.parquet', '.pq')
+WITHOUT_LINES = (*PARQUET, '.ulg', '.mat', '.gz', '.bz2', '.zip', '.xz', '.zst', '.tar')
+DELIMITERS = (',', ';', '\t', '|', ' ')
 Read = tuple[dict[str, Any], list[str]]  # wanted columns that there are; names of all
 
 
@@ -30,6 +34,49 @@ def _names(names: Any, wanted: list[str]) -> list[str]:
     if twice is not None:
         raise ValueError(f'{count[twice]} columns have the name {quoted(twice)}')
     return out
+
+
+def _delimiter(names: list[str], wanted: list[str]) -> str:
+    """Return what separates the wanted names in a header that was read as one name, or ''."""
+    if len(names) != 1:
+        return ''
+    return next((one for one in DELIMITERS if len(
+        {name.strip(' "') for name in names[0].split(one)} & set(wanted)) > 1), '')
+
+
+def row_name(path: Path, row: int, delimiter: str) -> str:
+    """
+    Return where a row of a table is, for an error: its line, or else its number.
+
+    Parameters
+    ----------
+    path
+    row
+        Index in the data, from 0.
+    delimiter
+        Of a CSV file.
+
+    Returns
+    -------
+    ``line 203`` of a CSV file, in which blank lines count; ``row 102 of the data`` of others.
+
+    """
+    number = f'row {row + 1} of the data'
+    if path.suffix.lower() in WITHOUT_LINES:
+        return number
+    try:
+        with path.open(encoding='utf-8-sig', newline='') as file:
+            reader = csv.reader(file, delimiter=delimiter, skipinitialspace=True)
+            left, line = row + 1, 1  # rows to pass, with the header; line at which one begins
+            for cells in reader:
+                if len(cells) > 1 or ''.join(cells).strip():
+                    if not left:
+                        return f'line {line}'
+                    left -= 1
+                line = reader.line_num + 1
+    except (OSError, ValueError, TypeError, csv.Error):
+        pass  # a character or a cell that only pandas reads
+    return number
 
 
 def _parquet(path: Path, wanted: list[str]) -> Read:
@@ -54,11 +101,19 @@ def _csv(path: Path, wanted: list[str], delimiter: str) -> Read:
     try:
         header = pandas.read_csv(
             path, header=None, nrows=1, dtype=object, keep_default_na=False, **options)
+        first = str(header.iloc[0, 0]).strip()
+        if first.lower().startswith('sep='):
+            line = delimiter.join(str(cell) for cell in header.iloc[0]).strip()
+            raise ValueError(f'remove the first line, {quoted(line)}, which only Excel reads')
         names = _names(header.iloc[0], wanted)
+        if _delimiter(names, wanted):
+            return {}, names
         with warnings.catch_warnings():
             warnings.simplefilter('error', pandas.errors.ParserWarning)
             frame = pandas.read_csv(path, index_col=False, on_bad_lines='error', **options)
-    except pandas.errors.ParserWarning:
+    except pandas.errors.ParserWarning as warning:
+        if 'Length of header' not in str(warning):
+            raise ValueError(str(warning)) from None
         raise ValueError('the rows have more cells than the header has names: is a comma the '
                          'decimal mark, or a name missing?') from None
     except pandas.errors.ParserError as error:
@@ -101,14 +156,18 @@ def read_table(path: Path, wanted: list[str], delimiter: str) -> tuple[dict[str,
         raise BagError(f'{path}: {error.strerror or error}') from None
     missing = [name for name in wanted if name not in found]
     if missing:
-        raise BagError(f'{path}: no column {quoted(missing[0])}{nearest(missing[0], names)}; '
-                       f'it has {shortened(names)}')
-    return ({name: numbers(path, name, found[name]) for name in wanted},
+        other = _delimiter(names, wanted).replace('\t', '\\t')
+        hint = nearest(missing[0], names)
+        if other:
+            hint = (f"; the cells are separated by '{other}': give delimiter: '{other}' in the "
+                    'mapping')
+        raise BagError(f'{path}: no column {quoted(missing[0])}{hint}; it has {shortened(names)}')
+    return ({name: numbers(path, name, found[name], delimiter) for name in wanted},
             [name for name in names if name not in wanted])
 
 
-def numbers(path: Path, name: str, found: Any) -> NDArray[np.float64]:
-    """Return a column as numbers, (n,); BagError naming the row of what is none."""
+def numbers(path: Path, name: str, found: Any, delimiter: str = ',') -> NDArray[np.float64]:
+    """Return a column as numbers, (n,); BagError naming the line of what is none."""
     if found.dtype.kind in 'iufb':
         values = found.astype(float)
     else:
@@ -119,10 +178,13 @@ def numbers(path: Path, name: str, found: Any) -> NDArray[np.float64]:
                                        errors='coerce').astype(float)
         bad = np.flatnonzero(np.isnan(values) & ~pandas.isna(found))
         if len(bad):
-            raise BagError(f'{path}: row {bad[0] + 2}, column {name}: '
-                           f'{quoted(str(found[bad[0]]))} is not a number')
+            cell = str(found[bad[0]])
+            comma = re.fullmatch(r'\s*[-+]?\d*,\d+(e[-+]?\d+)?\s*', cell, re.IGNORECASE)
+            hint = ': write decimal points instead of commas' if comma else ''
+            raise BagError(f'{path}: {row_name(path, bad[0], delimiter)}, column {name}: '
+                           f'{quoted(cell)} is not a number{hint}')
     wrong = np.flatnonzero(np.abs(values) >= LARGEST)
     if len(wrong):
-        raise BagError(f'{path}: row {wrong[0] + 2}, column {name}: {values[wrong[0]]:g} is '
-                       'absurd')
+        raise BagError(f'{path}: {row_name(path, wrong[0], delimiter)}, column {name}: '
+                       f'{values[wrong[0]]:g} is absurd')
     return values

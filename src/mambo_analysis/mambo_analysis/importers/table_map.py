@@ -1,4 +1,4 @@
-"""
+r"""
 Mapping file of a table: the quantity, unit, frame and clock of each column.
 
 .. code-block:: yaml
@@ -23,6 +23,9 @@ body in the ``order`` of their columns (``ZYX``: yaw, pitch, roll). The ``veloci
 ``onboard/odom`` is in the axes of the world, or with ``velocity_axes: body`` in those of the
 body. A topic may name a ``time`` and a ``body`` of its own. ``only_changes: true`` publishes a
 value only when it is new, for a column that holds the last one.
+
+Cells of a CSV file are separated by commas, or by the character of ``delimiter: ';'`` (one ASCII
+character, ``'\t'`` for a tab) beside ``time`` and ``topics``. Numbers have decimal points.
 """
 
 from __future__ import annotations
@@ -141,8 +144,9 @@ def read_map(path: Path) -> Map:
     if 'delimiter' in entries:
         node = entries['delimiter'][1]
         delimiter = str(node.value).replace('\\t', '\t')  # a tab counts as text
-        if len(delimiter) != 1:
-            reader.fail(node, 'delimiter', 'must be one character, or \\t for a tab')
+        if len(delimiter) != 1 or not delimiter.isascii() or delimiter in '"\r\n\0':
+            reader.fail(node, 'delimiter', 'must be one ASCII character, no quotation mark and no '
+                        'end of a line, or \\t for a tab')
     topics = {}
     found = reader.mapping(entries['topics'][1], 'topics')
     if not found:

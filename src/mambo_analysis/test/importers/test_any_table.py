@@ -150,12 +150,12 @@ def test_missing_columns(tmp_path, capsys, old, new, text):
 
 
 @pytest.mark.parametrize('row, column, value, text', [
-    (4, 'x', 'north', "row 6, column x: 'north' is not a number"),
-    (4, 'x', 'inf', 'row 6, column x: inf is absurd'),
-    (4, 't', '1770000000.0', 'row 6: the time in column t does not increase'),
-    (4, 't', '', 'row 6: no time in column t'),
-    (4, 't', '9e20', 'row 7: the time in column t does not increase'),
-    (4, 'qw', '7', 'row 6: the quaternion in qw, qx, qy, qz has the norm 7'),
+    (4, 'x', 'north', "line 6, column x: 'north' is not a number"),
+    (4, 'x', 'inf', 'line 6, column x: inf is absurd'),
+    (4, 't', '1770000000.0', 'line 6: the time in column t does not increase'),
+    (4, 't', '', 'line 6: no time in column t'),
+    (4, 't', '9e20', 'line 7: the time in column t does not increase'),
+    (4, 'qw', '7', 'line 6: the quaternion in qw, qx, qy, qz has the norm 7'),
 ])
 def test_bad_cells(tmp_path, capsys, row, column, value, text):
     def change(file):
@@ -164,6 +164,30 @@ def test_bad_cells(tmp_path, capsys, row, column, value, text):
         data.to_csv(file, index=False)
     code, said = damage(tmp_path, change, capsys)
     assert code == 2 and text in said
+
+
+@pytest.mark.parametrize('row, column, value, text', [
+    (4, 't', '1770000000.0', 'line 11: the time in column t does not increase'),
+    (4, 't', '', 'line 11: no time in column t'),
+    (4, 'qw', '7', 'line 11: the quaternion in qw, qx, qy, qz has the norm 7'),
+])
+def test_blank_lines_count_in_the_line_of_a_bad_cell(tmp_path, capsys, row, column, value, text):
+    def change(file):
+        data = pandas.read_csv(file, dtype=str)
+        data.loc[row, column] = value
+        data.to_csv(file, index=False)
+        file.write_text(file.read_text().replace('\n', '\n\n'))
+    code, said = damage(tmp_path, change, capsys)
+    assert code == 2 and text in said
+
+
+def test_rows_of_a_parquet_file_are_those_of_its_data(tmp_path, capsys):
+    def change(file):
+        data = frame()
+        data.loc[4, 't'] = np.nan
+        data.to_parquet(file)
+    code, said = damage(tmp_path, change, capsys, suffix='.parquet')
+    assert code == 2 and 'row 5 of the data: no time in column t' in said
 
 
 @pytest.mark.parametrize('content', [b'', b'\x00' * 100, b't,x\n1,2,3,4\n', b'PAR1 broken PAR1'])

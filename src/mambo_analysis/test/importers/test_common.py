@@ -62,7 +62,7 @@ def test_a_source_is_read_once_with_its_checksum(tmp_path):
     assert source.text() == 'a;b\n'  # without the mark of its encoding
     assert source.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     path.write_bytes(b'abc\xff')
-    with pytest.raises(BagError, match=r'log\.csv: not a text file \(byte 3\)'):
+    with pytest.raises(BagError, match=r'log\.csv: not a text file in UTF-8 \(byte 3\)'):
         common.read_source(path).text()
     with pytest.raises(BagError, match='none.csv'):
         common.read_source(tmp_path / 'none.csv')

@@ -134,12 +134,54 @@ def test_stamps_are_exact_where_the_column_is_rounded(tmp_path):
 
 def test_lost_markers_give_no_pose(tmp_path):
     lost = (0, 5, 6, 7, 59)
-    counts, _ = import_motive(take(tmp_path / 'take.csv', lost=lost), tmp_path / 'bag')
+    counts, notes = import_motive(
+        take(tmp_path / 'take.csv', lost=lost, markers=False), tmp_path / 'bag')
     assert counts == {'/mambo/optitrack/pose': N - 5}
+    assert notes == ["optitrack/pose: 5 of 60 frames have no pose of 'Rigid Body 1' and are left "
+                     'out']
     bag = read_bag(tmp_path / 'bag')
     frames = np.rint(bag['optitrack/pose'].t * RATE).astype(int)
     assert frames.tolist() == [i for i in range(N) if i not in lost]
     assert bag.metadata['import']['frames_lost'] == '5'
+
+
+def test_impossible_poses_are_left_out(tmp_path):
+    source = take(tmp_path / 'take.csv', markers=False, change=lambda lines: [
+        *lines[:20], *(line.rpartition(',')[0] + ',1e25' for line in lines[20:21]), *lines[21:]])
+    counts, notes = import_motive(source, tmp_path / 'bag')
+    assert counts == {'/mambo/optitrack/pose': N - 1}
+    assert len(notes) == 1 and '1 impossible pose left out' in notes[0]
+    bag = read_bag(tmp_path / 'bag')
+    assert np.abs(bag['optitrack/pose'].position).max() < 2.0
+    assert bag.metadata['import']['poses_impossible'] == '1'
+
+
+def test_a_sound_take_is_whole_and_nothing_is_said_about_its_poses(tmp_path):
+    counts, notes = import_motive(take(tmp_path / 'take.csv', markers=False), tmp_path / 'bag')
+    assert counts == {'/mambo/optitrack/pose': N} and not notes
+
+
+def test_a_wrong_quaternion_is_named_by_the_number_of_its_frame(tmp_path, capsys):
+    def change(lines):
+        rows = [line.split(',') for line in lines[7:]]
+        rows[50][2] = '2.0'
+        return [*lines[:7], *(','.join([str(1000 + k), *row[1:]]) for k, row in enumerate(rows))]
+    refuse(take(tmp_path / 'take.csv', change=change), tmp_path, capsys,
+           'the quaternion of frame 1050 has the length')
+
+
+@pytest.mark.parametrize('delimiter, name', [(';', "';'"), ('\t', 'a tab'), ('|', "'|'")])
+def test_another_delimiter_is_named(tmp_path, capsys, delimiter, name):
+    path = take(tmp_path / 'take.csv', change=swap(',', delimiter, -1))
+    refuse(path, tmp_path, capsys,
+           f'its cells are separated by {name}: export or save it with commas instead')
+
+
+@pytest.mark.parametrize('encoding', ['utf-16-le', 'utf-16-be'])
+def test_a_take_in_utf_16_is_to_be_saved_in_utf_8(tmp_path, capsys, encoding):
+    path = take(tmp_path / 'take.csv')
+    path.write_bytes(('\ufeff' + path.read_text(encoding='utf-8')).encode(encoding))
+    refuse(path, tmp_path, capsys, 'not a text file in UTF-8 (byte 0): save it in this encoding')
 
 
 def test_the_body_is_chosen_by_name(tmp_path, capsys):

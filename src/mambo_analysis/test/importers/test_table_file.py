@@ -47,13 +47,31 @@ def test_wanted_columns_come_as_numbers_and_others_by_name(tmp_path, suffix):
     ('t,x\n0,"1\n', 'EOF inside string'),
     (ROWS.encode('utf-16'), 'byte 0 is no text in UTF-8'),
     (ROWS.encode('utf-16-be'), "no column 't'"),
-    ('t,x\n0,1\0\n', "row 2, column x: '1\\x00' is not a number"),
-    (f't,x\n0,{"9" * 400}\n', 'row 2, column x: inf is absurd'),
+    ('t,x\n0,1\0\n', "column x: '1\\x00' is not a number"),
+    (f't,x\n0,{"9" * 400}\n', 'line 2, column x: inf is absurd'),
+    ('t;x\n0;1\n', "no column 't'; the cells are separated by ';': give delimiter: ';' in the "
+     "mapping; it has t;x"),
+    ('t;x\n0,1;1,5\n', "give delimiter: ';' in the mapping"),
+    ('t\tx\n0\t1\n', "give delimiter: '\\t' in the mapping"),
+    ('t,x\n0,"1,5"\n', "'1,5' is not a number: write decimal points instead of commas"),
+    ('sep=,\nt,x\n0,1\n', "remove the first line, 'sep=,', which only Excel reads"),
+    ('sep=;\nt,x\n0,1\n', "remove the first line, 'sep=;', which only Excel reads"),
+    ('t,x\n\n0,1\n \n"0\n",1\n\n0.2,z\n', "line 8, column x: 'z' is not a number"),
+    ('t,x\r\n\r\n0,1\r\n\r\n0.2,z\r\n', "line 5, column x: 'z' is not a number"),
+    ('t,x\n\n0,9e99\n', 'line 3, column x: 9e+99 is absurd'),
     (gzip.compress(b't,x\n0,1\n'), 'is no text in UTF-8'), ('\n\n', 'No columns'),
     (','.join(map(str, range(3000))), "no column 't'; it has 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11 "
      'and 2988 more')])
 def test_a_csv_file_that_is_not_clearly_a_table_is_refused(tmp_path, content, text):
     refused(tmp_path / 'a.csv', content, text)
+
+
+def test_where_lines_are_not_known_the_row_of_data_is_named(tmp_path):
+    path = tmp_path / 'a.csv.gz'
+    refused(path, gzip.compress(b't,x\n\n0,1\n\n1,z\n'), "row 2 of the data, column x: 'z' is no")
+    path = written(tmp_path / 'a.parquet', pandas.DataFrame({'t': [0.0, 1.0], 'x': ['1', 'z']}))
+    with pytest.raises(BagError, match="row 2 of the data, column x: 'z' is not a number"):
+        read_table(path, ['t', 'x'], ',')
 
 
 def test_a_damaged_parquet_file_is_refused(tmp_path):

@@ -22,7 +22,7 @@ topics:
 
 def mapping(tmp_path, text=GOOD):
     file = tmp_path / 'map.yaml'
-    file.write_text(text)
+    file.write_text(text, encoding='utf-8')
     return file
 
 
@@ -61,7 +61,9 @@ def test_what_is_shipped_can_be_read(name):
     ('    voltage: [v]\n', '', 9, 'battery: needs voltage'),
     ('only_changes: true', 'only_changes: perhaps', 11, 'must be true or false'),
     ('only_changes: true', 'velocity_axes: body', 11, 'velocity_axes: unknown'),
-    ('body: frd', 'delimiter: ",,"', 3, 'delimiter: must be one character'),
+    ('body: frd', 'delimiter: ",,"', 3, 'delimiter: must be one ASCII character'),
+    ('body: frd', 'delimiter: é', 3, 'delimiter: must be one ASCII character'),
+    ('body: frd', "delimiter: '\"'", 3, 'delimiter: must be one ASCII character, no quotation'),
 ])
 def test_says_what_is_wrong_and_where(tmp_path, old, new, line, text):
     assert old in GOOD
