@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+import inspect
 from pathlib import Path
 import tempfile
 from typing import Any, TYPE_CHECKING
@@ -128,7 +129,7 @@ def _named(what: str, thing: Any, offer: Callable[[Any], str]) -> str | None:
         return thing
     if isinstance(thing, Path):
         return str(thing)
-    if not callable(thing) and not hasattr(thing, 'step'):
+    if not (callable(thing) or hasattr(thing, 'step') or inspect.ismodule(thing)):
         raise InputError(f'{what}: {thing!r} is neither a name, a path, a function nor a class')
     return offer(thing)
 

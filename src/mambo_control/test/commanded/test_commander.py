@@ -19,8 +19,9 @@ def test_a_command_takes_effect_at_the_next_step_and_the_script_at_its_own():
         seen += [(k, command.t, reason) for command, reason in commander.advance(k * STEP)]
         assert commander.next_step == (k + 1) * STEP
     assert seen == [(4, 20_000_000, '')]
+    commander.advance(199 * STEP)  # it has taken off
     given, reason = commander.give(FlightCommand(0, fc.STOP))
-    assert (given.t, reason) == (6 * STEP, '') and commander.timeline.last == 6 * STEP
+    assert (given.t, reason) == (200 * STEP, '') and commander.timeline.last == 200 * STEP
 
 
 def test_a_script_whose_steps_were_left_out_keeps_its_times():
