@@ -162,6 +162,10 @@ def _check(timeline: Timeline, c: FlightCommand, phase: int, longest: float) -> 
         raise Refused(f'holds a number above {LARGEST:g}')
     if not 0.0 <= c.duration <= longest:
         raise Refused(f'duration = {c.duration:g} s is outside [0, {longest:g}] s')
+    waits = phase == GROUND and c.t * 1e-9 < timeline.until  # for the estimator, to take off
+    if waits and c.kind == fc.STOP:
+        raise Refused('the vehicle has not taken off yet')
+    phase = TAKEOFF if waits else phase
     grounded = phase in (GROUND, LANDED)
     if c.kind == fc.TAKEOFF and not grounded:
         raise Refused(f'the vehicle is {_PHASES[phase]} already')
@@ -179,6 +183,8 @@ def _plan(
     c: FlightCommand, state: Array, phase: int, p: CommandParams, vehicle: Vehicle,
 ) -> Way:
     """Return the path of a command within all limits; raise Refused if there is none."""
+    waiting = ALIGNING - c.t * 1e-9
+    before = [rest(state[:, 0], GROUND, waiting)] if phase == GROUND and waiting > 0.0 else []
     if phase == LANDED:
         state = at_rest(state[:, 0] * np.array([1.0, 1.0, 0.0, 1.0]))
     build, tries = _BUILDERS[c.kind](c, state, p)
@@ -188,7 +194,7 @@ def _plan(
         longer *= _LONGER
         reason = beyond(way, end, -state[2, 0], p, vehicle)
         if not reason:
-            return way, end
+            return [*before, *way], end
         first = first or reason
     raise Refused(first)
 
@@ -207,10 +213,8 @@ def _takeoff(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
     goal = state[:, 0].copy()
     goal[2] = -c.height
     duration = c.duration or max(2.0 * SHORTEST, least_duration(state, goal, p))
-    waiting = ALIGNING - c.t * 1e-9
-    before = [rest(state[:, 0], GROUND, waiting)] if waiting > 0.0 else []
-    return lambda longer: (
-        [*before, move(state, at_rest(goal), longer * duration, TAKEOFF)], goal), _tries(c)
+    return lambda longer: ([move(state, at_rest(goal), longer * duration, TAKEOFF)], goal), (
+        _tries(c))
 
 
 def _land(c: FlightCommand, state: Array, p: CommandParams) -> Builder:

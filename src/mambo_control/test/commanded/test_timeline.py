@@ -109,6 +109,22 @@ def test_a_takeoff_before_the_estimator_can_be_aligned_begins_after_it():
         assert np.array_equal(tl.state_of(line, t)[0], tl.state_of(later, t)[0])
 
 
+def test_while_it_waits_to_take_off_commands_count_as_in_the_take_off():
+    line = flown(UP._replace(t=0))
+    for command, words in (
+            (UP._replace(t=S // 10), 'the vehicle is taking off already'),
+            (FlightCommand(S // 10, fc.STOP), 'the vehicle has not taken off yet'),
+            (FlightCommand(S // 10, fc.GO_TO, position=(9.0, 0.0, -1.0)), 'leaves the volume')):
+        after, reason = tl.step(line, command, P, V)
+        assert words in reason and after is line
+    line = flown(UP._replace(t=0), FlightCommand(
+        S // 10, fc.GO_TO, duration=4.0, position=(1.0, 0.0, -1.0)))
+    assert tl.state_of(line, 0.999 * tl.ALIGNING)[1] == GROUND
+    assert line.until == pytest.approx(tl.ALIGNING + 4.0)
+    line = flown(UP._replace(t=0), FlightCommand(S // 10, fc.LAND))
+    assert tl.state_of(line, line.until)[1] == LANDED
+
+
 def test_a_goal_is_reached_at_rest_in_the_given_time_and_the_yaw_goes_the_short_way():
     line = flown(UP, FlightCommand(5 * S, fc.GO_TO, position=(1.0, 2.0, -1.5), yaw=3.0),
                  FlightCommand(15 * S, fc.GO_TO, duration=7.0, position=(0.0, 2.0, -1.5),
