@@ -39,7 +39,7 @@ def stranger(rounds, flood=0.0):
 
 @pytest.mark.parametrize('mode', ['lockstep', 'realtime'])
 def test_a_stranger_on_every_input_changes_nothing(tmp_path, mode):
-    seconds, rounds = (80.0, 10) if mode == 'lockstep' else (9.0, 60)
+    seconds, rounds = (80.0, 40) if mode == 'lockstep' else (9.0, 60)
     names = ','.join(name for _, name in (*FLIGHT_NODES, RECORDER))
     flight = override(scenario(duration=seconds, seed=3, land=False), {
         'sim_node.mode': mode, 'sim_node.wait_for': names})
