@@ -7,19 +7,10 @@ import os
 from pathlib import Path
 from typing import Any
 
+from mambo_flight.gym.inputs import plain
 from mambo_model.errors import InputError
-import numpy as np
 
-
-def plain(value: Any) -> Any:
-    """Return a value with its numbers and arrays of numpy as numbers and lists of Python."""
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    if isinstance(value, Mapping):
-        return {plain(key): plain(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return type(value)(map(plain, value)) if type(value) in (list, tuple) else value
-    return value
+__all__ = ['parameters', 'path', 'plain']
 
 
 def parameters(values: Mapping[str, Any] | None) -> dict[str, Any]:

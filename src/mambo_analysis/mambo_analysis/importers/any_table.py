@@ -71,6 +71,7 @@ def find_map(word: str) -> Path:
 def _seconds(path: Path, table: dict[str, Floats], mapping: Map) -> dict[str, Floats]:
     """Return the times of each topic, (n,) s from the first row; BagError if they go back."""
     def times(clock: Any) -> Floats:
+        """Return the column of a clock as it is in the file."""
         values = table[clock.column]
         if not np.isfinite(values).all():
             row = int(np.flatnonzero(~np.isfinite(values))[0])

@@ -149,6 +149,13 @@ def test_missing_columns(tmp_path, capsys, old, new, text):
     assert code == 2 and text in said
 
 
+def set_cell(file, row, column, value):
+    """Replace one cell of a CSV file."""
+    data = pandas.read_csv(file, dtype=str)
+    data.loc[row, column] = value
+    data.to_csv(file, index=False)
+
+
 @pytest.mark.parametrize('row, column, value, text', [
     (4, 'x', 'north', "line 6, column x: 'north' is not a number"),
     (4, 'x', 'inf', 'line 6, column x: inf is absurd'),
@@ -158,11 +165,7 @@ def test_missing_columns(tmp_path, capsys, old, new, text):
     (4, 'qw', '7', 'line 6: the quaternion in qw, qx, qy, qz has the norm 7'),
 ])
 def test_bad_cells(tmp_path, capsys, row, column, value, text):
-    def change(file):
-        data = pandas.read_csv(file, dtype=str)
-        data.loc[row, column] = value
-        data.to_csv(file, index=False)
-    code, said = damage(tmp_path, change, capsys)
+    code, said = damage(tmp_path, lambda file: set_cell(file, row, column, value), capsys)
     assert code == 2 and text in said
 
 
@@ -173,9 +176,7 @@ def test_bad_cells(tmp_path, capsys, row, column, value, text):
 ])
 def test_blank_lines_count_in_the_line_of_a_bad_cell(tmp_path, capsys, row, column, value, text):
     def change(file):
-        data = pandas.read_csv(file, dtype=str)
-        data.loc[row, column] = value
-        data.to_csv(file, index=False)
+        set_cell(file, row, column, value)
         file.write_text(file.read_text().replace('\n', '\n\n'))
     code, said = damage(tmp_path, change, capsys)
     assert code == 2 and text in said

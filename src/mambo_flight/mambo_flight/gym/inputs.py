@@ -18,6 +18,8 @@ def plain(value: Any) -> Any:
     """Return a value with its numbers and arrays of numpy as numbers and lists of Python."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
+    if isinstance(value, Mapping):
+        return {plain(key): plain(inner) for key, inner in value.items()}
     if type(value) in (list, tuple):
         return type(value)(map(plain, value))
     return value
