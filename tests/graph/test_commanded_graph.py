@@ -6,6 +6,7 @@ import time
 
 from flown_again import assert_one_process_gives, assert_the_graph_gives
 from mambo_bags.reader import read_bag
+from mambo_control.commanded.commander import SHUT_DOWN
 from mambo_flight import commanded
 from mambo_interfaces.msg import Command, Reference
 from mambo_model.errors import JobError
@@ -67,12 +68,18 @@ def stream(topic, make, kind):
     rclpy.try_shutdown(context=context)
 
 
+def start(path, *options):
+    """Start a commanded flight that is paused."""
+    return subprocess.Popen(
+        [sys.executable, '-m', 'mambo_bringup.run', *RUN, '-o', str(path), *options],
+        stderr=subprocess.PIPE, text=True)
+
+
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
     """Return a flight in lockstep that was commanded while it was paused and while it flew."""
     path = tmp_path_factory.mktemp('graph') / 'commanded'
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'mambo_bringup.run', *RUN, '-o', str(path)])
+    process = start(path)
     try:
         assert until(lambda: client.send('takeoff', height=1.2)) == 'from t = 0.000 s'
         with pytest.raises(JobError, match='already'):
@@ -88,7 +95,8 @@ def bag(tmp_path_factory):
         time.sleep(1.0)  # so that the landing begins on the way
         client.send('land')
         assert client.send('resume') == 'going on'
-        assert process.wait(BUSY) == 0
+        _, errors = process.communicate(timeout=BUSY)
+        assert process.returncode == 0, errors
     finally:
         process.kill()
     return path
@@ -108,3 +116,17 @@ def test_one_process_flies_the_recorded_commands_again_to_the_last_bit(bag, tmp_
 def test_the_graph_flies_the_recorded_commands_again_to_the_last_bit(bag, tmp_path):
     assert_the_graph_gives(bag, tmp_path, REFUSALS)
     assert len(read_bag(tmp_path / 'graph')[f'/mambo/{topics.COMMAND.name}'].raw) >= 4
+
+
+def test_a_command_after_a_shutdown_is_refused(tmp_path):
+    process = start(tmp_path / 'bag', '--set', 'controller_node.cascaded.height_max=0.5')
+    try:
+        until(lambda: client.send('takeoff', height=1.2))
+        client.send('step', steps=900)
+        with pytest.raises(JobError, match=SHUT_DOWN):
+            client.send('takeoff', height=1.2)
+        client.send('resume')
+        _, errors = process.communicate(timeout=BUSY)
+        assert process.returncode == 1 and 'motors shut down' in errors
+    finally:
+        process.kill()

@@ -8,6 +8,7 @@ from mambo_model.compiled import hold, hold_again, jit
 from mambo_model.motion import flight_command as fc
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.flight_command import FlightCommand
+from mambo_model.motion.quaternion import Quat
 from mambo_ros import diagnostics, input_guard, messages, node, process, topics
 from mambo_ros.commands import joy_message, table
 from mambo_ros.commands.command_message import encode
@@ -15,6 +16,7 @@ from mambo_ros.commands.services import seconds, Services
 
 from .commanded import evaluation
 from .commanded.commander import Commander
+from .commanded.script import STEP_NS
 from .commanded.streams import from_wire, Joystick, Setpoints
 from .parameters import ReferenceNodeParams
 
@@ -40,11 +42,12 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
     Reference generator: subscribes ``/clock``, publishes ``reference`` with the same stamp.
 
     With ``commands.enabled`` the reference is made by commands: the script's, those of the
-    services, of ``joy`` and of ``setpoint``. Every accepted one is published on ``command``.
+    services, of ``joy`` and of ``setpoint``. Every accepted one is published on ``command``. After
+    a shutdown on ``motor_pwm`` those that come are refused.
     """
 
     publishes = (topics.REFERENCE, topics.COMMAND, topics.DIAGNOSTICS)
-    subscribes = (topics.CLOCK, topics.JOY, topics.SETPOINT)
+    subscribes = (topics.CLOCK, topics.JOY, topics.SETPOINT, topics.MOTOR_PWM)
     serves = table.REFERENCE
     example = '--ros-args -p plan.trajectory:=circle'
 
@@ -76,6 +79,8 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
         self.accept(topics.SETPOINT, messages.decode_reference,
                     lambda t, ref, phase: setpoints.take(t, ref), now=clock, ahead=_AHEAD,
                     check=_check_setpoint)
+        self.accept(topics.MOTOR_PWM, messages.decode_motor_pwm, self._on_pwm, prompt=False,
+                    now=clock, ahead=STEP_NS)
         made = {
             table.TAKEOFF: lambda r: FlightCommand(
                 0, fc.TAKEOFF, duration=seconds(r.duration), height=r.height),
@@ -86,6 +91,9 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
         Services(self).offer(*(
             (service, lambda request, make=make: self._answer(make(request)))
             for service, make in made.items()))
+
+    def _on_pwm(self, t: int, pwm: Quat, shutdown: bool) -> None:
+        self._commander.shut_down = shutdown
 
     def _answer(self, command: FlightCommand) -> tuple[bool, str]:
         """Carry out the command of a service; return success and message of its response."""

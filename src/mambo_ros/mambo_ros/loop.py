@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+import math
 import time
 
 import rclpy
@@ -30,6 +31,7 @@ _HOUSEKEEPING = 0.02  # s, the longest wait at once
 _TURN = 0.05  # s between turns of the ordinary executor; one turn costs most of a step
 _LAZY = 0.005  # s between looks at topics that are not prompt
 _SOON = 0.0003  # s, within which the messages that belong to a prompt one arrive
+_LONGEST = 5.0  # s that a stopping node takes for what has arrived
 _QUIET = 0.1  # s without a message after which a stopping node has received everything
 
 
@@ -81,7 +83,7 @@ class Loop:
         with self._context.handle:
             self._wait_set = _rclpy.WaitSet(
                 len(self._prompt), 0, 0, 0, 0, 0, self._context.handle)
-        self._next_turn = 0.0
+        self._next_turn, self._drained_by = 0.0, math.inf
         floods = Floods(nodes)
         for node in nodes:
             for guard in node.input_guards:
@@ -169,15 +171,16 @@ class Loop:
         """
         Handle messages until none has come for a moment or a second signal arrives.
 
-        Nobody takes over from a publisher that has left: the others leave, too.
+        Nobody takes over from a publisher that has left: the others leave, too. All calls together
+        take ``_LONGEST`` at most, because the others may go on publishing.
         """
         for node in self.nodes:
             for guard in node.input_guards:
                 guard.replaceable = _never
-        limit = time.monotonic() + 5.0
         quiet_since = time.monotonic()
+        self._drained_by = min(self._drained_by, quiet_since + _LONGEST)
         while not self.urgent and (
-                time.monotonic() < min(limit, quiet_since + _QUIET)):
+                time.monotonic() < min(self._drained_by, quiet_since + _QUIET)):
             if self.once(_HOUSEKEEPING):
                 quiet_since = time.monotonic()
 

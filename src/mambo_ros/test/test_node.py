@@ -10,7 +10,7 @@ import time
 
 from geometry_msgs.msg import TransformStamped
 from mambo_model import schema
-from mambo_ros import cdr, messages, topics
+from mambo_ros import cdr, loop as loop_module, messages, topics
 from mambo_ros.endpoints import qos
 from mambo_ros.loop import Loop
 from mambo_ros.node import MamboNode
@@ -116,6 +116,21 @@ def test_nobody_takes_over_while_a_loop_ends(ros):
     assert guard.replaceable(0.0)
     loop.drain()
     assert not guard.replaceable(0.0)
+    loop.close()
+
+
+def test_a_loop_whose_publishers_go_on_drains_once(ros, monkeypatch):
+    monkeypatch.setattr(loop_module, '_LONGEST', 0.2)
+    node, heard = MamboNode('listener', NoParams), []
+    publish = node.advertise(topics.CLOCK)
+    node.subscribe(topics.CLOCK, lambda data: (heard.append(1), publish(messages.clock(1))))
+    loop = Loop(node)
+    publish(messages.clock(1))
+    loop.drain()
+    assert heard
+    heard.clear()
+    loop.drain()  # a node of several that served its loop until it was stopped
+    assert not heard
     loop.close()
 
 

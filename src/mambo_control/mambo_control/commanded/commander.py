@@ -15,6 +15,8 @@ from mambo_model.vehicle.parameters import Vehicle
 from . import script, timeline
 from .command_params import CommandParams
 
+SHUT_DOWN = 'the controller has shut the motors down: start another flight'
+
 
 class Commander:
     """
@@ -35,6 +37,9 @@ class Commander:
         Newest control step, ns; -1: before the first.
     refused : Counter
         Commands that were refused, by kind.
+    shut_down : bool
+        Whether the controller has shut the motors down, which it does for good: commands that
+        come are refused.
 
     """
 
@@ -44,6 +49,7 @@ class Commander:
         self.timeline = timeline.initial()
         self.t = -1
         self.refused: Counter[str] = Counter()
+        self.shut_down = False
 
     @property
     def next_step(self) -> int:
@@ -62,7 +68,11 @@ class Commander:
             Why it was refused; empty: it was not.
 
         """
-        return self._take(command._replace(t=self.next_step))
+        command = command._replace(t=self.next_step)
+        if self.shut_down:
+            self.refused[NAMES[command.kind]] += 1
+            return command, SHUT_DOWN
+        return self._take(command)
 
     def advance(self, t: int) -> list[tuple[FlightCommand, str]]:
         """Carry out what the script has up to a control step, in ns; return as :meth:`give`."""

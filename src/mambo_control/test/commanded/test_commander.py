@@ -2,7 +2,7 @@
 
 from mambo_control.commanded import timeline as tl
 from mambo_control.commanded.command_params import CommandParams
-from mambo_control.commanded.commander import Commander
+from mambo_control.commanded.commander import Commander, SHUT_DOWN
 from mambo_model.motion import flight_command as fc
 from mambo_model.motion.flight_command import FlightCommand
 from mambo_model.vehicle.parameters import Vehicle
@@ -36,6 +36,15 @@ def test_a_refused_command_is_counted_and_changes_nothing():
     assert commander.give(FlightCommand(0, fc.LAND))[1] == (
         'the vehicle is on the floor: take off first')
     assert commander.refused == {'land': 1} and commander.timeline is before
+
+
+def test_what_comes_after_a_shutdown_is_refused_and_the_script_goes_on():
+    commander = Commander(P, V)
+    before, commander.shut_down = commander.timeline, True
+    assert commander.give(FlightCommand(0, fc.TAKEOFF, height=1.0))[1] == SHUT_DOWN
+    assert commander.refused == {'takeoff': 1} and commander.timeline is before
+    # as a flight in one process, which does not hear of it, makes the same reference
+    assert [reason for _, reason in commander.advance(20_000_000)] == ['']
 
 
 def test_the_accepted_commands_make_the_same_reference_again():
