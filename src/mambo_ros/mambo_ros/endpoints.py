@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
+from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
@@ -161,3 +163,14 @@ class Entry:
             if size > _BYTES_AT_ONCE:
                 break
         return size > 0
+
+
+def any_waiting(entries: Sequence[Entry], context: Context) -> bool:
+    """Return whether a message waits at the middleware for one of some entries."""
+    with context.handle:
+        wait_set = _rclpy.WaitSet(len(entries), 0, 0, 0, 0, 0, context.handle)
+        for entry in entries:
+            wait_set.add_subscription(entry.handle)
+        if entries:  # an empty wait set cannot wait
+            wait_set.wait(0)
+        return bool(wait_set.get_ready_entities('subscription'))

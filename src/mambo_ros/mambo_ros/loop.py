@@ -21,7 +21,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
-from .endpoints import AT_ONCE, Entry, Input, RawPublisher
+from .endpoints import any_waiting, AT_ONCE, Entry, Input, RawPublisher
 from .graph import peers
 from .graph.floods import Floods
 from .graph.publisher_guard import PublisherGuard
@@ -32,12 +32,8 @@ _TURN = 0.05  # s between turns of the ordinary executor; one turn costs most of
 _LAZY = 0.005  # s between looks at topics that are not prompt
 _SOON = 0.0003  # s, within which the messages that belong to a prompt one arrive
 _LONGEST = 5.0  # s that a stopping node takes for what has arrived
+_SETTLED = 1.0  # s after which it does not wait for publishers that go on
 _QUIET = 0.1  # s without a message after which a stopping node has received everything
-
-
-def _never(since: float) -> bool:
-    """Return that no publisher may take over."""
-    return False
 
 
 class Loop:
@@ -83,7 +79,7 @@ class Loop:
         with self._context.handle:
             self._wait_set = _rclpy.WaitSet(
                 len(self._prompt), 0, 0, 0, 0, 0, self._context.handle)
-        self._next_turn, self._drained_by = 0.0, math.inf
+        self._next_turn, self._asked = 0.0, math.inf
         floods = Floods(nodes)
         for node in nodes:
             for guard in node.input_guards:
@@ -171,18 +167,21 @@ class Loop:
         """
         Handle messages until none has come for a moment or a second signal arrives.
 
-        Nobody takes over from a publisher that has left: the others leave, too. All calls together
-        take ``_LONGEST`` at most, because the others may go on publishing.
+        Nobody takes over from a publisher that has left: the others leave, too. Others may go on
+        publishing: after ``_SETTLED`` it is enough that no message waits at one instant.
         """
         for node in self.nodes:
             for guard in node.input_guards:
-                guard.replaceable = _never
-        quiet_since = time.monotonic()
-        self._drained_by = min(self._drained_by, quiet_since + _LONGEST)
-        while not self.urgent and (
-                time.monotonic() < min(self._drained_by, quiet_since + _QUIET)):
+                guard.replaceable = lambda since: False
+        now = quiet_since = time.monotonic()
+        self._asked = min(self._asked, now)
+        while not self.urgent and now < min(self._asked + _LONGEST, quiet_since + _QUIET):
             if self.once(_HOUSEKEEPING):
-                quiet_since = time.monotonic()
+                quiet_since = now
+                if now > self._asked + _SETTLED and not (
+                        self._queue or any_waiting(self._entries, self._context)):
+                    break
+            now = time.monotonic()
 
     def turn(self) -> None:
         """Announce links, report refusals, and serve timers, parameters and services once."""

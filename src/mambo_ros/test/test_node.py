@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 from geometry_msgs.msg import TransformStamped
@@ -134,6 +135,30 @@ def test_a_loop_whose_publishers_go_on_drains_once(ros, monkeypatch):
     loop.close()
 
 
+def test_a_loop_does_not_wait_for_publishers_outside_that_go_on(ros, monkeypatch):
+    monkeypatch.setattr(loop_module, '_SETTLED', 0.3)
+    monkeypatch.setattr(loop_module, '_LONGEST', PATIENCE)
+    sender, publish = talker(topics.CLOCK)
+    node, got = listener(topics.CLOCK)
+    loop = Loop(node)
+    until(lambda: readers(sender, topics.CLOCK), 'the link')
+    over = threading.Event()
+
+    def go_on():
+        while not over.wait(0.01):
+            publish(messages.clock(1))
+
+    thread = threading.Thread(target=go_on)
+    thread.start()
+    began = time.monotonic()
+    loop.drain()
+    took = time.monotonic() - began
+    over.set()
+    thread.join()
+    assert len(got) > 10 and took < 0.5 * PATIENCE
+    loop.close()
+
+
 def test_one_loop_serves_several_nodes(ros):
     source, publish = talker(topics.CLOCK)
     relay, last = MamboNode('relay', NoParams), []
@@ -231,6 +256,7 @@ def test_topics_are_reliable_and_deep_and_links_wait_for_late_joiners():
 PROGRAM = """
 from dataclasses import dataclass
 import sys
+import threading
 import time
 
 from mambo_model import schema

@@ -24,6 +24,8 @@ _REPLACED = {
     'reference_node.plan.landing_time': 'an episode does not land: leave it out',
     **dict.fromkeys(scenarios.SEEDS, 'the seed is that of reset(): leave it out')}
 """Parameters that an episode sets itself, and what to do about them."""
+_CAPTURED = ('optitrack_node.', 'estimator_node.joint.pose.')  # nothing reads them
+_CAPTURE = 'estimator_node.joint.pose.enabled'
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,9 @@ def _refuse_unused(places: Mapping[str, str], made: Configuration) -> None:
             raise InputError(
                 f"{where}: {name}: has no effect, as the observation is 'truth': choose "
                 "observation='estimate', or leave it out")
+        if name.startswith(_CAPTURED) and name != _CAPTURE:
+            raise InputError(f'{where}: {name}: has no effect, as an episode has no motion '
+                             'capture: leave it out')
     controllers = {made.scenario.controller_node.controller}
     if made.action == 'attitude_thrust':
         controllers.add('cascaded')  # its inner loop
@@ -143,6 +148,17 @@ def _flight(scenario: Scenario | Path | str | None, task: str, trajectory: str |
     over = {} if trajectory is None else {
         'trajectory': scenario_file.Place(trajectory, 'trajectory')}
     return scenario_file.load_alone(str(scenario), over)[1]
+
+
+def _refuse_estimator(chosen: Scenario, given: Mapping[str, Any]) -> None:
+    """Refuse an observation of the estimate without an estimator, or with motion capture."""
+    name = 'estimator_node.estimator'
+    if given.get(name) == 'ground_truth':
+        raise InputError(
+            f"parameters: {name} = 'ground_truth': choose observation='truth' instead")
+    if chosen.estimator_node.aided:
+        raise InputError(
+            f'scenario: an episode has no motion capture: set {_CAPTURE}: false')
 
 
 def _episode(chosen: Scenario, observation: str, numbers: TaskParams) -> Scenario:
@@ -172,7 +188,8 @@ def configure(
         ``hover``: at a target near the hover point; ``track``: along the flight plan.
     observation
         ``truth``: the true state, without sensors; ``estimate``: that of the scenario's
-        estimator, with all its sensors.
+        estimator, with all sensors but motion capture. A scenario on the true state gets the
+        default estimator.
     action
         See :func:`task.commanded`.
     scenario
@@ -208,6 +225,8 @@ def configure(
         raise InputError(
             'scenario: a commanded flight has no plan of its own to hand over from: '
             'leave out commands')
+    if observation == 'estimate':
+        _refuse_estimator(chosen, given)
     if changes.changes_at_all(chosen):
         raise InputError('scenario: nothing changes within an episode: leave out changes')
     made = Configuration(

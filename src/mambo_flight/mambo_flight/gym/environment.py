@@ -82,9 +82,15 @@ class DroneEnv(gymnasium.Env):
         seed
             Seed of all random numbers from now on; None: continue with the last seed.
         options
-            Not used.
+            None or empty: there are none.
+
+        Raises
+        ------
+        InputError
+            If the seed is no whole number from 0 on, or there are options.
 
         """
+        inputs.options(options)
         super().reset(seed=None if seed is None else inputs.whole('seed', seed, 0))
         self._batch.advance(np.zeros((1, 4)), [0], [self.np_random], [])
         p = self._configuration.params

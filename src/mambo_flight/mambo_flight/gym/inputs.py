@@ -71,6 +71,31 @@ def by_name(argument: str, form: str, values: Any) -> dict[str, Any]:
     return {name: plain(value) for name, value in given.items()}
 
 
+def options(values: Any, form: str = '', known: str = '') -> Mapping[Any, Any]:
+    """
+    Return the options of a reset; an empty mapping for None.
+
+    Parameters
+    ----------
+    values
+        As the user gave them.
+    form, known
+        What they must look like, and the name of the only one; empty: there is none.
+
+    Raises
+    ------
+    InputError
+        If they are not a mapping, or there is another one.
+
+    """
+    given = mapping('options', form or '{}', values)
+    for name in given:
+        if name != known or not known:
+            raise InputError(f'options: there is no {_shown(name)}: ' + (
+                f'give {form}' if known else 'what an episode draws depends on seed alone'))
+    return given
+
+
 def whole(name: str, value: Any, least: int) -> int:
     """
     Return a whole number of Python or numpy as an int.

@@ -107,7 +107,7 @@ class DroneVectorEnv(VectorEnv):
 
     def _masked(self, options: dict[str, Any] | None) -> NDArray[np.int64]:
         """Return the drones that a reset is for."""
-        mask = inputs.mapping('options', "{'reset_mask': booleans}", options).get('reset_mask')
+        mask = inputs.options(options, "{'reset_mask': booleans}", 'reset_mask').get('reset_mask')
         if mask is None:
             return np.arange(self.num_envs)
         if not (isinstance(mask, np.ndarray) and mask.dtype == bool

@@ -69,7 +69,13 @@ def test_what_cannot_be_flown_is_refused_in_one_line(arguments, said):
     ({'parameters': {GAIN: 3.0}, 'scenario': scenario(controller='flatness_drag')},
      f'^parameters: {GAIN}: has no effect, as the controller is flatness_drag'),
     ({'randomise': {'controller_node.flatness_drag.k_x': (3.0, 4.0)}},
-     '^randomise: .* as the controller is cascaded')])
+     '^randomise: .* as the controller is cascaded'),
+    ({'parameters': {'optitrack_node.optitrack.latency': 0.04}},
+     '^parameters: optitrack_node.optitrack.latency: .* no motion capture: leave it out'),
+    ({'parameters': {'estimator_node.joint.pose.enabled': True}, 'observation': 'estimate'},
+     '^scenario: an episode has no motion capture: set estimator_node.joint.pose.enabled: false'),
+    ({'parameters': {'estimator_node.estimator': 'ground_truth'}, 'observation': 'estimate'},
+     "= 'ground_truth': choose observation='truth' instead$")])
 def test_a_parameter_without_effect_is_refused(arguments, said):
     with pytest.raises(InputError, match=said) as error:
         configure('hover', **arguments)

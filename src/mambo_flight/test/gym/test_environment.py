@@ -209,6 +209,15 @@ def test_a_seed_is_a_whole_number():
             env.reset(seed=seed)
 
 
+def test_an_option_is_refused():
+    env = make(handover=0.0)
+    env.reset(seed=1, options={})
+    with pytest.raises(InputError, match="^options: there is no 'speed': what an episode draws"):
+        env.reset(options={'speed': 2.0})
+    with pytest.raises(InputError, match=r'^options = 5 must be \{\}$'):
+        env.reset(options=5)
+
+
 def test_a_step_before_or_after_an_episode_is_refused():
     env = make(handover=0.0, episode=0.01)
     with pytest.raises(InputError, match=r'call reset\(\)'):

@@ -101,6 +101,7 @@ def test_numbers_of_numpy_are_taken_for_drones_threads_and_seeds():
 
 @pytest.mark.parametrize(('arguments', 'said'), [
     ({'options': 5}, r"^options = 5 must be {'reset_mask': booleans}$"),
+    ({'options': {'mask': [True]}}, "^options: there is no 'mask': give {'reset_mask': booleans}"),
     ({'options': 'x'}, "^options = 'x' must be"), ({'seed': 1.5}, '^seed = 1.5 must be a whole'),
     ({'seed': 'five5'}, "^seed = 'five5' must be"), ({'seed': True}, '^seed = True must be'),
     ({'seed': [1, 2, 3, 4, 0.5]}, r'^seed\[4\] = 0.5 must be a whole'),
