@@ -55,6 +55,9 @@ fi
 
 echo 'mambo: building the workspace' >&2
 log=.cache/build.log
+# colcon's own options limit make by the load of the last minute, which an installation has just
+# raised: the interfaces would compile on one core
+export MAKEFLAGS=${MAKEFLAGS:--j$(nproc)}
 colcon build --event-handlers console_direct- console_cohesion+ >"$log" 2>&1 || {
     sed -n '/^--- stderr/,/^---$/p' "$log" | head -n 40 >&2
     echo "mambo: the build failed: see $root/$log" >&2

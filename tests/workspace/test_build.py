@@ -10,6 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 COLCON = """#!/bin/bash
 echo "$@" >> calls
+echo "$MAKEFLAGS" > makeflags
 mkdir -p build/mambo_a install/mambo_a/lib/mambo_a
 touch install/local_setup.bash
 printf '#!"/a b/python3"\\nprint()\\n' > install/mambo_a/lib/mambo_a/node
@@ -41,11 +42,11 @@ class Workspace:
         """Write a file that is younger than any build so far."""
         (self.root / file).write_text(text)
 
-    def build(self):
+    def build(self, **variables):
         """Return (exit code, number of builds so far, stderr)."""
         done = subprocess.run(
             [self.root / 'tools/build.bash'], text=True, capture_output=True, timeout=30,
-            env=os.environ | {'PATH': f'{self.root}/bin:{os.environ["PATH"]}'})
+            env=os.environ | {'PATH': f'{self.root}/bin:{os.environ["PATH"]}'} | variables)
         calls = self.root / 'calls'
         return (done.returncode, len(calls.read_text().splitlines()) if calls.exists() else 0,
                 done.stderr)
@@ -85,6 +86,14 @@ def test_what_a_build_looks_at_builds(workspace, file):
 def test_what_is_linked_needs_no_build(workspace, file):
     workspace.write(file)
     assert workspace.build() == (0, 1, '')
+
+
+@pytest.mark.parametrize('given, used', [('', f'-j{len(os.sched_getaffinity(0))}'),
+                                         ('-j3 -l2', '-j3 -l2')])
+def test_make_uses_every_core_unless_told_otherwise(workspace, given, used):
+    workspace.write('colcon.meta')
+    assert workspace.build(MAKEFLAGS=given)[:2] == (0, 2)
+    assert (workspace.root / 'makeflags').read_text() == f'{used}\n'
 
 
 def test_a_new_package_builds(workspace):
