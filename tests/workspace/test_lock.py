@@ -66,3 +66,26 @@ def test_what_is_installed_is_what_is_locked():
              for found in metadata.distributions()}
     versions = locked(f'python-{sys.version_info[0]}.{sys.version_info[1]}.txt')
     assert {name: there.get(name) for name in versions} == versions
+
+
+@pytest.mark.skipif(os.environ.get('MAMBO_ROS') != 'wheels', reason='a ROS 2 of the system')
+def test_the_lock_has_what_its_packages_need():
+    """It is installed without looking at dependencies (tools/install.bash)."""
+    versions = locked(f'python-{sys.version_info[0]}.{sys.version_info[1]}.txt')
+    pending = [(name, '') for name in versions]
+    seen, missing = set(), []
+    while pending:
+        name, extra = pending.pop()
+        if (name, extra) in seen:
+            continue
+        seen.add((name, extra))
+        for text in metadata.requires(name) or []:
+            wanted = Requirement(text)
+            if wanted.marker and not wanted.marker.evaluate({'extra': extra}):
+                continue
+            needed = canonicalize_name(wanted.name)
+            if not wanted.specifier.contains(versions.get(needed, ''), prereleases=True):
+                missing.append(f'{name}: {wanted}, locked is {versions.get(needed)}')
+            else:
+                pending += [(needed, option) for option in wanted.extras]
+    assert not missing
