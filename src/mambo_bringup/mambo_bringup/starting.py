@@ -2,8 +2,8 @@
 Start a command so that Ctrl-C prints one line at any moment.
 
 Python imports for seconds before a command begins and takes a moment to exit after it has ended;
-a Ctrl-C at these times would print a traceback. ``./run`` and ``./mambo`` therefore start with
-``python3 -m mambo_bringup.starting MODULE``, which imports nothing slow.
+a Ctrl-C at these times would print a traceback. ``./run`` and ``./mambo`` therefore start by
+``tools/start``, which calls :func:`main` here; this module imports nothing slow.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ _THREADS = 5.0  # s that threads of a user's code may take to end after the comm
 def main(module: str) -> int:
     """Load ``run`` or ``mambo``, run its ``main`` and return the exit code."""
     before = signal.signal(signal.SIGINT, leave_at_once(module))
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT,))  # held back by tools/start
     try:
         os.getcwd()
     except OSError as error:  # a package that is loaded below asks for it

@@ -1,0 +1,42 @@
+"""tools/start: what a user's folder holds, or Ctrl-C in the first moment, breaks no command."""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import time
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize('command', [['run', '--list-scenarios'], ['mambo', '--help']])
+def test_files_of_the_user_named_like_packages_are_left_alone(tmp_path, command):
+    for name in ('numpy', 'yaml', 'random', 'tqdm', 'docs'):
+        (tmp_path / f'{name}.py').write_text('raise SystemExit("taken for a package")')
+    environment = {name: value for name, value in os.environ.items() if name != 'PYTHONSAFEPATH'}
+    done = subprocess.run([ROOT / command[0], *command[1:]], cwd=tmp_path, env=environment,
+                          capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert done.stdout
+
+
+def test_ctrl_c_before_python_has_started_is_one_line(tmp_path):
+    """A slow start of Python: the interrupt comes while it looks for its customisations."""
+    (tmp_path / 'sitecustomize.py').write_text(f"""
+import pathlib, sys, time
+if 'start.py' in str(sys.orig_argv):
+    pathlib.Path({str(tmp_path / "begun")!r}).touch()
+    time.sleep(1)
+""")
+    run = subprocess.Popen(
+        [ROOT / 'mambo', 'view', ROOT / 'bags/circle_short'], start_new_session=True,
+        env=os.environ | {'PYTHONPATH': f'{tmp_path}:{os.environ["PYTHONPATH"]}'},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    limit = time.monotonic() + 60
+    while not (tmp_path / 'begun').exists() and time.monotonic() < limit:
+        time.sleep(0.01)
+    run.send_signal(signal.SIGINT)
+    out, error = run.communicate(timeout=60)
+    assert (run.returncode, out, error) == (130, '', 'mambo: ended by SIGINT\n')

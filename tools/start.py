@@ -1,0 +1,12 @@
+"""Start a command of the project: the Python part of ``tools/start``."""
+
+import os
+import sys
+
+# neither this folder nor, as with ``python3 -m``, the user's own: a file numpy.py there is theirs
+here = os.path.dirname(os.path.realpath(__file__))
+sys.path[:] = [path for path in sys.path if os.path.realpath(path) != here]
+
+if __name__ == '__main__':
+    from mambo_bringup.starting import main
+    sys.exit(main(sys.argv.pop(1)))
