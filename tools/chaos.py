@@ -349,14 +349,25 @@ def parser() -> argparse.ArgumentParser:
         help='number of the first input of each kind (default: 0)')
     add('--jobs', type=whole(1, 1024), default=os.cpu_count() or 1, metavar='N',
         help='inputs at a time (default: one for each core)')
+    add = kinds.add_parser(
+        'parameters', help='flights with extreme parameters').add_argument
+    add('--count', type=whole(1, 10_000_000), default=300, metavar='N',
+        help='flights (default: 300)')
+    add('--seed', type=whole(0, 2**31 - 1), default=1, metavar='S',
+        help='of their choice (default: 1)')
+    add('--start', type=whole(0, 10_000_000), default=0, metavar='N',
+        help='number of the first flight (default: 0)')
+    add('--jobs', type=whole(1, 1024), default=os.cpu_count() or 1, metavar='N',
+        help='flights at a time (default: one for each core)')
     return out
 
 
 if __name__ == '__main__':
     options = parser().parse_args()
-    if options.kind_of_fault == 'files':
+    if options.kind_of_fault in ('files', 'parameters'):
         from chaos_files import campaign
+        chosen = options.kind if options.kind_of_fault == 'files' else campaign.EXTREME
         sys.exit(bool(campaign.files(
-            options.count, options.seed, options.jobs, options.kind, options.start)))
+            options.count, options.seed, options.jobs, chosen, options.start)))
     sys.exit(processes(options.count, options.seed, options.recording.absolute(), options.start,
                        options.jobs))

@@ -61,12 +61,15 @@ class Attempt:
         What the command makes; it must not be there after exit code 2.
     most : s
         Of CPU.
+    check
+        Returns from ``words`` what is wrong with what was made; empty if nothing.
 
     """
 
     def __init__(self, words: list[str], folder: Path, prepare: Callable[[], None],
-                 made: Path | None = None, most: int = CPU_S) -> None:
-        self.words, self._folder, self._made = words, folder, made
+                 made: Path | None = None, most: int = CPU_S,
+                 check: Callable[[list[str]], str] = lambda words: '') -> None:
+        self.words, self._folder, self._made, self._check = words, folder, made, check
         self._files = [folder.with_name(f'{folder.name}.{name}') for name in ('out', 'err')]
         self._began = time.monotonic()
         self._wall = WALL_S + 3 * (most - CPU_S)
@@ -95,7 +98,7 @@ class Attempt:
         wrong = f'did not end within {self._wall:g} s'
         if code is not None:
             wrong = _wrong(code, *self._files, self._folder, self._made) or (
-                'processes are left' if left else '')
+                'processes are left' if left else '') or self._check(self.words)
         return End({0: 'done', 1: 'failed', 2: 'refused'}.get(code, 'lost'), wrong, took)
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection
 import contextlib
 from importlib import import_module
+from itertools import product
 import os
 from pathlib import Path
 import random
@@ -17,25 +19,35 @@ import time
 from mambo_bringup import mambo
 from mambo_ros.graph.domains import HIGHEST
 
-from . import lines, ROOT
+from . import extreme, lines, ROOT
 from .attempt import Attempt, COMPILING_S, CPU_S
 from .kinds import Kind, kinds
 
 LINE = 'line'  # the kind of the command lines
+EXTREME = 'extreme'  # that of the flights with extreme parameters
 COMPILED = ('estimate', 'fly', 'trajectory check', 'trajectory plan', 'sweep')
 
 
-def warm(all_kinds: dict[str, Kind], folder: Path) -> None:
+def warm(all_kinds: dict[str, Kind], folder: Path, names: Collection[str] = ()) -> None:
     """Import every command, and compile what the good files need, before the forks."""
     for entry in mambo.COMMANDS.values():
         if not mambo.is_script(entry):
             import_module(entry.module)
+    if EXTREME in names:
+        for estimator, controller in product(extreme.ESTIMATORS, extreme.CONTROLLERS):
+            _quietly(['fly', '--duration', '1', '--estimator', estimator, '--controller',
+                      controller, '--no-landing', '-o', str(folder / f'{estimator}_{controller}')])
     compiled = [(file, command) for kind in all_kinds.values() for command in kind.commands
                 if command.startswith(COMPILED) for file in kind.files]
     for number, (file, command) in enumerate(compiled):
-        with open(os.devnull, 'w') as nowhere, contextlib.redirect_stdout(
-                nowhere), contextlib.redirect_stderr(nowhere):
-            mambo.main(worded(command, file, folder, folder / f'warm_{number}'))
+        _quietly(worded(command, file, folder, folder / f'warm_{number}'))
+
+
+def _quietly(words: list[str]) -> None:
+    """Run a command in this process without its output."""
+    with open(os.devnull, 'w') as nowhere, contextlib.redirect_stdout(
+            nowhere), contextlib.redirect_stderr(nowhere):
+        mambo.main(words)
 
 
 def worded(command: str, file: Path, base: Path, out: Path) -> list[str]:
@@ -59,6 +71,9 @@ def begin(kind: str, number: int, seed: int, all_kinds: dict[str, Kind], base: P
             'good': str(base / 'flight'), 'file': str(file), 'out': str(out),
             'folder': str(inside), 'fifo': str(folder / 'fifo')})
         return Attempt(words, inside, lambda: None)
+    if kind == EXTREME:
+        return Attempt(extreme.line(rng, out, extreme.numbers()), inside, lambda: None, out,
+                       COMPILING_S, lambda words: extreme.wrong(out, words))
     chosen = all_kinds[kind]
     good, command = rng.choice(chosen.files), rng.choice(chosen.commands)
     file = folder / (f'damaged{good.suffix}' if kind != 'metadata' else 'damaged')
@@ -71,7 +86,7 @@ def begin(kind: str, number: int, seed: int, all_kinds: dict[str, Kind], base: P
 def files(count: int, seed: int, jobs: int, only: str = '', start: int = 0,
           keep: Path = ROOT / '.cache/chaos', shown: bool = True) -> int:
     """
-    Try inputs of every kind in turn; print the lost ones and a table.
+    Try inputs of some kinds in turn; print the lost ones and a table.
 
     Parameters
     ----------
@@ -82,7 +97,7 @@ def files(count: int, seed: int, jobs: int, only: str = '', start: int = 0,
     jobs
         Processes at a time.
     only
-        Names of the kinds to try, separated by commas; empty: all.
+        Names of the kinds to try, separated by commas; empty: all files and command lines.
     start
         Number of the first input of a kind.
     keep
@@ -104,10 +119,13 @@ def files(count: int, seed: int, jobs: int, only: str = '', start: int = 0,
         base = Path(name)
         all_kinds = kinds(base)
         names = only.split(',') if only else [*all_kinds, LINE]
-        if unknown := set(names) - {*all_kinds, LINE}:
-            sys.exit(f'chaos: --kind {min(unknown)} is not one of {", ".join([*all_kinds, LINE])}')
-        chosen = {name: all_kinds[name] for name in names if name != LINE}
-        warm(all_kinds if LINE in names else chosen, base)  # a line may be of any command
+        fixed = {LINE, EXTREME}
+        if unknown := set(names) - {*all_kinds, *fixed}:
+            sys.exit(f'chaos: --kind {min(unknown)} is not one of '
+                     f'{", ".join([*all_kinds, LINE, EXTREME])}')
+        chosen = {name: all_kinds[name] for name in names if name not in fixed}
+        # a line may be of any command
+        warm(all_kinds if LINE in names else chosen, base, names)
         all_kinds = chosen
 
         running: dict[Attempt, tuple[str, int, Path]] = {}

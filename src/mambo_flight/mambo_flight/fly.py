@@ -71,6 +71,14 @@ def _errors(metrics: Mapping[str, Any]) -> str:
             f'estimation error {metrics["estimation_rms"]:.3g} m RMS{ending}')
 
 
+def _stopped(flight: Scenario, metrics: Mapping[str, Any]) -> str:
+    """Return why the failsafe ended a flight, empty if it did not; by hand nothing is flown."""
+    if not metrics['shutdown'] or flight.sim_node.simulator.hand.enabled:
+        return ''
+    return (f'motors stopped at {metrics["shutdown_time"]:.3f} s: '
+            f'{metrics["shutdown_reason"]}')
+
+
 def _run(options: argparse.Namespace) -> None:
     if options.print_scenario:
         flight, world = _scenario(options)[1], flight_options.world(options)
@@ -109,7 +117,7 @@ def write_flight(name: str, flight: Scenario, output: Path) -> None:
     Raises
     ------
     mambo_model.errors.JobError
-        If a component failed in flight; the bag is written.
+        If a component failed in flight, or the failsafe ended it; the bag is written.
 
     """
     compiled: list[float] = []
@@ -124,17 +132,18 @@ def write_flight(name: str, flight: Scenario, output: Path) -> None:
     if compiling > 1.0:
         print(f'compiled in {compiling:.1f} s, once for these components and options')
         began += compiling
-    print(f'{name}: {_errors(monte_carlo.measure(flight, recording))}')
+    metrics = monte_carlo.measure(flight, recording)
+    print(f'{name}: {_errors(metrics)}')
     print(f'{name}: {seconds:.2f} s flown in {flown - began:.2f} s, bag written in '
           f'{end - flown:.2f} s: {seconds / (end - began):.3g} times real time\n'
           f'bag: {output}')
-    if fault:
-        raise JobError(f'{name}: {fault}')
+    if reason := fault or _stopped(flight, metrics):
+        raise JobError(f'{name}: {reason}')
 
 
 def _run_together(name: str, flight: Scenario, world: WorldParams, output: Path) -> None:
     """Fly several drones in one hall and write a bag of each into a folder."""
-    drones = formation.hall(flight, world)
+    drones, lines = formation.hall(flight, world), []
     began = time.monotonic()
     result = together.fly(drones.flights, world, list(drones.hall.places.values()), inner=True)
     flown = time.monotonic()
@@ -142,7 +151,10 @@ def _run_together(name: str, flight: Scenario, world: WorldParams, output: Path)
     for (space, place), own, recording in zip(
             drones.hall.places.items(), drones.flights, result.recordings, strict=True):
         recording_to_bag.write(output / space.strip('/'), own, recording, space, text)
-        print(f'{space}: {_errors(monte_carlo.measure(own, recording))}')
+        metrics = monte_carlo.measure(own, recording)
+        print(f'{space}: {_errors(metrics)}')
+        if reason := _stopped(own, metrics):
+            lines.append(f'{space}: {reason}')
         tracks[space] = separation.Track(recording.t, recording.truth[:, :3] + np.array(place))
     end = time.monotonic()
     print(separation.table(separation.pairs(tracks), world.collision_distance))
@@ -150,9 +162,10 @@ def _run_together(name: str, flight: Scenario, world: WorldParams, output: Path)
     print(f'{name}: {world.drones} drones, {seconds:.2f} s flown in {flown - began:.2f} s, bags '
           f'written in {end - flown:.2f} s: {seconds / (end - began):.3g} times real time\n'
           f'bags: {output}')
-    lines = [one.describe(list(tracks)) for one in result.collisions]
-    if lines:
-        print(*lines, sep='\n')
+    collided = [one.describe(list(tracks)) for one in result.collisions]
+    if collided:
+        print(*collided, sep='\n')
+    if lines := [*collided, *lines]:
         raise JobError(f'{name}: {lines[0]}')
 
 

@@ -17,8 +17,9 @@ landing: false
 seed: 2
 """
 
-METRICS = {'tracking_rms': 0.0123, 'tracking_max': 0.1, 'estimation_rms': 0.2, 'shutdown': True,
-           'shutdown_reason': 'crash'}
+METRICS = {'tracking_rms': 0.0123, 'tracking_max': 0.1, 'estimation_rms': 0.2, 'shutdown': False,
+           'shutdown_reason': ''}
+CRASHED = METRICS | {'shutdown': True, 'shutdown_time': 2.5, 'shutdown_reason': 'crash'}
 
 
 @pytest.fixture
@@ -50,8 +51,21 @@ def test_a_file_is_flown_as_it_says(file, tmp_path, capsys, flown):
     output = capsys.readouterr().out.splitlines()
     assert output[-2].startswith(f'{file}: 3.00 s flown in ') or ': 3.00 s flown in ' in output[-2]
     assert output[-3].endswith('tracking error in flight 0.0123 m RMS, 0.1 m at most; '
-                               'estimation error 0.2 m RMS; motors stopped (crash)')
+                               'estimation error 0.2 m RMS')
     assert output[-2].endswith(' times real time') and output[-1] == f'bag: {tmp_path / "bag"}'
+
+
+def test_a_flight_that_the_failsafe_ended_has_its_bag_and_has_failed(
+        file, tmp_path, monkeypatch, capsys, flown):
+    monkeypatch.setattr(fly.monte_carlo, 'measure', lambda flight, recording: CRASHED)
+    assert fly.main([file, '-o', str(tmp_path / 'bag')]) == 1
+    out, error = capsys.readouterr()
+    assert 'estimation error 0.2 m RMS; motors stopped (crash)' in out
+    assert error.count('\n') == 1
+    assert error.endswith(': motors stopped at 2.500 s: crash\n')
+    assert (tmp_path / 'bag').exists()
+    carried = ['--set', 'sim_node.simulator.hand.enabled=true', '-o', str(tmp_path / 'carried')]
+    assert fly.main([file, *carried]) == 0
 
 
 def test_a_flight_that_stays_on_the_floor_has_no_errors(
