@@ -33,7 +33,7 @@ STATE = ('x', 'y', 'z', 'u', 'v', 'w', 'qw', 'qx', 'qy', 'qz', 'p', 'q', 'r')
 """Columns of a state: position m, NED; velocity m/s, body; quaternion; rates rad/s, body."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no single truth value
 class Flight:
     """
     A simulated flight.

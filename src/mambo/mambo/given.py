@@ -37,6 +37,8 @@ def path(value: Any, name: str) -> Path:
     """Return a path; InputError naming the argument if it is none."""
     if not isinstance(value, str | os.PathLike):
         raise InputError(f'{name}: must be a path, not {_kind(value)}')
+    if not os.fspath(value):
+        raise InputError(f'{name}: is empty')
     if '\0' in os.fsdecode(value):
         raise InputError(f'{name}: {value!r} holds a null character')
     return Path(value)

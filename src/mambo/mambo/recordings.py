@@ -11,6 +11,7 @@ from typing import Any
 from mambo_analysis.compare import (
     compare as comparing, estimate as estimating, report, tables)
 from mambo_analysis.compare.pair import WHAT
+from mambo_bags.command import is_part_of_a_bag
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight import offline_replay, scenario, unused
 from mambo_model.errors import InputError
@@ -78,10 +79,13 @@ class Comparison(dict):
         Raises
         ------
         InputError, JobError
-            If the file cannot be written.
+            If the file cannot be written, or is part of a bag.
 
         """
-        return report.write(given.path(path, 'path'), self._page())
+        target = given.path(path, 'path')
+        if is_part_of_a_bag(target):
+            raise InputError(f'{target} is part of a bag, which is never written over')
+        return report.write(target, self._page())
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return the errors as a table: a row per quantity and part of the flight."""
@@ -139,7 +143,7 @@ def _check(what: Any) -> None:
         raise InputError(f'what: must be some of {list(WHAT)}, not {what!r}')
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no single truth value
 class Estimate:
     """
     What an estimator makes of the sensors of a bag.
@@ -186,7 +190,8 @@ def estimate(
     estimator
         Which one; default: that of the bag.
     parameters
-        {'kalman.flow.Q': value}: parameters of ``estimator_node``, applied last.
+        {'kalman.flow.Q': value}: parameters of ``estimator_node``, with or without the name of
+        the node, applied last.
 
     Raises
     ------
@@ -196,7 +201,8 @@ def estimate(
     """
     bag = _bag(source)
     node = estimating.parameters(bag)
-    values = given.parameters(parameters)
+    values = {name.removeprefix('estimator_node.'): value
+              for name, value in given.parameters(parameters).items()}
     if estimator is not None:
         if 'estimator' in values:
             raise InputError('estimator: is given twice, also in parameters')

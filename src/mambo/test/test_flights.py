@@ -153,12 +153,22 @@ def test_a_controller_of_a_cell_is_flown_with_its_parameters():
     assert 'Keep, sha256' in str(one.bag.attachments['scenario.yaml'])
 
 
+def test_flights_are_equal_to_themselves_alone(flight):
+    other = dataclasses.replace(flight)
+    assert flight == flight != other and len({flight, other, flight}) == 2
+
+
 @pytest.mark.parametrize('arguments, what', [
     ({'trajectory': lambda t: (0.0, t)}, 'lambda: returns an array of shape (2,) at t = 0 s'),
     ({'controller': lambda state: None},
      'lambda(state) must take 4 arguments: state, reference, dt, vehicle'),
     ({'estimator': Keep}, 'step(memory, state, reference, dt, gains, vehicle) must take 9'),
-    ({'controller': dataclasses}, 'has no Params, initial, step')])
+    ({'controller': dataclasses}, 'has no Params, initial, step'),
+    ({'controller': dict}, "<class 'dict'> is not written in Python"),
+    ({'controller': print}, 'print> is not written in Python'),
+    ({'trajectory': max}, 'max> is not written in Python'),
+    ({'trajectory': np.sin}, "<ufunc 'sin'> is not written in Python"),
+    ({'scenario': ''}, 'scenario: is empty')])
 def test_what_is_no_component_is_refused_in_one_line(arguments, what):
     with pytest.raises(mambo.InputError) as error:
         mambo.fly(**{'duration': 20.0} | arguments)

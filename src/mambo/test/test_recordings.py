@@ -1,6 +1,7 @@
 """Recordings from a script."""
 
 from pathlib import Path
+import shutil
 
 import mambo
 import numpy as np
@@ -52,6 +53,16 @@ def test_a_comparison_writes_the_page_of_the_command(other, tmp_path):
     assert text == (tmp_path / 'two.html').read_text(encoding='utf-8')
     assert text == (tmp_path / 'index.html').read_text(encoding='utf-8')
     assert 'id="explore"' in text
+
+
+def test_a_page_is_never_written_over_a_bag(tmp_path):
+    copy = tmp_path / 'bag'
+    shutil.copytree(CIRCLE, copy)
+    for name in ('metadata.yaml', next(copy.glob('*.mcap')).name):
+        before = (copy / name).read_bytes()
+        with pytest.raises(mambo.InputError, match=f'{name} is part of a bag, which is never'):
+            mambo.compare(copy).to_html(copy / name)
+        assert (copy / name).read_bytes() == before
 
 
 def test_two_flights_are_compared(bag):

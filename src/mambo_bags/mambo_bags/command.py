@@ -9,6 +9,7 @@ import difflib
 import errno
 import os
 from pathlib import Path
+import re
 import shutil
 import sys
 from typing import Any, TextIO
@@ -22,6 +23,7 @@ from .cli import drawing, supervisor
 
 _WRITTEN = ('output', 'json', 'html', 'csv', 'figure', 'write')  # options naming a file to write
 _OF_A_BAG = ('*.mcap', '*.db3', '*.zstd', 'metadata.yaml')  # never written over
+_NEGATIVE = re.compile(r'-(\d+\.?\d*(e[-+]?\d+)?|\.\d+(e[-+]?\d+)?|inf|nan)$', re.IGNORECASE)
 _LITTLE = 1 << 20  # bytes left on a disk that is full for most purposes
 _LONGEST = 2000  # longest error, characters, so that a huge name does not fill the screen
 
@@ -96,6 +98,12 @@ def _is_file(name: str | Path) -> bool:
         return False
 
 
+def is_part_of_a_bag(path: Path) -> bool:
+    """Return whether a path is an existing file of a bag, which is never written over."""
+    place = Path(os.path.realpath(path))
+    return _is_file(path) and any(place.match(end) for end in _OF_A_BAG)
+
+
 def _json_file(text: str) -> str:
     if text != '-' and os.path.isfile(text) and not text.endswith('.json'):
         raise argparse.ArgumentTypeError(
@@ -122,6 +130,7 @@ class Parser(argparse.ArgumentParser):
         super().__init__(prog=program(name), description=description.strip(), epilog=epilog,
                          formatter_class=argparse.RawDescriptionHelpFormatter)
         self._needs_output, self._takes_last = False, False
+        self._negative_number_matcher = _NEGATIVE  # argparse takes -1e-3 for an option
 
     def add_output(self, metavar: str, help: str, default: Path | None = None,
                    required: bool = False, positional: bool = False) -> None:
@@ -193,12 +202,14 @@ class Parser(argparse.ArgumentParser):
                  if isinstance(one, (str, Path)) and _is_file(one)}
         for name in _WRITTEN:
             path = options.get(name)
+            if str(path) == '-' and name != 'json':
+                self.error(f'--{name}: - is not the name of a file')
             if path is None or path == '-' or '\0' in str(path) or os.path.isdir(path):
                 continue
             place = os.path.realpath(path)
             if place in taken:
                 self.error(f'--{name}: {path} is {taken[place]}: give another')
-            if _is_file(path) and any(Path(place).match(end) for end in _OF_A_BAG):
+            if is_part_of_a_bag(path):
                 self.error(f'--{name}: {path} is part of a bag, which is never written over')
             taken[place] = f'also that of --{name}'
 
@@ -247,6 +258,35 @@ class Parser(argparse.ArgumentParser):
             known = list(map(str, action.choices))
             raise argparse.ArgumentError(
                 action, f'{value!r} is not one of {", ".join(known)}{nearest(str(value), known)}')
+
+
+def refuse_unused(
+    parser: argparse.ArgumentParser, options: argparse.Namespace, names: Iterable[str],
+    reason: str,
+) -> None:
+    """
+    Refuse options without effect.
+
+    Parameters
+    ----------
+    parser, options
+        Of the command.
+    names
+        Of the options as attributes, such as ``mass_error``.
+    reason
+        Why they have none, after "as".
+
+    Raises
+    ------
+    InputError
+        Naming the first that has another value than its default.
+
+    """
+    for name in names:
+        action = next(one for one in parser._actions if one.dest == name)
+        if getattr(options, name) != action.default:
+            raise InputError(
+                f'{action.option_strings[-1]}: has no effect, as {reason}: leave it out')
 
 
 def refuse_existing(path: Path | None) -> None:

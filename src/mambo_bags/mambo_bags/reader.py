@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 SECOND = 1_000_000_000
+_FIELD = re.compile(r'\w+(\[\d{1,9}\])?(\.\w+(\[\d{1,9}\])?)*')  # dotted path of a field
 SHORT_NAMES = {
     'position': ('pose.pose.position', 'pose.position', 'position'),
     'orientation': ('pose.pose.orientation', 'pose.orientation', 'attitude'),
@@ -155,8 +156,13 @@ class Messages:
 
     def __getitem__(self, path: str) -> NDArray[Any]:
         """Return a field by its dotted path; FieldError if there is no such field."""
+        if not isinstance(path, str):
+            raise FieldError(f'{self.topic}: a field is a name such as pose.position, not '
+                             f'{path!r}; objects() yields messages')
         if path not in self._cache:
             self._decode()
+            if not _FIELD.fullmatch(path):
+                raise FieldError(f'{self.topic} ({self.type_name}) has no field {path!r}')
             self._cache[path] = self._field(path)
         return self._cache[path]
 
@@ -177,7 +183,8 @@ class Messages:
     def _parts(self, path: str) -> list[str] | None:
         """Return the fields of a nested message, None for a leaf; FieldError if there is none."""
         store, type_name = self._decode(), self.type_name
-        for step in path.split('.'):
+        steps = path.split('.')
+        for number, step in enumerate(steps, 1):
             name, _, item = step.partition('[')
             fields = dict(store.fielddefs[type_name][1])
             if name not in fields:
@@ -185,9 +192,15 @@ class Messages:
                     f'{self.topic} ({self.type_name}) has no field {path}; '
                     f'{type_name} has {", ".join(fields)}')
             node, detail = fields[name]
-            if item and node in (cdr.Nodetype.ARRAY, cdr.Nodetype.SEQUENCE):
+            if item:
+                if node not in (cdr.Nodetype.ARRAY, cdr.Nodetype.SEQUENCE):
+                    raise FieldError(f'{self.topic} ({self.type_name}): {path}: {name} has no '
+                                     'items')
                 node, detail = detail[0]
             if node != cdr.Nodetype.NAME:
+                if number < len(steps):
+                    raise FieldError(f'{self.topic} ({self.type_name}): {path}: {step} has no '
+                                     'fields')
                 return None
             type_name = detail
         return [name for name, _ in store.fielddefs[type_name][1]]
@@ -200,6 +213,9 @@ class Messages:
         for message in self._objects:
             for name, item in re.findall(r'([^.\[\]]+)(?:\[(\d+)\])?', path):
                 message = getattr(message, name)
+                if item and not int(item) < len(message):
+                    raise FieldError(f'{self.topic}: {path}: message {len(values)} has '
+                                     f'{len(message)} items there')
                 message = message[int(item)] if item else message
             values.append(message)
         try:

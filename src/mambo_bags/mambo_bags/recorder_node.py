@@ -10,7 +10,7 @@ this flight (``log_times``), is recorded at the time of ``/clock``; a message of
 megabyte is not recorded. The first of each kind and topic is logged as a warning, and all are
 counted at the end. On a topic that only one node publishes, messages of a second publisher are
 refused. While ``/clock`` goes on, it may take over from one that has left; nobody takes over from
-the nodes of a flight that is over.
+the nodes of a flight that is over. A ``/clock`` with nothing else was no flight.
 """
 
 from __future__ import annotations
@@ -94,8 +94,10 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         if topics.CLOCK not in selected:
             self.subscribe(topics.CLOCK, self._on_clock, prompt=False, single=True)
         clock = next(guard for guard in self.input_guards if guard.topic.endswith('/clock'))
-        for guard in self.input_guards:
+        others = [guard for guard in self.input_guards if guard is not clock]
+        for guard in others:
             guard.replaceable = lambda since: not clock.first or clock.latest > since
+        clock.replaceable = lambda since: not any(guard.accepted for guard in others)
 
     def _on_clock(self, data: bytes) -> None:
         """Update the time from a ``/clock`` that is not recorded."""

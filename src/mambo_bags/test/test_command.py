@@ -120,6 +120,11 @@ def test_the_output_is_an_option_or_the_last_argument(line, arguments):
     assert (options.source, options.output) == ('a', Path('b'))
 
 
+@pytest.mark.parametrize('text', ['-1', '-0.5', '-.5', '-1e-3', '-2.5E+7', '-inf', '-7.'])
+def test_a_negative_number_is_a_value_and_not_an_option(line, text):
+    assert line.parse_args(['a', 'b', '--height', text]).height == float(text)
+
+
 def test_help_has_one_name_for_the_output(line):
     assert '--output BAG' in line.format_help() and '--out ' not in line.format_help()
 
@@ -129,6 +134,7 @@ def test_help_has_one_name_for_the_output(line):
     (['a', 'b', '--seed', '1', '--sede', '1'], '--sede: unknown option; did you mean --seed?'),
     (['a', 'b', 'c'], 'c: unknown argument'), (['a', 'b', '--seed', 'x'], "'x' is not a whole"),
     (['a', 'b', '--height', 'x'], "--height: 'x' is not a number"),
+    (['a', '-o', '-'], '--output: - is not the name of a file'),
     (['a', 'b', '--mode', 'realtme'], 'did you mean realtime?'), ([], 'source')])
 def test_wrong_use_is_one_line_with_a_suggestion_and_exit_code_2(line, arguments, message, capsys):
     with pytest.raises(SystemExit) as end:
@@ -182,6 +188,13 @@ def test_a_file_that_is_read_is_never_written_over(words, message, tmp_path, cap
         parser.parse_args(words.format(**places).split())
     assert ended.value.code == 2 and message.format(**places) in capsys.readouterr().err
     parser.parse_args(['/dev/null', '--csv', '/dev/null', '--out', str(tmp_path)])
+
+
+def test_an_option_without_effect_is_refused(line):
+    options = line.parse_args(['a', 'b', '--seed', '3'])
+    command.refuse_unused(line, options, ('height', 'mode'), 'nothing flies')
+    with pytest.raises(InputError, match='^--seed: has no effect, as nothing flies: leave it out'):
+        command.refuse_unused(line, options, ('height', 'seed'), 'nothing flies')
 
 
 def test_a_path_to_make_must_be_new(tmp_path):

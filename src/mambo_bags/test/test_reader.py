@@ -310,6 +310,17 @@ def test_a_field_or_constant_that_is_not_there_is_named_in_whatever_way_it_is_as
     assert not hasattr(reference, 'nonsense')
 
 
+@pytest.mark.parametrize('path', [
+    5, None, (1, 2), slice(2), '', '[', '[a]', '[-1]', 'pose.covariance[36]',
+    'pose.covariance[a]', 'pose.covariance.x', 'header.stamp[0]', 'header.frame_id[0]',
+    'pose..pose', 'pose.covariance['])
+def test_what_is_no_name_of_a_field_is_refused(flight, path):
+    estimate = read_bag(flight)['estimate/odom']
+    with pytest.raises(BagError, match='^/mambo/estimate/odom'):
+        estimate[path]
+    assert len(estimate['pose.covariance[35]']) == len(estimate)
+
+
 def test_arrays_of_arrays_of_arrays_are_not_walked_beyond_their_bytes(tmp_path):
     parts = [f'MSG: a/L{k}\na/L{k + 1}[200] x' for k in range(1, 6)] + ['MSG: a/L6\nuint8 x']
     text = f'\n{"=" * 80}\n'.join(['a/L1[200] x', *parts])

@@ -40,11 +40,12 @@ def main(module: str) -> int:
         command = import_module(f'.{module}', __package__)
         signal.signal(signal.SIGINT, before)
         code = stoppable(module, command.main)
-    except ImportError as error:
-        if 'shared object' not in str(error):
+    except (ImportError, MemoryError, OSError) as error:  # while a library is loaded
+        text = str(error).partition('\n')[0] or 'out of memory'
+        if isinstance(error, ImportError) and 'shared object' not in text:
             raise
-        sys.stderr.write(f'{module}: {str(error).splitlines()[0]}: source env.bash again in this '
-                         'shell, which sets LD_LIBRARY_PATH\n')
+        hint = ': source env.bash again in this shell, which sets LD_LIBRARY_PATH'
+        sys.stderr.write(f'{module}: {text}{hint if "No such file" in text else ""}\n')
         return 1
     finally:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # later signals need no message

@@ -70,11 +70,11 @@ def sweep() -> bool:
 
     Fast DDS removes its files unless its process is killed. Each file has a lock file that its
     process holds; a file whose lock is free has no owner. A port that was opened to send to a
-    killed process has no lock file; it has no owner when no process has mapped it. The mutex of a
-    port remains after the port.
+    killed process has no lock file, nor has a file that found the shared memory full; they have no
+    owner when no process has mapped them. The mutex of a port remains after the port.
     """
     young = [_remove_unlocked(lock) for lock in _SHARED.glob('fastrtps_*_el')]
-    ports = [port for port in _SHARED.glob('fastrtps_port*')
+    ports = [port for port in _SHARED.glob('fastrtps_*')
              if not port.name.endswith(('_el', '_sl'))
              and not any(map(Path.exists, (port.with_name(f'{port.name}_el'),
                                            port.with_name(f'{port.name}_sl'))))]

@@ -24,7 +24,7 @@ from . import own_file
 from .errors import MamboError
 from .own_file import describe, digest, fault_place, load_file, name_apart
 from .schema import component_fields, group, ParameterError, shown
-from .script import python, script_source, WithoutMemory
+from .script import python, script_source, signature, WithoutMemory
 from .values import values_type
 
 _FILE = re.compile(r'(.+\.py)(?::(\w+))?')
@@ -297,10 +297,11 @@ def _check_arguments(
     place = where(c.path, function)
     if not callable(function):
         raise ParameterError(f'{place}: {part} must be a function')
+    found = signature(function, f'{place}: {part}')
     try:
-        inspect.signature(python(function)).bind(*wanted)
+        found.bind(*wanted)
     except TypeError:
-        has = ', '.join(inspect.signature(python(function)).parameters)
+        has = ', '.join(found.parameters)
         raise ParameterError(
             f'{place}: {part}({has}) must take {len(wanted)} arguments: {", ".join(wanted)}'
         ) from None

@@ -26,7 +26,14 @@ def script_source(thing: Any) -> tuple[Path, str]:
     Return file and sha256 of the source of a function, a class or an object of a script.
 
     If there is no source, as for code typed at the prompt, the hash is that of the byte code.
+
+    Raises
+    ------
+    ParameterError
+        If it is not written in Python.
+
     """
+    given = thing
     thing = python(thing)
     if not (inspect.isroutine(thing) or inspect.ismodule(thing) or isinstance(thing, type)):
         thing = type(thing)
@@ -36,10 +43,23 @@ def script_source(thing: Any) -> tuple[Path, str]:
         path = Path(inspect.getsourcefile(thing) or '')
     except (OSError, TypeError):
         parts = [code] if code else [
-            member.__code__ for member in vars(thing).values() if inspect.isfunction(member)]
+            member.__code__ for member in getattr(thing, '__dict__', {}).values()
+            if inspect.isfunction(member)]
+        if not parts:
+            raise ParameterError(
+                f'{given!r} is not written in Python: call it in a function of yours') from None
         source = repr([(part.co_code, part.co_names) for part in parts])
-        path = Path(parts[0].co_filename if parts else '')
+        path = Path(parts[0].co_filename)
     return path, hashlib.sha256(source.encode()).hexdigest()
+
+
+def signature(function: Callable, title: str) -> inspect.Signature:
+    """Return the arguments of a function; ParameterError naming it if Python cannot tell them."""
+    try:
+        return inspect.signature(python(function))
+    except (TypeError, ValueError):
+        raise ParameterError(f'{title}: Python cannot tell its arguments: call it in a function '
+                             'of yours') from None
 
 
 class WithoutMemory:
@@ -52,10 +72,11 @@ class WithoutMemory:
     def __init__(self, function: Callable, arguments: tuple[str, ...], title: str) -> None:
         taken = [i for i, name in enumerate(arguments) if name not in _LEFT]
         wanted = ', '.join(arguments[i] for i in taken)
+        found = signature(function, title)
         try:
-            inspect.signature(python(function)).bind(*taken)
+            found.bind(*taken)
         except TypeError:
-            has = ', '.join(inspect.signature(python(function)).parameters)
+            has = ', '.join(found.parameters)
             raise ParameterError(f'{title}({has}) must take {len(taken)} arguments: {wanted}'
                                  ) from None
         def step(*arguments: Any) -> tuple[None, Any]:

@@ -46,6 +46,11 @@ def test_a_function_is_asked_without_memory_and_parameters():
         WithoutMemory(law, ('memory', 'x', 'y', 'dt', 'gains'), 'law')
 
 
+def test_arguments_that_python_cannot_tell_are_refused():
+    with pytest.raises(ParameterError, match='^type: Python cannot tell its arguments'):
+        WithoutMemory(type, ('x', 'dt'), 'type')
+
+
 def test_an_offered_one_is_found_by_its_name_alone():
     registry = Registry('law', ('memory', 'x', 'dt', 'gains'), {})
     name = registry.offer(law)
@@ -53,6 +58,9 @@ def test_an_offered_one_is_found_by_its_name_alone():
     found = registry.find(name)
     assert found.name == 'law' and not found.compiled and found.own
     with pytest.raises(ParameterError, match='has no Params, initial, step; a law has'):
-        registry.offer(3)
+        registry.offer(WithoutMemory.Params())
+    for thing in (3, print, dict):
+        with pytest.raises(ParameterError, match='is not written in Python: call it'):
+            registry.offer(thing)
     with pytest.raises(ParameterError, match='unknown'):
         Registry('law', ('memory', 'x', 'dt', 'gains'), {}).find(name)

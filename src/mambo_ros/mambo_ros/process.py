@@ -15,7 +15,7 @@ import traceback
 from types import FrameType
 from typing import Any, NoReturn
 
-from mambo_model.errors import MamboError
+from mambo_model.errors import JobError, MamboError
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -97,7 +97,7 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
                 signal.signal(number, stop)
         loopback.check()
         loopback.configure()
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        _init(args)
         for node_type in node_types:
             if not stopped:
                 nodes.append(node_type())
@@ -119,6 +119,17 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
         _print_traceback()
         code = 1
     _exit(nodes, code, loop)
+
+
+def _init(args: list[str] | None) -> None:
+    """Start ROS. JobError if it cannot write its log."""
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except _rclpy.RCLError:
+        raise
+    except RuntimeError as error:
+        raise JobError(f'ROS cannot start: {_line(error)}: set ROS_LOG_DIR to a folder that can '
+                       'be written') from None
 
 
 def _print_traceback() -> None:

@@ -488,8 +488,8 @@ def _work(options: argparse.Namespace) -> None:
         found = compare_bags(bag, other, options.a_topic, options.b_topic, what, options.equal_at)
         result = found[0]
     else:
-        if what or options.equal_at is not None:
-            raise BagError('--align and --equal-at need two bags or two topics')
+        if what is not None or options.equal_at is not None:
+            raise BagError('--align, --no-align and --equal-at need two bags or two topics')
         result = compare(bag)
     if options.json != '-':
         print(table(result))

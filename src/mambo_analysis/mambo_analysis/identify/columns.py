@@ -136,14 +136,23 @@ def times(
     table, name
         Where they are otherwise: a column, for example ``t``.
     rate : Hz
-        What they are if above 0, whatever the file says.
+        Of a column without times; 0: none.
     count
         n.
     path
         For errors.
 
+    Raises
+    ------
+    IdentifyError
+        If there are neither times nor a rate, or both.
+
     """
     if rate > 0.0:
+        if own is not None or name in table:
+            raise IdentifyError(
+                f'--rate: {path} has times'
+                f'{"" if own is not None else f" in its column {name}"}: leave it out')
         return np.arange(count) / rate
     if own is None:
         if name not in table:

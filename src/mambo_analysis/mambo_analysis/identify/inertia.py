@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mambo_bags.cli.option_types import real, TIME
-from mambo_bags.command import Parser
+from mambo_bags.command import Parser, refuse_unused
 from mambo_model import palette
 from mambo_model.vehicle import bifilar
 from mambo_model.vehicle.parameters import preset
@@ -259,6 +259,23 @@ def _geometry(options: argparse.Namespace) -> Geometry | None:
         options.gravity, options.mass_error, options.separation_error, options.length_error)
 
 
+def _refuse_unused(options: argparse.Namespace, command: Parser) -> None:
+    """Refuse options of another source or rig; InputError."""
+    if result.is_bag(options.file):
+        refuse_unused(command, options, ('column', 'time', 'rate', 'unit'),
+                      f'{options.file} is a bag, whose topics have times and rad/s')
+    else:
+        refuse_unused(command, options, ('namespace',), f'{options.file} is no bag')
+    if options.rig == 'physical':
+        refuse_unused(command, options, ('length', 'length_error'),
+                      'a physical pendulum has no wires')
+    if options.separation is None:
+        rest = ('length', 'separation_error', 'length_error', 'mass_error', 'base')
+        known = options.rig == 'physical' and options.mass  # gives the largest J
+        refuse_unused(command, options, rest if known else (*rest, 'mass', 'gravity'),
+                      'there is no moment of inertia without --separation')
+
+
 def parser() -> Parser:
     """Return the command line."""
     out = result.parser(
@@ -290,9 +307,11 @@ def parser() -> Parser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point ``identify_inertia``; return the exit code."""
-    options = parser().parse_args(arguments)
+    command = parser()
+    options = command.parse_args(arguments)
 
     def work() -> result.Report:
+        _refuse_unused(options, command)
         geometry = _geometry(options)
         t, rate = _data(options)
         return _report(options, t, rate, fit_swing(t, rate, geometry))

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mambo_bags.cli.option_types import real, whole
-from mambo_bags.command import Parser
+from mambo_bags.command import Parser, refuse_unused
 from mambo_model import palette
 from matplotlib.figure import Figure
 import numpy as np
@@ -177,15 +177,21 @@ def parser() -> Parser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point ``identify_thrust``; return the exit code."""
-    options = parser().parse_args(arguments)
+    command = parser()
+    options = command.parse_args(arguments)
 
     def work() -> result.Report:
         """Read the bench file and return the result."""
         if result.is_bag(options.file):
+            refuse_unused(
+                command, options, ('command', 'thrust', 'unit', 'motors', 'gravity', 'max_pwm'),
+                f'{options.file} is the bag of a flight, not a bench')
             return from_flight.thrust_report(from_flight.read(
                 options.file, options.base, options.mass, options.namespace))
-        if options.mass is not None:
-            raise IdentifyError(f'--mass: {options.file} is a bench, not the bag of a flight')
+        refuse_unused(command, options, ('mass', 'namespace'),
+                      f'{options.file} is a bench, not the bag of a flight')
+        if options.unit == 'N':
+            refuse_unused(command, options, ('gravity',), 'the thrust is in N, not in g')
         table = columns.read(options.file)
         _, pwm = columns.column(table, options.command, options.file)
         _, thrust = columns.column(table, options.thrust, options.file)

@@ -29,7 +29,7 @@ import tempfile
 from typing import Any, NamedTuple
 
 from mambo_bags import columns
-from mambo_bags.command import guard, Parser
+from mambo_bags.command import guard, Parser, refuse_unused
 from mambo_bags.compression import is_compressed, unpack
 from mambo_bags.mcap_reader import BagError, check_regular
 from mambo_bags.reader import Messages, read_bag, read_listing
@@ -464,11 +464,14 @@ def parser() -> Parser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point ``import_bag``; return the exit code."""
-    options = parser().parse_args(arguments)
+    command = parser()
+    options = command.parse_args(arguments)
 
     def work() -> None:
         """Import, or list the topics if none is mapped."""
         if not options.map:
+            refuse_unused(command, options, ('output', 'time'),
+                          'without --map the topics are only listed')
             print('\n'.join(_table(options.bag, read_foreign(options.bag))))
             return
         if options.output is None:

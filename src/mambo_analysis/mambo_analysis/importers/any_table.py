@@ -48,6 +48,7 @@ TYPES = {
     'barometer/pressure': 'sensor_msgs/msg/FluidPressure',
     'motor_pwm': 'mambo_interfaces/msg/MotorPwm', 'battery': 'sensor_msgs/msg/BatteryState'}
 LOOSE_NORM = 0.1       # [-] how far from 1 the norm of a quaternion may be
+QUARTER = 0.5 * np.pi + 0.01  # [rad] largest middle Euler angle, with rounding
 RANGE_LIMITS = (0.0, 10.0)  # [m] of a range finder that is not known
 FULL_QUALITY = 255
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
@@ -120,7 +121,15 @@ def _attitude(
         turns = Rotation.from_quat(given)
     else:
         quantity = topic.quantities['euler']
-        turns = Rotation.from_euler(quantity.order, _vectors(table, quantity)[usable])
+        angles = _vectors(table, quantity)[usable]
+        wrong = np.flatnonzero(np.abs(angles[:, 1]) > QUARTER)
+        if len(wrong):
+            where = row_name(path, int(np.flatnonzero(usable)[wrong[0]]), mapping.delimiter)
+            raise BagError(
+                f'{path}: {where}: the middle one of the Euler angles, column '
+                f'{quantity.columns[1]}, is {angles[wrong[0], 1]:.4g} rad, beyond a quarter turn: '
+                'their unit or order is not as the mapping says')
+        turns = Rotation.from_euler(quantity.order, angles)
     out[usable] = (world * turns * BODY[topic.body].inv()).as_quat()
     return out
 

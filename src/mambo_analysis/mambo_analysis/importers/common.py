@@ -97,7 +97,8 @@ def quoted(text: str) -> str:
 
 def unused(names: Sequence[str]) -> list[str]:
     """Return a line about unused parts of the source; empty if all was used."""
-    return [f'not used: {shortened(names)}'] if names else []
+    shown = [name or 'a column without a name' for name in names]
+    return [f'not used: {shortened(shown)}'] if shown else []
 
 
 def new_samples(values: NDArray[np.float64]) -> NDArray[np.int64]:

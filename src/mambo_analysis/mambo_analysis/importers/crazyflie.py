@@ -385,14 +385,40 @@ def _range_offset(log: Log) -> Offset | None:
         return None
 
 
+def _check_offset(path: Path, log: Log, offset: float) -> None:
+    """Raise BagError if an offset leaves no pose of the motion capture within the flight."""
+    times = log.mocap[:, 0] + offset
+    first = min(float(t[0]) for t, _ in log.drone.values())
+    last = max(float(t[-1]) for t, _ in log.drone.values())
+    if not ((times >= first) & (times <= last)).any():
+        raise BagError(
+            f'{path}: with --mocap-offset {offset:g} all of the motion capture, {times[0]:.3f} to '
+            f'{times[-1]:.3f} s, is outside of the flight, {first:.3f} to {last:.3f} s')
+
+
+def _refuse_unused(
+    path: Path, log: Log, counts_per_radian: float, mocap: str, level: bool, repeated_flow: str,
+) -> None:
+    """Raise BagError for an option about something that the log does not hold."""
+    has_flow, found = log.has('n_x', 'n_y'), ''
+    if not has_flow and counts_per_radian != COUNTS_PER_RADIAN:
+        found = '--counts-per-radian: has no effect, as the log has no optical flow'
+    elif not has_flow and repeated_flow != 'leave':
+        found = '--repeated-flow: has no effect, as the log has no optical flow'
+    elif level and not log.has('a_z'):
+        found = '--level: has no effect, as the log has no accelerometer'
+    elif mocap not in ('auto', 'none') and not len(log.mocap):
+        found = '--mocap-offset: has no effect, as the log has no motion capture'
+    if found:
+        raise BagError(f'{path}: {found}: leave it out')
+
+
 def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, Any]]:
     """Return the offset of the motion capture, None to leave it out, with a remark."""
     if asked == 'none' or not len(log.mocap):
         return None, {'mocap': 'none in the log' if asked != 'none' else 'left out'}
     if asked not in ('auto', 'gyro'):
-        if (log.mocap[:, 0] + float(asked) < 0.0).all():
-            raise BagError(f'{path}: with --mocap-offset {asked} all of the motion capture is '
-                           f'before the drone began (its clock shows {log.mocap[0, 0]:.3f} s)')
+        _check_offset(path, log, float(asked))
         return float(asked), {'mocap_offset_s': float(asked), 'mocap_offset_from': 'given'}
     details: dict[str, Any] = {'mocap_offset_from': 'gyro'}
     try:
@@ -460,6 +486,7 @@ def import_crazyflie(
     """
     file = read_source(source)
     log = read_log(file)
+    _refuse_unused(source, log, counts_per_radian, mocap, level, repeated_flow)
     offset, details = _aligned(source, log, mocap)
     record = provenance(source.name, file.sha256, 'import_crazyflie', 'Crazyflie JSON log', {
         'counts_per_radian': counts_per_radian, 'flow_period_s': FLOW_PERIOD,

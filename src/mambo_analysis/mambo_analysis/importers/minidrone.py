@@ -344,6 +344,10 @@ def import_minidrone(
     if is_package_log(found, names is not None):
         return _import_package(file, target, read_package_log(
             source, found, names, gyro_unit, flow_scale))
+    for name, value, default in (('map', names, None), ('gyro-unit', gyro_unit, 'auto')):
+        if value != default:
+            raise BagError(f'{source}: --{name}: has no effect, as this is a log of the toolbox, '
+                           'whose names and units are known: leave it out')
     log, scale = read_log(file, found), flow_scale or FLOW_SCALE
     with BagWriter(target, attachments=_parameters(_calibration(log)),
                    metadata=_metadata(log, scale)) as writer:

@@ -219,13 +219,17 @@ def _topic(
         reader.fail(key, name, f'needs {", ".join(missing or known)}'.replace(
             'attitude', 'attitude (quaternion or euler)'))
     own = _clock(reader, entries['time'][1], clock) if 'time' in entries else clock
+    turned = _choice(reader, entries, 'body', BODIES, body)
+    if name == 'optical_flow' and turned == 'y_up':
+        reader.fail(key, name, 'is along x and y of a body with z up or down: give it '
+                               'body: flu or frd of its own')
     changes = False
     if 'only_changes' in entries:
         word = reader.text(entries['only_changes'][1], 'only_changes').lower()
         if word not in WORDS:
             reader.fail(entries['only_changes'][1], 'only_changes', 'must be true or false')
         changes = WORDS[word]
-    return Topic(found, own, _choice(reader, entries, 'body', BODIES, body), changes,
+    return Topic(found, own, turned, changes,
                  _choice(reader, entries, 'velocity_axes', ('world', 'body')))
 
 

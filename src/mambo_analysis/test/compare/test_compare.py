@@ -228,6 +228,7 @@ def test_wrong_use_ends_in_one_line(tmp_path, flight, capsys):
     for arguments, text in (
             ([tmp_path / 'none'], 'no such bag'),
             ([flight, '--namespace', '/other'], 'nothing in the namespace /other'),
+            ([flight, '--no-align'], '--no-align and --equal-at need two bags'),
             ([flight, '--out', tmp_path / 'file'], 'cannot be written')):
         assert main([str(a) for a in arguments]) == 2
         error = capsys.readouterr().err

@@ -103,9 +103,12 @@ def test_a_column_is_found_by_its_name_or_the_end_of_it():
         column(table, 'rust', FILE)
 
 
-def test_times_are_those_of_a_rate_then_of_the_column_then_of_the_file():
+def test_times_are_those_of_the_column_then_of_the_file_then_of_a_rate():
     own, table = np.array([3.0, 3.5, 4.5]), {'t': (None, np.array([10.0, 11.0, 13.0]))}
-    np.testing.assert_allclose(times(own, table, 't', 200.0, 3, FILE), [0.0, 0.005, 0.01])
+    np.testing.assert_allclose(times(None, {}, 't', 200.0, 3, FILE), [0.0, 0.005, 0.01])
+    for found in (own, None):
+        with pytest.raises(IdentifyError, match=r'^--rate: .* has times.*: leave it out'):
+            times(found, table, 't', 200.0, 3, FILE)
     np.testing.assert_array_equal(times(own, table, 't', 0.0, 3, FILE), [0.0, 0.5, 1.5])
     np.testing.assert_array_equal(times(None, table, 't', 0.0, 3, FILE), [0.0, 1.0, 3.0])
     with pytest.raises(IdentifyError, match=r'no times; name their column with --time or give'):

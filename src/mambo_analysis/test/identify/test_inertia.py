@@ -101,12 +101,27 @@ def test_the_command_writes_a_vehicle_ready_to_fly(tmp_path, capsys):
     (['--time', 'when'], 'no times; name their column with --time or give --rate'),
     (['--unit', 'deg/s', '--separation', '0.1'], 'needs --length'),
     (['--unit', 'deg/s', '--separation', '0.1', '--length', '0.5'], 'needs --mass'),
+    (['--unit', 'deg/s', '--rate', '50'], 'has times in its column t: leave it out'),
+    (['--unit', 'deg/s', '--length', '0.5'], '--length: has no effect, as there is no moment'),
+    (['--unit', 'deg/s', '--mass', '0.06'], '--mass: has no effect'),
+    (['--unit', 'deg/s', '--base', 'toolbox'], '--base: has no effect'),
+    (['--namespace', 'mambo'], '--namespace: has no effect'),
+    (['--rig', 'physical', '--separation', '0.1', '--mass', '0.06', '--length', '0.5'],
+     '--length: has no effect, as a physical pendulum has no wires'),
     (['--unit', 'deg/s', '--base', 'nobody'], "vehicle 'nobody' is unknown")])
 def test_wrong_use_is_one_line(tmp_path, capsys, options, message):
     file = csv(tmp_path / 'swing.csv', np.rad2deg(swing(8.1e-5)))
     assert main([str(file), '--axis', 'y', *options]) == 2
     error = capsys.readouterr().err
     assert message in error and error.startswith('identify_inertia: ') and error.count('\n') == 1
+
+
+@pytest.mark.parametrize('options', [
+    ['--unit', 'deg/s'], ['--column', 'w'], ['--time', 'when'], ['--rate', '200']])
+def test_options_of_a_table_are_refused_for_a_bag(capsys, options):
+    bag = Path(__file__).parents[4] / 'bags/circle_short'
+    assert main([str(bag), *options]) == 2
+    assert f'{options[0]}: has no effect, as {bag} is a bag' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('name, text, message', [

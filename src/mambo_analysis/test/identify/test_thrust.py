@@ -79,6 +79,24 @@ def test_grams_of_four_motors_are_newtons_of_one(tmp_path):
     assert (tmp_path / 'identify_thrust.png').stat().st_size > 10000
 
 
+@pytest.mark.parametrize('options', [
+    ['--namespace', 'mambo'], ['--mass', '0.06'], ['--gravity', '9.8']])
+def test_options_without_effect_on_a_bench_are_refused(tmp_path, capsys, options):
+    file = tmp_path / 'bench.csv'
+    file.write_text('pwm,thrust\n')
+    assert main([str(file), *options]) == 2
+    assert f'{options[0]}: has no effect, as ' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('options', [
+    ['--command', 'x'], ['--thrust', 'y'], ['--unit', 'g'], ['--motors', '4'],
+    ['--max-pwm', '350'], ['--gravity', '9.8']])
+def test_options_of_a_bench_are_refused_for_a_flight(capsys, options):
+    bag = Path(__file__).parents[4] / 'bags/circle_short'
+    assert main([str(bag), *options]) == 2
+    assert f'{options[0]}: has no effect, as {bag} is the bag of' in capsys.readouterr().err
+
+
 @pytest.mark.skipif(not BENCH.is_file(), reason='real recordings are not beside the checkout')
 def test_the_bench_of_the_rolling_spider_gives_the_constant_of_its_toolbox(tmp_path, capsys):
     assert main([str(BENCH), '--command', 'data[0]', '--thrust', 'data[3]', '--base',

@@ -591,6 +591,10 @@ def test_an_existing_bag_is_never_overwritten_and_wrong_usage_is_exit_code_2(
     assert main([str(bag), str(tmp_path / 'out'), '--map', '/imu:=imu/data_raw']) == 2
     assert 'exists: give another name' in capsys.readouterr().err
     assert main([str(bag), '--map', '/a:=b']) == 2
+    for words in ([str(tmp_path / 'new')], ['--time', 'log']):
+        capsys.readouterr()
+        assert main([str(bag), *words]) == 2
+        assert 'has no effect, as without --map the topics are only' in capsys.readouterr().err
     for arguments in ([], [str(bag), 'out', '--map', '/imu']):
         with pytest.raises(SystemExit) as usage:
             main(arguments)

@@ -323,6 +323,24 @@ def test_a_reference_without_heading_is_upright(tmp_path):
     assert (np.asarray(found) == [0.0, 0.0, 0.0, 1.0]).all()
 
 
+def test_degrees_that_are_taken_for_radians_are_refused(tmp_path, capsys):
+    text = MAP.replace('[yaw, pitch, roll], unit: deg,', '[yaw, pitch, roll],')
+    source, mapping = files(tmp_path, frame(), text=text)
+    assert main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)]) == 2
+    error = capsys.readouterr().err
+    assert 'line 2: the middle one of the Euler angles, column pitch, is 5.73 rad' in error
+    assert not (tmp_path / 'bag').exists()
+
+
+def test_a_flow_in_axes_with_y_up_is_refused(tmp_path, capsys):
+    source, mapping = files(tmp_path, sensors(), 'y_up', 'y_up', text=SENSORS)
+    assert main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)]) == 2
+    assert 'optical_flow: is along x and y of a body with z up or down' in capsys.readouterr().err
+    text = mapping.read_text().replace('optical_flow: {', 'optical_flow: {body: flu, ')
+    mapping.write_text(text)
+    assert main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)]) == 0
+
+
 @pytest.mark.parametrize('delimiter', [';', '\\t', '|'])
 def test_delimiters(tmp_path, delimiter):
     data = sensors()

@@ -89,6 +89,7 @@ def test_a_log_brings_the_estimator_of_its_vehicle_and_what_it_alone_knows(path)
 def test_what_was_not_used_is_one_line_or_none():
     assert common.unused([]) == []
     assert common.unused(['a', 'b']) == ['not used: a, b']
+    assert common.unused(['a', '']) == ['not used: a, a column without a name']
 
 
 def test_the_command_line_of_an_importer_reads_a_file_and_creates_a_bag(capsys):

@@ -205,6 +205,31 @@ def test_options(tmp_path, made):
     assert not (tmp_path / 'c').exists()  # all poses before the drone's time 0
 
 
+@pytest.mark.parametrize('offset', ['-1010', '-950', '1e6', '0'])
+def test_an_offset_that_leaves_no_pose_in_the_flight_is_refused(tmp_path, capsys, offset):
+    source = save(tmp_path / 'log.json')
+    assert main([str(source), str(tmp_path / 'bag'), '--mocap-offset', offset]) == 2
+    error = capsys.readouterr().err
+    assert 'is outside of the flight, 10.000 to 29.996 s' in error and error.count('\n') == 1
+    assert not (tmp_path / 'bag').exists()
+
+
+@pytest.mark.parametrize('options, without', [
+    (['--counts-per-radian', '409'], ('ae483log.n_x',)),
+    (['--repeated-flow', 'zero'], ('ae483log.n_y',)), (['--level'], ('ae483log.a_z',)),
+    (['--mocap-offset', 'gyro'], ()), (['--mocap-offset', '-990'], ())])
+def test_an_option_about_what_the_log_lacks_is_refused(tmp_path, capsys, options, without):
+    log = flight()
+    for name in without:
+        del log['drone'][name]
+    if not without:
+        del log['mocap']
+    source = save(tmp_path / 'log.json', log)
+    assert main([str(source), str(tmp_path / 'bag'), *options]) == 2
+    assert f'{options[0]}: has no effect, as the log has no' in capsys.readouterr().err
+    assert main([str(source), str(tmp_path / 'bag')]) == 0
+
+
 def turning():
     """Return a log whose yaw turns, as gyro and motion capture see it."""
     log = flight()
@@ -395,7 +420,7 @@ def test_left_motors_roll_the_real_drone_to_the_right(tmp_path):
 
 
 @settings(max_examples=4)  # imports, each of 2000 random poses
-@given(seed=st.integers(0, 2**31), offset=st.floats(-1000.0, -900.0))
+@given(seed=st.integers(0, 2**31), offset=st.floats(-990.0, -989.95))
 def test_every_pose_of_the_drone_and_of_the_hall_survives(tmp_path_factory, seed, offset):
     """Both are z up and FLU already; angles are yaw, pitch, roll; velocities of the body."""
     folder, rng, log = tmp_path_factory.mktemp('property'), np.random.default_rng(seed), flight()

@@ -290,6 +290,14 @@ def test_an_existing_bag_is_never_overwritten(tmp_path, capsys):
         import_minidrone(tmp_path / 'none.mat', tmp_path / 'new')
 
 
+@pytest.mark.parametrize('options', [['--gyro-unit', 'deg/s'], ['--map', 'names.yaml']])
+def test_options_of_a_simulink_log_are_refused_for_one_of_the_toolbox(tmp_path, capsys, options):
+    source = save(tmp_path / 'log.mat', signals())
+    assert main([str(source), str(tmp_path / 'bag'), *options]) == 2
+    assert f'{options[0]}: has no effect, as this is a log of the' in capsys.readouterr().err
+    assert not (tmp_path / 'bag').exists()
+
+
 def test_wrong_usage_is_exit_code_2(tmp_path):
     for arguments in ([], ['a.mat'], ['a.mat', 'b', '--flow-scale', '-1'],
                       ['a.mat', 'b', '--flow-scale', 'nan']):

@@ -1,10 +1,12 @@
-"""Variables of the environment that end a library with a traceback, or the whole process."""
+"""Settings of the environment that end a library with a traceback, or the whole process."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
+import resource
 
+_MEMORY = 1_000_000_000  # bytes of address space; with less, libraries in C end the process
 _LATEST = 253_402_300_799  # s, the end of the year 9999
 
 
@@ -20,6 +22,10 @@ def complaint(ros: bool = False) -> str:
         Whether ROS will be used.
 
     """
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit != resource.RLIM_INFINITY and limit < _MEMORY:
+        return (f'the limit of memory, {limit // 1_000_000} MB, is too low: set it to '
+                f'{_MEMORY // 1_000_000} MB or more (ulimit -v)')
     date = os.environ.get('SOURCE_DATE_EPOCH')
     if date is not None and not (
             date.isascii() and date.isdigit() and len(date) < 16 and int(date) <= _LATEST):

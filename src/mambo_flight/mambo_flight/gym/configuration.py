@@ -225,6 +225,8 @@ def configure(
         raise InputError(
             'scenario: a commanded flight has no plan of its own to hand over from: '
             'leave out commands')
+    if task != 'hover' and 'target_spread' in params:
+        raise InputError('target_spread: has no effect, as only hover has a target: leave it out')
     if observation == 'estimate':
         _refuse_estimator(chosen, given)
     if changes.changes_at_all(chosen):

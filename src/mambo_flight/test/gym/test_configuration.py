@@ -142,6 +142,12 @@ def test_the_observation_chooses_the_estimator():
         assert made.scenario.estimator_node.estimator == flown
 
 
+def test_only_a_hover_has_a_target_to_spread():
+    with pytest.raises(InputError, match='^target_spread: has no effect, as only hover has a'):
+        configure('track', target_spread=0.1)
+    assert configure('hover', target_spread=0.1).params.target_spread == 0.1
+
+
 def test_a_flight_is_as_long_as_its_episode_and_does_not_land():
     made = configure('track', handover=6.0, episode=20.0, scenario=scenario(duration=40.0))
     assert made.scenario.sim_node.duration == 26.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+import math
 import time
 
 from . import peers
@@ -16,6 +17,7 @@ _LOOK_EVERY = 0.1  # s of wall time between looks at who announces
 _ASK_AGAIN = 5.0  # s of wall time after which a waiting node says what it waits for
 _GUESTS = 5.0  # s of wall time for which the links of nodes that nobody expects are waited for
 _CROWDED = 10.0  # s of wall time that a second publisher or a namesake has to leave
+_CLEARED = 0.3  # s of wall time for the nodes to notice that it has
 
 
 class Links:
@@ -177,13 +179,14 @@ class Links:
     def _wait(self, loop: Loop, patience: float) -> bool:
         """Wait, as :meth:`wait` says."""
         began = logged = time.monotonic()
-        since = dict.fromkeys(('crowd', 'guests'), began)
+        since, crowded = dict.fromkeys(('crowd', 'guests'), began), -math.inf
         while True:
             now, missing = time.monotonic(), self.look()
+            crowded = now if self._crowd else crowded
             since['crowd'] = since['crowd'] if self._crowd else now
             since['guests'] = since['guests'] if missing and not self.missing(False) else now
             stranded = missing and now - since['guests'] > _GUESTS
-            if not self._crowd and (not missing or stranded):
+            if now - crowded > _CLEARED and (not missing or stranded):
                 self._crowd = self._too_many(self._heard.look())  # now, not a moment ago
                 if not self._crowd and stranded:
                     self._owner.get_logger().warning(f'begins without {missing}')

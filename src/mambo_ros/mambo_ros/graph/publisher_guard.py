@@ -88,6 +88,7 @@ class PublisherGuard:
         self._next_look = 0.0  # s of wall time of the next look at the graph
         self._missed = b''  # publisher looked for last
         self._absent_since = math.inf  # s of wall time since when it is not in the graph
+        self._looked = (0, b'')  # number of publishers and the accepted one at the last look
         self._since, self._until = 0, 0.0  # accepted before the window; end of the window, s
         self._foreign: Counter[bytes] = Counter()  # messages in the window, by publisher
 
@@ -139,9 +140,35 @@ class PublisherGuard:
         """Return whether the accepted publisher has been absent from the graph for ``ABSENT``."""
         if now >= self._next_look:
             self._next_look = now + _LOOK_EVERY
-            there = self._first in self.publishers()
-            if there or self._missed != self._first:
-                self._missed, self._absent_since = self._first, math.inf
-            if not there:
-                self._absent_since = min(self._absent_since, now)
+            self.look(now)
         return now - self._absent_since > ABSENT and self.replaceable(self._absent_since)
+
+    def look(self, now: float) -> None:
+        """Look whether the accepted publisher is in the graph, at a wall time in s."""
+        there = self._first in self.publishers()
+        if there or self._missed != self._first:
+            self._missed, self._absent_since = self._first, math.inf
+        if not there:
+            self._absent_since = min(self._absent_since, now)
+
+    def is_deserted(self, count: int) -> bool:
+        """
+        Return whether the accepted publisher has left and will be forgotten after ``ABSENT``.
+
+        Parameters
+        ----------
+        count
+            Of the publishers that are matched: the graph is asked when it has changed.
+
+        """
+        now = time.monotonic()
+        if not self._first:
+            return False
+        if (count, self._first) != self._looked or self._absent_since < math.inf:
+            self._looked = count, self._first
+            self.look(now)
+        if self._absent_since == math.inf or not self.replaceable(self._absent_since):
+            return False
+        if now - self._absent_since > ABSENT:
+            self._first = b''
+        return bool(self._first)
