@@ -7,7 +7,8 @@ The messages are those that the graph in lockstep records, byte for byte.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 import math
 from pathlib import Path
 import sys
@@ -24,6 +25,8 @@ from . import commanded, flight_options, recording_to_bag, scenario_file, superv
 from .scenario import commented_yaml, Scenario
 from .sweep import monte_carlo
 from .world import formation, separation, together, world_file
+
+LEAST_TOLD = 1.0  # s of compiling that a flight tells of
 
 
 def _scenario(options: argparse.Namespace) -> tuple[str, Scenario]:
@@ -59,6 +62,17 @@ class _Announced(event.Listener):
 
     def on_end(self, event: event.Event) -> None:
         """Say nothing."""
+
+
+@contextmanager
+def _compiling() -> Iterator[list[float]]:
+    """Say that a flight waits for the compiler, and how long; yield the times that it took, s."""
+    taken: list[float] = []
+    with event.install_timer('numba:compile', taken.append), event.install_listener(
+            'numba:compile', _Announced()):
+        yield taken
+    if sum(taken) > LEAST_TOLD:
+        print(f'compiled in {sum(taken):.1f} s, once for these components and options')
 
 
 def _errors(metrics: Mapping[str, Any]) -> str:
@@ -120,18 +134,14 @@ def write_flight(name: str, flight: Scenario, output: Path) -> None:
         If a component failed in flight, or the failsafe ended it; the bag is written.
 
     """
-    compiled: list[float] = []
     began = time.monotonic()
-    with event.install_timer('numba:compile', compiled.append), event.install_listener(
-            'numba:compile', _Announced()):
+    with _compiling() as compiled:
         recording, fault = supervised.fly(flight, inner=True)
     flown = time.monotonic()
     recording_to_bag.write(output, flight, recording)
     end = time.monotonic()
-    seconds, compiling = recording.t[-1] * 1e-9, sum(compiled)
-    if compiling > 1.0:
-        print(f'compiled in {compiling:.1f} s, once for these components and options')
-        began += compiling
+    began += sum(compiled)
+    seconds = recording.t[-1] * 1e-9
     metrics = monte_carlo.measure(flight, recording)
     print(f'{name}: {_errors(metrics)}')
     print(f'{name}: {seconds:.2f} s flown in {flown - began:.2f} s, bag written in '
@@ -145,8 +155,10 @@ def _run_together(name: str, flight: Scenario, world: WorldParams, output: Path)
     """Fly several drones in one hall and write a bag of each into a folder."""
     drones, lines = formation.hall(flight, world), []
     began = time.monotonic()
-    result = together.fly(drones.flights, world, list(drones.hall.places.values()), inner=True)
+    with _compiling() as compiled:
+        result = together.fly(drones.flights, world, list(drones.hall.places.values()), inner=True)
     flown = time.monotonic()
+    began += sum(compiled)
     text, tracks = world_file.to_text(drones.hall), {}
     for (space, place), own, recording in zip(
             drones.hall.places.items(), drones.flights, result.recordings, strict=True):

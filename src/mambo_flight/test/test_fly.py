@@ -172,6 +172,24 @@ def test_the_time_of_the_compiler_is_not_that_of_the_flight(file, tmp_path, caps
     assert float(re.search(r'flown in ([\d.]+) s', out)[1]) < 0.6 and err == ''
 
 
+def test_so_it_is_for_several_drones(tmp_path, capsys, monkeypatch):
+    fly_together, took = fly.together.fly, []
+
+    def compiles(*arguments, **options):
+        with event.trigger_event('numba:compile'):
+            time.sleep(1.2)
+        began = time.monotonic()
+        result = fly_together(*arguments, **options)
+        took.append(time.monotonic() - began)
+        return result
+    monkeypatch.setattr(fly.together, 'fly', compiles)
+    arguments = ['--trajectory', 'hover', '--drones', '2', '--duration', '1', '--no-landing']
+    assert fly.main([*arguments, '-o', str(tmp_path / 'bags')]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r'^compiled in [\d.]+ s, once for these components and options$', out, re.M)
+    assert float(re.search(r'flown in ([\d.]+) s', out)[1]) < took[0] + 0.6
+
+
 def test_a_terminal_is_told_once_that_a_flight_waits_for_the_compiler(monkeypatch, capsys):
     monkeypatch.setattr(fly.sys.stderr, 'isatty', lambda: True)
     with event.install_listener('numba:compile', fly._Announced()):
