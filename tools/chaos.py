@@ -9,13 +9,23 @@ temporary folder and no shared memory is left.
 ``./chaos files`` damages files of every format, and writes command lines, by their structure. An
 input is survived if the command ends with exit code 0, or with 1 or 2 behind one line, within
 limits of time, memory and output, and leaves nothing half-written.
+
+``./chaos messages`` flies while a hostile process publishes on the topics of the flight: wrong
+values, stamps and bytes, floods, other types, a second clock, requests. An attack is survived if
+the flight ends within bounds of time, memory and output, says what it refused, leaves nothing, and
+the vehicle stays where it should: to the bit, in lockstep.
+
+``./chaos resources`` runs commands on a machine that has too little of something: disk, memory,
+open files, permissions, network, compiled code. A scarcity is survived if the command ends with
+exit code 0 and has made everything, or with 1 or 2 behind one line that says what it lacked, and
+leaves nothing half-written.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 import os
@@ -28,9 +38,9 @@ import tempfile
 import time
 from typing import NamedTuple
 
+from chaos_files import living
 from mambo_bags.cli.option_types import whole
-from mambo_bags.reader import BagError, read_bag
-from mambo_bags.recover import recover
+from mambo_bags.reader import read_bag
 from mambo_bringup.flight.nodes import FLIGHT_NODES, HALL_CAPTURE, RECORDER, SIMULATOR
 from mambo_bringup.replay import ESTIMATOR, PLAYER
 from mambo_bringup.stuck import is_closed
@@ -41,7 +51,6 @@ WITHIN = 15.0  # s from the signal to the end of all
 BUSY = 240.0  # s that a loaded machine may take to come to the phase
 SIGNALS = ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGKILL', 'SIGSTOP')
 NODES = tuple(name for _, name in (RECORDER, *FLIGHT_NODES, SIMULATOR))
-NAMES = (*NODES, HALL_CAPTURE[1])
 REPLAYED = tuple(name for _, name in (RECORDER, ESTIMATOR, PLAYER))
 MODES = {'processes': ['--processes'], 'composed': ['--composed'],
          'realtime': ['--mode', 'realtime'], 'drones': ['--drones', '4', '--processes']}
@@ -56,7 +65,6 @@ PHASES = {
     'closing': ['--duration=4'],
     'report': ['--duration=4']}
 """Options of the flight that is struck in each phase; most phases are made to last."""
-_SHARED = '/dev/shm/'
 _BEGUN = 250_000  # bytes of a bag with more in it than schemas and scenario
 _LANDS = 1_150_000  # bytes of a bag after the landing has begun
 
@@ -99,44 +107,6 @@ def every() -> Iterator[Fault]:
             yield Fault(number, target, mode, phase)
 
 
-def _processes(mark: str) -> dict[int, str]:
-    """Return {number: name} of the living processes whose environment holds a text."""
-    found = {}
-    for entry in Path('/proc').iterdir():
-        try:
-            if entry.name.isdigit() and mark.encode() in (entry / 'environ').read_bytes():
-                if (entry / 'stat').read_text().rpartition(')')[2].split()[0] != 'Z':
-                    command = (entry / 'cmdline').read_text()
-                    name = (entry / 'comm').read_text().strip()  # 15 characters at most
-                    full = next((node for node in NAMES if node[:15] == name), name)
-                    found[int(entry.name)] = 'watchdog' if 'watchdog.py' in command else full
-        except OSError:
-            pass
-    return found
-
-
-def _shared(pids: Iterable[int]) -> set[Path]:
-    """Return the files of shared memory that processes have mapped."""
-    found = set()
-    for pid in pids:
-        try:
-            lines = Path(f'/proc/{pid}/maps').read_text().splitlines()
-        except OSError:
-            continue
-        found |= {Path(line.split()[-1]) for line in lines if _SHARED in line}
-    return found
-
-
-def _wait(condition: Callable[[], object], seconds: float) -> bool:
-    """Wait until a condition holds; return whether it does."""
-    limit = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > limit:
-            return False
-        time.sleep(0.01)
-    return True
-
-
 class Struck:
     """
     A flight or replay that a fault is injected into.
@@ -159,7 +129,7 @@ class Struck:
         self._recording = recording
         self._temporary = folder / 'tmp'
         self._temporary.mkdir()
-        self._older = set(Path(_SHARED).iterdir())
+        self._older = set(living.SHARED.iterdir())
         self._tool = 'replay' if fault.mode == 'replay' else 'run'
         if self._tool == 'replay':
             command = ['mambo', 'replay', str(recording), '--output', str(self.bag)]
@@ -181,7 +151,7 @@ class Struck:
 
     def _living(self) -> dict[int, str]:
         """Return the processes of the flight but its runner."""
-        found = _processes(str(self._temporary))
+        found = living.processes(str(self._temporary))
         found.pop(self.run.pid, None)
         return found
 
@@ -203,23 +173,23 @@ class Struck:
         """Send the signal at the time; see how everything ends."""
         fault = self.fault
         try:
-            if not _wait(lambda: self._reached() or self.run.poll() is not None, BUSY):
+            if not living.wait(lambda: self._reached() or self.run.poll() is not None, BUSY):
                 self.run.terminate()
                 return self._missed()
             time.sleep(self._delay)
-            living = self._living()
-            living[self.run.pid] = 'runner'
-            struck = [pid for pid, name in living.items() if name == fault.target]
+            running = self._living()
+            running[self.run.pid] = 'runner'
+            struck = [pid for pid, name in running.items() if name == fault.target]
             if self.run.poll() is not None or not struck:
                 return self._missed()
-            memory = _shared(living) - self._older
+            memory = living.shared(running) - self._older
             try:
                 os.kill(struck[0], getattr(signal, fault.signal))
             except ProcessLookupError:  # it has just ended by itself
                 return self._missed()
             began = time.monotonic()
             out, err = self.run.communicate(timeout=BUSY)
-            left = not _wait(lambda: not self._living(), WITHIN)
+            left = not living.wait(lambda: not self._living(), WITHIN)
             took = time.monotonic() - began
         except subprocess.TimeoutExpired:
             return Verdict(f'hung: {self._living()}', BUSY, '')
@@ -227,7 +197,7 @@ class Struck:
             self.run.kill()
         lines = err.strip().splitlines()
         wrong = f'left running: {self._living()}' if left else (
-            self._wrong_words(out, err) or self._wrong_files() or self._wrong_memory(memory))
+            self._wrong_words(out, err) or self._wrong_files() or living.shared_left(memory))
         if not wrong and took >= WITHIN and fault.target != 'watchdog':
             wrong = 'took too long'
         return Verdict(wrong, took, lines[-1] if lines else '')
@@ -267,27 +237,9 @@ class Struck:
 
     def _wrong_files(self) -> str:
         """Return what is wrong with the bags and the temporary folder."""
-        if not _wait(lambda: not [x for x in self._temporary.iterdir() if x.is_dir()], WITHIN):
-            return f'folder left: {sorted(self._temporary.iterdir())}'
-        for file in self.bag.rglob('*.mcap') if self.fault.phase != 'start' else ():
-            path = file.parent
-            try:
-                if not is_closed(path):
-                    path = self._temporary / path.name
-                    recover(file.parent, path)
-                if not any('imu/data_raw' in name for name in read_bag(path).topics):
-                    return f'{file.parent} has no sensors'
-            except (BagError, OSError) as error:
-                return f'{file.parent} is neither closed nor recoverable: {error}'
-        return ''
-
-    def _wrong_memory(self, memory: set[Path]) -> str:
-        """Return the shared memory of the flight that is left and that nobody has mapped."""
-        def left() -> set[Path]:
-            there = {path for path in memory if path.exists()}
-            everybody = (int(path.name) for path in Path('/proc').glob('[0-9]*'))
-            return there and there - _shared(everybody)
-        return '' if _wait(lambda: not left(), 3.0) else f'shared memory left: {sorted(left())}'
+        left = living.folder_left(self._temporary, WITHIN)
+        return left or ('' if self.fault.phase == 'start' else
+                        living.unreadable(self.bag, self._temporary))
 
 
 def try_fault(fault: Fault, recording: Path, delay: float = 0.0,
@@ -350,6 +302,26 @@ def parser() -> argparse.ArgumentParser:
     add('--jobs', type=whole(1, 1024), default=os.cpu_count() or 1, metavar='N',
         help='inputs at a time (default: one for each core)')
     add = kinds.add_parser(
+        'messages', help='hostile messages on every topic of a flight or replay').add_argument
+    add('--count', type=whole(1, 1_000_000), default=100, metavar='N',
+        help='flights to attack (default: 100)')
+    add('--seed', type=whole(0, 2**31 - 1), default=1, metavar='S',
+        help='of the attacks (default: 1)')
+    add('--start', type=whole(0, 1_000_000), default=0, metavar='N',
+        help='number of the first attack (default: 0)')
+    add('--jobs', type=whole(1, 16), default=1, metavar='N',
+        help='flights at a time (default: 1)')
+    add = kinds.add_parser(
+        'resources', help='commands on machines that run out of something').add_argument
+    add('--count', type=whole(1, 1_000_000), default=100, metavar='N',
+        help='commands to run (default: 100)')
+    add('--seed', type=whole(0, 2**31 - 1), default=1, metavar='S',
+        help='of their choice (default: 1)')
+    add('--start', type=whole(0, 1_000_000), default=0, metavar='N',
+        help='number of the first command (default: 0)')
+    add('--jobs', type=whole(1, 64), default=1, metavar='N',
+        help='commands at a time (default: 1)')
+    add = kinds.add_parser(
         'parameters', help='flights with extreme parameters').add_argument
     add('--count', type=whole(1, 10_000_000), default=300, metavar='N',
         help='flights (default: 300)')
@@ -364,6 +336,14 @@ def parser() -> argparse.ArgumentParser:
 
 if __name__ == '__main__':
     options = parser().parse_args()
+    if options.kind_of_fault == 'messages':
+        from chaos_files import hostile
+        sys.exit(bool(hostile.messages(
+            options.count, options.seed, options.start, options.jobs)))
+    if options.kind_of_fault == 'resources':
+        from chaos_files import resources
+        sys.exit(bool(resources.resources(
+            options.count, options.seed, options.start, options.jobs)))
     if options.kind_of_fault in ('files', 'parameters'):
         from chaos_files import campaign
         chosen = options.kind if options.kind_of_fault == 'files' else campaign.EXTREME

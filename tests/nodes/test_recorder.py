@@ -100,6 +100,54 @@ def test_nobody_takes_over_from_the_nodes_of_a_flight_that_is_over(start, tmp_pa
     assert commands.refused[publisher_guard.SECOND_PUBLISHER] > 20
 
 
+def test_a_clock_that_has_left_before_any_flight_is_replaced(start, tmp_path, monkeypatch):
+    wall = [0.0]
+    monkeypatch.setattr(publisher_guard, 'time', SimpleNamespace(monotonic=lambda: wall[0]))
+    node, take = start()
+    clock = take[topics.CLOCK]
+    clock.publishers = lambda: {b'simulator'}
+    clock(messages.clock(-1), b'stranger')
+    assert clock.is_deserted(1)
+    wall[0] += publisher_guard.ABSENT + 0.01
+    assert not clock.is_deserted(1)
+    clock(messages.clock(1), b'simulator')
+    take[topics.MOTOR_PWM](pwm(1), b'controller')
+    node.finish()
+    bag = read_bag(tmp_path / 'bag')
+    assert bag['/clock'].stamp.tolist() == bag['motor_pwm'].stamp.tolist() == [1]
+    assert clock.refused == {publisher_guard.SECOND_PUBLISHER: 1}
+
+
+def test_what_a_publisher_sent_that_left_before_any_flight_is_not_recorded(
+        start, tmp_path, monkeypatch):
+    wall = [0.0]
+    monkeypatch.setattr(publisher_guard, 'time', SimpleNamespace(monotonic=lambda: wall[0]))
+    node, take = start()
+    commands = take[topics.MOTOR_PWM]
+    commands.publishers = lambda: {b'controller'}
+    for _ in range(3):
+        commands(pwm(7), b'stranger')
+    assert commands.is_deserted(1)
+    wall[0] += publisher_guard.ABSENT + 0.01
+    assert not commands.is_deserted(1)
+    commands(pwm(9), b'controller')
+    take[topics.CLOCK](messages.clock(9))
+    node.finish()
+    assert read_bag(tmp_path / 'bag')['motor_pwm'].stamp.tolist() == [9]
+    assert commands.refused[publisher_guard.SECOND_PUBLISHER] == 3
+
+
+def test_a_bag_that_misses_messages_is_a_fault_of_its_recorder(start):
+    node, take = start()
+    take[topics.MOTOR_PWM](pwm(1), b'controller')
+    take[topics.MOTOR_PWM].follow(1)
+    assert not node.fault
+    take[topics.MOTOR_PWM].follow(3)
+    node.finish()
+    assert node.fault == (
+        f'/mambo/motor_pwm: the bag misses messages that were {publisher_guard.LOST}')
+
+
 HOSTILE = {
     'an empty /tf': (topics.TF, cdr.serialize(TFMessage())),
     'a /tf before time began': (topics.TF, tf(-5 * SECOND)),

@@ -10,7 +10,8 @@ this flight (``log_times``), is recorded at the time of ``/clock``; a message of
 megabyte is not recorded. The first of each kind and topic is logged as a warning, and all are
 counted at the end. On a topic that only one node publishes, messages of a second publisher are
 refused. While ``/clock`` goes on, it may take over from one that has left; nobody takes over from
-the nodes of a flight that is over. A ``/clock`` with nothing else was no flight.
+the nodes of a flight that is over. A ``/clock`` with nothing else was no flight. If messages were
+lost, because the machine or a flood was too much for the queue, the node ends with exit code 1.
 """
 
 from __future__ import annotations
@@ -23,15 +24,15 @@ from typing import NoReturn
 
 from mambo_model import schema
 from mambo_ros import cdr, node, process, topics
+from mambo_ros.graph.publisher_guard import LOST, PublisherGuard, SECOND_PUBLISHER
 
+from .early_messages import EarlyMessages
 from .log_times import LogTimes
 from .recorder_parameters import RecorderNodeParams
 from .writer import BagWriter, BagWriterError, GRACE, Qos
 
 _TF_STAMP = 4  # bytes between the encapsulation and the stamp of the first transform: their count
 _LARGEST = 1_000_000  # largest message, bytes; those of a flight have less than a thousand
-_EARLY = 2000  # messages,
-_EARLY_SIZE = 1 << 24  # bytes: limits of what is held back before the first /clock
 _STAMP = 'with a stamp outside of the flight, recorded at the time of /clock'
 _SIZE = f'of more than {_LARGEST // 1_000_000} MB, not recorded'
 
@@ -70,9 +71,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         selected = _selected(p.topics)
         files = {'scenario.yaml': p.scenario, 'world.yaml': p.world}
         attachments = {name: Path(file).read_text() for name, file in files.items() if file}
-        self._times = LogTimes()
-        self._early: list[tuple[Callable[[bytes], None], bytes]] = []  # before the first /clock
-        self._early_size, self._failed = 0, False
+        self._times, self._early, self._failed = LogTimes(), EarlyMessages(), False
         self._odd: Counter[tuple[str, str]] = Counter()  # by topic and kind
         try:
             self._bag = BagWriter(Path(p.bag), attachments=attachments)
@@ -97,7 +96,9 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         others = [guard for guard in self.input_guards if guard is not clock]
         for guard in others:
             guard.replaceable = lambda since: not clock.first or clock.latest > since
-        clock.replaceable = lambda since: not any(guard.accepted for guard in others)
+        clock.replaceable = lambda since: not any(guard.first for guard in others)
+        for guard in self.input_guards:
+            guard.incomplete, guard.forgotten = self._miss, self._forget
 
     def _on_clock(self, data: bytes) -> None:
         """Update the time from a ``/clock`` that is not recorded."""
@@ -146,27 +147,24 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
             elif is_clock and times.update(_stamp(data, offset)):
                 record(data)
                 self._release()
-            else:
-                self._hold(record, data)
+            elif self._early.hold(name, record, data):
+                self._release()
         return take
-
-    def _hold(self, record: Callable[[bytes], None], data: bytes) -> None:
-        """Hold a message until a ``/clock`` arrives or too many messages are held."""
-        self._early.append((record, bytes(data)))
-        self._early_size += len(data)
-        if len(self._early) >= _EARLY or self._early_size > _EARLY_SIZE:
-            self._release()
 
     def _release(self) -> None:
         """Record what was held back."""
-        if not self._early:
-            return
-        if self._times.now is None:
+        if self._early and self._times.now is None:
             self.get_logger().warning('no /clock: stamps are limited by the clock of this machine')
             self._times.use_wall_clock()
-        early, self._early = self._early, []
-        for record, data in early:
-            record(data)
+        self._early.release()
+
+    def _forget(self, guard: PublisherGuard) -> None:
+        """Refuse what is held back of a publisher that has left before any flight."""
+        guard.refused[SECOND_PUBLISHER] += self._early.forget(guard.topic)
+
+    def _miss(self, guard: PublisherGuard) -> None:
+        """End with exit code 1, but only after the flight: its bag is not whole."""
+        self.fail(f'{guard.topic}: the bag misses messages that were {LOST}')
 
     def _notice(self, name: str, kind: str) -> None:
         """Count an irregular message, and warn of the first."""

@@ -37,6 +37,8 @@ _HURRIED = 1.0  # s that a recorder has after a second Ctrl-C
 _HALTED = 1.0  # s for which a process may be stopped
 _LINE = 1 << 16  # most characters of a line that a node prints; a longer one is taken in parts
 _ENDED = re.compile(r'ended by (SIG\w+)')  # printed by a node
+_REFUSAL = re.compile(r'\b\w+_node: .*')  # printed by a node, perhaps within another line
+_COLOUR = '\x1b['  # is in every line that the middleware prints
 _ENVIRONMENT = {  # lines are read as they are written, whatever the user's own nodes log like
     'PYTHONUNBUFFERED': '1', 'RCUTILS_LOGGING_BUFFERED_STREAM': '0',
     'RCUTILS_LOGGING_USE_STDOUT': '0', 'RCUTILS_COLORIZED_OUTPUT': '0',
@@ -310,7 +312,9 @@ class NodeProcess:
         """Return the last printed line that describes the error."""
         printed = [line for line in self.lines if line.strip() and not line.startswith('  ')]
         errors = [line for line in printed if 'ERROR' in line or 'Error' in line]
-        return (errors or printed or ['no output'])[-1]
+        own = [line for line in errors if _COLOUR not in line] or [
+            found[0] for line in printed if (found := _REFUSAL.search(line))]
+        return (own or errors or printed or ['no output'])[-1]
 
 
 class Interrupts:

@@ -142,6 +142,11 @@ def test_an_interrupt_of_the_terminal_does_not_reach_the_nodes(start):
       'KeyError: b'], 'KeyError: b'),
     (['SimNode: vehicle: Vehicle.mass = -1.0 kg is outside [0.01, 1]'],
      'SimNode: vehicle: Vehicle.mass = -1.0 kg is outside [0.01, 1]'),
+    (['ValueError: a', '\x1b[31;1m[READER\x1b[31;1m Error] \x1b[37mno reader\x1b[m'],
+     'ValueError: a'),  # not what the middleware prints, if there is anything else
+    (['\x1b[31;1m[READER\x1b[31;1m sim_node: [Errno 24] Too many open files',
+      'Error] \x1b[37mno reader\x1b[m'], 'sim_node: [Errno 24] Too many open files'),
+    (['\x1b[31;1mError] \x1b[37mno reader\x1b[m'], '\x1b[31;1mError] \x1b[37mno reader\x1b[m'),
 ])
 def test_the_last_error_is_the_most_informative_line(start, lines, printed):
     process = start(f'for line in {lines!r}:\n    print(line)')
@@ -311,10 +316,10 @@ def test_a_flight_that_does_not_begin_ends_with_one_line(start):
 
 def test_shared_memory_of_the_living_stays_and_of_the_dead_goes(tmp_path, monkeypatch):
     monkeypatch.setattr(watchdog, '_SHARED', tmp_path)
-    monkeypatch.setattr(watchdog, '_mapped', lambda: {'fastrtps_port6'})
-    living = ['fastrtps_port1', 'fastrtps_port1_el', 'fastrtps_port6', 'other_el',
+    monkeypatch.setattr(watchdog, '_mapped', lambda: {'fastrtps_9', 'fastrtps_port6'})
+    living = ['fastrtps_9', 'fastrtps_port1', 'fastrtps_port1_el', 'fastrtps_port6', 'other_el',
               'sem.fastrtps_port1_mutex', 'sem.fastrtps_port6_mutex']
-    dead = ['fastrtps_2', 'fastrtps_2_el', 'fastrtps_port3', 'fastrtps_port3_el',
+    dead = ['fastrtps_2', 'fastrtps_2_el', 'fastrtps_8', 'fastrtps_port3', 'fastrtps_port3_el',
             'sem.fastrtps_port3_mutex', 'sem.fastrtps_port4_mutex', 'fastrtps_port7',
             'sem.fastrtps_port7_mutex']
 

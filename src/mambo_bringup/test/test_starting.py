@@ -67,6 +67,21 @@ sys.exit(starting.main('run'))
         'in this shell, which sets LD_LIBRARY_PATH\n')
 
 
+@pytest.mark.parametrize('raised, line', [
+    ("OSError(24, 'Too many open files', 'x')", "[Errno 24] Too many open files: 'x'"),
+    ('MemoryError', 'out of memory'),
+    ("ImportError('a.so: failed to map segment from shared object')",
+     'a.so: failed to map segment from shared object')])
+def test_a_library_that_cannot_be_loaded_for_lack_of_something_is_one_line(raised, line):
+    done = run(f"""
+def command():
+    raise {raised}
+starting.import_module = lambda *_: SimpleNamespace(main=command)
+sys.exit(starting.main('mambo'))
+""")
+    assert (done.returncode, done.stderr) == (1, f'mambo: {line}\n')
+
+
 def test_a_thread_that_never_ends_does_not_hold_up_the_exit():
     done = run("""
 import threading, time

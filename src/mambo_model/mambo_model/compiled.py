@@ -12,12 +12,14 @@ import importlib.abc
 import importlib.machinery
 import importlib.metadata
 import importlib.util
+import io
 import os
 from pathlib import Path
 import shutil
 import sys
 import tempfile
-from typing import Any, TypeVar
+from typing import Any, IO, TypeVar
+import zlib
 
 F = TypeVar('F', bound=Callable)
 OWN_MODULES = 'mambo_own_'  # begins the names of modules made of users' files
@@ -143,6 +145,7 @@ os.environ['NUMBA_CACHE_DIR'] = _make_cache()
 
 import numba  # noqa: E402 (reads NUMBA_CACHE_DIR while it is imported; all others import it here)
 from numba import objmode, typeof  # noqa: E402, F401
+from numba.core import caching  # noqa: E402
 from numba.core.errors import NumbaError  # noqa: E402, F401
 from numba.core.registry import CPUDispatcher  # noqa: E402
 from numba.experimental import structref  # noqa: E402
@@ -150,6 +153,45 @@ from numba.extending import overload  # noqa: E402
 from numba.typed import List  # noqa: E402
 
 numba.config.CACHE_DIR = os.environ['NUMBA_CACHE_DIR']  # of a script that imported numba before
+
+
+class _CacheFile(caching.IndexDataCacheFile):
+    """Files of compiled code that end with their checksum: a damaged one counts as missing."""
+
+    _SIZE = 4  # bytes of the checksum
+
+    def _is_whole(self, path: str) -> bool:
+        """Return whether a file ends with its checksum. OSError if it cannot be read."""
+        with open(path, 'rb') as file:
+            data = file.read()
+        return len(data) > self._SIZE and data[-self._SIZE:] == self._checksum(data[:-self._SIZE])
+
+    def _checksum(self, data: bytes) -> bytes:
+        return zlib.crc32(data).to_bytes(self._SIZE, 'little')
+
+    @contextlib.contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[IO[bytes]]:
+        """Yield a file that is written whole, and its checksum behind it."""
+        with super()._open_for_write(filepath) as file:
+            whole = io.BytesIO()
+            yield whole
+            file.write(whole.getvalue() + self._checksum(whole.getvalue()))
+
+    def _load_index(self) -> dict:
+        """Return the names of what is compiled; nothing if the file is damaged."""
+        with contextlib.suppress(FileNotFoundError):
+            if self._is_whole(self._index_path):
+                return super()._load_index()
+        return {}
+
+    def _load_data(self, name: str) -> Any:
+        """Return what is compiled. FileNotFoundError if the file is damaged."""
+        if not self._is_whole(self._data_path(name)):
+            raise FileNotFoundError(name)
+        return super()._load_data(name)
+
+
+caching.IndexDataCacheFile = _CacheFile
 
 
 def _load_arrays() -> None:

@@ -126,7 +126,7 @@ class Entry:
 
     def __init__(self, handle: Any, source: Input) -> None:
         self.handle, self._callback = handle, source.take
-        self._msg_type = source.topic.msg_type
+        self._msg_type, self._reliable = source.topic.msg_type, source.reliable
         self.take_all = self._take_unguarded
         if isinstance(source.take, PublisherGuard):
             self._taker = MessageTaker(handle, source.take.largest + 1)
@@ -159,6 +159,8 @@ class Entry:
                 break
             data, length, publisher = taken
             callback(data, publisher)
+            if publisher == callback.first and self._reliable:
+                callback.follow(take.number)
             size += length
             if size > _BYTES_AT_ONCE:
                 break

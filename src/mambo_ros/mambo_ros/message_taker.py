@@ -116,6 +116,11 @@ class MessageTaker:
         return (_string_at(self._bytes.buffer, min(size, self._largest)), size,
                 _string_at(self._gid_at, _GID))
 
+    @property
+    def number(self) -> int:
+        """Return the number of the message taken last among those of its publisher."""
+        return self._info.publication_sequence_number
+
 
 def _release(handle: Any, data: _Bytes) -> None:
     """Release the memory and the handle of a :class:`MessageTaker`."""

@@ -25,7 +25,7 @@ from .commands.live import Live
 from .commands.table import Service
 from .endpoints import Input, LoopGroup, NO_EVENTS, qos, RawPublisher
 from .graph import peers
-from .graph.publisher_guard import PublisherGuard
+from .graph.publisher_guard import live, PublisherGuard
 from .graph.wire import WireParams
 from .input_guard import InputGuard
 
@@ -180,22 +180,15 @@ class MamboNode(diagnostics.Faulty, Live, Node, Generic[P]):
 
     def announce(self) -> None:
         """Publish which links of this node are matched, when that has changed."""
-        matched = [*(output.matched for output in self.outputs),
-                   *map(self._matched_by, self.inputs)]
+        matched = [output.matched for output in self.outputs] + [
+            live(entry.take, self._sources[entry.name].get_publisher_count())
+            if entry.name in self._sources else _LOCAL for entry in self.inputs]
         if matched == self._matched:
             return
         self._matched = matched
         self._links.publish(NodeLinks(
             node=self.get_fully_qualified_name(), subscribed=[entry.name for entry in self.inputs],
             published=[output.publisher.topic_name for output in self.outputs], matched=matched))
-
-    def _matched_by(self, entry: Input) -> int:
-        """Return how many publishers of an input are matched; 0 if the accepted one has left."""
-        if entry.name not in self._sources:
-            return _LOCAL
-        count = self._sources[entry.name].get_publisher_count()
-        guard = entry.take
-        return 0 if isinstance(guard, PublisherGuard) and guard.is_deserted(count) else count
 
     def flush(self, seconds: float = FLUSH) -> None:
         """Wait up to ``seconds`` until every reader has acknowledged all published messages."""

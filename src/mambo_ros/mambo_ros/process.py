@@ -11,32 +11,17 @@ import resource
 import signal
 import sys
 import time
-import traceback
 from types import FrameType
 from typing import Any, NoReturn
 
-from mambo_model.errors import JobError, MamboError
 import rclpy
-from rclpy.exceptions import ParameterException
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
-from rclpy.signals import SignalHandlerOptions
 
-from . import usage
+from . import start_failure, usage
 from .graph import exit_timer, loopback
 from .loop import Loop
 from .node import FLUSH, MamboNode
 
 _TEARDOWN = 1.0  # s for the middleware to shut down, which may hang
-_REFUSALS = (MamboError, FileNotFoundError, FileExistsError, ParameterException,
-             _rclpy.RCLError, _rclpy.UnknownROSArgsError)
-
-
-def _line(error: BaseException) -> str:
-    """Return the message of an error as one line, without locations in the sources of ROS."""
-    text = ' '.join(str(error).split(', at /')[0].split())
-    if isinstance(error, _rclpy.UnknownROSArgsError):  # its text is the list of arguments
-        return f'unknown arguments after --ros-args: {text}'
-    return text
 
 
 def _print_line(text: str) -> None:
@@ -97,7 +82,7 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
                 signal.signal(number, stop)
         loopback.check()
         loopback.configure()
-        _init(args)
+        start_failure.init(args)
         for node_type in node_types:
             if not stopped:
                 nodes.append(node_type())
@@ -106,7 +91,7 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
     except BaseException as error:  # a signal during compilation can raise any error
         starting = False
         if not stopped:
-            code = _start_failure(error, node_types[min(len(nodes), len(node_types) - 1)])
+            code = start_failure.report(error, node_types[min(len(nodes), len(node_types) - 1)])
     starting = False
     try:
         if loop is None:
@@ -116,38 +101,9 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
     except SystemExit as end:  # the node has logged the reason
         code = end.code
     except BaseException:  # an error in a node; its process still exits in order
-        _print_traceback()
+        start_failure.print_traceback()
         code = 1
     _exit(nodes, code, loop)
-
-
-def _init(args: list[str] | None) -> None:
-    """Start ROS. JobError if it cannot write its log."""
-    try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except _rclpy.RCLError:
-        raise
-    except RuntimeError as error:
-        raise JobError(f'ROS cannot start: {_line(error)}: set ROS_LOG_DIR to a folder that can '
-                       'be written') from None
-
-
-def _print_traceback() -> None:
-    """Print the traceback of the current error; ignore a closed output."""
-    with suppress(OSError):
-        traceback.print_exc()
-
-
-def _start_failure(error: BaseException, node_type: type[MamboNode]) -> int:
-    """Print why a node does not start; return the exit code."""
-    if not isinstance(error, _REFUSALS):
-        _print_traceback()
-        return 1
-    made = getattr(node_type, 'func', node_type)  # a class with some of its arguments
-    name = made.__module__.rpartition('.')[2].replace('__main__', Path(sys.argv[0]).stem)
-    with suppress(OSError):
-        print(f'{name}: {_line(error)}', file=sys.stderr)
-    return getattr(error, 'exit_code', 2)
 
 
 def _help(node_types: Sequence[type[MamboNode]]) -> str:

@@ -1,9 +1,11 @@
-"""Variables at which libraries end with a traceback are one line before these are imported."""
+"""Settings at which libraries end with a traceback are one line before these are imported."""
 
 import os
+import resource
 import subprocess
 import sys
 
+from mambo_bags.cli import environment
 from mambo_bags.cli.environment import complaint
 import pytest
 
@@ -40,6 +42,16 @@ def test_a_middleware_that_is_not_installed_is_named_where_ros_is_used(tmp_path,
     monkeypatch.setenv('RMW_IMPLEMENTATION', 'nonsense')
     monkeypatch.setenv('AMENT_PREFIX_PATH', '/none')  # nobody knows which there are
     assert complaint(ros=True) == ''
+
+
+@pytest.mark.parametrize('limit, wrong', [
+    (400_000_000,
+     'the limit of memory, 400 MB, is too low: set it to 1000 MB or more (ulimit -v)'),
+    (1_000_000_000, ''), (resource.RLIM_INFINITY, '')])
+def test_a_limit_of_memory_that_no_library_bears_is_named(limit, wrong, monkeypatch):
+    monkeypatch.delenv('SOURCE_DATE_EPOCH', raising=False)
+    monkeypatch.setattr(environment.resource, 'getrlimit', lambda kind: (limit, limit))
+    assert complaint() == wrong
 
 
 @pytest.mark.parametrize('start, variable', [

@@ -23,7 +23,9 @@ ABSENT = 0.5  # s of wall time
 LARGEST = 65_536  # bytes of any message; the largest message of the graph has 0.8 kB
 FLOOD = 500  # messages; a queue holds four times as many (topics.QUEUE)
 SECOND_PUBLISHER = 'from a second publisher'
+LOST = 'lost, as a queue was full'
 _LOOK_EVERY = 0.1  # s of wall time between looks at the graph
+_LAGS = 0.3  # s of wall time by which the graph may lag behind the matched publishers
 _WINDOW = 1.0  # s of wall time in which the messages of a flood are counted
 
 
@@ -61,7 +63,7 @@ class PublisherGuard:
     accepted : int
         Messages accepted.
     refused : collections.Counter
-        Messages refused, by reason.
+        Messages refused or lost, by reason.
     publishers
         Returns the GIDs of the topic's publishers in the graph; set by the node.
     latest : s
@@ -73,6 +75,10 @@ class PublisherGuard:
         Handles messages that have arrived but not yet been served; set by the loop.
     flooded
         Called with this guard and the GID of a publisher that floods the input; set by the loop.
+    incomplete
+        Called with this guard when messages of the accepted publisher were lost; set by the node.
+    forgotten
+        Called with this guard when the accepted publisher has left and another may come; likewise.
 
     """
 
@@ -84,11 +90,15 @@ class PublisherGuard:
         self.replaceable: Callable[[float], bool] = _always
         self.pull: Callable[[], Any] = _nothing
         self.flooded: Callable[[PublisherGuard, bytes], Any] = _nothing
+        self.incomplete: Callable[[PublisherGuard], Any] = _nothing
+        self.forgotten: Callable[[PublisherGuard], Any] = _nothing
         self._first = b''  # GID of the accepted publisher, empty before the first
+        self._number, self._numbered = 0, b''  # of its last message, and who sent that
         self._next_look = 0.0  # s of wall time of the next look at the graph
         self._missed = b''  # publisher looked for last
         self._absent_since = math.inf  # s of wall time since when it is not in the graph
-        self._looked = (0, b'')  # number of publishers and the accepted one at the last look
+        self._looked = (0, b'')  # number of publishers and the accepted one
+        self._look_until = 0.0  # s of wall time until which the graph may not know of their change
         self._since, self._until = 0, 0.0  # accepted before the window; end of the window, s
         self._foreign: Counter[bytes] = Counter()  # messages in the window, by publisher
 
@@ -110,6 +120,22 @@ class PublisherGuard:
         self.accepted += 1
         self.latest = time.monotonic()
         self.use(data)
+
+    def follow(self, number: int) -> None:
+        """
+        Count messages of the accepted publisher that were lost before this one.
+
+        Parameters
+        ----------
+        number
+            Of the message among all of its publisher; always the same where the middleware does
+            not count.
+
+        """
+        if self._numbered == self._first and number > self._number + 1:
+            self.refused[LOST] += number - self._number - 1
+            self.incomplete(self)
+        self._number, self._numbered = number, self._first
 
     @property
     def first(self) -> bytes:
@@ -158,17 +184,25 @@ class PublisherGuard:
         Parameters
         ----------
         count
-            Of the publishers that are matched: the graph is asked when it has changed.
+            Of the publishers that are matched: the graph, which may know a little later, is
+            asked when it has changed.
 
         """
         now = time.monotonic()
         if not self._first:
             return False
-        if (count, self._first) != self._looked or self._absent_since < math.inf:
-            self._looked = count, self._first
+        if (count, self._first) != self._looked:
+            self._looked, self._look_until = (count, self._first), now + _LAGS
+        if now < self._look_until or self._absent_since < math.inf:
             self.look(now)
         if self._absent_since == math.inf or not self.replaceable(self._absent_since):
             return False
         if now - self._absent_since > ABSENT:
             self._first = b''
+            self.forgotten(self)
         return bool(self._first)
+
+
+def live(take: Callable[..., Any], publishers: int) -> int:
+    """Return how many publishers of an input are matched; 0 if the accepted one has left."""
+    return 0 if isinstance(take, PublisherGuard) and take.is_deserted(publishers) else publishers

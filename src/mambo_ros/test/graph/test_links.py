@@ -359,3 +359,22 @@ def test_a_second_node_of_a_name_or_publisher_of_a_topic_is_no_flight(monkeypatc
     assert said[0].startswith(f'the flight does not begin: {begin}')
     loop.close()
     other.destroy_node()
+
+
+def test_a_publisher_that_left_before_the_flight_is_forgotten_before_it_begins():
+    sim, reader = node('sim', [topics.CLOCK], namespace='left'), node('reader', namespace='left')
+    stranger = node('stranger', [topics.CLOCK], namespace='left')
+    heard = []
+    reader.subscribe(topics.CLOCK, heard.append, single=True)
+    links, loop = Links(sim, 'reader'), Loop(sim)
+    with serving(reader):
+        def send():
+            stranger.outputs[0](messages.clock(3))
+            return heard
+        until(send, 'the message of the stranger')
+        stranger.destroy_node()
+        assert links.wait(loop, PATIENCE) is True
+        sim.outputs[0](messages.clock(5))
+        until(lambda: messages.clock(5) in map(bytes, heard), 'the first message')
+    loop.close()
+    assert not reader.refused()

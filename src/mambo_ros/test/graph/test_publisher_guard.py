@@ -82,3 +82,60 @@ def test_messages_of_the_own_process_need_no_guard(guard):
     made, used, _ = guard
     made.local(b'ours')
     assert used[-1] == b'ours'
+
+
+def test_one_that_has_left_is_forgotten_before_anybody_else_sends(guard, wall):
+    made, used, _ = guard
+    assert not made.is_deserted(3)
+    assert not made.is_deserted(2)  # the graph lags behind
+    made.publishers = lambda: {SECOND}
+    assert made.is_deserted(2) and made.first == FIRST
+    wall[0] += publisher_guard.ABSENT + 0.01
+    assert not made.is_deserted(2) and made.first == b''
+    made(b'at once', SECOND)
+    assert used == [b'first', b'at once'] and not made.refused
+
+
+def test_one_that_is_back_or_that_nobody_replaces_is_not_forgotten(guard, wall):
+    made, _, _ = guard
+    made.publishers = lambda: set()
+    assert made.is_deserted(0)
+    made.publishers = lambda: {FIRST}
+    wall[0] += publisher_guard.ABSENT + 0.01
+    assert not made.is_deserted(1) and made.first == FIRST
+    made.publishers = lambda: set()
+    made.replaceable = lambda since: False
+    for _ in range(3):
+        assert not made.is_deserted(0) and made.first == FIRST
+        wall[0] += publisher_guard.ABSENT
+
+
+def test_messages_that_did_not_come_are_counted_by_their_numbers(guard):
+    made, _, _ = guard
+    told = []
+    made.incomplete = told.append
+    for number in (7, 8, 9):
+        made.follow(number)
+    assert not made.refused and not told
+    made.follow(13)
+    assert made.refused == {publisher_guard.LOST: 3} and told == [made]
+
+
+def test_another_publisher_misses_nothing(guard, wall):
+    made, _, _ = guard
+    made.follow(7)
+    made.publishers = lambda: {SECOND}
+    made.is_deserted(1)
+    wall[0] += publisher_guard.ABSENT + 0.01
+    made.is_deserted(1)
+    made(b'next', SECOND)
+    for number in (100, 101):
+        made.follow(number)
+    assert not made.refused
+
+
+def test_a_middleware_that_does_not_count_misses_nothing(guard):
+    made, _, _ = guard
+    for _ in range(3):
+        made.follow(2**64 - 1)
+    assert not made.refused

@@ -1,0 +1,59 @@
+"""Start ROS for a node, and say in one line why a node does not start."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+import sys
+import traceback
+
+from mambo_model.errors import JobError, MamboError
+import rclpy
+from rclpy.exceptions import ParameterException
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.signals import SignalHandlerOptions
+
+from .node import MamboNode
+
+_REFUSALS = (MamboError, FileNotFoundError, FileExistsError, ParameterException,
+             _rclpy.RCLError, _rclpy.UnknownROSArgsError)
+
+
+def _line(error: BaseException) -> str:
+    """Return the message of an error as one line, without locations in the sources of ROS."""
+    text = ' '.join(str(error).split(', at /')[0].split())
+    if isinstance(error, _rclpy.UnknownROSArgsError):  # its text is the list of arguments
+        return f'unknown arguments after --ros-args: {text}'
+    return text
+
+
+def init(args: list[str] | None) -> None:
+    """Start ROS. JobError if it cannot write its log, or gets no thread."""
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        text = _line(error)
+        logs = 'initialize logging' in text or 'Failed opening file' in text
+        if isinstance(error, _REFUSALS) and not logs:
+            raise
+        hint = ': set ROS_LOG_DIR to a folder that can be written' if logs else ''
+        raise JobError(f'ROS cannot start: {text}{hint}') from None
+
+
+def print_traceback() -> None:
+    """Print the traceback of the current error; ignore a closed output."""
+    with suppress(OSError):
+        traceback.print_exc()
+
+
+def report(error: BaseException, node_type: type[MamboNode]) -> int:
+    """Print why a node does not start; return the exit code."""
+    lacks = isinstance(error, (MemoryError, OSError))  # something that the machine is out of
+    if not lacks and not isinstance(error, _REFUSALS):
+        print_traceback()
+        return 1
+    made = getattr(node_type, 'func', node_type)  # a class with some of its arguments
+    name = made.__module__.rpartition('.')[2].replace('__main__', Path(sys.argv[0]).stem)
+    with suppress(OSError):
+        print(f'{name}: {_line(error) or "out of memory"}', file=sys.stderr)
+    return getattr(error, 'exit_code', 2 if isinstance(error, _REFUSALS) else 1)

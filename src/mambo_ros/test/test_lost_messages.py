@@ -1,0 +1,36 @@
+"""Messages that were displaced in a full queue are counted, and the node is told."""
+
+from dataclasses import dataclass
+
+from mambo_ros import messages, topics
+from mambo_ros.graph.publisher_guard import LOST
+from mambo_ros.loop import Loop
+from mambo_ros.node import MamboNode
+import pytest
+from ros_helpers import until
+
+
+@dataclass(frozen=True)
+class NoParams:
+    """Nothing to set."""
+
+
+@pytest.mark.usefixtures('ros')
+@pytest.mark.parametrize('sent, lost', [(topics.QUEUE, 0), (topics.QUEUE + 500, 500)])
+def test_what_a_full_queue_displaced_is_counted(sent, lost):
+    simulator, reader = MamboNode('sim', NoParams), MamboNode('reader', NoParams)
+    publish = simulator.advertise(topics.CLOCK)
+    heard, told = [], []
+    reader.subscribe(topics.CLOCK, heard.append, single=True)
+    (guard,) = reader.input_guards
+    guard.incomplete = told.append
+    loop = Loop(reader)
+    until(lambda: publish.publisher.get_subscription_count(), 'the reader')
+    publish(messages.clock(0))
+    until(lambda: heard, 'the first message', lambda: loop.once(0.01))
+    for k in range(1, sent + 1):
+        publish(messages.clock(k))
+    until(lambda: heard[-1] == messages.clock(sent), 'the last message', lambda: loop.once(0.01))
+    loop.close()
+    assert len(heard) == sent + 1 - lost and guard.refused[LOST] == lost
+    assert told == [guard] * bool(lost)
