@@ -251,6 +251,8 @@ def try_fault(fault: Fault, recording: Path, delay: float = 0.0,
 
 def processes(count: int, seed: int, recording: Path, start: int = 0, jobs: int = 1) -> int:
     """Inject process faults, chosen by ``seed``; print each; return the exit code."""
+    if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:  # of nohup, which flights would inherit
+        signal.signal(signal.SIGHUP, lambda *_: None)
     chance = random.Random(seed)
     chosen = [(fault, chance.choice((0.0, chance.uniform(0.0, 2.0))))
               for fault in chance.choices(sorted(every()), k=start + count)][start:]

@@ -24,6 +24,7 @@ from mambo_bags.cli.parent_end import end_with, LIBC
 from mambo_model import compiled
 from mambo_model.errors import JobError
 
+from . import limits
 from .watchdog import INTERRUPT_TIMEOUT, is_stopped, TERMINATE_TIMEOUT
 
 _PR_SET_NAME = 15
@@ -302,7 +303,8 @@ class NodeProcess:
             return ''
         if code < 0:
             how = 'did not exit when interrupted, ended by' if self._asked else 'was ended by'
-            return f'{self.label} {how} {signal.Signals(-code).name}'
+            why = limits.low() if code == -signal.SIGABRT else ''  # so a library gives up
+            return f'{self.label} {how} {signal.Signals(-code).name}{why}'
         signals = [found[1] for line in self.lines if (found := _ENDED.fullmatch(line))]
         if signals:
             return f'{self.label} was ended by {signals[-1]}'

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from contextlib import suppress
+import errno
+import os
 from pathlib import Path
 import sys
 import traceback
@@ -48,7 +50,8 @@ def print_traceback() -> None:
 
 def report(error: BaseException, node_type: type[MamboNode]) -> int:
     """Print why a node does not start; return the exit code."""
-    lacks = isinstance(error, (MemoryError, OSError))  # something that the machine is out of
+    lacks = isinstance(error, (MemoryError, OSError)) or (  # something the machine is out of
+        isinstance(error, RuntimeError) and os.strerror(errno.EAGAIN) in str(error))
     if not lacks and not isinstance(error, _REFUSALS):
         print_traceback()
         return 1

@@ -24,6 +24,8 @@ def start(folder, error, **variables):
 
 @pytest.mark.parametrize('error, line', [
     ("OSError(24, 'Too many open files', 'a.so')", "[Errno 24] Too many open files: 'a.so'"),
+    ("RuntimeError('pthread_create failed: Resource temporarily unavailable')",
+     'pthread_create failed: Resource temporarily unavailable'),
     ('MemoryError', 'out of memory')])
 def test_what_the_machine_is_out_of_is_one_line(tmp_path, error, line):
     assert start(tmp_path, error) == (1, f'one_node: {line}\n')
