@@ -20,11 +20,11 @@ import threading
 import time
 
 from ament_index_python.packages import get_package_prefix, PackageNotFoundError
+from mambo_bags.cli.environment import low_limits
 from mambo_bags.cli.parent_end import end_with, LIBC
 from mambo_model import compiled
 from mambo_model.errors import JobError
 
-from . import limits
 from .watchdog import INTERRUPT_TIMEOUT, is_stopped, TERMINATE_TIMEOUT
 
 _PR_SET_NAME = 15
@@ -303,7 +303,7 @@ class NodeProcess:
             return ''
         if code < 0:
             how = 'did not exit when interrupted, ended by' if self._asked else 'was ended by'
-            why = limits.low() if code == -signal.SIGABRT else ''  # so a library gives up
+            why = low_limits() if code == -signal.SIGABRT else ''  # so a library gives up
             return f'{self.label} {how} {signal.Signals(-code).name}{why}'
         signals = [found[1] for line in self.lines if (found := _ENDED.fullmatch(line))]
         if signals:

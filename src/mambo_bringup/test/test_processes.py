@@ -156,7 +156,7 @@ def test_the_last_error_is_the_most_informative_line(start, lines, printed):
 
 @pytest.mark.parametrize('number, why', [('SIGABRT', '; few threads'), ('SIGKILL', '')])
 def test_a_library_that_gives_up_may_lack_what_is_limited(start, number, why, monkeypatch):
-    monkeypatch.setattr(processes.limits, 'low', lambda: '; few threads')
+    monkeypatch.setattr(processes, 'low_limits', lambda: '; few threads')
     process = start(f'import os, signal\nos.kill(os.getpid(), signal.{number})')
     process.wait(PATIENCE)
     assert process.trouble() == f'{process.label} was ended by {number}{why}'

@@ -7,6 +7,7 @@ from pathlib import Path
 import resource
 
 _MEMORY = 1_000_000_000  # bytes of address space; with less, libraries in C end the process
+_FEW = 1000  # processes and threads; a system that does not limit its users allows thousands
 _LATEST = 253_402_300_799  # s, the end of the year 9999
 
 
@@ -36,6 +37,18 @@ def complaint(ros: bool = False) -> str:
         return (f'RMW_IMPLEMENTATION={wanted[:40]!r} is not installed: unset it, or set it to '
                 f'{" or ".join(known)}')
     return ''
+
+
+def low_limits() -> str:
+    """Return which limits of this process are low, to follow on a sentence; '' if none is."""
+    memory, count = (resource.getrlimit(kind)[0]
+                     for kind in (resource.RLIMIT_AS, resource.RLIMIT_NPROC))
+    said = []
+    if memory != resource.RLIM_INFINITY:
+        said.append(f'memory to {memory // 1_000_000} MB (ulimit -v)')
+    if count != resource.RLIM_INFINITY and count < _FEW:
+        said.append(f'processes and threads to {count} (ulimit -u)')
+    return f'; this shell limits {" and ".join(said)}' if said else ''
 
 
 def _middlewares() -> list[str]:

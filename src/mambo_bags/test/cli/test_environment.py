@@ -9,6 +9,7 @@ from mambo_bags.cli import environment
 from mambo_bags.cli.environment import complaint
 import pytest
 
+FREE = resource.RLIM_INFINITY
 MAMBO = [sys.executable, '-m', 'mambo_bringup.mambo']
 
 
@@ -52,6 +53,18 @@ def test_a_limit_of_memory_that_no_library_bears_is_named(limit, wrong, monkeypa
     monkeypatch.delenv('SOURCE_DATE_EPOCH', raising=False)
     monkeypatch.setattr(environment.resource, 'getrlimit', lambda kind: (limit, limit))
     assert complaint() == wrong
+
+
+@pytest.mark.parametrize('memory, count, said', [
+    (FREE, FREE, ''), (FREE, 30_000, ''),
+    (FREE, 13, '; this shell limits processes and threads to 13 (ulimit -u)'),
+    (2_000_000_000, FREE, '; this shell limits memory to 2000 MB (ulimit -v)'),
+    (2_000_000_000, 13, '; this shell limits memory to 2000 MB (ulimit -v) and processes and '
+     'threads to 13 (ulimit -u)')])
+def test_low_limits_are_named(memory, count, said, monkeypatch):
+    values = {resource.RLIMIT_AS: memory, resource.RLIMIT_NPROC: count}
+    monkeypatch.setattr(environment.resource, 'getrlimit', lambda kind: (values[kind],) * 2)
+    assert environment.low_limits() == said
 
 
 @pytest.mark.parametrize('start, variable', [
