@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 import os
@@ -36,7 +36,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from chaos_files import living
 from mambo_bags.cli.option_types import whole
@@ -276,63 +276,39 @@ def processes(count: int, seed: int, recording: Path, start: int = 0, jobs: int 
     return 1 if words['lost'] else 0
 
 
+def _add(kinds: Any, name: str, help: str, *, what: str, count: int, most: int,
+         jobs: int = 1, most_jobs: int = 64) -> Callable[..., Any]:
+    """Add a command with the options that all have; return what adds others."""
+    add: Callable[..., Any] = kinds.add_parser(name, help=help).add_argument
+    add('--count', type=whole(1, most), default=count, metavar='N',
+        help=f'{what} to try (default: {count})')
+    add('--seed', type=whole(0, 2**31 - 1), default=1, metavar='S',
+        help='of their choice (default: 1)')
+    add('--start', type=whole(0, most), default=0, metavar='N',
+        help=f'number of the first of the {what} (default: 0)')
+    add('--jobs', type=whole(1, most_jobs), default=jobs, metavar='N',
+        help=f'{what} at a time (default: {"one for each core" if jobs > 1 else 1})')
+    return add
+
+
 def parser() -> argparse.ArgumentParser:
     """Return the command line."""
     out = argparse.ArgumentParser(prog='chaos', description=__doc__.split('\n\n')[0].strip())
-    kinds = out.add_subparsers(dest='kind_of_fault', required=True)
-    add = kinds.add_parser(
-        'processes', help='signals to any process of a flight or replay, at any time').add_argument
-    add('--count', type=whole(1, 1_000_000), default=100, metavar='N',
-        help='faults to inject (default: 100)')
-    add('--seed', type=whole(0, 2**31 - 1), default=1, metavar='S',
-        help='of their choice (default: 1)')
-    add('--start', type=whole(0, 1_000_000), default=0, metavar='N',
-        help='number of the first fault (default: 0)')
-    add('--jobs', type=whole(1, 64), default=1, metavar='N',
-        help='flights at a time (default: 1)')
+    kinds, cores = out.add_subparsers(dest='kind_of_fault', required=True), os.cpu_count() or 1
+    add = _add(kinds, 'processes', 'signals to any process of a flight or replay, at any time',
+               what='faults', count=100, most=1_000_000)
     add('--recording', type=Path, default=ROOT / 'bags/circle_short', metavar='BAG',
         help='bag that replays play (default: bags/circle_short)')
-    add = kinds.add_parser(
-        'files', help='damaged files of every format, and command lines').add_argument
-    add('--count', type=whole(1, 10_000_000), default=1000, metavar='N',
-        help='inputs to try (default: 1000)')
-    add('--seed', type=whole(0, 2**31 - 1), default=1, metavar='S',
-        help='of their choice (default: 1)')
-    add('--kind', default='', metavar='KIND,...', help='only these, such as bag,line')
-    add('--start', type=whole(0, 10_000_000), default=0, metavar='N',
-        help='number of the first input of each kind (default: 0)')
-    add('--jobs', type=whole(1, 1024), default=os.cpu_count() or 1, metavar='N',
-        help='inputs at a time (default: one for each core)')
-    add = kinds.add_parser(
-        'messages', help='hostile messages on every topic of a flight or replay').add_argument
-    add('--count', type=whole(1, 1_000_000), default=100, metavar='N',
-        help='flights to attack (default: 100)')
-    add('--seed', type=whole(0, 2**31 - 1), default=1, metavar='S',
-        help='of the attacks (default: 1)')
-    add('--start', type=whole(0, 1_000_000), default=0, metavar='N',
-        help='number of the first attack (default: 0)')
-    add('--jobs', type=whole(1, 16), default=1, metavar='N',
-        help='flights at a time (default: 1)')
-    add = kinds.add_parser(
-        'resources', help='commands on machines that run out of something').add_argument
-    add('--count', type=whole(1, 1_000_000), default=100, metavar='N',
-        help='commands to run (default: 100)')
-    add('--seed', type=whole(0, 2**31 - 1), default=1, metavar='S',
-        help='of their choice (default: 1)')
-    add('--start', type=whole(0, 1_000_000), default=0, metavar='N',
-        help='number of the first command (default: 0)')
-    add('--jobs', type=whole(1, 64), default=1, metavar='N',
-        help='commands at a time (default: 1)')
-    add = kinds.add_parser(
-        'parameters', help='flights with extreme parameters').add_argument
-    add('--count', type=whole(1, 10_000_000), default=300, metavar='N',
-        help='flights (default: 300)')
-    add('--seed', type=whole(0, 2**31 - 1), default=1, metavar='S',
-        help='of their choice (default: 1)')
-    add('--start', type=whole(0, 10_000_000), default=0, metavar='N',
-        help='number of the first flight (default: 0)')
-    add('--jobs', type=whole(1, 1024), default=os.cpu_count() or 1, metavar='N',
-        help='flights at a time (default: one for each core)')
+    add = _add(kinds, 'files', 'damaged files of every format, and command lines',
+               what='inputs', count=1000, most=10_000_000, jobs=cores, most_jobs=1024)
+    add('--kind', default='', metavar='KIND,...', help='only these, such as bag,line; each has '
+        'its own numbers')
+    _add(kinds, 'messages', 'hostile messages on every topic of a flight or replay',
+         what='attacks', count=100, most=1_000_000, most_jobs=16)
+    _add(kinds, 'resources', 'commands on machines that run out of something',
+         what='commands', count=100, most=1_000_000)
+    _add(kinds, 'parameters', 'flights with extreme parameters',
+         what='flights', count=300, most=10_000_000, jobs=cores, most_jobs=1024)
     return out
 
 

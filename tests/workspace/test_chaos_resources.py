@@ -16,6 +16,7 @@ QUICK = ('recover', 'import', 'digest', 'urdf')  # which compile nothing
 PRIVATE = not starved.permitted()
 
 
+@pytest.mark.slow
 def test_a_quick_command_survives_every_scarcity(capsys):
     lost = resources.resources(len(SCARCITIES), 1, jobs=2, commands=QUICK)
     printed = capsys.readouterr().out

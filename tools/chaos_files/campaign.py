@@ -22,6 +22,7 @@ from mambo_ros.graph.domains import HIGHEST
 from . import extreme, lines, ROOT
 from .attempt import Attempt, COMPILING_S, CPU_S
 from .kinds import Kind, kinds
+from .tables import table, with_outcome
 
 LINE = 'line'  # the kind of the command lines
 EXTREME = 'extreme'  # that of the flights with extreme parameters
@@ -148,9 +149,9 @@ def files(count: int, seed: int, jobs: int, only: str = '', start: int = 0,
                     shutil.copytree(folder, keep / f'{kind}_{seed}_{number}', dirs_exist_ok=True,
                                     ignore=shutil.ignore_patterns('fifo'))
                 shutil.rmtree(folder, ignore_errors=True)
-    lost = sum(value for (_, outcome), value in tried.items() if outcome == 'lost')
+    lost = with_outcome(tried, 'lost')
     if shown:
-        print(_table(tried, names))
+        print(table(tried, names, ('done', 'refused', 'failed', 'lost')))
         print(f'tried {count}, survived {count - lost}, lost {lost}; '
               f'{time.monotonic() - began:.0f} s, the slowest ({slowest[1]}) {slowest[0]:.1f} s')
     return lost
@@ -160,12 +161,3 @@ def _report(name: str, words: list[str], wrong: str) -> None:
     """Print a lost input: its number, its command line and what was wrong."""
     text = f'lost {name}: mambo {" ".join(words)[:500]}\n  {wrong}'
     print(text.encode('utf-8', 'backslashreplace').decode(), flush=True)
-
-
-def _table(tried: Counter[tuple[str, str]], names: list[str]) -> str:
-    """Return the numbers of all kinds as text."""
-    outcomes = ('done', 'refused', 'failed', 'lost')
-    rows = [f'{"":<10}' + ''.join(f'{outcome:>9}' for outcome in outcomes)]
-    rows += [f'{name:<10}' + ''.join(f'{tried[name, outcome]:>9}' for outcome in outcomes)
-             for name in names]
-    return '\n'.join(rows)

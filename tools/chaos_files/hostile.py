@@ -25,9 +25,11 @@ from mambo_ros import topics
 
 from . import flown, living, ROOT
 from .attempt import LONGEST
+from .tables import table, with_outcome
 
 KINDS = ('values', 'stamps', 'flood', 'large', 'rival', 'garbage', 'type', 'qos', 'churn', 'clock',
          'requests')
+OUTCOMES = ('flown', 'ended', 'missed', 'lost')
 MODES = {
     'composed': ['run', '--composed', '--duration=240'],
     'processes': ['run', '--processes', '--duration=40'],
@@ -177,8 +179,7 @@ class Watched:
         left = living.processes(mark)
         self._over.set()
         self._watch.join()
-        for pid in left:
-            _kill(pid)
+        living.kill(left)
         return Ended(code, out, err, self._memory, left)
 
     def folder_left(self) -> str:
@@ -197,14 +198,6 @@ class Watched:
     def unreadable(self) -> str:
         """Return which bag can neither be read nor recovered; '' if none."""
         return living.unreadable(self.bag, self._temporary)
-
-
-def _kill(pid: int) -> None:
-    """Kill a process that is left of a flight."""
-    try:
-        os.kill(pid, 9)
-    except ProcessLookupError:
-        pass
 
 
 def calm(base: Path, mode: str) -> Calm:
@@ -361,13 +354,11 @@ def messages(count: int, seed: int, start: int = 0, jobs: int = 1,
                        'ended' if verdict.code else 'flown')
             tried[attack.kind, outcome] += 1
             print(_line(attack, verdict, outcome), flush=True)
-    sums: Counter[str] = Counter()
-    for (_, outcome), number in tried.items():
-        sums[outcome] += number
-    print(_table(tried))
-    print(f'tried {count}, survived {sums["flown"] + sums["ended"]}, lost {sums["lost"]}, over '
-          f'before the attack {sums["missed"]}; {time.monotonic() - began:.0f} s')
-    return sums['lost']
+    print(table(tried, KINDS, OUTCOMES))
+    flew, ended, missed, lost = (with_outcome(tried, outcome) for outcome in OUTCOMES)
+    print(f'tried {count}, survived {flew + ended}, lost {lost}, over before the attack '
+          f'{missed}; {time.monotonic() - began:.0f} s')
+    return lost
 
 
 def _one(base: Path, calms: dict[str, Calm], keep: Path, attack: Attack,
@@ -395,12 +386,3 @@ def _line(attack: Attack, verdict: Verdict, outcome: str) -> str:
     elif verdict.line:
         text += f': {verdict.line[:300]}'
     return text.encode('utf-8', 'backslashreplace').decode()
-
-
-def _table(tried: Counter[tuple[str, str]]) -> str:
-    """Return the numbers of all kinds as text."""
-    outcomes = ('flown', 'ended', 'missed', 'lost')
-    rows = [f'{"":<10}' + ''.join(f'{outcome:>9}' for outcome in outcomes)]
-    rows += [f'{kind:<10}' + ''.join(f'{tried[kind, outcome]:>9}' for outcome in outcomes)
-             for kind in KINDS]
-    return '\n'.join(rows)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+import contextlib
+import os
 from pathlib import Path
 import resource
+import signal
 import time
 
 from mambo_bags.reader import BagError, read_bag
@@ -41,6 +44,13 @@ def processes(mark: str) -> dict[int, str]:
         except OSError:
             pass
     return found
+
+
+def kill(pids: Iterable[int]) -> None:
+    """Kill processes that are left."""
+    for pid in pids:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
 
 
 def memory(pid: int) -> int:

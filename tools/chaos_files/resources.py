@@ -16,6 +16,7 @@ from mambo_model import compiled
 
 from .scarce import AS_ROOT, MOUNTED, OF_OUTPUT, SCARCITIES
 from .starved import End, permitted, Starved
+from .tables import table, with_outcome
 from .tasks import enough, Made, TASKS
 
 _WIDTH = 17
@@ -89,17 +90,8 @@ def resources(count: int, seed: int, start: int = 0, jobs: int = 1,
             slowest = max(slowest, (end.took, one.number))
             if end.wrong:
                 print(f'lost {one.number}: {one.task}, {one.lacks}\n  {end.wrong}', flush=True)
-    lost = sum(value for (_, outcome), value in outcomes.items() if outcome == 'lost')
-    print(_table(outcomes, names))
+    lost = with_outcome(outcomes, 'lost')
+    print(table(outcomes, names, ('done', 'refused', 'failed', 'lost'), _WIDTH))
     print(f'tried {count}, survived {count - lost}, lost {lost}; '
           f'{time.monotonic() - began:.0f} s, the slowest ({slowest[1]}) {slowest[0]:.1f} s')
     return lost
-
-
-def _table(outcomes: Counter[tuple[str, str]], names: Sequence[str]) -> str:
-    """Return the numbers of all scarcities as text."""
-    kinds = ('done', 'refused', 'failed', 'lost')
-    rows = [f'{"":<{_WIDTH}}' + ''.join(f'{kind:>9}' for kind in kinds)]
-    rows += [f'{name:<{_WIDTH}}' + ''.join(f'{outcomes[name, kind]:>9}' for kind in kinds)
-             for name in names]
-    return '\n'.join(rows)

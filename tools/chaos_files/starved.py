@@ -211,9 +211,7 @@ class Starved:
             took = time.monotonic() - began
             left = not living.wait(lambda: not living.processes(mark), LEFT if ended else 0.0)
             running = living.processes(mark) if left else {}
-            for pid in running:
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(pid, signal.SIGKILL)
+            living.kill(running)
             code = run.wait()
             out, err = (path.read_text(errors='replace') for path in (self._out, self._err))
             wrong = f'did not end within {WALL:g} s: {running}' if not ended else (

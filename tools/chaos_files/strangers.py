@@ -72,8 +72,8 @@ class Stranger:
     """
 
     def __init__(self, kind: str, seed: int, number: int, namespace: str) -> None:
-        self.rng = random.Random(f'{seed} {kind} {number}')
         self._salt = f'{seed} {kind} {number}'
+        self.rng = random.Random(self._salt)
         self._namespace = namespace
         self.node = rclpy.create_node(NAME)
         self.now = -1  # ns of flight
@@ -306,9 +306,8 @@ def clock(me: Stranger, topic: str, kind: type) -> None:
 
 
 ATTACKS = {'values': values, 'stamps': stamps, 'flood': flood, 'large': large, 'rival': rival,
-           'garbage': garbage, 'type': other_type, 'qos': qos, 'churn': churn, 'clock': clock,
-           'requests': None}
-"""By kind; ``requests`` goes to services."""
+           'garbage': garbage, 'type': other_type, 'qos': qos, 'churn': churn, 'clock': clock}
+"""Of topics, by kind; ``requests`` goes to services."""
 
 
 def attack(me: Stranger, kind: str, moment: str) -> dict[str, Any]:

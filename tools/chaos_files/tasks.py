@@ -130,7 +130,7 @@ def missing(task: Task, found: Made, whole: Made) -> str:
 
 
 def enough(task: Task, base: Path) -> Made:
-    """Run a command that has enough; return what it makes. RuntimeError if it fails."""
+    """Run a command that has enough; return what it makes. SystemExit if it fails."""
     (base / 'sweep.yaml').write_text(_SWEEP)
     if not task.ends:
         return Made({}, {}, 0)
@@ -140,5 +140,5 @@ def enough(task: Task, base: Path) -> Made:
         done = subprocess.run([*START, *words_of(task, out, base, 0)], text=True,
                               capture_output=True, cwd=folder, stdin=subprocess.DEVNULL)
         if done.returncode:
-            raise RuntimeError(f'{task.words} failed with enough of everything: {done.stderr}')
+            sys.exit(f'chaos: {task.words} fails with enough of everything: {done.stderr}')
         return made(out, done.stdout)

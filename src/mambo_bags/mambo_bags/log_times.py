@@ -6,15 +6,19 @@ may publish any stamp: one of the year 2026 in a flight that began at 0 would ma
 years. A stamp is therefore accepted only from 10 s before the first ``/clock`` to 10 s after the
 newest, the longest that a queue of 2000 messages lets a topic run ahead. Other messages are logged
 at the time of ``/clock``. A larger leap of ``/clock`` is accepted when 20 messages in a row agree.
+Before the first ``/clock`` messages are held back, as nobody knows their time.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import time
 
 SECOND = 1_000_000_000  # ns
 WINDOW = 10 * SECOND  # ns
 AGREEING = 20  # messages of /clock that confirm a leap
+MOST_EARLY = 2000  # messages that are held back before the first /clock
+LARGEST_EARLY = 1 << 24  # bytes of them
 
 
 class LogTimes:
@@ -78,3 +82,33 @@ class LogTimes:
                 self._first - WINDOW <= stamp <= self.now + WINDOW):
             return stamp, True
         return self.now, False
+
+
+class EarlyMessages:
+    """Messages before the first ``/clock``, held back in the order of their arrival."""
+
+    def __init__(self) -> None:
+        self._held: list[tuple[str, Callable[[bytes], None], bytes]] = []
+        self._size = 0  # bytes
+
+    def __len__(self) -> int:
+        return len(self._held)
+
+    def hold(self, topic: str, record: Callable[[bytes], None], data: bytes) -> bool:
+        """Hold a message until :meth:`release` records it; return whether no more can be held."""
+        self._held.append((topic, record, bytes(data)))
+        self._size += len(data)
+        return len(self._held) >= MOST_EARLY or self._size > LARGEST_EARLY
+
+    def release(self) -> None:
+        """Record every message that is held."""
+        held, self._held = self._held, []
+        for _, record, data in held:
+            record(data)
+
+    def forget(self, topic: str) -> int:
+        """Drop the messages of a topic; return how many there were."""
+        dropped = [data for name, _, data in self._held if name == topic]
+        self._held = [one for one in self._held if one[0] != topic]
+        self._size -= sum(map(len, dropped))
+        return len(dropped)

@@ -26,8 +26,7 @@ from mambo_model import schema
 from mambo_ros import cdr, node, process, topics
 from mambo_ros.graph.publisher_guard import LOST, PublisherGuard, SECOND_PUBLISHER
 
-from .early_messages import EarlyMessages
-from .log_times import LogTimes
+from .log_times import EarlyMessages, LogTimes
 from .recorder_parameters import RecorderNodeParams
 from .writer import BagWriter, BagWriterError, GRACE, Qos
 

@@ -1,8 +1,9 @@
-"""Which stamps a recording believes."""
+"""Which stamps a recording believes, and what it holds back before there is any."""
 
 import time
 
-from mambo_bags.log_times import AGREEING, LogTimes, SECOND, WINDOW
+from mambo_bags import log_times
+from mambo_bags.log_times import AGREEING, EarlyMessages, LogTimes, SECOND, WINDOW
 import pytest
 
 STEP = 5_000_000  # ns
@@ -69,3 +70,21 @@ def test_stamps_that_certainly_count_are_those_of_the_window():
             assert times.of(stamp) == (stamp, True)
         for stamp in (times.low - 1, times.high + 1):
             assert times.of(stamp) == (now, False)
+
+
+def test_messages_are_released_in_order_and_those_of_a_topic_forgotten():
+    held, heard = EarlyMessages(), []
+    for topic, data in (('/a', b'1'), ('/b', b'2'), ('/a', b'3')):
+        assert not held.hold(topic, heard.append, data)
+    assert len(held) == 3 and held.forget('/b') == 1 and held.forget('/c') == 0
+    held.release()
+    assert heard == [b'1', b'3'] and not held
+
+
+def test_what_is_forgotten_takes_no_room(monkeypatch):
+    monkeypatch.setattr(log_times, 'LARGEST_EARLY', 10)
+    held = EarlyMessages()
+    assert not held.hold('/a', print, bytes(8))
+    held.forget('/a')
+    assert not held.hold('/b', print, bytes(8))
+    assert held.hold('/b', print, bytes(8))

@@ -74,12 +74,12 @@ def sweep() -> bool:
     owner when no process has mapped them. The mutex of a port remains after the port.
     """
     young = [_remove_unlocked(lock) for lock in _SHARED.glob('fastrtps_*_el')]
-    ports = [port for port in _SHARED.glob('fastrtps_*')
-             if not port.name.endswith(('_el', '_sl'))
-             and not any(map(Path.exists, (port.with_name(f'{port.name}_el'),
-                                           port.with_name(f'{port.name}_sl'))))]
-    mapped = _mapped() if ports else set()
-    for file in [*(port for port in ports if port.name not in mapped),
+    unlocked = [file for file in _SHARED.glob('fastrtps_*')
+                if not file.name.endswith(('_el', '_sl'))
+                and not any(map(Path.exists, (file.with_name(f'{file.name}_el'),
+                                              file.with_name(f'{file.name}_sl'))))]
+    mapped = _mapped() if unlocked else set()
+    for file in [*(file for file in unlocked if file.name not in mapped),
                  *_SHARED.glob('sem.fastrtps_port*_mutex')]:
         port = file.name.removeprefix('sem.').removesuffix('_mutex')
         with contextlib.suppress(OSError):

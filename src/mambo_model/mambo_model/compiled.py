@@ -15,6 +15,7 @@ import importlib.util
 import io
 import os
 from pathlib import Path
+import pickle
 import shutil
 import sys
 import tempfile
@@ -160,11 +161,14 @@ class _CacheFile(caching.IndexDataCacheFile):
 
     _SIZE = 4  # bytes of the checksum
 
-    def _is_whole(self, path: str) -> bool:
-        """Return whether a file ends with its checksum. OSError if it cannot be read."""
+    def _read(self, path: str) -> bytes:
+        """Return a file without its checksum. FileNotFoundError if it is damaged, too."""
         with open(path, 'rb') as file:
             data = file.read()
-        return len(data) > self._SIZE and data[-self._SIZE:] == self._checksum(data[:-self._SIZE])
+        data, checksum = data[:-self._SIZE], data[-self._SIZE:]
+        if not data or checksum != self._checksum(data):
+            raise FileNotFoundError(path)
+        return data
 
     def _checksum(self, data: bytes) -> bytes:
         return zlib.crc32(data).to_bytes(self._SIZE, 'little')
@@ -180,15 +184,13 @@ class _CacheFile(caching.IndexDataCacheFile):
     def _load_index(self) -> dict:
         """Return the names of what is compiled; nothing if the file is damaged."""
         with contextlib.suppress(FileNotFoundError):
-            if self._is_whole(self._index_path):
-                return super()._load_index()
+            self._read(self._index_path)
+            return super()._load_index()
         return {}
 
     def _load_data(self, name: str) -> Any:
         """Return what is compiled. FileNotFoundError if the file is damaged."""
-        if not self._is_whole(self._data_path(name)):
-            raise FileNotFoundError(name)
-        return super()._load_data(name)
+        return pickle.loads(self._read(self._data_path(name)))
 
 
 caching.IndexDataCacheFile = _CacheFile

@@ -16,8 +16,8 @@ from typing import Any, NoReturn
 
 import rclpy
 
-from . import start_failure, usage
-from .graph import exit_timer, loopback
+from . import usage
+from .graph import exit_timer, loopback, start_failure
 from .loop import Loop
 from .node import FLUSH, MamboNode
 

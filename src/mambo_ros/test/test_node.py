@@ -452,7 +452,7 @@ def test_a_loop_that_cannot_be_created_is_one_line(tmp_path):
     file = tmp_path / 'probe.py'
     file.write_text(PROGRAM.replace('process.main(Probe, sys.argv)', """
 def refuse(*_):
-    raise process._rclpy.RCLError('no more files')
+    raise process.start_failure._rclpy.RCLError('no more files')
 
 process.Loop = refuse
 process.main(Probe, [])
@@ -521,5 +521,5 @@ def test_an_error_in_a_node_is_not_reported_as_a_wrong_parameter(tmp_path):
 
 
 def test_a_parameter_error_has_one_line_even_if_its_text_has_more():
-    from mambo_ros.process import _line
+    from mambo_ros.graph.start_failure import _line
     assert _line(schema.ParameterError('a\n  b, at /project/src/x.c:1')) == 'a b'

@@ -101,6 +101,31 @@ def unused(names: Sequence[str]) -> list[str]:
     return [f'not used: {shortened(shown)}'] if shown else []
 
 
+def refuse_options(path: Path, given: Mapping[str, bool], reason: str) -> None:
+    """
+    Refuse options without effect on a file; of those of a command line alone see
+    :func:`mambo_bags.command.refuse_unused`.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    given
+        {name of an option: whether it has another value than its default}.
+    reason
+        Why they have none, after "as".
+
+    Raises
+    ------
+    BagError
+        Naming the first that is given.
+
+    """
+    for name, is_given in given.items():
+        if is_given:
+            raise BagError(f'{path}: --{name}: has no effect, as {reason}: leave it out')
+
+
 def new_samples(values: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the steps at which a held signal, (n,) or (n, k), takes a new value; never step 0."""
     changed = np.diff(values.reshape(len(values), -1), axis=0) != 0.0

@@ -73,7 +73,7 @@ from scipy.spatial.transform import Rotation
 
 from .common import (
     estimator_parameters, importer_parser, is_sound, LONGEST, new_samples, provenance, Publisher,
-    read_source, report, Source, stamps_ns, unused)
+    read_source, refuse_options, report, Source, stamps_ns, unused)
 
 Floats = NDArray[np.float64]
 COUNTS_PER_RADIAN = 10.0 * 35.0 / 0.71674
@@ -400,17 +400,14 @@ def _refuse_unused(
     path: Path, log: Log, counts_per_radian: float, mocap: str, level: bool, repeated_flow: str,
 ) -> None:
     """Raise BagError for an option about something that the log does not hold."""
-    has_flow, found = log.has('n_x', 'n_y'), ''
-    if not has_flow and counts_per_radian != COUNTS_PER_RADIAN:
-        found = '--counts-per-radian: has no effect, as the log has no optical flow'
-    elif not has_flow and repeated_flow != 'leave':
-        found = '--repeated-flow: has no effect, as the log has no optical flow'
-    elif level and not log.has('a_z'):
-        found = '--level: has no effect, as the log has no accelerometer'
-    elif mocap not in ('auto', 'none') and not len(log.mocap):
-        found = '--mocap-offset: has no effect, as the log has no motion capture'
-    if found:
-        raise BagError(f'{path}: {found}: leave it out')
+    for there, what, given in (
+            (log.has('n_x', 'n_y'), 'optical flow',
+             {'counts-per-radian': counts_per_radian != COUNTS_PER_RADIAN,
+              'repeated-flow': repeated_flow != 'leave'}),
+            (log.has('a_z'), 'accelerometer', {'level': level}),
+            (len(log.mocap), 'motion capture', {'mocap-offset': mocap not in ('auto', 'none')})):
+        if not there:
+            refuse_options(path, given, f'the log has no {what}')
 
 
 def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, Any]]:

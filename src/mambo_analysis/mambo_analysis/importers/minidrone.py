@@ -79,7 +79,7 @@ from numpy.typing import NDArray
 
 from .common import (
     estimator_parameters, importer_parser, is_sound, new_samples, provenance, Publisher,
-    read_source, report, shortened, Source, unused)
+    read_source, refuse_options, report, shortened, Source, unused)
 from .mat_file import variables
 from .simulink import is_package_log, PackageLog, publish, read_package_log
 
@@ -344,10 +344,8 @@ def import_minidrone(
     if is_package_log(found, names is not None):
         return _import_package(file, target, read_package_log(
             source, found, names, gyro_unit, flow_scale))
-    for name, value, default in (('map', names, None), ('gyro-unit', gyro_unit, 'auto')):
-        if value != default:
-            raise BagError(f'{source}: --{name}: has no effect, as this is a log of the toolbox, '
-                           'whose names and units are known: leave it out')
+    refuse_options(source, {'map': names is not None, 'gyro-unit': gyro_unit != 'auto'},
+                   'this is a log of the toolbox, whose names and units are known')
     log, scale = read_log(file, found), flow_scale or FLOW_SCALE
     with BagWriter(target, attachments=_parameters(_calibration(log)),
                    metadata=_metadata(log, scale)) as writer:

@@ -8,6 +8,7 @@ import os
 from pathlib import Path
 import sys
 import traceback
+from typing import TYPE_CHECKING
 
 from mambo_model.errors import JobError, MamboError
 import rclpy
@@ -15,7 +16,8 @@ from rclpy.exceptions import ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from .node import MamboNode
+if TYPE_CHECKING:
+    from ..node import MamboNode
 
 _REFUSALS = (MamboError, FileNotFoundError, FileExistsError, ParameterException,
              _rclpy.RCLError, _rclpy.UnknownROSArgsError)
