@@ -470,9 +470,10 @@ def main(arguments: list[str] | None = None) -> int:
     def work() -> None:
         """Import, or list the topics if none is mapped."""
         if not options.map:
+            found = read_foreign(options.bag)
             refuse_unused(command, options, ('output', 'time'),
                           'without --map the topics are only listed')
-            print('\n'.join(_table(options.bag, read_foreign(options.bag))))
+            print('\n'.join(_table(options.bag, found)))
             return
         if options.output is None:
             raise InputError('give the bag to create behind the one to read')
