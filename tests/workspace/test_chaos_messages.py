@@ -19,7 +19,8 @@ ZERO, LEVEL = (0.0,) * 3, (1.0, 0.0, 0.0, 0.0)
 
 @pytest.mark.slow
 def test_an_attacked_flight_is_survived_and_one_that_differs_is_lost(tmp_path, monkeypatch):
-    monkeypatch.setitem(hostile.MODES, 'processes', ['run', '--processes', '--duration=12'])
+    # long enough for the stranger to come in time
+    monkeypatch.setitem(hostile.MODES, 'processes', ['run', '--processes', '--duration=60'])
     calm = hostile.calm(tmp_path, 'processes')
     (tmp_path / 'attacked').mkdir()
     flight, ended = hostile.attacked(ATTACK, tmp_path / 'attacked')
