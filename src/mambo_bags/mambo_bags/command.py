@@ -335,6 +335,10 @@ def guard(name: str, work: Callable[[], None]) -> int:
         return _complain(name, f'the numbers are too extreme to compute with ({error})', 2)
     except RecursionError:
         return _complain(name, 'the input is nested too deeply', 2)
+    except RuntimeError as error:
+        if 'start new thread' not in str(error):
+            raise
+        return _complain(name, 'this user may have no more processes and threads (ulimit -u)')
     finally:
         sys.stdout = plain
         if not isinstance(sys.exc_info()[1], SystemExit):  # which no code of ours raises in a job

@@ -56,6 +56,8 @@ def test_a_reader_that_goes_is_no_word_worth():
     (np.linalg.LinAlgError('SVD'), 2, 'the numbers are too extreme to compute with (SVD)'),
     (MemoryError(), 1, 'out of memory'),
     (RecursionError(), 2, 'the input is nested too deeply'),
+    (RuntimeError("can't start new thread"), 1,
+     'this user may have no more processes and threads (ulimit -u)'),
     (JobError('no engine'), 1, 'no engine'),
     (BagError('two\nlines'), 2, 'two lines')])
 def test_errors_are_one_short_line_and_the_right_exit_code(error, code, message, capsys):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from pathlib import Path
 import sys
@@ -14,9 +15,11 @@ def draw_files_only() -> None:
     Make matplotlib use the backend Agg and its own defaults in this process and its children.
 
     ``MPLBACKEND``, ``MATPLOTLIBRC`` and files called matplotlibrc may name an unknown backend,
-    a device without end or settings that change every picture; a command needs none of them. To
-    be called before matplotlib is imported.
+    a device without end or settings that change every picture; a command needs none of them. Where
+    its own folder cannot be written, matplotlib takes a temporary one and would say so in two
+    lines. To be called before matplotlib is imported.
     """
+    logging.getLogger('matplotlib').setLevel(logging.ERROR)
     os.environ['MPLBACKEND'] = 'agg'
     os.environ['MATPLOTLIBRC'] = os.devnull
     if 'matplotlib' in sys.modules or not os.path.lexists(_RC):

@@ -18,7 +18,8 @@ print(matplotlib.get_backend().lower(), matplotlib.rcParams['lines.linewidth'])
 
 @pytest.mark.parametrize('wrong', [
     {'MPLBACKEND': 'nonsense'}, {'MATPLOTLIBRC': '/dev/zero'}, {'MATPLOTLIBRC': '/'},
-    {'MATPLOTLIBRC': 'mine'}, {'MPLBACKEND': 'nonsense', 'MATPLOTLIBRC': '/dev/zero'}])
+    {'MATPLOTLIBRC': 'mine'}, {'MPLCONFIGDIR': '/proc/none'},
+    {'MPLBACKEND': 'nonsense', 'MATPLOTLIBRC': '/dev/zero'}])
 def test_settings_of_the_environment_are_not_used(wrong, tmp_path):
     (tmp_path / 'mine').write_text('lines.linewidth: 77\n')
     check(tmp_path, wrong)
