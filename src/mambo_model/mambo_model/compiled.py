@@ -144,6 +144,7 @@ def _make_cache() -> str:
 
 os.environ['NUMBA_CACHE_DIR'] = _make_cache()
 
+import llvmlite.binding  # noqa: E402 (whose options count from the first compilation)
 import numba  # noqa: E402 (reads NUMBA_CACHE_DIR while it is imported; all others import it here)
 from numba import objmode, typeof  # noqa: E402, F401
 from numba.core import caching  # noqa: E402
@@ -154,6 +155,11 @@ from numba.extending import overload  # noqa: E402
 from numba.typed import List  # noqa: E402
 
 numba.config.CACHE_DIR = os.environ['NUMBA_CACHE_DIR']  # of a script that imported numba before
+
+# LLVM's register coalescer updates the live range of a value that it computes again after each of
+# its copies; with that put off it takes a tenth of the time for a function as large as a closed
+# loop. The default of 100 copies puts it off for few values.
+llvmlite.binding.set_option('mambo', '-late-remat-update-threshold=3')
 
 
 class _CacheFile(caching.IndexDataCacheFile):
