@@ -24,7 +24,7 @@ from typing import NoReturn
 
 from mambo_model import schema
 from mambo_ros import cdr, node, process, topics
-from mambo_ros.graph.publisher_guard import LOST, PublisherGuard, SECOND_PUBLISHER
+from mambo_ros.graph.publisher_guard import PublisherGuard, SECOND_PUBLISHER
 
 from .log_times import EarlyMessages, LogTimes
 from .recorder_parameters import RecorderNodeParams
@@ -161,9 +161,9 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         """Refuse what is held back of a publisher that has left before any flight."""
         guard.refused[SECOND_PUBLISHER] += self._early.forget(guard.topic)
 
-    def _miss(self, guard: PublisherGuard) -> None:
+    def _miss(self, guard: PublisherGuard, reason: str) -> None:
         """End with exit code 1, but only after the flight: its bag is not whole."""
-        self.fail(f'{guard.topic}: the bag misses messages that were {LOST}')
+        self.fail(f'{guard.topic}: the bag misses messages that were {reason}')
 
     def _notice(self, name: str, kind: str) -> None:
         """Count an irregular message, and warn of the first."""

@@ -113,9 +113,10 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
     def _subscribe_sensor(self, topic: topics.Topic, decode: Callable, add: Callable) -> None:
         """Queue each message, late, repeated or unreadable: what sorts and checks is behind."""
         stream = _STREAMS.index(topic)
-        self.accept(
+        guard = self.accept(
             topic, decode, self._adder(add), prompt=False, reliable=self._reliable,
             timed=False, lost=lambda: self._run(self._sync.skip(stream)))
+        guard.forgotten = lambda _: self._sync.forget(stream)
 
     def _taker(self, add: Callable) -> Callable:
         """Return the same for a message of the motion capture."""

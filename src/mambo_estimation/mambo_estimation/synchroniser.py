@@ -98,6 +98,12 @@ class Synchroniser:
         """Count a sample of a stream (0 to 3) that arrived but cannot be read."""
         return self._add(stream, -1, None)
 
+    def forget(self, stream: int) -> None:
+        """Drop what a stream (0 to 3) had before the first step: its publisher has left."""
+        if self._last_t is None and self._watermark:
+            self._arrived[stream].clear()
+            self._received[stream] = 0
+
     def _add(self, stream: int, t: int, sample: object) -> list[Step]:
         self._received[stream] += 1
         self._arrived[stream].append((t, sample))

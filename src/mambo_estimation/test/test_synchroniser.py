@@ -211,3 +211,21 @@ def test_an_inertial_sample_of_the_far_future_is_dropped_alone():
     steps += sync.add_tick(5 * MS, (3, 0, 0, 0))
     assert [step.t for step in steps] == [0, 5 * MS] and steps[-1].gyro == G
     assert steps[-1].dropped == (1, 0, 0, 0)
+
+
+def test_what_a_publisher_sent_that_left_before_the_first_step_is_forgotten():
+    streams = flight()
+    want, _ = play(in_sequence(streams), streams)
+    sync = Synchroniser()
+    sync.add_flow(0, (9.0, 9.0), 255)
+    sync.add_flow(5_000_000, (9.0, 9.0), 255)
+    sync.skip(2)
+    sync.forget(2)
+    got = []
+    for calls in streams.values():
+        for call, *arguments in calls:
+            got += getattr(sync, call)(*arguments)
+    assert same(got, want)
+    sync.forget(2)  # in flight nothing is: the watermark counts on
+    more = sync.add_imu(10**9, (0.0,) * 3, (0.0,) * 3)
+    assert more == [] and len(sync.add_tick(10**9, (21, *got[-1].dropped[1:]))) == 1

@@ -7,9 +7,11 @@ within limits. All others are refused and counted by reason, and have no effect 
 
 **Time.** A node that knows the time of the flight (the simulator, or a subscriber of ``/clock``)
 passes it as ``now``. A stamp may be ahead of it by at most ``ahead``, because a message may
-overtake the clock message that caused it. If the input itself is the clock of its node, it may
-run ahead of the last accepted message by ``LEAP``. A longer leap is accepted when
-``CONFIRMATIONS`` consecutive messages continue from it.
+overtake the clock message that caused it. If that clock is an input of the same node, one message
+of the accepted publisher that is further ahead, by ``LEAP`` at most, waits until the clock moves:
+a message of the clock may be late, and in lockstep there is no other to wait for. If the input
+itself is the clock of its node, it may run ahead of the last accepted message by ``LEAP``. A
+longer leap is accepted when ``CONFIRMATIONS`` consecutive messages continue from it.
 
 **Publisher.** The first publisher of a usable message is accepted (``graph.publisher_guard``).
 """
@@ -104,6 +106,8 @@ class InputGuard(PublisherGuard):
         # guard whose newest stamp limits this one, if any; read directly, without a call
         self._clock = self if now is None else now if isinstance(now, InputGuard) else None
         self._ahead, self._timed, self._lost = LEAP if now is None else ahead, timed, lost
+        self._held: tuple[bytes, bytes] | None = None  # message and publisher, ahead of the clock
+        self._waiting: list[InputGuard] = []  # inputs that hold a message, if this is the clock
         self._there, self._run = -1, 0  # stamp of the last leap, messages that continued from it
 
     def __call__(self, data: bytes, publisher: bytes = b'') -> None:
@@ -118,7 +122,7 @@ class InputGuard(PublisherGuard):
             GID of its publisher; empty: a node of this process.
 
         """
-        if publisher != self._first and self._first and self._is_foreign(publisher):
+        if publisher != self._first and self._is_foreign(publisher):
             return
         try:
             value = self._decode(data) if len(data) <= LARGEST else None
@@ -134,7 +138,10 @@ class InputGuard(PublisherGuard):
             if self.last < t <= now + self._ahead:
                 self._run = 0
             elif wrong := self._mistimed(t):
-                self._refuse(wrong)
+                if wrong == AHEAD and publisher == self._first and self._awaits_clock(t):
+                    self._hold(data, publisher)
+                else:
+                    self._refuse(wrong)
                 return
         elif t < 0:
             self._refuse(NEGATIVE)
@@ -149,6 +156,10 @@ class InputGuard(PublisherGuard):
         self._first = publisher
         self.accepted += 1
         self.use(*value)
+        if self._waiting:
+            waiting, self._waiting = self._waiting, []
+            for guard in waiting:
+                guard.retry()
 
     @property
     def local(self) -> Callable[[bytes], None]:
@@ -163,6 +174,24 @@ class InputGuard(PublisherGuard):
         """Return the newest stamp accepted after handling the messages that have arrived."""
         self.pull()
         return self.last
+
+    def retry(self) -> None:
+        """Check a message again that was ahead of the clock, which has moved."""
+        held, self._held = self._held, None
+        if held is not None:
+            self(*held)
+
+    def _awaits_clock(self, t: int) -> bool:
+        """Return whether the message of the clock that belongs to a stamp may just be late."""
+        return self._clock not in (None, self) and t <= self._clock.last + LEAP
+
+    def _hold(self, data: bytes, publisher: bytes) -> None:
+        """Keep a message until the clock moves, in place of the one kept before."""
+        if self._held is not None:
+            self._refuse(AHEAD)
+        self._held = data, publisher
+        if self not in self._clock._waiting:
+            self._clock._waiting.append(self)
 
     def _refuse(self, reason: str) -> None:
         """Count a refused message of the accepted publisher."""

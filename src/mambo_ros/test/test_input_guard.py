@@ -73,8 +73,34 @@ def test_before_a_stamp_is_refused_waiting_clock_messages_are_handled():
     clock(messages.clock(0))
     clock.pull = lambda: clock(messages.clock(9 * STEP))
     one.send(10)
-    one.send(11)
+    one.send(0, t=12 * STEP + input_guard.LEAP)
     assert one.steps == [10] and one.refused == {input_guard.AHEAD: 1}
+
+
+def test_one_message_waits_for_a_clock_that_is_late():
+    clock = InputGuard('/clock', messages.decode_clock, lambda t: None)
+    one = Input(now=clock, ahead=STEP)
+    clock(messages.clock(0))
+    one.send(1)
+    one.send(5)  # gives way to the next
+    one.send(4)
+    assert one.steps == [1] and one.refused == {input_guard.AHEAD: 1}
+    clock(messages.clock(2 * STEP))
+    assert one.steps == [1]
+    clock(messages.clock(3 * STEP))
+    assert one.steps == [1, 4]
+    one.send(5)
+    clock(messages.clock(4 * STEP))
+    assert one.steps == [1, 4, 5] and one.refused == {input_guard.AHEAD: 1}
+
+
+def test_nobody_becomes_the_accepted_publisher_by_waiting():
+    clock = InputGuard('/clock', messages.decode_clock, lambda t: None)
+    one = Input(now=clock, ahead=STEP)
+    clock(messages.clock(0))
+    one.send(4, publisher=b'stranger')
+    clock(messages.clock(4 * STEP))
+    assert one.steps == [] and one.refused == {input_guard.AHEAD: 1}
 
 
 @pytest.mark.parametrize('t, reason', [

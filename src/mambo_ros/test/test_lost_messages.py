@@ -23,7 +23,7 @@ def test_what_a_full_queue_displaced_is_counted(sent, lost):
     heard, told = [], []
     reader.subscribe(topics.CLOCK, heard.append, single=True)
     (guard,) = reader.input_guards
-    guard.incomplete = told.append
+    guard.incomplete = lambda *what: told.append(what)
     loop = Loop(reader)
     until(lambda: publish.publisher.get_subscription_count(), 'the reader')
     publish(messages.clock(0))
@@ -33,4 +33,4 @@ def test_what_a_full_queue_displaced_is_counted(sent, lost):
     until(lambda: heard[-1] == messages.clock(sent), 'the last message', lambda: loop.once(0.01))
     loop.close()
     assert len(heard) == sent + 1 - lost and guard.refused[LOST] == lost
-    assert told == [guard] * bool(lost)
+    assert told == [(guard, LOST)] * bool(lost)

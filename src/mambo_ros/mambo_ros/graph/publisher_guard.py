@@ -24,8 +24,10 @@ LARGEST = 65_536  # bytes of any message; the largest message of the graph has 0
 FLOOD = 500  # messages; a queue holds four times as many (topics.QUEUE)
 SECOND_PUBLISHER = 'from a second publisher'
 LOST = 'lost, as a queue was full'
+REPLACED = 'refused while the publisher before it was accepted'
 _LOOK_EVERY = 0.1  # s of wall time between looks at the graph
 _LAGS = 0.3  # s of wall time by which the graph may lag behind the matched publishers
+_KNOWN = 64  # refused publishers that are remembered
 _WINDOW = 1.0  # s of wall time in which the messages of a flood are counted
 
 
@@ -76,7 +78,8 @@ class PublisherGuard:
     flooded
         Called with this guard and the GID of a publisher that floods the input; set by the loop.
     incomplete
-        Called with this guard when messages of the accepted publisher were lost; set by the node.
+        Called with this guard and the reason when messages of the accepted publisher are missing;
+        set by the node.
     forgotten
         Called with this guard when the accepted publisher has left and another may come; likewise.
 
@@ -90,7 +93,7 @@ class PublisherGuard:
         self.replaceable: Callable[[float], bool] = _always
         self.pull: Callable[[], Any] = _nothing
         self.flooded: Callable[[PublisherGuard, bytes], Any] = _nothing
-        self.incomplete: Callable[[PublisherGuard], Any] = _nothing
+        self.incomplete: Callable[[PublisherGuard, str], Any] = _nothing
         self.forgotten: Callable[[PublisherGuard], Any] = _nothing
         self._first = b''  # GID of the accepted publisher, empty before the first
         self._number, self._numbered = 0, b''  # of its last message, and who sent that
@@ -101,6 +104,7 @@ class PublisherGuard:
         self._look_until = 0.0  # s of wall time until which the graph may not know of their change
         self._since, self._until = 0, 0.0  # accepted before the window; end of the window, s
         self._foreign: Counter[bytes] = Counter()  # messages in the window, by publisher
+        self._known: set[bytes] = set()  # publishers that were refused
 
     def __call__(self, data: bytes, publisher: bytes = b'') -> None:
         """
@@ -114,7 +118,7 @@ class PublisherGuard:
             GID of its publisher; empty: a node of this process.
 
         """
-        if publisher != self._first and self._first and self._is_foreign(publisher):
+        if publisher != self._first and self._is_foreign(publisher):
             return
         self._first = publisher
         self.accepted += 1
@@ -134,7 +138,7 @@ class PublisherGuard:
         """
         if self._numbered == self._first and number > self._number + 1:
             self.refused[LOST] += number - self._number - 1
-            self.incomplete(self)
+            self.incomplete(self, LOST)
         self._number, self._numbered = number, self._first
 
     @property
@@ -150,9 +154,16 @@ class PublisherGuard:
     def _is_foreign(self, publisher: bytes) -> bool:
         """Return whether a message is to be refused for its publisher; count it if so."""
         now = time.monotonic()
-        if self._has_left(now):
+        left = bool(self._first) and self._has_left(now)
+        if left:
+            self.forgotten(self)
+        if left or not self._first:
+            if publisher in self._known:
+                self.incomplete(self, REPLACED)
             return False
         self.refused[SECOND_PUBLISHER] += 1
+        if len(self._known) < _KNOWN:
+            self._known.add(publisher)
         if now >= self._until:
             self._until, self._since = now + _WINDOW, self.accepted
             self._foreign.clear()

@@ -78,6 +78,23 @@ def test_another_takes_over_from_one_that_left_unless_the_node_forbids_it(guard,
     assert used[-1] == b'heir' and made.first == SECOND
 
 
+@pytest.mark.parametrize('waits', [False, True])
+def test_what_one_sent_before_it_was_accepted_is_missing(guard, wall, waits):
+    made, used, _ = guard
+    told = []
+    made.incomplete = lambda *what: told.append(what)
+    made.publishers = lambda: {SECOND}
+    made(b'too early', SECOND)
+    assert not told
+    wall[0] += publisher_guard.ABSENT + 0.01
+    if waits:
+        made.is_deserted(1)
+    made(b'in time', SECOND)
+    assert used == [b'first', b'in time'] and told == [(made, publisher_guard.REPLACED)]
+    made(b'further', SECOND)
+    assert len(told) == 1
+
+
 def test_messages_of_the_own_process_need_no_guard(guard):
     made, used, _ = guard
     made.local(b'ours')
@@ -113,12 +130,12 @@ def test_one_that_is_back_or_that_nobody_replaces_is_not_forgotten(guard, wall):
 def test_messages_that_did_not_come_are_counted_by_their_numbers(guard):
     made, _, _ = guard
     told = []
-    made.incomplete = told.append
+    made.incomplete = lambda *what: told.append(what)
     for number in (7, 8, 9):
         made.follow(number)
     assert not made.refused and not told
     made.follow(13)
-    assert made.refused == {publisher_guard.LOST: 3} and told == [made]
+    assert made.refused == {publisher_guard.LOST: 3} and told == [(made, publisher_guard.LOST)]
 
 
 def test_another_publisher_misses_nothing(guard, wall):
