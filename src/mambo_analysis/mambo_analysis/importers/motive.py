@@ -19,9 +19,11 @@ Angles
     order of their name (NatNet SDK, EulOrdXYZr).
 
 Time
-    The time column of some versions is rounded to ms. Where it agrees with frame number over
-    export rate to its last digit, the latter is used. Stamps are from the start of the take;
-    when that was, in the words of the file, is in the bag's metadata.
+    In seconds, as Motive always writes it; a take whose times give another frame rate than its
+    header is refused, as their unit is then unknown. The time column of some versions is rounded
+    to ms. Where it agrees with frame number over export rate to its last digit, the latter is
+    used. Stamps are from the start of the take; when that was, in the words of the file, is in
+    the bag's metadata.
 """
 
 from __future__ import annotations
@@ -56,6 +58,9 @@ UP = {'y': Rotation.from_euler('x', 90.0, degrees=True), 'z': Rotation.identity(
 LOOSE_NORM = 0.01  # [-] how far from 1 a rounded quaternion may be
 RATES = (0.01, 1e5)  # [Hz] of a take
 ROUNDED = 6e-4  # [s] half of the last digit of the coarsest time column, and a little
+RATE_ERROR = 0.05
+"""By which the rate of the times may differ from the header's [-]. Motive writes frame number over
+rate, so only the rounding of a nominal rate (29.97 Hz as 30) and of the times is left."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -179,8 +184,41 @@ def _numbers(path: Path, rows: list[list[str]], line: int, columns: list[int]) -
     return np.array(out)
 
 
-def _times(path: Path, frames: Floats, times: Floats, about: dict[str, str]) -> Floats:
-    """Return exact times, (n,) s, checked against the frames."""
+def _rates(about: dict[str, str]) -> dict[str, float]:
+    """Return {name: Hz} of the frame rates of the header that can be true; the export's first."""
+    out = {}
+    for name in ('Export Frame Rate', 'Capture Frame Rate'):
+        try:
+            rate = float(about.get(name, ''))
+        except ValueError:
+            continue
+        if RATES[0] <= rate <= RATES[1]:
+            out[name] = rate
+    return out
+
+
+def _check_unit(
+    path: Path, label: str, frames: Floats, times: Floats, rates: dict[str, float],
+) -> None:
+    """Raise BagError if times, (n,), are not in seconds by their label or by the frame rates."""
+    unit = re.fullmatch(r'Time\s*\((.*)\)', label.strip().strip('"'))
+    if unit and unit[1].strip().lower() not in ('seconds', 'sec', 's'):
+        raise BagError(f'{path}: the unit of its times is {quoted(unit[1])}: export them in '
+                       'seconds')
+    if len(times) < 2 or not rates:
+        return
+    span, count = times[-1] - times[0], frames[-1] - frames[0]
+    if all(abs(span - count / rate) > RATE_ERROR * count / rate + 2.0 * ROUNDED
+           for rate in rates.values()):
+        name, rate = next(iter(rates.items()))
+        raise BagError(f'{path}: its times give {count / span:.4g} frames/s, its {name} is '
+                       f'{rate:g} Hz: export times in seconds, with the rate of the take')
+
+
+def _times(
+    path: Path, label: str, frames: Floats, times: Floats, about: dict[str, str],
+) -> Floats:
+    """Return exact times, (n,) s, checked against their label, the frames and the frame rate."""
     if not (np.isfinite(frames).all() and np.isfinite(times).all() and times[0] >= 0.0
             and times.max() <= LONGEST):
         raise BagError(f'{path}: a frame has no number or no time, or one that is absurd')
@@ -193,12 +231,11 @@ def _times(path: Path, frames: Floats, times: Floats, about: dict[str, str]) -> 
     if told.isdecimal() and told.lstrip('0') != str(len(frames)):
         raise BagError(f'{path}: it has {len(frames)} of {told[:20]} exported frames: the file is '
                        'cut off')
-    try:
-        rate = float(about.get('Export Frame Rate') or about['Capture Frame Rate'])
-    except (KeyError, ValueError):
+    rates = _rates(about)
+    _check_unit(path, label, frames, times, rates)
+    if not rates:
         return times
-    if not RATES[0] <= rate <= RATES[1]:
-        return times
+    rate = next(iter(rates.values()))
     by_frame = (frames - frames[0] + round(times[0] * rate)) / rate
     return by_frame if (np.abs(by_frame - times) <= ROUNDED).all() else times
 
@@ -246,7 +283,7 @@ def read_take(source: Source, body: str | None = None) -> Take:
     if missing:
         raise BagError(f'{path}: rigid body {quoted(name)} lacks the columns {", ".join(missing)}')
     table = _numbers(path, rows, line, [0, 1, *(bodies[name][column] for column in wanted)])
-    times = _times(path, table[:, 0], table[:, 1], about)
+    times = _times(path, rows[line][1], table[:, 0], table[:, 1], about)
     take = Take(times, UNITS[about['Length Units'].lower()] * table[:, -3:],
                 _rotations(path, table[:, 0], table[:, 2:-3], turn), name, about,
                 _others(rows, line, name))

@@ -223,6 +223,15 @@ def swap(old, new, count=1):
     return lambda lines: '\n'.join(lines).replace(old, new, count).split('\n')
 
 
+def times(factor):
+    """Return a change of a take whose times are too large by a factor."""
+    def change(lines):
+        rows = [line.split(',') for line in lines[7:]]
+        return [*lines[:7], *(','.join([a, f'{factor * float(b):.6f}', *rest])
+                              for a, b, *rest in rows)]
+    return change
+
+
 @pytest.mark.parametrize('change,text', [
     (lambda lines: ['x,y,z', '1,2,3'], 'no CSV export of Motive'),
     (lambda lines: lines[2:], 'no CSV export of Motive'),  # exported without header information
@@ -236,6 +245,10 @@ def swap(old, new, count=1):
     (swap('\n5,', '\n3,'), 'frame numbers do not increase after frame 4'),
     (swap('\n5,0.041667', '\n5,0.025000'), 'times do not increase after frame 4'),
     (swap('\n5,0.041667', '\n5,'), 'a frame has no number or no time'),
+    (swap('Time (Seconds)', 'Time (Milliseconds)'), "the unit of its times is 'Milliseconds'"),
+    (times(1000.0), 'its times give 0.12 frames/s, its Export Frame Rate is 120 Hz'),
+    (times(1.1), 'its times give 109.1 frames/s, its Export Frame Rate is 120 Hz'),
+    (times(1.03), None),  # a nominal rate
     (swap('9.000000', 'nine'), None), (swap('1.000000', 'one'), 'what is no number'),
     (swap('1.000000', 'inf'), 'what is no number'),
     (swap('Rigid Body,', 'Bone,', 99), 'no rigid body; export with rigid bodies'),
