@@ -24,6 +24,7 @@ parameter and the number of the draw alone.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 import dataclasses
 import itertools
@@ -242,11 +243,23 @@ def read(path: Path) -> Sweep:
         for both, chosen in zip(COMPONENTS, usual, strict=True))
     unused.refuse(
         {axis.name: axis.where for axis in axes}, estimators=estimators, controllers=controllers)
+    for axis in axes:
+        if axis.name == 'seed' or axis.name in scenarios.SEEDS:
+            _refuse_repeats(axis)
     seed = next((axis for axis in axes if axis.name in scenarios.SEEDS), None)
     if seed and 'seed' in names:
         raise schema.ParameterError(
             f'{seed.where}: {seed.name}: the key seed sets it as well: leave one out')
     return Sweep(Path(path), head, axes, _table(axes, head, reader))
+
+
+def _refuse_repeats(axis: Axis) -> None:
+    """Raise ParameterError for a seed that a list has twice: its flights would be one sample."""
+    for value, count in Counter(axis.values).most_common(1):
+        if count > 1:
+            raise schema.ParameterError(
+                f'{axis.where}: {axis.name}: {value} is there {count} times; flights of one seed '
+                'are one sample: give different ones')
 
 
 def _base(

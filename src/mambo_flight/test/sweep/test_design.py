@@ -80,7 +80,7 @@ def test_a_random_design_takes_each_value_of_a_list_about_as_often(sweep):
 
 
 @pytest.mark.parametrize(('spread', 'values'), [
-    ('range: [1, 4]', [1, 2, 3, 4]), ('range: [2, 10, 3]', [2, 6, 10]), ('[7, 7]', [7, 7]),
+    ('range: [1, 4]', [1, 2, 3, 4]), ('range: [2, 10, 3]', [2, 6, 10]), ('[7, 2]', [7, 2]),
     ('range: [5, 5]', [5])])
 def test_whole_numbers_stay_whole(sweep, spread, values):
     text = spread if spread.startswith('[') else f'{{{spread}}}'
@@ -108,6 +108,9 @@ def test_vectors_are_listed_and_drawn_by_component(sweep):
     ('vary: {sead: 1}', ':2: sead: unknown parameter; did you mean seed'),
     ('vary: {sim_node.sped: 1}', ':2: sim_node.sped: unknown parameter; did you mean'),
     ('vary: {seed: []}', ':2: seed: is an empty list'),
+    ('vary: {seed: [4, 1, 1, 1]}', ':2: seed: 1 is there 3 times; flights of one seed are one'),
+    ('vary: {seed: {range: [1, 1, 2]}}', ':2: seed: 1 is there 2 times'),
+    ('vary: {sim_node.simulator.seed: [1, 1]}', ':2: sim_node.simulator.seed: 1 is there 2'),
     ('vary: {seed: {poisson: [1]}}', ':2: seed: must have one of normal, range, uniform'),
     ('vary: {trajectory: {uniform: [1, 2]}}', ':2: trajectory: is not a number: give a list'),
     ('vary: {seed: {uniform: [3, 1]}}', ':2: seed: uniform must be [low, high]'),
