@@ -162,7 +162,8 @@ def _run(options: argparse.Namespace) -> None:
         if options.json != '-':
             print(f'picture: {options.output}')
     if failure:
-        raise JobError(f'{options.course}: cannot be flown: {failure}; --stretch auto slows it')
+        raise JobError(f'{options.course}: cannot be flown: {failure}; '
+                       f'{feasibility.remedy(course, vehicle)}')
 
 
 def parser() -> Parser:

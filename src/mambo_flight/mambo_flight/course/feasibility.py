@@ -16,7 +16,7 @@ import numpy as np
 
 __all__ = [
     'check', 'demand', 'factor', 'Failure', 'failure', 'far', 'Limit', 'limits', 'QUANTITIES',
-    'stretch']
+    'remedy', 'stretch']
 
 LONGEST = 100.0     # largest factor of time, tried or given by an option
 PRECISION = 1e-4    # relative precision of the stretch
@@ -84,3 +84,16 @@ def stretch(course: Course, vehicle: Vehicle) -> float:
         else:
             low = middle
     return high
+
+
+def remedy(course: Course, vehicle: Vehicle) -> str:
+    """Return in words what lets a vehicle fly a course that it cannot fly; slower, if that does."""
+    height, (low, high) = demand(course, vehicle)[1][:, 0], limits(vehicle)['height']
+    if height.min() < low or height.max() > high:  # of the path, at any speed
+        return (f'no --stretch changes its heights, {height.min():.4g} to {height.max():.4g} m: '
+                f'move it with --height, or resize it with --scale, to {low:g} to {high:g} m')
+    try:
+        stretch(course, vehicle)
+    except JobError as error:
+        return str(error)
+    return '--stretch auto slows it'

@@ -27,7 +27,8 @@ def _run(options: argparse.Namespace) -> None:
     if far := feasibility.far(course):
         print(f'warning: the course {far}')
     if failure := feasibility.check(course, vehicle):
-        print(f'warning: {options.vehicle} cannot fly it: {failure}; --stretch auto slows it')
+        print(f'warning: {options.vehicle} cannot fly it: {failure}; '
+              f'{feasibility.remedy(course, vehicle)}')
 
 
 def parser() -> Parser:

@@ -32,6 +32,25 @@ def test_one_that_cannot_is_exit_code_1_with_time_and_quantity(fast, capsys):
     assert check_course.main([fast, '--stretch', '2']) == 0
 
 
+def test_heights_are_not_to_be_mended_by_time(tmp_path, capsys):
+    file = tmp_path / 'low.csv'
+    file.write_text('t,x,y,height\n0,0,0,-0.5\n5,1,0,1\n10,0,0,1\n')
+    assert check_course.main([str(file)]) == 1
+    _, (line,) = lines(capsys)
+    assert 'height -0.5 m at t = 0.000 s, below the limit of 0 m; no --stretch changes' in line
+    assert 'move it with --height' in line and 'slows it' not in line
+    assert check_course.main([str(file), '--height', '1']) == 0
+
+
+def test_a_vehicle_that_cannot_even_hover_is_not_to_be_slowed(tmp_path, capsys):
+    file, heavy = tmp_path / 'line.csv', tmp_path / 'heavy.yaml'
+    file.write_text('t,x,y,height\n0,0,0,1\n5,1,0,1\n10,0,0,1\n')
+    heavy.write_text(
+        'description: heavy\nbase: identified\nmass: {value: 1.0, unit: kg, source: scale}\n')
+    assert check_course.main([str(file), '--vehicle', str(heavy)]) == 1
+    assert 'no slower course is feasible either' in lines(capsys)[1][0]
+
+
 def test_one_that_is_far_larger_than_a_hall_gets_a_warning(tmp_path, capsys):
     for size, warned in ((29.0, False), (31.0, True)):
         file = tmp_path / f'{size:g}.csv'
