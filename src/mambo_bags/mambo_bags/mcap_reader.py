@@ -237,13 +237,25 @@ class _Scanner:
         except ValueError as error:
             self.contents.lost.append(str(error))
         if closed:
-            if self._data[end:] != MAGIC:
-                self.contents.wrong.append('the magic bytes at the end of the file are missing')
+            self._after(end)
             self.contents.wrong += self.account.contradictions(
                 {number: channel.topic for number, channel in self.contents.channels.items()})
         elif not self.contents.lost:
             self.contents.lost.append('the file was never closed')
         self.contents.complete = closed and not self.contents.damage
+
+    def _after(self, end: int) -> None:
+        """Check what follows the footer, which ends at byte ``end``: the magic bytes alone."""
+        more = end + len(MAGIC)
+        if self._data[end:more] != MAGIC:
+            self.contents.wrong.append('the magic bytes at the end of the file are missing')
+        elif self._data[more:more + len(MAGIC)] == MAGIC:
+            self.contents.lost.append(
+                f'the file ends at byte {more}, where another MCAP file follows (two files '
+                f'concatenated): cut it out with tail -c +{more + 1} and read it by itself')
+        elif len(self._data) > more:
+            self.contents.wrong.append(
+                f'{len(self._data) - more} bytes follow the end of the file at byte {more}')
 
     def _take(self, opcode: int, start: int, end: int) -> None:
         """Add a top-level record; an unreadable one is listed as lost."""

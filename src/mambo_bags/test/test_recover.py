@@ -140,6 +140,25 @@ def test_the_report_says_what_was_saved_and_lost(tmp_path, flight, capsys):
     assert 'saved ' in out and 'lost: broken.mcap: cut off within a' in out
 
 
+def test_a_second_file_behind_the_first_is_named_and_not_the_magic_bytes(
+        tmp_path, flight, capsys):
+    content = (flight / 'flight_0.mcap').read_bytes()
+    for number, more, text in (
+            (1, content, f'lost: x.mcap: the file ends at byte {len(content)}, where another MCAP'),
+            (2, b'stray', f'damaged: x.mcap: 5 bytes follow the end of the file at byte '
+                          f'{len(content)}'),):
+        (tmp_path / 'x.mcap').write_bytes(content + more)
+        assert main([str(tmp_path / 'x.mcap'), str(tmp_path / f'saved_{number}')]) == 0
+        out = capsys.readouterr().out
+        assert text in out and 'magic' not in out
+    joined = tmp_path / 'joined.mcap'
+    joined.write_bytes(2 * content)
+    second = tmp_path / 'second.mcap'
+    second.write_bytes(joined.read_bytes()[len(content):])  # as tail -c +BYTE
+    assert main([str(second), str(tmp_path / 'intact')]) == 0
+    assert 'the source is intact' in capsys.readouterr().out
+
+
 def test_careless_use_ends_in_one_line(tmp_path, flight, capsys):
     cut(flight, tmp_path / 'stub.mcap', 0.001)
     for source, target, text in (
