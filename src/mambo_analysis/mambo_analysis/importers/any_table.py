@@ -7,8 +7,9 @@ name: ``nanobench`` for the data set of that name (a Crazyflie 2.1 under Vicon, 
 for a log of PX4.
 
 Stamps count from the first row. A row without all values of a topic gives no message on it, and is
-counted. Impossible poses are left out (:mod:`mambo_signals.outliers`). Unused columns are
-printed.
+counted; likewise a row that repeats the time of the one before, and one with a quaternion of zeros,
+which loggers write while there is no attitude. Impossible poses are left out
+(:mod:`mambo_signals.outliers`). Unused columns are printed.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from scipy.spatial.transform import Rotation
 from .common import (
     importer_parser, LONGEST, new_samples, provenance, Publisher, read_source, report, stamps_ns,
     unused)
+from .logs import ulog
 from .logs.named_columns import read_columns
 from .table_file import row_name
 from .table_map import Map, Quantity, read_map, Topic
@@ -47,6 +49,8 @@ TYPES = {
     'optical_flow': 'mambo_interfaces/msg/OpticalFlow',
     'barometer/pressure': 'sensor_msgs/msg/FluidPressure',
     'motor_pwm': 'mambo_interfaces/msg/MotorPwm', 'battery': 'sensor_msgs/msg/BatteryState'}
+REPEATED = 0.01
+"""Most rows that may repeat the time before [-]; of more, the column is the clock of other rows."""
 LOOSE_NORM = 0.1       # [-] how far from 1 the norm of a quaternion may be
 QUARTER = 0.5 * np.pi + 0.01  # [rad] largest middle Euler angle, with rounding
 RANGE_LIMITS = (0.0, 10.0)  # [m] of a range finder that is not known
@@ -70,7 +74,7 @@ def find_map(word: str) -> Path:
 
 
 def _seconds(path: Path, table: dict[str, Floats], mapping: Map) -> dict[str, Floats]:
-    """Return the times of each topic, (n,) s from the first row; BagError if they go back."""
+    """Return the times of each topic, (n,) s from the first row; BagError if they do not rise."""
     def times(clock: Any) -> Floats:
         """Return the column of a clock as it is in the file."""
         values = table[clock.column]
@@ -88,7 +92,11 @@ def _seconds(path: Path, table: dict[str, Floats], mapping: Map) -> dict[str, Fl
         # the difference first, in the unit of the file: it is exact for counts of ns
         start = first[0] if clock.factor == mapping.clock.factor else zero / clock.factor
         out[name] = (times(clock) - start) * clock.factor + clock.offset
-        back = np.flatnonzero(np.diff(out[name]) <= 0.0)
+        step = np.diff(out[name])
+        back = np.flatnonzero(step < 0.0)
+        again = np.flatnonzero(step == 0.0)
+        if not len(back) and len(again) > max(1.0, REPEATED * len(step)):
+            back = again
         if len(back):
             where = row_name(path, int(back[0]) + 1, mapping.delimiter)
             raise BagError(f'{path}: {where}: the time in column {clock.column} does not increase '
@@ -148,9 +156,18 @@ class _Rows:
         found = {key: _vectors(self.table, one) for key, one in topic.quantities.items()}
         values = np.concatenate(list(found.values()), axis=1)
         usable = np.isfinite(values).all(axis=1)
-        lost = int(np.count_nonzero(~usable))
-        if lost:
-            self.notes.append(f'{name}: {lost} of {len(usable)} rows lack a value')
+        if not usable.all():
+            columns = [column for one in topic.quantities.values() for column in one.columns]
+            self._lacking(name, topic, columns, ~np.isfinite(values))
+        again = np.append(False, np.diff(self.times[name]) == 0.0)
+        none = usable & (np.linalg.norm(found['quaternion'], axis=1) == 0.0) if (
+            'quaternion' in found) else np.zeros(len(usable), bool)
+        for wrong, what in ((again, f'repeat the time before in {topic.clock.column}'),
+                            (none, 'have a quaternion of zeros, no attitude')):
+            if wrong.any():
+                self.notes.append(
+                    f'{name}: {int(wrong.sum())} of {len(usable)} rows {what}: left out')
+                usable &= ~wrong
         if topic.only_changes:
             new = np.zeros(len(usable), bool)
             new[new_samples(values)] = True
@@ -166,6 +183,19 @@ class _Rows:
         stamps = stamps_ns(self.times[name]).tolist()
         for row in np.flatnonzero(usable).tolist():
             out.publish(name, stamps[row], frame, **fields(row))
+
+    def _lacking(
+        self, name: str, topic: Topic, columns: list[str], lacking: NDArray[np.bool_],
+    ) -> None:
+        """Note the rows of a topic without a value, by the columns (k,) that lack (n, k) most."""
+        lost, counts, clock = int(lacking.any(axis=1).sum()), lacking.sum(axis=0), topic.clock
+        most = columns[int(np.argmax(counts))]
+        text = f'{name}: {lost} of {len(lacking)} rows lack a value in {most}'
+        if self.path.suffix.lower() == '.ulg' and (
+                ulog.split(most)[:2] != ulog.split(clock.column)[:2]):
+            text = (f'{name}: {lost} of {len(lacking)} rows have no sample of {most} near their '
+                    f'time in {clock.column}: is it the clock of this topic?')
+        self.notes.append(text)
 
     def _pose(self, topic: Topic, found: dict[str, Floats], usable: Any) -> tuple[Any, Any]:
         world = WORLD[self.mapping.world]

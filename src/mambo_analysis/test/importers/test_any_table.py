@@ -114,7 +114,7 @@ def test_a_clock_of_its_own_held_values_and_missing_ones(tmp_path):
     source, mapping = files(tmp_path, data, text=text)
     counts, notes = import_table(source, tmp_path / 'bag', mapping)
     assert counts['/mambo/battery'] == N // 10 and counts['/mambo/imu/data_raw'] == N - 1
-    assert notes == ['imu/data_raw: 1 of 50 rows lack a value']
+    assert notes == ['imu/data_raw: 1 of 50 rows lack a value in ax']
     battery = read_bag(tmp_path / 'bag')['battery']
     assert np.allclose(battery.voltage, 4.1 - 0.001 * np.arange(N // 10))
     assert abs(battery.stamp[1] - 105_000_000) < 1000
@@ -127,6 +127,28 @@ def test_impossible_poses_are_left_out(tmp_path):
     counts, notes = import_table(source, tmp_path / 'bag', mapping)
     assert counts['/mambo/optitrack/pose'] == N - 3
     assert '3 impossible poses left out' in notes[0]
+
+
+def test_a_repeated_time_and_a_quaternion_of_zeros_are_left_out_and_counted(tmp_path):
+    data = frame()
+    data.loc[9, 't'] = data.loc[8, 't']
+    data.loc[20:22, ['qw', 'qx', 'qy', 'qz']] = 0.0
+    source, mapping = files(tmp_path, data)
+    counts, notes = import_table(source, tmp_path / 'bag', mapping)
+    assert counts['/mambo/optitrack/pose'] == N - 4 and counts['/mambo/imu/data_raw'] == N - 1
+    assert [note for note in notes if note.startswith('optitrack/pose')] == [
+        'optitrack/pose: 1 of 50 rows repeat the time before in t: left out',
+        'optitrack/pose: 3 of 50 rows have a quaternion of zeros, no attitude: left out']
+    stamps = read_bag(tmp_path / 'bag')['imu/data_raw'].stamp
+    assert (np.diff(stamps) > 0).all()
+
+
+def test_a_column_that_repeats_its_times_often_is_no_clock(tmp_path, capsys):
+    data = frame()
+    data.loc[[9, 30], 't'] = data.loc[[8, 29], 't'].to_numpy()
+    source, mapping = files(tmp_path, data)
+    assert main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)]) == 2
+    assert 'line 11: the time in column t does not increase' in capsys.readouterr().err
 
 
 def damage(tmp_path, change, capsys, **options):

@@ -128,6 +128,27 @@ def test_a_whole_flight_through_the_shipped_mapping(tmp_path):
     assert np.abs(odom.velocity - w).max() < 1e-4
 
 
+def test_a_topic_at_the_times_of_another_message_is_named_by_its_clock(tmp_path):
+    rows = flight_log(flown.steered(seconds=6.0))
+    times, q = rows[('vehicle_attitude', 0)]
+    rows[('vehicle_attitude', 0)] = times[:100], q[:100]
+    source = written(tmp_path / 'flight.ulg', rows)
+    _, notes = any_table.import_table(source, tmp_path / 'bag', any_table.find_map('px4'))
+    assert any(note.startswith('onboard/odom: ') and note.endswith(
+        'rows have no sample of vehicle_attitude.q[0] near their time in '
+        'vehicle_local_position.timestamp: is it the clock of this topic?') for note in notes)
+
+
+def test_a_log_with_a_repeated_stamp_and_no_attitude_yet_is_read(tmp_path):
+    rows = flight_log(flown.steered(seconds=6.0))
+    rows[('vehicle_attitude', 0)][1][:12] = 0.0
+    rows[('sensor_combined', 0)][0][40] = rows[('sensor_combined', 0)][0][39]
+    source = written(tmp_path / 'flight.ulg', rows)
+    _, notes = any_table.import_table(source, tmp_path / 'bag', any_table.find_map('px4'))
+    assert any('imu/data_raw: 1 of ' in note and 'repeat the time' in note for note in notes)
+    assert any('onboard/odom: 3 of ' in note and 'quaternion of zeros' in note for note in notes)
+
+
 def test_a_log_that_is_cut_off_or_damaged_is_one_line_or_what_is_left(tmp_path, capsys):
     content = log(flight_log(flown.steered(seconds=2.0)))
     rng = np.random.default_rng(5)
