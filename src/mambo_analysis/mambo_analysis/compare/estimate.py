@@ -4,11 +4,13 @@ Run an estimator over a recorded flight and compare its estimate with the record
 It runs offline, without ROS, hundreds of times faster than real time. The estimates equal those of
 a live estimator in ``mambo replay``, to the last bit. The verdict at the end names absent and
 refused sensors, and whether and when the estimate diverged; the exit code does not depend on it.
+Of a flight over which the joint filter diverges, nothing smoothed is given.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from functools import cache
 from pathlib import Path
 import time
@@ -29,7 +31,7 @@ from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
 from .compare import compare_replay
-from .verdict import verdict
+from .verdict import divergence, verdict
 
 READ = (*(topic.name for topic in (
     *offline_replay.SENSORS, topics.SENSOR_TICK, topics.ESTIMATE, topics.REFERENCE,
@@ -176,6 +178,27 @@ def again(
         f'{ours.comparison}\n{ours.verdict}')
 
 
+def _smoothed(bag: Bag, node: EstimatorNodeParams) -> smoothing.Answer | None:
+    """
+    Print and return the smoothed flight; None, in one line, if the joint filter diverges.
+
+    The smoother linearises about the path of that filter. Of a path far from the sensors its
+    covariances, and so its intervals, are those of another flight.
+    """
+    more = smoothing.smoothed(bag, node.joint)
+    joint = dataclasses.replace(node, estimator='joint')
+    found = offline_replay.estimate(bag, joint.filter, changes.values_later(joint))
+    wrong = divergence(answered(bag, found))
+    if wrong:
+        print('\nsmoothed: withheld, as the joint filter that it smooths failed: '
+              f'{"; ".join(wrong)}')
+        return None
+    if node.estimator != 'joint':
+        print('\nsmoothed: by the joint filter, which did not diverge')
+    print(f'\n{more.text}')
+    return more
+
+
 def _work(options: argparse.Namespace) -> None:
     refuse_existing(options.output)
     began = time.perf_counter()
@@ -186,8 +209,7 @@ def _work(options: argparse.Namespace) -> None:
           f'{seconds / took:.0f} times real time\n{text}')
     more = None
     if options.smooth:
-        more = smoothing.smoothed(bag, parameters(bag, options.parameters).joint)
-        print(f'\n{more.text}')
+        more = _smoothed(bag, parameters(bag, options.parameters))
     if options.output:
         write(options.output, bag, found, more)
         print(f'\nbag: {options.output}')

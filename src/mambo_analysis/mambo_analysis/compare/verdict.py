@@ -65,7 +65,7 @@ def _sensors(bag: Bag, state: Bag) -> list[str]:
     return lines
 
 
-def _divergence(state: Bag) -> list[str]:
+def divergence(state: Bag) -> list[str]:
     """Return the faults of the estimate itself, one line each."""
     inner, odometry = state[topics.ESTIMATOR_STATE.name], state[topics.ESTIMATE.name]
     t = (inner.stamp - inner.stamp[0]) * 1e-9
@@ -105,6 +105,6 @@ def verdict(bag: Bag, state: Bag) -> str:
     """
     if topics.ESTIMATOR_STATE.name not in state or not len(state[topics.ESTIMATOR_STATE.name]):
         return 'verdict: none, as there is no estimator/state'
-    wrong = _divergence(state)
+    wrong = divergence(state)
     head = 'verdict: ' + ('; '.join(wrong) if wrong else 'the estimate did not diverge')
     return '\n'.join((head, *_sensors(bag, state)))
