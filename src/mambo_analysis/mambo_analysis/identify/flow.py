@@ -32,6 +32,7 @@ import yaml
 
 from . import regression, result
 from .regression import IdentifyError, Value
+from .sensors.statistics import jackknife
 
 Floats = NDArray[np.float64]
 
@@ -41,6 +42,10 @@ LEAST = 100            # samples of the flow
 LOWEST = 0.4           # m, no flow below (sec. 5.2)
 SPREAD = 0.2           # m, of the heights for a slope
 SLOWEST = 0.1          # m/s, rms, of a motion that shows a factor
+FACTORS = (0.2, 5.0)   # of any lens and unit that are near the truth, Q being about 1
+MOVED = 0.02           # m/s, of an axis that is checked: ten times the error of its velocity
+TURNED = 15.0          # deg, between flow and motion: Q is 1 - cos, 3 %, too large, and no more
+UNEQUAL = 1.5          # ratio of the factors of the axes: one lens serves both
 
 
 class Samples(NamedTuple):
@@ -102,7 +107,7 @@ def fit_factor(
     """
     if law not in LAWS:
         raise IdentifyError(f'law {law!r} is not one of {", ".join(LAWS)}')
-    _check(samples, slowest)
+    _check(samples, slowest, leak)
     if law != 'constant' and np.ptp(samples.height) < SPREAD:
         raise IdentifyError(
             f'heights differ by {np.ptp(samples.height):.2f} m: a law of the height needs '
@@ -119,10 +124,17 @@ def fit_factor(
         Q = theta[0] + (theta[1] * (shape - middle) if count > 1 else 0.0)
         out = geometric / np.reshape(Q, (-1, 1))
         return out + theta[-1] * samples.rotation if leak else out
-    found = regression.fit(
-        model, samples.flow, [1.0, 0.0][:count] + [0.0] * leak,
-        [0.2, -reach][:count] + [-5.0] * leak, [5.0, reach][:count] + [5.0] * leak,
-        ['offset', 'slope'][:count] + ['share of the rotation'] * leak, np.ones((len(shape), 1)))
+    low, high = ([edge, side * reach][:count] + [side * 5.0] * leak
+                 for edge, side in zip(FACTORS, (-1.0, 1.0)))
+    names = ['offset', 'slope'][:count] + ['share of the rotation'] * leak
+    found = regression.fit(model, samples.flow, [1.0, 0.0][:count] + [0.0] * leak, low, high,
+                           names, np.ones((len(shape), 1)))
+    for name, x, least, most in zip(names, found.theta.tolist(), low, high):
+        # an interval at a limit means nothing; a slope that the heights hardly show may be there
+        if name != 'slope' and min(x - least, most - x) < 1e-3 * (most - least):
+            raise IdentifyError(
+                f'the best {name} is {x:.3g}, the limit of its search: the flow does not follow '
+                'the motion; check units, axes and clocks')
     bias = (samples.flow - found.residual - model(found.theta)).mean(axis=0)
     share = found.value(count, '1') if leak else None
     if count == 1:
@@ -136,8 +148,8 @@ def fit_factor(
         found.value(0, '1'), found.value(1, unit), tuple(bias.tolist()), share, found)
 
 
-def _check(samples: Samples, slowest: float) -> None:
-    """Raise IdentifyError for samples without enough motion, or in wrong units."""
+def _check(samples: Samples, slowest: float, leak: bool) -> None:
+    """Raise IdentifyError for samples without enough motion, or in wrong units or axes."""
     regression.check_columns(
         dict(zip(('time', 'flow', 'velocity', 'height', 'depth', 'rotation'), samples)), LEAST)
     regression.check_times(samples.t)
@@ -152,10 +164,56 @@ def _check(samples: Samples, slowest: float) -> None:
             'factor: fly a circle or a sine, or admit it with --slowest')
     geometric = samples.velocity / samples.depth[:, None]
     ratio = float(np.sum(samples.flow * geometric) / np.sum(geometric ** 2))
-    if not 0.2 < ratio < 5.0:
+    if not 1.0 / FACTORS[1] < ratio < 1.0 / FACTORS[0]:
+        raise IdentifyError(_wrong_ratio('the flow', ratio))
+    _check_axes(samples, geometric, leak)
+
+
+def _wrong_ratio(what: str, ratio: float) -> str:
+    return (f'{what} is {ratio:.3g} times velocity over height: it must be in rad/s, with the '
+            "vehicle's sign and axes and without rotation")
+
+
+def _check_axes(samples: Samples, geometric: Floats, leak: bool) -> None:
+    """
+    Raise IdentifyError if an axis of the flow, or its direction, is not that of the motion.
+
+    Least squares of both axes of the flow by both axes of velocity over depth, with an offset and
+    with ``leak`` the rotation. Only what the whole interval of a jackknife says is refused, so that
+    a flight that shows too little passes.
+    """
+    moved = np.flatnonzero(samples.velocity.std(axis=0) >= MOVED)
+    terms = np.column_stack([geometric, np.ones(len(geometric)), samples.rotation])
+    terms = terms[:, [*moved, 2, *([3, 4] if leak else [])]]
+
+    def share(keep: NDArray[np.int64]) -> Floats:
+        """Return the part of the flow by the velocity, (2, 2), NaN for an axis at rest."""
+        out = np.full((2, 2), np.nan)
+        out[:, moved] = np.linalg.lstsq(
+            terms[keep], samples.flow[keep], rcond=None)[0][:len(moved)].T
+        return out
+    for axis in moved:
+        one = jackknife(lambda keep: float(share(keep)[axis, axis]), len(terms))
+        if one.high < 1.0 / FACTORS[1] or one.low > 1.0 / FACTORS[0]:
+            raise IdentifyError(_wrong_ratio(f'the flow along {"xy"[axis]}', one.value))
+
+    def turn(keep: NDArray[np.int64]) -> float:
+        (xx, xy), (yx, yy) = share(keep)
+        return float(np.degrees(np.arctan2(
+            np.nansum([yx, -xy]), np.nansum([xx, yy]))))
+
+    def unequal(keep: NDArray[np.int64]) -> float:
+        return float(np.log(np.maximum(np.diag(share(keep)), 1e-3)) @ [1.0, -1.0])
+    angle = jackknife(turn, len(terms)) if len(moved) else None
+    if angle and (angle.low > TURNED or angle.high < -TURNED):
         raise IdentifyError(
-            f'the flow is {ratio:.3g} times velocity over height: it must be in rad/s, with the '
-            "vehicle's sign and without rotation")
+            f'the flow is turned by {angle.value:.0f} deg against the motion: turn the nose of '
+            'the tracked body (mambo import motive --nose), or shift its clock (--shift)')
+    between = jackknife(unequal, len(terms)) if len(moved) == 2 else None
+    if between and (between.low > np.log(UNEQUAL) or between.high < -np.log(UNEQUAL)):
+        raise IdentifyError(
+            f'the flow along x is {np.exp(between.value):.2g} times that along y for the same '
+            'motion: one lens has one factor; check the scale of both axes')
 
 
 def samples(

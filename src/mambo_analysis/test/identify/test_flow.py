@@ -127,6 +127,11 @@ def test_floor_and_missing_frames_are_taken_into_account():
     assert some.t.tolist() == [4.0, 6.0]
 
 
+def turned(vectors, degrees):
+    """Return (n, 2) vectors turned by an angle."""
+    return vectors @ Rotation.from_euler('z', degrees, degrees=True).as_matrix()[:2, :2].T
+
+
 def change(**columns):
     return lambda data: data._replace(**{name: f(data) for name, f in columns.items()})
 
@@ -142,10 +147,36 @@ def change(**columns):
      r'slower than 0.1 m/s .* or admit it with --slowest'),
     (change(depth=lambda d: -d.depth), 'constant', 'is the floor where z is 0'),
     (change(height=lambda d: 1.5 + 0.0 * d.height), 'linear', 'heights differ by 0.00 m'),
+    (change(flow=lambda d: d.flow * [1.0, 0.0]), 'constant', 'the flow along y is .* times velo'),
+    (change(flow=lambda d: d.flow * [1.0, -0.3]), 'linear', 'the flow along y is -0.3'),
+    (change(flow=lambda d: d.flow * [1.0, 0.5]), 'constant', 'flow along x is 2 times that along'),
+    (change(velocity=lambda d: turned(d.velocity, 30.0)), 'linear', 'turned by -30 deg against'),
+    (change(velocity=lambda d: turned(d.velocity, -60.0)), 'constant', 'turned by 60 deg against'),
     (lambda d: d, 'cubic', "law 'cubic' is not one of constant, linear, exponential")])
 def test_what_shows_no_factor_is_refused(spoil, law, message):
     with pytest.raises(IdentifyError, match=message):
         fit_factor(spoil(measured('linear')), law)
+
+
+def test_a_factor_at_the_limit_of_its_search_is_no_estimate(monkeypatch):
+    data = measured('constant')
+    monkeypatch.setattr(flow, '_check', lambda *_: None)
+    with pytest.raises(IdentifyError, match='the best offset is 5, the limit of its search'):
+        fit_factor(data._replace(flow=0.1 * data.flow))
+
+
+@pytest.mark.parametrize('axis', [0, 1])
+def test_a_flight_along_one_axis_says_nothing_of_the_other(axis):
+    data, rng = measured('constant'), np.random.default_rng(0)
+    swing = np.zeros_like(data.velocity)
+    swing[:, axis] = np.sin(data.t)
+    seen = swing / (1.06 * data.depth[:, None]) + 0.015 * rng.standard_normal(swing.shape)
+    one = data._replace(velocity=swing, flow=seen)
+    assert fit_factor(one).offset.value == pytest.approx(1.06, rel=0.01)
+    with pytest.raises(IdentifyError, match='turned by 30 deg'):
+        fit_factor(one._replace(flow=turned(seen, 30.0)))
+    small = one._replace(flow=turned(seen, 8.0))  # as a careful hand aligns a nose: 1 % of Q
+    assert fit_factor(small).offset.value == pytest.approx(1.06, rel=0.02)
 
 
 def test_the_command_reads_a_bag_and_writes_parameters_of_the_estimator(tmp_path, capsys):
