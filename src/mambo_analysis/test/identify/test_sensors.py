@@ -153,6 +153,7 @@ def test_rest_is_found_between_motion():
     t = np.arange(4000) * STEP
     size = np.where((t >= 5.0) & (t < 11.998), 1.0, 100.0)[:, None]
     gyro, accel = (size * s * rng.standard_normal((4000, 3)) for s in (0.0007, 0.02))
+    accel[:, 2] -= G
     rest = phases.stretch_at_rest(Recording('r', Stream(t, gyro), Stream(t, accel)))
     assert (rest.start, rest.stop) == (1000, 2400)
     lines, _ = sensors.measure(Recording('r', Stream(t, gyro), Stream(t, accel)))

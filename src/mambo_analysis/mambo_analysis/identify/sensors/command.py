@@ -10,7 +10,7 @@ Reads bags, Parrot minidrone logs (``RSdata*.mat``) and ``noisedata.mat``. Each 
 
 At rest means that over half a second no axis of the gyro varies by more than 0.01 rad/s and none
 of the accelerometer by more than 0.2 m/s^2 (standard deviation): ten times the noise at rest of
-the recordings known, a fifth of what propellers do.
+the recordings known, a fifth of what propellers do; and that the accelerometer shows gravity.
 """
 
 from __future__ import annotations
@@ -22,12 +22,33 @@ from typing import Any
 
 from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.mcap_reader import BagError
+import numpy as np
 
 from . import barometer, imu, optical_flow, sonar
 from ..allan import LEVEL
 from ..recording import read_sensors, Recording
 from .drawing import draw
 from .table import Measured, summary, table
+
+
+SLOWEST = {'imu': 0.5, 'sonar': 2.0, 'flow': 2.0, 'barometer': 2.0}
+"""Longest usual interval of a sensor [s]: a vehicle cannot be steered by slower ones."""
+FASTEST = 1e-5
+"""Shortest usual interval of a sensor [s]: a tenth of that of the fastest gyros."""
+
+
+def _check_intervals(recording: Recording) -> None:
+    """Raise BagError for stamps that cannot be in seconds; held values have no interval."""
+    streams = {'imu': recording.gyro, 'sonar': recording.sonar, 'flow': recording.flow,
+               'barometer': recording.barometer}
+    for name, stream in streams.items():
+        if recording.held or stream is None or len(stream.t) < 2:
+            continue
+        usual = float(np.median(np.diff(stream.t)))
+        if not FASTEST <= usual <= SLOWEST[name]:
+            raise BagError(
+                f'{recording.name}: {name}: {usual:.3g} s from sample to sample, possible are '
+                f'{FASTEST:g} to {SLOWEST[name]:g} s: import it with the right unit of time')
 
 
 def measure(recording: Recording) -> tuple[list[Measured], dict[str, Any]]:
@@ -44,9 +65,10 @@ def measure(recording: Recording) -> tuple[list[Measured], dict[str, Any]]:
     Raises
     ------
     BagError
-        If the recording is too short to tell anything.
+        If the recording is too short to tell anything, or a unit or a sensor cannot be right.
 
     """
+    _check_intervals(recording)
     inertial, curves = imu.measure(recording)
     optical, latency = optical_flow.measure(recording)
     lines = inertial + sonar.measure(recording) + optical + barometer.measure(recording)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from mambo_bags.mcap_reader import BagError
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from ..allan import (
     allan, Allan, bias_instability, deviation_at_rest, random_walk, white_density)
 from ..recording import Recording
-from .phases import airborne, stretch_at_rest
+from .phases import airborne, stretch_at_rest, WEIGHT
 from .statistics import resolution, robust_sigma
 from .table import entry, Measured, timing
 
@@ -54,10 +55,28 @@ def _in_flight(recording: Recording) -> list[Measured]:
     return lines
 
 
+def _check(recording: Recording) -> None:
+    """Raise BagError for a sensor that is dead, or specific forces that cannot be in m/s^2."""
+    flies = bool(airborne(recording, recording.gyro.t).any())
+    for sensor, stream in (('gyro', recording.gyro), ('accel', recording.accel)):
+        dead = np.ptp(stream.values, axis=0) == 0.0
+        if dead.all() or (flies and dead.any()):
+            axes = ', '.join(AXES[k] for k in np.flatnonzero(dead))
+            raise BagError(
+                f'{recording.name}: imu/data_raw: {sensor} {axes} has one value throughout, as of '
+                'a dead or unfilled sensor: leave the topic out')
+    force = float(np.median(np.linalg.norm(recording.accel.values, axis=1)))
+    if not WEIGHT[0] < force < WEIGHT[1]:  # also in flight, where thrust carries the weight
+        raise BagError(
+            f'{recording.name}: imu/data_raw: the median acceleration is {force:.3g} m/s^2, at '
+            'rest or in flight it is 9.81: convert it to m/s^2, with gravity')
+
+
 def measure(recording: Recording) -> tuple[list[Measured], dict[str, Allan]]:
-    """Return all results for gyro and accelerometer."""
+    """Return all results for gyro and accelerometer; BagError if they cannot be such."""
     if recording.gyro is None or recording.accel is None or len(recording.gyro.t) < 40:
         return [], {}
+    _check(recording)
     lines, curves = timing('imu', recording.gyro), {}
     for sensor, stream, unit in (
             ('gyro', recording.gyro, 'rad/s'), ('accel', recording.accel, 'm/s^2')):

@@ -12,6 +12,9 @@ from .statistics import Array
 REST_WINDOW = 0.5      # s
 REST_GYRO, REST_ACCEL = 0.01, 0.2  # rad/s, m/s^2
 SHORTEST_REST = 2.0    # s
+WEIGHT = (7.8, 11.8)
+"""Mean specific force that can be gravity's [m/s^2]: by 20 %, four times the error of scale and bias
+of the worst accelerometer known (9.29 m/s^2 of a Rolling Spider on a bench)."""
 LOWEST = 0.5           # m, above which the sonar of these drones measures
 NEIGHBOURS = 9         # sonar samples, 0.36 s, whose median an outlier leaves
 
@@ -28,6 +31,8 @@ def stretch_at_rest(recording: Recording) -> slice | None:
     quiet = np.ones(n, bool)
     for stream, limit in ((recording.gyro, REST_GYRO), (recording.accel, REST_ACCEL)):
         quiet &= (stream.values[:n * w].reshape(n, w, 3).std(axis=1) < limit).all(axis=1)
+    force = np.linalg.norm(recording.accel.values[:n * w].reshape(n, w, 3).mean(axis=1), axis=1)
+    quiet &= (force > WEIGHT[0]) & (force < WEIGHT[1])  # what falls is quiet, too
     edges = np.flatnonzero(np.diff(np.r_[False, quiet, False].astype(int)))
     if not len(edges):
         return None

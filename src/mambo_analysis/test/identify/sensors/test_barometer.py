@@ -20,8 +20,9 @@ def lines(recording):
 
 
 def resting(seconds):
+    """Return gyro and accelerometer of a vehicle at rest."""
     t = np.arange(round(seconds * 200.0)) / 200.0
-    return Stream(t, np.zeros((len(t), 3)))
+    return Stream(t, np.zeros((len(t), 3))), Stream(t, np.tile([0.0, 0.0, -9.81], (len(t), 1)))
 
 
 def test_noise_from_value_to_value_is_that_of_the_samples_and_its_interval_is_fair():
@@ -49,15 +50,14 @@ def test_rate_and_the_smallest_change():
 def test_at_rest_only_what_was_measured_then_counts():
     stream = pressure(n=1000)
     loud = Stream(stream.t, np.where(stream.t > 10.0, 10.0, 1.0) * (stream.values - 101325.0))
-    rest = resting(10.0)
-    found = lines(Recording('r', rest, rest, barometer=loud))
+    found = lines(Recording('r', *resting(10.0), barometer=loud))
     noise = found['noise at rest']
     assert noise.low < NOISE < noise.high and noise.samples == 500
     assert 'noise at rest' not in lines(Recording('r', barometer=loud))
     short = resting(2.5)  # 125 values there, but 40 in the next
-    assert 'noise at rest' in lines(Recording('r', short, short, barometer=loud))
+    assert 'noise at rest' in lines(Recording('r', *short, barometer=loud))
     early = Stream(loud.t + 1.8, loud.values)
-    assert 'noise at rest' not in lines(Recording('r', short, short, barometer=early))
+    assert 'noise at rest' not in lines(Recording('r', *short, barometer=early))
 
 
 def test_a_constant_value_has_no_smallest_change():

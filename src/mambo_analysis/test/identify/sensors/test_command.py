@@ -16,7 +16,7 @@ def bench(tmp_path_factory):
     folder, rng = tmp_path_factory.mktemp('bench'), np.random.default_rng(0)
     values = rng.standard_normal((1000, 6)) * [*[0.02] * 3, *[0.001] * 3]
     for name, size in (('quiet.mat', 1.0), ('loud.mat', 2.0)):
-        savemat(folder / name, {'noisedata': size * values})
+        savemat(folder / name, {'noisedata': size * values + [0.0, 0.0, -9.81, 0.0, 0.0, 0.0]})
     return folder
 
 
@@ -36,6 +36,16 @@ def test_all_sensors_of_a_recording_are_measured():
 def test_a_recording_of_nothing_is_refused_by_name():
     with pytest.raises(BagError, match='^short: too few samples to tell anything of a sensor$'):
         measure(Recording('short', sonar=sonar(5)))
+
+
+@pytest.mark.parametrize('factor', [1000.0, 1e-6])
+def test_stamps_in_another_unit_are_refused(factor):
+    t = factor * np.arange(300) * 0.02
+    pressure = Stream(t, 101325.0 + np.random.default_rng(0).standard_normal(300))
+    with pytest.raises(BagError, match='^r: barometer: .* s from sample to sample, possible are'):
+        measure(Recording('r', barometer=pressure))
+    held = Recording('r', barometer=pressure, held=True)  # of new values alone, at any time
+    assert measure(held)[0]
 
 
 def test_one_file_has_a_table_and_several_a_summary(bench, capsys):

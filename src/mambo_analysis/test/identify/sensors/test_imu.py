@@ -1,9 +1,11 @@
 """The lines of gyro and accelerometer: known noise at rest, known vibration in the air."""
 
+from dataclasses import replace
 import functools
 
 from mambo_analysis.identify.recording import Recording, Stream
 from mambo_analysis.identify.sensors.imu import measure
+from mambo_bags.mcap_reader import BagError
 import numpy as np
 import pytest
 
@@ -27,7 +29,7 @@ def flying(seed=0, n=2000, rate=RATE):
     high = Stream(t[::8], np.full(len(t[::8]), 1.2))
     return Recording(
         'r', Stream(t, sway + 0.1 * rng.standard_normal((n, 3))),
-        Stream(t, sway + 0.5 * rng.standard_normal((n, 3))), sonar=high,
+        Stream(t, sway + 0.5 * rng.standard_normal((n, 3)) - [0.0, 0.0, 9.81]), sonar=high,
         pwm=Stream(t, np.full((n, 4), 250.0)))
 
 
@@ -83,6 +85,20 @@ def test_an_axis_that_never_changes_has_no_noise_line():
     gyro[:, 1] = 0.25
     found = lines(Recording('r', Stream(whole.gyro.t, gyro), whole.accel))
     assert ('gyro y', 'noise at rest') not in found and ('gyro x', 'noise at rest') in found
+
+
+@pytest.mark.parametrize(('change', 'says'), [
+    ({'gyro': 0.0}, 'gyro x, y, z has one value throughout'),
+    ({'accel': 0.0}, 'accel x, y, z has one value throughout'),
+    ({'gyro': [1.0, 0.0, 1.0]}, 'gyro y has one value throughout'),
+    ({'accel': 1.0 / 9.81}, r'the median acceleration is .* at rest or in flight it is 9.81'),
+    ({'accel': 100.0}, 'the median acceleration is')])
+def test_an_imu_that_cannot_be_one_is_refused(change, says):
+    whole = flying()
+    spoilt = replace(whole, **{name: Stream(whole.gyro.t, getattr(whole, name).values * factor)
+                               for name, factor in change.items()})
+    with pytest.raises(BagError, match=f'^r: imu/data_raw: .*{says}'):
+        measure(spoilt)
 
 
 def test_vibration_is_what_is_above_15_hz():

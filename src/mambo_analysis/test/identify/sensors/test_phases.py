@@ -14,6 +14,7 @@ def inertial(seconds, moving, axis=0, gyro_size=1.0, accel_size=10.0):
     shake = np.where(moving(t), np.sin(2.0 * np.pi * 10.0 * t), 0.0)
     gyro, accel = np.zeros((len(t), 3)), np.zeros((len(t), 3))
     gyro[:, axis], accel[:, axis] = gyro_size * shake, accel_size * shake
+    accel[:, 2] -= 9.81
     return Recording('r', Stream(t, gyro), Stream(t, accel))
 
 
@@ -35,8 +36,17 @@ def test_either_sensor_on_any_axis_ends_a_rest(axis, gyro, accel):
 def test_a_constant_bias_is_no_motion():
     still = inertial(4.0, lambda t: t < 0.0)
     biased = Recording('r', Stream(still.gyro.t, still.gyro.values + 0.5),
-                       Stream(still.accel.t, still.accel.values - 9.81))
+                       Stream(still.accel.t, still.accel.values - 0.5))
     assert stretch_at_rest(biased) == slice(0, 800)
+
+
+@pytest.mark.parametrize('force', [0.0, 1.0, 7.7, 11.9, 98.1])
+def test_what_shows_no_gravity_is_not_at_rest(force):
+    still = inertial(4.0, lambda t: t < 0.0)
+    other = Stream(still.accel.t, still.accel.values / 9.81 * force)
+    assert stretch_at_rest(Recording('r', still.gyro, other)) is None
+    known = Stream(still.accel.t, still.accel.values / 9.81 * 9.29)  # a Rolling Spider's bench
+    assert stretch_at_rest(Recording('r', still.gyro, known)) == slice(0, 800)
 
 
 def test_a_rest_below_two_seconds_is_none():
