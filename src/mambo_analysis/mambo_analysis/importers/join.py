@@ -4,12 +4,15 @@ A drone's log and the motion capture of the same flight as one bag: ``join FLIGH
 Both recorded the same motion on two clocks. The offset of the clocks is found by
 correlation (:mod:`mambo_signals.time_offset`): the body rates of the tracked attitude
 with the gyro, the tracked height with the sonar, the tracked pose with the drone's own. The signal
-with the smallest standard error gives the offset, if the others that determine one agree with it.
+with the smallest standard error gives the offset, if the others that determine one agree with it;
+what determines none is named. One offset must hold for the whole flight: it is found again in
+windows, and clocks that jump or run at different rates are refused.
 All of the flight is copied, ``optitrack/pose`` of the other is added on the flight's clock.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import math
 from pathlib import Path
 from typing import NamedTuple
@@ -25,7 +28,8 @@ from mambo_ros import cdr
 from mambo_signals import motion
 from mambo_signals.derivative import body_rates
 from mambo_signals.time_offset import (
-    AlignError, Floats, most_precise, offsets, pose_offset, Poses, RANGE_LATE, unclipped_ranges)
+    AlignError, Floats, LEAST_SWING, most_precise, Offset, offsets, pose_offset, Poses, RANGE_LATE,
+    time_offset, unclipped_ranges)
 import numpy as np
 
 POSE = 'optitrack/pose'
@@ -37,6 +41,18 @@ LATE = {'height': RANGE_LATE, **dict.fromkeys(OWN, 0.1)}
 UNIT = 5.0
 """By which a signal of one unit may differ from that of the other [-]: noise of a differentiated
 pose makes its rates larger than the gyro's."""
+WINDOWS, SHORTEST = 6, 4.0
+"""Windows, at most, in which the offset is found again, and their least length [s]."""
+REACH = 0.5
+"""Largest difference of the offset of a window that is looked for [s]."""
+CHANGE = 0.05
+"""Change of the offset within a flight that is refused [s]. Crystals differ by 50 ppm: 0.03 s in ten
+minutes, longer than these batteries last."""
+SURE = 4.0
+"""Change over its standard error that counts: those of windows of a few seconds are rough."""
+CLEAR, LEAST_WINDOWS = 8.0, 4
+"""Change over the scatter of windows about a line or about two levels that is refused, and how many
+windows tell a scatter. Windows of a flight that hardly turns scatter by more than their errors."""
 HEIGHT = 1.25
 """Largest relative difference of range and tracked height [-]; beyond, the echo is wrong."""
 
@@ -47,6 +63,7 @@ class Clock(NamedTuple):
     offset: float       # s, to add to the motion capture's
     sigma: float        # s, standard error; NaN if the offset was given
     source: str         # what it comes from
+    unused: tuple[str, ...] = ()  # signals that give none, each with the reason
 
 
 def signals(bag: Bag, poses: Poses) -> dict[str, tuple[Floats, Floats, Floats, Floats]]:
@@ -87,10 +104,11 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
     Raises
     ------
     AlignError
-        If nothing determines it, or what determines it disagrees.
+        If nothing determines it, what determines it disagrees, or it changes during the flight.
 
     """
-    found, reasons = offsets(signals(bag, poses))
+    pairs = signals(bag, poses)
+    found, reasons = offsets(pairs)
     for name, one in list(found.items()):
         if not 1.0 / UNIT < one.factor < UNIT:
             raise AlignError(
@@ -116,7 +134,102 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
         raise AlignError(
             f'{error}: another flight, or wrong axes of the tracked body (import_motive --nose); '
             'or give --offset SECONDS') from None
-    return Clock(offset.offset, offset.sigma, f'{best} of {", ".join(found)}')
+    sigma = math.hypot(offset.sigma, _drift({name: pairs[name] for name in found if name in pairs
+                                             and LATE.get(name) == LATE.get(best)}, found))
+    return Clock(offset.offset, sigma, f'{best} of {", ".join(found)}',
+                 tuple(f'{name}: {reason}' for name, reason in reasons.items()))
+
+
+def _window_offsets(
+    pairs: Mapping[str, tuple[Floats, Floats, Floats, Floats]], found: Mapping[str, Offset],
+) -> Floats:
+    """
+    Return the offset in parts of the flight.
+
+    Parameters
+    ----------
+    pairs, found
+        Signals that are equally late, and their offsets over the whole flight.
+
+    Returns
+    -------
+    (k, 3) s
+        Middle of a window on the motion capture's clock, offset there (the median of the signals,
+        one of which may have met a wrong peak), its standard error; only windows with an offset.
+
+    """
+    begin = max(max(tb[0], ta[0] - found[name].offset) for name, (ta, _, tb, _) in pairs.items())
+    end = min(min(tb[-1], ta[-1] - found[name].offset) for name, (ta, _, tb, _) in pairs.items())
+    count = min(WINDOWS, int((end - begin) / SHORTEST))
+    edges, out = np.linspace(begin, end, max(count, 0) + 1), []
+    for low, high in zip(edges, edges[1:]):
+        row = []
+        for name, (ta, a, tb, b) in pairs.items():
+            inside, middle = (tb >= low) & (tb <= high), found[name].offset
+            try:
+                one = time_offset(ta, a, tb[inside], b[inside], swing=LEAST_SWING,
+                                  limits=(middle - REACH, middle + REACH))
+            except AlignError:
+                continue
+            row.append((one.offset, math.hypot(one.sigma, LATE.get(name, 0.0))))
+        if row:
+            out.append((0.5 * (low + high), *np.median(row, axis=0)))
+    return np.array(out).reshape(-1, 3)
+
+
+def _drift(
+    pairs: Mapping[str, tuple[Floats, Floats, Floats, Floats]], found: Mapping[str, Offset],
+) -> float:
+    """
+    Return the standard deviation of the offset within the flight, s; 0 if it does not change.
+
+    Parameters as of :func:`_window_offsets`.
+
+    Raises
+    ------
+    AlignError
+        If it changes by more than ``CHANGE``.
+
+    """
+    windows = _window_offsets(pairs, found) if pairs else np.empty((0, 3))
+    if len(windows) < 2:
+        return 0.0
+    t, offset, sigma = windows.T
+    low, high = int(offset.argmin()), int(offset.argmax())
+    if offset[high] - offset[low] < SURE * math.hypot(sigma[low], sigma[high]):
+        return 0.0
+    if len(t) >= LEAST_WINDOWS:
+        _refuse_rate(t, offset)
+        _refuse_jump(t, offset)
+    return float(offset.std())
+
+
+def _refuse_rate(t: Floats, offset: Floats) -> None:
+    """Raise AlignError if offsets, (n,) s at times (n,) s, change evenly."""
+    slope, start = np.polyfit(t, offset, 1)
+    rest = math.sqrt(float(np.sum((offset - start - slope * t) ** 2)) / (len(t) - 2))
+    change = abs(slope) * float(np.ptp(t))
+    if change > max(CHANGE, CLEAR * rest):
+        raise AlignError(
+            f'the clock of the motion capture runs {100.0 * abs(slope):.2g} % too '
+            f'{"slow" if slope > 0.0 else "fast"} for the flight: import it with the right frame '
+            'rate; or give --offset SECONDS')
+
+
+def _refuse_jump(t: Floats, offset: Floats) -> None:
+    """Raise AlignError if offsets, (n,) s at times (n,) s, have two levels."""
+    for k in range(1, len(t)):
+        for after in (k, k + 1):  # the jump may be within a window
+            first, second = offset[:k], offset[after:]
+            if len(second) == 0:
+                continue
+            rest = np.concatenate([first - first.mean(), second - second.mean()])
+            noise = math.sqrt(float(np.sum(rest ** 2)) / max(len(rest) - 2, 1))
+            if abs(first.mean() - second.mean()) > max(CHANGE, CLEAR * noise):
+                raise AlignError(
+                    f'the clocks jump: the offset is {first.mean():+.3f} s until t = '
+                    f'{t[k - 1]:.1f} s of the motion capture and {second.mean():+.3f} s from '
+                    f'{t[after]:.1f} s on: cut the recordings between; or give --offset SECONDS')
 
 
 def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -> str:
@@ -180,8 +293,9 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -
                 copied + added, key=lambda message: message[1]):
             writer.write(topic, data, log_time, publish_time)
     error = '' if offset is not None else f' +- {1.96e3 * clock.sigma:.1f} ms (95 %)'
+    unused = ''.join(f'not used, {reason}\n' for reason in clock.unused)
     return (f'clock of the motion capture moved by {clock.offset:+.4f} s{error}, by '
-            f'{clock.source}\n{len(added)} poses added, {int((~inside).sum())} outside of the '
+            f'{clock.source}\n{unused}{len(added)} poses added, {int((~inside).sum())} outside of the '
             f'flight left out\nbag: {target}')
 
 

@@ -198,6 +198,40 @@ def test_a_range_alone_is_no_surer_than_it_may_be_late():
     assert clock.sigma >= 0.03 and clock.source == 'height of height'
 
 
+def moved(poses, t):
+    return SimpleNamespace(**{**vars(poses), 't': t})
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_a_clock_that_jumps_or_runs_at_another_rate_is_refused(seed):
+    bag, poses = recorded_apart(seed, 7.0)
+    t = poses.t
+    with pytest.raises(AlignError, match=r'the clocks jump: the offset is \+[67].* and \+6.*cut'):
+        join.find_clock(bag, moved(poses, t + 0.15 * (t > t[0] + 10.0)))
+    with pytest.raises(AlignError, match='the clock .* runs (1|0.9.?|1.1) % too fast'):
+        join.find_clock(bag, moved(poses, t[0] + 1.01 * (t - t[0])))
+    with pytest.raises(AlignError, match='the clock .* runs (1|0.9.?|1.1) % too slow'):
+        join.find_clock(bag, moved(poses, t[0] + 0.99 * (t - t[0])))
+
+
+def test_a_small_drift_of_the_clock_widens_the_interval():
+    bag, poses = recorded_apart(1, 7.0)
+    plain = join.find_clock(bag, poses)
+    drifting = join.find_clock(bag, moved(poses, poses.t[0] + 1.001 * (poses.t - poses.t[0])))
+    assert plain.sigma < 1e-3
+    # 20 ms in 20 s, evenly: a standard deviation of 20 / sqrt(12)
+    assert drifting.sigma == pytest.approx(20e-3 / np.sqrt(12.0), rel=0.3)
+
+
+def test_what_is_not_used_is_printed_with_the_reason(tmp_path, take):
+    log = copy(tmp_path / 'log', ('imu/data_raw', 'sonar/range'))
+    poses = read_bag(take)[POSE]
+    message = join.join(log, take, tmp_path / 'joined')
+    assert '\nnot used, yaw rate: ' in message
+    assert [one.partition(':')[0] for one in join.find_clock(read_bag(log), poses).unused] == [
+        'yaw rate']
+
+
 def test_signals_that_disagree_are_told():
     bag, poses = recorded_apart(4, 0.0)
     sonar = bag['sonar/range']
