@@ -166,7 +166,7 @@ def _check(samples: Samples, slowest: float, leak: bool) -> None:
     ratio = float(np.sum(samples.flow * geometric) / np.sum(geometric ** 2))
     if not 1.0 / FACTORS[1] < ratio < 1.0 / FACTORS[0]:
         raise IdentifyError(_wrong_ratio('the flow', ratio))
-    _check_axes(samples, geometric, leak)
+    check_axes(samples, leak)
 
 
 def _wrong_ratio(what: str, ratio: float) -> str:
@@ -174,14 +174,21 @@ def _wrong_ratio(what: str, ratio: float) -> str:
             "vehicle's sign and axes and without rotation")
 
 
-def _check_axes(samples: Samples, geometric: Floats, leak: bool) -> None:
+def check_axes(samples: Samples, leak: bool) -> None:
     """
-    Raise IdentifyError if an axis of the flow, or its direction, is not that of the motion.
+    Check that the axes of the flow are those of the motion, in size and direction.
 
     Least squares of both axes of the flow by both axes of velocity over depth, with an offset and
     with ``leak`` the rotation. Only what the whole interval of a jackknife says is refused, so that
     a flight that shows too little passes.
+
+    Raises
+    ------
+    IdentifyError
+        Naming the axis, or the angle between flow and motion.
+
     """
+    geometric = samples.velocity / samples.depth[:, None]
     moved = np.flatnonzero(samples.velocity.std(axis=0) >= MOVED)
     terms = np.column_stack([geometric, np.ones(len(geometric)), samples.rotation])
     terms = terms[:, [*moved, 2, *([3, 4] if leak else [])]]
@@ -193,6 +200,9 @@ def _check_axes(samples: Samples, geometric: Floats, leak: bool) -> None:
             terms[keep], samples.flow[keep], rcond=None)[0][:len(moved)].T
         return out
     for axis in moved:
+        if not np.ptp(samples.flow[:, axis]) > 0.0:
+            raise IdentifyError(
+                f'the flow along {"xy"[axis]} is constant: the camera sees nothing')
         one = jackknife(lambda keep: float(share(keep)[axis, axis]), len(terms))
         if one.high < 1.0 / FACTORS[1] or one.low > 1.0 / FACTORS[0]:
             raise IdentifyError(_wrong_ratio(f'the flow along {"xy"[axis]}', one.value))
@@ -208,7 +218,7 @@ def _check_axes(samples: Samples, geometric: Floats, leak: bool) -> None:
     if angle and (angle.low > TURNED or angle.high < -TURNED):
         raise IdentifyError(
             f'the flow is turned by {angle.value:.0f} deg against the motion: turn the nose of '
-            'the tracked body (mambo import motive --nose), or shift its clock (--shift)')
+            'the tracked body (mambo import motive --nose), or align its clock (mambo join)')
     between = jackknife(unequal, len(terms)) if len(moved) == 2 else None
     if between and (between.low > np.log(UNEQUAL) or between.high < -np.log(UNEQUAL)):
         raise IdentifyError(

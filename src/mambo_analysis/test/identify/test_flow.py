@@ -147,7 +147,7 @@ def change(**columns):
      r'slower than 0.1 m/s .* or admit it with --slowest'),
     (change(depth=lambda d: -d.depth), 'constant', 'is the floor where z is 0'),
     (change(height=lambda d: 1.5 + 0.0 * d.height), 'linear', 'heights differ by 0.00 m'),
-    (change(flow=lambda d: d.flow * [1.0, 0.0]), 'constant', 'the flow along y is .* times velo'),
+    (change(flow=lambda d: d.flow * [1.0, 0.0]), 'constant', 'the flow along y is constant'),
     (change(flow=lambda d: d.flow * [1.0, -0.3]), 'linear', 'the flow along y is -0.3'),
     (change(flow=lambda d: d.flow * [1.0, 0.5]), 'constant', 'flow along x is 2 times that along'),
     (change(velocity=lambda d: turned(d.velocity, 30.0)), 'linear', 'turned by -30 deg against'),

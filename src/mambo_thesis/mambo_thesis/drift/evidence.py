@@ -11,7 +11,7 @@ on every parameter (the widths are in ``PARAMETERS``), Laplace's method gives th
           - \tfrac12 \ln \det H
 
 and, with the prior probabilities of the models in ``PRIOR``, their posterior probabilities. These
-assume that one of the models is true.
+assume that one of the models is true; :func:`misfit` tests whether the best one can be.
 
 There are two kinds of evidence. With ``window`` None, every sample counts. With a window in
 seconds, the residuals are displacements over windows of that length: the displacement according
@@ -28,8 +28,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_toeplitz
+from scipy.linalg import eigvalsh, solve_toeplitz, toeplitz
 from scipy.signal import lfilter
+from scipy.stats import chi2
 
 from .flight import Flight
 from .mechanisms import flow, MECHANISMS, PARAMETERS, rate_share
@@ -44,6 +45,11 @@ ORDER = 8          # of the autoregressive process
 DURATION = 30.0    # s, length of a proposed experiment
 ITERATIONS = 8     # of the Gauss-Newton method
 NOISE_ITERATIONS = 3
+UNLIKELY = 1e-4    # probability of values as far from the prior as those of no true model
+LEFT, LEFT_SHARE = 2.0, 0.5
+"""Part of the residual that follows the motion, over the noise of a sample and as share of the
+residual's power [-], of no true model: those of known mechanisms leave 0.1 and 0.01."""
+LEAST_NOISE = 1e-6  # rad/s, far below the resolution of any flow
 MIN_SHARE = 0.1    # of the residuals' power that always counts as noise other than the gyro's
 STEP = 1e-3        # of the numerical derivative, in prior widths
 MODELS: tuple[Model, ...] = tuple(
@@ -256,15 +262,52 @@ def _autoregression(residuals: Sequence[Array], white: Sequence[Array]) -> Noise
         Standard deviation of white noise in the residuals that is not part of the process.
 
     """
-    sums, count = np.zeros(ORDER + 1), 0
+    sums, known, count = np.zeros(ORDER + 1), 0.0, 0
     for r, s in zip(residuals, white, strict=True):
         r = r - r.mean(axis=0)
         sums += [float(np.sum(r[k:] * r[:len(r) - k])) for k in range(ORDER + 1)]
-        sums[0] -= (1.0 - MIN_SHARE) * min(float(np.sum(s * s)), float(np.sum(r * r)))
+        known += (1.0 - MIN_SHARE) * min(float(np.sum(s * s)), float(np.sum(r * r)))
         count += r.size
     covariance = sums / count
+    # a process has no more white noise than its least eigenvalue: the rest would be none
+    most = max(float(eigvalsh(toeplitz(covariance))[0]), 0.0)
+    covariance[0] -= min(known / count, (1.0 - MIN_SHARE) * most)
     a = solve_toeplitz(covariance[:-1], covariance[1:])
-    return Noise(a, math.sqrt(covariance[0] - float(a @ covariance[1:])))
+    power = covariance[0] - float(a @ covariance[1:])  # of an exact flow 0, but for rounding
+    return Noise(a, math.sqrt(max(power, LEAST_NOISE ** 2)))
+
+
+def misfit(evidence: Evidence, fit: Fit) -> str:
+    """
+    Return in words why a model cannot be true, '' if it can.
+
+    It cannot if its values are improbable by their prior (chi squared of as many degrees of
+    freedom), or if the residuals of its samples still follow the motion: velocity over depth and
+    its derivative, along both axes.
+    """
+    prior = {name: evidence.scale if name == 'scale' else (0.0, PARAMETERS[name].width)
+             for name in fit.values}
+    far = {name: abs(fit.values[name] - middle) / width
+           for name, (middle, width) in prior.items()}
+    if sum(x * x for x in far.values()) > chi2.isf(UNLIKELY, len(far)):
+        name = max(far, key=lambda one: far[one])
+        unit = PARAMETERS[name].unit.removesuffix('1')
+        return (f'needs {name} = {fit.values[name]:.2g} {unit}'.rstrip()
+                + f', {far[name]:.1f} standard deviations of the prior')
+    if evidence.window is not None:
+        return ''
+    left, power, count = 0.0, 0.0, 0
+    for f, r in zip(evidence.flights, evidence.residuals(fit.values), strict=True):
+        exact = f.track.nu[:, :2] / f.track.depth[:, None]
+        terms = np.column_stack([exact, np.gradient(exact, f.track.t, axis=0)])
+        terms, rest = terms - terms.mean(axis=0), r - r.mean(axis=0)
+        left += float(np.sum((terms @ np.linalg.lstsq(terms, rest, rcond=None)[0]) ** 2))
+        power, count = power + float(np.sum(rest ** 2)), count + r.size
+    size = math.sqrt(left / count)
+    if size > LEFT * evidence.noise.sigma and left > LEFT_SHARE * power:
+        return (f'leaves {size:.3f} rad/s that follow the motion, the noise of a sample is '
+                f'{evidence.noise.sigma:.3f} rad/s')
+    return ''
 
 
 def inclusion(fits: Sequence[Fit]) -> dict[str, float]:

@@ -12,10 +12,14 @@ average contains later samples.
 from __future__ import annotations
 
 from collections.abc import Sequence
+import math
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_analysis.identify.flow import check_axes, Samples
 from mambo_analysis.identify.recording import read_sensors, Stream
+from mambo_analysis.identify.regression import IdentifyError
+from mambo_analysis.identify.sensors.statistics import jackknife
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight.closed_loop import Recording
@@ -38,6 +42,10 @@ MIN_HEIGHT = 0.45    # m: the sensor measures nothing below 0.4 m
 MIN_COSINE = 0.7     # of the tilt, the limit of the estimator
 MIN_SAMPLES = 100
 LAGS = np.arange(-0.02, 0.1501, 0.0025)  # s
+EDGE = 0.5           # of the residual's power at a middle lag is left at an end of LAGS, at most
+RATIOS = (0.6, 1.7)
+"""Flow over velocity by height, of any sensor [-]: those known have 0.94 (Parrot) to 1.52 (a
+Crazyflie's, of Q = 0.66); half and twice are another unit."""
 
 
 class Flight(NamedTuple):
@@ -232,10 +240,23 @@ def flow_lag(sources: Sequence[Source], min_height: float = MIN_HEIGHT) -> float
 
     The lag belongs to the sensor and is the same in all flights. A slow flight alone hardly
     determines it.
+
+    Raises
+    ------
+    BagError
+        If flights that determine it clearly have a lag outside of ``LAGS``.
+
     """
     cost = [sum(len(s.flow.t) * _log_residual(
         s._replace(height=None).flight(float(lag), min_height)) for s in sources) for lag in LAGS]
-    k = int(np.clip(np.argmin(cost), 1, len(cost) - 2))
+    best, count = int(np.argmin(cost)), sum(len(s.flow.t) for s in sources)
+    if best in (0, len(cost) - 1) and (
+            cost[best] - cost[len(cost) // 2] < count * math.log(EDGE)):
+        raise BagError(
+            f'{", ".join(s.name for s in sources)}: the flow lags by {1e3 * LAGS[best]:.0f} ms or '
+            f'{"less" if best == 0 else "more"}, the end of the search: align the clocks with '
+            'mambo join, or give --flow-lag')
+    k = int(np.clip(best, 1, len(cost) - 2))
     before, here, after = cost[k - 1:k + 2]
     bend = before - 2.0 * here + after
     return float(LAGS[k] + (0.5 * (before - after) / bend if bend > 0.0 else 0.0) * 0.0025)
@@ -280,6 +301,41 @@ def flow_of(track: Track, velocity: Array) -> Array:
     """Return the flow, (n, 2) rad/s, for which (5.2) gives a horizontal velocity, (n, 2) m/s."""
     inertial = np.column_stack([velocity, track.velocity[:, 2]])
     return np.einsum('nji,nj->ni', track.R, inertial)[:, :2] / track.depth[:, None]
+
+
+def check(f: Flight) -> None:
+    """
+    Check that flow and motion capture saw one motion, in one unit and in the same axes.
+
+    A mechanism changes the flow by a few percent; a probability over mechanisms means nothing of a
+    flow that is another multiple of the motion, or turned against it.
+
+    Raises
+    ------
+    BagError
+        In one line that names the flight and what is wrong.
+
+    """
+    track = f.track
+    seen = Samples(track.t, f.flow, track.nu[:, :2], track.height, track.depth,
+                   np.column_stack([track.omega[:, 1], -track.omega[:, 0]]))
+    try:
+        check_axes(seen, leak=True)
+    except IdentifyError as error:
+        raise BagError(f'{f.name}: {error}') from None
+    geometric = seen.velocity / seen.depth[:, None]
+    terms = np.stack([geometric, geometric ** 3, seen.rotation], axis=-1)  # of F and D
+    terms, flow = terms - terms.mean(axis=0), f.flow - f.flow.mean(axis=0)
+
+    def ratio(keep: NDArray[np.int64]) -> float:
+        return float(np.linalg.lstsq(
+            terms[keep].reshape(-1, 3), flow[keep].ravel(), rcond=None)[0][0])
+    found = jackknife(ratio, len(flow))
+    if found.high < RATIOS[0] or found.low > RATIOS[1]:
+        raise BagError(
+            f'{f.name}: the flow is {found.value:.2f} times velocity over height of the motion '
+            f'capture, possible are {RATIOS[0]:g} to {RATIOS[1]:g}: check the units of both, or fly '
+            'a larger motion')
 
 
 def _source(path: Path, namespace: str | None, height: str, bag: Bag) -> Source:
@@ -327,7 +383,7 @@ def read(paths: Sequence[Path], namespace: str | None = None, lag: float | None 
     Raises
     ------
     BagError
-        If flow or Optitrack is missing or too short.
+        If flow or Optitrack is missing, too short, or of another motion (:func:`check`).
 
     """
     topics = ('optitrack/pose', *([estimate] if estimate else []))
@@ -341,4 +397,6 @@ def read(paths: Sequence[Path], namespace: str | None = None, lag: float | None 
         estimates = [motion.read(bag, estimate) for bag in bags]
         flights = [from_estimate(f, e.t, np.column_stack(flip_vector(tuple(e.position.T))))
                    for f, e in zip(flights, estimates, strict=True)]
+    for one in flights:
+        check(one)
     return flights, lag

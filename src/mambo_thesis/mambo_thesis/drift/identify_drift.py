@@ -5,7 +5,8 @@ Each bag must hold ``optical_flow`` and ``optitrack/pose``; a gyro helps. By def
 of the flow is used. With a ``--window`` of one or a few turns only the drift is used, as in the
 thesis. With ``--estimate TOPIC`` the position of an estimator is examined in place of the flow;
 errors of the estimator (C1, C2, G) can be seen only there. The probabilities are relative to the
-mechanisms considered, one or two at a time, and to the priors in the JSON output.
+mechanisms considered, one or two at a time, and to the priors in the JSON output. If even the most
+probable one cannot be true, there are none, and the exit code is 1.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.mcap_reader import BagError
 from mambo_model import palette
+from mambo_model.errors import JobError
 from mambo_signals import outliers
 from matplotlib.figure import Figure
 import numpy as np
@@ -28,7 +30,7 @@ import numpy as np
 from ..figures.drawing import sheet
 from ..figures.page import picture
 from .evidence import (
-    credible_models, Evidence, Fit, inclusion, negligible, Noise, PRIOR, separating_odds)
+    credible_models, Evidence, Fit, inclusion, misfit, negligible, Noise, PRIOR, separating_odds)
 from .flight import Flight, MIN_HEIGHT, read
 from .mechanisms import flow, MECHANISMS, PARAMETERS
 
@@ -162,6 +164,11 @@ def _run(options: argparse.Namespace) -> None:
     except ValueError as error:
         raise BagError(f'{options.bags[0]}: {error}') from None
     fits = evidence.compare()
+    if reason := misfit(evidence, fits[0]):
+        raise JobError(
+            f'{", ".join(f.name for f in flights)}: none of the mechanisms explains these flights: '
+            f'the best, {label(fits[0].model)}, {reason}: check clocks, axes (nose) and units of '
+            'flow and motion capture')
     small = negligible(flights, fits[0], evidence.noise)
     lines = [conclusion(fits, small), recommendation(fits, evidence.noise, options.window),
              rotation_warning(flights)]

@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from drift_flights import flown, write
+from drift_flights import experiments_of, flown, TRUE, write
 from hypothesis import given, settings, strategies as st
 from mambo_analysis.identify.recording import Stream
 from mambo_bags.mcap_reader import BagError
@@ -215,3 +215,34 @@ def test_flow_and_velocity_are_inverse_to_each_other(scale, seed):
     level = f.track._replace(R=np.tile(np.eye(3), (len(f.flow), 1, 1)))
     np.testing.assert_allclose(
         drift_flight.flow_of(level, dead_reckoned(level, f.flow)), f.flow, atol=1e-12)
+
+
+def rotated(f, degrees):
+    """Return a flight whose flow is turned against the body."""
+    turn = Rotation.from_euler('z', degrees, degrees=True).as_matrix()[:2, :2]
+    return f._replace(flow=f.flow @ turn.T)
+
+
+@pytest.mark.parametrize(('spoil', 'says'), [
+    (lambda f: f._replace(flow=np.full_like(f.flow, 0.1)), 'the flow along x is constant'),
+    (lambda f: f._replace(flow=-f.flow), 'the flow along x is -1.0. times'),
+    (lambda f: f._replace(flow=2.0 * f.flow), 'the flow is 2.0. times velocity over height'),
+    (lambda f: f._replace(flow=0.5 * f.flow), 'the flow is 0.5. times velocity over height'),
+    (lambda f: rotated(f, 30.0), 'the flow is turned by 30 deg against the motion'),
+    (lambda f: rotated(f, -60.0), 'the flow is turned by -60 deg')])
+def test_a_flow_of_another_motion_unit_or_axis_is_refused(spoil, says):
+    with pytest.raises(BagError, match=f'^C.4: {says}'):
+        drift_flight.check(spoil(flown('C.4', {'slope': 0.07}, 0)))
+
+
+@pytest.mark.parametrize('letter', TRUE)
+def test_a_mechanism_is_not_taken_for_another_motion(letter):
+    for one in experiments_of(TRUE[letter]):
+        drift_flight.check(one)
+
+
+def test_a_flow_later_than_the_search_is_refused_and_a_slow_one_is_not(tmp_path):
+    bag = write(tmp_path / 'bag', {'slope': 0.07}, lag=0.25)
+    with pytest.raises(BagError, match='bag: the flow lags by 150 ms or more, the end of the sea'):
+        read([bag])
+    assert read([bag], lag=0.25)[1] == 0.25

@@ -2,15 +2,16 @@
 
 import json
 
-from drift_flights import flown, TOPICS, write
+from drift_flights import flown, TOPICS, TRUE, write
 from mambo_analysis.importers.common import Publisher
 from mambo_bags.writer import BagWriter
-from mambo_thesis.drift import experiments, identify_drift
-from mambo_thesis.drift.evidence import Fit, Noise
+from mambo_thesis.drift import evidence, experiments, identify_drift
+from mambo_thesis.drift.evidence import Evidence, Fit, LEAST_NOISE, misfit, Noise
 from mambo_thesis.drift.flight import read
 from mambo_thesis.drift.mechanisms import MECHANISMS
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 def test_the_command_finds_a_mechanism_in_a_bag(tmp_path, capsys):
     bag = write(tmp_path / 'bag', {'slope': 0.07, 'scale': 1.03})
@@ -194,3 +195,38 @@ def test_json_on_the_terminal_replaces_the_text(monkeypatch, capsys):
     assert found['flights'][0]['flow_lag_s'] == 0.025
     assert found['models'][0]['model'] == ['A'] and found['summary'][0].startswith('the')
     assert sum(model['probability'] for model in found['models']) == pytest.approx(1.0)
+
+
+def spoilt(f, late=0.0, degrees=0.0):
+    """Return a flight whose flow is late, in s, and turned."""
+    turn = Rotation.from_euler('z', degrees, degrees=True).as_matrix()[:2, :2]
+    t = f.track.t
+    return f._replace(flow=np.column_stack([
+        np.interp(t - late, t, column) for column in f.flow.T]) @ turn.T)
+
+
+@pytest.mark.parametrize(('path', 'late', 'degrees', 'reason'), [
+    ('C.4', 0.1, 0.0, 'needs delay = '), ('C.4', 0.2, 0.0, 'needs delay = '),
+    ('(5.4)', 0.0, 5.0, 'needs delay = '), ('C.4', 0.0, 5.0, 'leaves 0.049 rad/s that follow')])
+def test_data_that_no_mechanism_explains_have_no_probabilities(
+        path, late, degrees, reason, monkeypatch, tmp_path, capsys):
+    f = spoilt(flown(path, {'slope': 0.07, 'scale': 1.03}, 0), late, degrees)
+    monkeypatch.setattr(identify_drift, 'read', lambda *_: ([f], 0.0))
+    assert identify_drift.main(['BAG', '--json', str(tmp_path / 'a.json')]) == 1
+    out, error = capsys.readouterr()
+    assert not out and error.count('\n') == 1 and not (tmp_path / 'a.json').exists()
+    assert f'{path}: none of the mechanisms explains these flights: the best, ' in error
+    assert reason in error
+
+
+@pytest.mark.parametrize('path', ['C.4', '(5.4)'])
+@pytest.mark.parametrize('letter', ['A', 'B', 'D', 'E', 'F', 'G'])
+def test_a_true_mechanism_explains_its_flight(path, letter):
+    asked = Evidence([flown(path, TRUE[letter], 0)])
+    assert misfit(asked, asked.fit((letter,))) == ''
+
+
+def test_a_flow_without_noise_is_no_error_of_mathematics():
+    exact = Evidence([flown('C.4', {'slope': 0.07}, 0, noise=0.0)])
+    assert exact.noise.sigma >= LEAST_NOISE
+    assert evidence._autoregression([np.zeros((100, 2)) + 1e-9], [np.zeros((100, 2))]).sigma > 0.0
