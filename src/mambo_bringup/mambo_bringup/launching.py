@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from mambo_bags.reader import read_bag
 from mambo_estimation.filters import DEFAULT
-from mambo_flight import recorded_changes, scenario as scenarios, scenario_file
+from mambo_flight import recorded_changes, scenario as scenarios, scenario_file, unused
 from mambo_flight.course import course_file
 from mambo_flight.scenario_file import build_world, Place
 from mambo_flight.world import formation, world_file
@@ -159,6 +159,7 @@ def flight(arguments: Mapping[str, str]) -> Flight:
     world = build_world(
         {'world.drones': _read(arguments, 'drones')} if arguments['drones'] else {},
         scenario_file.load_world(arguments['scenario']) if arguments['scenario'] else None)
+    unused.refuse_alone(world, f'scenario:={arguments["scenario"]}')
     space = '/' + arguments['namespace'].strip('/')
     if world.drones > 1 and space != topics.NAMESPACE:
         raise FlightInputError(

@@ -183,6 +183,14 @@ def test_arguments_that_make_no_flight_get_one_line(given, line):
     assert '\n' not in str(refusal.value)
 
 
+def test_a_scenario_with_a_world_of_one_drone_is_refused_with_what_it_lacks(tmp_path):
+    path = tmp_path / 'mine.yaml'
+    path.write_text('title: mine\nworld: {spacing: 2.0}\n')
+    with pytest.raises(MamboError, match='world: has no effect, as one drone flies'):
+        flight(scenario=str(path))
+    assert len(flight(scenario=str(path), drones='2').scenarios) == 2
+
+
 def test_what_is_published_otherwise_is_in_a_file_of_each_drone(tmp_path):
     given = {'start_date': '2026-05-01', 'prefixed': 'true', 'hardware_ids': 'true',
              'sensor_frames': 'true'}

@@ -130,6 +130,7 @@ def world(options: argparse.Namespace) -> WorldParams:
     out = build_world(values, load_world(options.scenario) if options.scenario else None)
     if given and out.drones == 1:
         raise schema.ParameterError(f'--set {given}: needs several drones: give --drones')
+    unused.refuse_alone(out, str(options.scenario))
     return out
 
 

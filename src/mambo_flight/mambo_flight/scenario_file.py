@@ -130,15 +130,17 @@ def build_world(values: Mapping[str, Any], base: WorldParams | None = None) -> W
     Raises
     ------
     mambo_model.schema.ParameterError
-        For an unknown name or a value out of range.
+        For an unknown name, a value out of range, or one that has no effect in this world.
 
     """
     for name in values:
         if name not in WORLD:
             raise schema.ParameterError(schema.unknown(name, WORLD))
-    return schema.build(WorldParams, {
+    out = schema.build(WorldParams, {
         **({} if base is None else schema.flatten(base)),
         **{name.removeprefix('world.'): value for name, value in values.items()}}, 'world.')
+    unused.refuse_world(values, out)
+    return out
 
 
 def names() -> list[str]:

@@ -70,7 +70,8 @@ def test_options_count_before_the_file(file):
     assert flight_options.world(options('--scenario', path)).drones == 3
     world = flight_options.world(options(
         '--scenario', path, '--drones', '5', '--set', 'world.formation=circle', '--set',
-        'world.downwash.thrust_loss=0.1', '--set', 'sim_node.simulator.seed=4'))
+        'world.downwash.thrust_loss=0.1', '--set', 'world.downwash.enabled=true', '--set',
+        'sim_node.simulator.seed=4'))
     assert (world.drones, world.formation, world.spacing) == (5, 'circle', 2.0)
     assert world.downwash.thrust_loss == 0.1
     assert flight_options.world(options()).drones == 1
@@ -91,6 +92,39 @@ def test_a_value_of_the_world_is_no_parameter_of_a_node(file):
 def test_wrong_options_are_named(words, message):
     with pytest.raises(ParameterError, match=message):
         flight_options.world(options(*words))
+
+
+@pytest.mark.parametrize(('option', 'needs'), [
+    ('delay=2', 'formation is line: choose world.formation: follow'),
+    ('turn_time=9', 'formation is line: choose world.formation: exchange'),
+    ('downwash.decay=9', 'downwash is off: set world.downwash.enabled: true'),
+    ('capture.cameras=4', 'no drone hides another: set world.capture.occlusion: true'),
+    ('capture.body_radius=0.1', 'no drone hides another'),
+    ('capture.swap_time=3', 'no drone is taken for another: set world.capture.swap_distance')])
+def test_an_option_without_effect_is_refused_with_what_it_needs(file, option, needs):
+    name, _, value = option.partition('=')
+    for given in (lambda: flight_options.world(options('--drones', '3', '--set',
+                                                       f'world.{option}')),
+                  lambda: load_world(str(file(f'world: {{drones: 3, {name}: {value}}}\n')))):
+        with pytest.raises(ParameterError, match=f'world.{name}: has no effect, as .*{needs}') as one:
+            given()
+        assert '\n' not in str(one.value)
+
+
+def test_what_such_an_option_needs_lets_it_act():
+    for words in (['formation=follow', 'delay=2'], ['formation=exchange', 'turn_time=9'],
+                  ['downwash.enabled=true', 'downwash.decay=9'],
+                  ['capture.occlusion=true', 'capture.cameras=4', 'capture.body_height=0.1'],
+                  ['capture.swap_distance=0.3', 'capture.swap_time=3']):
+        given = [part for word in words for part in ('--set', f'world.{word}')]
+        assert flight_options.world(options('--drones', '3', *given)).drones == 3
+
+
+def test_a_world_of_one_drone_is_not_silently_flown_alone(file):
+    path = str(file('world: {formation: circle, spacing: 2.0}\n'))
+    with pytest.raises(ParameterError, match='mine.yaml: world: has no effect, as one drone flies'):
+        flight_options.world(options('--scenario', path))
+    assert flight_options.world(options('--scenario', path, '--drones', '4')).drones == 4
 
 
 @pytest.mark.parametrize('words', [['--drones', '0'], ['--drones', '33'], ['--drones', '2.5']])
