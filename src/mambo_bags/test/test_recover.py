@@ -144,9 +144,9 @@ def test_a_second_file_behind_the_first_is_named_and_not_the_magic_bytes(
         tmp_path, flight, capsys):
     content = (flight / 'flight_0.mcap').read_bytes()
     for number, more, text in (
-            (1, content, f'lost: x.mcap: the file ends at byte {len(content)}, where another MCAP'),
+            (1, content, f'lost: x.mcap: the file ends at byte {len(content)}, where another'),
             (2, b'stray', f'damaged: x.mcap: 5 bytes follow the end of the file at byte '
-                          f'{len(content)}'),):
+                          f'{len(content)}')):
         (tmp_path / 'x.mcap').write_bytes(content + more)
         assert main([str(tmp_path / 'x.mcap'), str(tmp_path / f'saved_{number}')]) == 0
         out = capsys.readouterr().out

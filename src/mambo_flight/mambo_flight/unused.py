@@ -92,4 +92,5 @@ def refuse_alone(world: WorldParams, where: str) -> None:
     """Refuse a section ``world`` that says more than its one drone; ``where`` it stands."""
     if world.drones == 1 and world != WorldParams():
         raise schema.ParameterError(
-            f'{where}: world: has no effect, as one drone flies: set world.drones, or leave it out')
+            f'{where}: world: has no effect, as one drone flies: set world.drones, or leave it '
+            'out')

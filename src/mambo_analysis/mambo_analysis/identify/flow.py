@@ -179,8 +179,8 @@ def check_axes(samples: Samples, leak: bool) -> None:
     Check that the axes of the flow are those of the motion, in size and direction.
 
     Least squares of both axes of the flow by both axes of velocity over depth, with an offset and
-    with ``leak`` the rotation. Only what the whole interval of a jackknife says is refused, so that
-    a flight that shows too little passes.
+    with ``leak`` the rotation. Only what the whole interval of a jackknife says is refused, so
+    that a flight that shows too little passes.
 
     Raises
     ------
@@ -203,7 +203,7 @@ def check_axes(samples: Samples, leak: bool) -> None:
         if not np.ptp(samples.flow[:, axis]) > 0.0:
             raise IdentifyError(
                 f'the flow along {"xy"[axis]} is constant: the camera sees nothing')
-        one = jackknife(lambda keep: float(share(keep)[axis, axis]), len(terms))
+        one = jackknife(lambda keep, k=axis: float(share(keep)[k, k]), len(terms))
         if one.high < 1.0 / FACTORS[1] or one.low > 1.0 / FACTORS[0]:
             raise IdentifyError(_wrong_ratio(f'the flow along {"xy"[axis]}', one.value))
 

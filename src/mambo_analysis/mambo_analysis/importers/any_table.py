@@ -7,8 +7,8 @@ name: ``nanobench`` for the data set of that name (a Crazyflie 2.1 under Vicon, 
 for a log of PX4.
 
 Stamps count from the first row. A row without all values of a topic gives no message on it, and is
-counted; likewise a row that repeats the time of the one before, and one with a quaternion of zeros,
-which loggers write while there is no attitude. Impossible poses are left out
+counted; likewise a row that repeats the time of the one before, and one with a quaternion of
+zeros, which loggers write while there is no attitude. Impossible poses are left out
 (:mod:`mambo_signals.outliers`). Unused columns are printed.
 """
 
@@ -50,7 +50,7 @@ TYPES = {
     'barometer/pressure': 'sensor_msgs/msg/FluidPressure',
     'motor_pwm': 'mambo_interfaces/msg/MotorPwm', 'battery': 'sensor_msgs/msg/BatteryState'}
 REPEATED = 0.01
-"""Most rows that may repeat the time before [-]; of more, the column is the clock of other rows."""
+"""Most rows that may repeat the time before [-]; of more, it is the clock of other rows."""
 LOOSE_NORM = 0.1       # [-] how far from 1 the norm of a quaternion may be
 QUARTER = 0.5 * np.pi + 0.01  # [rad] largest middle Euler angle, with rounding
 RANGE_LIMITS = (0.0, 10.0)  # [m] of a range finder that is not known

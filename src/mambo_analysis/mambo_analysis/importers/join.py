@@ -46,13 +46,13 @@ WINDOWS, SHORTEST = 6, 4.0
 REACH = 0.5
 """Largest difference of the offset of a window that is looked for [s]."""
 CHANGE = 0.05
-"""Change of the offset within a flight that is refused [s]. Crystals differ by 50 ppm: 0.03 s in ten
-minutes, longer than these batteries last."""
+"""Change of the offset within a flight that is refused [s]. Crystals differ by 50 ppm: 0.03 s in
+ten minutes, longer than these batteries last."""
 SURE = 4.0
 """Change over its standard error that counts: those of windows of a few seconds are rough."""
 CLEAR, LEAST_WINDOWS = 8.0, 4
-"""Change over the scatter of windows about a line or about two levels that is refused, and how many
-windows tell a scatter. Windows of a flight that hardly turns scatter by more than their errors."""
+"""Change over the scatter of windows about a line or two levels that is refused, and how many
+windows tell a scatter. Those of a flight that hardly turns scatter more than their errors say."""
 HEIGHT = 1.25
 """Largest relative difference of range and tracked height [-]; beyond, the echo is wrong."""
 
@@ -295,8 +295,8 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -
     error = '' if offset is not None else f' +- {1.96e3 * clock.sigma:.1f} ms (95 %)'
     unused = ''.join(f'not used, {reason}\n' for reason in clock.unused)
     return (f'clock of the motion capture moved by {clock.offset:+.4f} s{error}, by '
-            f'{clock.source}\n{unused}{len(added)} poses added, {int((~inside).sum())} outside of the '
-            f'flight left out\nbag: {target}')
+            f'{clock.source}\n{unused}{len(added)} poses added, {int((~inside).sum())} outside of '
+            f'the flight left out\nbag: {target}')
 
 
 def parser() -> Parser:

@@ -87,7 +87,7 @@ def stretch(course: Course, vehicle: Vehicle) -> float:
 
 
 def remedy(course: Course, vehicle: Vehicle) -> str:
-    """Return in words what lets a vehicle fly a course that it cannot fly; slower, if that does."""
+    """Return in words what lets a vehicle fly a course that it cannot fly as it is."""
     height, (low, high) = demand(course, vehicle)[1][:, 0], limits(vehicle)['height']
     if height.min() < low or height.max() > high:  # of the path, at any speed
         return (f'no --stretch changes its heights, {height.min():.4g} to {height.max():.4g} m: '

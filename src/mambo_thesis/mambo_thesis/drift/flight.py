@@ -42,7 +42,7 @@ MIN_HEIGHT = 0.45    # m: the sensor measures nothing below 0.4 m
 MIN_COSINE = 0.7     # of the tilt, the limit of the estimator
 MIN_SAMPLES = 100
 LAGS = np.arange(-0.02, 0.1501, 0.0025)  # s
-EDGE = 0.5           # of the residual's power at a middle lag is left at an end of LAGS, at most
+EDGE = 0.8           # residual's power at an end of LAGS over that in the middle: it lags more
 RATIOS = (0.6, 1.7)
 """Flow over velocity by height, of any sensor [-]: those known have 0.94 (Parrot) to 1.52 (a
 Crazyflie's, of Q = 0.66); half and twice are another unit."""
@@ -334,8 +334,8 @@ def check(f: Flight) -> None:
     if found.high < RATIOS[0] or found.low > RATIOS[1]:
         raise BagError(
             f'{f.name}: the flow is {found.value:.2f} times velocity over height of the motion '
-            f'capture, possible are {RATIOS[0]:g} to {RATIOS[1]:g}: check the units of both, or fly '
-            'a larger motion')
+            f'capture, possible are {RATIOS[0]:g} to {RATIOS[1]:g}: check the units of both, or '
+            'fly a larger motion')
 
 
 def _source(path: Path, namespace: str | None, height: str, bag: Bag) -> Source:

@@ -166,9 +166,9 @@ def _run(options: argparse.Namespace) -> None:
     fits = evidence.compare()
     if reason := misfit(evidence, fits[0]):
         raise JobError(
-            f'{", ".join(f.name for f in flights)}: none of the mechanisms explains these flights: '
-            f'the best, {label(fits[0].model)}, {reason}: check clocks, axes (nose) and units of '
-            'flow and motion capture')
+            f'{", ".join(f.name for f in flights)}: none of the mechanisms explains these '
+            f'flights: the best, {label(fits[0].model)}, {reason}: check clocks, axes (nose) and '
+            'units of flow and motion capture')
     small = negligible(flights, fits[0], evidence.noise)
     lines = [conclusion(fits, small), recommendation(fits, evidence.noise, options.window),
              rotation_warning(flights)]

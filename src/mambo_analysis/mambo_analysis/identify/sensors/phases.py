@@ -13,8 +13,8 @@ REST_WINDOW = 0.5      # s
 REST_GYRO, REST_ACCEL = 0.01, 0.2  # rad/s, m/s^2
 SHORTEST_REST = 2.0    # s
 WEIGHT = (7.8, 11.8)
-"""Mean specific force that can be gravity's [m/s^2]: by 20 %, four times the error of scale and bias
-of the worst accelerometer known (9.29 m/s^2 of a Rolling Spider on a bench)."""
+"""Mean specific force that can be gravity's [m/s^2]: by 20 %, four times the error of scale and
+bias of the worst accelerometer known (9.29 m/s^2 of a Rolling Spider on a bench)."""
 LOWEST = 0.5           # m, above which the sonar of these drones measures
 NEIGHBOURS = 9         # sonar samples, 0.36 s, whose median an outlier leaves
 
