@@ -255,7 +255,7 @@ def flow_lag(sources: Sequence[Source], min_height: float = MIN_HEIGHT) -> float
         raise BagError(
             f'{", ".join(s.name for s in sources)}: the flow lags by {1e3 * LAGS[best]:.0f} ms or '
             f'{"less" if best == 0 else "more"}, the end of the search: align the clocks with '
-            'mambo join, or give --flow-lag')
+            'mambo join, check the nose of the tracked body, or give --flow-lag')
     k = int(np.clip(best, 1, len(cost) - 2))
     before, here, after = cost[k - 1:k + 2]
     bend = before - 2.0 * here + after
