@@ -31,7 +31,7 @@ def hall():
 def alone():
     """Return the flight in one process."""
     flights, place = hall()
-    return together.fly(flights, PARAMS, list(place.places.values()), inner=True)
+    return together.fly(flights, PARAMS, list(place.places.values()))
 
 
 @pytest.fixture(scope='module', params=[True, False], ids=['composed', 'processes'])

@@ -41,7 +41,7 @@ def test_the_graph_flies_what_one_process_flies(flown, tmp_path):
     outcomes, bags = flown
     assert [(o.flown, o.missed, o.fault) for o in outcomes] == [(SECONDS, 0, '')] * 2
     drones = hall()
-    result = together.fly(drones.flights, PARAMS, list(drones.hall.places.values()), inner=True)
+    result = together.fly(drones.flights, PARAMS, list(drones.hall.places.values()))
     for (space, path), recording in zip(bags.items(), result.recordings, strict=True):
         kept = read_bag(path, topics=()).attachments
         assert kept['world.yaml'] == world_file.to_text(drones.hall)

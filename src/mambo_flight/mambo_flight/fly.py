@@ -156,7 +156,7 @@ def _run_together(name: str, flight: Scenario, world: WorldParams, output: Path)
     drones, lines = formation.hall(flight, world), []
     began = time.monotonic()
     with _compiling() as compiled:
-        result = together.fly(drones.flights, world, list(drones.hall.places.values()), inner=True)
+        result = together.fly(drones.flights, world, list(drones.hall.places.values()))
     flown = time.monotonic()
     began += sum(compiled)
     text, tracks = world_file.to_text(drones.hall), {}

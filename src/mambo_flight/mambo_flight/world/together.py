@@ -55,7 +55,6 @@ def _step(held, k, push, stop, view, row):
 
 def fly(
     flights: Sequence[Scenario], params: WorldParams, places: Sequence[Vec3],
-    inner: bool = False,
 ) -> Together:
     """
     Fly several drones in one hall.
@@ -68,13 +67,11 @@ def fly(
         Of the hall.
     places
         Where each drone starts, (3,) m, inertial NED of the hall.
-    inner
-        Whether to record the columns that only a bag needs.
 
     Returns
     -------
     together
-        The same recordings as of drones that fly alone, unless there is downwash, a collision
+        The same recordings as of drones that fly alone, with the columns of a bag, unless there is downwash, a collision
         stops them, or the motion capture sees what drones do to each other's markers.
 
     Raises
@@ -90,7 +87,7 @@ def fly(
         params.capture, places, [flight.optitrack_node.optitrack for flight in flights])
     held, recordings, later = [], [], []
     for flight, row in zip(flights, world.seen, strict=True):
-        p, out = closed_loop.settings(flight), closed_loop.blank(flight, inner)
+        p, out = closed_loop.settings(flight), closed_loop.blank(flight, inner=True)
         carry, rngs, mocap_rng = closed_loop.begin(flight, p)
         held.append(hold(carry, (rngs, mocap_rng), (p, out)))
         recordings.append(out)

@@ -26,7 +26,7 @@ def flights():
 @functools.cache
 def flown(**capture):
     params = WorldParams(drones=2, capture=HallCaptureParams(**capture))
-    return together.fly(flights(), params, PLACES, inner=True)
+    return together.fly(flights(), params, PLACES)
 
 
 def errors(recording):
@@ -41,7 +41,7 @@ def test_drones_that_nobody_hides_or_mistakes_fly_as_if_alone():
     params = WorldParams(drones=2, capture=HallCaptureParams(swap_distance=0.3))
     for recording, flight in zip(
             together.fly(known, params, PLACES).recordings, known, strict=True):
-        alone = closed_loop.fly(flight)
+        alone = closed_loop.fly(flight, inner=True)
         for name in ('truth', 'pose', 'pose_t', 'pwm'):
             np.testing.assert_array_equal(getattr(recording, name), getattr(alone, name))
 
@@ -74,7 +74,7 @@ def test_hidden_markers_cost_poses_and_no_accuracy():
     """Two cameras, one beyond each drone: while the drones are in line there is no pose."""
     params = WorldParams(drones=2, capture=HallCaptureParams(
         occlusion=True, cameras=2, camera_height=1.5, body_height=0.1))
-    result = together.fly(flights(), params, [(0.0, 0.0, 0.0), (0.0, -1.2, 0.0)], inner=True)
+    result = together.fly(flights(), params, [(0.0, 0.0, 0.0), (0.0, -1.2, 0.0)])
     for recording in result.recordings:
         seen = recording.inner.health[:, 3]
         assert seen.min() < 3 and np.median(seen) == 5
@@ -88,7 +88,7 @@ def test_hidden_markers_cost_poses_and_no_accuracy():
 
 def test_a_flight_is_the_same_again():
     again = together.fly(flights(), WorldParams(drones=2, capture=HallCaptureParams(
-        swap_distance=0.5)), PLACES, inner=True)
+        swap_distance=0.5)), PLACES)
     for one, other in zip(flown(swap_distance=0.5).recordings, again.recordings, strict=True):
         np.testing.assert_array_equal(one.located, other.located)
         np.testing.assert_array_equal(one.truth, other.truth)
@@ -101,7 +101,7 @@ def test_a_swap_that_lasts_in_a_near_formation_is_believed():
         overrides={**ON, 'reference_node.plan.takeoff_time': begin})
         for k, begin in enumerate((1.0, 1.9))]
     result = together.fly(near, WorldParams(drones=2, capture=HallCaptureParams(
-        swap_distance=0.5)), [(0.0, 0.0, 0.0), (0.0, 0.45, 0.0)], inner=True)
+        swap_distance=0.5)), [(0.0, 0.0, 0.0), (0.0, 0.45, 0.0)])
     (begin, _), = result.exchanges
     for recording in result.recordings:
         t = (recording.t - begin) * 1e-9

@@ -33,7 +33,7 @@ def assert_same(one, other):
 def test_each_drone_flies_as_if_alone():
     drones, result = fly(WorldParams(drones=3, formation='circle'))
     for flight, recording in zip(drones.flights, result.recordings, strict=True):
-        assert_same(recording, closed_loop.fly(flight))
+        assert_same(recording, closed_loop.fly(flight, inner=True))
     assert not result.collisions
 
 
@@ -52,8 +52,8 @@ def stacked():
 def test_downwash_pushes_the_lower_drone_down_and_leaves_the_upper_alone(stacked):
     flights, (result, _) = stacked
     lower, upper = result.recordings
-    assert_same(upper, closed_loop.fly(flights[1]))
-    alone = closed_loop.fly(flights[0])
+    assert_same(upper, closed_loop.fly(flights[1], inner=True))
+    alone = closed_loop.fly(flights[0], inner=True)
     sunk = (lower.truth[:, 2] - alone.truth[:, 2]).max()
     assert 0.005 < sunk < 1.0
     felt = lower.imu[:, 5] - alone.imu[:, 5]
@@ -96,7 +96,7 @@ def test_unlike_drones_share_a_hall():
     places = [(0.0, 2.0 * number, 0.0) for number in range(len(flights))]
     result = together.fly(flights, WorldParams(drones=4), places)
     for flight, recording in zip(flights, result.recordings, strict=True):
-        assert_same(recording, closed_loop.fly(flight))
+        assert_same(recording, closed_loop.fly(flight, inner=True))
 
 
 def test_the_order_of_the_drones_does_not_matter(stacked):
@@ -146,15 +146,12 @@ def test_all_drones_of_the_largest_hall_fly():
     assert len({recording.imu[-1].tobytes() for recording in result.recordings}) == 32
 
 
-@pytest.mark.parametrize('inner', [False, True])
-def test_columns_of_a_bag_are_recorded_on_request(inner):
+def test_columns_of_a_bag_are_recorded():
     drones = formation.hall(
         scenario.scenario('hover', duration=0.05, land=False), WorldParams(drones=2))
     result = together.fly(drones.flights, WorldParams(drones=2),
-                          list(drones.hall.places.values()), inner)
+                          list(drones.hall.places.values()))
     for flight, recording in zip(drones.flights, result.recordings, strict=True):
-        assert (recording.inner is not None) == inner
-        if inner:
-            alone = closed_loop.fly(flight, inner=True)
-            for mine, its in zip(recording.inner, alone.inner, strict=True):
-                np.testing.assert_array_equal(mine, its)
+        alone = closed_loop.fly(flight, inner=True)
+        for mine, its in zip(recording.inner, alone.inner, strict=True):
+            np.testing.assert_array_equal(mine, its)
