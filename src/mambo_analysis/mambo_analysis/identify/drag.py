@@ -3,7 +3,9 @@ Rotor drag by fitting simulated flights to a recorded flight (section 6.3, chapt
 
 The whole loop is flown, the estimator included, without noise, and only the drag of the true
 vehicle changes; positions are those of Optitrack. An offset and a steady drift of every axis are
-attributed to the estimator.
+attributed to the estimator, a turn about z and lateness to the motion capture
+(:mod:`.placement`). A wrong unit, a mirrored frame or another flight is no drag either: the
+coefficient must explain what it is fitted to (:func:`_refuse_unexplained`).
 
 What is left is the path of a vehicle that follows its estimate, hence no noise that one record
 could describe. The interval is therefore that of simulated flights with noise, of other seeds,
@@ -17,6 +19,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+import math
 from pathlib import Path
 from typing import NamedTuple
 
@@ -33,6 +36,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from . import from_flight, regression, result
+from .placement import effects, LATEST, place, Placement, seen, without
 from .regression import IdentifyError, LEVEL, Value
 
 Floats = NDArray[np.float64]
@@ -46,6 +50,8 @@ GUESSES = (0.0, 0.1, 0.3, 1.0)  # s/m, of which the best begins the search
 FLIGHTS = 20           # with noise
 STEEP = 4e-3           # s/m, for a slope: gates of the filters roughen smaller changes
 LARGEST = 2.0          # s/m: a vehicle that loses its speed in 0.2 s does not fly a circle
+AT_BOUND = 1e-3        # s/m, of it: the search ended there
+SCALE = 0.05           # [-]: captures are calibrated to 0.5 %, feet taken for metres are off by 70 %
 
 
 METHOD = ('interval of 95 %: spread of fits to 20 simulated flights with noise (parametric '
@@ -84,6 +90,7 @@ class Drag(NamedTuple):
     simulated: Floats       # (m, k) m, as fitted, with offset and drift
     without: float          # m, rms of what is left with a coefficient of 0
     fit: regression.Fit
+    place: Placement        # of the motion capture
 
 
 def from_recording(recording: closed_loop.Recording) -> Track:
@@ -143,33 +150,96 @@ def fit_drag(
                  default[1] if end is None else end)
     at = rows * closed_loop.STEP_NS
     measured = resample.interpolate(at, track.t, track.position[:, list(what.axes)], GAP)
-    seen = np.isfinite(measured).all(axis=1)
-    if seen.sum() < LEAST:
+    known = np.isfinite(measured).all(axis=1)
+    if known.sum() < LEAST:
         raise IdentifyError(
-            f'{int(seen.sum())} positions to compare, at least {LEAST} are needed: '
+            f'{int(known.sum())} positions to compare, at least {LEAST} are needed: '
             f'{len(rows)} steps of 50 ms, {len(track.t)} poses')
-    rows, measured, t = rows[seen], measured[seen], at[seen] * 1e-9
+    rows, measured, t = rows[known], measured[known], at[known] * 1e-9
     axes = list(what.axes)
     terms = np.stack([np.ones(len(t)), (t - t.mean()) / np.ptp(t)], axis=1)
 
-    def model(theta: Floats) -> Floats:  # of 1 + k, whose relative steps are steps of k at k = 0
-        """Return the positions of a vehicle with this drag, (m, k) m."""
-        k = float(theta[0]) - 1.0
-        flown = closed_loop.fly(override(silent, {f'{VEHICLE}.{what.name}': k}))
-        return flown.truth[rows][:, axes]
-    rest = [_rms(_without(terms, measured - model(np.array([1.0 + guess])))) for guess in GUESSES]
-    found = regression.fit(
-        model, measured, [1.0 + max(GUESSES[int(np.argmin(rest))], STEEP)], [1.0],
-        [1.0 + LARGEST], [what.symbol], terms, step=STEEP, colour=False, tolerance=1e-5)
-    value = _interval(found, flight, what, rows, terms, model)
+    def path(k: float) -> Floats:
+        """Return the path of a vehicle with this drag, (n, k) m."""
+        return closed_loop.fly(override(silent, {f'{VEHICLE}.{what.name}': k})).truth[:, axes]
+
+    def model(theta: Floats, scaled: bool = False) -> Floats:
+        """Return what the capture sees of 1 + k, (m, k) m: relative steps are those of k at 0."""
+        flown = path(float(theta[0]) - 1.0)
+        return seen(flown, rows, place(flown, rows, measured, terms, scaled))[0]
+
+    def search(scaled: bool) -> tuple[regression.Fit, list[float]]:
+        """Return the fit, and the rms of what is left at each of GUESSES."""
+        rest = [_rms(without(terms, measured - model(np.array([1.0 + guess]), scaled)))
+                for guess in GUESSES]
+        return regression.fit(
+            lambda theta: model(theta, scaled), measured,
+            [1.0 + max(GUESSES[int(np.argmin(rest))], STEEP)], [1.0], [1.0 + LARGEST],
+            [what.symbol], terms, step=STEEP, colour=False, tolerance=1e-5), rest
+    found, rest = search(False)
+    k = float(found.theta[0]) - 1.0
+    placed = place(path(k), rows, measured, terms)
+    value = _interval(found, flight, what, rows, terms, path, placed)
+    free = search(True)[0]
+    scale = place(path(float(free.theta[0]) - 1.0), rows, measured, terms, True).scale
+    _refuse_unexplained(what, value, found, rest[0], placed, (free.rms, scale))
+    return Drag(value, t, measured, measured - found.residual, rest[0], found, placed)
+
+
+def _refuse_unexplained(
+    part: Part, value: Value, found: regression.Fit, least: float, placed: Placement,
+    free: tuple[float, float],
+) -> None:
+    """
+    Refuse a coefficient that does not explain the flight.
+
+    Parameters
+    ----------
+    value, found
+        Of the coefficient.
+    least : m
+        rms of what is left with a coefficient of 0.
+    free
+        rms of what is left with a free scale, m, and the scale.
+
+    """
+    check = 'check unit (m), axes (z up) and clock of the motion capture, and the scenario'
+    rms, scale = free
+    # of two fits that noise alone tells apart neither leaves half of what the other does
+    if abs(scale - 1.0) > SCALE and rms < 0.5 * found.rms:
+        raise IdentifyError(
+            f'the flight is {scale:.3g} times as large as that of the scenario, which no '
+            f'{part.symbol} explains: {check}')
+    if abs(placed.late) >= LATEST:
+        raise IdentifyError(
+            f'the flight is not that of the scenario, up to {LATEST:g} s late or early: {check}; '
+            'a clock that is further off needs --shift')
+    if value.value > LARGEST - AT_BOUND:
+        raise IdentifyError(
+            f'{part.symbol} is at the end of its range, {LARGEST:g} s/m: {check}')
     if value.half > 0.5 * LARGEST:
-        raise IdentifyError(f'this flight does not show {what.symbol}: {what.cure}')
-    return Drag(value, t, measured, measured - found.residual, rest[0], found)
+        raise IdentifyError(f'this flight does not show {part.symbol}: {part.cure}')
+    if value.low > 0.0 and not _falls(found.residual, least):
+        raise IdentifyError(
+            f'{part.symbol} hardly explains the flight: {found.rms:.3g} m rms are left with it, '
+            f'{least:.3g} m without: {check}')
 
 
-def _without(terms: Floats, x: Floats) -> Floats:
-    """Return x (m, k) after projecting out the terms (m, q)."""
-    return x - terms @ np.linalg.lstsq(terms, x)[0]
+def _falls(residual: Floats, least: float) -> bool:
+    """
+    Return whether what is left, (m, k) m, is less than without the coefficient, ``least`` m rms.
+
+    F test of one parameter. A residual that is correlated in time counts as fewer samples
+    (Bayley and Hammersley 1946).
+    """
+    count, together = len(residual), 0.0
+    for column in (residual - residual.mean(axis=0)).T:
+        r = np.correlate(column, column, 'full')[count - 1:] / max(float(column @ column), 1e-30)
+        end = int(np.argmax(r <= 0.0)) or count
+        together += count / (1.0 + 2.0 * float(np.sum(r[1:end])))
+    freedom = max(together - 3.0 * residual.shape[1], 1.0)
+    ratio = (least ** 2 / max(_rms(residual) ** 2, 1e-30) - 1.0) * freedom
+    return bool(ratio > stats.f.ppf(LEVEL, 1, freedom))
 
 
 def _rms(x: Floats) -> float:
@@ -178,12 +248,19 @@ def _rms(x: Floats) -> float:
 
 def _interval(
     found: regression.Fit, flight: Scenario, part: Part, rows: Ints, terms: Floats,
-    model: Callable[[Floats], Floats],
+    path: Callable[[float], Floats], placed: Placement,
 ) -> Value:
     """Return the coefficient with its interval, from flights with noise and other seeds."""
     k, axes = float(found.theta[0]) - 1.0, list(part.axes)
-    clean = model(np.array([1.0 + k]))
-    slope = _without(terms, (model(np.array([1.0 + k + STEEP])) - clean) / STEEP)
+    flown = path(k)
+    clean, velocity = seen(flown, rows, placed)
+    moved = np.stack([without(terms, x).ravel() for x in effects(clean, velocity)], axis=1)
+
+    def rest(x: Floats) -> Floats:
+        """Return x (m, k) without what offset, drift and placement explain."""
+        return without(moved, without(terms, x).reshape(-1, 1)).reshape(x.shape)
+    slope = rest((seen(path(k + STEEP), rows, placed)[0] - clean) / STEEP)
+    clean = flown[rows]
     errors, left = [], []
     for number in range(FLIGHTS):
         seed = (flight.seed + 1_000_003 * (number + 1)) % 2 ** 31
@@ -191,10 +268,10 @@ def _interval(
             f'{VEHICLE}.{part.name}': k, 'sim_node.simulator.seed': seed,
             'optitrack_node.seed': seed}))
         track = from_recording(noisy)
-        seen = resample.interpolate(
+        there = resample.interpolate(
             rows * closed_loop.STEP_NS, track.t, track.position[:, axes], GAP)
-        seen = np.where(np.isfinite(seen), seen, noisy.truth[rows][:, axes])
-        error = _without(terms, seen - clean)
+        there = np.where(np.isfinite(there), there, noisy.truth[rows][:, axes])
+        error = rest(there - clean)
         errors.append(float(np.sum(slope * error) / np.sum(slope ** 2)))
         left.append(_rms(error - errors[-1] * slope))
     wider = max(1.0, found.rms / max(*left, 1e-12))
@@ -311,10 +388,15 @@ def main(arguments: list[str] | None = None) -> int:
         return result.Report(
             f'{options.part} drag of {options.bag.name}', {part.symbol: value},
             {'rms residual [m]': found.fit.rms, 'rms without it [m]': found.without,
+             'motion capture turned by [deg]': math.degrees(found.place.turn),
+             'motion capture late by [s]': found.place.late,
              'positions': len(found.t),
              'drag reading': reading},
             ['all else is as the scenario says: a wrong flow factor moves the circle too; '
-             'identify it first'],
+             'identify it first',
+             'a scale error of the motion capture looks like drag: about 0.01 s/m for 1 %',
+             'on a circle a turned and a late motion capture look alike: only both together are '
+             'known'],
             {'drag_reading': (reading, 'as the scenario of the flight'),
              part.name: (value.value, source)},
             _draw(found, part), method=METHOD)

@@ -3,8 +3,10 @@
 from pathlib import Path
 
 from interval_checks import assert_covers
+from mambo_analysis.identify import drag
 from mambo_analysis.identify.drag import fit_drag, from_recording, main, Track, VEHICLE
-from mambo_analysis.identify.regression import IdentifyError
+from mambo_analysis.identify.placement import Placement
+from mambo_analysis.identify.regression import Fit, IdentifyError, Value
 from mambo_flight import closed_loop
 from mambo_flight.scenario import scenario
 from mambo_model.vehicle import parameters
@@ -97,3 +99,62 @@ def test_the_command_reads_a_bag_and_writes_a_vehicle(tmp_path, capsys):
     assert (tmp_path / 'identify_drag.png').stat().st_size > 10000
     assert main([str(tmp_path)]) == 2
     assert capsys.readouterr().err.count('\n') == 1
+
+
+def turned(track, degrees):
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return track._replace(position=track.position @ [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize('degrees, late', [(2.0, 0.0), (5.0, 0.0), (0.0, 0.1), (-40.0, -0.05)])
+def test_a_motion_capture_that_is_turned_or_late_gives_the_same_drag(degrees, late):
+    track = flown(flight('y_sine'))
+    track = turned(track, degrees)._replace(t=track.t + round(late * 1e9))
+    found = fit_drag(track, blind(trajectory='y_sine'))
+    assert found.coefficient.low <= K_C <= found.coefficient.high
+    assert found.coefficient.value == pytest.approx(K_C, rel=0.05)
+    assert np.degrees(found.place.turn) == pytest.approx(degrees, abs=0.5)
+    assert found.place.late == pytest.approx(late, abs=5e-3)
+
+
+def test_a_turned_circle_has_the_drag_of_one_that_is_not():
+    track = turned(flown(flight()), 5.0)
+    found = fit_drag(track, blind())
+    assert found.coefficient.low <= K_C <= found.coefficient.high
+    assert found.fit.rms < 0.01  # m: 0.034 m were left with the turn in it
+
+
+@pytest.mark.parametrize('change, message', [
+    (lambda t: t._replace(position=0.5 * t.position), r'0\.5\d+ times as large'),
+    (lambda t: t._replace(position=1000.0 * t.position), 'times as large as that'),
+    (lambda t: t._replace(position=t.position * [1.0, -1.0, 1.0]), 'not that of the scenario'),
+    (lambda t: t._replace(t=t.t + 1_000_000_000), 'up to 0.5 s late or early')])
+def test_what_is_not_the_flight_of_the_scenario_is_refused(change, message):
+    with pytest.raises(IdentifyError, match=message):
+        fit_drag(change(flown(flight())), blind())
+
+
+def refused(value, residual, least):
+    """Return why a coefficient is refused; '' if it is not."""
+    fit = Fit(np.array([1.0 + value]), np.eye(1), 100, residual, (0,))
+    try:
+        drag._refuse_unexplained(drag.PARTS['horizontal'], Value(
+            value, value - 0.05, value + 0.05, 's/m'), fit, least, Placement(), (fit.rms, 1.0))
+    except IdentifyError as error:
+        return str(error)
+    return ''
+
+
+def test_an_estimate_at_the_end_of_its_range_is_refused():
+    noise = np.random.default_rng(0).normal(0.0, 0.01, (300, 2))
+    assert refused(1.9, noise, 0.1) == ''
+    assert 'at the end of its range, 2 s/m' in refused(2.0, noise, 0.1)
+
+
+def test_a_coefficient_must_explain_what_it_is_fitted_to():
+    """A slow residual, of some seconds, counts as a few samples: 10 % less of it is chance."""
+    rng, t = np.random.default_rng(0), np.arange(300) / 20.0
+    slow = 0.1 * np.stack([np.sin(2.0 * t), np.cos(1.7 * t)], axis=1)
+    assert 'hardly explains the flight' in refused(0.3, slow, 1.05 * 0.1 / 2 ** 0.5)
+    assert refused(0.3, slow, 0.2) == ''
+    assert refused(0.3, rng.normal(0.0, 0.01, (300, 2)), 0.0105) == ''
