@@ -51,7 +51,7 @@ FLIGHTS = 20           # with noise
 STEEP = 4e-3           # s/m, for a slope: gates of the filters roughen smaller changes
 LARGEST = 2.0          # s/m: a vehicle that loses its speed in 0.2 s does not fly a circle
 AT_BOUND = 1e-3        # s/m, of it: the search ended there
-SCALE = 0.05           # [-]: captures are calibrated to 0.5 %, feet taken for metres are off by 70 %
+SCALE = 0.05           # [-]: captures are calibrated to 0.5 %, units differ by 2 or more
 
 
 METHOD = ('interval of 95 %: spread of fits to 20 simulated flights with noise (parametric '

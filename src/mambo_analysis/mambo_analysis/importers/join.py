@@ -25,7 +25,7 @@ from mambo_bags.reader import Bag, bag_files, read_bag
 from mambo_bags.recover import declare, extras, in_order, OWN_RECORD
 from mambo_bags.writer import BagWriter, BagWriterError
 from mambo_ros import cdr
-from mambo_signals import motion
+from mambo_signals import gyro_check, motion
 from mambo_signals.derivative import body_rates
 from mambo_signals.time_offset import (
     AlignError, Floats, LEAST_SWING, most_precise, Offset, offsets, pose_offset, Poses, RANGE_LATE,
@@ -38,9 +38,6 @@ OWN = ('onboard/odom', 'estimate/odom')
 """Poses of the drone itself."""
 LATE = {'height': RANGE_LATE, **dict.fromkeys(OWN, 0.1)}
 """Largest delay of signals behind the motion [s]: of ranges and of filtered values."""
-UNIT = 5.0
-"""By which a signal of one unit may differ from that of the other [-]: noise of a differentiated
-pose makes its rates larger than the gyro's."""
 WINDOWS, SHORTEST = 6, 4.0
 """Windows, at most, in which the offset is found again, and their least length [s]."""
 REACH = 0.5
@@ -104,13 +101,14 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
     Raises
     ------
     AlignError
-        If nothing determines it, what determines it disagrees, or it changes during the flight.
+        If nothing determines it, what determines it disagrees, it changes during the flight, or
+        the gyro contradicts the tracked attitude (:mod:`mambo_signals.gyro_check`).
 
     """
     pairs = signals(bag, poses)
     found, reasons = offsets(pairs)
     for name, one in list(found.items()):
-        if not 1.0 / UNIT < one.factor < UNIT:
+        if not 1.0 / gyro_check.UNIT < one.factor < gyro_check.UNIT:
             raise AlignError(
                 f'{name}: that of the flight is {one.factor:.3g} times that of the motion '
                 'capture; one of them is not in SI units: import it with the right ones')
@@ -136,6 +134,10 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
             'or give --offset SECONDS') from None
     sigma = math.hypot(offset.sigma, _drift({name: pairs[name] for name in found if name in pairs
                                              and LATE.get(name) == LATE.get(best)}, found))
+    if 'imu/data_raw' in bag:
+        gyro = bag['imu/data_raw']
+        gyro_check.refuse(gyro_check.compare(
+            gyro.t, gyro.angular_velocity, poses.t + offset.offset, poses.orientation))
     return Clock(offset.offset, sigma, f'{best} of {", ".join(found)}',
                  tuple(f'{name}: {reason}' for name, reason in reasons.items()))
 

@@ -272,3 +272,14 @@ def test_a_log_in_another_unit_is_told_and_a_cut_off_range_left_out(
     else:
         with pytest.raises(AlignError, match=said):
             join.find_clock(bag, poses)
+
+
+@pytest.mark.parametrize('change, said', [
+    (0.01, 'not in SI units'), ([1.0, 1.0, -1.0], 'yaw rate: .* turn differently')])
+def test_a_gyro_that_gives_no_clock_is_compared_all_the_same(change, said):
+    """Too small a one does not turn enough to be aligned by; the height gives the clock."""
+    bag, poses = recorded_apart(3, 7.0)
+    imu = bag['imu/data_raw']
+    bag['imu/data_raw'] = SimpleNamespace(t=imu.t, angular_velocity=imu.angular_velocity * change)
+    with pytest.raises(AlignError, match=said):
+        join.find_clock(bag, poses)

@@ -1,0 +1,130 @@
+"""
+Whether a gyro and a tracked attitude show the same turning: unit, axes and clock.
+
+Both are smoothed by the same parabola over ``WINDOW`` (:mod:`.derivative`): the gyro's integral
+and that of the attitude. In that band a Vicon or Optitrack shows body rates to 0.03 rad/s, and
+those of a drone in flight are 0.05 to 0.5 rad/s. Seven flights of a Crazyflie under Vicon
+(NanoBench) have correlations of 0.65 to 0.97 and rates of 0.6 to 1.04 times the tracked ones.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .derivative import body_rates, local_fit, POSITION as WINDOW
+from .resample import Floats, interpolate
+from .time_offset import AlignError
+
+AXES = ('roll', 'pitch', 'yaw')
+UNIT = 5.0          # [-] of rates of one unit: deg/s are 57 times rad/s
+FACTOR = 1.5        # [-] of the gain: a gyro's is right to 3 %, a wrong range is a factor of 2
+TURNING = 0.05      # rad/s, standard deviation of a rate that shows more than its noise
+LEAST = 0.3         # correlation, half of the least that was seen
+SEARCH = 1.0        # s, lateness that is looked for: more than a period of most turning
+STEP = 0.01         # s, of the search: below it nothing depends on the clock
+LEAST_SAMPLES = 50  # of both, to compare them
+GAP = 0.1           # s, over which samples are connected
+RIVAL = 1.3         # [-] unexplained variance without lateness over that with it, at least
+
+
+class Turning(NamedTuple):
+    """
+    Rates of a gyro beside those of a tracked attitude.
+
+    Attributes
+    ----------
+    late : s
+        Of the attitude, in steps of ``STEP``; 0 if another does not explain clearly more.
+    correlation : (3,)
+        At that lateness.
+    tracked, gyro : (3,) rad/s
+        Standard deviations.
+
+    """
+
+    late: float
+    correlation: Floats
+    tracked: Floats
+    gyro: Floats
+
+
+def compare(t: Floats, gyro: Floats, times: Floats, q: Floats) -> Turning | None:
+    """
+    Return how a gyro and a tracked attitude turn; None if they do not overlap.
+
+    Parameters
+    ----------
+    t : (n,) s
+    gyro : (n, 3) rad/s, body FLU
+    times : (m,) s, ascending
+        Of the attitudes.
+    q : (m, 4)
+        Tracked attitude, x y z w, body FLU to inertial.
+
+    """
+    t, first = np.unique(t, return_index=True)
+    gyro = gyro[first]
+    known = np.isfinite(gyro).all(axis=1)
+    t, gyro = t[known], gyro[known]
+    good = np.isfinite(q).all(axis=1) & (np.abs((q * q).sum(axis=1) - 1.0) < 0.1)
+    at, rates = body_rates(times[good], q[good], window=WINDOW)
+    if len(t) < 2 or not len(at):
+        return None
+    half = 0.5 * (gyro[1:] + gyro[:-1]) * np.diff(t)[:, None]
+    _, smooth = local_fit(t, np.concatenate([np.zeros((1, 3)), np.cumsum(half, axis=0)]), t,
+                          WINDOW)
+    kept = np.isfinite(smooth).all(axis=1)
+    found = [one for late in STEP * np.arange(-round(SEARCH / STEP), round(SEARCH / STEP) + 1)
+             if (one := _beside(float(late), at, rates, t[kept], smooth[kept]))]
+    if not found:
+        return None
+    best = max(found, key=lambda one: float(one.tracked @ one.correlation))
+    now = min(found, key=lambda one: abs(one.late))
+    left, without = (float(np.sum(one.tracked ** 2 * (1.0 - one.correlation ** 2)))
+                     for one in (best, now))
+    return best if (best.tracked > TURNING).any() and without > RIVAL * left else now
+
+
+def _beside(late: float, at: Floats, rates: Floats, t: Floats, gyro: Floats) -> Turning | None:
+    """Return how rates (m, 3) that are so late, s, agree with a gyro (n, 3)."""
+    there = interpolate(at - late, t, gyro, GAP)
+    both = np.isfinite(there).all(axis=1)
+    if both.sum() < LEAST_SAMPLES:
+        return None
+    x, y = rates[both] - rates[both].mean(axis=0), there[both] - there[both].mean(axis=0)
+    sx, sy = x.std(axis=0), y.std(axis=0)
+    return Turning(late, np.mean(x * y, axis=0) / np.maximum(sx * sy, 1e-12), sx, sy)
+
+
+def refuse(found: Turning | None) -> None:
+    """
+    Refuse a gyro that contradicts the tracked attitude.
+
+    Raises
+    ------
+    AlignError
+        Naming the axis: another unit, a dead or wrong axis, or another motion.
+
+    """
+    if found is None:
+        return
+    for axis, r, tracked, gyro in zip(AXES, *found[1:]):
+        if max(tracked, gyro) < TURNING:
+            continue
+        ratio = gyro / max(tracked, 1e-12)
+        text = (f'{axis} rate: the gyro turns by {gyro:.3g} rad/s, the tracked attitude by '
+                f'{tracked:.3g} rad/s (standard deviations)')
+        if not 1.0 / UNIT < ratio < UNIT:
+            raise AlignError(
+                f'{text}: one of them is not in SI units, an axis is dead, or the order of the '
+                'quaternion is not x y z w: import it with the right ones')
+        if tracked > TURNING and r < LEAST:
+            raise AlignError(
+                f'{axis} rate: gyro and tracked attitude turn differently (correlation {r:.2f}): '
+                'check the axes of both (FLU) and the order of the quaternion (x y z w)')
+        # the gain is between the slopes of one by the other and of the other by the one
+        if tracked > TURNING and not (r * ratio < FACTOR and ratio / r > 1.0 / FACTOR):
+            raise AlignError(f'{text}: more than {FACTOR:g} times apart: check unit and range of '
+                             'the gyro')
