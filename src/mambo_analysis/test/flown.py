@@ -12,18 +12,19 @@ TRUE = ForceModel((0.4, 0.35, 0.25), (0.05, -0.03), 2.45, 1.8, 0.05, 40000.0, 3.
 NOISE = 0.05  # m/s^2, of the accelerometer
 
 
-def flight(seed=0, seconds=15.0, model=TRUE, noise=NOISE):
+def flight(seed=0, seconds=15.0, model=TRUE, noise=NOISE, radius=1.0):
     """
-    Return a flight around a circle that rises, falls and trembles.
+    Return a flight around a circle, of a radius in m, that rises, falls and trembles.
 
     Its commands obey a model.
     """
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds / STEP)) * STEP
     slow, fast = 1.3 * t, 9.0 * t
-    p = np.column_stack([np.cos(t), np.sin(t), 1.0 + 0.4 * np.sin(slow) + 0.01 * np.sin(fast)])
-    v = np.column_stack([-np.sin(t), np.cos(t), 0.52 * np.cos(slow) + 0.09 * np.cos(fast)])
-    a = np.column_stack([-np.cos(t), -np.sin(t), -0.676 * np.sin(slow) - 0.81 * np.sin(fast)])
+    c, d, up = radius * np.cos(t), radius * np.sin(t), 1.0 + 0.4 * np.sin(slow)
+    p = np.column_stack([c, d, up + 0.01 * np.sin(fast)])
+    v = np.column_stack([-d, c, 0.52 * np.cos(slow) + 0.09 * np.cos(fast)])
+    a = np.column_stack([-c, -d, -0.676 * np.sin(slow) - 0.81 * np.sin(fast)])
     turn = Rotation.identity(len(t))
     for _ in range(20):  # attitude and thrust that give this acceleration, at yaw 0
         w = turn.inv().apply(v)
@@ -45,7 +46,9 @@ def flight(seed=0, seconds=15.0, model=TRUE, noise=NOISE):
     force = side + np.column_stack([0.0 * size, 0.0 * size, size])
     force = force + rng.normal(0.0, noise, force.shape)
     rows = slice(0, len(t))
-    return Recorded('flight', t, p, v, turn.as_quat(), force, np.zeros_like(p), command, voltage,
+    gyro = np.gradient(np.cumsum(np.concatenate(
+        [np.zeros((1, 3)), (turn[:-1].inv() * turn[1:]).as_rotvec()]), axis=0), STEP, axis=0)
+    return Recorded('flight', t, p, v, turn.as_quat(), force, gyro, command, voltage,
                     rows, slice(0, 0), np.zeros(3))
 
 
@@ -64,13 +67,13 @@ STRAIGHT = np.zeros(3)
 MOUNTING = np.array([0.01, -0.02, 0.0])
 
 
-def bag(folder, change=lambda data: data, text=MAP, seconds=12.0, seed=0, noise=0.0):
+def bag(folder, change=lambda data: data, text=MAP, seconds=12.0, seed=0, noise=0.0, radius=1.0):
     """
     Return the path of a bag with markers mounted askew.
 
     Two seconds at rest, two in which somebody lifts it by 1 m, and a flight.
     """
-    one = flight(seed, seconds, noise=noise)
+    one = flight(seed, seconds, noise=noise, radius=radius)
     return table_of(one, folder, change, text, MOUNTING)
 
 
@@ -85,7 +88,7 @@ def table_of(one, folder, change=lambda data: data, text=MAP, mounting=STRAIGHT,
     data = pandas.DataFrame(columns)
     data['v'] = one.voltage
     still = pandas.concat([data.iloc[:1]] * 400, ignore_index=True)
-    still[['m1', 'm2', 'm3', 'm4']] = 0.0
+    still[['m1', 'm2', 'm3', 'm4', 'p', 'q', 'r']] = 0.0
     lift = np.clip(np.arange(400) / 200.0 - 1.0, 0.0, 1.0)
     still['z'] += 0.5 * (1.0 - np.cos(np.pi * lift)) - 1.0
     data = pandas.concat([still, data], ignore_index=True)

@@ -20,7 +20,7 @@ import numpy as np
 from . import result
 from ..twin import identify_flight
 from ..twin.force import Found
-from ..twin.identify_flight import drag_parameters, METHOD
+from ..twin.identify_flight import drag_parameters, late_note, METHOD
 from ..twin.recorded import GRAVITY, Recorded
 from .regression import IdentifyError, Value
 
@@ -87,7 +87,7 @@ def drag_report(flight: Flight, part: str) -> result.Report:
     return result.Report(
         f'{part} drag of {flight.name}', values, flight.facts(),
         ['no scenario in the bag: the drag is that of the accelerometer against the velocity of '
-         'the motion capture, per mass'],
+         'the motion capture, per mass', *late_note(flight.recorded)],
         drag_parameters(flight.found, f'identify_drag, {flight.name}'),
         _draw(flight, AXES[part]), method=METHOD)
 
@@ -104,7 +104,8 @@ def thrust_report(flight: Flight) -> result.Report:
         f'motor map of {flight.name}', {'thrust at the mean command': thrust, 'b': b},
         {**flight.facts(), 'a [N]': f'{a:.6g}', 'hover command': hover},
         ['no scenario in the bag: thrust is mass times specific force, over the command and the '
-         'voltage of the battery; a holds at the mean voltage and belongs to b'],
+         'voltage of the battery; a holds at the mean voltage and belongs to b',
+         *late_note(flight.recorded)],
         {'mass': (mass, 'as given, or of the base'), 'thrust_map': ('power', source),
          'power_a': (a, source), 'power_b': (model.exponent, source),
          'linear_gain': (hover / (mass * GRAVITY / 4.0), f'{source}; through the hover')},
@@ -119,6 +120,6 @@ def motor_report(flight: Flight) -> result.Report:
         {'time constant': lag},
         {**flight.facts(), 'exponent of the map': flight.found.model.exponent},
         ['no scenario in the bag: the motor map is that of this flight, with its battery',
-         'a delay of the commands counts as lag'],
+         'a delay of the commands counts as lag', *late_note(flight.recorded)],
         {'motor_time_constant': (lag.value, _source('identify_motor', flight, lag))},
         _draw(flight, 'z'), method=METHOD)

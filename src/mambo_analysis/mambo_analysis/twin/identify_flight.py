@@ -103,6 +103,14 @@ def _vehicle(
     return out | drag_parameters(found, source)
 
 
+def late_note(flight: Recorded) -> list[str]:
+    """Return that the poses of a flight were moved, one line or none."""
+    if not flight.late:
+        return []
+    return [f'{flight.name}: the poses are {abs(flight.late):.2f} s '
+            f'{"late" if flight.late > 0.0 else "early"} against the gyro, and were moved by it']
+
+
 def known_lag(given: float | None, base: Vehicle, found: Found) -> tuple[float, str]:
     """Return the lag of the motors that moments of inertia are to hold for, s, and its source."""
     if given is not None:
@@ -175,6 +183,7 @@ def identify(
         notes.append('it has optical flow: mambo identify flow gives its factor')
     notes.append(f'per mass; thrust and tilt hold at {found.model.voltage:.2f} V'
                  if np.isfinite(found.model.voltage) else 'no battery voltage in the recording')
+    notes += late_note(flight)
     angles = np.degrees(flight.mounting[:2])
     facts = {'time in the air [s]': float(flight.t[flight.air][-1] - flight.t[flight.air][0]),
              'mass [kg], not identified': start.mass,

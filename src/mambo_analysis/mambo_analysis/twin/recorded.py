@@ -7,20 +7,26 @@ the mean over ``STRETCH`` seconds, the measured specific force turned into the w
 must be the change of the measured velocity. A turn about the vertical stays unknown. Along z the
 same mean gives the bias of the accelerometer, which would else count as thrust. A bias along x
 and y looks like a turned sensor; along z they differ in second order (:func:`bias_doubt`).
+
+Signals that contradict each other are refused (:mod:`.contradictions`,
+:mod:`mambo_signals.gyro_check`), poses that are late against the gyro are moved.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import NamedTuple
 
 from mambo_bags.reader import Bag, read_bag
-from mambo_signals import derivative, motion, resample, stamps
+from mambo_signals import derivative, gyro_check, motion, resample, stamps
+from mambo_signals.time_offset import AlignError
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ..identify.regression import IdentifyError
+from . import contradictions
 
 Floats = NDArray[np.float64]
 
@@ -37,6 +43,8 @@ LEAST_FLIGHT = 5.0     # s in the air
 FLYING = 0.3           # [-] of the usual command in flight: below, no motor flies
 CLEAR = 0.2            # m above the start: below, the floor acts
 EDGE = 0.3             # s of the flight left out at both ends, while it still jumps
+LATE = 0.03            # s: below, poses move no drag by as much as its interval
+LATEST = 0.3           # s: cameras and network take 0.1 s, more is another clock
 
 
 class Onboard(NamedTuple):
@@ -89,6 +97,8 @@ class Recorded(NamedTuple):
         None without a reference in the recording.
     bias
         Of the accelerometer along z, m/s^2, which is taken out of ``force``.
+    late
+        Of the poses against the gyro, s, which is taken out of their stamps.
 
     """
 
@@ -107,6 +117,7 @@ class Recorded(NamedTuple):
     has_flow: bool = False
     onboard: Onboard | None = None
     bias: float = 0.0
+    late: float = 0.0
 
     @property
     def turn(self) -> Rotation:
@@ -143,7 +154,9 @@ def _onboard(bag: Bag, t: Floats) -> Onboard | None:
                    unknown if there.velocity is None else there.velocity, there.quaternion)
 
 
-def _mounting(found: dict[str, Floats], air: slice) -> tuple[Floats, float]:
+def _mounting(
+    path: Path, found: dict[str, Floats], air: slice,
+) -> tuple[Floats, float]:
     r"""
     Return the rotation vector r from the inertial sensor to the markers, and its bias along z.
 
@@ -156,6 +169,12 @@ def _mounting(found: dict[str, Floats], air: slice) -> tuple[Floats, float]:
     rotation : (3,) rad
         With r_z = 0.
     bias : m/s^2
+
+    Raises
+    ------
+    IdentifyError
+        If the accelerometer does not show this motion.
+
     """
     count = round(STRETCH / STEP)
     length = (air.stop - air.start) // count * count
@@ -165,15 +184,21 @@ def _mounting(found: dict[str, Floats], air: slice) -> tuple[Floats, float]:
 
     def mean(x: Floats) -> Floats:
         return x.reshape(-1, count, 3).mean(axis=1)
+    turned = mean(turn.apply(force))
+    contradictions.refuse_upward(path, float(turned[:, 2].mean()), GRAVITY)
     effect = [mean(turn.apply(np.cross(axis, force))) for axis in np.eye(3)[:2]]
     effect.append(mean(turn.apply(np.tile([0.0, 0.0, -1.0], (length, 1)))))
     v = found['velocity'][rows].reshape(-1, count, 3)
     change = (v[:, -1] - v[:, 0]) / (STEP * (count - 1))
-    rest = change + [0.0, 0.0, GRAVITY] - mean(turn.apply(force))
-    r = np.linalg.lstsq(np.stack([e.ravel() for e in effect], axis=1), rest.ravel())[0]
+    rest = change + [0.0, 0.0, GRAVITY] - turned
+    columns = np.stack([e.ravel() for e in effect], axis=1)
+    r = np.linalg.lstsq(columns, rest.ravel())[0]
     doubled = GRAVITY * float(r[0] ** 2 + r[1] ** 2)
     # the fit has a bias along x, y turn the force up by all of this, a turned sensor by half of it
-    return np.array([r[0], r[1], 0.0]), float(r[2]) - 0.75 * doubled
+    mounting, bias = np.array([r[0], r[1], 0.0]), float(r[2]) - 0.75 * doubled
+    contradictions.refuse_steep(path, mounting)
+    contradictions.refuse_other_motion(path, turned + (columns @ r).reshape(-1, 3), change)
+    return mounting, bias
 
 
 def bias_doubt(mounting: Floats) -> float:
@@ -236,6 +261,34 @@ def _rows(path: Path, found: dict[str, Floats]) -> tuple[slice, slice]:
     return air, rest if (rest.stop - rest.start) * STEP >= LEAST_REST else slice(0, 0)
 
 
+def _late(bag: Bag, track: motion.Motion, air: Floats) -> float:
+    """
+    Return how late poses are against the gyro, s, in the air at times (n,) s.
+
+    Raises
+    ------
+    IdentifyError
+        If the gyro contradicts the tracked attitude.
+
+    """
+    imu = bag['imu/data_raw']
+    there = (track.t >= air[0]) & (track.t <= air[-1])
+    turning = gyro_check.compare(
+        imu.t, imu.angular_velocity, track.t[there], track.quaternion[there])
+    try:
+        gyro_check.refuse(turning)
+    except AlignError as error:
+        raise IdentifyError(f'{bag.path}: {error}') from None
+    if turning is None:
+        return 0.0
+    if abs(turning.late) > LATEST:
+        raise IdentifyError(
+            f'{bag.path}: the poses are {abs(turning.late):.2g} s or more '
+            f'{"late" if turning.late > 0.0 else "early"} against the gyro: the clocks differ; '
+            'align them with mambo join')
+    return turning.late
+
+
 def read_flight(path: Path, namespace: str | None = None) -> Recorded:
     """
     Read a bag with ``imu/data_raw``, ``motor_pwm`` and a motion (capture or truth).
@@ -255,12 +308,22 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
     stamps.refuse_wrong(bag, _READ)
     if not np.isfinite(bag['imu/data_raw'].acceleration).all(axis=1).any():
         raise IdentifyError(f'{path}: imu/data_raw lacks an acceleration on some axis')
-    found = _grid(bag, _motion(bag))
+    track = _motion(bag)
+    found = _grid(bag, track)
     air, rest = _rows(path, found)
-    mounting, bias = _mounting(found, air)
+    late = _late(bag, track, found['t'][air])
+    if abs(late) > LATE:
+        track = dataclasses.replace(track, stamps=track.stamps - round(late * 1e9))
+        found = _grid(bag, track)
+        air, rest = _rows(path, found)
+    for name, sensor, unit in (('force', 'accelerometer', 'm/s^2'), ('gyro', 'gyro', 'rad/s')):
+        contradictions.refuse_stuck(path, sensor, unit, found[name][air], STEP)
+    contradictions.refuse_still_motor(path, found['command'][air])
+    mounting, bias = _mounting(path, found, air)
     found['force'] = found['force'] - [0.0, 0.0, bias]
     known = np.isfinite(found['attitude']).all(axis=1)
     found['attitude'][known] = (Rotation.from_quat(found['attitude'][known])
                                 * Rotation.from_rotvec(mounting)).as_quat()
     return Recorded(path.name, **found, air=air, rest=rest, mounting=mounting,
-                    has_flow='optical_flow' in bag, onboard=_onboard(bag, found['t']), bias=bias)
+                    has_flow='optical_flow' in bag, onboard=_onboard(bag, found['t']), bias=bias,
+                    late=late if abs(late) > LATE else 0.0)

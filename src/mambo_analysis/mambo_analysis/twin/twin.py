@@ -27,6 +27,7 @@ import numpy as np
 
 from . import agreement, beside, loop, motors
 from .force import fit_force
+from .identify_flight import late_note
 from .motors import MotorWindows, predict_all
 from .recorded import read_flight, Recorded
 from .torque import fit_torque
@@ -188,15 +189,18 @@ def _work(options: argparse.Namespace) -> None:
     more = _tables(rows, options.horizon)
     if options.agree:
         more.append(agreement.table(agreement.identified([row.flight for row in rows])))
+    notes = [line for row in rows for line in late_note(row.flight)]
     if options.json != '-':
         print('\n\n'.join([table(rows, options.horizon), *map(as_text, more)]))
+        print(''.join(f'note: {line}\n' for line in notes), end='')
     if options.json and (path := write_json(
             options.json, as_json(rows, options.horizon, options.past))):
         print(f'wrote {path}')
     if options.html:
         pairs = [beside.Beside(row.flight, row.loops[1] or row.loops[0]) for row in rows]
         path = beside.write(
-            options.html, pairs, [translation(rows, options.horizon), *more], NOTES)
+            options.html, pairs, [translation(rows, options.horizon), *more],
+            (*NOTES, *notes))
         if options.json != '-':
             print(f'wrote {path}')
 

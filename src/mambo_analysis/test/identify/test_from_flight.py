@@ -62,10 +62,7 @@ def test_wrong_use_is_one_line(tmp_path, capsys, command, arguments, said):
 
 
 def test_what_the_flight_does_not_show_is_refused_with_the_reason(tmp_path, capsys):
-    def still(data):
-        data[['x', 'y']] *= 0.02
-        return data
-    path = bag(tmp_path, still)
+    path = bag(tmp_path, radius=0.02)
     assert drag.main([str(path)]) == 2
     error = capsys.readouterr().err.strip()
     assert 'does not show drag x: the velocity along x swings by' in error

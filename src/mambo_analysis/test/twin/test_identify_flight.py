@@ -61,10 +61,7 @@ def test_a_bag_without_rest_says_so(tmp_path, capsys):
 
 def test_what_a_flight_does_not_show_stays_as_in_the_base(tmp_path, capsys):
     """A vehicle that hardly moves shows no drag: the file has none of its own."""
-    def still(data):
-        data[['x', 'y']] *= 0.02
-        return data
-    path = bag(tmp_path, still)
+    path = bag(tmp_path, radius=0.02)
     assert main([str(path), '-o', str(tmp_path / 'out'), '--base', 'crazyflie']) == 0
     out = capsys.readouterr().out
     assert 'not shown by this flight: drag x: the velocity along x swings by' in out

@@ -4,6 +4,9 @@ from pathlib import Path
 
 from flown import bag, flight, MAP, MOUNTING
 from mambo_analysis.identify.regression import IdentifyError
+from mambo_analysis.twin import contradictions
+from mambo_analysis.twin.force import fit_force
+from mambo_analysis.twin.identify_flight import late_note
 from mambo_analysis.twin.recorded import bias_doubt, GRAVITY, read_flight
 import numpy as np
 import pytest
@@ -41,6 +44,81 @@ def test_a_missing_signal_is_named(tmp_path, text, reason):
 def test_what_is_no_flight(tmp_path, change, reason):
     with pytest.raises(IdentifyError, match=reason):
         read_flight(bag(tmp_path, change))
+
+
+def scaled(*columns, factor=-1.0):
+    """Return what scales columns of a table."""
+    def change(data):
+        data[list(columns)] *= factor
+        return data
+    return change
+
+
+def moved(columns, rows):
+    """Return what delays columns of a table by some rows of 0.01 s."""
+    def change(data):
+        data[columns] = data[columns].shift(rows).bfill().ffill()
+        return data
+    return change
+
+
+def reordered(data):
+    """Return a table whose quaternions are w x y z."""
+    return data.rename(columns={'qw': 'qx', 'qx': 'qy', 'qy': 'qz', 'qz': 'qw'})
+
+
+POSE = ['x', 'y', 'z', 'qx', 'qy', 'qz', 'qw']
+ACCELEROMETER, GYRO = ('ax', 'ay', 'az'), ('p', 'q', 'r')
+
+
+@pytest.mark.parametrize('change, reason', [
+    (scaled(*ACCELEROMETER, factor=1.0 / GRAVITY), 'shows 0.994 m/s.2 upwards .* is it in g'),
+    (scaled(*ACCELEROMETER, factor=GRAVITY), 'was it in m/s.2 and imported as g'),
+    (scaled('ay', 'az'), 'shows -9.7. m/s.2 upwards .* those of FRD'),
+    (lambda data: data.assign(az=data['az'] + 1.3), 'upwards in the mean'),
+    (scaled('y'), 'along y of the world .* correlation of -1.00: check axes and signs'),
+    (scaled('x', 'y', factor=0.5), 'along x of the world .* check the units of position'),
+    (reordered, 'rate: .* the order of the quaternion'),
+    (scaled('qx', 'qy', 'qz'), 'turn differently .correlation -1.00'),
+    (scaled(*GYRO, factor=np.pi / 180.0), 'roll rate: .* not in SI units'),
+    (scaled(*GYRO, factor=180.0 / np.pi), 'roll rate: .* not in SI units'),
+    (scaled(*GYRO, factor=2.0), 'more than 1.5 times apart: check unit and range'),
+    (scaled('q', 'r'), 'pitch rate: gyro and tracked attitude turn differently'),
+    (lambda data: data.assign(ay=0.02), 'accelerometer repeats 0.02 m/s.2 along y for'),
+    (lambda data: data.assign(p=0.0), 'roll rate: .* an axis is dead'),
+    (lambda data: data.assign(r=0.01), 'gyro repeats 0.01 rad/s along z'),
+    (lambda data: data.assign(m3=data['m3'].where(data['m3'] == 0.0, 40000.0)),
+     'motor 3 of motor_pwm has the command 40000 throughout'),
+    (moved(POSE, 60), 'the poses are 0.6 s or more late against the gyro')])
+def test_what_contradicts_itself_is_refused(tmp_path, change, reason):
+    with pytest.raises(IdentifyError, match=reason) as error:
+        read_flight(bag(tmp_path, change, noise=0.05))
+    assert '\n' not in str(error.value)
+
+
+def test_the_axes_of_the_accelerometer_are_those_of_the_tracked_body():
+    """Turned by 90 deg about z it fits gravity, but neither velocity nor attitude."""
+    one = flight(noise=0.0)
+    steep = np.deg2rad([60.0, 0.0, 0.0])
+    with pytest.raises(IdentifyError, match='turned by 60 deg in roll and pitch'):
+        contradictions.refuse_steep(Path('bag'), steep)
+    with pytest.raises(IdentifyError, match='drag of 0.4 1/s across the velocity'):
+        contradictions.refuse_swapped('bag', one.force[:, [1, 0]], one.body_velocity[:, :2])
+    contradictions.refuse_swapped('bag', one.force[:, :2], one.body_velocity[:, :2])
+
+
+@pytest.mark.parametrize('rows', [10, -8])
+def test_poses_that_are_late_are_moved(tmp_path, rows):
+    found = read_flight(bag(tmp_path, moved(POSE, rows), noise=0.05))
+    assert found.late == pytest.approx(rows * 0.01, abs=0.011)
+    (tmp_path / 'plain').mkdir()
+    plain = read_flight(bag(tmp_path / 'plain', noise=0.05))
+    assert plain.late == 0.0
+    there = np.interp(found.t, plain.t, plain.position[:, 0])[found.air]
+    assert np.abs(found.position[found.air, 0] - there).max() < 0.02  # m, of 0.1 m as stamped
+    drag, same = (fit_force(one, blocks=0).shown['drag z'] for one in (found, plain))
+    assert drag.value == pytest.approx(same.value, abs=same.half)
+    assert 'and were moved by it' in late_note(found)[0] and not late_note(plain)
 
 
 def test_what_is_no_bag(tmp_path):
