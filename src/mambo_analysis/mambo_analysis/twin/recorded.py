@@ -45,6 +45,7 @@ CLEAR = 0.2            # m above the start: below, the floor acts
 EDGE = 0.3             # s of the flight left out at both ends, while it still jumps
 LATE = 0.03            # s: below, poses move no drag by as much as its interval
 LATEST = 0.3           # s: cameras and network take 0.1 s, more is another clock
+LONGEST = 7200.0       # s, of a recording: batteries of such vehicles last a quarter of that
 
 
 class Onboard(NamedTuple):
@@ -210,6 +211,16 @@ def bias_doubt(mounting: Floats) -> float:
     return 0.25 * GRAVITY * float(mounting[:2] @ mounting[:2])
 
 
+def _jump(*times: Floats) -> str:
+    """Return where a recording that is too long jumps, or that it does not."""
+    k = int(np.argmax([np.diff(t).max() for t in times]))
+    t, name = times[k], ('imu/data_raw', 'motor_pwm', 'the motion')[k]
+    i = int(np.diff(t).argmax())
+    return (f'{t[-1] - t[0]:.0f} s, {LONGEST:g} s are allowed: the longest gap, in {name}, is '
+            f'{t[i + 1] - t[i]:.0f} s after {t[i]:.3f} s: a jump of the clock? cut the recording '
+            'to the flight')
+
+
 def _grid(bag: Bag, path: motion.Motion) -> dict[str, Floats]:
     """Return every signal on a common grid, where all are available."""
     imu, pwm = bag['imu/data_raw'], bag['motor_pwm']
@@ -219,6 +230,8 @@ def _grid(bag: Bag, path: motion.Motion) -> dict[str, Floats]:
         raise IdentifyError(
             f'{bag.path}: motion, IMU and motor commands overlap for '
             f'{max(end - start, 0.0):.1f} s, {LEAST_FLIGHT:g} s are needed')
+    if end - start > LONGEST:
+        raise IdentifyError(f'{bag.path}: {_jump(imu.t, pwm.t, path.t)}')
     t = np.arange(round(start / STEP) + 1, int(end / STEP)) * STEP
 
     def at(times: Floats, values: Floats) -> Floats:
