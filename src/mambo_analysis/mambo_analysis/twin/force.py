@@ -24,10 +24,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal, stats
+from scipy import optimize, signal, stats
 
 from ..identify import regression
 from ..identify.regression import Fit, IdentifyError, LEVEL, Value
+from .contradictions import refuse_swapped
 from .recorded import bias_doubt, Recorded, STEP
 
 Floats = NDArray[np.float64]
@@ -41,6 +42,8 @@ START = (0.3, 0.3, 0.3, 0.0, 0.0, 2.45, 1.8, 0.7)
 """Share of a deviation that remains after ``STEP`` due to the lag; 0 without lag."""
 LEAST_SWING = 0.4        # m/s, 99 % of the body velocity on an axis: below, drag does not show
 LEAST_THRUST = 0.05      # [-] relative swing of the thrust: below, the map does not show
+LEAD = 5                 # steps by which commands may be late: 50 ms, a lag of usual motors
+RIVAL = 1.3              # [-] unexplained variance as stamped over that with the lead, at least
 
 
 class ForceModel(NamedTuple):
@@ -144,6 +147,63 @@ def _with_doubt(found: Fit, flights: Sequence[Recorded]) -> Fit:
     return found._replace(covariance=covariance)
 
 
+def _hidden(values: dict[str, Value], v: Floats, thrust: Floats) -> list[str]:
+    """Return what velocities (n, 3) m/s and thrusts (n,) m/s^2 do not show, with the reason."""
+    hidden = [f'drag {axis}: the velocity along {axis} swings by {_swing(v[:, i]):.2f} m/s, '
+              f'{LEAST_SWING:g} m/s are needed'
+              for i, axis in enumerate('xyz') if _swing(v[:, i]) < LEAST_SWING]
+    if _swing(thrust) < LEAST_THRUST * float(np.mean(thrust)):
+        hidden += [f'{name}: the thrust swings by {_swing(thrust):.2f} m/s^2'
+                   for name in ('exponent', 'motor lag')]
+    for name, half in (('exponent', 0.5), ('motor lag', 0.05)):
+        if values[name].half > half and not any(one.startswith(name) for one in hidden):
+            hidden.append(f'{name}: the interval is wider than +-{half:g} {values[name].unit}')
+    up = values['drag z']
+    if up.high < 0.0 and not any(one.startswith('drag z') for one in hidden):
+        hidden.append(f'drag z: [{up.low:.3g}, {up.high:.3g}] 1/s would drive the vehicle: '
+                      'something else changes the thrust with the climb')
+    return hidden
+
+
+def _at_bound(theta: Floats) -> list[tuple[str, str]]:
+    """Return the parameters at the end of the range of the search; no lag is one of motors."""
+    return [(name, f'the fit ends at the bound of its range, {bound:g}')
+            for name, x, low, high in zip(NAMES, theta, LOW, HIGH)
+            for bound in (low, high)
+            if abs(x - bound) < 1e-3 * (high - low) and not (name == 'motor lag' and bound == low)]
+
+
+def _refuse_driving(names: str, values: dict[str, Value], unseen: set[str]) -> None:
+    """Refuse a horizontal drag whose interval is wholly below 0: air does not drive a vehicle."""
+    for name in ('drag x', 'drag y'):
+        one = values[name]
+        if name not in unseen and one.high < 0.0:
+            raise IdentifyError(
+                f'{names}: {name} is {one.low:.3g} to {one.high:.3g} 1/s, which drives the '
+                f'vehicle: check the sign of the accelerometer along {name[-1]} (FLU)')
+
+
+def _refuse_late_commands(
+    names: str, found: Fit, measured: Floats, flights: Sequence[Recorded], command: float,
+    voltage: float,
+) -> None:
+    """Refuse commands that are stamped after what they do: without a lag a lead fits better."""
+    if lag_of(min(float(found.theta[-1]), HIGH[-1])) > STEP:
+        return
+    earlier = [one._replace(command=np.roll(one.command, -LEAD, axis=0)) for one in flights]
+
+    def rest(theta: Floats) -> Floats:
+        model = _model(np.concatenate([found.theta[:5], theta, [0.0]]), command, voltage)
+        return measured[:, 2] - np.concatenate(
+            [means(model.predict(one)[one.air])[:, 2] for one in earlier])
+    lead = optimize.least_squares(rest, found.theta[5:7], bounds=(LOW[5:7], HIGH[5:7]))
+    left = float(np.mean(found.residual[:, 2] ** 2))
+    if left > RIVAL * float(np.mean(lead.fun ** 2)):
+        raise IdentifyError(
+            f'{names}: the thrust changes before its command: the stamps of motor_pwm are late '
+            f'against those of the IMU, by {LEAD * STEP:g} s or so')
+
+
 def fit_force(*flights: Recorded, blocks: int = BLOCKS) -> Found:
     """
     Fit the specific force to the accelerometer of flights of one vehicle.
@@ -177,6 +237,7 @@ def fit_force(*flights: Recorded, blocks: int = BLOCKS) -> Found:
             predicted, measured, START, LOW, HIGH, NAMES, blocks=blocks)
     except IdentifyError as error:
         raise IdentifyError(f'{names}: {error}') from None
+    _refuse_late_commands(names, found, measured, flights, command, voltage)
     found = _with_doubt(found, flights)
     model = _model(found.theta, command, voltage)
     units = ('1/s', '1/s', '1/s', 'm/s^2', 'm/s^2', 'm/s^2', '1')
@@ -184,17 +245,15 @@ def fit_force(*flights: Recorded, blocks: int = BLOCKS) -> Found:
     left = found.value(len(units), '1')
     lag, low, high = (lag_of(min(x, HIGH[-1])) for x in (left.value, left.low, left.high))
     values['motor lag'] = Value(lag, max(0.0, low - STEP), high, 's')
-    hidden = [f'drag {axis}: the velocity along {axis} swings by {_swing(v[:, i]):.2f} m/s, '
-              f'{LEAST_SWING:g} m/s are needed'
-              for i, axis in enumerate('xyz') if _swing(v[:, i]) < LEAST_SWING]
     thrust = np.concatenate([model.thrust_over_mass(one)[one.air] for one in flights])
-    if _swing(thrust) < LEAST_THRUST * float(np.mean(thrust)):
-        hidden += [f'{name}: the thrust swings by {_swing(thrust):.2f} m/s^2'
-                   for name in ('exponent', 'motor lag')]
-    for name, half in (('exponent', 0.5), ('motor lag', 0.05)):
-        if values[name].half > half and not any(one.startswith(name) for one in hidden):
-            hidden.append(f'{name}: the interval is wider than +-{half:g} {values[name].unit}')
     if not model.thrust > 0.0:
         raise IdentifyError(f'{names}: the accelerometer shows no thrust: this is no flight')
+    hidden = _hidden(values, v, thrust)
+    unseen = {line.split(':')[0] for line in hidden}
+    hidden += [f'{name}: {why}' for name, why in _at_bound(found.theta) if name not in unseen]
+    if not {'drag x', 'drag y'} & unseen:
+        refuse_swapped(names, measured[:, :2], np.concatenate(
+            [means(one.body_velocity[one.air]) for one in flights])[:, :2])
+    _refuse_driving(names, values, unseen)
     t = np.concatenate([means(one.t[one.air][:, None])[:, 0] for one in flights])
     return Found(model, values, hidden, found, measured, t)

@@ -109,3 +109,42 @@ def test_flights_that_determine_nothing_are_named():
     with np.errstate(all='ignore'), pytest.raises(
             IdentifyError, match=f'^{dead.name}: the numbers are too extreme to fit'):
         fit_force(dead)
+
+
+@pytest.mark.parametrize('axis, i', [('x', 0), ('y', 1)])
+def test_a_drag_that_drives_is_refused(axis, i):
+    one = flight()
+    force = one.force * np.where(np.arange(3) == i, -1.0, 1.0)
+    with pytest.raises(IdentifyError, match=f'drag {axis} is -0.* drives the vehicle: check the '
+                                            f'sign of the accelerometer along {axis}'):
+        fit_force(one._replace(force=force), blocks=0)
+
+
+def test_a_thrust_that_falls_less_than_without_drag_shows_none():
+    """Of other causes, wash say: a drag along z below 0 is none, but no sign of wrong axes."""
+    model = TRUE._replace(drag=(0.4, 0.35, -0.25))
+    found = fit_force(flight(model=model), blocks=0)
+    assert 'drag z' not in found.shown and 'drag x' in found.shown
+    assert any('would drive the vehicle' in line for line in found.hidden)
+
+
+def test_swapped_axes_of_the_accelerometer_are_refused():
+    one = flight()
+    with pytest.raises(IdentifyError, match='across the velocity: its x and y are not those'):
+        fit_force(one._replace(force=one.force[:, [1, 0, 2]]), blocks=0)
+
+
+def test_an_estimate_at_the_bound_of_its_range_is_not_shown():
+    found = fit_force(flight(model=TRUE._replace(exponent=4.6)), blocks=0)
+    assert 'exponent: the fit ends at the bound of its range, 4' in found.hidden
+    assert 'exponent' not in found.shown
+
+
+def test_commands_that_are_stamped_late_are_refused():
+    """A vehicle without a lag is none of them."""
+    one = flight()
+    late = one._replace(command=np.concatenate([one.command[:10], one.command[:-10]]))
+    with pytest.raises(IdentifyError, match='the stamps of motor_pwm are late against those of'):
+        fit_force(late, blocks=0)
+    quick = fit_force(flight(model=TRUE._replace(lag=1e-3)), blocks=0)
+    assert quick.values['motor lag'].value < 0.01
