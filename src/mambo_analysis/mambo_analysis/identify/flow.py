@@ -129,12 +129,12 @@ def fit_factor(
     names = ['offset', 'slope'][:count] + ['share of the rotation'] * leak
     found = regression.fit(model, samples.flow, [1.0, 0.0][:count] + [0.0] * leak, low, high,
                            names, np.ones((len(shape), 1)))
-    for name, x, least, most in zip(names, found.theta.tolist(), low, high):
-        # an interval at a limit means nothing; a slope that the heights hardly show may be there
-        if name != 'slope' and min(x - least, most - x) < 1e-3 * (most - least):
-            raise IdentifyError(
-                f'the best {name} is {x:.3g}, the limit of its search: the flow does not follow '
-                'the motion; check units, axes and clocks')
+    at_end = regression.at_bound(found.theta, low, high, names)
+    at_end.pop('slope', None)  # the heights may hardly show it: its interval says so
+    for name, end in at_end.items():
+        raise IdentifyError(
+            f'the best {name} is {end:.3g}, the limit of its search: the flow does not follow '
+            'the motion; check units, axes and clocks')
     bias = (samples.flow - found.residual - model(found.theta)).mean(axis=0)
     share = found.value(count, '1') if leak else None
     if count == 1:

@@ -120,6 +120,7 @@ def motor_report(flight: Flight) -> result.Report:
         {'time constant': lag},
         {**flight.facts(), 'exponent of the map': flight.found.model.exponent},
         ['no scenario in the bag: the motor map is that of this flight, with its battery',
-         'a delay of the commands counts as lag', *late_note(flight.recorded)],
+         'a delay of the commands counts as lag, late stamps of theirs as less',
+         *late_note(flight.recorded)],
         {'motor_time_constant': (lag.value, _source('identify_motor', flight, lag))},
         _draw(flight, 'z'), method=METHOD)

@@ -50,6 +50,9 @@ LONGEST = 0.5     # s
 STILL = 0.02      # m/s^2, rms of the predicted thrust over mass: below, nothing is asked of motors
 LANDED = 0.5      # of the weight: commands below are no flight
 GUESS = 0.03      # s
+NAMES = 'lag', 'thrust over that of the map'
+HOVER = 0.75      # of gravity, or its inverse, in the mean of a flight: a bias of 1 m/s^2, a tilt
+                  # of 30 deg and a climb are less; another unit is 2 or more
 
 
 class Motor(NamedTuple):
@@ -129,10 +132,11 @@ def fit_motor(t: Floats, pwm: Floats, acceleration: Floats, vehicle: Vehicle) ->
         """Return means of the acceleration by lag (1 + what is left after a sample) and gain."""
         return means(theta[1] * predicted(float(theta[0]) - 1.0))[:, None]
     measured = means(acceleration)
+    low, high = [1.0, 0.2], [1.0 + np.exp(-dt / LONGEST), 5.0]
     found = regression.fit(
-        model, measured[:, None], [1.0 + np.exp(-dt / GUESS), 1.0], [1.0, 0.2],
-        [1.0 + np.exp(-dt / LONGEST), 5.0], ['lag', 'gain'], np.ones((len(measured), 1)),
-        step=1e-4)
+        model, measured[:, None], [1.0 + np.exp(-dt / GUESS), 1.0], low, high, NAMES,
+        np.ones((len(measured), 1)), step=1e-4)
+    regression.refuse_bound(found, low, high, NAMES, NAMES[:1])
     value = Value(*(_time_constant(x - 1.0, dt) for x in found.value(0, '1')[:3]), 's')
     if not value.half < 0.5 * LONGEST:
         raise IdentifyError('this flight does not show the lag: fly one with quick commands')
@@ -161,7 +165,11 @@ def _check(predicted: Floats, acceleration: Floats, gravity: float) -> None:
         raise IdentifyError(
             f'the commands ask for changes of {np.std(predicted):.3g} m/s^2: constant commands '
             'show no lag')
-    if not 0.3 < -acceleration.mean() / gravity < 3.0:
+    if not np.ptp(acceleration) > 0.0:
+        raise IdentifyError(
+            f'the acceleration along b3 is {acceleration[0]:.4g} m/s^2 throughout: that axis is '
+            'dead, or not in the recording')
+    if not HOVER < -acceleration.mean() / gravity < 1.0 / HOVER:
         raise IdentifyError(
             f'the mean acceleration along b3 is {acceleration.mean():.3g} m/s^2, not near '
             f'{-gravity:g}: it must be in m/s^2, down, and that of a flight')
@@ -280,7 +288,7 @@ def main(arguments: list[str] | None = None) -> int:
             {'accelerometer offset [m/s^2]': found.offset,
              'rms residual [m/s^2]': found.fit.rms, 'rms without lag [m/s^2]': found.without,
              'samples': len(t), 'order of the residual': found.fit.order[0]},
-            ['a delay of the commands counts as lag'],
+            ['a delay of the commands counts as lag, late stamps of theirs as less'],
             {'motor_time_constant': (value.value, source)}, _draw(found))
     return result.run('identify_motor', options, work)
 

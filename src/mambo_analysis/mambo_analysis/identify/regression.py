@@ -34,6 +34,7 @@ LARGEST_ORDER = 8     # of the autoregressive model
 PASSES = 3            # of whitening and fitting
 BLOCK_TOLERANCE = 1e-4  # of fits without a block, far below what they scatter
 UNKNOWN = 1e3         # times an interval, where a fit without a block is impossible
+BOUND = 1e-3          # of a range, from its end: there the search ended
 POOREST = 1e-10       # least eigenvalue over largest of a scaled J^T J that determines a parameter
 
 
@@ -348,6 +349,40 @@ def _wider(fits: Sequence[Floats | None], covariance: Floats, freedom: int) -> F
     level = 0.5 + 0.5 * LEVEL
     ratio = float(stats.t.ppf(level, len(fits) - 1) / stats.t.ppf(level, freedom))
     return np.maximum(1.0, ratio * spread / np.sqrt(np.diag(covariance)))
+
+
+def at_bound(
+    theta: Floats, low: Sequence[float], high: Sequence[float], names: Sequence[str],
+    natural: Sequence[str] = (),
+) -> dict[str, float]:
+    """
+    Return the parameters at an end of their range, where a fit tells nothing, with that end.
+
+    Parameters
+    ----------
+    theta, low, high : (p,)
+        As fitted, and the limits of the search.
+    names : (p,)
+    natural
+        Those that are never below their lower limit, a lag or a damping: there they may be.
+
+    """
+    out = {}
+    for name, x, first, last in zip(names, theta, low, high, strict=True):
+        near = BOUND * (last - first)
+        if x > last - near or (x < first + near and name not in natural):
+            out[name] = float(last if x > last - near else first)
+    return out
+
+
+def refuse_bound(
+    found: Fit, low: Sequence[float], high: Sequence[float], names: Sequence[str],
+    natural: Sequence[str] = (),
+) -> None:
+    """Raise IdentifyError for a parameter :func:`at_bound`."""
+    for name in at_bound(found.theta, low, high, names, natural):
+        raise IdentifyError(f'{name} is at the end of its range: the data show another effect, or '
+                            'have another unit')
 
 
 def check_columns(columns: dict[str, Floats], least: int) -> None:

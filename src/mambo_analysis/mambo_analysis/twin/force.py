@@ -165,14 +165,6 @@ def _hidden(values: dict[str, Value], v: Floats, thrust: Floats) -> list[str]:
     return hidden
 
 
-def _at_bound(theta: Floats) -> list[tuple[str, str]]:
-    """Return the parameters at the end of the range of the search; no lag is one of motors."""
-    return [(name, f'the fit ends at the bound of its range, {bound:g}')
-            for name, x, low, high in zip(NAMES, theta, LOW, HIGH)
-            for bound in (low, high)
-            if abs(x - bound) < 1e-3 * (high - low) and not (name == 'motor lag' and bound == low)]
-
-
 def _refuse_driving(names: str, values: dict[str, Value], unseen: set[str]) -> None:
     """Refuse a horizontal drag whose interval is wholly below 0: air does not drive a vehicle."""
     for name in ('drag x', 'drag y'):
@@ -250,7 +242,9 @@ def fit_force(*flights: Recorded, blocks: int = BLOCKS) -> Found:
         raise IdentifyError(f'{names}: the accelerometer shows no thrust: this is no flight')
     hidden = _hidden(values, v, thrust)
     unseen = {line.split(':')[0] for line in hidden}
-    hidden += [f'{name}: {why}' for name, why in _at_bound(found.theta) if name not in unseen]
+    ends = regression.at_bound(found.theta, LOW, HIGH, NAMES, ['motor lag'])
+    hidden += [f'{name}: the fit ends at the bound of its range, {end:g}'
+               for name, end in ends.items() if name not in unseen]
     if not {'drag x', 'drag y'} & unseen:
         refuse_swapped(names, measured[:, :2], np.concatenate(
             [means(one.body_velocity[one.air]) for one in flights])[:, :2])

@@ -161,6 +161,9 @@ def _moment(
     except IdentifyError as error:
         return Moment(None, 0.0, str(error))
     gain = fit.value(0, '1/m')
+    for name in regression.at_bound(fit.theta, low, high, names):
+        if name in ('gain', 'sway'):  # a memory of 1 and gains of 0 are those of some noise
+            return Moment(None, 0.0, f'the fit of its {name} ends at the bound of its range')
     share = _share(rate, fit.residual[:, 0])
     if share < LEAST_SHARE:
         return Moment(None, share, 'the gyro shows little but its noise: R^2 of its '

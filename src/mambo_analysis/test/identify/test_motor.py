@@ -116,6 +116,9 @@ def test_only_the_air_counts():
     (lambda t, p, a: (t, 277.0 + 0.0 * p, a), 'constant commands show no lag'),
     (lambda t, p, a: (t, p, -a), 'must be in m/s'),
     (lambda t, p, a: (t, p, a / 9.81), 'must be in m/s'),
+    (lambda t, p, a: (t, p, 2.0 * a), 'must be in m/s'),
+    (lambda t, p, a: (t, p, -9.8 + 0.0 * a), '-9.8 m/s.2 throughout: that axis is dead'),
+    (lambda t, p, a: (t, p, -9.8 + 0.01 * (a + 9.8)), 'is at the end of its range'),
     (lambda t, p, a: (0.0 * t, p, a), 'time does not rise')])
 def test_what_shows_no_lag_is_refused(change, message):
     pwm = commands()

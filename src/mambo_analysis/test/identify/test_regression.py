@@ -2,7 +2,8 @@
 
 from interval_checks import assert_covers
 from mambo_analysis.identify.regression import (
-    autoregression, check_columns, check_times, fit, IdentifyError, plus_minus)
+    at_bound, autoregression, check_columns, check_times, fit, IdentifyError, plus_minus,
+    refuse_bound)
 import numpy as np
 import pytest
 from scipy import signal, stats
@@ -156,3 +157,22 @@ def test_a_printed_interval_holds_the_interval(half):
     middle, _, width = plus_minus(value, half).partition(' +- ')
     assert abs(float(middle) - value) <= 0.05 * half + 1e-12
     assert float(width) == pytest.approx(half, rel=0.05)
+
+
+def test_a_parameter_at_an_end_of_its_range_is_told_unless_it_is_natural():
+    low, high, names = (0.0, -1.0, 0.0), (1.0, 1.0, 5.0), ('lag', 'tilt', 'gain')
+
+    def ends(*theta):
+        return at_bound(np.array(theta), low, high, names, ['lag'])
+    assert ends(0.5, 0.0, 1.0) == ends(0.0, 0.99, 4.9) == {}
+    assert ends(1.0, -1.0, 5.0) == {'lag': 1.0, 'tilt': -1.0, 'gain': 5.0}
+    assert ends(0.0, 0.0, 0.0) == {'gain': 0.0}
+
+
+def test_a_fit_that_ends_at_a_bound_is_refused():
+    t = np.arange(200.0)
+    data = 3.0 * t[:, None] + np.random.default_rng(0).normal(size=(200, 1))
+    found = fit(lambda x: x[0] * t[:, None], data, [1.0], [0.0], [2.0], ['slope'])
+    with pytest.raises(IdentifyError, match='slope is at the end of its range'):
+        refuse_bound(found, [0.0], [2.0], ['slope'])
+    refuse_bound(found, [0.0], [4.0], ['slope'])
