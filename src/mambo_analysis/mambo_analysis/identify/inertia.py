@@ -28,6 +28,8 @@ Floats = NDArray[np.float64]
 LEAST_SWINGS = 2.0   # in a recording
 LARGEST = 2.8        # rad, of a swing: beyond is no pendulum but deg/s taken for rad/s
 EXPLAINED = 0.5      # least part of the power of the gyro that a swing of (4.2) has to explain
+OTHER_UNIT = 2.0     # [-] unexplained variance in the unit given over that in the other, at least:
+                     # a large swing is slower, and slows less as it decays, than a small one
 COHERENT = 0.01      # of the rate: a coloured residual beyond is an error of the model
 NAMES = ('frequency', 'quadratic damping', 'linear damping', 'first angle', 'first rate')
 AXES = ('x', 'y', 'z')
@@ -118,7 +120,32 @@ def fit_swing(t: Floats, rate: Floats, geometry: Geometry | None = None) -> Iner
     ratio = geometry.separation / geometry.length if geometry and geometry.length > 0.0 else 0.0
     if ratio >= 1.0:
         raise IdentifyError('wires further apart than long: D must be below h')
+    found, shown = _fit(t, rate, frequency, top, ratio)
+    explained = 1.0 - float(np.var(rate - shown) / np.var(rate))
+    if explained < EXPLAINED:
+        raise IdentifyError(
+            f'no swing that decays: (4.2) explains {100.0 * max(explained, 0.0):.0f} % of the '
+            'gyro; give --start and --end of the swing, and its --axis')
+    for factor, doubt in ((np.pi / 180.0, 'is the gyro in deg/s? then give --unit deg/s'),
+                          (180.0 / np.pi, 'is the gyro in rad/s? then give no --unit deg/s')):
+        if factor * top / frequency < LARGEST:
+            other = _fit(t, factor * rate, frequency, factor * top, ratio)[0]
+            if found.rms ** 2 > OTHER_UNIT * (other.rms / factor) ** 2:
+                raise IdentifyError(
+                    f'a swing of {factor * top / frequency:.2g} rad fits this gyro better than '
+                    f'one of {top / frequency:.2g} rad, which it would be: {doubt}')
+    regression.refuse_bound(found, *_ends(frequency, top), NAMES, NAMES[1:3])
+    return _result(found, rate, geometry, shown)
 
+
+def _fit(
+    t: Floats, rate: Floats, frequency: float, top: float, ratio: float,
+) -> tuple[regression.Fit, Floats]:
+    """
+    Return the fit of (4.2) to rates (n,) rad/s, and the rates that it shows, (n,) rad/s.
+
+    ``frequency`` [rad/s] and ``top`` [rad/s] are first guesses, ``ratio`` is D/h.
+    """
     def model(theta: Floats) -> Floats:
         """Return a rate, (n, 1) rad/s; theta: logarithms, angle and rate at the start."""
         w, quadratic, linear = np.exp(theta[:3]).tolist()
@@ -127,19 +154,17 @@ def fit_swing(t: Floats, rate: Floats, geometry: Geometry | None = None) -> Iner
     first = float(rate[0] - rate.mean())
     angle = np.sqrt(max(top * top - first * first, 0.0)) / frequency
     rising = np.mean(np.diff(rate[:max(3, len(t) // 200)])) > 0.0
-    w, low, high = np.log(frequency), np.log(1e-6), np.log(1e2)
     found = regression.fit(
         model, rate[:, None],
-        [w, np.log(0.02), np.log(0.02 * frequency), -angle if rising else angle, first],
-        [w - 0.5, low, low, -LARGEST, -2.0 * top], [w + 0.5, high, high, LARGEST, 2.0 * top],
-        NAMES, np.ones((len(t), 1)))
-    shown = model(found.theta)[:, 0]
-    explained = 1.0 - float(np.var(rate - shown) / np.var(rate))
-    if explained < EXPLAINED:
-        raise IdentifyError(
-            f'no swing that decays: (4.2) explains {100.0 * max(explained, 0.0):.0f} % of the '
-            'gyro; give --start and --end of the swing, and its --axis')
-    return _result(found, rate, geometry, shown)
+        [np.log(frequency), np.log(0.02), np.log(0.02 * frequency), -angle if rising else angle,
+         first], *_ends(frequency, top), NAMES, np.ones((len(t), 1)))
+    return found, model(found.theta)[:, 0]
+
+
+def _ends(frequency: float, top: float) -> tuple[list[float], list[float]]:
+    """Return the least and the largest parameters of a fit, for its first guesses."""
+    w, low, high = np.log(frequency), np.log(1e-6), np.log(1e2)
+    return ([w - 0.5, low, low, -LARGEST, -2.0 * top], [w + 0.5, high, high, LARGEST, 2.0 * top])
 
 
 def _result(

@@ -77,6 +77,18 @@ def test_what_is_no_swing_is_refused_in_one_line(change, message):
     assert '\n' not in str(error.value)
 
 
+@pytest.mark.parametrize('theta, factor, message', [
+    (0.03, 180.0 / np.pi, 'is the gyro in deg/s? then give --unit deg/s'),
+    (0.5, np.pi / 180.0, 'is the gyro in rad/s? then give no --unit')])
+def test_a_swing_in_another_unit_is_told_by_its_decay(theta, factor, message):
+    """Of 1.7 deg taken for 1.7 rad J would be 15 % too small; of 0.5 rad taken for deg 1 %."""
+    with pytest.raises(IdentifyError) as error:
+        fit_swing(T, factor * swing(7.75e-5, theta=theta), RIG)
+    assert message in str(error.value)
+    found = fit_swing(T, swing(7.75e-5, theta=theta), RIG)
+    assert found.J.value == pytest.approx(7.75e-5, rel=2e-3)
+
+
 def csv(path, rate):
     np.savetxt(path, np.stack([T, rate], axis=1), header='t,gyro.y', delimiter=',', comments='')
     return path
