@@ -16,6 +16,7 @@ from typing import NamedTuple
 from mambo_bags.cli.option_types import real, whole
 from mambo_bags.command import Parser, refuse_unused
 from mambo_model import palette
+from mambo_model.vehicle.parameters import find
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from .regression import IdentifyError, LEVEL, Value
 Floats = NDArray[np.float64]
 
 METHOD = 'intervals of 95 %: least squares of independent readings, Student t'
+LIFT = (1.0, 20.0)  # largest thrust of four motors over the weight, of what flies
 THESIS = (4.29e-5, 1.47)  # a [N] and b of (4.5), sec. 4.4.2
 
 
@@ -150,6 +152,11 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
         'b minus that of the thesis': found.b.value - THESIS[1],
         f'thrust over that of the thesis at {middle:.0f}': share}
     notes = ['a and b belong together: neither is known as well as their map']
+    vehicle = find(options.base)
+    lift = 4.0 * float(thrust[found.used].max()) / (vehicle.mass * vehicle.gravity)
+    if not LIFT[0] < lift < LIFT[1]:
+        notes.append(f'four such motors lift {lift:.3g} times the weight of {options.base}: check '
+                     '--unit, --motors and --base')
     return result.Report(
         f'motor map of {options.file.name}',
         {'linear gain': found.gain, 'a': found.a, 'b': found.b}, facts, notes, changed,

@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ..identify.regression import IdentifyError
 from . import contradictions
+from ..identify.regression import IdentifyError
 
 Floats = NDArray[np.float64]
 

@@ -108,3 +108,14 @@ def test_the_bench_of_the_rolling_spider_gives_the_constant_of_its_toolbox(tmp_p
     assert got.thrust_map == 'linear'  # 1 is within the interval of the exponent
     assert main([str(BENCH)]) == 2
     assert 'no column pwm; it has thrust_recdata.' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('unit, factor, noted', [
+    ('N', 1.0, False), ('N', 1000.0 / 9.81, True), ('g', 1.0, True), ('g', 1000.0 / 9.81, False)])
+def test_a_scale_in_another_unit_is_noted(tmp_path, capsys, unit, factor, noted):
+    """Of grams taken for newtons four motors would lift the vehicle hundreds of times."""
+    file = tmp_path / 'bench.csv'
+    np.savetxt(file, np.stack([COMMANDS, factor * bench(0)], axis=1), header='pwm,thrust',
+               delimiter=',', comments='')
+    assert main([str(file), '--unit', unit]) == 0
+    assert ('check --unit, --motors and --base' in capsys.readouterr().out) == noted
