@@ -1,6 +1,7 @@
 """Moments of inertia are found in closed loop, and refused where a flight does not show them."""
 
 from flown import flight, SPIN, steered, TRUE
+from mambo_analysis.twin import moments
 from mambo_analysis.twin.force import fit_force
 from mambo_analysis.twin.moments import arms, fit_moments, predicted
 from mambo_analysis.twin.recorded import STEP
@@ -78,3 +79,10 @@ def test_the_error_of_the_thrust_map_is_in_the_interval():
     wide = found._replace(fit=found.fit._replace(covariance=400.0 * found.fit.covariance))
     sure, unsure = (fit_moments(one, x, MAMBO, TRUE.lag)['y'].value for x in (found, wide))
     assert unsure is None or unsure.half > 1.1 * sure.half
+
+
+def test_a_gain_at_the_end_of_its_range_shows_no_moment(monkeypatch):
+    monkeypatch.setattr(moments, 'HIGH', (20.0, *moments.HIGH[1:]))  # 30 1/m is true
+    monkeypatch.setattr(moments, 'START', (10.0, *moments.START[1:]))
+    found = found_in(noisy(0, seconds=12.0))['x']
+    assert found.value is None and 'its gain ends at the bound of its range' in found.hidden
