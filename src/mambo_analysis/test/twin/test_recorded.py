@@ -81,7 +81,7 @@ ACCELEROMETER, GYRO = ('ax', 'ay', 'az'), ('p', 'q', 'r')
     (scaled(*ACCELEROMETER, factor=1.0 / GRAVITY), 'shows 0.994 m/s.2 upwards .* is it in g'),
     (scaled(*ACCELEROMETER, factor=GRAVITY), 'was it in m/s.2 and imported as g'),
     (scaled('ay', 'az'), 'shows -9.7. m/s.2 upwards .* those of FRD'),
-    (lambda data: data.assign(az=data['az'] + 1.3), 'upwards in the mean'),
+    (lambda data: data.assign(az=data['az'] + 2.3), 'upwards in the mean'),
     (scaled('y'), 'along y of the world .* correlation of -1.00: check axes and signs'),
     (scaled('x', 'y', factor=0.5), 'along x of the world .* check the units of position'),
     (reordered, 'rate: .* the order of the quaternion'),
