@@ -276,9 +276,9 @@ def judge(attack: Attack, ended: Ended, undisturbed: Calm, flight: Watched) -> s
             or flight.folder_left() or flight.shared_left()
             or (f'{ended.memory >> 20} MB instead of {undisturbed.memory >> 20} MB'
                 if ended.memory > undisturbed.memory + MORE else '')
-            or (flight.unreadable() if ended.code and _NOT_BEGUN not in ended.err
-                else flown.unclosed(flight.bag))
-            or flown.wrong(flight.bag)
+            or (flown.unclosed(flight.bag) if _NOT_BEGUN in ended.err else
+                (flight.unreadable() if ended.code else flown.unclosed(flight.bag))
+                or flown.wrong(flight.bag))
             or (flown.other(flight.bag, undisturbed.digests)
                 if attack.mode in EXACT and not ended.code else '')
             or unsaid(attack, ended, flight.bag.parent / 'log') or ended.broken)

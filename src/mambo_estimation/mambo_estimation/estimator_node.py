@@ -61,6 +61,7 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
 
     def __init__(self, **kwargs) -> None:
         super().__init__('estimator_node', EstimatorNodeParams, **kwargs)
+        self._reliable = self.params.sensor_reliability == 'reliable'
         p = self.params
         self._estimate, self._tf = map(self.advertise, (topics.ESTIMATE, topics.TF))
         if p.estimator == 'ground_truth':
@@ -101,10 +102,6 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         values = self.params.compiled()
         self._slot = getattr(values, 'slot', None)
         return hold(filters.initial(values), None, values)
-
-    @property
-    def _reliable(self) -> bool:
-        return self.params.sensor_reliability == 'reliable'
 
     def _adder(self, add: Callable) -> Callable:
         """Return the callback of a sensor, which runs the steps that a message completes."""

@@ -71,8 +71,9 @@ def fly(
     Returns
     -------
     together
-        The same recordings as of drones that fly alone, with the columns of a bag, unless there is downwash, a collision
-        stops them, or the motion capture sees what drones do to each other's markers.
+        The same recordings as of drones that fly alone, with the columns of a bag, unless there is
+        downwash, a collision stops them, or the motion capture sees what drones do to each other's
+        markers.
 
     Raises
     ------
