@@ -315,20 +315,28 @@ def parser() -> argparse.ArgumentParser:
     return out
 
 
-if __name__ == '__main__':
+def main() -> int:
+    """Run a campaign of the command line; return the exit code."""
     options = parser().parse_args()
     if options.kind_of_fault == 'messages':
         from chaos_files import hostile
-        sys.exit(bool(hostile.messages(
-            options.count, options.seed, options.start, options.jobs)))
+        return bool(hostile.messages(options.count, options.seed, options.start, options.jobs))
     if options.kind_of_fault == 'resources':
         from chaos_files import resources
-        sys.exit(bool(resources.resources(
-            options.count, options.seed, options.start, options.jobs)))
+        return bool(resources.resources(
+            options.count, options.seed, options.start, options.jobs))
     if options.kind_of_fault in ('files', 'parameters'):
         from chaos_files import campaign
         chosen = options.kind if options.kind_of_fault == 'files' else campaign.EXTREME
-        sys.exit(bool(campaign.files(
-            options.count, options.seed, options.jobs, chosen, options.start)))
-    sys.exit(processes(options.count, options.seed, options.recording.absolute(), options.start,
-                       options.jobs))
+        return bool(campaign.files(
+            options.count, options.seed, options.jobs, chosen, options.start))
+    return processes(options.count, options.seed, options.recording.absolute(), options.start,
+                     options.jobs)
+
+
+if __name__ == '__main__':
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        print('chaos: interrupted; --start goes on from a later one', file=sys.stderr)
+        sys.exit(128 + signal.SIGINT)
