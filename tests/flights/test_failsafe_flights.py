@@ -87,7 +87,7 @@ def test_a_loss_of_a_tenth_of_a_second_is_flown_through(what):
     {}, {'controller': 'toolbox', 'estimator': 'toolbox', 'believed': 'toolbox'}])
 def test_without_loss_it_is_the_flight_of_the_closed_loop(choices):
     one = flight(**{'estimator': 'kalman', **choices})
-    mine, whole = fly(one), closed_loop.fly(one)
+    mine, whole = fly(one), closed_loop.fly(one, inner=True)
     np.testing.assert_array_equal(mine.rho, whole.truth[:, :3])
     np.testing.assert_array_equal(mine.pwm, whole.pwm)
     assert set(mine.stage) == {FLYING}

@@ -14,7 +14,7 @@ BAG = Path(__file__).parents[4] / 'bags/circle_short'
 
 def test_samples_and_truth_are_those_of_the_flight_to_the_bit():
     flight, found = from_bag.read(BAG)
-    flown = closed_loop.fly(flight)
+    flown = closed_loop.fly(flight, inner=True)
     np.testing.assert_array_equal(found.truth, flown.truth)
     for name, ours, theirs in zip(Steps._fields, steps_of(found), steps_of(flown), strict=True):
         np.testing.assert_array_equal(ours, theirs, err_msg=name)
@@ -26,7 +26,7 @@ def test_a_folder_or_an_mcap_file_is_a_bag(tmp_path):
 
 
 def test_a_bag_without_a_complete_step_is_one_line(monkeypatch):
-    whole = steps_of(closed_loop.fly(from_bag.read(BAG)[0]))
+    whole = steps_of(closed_loop.fly(from_bag.read(BAG)[0], inner=True))
     monkeypatch.setattr(from_bag.offline_replay, 'steps', lambda bag: Steps(
         *(values[:0] for values in whole)))
     with pytest.raises(BagError, match='circle_short: no step of the sensors is complete'):
