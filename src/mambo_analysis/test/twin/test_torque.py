@@ -68,4 +68,6 @@ def test_a_model_of_no_torque_keeps_the_rate():
     nothing = TorqueModel((0.0, 0.0, 0.0), (0.0, 0.0), (0.0, 0.0, 0.0))
     start = prepare(one, TRUE, 0.5, 0.0)
     kept = integrate(start, TRUE, nothing)[2]
-    assert np.allclose((kept.inv() * Rotation.from_quat(start.q)).magnitude(), 0.0, atol=1e-7)
+    turned = Rotation.from_quat(start.q) * Rotation.from_rotvec(0.5 * start.rate)
+    assert np.linalg.norm(start.rate, axis=1).max() > 0.1
+    assert np.allclose((kept.inv() * turned).magnitude(), 0.0, atol=1e-7)
