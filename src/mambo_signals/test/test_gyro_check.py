@@ -57,3 +57,58 @@ def test_what_hardly_turns_shows_nothing_wrong():
     gyro_check.refuse(found)
     assert gyro_check.compare(t, gyro, times + 100.0, q) is None
     gyro_check.refuse(None)
+
+
+def test_one_axis_alone_is_compared():
+    """A motion about one axis says nothing about the others, whose rates are noise."""
+    t, gyro, times, q = turning(size=np.array([0.1, 1e-4, 1e-4]))  # yaw, pitch, roll
+    gyro_check.refuse(gyro_check.compare(t, gyro, times, q))
+    with pytest.raises(AlignError, match='yaw rate'):
+        gyro_check.refuse(gyro_check.compare(t, gyro * [1.0, 1.0, -1.0], times, q))
+    gyro_check.refuse(gyro_check.compare(t, gyro * [-1.0, 1.0, 1.0], times, q))
+
+
+def test_an_order_of_the_quaternion_is_told():
+    t, gyro, times, q = turning(size=0.4)
+    with pytest.raises(AlignError, match='rate: '):
+        gyro_check.refuse(gyro_check.compare(t, gyro, times, q[:, [3, 0, 1, 2]]))
+
+
+def test_gaps_and_repeated_samples_do_no_harm():
+    t, gyro, times, q = turning()
+    gyro[500:520] = np.nan
+    q[900:930] = np.nan
+    t[1000] = t[999]
+    keep = np.r_[0:300, 340:len(t)]
+    found = gyro_check.compare(t[keep], gyro[keep], times, q)
+    gyro_check.refuse(found)
+    assert found.late == 0.0 and (found.correlation > 0.99).all()
+
+
+@pytest.mark.parametrize('samples', [0, 1, gyro_check.LEAST_SAMPLES // 2])
+def test_too_few_samples_are_not_compared(samples):
+    t, gyro, times, q = turning()
+    assert gyro_check.compare(t[:samples], gyro[:samples], times, q) is None
+
+
+def test_a_line_names_both_rates():
+    t, gyro, times, q = turning()
+    with pytest.raises(AlignError) as error:
+        gyro_check.refuse(gyro_check.compare(t, 2.0 * gyro, times, q))
+    text = str(error.value)
+    by_gyro, tracked = (float(word.split(' rad/s')[0]) for word in text.split(' by ')[1:])
+    assert by_gyro == pytest.approx(2.0 * tracked, rel=0.05) and '\n' not in text
+
+
+def test_bias_is_no_contradiction():
+    """An offset of the gyro is its bias, whatever its size."""
+    t, gyro, times, q = turning()
+    found = gyro_check.compare(t, gyro + [0.5, -0.3, 0.2], times, q)
+    gyro_check.refuse(found)
+    assert found.late == 0.0
+
+
+def test_an_attitude_of_another_norm_is_left_out():
+    t, gyro, times, q = turning()
+    q[200:400] *= 3.0
+    gyro_check.refuse(gyro_check.compare(t, gyro, times, q))

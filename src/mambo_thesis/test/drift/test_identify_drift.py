@@ -1,6 +1,7 @@
 """The command identify_drift: what it finds in a bag, says in a conclusion and refuses."""
 
 import json
+import re
 
 from drift_flights import flown, TOPICS, TRUE, write
 from mambo_analysis.importers.common import Publisher
@@ -239,3 +240,25 @@ def test_a_gyro_noisier_than_the_flow_allows_leaves_a_noise_of_the_flow():
     found = evidence._autoregression([r], [np.full_like(r, 0.5 * r.std())])
     plain = evidence._autoregression([r], [np.zeros_like(r)])
     assert 0.3 * plain.sigma < found.sigma <= plain.sigma
+
+
+@pytest.mark.parametrize('far, reason', [(1.0, ''), (3.0, ''), (6.0, 'standard deviations')])
+def test_values_that_are_improbable_by_their_prior_are_those_of_no_mechanism(far, reason):
+    """Three standard deviations happen once in 370 flights, six once in 500 million."""
+    asked = Evidence([flown('C.4', {'slope': 0.07}, 0)])
+    fit = asked.fit(('A',))
+    width = evidence.PARAMETERS['slope'].width
+    moved = fit._replace(values={**fit.values, 'slope': far * width})
+    # displacements only: what is left of the samples is not looked at
+    found = misfit(Evidence(asked.flights, 2 * np.pi), moved)
+    assert (reason in found) if reason else found == ''
+    if reason:
+        assert found.startswith('needs slope = ') and f'{far:.1f} ' in found
+
+
+def test_what_follows_the_motion_is_told_with_its_size():
+    """Without its mechanism a flight's residual is the drift that this one explains."""
+    asked = Evidence([flown('C.4', {'slope': 0.3}, 0)])
+    fit = asked.fit(('A',))
+    text = misfit(asked, fit._replace(values={**fit.values, 'slope': 0.0}))
+    assert re.match(r'leaves 0\.\d{3} rad/s that follow the motion', text)
