@@ -25,7 +25,6 @@ from mambo_flight.world import separation
 from mambo_signals import metrics, motion, resample, stamps
 from mambo_signals.flight_phases import detect_phases, Phases, phases
 from mambo_signals.resample import continuous_quaternions, Floats, Ints
-from mambo_signals.time_offset import LEAST_RISE
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -231,24 +230,6 @@ def _identical(recorded: Messages, replayed: Messages) -> list[str]:
     return lines
 
 
-def _origin(
-    bag: Bag, estimate: motion.Motion, truth: motion.Motion,
-) -> Alignment | None:
-    """
-    Return the alignment of a replayed estimate with the truth; None: same frame.
-
-    They are in a simulation, where the vehicle stands at the origin when the estimator begins.
-    """
-    start = max(estimate.stamps[0], truth.stamps[0])
-    if estimate.frame == truth.frame:
-        return None
-    if not pair.simulated(bag):
-        return pair.own_origin(estimate, truth, pair.begins_in_air(truth, start))
-    here = truth.values(np.array([start]), truth.position)
-    low = not here[0, 2] > LEAST_RISE
-    return None if low else pair.own_origin(estimate, truth, True)
-
-
 def compare_replay(origin: Bag, answer: Bag) -> str:
     """
     Compare a replayed estimate with the recorded one.
@@ -284,7 +265,7 @@ def compare_replay(origin: Bag, answer: Bag) -> str:
         if name in origin:
             ours, truth = motion.read(answer, 'estimate/odom'), motion.read(origin, name)
             notes += pair.left_out((truth,))
-            alignment = _origin(origin, ours, truth)
+            alignment = pair.replay_alignment(origin, ours, truth)
             if alignment is not None:
                 notes.append(alignment.text)
                 ours = alignment.moved(ours)

@@ -3,8 +3,9 @@ Run an estimator over a recorded flight and compare its estimate with the record
 
 It runs offline, without ROS, hundreds of times faster than real time. The estimates equal those of
 a live estimator in ``mambo replay``, to the last bit. The verdict at the end names absent and
-refused sensors, and whether and when the estimate diverged; the exit code does not depend on it.
-Of a flight over which the joint filter diverges, nothing smoothed is given.
+refused sensors, whether and when the estimate diverged, and what contradicts it: a sensor that is
+stuck or refused for long, a bias that no sensor has, the motion capture. The exit code does not
+depend on it. Of a flight over which the joint filter diverges, nothing smoothed is given.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
 from .compare import compare_replay
+from .contradictions import contradictions
 from .verdict import divergence, verdict
 
 READ = (*(topic.name for topic in (
@@ -188,13 +190,17 @@ def _smoothed(bag: Bag, node: EstimatorNodeParams) -> smoothing.Answer | None:
     more = smoothing.smoothed(bag, node.joint)
     joint = dataclasses.replace(node, estimator='joint')
     found = offline_replay.estimate(bag, joint.filter, changes.values_later(joint))
-    wrong = divergence(answered(bag, found))
+    ours = answered(bag, found)
+    wrong, against = divergence(ours), contradictions(bag, ours)
     if wrong:
         print('\nsmoothed: withheld, as the joint filter that it smooths failed: '
               f'{"; ".join(wrong)}')
         return None
     if node.estimator != 'joint':
         print('\nsmoothed: by the joint filter, which did not diverge')
+    if against:
+        print('\nnote: the intervals hold only if every sensor is right but for bias and noise. '
+              f'Against it: {"; ".join(against)}')
     print(f'\n{more.text}')
     return more
 

@@ -142,6 +142,22 @@ def own_origin(a: Motion, b: Motion, in_air: bool) -> Alignment:
     return Alignment(0, turn, (float(shift[0]), float(shift[1]), float(shift[2])), text)
 
 
+def replay_alignment(bag: Bag, estimate: Motion, truth: Motion) -> Alignment | None:
+    """
+    Return the alignment of a replayed estimate with the truth; None: same frame.
+
+    They are in a simulation, where the vehicle stands at the origin when the estimator begins.
+    """
+    start = max(estimate.stamps[0], truth.stamps[0])
+    if estimate.frame == truth.frame:
+        return None
+    if not simulated(bag):
+        return own_origin(estimate, truth, begins_in_air(truth, start))
+    here = truth.values(np.array([start]), truth.position)
+    low = not here[0, 2] > time_offset.LEAST_RISE
+    return None if low else own_origin(estimate, truth, True)
+
+
 def _metres(shift: Floats) -> str:
     return '({:+.3f}, {:+.3f}, {:+.3f}) m'.format(*shift)
 

@@ -1,5 +1,5 @@
 """
-Verdict on an estimate: absent and refused sensors, and divergence.
+Verdict on an estimate: absent and refused sensors, divergence, and what contradicts it.
 
 Read from ``estimator/state`` and ``estimate/odom``, live or offline. A divergence is a finding
 about the flight, not a failure of the command that found it: exit codes do not depend on it.
@@ -14,10 +14,11 @@ from mambo_ros import topics
 import numpy as np
 from numpy.typing import NDArray
 
+from .contradictions import ALIGNING, contradictions
+
 FAR = 0.5  # m, difference between the height and every range, used or refused ...
 FAR_TIME = 1.0  # s, ... for this long means divergence
 FASTEST = 10.0  # m/s, faster than these vehicles fly
-ALIGNING = 0  # EstimatorState.STATUS_ALIGNING
 AIDING = ((topics.SONAR, 'sonar_refused'), (topics.OPTICAL_FLOW, 'flow_refused'),
            (topics.BAROMETER, 'barometer_refused'))
 
@@ -88,7 +89,7 @@ def divergence(state: Bag) -> list[str]:
 
 def verdict(bag: Bag, state: Bag) -> str:
     """
-    Return the sensors that an estimator could not use, and its divergence.
+    Return the sensors that an estimator could not use, its divergence, and what contradicts it.
 
     Parameters
     ----------
@@ -105,6 +106,9 @@ def verdict(bag: Bag, state: Bag) -> str:
     """
     if topics.ESTIMATOR_STATE.name not in state or not len(state[topics.ESTIMATOR_STATE.name]):
         return 'verdict: none, as there is no estimator/state'
-    wrong = divergence(state)
-    head = 'verdict: ' + ('; '.join(wrong) if wrong else 'the estimate did not diverge')
+    wrong, against = divergence(state), contradictions(bag, state)
+    head = '; '.join(wrong) if wrong else 'the estimate did not diverge'
+    if against:
+        head += f'{";" if wrong else ", but is"} contradicted: {"; ".join(against)}'
+    head = f'verdict: {head}'
     return '\n'.join((head, *_sensors(bag, state)))

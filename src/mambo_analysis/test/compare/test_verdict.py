@@ -38,7 +38,9 @@ def flight():
     inner = Messages(
         stamp=stamps(), status=np.full(COUNT, 2), sonar_innovation=sonar,
         health=np.zeros((COUNT, len(health.NAMES)), int), sonar_refused=np.zeros(COUNT, int),
-        flow_refused=np.zeros(COUNT, int), barometer_refused=np.zeros(COUNT, int))
+        flow_refused=np.zeros(COUNT, int), barometer_refused=np.zeros(COUNT, int),
+        sonar_test_ratio=nothing, flow_test_ratio=nothing, barometer_test_ratio=nothing,
+        accel_bias=np.zeros((COUNT, 3)), gyro_bias=np.zeros((COUNT, 3)))
     return {
         'estimator/state': inner,
         'estimate/odom': Messages({'stamp': stamps(),

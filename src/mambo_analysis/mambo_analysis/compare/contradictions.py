@@ -1,0 +1,200 @@
+"""
+What contradicts an estimate that need not have diverged: sensors, biases and motion capture.
+
+A filter that refuses a wrong sensor, or takes its error for a bias, goes on smoothly. Its own
+covariance does not show that. Each finding is one line that names what, when and how much.
+"""
+
+from __future__ import annotations
+
+from mambo_bags.reader import Bag
+from mambo_estimation import gate, health
+from mambo_ros import topics
+from mambo_signals import motion
+import numpy as np
+from numpy.typing import NDArray
+
+from . import pair
+
+Floats = NDArray[np.float64]
+UNUSED_TIME = 3.0  # s: unhealthy after 1 s without a used sample, and recovery takes as long again
+ALIGNING = 0  # EstimatorState.STATUS_ALIGNING
+FAULTS = {health.NOT_FINITE: 'not finite', health.IMPLAUSIBLE: 'refused', health.STUCK: 'stuck'}
+WINDOW = 5.0  # s, several times the recovery time of a gate
+SHARE = 0.5 * (1.0 + gate.MAJORITY)
+"""Refused at this share, samples win the vote of the gate. Outliers are fewer: 0.53 at most in
+5 s of the public flights. That they are still refused after several recoveries is no outlier."""
+LEAST_SAMPLES = 20  # in a window, for a share of them to mean something
+LARGEST_ACCEL_BIAS = 2.0  # m/s^2; MPU-6050: 80 mg offset, 60 mg by temperature, 3 % of 1 g: 1.7
+LARGEST_GYRO_BIAS = 0.7   # rad/s; MPU-6050: 20 deg/s offset and 20 deg/s by temperature
+DEAD_TIME = 1.0  # s, in which an axis repeats one number while other axes change
+LEAST_CHANGES = 20  # of an axis in that time, for it to be alive
+FAR = 0.5      # m from the motion capture; a smaller distance is in the table of errors
+SIGMAS = 6.0   # standard deviations that the estimate states: 1 in 10^7 at most by chance
+
+
+def _runs(t: Floats, inside: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Return begin and end of each run of True, s."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False]))))
+    return [(float(t[begin]), float(t[end - 1]))
+            for begin, end in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def unused(t: Floats, states: NDArray[np.integer]) -> list[str]:
+    """
+    Return the sensors that gave samples of which none was used for ``UNUSED_TIME``.
+
+    Parameters
+    ----------
+    t : (n,) s
+        Ascending.
+    states : (n, 5)
+        Health of each sensor, in the order of ``health.NAMES``.
+
+    """
+    out = []
+    for name, state in zip(health.NAMES, states.T, strict=True):
+        runs = _runs(t, np.isin(state, list(FAULTS)))
+        begin, end = max(runs, key=lambda run: run[1] - run[0], default=(0.0, 0.0))
+        if end - begin >= UNUSED_TIME:
+            fault = FAULTS[int(state[np.searchsorted(t, end)])]
+            out.append(f'{name} {fault} from {begin:.2f} to {end:.2f} s')
+    return out
+
+
+def refused(name: str, t: Floats, ratio: Floats) -> list[str]:
+    """
+    Return a line if most samples over ``WINDOW`` were beyond the gate.
+
+    Parameters
+    ----------
+    name
+        Of the sensor.
+    t : (n,) s
+        Ascending.
+    ratio : (n,)
+        Test ratios, refused above 1; NaN without a sample.
+
+    """
+    seen = np.isfinite(ratio)
+    if seen.sum() < LEAST_SAMPLES:
+        return []
+    t, beyond = t[seen], np.concatenate(([0], np.cumsum(ratio[seen] > 1.0)))
+    begin, end = np.arange(len(t)), np.searchsorted(t, t + WINDOW, 'right')
+    whole = (end - begin >= LEAST_SAMPLES) & (t + WINDOW <= t[-1])
+    share = np.where(whole, (beyond[end] - beyond[begin]) / np.maximum(end - begin, 1), 0.0)
+    if not (share >= SHARE).any():
+        return []
+    k = int(share.argmax())
+    return [f'{share[k]:.0%} of the {name} samples refused from {t[k]:.2f} to '
+            f'{t[k] + WINDOW:.2f} s: it contradicts the other sensors']
+
+
+def biases(t: Floats, accel: Floats, gyro: Floats) -> list[str]:
+    """
+    Return the estimated biases that no such sensor has.
+
+    Parameters
+    ----------
+    t : (n,) s
+    accel, gyro : (n, 3) m/s^2, rad/s
+        Body FLU.
+
+    """
+    out = []
+    for name, unit, found, largest in (('accelerometer', 'm/s^2', accel, LARGEST_ACCEL_BIAS),
+                                       ('gyro', 'rad/s', gyro, LARGEST_GYRO_BIAS)):
+        size = np.where(np.isfinite(found), np.abs(found), 0.0)
+        k, axis = np.unravel_index(size.argmax(), size.shape)
+        if size[k, axis] > largest:
+            out.append(f'{name} bias of {found[k, axis]:.3g} {unit} along {"xyz"[axis]} at '
+                       f'{t[k]:.2f} s, beyond {largest:g}: check scale, unit and mounting')
+    return out
+
+
+def dead_axes(t: Floats, gyro: Floats, accel: Floats, measured: NDArray[np.bool_]) -> list[str]:
+    """
+    Return the axes of the inertial sensors that repeat a number while the others change.
+
+    Three axes or more that rest together are a motion in a plane without noise.
+
+    Parameters
+    ----------
+    t : (n,) s
+        Ascending.
+    gyro, accel : (n, 3)
+        Samples.
+    measured : (6,)
+        Axes of both that the vehicle has; an import fills the others with a number.
+
+    """
+    samples = np.hstack([gyro, accel])
+    names = [f'{name} {axis}' for name in health.NAMES[:health.SONAR] for axis in 'xyz']
+    changes = np.concatenate(
+        (np.zeros((1, 6), int), np.cumsum(samples[1:] != samples[:-1], axis=0)))
+    begin, end = np.arange(len(t)), np.searchsorted(t, t + DEAD_TIME, 'right') - 1
+    moved = changes[end] - changes[begin]
+    dead, alive = moved == 0, moved >= LEAST_CHANGES
+    whole = t + DEAD_TIME <= t[-1]
+    one = whole & (dead | alive).all(axis=1) & (alive.sum(axis=1) >= 4)
+    dead &= measured
+    return [f'{name} repeats {samples[k, i] + 0.0:.6g} from {t[k]:.2f} s on while others change'
+            for i, name in enumerate(names)
+            for k in np.flatnonzero(one & dead[:, i])[:1].tolist()]
+
+
+def from_capture(bag: Bag, state: Bag) -> list[str]:
+    """
+    Return a line if the estimate is further from the motion capture than it states.
+
+    Of an estimator that states no covariance (0), nothing.
+    """
+    if topics.OPTITRACK.name not in bag:
+        return []
+    ours, truth = motion.read(state, topics.ESTIMATE.name), motion.read(bag, topics.OPTITRACK.name)
+    alignment = pair.replay_alignment(bag, ours, truth)
+    found = pair.positions(ours if alignment is None else alignment.moved(ours), truth)
+    odometry = state[topics.ESTIMATE.name]
+    variance = odometry['pose.covariance'][:, [0, 7, 14]].sum(axis=1)
+    sigma = np.sqrt(np.interp(found.stamps, odometry.stamp, variance))
+    distance = np.linalg.norm(found.error, axis=1)
+    far = np.flatnonzero((sigma > 0.0) & (distance > FAR) & (distance > SIGMAS * sigma))
+    if not len(far):
+        return []
+    k = far[distance[far].argmax()]
+    seconds = (found.stamps[k] - odometry.stamp[0]) * 1e-9
+    return [f'{distance[k]:.2f} m from the motion capture at {seconds:.2f} s, where the estimate '
+            f'states a standard deviation of {sigma[k]:.2g} m']
+
+
+def contradictions(bag: Bag, state: Bag) -> list[str]:
+    """
+    Return what contradicts an estimate, one line each; empty if nothing does.
+
+    Of an estimator that never aligned, only the sensors: there is no estimate.
+
+    Parameters
+    ----------
+    bag
+        Read with its sensors.
+    state
+        With ``estimate/odom`` and ``estimator/state`` of the estimator; may be the same bag.
+
+    """
+    inner = state[topics.ESTIMATOR_STATE.name]
+    t = (inner.stamp - inner.stamp[0]) * 1e-9
+    out = unused(t, inner['health'])
+    if (inner['status'] == ALIGNING).all():
+        return out
+    for name, field in zip(health.NAMES[health.SONAR:], ('sonar', 'flow', 'barometer'),
+                           strict=True):
+        out += refused(name, t, inner[f'{field}_test_ratio'])
+    out += biases(t, inner['accel_bias'], inner['gyro_bias'])
+    if topics.IMU.name in bag and len(bag[topics.IMU.name]):
+        imu = bag[topics.IMU.name]
+        order = np.argsort(imu.stamp, kind='stable')
+        measured = np.ones(6, bool)
+        measured[3:5] = 'horizontal_acceleration' not in bag.metadata.get('import', {})
+        gyro, accel = (imu[name][order] for name in ('angular_velocity', 'linear_acceleration'))
+        out += dead_axes((imu.stamp[order] - inner.stamp[0]) * 1e-9, gyro, accel, measured)
+    return out + from_capture(bag, state)

@@ -1,0 +1,121 @@
+"""What contradicts an estimate, at and beside each limit, and in a flight with a wrong sensor."""
+
+from pathlib import Path
+
+from mambo_analysis.compare import contradictions as judge
+from mambo_analysis.compare import estimate
+from mambo_bags.reader import read_bag
+from mambo_estimation import health
+from mambo_ros import topics
+import numpy as np
+import pytest
+
+PERIOD = 0.01  # s
+T = np.arange(2000) * PERIOD
+BAG = Path(__file__).parents[4] / 'bags/circle_short'
+
+
+@pytest.mark.parametrize('state, word', [
+    (health.STUCK, 'stuck'), (health.IMPLAUSIBLE, 'refused'), (health.NOT_FINITE, 'not finite'),
+    (health.MISSING, ''), (health.OUT_OF_REACH, ''), (health.GOOD, '')])
+@pytest.mark.parametrize('seconds', [judge.UNUSED_TIME - 0.1, judge.UNUSED_TIME + 0.1])
+def test_a_sensor_whose_samples_are_unused_for_long_is_named(state, word, seconds):
+    states = np.zeros((len(T), 5), int)
+    states[200:201 + round(seconds / PERIOD), health.SONAR] = state
+    expected = [f'sonar {word} from 2.00 to {2.0 + seconds:.2f} s']
+    assert judge.unused(T, states) == (
+        expected if word and seconds > judge.UNUSED_TIME else [])
+
+
+@pytest.mark.parametrize('share, seconds, named', [
+    (0.9, 6.0, True), (0.7, 20.0, False), (1.0, 3.0, False), (0.0, 20.0, False)])
+def test_a_sensor_refused_by_a_majority_for_long_is_named(share, seconds, named):
+    ratio = np.full(len(T), np.nan)
+    ratio[::4] = 0.1
+    inside = np.flatnonzero((T >= 2.0) & (T < 2.0 + seconds) & np.isfinite(ratio))
+    ratio[inside[np.arange(len(inside)) % 10 < 10 * share]] = 7.0
+    found = judge.refused('optical flow', T, ratio)
+    assert bool(found) == named
+    assert not named or 'of the optical flow samples refused from 2.' in found[0]
+
+
+def test_few_samples_have_no_share():
+    ratio = np.full(len(T), np.nan)
+    ratio[::500 // (judge.LEAST_SAMPLES - 2)] = 7.0
+    assert judge.refused('sonar', T, ratio) == []
+    assert judge.refused('sonar', T[:0], ratio[:0]) == []
+
+
+@pytest.mark.parametrize('size, named', [(0.99, False), (1.01, True), (np.nan, False)])
+def test_a_bias_that_no_sensor_has_is_named(size, named):
+    accel, gyro = np.zeros((len(T), 3)), np.zeros((len(T), 3))
+    accel[300, 2] = -size * judge.LARGEST_ACCEL_BIAS
+    gyro[400, 0] = size * judge.LARGEST_GYRO_BIAS
+    found = judge.biases(T, accel, gyro)
+    assert len(found) == 2 * named
+    assert not named or (found[0].startswith('accelerometer bias of -2.02 m/s^2 along z at 3.00 s')
+                         and found[1].startswith('gyro bias of 0.707 rad/s along x at 4.00 s'))
+
+
+@pytest.mark.parametrize('axes, named', [
+    ((0,), ['gyro x']), ((1, 5), ['gyro y', 'accelerometer z']), ((0, 1, 2), []),
+    ((0, 1, 2, 3, 4, 5), []), ((), [])])
+def test_an_axis_that_repeats_a_number_among_live_ones_is_dead(axes, named):
+    samples = np.random.default_rng(1).normal(size=(len(T), 6))
+    samples[700:, axes] = 0.25
+    found = judge.dead_axes(T, samples[:, :3], samples[:, 3:], np.ones(6, bool))
+    assert [line.split(' repeats')[0] for line in found] == named
+    assert all('repeats 0.25 from 7.00 s on' in line for line in found)
+    none = judge.dead_axes(T, samples[:, :3], samples[:, 3:], np.zeros(6, bool))
+    assert none == []
+
+
+def column(bag, topic, field, change):
+    """Change the samples of a topic from 3 s on."""
+    messages = bag[topic.name]
+    values = messages[field].copy()
+    late = messages.stamp > messages.stamp[0] + 3_000_000_000
+    values[late] = change(values[late])
+    messages._cache[field] = values
+
+
+@pytest.mark.parametrize('topic, field, change, said', [
+    (topics.SONAR, 'range', lambda x: np.full_like(x, 2.5), 'sonar stuck from'),
+    (topics.IMU, 'angular_velocity', lambda x: x * [0.0, 1.0, 1.0], 'gyro x repeats 0 from 3.0'),
+    (topics.IMU, 'linear_acceleration', lambda x: x + [0.0, 0.0, 5.0],
+     'm from the motion capture at'),
+    (topics.SONAR, 'range', lambda x: x, '')])
+def test_a_flight_with_a_wrong_sensor_is_contradicted(topic, field, change, said):
+    bag = read_bag(BAG, estimate.READ)
+    column(bag, topic, field, change)
+    first = estimate.answer(bag, estimate.parameters(bag)).verdict.splitlines()[0]
+    assert said in first
+    assert (first == 'verdict: the estimate did not diverge') == (not said)
+
+
+def test_an_estimator_without_a_covariance_is_not_held_to_it():
+    bag = read_bag(BAG, estimate.READ)
+    found = estimate.answer(bag, estimate.parameters(bag)).found
+    found.state[:, 0] += 2.0  # m
+    assert 'where the estimate states' in judge.from_capture(bag, estimate.answered(bag, found))[0]
+    found.pose_covariance[:] = 0.0
+    assert judge.from_capture(bag, estimate.answered(bag, found)) == []
+
+
+def test_the_intervals_of_a_contradicted_flight_are_qualified(monkeypatch, capsys):
+    bag = read_bag(BAG, estimate.READ)
+    node = estimate.parameters(bag)
+    estimate._smoothed(bag, node)
+    assert 'note: ' not in capsys.readouterr().out
+    column(bag, topics.SONAR, 'range', lambda x: np.full_like(x, 2.5))
+    estimate._smoothed(bag, node)
+    assert ('note: the intervals hold only if every sensor is right but for bias and noise. '
+            'Against it: sonar stuck from') in capsys.readouterr().out
+
+
+def test_of_an_estimator_that_never_aligned_only_the_sensors_are_judged():
+    states = np.full((len(T), 5), health.NOT_FINITE)
+    inner = type('State', (dict,), {'stamp': np.round(T * 1e9).astype(int)})(
+        health=states, status=np.full(len(T), judge.ALIGNING))
+    found = judge.contradictions({}, {'estimator/state': inner})
+    assert len(found) == 5 and 'gyro not finite' in found[0]
