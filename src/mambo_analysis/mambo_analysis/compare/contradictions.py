@@ -116,7 +116,8 @@ def dead_axes(t: Floats, gyro: Floats, accel: Floats, measured: NDArray[np.bool_
     """
     Return the axes of the inertial sensors that repeat a number while the others change.
 
-    Three axes or more that rest together are a motion in a plane without noise.
+    A recording in which three axes or more ever repeat together has no noise: its axes rest
+    where the vehicle does, or moves in a plane.
 
     Parameters
     ----------
@@ -136,8 +137,10 @@ def dead_axes(t: Floats, gyro: Floats, accel: Floats, measured: NDArray[np.bool_
     moved = changes[end] - changes[begin]
     dead, alive = moved == 0, moved >= LEAST_CHANGES
     whole = t + DEAD_TIME <= t[-1]
-    one = whole & (dead | alive).all(axis=1) & (alive.sum(axis=1) >= 4)
     dead &= measured
+    if (whole & (dead.sum(axis=1) >= 3)).any():
+        return []
+    one = whole & (alive.sum(axis=1) >= 4)
     return [f'{name} repeats {samples[k, i] + 0.0:.6g} from {t[k]:.2f} s on while others change'
             for i, name in enumerate(names)
             for k in np.flatnonzero(one & dead[:, i])[:1].tolist()]

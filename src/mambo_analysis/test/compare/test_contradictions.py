@@ -66,6 +66,9 @@ def test_an_axis_that_repeats_a_number_among_live_ones_is_dead(axes, named):
     found = judge.dead_axes(T, samples[:, :3], samples[:, 3:], np.ones(6, bool))
     assert [line.split(' repeats')[0] for line in found] == named
     assert all('repeats 0.25 from 7.00 s on' in line for line in found)
+    still = samples.copy()
+    still[:300] = 0.0  # at rest without noise
+    assert judge.dead_axes(T, still[:, :3], still[:, 3:], np.ones(6, bool)) == []
     none = judge.dead_axes(T, samples[:, :3], samples[:, 3:], np.zeros(6, bool))
     assert none == []
 
