@@ -49,6 +49,9 @@ UNLIKELY = 1e-4    # probability of values as far from the prior as those of no 
 LEFT, LEFT_SHARE = 2.0, 0.5
 """Part of the residual that follows the motion, over the noise of a sample and as share of the
 residual's power [-], of no true model: those of known mechanisms leave 0.1 and 0.01."""
+LEAST_SHARE = 0.1
+"""Least share of the true height that an offset leaves at the lowest sample. Offsets are those of
+a mounting, less than 0.2 m; a fit that leaves less makes the flow 0 there, or turns its sign."""
 LEAST_NOISE = 1e-6  # rad/s, far below the resolution of any flow
 MIN_SHARE = 0.1    # of the residuals' power that always counts as noise other than the gyro's
 STEP = 1e-3        # of the numerical derivative, in prior widths
@@ -282,7 +285,7 @@ def misfit(evidence: Evidence, fit: Fit) -> str:
     Return in words why a model cannot be true, '' if it can.
 
     It cannot if its values are improbable by their prior (chi squared of as many degrees of
-    freedom), or if the residuals of its samples still follow the motion: velocity over depth and
+    freedom), if its offset leaves next to nothing of the height, or if the residuals of its samples still follow the motion: velocity over depth and
     its derivative, along both axes.
     """
     prior = {name: evidence.scale if name == 'scale' else (0.0, PARAMETERS[name].width)
@@ -294,6 +297,14 @@ def misfit(evidence: Evidence, fit: Fit) -> str:
         unit = PARAMETERS[name].unit.removesuffix('1')
         return (f'needs {name} = {fit.values[name]:.2g} {unit}'.rstrip()
                 + f', {far[name]:.1f} standard deviations of the prior')
+    lag, offset = (fit.values.get(name, 0.0) for name in ('height_lag', 'height_offset'))
+    for f in evidence.flights:
+        share = (f.height_before(lag) + offset) / f.track.height
+        k = int(np.argmin(share))
+        if share[k] < LEAST_SHARE:
+            return (f'needs height_offset = {offset:.2g} m, which leaves '
+                    f'{share[k] * f.track.height[k]:.2g} m of a height of '
+                    f'{f.track.height[k]:.2f} m')
     if evidence.window is not None:
         return ''
     left, power, count = 0.0, 0.0, 0

@@ -97,6 +97,24 @@ def rotation_warning(flights: Sequence[Flight]) -> str:
             'D and G may be mistaken for other mechanisms; add a faster flight such as drift_w_2')
 
 
+def resolution_warning(flights: Sequence[Flight]) -> str:
+    """
+    Return a warning if the flow is no finer than the motion, else ''.
+
+    Rounding then hides or doubles the motion, and its error follows it: no noise is like that.
+    """
+    values = np.abs(np.concatenate([f.flow.ravel() for f in flights]))
+    exact = np.concatenate([
+        (f.track.nu[:, :2] / f.track.depth[:, None]).ravel() for f in flights])
+    step = float(values[values > 0.0].min(initial=np.inf))
+    size = math.sqrt(np.mean(exact**2))
+    if not size <= step < math.inf:
+        return ''
+    return (f'coarse flow: its least value, {step:.3f} rad/s, is not below the motion of '
+            f'{size:.3f} rad/s, and {np.mean(values == 0.0):.0%} of it is 0; rounding may be '
+            'mistaken for a mechanism; fly faster or lower')
+
+
 def table(fits: list[Fit]) -> str:
     """Return the most probable models and the probability of every mechanism as text."""
     lines = [f'{"model":<10}{"probability":>12}{"ln evidence":>13}  values with 95 % intervals']
@@ -168,10 +186,10 @@ def _run(options: argparse.Namespace) -> None:
         raise JobError(
             f'{", ".join(f.name for f in flights)}: none of the mechanisms explains these '
             f'flights: the best, {label(fits[0].model)}, {reason}: check clocks, axes (nose) and '
-            'units of flow and motion capture')
+            'units of flow and motion capture, and flow that is 0 where it saw nothing')
     small = negligible(flights, fits[0], evidence.noise)
     lines = [conclusion(fits, small), recommendation(fits, evidence.noise, options.window),
-             rotation_warning(flights)]
+             rotation_warning(flights), resolution_warning(flights)]
     lines = [line for line in lines if line]
     if options.json != '-':
         _print_result(flights, lag, fits, evidence.noise, lines)

@@ -9,7 +9,7 @@ from mambo_bags.writer import BagWriter
 from mambo_thesis.drift import evidence, experiments, identify_drift
 from mambo_thesis.drift.evidence import Evidence, Fit, LEAST_NOISE, misfit, Noise
 from mambo_thesis.drift.flight import read
-from mambo_thesis.drift.mechanisms import MECHANISMS
+from mambo_thesis.drift.mechanisms import MECHANISMS, PARAMETERS
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
@@ -219,6 +219,32 @@ def test_data_that_no_mechanism_explains_have_no_probabilities(
     assert not out and error.count('\n') == 1 and not (tmp_path / 'a.json').exists()
     assert f'{path}: none of the mechanisms explains these flights: the best, ' in error
     assert reason in error
+
+
+@pytest.mark.parametrize(('offset', 'explains'), [(-0.2, True), (-0.95, False)])
+def test_an_offset_that_leaves_nothing_of_the_height_explains_nothing(
+        offset, explains, monkeypatch):
+    asked = Evidence([flown('C.4', {}, 0)])
+    low = asked.flights[0].track.height.min()
+    fit = asked.fit(('H',))._replace(values={'height_offset': offset * low})
+    asked.window = 1.0  # s: its values alone are asked
+    monkeypatch.setitem(PARAMETERS, 'height_offset', PARAMETERS['height_offset']._replace(
+        width=1.0))
+    reason = misfit(asked, fit)
+    assert (reason == '') == explains
+    assert explains or f'which leaves {0.05 * low:.2g} m of a height of {low:.2f} m' in reason
+
+
+@pytest.mark.parametrize(('step', 'warned'), [(0.0, False), (0.5, False), (1.1, True)])
+def test_a_flow_coarser_than_the_motion_is_warned_of(step, warned):
+    f = flown('C.4', {}, 0)
+    step *= np.sqrt(np.mean((f.track.nu[:, :2] / f.track.depth[:, None]) ** 2))  # rad/s
+    if step:
+        f = f._replace(flow=step * np.round(f.flow / step))
+    line = identify_drift.resolution_warning([f])
+    assert bool(line) == warned
+    assert not warned or line.startswith(f'coarse flow: its least value, {step:.3f} rad/s, is not')
+    assert identify_drift.resolution_warning([f._replace(flow=0.0 * f.flow)]) == ''
 
 
 @pytest.mark.parametrize('path', ['C.4', '(5.4)'])
