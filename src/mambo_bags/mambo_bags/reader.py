@@ -57,7 +57,8 @@ class Messages:
 
     ``messages['pose.pose.position']`` is a field by its dotted path: (n,) for a number, (n, k)
     for an array or a message of k numbers (a quaternion is x y z w, as on the wire). The same as
-    attribute, with the short names of ``SHORT_NAMES``: ``messages.position``.
+    attribute, with the short names of ``SHORT_NAMES``: ``messages.position``. Fields are
+    read-only, as all who ask for one get the same array: change a copy of it.
 
     Attributes
     ----------
@@ -163,7 +164,9 @@ class Messages:
             self._decode()
             if not _FIELD.fullmatch(path):
                 raise FieldError(f'{self.topic} ({self.type_name}) has no field {path!r}')
-            self._cache[path] = self._field(path)
+            values = self._field(path)
+            values.flags.writeable = False  # shared by all who ask for it
+            self._cache[path] = values
         return self._cache[path]
 
     def _field(self, path: str) -> NDArray[Any]:
