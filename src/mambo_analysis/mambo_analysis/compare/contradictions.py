@@ -92,7 +92,7 @@ def refused(name: str, t: Floats, ratio: Floats) -> list[str]:
 
 def biases(t: Floats, accel: Floats, gyro: Floats) -> list[str]:
     """
-    Return the estimated biases that no such sensor has.
+    Return the estimated biases that no such sensor has, if they last for ``UNUSED_TIME``.
 
     Parameters
     ----------
@@ -104,11 +104,14 @@ def biases(t: Floats, accel: Floats, gyro: Floats) -> list[str]:
     out = []
     for name, unit, found, largest in (('accelerometer', 'm/s^2', accel, LARGEST_ACCEL_BIAS),
                                        ('gyro', 'rad/s', gyro, LARGEST_GYRO_BIAS)):
-        size = np.where(np.isfinite(found), np.abs(found), 0.0)
-        k, axis = np.unravel_index(size.argmax(), size.shape)
-        if size[k, axis] > largest:
-            out.append(f'{name} bias of {found[k, axis]:.3g} {unit} along {"xyz"[axis]} at '
-                       f'{t[k]:.2f} s, beyond {largest:g}: check scale, unit and mounting')
+        for axis, values in zip('xyz', found.T, strict=True):
+            runs = _runs(t, np.abs(values) > largest)
+            begin, end = max(runs, key=lambda run: run[1] - run[0], default=(0.0, 0.0))
+            if end - begin >= UNUSED_TIME:
+                out.append(
+                    f'{name} bias of {values[np.searchsorted(t, end)]:.3g} {unit} along {axis} '
+                    f'from {begin:.2f} to {end:.2f} s, beyond {largest:g}: check scale, unit and '
+                    'mounting')
     return out
 
 

@@ -46,15 +46,18 @@ def test_few_samples_have_no_share():
     assert judge.refused('sonar', T[:0], ratio[:0]) == []
 
 
-@pytest.mark.parametrize('size, named', [(0.99, False), (1.01, True), (np.nan, False)])
-def test_a_bias_that_no_sensor_has_is_named(size, named):
+@pytest.mark.parametrize('size, seconds, named', [
+    (0.99, 10.0, False), (1.01, 3.1, True), (1.01, 2.9, False), (np.nan, 10.0, False)])
+def test_a_bias_that_no_sensor_has_is_named(size, seconds, named):
     accel, gyro = np.zeros((len(T), 3)), np.zeros((len(T), 3))
-    accel[300, 2] = -size * judge.LARGEST_ACCEL_BIAS
-    gyro[400, 0] = size * judge.LARGEST_GYRO_BIAS
+    late = slice(300, 301 + round(seconds / PERIOD))
+    accel[late, 2] = -size * judge.LARGEST_ACCEL_BIAS
+    gyro[late, 0] = size * judge.LARGEST_GYRO_BIAS
     found = judge.biases(T, accel, gyro)
     assert len(found) == 2 * named
-    assert not named or (found[0].startswith('accelerometer bias of -2.02 m/s^2 along z at 3.00 s')
-                         and found[1].startswith('gyro bias of 0.707 rad/s along x at 4.00 s'))
+    assert not named or (
+        found[0].startswith('accelerometer bias of -2.02 m/s^2 along z from 3.00 to 6.10 s')
+        and found[1].startswith('gyro bias of 0.707 rad/s along x from 3.00 to 6.10 s'))
 
 
 @pytest.mark.parametrize('axes, named', [
