@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
 from .compare import compare_replay
-from .contradictions import contradictions
+from .estimate_checks import contradictions
 from .verdict import divergence, verdict
 
 READ = (*(topic.name for topic in (

@@ -14,7 +14,7 @@ from mambo_ros import topics
 import numpy as np
 from numpy.typing import NDArray
 
-from .contradictions import ALIGNING, contradictions
+from .estimate_checks import ALIGNING, contradictions
 
 FAR = 0.5  # m, difference between the height and every range, used or refused ...
 FAR_TIME = 1.0  # s, ... for this long means divergence

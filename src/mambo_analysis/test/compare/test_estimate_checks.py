@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from mambo_analysis.compare import contradictions as judge
+from mambo_analysis.compare import estimate_checks as judge
 from mambo_analysis.compare import estimate
 from mambo_bags.reader import read_bag
 from mambo_estimation import health
