@@ -125,3 +125,21 @@ def test_of_an_estimator_that_never_aligned_only_the_sensors_are_judged():
         health=states, status=np.full(len(T), judge.ALIGNING))
     found = judge.contradictions({}, {'estimator/state': inner})
     assert len(found) == 5 and 'gyro not finite' in found[0]
+
+
+def test_the_longest_run_of_an_unused_sensor_is_named():
+    t = np.arange(0.0, 20.0, 0.005)
+    states = np.full((len(t), len(health.NAMES)), health.MISSING)
+    states[(t > 2.0) & (t < 4.0), health.SONAR] = health.STUCK
+    assert judge.unused(t, states) == []
+    states[(t > 8.0) & (t < 14.0), health.SONAR] = health.STUCK
+    line, = judge.unused(t, states)
+    assert line.startswith(f'{health.NAMES[health.SONAR]} stuck from 8.0') and '14.00 s' in line
+
+
+@pytest.mark.parametrize('fault', [health.NOT_FINITE, health.IMPLAUSIBLE, health.STUCK])
+def test_each_fault_has_its_word(fault):
+    t = np.arange(0.0, 5.0, 0.005)
+    states = np.full((len(t), len(health.NAMES)), fault)
+    assert [line.split(' from ')[0] for line in judge.unused(t, states)] == [
+        f'{name} {judge.FAULTS[fault]}' for name in health.NAMES]

@@ -186,8 +186,8 @@ def test_the_command_reads_a_bag_and_writes_parameters_of_the_estimator(tmp_path
     assert flow.constant == pytest.approx(0.92 + 0.07 * 1.5, rel=0.01)  # the sensor at 1.5 m
     assert flow.factor == 'constant'  # most of the flight is at one height
     assert math.isfinite(flow.linear_slope)
-    assert (tmp_path / 'identify_flow.png').stat().st_size > 10000
-    assert not (tmp_path / 'identify_flow.yaml').exists()
+    assert (tmp_path / 'flow.png').stat().st_size > 10000
+    assert not (tmp_path / 'flow.yaml').exists()
 
 
 @pytest.mark.parametrize('options, message', [
@@ -228,3 +228,32 @@ def test_one_flipped_pose_does_not_change_the_samples_of_the_flow(tmp_path):
     for column in ('velocity', 'depth', 'rotation'):
         np.testing.assert_allclose(
             getattr(found[1], column), getattr(found[0], column), atol=0.02)
+
+
+def axes(matrix, n=800, noise=0.02):
+    """Return samples of a hand's motion whose flow is a matrix times velocity over depth."""
+    rng = np.random.default_rng(5)
+    t, depth = np.arange(n) * 0.02, np.full(n, 1.2)
+    velocity = np.stack([0.6 * np.sin(1.1 * t), 0.5 * np.sin(1.7 * t + 0.4)], axis=1)
+    seen = velocity / 1.2 @ np.array(matrix).T + noise * rng.standard_normal((n, 2))
+    return Samples(t, seen, velocity, depth, depth, np.zeros((n, 2)))
+
+
+def rotation(degrees):
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return [[c, -s], [s, c]]
+
+
+@pytest.mark.parametrize('matrix', [
+    np.eye(2), np.diag([0.5, 0.5]), np.diag([1.1, 0.9]), rotation(10.0), rotation(-10.0)])
+def test_axes_of_a_sensor_that_is_mounted_nearly_right_are_its_own(matrix):
+    flow.check_axes(axes(matrix), leak=False)
+
+
+@pytest.mark.parametrize('matrix, message', [
+    (rotation(30.0), 'turned by 30 deg'), (rotation(-60.0), 'turned by -60 deg'),
+    (np.diag([1.0, 0.4]), 'along x is 2.5 times that along y'),
+    (np.diag([1.0, 0.0]), 'flow along y'), (np.diag([-1.0, 1.0]), 'flow along x')])
+def test_axes_of_another_frame_are_told(matrix, message):
+    with pytest.raises(IdentifyError, match=message):
+        flow.check_axes(axes(matrix), leak=False)

@@ -283,3 +283,46 @@ def test_a_gyro_that_gives_no_clock_is_compared_all_the_same(change, said):
     bag['imu/data_raw'] = SimpleNamespace(t=imu.t, angular_velocity=imu.angular_velocity * change)
     with pytest.raises(AlignError, match=said):
         join.find_clock(bag, poses)
+
+
+T_WINDOWS = np.arange(10.0, 70.0, 10.0)  # s, middles of windows
+
+
+def scattered(offset, noise=3e-3):
+    """Return offsets of windows with an error of each, s."""
+    return offset + noise * np.random.default_rng(4).standard_normal(len(T_WINDOWS))
+
+
+@pytest.mark.parametrize('ppm', [0.0, 50.0, 500.0, -500.0])
+def test_crystals_that_differ_are_no_wrong_rate(ppm):
+    """The worst of cheap crystals is 100 ppm off: 6 ms in a minute."""
+    join._refuse_rate(T_WINDOWS, scattered(0.4 + ppm * 1e-6 * T_WINDOWS))
+
+
+@pytest.mark.parametrize('rate, word', [(0.01, 'slow'), (-0.01, 'fast'), (0.004, 'slow')])
+def test_a_wrong_rate_is_told_with_its_size_and_sign(rate, word):
+    with pytest.raises(AlignError, match=f'runs {100 * abs(rate):.2g} % too {word} for the flig'):
+        join._refuse_rate(T_WINDOWS, scattered(rate * T_WINDOWS, noise=1e-4))
+
+
+@pytest.mark.parametrize('size', [0.15, -0.4])
+@pytest.mark.parametrize('after', [1, 3, 5])
+def test_a_jump_is_told_with_both_offsets(size, after):
+    offset = scattered(1.2 + size * (np.arange(6) >= after), noise=1e-3)
+    with pytest.raises(AlignError, match=r'the clocks jump: the offset is \+1\.\d+ s until') as e:
+        join._refuse_jump(T_WINDOWS, offset)
+    before, later = (float(part.split(' s')[0]) for part in (
+        str(e.value).split('offset is ')[1], str(e.value).split(' and ')[1]))
+    assert later - before == pytest.approx(size, abs=0.01)
+
+
+@pytest.mark.parametrize('offset', [
+    np.zeros(6), scattered(0.3), scattered(0.3, noise=0.03), 0.3 + 0.01 * (np.arange(6) >= 3)])
+def test_offsets_that_scatter_are_no_jump(offset):
+    join._refuse_jump(T_WINDOWS, offset)
+
+
+def test_a_window_that_met_a_jump_counts_to_neither_side():
+    offset = np.array([0.5, 0.5, 0.5, 0.61, 0.7, 0.7]) + 1e-4 * np.arange(6)
+    with pytest.raises(AlignError, match=r'until t = 30.0 s .* from 50.0 s on'):
+        join._refuse_jump(T_WINDOWS, offset)
