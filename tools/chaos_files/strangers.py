@@ -14,6 +14,7 @@ import json
 import os
 import random
 import signal
+import struct
 import sys
 import time
 from typing import Any
@@ -93,7 +94,8 @@ class Stranger:
         """Wait for the flight; return whether it came."""
         limit = time.monotonic() + PATIENCE
         def follow(data: bytes) -> None:
-            self.now = cdr.stamp_ns(data)
+            with suppress(struct.error):  # garbage, of itself
+                self.now = cdr.stamp_ns(data)
         clock = topics.full_name(topics.CLOCK, self._namespace)
         self.node.create_subscription(Clock, clock, follow, TIMELY, raw=True)
         while time.monotonic() < limit:

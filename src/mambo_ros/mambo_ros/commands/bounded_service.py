@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+import weakref
+
 from rcl_interfaces.msg import Parameter as Message, SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_service import ParameterService
+from rclpy.qos import QoSProfile
 
 MOST = 1000
 """Parameters in a request; reading a thousand takes a control step or two."""
+WAITING = 10
+"""Requests that wait for a service, as for other services of ROS; of those for parameters rclpy
+holds 1000, which were 1.5 GB of hostile ones."""
 _REFUSED = SetParametersResult(
     successful=False, reason=f'more than {MOST} parameters in one request')
 _TYPES = frozenset(one.value for one in Parameter.Type)
@@ -22,6 +30,17 @@ def _wrong(parameter: Message) -> SetParametersResult | None:
         f'{parameter.name}: type {parameter.value.type} is none of rcl_interfaces/ParameterType'))
 
 
+class _Owner:
+    """A node whose services hold ``WAITING`` requests; rclpy takes the number from a constant."""
+
+    def __init__(self, node: Node) -> None:
+        self._node, self.get_name = node, node.get_name
+
+    def create_service(self, *what: Any, qos_profile: QoSProfile) -> None:
+        """Create a service with a short queue in place of the given one."""
+        self._node.create_service(*what, qos_profile=QoSProfile(depth=WAITING))
+
+
 class BoundedService(ParameterService):
     """
     The services of rclpy, which refuse very many parameters at once, and unknown types.
@@ -29,6 +48,10 @@ class BoundedService(ParameterService):
     rclpy reads one parameter after the other, and a node that flies has steps to take meanwhile.
     A type that ROS does not have would end its callback, and the answer would be empty.
     """
+
+    def __init__(self, node: Node) -> None:
+        super().__init__(_Owner(node))
+        self._node_weak_ref = weakref.ref(node)
 
     def _set_parameters_callback(
         self, request: SetParameters.Request, response: SetParameters.Response,

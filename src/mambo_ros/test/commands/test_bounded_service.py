@@ -1,9 +1,10 @@
 """Requests to set parameters have a bounded size and known types."""
 
 from dataclasses import dataclass
+import time
 
 from mambo_model import schema
-from mambo_ros.commands.bounded_service import MOST
+from mambo_ros.commands.bounded_service import MOST, WAITING
 from mambo_ros.node import MamboNode
 import pytest
 from rcl_interfaces.msg import Parameter as Message, ParameterValue
@@ -60,3 +61,19 @@ def test_a_type_that_ros_does_not_have_is_refused(kind, name):
     assert not any(one.successful for one in results)
     assert [one.reason for one in results if 'type 77' in one.reason] == [
         'gain: type 77 is none of rcl_interfaces/ParameterType']
+
+
+def test_few_requests_wait():
+    """What waits takes memory: of many that nobody has read yet, the last are answered."""
+    node, asking = MamboNode('one', Params), rclpy.create_node('asking')
+    client = asking.create_client(SetParameters, '/mambo/one/set_parameters')
+    assert client.wait_for_service(PATIENCE)
+    futures = [client.call_async(SetParameters.Request()) for _ in range(5 * WAITING)]
+    time.sleep(0.5)  # for all to arrive
+    with serving(node):
+        limit = time.monotonic() + PATIENCE
+        while not futures[-1].done() and time.monotonic() < limit:
+            rclpy.spin_once(asking, timeout_sec=0.05)
+    asking.destroy_node()
+    assert futures[-1].done()
+    assert 1 <= sum(future.done() for future in futures) <= WAITING
