@@ -127,10 +127,10 @@ class InputGuard(PublisherGuard):
         try:
             value = self._decode(data) if len(data) <= LARGEST else None
         except _UNREADABLE:
-            self._refuse(MALFORMED)
+            self._refuse(MALFORMED, publisher)
             return
         if value is None:
-            self._refuse(TOO_LARGE)
+            self._refuse(TOO_LARGE, publisher)
             return
         t = value[0]
         if self._timed:  # fast path: nearly every stamp is the next one and not ahead
@@ -141,14 +141,14 @@ class InputGuard(PublisherGuard):
                 if wrong == AHEAD and publisher == self._first and self._awaits_clock(t):
                     self._hold(data, publisher)
                 else:
-                    self._refuse(wrong)
+                    self._refuse(wrong, publisher)
                 return
         elif t < 0:
-            self._refuse(NEGATIVE)
+            self._refuse(NEGATIVE, publisher)
             return
         if self._check is not None and (wrong := self._check(value)):
             if not self._tolerant:
-                self._refuse(wrong)
+                self._refuse(wrong, publisher)
                 return
             self.refused[wrong] += 1
         if self._timed:
@@ -188,15 +188,15 @@ class InputGuard(PublisherGuard):
     def _hold(self, data: bytes, publisher: bytes) -> None:
         """Keep a message until the clock moves, in place of the one kept before."""
         if self._held is not None:
-            self._refuse(AHEAD)
+            self._refuse(AHEAD, publisher)
         self._held = data, publisher
         if self not in self._clock._waiting:
             self._clock._waiting.append(self)
 
-    def _refuse(self, reason: str) -> None:
-        """Count a refused message of the accepted publisher."""
+    def _refuse(self, reason: str, publisher: bytes) -> None:
+        """Count a refused message; of a publisher that is not accepted nothing is lost."""
         self.refused[reason] += 1
-        if self._lost is not None:
+        if self._lost is not None and publisher == self._first:
             self._lost()
 
     def _mistimed(self, t: int) -> str:

@@ -414,3 +414,15 @@ def test_use_sim_time_can_be_set_on_a_node(ros):
 
 def test_the_largest_command_is_the_largest_limit_that_a_vehicle_may_have():
     assert input_guard.LARGEST_PWM == dict(schema.walk(Vehicle))['pwm_max'].metadata['high']
+
+
+def test_what_is_refused_of_one_that_was_never_accepted_is_no_loss():
+    """A stranger before the flight: nothing of the accepted publisher is missing."""
+    lost = []
+    one = Input(lost=lambda: lost.append(1))
+    one.guard(b'garbage', b'stranger')
+    one.guard(bytes(input_guard.LARGEST + 1), b'stranger')
+    one.send(0, publisher=b'true')
+    assert one.steps == [0] and not lost and sum(one.refused.values()) == 2
+    one.guard(b'garbage', b'true')
+    assert lost == [1]
