@@ -50,7 +50,7 @@ ENOUGH = 20         # messages that must be refused aloud
 _LOOK = 0.25        # s between looks at the memory of the flight,
 _RARELY = 4         # of which every fourth is at that of all others
 _DOMAINS = range(50, 10, -1)  # tests have higher ones, other flights take the lowest
-_NOT_BEGUN = 'the flight does not begin'  # and its bag has no messages
+_NOT_BEGUN = re.compile(r'the flight does not begin|publishes \S*clock too')  # no messages then
 _INTERNALS = re.compile(r"Traceback|<class '|object at 0x|\bException\b")
 _SHARED = tuple(topic.name.lstrip('/') for topic in (
     topics.TF, topics.TF_STATIC, topics.DIAGNOSTICS, topics.LINKS))
@@ -276,7 +276,7 @@ def judge(attack: Attack, ended: Ended, undisturbed: Calm, flight: Watched) -> s
             or flight.folder_left() or flight.shared_left()
             or (f'{ended.memory >> 20} MB instead of {undisturbed.memory >> 20} MB'
                 if ended.memory > undisturbed.memory + MORE else '')
-            or (flown.unclosed(flight.bag) if _NOT_BEGUN in ended.err else
+            or (flown.unclosed(flight.bag) if _NOT_BEGUN.search(ended.err) else
                 (flight.unreadable() if ended.code else flown.unclosed(flight.bag))
                 or flown.wrong(flight.bag))
             or (flown.other(flight.bag, undisturbed.digests)
