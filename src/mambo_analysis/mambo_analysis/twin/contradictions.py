@@ -32,6 +32,24 @@ LEAST_DRAG = 0.1  # 1/s that acts across, to be one
 PARTS = 8         # of a flight, each left out once
 
 
+def silent(force: Floats, gyro: Floats, step: float) -> bool:
+    """
+    Return whether an IMU in the air, (n, 3) each, has no noise: it is simulated.
+
+    Its axes rest where the vehicle moves in a plane: three or more ever repeat together for
+    ``STUCK``, of both sensors, while another axis changes. No dead sensor does that, nor one that
+    freezes.
+    """
+    long = int(STUCK / step) + 2
+    if len(force) < long:
+        return False
+    changes = np.concatenate(
+        [np.zeros((1, 6), int), np.cumsum(np.diff(np.hstack([force, gyro]), axis=0) != 0, axis=0)])
+    still = changes[long - 1:] == changes[:1 - long]
+    both = still[:, :3].any(axis=1) & still[:, 3:].any(axis=1)
+    return bool((both & (still.sum(axis=1) >= 3) & ~still.all(axis=1)).any())
+
+
 def refuse_stuck(path: Path, name: str, unit: str, values: Floats, step: float) -> None:
     """
     Refuse a sensor that repeats one number in the air.

@@ -329,8 +329,10 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
         track = dataclasses.replace(track, stamps=track.stamps - round(late * 1e9))
         found = _grid(bag, track)
         air, rest = _rows(path, found)
-    for name, sensor, unit in (('force', 'accelerometer', 'm/s^2'), ('gyro', 'gyro', 'rad/s')):
-        contradictions.refuse_stuck(path, sensor, unit, found[name][air], STEP)
+    if not contradictions.silent(found['force'][air], found['gyro'][air], STEP):
+        for name, sensor, unit in (('force', 'accelerometer', 'm/s^2'),
+                                   ('gyro', 'gyro', 'rad/s')):
+            contradictions.refuse_stuck(path, sensor, unit, found[name][air], STEP)
     contradictions.refuse_still_motor(path, found['command'][air])
     mounting, bias = _mounting(path, found, air)
     found['force'] = found['force'] - [0.0, 0.0, bias]

@@ -45,6 +45,17 @@ def test_a_sensor_that_is_dead_to_the_end_is_named():
         c.refuse_stuck(BAG, 'accelerometer', 'm/s^2', values, STEP)
 
 
+@pytest.mark.parametrize('axes, wanted', [
+    ((0, 4, 5), True), ((0, 1, 3, 4, 5), True),  # moves in a plane, hovers
+    ((1,), False), ((0, 4), False), ((0, 1, 2), False), ((3, 4, 5), False),  # dead
+    (range(6), False)])  # freezes
+def test_axes_of_both_sensors_that_rest_together_show_that_there_is_no_noise(axes, wanted):
+    values = np.hstack([sensor(), sensor(seed=1)])
+    values[300:302 + round(c.STUCK / STEP), axes] = 0.25
+    assert c.silent(values[:, :3], values[:, 3:], STEP) == wanted
+    assert not c.silent(values[:50, :3], values[:50, 3:], STEP)
+
+
 def test_a_motor_that_is_not_in_the_recording_is_named():
     command = 1e4 + 100.0 * np.abs(np.random.default_rng(0).normal(size=(100, 4)))
     c.refuse_still_motor(BAG, command)

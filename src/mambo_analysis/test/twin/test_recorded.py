@@ -103,6 +103,16 @@ def test_what_contradicts_itself_is_refused(tmp_path, change, reason):
     assert '\n' not in str(error.value)
 
 
+def test_an_axis_that_rests_in_a_flight_without_noise_is_not_dead(tmp_path):
+    """A simulated flight in a plane, which hovers before."""
+    def hovered(data):
+        hover = (data['t'] > data['t'].iloc[0] + 5.0) & (data['t'] < data['t'].iloc[0] + 6.5)
+        data.loc[hover, ['ax', 'q']] = 0.0
+        return data.assign(r=0.0)
+    found = read_flight(bag(tmp_path, hovered, noise=0.0))
+    assert not found.gyro[found.air, 2].any()
+
+
 def test_the_axes_of_the_accelerometer_are_those_of_the_tracked_body():
     """Turned by 90 deg about z it fits gravity, but neither velocity nor attitude."""
     one = flight(noise=0.0)
