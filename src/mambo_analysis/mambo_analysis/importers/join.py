@@ -136,10 +136,27 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
                                              and LATE.get(name) == LATE.get(best)}, found))
     if 'imu/data_raw' in bag:
         gyro = bag['imu/data_raw']
+        begin, end = _motors_run(bag)
+        there = (gyro.t >= begin) & (gyro.t <= end)
         gyro_check.refuse(gyro_check.compare(
-            gyro.t, gyro.angular_velocity, poses.t + offset.offset, poses.orientation))
+            gyro.t[there], gyro.angular_velocity[there], poses.t + offset.offset,
+            poses.orientation))
     return Clock(offset.offset, sigma, f'{best} of {", ".join(found)}',
                  tuple(f'{name}: {reason}' for name, reason in reasons.items()))
+
+
+def _motors_run(bag: Bag) -> tuple[float, float]:
+    """
+    Return from when to when the motors run, s; without end where no command says so.
+
+    A vehicle that is carried away after its landing is no longer tracked, or not well.
+    """
+    if 'motor_pwm' in bag:
+        commands = bag['motor_pwm']
+        on = commands.t[(commands.pwm > 0.0).any(axis=1)]
+        if len(on):
+            return float(on.min()), float(on.max())
+    return -math.inf, math.inf
 
 
 def _window_offsets(

@@ -288,6 +288,19 @@ def test_a_gyro_that_gives_no_clock_is_compared_all_the_same(change, said):
 T_WINDOWS = np.arange(10.0, 70.0, 10.0)  # s, middles of windows
 
 
+def test_a_gyro_that_turns_after_the_motors_stop_is_no_contradiction():
+    """A drone that is carried away, as on a public flight of a Crazyflie."""
+    bag, poses = recorded_apart(6, 2.0)
+    gyro = bag['imu/data_raw']
+    late = gyro.t > 18.0
+    gyro.angular_velocity[late, 2] = 25.0 * np.sin(4.0 * gyro.t[late])
+    with pytest.raises(AlignError, match='yaw rate'):
+        join.find_clock(bag, poses)
+    pwm = np.where(np.arange(0.0, 20.0, 0.1)[:, None] < 17.0, 100.0, np.zeros(4))
+    bag['motor_pwm'] = SimpleNamespace(t=np.arange(0.0, 20.0, 0.1), pwm=pwm)
+    assert join.find_clock(bag, poses).offset == pytest.approx(2.0, abs=0.01)
+
+
 def scattered(offset, noise=3e-3):
     """Return offsets of windows with an error of each, s."""
     return offset + noise * np.random.default_rng(4).standard_normal(len(T_WINDOWS))
