@@ -186,7 +186,7 @@ def test_the_command_reads_a_bag_and_writes_parameters_of_the_estimator(tmp_path
     assert flow.constant == pytest.approx(0.92 + 0.07 * 1.5, rel=0.01)  # the sensor at 1.5 m
     assert flow.factor == 'constant'  # most of the flight is at one height
     assert math.isfinite(flow.linear_slope)
-    assert (tmp_path / 'flow.png').stat().st_size > 10000
+    assert (tmp_path / 'identify_flow.png').stat().st_size > 10000
     assert not (tmp_path / 'flow.yaml').exists()
 
 
