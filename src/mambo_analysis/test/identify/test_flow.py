@@ -187,7 +187,7 @@ def test_the_command_reads_a_bag_and_writes_parameters_of_the_estimator(tmp_path
     assert flow.factor == 'constant'  # most of the flight is at one height
     assert math.isfinite(flow.linear_slope)
     assert (tmp_path / 'identify_flow.png').stat().st_size > 10000
-    assert not (tmp_path / 'flow.yaml').exists()
+    assert not (tmp_path / 'identify_flow.yaml').exists()
 
 
 @pytest.mark.parametrize('options, message', [
