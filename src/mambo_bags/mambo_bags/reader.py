@@ -57,8 +57,7 @@ class Messages:
 
     ``messages['pose.pose.position']`` is a field by its dotted path: (n,) for a number, (n, k)
     for an array or a message of k numbers (a quaternion is x y z w, as on the wire). The same as
-    attribute, with the short names of ``SHORT_NAMES``: ``messages.position``. Fields are
-    read-only, as all who ask for one get the same array: change a copy of it.
+    attribute, with the short names of ``SHORT_NAMES``: ``messages.position``.
 
     Attributes
     ----------
@@ -164,9 +163,7 @@ class Messages:
             self._decode()
             if not _FIELD.fullmatch(path):
                 raise FieldError(f'{self.topic} ({self.type_name}) has no field {path!r}')
-            values = self._field(path)
-            values.flags.writeable = False  # shared by all who ask for it
-            self._cache[path] = values
+            self._cache[path] = self._field(path)
         return self._cache[path]
 
     def _field(self, path: str) -> NDArray[Any]:
