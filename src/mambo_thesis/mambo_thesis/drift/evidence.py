@@ -285,8 +285,8 @@ def misfit(evidence: Evidence, fit: Fit) -> str:
     Return in words why a model cannot be true, '' if it can.
 
     It cannot if its values are improbable by their prior (chi squared of as many degrees of
-    freedom), if its offset leaves next to nothing of the height, or if the residuals of its samples still follow the motion: velocity over depth and
-    its derivative, along both axes.
+    freedom), if its offset leaves next to nothing of the height, or if the residuals of its
+    samples still follow the motion: velocity over depth and its derivative, along both axes.
     """
     prior = {name: evidence.scale if name == 'scale' else (0.0, PARAMETERS[name].width)
              for name in fit.values}
