@@ -271,14 +271,14 @@ def judge(attack: Attack, ended: Ended, undisturbed: Calm, flight: Watched) -> s
     """Return what is wrong with the end of an attacked flight; '' if nothing is."""
     if ended.code is None:
         return f'did not end within {LIMIT:g} s: {ended.err[-300:]}'
+    begun = not _NOT_BEGUN.search(ended.err)
     return (wrong_words(ended)
             or (f'left running: {ended.left}' if ended.left else '')
             or flight.folder_left() or flight.shared_left()
             or (f'{ended.memory >> 20} MB instead of {undisturbed.memory >> 20} MB'
                 if ended.memory > undisturbed.memory + MORE else '')
-            or (flown.unclosed(flight.bag) if _NOT_BEGUN.search(ended.err) else
-                (flight.unreadable() if ended.code else flown.unclosed(flight.bag))
-                or flown.wrong(flight.bag))
+            or (flight.unreadable() if ended.code and begun else flown.unclosed(flight.bag))
+            or (flown.wrong(flight.bag) if begun else '')
             or (flown.other(flight.bag, undisturbed.digests)
                 if attack.mode in EXACT and not ended.code else '')
             or unsaid(attack, ended, flight.bag.parent / 'log') or ended.broken)

@@ -98,6 +98,26 @@ def _beside(late: float, at: Floats, rates: Floats, t: Floats, gyro: Floats) -> 
     return Turning(late, np.mean(x * y, axis=0) / np.maximum(sx * sy, 1e-12), sx, sy)
 
 
+def differs(r: float, ratio: float, factor: float) -> bool:
+    """
+    Return whether one signal is more than so many times another, or less.
+
+    Noise of both makes the slope of one by the other too small. The gain is between that and the
+    inverse of the slope of the other by the one.
+
+    Parameters
+    ----------
+    r
+        Correlation of both, above 0.
+    ratio
+        Of their standard deviations.
+    factor
+        Above 1.
+
+    """
+    return not (r * ratio < factor and ratio / r > 1.0 / factor)
+
+
 def refuse(found: Turning | None) -> None:
     """
     Refuse a gyro that contradicts the tracked attitude.
@@ -124,7 +144,6 @@ def refuse(found: Turning | None) -> None:
             raise AlignError(
                 f'{axis} rate: gyro and tracked attitude turn differently (correlation {r:.2f}): '
                 'check the axes of both (FLU) and the order of the quaternion (x y z w)')
-        # the gain is between the slopes of one by the other and of the other by the one
-        if tracked > TURNING and not (r * ratio < FACTOR and ratio / r > 1.0 / FACTOR):
+        if tracked > TURNING and differs(r, ratio, FACTOR):
             raise AlignError(f'{text}: more than {FACTOR:g} times apart: check unit and range of '
                              'the gyro')

@@ -66,13 +66,18 @@ def inside_gaps(times: Floats, at: Floats, periods: float = GAP_PERIODS) -> Bool
     return lost | (at < times[0]) | (at > times[-1])
 
 
+def runs(known: Bools) -> Ints:
+    """Return the first sample of each run of True in a mask, (n,), and that after it, (k, 2)."""
+    return np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]]))).reshape(-1, 2)
+
+
 def longest_run(known: Bools) -> slice:
     """Return the longest run of True in a mask, (n,); an empty slice if there is none."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]])))
-    if not len(edges):
+    found = runs(known)
+    if not len(found):
         return slice(0, 0)
-    k = int(np.argmax(edges[1::2] - edges[::2]))
-    return slice(int(edges[2 * k]), int(edges[2 * k + 1]))
+    first, end = found[np.argmax(found[:, 1] - found[:, 0])].tolist()
+    return slice(first, end)
 
 
 def interpolate(stamps: Ints, source_stamps: Ints, values: Floats, gap: int) -> Floats:

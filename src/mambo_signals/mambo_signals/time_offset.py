@@ -32,7 +32,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from .derivative import local_fit, POSITION
-from .resample import inside_gaps
+from .resample import inside_gaps, runs
 
 Floats = NDArray[np.float64]
 GRID = (1e-3, 0.02)  # [s] finest and coarsest step of the common grid
@@ -569,11 +569,10 @@ class Flight(NamedTuple):
 
 def _ends(t: Floats, high: NDArray[np.bool_], hold: float) -> tuple[int, int]:
     """Return the first and last sample of the runs of ``high`` that last at least ``hold`` s."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], high.astype(int), [0]])))
-    runs = [(i, j - 1) for i, j in zip(edges[::2], edges[1::2]) if t[j - 1] - t[i] >= hold]
-    if not runs:
+    long = [(i, j - 1) for i, j in runs(high).tolist() if t[j - 1] - t[i] >= hold]
+    if not long:
         raise AlignError('the vehicle never leaves the ground')
-    return int(runs[0][0]), int(runs[-1][1])
+    return long[0][0], long[-1][1]
 
 
 def flight_by_height(times: ArrayLike, height: ArrayLike, hold: float = 0.3) -> Flight:

@@ -112,3 +112,14 @@ def test_an_attitude_of_another_norm_is_left_out():
     t, gyro, times, q = turning()
     q[200:400] *= 3.0
     gyro_check.refuse(gyro_check.compare(t, gyro, times, q))
+
+
+@pytest.mark.parametrize('gain, other', [
+    (0.5, True), (0.6, True), (0.8, False), (1.0, False), (1.4, False), (1.6, True), (3.0, True)])
+def test_a_gain_beyond_the_factor_is_another_unit(gain, other):
+    """Without noise the ratio of standard deviations is the gain."""
+    assert gyro_check.differs(1.0, gain, 1.5) == other
+
+
+def test_noise_leaves_room_for_the_gain():
+    assert gyro_check.differs(0.99, 1.6, 1.5) and not gyro_check.differs(0.9, 1.6, 1.5)

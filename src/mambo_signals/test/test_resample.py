@@ -118,6 +118,13 @@ def test_the_longest_run(known, run):
     assert (found.start, found.stop) == run
 
 
+@pytest.mark.parametrize(('known', 'found'), [
+    ([], []), ([0, 0], []), ([1], [[0, 1]]), ([1, 1, 0, 1], [[0, 2], [3, 4]]),
+    ([0, 1, 1, 0, 1, 0], [[1, 3], [4, 5]])])
+def test_all_runs(known, found):
+    assert resample.runs(np.array(known, bool)).tolist() == found
+
+
 def test_usual_period_is_that_of_most_gaps():
     frames = np.delete(np.arange(50) * 8_333_333, [10, 11, 30])
     assert resample.median_period(frames) == 8_333_333

@@ -180,16 +180,19 @@ def again(
         f'{ours.comparison}\n{ours.verdict}')
 
 
-def _smoothed(bag: Bag, node: EstimatorNodeParams) -> smoothing.Answer | None:
+def _smoothed(
+    bag: Bag, node: EstimatorNodeParams, found: offline_replay.Estimates,
+) -> smoothing.Answer | None:
     """
     Print and return the smoothed flight; None, in one line, if the joint filter diverges.
 
     The smoother linearises about the path of that filter. Of a path far from the sensors its
-    covariances, and so its intervals, are those of another flight.
+    covariances, and so its intervals, are those of another flight. ``found`` are the estimates of
+    the node, whose filter may be another.
     """
-    more = smoothing.smoothed(bag, node.joint)
-    joint = dataclasses.replace(node, estimator='joint')
-    found = offline_replay.estimate(bag, joint.filter, changes.values_later(joint))
+    if node.estimator != 'joint':
+        joint = dataclasses.replace(node, estimator='joint')
+        found = offline_replay.estimate(bag, joint.filter, changes.values_later(joint))
     ours = answered(bag, found)
     wrong, against = divergence(ours), contradictions(bag, ours)
     if wrong:
@@ -201,6 +204,7 @@ def _smoothed(bag: Bag, node: EstimatorNodeParams) -> smoothing.Answer | None:
     if against:
         print('\nnote: the intervals hold only if every sensor is right but for bias and noise. '
               f'Against it: {"; ".join(against)}')
+    more = smoothing.smoothed(bag, node.joint)
     print(f'\n{more.text}')
     return more
 
@@ -215,7 +219,7 @@ def _work(options: argparse.Namespace) -> None:
           f'{seconds / took:.0f} times real time\n{text}')
     more = None
     if options.smooth:
-        more = _smoothed(bag, parameters(bag, options.parameters))
+        more = _smoothed(bag, parameters(bag, options.parameters), found)
     if options.output:
         write(options.output, bag, found, more)
         print(f'\nbag: {options.output}')

@@ -10,7 +10,7 @@ from __future__ import annotations
 from mambo_bags.reader import Bag
 from mambo_estimation import gate, health
 from mambo_ros import topics
-from mambo_signals import motion
+from mambo_signals import motion, resample
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,11 +33,10 @@ FAR = 0.5      # m from the motion capture; a smaller distance is in the table o
 SIGMAS = 6.0   # standard deviations that the estimate states: 1 in 10^7 at most by chance
 
 
-def _runs(t: Floats, inside: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Return begin and end of each run of True, s."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False]))))
-    return [(float(t[begin]), float(t[end - 1]))
-            for begin, end in zip(edges[::2], edges[1::2], strict=True)]
+def _longest(t: Floats, inside: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return begin and end of the run of True that lasts longest, s; twice 0 if there is none."""
+    return max(((float(t[first]), float(t[end - 1])) for first, end in resample.runs(inside)),
+               key=lambda run: run[1] - run[0], default=(0.0, 0.0))
 
 
 def unused(t: Floats, states: NDArray[np.integer]) -> list[str]:
@@ -54,8 +53,7 @@ def unused(t: Floats, states: NDArray[np.integer]) -> list[str]:
     """
     out = []
     for name, state in zip(health.NAMES, states.T, strict=True):
-        runs = _runs(t, np.isin(state, list(FAULTS)))
-        begin, end = max(runs, key=lambda run: run[1] - run[0], default=(0.0, 0.0))
+        begin, end = _longest(t, np.isin(state, list(FAULTS)))
         if end - begin >= UNUSED_TIME:
             fault = FAULTS[int(state[np.searchsorted(t, end)])]
             out.append(f'{name} {fault} from {begin:.2f} to {end:.2f} s')
@@ -105,8 +103,7 @@ def biases(t: Floats, accel: Floats, gyro: Floats) -> list[str]:
     for name, unit, found, largest in (('accelerometer', 'm/s^2', accel, LARGEST_ACCEL_BIAS),
                                        ('gyro', 'rad/s', gyro, LARGEST_GYRO_BIAS)):
         for axis, values in zip('xyz', found.T, strict=True):
-            runs = _runs(t, np.abs(values) > largest)
-            begin, end = max(runs, key=lambda run: run[1] - run[0], default=(0.0, 0.0))
+            begin, end = _longest(t, np.abs(values) > largest)
             if end - begin >= UNUSED_TIME:
                 out.append(
                     f'{name} bias of {values[np.searchsorted(t, end)]:.3g} {unit} along {axis} '

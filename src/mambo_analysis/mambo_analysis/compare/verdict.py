@@ -11,6 +11,7 @@ from mambo_bags.reader import Bag
 from mambo_estimation import health
 from mambo_flight.offline_replay import SENSORS
 from mambo_ros import topics
+from mambo_signals import resample
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,8 +38,7 @@ def first_long_run(t: NDArray[np.float64], far: NDArray[np.bool_], least: float)
         From the first to the last sample of the run.
 
     """
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], far, [False]))))
-    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for begin, end in resample.runs(far).tolist():
         if t[end - 1] - t[begin] >= least:
             return float(t[begin])
     return float('nan')
@@ -91,12 +91,7 @@ def verdict(bag: Bag, state: Bag) -> str:
     """
     Return the sensors that an estimator could not use, its divergence, and what contradicts it.
 
-    Parameters
-    ----------
-    bag
-        Read with its sensors.
-    state
-        With ``estimate/odom`` and ``estimator/state`` of the estimator; may be the same bag.
+    Parameters as of :func:`.estimate_checks.contradictions`.
 
     Returns
     -------

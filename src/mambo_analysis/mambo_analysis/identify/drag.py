@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from functools import cache
 import math
 from pathlib import Path
 from typing import NamedTuple
@@ -159,6 +160,7 @@ def fit_drag(
     axes = list(what.axes)
     terms = np.stack([np.ones(len(t)), (t - t.mean()) / np.ptp(t)], axis=1)
 
+    @cache  # both searches begin with the same flights
     def path(k: float) -> Floats:
         """Return the path of a vehicle with this drag, (n, k) m."""
         return closed_loop.fly(override(silent, {f'{VEHICLE}.{what.name}': k})).truth[:, axes]

@@ -35,6 +35,7 @@ from mambo_model.frames import flip_vector
 from mambo_model.vehicle.motor_mixer import limit_pwm, thrust_from_pwm
 from mambo_model.vehicle.parameters import find, Vehicle, VehicleValues
 from mambo_signals import metrics, motion
+from mambo_signals.resample import longest_run
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
@@ -192,13 +193,11 @@ def in_flight(t: Floats, pwm: Floats, vehicle: Vehicle, rest: float = 0.5) -> ND
     vv = vehicle.values()
     thrust = lagged(np.full(len(t), 1.0), np.ascontiguousarray(pwm), 0.0, vv)
     up = np.append(thrust[1:] > LANDED * vehicle.mass * vehicle.gravity, False)
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], up.astype(int), [0]))))
-    parts = edges.reshape(-1, 2)
+    flown = longest_run(up)
     out = np.zeros(len(t), bool)
-    if len(parts):
-        first, end = parts[np.argmax(parts[:, 1] - parts[:, 0])]
-        out[first:end] = True
-        out &= (t >= t[first] + rest) & (t <= t[end - 1] - rest)
+    if flown.stop:
+        out[flown] = True
+        out &= (t >= t[flown][0] + rest) & (t <= t[flown][-1] - rest)
     return out
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from mambo_signals import gyro_check
 import numpy as np
 from numpy.typing import NDArray
 
@@ -138,8 +139,7 @@ def refuse_other_motion(path: Path, force: Floats, change: Floats) -> None:
         if r < LEAST:
             raise IdentifyError(f'{text}: check axes and signs of position, quaternion (x y z w) '
                                 'and accelerometer (FLU)')
-        # the gain is between the slopes of one by the other and of the other by the one
-        if r * size / of > FACTOR or size / of / r < 1.0 / FACTOR:
+        if gyro_check.differs(r, size / of, FACTOR):
             raise IdentifyError(f'{text}: check the units of position (m) and accelerometer '
                                 '(m/s^2)')
 

@@ -111,10 +111,10 @@ def test_an_estimator_without_a_covariance_is_not_held_to_it():
 def test_the_intervals_of_a_contradicted_flight_are_qualified(monkeypatch, capsys):
     bag = read_bag(BAG, estimate.READ)
     node = estimate.parameters(bag)
-    estimate._smoothed(bag, node)
+    estimate._smoothed(bag, node, estimate.answer(bag, node).found)
     assert 'note: ' not in capsys.readouterr().out
     column(bag, topics.SONAR, 'range', lambda x: np.full_like(x, 2.5))
-    estimate._smoothed(bag, node)
+    estimate._smoothed(bag, node, estimate.answer(bag, node).found)
     assert ('note: the intervals hold only if every sensor is right but for bias and noise. '
             'Against it: sonar stuck from') in capsys.readouterr().out
 

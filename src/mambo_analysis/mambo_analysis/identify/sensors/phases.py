@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mambo_signals.resample import longest_run
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
@@ -33,14 +34,10 @@ def stretch_at_rest(recording: Recording) -> slice | None:
         quiet &= (stream.values[:n * w].reshape(n, w, 3).std(axis=1) < limit).all(axis=1)
     force = np.linalg.norm(recording.accel.values[:n * w].reshape(n, w, 3).mean(axis=1), axis=1)
     quiet &= (force > WEIGHT[0]) & (force < WEIGHT[1])  # what falls is quiet, too
-    edges = np.flatnonzero(np.diff(np.r_[False, quiet, False].astype(int)))
-    if not len(edges):
+    rest = longest_run(quiet)
+    if (rest.stop - rest.start) * w / rate < SHORTEST_REST:
         return None
-    k = int(np.argmax(edges[1::2] - edges[::2]))
-    first, last = int(edges[2 * k]), int(edges[2 * k + 1])
-    if (last - first) * w / rate < SHORTEST_REST:
-        return None
-    return slice(first * w, last * w)
+    return slice(rest.start * w, rest.stop * w)
 
 
 def heights(sonar: Stream, at: Array) -> Array:
