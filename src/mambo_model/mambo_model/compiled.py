@@ -154,6 +154,8 @@ from numba.experimental import structref  # noqa: E402
 from numba.extending import overload  # noqa: E402
 from numba.typed import List  # noqa: E402
 
+from .bitcode import InsideCache, InsideCompiler  # noqa: E402
+
 numba.config.CACHE_DIR = os.environ['NUMBA_CACHE_DIR']  # of a script that imported numba before
 
 # LLVM's register coalescer updates the live range of a value that it computes again after each of
@@ -226,8 +228,8 @@ class _Compiled(CPUDispatcher):
     A compiled function; calls from Python are compiled apart, when there is the first one.
 
     Code that takes a call from Python apart, number by number, is a third of what numba compiles
-    for such functions, and compiled callers do not use it. So the machine code for them has none,
-    and what Python calls is compiled once more, with it.
+    for such functions, and compiled callers do not use it. So they get the function without it,
+    as bitcode, and what Python calls is compiled once more, with it.
 
     Attributes
     ----------
@@ -249,14 +251,18 @@ class _Compiled(CPUDispatcher):
             return numba.njit(cache=True, error_model='numpy')(self.py_func)
 
 
+# of functions that only compiled code calls
+_INSIDE = {'no_cpython_wrapper': True, 'no_cfunc_wrapper': True, 'pipeline_class': InsideCompiler}
+
+
 def _compiled(function: Callable, **options: Any) -> Any:
     """Return a compiled function; the function itself with compilation switched off."""
-    with own_cache('inside'):
-        made = numba.njit(cache=True, error_model='numpy', no_cpython_wrapper=True,
-                          no_cfunc_wrapper=True, **options)(function)
+    made = numba.njit(error_model='numpy', **_INSIDE, **options)(function)
     if isinstance(made, CPUDispatcher):
         made.__class__ = _Compiled
         made.cache = numba.config.CACHE_DIR
+        with own_cache('inside'):
+            made._cache = InsideCache(function)
     return made
 
 
@@ -400,7 +406,7 @@ def by_type(
             raise TypeError(f'argument {position} is {kind.__name__}; known: {known}')
         return functions.get(kind, default)(*arguments)
 
-    @overload(chosen, jit_options={'forceinline': True})
+    @overload(chosen, jit_options={'forceinline': True, **_INSIDE})
     def _choose(*arguments):
         """Dispatch at compile time."""
         kind = arguments[position]
