@@ -1,6 +1,7 @@
 """The node shows the drones of the graph, publishes nothing, and sends what is clicked."""
 
 from pathlib import Path
+from statistics import median
 import threading
 import time
 import urllib.request
@@ -67,7 +68,8 @@ def test_frames_come_at_its_rate_until_it_is_told_to_stop(ros, monkeypatch):
     monkeypatch.setattr(shown, 'frame', times.append)
     threading.Timer(0.5, loop.stop).start()
     watch(shown, loop)
-    assert 5 <= len(times) <= 27 and min(b - a for a, b in zip(times, times[1:])) > 0.001
+    # 20 ms; one that comes late on a busy machine is close to the next
+    assert 5 <= len(times) <= 27 and median(b - a for a, b in zip(times, times[1:])) > 0.01
     loop.close()
     shown.finish()
 

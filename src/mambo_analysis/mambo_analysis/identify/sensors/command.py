@@ -80,7 +80,10 @@ def measure(recording: Recording) -> tuple[list[Measured], dict[str, Any]]:
 def _print_tables(recordings: list[Recording], measured: list[list[Measured]]) -> None:
     """Print a table of each recording, and of all together if there are several."""
     for recording, lines in zip(recordings, measured):
-        print(f'{recording.name}\n{table(lines)}\n')
+        print(f'{recording.name}\n{table(lines)}')
+        for line in imu.not_measured(recording):
+            print(f'not measured: {line}')
+        print()
     if len(recordings) > 1:
         heading = 'median over recordings, from the lowest to the highest; samples: recordings'
         text = table(summary(measured))

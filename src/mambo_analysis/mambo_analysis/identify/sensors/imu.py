@@ -9,11 +9,12 @@ from scipy.signal import butter, sosfiltfilt
 from ..allan import (
     allan, Allan, bias_instability, deviation_at_rest, random_walk, white_density)
 from ..recording import Recording
-from .phases import airborne, stretch_at_rest, WEIGHT
+from .phases import airborne, SHORTEST_REST, stretch_at_rest, WEIGHT
 from .statistics import resolution, robust_sigma
 from .table import entry, Measured, timing
 
 AXES = 'xyz'
+SLOWEST_VIBRATION = 60.0  # Hz, of the samples: four times the lowest frequency of a vibration
 
 
 def _at_rest(recording: Recording, rest: slice) -> tuple[list[Measured], dict[str, Allan]]:
@@ -46,7 +47,7 @@ def _in_flight(recording: Recording) -> list[Measured]:
             ('gyro', recording.gyro, 'rad/s'), ('accel', recording.accel, 'm/s^2')):
         rate = 1.0 / float(np.median(np.diff(stream.t)))
         air = airborne(recording, stream.t)
-        if rate < 60.0 or air.sum() < rate:
+        if rate < SLOWEST_VIBRATION or air.sum() < rate:
             continue
         high = sosfiltfilt(butter(4, 15.0, 'high', fs=rate, output='sos'), stream.values, axis=0)
         for axis in range(3):
@@ -89,3 +90,22 @@ def measure(recording: Recording) -> tuple[list[Measured], dict[str, Allan]]:
         more, curves = _at_rest(recording, rest)
         lines += more
     return lines + _in_flight(recording), curves
+
+
+def not_measured(recording: Recording) -> list[str]:
+    """Return what of gyro and accelerometer a recording does not tell, each with the reason."""
+    if recording.gyro is None or recording.accel is None or len(recording.gyro.t) < 40:
+        return ['gyro and accelerometer: no imu/data_raw of 40 samples or more']
+    lines = []
+    if stretch_at_rest(recording) is None:
+        lines.append(f'noise at rest: never at rest for {SHORTEST_REST:g} s')
+    rate = 1.0 / float(np.median(np.diff(recording.gyro.t)))
+    if rate < SLOWEST_VIBRATION:
+        lines.append(f'vibration in flight: the IMU has {rate:.0f} Hz, less than '
+                     f'{SLOWEST_VIBRATION:g}')
+    elif recording.pwm is None or recording.sonar is None:
+        lacking = 'motor_pwm' if recording.pwm is None else 'sonar/range'
+        lines.append(f'vibration in flight: without {lacking}, when it flies is not known')
+    elif airborne(recording, recording.gyro.t).sum() < rate:
+        lines.append('vibration in flight: less than 1 s in the air')
+    return lines

@@ -4,7 +4,7 @@ from dataclasses import replace
 import functools
 
 from mambo_analysis.identify.recording import Recording, Stream
-from mambo_analysis.identify.sensors.imu import measure
+from mambo_analysis.identify.sensors.imu import measure, not_measured
 from mambo_bags.mcap_reader import BagError
 import numpy as np
 import pytest
@@ -127,3 +127,20 @@ def test_one_sensor_alone_or_forty_samples_less_one_tell_nothing():
     assert measure(Recording('r', gyro=whole.gyro)) == ([], {})
     assert measure(Recording('r', accel=whole.accel)) == ([], {})
     assert measure(resting(n=39)) == ([], {})
+
+
+def test_what_is_not_measured_is_said_with_the_reason():
+    whole = flying()
+    assert not_measured(resting()) == ['vibration in flight: without motor_pwm, when it flies is '
+                                       'not known']
+    assert not_measured(whole) == ['noise at rest: never at rest for 2 s']
+    for change, says in (
+            ({'sonar': None}, 'without sonar/range, when it flies is not known'),
+            ({'pwm': None}, 'without motor_pwm, when it flies is not known'),
+            ({'pwm': whole.pwm._replace(values=0.0 * whole.pwm.values)},
+             'less than 1 s in the air')):
+        assert not_measured(replace(whole, **change))[1:] == [f'vibration in flight: {says}']
+    assert not_measured(flying(rate=50.0))[1:] == [
+        'vibration in flight: the IMU has 50 Hz, less than 60']
+    assert not_measured(resting(n=39)) == [
+        'gyro and accelerometer: no imu/data_raw of 40 samples or more']
