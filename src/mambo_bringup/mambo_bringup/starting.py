@@ -1,9 +1,10 @@
 """
-Start a command so that Ctrl-C prints one line at any moment.
+Start a command so that a signal prints one line at any moment.
 
 Python imports for seconds before a command begins and takes a moment to exit after it has ended;
-a Ctrl-C at these times would print a traceback. ``./run`` and ``./mambo`` therefore start by
-``tools/start``, which calls :func:`main` here; this module imports nothing slow.
+at these times Ctrl-C would print a traceback, and SIGTERM or SIGHUP nothing. ``./run`` and
+``./mambo`` therefore start by ``tools/start``, which calls :func:`main` here; this module imports
+nothing slow.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ _THREADS = 5.0  # s that threads of a user's code may take to end after the comm
 
 def main(module: str) -> int:
     """Load ``run`` or ``mambo``, run its ``main`` and return the exit code."""
-    before = signal.signal(signal.SIGINT, leave_at_once(module))
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # before and after the command
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup
+            signal.signal(number, leave_at_once(module))
     signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT,))  # held back by tools/start
     try:
         os.getcwd()
@@ -38,7 +41,6 @@ def main(module: str) -> int:
         return 2
     try:
         command = import_module(f'.{module}', __package__)
-        signal.signal(signal.SIGINT, before)
         code = stoppable(module, command.main)
     except (ImportError, MemoryError, OSError) as error:  # while a library is loaded
         text = str(error).partition('\n')[0] or 'out of memory'
@@ -47,8 +49,6 @@ def main(module: str) -> int:
         hint = ': source env.bash again in this shell, which sets LD_LIBRARY_PATH'
         sys.stderr.write(f'{module}: {text}{hint if "No such file" in text else ""}\n')
         return 1
-    finally:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # later signals need no message
     _end_threads(module, code)
     return code
 

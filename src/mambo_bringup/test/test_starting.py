@@ -1,5 +1,6 @@
-"""Ctrl-C is one line while Python loads a command and after the command has ended, too."""
+"""A signal is one line while Python loads a command and after the command has ended, too."""
 
+import signal
 import subprocess
 import sys
 
@@ -12,22 +13,25 @@ from mambo_bringup import starting
 
 
 def strike(*_):
-    os.kill(os.getpid(), signal.SIGINT)
+    os.kill(os.getpid(), signal.{signal})
 
 
 """
+ENDING = ['SIGINT', 'SIGTERM', 'SIGHUP']
 
 
-def run(text):
-    return subprocess.run([sys.executable, '-c', BEGIN + text], capture_output=True, text=True,
+def run(text, signal='SIGINT'):
+    begin = BEGIN.replace('{signal}', signal)
+    return subprocess.run([sys.executable, '-c', begin + text], capture_output=True, text=True,
                           timeout=60)
 
 
+@pytest.mark.parametrize('sent', ENDING)
 @pytest.mark.parametrize('name', ['run', 'mambo'])
-def test_ctrl_c_while_python_loads_a_command_is_one_line(name):
-    done = run(f'starting.import_module = strike\nsys.exit(starting.main({name!r}))')
-    assert (done.returncode, done.stdout) == (130, '')
-    assert done.stderr == f'{name}: ended by SIGINT\n'
+def test_a_signal_while_python_loads_a_command_is_one_line(name, sent):
+    done = run(f'starting.import_module = strike\nsys.exit(starting.main({name!r}))', sent)
+    assert (done.returncode, done.stdout) == (128 + signal.Signals[sent], '')
+    assert done.stderr == f'{name}: ended by {sent}\n'
 
 
 def test_ctrl_c_in_a_command_is_one_line():
@@ -38,13 +42,26 @@ sys.exit(starting.main('mambo'))
     assert (done.returncode, done.stderr) == (130, 'mambo: ended by SIGINT\n')
 
 
-def test_ctrl_c_after_a_command_has_no_line():
+@pytest.mark.parametrize('sent', ENDING)
+def test_a_signal_after_a_command_is_one_line(sent):
     done = run("""
 starting.import_module = lambda *_: SimpleNamespace(main=lambda: 0)
 starting.main('mambo')
 strike()
-""")
-    assert (done.returncode, done.stderr) == (-2, '')
+""", sent)
+    assert (done.returncode, done.stderr) == (
+        128 + signal.Signals[sent], f'mambo: ended by {sent}\n')
+
+
+def test_an_end_of_the_terminal_that_is_to_be_ignored_is_ignored():
+    done = run("""
+signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
+starting.import_module = lambda *_: SimpleNamespace(main=lambda: strike() or 7)
+starting.main('mambo')
+strike()
+print('here')
+""", 'SIGHUP')
+    assert (done.returncode, done.stdout, done.stderr) == (0, 'here\n', '')
 
 
 def test_a_command_returns_its_exit_code():
