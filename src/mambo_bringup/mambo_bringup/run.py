@@ -217,6 +217,10 @@ def _fly_and_report(
         if len(spaces) > 1:
             print(f'{space}:')
         reasons = _print_outcome(outcome, bags[space], options.no_report)
+        if options.natnet and outcome.closed and outcome.flown and (
+                lacking := natnet.lacking(bags[space])):
+            print(lacking)
+            reasons = [*reasons, lacking]
         problem = problem or (FlightError(reasons[0]) if reasons else None)
     if hall is not None:
         problem = _print_separation(bag, outcomes, hall, options.no_report) or problem

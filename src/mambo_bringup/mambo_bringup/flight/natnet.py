@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from mambo_analysis.compare.ending import ENDINGS, statuses
+from mambo_bags.reader import read_bag
 from mambo_flight import scenario as scenarios
 from mambo_flight.world.world_file import Hall
 from mambo_model import schema
@@ -87,3 +89,14 @@ def write(file: Path, flight: scenarios.Scenario, port: int, namespace: str,
     target = file.with_name(f'natnet_{file.name}')
     target.write_text(json.dumps(parameters(flight, port, namespace, several)))  # parsed as YAML
     return target
+
+
+def lacking(bag: Path) -> str:
+    """Return that no pose of a drone came through NatNet into its bag, one line; '' if any did."""
+    poses = topics.OPTITRACK.name
+    recording = read_bag(bag, (poses, *ENDINGS))
+    if poses in recording:
+        return ''
+    said = [status.message for _, status in statuses(recording)
+            if status.name.endswith(CLIENT[1]) and status.level > 0]
+    return ': '.join([f'{bag}: no {poses}: none came through NatNet', *said[-1:]])

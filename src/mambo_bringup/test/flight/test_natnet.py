@@ -2,15 +2,19 @@
 
 import json
 
+from geometry_msgs.msg import PoseStamped
+from mambo_bags.writer import BagWriter
 from mambo_bringup.flight import natnet, nodes
 from mambo_flight.scenario import override, scenario
 from mambo_flight.world.world_file import Hall
 from mambo_mocap.parameters import (
     bodies, NatNetClientNodeParams, NatNetServerNodeParams, places)
 from mambo_model import schema
+from mambo_ros import diagnostics, messages
 from mambo_sim.sensors.hall_capture import HallCaptureParams
 from mambo_sim.world import WorldParams
 import pytest
+from rclpy.serialization import serialize_message
 import yaml
 
 
@@ -70,3 +74,23 @@ def test_what_no_server_streams_is_refused(given):
         f'optitrack_node.optitrack.{name}': value for name, value in given.items()})
     with pytest.raises(schema.ParameterError, match='with NatNet optitrack_node.optitrack needs'):
         natnet.scenario(flight)
+
+
+@pytest.mark.parametrize('posed, level, line', [
+    (True, diagnostics.ERROR, ''),
+    (False, diagnostics.ERROR, '{}: no optitrack/pose: none came through NatNet: no reply'),
+    (False, diagnostics.OK, '{}: no optitrack/pose: none came through NatNet')])
+def test_a_flight_without_a_pose_says_so_and_why(tmp_path, posed, level, line):
+    second = 1_000_000_000  # ns
+    writer = BagWriter(tmp_path / 'bag')
+    writer.add_topic('/clock', 'rosgraph_msgs/msg/Clock')
+    writer.add_topic('/mambo1/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray')
+    writer.add_topic('/mambo1/optitrack/pose', 'geometry_msgs/msg/PoseStamped')
+    for t in (second, 2 * second):
+        writer.write('/clock', messages.clock(t), t)
+        writer.write('/mambo1/diagnostics', diagnostics.report(
+            t, 'natnet_client_node', level, 'no reply', {}), t)
+    if posed:
+        writer.write('/mambo1/optitrack/pose', serialize_message(PoseStamped()), second)
+    writer.close()
+    assert natnet.lacking(tmp_path / 'bag') == line.format(tmp_path / 'bag')
