@@ -12,15 +12,12 @@ import importlib.abc
 import importlib.machinery
 import importlib.metadata
 import importlib.util
-import io
 import os
 from pathlib import Path
-import pickle
 import shutil
 import sys
 import tempfile
-from typing import Any, IO, TypeVar
-import zlib
+from typing import Any, TypeVar
 
 F = TypeVar('F', bound=Callable)
 OWN_MODULES = 'mambo_own_'  # begins the names of modules made of users' files
@@ -154,7 +151,8 @@ from numba.experimental import structref  # noqa: E402
 from numba.extending import overload  # noqa: E402
 from numba.typed import List  # noqa: E402
 
-from .bitcode import InsideCache, InsideCompiler  # noqa: E402
+from .compilation.bitcode import InsideCache, InsideCompiler  # noqa: E402
+from .compilation.checked_file import CheckedFile  # noqa: E402
 
 numba.config.CACHE_DIR = os.environ['NUMBA_CACHE_DIR']  # of a script that imported numba before
 
@@ -164,44 +162,7 @@ numba.config.CACHE_DIR = os.environ['NUMBA_CACHE_DIR']  # of a script that impor
 llvmlite.binding.set_option('mambo', '-late-remat-update-threshold=3')
 
 
-class _CacheFile(caching.IndexDataCacheFile):
-    """Files of compiled code that end with their checksum: a damaged one counts as missing."""
-
-    _SIZE = 4  # bytes of the checksum
-
-    def _read(self, path: str) -> bytes:
-        """Return a file without its checksum. FileNotFoundError if it is damaged, too."""
-        with open(path, 'rb') as file:
-            data = file.read()
-        data, checksum = data[:-self._SIZE], data[-self._SIZE:]
-        if not data or checksum != self._checksum(data):
-            raise FileNotFoundError(path)
-        return data
-
-    def _checksum(self, data: bytes) -> bytes:
-        return zlib.crc32(data).to_bytes(self._SIZE, 'little')
-
-    @contextlib.contextmanager
-    def _open_for_write(self, filepath: str) -> Iterator[IO[bytes]]:
-        """Yield a file that is written whole, and its checksum behind it."""
-        with super()._open_for_write(filepath) as file:
-            whole = io.BytesIO()
-            yield whole
-            file.write(whole.getvalue() + self._checksum(whole.getvalue()))
-
-    def _load_index(self) -> dict:
-        """Return the names of what is compiled; nothing if the file is damaged."""
-        with contextlib.suppress(FileNotFoundError):
-            self._read(self._index_path)
-            return super()._load_index()
-        return {}
-
-    def _load_data(self, name: str) -> Any:
-        """Return what is compiled. FileNotFoundError if the file is damaged."""
-        return pickle.loads(self._read(self._data_path(name)))
-
-
-caching.IndexDataCacheFile = _CacheFile
+caching.IndexDataCacheFile = CheckedFile
 
 
 def _load_arrays() -> None:

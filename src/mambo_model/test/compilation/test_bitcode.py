@@ -5,7 +5,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from mambo_model.bitcode import BitcodeLibrary
+from mambo_model.compilation.bitcode import BitcodeLibrary
 from mambo_model.compiled import jit, jit_inside
 import numba
 from numba.core.registry import cpu_target
