@@ -247,3 +247,11 @@ def content(
     return frames.Frame(
         views[0].number, times, (*sets, every), tuple(free), tuple(one.body for one in found),
         labelled=tuple(labelled))
+
+
+def fullest(params: NatNetServerNodeParams) -> frames.Frame:
+    """Return a frame as long as any: bodies tracked, and no marker that is seen near its place."""
+    far = (1e3, 0.0, 0.0)
+    track = tracker.define(0, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0))
+    view = View(1, 0, tuple(add(at, far) for at in params.markers.five()), track)
+    return content([view] * len(params.topics), params, frames.Times(0.0))

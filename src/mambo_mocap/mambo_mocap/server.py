@@ -11,10 +11,12 @@ from collections import Counter, OrderedDict
 import struct
 from typing import NamedTuple
 
-from .hall import model
+from mambo_model.schema import ParameterError
+
+from .hall import fullest, model
 from .natnet import frame as frames, handshake, wire
 from .natnet.model import encode_model
-from .parameters import NatNetServerNodeParams
+from .parameters import NatNetServerNodeParams, VERSIONS
 
 FREQUENCY = 10_000_000  # ticks/s, that of Windows' performance counter
 NAME, APPLICATION = 'Mambo', (0, 1, 0, 0)
@@ -45,7 +47,7 @@ class Server:
     Parameters
     ----------
     params
-        Of the node.
+        Of the node. ParameterError if their bodies do not fit into a UDP packet.
 
     Attributes
     ----------
@@ -62,6 +64,22 @@ class Server:
         self.clients: OrderedDict[Address, Client] = OrderedDict()
         self.refused: Counter[str] = Counter()
         self._multicast = params.transmission == 'multicast'
+        self._check_size()
+
+    def _check_size(self) -> None:
+        """Raise ParameterError if the definitions or a frame may be longer than a packet."""
+        spoken = {self.version}
+        if not self._multicast:  # a client may ask for another version
+            spoken |= {wire.OLDEST, *(tuple(map(int, one.split('.'))) for one in VERSIONS)}
+        frame = fullest(self._params)
+        try:
+            for version in spoken:
+                encode_model(self._model, version)
+                frames.encode_frame(frame, version)
+        except wire.PacketError as error:
+            raise ParameterError(
+                f'{len(self._params.topics)} bodies of these names may not fit into one packet: '
+                f'{error}: give fewer bodies or shorter names') from None
 
     @property
     def info(self) -> handshake.ServerInfo:

@@ -2,7 +2,7 @@
 
 import math
 
-from mambo_mocap.hall import content, Hall, label, model
+from mambo_mocap.hall import content, fullest, Hall, label, model
 from mambo_mocap.natnet import frame as frames, model as models
 from mambo_mocap.natnet.frame import Times
 from mambo_mocap.parameters import NatNetServerNodeParams
@@ -199,3 +199,15 @@ def test_a_body_without_a_sample_is_not_tracked_and_comes_back():
     assert not gone.track.tracked and not gone.points
     (_, back), *_ = hall.look(4 * STEP, approaching(4))
     assert back.track.tracked
+
+
+@pytest.mark.parametrize('fault', ['none', 'swap', 'flip', 'lost'])
+def test_no_frame_is_longer_than_the_fullest(fault):
+    params = NatNetServerNodeParams(fault=fault, fault_end=10.0, markers=HIDDEN)
+    most = fullest(params)
+    assert len(most.labelled) == 10 and len(most.others) == 5
+    for view in views(params):
+        frame = content([view], params, Times(0.0))
+        for version in ((2, 7), (4, 2)):
+            assert len(frames.encode_frame(frame, version)) <= len(
+                frames.encode_frame(most, version))

@@ -6,6 +6,7 @@ from mambo_mocap.natnet.frame import decode_frame, Frame, Times
 from mambo_mocap.natnet.model import bodies, decode_model
 from mambo_mocap.parameters import NatNetServerNodeParams
 from mambo_mocap.server import FREQUENCY, MOST_CLIENTS, Server, SILENT, ticks
+from mambo_model.schema import ParameterError
 import pytest
 
 HERE = ('127.0.0.1', 4000)
@@ -97,3 +98,19 @@ def test_what_cannot_be_read_is_counted():
     for data in (b'', b'\0', bytes(5000), b'\x0c\0\0\0', b'\x63\0\0\0'):
         one.answer(data, HERE, 0)
     assert one.refused == {'malformed': 3, 'too long': 1, 'unknown': 1}
+
+
+def many(count, name):
+    return ','.join(f'{name}{k}=/d{k}/truth' for k in range(count))
+
+
+@pytest.mark.parametrize(('count', 'name'), [(256, 'drone'), (60, 'n' * 200)])
+def test_bodies_that_fit_into_no_packet_are_refused_at_the_start(count, name):
+    with pytest.raises(ParameterError, match=f'^{count} bodies of these names may not fit into '
+                                             'one packet: a message of .*: give fewer bodies'):
+        server(bodies=many(count, name))
+
+
+def test_the_bodies_of_a_full_hall_fit_for_every_client():
+    one = server(bodies=many(64, 'drone'), transmission='unicast')
+    assert len(one.answer(wire.message(wire.REQUEST_MODEL, b''), HERE, 0)) > 10_000
