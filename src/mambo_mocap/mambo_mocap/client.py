@@ -13,7 +13,7 @@ import math
 from typing import NamedTuple
 
 from .axes import attitude_from_stream, from_stream
-from .clock_match import ClockMatch
+from .clock_match import ClockMatch, STEP
 from .natnet import frame as frames, handshake, wire
 from .natnet.model import bodies, decode_model
 from .natnet.wire import Quat, Vec3
@@ -23,9 +23,12 @@ ECHO = 50_000_000  # ns between questions for the server's time
 KEEP_ALIVE = 1_000_000_000  # ns
 RETRY = 1_000_000_000  # ns between tries to connect or to get the definitions
 RESTART = 1000  # frames, a step back by which the server has begun anew
+ANEW = 500_000_000  # ns of late frames in their order, without a newer one, by which it has too
 UNIT = 0.02  # of a quaternion, largest deviation of its length from 1
 FARTHEST = 1e4  # m
-OLDEST = 60_000_000_000  # ns between exposure and arrival of a frame, either way
+OLDEST = 60_000_000_000  # ns from the exposure of a frame to its arrival
+_NONE = 2**31  # no number of a frame
+AHEAD = 2 * STEP  # ns from the arrival to the exposure: the clocks' match may be off by a step
 
 
 class Seen(NamedTuple):
@@ -73,6 +76,12 @@ class Client:
         The server's reply; None while not connected.
     names : dict
         Names of the rigid bodies by identifier.
+    defined : tuple or None
+        Identifier and name of each definition, which may repeat; None while they are not here.
+    servers : int
+        How often a server was met or began anew: its timestamps may be those of another clock.
+    unusable : dict
+        Why bodies of the newest frame have no pose, by identifier.
     delays : Delays
         Of the newest frame.
     problem : str
@@ -88,11 +97,16 @@ class Client:
         self.match = ClockMatch()
         self.info: handshake.ServerInfo | None = None
         self.names: dict[int, str] = {}
+        self.defined: tuple[tuple[int, str], ...] | None = None
+        self.servers = 0
+        self.unusable: dict[int, str] = {}
         self.delays = Delays(0.0, 0.0, 0.0, 0.0)
         self.problem = ''
         self._last = -1   # number of the newest frame
         self._heard = self._framed = 0  # ns, when the newest packet and frame came
-        self._known = False  # the definitions are here
+        self._late = (_NONE, 0)  # number of the newest of a run of late frames, when that began
+        self._known = False  # the definitions are those of the newest frame
+        self._changing = False  # the newest frame said that they have changed
         self._connection = handshake.encode_connect(handshake.Sender(
             NAME, (0, 1, 0, 0), (*wire.NEWEST, 0, 0)))
         self._next = dict.fromkeys(('connect', 'model', 'keep alive', 'echo'), 0)
@@ -105,6 +119,8 @@ class Client:
     def due(self, now: int) -> list[bytes]:
         """Return the packets to send to the command port at a time of this host, ns."""
         out = []
+        # if this host's clock was set back, patience begins now
+        self._heard, self._framed = min(self._heard, now), min(self._framed, now)
         if self.info is not None and now - self._heard > self._patience:
             self.info, self._known = None, False
             self.counts['lost connection'] += 1
@@ -149,7 +165,8 @@ class Client:
             elif kind == wire.FRAME:
                 return self._frame(frames.decode_frame(data, self.version), arrived)
             elif kind == wire.MODEL:
-                self.names, self._known = bodies(decode_model(data, self.version)), True
+                self.defined = bodies(decode_model(data, self.version))
+                self.names, self._known = dict(self.defined), True
             elif kind == wire.ECHO_RESPONSE:
                 sent, ticks = handshake.decode_echo_response(data)
                 if self.version < (3, 0) or not 0 <= arrived - sent <= self._patience:
@@ -167,9 +184,39 @@ class Client:
         """Take the server's reply."""
         wire.check(info.sender.version)
         if info != self.info:
-            self.info, self._known, self._last = info, False, -1
-            self.match = ClockMatch()
+            self.info = info
+            self._begin_anew()
         self._heard = arrived
+
+    def _begin_anew(self) -> None:
+        """Forget numbers, clock and definitions of a server that is gone."""
+        self._last, self._late, self._changing = -1, (_NONE, 0), False
+        self.match = ClockMatch()
+        self.servers += 1
+        self._forget()
+
+    def _forget(self) -> None:
+        """Forget the definitions: an identifier may be that of another body from now on."""
+        self.names, self.defined, self._known = {}, None, False
+
+    def _is_late(self, number: int, arrived: int) -> bool:
+        """Return whether a frame was overtaken; see whether the server has begun anew."""
+        step = number - self._last
+        if step <= -RESTART:
+            self._begin_anew()
+        elif step <= 0:
+            before, since = self._late
+            if not before < number:
+                since = arrived
+            self._late = (number, since)
+            if abs(arrived - since) < ANEW:
+                self.counts['late frames'] += 1
+                return True
+            self._begin_anew()
+        elif 1 < step < RESTART and self._last >= 0:
+            self.counts['missing frames'] += step - 1
+        self._last, self._late = number, (_NONE, 0)
+        return False
 
     def _ns(self, ticks: int) -> int:
         """Return a time of the server's clock in ns."""
@@ -180,42 +227,48 @@ class Client:
         times = frame.times
         if not (math.isfinite(times.timestamp) and 0.0 <= times.timestamp < 1e9):
             raise wire.PacketError(f'frame {frame.number} has no time')
-        if frame.flags & frames.MODELS_CHANGED:
-            self._known = False
+        late = self._is_late(frame.number, arrived)
+        changed = bool(frame.flags & frames.MODELS_CHANGED)
+        if changed and not self._changing:
+            self._forget()
+        self._changing, self._known = changed, self._known and not changed
         timestamp = round(times.timestamp * 1e9)
         ticking = self.version >= (3, 0)
         exposure = self._ns(times.exposure) if ticking else timestamp
         sent = self._ns(times.transmitted) if ticking else timestamp
         self.match.add_arrival(sent, arrived)
-        if -RESTART < frame.number - self._last <= 0:
-            self.counts['late frames'] += 1
+        if late:
             return []
-        if 1 < frame.number - self._last < RESTART and self._last >= 0:
-            self.counts['missing frames'] += frame.number - self._last - 1
-        self._last = frame.number
         waited = 0 if self.match.answered else self._least_delay
         here = (self.match.local(exposure) or arrived) - waited
-        if abs(arrived - here) > OLDEST:
-            raise wire.PacketError(f'frame {frame.number} was exposed '
-                                   f'{(arrived - here) * 1e-9:.3g} s before it arrived')
+        if not -AHEAD <= arrived - here <= OLDEST:
+            raise wire.PacketError(
+                f'frame {frame.number} was exposed {abs(arrived - here) * 1e-9:.3g} s '
+                f'{"before" if here < arrived else "after"} it arrived')
         self.counts['frames'] += 1
         received = self._ns(times.received) if ticking else exposure
         self.delays = Delays(
             (received - exposure) * 1e-9, (sent - received) * 1e-9,
             (arrived - here - (sent - exposure)) * 1e-9, (arrived - here) * 1e-9)
         stamp = timestamp if self._server_time else here
-        return [self._seen(body, stamp) for body in frame.bodies if self._usable(body)]
+        found = Counter(body.identifier for body in frame.bodies)
+        reasons = [(body, self._unusable(body, found[body.identifier])) for body in frame.bodies]
+        self.unusable = {body.identifier: reason for body, reason in reasons if reason}
+        return [self._seen(body, stamp) for body, reason in reasons if not reason]
 
-    def _usable(self, body: frames.RigidBody) -> bool:
-        """Return whether a body has a pose; count it if not."""
-        if not body.tracked:
-            self.counts['bodies not tracked'] += 1
-            return False
+    def _unusable(self, body: frames.RigidBody, count: int) -> str:
+        """Return why a body, one of a number with its identifier, has no pose; count it."""
+        reason = ''
         length = math.hypot(*body.attitude)
-        if abs(length - 1.0) < UNIT and all(abs(x) < FARTHEST for x in body.position):
-            return True
-        self.counts['bodies without a pose'] += 1
-        return False
+        if count > 1:
+            reason = 'bodies that share their identifier'
+        elif not body.tracked:
+            reason = 'bodies not tracked'
+        elif not (abs(length - 1.0) < UNIT and all(abs(x) < FARTHEST for x in body.position)):
+            reason = 'bodies without a pose'
+        if reason:
+            self.counts[reason] += 1
+        return reason.removeprefix('bodies ')
 
     def _seen(self, body: frames.RigidBody, stamp: int) -> Seen:
         length = math.hypot(*body.attitude)

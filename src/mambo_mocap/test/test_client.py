@@ -2,9 +2,11 @@
 
 import heapq
 
-from mambo_mocap.client import Client, RESTART
+from mambo_mocap.client import ANEW, Client, RESTART
 from mambo_mocap.natnet import handshake, wire
-from mambo_mocap.natnet.frame import encode_frame, Frame, RigidBody, Times, TRACKED
+from mambo_mocap.natnet.frame import (
+    encode_frame, Frame, MODELS_CHANGED, RigidBody, Times, TRACKED)
+from mambo_mocap.natnet.model import BodyModel, encode_model
 from mambo_mocap.parameters import NatNetServerNodeParams
 from mambo_mocap.server import FREQUENCY, Server
 from motive import FRAMES, INFOS, packet
@@ -193,8 +195,9 @@ def test_an_echo_of_a_server_without_a_clock_is_not_believed():
     assert client.counts['malformed'] == 1 and client.match.line is None
 
 
-@pytest.mark.parametrize('exposure', [0, 2**64 - 1])
-def test_a_frame_of_an_impossible_time_has_no_pose(exposure):
+@pytest.mark.parametrize(('exposure', 'side'), [
+    (0, 'before'), (10**15 + 10**6, 'after'), (2**64 - 1, 'after')])
+def test_a_frame_of_an_impossible_time_has_no_pose(exposure, side):
     client = Client()
     client.take(handshake.encode_server_info(Server(NatNetServerNodeParams()).info), EPOCH)
     now = 10**15  # ticks
@@ -204,5 +207,88 @@ def test_a_frame_of_an_impossible_time_has_no_pose(exposure):
         times = Times(1.0, exposed, now, now)
         return encode_frame(Frame(number, times, bodies=(body,)), (4, 1))
     assert client.take(frame(1, exposure), EPOCH) == []
-    assert 's before it arrived' in client.problem and client.counts['frames'] == 0
+    assert f's {side} it arrived' in client.problem and client.counts['frames'] == 0
     assert client.take(frame(2, now), EPOCH + 1)[0].stamp == EPOCH
+    assert client.take(frame(3, now + 10**5), EPOCH + 2)  # 10 ms of clock error
+
+
+def connected(names=((1, 'mambo'),), **given):
+    """Return a client that has the definitions of its server."""
+    client = Client(**given)
+    client.take(handshake.encode_server_info(Server(NatNetServerNodeParams()).info), EPOCH)
+    client.take(definitions(*names), EPOCH)
+    return client
+
+
+def definitions(*names):
+    return encode_model(tuple(BodyModel(name, number) for number, name in names), (4, 1))
+
+
+def shown(client, number, k, bodies=(BODY,), flags=0):
+    """Return what a client sees in a frame of a number that comes after k periods of 10 ms."""
+    at = k * 100_000
+    return client.take(encode_frame(Frame(
+        number, Times(number * 0.01, at, at, at), bodies=bodies, flags=flags), (4, 1)),
+        EPOCH + k * 10_000_000)
+
+
+def test_a_server_that_begins_anew_within_patience_is_noticed_within_a_second():
+    client = connected()
+    assert all(shown(client, k, k) for k in range(900))
+    assert client.servers == 1
+    used = [bool(shown(client, k, 920 + k)) for k in range(800)]
+    assert used.index(True) == ANEW // 10_000_000 and all(used[used.index(True):])
+    assert client.servers == 2 and client.counts['late frames'] == used.index(True)
+    assert client.names == {} and client.due(EPOCH + 10**10).count(
+        wire.message(wire.REQUEST_MODEL, b'')) == 1
+
+
+def test_late_frames_alone_are_no_new_server():
+    client = connected()
+    for k in range(1000):  # of two ways one takes longer
+        shown(client, k, 2 * k)
+        shown(client, max(k - 100, 0), 2 * k + 1)
+    assert client.servers == 1 and client.counts['late frames'] == 1000
+    for k in range(100):  # the last one comes again and again
+        assert not shown(client, 999, 2000 + k)
+    assert client.servers == 1
+
+
+def test_names_of_another_server_or_of_changed_definitions_are_forgotten():
+    client = connected(((1, 'a'), (2, 'b')))
+    assert shown(client, 0, 0)[0].name == 'a'
+    client.due(EPOCH + 20 * 10**9)
+    assert client.info is None
+    client.take(handshake.encode_server_info(
+        Server(NatNetServerNodeParams()).info), EPOCH + 21 * 10**9)
+    assert client.servers == 2 and shown(client, 1, 2100)[0].name == ''
+    client.take(definitions((2, 'a'), (1, 'b')), EPOCH + 21 * 10**9)
+    assert shown(client, 2, 2101)[0].name == 'b'
+    assert shown(client, 3, 2102, flags=MODELS_CHANGED)[0].name == ''
+    assert client.defined is None
+    client.take(definitions((1, 'a')), EPOCH + 21 * 10**9)
+    # the flag may stay for some frames: names are those of the answer, and asked for again
+    assert shown(client, 4, 2103, flags=MODELS_CHANGED)[0].name == 'a'
+    assert not client._known and client.defined == ((1, 'a'),)
+
+
+def test_two_bodies_of_one_identifier_in_a_frame_have_no_pose():
+    client = connected()
+    other = BODY._replace(identifier=2)
+    seen = shown(client, 0, 0, (BODY, BODY._replace(position=(5.0, 0.0, 0.0)), other))
+    assert [one.identifier for one in seen] == [2]
+    assert client.unusable == {1: 'that share their identifier'}
+    assert client.counts['bodies that share their identifier'] == 2
+    shown(client, 1, 1, (BODY._replace(flags=0),))
+    assert client.unusable == {1: 'not tracked'}
+    assert shown(client, 2, 2) and client.unusable == {}
+
+
+def test_patience_begins_when_the_clock_of_this_host_is_set_back():
+    client = connected()
+    shown(client, 0, 0)
+    back = EPOCH - 3600 * 10**9
+    client.due(back)
+    assert client.info is not None
+    client.due(back + 3 * 10**9)
+    assert client.info is None and client.counts['lost connection'] == 1

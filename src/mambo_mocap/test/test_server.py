@@ -32,7 +32,7 @@ def test_a_client_learns_version_ports_and_clock(hello, version):
 def test_the_definitions_and_the_time_are_answered():
     one = server(version='4.1', body='drone', body_id=3)
     found = decode_model(one.answer(b'\4\0\0\0', HERE, 0), (4, 1))
-    assert bodies(found) == {3: 'drone'}
+    assert bodies(found) == ((3, 'drone'),)
     answer = one.answer(handshake.encode_echo_request(77), HERE, 1_234_567_800)
     assert handshake.decode_echo_response(answer) == (77, ticks(1_234_567_800)) == (77, 12_345_678)
 

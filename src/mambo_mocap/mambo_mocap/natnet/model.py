@@ -144,9 +144,9 @@ def decode_model(data: bytes, version: Version) -> Model:
     return model
 
 
-def bodies(model: Model) -> dict[int, str]:
-    """Return the names of the rigid bodies by identifier."""
-    return {body.identifier: body.name for body in model if isinstance(body, BodyModel)}
+def bodies(model: Model) -> tuple[tuple[int, str], ...]:
+    """Return identifier and name of each rigid body; both may repeat."""
+    return tuple((body.identifier, body.name) for body in model if isinstance(body, BodyModel))
 
 
 def _write_body(body: BodyModel, version: Version) -> bytes:

@@ -15,7 +15,7 @@ def test_the_definitions_of_motive_are_read_and_written_to_the_byte():
     data = packet('modeldef_packet_v3')
     found = decode_model(data, (3, 0))
     assert encode_model(found, (3, 0)) == data
-    assert bodies(found) == {2: 'RaceQuad'}
+    assert bodies(found) == ((2, 'RaceQuad'),)
     body, one, every = found
     assert (body.name, body.identifier, body.parent) == ('RaceQuad', 2, models.NO_PARENT)
     assert [round(x, 4) for x in body.markers[0].position] == [0.1612, 0.0351, -0.0322]
