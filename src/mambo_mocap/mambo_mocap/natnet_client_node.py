@@ -7,7 +7,7 @@ import socket
 import time
 
 from geometry_msgs.msg import PoseStamped
-from mambo_model.errors import JobError, visible
+from mambo_model.errors import JobError
 from mambo_model.motion.vector import sub
 from mambo_ros import diagnostics, messages, node, process, topics
 from mambo_ros.endpoints import RawPublisher
@@ -17,6 +17,7 @@ from . import udp
 from .client import Client
 from .natnet.wire import DISCONNECT, message
 from .parameters import bodies, NatNetClientNodeParams, places
+from .watch import Watch
 
 _REPORT_EVERY = 1.0  # s of wall time
 _WAIT = 0.005  # s for a packet, before the node has its turn
@@ -44,14 +45,13 @@ class NatNetClientNode(node.MamboNode[NatNetClientNodeParams]):
             for name, topic in bodies(p.bodies).items()}
         self._places = dict(zip(
             self._publish, places(p.places, len(self._publish)), strict=True))
-        self._stamps = dict.fromkeys(self._publish, -1)
+        self._watch = Watch(self._publish, p.stamp == 'server', time.monotonic())
         self._diagnostics = self.advertise(topics.DIAGNOSTICS)
         self._commands = udp.open_socket(p.address, 0)
         self._data: socket.socket | None = None
         self._place = ('', 0)  # group and port of the data socket
         self._obstacle = ''    # why there is none
-        self._next_report, self._reported = 0.0, 0
-        self._slowest = 0.0
+        self._next_report = self._slowest = 0.0
 
     def turn(self, wait: float) -> None:
         """Wait for packets, at most some seconds, and publish the poses in them."""
@@ -70,17 +70,19 @@ class NatNetClientNode(node.MamboNode[NatNetClientNodeParams]):
             self._report()
 
     def _take(self, data: bytes, arrived: int) -> None:
-        for seen in self._client.take(data, arrived):
-            name = seen.name if seen.name in self._publish else str(seen.identifier)
-            if name not in self._publish:
+        found = self._client.take(data, arrived)
+        self._watch.follow(self._client)
+        for seen in found:
+            names = self._watch.names(seen.identifier)
+            if not names:
                 self._client.counts['bodies not asked for'] += 1
-            elif seen.stamp > self._stamps[name]:
-                self._stamps[name] = seen.stamp
+            for name in names:
+                if not self._watch.accept(name, seen.stamp, arrived, time.monotonic()):
+                    self._client.counts['stamps not after the last one'] += 1
+                    continue
                 self._slowest = max(self._slowest, seen.latency)
                 rho = sub(seen.rho, self._places[name])
                 self._publish[name](messages.optitrack(seen.stamp, rho, seen.q))
-            else:
-                self._client.counts['stamps not after the last one'] += 1
 
     def _join(self) -> None:
         """Open the socket that the server's reply asks for."""
@@ -101,28 +103,17 @@ class NatNetClientNode(node.MamboNode[NatNetClientNodeParams]):
             self._obstacle = str(error)
 
     def _report(self) -> None:
-        client, p = self._client, self.params
-        frames = client.counts['frames']
-        level, line = diagnostics.OK, f'{frames - self._reported} frames a second'
-        if client.info is None:
-            level, line = diagnostics.ERROR, (
-                f'no reply from {p.server}:{p.command_port}: is streaming switched on there?')
-        elif frames == self._reported:
-            level, line = diagnostics.ERROR, self._obstacle or 'connected, but no frame comes'
-        elif client.counts['malformed']:
-            level, line = diagnostics.WARN, f'malformed packets: {client.problem}'
-        elif missing := sorted({*self._publish} - {
-                *client.names.values(), *map(str, client.names)}):
-            level, line = diagnostics.WARN, (
-                f'the server does not stream {", ".join(missing)}; it has: '
-                f'{visible(", ".join(client.names.values()))[:200]}')
-        self._publish_report(level, line)
-        self._reported, self._slowest = frames, 0.0
+        p, watch = self.params, self._watch
+        watch.follow(self._client)
+        level, line = watch.report(
+            self._client, f'{p.server}:{p.command_port}', self._obstacle, time.monotonic())
+        self._publish_report(diagnostics.LEVELS[level], line)
+        self._slowest = 0.0
 
     def _publish_report(self, level: bytes, line: str) -> None:
         client = self._client
         fit, delays = client.match.line, client.delays
-        now = max(self._stamps.values()) if self.params.stamp == 'server' else time.time_ns()
+        now = max(self._watch.stamps.values()) if self.params.stamp == 'server' else time.time_ns()
         self._diagnostics(diagnostics.report(max(now, 0), self.get_name(), level, line, {
             'latency [ms]': f'{1e3 * delays.total:.3f}',
             'largest latency [ms]': f'{1e3 * self._slowest:.3f}',
@@ -132,7 +123,8 @@ class NatNetClientNode(node.MamboNode[NatNetClientNodeParams]):
             'drift of the clocks [ppm]': f'{1e6 * fit.drift:.2f}' if fit else 'unknown',
             'clocks matched by echoes': client.match.answered,
             'clocks matched anew': client.match.resets,
-            'NatNet': '.'.join(map(str, client.version)), **client.counts}))
+            'NatNet': '.'.join(map(str, client.version)), **client.counts,
+            **{f'poses of {name}': self._watch.poses[name] for name in self._publish}}))
 
     def finish(self) -> None:
         """Leave the server and close the sockets."""

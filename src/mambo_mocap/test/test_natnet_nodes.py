@@ -15,7 +15,7 @@ from mambo_mocap.natnet_server_node import NatNetServerNode
 from mambo_mocap.parameters import NatNetServerNodeParams
 from mambo_mocap.server import Server, ticks
 from mambo_model.motion.rigid_body import State
-from mambo_ros import messages
+from mambo_ros import diagnostics, messages
 import numpy as np
 import pytest
 import rclpy
@@ -95,7 +95,7 @@ def test_a_server_and_a_client_survive_what_strangers_send(make):
     assert len(poses) > 150 and [t for t, *_ in poses] == sorted({t for t, *_ in poses})
     assert np.abs(np.array([rho for _, rho, _ in poses]) - STILL.rho).max() < 1e-3
     assert int(values(client.reports[-1])['malformed']) > 100
-    assert 'malformed packets' in client.reports[-1].message
+    assert any('malformed packets' in report.message for report in client.reports)
     refused = values(server.reports[-1])
     assert sum(int(n) for key, n in refused.items() if key.startswith('commands')) > 500
     assert int(refused['unicast clients']) <= 32 and not server._waiting
@@ -124,7 +124,17 @@ def test_every_body_goes_to_its_topic_by_name_or_number(make):
     client._report()
     assert client.reports[-1].message == (
         'the server does not stream gone; it has: drone, other')
-    assert values(client.reports[-1])['bodies not asked for'] == '3'  # one in each frame
+    found = values(client.reports[-1])
+    assert found['bodies not asked for'] == '3'  # one in each frame
+    assert [found[f'poses of {name}'] for name in poses] == ['3', '3', '0']
+    bodies = (bodies[0]._replace(flags=0), *bodies[1:])
+    now += 50_000_000
+    times = Times(0.1, *(ticks(now),) * 3)
+    client._take(encode_frame(Frame(4, times, bodies=bodies), (4, 1)), now)
+    client._report()
+    assert client.reports[-1].level == diagnostics.WARN
+    assert 'no pose of drone for ' in client.reports[-1].message
+    assert client.reports[-1].message.endswith(' s: it is not tracked')
 
 
 def test_poses_are_in_the_frame_of_each_drone(make):
