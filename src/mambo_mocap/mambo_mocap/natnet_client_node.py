@@ -9,6 +9,7 @@ import time
 from geometry_msgs.msg import PoseStamped
 from mambo_model.errors import JobError
 from mambo_model.motion.vector import sub
+from mambo_model.schema import ParameterError, shown
 from mambo_ros import diagnostics, messages, node, process, topics
 from mambo_ros.endpoints import RawPublisher
 from mambo_ros.loop import Loop
@@ -21,6 +22,8 @@ from .watch import Watch
 
 _REPORT_EVERY = 1.0  # s of wall time
 _WAIT = 0.005  # s for a packet, before the node has its turn
+_LONGEST = 0.1  # s for the packets of a socket; one of 65 kB alone may take that
+_RETRY = 1.0  # s between tries to open the data socket
 
 
 class NatNetClientNode(node.MamboNode[NatNetClientNodeParams]):
@@ -40,18 +43,26 @@ class NatNetClientNode(node.MamboNode[NatNetClientNodeParams]):
         p = self.params
         self._client = Client(p.up, p.stamp == 'server', round(p.patience * 1e9),
                               round(p.least_delay * 1e9))
+        self._diagnostics = self.advertise(topics.DIAGNOSTICS)
         self._publish: dict[str, RawPublisher] = {
-            name: self.advertise(topics.Topic(topic, PoseStamped, topics.OPTITRACK.rate))
-            for name, topic in bodies(p.bodies).items()}
+            name: self._pose(topic) for name, topic in bodies(p.bodies).items()}
         self._places = dict(zip(
             self._publish, places(p.places, len(self._publish)), strict=True))
         self._watch = Watch(self._publish, p.stamp == 'server', time.monotonic())
-        self._diagnostics = self.advertise(topics.DIAGNOSTICS)
         self._commands = udp.open_socket(p.address, 0)
         self._data: socket.socket | None = None
         self._place = ('', 0)  # group and port of the data socket
         self._obstacle = ''    # why there is none
-        self._next_report = self._slowest = 0.0
+        self._next_try = self._next_report = self._slowest = 0.0
+
+    def _pose(self, topic: str) -> RawPublisher:
+        """Advertise the pose of a body; ParameterError if another one has the same topic."""
+        name = self.resolve_topic_name(topic)
+        if name in {output.publisher.topic_name for output in self.outputs}:
+            raise ParameterError(
+                f'bodies: {shown(topic)} is {name}, which this node publishes already: give each '
+                'body a topic of its own')
+        return self.advertise(topics.Topic(topic, PoseStamped, topics.OPTITRACK.rate))
 
     def turn(self, wait: float) -> None:
         """Wait for packets, at most some seconds, and publish the poses in them."""
@@ -59,11 +70,14 @@ class NatNetClientNode(node.MamboNode[NatNetClientNodeParams]):
             udp.send(self._commands, packet, (self.params.server, self.params.command_port))
         sources = [self._commands, *([self._data] if self._data else [])]
         for source in select.select(sources, [], [], wait)[0]:
+            end = time.monotonic() + _LONGEST
             for data, sender, arrived in udp.receive(source):
                 if sender[0] == self.params.server:
                     self._take(data, arrived)
                 else:
                     self._client.counts['from another host'] += 1
+                if time.monotonic() >= end:
+                    break
         self._join()
         if time.monotonic() >= self._next_report:
             self._next_report = time.monotonic() + _REPORT_EVERY
@@ -91,8 +105,10 @@ class NatNetClientNode(node.MamboNode[NatNetClientNodeParams]):
             return
         multicast = info.multicast if info.sender.version >= (3, 0) else False
         place = (info.group if multicast else '', info.data_port)
-        if place == self._place:
+        now = time.monotonic()
+        if place == self._place and not (self._obstacle and now >= self._next_try):
             return
+        self._next_try = now + _RETRY
         if self._data is not None:
             self._data.close()
         self._place, self._data, self._obstacle = place, None, ''

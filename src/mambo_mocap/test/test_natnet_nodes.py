@@ -15,6 +15,7 @@ from mambo_mocap.natnet_server_node import NatNetServerNode
 from mambo_mocap.parameters import NatNetServerNodeParams
 from mambo_mocap.server import Server, ticks
 from mambo_model.motion.rigid_body import State
+from mambo_model.schema import ParameterError
 from mambo_ros import diagnostics, messages
 import numpy as np
 import pytest
@@ -181,6 +182,43 @@ def test_a_data_port_in_use_is_told(make):
         client._join()
         client._report()
     assert 'cannot be used' in client.reports[-1].message
+    client._join()
+    assert client._data is None  # not at once again
+    client._next_try = 0.0  # a second later
+    client._join()
+    client._report()
+    assert client._data is not None
+    assert client.reports[-1].message == 'connected, but no frame comes'
+
+
+@pytest.mark.parametrize('topics', [
+    'a=optitrack/pose, b=/mambo/optitrack/pose', 'a=/diagnostics'])
+def test_no_two_bodies_share_a_topic(topics):
+    with pytest.raises(ParameterError, match='which this node publishes already: give each body'):
+        NatNetClientNode(parameter_overrides=[Parameter('bodies', value=topics)])
+
+
+def test_packets_that_take_long_leave_the_node_its_turn(make):
+    client = make(NatNetClientNode, command_port=free_port())
+    taken = []
+
+    def slow(data, arrived):
+        taken.append(data)
+        time.sleep(0.04)
+
+    client._take = slow
+    with udp.open_socket(HERE, 0) as server:
+        for k in range(30):
+            udp.send(server, bytes([k]), client._commands.getsockname())
+        begun = time.monotonic()
+        client.turn(1.0)
+        spent = time.monotonic() - begun
+    assert len(taken) <= 4 and spent < 1.0, spent  # 30 take 1.2 s
+    while len(taken) < 30:
+        before = len(taken)
+        client.turn(1.0)
+        assert len(taken) > before
+    assert taken == [bytes([k]) for k in range(30)]
 
 
 def test_a_paced_server_sends_no_two_frames_together(make):
