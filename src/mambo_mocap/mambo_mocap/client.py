@@ -103,6 +103,7 @@ class Client:
         self.delays = Delays(0.0, 0.0, 0.0, 0.0)
         self.problem = ''
         self._last = -1   # number of the newest frame
+        self._sent = (0, 0)  # ns, its timestamp and when it was sent, both of the server
         self._heard = self._framed = 0  # ns, when the newest packet and frame came
         self._late = (_NONE, 0)  # number of the newest of a run of late frames, when that began
         self._known = False  # the definitions are those of the newest frame
@@ -190,7 +191,8 @@ class Client:
 
     def _begin_anew(self) -> None:
         """Forget numbers, clock and definitions of a server that is gone."""
-        self._last, self._late, self._changing = -1, (_NONE, 0), False
+        self._last, self._sent = -1, (0, 0)
+        self._late, self._changing = (_NONE, 0), False
         self.match = ClockMatch()
         self.servers += 1
         self._forget()
@@ -199,8 +201,12 @@ class Client:
         """Forget the definitions: an identifier may be that of another body from now on."""
         self.names, self.defined, self._known = {}, None, False
 
-    def _is_late(self, number: int, arrived: int) -> bool:
-        """Return whether a frame was overtaken; see whether the server has begun anew."""
+    def _is_late(self, number: int, sent: tuple[int, int], arrived: int) -> bool:
+        """
+        Return whether a frame was overtaken; see whether the server has begun anew.
+
+        sent: as ``_sent``. In a later frame of the same server neither is earlier.
+        """
         step = number - self._last
         if step <= -RESTART:
             self._begin_anew()
@@ -213,9 +219,11 @@ class Client:
                 self.counts['late frames'] += 1
                 return True
             self._begin_anew()
+        elif sent[0] < self._sent[0] or sent[1] < self._sent[1]:
+            self._begin_anew()
         elif 1 < step < RESTART and self._last >= 0:
             self.counts['missing frames'] += step - 1
-        self._last, self._late = number, (_NONE, 0)
+        self._last, self._sent, self._late = number, sent, (_NONE, 0)
         return False
 
     def _ns(self, ticks: int) -> int:
@@ -227,15 +235,15 @@ class Client:
         times = frame.times
         if not (math.isfinite(times.timestamp) and 0.0 <= times.timestamp < 1e9):
             raise wire.PacketError(f'frame {frame.number} has no time')
-        late = self._is_late(frame.number, arrived)
-        changed = bool(frame.flags & frames.MODELS_CHANGED)
-        if changed and not self._changing:
-            self._forget()
-        self._changing, self._known = changed, self._known and not changed
         timestamp = round(times.timestamp * 1e9)
         ticking = self.version >= (3, 0)
         exposure = self._ns(times.exposure) if ticking else timestamp
         sent = self._ns(times.transmitted) if ticking else timestamp
+        late = self._is_late(frame.number, (timestamp, sent), arrived)
+        changed = bool(frame.flags & frames.MODELS_CHANGED)
+        if changed and not self._changing:
+            self._forget()
+        self._changing, self._known = changed, self._known and not changed
         self.match.add_arrival(sent, arrived)
         if late:
             return []

@@ -292,3 +292,18 @@ def test_patience_begins_when_the_clock_of_this_host_is_set_back():
     assert client.info is not None
     client.due(back + 3 * 10**9)
     assert client.info is None and client.counts['lost connection'] == 1
+
+
+@pytest.mark.parametrize('version', ['2.9', '4.1'])
+def test_a_clock_of_the_server_that_is_set_back_is_matched_at_once(version):
+    info = Server(NatNetServerNodeParams(version=version)).info
+    client = Client()
+    client.take(handshake.encode_server_info(info), EPOCH)
+    for k in range(1000):
+        at = 1.0 + k * 0.01 - (0.9 if k >= 500 else 0.0)
+        times = Times(at, *(round(at * FREQUENCY),) * 3)
+        here = EPOCH + k * 10_000_000
+        seen, = client.take(encode_frame(
+            Frame(k, times, bodies=(BODY,)), info.sender.version), here)
+        assert abs(here - seen.stamp) < 1000, k  # ns; no delay, so that it is the exposure
+    assert client.servers == 2 and not client.match.answered

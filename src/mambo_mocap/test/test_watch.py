@@ -121,6 +121,14 @@ def test_a_timestamp_of_a_new_server_may_be_before_the_last_one():
     assert len(stream.poses['a']) == 600 and stream.report()[0] == OK
 
 
+def test_a_server_that_begins_anew_within_patience_is_silent_for_half_a_second():
+    stream = Stream('a', server_time=True).meet((1, 'a')).play(5.0, body(1))
+    stream.number = 0
+    stream.play(0.52, body(1))
+    stream.meet((1, 'a')).play(1.0, body(1))  # the answer to the client's request
+    assert len(stream.poses['a']) == 600 and stream.report()[0] == OK
+
+
 def test_one_exposure_in_the_future_stops_no_pose():
     stream = Stream('a').meet((1, 'a')).play(1.0, body(1)).play(0.01, body(1), ahead=50 * 10**9)
     assert stream.play(1.0, body(1)).report() == (
