@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import dataclasses
-import math
 import re
 from typing import Any, NamedTuple, NoReturn
 
 from mambo_model import schema
 from mambo_model.motion.vector import Vec3
-from mambo_model.yaml_nodes import load, reason
+from mambo_model.yaml_nodes import compose, load, reason
 from mambo_sim.sensors import hall_capture
 from mambo_sim.world import MOST, WorldParams
 import yaml
@@ -77,6 +76,8 @@ def parse(text: str, where: str) -> Hall:
         raise schema.ParameterError(f'{where}: {NAME}: {what}')
     try:
         content = load(text)
+        if double := _double(compose(text)):
+            fail(f'line {double.start_mark.line + 1}: {schema.shown(double.value)} is given twice')
     except yaml.YAMLError as error:
         fail(reason(error))
     if not isinstance(content, dict) or set(content) != {'world', 'places'} or not all(
@@ -93,12 +94,29 @@ def parse(text: str, where: str) -> Hall:
         params = schema.build(WorldParams, content['world'])
     except schema.ParameterError as error:
         fail(str(error))
+    if len(content['places']) != params.drones:
+        fail(f'{len(content["places"])} places, but drones = {params.drones}')
     return Hall(params, {name: tuple(map(float, place))
                          for name, place in content['places'].items()})
+
+
+def _double(node: yaml.Node | None) -> yaml.ScalarNode | None:
+    """Return a key that a node or one inside it has twice, if there is one."""
+    if not isinstance(node, yaml.MappingNode):
+        return None
+    seen = set()
+    for key, value in node.value:
+        if isinstance(key, yaml.ScalarNode):
+            if key.value in seen:
+                return key
+            seen.add(key.value)
+        if inside := _double(value):
+            return inside
+    return None
 
 
 def _is_place(place: Any) -> bool:
     """Return whether a value is a place."""
     return isinstance(place, list) and len(place) == 3 and all(
-        isinstance(x, (int, float)) and not isinstance(x, bool) and math.isfinite(x)
-        and abs(x) <= _FAR for x in place)
+        isinstance(x, (int, float)) and not isinstance(x, bool) and abs(x) <= _FAR
+        for x in place)  # not of NaN, nor of infinity

@@ -42,6 +42,12 @@ def test_drones_that_cannot_share_a_motion_capture_are_refused():
     ('- 0.1', '- .nan', 'must be 3 numbers'),
     ('- 0.1', '- true', 'must be 3 numbers'),
     ('- 0.1\n', '- 0.1\n  - 0.2\n', 'must be 3 numbers'),
+    ('- 0.1', f'- {10 ** 400}', 'must be 3 numbers'),
+    ('- 0.1', '- -.inf', 'must be 3 numbers'),
+    ('drones: 2', 'drones: 3', '2 places, but drones = 3'),
+    ('drones: 2', 'drones: 2\n  drones: 2', "line 3: 'drones' is given twice"),
+    ('/mambo2:', '/mambo1:', "'/mambo1' is given twice"),
+    ('places:', 'places: {}\nplaces:', "'places' is given twice"),
     ('places:', 'places: [', 'line'),
     ('spacing: 3.0', 'speed: 3.0', 'unknown'),
 ])
@@ -51,6 +57,12 @@ def test_what_is_not_a_hall_is_refused_in_one_line(old, new, message):
     with pytest.raises(ParameterError, match=message) as error:
         parse(text.replace(old, new), 'bag')
     assert str(error.value).startswith('bag: world.yaml: ') and '\n' not in str(error.value)
+
+
+def test_a_hall_without_places_is_refused():
+    text, _, _ = to_text(HALL).partition('places:')
+    with pytest.raises(ParameterError, match='0 places, but drones = 2'):
+        parse(f'{text}places: {{}}', 'bag')
 
 
 def test_there_are_at_most_so_many_places():
