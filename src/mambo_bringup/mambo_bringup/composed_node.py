@@ -14,11 +14,14 @@ from functools import partial
 from pathlib import Path
 import sys
 
+from mambo_bags.command import one_line
 from mambo_bags.recorder_node import RecorderNode
 from mambo_control.controller_node import ControllerNode
 from mambo_control.reference_node import ReferenceNode
 from mambo_estimation.estimator_node import EstimatorNode
 from mambo_flight.world import world_file
+from mambo_flight.world.world_file import Hall
+from mambo_model.errors import MamboError
 from mambo_ros import process, topics, usage
 from mambo_sim import sim_node
 from mambo_sim.optitrack_node import OptitrackNode
@@ -40,11 +43,20 @@ def main(args: list[str] | None = None) -> None:
     if options.world is None or usage.asked(words):
         process.compose(NODES, args, sim_node.fly)
         return
-    hall = world_file.parse(options.world.read_text(), str(options.world))
+    hall = read_hall('composed_node', options.world)
     types = NODES[-1:] if options.simulators else NODES
     process.compose(
         [partial(node, namespace=space, cli_args=own_topics())
          for space in hall.places for node in types], args, partial(fleet.fly, hall))
+
+
+def read_hall(program: str, path: Path) -> Hall:
+    """Return the hall of a file; print one line and exit behind it if it is none."""
+    try:
+        return world_file.read(path)
+    except MamboError as error:
+        print(f'{program}: --world: {one_line(str(error))}', file=sys.stderr)
+        raise SystemExit(error.exit_code) from None
 
 
 def own_topics() -> list[str]:

@@ -12,13 +12,12 @@ from functools import partial
 from pathlib import Path
 import sys
 
-from mambo_flight.world import world_file
 from mambo_flight.world.world_file import Hall
 from mambo_ros import process, usage
 from mambo_ros.loop import Loop
 from mambo_sim.optitrack_node import OptitrackNode
 
-from .composed_node import own_topics
+from .composed_node import own_topics, read_hall
 from .flight import shared_capture
 
 
@@ -42,7 +41,7 @@ def main(args: list[str] | None = None) -> None:
     if options.world is None:
         print('hall_capture_node: give --world FILE, the world.yaml of a bag', file=sys.stderr)
         raise SystemExit(2)
-    hall = world_file.parse(options.world.read_text(), str(options.world))
+    hall = read_hall('hall_capture_node', options.world)
     process.compose(
         [partial(OptitrackNode, namespace=space, cli_args=own_topics()) for space in hall.places],
         args, partial(serve, hall))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import dataclasses
+from pathlib import Path
 import re
 from typing import Any, NamedTuple, NoReturn
 
 from mambo_model import schema
 from mambo_model.motion.vector import Vec3
-from mambo_model.yaml_nodes import compose, load, reason
+from mambo_model.yaml_nodes import compose, load, read_text, reason
 from mambo_sim.sensors import hall_capture
 from mambo_sim.world import MOST, WorldParams
 import yaml
@@ -98,6 +99,11 @@ def parse(text: str, where: str) -> Hall:
         fail(f'{len(content["places"])} places, but drones = {params.drones}')
     return Hall(params, {name: tuple(map(float, place))
                          for name, place in content['places'].items()})
+
+
+def read(path: Path) -> Hall:
+    """Return the hall of a file; ParameterError as of :func:`parse`, or if it cannot be read."""
+    return parse(read_text(path), str(path))
 
 
 def _double(node: yaml.Node | None) -> yaml.ScalarNode | None:
