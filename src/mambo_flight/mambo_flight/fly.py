@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 import math
 from pathlib import Path
+import signal
 import sys
 import time
 from typing import Any
@@ -160,9 +161,14 @@ def _run_together(name: str, flight: Scenario, world: WorldParams, output: Path)
     flown = time.monotonic()
     began += sum(compiled)
     text, tracks = world_file.to_text(drones.hall), {}
-    for (space, place), own, recording in zip(
-            drones.hall.places.items(), drones.flights, result.recordings, strict=True):
-        recording_to_bag.write(output / space.strip('/'), own, recording, space, text)
+    for written, ((space, place), own, recording) in enumerate(zip(
+            drones.hall.places.items(), drones.flights, result.recordings, strict=True)):
+        try:
+            recording_to_bag.write(output / space.strip('/'), own, recording, space, text)
+        except KeyboardInterrupt as end:
+            raise KeyboardInterrupt(
+                end.args[0] if end.args else signal.SIGINT,
+                f'{written} of {world.drones} bags are written to {output}') from None
         metrics = monte_carlo.measure(own, recording)
         print(f'{space}: {_errors(metrics)}')
         if reason := _stopped(own, metrics):

@@ -2,12 +2,14 @@
 
 import math
 import re
+import signal
 import time
 from types import SimpleNamespace
 
 from mambo_flight import fly
 from mambo_flight.scenario import scenario
 from numba.core import event
+import numpy as np
 import pytest
 
 SCENARIO = """
@@ -188,6 +190,25 @@ def test_so_it_is_for_several_drones(tmp_path, capsys, monkeypatch):
     out = capsys.readouterr().out
     assert re.search(r'^compiled in [\d.]+ s, once for these components and options$', out, re.M)
     assert float(re.search(r'flown in ([\d.]+) s', out)[1]) < took[0] + 0.6
+
+
+def test_an_interruption_says_how_many_bags_of_a_hall_are_written(tmp_path, monkeypatch):
+    written = []
+
+    def write(path, *_):
+        written.append(path)
+        if len(written) == 3:
+            raise KeyboardInterrupt(signal.SIGTERM)
+    flights = SimpleNamespace(recordings=[SimpleNamespace(t=np.zeros(1), truth=np.zeros((1, 13)))
+                                          for _ in range(4)])
+    monkeypatch.setattr(fly.together, 'fly', lambda *_: flights)
+    monkeypatch.setattr(fly.monte_carlo, 'measure', lambda flight, recording: METRICS | {
+        'shutdown': False})
+    monkeypatch.setattr(fly.recording_to_bag, 'write', write)
+    with pytest.raises(KeyboardInterrupt) as end:
+        fly.main(['--trajectory', 'hover', '--drones', '4', '-o', str(tmp_path / 'out')])
+    assert end.value.args == (
+        signal.SIGTERM, f'2 of 4 bags are written to {tmp_path / "out"}')
 
 
 def test_a_terminal_is_told_once_that_a_flight_waits_for_the_compiler(monkeypatch, capsys):
