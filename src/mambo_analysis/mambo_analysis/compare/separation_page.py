@@ -65,7 +65,8 @@ def of_several(path: Path) -> Report:
         If a bag cannot be read, or is not of a flight of several drones on one clock.
 
     """
-    drones, limit = separation.read_drones([path])
+    drones, hall = separation.read_drones([path])
+    limit = hall.params.collision_distance
     found = separation.pairs(separation.tracks_of(drones))
     flown = _motions(drones)
     colours = {name: palette.SERIES[k % _LEGEND] for k, name in enumerate(flown)}

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 
 import browser
 from mambo_analysis.compare import compare, separation_page
@@ -95,16 +96,25 @@ def test_axe_finds_nothing(text, theme, tmp_path):
 
 
 def test_of_many_pairs_the_nearest_are_drawn_and_listed(monkeypatch, flown):
-    drones, limit = separation.read_drones([flown])
+    drones, hall = separation.read_drones([flown])
     first = next(iter(drones.values()))
     many = {f'/mambo{k}': first._replace(place=(0.0, float(k), 0.0)) for k in range(1, 11)}
-    monkeypatch.setattr(separation, 'read_drones', lambda paths: (many, limit))
+    monkeypatch.setattr(separation, 'read_drones', lambda paths: (many, hall))
     made = separation_page.of_several(flown)
     names = [line.name for line in made.figures[0].panels[0].lines]
     assert len(names) == 7 and '/mambo1 - /mambo2' in names and '/mambo1 - /mambo9' not in names
     assert 'the nearest pairs' in made.figures[0].text
     assert len(made.tables[0][2]) == 30 and made.notes[-1].startswith('15 pairs')
     assert made.cards[0][1] == '1.000 m' and len(made.replay['vehicles']) == 10
+
+
+def test_a_folder_without_all_drones_of_its_hall_is_refused(flown, tmp_path, capsys):
+    partial, page = tmp_path / 'partial', tmp_path / 'page.html'
+    for name in ('mambo1', 'mambo2'):
+        shutil.copytree(flown / name, partial / name)
+    assert compare.main([str(partial), '--html', str(page)]) == 2
+    assert '/mambo3 of the 3 drones of the hall is missing' in capsys.readouterr().err
+    assert not page.exists()
 
 
 def test_a_folder_of_other_bags_is_refused(flown, tmp_path, capsys):

@@ -11,10 +11,11 @@ from collections.abc import Mapping, Sequence
 import itertools
 import json
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mambo_bags.command import guard, Parser, refuse_existing, write_json
 from mambo_bags.reader import Bag, read_bag
+from mambo_model import schema
 from mambo_model.errors import InputError, JobError
 from mambo_model.frames import flip_vector
 from mambo_model.motion.vector import Vec3
@@ -23,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import world_file
+from .world_file import Hall
 
 Array = NDArray[np.float64]
 TRUTH = 'ground_truth/odom'
@@ -125,13 +127,13 @@ def read(paths: Sequence[Path]) -> tuple[dict[str, Track], float]:
 
     Parameters and errors are those of :func:`read_drones`.
     """
-    drones, limit = read_drones(paths)
-    return tracks_of(drones), limit
+    drones, hall = read_drones(paths)
+    return tracks_of(drones), hall.params.collision_distance
 
 
-def read_drones(paths: Sequence[Path]) -> tuple[dict[str, Seen], float]:
+def read_drones(paths: Sequence[Path]) -> tuple[dict[str, Seen], Hall]:
     """
-    Return the drones of one hall, by namespace, and the distance of a collision in m.
+    Return the drones of one hall, by namespace, and the hall, which may have more drones.
 
     Parameters
     ----------
@@ -141,14 +143,15 @@ def read_drones(paths: Sequence[Path]) -> tuple[dict[str, Seen], float]:
     Raises
     ------
     mambo_model.errors.MamboError
-        If a bag cannot be read, says nothing about its hall, or holds a drone of another bag.
+        If a bag cannot be read, says nothing about its hall, is of another flight or holds a drone
+        of another bag, or if a folder alone lacks drones of its hall.
 
     """
     bags = list(itertools.chain.from_iterable(map(_bags, paths)))
     if not 2 <= len(bags) <= MOST:
         raise InputError(f'{len(bags)} bags: give those of 2 to {MOST} drones')
     drones: dict[str, Seen] = {}
-    limit = 0.0
+    first: _Flight | None = None
     for path in bags:
         bag = read_bag(path, [TRUTH])
         text, name = bag.attachments.get(world_file.NAME), bag.namespace
@@ -156,13 +159,59 @@ def read_drones(paths: Sequence[Path]) -> tuple[dict[str, Seen], float]:
             raise InputError(f'{path}: holds no {world_file.NAME}: it is not of a flight of '
                              'several drones')
         hall = world_file.parse(text, str(path))
-        if name in drones:
-            raise InputError(f'{path}: {name} is in another bag, too')
         if name not in hall.places:
             raise InputError(f'{path}: {world_file.NAME} has no place for {name}')
-        limit = max(limit, hall.params.collision_distance)
+        flight = _flight(bag, hall)
+        first = first or flight
+        for what, value, expected in zip(_Flight._fields, flight, first, strict=True):
+            if value != expected:
+                raise InputError(f'{path}: is not of the flight of {bags[0]}: '
+                                 f'{_difference(what, value, expected)}')
+        if name in drones:
+            raise InputError(f'{path}: {name} is in another bag, too')
         drones[name] = Seen(bag, hall.places[name])
-    return drones, limit
+    if len(paths) == 1 and (lost := missing(drones, hall)):
+        raise InputError(f'{paths[0]}: {lost}: fly it again, or give mambo separation the bags '
+                         'that there are, one by one')
+    return drones, hall
+
+
+def missing(drones: Mapping[str, Seen], hall: Hall) -> str:
+    """Return which drones of a hall are not there, in a few words; empty if none is missing."""
+    lost = [name for name in hall.places if name not in drones]
+    verb = 'is' if len(lost) == 1 else 'are'
+    return (f'{", ".join(lost)} of the {len(hall.places)} drones of the hall {verb} missing'
+            if lost else '')
+
+
+class _Flight(NamedTuple):
+    """What the bags of one flight have in common."""
+
+    hall: Hall
+    seed: int | None  # of the first drone; None if the bag does not say
+    duration: float | None  # s, likewise
+
+
+def _flight(bag: Bag, hall: Hall) -> _Flight:
+    """Return what a bag says about its flight."""
+    node: Any = (bag.scenario or {}).get(f'{bag.namespace}/sim_node')
+    parameters = node.get('ros__parameters') if isinstance(node, dict) else None
+    values = parameters if isinstance(parameters, dict) else {}
+    simulator = values.get('simulator')
+    seed = simulator.get('seed') if isinstance(simulator, dict) else None
+    number = list(hall.places).index(bag.namespace)  # seeds are consecutive
+    return _Flight(hall, seed - number if isinstance(seed, int) else None, values.get('duration'))
+
+
+def _difference(what: str, value: Any, expected: Any) -> str:
+    """Return how two flights differ, in a few words."""
+    if what != 'hall':
+        return f'{what} {value}, not {expected}'
+    ours, theirs = (schema.flatten(hall.params) for hall in (value, expected))
+    for name in ours:
+        if ours[name] != theirs[name]:
+            return f'world.{name} = {ours[name]}, not {theirs[name]}'
+    return 'other places'
 
 
 def is_folder(path: Path) -> bool:
@@ -189,12 +238,17 @@ def _run(options: argparse.Namespace) -> None:
     if options.output and options.output.suffix.lower() not in PICTURES:
         raise InputError(
             f'{options.output}: the name of a picture must end in {", ".join(PICTURES)}')
-    tracks, limit = read(options.bags)
-    found = pairs(tracks)
+    drones, hall = read_drones(options.bags)
+    found, limit = pairs(tracks_of(drones)), hall.params.collision_distance
+    lost = missing(drones, hall)
     if options.json:
-        write_json(options.json, json.dumps(report(found, limit), indent=2))
+        write_json(options.json, json.dumps({
+            **report(found, limit),
+            'missing': [name for name in hall.places if name not in drones]}, indent=2))
     if options.json != '-':
         print(table(found, limit))
+        if lost:
+            print(f'warning: {lost}: their distances are not in the table')
     if options.output:
         from .plot_separation import draw
         draw(options.output, found, limit)

@@ -47,9 +47,40 @@ def test_bags_give_the_separation_of_the_flight(flown, tmp_path, capsys):
     assert found['collision_distance'] == 0.18
     near = [pair for pair in found['pairs'] if pair['drones'] != ['/mambo1', '/mambo3']]
     assert len(near) == 2 and all(0.5 < pair['least'] <= 0.8 for pair in near)
-    single = [str(flown / name) for name in ('mambo1', 'mambo3')]
-    assert separation.main(single) == 0  # bags one by one
-    assert '/mambo1 - /mambo3' in capsys.readouterr().out
+    assert found['missing'] == []
+
+
+def test_drones_that_are_missing_are_told(flown, tmp_path, capsys):
+    single, numbers = [str(flown / name) for name in ('mambo1', 'mambo3')], tmp_path / 'x.json'
+    assert separation.main([*single, '--json', str(numbers)]) == 0  # bags one by one
+    printed = capsys.readouterr().out
+    assert '/mambo1 - /mambo3' in printed
+    assert 'warning: /mambo2 of the 3 drones of the hall is missing' in printed
+    assert json.loads(numbers.read_text())['missing'] == ['/mambo2']
+    partial = tmp_path / 'partial'  # as an interruption leaves it
+    for name in ('mambo1', 'mambo2'):
+        shutil.copytree(flown / name, partial / name)
+    assert separation.main([str(partial)]) == 2
+    printed = capsys.readouterr().err
+    assert '/mambo3 of the 3 drones of the hall is missing' in printed
+    assert printed.count('\n') == 1
+
+
+@pytest.mark.parametrize('options, difference', [
+    (['--drones', '4'], 'world.drones = 4, not 3'),
+    (['--drones', '3', '--set', 'world.spacing=0.9'], 'world.spacing = 0.9, not 0.8'),
+    (['--drones', '3', '--seed', '5'], 'seed 5, not 1'),
+    (['--drones', '3', '--duration', '5'], 'duration 5.0, not 4.0')])
+def test_bags_of_two_flights_have_no_distance(flown, tmp_path, capsys, options, difference):
+    other = tmp_path / 'other'
+    assert fly.main([
+        '--trajectory', 'hover', '--estimator', 'kalman', '--duration', '4', '--no-landing',
+        '--set', 'world.spacing=0.8', *options, '-o', str(other)]) == 0
+    capsys.readouterr()
+    assert separation.main([str(flown / 'mambo1'), str(other / 'mambo2')]) == 2
+    assert capsys.readouterr().err == (
+        f'separation: {other / "mambo2"}: is not of the flight of {flown / "mambo1"}: '
+        f'{difference}\n')
 
 
 def test_a_collision_is_an_error(tmp_path, capsys):
