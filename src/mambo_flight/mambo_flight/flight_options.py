@@ -130,6 +130,10 @@ def world(options: argparse.Namespace) -> WorldParams:
     out = build_world(values, load_world(options.scenario) if options.scenario else None)
     if given and out.drones == 1:
         raise schema.ParameterError(f'--set {given}: needs several drones: give --drones')
+    if out.formation == 'exchange' and options.trajectory not in (None, 'hover'):
+        raise schema.ParameterError(
+            f'--trajectory {options.trajectory}: has no effect, as the formation is exchange: '
+            'give hover, or another world.formation')
     unused.refuse_alone(out, str(options.scenario))
     return out
 

@@ -18,7 +18,6 @@ from typing import Any
 
 from mambo_bags.command import guard, Parser, refuse_existing
 from mambo_model.errors import InputError, JobError
-from mambo_sim.world import WorldParams
 from numba.core import event
 import numpy as np
 
@@ -26,6 +25,7 @@ from . import commanded, flight_options, recording_to_bag, scenario_file, superv
 from .scenario import commented_yaml, Scenario
 from .sweep import monte_carlo
 from .world import formation, separation, together, world_file
+from .world.formation import Drones
 
 LEAST_TOLD = 1.0  # s of compiling that a flight tells of
 
@@ -95,10 +95,11 @@ def _stopped(flight: Scenario, metrics: Mapping[str, Any]) -> str:
 
 
 def _run(options: argparse.Namespace) -> None:
+    timed = options.duration is not None
     if options.print_scenario:
         flight, world = _scenario(options)[1], flight_options.world(options)
         print(commented_yaml(flight) if world.drones == 1 else world_file.to_text(
-            formation.hall(flight, world).hall), end='')
+            formation.hall(flight, world, timed).hall), end='')
         return
     if options.output is None:
         raise InputError('-o/--output is missing')
@@ -111,7 +112,7 @@ def _run(options: argparse.Namespace) -> None:
         print(line)
     world = flight_options.world(options)
     if world.drones > 1:
-        _run_together(name, flight, world, options.output)
+        _run_together(name, formation.hall(flight, world, timed), options.output)
         return
     write_flight(name, flight, options.output)
 
@@ -152,9 +153,9 @@ def write_flight(name: str, flight: Scenario, output: Path) -> None:
         raise JobError(f'{name}: {reason}')
 
 
-def _run_together(name: str, flight: Scenario, world: WorldParams, output: Path) -> None:
+def _run_together(name: str, drones: Drones, output: Path) -> None:
     """Fly several drones in one hall and write a bag of each into a folder."""
-    drones, lines = formation.hall(flight, world), []
+    world, lines = drones.hall.params, []
     began = time.monotonic()
     with _compiling() as compiled:
         result = together.fly(drones.flights, world, list(drones.hall.places.values()))

@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 from .. import scenario as scenarios
 from ..course import course_file, function_course
 from ..scenario import Scenario
-from ..scenario_file import long_enough
+from ..scenario_file import FIELDS, long_enough
 from .world_file import Hall
 
 Array = NDArray[np.float64]
+_UNFLOWN = ('hover', FIELDS['trajectory'].default)  # an exchange is asked for with either
 
 
 class Drones(NamedTuple):
@@ -40,7 +41,7 @@ def namespaces(drones: int) -> list[str]:
         f'{topics.NAMESPACE}{number + 1}' for number in range(drones)]
 
 
-def hall(base: Scenario, params: WorldParams) -> Drones:
+def hall(base: Scenario, params: WorldParams, timed: bool = False) -> Drones:
     """
     Return the scenario of every drone of a world, and the hall with the place of each.
 
@@ -53,16 +54,21 @@ def hall(base: Scenario, params: WorldParams) -> Drones:
         Scenario of the first drone.
     params
         Of the world.
+    timed
+        Whether the duration of ``base`` was asked for even if it is the default; an exchange
+        otherwise takes the time that it needs.
 
     Raises
     ------
     InputError
         If references come nearer to each other than ``least_separation``: with pair and time.
+    ParameterError
+        If the time of the flight is too short for the formation, or its trajectory is not flown.
 
     """
     places = places_of(params)
     if params.formation == 'exchange':
-        base = _with_time(base, params)
+        base = _with_time(base, params, timed)
     out = [
         scenarios.override(base, {
             **{name: _seed(base, number) for name in scenarios.SEEDS},
@@ -88,11 +94,14 @@ def _plan(
     plan, prefix = base.reference_node.plan, 'reference_node.plan.'
     if params.formation == 'follow':
         later = plan.start_time + number * params.delay
-        end = plan.landing_time
+        end, ends = plan.landing_time, 'land'
+        if not end and not base.reference_node.commands.enabled:
+            end, ends = base.sim_node.duration, 'end its flight'
         if 0.0 < end < later + plan.blend_duration:
             raise ParameterError(
                 f'world.delay = {params.delay:g} s: drone {number + 1} would begin its motion at '
-                f't = {later:g} s and land at {end:g} s; lengthen the flight or shorten the delay')
+                f't = {later:g} s and {ends} at {end:g} s; lengthen the flight or shorten the '
+                'delay')
         return {f'{prefix}start_time': later}
     if params.formation == 'exchange':
         return {f'{prefix}trajectory': COURSE,
@@ -129,17 +138,31 @@ def _half_turn(place: Vec3, altitude: float, duration: float) -> str:
     return uav_trajectories.to_text(function_course.fit(position, duration, 'exchange of places'))
 
 
-def _with_time(base: Scenario, params: WorldParams) -> Scenario:
-    """Return the scenario with the time that an exchange of places needs, landing included."""
-    plan = base.reference_node.plan
+def _with_time(base: Scenario, params: WorldParams, timed: bool) -> Scenario:
+    """
+    Return the scenario with the time that an exchange of places needs, landing included.
+
+    A longer time that was asked for stays: the drones hover at the end.
+    """
+    plan, asked = base.reference_node.plan, base.sim_node.duration
+    if plan.trajectory not in _UNFLOWN:
+        raise ParameterError(
+            f'reference_node.plan.trajectory = {plan.trajectory}: has no effect, as the formation '
+            'is exchange: choose hover, or another world.formation')
     lands = plan.landing_time > 0.0
     course = scenarios.override(base, {
         'reference_node.plan.trajectory': COURSE, 'reference_node.plan.landing_time': 0.0,
         'reference_node.plan.course': _half_turn(
             (1.0, 0.0, 0.0), plan.hover()[2], params.turn_time)})
-    duration = max(
-        long_enough(course.reference_node.plan, lands), math.ceil(
-            course_file.end(course.reference_node.plan)))
+    duration = long_enough(course.reference_node.plan, lands)
+    if asked and (timed or asked != FIELDS['duration'].default):
+        needed = course_file.end(course.reference_node.plan) + lands * scenarios.LANDING
+        if asked < needed:
+            raise ParameterError(
+                f'sim_node.duration = {asked:g} s: an exchange with world.turn_time = '
+                f'{params.turn_time:g} s needs {needed:g} s{", landing included" * lands}: '
+                'lengthen the flight or shorten the turn')
+        duration = asked
     return scenarios.override(base, {
         'sim_node.duration': float(duration),
         'reference_node.plan.landing_time': (

@@ -72,6 +72,15 @@ def test_a_delay_beyond_the_landing_is_refused():
             drones=3, formation='follow', delay=20.0, least_separation=0.0))
 
 
+def test_a_delay_beyond_the_end_of_a_flight_without_landing_is_refused():
+    with pytest.raises(ParameterError, match=(
+            'drone 2 would begin its motion at t = 25 s and end its flight at 20 s')):
+        formation.hall(base(duration=20.0, land=False), WorldParams(
+            drones=3, formation='follow', delay=20.0, spacing=3.0))
+    formation.hall(base(duration=20.0, land=False), WorldParams(
+        drones=3, formation='follow', delay=2.0, spacing=3.0))
+
+
 def test_seeds_are_bounded():
     with pytest.raises(ParameterError, match='leaves no seeds for 2 drones'):
         formation.hall(base(seed=scenario.MAX_SEED), WorldParams(drones=2))
@@ -101,6 +110,38 @@ def test_an_exchange_takes_the_height_and_time_that_are_asked_for():
     assert slow.flights[0].sim_node.duration == fast.flights[0].sim_node.duration + 15.0
     heights = paths(slow, np.linspace(8.0, 28.0, 40))[:, :, 2]
     np.testing.assert_allclose(heights, -2.0, atol=1e-6)
+
+
+def exchanged(flight, timed=False, **more):
+    drones = formation.hall(flight, WorldParams(drones=2, formation='exchange', **more), timed)
+    return drones.flights[0].sim_node.duration, drones.flights[0].reference_node.plan.landing_time
+
+
+def test_an_exchange_hovers_for_the_rest_of_a_longer_flight():
+    hover = base(trajectory='hover', duration=60.0)
+    assert exchanged(hover) == (60.0, 60.0 - scenario.LANDING)
+    needed, _ = exchanged(base(trajectory='hover'))
+    assert exchanged(base(trajectory='hover'), timed=True)[0] == 40.0 > needed
+    params = WorldParams(drones=2, formation='exchange')
+    found = paths(formation.hall(hover, params), np.linspace(needed, 50.0, 5))
+    np.testing.assert_allclose(found[:, :, :2], -found[::-1, :, :2], atol=1e-3)
+    np.testing.assert_allclose(np.ptp(found, axis=1), 0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize('land, needed', [(False, 17.0), (True, 26.0)])
+def test_an_exchange_does_not_fit_in_a_shorter_flight(land, needed):
+    short, enough = (base(trajectory='hover', land=land, duration=seconds)
+                     for seconds in (needed - 1.0, needed))
+    with pytest.raises(ParameterError, match=(
+            f'duration = {needed - 1.0:g} s: an exchange with world.turn_time = 8 s needs '
+            f'{needed:g} s{", landing included" if land else ""}: ')):
+        exchanged(short)
+    assert exchanged(enough)[0] == needed
+
+
+def test_an_exchange_refuses_a_trajectory_that_it_does_not_fly():
+    with pytest.raises(ParameterError, match='trajectory = step: has no effect, as the formation'):
+        exchanged(base(trajectory='step'))
 
 
 @pytest.mark.parametrize('least', [2.9, 3.1])

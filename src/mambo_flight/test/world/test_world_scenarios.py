@@ -120,6 +120,13 @@ def test_what_such_an_option_needs_lets_it_act():
         assert flight_options.world(options('--drones', '3', *given)).drones == 3
 
 
+def test_a_trajectory_that_an_exchange_does_not_fly_is_refused():
+    words = ['--drones', '3', '--set', 'world.formation=exchange', '--trajectory']
+    assert flight_options.world(options(*words, 'hover')).drones == 3
+    with pytest.raises(ParameterError, match='--trajectory circle: has no effect'):
+        flight_options.world(options(*words, 'circle'))
+
+
 def test_a_world_of_one_drone_is_not_silently_flown_alone(file):
     path = str(file('world: {formation: circle, spacing: 2.0}\n'))
     with pytest.raises(ParameterError, match='mine.yaml: world: has no effect, as one drone'):
