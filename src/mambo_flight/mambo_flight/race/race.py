@@ -17,6 +17,7 @@ from mambo_bags.cli.option_types import whole, WORKERS
 from mambo_bags.command import guard, Parser
 from mambo_model.compiled import source_digest
 from mambo_model.errors import InputError
+from mambo_model.whole_file import replacing, write_text
 
 from . import report
 from ..sweep.run import run
@@ -25,7 +26,7 @@ from .comparison import (
     Comparison, CONDITIONS, COURSES, enter, Entrant, ENTRANTS, SLOW, STATES, TRUE)
 from .timing import step_time
 
-NUMBERS = 'controllers.json'
+PAGE, NUMBERS = 'controllers.md', 'controllers.json'
 MOST = 10_000  # draws, so that the list of the flights stays small
 
 
@@ -53,14 +54,19 @@ def race(
     Raises
     ------
     InputError
-        If the folder is a bag, the unfinished rows in it belong to another comparison, or there
-        is no page to add to.
+        If the folder is a bag, it has a page and ``add`` is not given, the unfinished rows in it
+        belong to another comparison, or there is no page to add to.
     SweepEndedError
         If it was interrupted; the finished rows are kept.
 
     """
     if (folder / 'metadata.yaml').exists():
         raise InputError(f'{folder}: is a bag; give a folder for the page')
+    if not add:
+        for name in (PAGE, NUMBERS, *map(_picture, conditions)):
+            if (folder / name).exists():
+                raise InputError(f'{folder / name} exists: --add keeps what it has; or give '
+                                 'another --output or remove it')
     steps, before = report.load(folder / NUMBERS) if add else ({}, [])
     folder.mkdir(parents=True, exist_ok=True)
     found: list[report.Result] = []
@@ -69,7 +75,7 @@ def race(
         flights = Comparison(entrants, courses, conditions, draws, state)
         digest = hashlib.sha256(
             f'{source_digest()} {entrants} {flights.starts}'.encode()).hexdigest()
-        journals.append(Journal(folder / f'race_{state}.rows', digest))
+        journals.append(Journal(folder / f'race_{state}.rows', digest, 'race'))
         try:
             run(flights, journals[-1], state == TRUE, workers)
         except BaseException:
@@ -86,16 +92,21 @@ def race(
     return found
 
 
+def _picture(condition: str) -> str:
+    """Return the name of the plot of a condition."""
+    return f'controllers_{condition}.png'
+
+
 def _write(
     folder: Path, found: Sequence[report.Result], steps: dict[str, tuple[str, float]],
 ) -> None:
-    pictures = {condition: f'controllers_{condition}.png' for condition in dict.fromkeys(
-        r.condition for r in found)}
-    for condition, name in pictures.items():
-        report.draw(folder / name, found, condition)
-    (folder / 'controllers.md').write_text(
-        report.markdown(found, steps, list(pictures.values())))
-    (folder / NUMBERS).write_text(json.dumps(
+    """Write plots, page and numbers, each completely or not at all."""
+    conditions = list(dict.fromkeys(r.condition for r in found))
+    for condition in conditions:
+        with replacing(folder / _picture(condition)) as part:
+            report.draw(part, found, condition)
+    write_text(folder / PAGE, report.markdown(found, steps, list(map(_picture, conditions))))
+    write_text(folder / NUMBERS, json.dumps(
         {'steps_us': steps, 'results': [r._asdict() for r in found]}, indent=1) + '\n')
 
 
@@ -123,7 +134,7 @@ def _run(options: argparse.Namespace) -> None:
         race(options.output, *names, options.draws, states, options.workers, options.add)
     except KeyboardInterrupt as end:
         raise interrupted(end) from None
-    print(f'page: {options.output / "controllers.md"}')
+    print(f'page: {options.output / PAGE}')
 
 
 def parser() -> Parser:

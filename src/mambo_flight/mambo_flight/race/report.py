@@ -187,4 +187,4 @@ def draw(path: Path, found: Sequence[Result], condition: str) -> None:
         axes.grid(alpha=0.3)
     figure.axes[0].legend(fontsize='small')
     figure.suptitle(textwrap.fill(TITLES[condition], 30 * len(kinds) + 20), fontsize='medium')
-    figure.savefig(path, dpi=110, metadata={'Software': None})
+    figure.savefig(path, format='png', dpi=110, metadata={'Software': None})

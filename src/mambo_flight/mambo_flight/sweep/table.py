@@ -72,6 +72,8 @@ class Journal:
         File, which is created or continued.
     head
         The :func:`digest` of the sweep.
+    what
+        What begins and continues it, for errors.
 
     Attributes
     ----------
@@ -85,8 +87,8 @@ class Journal:
 
     """
 
-    def __init__(self, path: Path, head: str) -> None:
-        self.path = path
+    def __init__(self, path: Path, head: str, what: str = 'sweep file') -> None:
+        self.path, self._what = path, what
         self.rows: dict[int, dict[str, Any]] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -106,7 +108,7 @@ class Journal:
             return 0
         if not data.startswith(header):
             raise SweepError(
-                f'{self.path}: not begun by this sweep file and this version of the software: '
+                f'{self.path}: not begun by this {self._what} and this version of the software: '
                 'remove it, or give another --output')
         good, names = len(header), None
         for line in data[good:].splitlines(keepends=True):

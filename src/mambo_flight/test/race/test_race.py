@@ -41,7 +41,8 @@ def test_the_folder_of_a_bag_is_left_alone(tmp_path, capsys):
     assert [path.name for path in tmp_path.iterdir()] == ['metadata.yaml']
 
 
-def test_a_race_writes_its_page_and_goes_on_after_an_interruption(tmp_path, monkeypatch):
+def test_a_race_writes_its_page_and_goes_on_after_an_interruption(
+        tmp_path, monkeypatch, capsys):
     out, flown = tmp_path / 'out', []
 
     def fly(flights, ideal):
@@ -57,6 +58,8 @@ def test_a_race_writes_its_page_and_goes_on_after_an_interruption(tmp_path, monk
         race.main([*arguments, '--state', 'true'])
     assert end.value.args == (signal.SIGTERM, table.KEPT)
     assert not (out / 'controllers.md').exists()
+    assert race.main([*arguments, '--state', 'true', '--draws', '3']) == 2
+    assert 'not begun by this race and this version' in capsys.readouterr().err
     assert race.main([*arguments, '--state', 'true']) == 0
     assert sum(flown) == 5  # four flights, the interrupted one twice
     page = json.loads((out / 'controllers.json').read_text())
@@ -84,6 +87,33 @@ def test_a_controller_of_ones_own_races_beside_the_others(tmp_path, monkeypatch)
     page = (tmp_path / 'out/controllers.md').read_text()
     assert '| `pd_controller` | 10 |' in page
     assert re.search(r'\| `pd_controller` \| pd_controller .*sha256 [0-9a-f]{64} \| 0.50 \|', page)
+
+
+@pytest.mark.parametrize('name', [
+    'controllers.md', 'controllers.json', 'controllers_known.png'])
+def test_a_page_is_not_written_over(tmp_path, capsys, name):
+    (tmp_path / name).write_text('mine')
+    assert race.main(['-o', str(tmp_path), '--draws', '1']) == 2
+    error = capsys.readouterr().err
+    assert f'{name} exists: --add keeps what it has' in error and error.count('\n') == 1
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_text() == 'mine'
+
+
+def test_a_page_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
+    for name in (race.PAGE, race.NUMBERS, 'controllers_known.png'):
+        (tmp_path / name).write_text('old')
+    result = race.report.Result(
+        'indi', 'circle', 'known', 'true', 1, 1.0, 0.1, 0.1, 0.1, 0.1, 0.0, 1.0)
+
+    def fail(path, *_):
+        path.write_text('half')
+        raise ZeroDivisionError
+    monkeypatch.setattr(race.report, 'draw', fail)
+    with pytest.raises(ZeroDivisionError):
+        race._write(tmp_path, [result], {'indi': ('', 1.0)})
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == dict.fromkeys(
+        (race.PAGE, race.NUMBERS, 'controllers_known.png'), 'old')
 
 
 def test_a_race_adds_to_a_page(tmp_path, monkeypatch):
