@@ -8,7 +8,8 @@ numbers are those of the graph in lockstep, to the last bit (tested).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 from mambo_control import controllers, failsafe
 from mambo_control.commanded.evaluation import CommandedValues, reference_step
@@ -147,6 +148,15 @@ def blank(flight: Scenario, inner: bool = False) -> Recording:
         np.zeros(steps, dtype=np.bool_), np.zeros(steps, dtype=np.int64),
         _inner(steps) if inner else None,
         np.zeros((steps, WIDTH)) if flight.estimator_node.aided else None)
+
+
+def recorded_bytes(flight: Scenario, inner: bool = False) -> int:
+    """Return how much memory the recording of a scenario takes; see :func:`fly`."""
+    def size(part: Any) -> int:
+        return sum(map(size, part)) if isinstance(part, tuple) else getattr(part, 'nbytes', 0)
+
+    step = replace(flight, sim_node=replace(flight.sim_node, duration=STEP_NS * 1e-9))
+    return size(blank(step, inner)) * step_count(flight) // step_count(step)
 
 
 def run(flight: Scenario, out: Recording) -> None:

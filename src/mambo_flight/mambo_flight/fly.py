@@ -7,7 +7,7 @@ The messages are those that the graph in lockstep records, byte for byte.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import math
 from pathlib import Path
@@ -17,11 +17,12 @@ import time
 from typing import Any
 
 from mambo_bags.command import guard, Parser, refuse_existing
+from mambo_model import limits
 from mambo_model.errors import InputError, JobError
 from numba.core import event
 import numpy as np
 
-from . import commanded, flight_options, recording_to_bag, scenario_file, supervised
+from . import closed_loop, commanded, flight_options, recording_to_bag, scenario_file, supervised
 from .scenario import commented_yaml, Scenario
 from .sweep import monte_carlo
 from .world import formation, separation, together, world_file
@@ -112,9 +113,22 @@ def _run(options: argparse.Namespace) -> None:
         print(line)
     world = flight_options.world(options)
     if world.drones > 1:
-        _run_together(name, formation.hall(flight, world, timed), options.output)
+        drones = formation.hall(flight, world, timed)
+        _check_memory(name, drones.flights)
+        _run_together(name, drones, options.output)
         return
+    _check_memory(name, [flight])
     write_flight(name, flight, options.output)
+
+
+def _check_memory(name: str, flights: Sequence[Scenario]) -> None:
+    """Raise InputError for flights whose recordings, kept until the end, take too much memory."""
+    need = sum(closed_loop.recorded_bytes(flight, inner=True) for flight in flights) / 1e6
+    if need > limits.FLIGHT_MB.value():
+        raise InputError(
+            f'{name}: {need:.0f} MB of memory for the flight of {len(flights)} drone'
+            f'{"s" * (len(flights) > 1)} over {flights[0].sim_node.duration:g} s: fly less, or '
+            f'with ./run, which writes as it flies; {limits.raised_by(limits.FLIGHT_MB)}')
 
 
 def write_flight(name: str, flight: Scenario, output: Path) -> None:

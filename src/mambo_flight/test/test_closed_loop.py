@@ -204,3 +204,10 @@ def test_samples_are_what_the_sensors_said(flight):
     at_rest = flight.imu[between(flight, 0.0, 0.9), 5].mean()  # -9.81 m/s^2 and the bias
     # a tilt of 5 degrees asks for 0.05 m/s^2 more; the bias walks a little
     assert flight.imu[hover, 5].mean() - at_rest == pytest.approx(-0.05, abs=0.03)
+
+
+def test_the_memory_of_a_recording_is_known_before_it():
+    flight = scenario(duration=20.0, trajectory='hover')
+    made = closed_loop.blank(flight)
+    assert closed_loop.recorded_bytes(flight) == sum(getattr(x, 'nbytes', 0) for x in made)
+    assert closed_loop.recorded_bytes(flight, inner=True) > closed_loop.recorded_bytes(flight)

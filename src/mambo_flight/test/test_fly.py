@@ -142,6 +142,18 @@ def test_careless_arguments_get_one_line(tmp_path, capsys, arguments, message):
     assert not (tmp_path / 'bag').exists()
 
 
+@pytest.mark.parametrize('arguments, drones', [
+    (['--drones', '3'], '3 drones'), ([], '1 drone')])
+def test_a_flight_that_takes_too_much_memory_is_refused_before_it(
+        tmp_path, capsys, monkeypatch, arguments, drones):
+    flight = ['--trajectory', 'hover', '--duration', '30', '-o', str(tmp_path / 'bag')]
+    monkeypatch.setenv('MAMBO_MAX_FLIGHT_MB', '10')
+    assert fly.main([*flight, *arguments]) == 2
+    assert re.search(rf'hover: \d+ MB of memory for the flight of {drones} over 30 s: .* with '
+                     r'./run, .*MAMBO_MAX_FLIGHT_MB \(now 10\)', capsys.readouterr().err)
+    assert not (tmp_path / 'bag').exists()
+
+
 def test_an_existing_bag_is_not_touched(tmp_path, capsys, flown):
     bag = tmp_path / 'bag'
     bag.mkdir()

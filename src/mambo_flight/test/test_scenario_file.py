@@ -108,7 +108,7 @@ def test_a_ros_parameter_file_is_a_scenario_too(file, write):
     ('trajectory: spiral', ":2: trajectory: trajectory 'spiral' is unknown: give a file"),
     ('sed: 3', ':2: sed: unknown parameter; did you mean seed'),
     ('seed: 1.5', r':2: seed = 1.5 must be a whole number'),
-    ('seed: -1', r':2: seed = -1 1 is outside \[0,'),
+    ('seed: -1', r':2: seed = -1 is outside \[0,'),
     ('duration: abc', ":2: duration: 'abc' is not a number"),
     ('duration: .nan', ":2: duration: '.nan' is not a number"),
     ('duration: nan', r':2: duration = nan s is outside \[0.005, 36000\]'),

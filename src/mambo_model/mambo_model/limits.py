@@ -1,4 +1,4 @@
-"""Limits on the resources for reading a file; environment variables can raise them."""
+"""Limits on resources for reading a file and for a flight; environment variables raise them."""
 
 from __future__ import annotations
 
@@ -54,6 +54,7 @@ YAML_NODES = Limit('MAMBO_MAX_YAML_NODES', 100_000)
 YAML_DEPTH = Limit('MAMBO_MAX_YAML_DEPTH', 64, 400)  # Python itself nests a thousand calls
 UNPACKED_MB = Limit('MAMBO_MAX_UNPACKED_MB', 512)
 READING_S = Limit('MAMBO_MAX_READING_S', 120)
+FLIGHT_MB = Limit('MAMBO_MAX_FLIGHT_MB', 2000)
 
 
 def unpacked(size: int) -> int:

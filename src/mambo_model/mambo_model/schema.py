@@ -144,8 +144,9 @@ def check_field(owner: str, field: dataclasses.Field, value: Any) -> None:
                 raise ParameterError(f'{name} = {shown(value)} must be {kind}')
             if not (meta['low'] <= element <= meta['high']
                     and math.isfinite(_as_float(element))):
+                unit = '' if meta['unit'] == '1' else f' {meta["unit"]}'
                 raise ParameterError(
-                    f'{name} = {shown(value)} {meta["unit"]} is outside '
+                    f'{name} = {shown(value)}{unit} is outside '
                     f'[{meta["low"]:g}, {meta["high"]:g}]')
 
 

@@ -150,7 +150,7 @@ LEG = 'waypoints:\n- {t: 0, x: 0, y: 0, height: 1}\n- {t: 2, x: 1, y: 0, height:
     (LEG + '}\nlimits: {speed: 0.4}\n', 'w.yaml:3: the leg takes 0.5 m/s on average, more than '
      'the limit speed = 0.4 m/s: give it more time'),
     (LEG + ', vx: 3}\nlimits: {speed: 2}\n', 'w.yaml:3: the velocity of 3 m/s is above the limit'),
-    (LEG + '}\npieces: 0\n', r'w.yaml:4: course.pieces = 0 1 is outside \[1, 20\]'),
+    (LEG + '}\npieces: 0\n', r'w.yaml:4: course.pieces = 0 is outside \[1, 20\]'),
 ])
 def test_what_is_wrong_in_a_yaml_file_is_named_by_file_and_line(file, text, message):
     with pytest.raises(ParameterError, match=message) as error:

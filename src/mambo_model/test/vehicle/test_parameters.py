@@ -175,7 +175,7 @@ def test_every_switch_turns_the_options_on(switch):
     ({'rotor.torques': True}, r'rotor.torques = True needs a motor_time_constant above 0 s'),
     ({'weight': 0.068}, r'weight: unknown parameter; known: air_density, arm, '),
     ({'drag.induced': 1.0}, r'drag.induced = 1.0 must be true or false'),
-    ({'fade.loss': 1.0}, r'fade.loss = 1.0 1 is outside \[0, 0.9\]'),
+    ({'fade.loss': 1.0}, r'fade.loss = 1.0 is outside \[0, 0.9\]'),
 ])
 def test_bad_vehicles_are_refused_with_the_reason(values, message):
     with pytest.raises(ParameterError, match=message):
