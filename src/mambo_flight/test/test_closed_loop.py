@@ -2,7 +2,7 @@
 
 import math
 
-from mambo_flight.closed_loop import fly
+from mambo_flight.closed_loop import blank, fly, recorded_bytes
 from mambo_flight.offline_replay import estimate_again
 from mambo_flight.scenario import override, scenario, Scenario
 from mambo_model.motion.quaternion import rotate
@@ -208,6 +208,6 @@ def test_samples_are_what_the_sensors_said(flight):
 
 def test_the_memory_of_a_recording_is_known_before_it():
     flight = scenario(duration=20.0, trajectory='hover')
-    made = closed_loop.blank(flight)
-    assert closed_loop.recorded_bytes(flight) == sum(getattr(x, 'nbytes', 0) for x in made)
-    assert closed_loop.recorded_bytes(flight, inner=True) > closed_loop.recorded_bytes(flight)
+    made = blank(flight)
+    assert recorded_bytes(flight) == sum(getattr(x, 'nbytes', 0) for x in made)
+    assert recorded_bytes(flight, inner=True) > recorded_bytes(flight)
