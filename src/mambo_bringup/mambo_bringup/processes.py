@@ -25,10 +25,10 @@ from mambo_bags.cli.parent_end import end_with, LIBC
 from mambo_model import compiled
 from mambo_model.errors import JobError
 
+from .stopping import ending, SIGNALS
 from .watchdog import INTERRUPT_TIMEOUT, is_stopped, TERMINATE_TIMEOUT
 
 _PR_SET_NAME = 15
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _LOOK = 0.01  # s
 _ONE = 0.3  # s within which a closing terminal sends its signals
 _KILL = 5.0  # s within which the kernel ends a process
@@ -110,7 +110,7 @@ class _Copy(_FORK.Process):
         read, write = os.pipe()
         super().__init__(target=_run_node, args=(module, arguments, write, os.getpid()))
         # do not run the handlers of this process
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
         self.stdout = open(read, errors='replace')
         try:
             self.start()
@@ -139,10 +139,10 @@ class _Copy(_FORK.Process):
 
 def _run_node(module: str, arguments: list[str], output: int, parent: int) -> None:
     """Run a node in this fork, set up like a new process with redirected output."""
-    for number in _SIGNALS:
+    for number in SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     os.setsid()
     end_with(parent, signal.SIGINT)
     name = module.rpartition('.')[2]
@@ -338,8 +338,7 @@ class Interrupts:
 
     def __enter__(self) -> Interrupts:
         self._before = [
-            (number, signal.signal(number, self._on_signal)) for number in _SIGNALS
-            if signal.getsignal(number) != signal.SIG_IGN or number != signal.SIGHUP]  # nohup
+            (number, signal.signal(number, self._on_signal)) for number in ending()]
         return self
 
     def _on_signal(self, number: int, _: object) -> None:

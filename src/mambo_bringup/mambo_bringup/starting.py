@@ -19,16 +19,15 @@ import time
 
 from mambo_bags.cli import environment
 
-from .stopping import leave_at_once, stoppable
+from .stopping import ending, leave_at_once, stoppable
 
 _THREADS = 5.0  # s that threads of a user's code may take to end after the command
 
 
 def main(module: str) -> int:
     """Load ``run`` or ``mambo``, run its ``main`` and return the exit code."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # before and after the command
-        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup
-            signal.signal(number, leave_at_once(module))
+    for number in ending():  # before and after the command
+        signal.signal(number, leave_at_once(module))
     signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT,))  # held back by tools/start
     try:
         os.getcwd()

@@ -12,8 +12,14 @@ from typing import Any
 
 from mambo_bags.cli import supervisor
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _AGAIN = 0.1  # s after which an interrupt that a library has dropped is tried again
+
+
+def ending() -> list[signal.Signals]:
+    """Return the signals that end a command; under nohup the end of the terminal is none."""
+    return [number for number in SIGNALS
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN]
 
 
 def _line(name: str, number: int, *notes: str) -> str:
@@ -71,9 +77,7 @@ def stoppable(name: str, work: Callable[[], int]) -> int:
         again.daemon = True
         again.start()
 
-    before = [
-        (number, signal.getsignal(number)) for number in _SIGNALS
-        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN]  # nohup
+    before = [(number, signal.getsignal(number)) for number in ending()]
     hook, sys.unraisablehook = sys.unraisablehook, dropped
     try:
         for number, _ in before:

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import math
 from pathlib import Path
-import signal
 import sys
 import time
 from typing import Any
@@ -25,6 +24,7 @@ import numpy as np
 from . import closed_loop, commanded, flight_options, recording_to_bag, scenario_file, supervised
 from .scenario import commented_yaml, Scenario
 from .sweep import monte_carlo
+from .sweep.table import interrupted
 from .world import formation, separation, together, world_file
 from .world.formation import Drones
 
@@ -181,9 +181,8 @@ def _run_together(name: str, drones: Drones, output: Path) -> None:
         try:
             recording_to_bag.write(output / space.strip('/'), own, recording, space, text)
         except KeyboardInterrupt as end:
-            raise KeyboardInterrupt(
-                end.args[0] if end.args else signal.SIGINT,
-                f'{written} of {world.drones} bags are written to {output}') from None
+            raise interrupted(
+                end, f'{written} of {world.drones} bags are written to {output}') from None
         metrics = monte_carlo.measure(own, recording)
         print(f'{space}: {_errors(metrics)}')
         if reason := _stopped(own, metrics):

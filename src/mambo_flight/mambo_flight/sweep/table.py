@@ -30,9 +30,9 @@ class SweepEndedError(JobError):
     """A running sweep has ended early; finished flights are kept."""
 
 
-def interrupted(end: KeyboardInterrupt) -> KeyboardInterrupt:
-    """Return an interrupt with the same signal, which also says that flights are kept."""
-    return KeyboardInterrupt(end.args[0] if end.args else signal.SIGINT, KEPT)
+def interrupted(end: KeyboardInterrupt, kept: str = KEPT) -> KeyboardInterrupt:
+    """Return an interrupt with the same signal, which also says what is kept."""
+    return KeyboardInterrupt(end.args[0] if end.args else signal.SIGINT, kept)
 
 
 def parameters(sweep: Sweep, number: int) -> dict[str, Any]:

@@ -8,12 +8,13 @@ from scipy.signal import butter, sosfiltfilt
 
 from ..allan import (
     allan, Allan, bias_instability, deviation_at_rest, random_walk, white_density)
-from ..recording import Recording
+from ..recording import Recording, Stream
 from .phases import airborne, SHORTEST_REST, stretch_at_rest, WEIGHT
 from .statistics import resolution, robust_sigma
 from .table import entry, Measured, timing
 
 AXES = 'xyz'
+LEAST = 40  # samples
 SLOWEST_VIBRATION = 60.0  # Hz, of the samples: four times the lowest frequency of a vibration
 
 
@@ -40,15 +41,26 @@ def _at_rest(recording: Recording, rest: slice) -> tuple[list[Measured], dict[st
     return lines, curves
 
 
+def _no_vibration(recording: Recording, stream: Stream) -> str:
+    """Return why a recording tells no vibration of a sensor in flight; empty if it does."""
+    rate = 1.0 / float(np.median(np.diff(stream.t)))
+    if rate < SLOWEST_VIBRATION:
+        return f'the IMU has {rate:.0f} Hz, less than {SLOWEST_VIBRATION:g}'
+    if recording.pwm is None or recording.sonar is None:
+        lacking = 'motor_pwm' if recording.pwm is None else 'sonar/range'
+        return f'without {lacking}, when it flies is not known'
+    return 'less than 1 s in the air' if airborne(recording, stream.t).sum() < rate else ''
+
+
 def _in_flight(recording: Recording) -> list[Measured]:
     """Return the vibration by the propellers: robust deviation above 15 Hz in the air."""
     lines = []
     for sensor, stream, unit in (
             ('gyro', recording.gyro, 'rad/s'), ('accel', recording.accel, 'm/s^2')):
+        if _no_vibration(recording, stream):
+            continue
         rate = 1.0 / float(np.median(np.diff(stream.t)))
         air = airborne(recording, stream.t)
-        if rate < SLOWEST_VIBRATION or air.sum() < rate:
-            continue
         high = sosfiltfilt(butter(4, 15.0, 'high', fs=rate, output='sos'), stream.values, axis=0)
         for axis in range(3):
             lines.append(entry(f'{sensor} {AXES[axis]}', 'vibration in flight', unit,
@@ -75,7 +87,7 @@ def _check(recording: Recording) -> None:
 
 def measure(recording: Recording) -> tuple[list[Measured], dict[str, Allan]]:
     """Return all results for gyro and accelerometer; BagError if they cannot be such."""
-    if recording.gyro is None or recording.accel is None or len(recording.gyro.t) < 40:
+    if recording.gyro is None or recording.accel is None or len(recording.gyro.t) < LEAST:
         return [], {}
     _check(recording)
     lines, curves = timing('imu', recording.gyro), {}
@@ -94,18 +106,11 @@ def measure(recording: Recording) -> tuple[list[Measured], dict[str, Allan]]:
 
 def not_measured(recording: Recording) -> list[str]:
     """Return what of gyro and accelerometer a recording does not tell, each with the reason."""
-    if recording.gyro is None or recording.accel is None or len(recording.gyro.t) < 40:
-        return ['gyro and accelerometer: no imu/data_raw of 40 samples or more']
+    if recording.gyro is None or recording.accel is None or len(recording.gyro.t) < LEAST:
+        return [f'gyro and accelerometer: no imu/data_raw of {LEAST} samples or more']
     lines = []
     if stretch_at_rest(recording) is None:
         lines.append(f'noise at rest: never at rest for {SHORTEST_REST:g} s')
-    rate = 1.0 / float(np.median(np.diff(recording.gyro.t)))
-    if rate < SLOWEST_VIBRATION:
-        lines.append(f'vibration in flight: the IMU has {rate:.0f} Hz, less than '
-                     f'{SLOWEST_VIBRATION:g}')
-    elif recording.pwm is None or recording.sonar is None:
-        lacking = 'motor_pwm' if recording.pwm is None else 'sonar/range'
-        lines.append(f'vibration in flight: without {lacking}, when it flies is not known')
-    elif airborne(recording, recording.gyro.t).sum() < rate:
-        lines.append('vibration in flight: less than 1 s in the air')
+    if why := _no_vibration(recording, recording.gyro):
+        lines.append(f'vibration in flight: {why}')
     return lines
