@@ -169,7 +169,7 @@ def flight(arguments: Mapping[str, str]) -> Flight:
         raise FlightInputError('composed:=true records always: give bag:=')
     hall, flown = None, {space: base}
     if world.drones > 1:
-        drones = formation.hall(base, world)
+        drones = formation.hall(base, world, bool(arguments['duration']))
         world_file.check_cameras(drones.hall, drones.flights)
         hall, flown = drones.hall, dict(zip(drones.hall.places, drones.flights, strict=True))
     bag = Path(arguments['bag']).expanduser().absolute() if arguments['bag'] else None

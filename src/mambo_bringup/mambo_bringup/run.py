@@ -181,8 +181,10 @@ def _run(options: argparse.Namespace) -> None:
     if world.drones == 1:
         _fly_and_report(name, {NAMESPACE: flight}, options)
         return
-    drones = formation.hall(flight, world)
+    drones = formation.hall(flight, world, flight_options.timed(options))
     check_cameras(drones.hall, drones.flights)
+    for line in formation.remarks(drones):
+        print(line)
     _fly_and_report(
         name, dict(zip(drones.hall.places, drones.flights, strict=True)), options, drones.hall)
 

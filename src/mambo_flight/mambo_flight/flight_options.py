@@ -90,6 +90,12 @@ def given(options: argparse.Namespace) -> dict[str, Place]:
             if (value := getattr(options, name, None)) is not None}
 
 
+def timed(options: argparse.Namespace) -> bool:
+    """Return whether the command line sets the duration of the flight."""
+    return options.duration is not None or any(
+        assignment.partition('=')[0].strip() == 'sim_node.duration' for assignment in options.set)
+
+
 def overrides(assignments: list[str]) -> dict[str, Any]:
     """
     Read ``node.parameter=value`` arguments of ``--set``.
@@ -130,10 +136,8 @@ def world(options: argparse.Namespace) -> WorldParams:
     out = build_world(values, load_world(options.scenario) if options.scenario else None)
     if given and out.drones == 1:
         raise schema.ParameterError(f'--set {given}: needs several drones: give --drones')
-    if out.formation == 'exchange' and options.trajectory not in (None, 'hover'):
-        raise schema.ParameterError(
-            f'--trajectory {options.trajectory}: has no effect, as the formation is exchange: '
-            'give hover, or another world.formation')
+    if options.trajectory is not None:
+        unused.refuse_trajectory('--trajectory', options.trajectory, out)
     unused.refuse_alone(out, str(options.scenario))
     return out
 

@@ -96,7 +96,7 @@ def _stopped(flight: Scenario, metrics: Mapping[str, Any]) -> str:
 
 
 def _run(options: argparse.Namespace) -> None:
-    timed = options.duration is not None
+    timed = flight_options.timed(options)
     if options.print_scenario:
         flight, world = _scenario(options)[1], flight_options.world(options)
         print(commented_yaml(flight) if world.drones == 1 else world_file.to_text(
@@ -114,6 +114,8 @@ def _run(options: argparse.Namespace) -> None:
     world = flight_options.world(options)
     if world.drones > 1:
         drones = formation.hall(flight, world, timed)
+        for line in formation.remarks(drones):
+            print(line)
         _check_memory(name, drones.flights)
         _run_together(name, drones, options.output)
         return

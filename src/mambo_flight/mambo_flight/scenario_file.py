@@ -171,8 +171,10 @@ def find(name: str) -> Path:
         return FOLDER / f'{name}.yaml'
     if Path(name).suffix in ('.yaml', '.yml'):
         return Path(name)
+    is_bag = Path(name).suffix == '.mcap' or (Path(name) / 'metadata.yaml').exists()
+    what = 'a bag' if is_bag else 'unknown'
     raise schema.ParameterError(
-        f'scenario {schema.shown(name)} is unknown: give a file (.yaml) or one of '
+        f'scenario {schema.shown(name)} is {what}: give a file (.yaml) or one of '
         f'{", ".join(names())}')
 
 
@@ -217,8 +219,12 @@ def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
         if not flights:
             reader.fail(node, 'flights', 'holds no flight')
     common = reader.layer(keys)
-    layers = {name: layer.over(common) for name, layer in flights.items()} or {'': common}
-    built = {name: _build(path, last.over(layer)) for name, layer in layers.items()}
+    layers = {
+        name: last.over(layer.over(common)) for name, layer in (flights or {'': common}).items()}
+    for layer in layers.values():
+        if trajectory := layer.settings.get('trajectory'):
+            unused.refuse_trajectory(trajectory.where, trajectory.value, world)
+    built = {name: _build(path, layer) for name, layer in layers.items()}
     unused.refuse(
         {key: place.where for layer in layers.values() for key, place in layer.parameters.items()
          if place.where},

@@ -88,6 +88,14 @@ def refuse_world(names: Iterable[str], world: WorldParams) -> None:
                 f'{name}: has no effect, as {idle[name]}, or leave it out')
 
 
+def refuse_trajectory(where: str, trajectory: str, world: WorldParams) -> None:
+    """Refuse a trajectory, set at ``where``, that the drones of an exchange do not fly."""
+    if world.formation == 'exchange' and trajectory != 'hover':
+        raise schema.ParameterError(
+            f'{where}: {trajectory} has no effect, as the formation is exchange: choose hover, or '
+            'another world.formation')
+
+
 def refuse_alone(world: WorldParams, where: str) -> None:
     """Refuse a section ``world`` that says more than its one drone; ``where`` it stands."""
     if world.drones == 1 and world != WorldParams():

@@ -104,6 +104,15 @@ def test_a_ros_parameter_file_is_a_scenario_too(file, write):
     assert load(str(file(write(flight))))[1] == flight
 
 
+def test_a_bag_is_no_scenario(tmp_path):
+    bag = tmp_path / 'bag'
+    bag.mkdir()
+    (bag / 'metadata.yaml').touch()
+    for name in (bag, tmp_path / 'flight.mcap'):
+        with pytest.raises(schema.ParameterError, match=f'scenario .{name}. is a bag: give'):
+            load(str(name))
+
+
 @pytest.mark.parametrize(('line', 'message'), [
     ('trajectory: spiral', ":2: trajectory: trajectory 'spiral' is unknown: give a file"),
     ('sed: 3', ':2: sed: unknown parameter; did you mean seed'),

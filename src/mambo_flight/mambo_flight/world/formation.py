@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import itertools
 import math
 from typing import NamedTuple
@@ -18,14 +19,13 @@ from mambo_sim.world import places as places_of, WorldParams
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import scenario as scenarios
-from ..course import course_file, function_course
+from .. import scenario as scenarios, unused
+from ..course import course_file, feasibility, function_course
 from ..scenario import Scenario
 from ..scenario_file import FIELDS, long_enough
 from .world_file import Hall
 
 Array = NDArray[np.float64]
-_UNFLOWN = ('hover', FIELDS['trajectory'].default)  # an exchange is asked for with either
 
 
 class Drones(NamedTuple):
@@ -145,10 +145,8 @@ def _with_time(base: Scenario, params: WorldParams, timed: bool) -> Scenario:
     A longer time that was asked for stays: the drones hover at the end.
     """
     plan, asked = base.reference_node.plan, base.sim_node.duration
-    if plan.trajectory not in _UNFLOWN:
-        raise ParameterError(
-            f'reference_node.plan.trajectory = {plan.trajectory}: has no effect, as the formation '
-            'is exchange: choose hover, or another world.formation')
+    if plan.trajectory != FIELDS['trajectory'].default:
+        unused.refuse_trajectory('reference_node.plan.trajectory', plan.trajectory, params)
     lands = plan.landing_time > 0.0
     course = scenarios.override(base, {
         'reference_node.plan.trajectory': COURSE, 'reference_node.plan.landing_time': 0.0,
@@ -167,6 +165,20 @@ def _with_time(base: Scenario, params: WorldParams, timed: bool) -> Scenario:
         'sim_node.duration': float(duration),
         'reference_node.plan.landing_time': (
             scenarios.landing_time(duration) if lands else 0.0)})
+
+
+def remarks(drones: Drones) -> Iterator[str]:
+    """Yield a warning, one line, if the drone with the longest way cannot exchange its place."""
+    params = drones.hall.params
+    if params.formation != 'exchange':
+        return
+    name, flight = max(
+        zip(drones.hall.places, drones.flights, strict=True),
+        key=lambda drone: math.hypot(*drones.hall.places[drone[0]]))
+    course, vehicle = flight.reference_node.plan.flown_course(), flight.reference_node.vehicle
+    if failure := feasibility.check(course, vehicle):
+        yield (f'warning: {name} cannot fly its half turn in world.turn_time = '
+               f'{params.turn_time:g} s: {failure}; lengthen it')
 
 
 @jit

@@ -190,17 +190,25 @@ class _Flight(NamedTuple):
     hall: Hall
     seed: int | None  # of the first drone; None if the bag does not say
     duration: float | None  # s, likewise
+    trajectory: str | None  # likewise
+
+
+def _parameters(bag: Bag, node: str) -> dict[str, Any]:
+    """Return the parameters of a node that a bag holds; none if it does not say."""
+    section: Any = (bag.scenario or {}).get(f'{bag.namespace}/{node}')
+    values = section.get('ros__parameters') if isinstance(section, dict) else None
+    return values if isinstance(values, dict) else {}
 
 
 def _flight(bag: Bag, hall: Hall) -> _Flight:
     """Return what a bag says about its flight."""
-    node: Any = (bag.scenario or {}).get(f'{bag.namespace}/sim_node')
-    parameters = node.get('ros__parameters') if isinstance(node, dict) else None
-    values = parameters if isinstance(parameters, dict) else {}
-    simulator = values.get('simulator')
+    simulated = _parameters(bag, 'sim_node')
+    simulator, plan = simulated.get('simulator'), _parameters(bag, 'reference_node').get('plan')
     seed = simulator.get('seed') if isinstance(simulator, dict) else None
     number = list(hall.places).index(bag.namespace)  # seeds are consecutive
-    return _Flight(hall, seed - number if isinstance(seed, int) else None, values.get('duration'))
+    return _Flight(hall, seed - number if isinstance(seed, int) else None,
+                   simulated.get('duration'),
+                   plan.get('trajectory') if isinstance(plan, dict) else None)
 
 
 def _difference(what: str, value: Any, expected: Any) -> str:

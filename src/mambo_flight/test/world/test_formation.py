@@ -140,8 +140,19 @@ def test_an_exchange_does_not_fit_in_a_shorter_flight(land, needed):
 
 
 def test_an_exchange_refuses_a_trajectory_that_it_does_not_fly():
-    with pytest.raises(ParameterError, match='trajectory = step: has no effect, as the formation'):
+    with pytest.raises(ParameterError, match='trajectory: step has no effect, as the formation'):
         exchanged(base(trajectory='step'))
+
+
+def test_an_exchange_too_fast_for_the_vehicle_is_told():
+    def told(**more):
+        return list(formation.remarks(formation.hall(
+            base(trajectory='hover'), WorldParams(drones=3, formation='exchange', **more))))
+
+    assert told() == []
+    line, = told(spacing=50.0, turn_time=8.0)
+    assert 'cannot fly its half turn in world.turn_time = 8 s: ' in line and '\n' not in line
+    assert told(spacing=50.0, turn_time=60.0) == []
 
 
 @pytest.mark.parametrize('least', [2.9, 3.1])

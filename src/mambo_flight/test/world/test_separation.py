@@ -70,7 +70,8 @@ def test_drones_that_are_missing_are_told(flown, tmp_path, capsys):
     (['--drones', '4'], 'world.drones = 4, not 3'),
     (['--drones', '3', '--set', 'world.spacing=0.9'], 'world.spacing = 0.9, not 0.8'),
     (['--drones', '3', '--seed', '5'], 'seed 5, not 1'),
-    (['--drones', '3', '--duration', '5'], 'duration 5.0, not 4.0')])
+    (['--drones', '3', '--duration', '5'], 'duration 5.0, not 4.0'),
+    (['--drones', '3', '--trajectory', 'circle'], 'trajectory circle, not hover')])
 def test_bags_of_two_flights_have_no_distance(flown, tmp_path, capsys, options, difference):
     other = tmp_path / 'other'
     assert fly.main([

@@ -123,8 +123,23 @@ def test_what_such_an_option_needs_lets_it_act():
 def test_a_trajectory_that_an_exchange_does_not_fly_is_refused():
     words = ['--drones', '3', '--set', 'world.formation=exchange', '--trajectory']
     assert flight_options.world(options(*words, 'hover')).drones == 3
-    with pytest.raises(ParameterError, match='--trajectory circle: has no effect'):
+    with pytest.raises(ParameterError, match='--trajectory: circle has no effect'):
         flight_options.world(options(*words, 'circle'))
+
+
+@pytest.mark.parametrize('name', ['circle', 'step'])  # circle is the default, but asked for here
+def test_a_trajectory_of_a_file_that_an_exchange_does_not_fly_is_refused(file, name):
+    world = 'world: {drones: 3, formation: exchange}\n'
+    assert load_world(str(file(world))).formation == 'exchange'
+    with pytest.raises(ParameterError, match=rf'mine.yaml:\d+: {name} has no effect, as the form'):
+        load_world(str(file(f'{world}flights:\n  one: {{trajectory: {name}}}\n')))
+
+
+@pytest.mark.parametrize('words', [['--duration', '40'], ['--set', 'sim_node.duration = 40']])
+def test_an_exchange_lasts_as_long_as_the_options_say_even_by_default(words):
+    exchange = ['--drones', '2', '--set', 'world.formation=exchange']
+    assert not flight_options.timed(options(*exchange))
+    assert flight_options.timed(options(*exchange, *words))
 
 
 def test_a_world_of_one_drone_is_not_silently_flown_alone(file):
