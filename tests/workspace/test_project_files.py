@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 import re
+import shutil
 import subprocess
 
 import pytest
@@ -32,6 +33,19 @@ def test_the_workflow_runs_what_integration_runs():
     for job in read_yaml('.github/workflows/test.yml')['jobs'].values():
         assert job['steps'][-1] == {'run': '.ci/run'}
         assert job['timeout-minutes'] <= 90
+
+
+@pytest.mark.parametrize('sweeps, tests, expected', [(0, 0, 0), (3, 0, 3), (0, 2, 2), (3, 2, 2)])
+def test_integration_runs_sweeps_and_tests_and_fails_if_either_does(
+        tmp_path, sweeps, tests, expected):
+    (tmp_path / '.ci').mkdir()
+    shutil.copy(ROOT / '.ci/run', tmp_path / '.ci/run')
+    told = tmp_path / 'test'
+    told.write_text(f'#!/bin/sh\necho "test $*"\n[ "$1" = --sweeps ] && exit {sweeps}\n'
+                    f'exit {tests}\n')
+    told.chmod(0o755)
+    done = subprocess.run([tmp_path / '.ci/run'], stdout=subprocess.PIPE, text=True, timeout=60)
+    assert (done.stdout, done.returncode) == ('test --sweeps\ntest \n', expected)
 
 
 def apt_packages(text):

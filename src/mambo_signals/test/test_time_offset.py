@@ -47,6 +47,7 @@ def test_a_known_offset_is_recovered_to_2_ms(rates, seed):
     assert found.bias == pytest.approx(-0.3, abs=0.02)  # of a against b: their zeros differ
 
 
+@pytest.mark.sweep
 def test_the_standard_error_is_that_of_many_trials():
     z = []
     for seed in range(60):

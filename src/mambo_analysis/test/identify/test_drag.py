@@ -66,6 +66,7 @@ def test_a_sine_in_height_shows_the_vertical_drag():
 
 
 @pytest.mark.slow
+@pytest.mark.sweep
 def test_intervals_cover_over_20_seeds():
     # a fit flies 15 s many times over: 20 still tell intervals that are half or twice as wide
     found = [fit_drag(flown(flight(seed=seed)), blind(seed=seed)) for seed in range(1, 21)]

@@ -77,6 +77,7 @@ def measured(seed):
     ('sonar', 'noise', NOISE), ('sonar', 'outliers', STRAY), ('sonar', 'dropouts', LOST),
     ('flow', 'latency', 1e3 * LATENCY), ('barometer', 'noise from value to value', PRESSURE),
     ('gyro x', 'vibration in flight', None), ('accel z', 'vibration in flight', None)])
+@pytest.mark.sweep
 def test_intervals_cover_the_truth(sensor, quantity, truth):
     if truth is None:  # white noise above 15 Hz: what is left of it to the Nyquist frequency
         truth = {'gyro x': 0.01, 'accel z': 0.5}[sensor] * np.sqrt(85.0 / 100.0)

@@ -17,6 +17,7 @@ def flown():
     return [trial(seed) for seed in (1, 2, 3)]
 
 
+@pytest.mark.sweep
 def test_intervals_hold_in_simulated_flights(flown):
     """Of 24 intervals of 95 % one may miss; 5 have a chance of 0.6 %."""
     rows = [row for one in flown for row in one.values.values()]
@@ -24,6 +25,7 @@ def test_intervals_hold_in_simulated_flights(flown):
     assert sum(low <= true <= high for _, low, high, true in rows) >= len(rows) - 4
 
 
+@pytest.mark.sweep
 def test_every_kind_of_parameter_is_shown(flown):
     shown = {name for one in flown for name in one.values}
     assert shown >= {'drag x', 'drag y', 'drag z', 'exponent', 'thrust', 'hover command',
@@ -31,6 +33,7 @@ def test_every_kind_of_parameter_is_shown(flown):
     assert 'inertia z' not in shown  # nothing turns it about z
 
 
+@pytest.mark.sweep
 def test_intervals_are_narrow_enough_to_tell_something(flown):
     widest = {'drag x': 0.1, 'drag y': 0.1, 'exponent': 0.1, 'thrust': 0.005,
               'hover command': 0.005, 'inertia x': 0.15, 'inertia y': 0.15}

@@ -23,6 +23,7 @@ def test_without_noise_the_model_is_found_exactly():
     assert not found.hidden
 
 
+@pytest.mark.sweep
 def test_intervals_cover_and_are_no_wider_than_the_spread():
     """Of 25 flights 95 % intervals miss a parameter once; 6 misses have a chance of 0.1 %."""
     found = [fit_force(flight(seed)) for seed in range(25)]

@@ -7,6 +7,7 @@ from mambo_analysis.twin.moments import arms, fit_moments, predicted
 from mambo_analysis.twin.recorded import STEP
 from mambo_model.vehicle.parameters import preset
 import numpy as np
+import pytest
 
 MAMBO = preset('crazyflie')
 RIGID = SPIN._replace(damping=(0.0, 0.0, 0.0))
@@ -38,6 +39,7 @@ def test_the_prediction_is_the_recursion_that_is_written():
     np.testing.assert_allclose(predicted(theta, u, v, rate), out, atol=1e-12)
 
 
+@pytest.mark.sweep
 def test_moments_come_back_from_disturbed_flights_in_closed_loop():
     """Of 12 intervals of 95 % one may miss; 4 have a chance of 0.2 %."""
     inside = 0
