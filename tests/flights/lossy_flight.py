@@ -48,9 +48,7 @@ def fly(flight, spoil=lambda t, phase, *inputs: inputs):
     """
     sim, believed = flight.sim_node.simulator, flight.controller_node
     values, rngs, p = sim.values(), simulator.generators(sim.seed), closed_loop.settings(flight)
-    state, estimator = simulator.initial_state(sim), flight.estimator_node
-    truth = estimator.estimator == 'ground_truth'
-    memory = None if truth else filters.initial(estimator.filter.values())
+    state, memory = simulator.initial_state(sim), filters.initial(p.estimator)
     control, plan = failsafe.initial(believed.law), flight.reference_node.plan.values()
     vv, rows = flight.reference_node.vehicle.values(), []
     settings = STEP, believed.law.values(), believed.failsafe.values(), believed.vehicle.values()
@@ -58,7 +56,7 @@ def fly(flight, spoil=lambda t, phase, *inputs: inputs):
         t = k * 5_000_000 * 1e-9
         state, s = simulator.sense(state, k, rngs, values)
         estimated, spread = state.plant.body, failsafe.EXACT
-        if not truth:
+        if p.estimator is not None:
             h = closed_loop.delivered_readings(s, p)
             memory, e = filters.step(
                 memory, 5_000_000 * 1e-9 if k else 0.0, s.gyro, s.accel, h.sonar, h.flow,

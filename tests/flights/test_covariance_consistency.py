@@ -54,6 +54,7 @@ BOUNDS = {
 
 
 @pytest.mark.parametrize('path', ['hover', 'circle', 'vertical_circle'])
+@pytest.mark.sweep
 def test_stated_covariances_are_neither_too_small_nor_too_large(path):
     found = [nees(fly(sloping(path, seed), inner=True)) for seed in range(1, SEEDS + 1)]
     for name, (low, high) in BOUNDS.items():
@@ -69,13 +70,13 @@ def noisy(accel, gyro, seed):
 
 @pytest.mark.parametrize('seed', range(1, 21))
 def test_ordinary_noise_keeps_no_vehicle_from_aligning_and_flying(seed):
-    flight = fly(noisy(0.15, 0.005, seed))
+    flight = fly(noisy(0.15, 0.005, seed), inner=True)
     assert flight.status[100] > 0  # 100 samples, none of them in vain
     assert not flight.stopped.any() and (flight.reason == REASON_NONE).all()
     assert np.linalg.norm(flight.truth[:, :3] - flight.estimate[:, :3], axis=1).max() < 0.15
 
 
 def test_a_vehicle_that_is_shaken_throughout_does_not_take_off():
-    flight = fly(noisy(3.0, 0.3, 1))
+    flight = fly(noisy(3.0, 0.3, 1), inner=True)
     assert flight.stopped[-1] and flight.reason[-1] == REASON_ALIGNMENT
     assert not flight.pwm[flight.phase > 0].any() and abs(flight.truth[:, 2]).max() < 0.01

@@ -21,7 +21,7 @@ def flight():
 
 
 def test_a_flight_is_that_of_the_closed_loop(flight):
-    again = closed_loop.fly(flight.scenario)
+    again = closed_loop.fly(flight.scenario, inner=True)
     np.testing.assert_array_equal(flight.recording.truth, again.truth)
     assert flight.scenario.seed == 3 and flight.t[-1] == 2.0
 

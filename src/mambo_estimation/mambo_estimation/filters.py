@@ -206,8 +206,15 @@ def _nowhere(memory, estimate):
     return None
 
 
+@jit
+def _no_memory(values):
+    """Return no memory, where the true state takes the place of an estimate."""
+    return None
+
+
 _ALL = tuple(REGISTRY.built_in.values())
-initial = by_type(0, {OwnValues: _own_initial, AidedValues: aided.initial} | {
+initial = by_type(0, {
+    type(None): _no_memory, OwnValues: _own_initial, AidedValues: aided.initial} | {
     c.params.Values: c.initial for c in _ALL})
 step = by_type(8, {OwnValues: _own_step, AidedValues: aided.step} | {
     c.params.Values: c.step for c in _ALL})

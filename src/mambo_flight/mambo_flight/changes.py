@@ -92,7 +92,8 @@ def settings_later(flight: Scenario, p: Any, rows: int) -> list[tuple[int, Any]]
             _, gains, failsafe, _ = values
             p = p._replace(gains=gains, failsafe=failsafe)
         elif one.node == 'estimator_node':
-            p = p._replace(estimator=values)
+            if p.estimator is not None:
+                p = p._replace(estimator=values)
         else:
             p = p._replace(simulator=values)
         out[one.k] = p

@@ -15,7 +15,7 @@ from mambo_control import controllers, failsafe
 from mambo_control.commanded.evaluation import CommandedValues, reference_step
 from mambo_estimation import filters
 from mambo_estimation.estimate import Estimate
-from mambo_model.compiled import hold, jit, memory_of
+from mambo_model.compiled import by_type, hold, jit, jit_inside, memory_of
 from mambo_model.motion.flatness import body_velocity
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.trajectory import PlanValues
@@ -83,14 +83,13 @@ class Settings(NamedTuple):
 
     simulator: simulator.SimulatorValues  # true vehicle and sensors
     optitrack: optitrack.OptitrackValues  # motion capture
-    estimator: filters.Values             # of the chosen estimator
+    estimator: filters.Values | None      # of the chosen estimator; None: the true state is used
     plan: PlanValues | CommandedValues    # flight plan, or the commands of the flight
     gains: controllers.Gains              # of the chosen controller
     failsafe: failsafe.FailsafeValues     # limits of the failsafe
     reference_vehicle: VehicleValues      # vehicle model of the reference
     controller_vehicle: VehicleValues     # vehicle model of the controller
     period: float                         # s, of the controller
-    use_truth: bool                       # feed the controller the true state
     sonar_low: float                      # m, smallest valid range, as published
     sonar_high: float                     # m, largest valid range
     use_map: bool                         # feed the controller the estimate in map
@@ -100,13 +99,13 @@ def settings(flight: Scenario) -> Settings:
     """Return the constants of one flight of a scenario."""
     sim, estimator = flight.sim_node.simulator, flight.estimator_node
     return Settings(
-        sim.values(), flight.optitrack_node.optitrack.values(), estimator.filter.values(),
+        sim.values(), flight.optitrack_node.optitrack.values(),
+        None if estimator.estimator == 'ground_truth' else estimator.filter.values(),
         flight.reference_node.flown(), flight.controller_node.law.values(),
         flight.controller_node.failsafe.values(),
         flight.reference_node.vehicle.values(), flight.controller_node.vehicle.values(),
-        flight.controller_node.period, estimator.estimator == 'ground_truth',
-        float(np.float32(sim.sonar.min_range)), float(np.float32(sim.sonar.max_range)),
-        flight.controller_node.estimate == 'map')
+        flight.controller_node.period, float(np.float32(sim.sonar.min_range)),
+        float(np.float32(sim.sonar.max_range)), flight.controller_node.estimate == 'map')
 
 
 def fly(flight: Scenario, inner: bool = False) -> Recording:
@@ -331,13 +330,39 @@ def _controller_input(state, spread, where, use_map):
     return state, spread
 
 
+@jit_inside
+def _filter(memory, k, t, t_before, body, seen, readings, out, use_map, values):
+    """Return memory and estimate of a filter at step k, and what the controller gets of it."""
+    if seen.new:
+        memory = filters.offer(memory, (t - seen.stamp) * 1e-9, seen.pose.rho, seen.pose.q)
+    memory, estimate = filters.step(
+        memory, (t - t_before) * 1e-9, readings.gyro, readings.accel, readings.sonar,
+        readings.flow, readings.flow_quality, readings.pressure, values)
+    _store_health(out, k, estimate)
+    store_estimate(out.inner, k, estimate)
+    spread = failsafe.spread_of(estimate.pose_covariance, estimate.twist_covariance)
+    where = filters.located(memory, estimate)
+    store_located(out.located, k, where)
+    fed_back, spread = _controller_input(estimate.state, spread, where, use_map)
+    return memory, estimate.state, fed_back, spread
+
+
+@jit_inside
+def _no_filter(memory, k, t, t_before, body, seen, readings, out, use_map, values):
+    """Return the true state in place of what :func:`_filter` does: no filter is compiled."""
+    return memory, body, body, failsafe.EXACT
+
+
+_estimate = by_type(9, {type(None): _no_filter}, _filter)
+
+
 class Carry(NamedTuple):
     """What a flight keeps from one control step to the next; types vary with the components."""
 
     state: simulator.SimulatorState  # vehicle and sensors
     mocap: optitrack.OptitrackMemory  # motion capture
     before: State  # of the body at the last step
-    memory: filters.Memory  # of the estimator
+    memory: filters.Memory | None  # of the estimator
     control: failsafe.Memory  # of controller and failsafe
 
 
@@ -379,23 +404,10 @@ def fly_on(carry, first, end, rngs, mocap_rng, p, out, push, stop, view, held):
         mocap, seen = optitrack.step(
             mocap, t_before, before, t, body, mocap_rng, p.optitrack, view)
         before = body
-        estimated, fed_back, spread = body, body, failsafe.EXACT
         readings = delivered_readings(samples, p)
         _store_samples(out, k, samples, readings)
-        if not p.use_truth:
-            if seen.new:
-                memory = filters.offer(
-                    memory, (t - seen.stamp) * 1e-9, seen.pose.rho, seen.pose.q)
-            memory, estimate = filters.step(
-                memory, (t - t_before) * 1e-9, readings.gyro, readings.accel, readings.sonar,
-                readings.flow, readings.flow_quality, readings.pressure, p.estimator)
-            estimated = estimate.state
-            _store_health(out, k, estimate)
-            store_estimate(out.inner, k, estimate)
-            spread = failsafe.spread_of(estimate.pose_covariance, estimate.twist_covariance)
-            where = filters.located(memory, estimate)
-            store_located(out.located, k, where)
-            fed_back, spread = _controller_input(estimated, spread, where, p.use_map)
+        memory, estimated, fed_back, spread = _estimate(
+            memory, k, t, t_before, body, seen, readings, out, p.use_map, p.estimator)
         vehicle = p.reference_vehicle
         ref, phase = reference_step(
             t * 1e-9, p.plan, vehicle.mass, vehicle.inertia, vehicle.gravity)

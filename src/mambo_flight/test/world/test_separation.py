@@ -16,7 +16,7 @@ def flown(tmp_path_factory):
     """Return a folder with the bags of three drones."""
     out = tmp_path_factory.mktemp('separation') / 'flown'
     assert fly.main([  # the components of the other flight here: compiled once
-        '--trajectory', 'hover', '--estimator', 'kalman', '--duration', '4', '--no-landing',
+        '--trajectory', 'hover', '--duration', '4', '--no-landing',
         '--drones', '3', '--set', 'world.spacing=0.8', '-o', str(out)]) == 0
     return out
 
@@ -75,7 +75,7 @@ def test_drones_that_are_missing_are_told(flown, tmp_path, capsys):
 def test_bags_of_two_flights_have_no_distance(flown, tmp_path, capsys, options, difference):
     other = tmp_path / 'other'
     assert fly.main([
-        '--trajectory', 'hover', '--estimator', 'kalman', '--duration', '4', '--no-landing',
+        '--trajectory', 'hover', '--duration', '4', '--no-landing',
         '--set', 'world.spacing=0.8', *options, '-o', str(other)]) == 0
     capsys.readouterr()
     assert separation.main([str(flown / 'mambo1'), str(other / 'mambo2')]) == 2
@@ -87,7 +87,7 @@ def test_bags_of_two_flights_have_no_distance(flown, tmp_path, capsys, options, 
 def test_a_collision_is_an_error(tmp_path, capsys):
     out = tmp_path / 'near'
     assert fly.main([
-        '--trajectory', 'hover', '--estimator', 'kalman', '--duration', '4', '--no-landing',
+        '--trajectory', 'hover', '--duration', '4', '--no-landing',
         '--drones', '2', '--set', 'world.spacing=0.2', '--set', 'world.least_separation=0.1',
         '--set', 'world.collision_distance=0.199', '-o', str(out)]) == 1
     flown = capsys.readouterr()
