@@ -15,7 +15,7 @@ from mambo_control import controllers, failsafe
 from mambo_control.commanded.evaluation import CommandedValues, reference_step
 from mambo_estimation import filters
 from mambo_estimation.estimate import Estimate
-from mambo_model.compiled import by_type, hold, jit, jit_inside, memory_of
+from mambo_model.compiled import hold, jit, memory_of
 from mambo_model.motion.flatness import body_velocity
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.trajectory import PlanValues
@@ -108,6 +108,11 @@ def settings(flight: Scenario) -> Settings:
         float(np.float32(sim.sonar.max_range)), flight.controller_node.estimate == 'map')
 
 
+def estimates(p: Settings) -> bool | None:
+    """Return True, or None for a flight on the true state, for which no estimator is compiled."""
+    return None if p.estimator is None else True
+
+
 def fly(flight: Scenario, inner: bool = False) -> Recording:
     """
     Fly a scenario.
@@ -163,14 +168,16 @@ def run(flight: Scenario, out: Recording) -> None:
     p = settings(flight)
     carry, rngs, mocap_rng = begin(flight, p)
     if not changes.changes_at_all(flight):
-        fly_on(carry, 0, len(out.t), rngs, mocap_rng, p, out, None, False, None, None)
+        fly_on(carry, 0, len(out.t), rngs, mocap_rng, p, out, None, False, None, None,
+               estimates(p))
         return
     later = changes.settings_later(flight, p, len(out.t))
     held = hold(carry, None, None)
     ends = [*(k for k, _ in later), len(out.t)]
     for (first, values), end in zip([(0, p), *later], ends, strict=True):
         fly_on(
-            memory_of(held), first, end, rngs, mocap_rng, values, out, None, False, None, held)
+            memory_of(held), first, end, rngs, mocap_rng, values, out, None, False, None, held,
+            estimates(p))
 
 
 def begin(
@@ -330,32 +337,6 @@ def _controller_input(state, spread, where, use_map):
     return state, spread
 
 
-@jit_inside
-def _filter(memory, k, t, t_before, body, seen, readings, out, use_map, values):
-    """Return memory and estimate of a filter at step k, and what the controller gets of it."""
-    if seen.new:
-        memory = filters.offer(memory, (t - seen.stamp) * 1e-9, seen.pose.rho, seen.pose.q)
-    memory, estimate = filters.step(
-        memory, (t - t_before) * 1e-9, readings.gyro, readings.accel, readings.sonar,
-        readings.flow, readings.flow_quality, readings.pressure, values)
-    _store_health(out, k, estimate)
-    store_estimate(out.inner, k, estimate)
-    spread = failsafe.spread_of(estimate.pose_covariance, estimate.twist_covariance)
-    where = filters.located(memory, estimate)
-    store_located(out.located, k, where)
-    fed_back, spread = _controller_input(estimate.state, spread, where, use_map)
-    return memory, estimate.state, fed_back, spread
-
-
-@jit_inside
-def _no_filter(memory, k, t, t_before, body, seen, readings, out, use_map, values):
-    """Return the true state in place of what :func:`_filter` does: no filter is compiled."""
-    return memory, body, body, failsafe.EXACT
-
-
-_estimate = by_type(9, {type(None): _no_filter}, _filter)
-
-
 class Carry(NamedTuple):
     """What a flight keeps from one control step to the next; types vary with the components."""
 
@@ -367,7 +348,7 @@ class Carry(NamedTuple):
 
 
 @jit
-def fly_on(carry, first, end, rngs, mocap_rng, p, out, push, stop, view, held):
+def fly_on(carry, first, end, rngs, mocap_rng, p, out, push, stop, view, held, estimating):
     """
     Fly from one control step until before another one, and store their rows.
 
@@ -392,6 +373,8 @@ def fly_on(carry, first, end, rngs, mocap_rng, p, out, push, stop, view, held):
         What the motion capture of a hall sees of it, for ``optitrack.step``; None: it is alone.
     held
         Holder of ``mambo_model.compiled.hold`` that keeps the carry; None: the flight is over.
+    estimating
+        Result of :func:`estimates`; None: no estimator is compiled.
 
     """
     last = len(out.t) - 1
@@ -406,8 +389,21 @@ def fly_on(carry, first, end, rngs, mocap_rng, p, out, push, stop, view, held):
         before = body
         readings = delivered_readings(samples, p)
         _store_samples(out, k, samples, readings)
-        memory, estimated, fed_back, spread = _estimate(
-            memory, k, t, t_before, body, seen, readings, out, p.use_map, p.estimator)
+        estimated, fed_back, spread = body, body, failsafe.EXACT
+        if estimating is not None:
+            if seen.new:
+                memory = filters.offer(
+                    memory, (t - seen.stamp) * 1e-9, seen.pose.rho, seen.pose.q)
+            memory, estimate = filters.step(
+                memory, (t - t_before) * 1e-9, readings.gyro, readings.accel, readings.sonar,
+                readings.flow, readings.flow_quality, readings.pressure, p.estimator)
+            estimated = estimate.state
+            _store_health(out, k, estimate)
+            store_estimate(out.inner, k, estimate)
+            spread = failsafe.spread_of(estimate.pose_covariance, estimate.twist_covariance)
+            where = filters.located(memory, estimate)
+            store_located(out.located, k, where)
+            fed_back, spread = _controller_input(estimated, spread, where, p.use_map)
         vehicle = p.reference_vehicle
         ref, phase = reference_step(
             t * 1e-9, p.plan, vehicle.mass, vehicle.inertia, vehicle.gravity)

@@ -65,6 +65,7 @@ class DroneBatch:
         self.scenarios: list[Scenario] = [configuration.scenario] * count
         self._kind = ACTIONS.index(configuration.action)
         self._handover = configuration.params.ticks(configuration.params.handover)
+        self._estimating = closed_loop.estimates(closed_loop.settings(configuration.scenario))
         self._holders: list[Any] = []
         self._row: Any = None
         self._threads = min(threads or len(os.sched_getaffinity(0)), count)
@@ -158,7 +159,8 @@ class DroneBatch:
     def _fly(self, actions: NDArray[np.float64], work: list[tuple[Any, int, int]]) -> None:
         """Run all pieces of work, the first one in this thread."""
         def fly(piece: tuple[Any, int, int]) -> None:
-            episode.fly(self._row, piece[0], actions, piece[1], piece[2], self.out)
+            episode.fly(self._row, piece[0], actions, piece[1], piece[2], self.out,
+                        self._estimating)
         if self._pool is None or len(work) < 2:
             for piece in work:
                 fly(piece)

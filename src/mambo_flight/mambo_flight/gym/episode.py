@@ -16,7 +16,7 @@ from mambo_control.command import motors
 from mambo_control.gains import GainValues
 from mambo_estimation import filters
 from mambo_estimation.capture.frames import wrapped
-from mambo_model.compiled import by_type, jit, jit_beside_python, jit_inside
+from mambo_model.compiled import jit, jit_beside_python
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.quaternion import from_euler, IDENTITY, Quat, rotate, to_euler
 from mambo_model.motion.rigid_body import State
@@ -85,30 +85,12 @@ def outcome(count: int) -> Outcome:
         *(np.zeros(count, dtype=np.int64) for _ in range(3)))
 
 
-@jit_inside
-def _sense_truth(state, memory, tick, rngs, p, values):
-    """Move the wind on to this tick; return the true state. No sensor is read."""
-    air = wind.step(state.wind, tick, rngs[simulator.WIND], p.simulator.noise, p.simulator.wind)
-    state = simulator.SimulatorState(
+@jit
+def _advance_wind(state, tick, rngs, p):
+    """Return the simulator with the wind of this tick; its sensors are not read."""
+    air = wind.step(state.wind, tick, rngs[simulator.WIND], p.noise, p.wind)
+    return simulator.SimulatorState(
         state.plant, state.imu, state.optical_flow, state.barometer, state.faults, air)
-    return state, memory, state.plant.body, failsafe.EXACT
-
-
-@jit_inside
-def _sense_and_filter(state, memory, tick, rngs, p, values):
-    """Read the sensors of this tick; return the estimate and its variances."""
-    state, samples = simulator.sense(state, tick, rngs, p.simulator)
-    h = closed_loop.delivered_readings(samples, p)
-    t = tick * STEP_NS
-    t_before = t - STEP_NS if tick else t
-    memory, estimate = filters.step(
-        memory, (t - t_before) * 1e-9, h.gyro, h.accel, h.sonar, h.flow, h.flow_quality,
-        h.pressure, values)
-    return state, memory, estimate.state, failsafe.spread_of(
-        estimate.pose_covariance, estimate.twist_covariance)
-
-
-_sense = by_type(5, {type(None): _sense_truth}, _sense_and_filter)
 
 
 @jit
@@ -188,7 +170,7 @@ def _store(row, s, ref):
 
 
 @jit_beside_python
-def fly(drones, rows, actions, kind, repeat, out):
+def fly(drones, rows, actions, kind, repeat, out, estimating):
     """
     Fly some drones for a number of control steps, or to the end of their episode.
 
@@ -211,6 +193,8 @@ def fly(drones, rows, actions, kind, repeat, out):
         reads its sensors.
     out
         Its rows are filled: see :class:`Outcome`.
+    estimating
+        Result of ``closed_loop.estimates``; None: no sensor is read and no estimator compiled.
 
     """
     for i in rows:
@@ -234,7 +218,19 @@ def fly(drones, rows, actions, kind, repeat, out):
                     pwm, shutdown = command.pwm, command.shutdown
                 state = simulator.advance(state, pwm, shutdown, p.simulator)
             tick += 1
-            state, memory, s, spread = _sense(state, memory, tick, rngs, p, p.estimator)
+            if estimating is None:
+                state = _advance_wind(state, tick, rngs, p.simulator)
+                s = state.plant.body
+            else:
+                state, samples = simulator.sense(state, tick, rngs, p.simulator)
+                h = closed_loop.delivered_readings(samples, p)
+                t = tick * STEP_NS
+                t_before = t - STEP_NS if tick else t
+                memory, estimate = filters.step(
+                    memory, (t - t_before) * 1e-9, h.gyro, h.accel, h.sonar, h.flow,
+                    h.flow_quality, h.pressure, p.estimator)
+                s, spread = estimate.state, failsafe.spread_of(
+                    estimate.pose_covariance, estimate.twist_covariance)
             v = p.reference_vehicle
             ref, phase = reference_step(
                 tick * STEP_NS * 1e-9, p.plan, v.mass, v.inertia, v.gravity)

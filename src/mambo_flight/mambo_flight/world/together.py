@@ -45,11 +45,11 @@ def _body(held, k):
 
 
 @jit
-def _step(held, k, push, stop, view, row):
+def _step(held, k, push, stop, view, row, estimating):
     """Sense, command and move on at step k; store what is seen of the drone then."""
     rngs, mocap_rng = held.rng
     p, out = held.values
-    fly_on(held.memory, k, k + 1, rngs, mocap_rng, p, out, push, stop, view, held)
+    fly_on(held.memory, k, k + 1, rngs, mocap_rng, p, out, push, stop, view, held, estimating)
     pushed.observe(held.memory.state.plant, row)
 
 
@@ -86,7 +86,7 @@ def fly(
     world = World(params, places, [flight.sim_node.simulator.vehicle for flight in flights])
     capture = hall_capture.of_hall(
         params.capture, places, [flight.optitrack_node.optitrack for flight in flights])
-    held, recordings, later = [], [], []
+    held, recordings, later, estimating = [], [], [], []
     for flight, row in zip(flights, world.seen, strict=True):
         p, out = closed_loop.settings(flight), closed_loop.blank(flight, inner=True)
         carry, rngs, mocap_rng = closed_loop.begin(flight, p)
@@ -94,6 +94,7 @@ def fly(
         recordings.append(out)
         later.append(dict(changes.settings_later(flight, p, len(out.t))))
         _observe(held[-1], row)
+        estimating.append(closed_loop.estimates(p))
     times = recordings[0].t.tolist()
     for k, t in enumerate(times):
         for one, out, new in zip(held, recordings, later, strict=True):
@@ -102,7 +103,7 @@ def fly(
         pushes = world.look(t)
         views = [None] * len(held) if capture is None else list(
             capture.step(t, [_body(one, k) for one in held]))
-        for one, push, stop, view, row in zip(
-                held, pushes, world.stopped, views, world.seen, strict=True):
-            _step(one, k, push, stop, view, row)
+        for one, push, stop, view, row, own in zip(
+                held, pushes, world.stopped, views, world.seen, estimating, strict=True):
+            _step(one, k, push, stop, view, row, own)
     return Together(recordings, world.collisions, capture.exchanges if capture else [])

@@ -71,7 +71,7 @@ def test_there_are_no_more_threads_than_drones():
 
 def test_all_work_is_done_whatever_the_threads(batch, monkeypatch):
     done = []
-    monkeypatch.setattr(episode, 'fly', lambda row, rows, actions, kind, repeat, out: done.append(
+    monkeypatch.setattr(episode, 'fly', lambda row, rows, actions, kind, repeat, *_: done.append(
         (tuple(rows), kind, repeat)))
     work = [((0, 1), 3, 7), ((2,), 0, 1), ((3, 4), 0, 1)]
     batch._fly(np.zeros((N, 4)), work)
