@@ -92,8 +92,7 @@ def settings_later(flight: Scenario, p: Any, rows: int) -> list[tuple[int, Any]]
             _, gains, failsafe, _ = values
             p = p._replace(gains=gains, failsafe=failsafe)
         elif one.node == 'estimator_node':
-            if p.estimator is not None:
-                p = p._replace(estimator=values)
+            p = p._replace(estimator=values)
         else:
             p = p._replace(simulator=values)
         out[one.k] = p
