@@ -23,6 +23,7 @@ from mambo_control.controllers import REGISTRY as CONTROLLERS
 from mambo_estimation.estimator_node import EstimatorNode
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
 from mambo_flight.scenario import Scenario
+from mambo_ros.graph.ending_signals import SIGNALS
 from mambo_sim.optitrack_node import OptitrackNode
 from mambo_sim.sim_node import SimNode
 
@@ -110,7 +111,7 @@ def _run(tasks: list[Task]) -> bool:
 
 def _work(compile_: Callable[[Any], None], params: Any, parent: int) -> None:
     """Compile in this copy; say nothing, as the flight will."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for number in SIGNALS:
         signal.signal(number, signal.SIG_DFL)
     end_with(parent, signal.SIGKILL)
     silent = os.open(os.devnull, os.O_RDWR)

@@ -24,8 +24,8 @@ from mambo_bags.cli.environment import low_limits
 from mambo_bags.cli.parent_end import end_with, LIBC
 from mambo_model import compiled
 from mambo_model.errors import JobError
+from mambo_ros.graph.ending_signals import ending, SIGNALS
 
-from .stopping import ending, SIGNALS
 from .watchdog import INTERRUPT_TIMEOUT, is_stopped, TERMINATE_TIMEOUT
 
 _PR_SET_NAME = 15

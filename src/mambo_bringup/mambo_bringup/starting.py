@@ -18,8 +18,9 @@ import threading
 import time
 
 from mambo_bags.cli import environment
+from mambo_ros.graph.ending_signals import ending
 
-from .stopping import ending, leave_at_once, stoppable
+from .stopping import leave_at_once, stoppable
 
 _THREADS = 5.0  # s that threads of a user's code may take to end after the command
 

@@ -11,15 +11,9 @@ import threading
 from typing import Any
 
 from mambo_bags.cli import supervisor
+from mambo_ros.graph.ending_signals import ending
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _AGAIN = 0.1  # s after which an interrupt that a library has dropped is tried again
-
-
-def ending() -> list[signal.Signals]:
-    """Return the signals that end a command; under nohup the end of the terminal is none."""
-    return [number for number in SIGNALS
-            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN]
 
 
 def _line(name: str, number: int, *notes: str) -> str:

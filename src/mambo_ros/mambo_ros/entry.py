@@ -15,6 +15,8 @@ import os
 import signal
 import sys
 
+from .graph.ending_signals import ending
+
 
 class Entry:
     """
@@ -41,9 +43,8 @@ class Entry:
                          f'{signal.Signals(number).name}\n'.encode())
             os._exit(128 + number)
 
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            if signal.getsignal(number) != signal.SIG_IGN:  # nohup
-                signal.signal(number, leave)
+        for number in ending():
+            signal.signal(number, leave)
         sys.exit(import_module(self.name).main())
 
 

@@ -18,6 +18,7 @@ import rclpy
 
 from . import usage
 from .graph import exit_timer, loopback, start_failure
+from .graph.ending_signals import ending
 from .loop import Loop
 from .node import FLUSH, MamboNode
 
@@ -77,9 +78,8 @@ def compose(node_types: Sequence[type[MamboNode]], args: list[str] | None = None
 
     code = 0
     try:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup
-                signal.signal(number, stop)
+        for number in ending():
+            signal.signal(number, stop)
         loopback.check()
         loopback.configure()
         start_failure.init(args)
