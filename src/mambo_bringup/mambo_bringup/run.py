@@ -195,6 +195,8 @@ def _fly_and_report(
 ) -> None:
     """Fly one drone, or several in a hall; print the result of each, and of all."""
     bag = options.output or _free(Path('bags'), name)
+    if options.natnet:
+        natnet.check_ports(options.natnet)
     if options.view:
         view.check(options.view)
         print(f'view: {view.address(options.view)}', flush=True)
@@ -219,10 +221,8 @@ def _fly_and_report(
         if len(spaces) > 1:
             print(f'{space}:')
         reasons = _print_outcome(outcome, bags[space], options.no_report)
-        if options.natnet and outcome.closed and outcome.flown and (
-                lacking := natnet.lacking(bags[space])):
-            print(lacking)
-            reasons = [*reasons, lacking]
+        if options.natnet and outcome.closed and outcome.flown:
+            reasons += _without_poses(bags[space], flights[space])
         problem = problem or (FlightError(reasons[0]) if reasons else None)
     if hall is not None:
         problem = _print_separation(bag, outcomes, hall, options.no_report) or problem
@@ -230,6 +230,14 @@ def _fly_and_report(
         raise KeyboardInterrupt(stopped)
     if problem:
         raise problem
+
+
+def _without_poses(bag: Path, flight: scenarios.Scenario) -> list[str]:
+    """Print which poses a flight through NatNet lacks; return it if that is a failure."""
+    lacking = natnet.lacking(bag)
+    line, bad = (lacking, True) if lacking else natnet.late(bag, flight)
+    print(line, end='\n' if line else '')
+    return [line] if bad else []
 
 
 def _print_separation(

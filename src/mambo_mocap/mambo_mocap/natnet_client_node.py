@@ -64,6 +64,12 @@ class NatNetClientNode(node.MamboNode[NatNetClientNodeParams]):
                 'body a topic of its own')
         return self.advertise(topics.Topic(topic, PoseStamped, topics.OPTITRACK.rate))
 
+    @property
+    def connected(self) -> bool:
+        """Return whether the next frame gives poses: server, its bodies and the port are there."""
+        client = self._client
+        return client.info is not None and client.defined is not None and not self._obstacle
+
     def turn(self, wait: float) -> None:
         """Wait for packets, at most some seconds, and publish the poses in them."""
         for packet in self._client.due(time.time_ns()):
@@ -153,6 +159,9 @@ class NatNetClientNode(node.MamboNode[NatNetClientNodeParams]):
 
 def follow(client: NatNetClientNode, loop: Loop) -> int:
     """Publish poses until stopped; return the exit code."""
+    end = time.monotonic() + client.params.connect_within
+    while not loop.stopping and not client.connected and time.monotonic() < end:
+        client.turn(_WAIT)
     while not loop.stopping:
         client.turn(_WAIT)
         loop.once(0.0)

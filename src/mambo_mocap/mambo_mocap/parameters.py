@@ -186,6 +186,9 @@ class NatNetClientNodeParams:
         2.0, 's', 0.1, 60.0, 'time without a frame after which the client connects again: assumed')
     least_delay: float = schema.quantity(
         0.0, 's', 0.0, 0.1, 'of a frame on its way; only for a server that answers no echo')
+    connect_within: float = schema.quantity(
+        0.0, 's', 0.0, 3600.0, 'time to connect before it takes part in the graph: a flight that '
+        'waits for this node then begins with its first pose')
 
     def __post_init__(self) -> None:
         schema.check(self)

@@ -3,6 +3,7 @@
 import contextlib
 import socket
 import time
+from unittest.mock import Mock
 
 from diagnostic_msgs.msg import DiagnosticArray
 from mambo_mocap import udp
@@ -10,7 +11,7 @@ from mambo_mocap.natnet import wire
 from mambo_mocap.natnet.frame import encode_frame, Frame, RigidBody, Times
 from mambo_mocap.natnet.handshake import encode_server_info
 from mambo_mocap.natnet.model import BodyModel, encode_model
-from mambo_mocap.natnet_client_node import NatNetClientNode
+from mambo_mocap.natnet_client_node import follow, NatNetClientNode
 from mambo_mocap.natnet_server_node import NatNetServerNode
 from mambo_mocap.parameters import NatNetServerNodeParams
 from mambo_mocap.server import Server, ticks
@@ -162,6 +163,29 @@ def test_poses_are_in_the_frame_of_each_drone(make):
     for name, truth in (('a', STILL), ('b', there)):
         _, rho, _ = messages.decode_pose(poses[name][-1])
         np.testing.assert_allclose(rho, truth.rho, atol=1e-3)
+
+
+def test_a_client_connects_before_it_takes_part_in_the_graph(make):
+    port = free_port()
+    client = make(NatNetClientNode, command_port=port, stamp='server', connect_within=20.0)
+    given = {'command_port': port, 'data_port': port + 1}
+    loop, known = Mock(stopping=False), []
+
+    def once(_):
+        known.append((client.connected, client._data is not None))
+        loop.stopping = True
+
+    loop.once = once
+    server, turn = make(NatNetServerNode, **given), client.turn
+    client.turn = lambda wait: (server.turn(), turn(wait))  # a server that answers late
+    assert follow(client, loop) == 0 and known == [(True, True)]
+
+
+def test_a_client_without_a_server_takes_part_in_the_graph_in_the_end(make):
+    client = make(NatNetClientNode, command_port=free_port(), connect_within=0.05)
+    loop = Mock(stopping=False)
+    loop.once = lambda _: setattr(loop, 'stopping', True)
+    assert follow(client, loop) == 0 and not client.connected
 
 
 def test_a_client_without_a_server_says_what_to_look_at(make):

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+import socket
 
 from mambo_analysis.compare.ending import ENDINGS, statuses
 from mambo_bags.reader import read_bag
 from mambo_flight import scenario as scenarios
 from mambo_flight.world.world_file import Hall
 from mambo_model import schema
+from mambo_model.errors import InputError
 from mambo_model.frames import flip_vector
 from mambo_ros import topics
 
 SERVER, CLIENT = ('mambo_mocap', 'natnet_server_node'), ('mambo_mocap', 'natnet_client_node')
 PORT = 1510
 """Command port of Motive; the data port is the next one."""
+_HOST, _GROUP = '127.0.0.1', '239.255.42.99'  # where commands and frames go by default
+_LATE = 0.1  # s of poses that may be missing at the start without a word
 _HALL = ('rate', 'latency', 'noise', 'fault', 'fault_begin', 'fault_end', 'fault_distance')
 
 
@@ -36,6 +40,20 @@ def scenario(flight: scenarios.Scenario) -> scenarios.Scenario:
             'frame_loss: 0.0')
     return scenarios.override(flight, {
         'sim_node.mode': 'realtime', 'estimator_node.synchronise': 'arrival'})
+
+
+def check_ports(port: int) -> None:
+    """Raise InputError if the command port of a server, or its data port, is in use."""
+    for number, address in ((port, _HOST), (port + 1, _GROUP)):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+            if address == _GROUP:  # several clients may listen
+                one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                one.bind((address, number))
+            except OSError as error:
+                raise InputError(
+                    f'--natnet {port}: UDP port {number} of this machine cannot be used '
+                    f'({error.strerror}): end what uses it, or give another port') from None
 
 
 def _several(hall: Hall) -> tuple[dict[str, object], dict[str, object]]:
@@ -80,7 +98,8 @@ def parameters(
             **hall, **of_server, 'seed': flight.optitrack_node.seed,
             'command_port': port, 'data_port': port + 1}},
         f'{namespace}/{CLIENT[1]}': {'ros__parameters': {
-            **of_client, 'command_port': port, 'stamp': 'server'}}}
+            **of_client, 'command_port': port, 'stamp': 'server',
+            'connect_within': flight.sim_node.patience}}}
 
 
 def write(file: Path, flight: scenarios.Scenario, port: int, namespace: str,
@@ -100,3 +119,33 @@ def lacking(bag: Path) -> str:
     said = [status.message for _, status in statuses(recording)
             if status.name.endswith(CLIENT[1]) and status.level > 0]
     return ': '.join([f'{bag}: no {poses}: none came through NatNet', *said[-1:]])
+
+
+def late(bag: Path, flight: scenarios.Scenario) -> tuple[str, bool]:
+    """
+    Return how many poses of a flight are missing before its first one, and whether that is bad.
+
+    It is where the estimator takes poses and the first one comes after the vehicle leaves the
+    floor, on which it aligns itself without them. What the cameras lose is not judged.
+
+    Returns
+    -------
+    line
+        Empty if there are none, or the first pose is in time.
+    bad
+        Whether the flight was not the one that was asked for.
+
+    """
+    capture, poses = flight.optitrack_node.optitrack, topics.OPTITRACK.name
+    recording = read_bag(bag, (poses,))
+    if poses not in recording or capture.fault == 'lost' and capture.fault_begin <= _LATE:
+        return '', False
+    first = float(recording[poses].stamp[0]) * 1e-9
+    if first <= _LATE:
+        return '', False
+    leaves = flight.reference_node.plan.start_time
+    bad = flight.estimator_node.aided and first > leaves and (
+        not flight.reference_node.commands.enabled)
+    return (f'{bag}: the first pose came through NatNet at t = {first:.2f} s, about '
+            f'{first * capture.rate:.0f} are missing before it'
+            + (f'; the vehicle leaves the floor at {leaves:g} s' if bad else '')), bad

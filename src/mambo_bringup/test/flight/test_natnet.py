@@ -1,6 +1,7 @@
 """A flight through NatNet: its parameters, and what it refuses."""
 
 import json
+import socket
 
 from geometry_msgs.msg import PoseStamped
 from mambo_bags.writer import BagWriter
@@ -10,6 +11,7 @@ from mambo_flight.world.world_file import Hall
 from mambo_mocap.parameters import (
     bodies, NatNetClientNodeParams, NatNetServerNodeParams, places)
 from mambo_model import schema
+from mambo_model.errors import InputError
 from mambo_ros import diagnostics, messages
 from mambo_sim.sensors.hall_capture import HallCaptureParams
 from mambo_sim.world import WorldParams
@@ -33,6 +35,8 @@ def test_server_and_client_have_the_hall_of_the_flight(tmp_path):
     assert (server.seed, server.fault, server.fault_end) == (5, 'lost', 3.0)
     assert server.markers == flight.optitrack_node.optitrack.markers
     assert client.stamp == 'server' and server.body in client.bodies
+    assert client.connect_within == flight.sim_node.patience
+    assert (server.address, server.group) == (natnet._HOST, natnet._GROUP)
     assert flight.sim_node.mode == 'realtime'
     assert not flight.estimator_node.waits_for_capture
 
@@ -94,3 +98,34 @@ def test_a_flight_without_a_pose_says_so_and_why(tmp_path, posed, level, line):
         writer.write('/mambo1/optitrack/pose', serialize_message(PoseStamped()), second)
     writer.close()
     assert natnet.lacking(tmp_path / 'bag') == line.format(tmp_path / 'bag')
+
+
+@pytest.mark.parametrize(('first', 'given', 'words', 'bad'), [
+    (0.05, {}, '', False), (0.66, {}, 't = 0.66 s, about 79 are missing before it', False),
+    (5.5, {}, 'are missing before it; the vehicle leaves the floor at 5 s', True),
+    (5.5, {'reference_node.commands.enabled': True}, 'about 660 are missing before it', False),
+    (5.5, {'estimator_node.joint.pose.enabled': False}, 'about 660 are missing before it', False),
+    (5.5, {'optitrack_node.optitrack.fault': 'lost'}, '', False)])
+def test_poses_that_are_missing_at_the_start_are_said(tmp_path, first, given, words, bad):
+    flight = override(scenario(), {
+        'optitrack_node.optitrack.rate': 120.0, 'estimator_node.joint.pose.enabled': True,
+        **given})
+    writer = BagWriter(tmp_path / 'bag')
+    writer.add_topic('/mambo/optitrack/pose', 'geometry_msgs/msg/PoseStamped')
+    for t in (first, first + 1.0):
+        pose = PoseStamped()
+        pose.header.stamp.sec, pose.header.stamp.nanosec = int(t), round(t % 1.0 * 1e9)
+        writer.write('/mambo/optitrack/pose', serialize_message(pose), round(t * 1e9))
+    writer.close()
+    line, failed = natnet.late(tmp_path / 'bag', flight)
+    assert line.endswith(words) and bool(line) is bool(words) and failed is bad
+
+
+@pytest.mark.parametrize(('address', 'ahead'), [('127.0.0.1', 0), ('239.255.42.99', 1)])
+def test_a_port_in_use_is_told_before_the_start(address, ahead):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind((address, 0))
+        used = one.getsockname()[1]
+        with pytest.raises(InputError, match=f'^--natnet {used - ahead}: UDP port {used} of this'):
+            natnet.check_ports(used - ahead)
+    natnet.check_ports(used - ahead)
