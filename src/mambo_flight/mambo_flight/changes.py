@@ -125,6 +125,19 @@ def by_node(found: list[Change], where: str) -> dict[str, list[Change]]:
     return out
 
 
+def _refuse_two_values(changes: list[Change], where: str) -> None:
+    """Raise ParameterError for a parameter that gets two values in one control step."""
+    step, values = -1, {}
+    for change in changes:
+        k = -(-change.t // STEP_NS)
+        step, values = (k, values) if k == step else (k, {})
+        for name, value in change.values.items():
+            if values.setdefault(name, value) != value:
+                raise schema.ParameterError(
+                    f'{where}: {name}: is set to {schema.shown(values[name])} and '
+                    f'{schema.shown(value)} at t = {change.t * 1e-9:g} s: leave one out')
+
+
 def parameters(reader: ParameterReader, node: yaml.Node) -> dict[str, Place]:
     """
     Return the parameters of the nodes for the key ``changes`` of a scenario file.
@@ -137,6 +150,8 @@ def parameters(reader: ParameterReader, node: yaml.Node) -> dict[str, Place]:
     """
     entries = reader.plain(node, 'changes')
     where = f'{reader.where(node)}: changes'
-    found = by_node(parameter_change.read(entries, where), where)
+    changes = parameter_change.read(entries, where)
+    _refuse_two_values(changes, where)
+    found = by_node(changes, where)
     return {f'{name}.changes': Place(parameter_change.to_text(own), reader.where(node))
             for name, own in found.items()}

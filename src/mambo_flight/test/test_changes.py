@@ -125,6 +125,26 @@ def test_what_is_wrong_in_a_file_is_located(tmp_path, entries, words):
     assert words in str(error.value) and '\n' not in str(error.value)
 
 
+@pytest.mark.parametrize(('second', 'refused'), [
+    ('{time: 1.199, set: {controller_node.cascaded.k_p: 3}}', True),  # of the same step
+    ('{time: 1.2, set: {controller_node.cascaded.k_p: 2.0}}', False),
+    ('{time: 1.2, set: {controller_node.cascaded.K_nu: 3}}', False),
+    ('{time: 1.205, set: {controller_node.cascaded.k_p: 3}}', False)])
+def test_two_values_at_one_time_are_refused(tmp_path, second, refused):
+    path = tmp_path / 'mine.yaml'
+    both = ['{time: 1.2, set: {controller_node.cascaded.k_p: 2}}', second]
+    both.sort()
+    path.write_text(f'title: two\nchanges: [{", ".join(both)}]\n')
+    if not refused:
+        scenario_file.load(str(path))
+        return
+    with pytest.raises(ParameterError) as error:
+        scenario_file.load(str(path))
+    assert str(error.value) == (
+        f'{path}:2: changes: controller_node.cascaded.k_p: is set to 3 and 2 at t = 1.2 s: leave '
+        'one out')
+
+
 def test_a_change_after_the_end_of_the_flight_is_said():
     later = scenario(duration=5.0, overrides={
         'controller_node.changes': '- {time: 5.0, set: {cascaded.k_p: 2.6}}'})
