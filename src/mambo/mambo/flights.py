@@ -203,6 +203,10 @@ def fly(
         dict.fromkeys(values, 'parameters'),
         estimators=[chosen.estimator_node.estimator],
         controllers=[chosen.controller_node.controller])
+    if chosen.reference_node.commands.enabled:
+        unused.refuse_plan({
+            **{name: place.where for name, place in chosen_ones.items()},
+            **dict.fromkeys(values, 'parameters')})
     if not chosen.sim_node.duration > 0.0:
         raise InputError(f'{name}: sim_node.duration must be more than 0 s')
     recording, fault = supervised.fly(chosen, inner=True)

@@ -72,6 +72,14 @@ def test_wrong_input_is_one_line(arguments, what):
     assert what in str(error.value) and '\n' not in str(error.value)
 
 
+def test_what_commands_leave_without_effect_is_refused(tmp_path):
+    file = tmp_path / 'up.yaml'
+    file.write_text('title: up\ncommands: [{time: 1, takeoff: {height: 1.0}}]\n')
+    for given in ({'landing': False}, {'parameters': {'reference_node.plan.scale_rate': 0.5}}):
+        with pytest.raises(mambo.InputError, match='has no effect, as the flight is made by'):
+            mambo.fly(file, **given)
+
+
 def test_a_bag_that_exists_is_not_overwritten(flight, tmp_path):
     flight.save(tmp_path / 'bag')
     with pytest.raises(mambo.InputError, match='exists'):

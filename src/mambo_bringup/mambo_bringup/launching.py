@@ -126,6 +126,8 @@ def _scenario(arguments: Mapping[str, str]) -> scenarios.Scenario:
                   for name, value in course_file.plan(trajectory, room=ROOM).items()}
     if arguments['params_file']:
         written = scenarios.load(Path(arguments['params_file']).expanduser())
+        if trajectory and written.reference_node.commands.enabled:
+            unused.refuse_plan({'trajectory': 'trajectory:='})
         return scenarios.override(written, given)
     flight = scenarios.override(scenarios.scenario(
         duration=0.0, vehicle=arguments['vehicle'] or 'identified'), given)

@@ -67,14 +67,14 @@ def parser() -> Parser:
                      'a file; the options below override it')
     add('--list-scenarios', action='store_true', help='print the experiments and end')
     flight_options.add(out, 'circle', CONTROLLER)
-    add('--mode', default='lockstep', choices=('lockstep', 'realtime'),
+    add('--mode', choices=('lockstep', 'realtime'),
         help='lockstep: as fast as the machine allows, bit-for-bit repeatable (default)')
     add('--speed', type=real(_SPEED['low'], _SPEED['high']), metavar='X',
         help='flight time over wall time, only with --mode realtime (default: 1)')
-    add('--commanded', action='store_true',
+    add('--commanded', action='store_true', default=None,
         help='wait on the floor for commands, such as mambo takeoff, in place of a trajectory; '
              'best with --mode realtime, or with --paused')
-    add('--paused', action='store_true',
+    add('--paused', action='store_true', default=None,
         help='begin paused: mambo step makes single steps, mambo resume goes on')
     add('--composed', action='store_true',
         help='all nodes of a drone in one process (default in lockstep, without --without)')
@@ -116,8 +116,8 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
         name = name if options.scenario else 'commanded'
     flight = flight_options.applied(scenarios.override(flight, {
         **({'sim_node.paused': True} if options.paused else {}),
-        'sim_node.mode': options.mode, 'sim_node.speed': 1.0 if options.speed is None else
-        options.speed}), options)
+        'sim_node.mode': options.mode or 'lockstep',
+        'sim_node.speed': 1.0 if options.speed is None else options.speed}), options)
     if options.speed is not None and flight.sim_node.mode != 'realtime':
         raise schema.ParameterError(
             f'--speed {options.speed:g} needs --mode realtime: lockstep always runs at full speed')

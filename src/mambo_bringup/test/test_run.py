@@ -148,7 +148,14 @@ def test_set_can_be_repeated_and_comes_last():
     (['--vehicle', 'eagle'], "--vehicle: vehicle 'eagle' is un"),
     (['--believed', 'eagle'], 'known: crazyflie'), (['--vehicle', 'no.yaml'], 'No such file'),
     (['--scenario', 'fig_1_1'], 'one of fig_3_3'), (['--scenario', 'no.yaml'], 'No such file'),
-    (['--scenario', 'fig_6_1/third'], 'experiment_old_map')])
+    (['--scenario', 'fig_6_1/third'], 'experiment_old_map'),
+    (['--commanded', '--stretch', '2'], '--stretch: has no effect, as the flight is made by'),
+    (['--commanded', '--no-landing'], '--no-landing: has no effect'),
+    (['--mode', 'realtime', '--set', 'sim_node.mode=lockstep'], 'contradicts --mode realtime'),
+    (['--mode', 'realtime', '--speed', '2', '--set', 'sim_node.speed=3'], '--speed 2.0'),
+    (['--paused', '--set', 'sim_node.paused=false'], 'contradicts --paused'),
+    (['--commanded', '--set', 'reference_node.commands.enabled=false'],
+     'contradicts --commanded')])
 def test_a_wrong_value_gets_one_line_and_exit_code_2(capsys, arguments, last_error):
     with pytest.raises(SystemExit) as end:
         run(*arguments)

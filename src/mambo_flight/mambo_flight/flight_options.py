@@ -26,6 +26,13 @@ from .scenario_file import build_world, FIELDS, load_world, long_enough, Place
 DRONES = whole(1, MOST)
 """Type of an option for the number of drones in one hall."""
 _WORLD = 'world.'
+_SETS = {
+    'trajectory': 'reference_node.plan.trajectory', 'estimator': 'estimator_node.estimator',
+    'controller': 'controller_node.controller', 'duration': 'sim_node.duration',
+    'seed': 'sim_node.simulator.seed', 'noise': 'sim_node.simulator.noise',
+    'landing': 'reference_node.plan.landing_time', 'drones': 'world.drones',
+    'mode': 'sim_node.mode', 'speed': 'sim_node.speed', 'paused': 'sim_node.paused',
+    'commanded': 'reference_node.commands.enabled'}  # by option; None: not given
 
 
 def add(out: Parser, trajectory: str = '', controller: str = '') -> None:
@@ -86,8 +93,13 @@ def _setting(name: str) -> Callable[[str], Any]:
 
 def given(options: argparse.Namespace) -> dict[str, Place]:
     """Return the settings given on the command line, each with its option as its place."""
-    return {name: Place(value, f'--{name}') for name in FIELDS
+    return {name: Place(value, _option(name, value)) for name in FIELDS
             if (value := getattr(options, name, None)) is not None}
+
+
+def _option(name: str, value: Any) -> str:
+    """Return the option that gives a setting a value."""
+    return f'--no-{name}' if value is False else f'--{name}'
 
 
 def timed(options: argparse.Namespace) -> bool:
@@ -111,10 +123,25 @@ def overrides(assignments: list[str]) -> dict[str, Any]:
         name, equals, value = assignment.partition('=')
         if not equals:
             raise schema.ParameterError(f'--set {assignment}: write node.parameter=value')
+        if name.strip() in out:
+            raise schema.ParameterError(
+                f'--set {assignment}: {name.strip()} is set twice: leave one out')
         try:
             out[name.strip()] = scenarios.read_value(value)
         except schema.ParameterError:
             raise schema.ParameterError(f'--set {assignment}: cannot read the value') from None
+    return out
+
+
+def _changed(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the values of ``--set``; ParameterError for one that contradicts an option."""
+    out = overrides(options.set)
+    for name, full in _SETS.items():
+        value = getattr(options, name, None)
+        if value is not None and full in out and out[full] != value:
+            given = _option(name, value) + ('' if isinstance(value, bool) else f' {value}')
+            raise schema.ParameterError(
+                f'--set {full}={out[full]} contradicts {given}: leave one out')
     return out
 
 
@@ -128,7 +155,7 @@ def world(options: argparse.Namespace) -> WorldParams:
         For a value that cannot be set, or one of several drones where there is one.
 
     """
-    values = {name: value for name, value in overrides(options.set).items()
+    values = {name: value for name, value in _changed(options).items()
               if name.startswith(_WORLD)}
     given = next(iter(values), '')
     if options.drones is not None:
@@ -154,12 +181,17 @@ def applied(flight: Scenario, options: argparse.Namespace) -> Scenario:
         For a value that cannot be set, or a course that no speed makes feasible.
 
     """
-    changed = {name: value for name, value in overrides(options.set).items()
+    changed = {name: value for name, value in _changed(options).items()
                if not name.startswith(_WORLD)}
     flight = scenarios.override(flight, changed)
     unused.refuse(
         dict.fromkeys(changed, '--set'), estimators=[flight.estimator_node.estimator],
         controllers=[flight.controller_node.controller])
+    if flight.reference_node.commands.enabled:
+        unused.refuse_plan({
+            **{name: place.where for name, place in given(options).items()},
+            **({} if options.stretch is None else {'stretch': '--stretch'}),
+            **dict.fromkeys(changed, '--set')})
     if options.stretch is None:
         return flight
     plan = flight.reference_node.plan

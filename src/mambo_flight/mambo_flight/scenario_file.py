@@ -230,7 +230,19 @@ def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
          if place.where},
         estimators=[flight.estimator_node.estimator for flight in built.values()],
         controllers=[flight.controller_node.controller for flight in built.values()])
+    _refuse_plans(layers, built)
     return Experiment(Path(path).stem, title, built, world)
+
+
+def _refuse_plans(layers: Mapping[str, _Layer], built: Mapping[str, scenarios.Scenario]) -> None:
+    """Raise ParameterError for what sets the plan of flights that are all made by commands."""
+    places = {name: {key: place.where for key, place in (
+        layer.settings | layer.parameters).items()} for name, layer in layers.items()}
+    commanded = [name for name, flight in built.items() if flight.reference_node.commands.enabled]
+    planned = {place for name in {*places}.difference(commanded) for place in places[name].items()}
+    for name in commanded:
+        unused.refuse_plan(dict(
+            place for place in places[name].items() if place not in planned))
 
 
 def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scenarios.Scenario]:
@@ -259,6 +271,8 @@ def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scena
         known = ', '.join(filter(None, found.flights)) or 'one without a name'
         raise schema.ParameterError(
             f'{experiment}: no flight {schema.shown(flight)}; known: {known}')
+    if found.flights[flight].reference_node.commands.enabled:
+        unused.refuse_plan({key: place.where for key, place in (over or {}).items()})
     return '_'.join(filter(None, (found.name, flight))), found.flights[flight]
 
 

@@ -10,6 +10,8 @@ from mambo_model import schema
 from mambo_sim.world import WorldParams
 
 _KINDS = {'estimator_node': ESTIMATORS, 'controller_node': CONTROLLERS}
+_PLAN = 'reference_node.plan.'
+_PLANNED = ('trajectory', 'takeoff', 'landing', 'stretch')  # what else says how a plan is flown
 _BACKUP = 'cascaded'  # lands a vehicle whose own controller has failed, and has its limits
 _OCCLUSION = ('cameras', 'camera_distance', 'camera_height', 'min_cameras', 'body_radius',
               'body_height')
@@ -94,6 +96,16 @@ def refuse_trajectory(where: str, trajectory: str, world: WorldParams) -> None:
         raise schema.ParameterError(
             f'{where}: {trajectory} has no effect, as the formation is exchange: choose hover, or '
             'another world.formation')
+
+
+def refuse_plan(places: Mapping[str, str]) -> None:
+    """Refuse what sets a flight plan, {name: where}, of a flight that is made by commands."""
+    for name, where in places.items():
+        if name in _PLANNED or name.startswith(_PLAN):
+            what = where if where.strip('-:=').removeprefix('no-') == name else f'{where}: {name}'
+            raise schema.ParameterError(
+                f'{what}: has no effect, as the flight is made by commands: leave it out, or fly '
+                'without them')
 
 
 def refuse_alone(world: WorldParams, where: str) -> None:

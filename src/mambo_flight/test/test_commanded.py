@@ -2,7 +2,7 @@
 
 from mambo_bags.reader import read_bag
 from mambo_control.commanded import script
-from mambo_flight import closed_loop, commanded, recording_to_bag, scenario_file
+from mambo_flight import closed_loop, commanded, fly, recording_to_bag, scenario_file
 from mambo_flight.scenario import override, scenario
 from mambo_model.errors import InputError
 from mambo_model.motion import flight_command as fc
@@ -96,6 +96,46 @@ def test_what_is_wrong_in_a_file_is_located(tmp_path, commands, words):
     with pytest.raises(ParameterError) as error:
         scenario_file.load(str(path))
     assert words in str(error.value) and '\n' not in str(error.value)
+
+
+UP = 'title: up\ncommands: [{time: 1, takeoff: {height: 1.0}}]\n'
+
+
+@pytest.mark.parametrize(('lines', 'words'), [
+    ('trajectory: circle', 'mine.yaml:3: trajectory: has no effect, as the flight is made by'),
+    ('landing: false', 'mine.yaml:3: landing: has no effect'),
+    ('parameters: {reference_node.plan.scale_rate: 0.5}',
+     'mine.yaml:3: reference_node.plan.scale_rate: has no effect')])
+def test_what_sets_a_flight_plan_is_refused(tmp_path, lines, words):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(f'{UP}{lines}\n')
+    with pytest.raises(ParameterError, match=words):
+        scenario_file.load(str(path))
+    path.write_text(f'{UP}duration: 20\nseed: 2\n')
+    assert scenario_file.load(str(path))[1].reference_node.commands.enabled
+
+
+def test_a_flight_plan_of_other_flights_in_the_file_stays(tmp_path):
+    path = tmp_path / 'mine.yaml'
+    path.write_text('title: two\ntrajectory: hover\nflights:\n  still: {}\n'
+                    '  up: {commands: [{time: 1, takeoff: {height: 1.0}}]}\n')
+    asked = {'trajectory': scenario_file.Place('circle', '--trajectory')}
+    found = scenario_file.load(f'{path}:still', asked)[1]
+    assert found.reference_node.plan.trajectory == 'circle'
+    assert scenario_file.load(f'{path}:up')[1].reference_node.commands.enabled
+    with pytest.raises(ParameterError, match='^--trajectory: has no effect, as the flight is'):
+        scenario_file.load(f'{path}:up', asked)
+
+
+@pytest.mark.parametrize('words', [
+    ['--trajectory', 'circle'], ['--stretch', '2'], ['--no-landing'],
+    ['--set', 'reference_node.plan.scale_rate=0.5']])
+def test_an_option_that_commands_leave_without_effect_is_refused(tmp_path, capsys, words):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(UP)
+    assert fly.main([str(path), *words, '--print-scenario']) == 2
+    out, err = capsys.readouterr()
+    assert not out and err.startswith(f'fly: {words[0]}') and 'is made by commands' in err
 
 
 def test_a_vehicle_in_a_hand_takes_no_commands():

@@ -25,7 +25,8 @@ def test_only_what_is_typed_is_a_choice_and_its_place_is_its_option():
     assert given() == {}
     assert given('--controller', 'indi', '--seed', '0', '--no-landing') == {
         'controller': ('indi', '--controller'), 'seed': (0, '--seed'),
-        'landing': (False, '--landing')}
+        'landing': (False, '--no-landing')}
+    assert given('--no-noise')['noise'] == (False, '--no-noise')
     assert given('--duration', '12.5')['duration'] == (12.5, '--duration')
 
 
@@ -42,6 +43,34 @@ def test_parameters_are_set_by_name_with_values_of_their_type():
 def test_a_wrong_assignment_is_named(text, wanted):
     with pytest.raises(ParameterError, match=f'^{wanted}$'):
         flight_options.overrides([text])
+
+
+def test_a_parameter_that_is_set_twice_is_refused():
+    with pytest.raises(ParameterError, match='^--set a.b=2: a.b is set twice: leave one out$'):
+        flight_options.overrides(['a.b=1', 'c.d=1', 'a.b=2'])
+
+
+@pytest.mark.parametrize(('words', 'line'), [
+    (['--duration', '1', '--set', 'sim_node.duration=3'],
+     '--set sim_node.duration=3 contradicts --duration 1.0'),
+    (['--seed', '2', '--set', 'sim_node.simulator.seed=3'], 'contradicts --seed 2'),
+    (['--estimator', 'kalman', '--set', 'estimator_node.estimator=joint'], '--estimator kalman'),
+    (['--controller', 'indi', '--set', 'controller_node.controller=cascaded'], 'contradicts --c'),
+    (['--no-noise', '--set', 'sim_node.simulator.noise=true'], 'contradicts --no-noise:'),
+    (['--no-landing', '--set', 'reference_node.plan.landing_time=20'], 'contradicts --no-landing'),
+    (['--drones', '2', '--set', 'world.drones=3'], 'contradicts --drones 2')])
+def test_an_option_and_a_parameter_that_contradict_are_refused(capsys, words, line):
+    assert fly.main(['--trajectory', 'circle', *words, '--print-scenario']) == 2
+    out, err = capsys.readouterr()
+    assert not out and line in err and err.endswith(': leave one out\n')
+
+
+@pytest.mark.parametrize('words', [
+    ['--duration', '3', '--set', 'sim_node.duration=3'],
+    ['--seed', '3', '--set', 'optitrack_node.seed=4'],
+    ['--vehicle', 'toolbox', '--set', 'sim_node.simulator.vehicle.mass=0.07']])
+def test_a_parameter_that_agrees_with_an_option_or_says_more_is_taken(capsys, words):
+    assert fly.main(['--trajectory', 'circle', *words, '--print-scenario']) == 0
 
 
 def test_a_flight_of_what_is_built_in_has_nothing_to_say():
