@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 import inspect
+import os
 from pathlib import Path
 import tempfile
 from typing import Any, TYPE_CHECKING
@@ -103,7 +104,7 @@ class Flight:
         """
         path = given.path(path, 'path')
         try:
-            there = path.exists()
+            there = os.path.lexists(path)
         except OSError as error:  # too long
             raise InputError(f'path: {error}') from None
         if there:

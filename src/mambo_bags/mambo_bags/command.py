@@ -166,8 +166,8 @@ class Parser(argparse.ArgumentParser):
     def add_json(self) -> None:
         """Add ``--json [FILE]``; see :func:`write_json`."""
         self.add_argument('--json', type=_json_file, nargs='?', const='-', metavar='FILE',
-                          help='write the numbers as JSON; without FILE or with -: print them, '
-                          'and nothing else')
+                          help='write the numbers as JSON, over an older FILE.json; without FILE '
+                          'or with -: print them, and nothing else')
 
     def parse_args(  # type: ignore[override]
         self, args: list[str] | None = None, namespace: argparse.Namespace | None = None,
@@ -245,6 +245,8 @@ class Parser(argparse.ArgumentParser):
         if '\0' in text:  # from a script: no shell can give it
             raise argparse.ArgumentError(
                 action, f'{text!r} has a null character, which no file can have')
+        if not text and (action.type is Path or action.dest in _WRITTEN):
+            raise argparse.ArgumentError(action, "'' is not the name of a file")
         convert = self._registry_get('type', action.type, action.type)
         try:
             return convert(text)
@@ -291,7 +293,7 @@ def refuse_unused(
 
 def refuse_existing(path: Path | None) -> None:
     """Raise InputError if an output path exists, before any work is done."""
-    if path is not None and path.exists():
+    if path is not None and os.path.lexists(path):  # also a link that leads nowhere
         raise InputError(f'{path} exists: give another --output or remove it')
 
 

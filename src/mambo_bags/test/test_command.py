@@ -192,6 +192,17 @@ def test_a_file_that_is_read_is_never_written_over(words, message, tmp_path, cap
     parser.parse_args(['/dev/null', '--csv', '/dev/null', '--out', str(tmp_path)])
 
 
+@pytest.mark.parametrize('words', [
+    ['a', '--output', ''], ['a', 'b', '--json', ''], ['a', 'b', '--csv', ''], ['a', '']])
+def test_an_empty_name_is_refused(line, words, capsys):
+    line.add_argument('--csv', type=Path)
+    with pytest.raises(SystemExit) as ended:
+        line.parse_args(words)
+    err = capsys.readouterr().err
+    assert ended.value.code == 2 and "'' is not the name of a file" in err
+    assert words[-2] in err or words == ['a', '']
+
+
 def test_an_option_without_effect_is_refused(line):
     options = line.parse_args(['a', 'b', '--seed', '3'])
     command.refuse_unused(line, options, ('height', 'mode'), 'nothing flies')
@@ -202,8 +213,11 @@ def test_an_option_without_effect_is_refused(line):
 def test_a_path_to_make_must_be_new(tmp_path):
     command.refuse_existing(None)
     command.refuse_existing(tmp_path / 'new')
-    with pytest.raises(InputError, match='exists: give another --output'):
-        command.refuse_existing(tmp_path)
+    nowhere = tmp_path / 'nowhere'
+    nowhere.symlink_to('gone')
+    for path in (tmp_path, nowhere):
+        with pytest.raises(InputError, match='exists: give another --output'):
+            command.refuse_existing(path)
 
 
 def test_an_error_of_ours_is_not_hidden():

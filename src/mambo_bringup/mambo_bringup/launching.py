@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 import difflib
 import json
+import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -74,7 +75,7 @@ def _recorder(bag: str, topics: str = '') -> list[tuple[str, str, dict[str, obje
     if not bag:
         return []
     path = Path(bag).expanduser().absolute()
-    if path.exists():
+    if os.path.lexists(path):
         raise FlightInputError(f'{path} exists: name another bag or remove it')
     parameters: dict[str, object] = {'bag': str(path)}
     return [(*RECORDER, {**parameters, 'topics': topics} if topics else parameters)]
@@ -175,7 +176,7 @@ def flight(arguments: Mapping[str, str]) -> Flight:
         world_file.check_cameras(drones.hall, drones.flights)
         hall, flown = drones.hall, dict(zip(drones.hall.places, drones.flights, strict=True))
     bag = Path(arguments['bag']).expanduser().absolute() if arguments['bag'] else None
-    if bag and bag.exists():
+    if bag and os.path.lexists(bag):
         raise FlightInputError(f'{bag} exists: name another bag or remove it')
     bags = {name: bag if hall is None else bag / name.strip('/') for name in flown} if bag else {}
     described = arguments['description'] == 'true'

@@ -9,6 +9,7 @@ faster than real time.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from mambo_analysis.compare.compare import compare_replay
@@ -66,7 +67,7 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
         If the user ended it; carries the signal. The output is closed.
 
     """
-    if output.exists():
+    if os.path.lexists(output):
         raise FlightInputError(f'{output} exists: give another --output or remove it')
     recording = read_bag(bag, (*recorded_changes.RECORD, *_STEPS))  # refused here if damaged
     stamps.refuse_wrong(recording, [name for name in _STEPS if name in recording][:1])

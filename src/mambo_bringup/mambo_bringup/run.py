@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+import os
 from pathlib import Path
 import signal
 
 from mambo_analysis.compare.ending import ended_early, ENDINGS
 from mambo_bags.cli.option_types import real, whole
-from mambo_bags.command import guard, Parser, program
+from mambo_bags.command import guard, Parser, program, refuse_existing
 from mambo_bags.reader import read_bag
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
 from mambo_flight import flight_options, scenario as scenarios, scenario_file
@@ -43,7 +44,7 @@ _SPEED = scenarios.LEAVES['sim_node.speed'].metadata
 def _free(folder: Path, name: str) -> Path:
     """Return folder/name, with a number appended if it exists."""
     path, number = folder / name, 2
-    while path.exists():
+    while os.path.lexists(path):
         path, number = folder / f'{name}_{number}', number + 1
     return path
 
@@ -194,6 +195,7 @@ def _fly_and_report(
     hall: Hall | None = None,
 ) -> None:
     """Fly one drone, or several in a hall; print the result of each, and of all."""
+    refuse_existing(options.output)
     bag = options.output or _free(Path('bags'), name)
     if options.natnet:
         natnet.check_ports(options.natnet)

@@ -194,7 +194,17 @@ def test_a_bag_gets_a_name_that_is_free(tmp_path, monkeypatch):
     assert run()[1] == tmp_path / 'bags/circle_joint_seed1_2'
     (tmp_path / 'bags/circle_joint_seed1_2').mkdir()
     assert run()[1] == tmp_path / 'bags/circle_joint_seed1_3'
+    (tmp_path / 'bags/circle_joint_seed1_3').symlink_to('gone')
+    assert run()[1] == tmp_path / 'bags/circle_joint_seed1_4'
     assert run('--output', 'mine')[1] == tmp_path / 'mine'
+
+
+def test_a_link_that_leads_nowhere_is_no_bag_to_create(tmp_path, capsys):
+    (tmp_path / 'bag').symlink_to('gone')
+    with pytest.raises(SystemExit, match='2'):
+        run('--output', str(tmp_path / 'bag'))
+    assert capsys.readouterr().err == (
+        f'run: {tmp_path / "bag"} exists: give another --output or remove it\n')
 
 
 @pytest.mark.parametrize('number, flown, whole, reports', [

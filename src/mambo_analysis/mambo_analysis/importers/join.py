@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import math
+import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -277,7 +278,7 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -
         If the target exists.
 
     """
-    if target.exists():
+    if os.path.lexists(target):
         raise BagWriterError(f'{target} exists: give another --output or remove it')
     bag, other = read_bag(flight), read_bag(mocap, [POSE])
     poses = other.messages(POSE)

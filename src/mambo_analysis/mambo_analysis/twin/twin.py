@@ -174,7 +174,8 @@ def parser() -> Parser:
     out.add_argument('--past', type=real(0.0, 5.0, 's'), default=PAST, metavar='S',
                      help='before a window, in which accelerometer and gyro correct the model; 0: '
                           'not at all (default: %(default)g)')
-    out.add_argument('--html', type=Path, metavar='FILE', help='write a page for a browser')
+    out.add_argument('--html', type=Path, metavar='FILE',
+                     help='write a page for a browser, over an older file')
     out.add_json()
     return out
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from contextlib import ExitStack
+import os
 from pathlib import Path
 import signal
 
@@ -82,7 +83,7 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
 
     """
     for bag in bags.values():
-        if bag.exists():
+        if os.path.lexists(bag):
             raise FlightInputError(f'{bag} exists: give another --output or remove it')
     progress: dict[str, Progress] = {}
     started: dict[str, list[NodeProcess]] = {}

@@ -236,7 +236,7 @@ def parser() -> Parser:
                      default=MIN_HEIGHT, metavar='M',
                      help='leave out samples below this height (default: %(default)s)')
     out.add_argument('--figure', type=Path, metavar='PNG',
-                     help='draw the probabilities and the apparent factor')
+                     help='draw the probabilities and the apparent factor, over an older file')
     out.add_json()
     out.add_argument('--namespace', help='namespace of the drone, if a bag holds several')
     return out
