@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+import re
 import tempfile
 from typing import Any
 
@@ -40,13 +41,17 @@ def sweep(
 
     """
     with tempfile.TemporaryDirectory(prefix='mambo_') as folder:
-        if isinstance(what, Mapping):
-            file = Path(folder) / 'sweep.yaml'
-            file.write_text(_text(what))
-        else:
-            file = given.path(what, 'sweep')
         out = Path(folder) / 'sweep.parquet' if output is None else given.path(output, 'output')
-        return pandas.DataFrame(command.sweep(file, out, ideal, workers))
+        if not isinstance(what, Mapping):
+            return pandas.DataFrame(
+                command.sweep(given.path(what, 'sweep'), out, ideal, workers))
+        file = Path(folder) / 'sweep.yaml'
+        file.write_text(_text(what))
+        try:
+            return pandas.DataFrame(command.sweep(file, out, ideal, workers))
+        except InputError as error:  # the user has not written this file
+            text = re.sub(rf'{re.escape(str(file))}(:\d+)?', 'sweep', str(error))
+            raise type(error)(text.replace(f'{folder}/', '')) from None
 
 
 def _text(what: Mapping[str, Any]) -> str:

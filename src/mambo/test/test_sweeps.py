@@ -28,8 +28,12 @@ def test_a_file_and_its_content_are_the_same_sweep(tmp_path):
 
 @pytest.mark.parametrize('what, message', [
     ({'scenario': 'fig_5_10', 'vary': {'sede': [1]}}, 'sede'), ({'vray': {'seed': [1]}}, 'vray'),
+    ({}, 'sweep: is empty: give vary, what differs'),
+    ({'vary': {'seed': [1, 1]}}, 'sweep: seed: 1 is there 2 times'),
+    ({'scenario': 'no.yaml', 'vary': {'seed': [1]}}, 'no.yaml: No such file'),
     ('no/such.yaml', 'no/such.yaml')])
 def test_wrong_input_is_one_line(what, message):
     with pytest.raises(mambo.InputError) as error:
         mambo.sweep(what)
     assert message in str(error.value) and '\n' not in str(error.value)
+    assert 'mambo_' not in str(error.value)

@@ -222,6 +222,9 @@ def read(path: Path) -> Sweep:
     else:
         reader.learn(root)
         usual = Settings().estimator, Settings().controller
+    if not keys:
+        raise schema.ParameterError(
+            f'{path}: is empty: give vary, what differs from flight to flight, or a scenario')
     settings, axes = {}, ()
     for name, (key, node) in keys.items():
         if name == 'vary':
