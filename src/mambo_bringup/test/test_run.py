@@ -140,6 +140,8 @@ def test_set_can_be_repeated_and_comes_last():
     (['--set', 'sim_node.simulator.vehicle.mass=heavy'], "mass = 'heavy' must be a number"),
     (['--set', 'sim_node.simulator.vehicle.mass='], 'mass = None must be a number'),
     (['--set', 'sim_node.simulator.vehicle.mas=1'], 'did you mean'),
+    (['--set', 'natnet_server_node.data_port=1'],
+     'unknown parameter; known: controller_node.*, estimator_node.*, optitrack_node.*'),
     (['--set', 'sim_node.simulator.noise=0'], 'must be true or false'),
     (['--set', 'sim_node.simulator.seed=1.5'], 'must be a whole number'),
     (['--speed', '2'], '--speed 2 needs --mode realtime'),

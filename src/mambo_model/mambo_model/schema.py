@@ -73,13 +73,21 @@ def unknown(name: str, known: Iterable[str]) -> str:
     """Return the message for an unknown name, with the nearest known names, or all or groups."""
     known = sorted(known)
     name = name if len(name) <= 200 else f'{name[:60]}...'
-    close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+    close = [each for each in difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+             if '.' not in name or _alike(name, each)]
     if close:
         return f"{name}: unknown parameter; did you mean {', '.join(close)}?"
     if len(known) > _FEW:
         known = sorted({first + ('.*' if rest else '') for first, _, rest in (
             each.partition('.') for each in known)})
     return f"{name}: unknown parameter; known: {', '.join(known)}"
+
+
+def _alike(name: str, known: str) -> bool:
+    """Return whether dotted names are alike at one end: in their node, or in what they set."""
+    return any(difflib.SequenceMatcher(None, *ends).ratio() > 0.75 for ends in (
+        (name.partition('.')[0], known.partition('.')[0]),
+        (name.rpartition('.')[2], known.rpartition('.')[2])))
 
 
 def _as_float(value: float) -> float:

@@ -90,6 +90,12 @@ def test_errors_say_where_the_value_came_from(values, message):
 def test_many_known_names_are_listed_by_their_groups():
     many = ['speed', *(f'{group}.x{k}' for group in ('imu', 'wind') for k in range(20))]
     assert schema.unknown('QQ', many) == 'QQ: unknown parameter; known: imu.*, speed, wind.*'
+    # alike by its middle alone: neither its node nor what it sets
+    assert schema.unknown('natnet_server_node.data_port', ['controller_node.dat_prt.k_p']) == (
+        'natnet_server_node.data_port: unknown parameter; known: controller_node.dat_prt.k_p')
+    for name in ('controler_node.cascaded.k_q', 'cascaded.k_p', 'control.cascaded.k_p'):
+        assert schema.unknown(name, ['controller_node.cascaded.k_p']).endswith(
+            'did you mean controller_node.cascaded.k_p?')
     assert schema.unknown('QQ', many[:3]).endswith('known: imu.x0, imu.x1, speed')
 
 
