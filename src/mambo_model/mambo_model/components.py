@@ -10,7 +10,7 @@ several), or by the name of an installed entry point. In a file the parts are ``
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 import copy
 import dataclasses
 import importlib.metadata
@@ -150,9 +150,16 @@ class Registry:
         """Return whether a name is that of a user's component."""
         return name not in self.names
 
-    def find(self, name: str) -> Component | None:
+    def find(self, name: str, offered: Sequence[str] = ()) -> Component | None:
         """
         Return the component of a name, or None for one of ``others``.
+
+        Parameters
+        ----------
+        name
+            Of a component.
+        offered
+            Names that an error lists; empty: :attr:`names`.
 
         Raises
         ------
@@ -167,7 +174,7 @@ class Registry:
         name = absolute(name)
         if name not in self._found:
             try:
-                self._found[name] = self._checked(self._load(name))
+                self._found[name] = self._checked(self._load(name, offered or self.names))
             except MamboError:
                 raise
             except Exception as error:  # what is looked at is a user's and may do anything
@@ -213,7 +220,7 @@ class Registry:
                 f'{where(path, holder)}: has no {", ".join(missing)}; {_article(self.kind)} has '
                 f'{", ".join(PARTS)}')
 
-    def _load(self, name: str) -> Component:
+    def _load(self, name: str, offered: Sequence[str]) -> Component:
         """Load a user's component without checking it."""
         if found := _FILE.fullmatch(name):
             path = Path(found[1])
@@ -231,7 +238,7 @@ class Registry:
                 raise ParameterError(
                     f'{self.kind} {shown(name)} is unknown: give a file (mine.py or mine.py:Name),'
                     f' an installed one (entry point of {self.group}) or one of '
-                    f'{", ".join(self.names)}')
+                    f'{", ".join(offered)}')
             own_file.before_loading(Path(name))
             try:
                 holder = entry.load()

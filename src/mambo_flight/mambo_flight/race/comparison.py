@@ -49,6 +49,8 @@ ENTRANTS = {
 }
 SLOW = ('predictive',)
 """Entrants that are not compiled: in a race only if they are named."""
+NAMES = (*ENTRANTS, *(name for name in REGISTRY.names if name not in ENTRANTS))
+"""Controllers that a race has of its own."""
 
 
 def enter(names: Sequence[str]) -> dict[str, Entrant]:
@@ -58,7 +60,7 @@ def enter(names: Sequence[str]) -> dict[str, Entrant]:
     Parameters
     ----------
     names
-        Keys of :data:`ENTRANTS`, files (``mine.py``, ``mine.py:Name``) or installed
+        Of :data:`NAMES`, files (``mine.py``, ``mine.py:Name``) or installed
         controllers.
 
     Raises
@@ -72,7 +74,7 @@ def enter(names: Sequence[str]) -> dict[str, Entrant]:
         if name in ENTRANTS:
             label, entrant = name, ENTRANTS[name]
         else:
-            found = REGISTRY.find(name)
+            found = REGISTRY.find(name, NAMES)
             title = found.describe() if found.own else 'built-in'
             label, entrant = found.name, Entrant(absolute(name), {}, title)
             if label in ENTRANTS:

@@ -23,7 +23,8 @@ from . import report
 from ..sweep.run import run
 from ..sweep.table import interrupted, Journal
 from .comparison import (
-    Comparison, CONDITIONS, COURSES, enter, Entrant, ENTRANTS, SLOW, STATES, TRUE)
+    Comparison, CONDITIONS, COURSES, enter, Entrant, ENTRANTS, NAMES, SLOW, STATES,
+    TRUE)
 from .timing import step_time
 
 PAGE, NUMBERS = 'controllers.md', 'controllers.json'
@@ -149,8 +150,9 @@ def parser() -> Parser:
         help='add a controller of yours: FILE.py, FILE.py:NAME, or an installed one; '
         'repeatable')
     add('--controllers', metavar='A,B,...',
-        help=f'comma-separated names out of {", ".join(ENTRANTS)} (default: all but '
-        f'{", ".join(SLOW)}, which needs a package of its own and is slow)')
+        help=f'comma-separated names out of {", ".join(NAMES)} (default: all but '
+        f'{", ".join(SLOW)}, which needs a package of its own and is slow, and '
+        f'{", ".join(NAMES[len(ENTRANTS):])})')
     for name, known in (('courses', COURSES), ('conditions', CONDITIONS)):
         add(f'--{name}', metavar='A,B,...', help=f'out of {", ".join(known)}')
     add('--state', metavar='A,B,...',

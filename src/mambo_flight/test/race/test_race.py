@@ -6,6 +6,7 @@ import re
 import signal
 
 from mambo_flight.race import race
+from mambo_flight.race.comparison import NAMES
 from mambo_flight.sweep import table
 import pytest
 
@@ -15,6 +16,7 @@ ROW = {'tracking_rms': 0.01, 'tracking_max': 0.1, 'tracking_final': 0.02, 'satur
 
 @pytest.mark.parametrize('options, message', [
     (['--controllers', 'indi,foo'], "controller 'foo' is unknown: give a file"),
+    (['--controllers', 'foo'], f'or one of {", ".join(NAMES)}'),
     (['--controller', 'none.py'], 'none.py: No such file'),
     (['--courses', ''], '--courses:  is unknown; known: circle, '),
     (['--controllers', ''], "controller '' is unknown"),
@@ -32,6 +34,14 @@ def test_what_cannot_be_flown_is_refused_in_one_line(tmp_path, capsys, options, 
     error = capsys.readouterr().err
     assert end.value.code == 2 and message in error and error.count('\n') == 1
     assert not (tmp_path / 'out').exists()
+
+
+def test_the_help_names_every_controller(capsys):
+    with pytest.raises(SystemExit):
+        race.main(['--help'])
+    text = ' '.join(capsys.readouterr().out.split())
+    assert f'names out of {", ".join(NAMES)} (default: all but predictive' in text
+    assert 'toolbox' in NAMES
 
 
 def test_the_folder_of_a_bag_is_left_alone(tmp_path, capsys):
