@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser
 from mambo_flight import closed_loop, recording_to_bag
-from mambo_flight.accuracy.bound import add_seeds, seeds_of
+from mambo_flight.accuracy.bound import add_seeds, counted, seeds_of
 from mambo_flight.scenario import Scenario, scenario
 from mambo_model.errors import InputError
 from mambo_model.motion.trajectory import TRAJECTORIES
@@ -148,16 +148,18 @@ def _work(options: argparse.Namespace) -> None:
     what = {'trajectory': options.trajectory, 'seconds': options.duration}
     done = stored(options.output, what)
     wanted, left_out = seeds_of(options), []
-    for seed in wanted:
-        if seed in {one.seed for one in done}:
-            continue
-        try:
-            done.append(trial(seed, options.trajectory, options.duration))
-        except IdentifyError as error:
-            left_out.append(f'seed {seed}: {error}')
-        if options.output:
-            write_text(options.output, json.dumps(
-                {'flights': what, 'trials': [one._asdict() for one in done]}) + '\n')
+    flown = {one.seed for one in done} & set(wanted)
+    kept = 'and the same command goes on' if options.output else 'none is kept'
+    with counted(flown, len(wanted), kept=kept):
+        for seed in [seed for seed in wanted if seed not in flown]:
+            try:
+                done.append(trial(seed, options.trajectory, options.duration))
+            except IdentifyError as error:
+                left_out.append(f'seed {seed}: {error}')
+            if options.output:
+                write_text(options.output, json.dumps(
+                    {'flights': what, 'trials': [one._asdict() for one in done]}) + '\n')
+            flown.add(seed)
     print(f'{BASE}, {options.trajectory}, {options.duration:g} s, seeds {wanted[0]} to '
           f'{wanted[-1]}\n' + table(one for one in done if one.seed in wanted))
     print('\n'.join(left_out), end='\n' if left_out else '')

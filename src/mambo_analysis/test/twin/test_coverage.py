@@ -97,6 +97,22 @@ def test_a_command_that_was_ended_goes_on(tmp_path, monkeypatch, capsys):
     assert '1 of 1' in capsys.readouterr().out and seeds == [1, 2, 3, 4]
 
 
+@pytest.mark.parametrize(('words', 'kept'), [
+    ([], 'none is kept'), (['-o'], 'and the same command goes on')])
+def test_an_interrupt_says_how_many_were_flown(tmp_path, monkeypatch, words, kept):
+    fake(monkeypatch, [])
+    assert not words or main(['--seeds', '1', '-o', str(tmp_path / 'held.json')]) == 0
+    quick = coverage.trial
+
+    def third(seed, *about):
+        if seed == 3:
+            raise KeyboardInterrupt
+        return quick(seed, *about)
+    monkeypatch.setattr(coverage, 'trial', third)
+    with pytest.raises(KeyboardInterrupt, match=f'2 of 5 flights were done, {kept}'):
+        main(['--seeds', '5', *words, *([str(tmp_path / 'held.json')] if words else [])])
+
+
 @pytest.mark.parametrize('text', [
     '', '[]', '{"flights": {}}', '{"flights": {}, "trials": [{"seed": "x", "values": {}}]}',
     '{"flights": {}, "trials": [{"seed": 1, "values": {"a": [1, 2]}}]}', '\x00'])

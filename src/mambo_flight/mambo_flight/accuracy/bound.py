@@ -13,9 +13,11 @@ leaves out vibration, which adds some mm/s to an estimate at the time of a sampl
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sized
+from contextlib import contextmanager
 import json
 from pathlib import Path
+import signal
 from typing import Any
 
 from mambo_bags.cli.option_types import SLOPE, whole
@@ -74,6 +76,33 @@ def seeds_of(options: argparse.Namespace) -> range:
     return range(first, first + count)
 
 
+@contextmanager
+def counted(
+    done: Sized, total: int, what: str = 'flights', kept: str = 'none is kept',
+) -> Iterator[None]:
+    """
+    Let an interrupt of the work inside say how much of it was done.
+
+    Parameters
+    ----------
+    done
+        What the work fills, an entry for each flight.
+    total
+        Flights of the work.
+    what
+        Is counted.
+    kept
+        What becomes of them.
+
+    """
+    try:
+        yield
+    except KeyboardInterrupt as end:
+        raise KeyboardInterrupt(
+            end.args[0] if end.args else signal.SIGINT,
+            f'{len(done)} of {total} {what} were done, {kept}') from None
+
+
 def flown_already(options: argparse.Namespace, *others: str) -> list[str]:
     """Return which options that only a scenario takes are given."""
     names = ('seeds', 'first', 'vary', 'slope', *others)
@@ -109,15 +138,16 @@ def compare(options: argparse.Namespace) -> None:
     own, others = [], []
     if options.beside in FIRMWARE:
         crazyflie.bindings()  # what is wrong with them is said before anything is flown
-    for flight, samples in flights_of(options):
-        error = evaluate_recording(flight, samples)
-        if error.start + round(SETTLED / DT) >= len(samples.t):
-            raise InputError(f'{options.scenario}: the flight must last more than {SETTLED:g} s '
-                             'after take-off')
-        own.append(measured(error))
-        if options.beside:
-            others.append(measured_beside(
-                flight, samples, error.start, own[-1], options.beside))
+    with counted(own, 1 if from_bag.is_bag(options.scenario) else len(seeds_of(options))):
+        for flight, samples in flights_of(options):
+            error = evaluate_recording(flight, samples)
+            if error.start + round(SETTLED / DT) >= len(samples.t):
+                raise InputError(f'{options.scenario}: the flight must last more than '
+                                 f'{SETTLED:g} s after take-off')
+            own.append(measured(error))
+            if options.beside:
+                others.append(measured_beside(
+                    flight, samples, error.start, own[-1], options.beside))
     report = summary(own)
     found, text = _data(report), f'{options.scenario}\n{table(report)}'
     if others:

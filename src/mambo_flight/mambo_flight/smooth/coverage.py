@@ -15,7 +15,7 @@ from mambo_bags.command import guard, Parser
 import numpy as np
 
 from .. import closed_loop, offline_replay
-from ..accuracy.bound import add_seeds, flight_of, seeds_of
+from ..accuracy.bound import add_seeds, counted, flight_of, seeds_of
 from ..accuracy.filter_error import evaluate_recording, with_unknowns
 from ..scenario import Scenario
 from .intervals import intervals, middle, Path, path_error, QUANTITIES
@@ -65,9 +65,11 @@ def table(trials: list[Trial]) -> str:
 
 
 def _run(options: argparse.Namespace) -> None:
-    seeds, flight = seeds_of(options), flight_of(options.scenario)
-    print(f'{options.scenario}\n' + table([
-        trial(with_unknowns(flight, seed, True)) for seed in seeds]))
+    seeds, flight, done = seeds_of(options), flight_of(options.scenario), []
+    with counted(done, len(seeds)):
+        for seed in seeds:
+            done.append(trial(with_unknowns(flight, seed, True)))
+    print(f'{options.scenario}\n{table(done)}')
 
 
 def parser() -> Parser:

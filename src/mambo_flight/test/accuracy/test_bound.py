@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+import signal
 import sys
 from types import SimpleNamespace
 
@@ -92,6 +93,20 @@ def test_seeds_are_consecutive_from_the_first(no_flight, capsys):
     assert [flight.seed for flight in no_flight] == [41, 42, 43]
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == 'circle' and lines[-1].startswith('3 flights; mean NIS: ')
+
+
+def test_an_interrupt_says_how_many_were_flown(no_flight, monkeypatch):
+    fly, flown = command.closed_loop.fly, []
+
+    def third(flight):
+        flown.append(flight)
+        if len(flown) == 3:
+            raise KeyboardInterrupt(signal.SIGTERM)
+        return fly(flight)
+    monkeypatch.setattr(command.closed_loop, 'fly', third)
+    with pytest.raises(KeyboardInterrupt) as end:
+        command.main(['circle', '--seeds', '4'])
+    assert end.value.args == (signal.SIGTERM, '2 of 4 flights were done, none is kept')
 
 
 def test_options_choose_what_is_drawn(no_flight, capsys):

@@ -46,6 +46,16 @@ def test_no_flight_is_refused(capsys):
     assert 'coverage: --seeds: 0 must be within 1 to 10000' in capsys.readouterr().err
 
 
+def test_an_interrupt_says_how_many_were_flown(monkeypatch):
+    def trial(flight):
+        if flight.seed == 3:
+            raise KeyboardInterrupt
+        return of_errors(True)
+    monkeypatch.setattr(coverage, 'trial', trial)
+    with pytest.raises(KeyboardInterrupt, match='2 of 5 flights were done, none is kept'):
+        coverage.main(['circle', '--seeds', '5'])
+
+
 def of_errors(held, error=0.01, rms=0.03):
     count = len(QUANTITIES)
     return coverage.Trial((held,) * count, (error,) * count, Path(rms, 2.0 * rms, rms),

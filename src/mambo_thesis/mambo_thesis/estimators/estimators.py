@@ -26,7 +26,7 @@ import tempfile
 from mambo_bags.command import guard, nearest, Parser, write_json
 from mambo_flight.accuracy import crazyflie
 from mambo_flight.accuracy.beside import ESTIMATORS, FIRMWARE
-from mambo_flight.accuracy.bound import add_seeds, seeds_of
+from mambo_flight.accuracy.bound import add_seeds, counted, seeds_of
 from mambo_model.errors import InputError
 from tqdm import tqdm
 
@@ -76,8 +76,11 @@ def chosen(cases: list[Case], patterns: list[str] | None) -> list[Case]:
 def compare(cases: list[Case], seeds: range, others: list[str]) -> dict[str, list[Row]]:
     """Return {section: rows} of some cases."""
     found: dict[str, list[Row]] = {}
-    for case in tqdm(cases, desc='comparing', disable=None, leave=False):
-        found.setdefault(case.section, []).extend(case.rows(seeds, others))
+    done: list[Case] = []
+    with counted(done, len(cases), 'cases'):
+        for case in tqdm(cases, desc='comparing', disable=None, leave=False):
+            found.setdefault(case.section, []).extend(case.rows(seeds, others))
+            done.append(case)
     for name in RECORDED:
         if name in found:
             found[name] += pooled(found[name])

@@ -37,6 +37,15 @@ def test_rows_are_chosen_by_section_or_by_pattern():
         command.chosen(CASES, ['crazyflie'])
 
 
+def test_an_interrupt_says_how_many_cases_were_compared(monkeypatch):
+    def ended(seeds, others):
+        raise KeyboardInterrupt
+    cases = [CASES[0], Case('thesis', 'ended', ended)]
+    monkeypatch.setattr(simulated_rows, 'cases', lambda: cases)
+    with pytest.raises(KeyboardInterrupt, match='1 of 2 cases were done, none is kept'):
+        command.main(['--seeds', '2'])
+
+
 def test_the_command_prints_tables_and_the_decision(no_flight, capsys):
     assert command.main(['--seeds', '2', '--rows', 'faults', '--beside', 'toolbox']) == 0
     text = capsys.readouterr().out
