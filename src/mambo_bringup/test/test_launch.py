@@ -266,6 +266,14 @@ def test_the_parameter_file_comes_before_the_arguments(tmp_path):
                   'reference_node.plan.trajectory': 'hover'})
 
 
+def test_a_trajectory_that_commands_do_not_fly_is_refused(tmp_path):
+    file = tmp_path / 'commanded.yaml'
+    file.write_text('/mambo/reference_node:\n  ros__parameters:\n    commands: {enabled: true}\n')
+    assert flown(params_file=str(file)).reference_node.commands.enabled
+    with pytest.raises(schema.ParameterError, match='^trajectory:=: has no effect, as the flight is'):
+        flown(params_file=str(file), trajectory='circle')
+
+
 def test_the_simulator_is_last_and_waits_for_every_other_node(tmp_path):
     for given, recorded in (({}, False), ({'bag': str(tmp_path / 'new')}, True)):
         *others, last = processes(tmp_path / 'files', **given)
