@@ -270,7 +270,7 @@ def test_a_trajectory_that_commands_do_not_fly_is_refused(tmp_path):
     file = tmp_path / 'commanded.yaml'
     file.write_text('/mambo/reference_node:\n  ros__parameters:\n    commands: {enabled: true}\n')
     assert flown(params_file=str(file)).reference_node.commands.enabled
-    with pytest.raises(schema.ParameterError, match='^trajectory:=: has no effect, as the flight is'):
+    with pytest.raises(schema.ParameterError, match='^trajectory:=: has no effect, as the fl'):
         flown(params_file=str(file), trajectory='circle')
 
 

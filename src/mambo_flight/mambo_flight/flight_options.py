@@ -140,8 +140,8 @@ def _changed(options: argparse.Namespace) -> dict[str, Any]:
         value = getattr(options, name, None)
         if value is not None and full in out and out[full] != value:
             given = _option(name, value) + ('' if isinstance(value, bool) else f' {value}')
-            raise schema.ParameterError(
-                f'--set {full}={out[full]} contradicts {given}: leave one out')
+            asked = next(one for one in options.set if one.partition('=')[0].strip() == full)
+            raise schema.ParameterError(f'--set {asked} contradicts {given}: leave one out')
     return out
 
 

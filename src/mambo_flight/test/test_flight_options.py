@@ -56,7 +56,8 @@ def test_a_parameter_that_is_set_twice_is_refused():
     (['--seed', '2', '--set', 'sim_node.simulator.seed=3'], 'contradicts --seed 2'),
     (['--estimator', 'kalman', '--set', 'estimator_node.estimator=joint'], '--estimator kalman'),
     (['--controller', 'indi', '--set', 'controller_node.controller=cascaded'], 'contradicts --c'),
-    (['--no-noise', '--set', 'sim_node.simulator.noise=true'], 'contradicts --no-noise:'),
+    (['--no-noise', '--set', 'sim_node.simulator.noise=true'],
+     '--set sim_node.simulator.noise=true contradicts --no-noise:'),
     (['--no-landing', '--set', 'reference_node.plan.landing_time=20'], 'contradicts --no-landing'),
     (['--drones', '2', '--set', 'world.drones=3'], 'contradicts --drones 2')])
 def test_an_option_and_a_parameter_that_contradict_are_refused(capsys, words, line):
