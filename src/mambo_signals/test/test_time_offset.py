@@ -183,6 +183,30 @@ def test_a_hover_gives_no_yaw_but_can_be_equalised():
         equalised(t, a, b, 20.0)
 
 
+@pytest.mark.parametrize('seed', range(6))
+def test_a_slow_wander_of_a_hover_gives_no_yaw(seed):
+    """Pushed alike for some seconds, but apart from that at will: few samples are independent."""
+    common, *own = (0.01 * np.column_stack([motion(3 * seed + k, 5.0, 0.7)[1],
+                                            motion(99 + 3 * seed + k, 5.0, 0.7)[1]])[::10]
+                    for k in range(3))
+    a, b = (np.column_stack([common + 0.7 * one, 0.0 * one[:, 0]]) for one in own)
+    with pytest.raises(AlignError, match='too small or too different'):
+        registration(a, b)
+
+
+def test_the_standard_error_of_a_yaw_is_that_of_errors_that_last():
+    """Errors of 2 cm that last 0.25 s beside a path of 1 m: 40 yaws scatter as is said."""
+    t = motion(0)[0][::20]
+    b = np.column_stack([np.sin(t), np.cos(t), 0.0 * t])
+    found = [registration(b + 0.04 * np.column_stack(
+        [motion(100 + 2 * k)[1][::20], motion(101 + 2 * k)[1][::20], 0.0 * t]), b)
+        for k in range(40)]
+    scatter = np.std([one.yaw for one in found])
+    # the RMS of 40 is known to 11 %; a Newey-West estimate with these lags is up to 20 % low
+    assert np.sqrt(np.mean([one.sigma_yaw ** 2 for one in found])) == pytest.approx(
+        scatter, rel=0.4)
+
+
 def test_equalised_paths_agree_at_the_instant_and_drift_elsewhere():
     t = np.arange(0.0, 20.0, 0.01)
     truth = np.column_stack([np.sin(t), np.cos(t), 1.5 + 0.0 * t])

@@ -165,14 +165,17 @@ def _metres(shift: Floats) -> str:
 def _turn(a: Motion, b: Motion) -> tuple[float, str]:
     """Return the yaw rotation [rad] from A to B at its stamps, and how it was found."""
     try:
-        return time_offset.registration(b.position, a.position).yaw, 'by the paths'
+        found = time_offset.registration(b.position, a.position)
+        return found.yaw, ('by the paths, standard error '
+                           f'{math.degrees(found.sigma_yaw):.2f} deg')
     except time_offset.AlignError as error:
         difference = np.radians(
             motion.angles(b.quaternion)[:, 2] - motion.angles(a.quaternion)[:, 2])
         difference = difference[np.isfinite(difference)]
         if not len(difference):
             raise BagError(f'no yaw found: {error}; take yaw out of --align') from None
-        return float(np.angle(np.exp(1j * difference).mean())), 'by the attitudes'
+        return float(np.angle(np.exp(1j * difference).mean())), (
+            'by the attitudes, as the paths are too small or too different to tell it')
 
 
 def _apart(a: Motion, b: Motion) -> str:

@@ -215,6 +215,24 @@ def test_a_turn_that_neither_path_nor_attitude_tells_is_said():
         pair.aligned(still, still, ('yaw',))
 
 
+def test_a_path_too_small_to_tell_the_turn_gives_way_to_the_attitudes():
+    stamps = np.arange(1000) * STEP
+    t = stamps * 1e-9
+    small = 0.01 * np.column_stack([np.sin(t), np.cos(2.0 * t), 0.0 * t])
+    other = 0.01 * np.column_stack([np.sin(t + 0.3), np.cos(2.0 * t + 0.5), 0.0 * t])
+    ahead, left = (np.tile(Rotation.from_euler('z', yaw).as_quat(), (1000, 1))
+                   for yaw in (0.0, 0.2))
+    a, b = motion.Motion('a', stamps, small, ahead), motion.Motion('b', stamps, other, left)
+    found = pair.aligned(a, b, ('yaw',))
+    assert found.turn == pytest.approx(0.2, abs=1e-9)
+    assert 'turned by +11.46 deg (by the attitudes, as the paths are too small' in found.text
+    far = motion.Motion('b', stamps, Rotation.from_euler('z', 0.7).apply(small) + 0.1 * other,
+                        left)
+    found = pair.aligned(a, far, ('yaw',))
+    assert found.turn == pytest.approx(0.7, abs=0.1)
+    assert '(by the paths, standard error ' in found.text
+
+
 class FramedMaker(Maker):
     """Names the frame of a motion capture otherwise than that of an estimate."""
 
