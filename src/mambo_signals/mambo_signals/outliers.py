@@ -10,6 +10,7 @@ have the same assignment, and the assignment of most poses is taken for the corr
 
 from __future__ import annotations
 
+from mambo_bags.mcap_reader import BagError
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -19,6 +20,8 @@ FASTEST_TURN = 35.0  # rad/s, 2000 deg/s: the full scale of the gyros of small d
 FASTEST = 30.0       # m/s
 SAME_TURN = 0.5      # rad, tolerance for one assignment: true rotation during the jumps
 SAME_SHIFT = 0.3     # m, tolerance for one assignment: true motion during the jumps
+MOST = 0.5           # [-] share of jumps or impossible poses, of which the rest is no true motion
+LEAST_POSES = 10     # of which a share of jumps says something
 MAX_ASSIGNMENTS = 100  # a tracker has a few; in noise every pose would make another
 
 
@@ -75,8 +78,43 @@ def impossible(times: Floats, position: Floats, orientation: Floats) -> Bools:
     return np.repeat(np.array(chosen) != int(np.argmax(counts)), lengths)
 
 
+def refuse_most(where: str, times: Floats, position: Floats, orientation: Floats) -> Bools:
+    """
+    Return :func:`impossible`, but refuse a recording that is not usable because of it.
+
+    Poses that all jump a little are all of one assignment, and none of them is impossible alone.
+
+    Parameters
+    ----------
+    where
+        File and topic, for the error.
+    times, position, orientation
+        As of :func:`impossible`.
+
+    Raises
+    ------
+    BagError
+        If more than ``MOST`` of the steps are jumps, or of the poses are impossible.
+
+    """
+    wrong = impossible(times, position, orientation)
+    count = int(wrong.sum())
+    if len(times) >= LEAST_POSES:
+        jumps = len(_jumps(times, position, Rotation.from_quat(orientation)))
+        if jumps > MOST * (len(times) - 1):
+            raise BagError(f'{where}: {jumps} of {len(times) - 1} steps are {_limits()}: wrong '
+                           'times or units')
+    if count > MOST * len(times):
+        raise BagError(f'{where}: {count} of {len(times)} poses are impossible, reached '
+                       f'{_limits()}: mixed-up markers, or wrong times or units')
+    return wrong
+
+
+def _limits() -> str:
+    return f'faster than {np.degrees(FASTEST_TURN):.0f} deg/s or {FASTEST:g} m/s'
+
+
 def describe(name: str, count: int) -> str:
     """Return a line that reports rejected poses."""
-    return (f'{name}: {count} impossible pose{"s" * (count != 1)} left out, reached faster than '
-            f'{np.degrees(FASTEST_TURN):.0f} deg/s or {FASTEST:g} m/s: mixed-up markers, or wrong '
-            'times or units')
+    return (f'{name}: {count} impossible pose{"s" * (count != 1)} left out, reached {_limits()}: '
+            'mixed-up markers, or wrong times or units')

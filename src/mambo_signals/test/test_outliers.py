@@ -1,6 +1,6 @@
 """Poses that no vehicle can have are found, and only those."""
 
-from mambo_bags.reader import read_bag
+from mambo_bags.reader import BagError, read_bag
 from mambo_signals import outliers
 from mambo_signals.motion import read
 import numpy as np
@@ -121,3 +121,26 @@ def test_poses_that_all_jump_are_sorted_in_bounded_time():
         0.01 * np.arange(count), 1e6 * rng.normal(size=(count, 3)),
         Rotation.random(count, rng=0).as_quat())
     assert wrong.sum() == count - 1
+
+
+def test_poses_of_which_most_jump_are_refused_though_none_is_impossible_alone():
+    """Seconds read as ms: each step is a jump below ``SAME_SHIFT``."""
+    turns = np.tile([0.0, 0.0, 0.0, 1.0], (len(T), 1))
+    path = np.column_stack([np.sin(T), 0.0 * T, 0.0 * T])
+    assert not outliers.refuse_most('a.csv: optitrack/pose', T, path, turns).any()
+    assert not outliers.impossible(1e-3 * T, path, turns).any()
+    with pytest.raises(BagError, match='^a.csv: optitrack/pose: 14.. of 1499 steps are faster '
+                                       'than 2005 deg/s or 30 m/s: wrong times or units$'):
+        outliers.refuse_most('a.csv: optitrack/pose', 1e-3 * T, path, turns)
+
+
+def test_a_recording_of_which_more_than_half_is_impossible_is_refused():
+    position, turns = loop(T)[0], rocking(T).as_quat()
+    held = position.copy()
+    for part in range(4):  # four of five parts are elsewhere, each in another place
+        held[300 * part:300 * (part + 1), 0] += 5.0 * (part + 1)
+    with pytest.raises(BagError, match='1200 of 1500 poses are impossible, reached faster'):
+        outliers.refuse_most('a: b', T, held, turns)
+    some = position.copy()
+    some[:700, 0] += 5.0
+    assert outliers.refuse_most('a: b', T, some, turns).sum() == 700

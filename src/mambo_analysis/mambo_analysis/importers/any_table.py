@@ -26,9 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from . import plausible
 from .common import (
-    importer_parser, LONGEST, new_samples, provenance, Publisher, read_source, report, stamps_ns,
-    unused)
+    importer_parser, LONGEST, NAMESPACE, new_samples, provenance, Publisher, read_source, report,
+    stamps_ns, unused)
 from .logs import ulog
 from .logs.named_columns import read_columns
 from .table_file import row_name
@@ -49,10 +50,11 @@ TYPES = {
     'optical_flow': 'mambo_interfaces/msg/OpticalFlow',
     'barometer/pressure': 'sensor_msgs/msg/FluidPressure',
     'motor_pwm': 'mambo_interfaces/msg/MotorPwm', 'battery': 'sensor_msgs/msg/BatteryState'}
+MOTIONS = ('optitrack/pose', 'onboard/odom', 'imu/data_raw')
+"""Topics whose pace tells whether the unit of time is right."""
 REPEATED = 0.01
 """Most rows that may repeat the time before [-]; of more, it is the clock of other rows."""
 LOOSE_NORM = 0.1       # [-] how far from 1 the norm of a quaternion may be
-QUARTER = 0.5 * np.pi + 0.01  # [rad] largest middle Euler angle, with rounding
 RANGE_LIMITS = (0.0, 10.0)  # [m] of a range finder that is not known
 FULL_QUALITY = 255
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
@@ -130,12 +132,12 @@ def _attitude(
     else:
         quantity = topic.quantities['euler']
         angles = _vectors(table, quantity)[usable]
-        wrong = np.flatnonzero(np.abs(angles[:, 1]) > QUARTER)
-        if len(wrong):
-            where = row_name(path, int(np.flatnonzero(usable)[wrong[0]]), mapping.delimiter)
+        steep = plausible.beyond_quarter(angles[:, 1])
+        if steep is not None:
+            where = row_name(path, int(np.flatnonzero(usable)[steep]), mapping.delimiter)
             raise BagError(
                 f'{path}: {where}: the middle one of the Euler angles, column '
-                f'{quantity.columns[1]}, is {angles[wrong[0], 1]:.4g} rad, beyond a quarter turn: '
+                f'{quantity.columns[1]}, is {angles[steep, 1]:.4g} rad, beyond a quarter turn: '
                 'their unit or order is not as the mapping says')
         turns = Rotation.from_euler(quantity.order, angles)
     out[usable] = (world * turns * BODY[topic.body].inv()).as_quat()
@@ -168,6 +170,9 @@ class _Rows:
                 self.notes.append(
                     f'{name}: {int(wrong.sum())} of {len(usable)} rows {what}: left out')
                 usable &= ~wrong
+        if name in MOTIONS:
+            plausible.refuse_pace(f'{self.path}: column {topic.clock.column} of {name}',
+                                  self.times[name][usable])
         if topic.only_changes:
             new = np.zeros(len(usable), bool)
             new[new_samples(values)] = True
@@ -205,7 +210,9 @@ class _Rows:
     def _optitrack_pose(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
         position, turn = self._pose(topic, found, usable)
         rows = np.flatnonzero(usable)
-        wrong = outliers.impossible(self.times['optitrack/pose'][rows], position[rows], turn[rows])
+        wrong = outliers.refuse_most(
+            f'{self.path}: optitrack/pose', self.times['optitrack/pose'][rows], position[rows],
+            turn[rows])
         if wrong.any():
             usable[rows[wrong]] = False
             self.notes.append(outliers.describe('optitrack/pose', int(wrong.sum())))
@@ -319,6 +326,12 @@ def import_table(
             rows.publish(name, out)
         if not any(writer.counts.values()):
             raise BagError(f'{source}: no row has a value of any topic of the mapping')
+        for name in wanted.topics:
+            if not writer.counts[f'{NAMESPACE}/{name}']:
+                why = '; '.join(note for note in rows.notes if note.startswith(f'{name}: '))
+                raise BagError(f'{source}: no row makes a message of {name}: take it out of the '
+                               f'mapping, or mend its columns{" (" * bool(why)}{why}'
+                               f'{")" * bool(why)}')
         return writer.counts, [*rows.notes, *unused(others)]
 
 

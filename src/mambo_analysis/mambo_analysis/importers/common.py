@@ -95,6 +95,21 @@ def quoted(text: str) -> str:
     return repr(text if len(text) <= 60 else f'{text[:57]}...')
 
 
+def number(text: str) -> float:
+    """
+    Return a cell of a table as a number.
+
+    Raises
+    ------
+    ValueError
+        If it is none; so are what Python alone reads, 1_000 and digits that are not ASCII.
+
+    """
+    if '_' in text or not text.isascii():
+        raise ValueError(f'{quoted(text)} is not a number')
+    return float(text)
+
+
 def unused(names: Sequence[str]) -> list[str]:
     """Return a line about unused parts of the source; empty if all was used."""
     shown = [name or 'a column without a name' for name in names]

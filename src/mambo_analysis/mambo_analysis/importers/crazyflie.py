@@ -71,9 +71,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from . import plausible
 from .common import (
-    estimator_parameters, importer_parser, is_sound, LONGEST, new_samples, provenance, Publisher,
-    read_source, refuse_options, report, Source, stamps_ns, unused)
+    estimator_parameters, importer_parser, is_sound, LONGEST, NAMESPACE, new_samples, provenance,
+    Publisher, read_source, refuse_options, report, Source, stamps_ns, unused)
 
 Floats = NDArray[np.float64]
 COUNTS_PER_RADIAN = 10.0 * 35.0 / 0.71674
@@ -187,7 +188,34 @@ def read_log(source: Source) -> Log:
     if not (log.has('w_x', 'w_y', 'w_z') or log.has('gyro.x', 'gyro.y', 'gyro.z')):
         raise BagError(f'{path}: no gyro (ae483log.w_x, w_y, w_z or gyro.x, y, z) with finite '
                        f'values; it has {", ".join(found["drone"]) or "no signals"}')
+    _check(path, log)
     return log
+
+
+def _check(path: Path, log: Log) -> None:
+    """Raise BagError for signals of the drone that are not in the units of the course."""
+    for name in (*USED, *GYRO):
+        if log.has(name):
+            plausible.refuse_pace(f'{path}: {name}', log.drone[name][0])
+    if log.has('w_x', 'w_y', 'w_z'):
+        times = log.drone['w_x'][0]
+        rates = log.at(times, 'w_x', 'w_y', 'w_z')
+        known = np.isfinite(rates).all(axis=1)
+        plausible.refuse_degrees(f'{path}: w_x, w_y, w_z', times[known], rates[known])
+    if log.has('a_z'):
+        plausible.refuse_g(f'{path}: a_z', log.drone['a_z'][1])
+    if log.has('r'):
+        plausible.refuse_ranges(f'{path}: r', log.drone['r'][1])
+    if log.has('theta'):
+        _refuse_steep(path, 'theta', *log.drone['theta'])
+
+
+def _refuse_steep(path: Path, name: str, times: Floats, pitch: Floats) -> None:
+    """Raise BagError for a pitch, (n,) rad, that is beyond a quarter turn."""
+    wrong = plausible.beyond_quarter(pitch)
+    if wrong is not None:
+        raise BagError(f'{path}: {name} is {pitch[wrong]:.4g} rad at {times[wrong]:.3f} s, beyond '
+                       'a quarter turn: give yaw, pitch and roll in rad, in this order')
 
 
 def _mocap(path: Path, found: Any) -> tuple[Floats, int, int]:
@@ -200,8 +228,12 @@ def _mocap(path: Path, found: Any) -> tuple[Floats, int, int]:
     table = np.column_stack([columns[0][0], *(v for _, v in columns)])
     seen = np.isfinite(table).all(axis=1)
     poses = table[seen]
-    wrong = outliers.impossible(
-        poses[:, 0], poses[:, 1:4], np.array(_attitude(poses[:, 4:])).reshape(-1, 4))
+    plausible.refuse_pace(f'{path}: mocap time', poses[:, 0])
+    _refuse_steep(path, 'mocap pitch', poses[:, 0], poses[:, 5])
+    wrong = outliers.refuse_most(
+        f'{path}: mocap', poses[:, 0], poses[:, 1:4],
+        np.array(_attitude(poses[:, 4:])).reshape(-1, 4))
+    plausible.refuse_far(f'{path}: mocap', poses[~wrong, 1:4])
     return poses[~wrong], int((~seen).sum()), int(wrong.sum())
 
 
@@ -498,6 +530,9 @@ def import_crazyflie(
         _publish_onboard(log, out)
         if offset is not None:
             _publish_mocap(log, out, offset)
+        if not writer.counts[f'{NAMESPACE}/imu/data_raw']:
+            raise BagError(f'{source}: the three axes of the gyro are never within {GAP:g} s of '
+                           'each other: check their times, in s')
         return writer.counts, record['import']
 
 

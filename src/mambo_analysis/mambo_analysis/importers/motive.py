@@ -5,8 +5,9 @@ Reads the CSV export of Motive 1.9 to 3.x, format versions 1.2 to 1.29 (docs.opt
 Export: CSV): a line of keys and values about the take, then the type, name and ID of what each
 column belongs to (and its parent, from 1.25), then Rotation or Position, then the axes. A column
 without a name of its own (marker error, time code) is skipped. The columns of one rigid body
-become ``optitrack/pose``; where its markers were lost the cells are empty, and there is no pose.
-Impossible poses are left out (:mod:`mambo_signals.outliers`). Both are counted.
+become ``optitrack/pose``; where its markers were lost the cells are empty, and there is no pose;
+likewise where the quaternion is of zeros. Impossible poses are left out
+(:mod:`mambo_signals.outliers`). All are counted.
 
 Axes
     The file does not say which axis is up. Motive's own is y, with x to the right and z towards
@@ -45,8 +46,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from . import plausible
 from .common import (
-    importer_parser, LARGEST, LONGEST, provenance, Publisher, quoted, read_source, report,
+    importer_parser, LARGEST, LONGEST, number, provenance, Publisher, quoted, read_source, report,
     shortened, Source, stamps_ns, unused)
 
 Floats = NDArray[np.float64]
@@ -56,6 +58,9 @@ UNITS = {'meters': 1.0, 'metres': 1.0, 'centimeters': 0.01, 'millimeters': 0.001
 ORDERS = ('XYZ', 'XZY', 'YXZ', 'YZX', 'ZXY', 'ZYX')
 UP = {'y': Rotation.from_euler('x', 90.0, degrees=True), 'z': Rotation.identity()}
 LOOSE_NORM = 0.01  # [-] how far from 1 a rounded quaternion may be
+KEYS = ('Format Version', 'Coordinate Space', 'Length Units', 'Rotation Type',
+        'Export Frame Rate', 'Capture Frame Rate', 'Total Exported Frames')
+"""Keys of the first line that are used."""
 RATES = (0.01, 1e5)  # [Hz] of a take
 ROUNDED = 6e-4  # [s] half of the last digit of the coarsest time column, and a little
 RATE_ERROR = 0.05
@@ -82,6 +87,8 @@ class Take:
         The first line of the file.
     others
         Names of what else the file holds.
+    zeros
+        How many frames have a quaternion of zeros, no attitude: NaN.
 
     """
 
@@ -91,6 +98,7 @@ class Take:
     body: str
     about: dict[str, str]
     others: list[str]
+    zeros: int = 0
 
     @property
     def seen(self) -> NDArray[np.bool_]:
@@ -110,6 +118,9 @@ def _about(path: Path, row: list[str]) -> dict[str, str]:
         raise BagError(
             f'{path}: no CSV export of Motive (line 1 must begin with "Format Version"; export '
             'with header information)')
+    twice = [key for key in KEYS if cells[::2].count(key) > 1]
+    if twice:
+        raise BagError(f'{path}: line 1 gives {quoted(twice[0])} twice: leave the right one')
     about = dict(zip(cells[::2], cells[1::2]))
     version = about['Format Version'] if 'Format Version' in about else ''
     if not re.fullmatch(r'1\.2\d?', version):
@@ -137,12 +148,18 @@ def _header(path: Path, rows: list[list[str]]) -> tuple[int, dict[str, dict[str,
     types, names, kinds = ([cell.strip().strip('"') for cell in row] + [''] * width
                            for row in (head[0], head[1], head[-1]))
     bodies: dict[str, dict[str, int]] = {}
+    twice: dict[str, list[str]] = {}
     for column in range(2, width):
         name = f'{kinds[column]} {rows[line][column].strip()}'
         if types[column] == 'Rigid Body' and name.startswith(('Rotation ', 'Position ')):
             if name in bodies.setdefault(names[column], {}):
-                raise BagError(f'{path}: two rigid bodies are named {quoted(names[column])}')
+                twice.setdefault(names[column], []).append(name)
             bodies[names[column]][name] = column
+    for body, doubled in twice.items():
+        if len(set(doubled)) == len(bodies[body]):
+            raise BagError(f'{path}: two rigid bodies are named {quoted(body)}')
+        raise BagError(f'{path}: line {line + 1}: rigid body {quoted(body)} has the column '
+                       f'{doubled[0]} twice: the axes are damaged')
     if not bodies:
         raise BagError(f'{path}: no rigid body; export with rigid bodies (rigid body bones) on')
     return line, bodies
@@ -167,18 +184,18 @@ def _choose(path: Path, bodies: dict[str, dict[str, int]], body: str | None) -> 
 def _numbers(path: Path, rows: list[list[str]], line: int, columns: list[int]) -> Floats:
     """Return cells as (n, k), empty ones as NaN."""
     width, out = len(rows[line]), []
-    for number, row in enumerate(rows[line + 1:], line + 2):
+    for count, row in enumerate(rows[line + 1:], line + 2):
         if not any(cell.strip() for cell in row):
             continue
         if len(row) < width or any(cell.strip() for cell in row[width:]):
-            raise BagError(f'{path}: line {number} has {len(row)} cells, not {width}: the file '
+            raise BagError(f'{path}: line {count} has {len(row)} cells, not {width}: the file '
                            'is cut off or damaged')
         try:
-            out.append([float(row[c]) if row[c].strip() else math.nan for c in columns])
+            out.append([number(row[c]) if row[c].strip() else math.nan for c in columns])
         except ValueError:
-            raise BagError(f'{path}: line {number} holds what is no number') from None
+            raise BagError(f'{path}: line {count} holds what is no number') from None
         if any(abs(value) >= LARGEST for value in out[-1]):
-            raise BagError(f'{path}: line {number} holds what is no number')
+            raise BagError(f'{path}: line {count} holds what is no number')
     if not out:
         raise BagError(f'{path}: no frames, only a header')
     return np.array(out)
@@ -189,7 +206,7 @@ def _rates(about: dict[str, str]) -> dict[str, float]:
     out = {}
     for name in ('Export Frame Rate', 'Capture Frame Rate'):
         try:
-            rate = float(about.get(name, ''))
+            rate = number(about.get(name, ''))
         except ValueError:
             continue
         if RATES[0] <= rate <= RATES[1]:
@@ -228,7 +245,7 @@ def _times(
             raise BagError(f'{path}: its {what} do not increase after frame '
                            f'{frames[back[0]]:.0f} ({times[back[0]]:g} s)')
     told = about.get('Total Exported Frames', '')
-    if told.isdecimal() and told.lstrip('0') != str(len(frames)):
+    if told.isascii() and told.isdecimal() and told.lstrip('0') != str(len(frames)):
         raise BagError(f'{path}: it has {len(frames)} of {told[:20]} exported frames: the file is '
                        'cut off')
     rates = _rates(about)
@@ -241,9 +258,14 @@ def _times(
 
 
 def _rotations(path: Path, frames: Floats, angles: Floats, kind: str) -> Floats:
-    """Return x y z w, (n, 4), NaN where an angle is; errors name the number of the frame."""
+    """
+    Return x y z w, (n, 4), NaN where an angle is or all are 0 of a quaternion.
+
+    Errors name the number of the frame.
+    """
     if kind == 'Quaternion':
         norm = np.linalg.norm(angles, axis=1)
+        norm = np.where(norm == 0.0, math.nan, norm)
         wrong = np.flatnonzero(np.abs(norm - 1.0) > LOOSE_NORM)
         if len(wrong):
             raise BagError(f'{path}: the quaternion of frame {frames[wrong[0]]:.0f} has the '
@@ -284,11 +306,13 @@ def read_take(source: Source, body: str | None = None) -> Take:
         raise BagError(f'{path}: rigid body {quoted(name)} lacks the columns {", ".join(missing)}')
     table = _numbers(path, rows, line, [0, 1, *(bodies[name][column] for column in wanted)])
     times = _times(path, rows[line][1], table[:, 0], table[:, 1], about)
+    zeros = turn == 'Quaternion' and int((table[:, 2:-3] == 0.0).all(axis=1).sum())
     take = Take(times, UNITS[about['Length Units'].lower()] * table[:, -3:],
                 _rotations(path, table[:, 0], table[:, 2:-3], turn), name, about,
-                _others(rows, line, name))
+                _others(rows, line, name), int(zeros))
     if not take.seen.any():
-        raise BagError(f'{path}: rigid body {quoted(name)} is never seen')
+        raise BagError(f'{path}: rigid body {quoted(name)} is never seen'
+                       f'{": its quaternions are of zeros" if take.zeros else ""}')
     return take
 
 
@@ -347,11 +371,14 @@ def import_motive(
     file = read_source(source)
     take = read_take(file, body)
     times, position, attitude = poses(take, up, nose)
-    wrong = outliers.impossible(times, position, attitude)
+    wrong = outliers.refuse_most(f'{source}: {TOPIC}', times, position, attitude)
+    plausible.refuse_far(f'{source}: {TOPIC}', position[~wrong])
     frames, lost, impossible = len(take.times), int((~take.seen).sum()), int(wrong.sum())
     times, position, attitude = times[~wrong], position[~wrong], attitude[~wrong]
     notes = [f'{TOPIC}: {lost} of {frames} frames have no pose of {quoted(take.body)} and are '
              'left out'] if lost else []
+    notes += [f'{TOPIC}: {take.zeros} of them have a quaternion of zeros, no attitude'
+              ] if take.zeros else []
     notes += [outliers.describe(TOPIC, impossible)] if impossible else []
     details: dict[str, Any] = {
         'body': take.body, 'up': up, 'nose_rad': nose, 'frames': frames,

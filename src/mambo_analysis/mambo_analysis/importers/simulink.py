@@ -62,6 +62,7 @@ from numpy.typing import NDArray
 
 from .common import is_sound, LONGEST, new_samples, Publisher, shortened, stamps_ns
 from .mat_file import logged, Signal
+from .plausible import tilt_of, TILTS
 from .simulink_names import by_map, by_name, Column, LAYOUTS, near, QUANTITIES, TOOLBOX_FLOW
 
 Floats = NDArray[np.float64]
@@ -69,8 +70,6 @@ STEP = 0.005  # [s]
 MOTOR_SIGNS = (1.0, -1.0, 1.0, -1.0)
 NO_FLOW = -99.0  # where there is none
 OUTSIDE = 1.0  # [s] by which a signal may be outside of the inertial sensors' time
-WINDOW = 4.0  # [s] over which the integral of a gyro is taken
-TILTS = (0.25, 1.0)  # [rad] RMS that rad/s stays below and deg/s above
 STANDARD_GRAVITY = (7.0, 13.0)  # [m/s^2] median length of a specific force
 TOPICS = {
     'imu': ('imu/data_raw', 'sensor_msgs/msg/Imu'),
@@ -330,33 +329,6 @@ class _Reader:
         biases = np.median(found[1], axis=0)
         biases[3:] *= self.gyro_factor
         return biases
-
-
-def tilt_of(times: Floats, rates: Floats) -> float:
-    """
-    Return the integrated gyro about x and y, minus a line through each 4 s.
-
-    Parameters
-    ----------
-    times : (n,) s
-    rates : (n, 2)
-        In any unit.
-
-    Returns
-    -------
-    The largest RMS of a window, in the unit times s.
-
-    """
-    angle = np.cumsum(rates * np.gradient(times)[:, None], axis=0)
-    largest, begin = 0.0, float(times[0])
-    while begin < times[-1]:
-        part = (times >= begin) & (times < begin + WINDOW)
-        if part.sum() > 2:
-            line = np.column_stack([times[part] - begin, np.ones(int(part.sum()))])
-            left = angle[part] - line @ np.linalg.lstsq(line, angle[part], rcond=None)[0]
-            largest = max(largest, float(np.sqrt(np.mean(left**2))))
-        begin += 0.5 * WINDOW
-    return largest
 
 
 def is_package_log(found: Mapping[str, Any], mapped: bool) -> bool:

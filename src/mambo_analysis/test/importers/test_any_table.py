@@ -402,6 +402,53 @@ def test_a_table_without_any_value_makes_no_bag(tmp_path, capsys):
     assert not (tmp_path / 'bag').exists()
 
 
+@pytest.mark.parametrize('unit, factor, text', [
+    ('ms', 10.0, '49 of 49 steps are faster than 2005 deg/s or 30 m/s: wrong times or units'),
+    ('s', 1e3, 'column t of optitrack/pose: its samples are 10 s apart'),
+    ('ms', 1e6, 'column t of optitrack/pose: its samples are 10 s apart')])
+def test_times_in_another_unit_than_the_mapping_says_are_refused(
+        tmp_path, capsys, unit, factor, text):
+    data = frame()
+    data['t'] = factor * TIMES
+    data['x'] += 100.0 * np.sin(10.0 * TIMES)
+    source, mapping = files(tmp_path, data, unit=unit)
+    assert main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)]) == 2
+    said = capsys.readouterr().err
+    assert text in said and said.count('\n') == 1
+    assert not (tmp_path / 'bag').exists()
+
+
+def test_inertial_sensors_alone_with_seconds_read_as_milliseconds_are_refused(tmp_path, capsys):
+    text = MAP[:MAP.index('  optitrack')] + MAP[MAP.index('  imu/data_raw'):]
+    data = frame()
+    data['t'] = TIMES
+    source, mapping = files(tmp_path, data, unit='ms', text=text)
+    assert main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)]) == 2
+    assert 'column t of imu/data_raw: its samples are 1e-05 s apart' in capsys.readouterr().err
+
+
+def test_millimetres_that_are_mapped_as_metres_are_refused(tmp_path, capsys):
+    data = frame()
+    data[['x', 'y', 'z']] *= 1e3
+    source, mapping = files(tmp_path, data)
+    assert main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)]) == 2
+    assert 'optitrack/pose: 49 of 49 steps are faster' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('columns, value, why', [
+    (['qw', 'qx', 'qy', 'qz'], 0.0, '50 of 50 rows have a quaternion of zeros'),
+    (['x'], np.nan, '50 of 50 rows lack a value in x')])
+def test_a_topic_without_a_message_is_refused(tmp_path, capsys, columns, value, why):
+    data = frame()
+    data[columns] = value
+    source, mapping = files(tmp_path, data)
+    assert main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)]) == 2
+    said = capsys.readouterr().err
+    assert 'no row makes a message of optitrack/pose: take it out of the mapping' in said
+    assert why in said and said.count('\n') == 1
+    assert not (tmp_path / 'bag').exists()
+
+
 def test_a_target_that_exists_is_not_touched(tmp_path, capsys):
     source, mapping = files(tmp_path, sensors(), text=SENSORS)
     (tmp_path / 'bag').mkdir()

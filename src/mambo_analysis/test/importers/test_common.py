@@ -100,3 +100,14 @@ def test_the_command_line_of_an_importer_reads_a_file_and_creates_a_bag(capsys):
     with pytest.raises(SystemExit):
         parser.parse_args(['x.log'])
     assert '-o/--output is missing' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('text', ['1.5', ' -2e3 ', '0'])
+def test_a_cell_is_a_number(text):
+    assert common.number(text) == float(text)
+
+
+@pytest.mark.parametrize('text', ['1_0.5', '\u0661\u0662', 'one', ''])
+def test_what_python_alone_reads_is_no_number(text):
+    with pytest.raises(ValueError):
+        common.number(text)

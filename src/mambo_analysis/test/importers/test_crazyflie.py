@@ -352,6 +352,44 @@ def test_malformed_signals_are_named(tmp_path, capsys):
     refuse(save(tmp_path / 'bad.json', log), tmp_path, capsys, 'give --mocap-offset SECONDS')
 
 
+def scaled(names, factor, part='drone', what='data'):
+    """Return a flight of which some signals are in another unit."""
+    log = flight()
+    for name in names:
+        if part == 'mocap':
+            log[part][name] = (factor * np.array(log[part][name])).tolist()
+        else:
+            entry = log[part][f'ae483log.{name}']
+            entry[what] = (factor * np.array(entry[what])).tolist()
+    return log
+
+
+DEGREES = np.degrees(1.0)
+
+
+@pytest.mark.parametrize('log, text', [
+    (scaled(['yaw', 'pitch', 'roll'], DEGREES, 'mocap'),
+     'mocap pitch is 11.46 rad at 1000.000 s, beyond a quarter turn'),
+    (scaled(['psi', 'theta', 'phi'], DEGREES), 'theta is 11.46 rad at 10.000 s, beyond'),
+    (scaled(['w_x', 'w_y', 'w_z'], DEGREES), 'w_x, w_y, w_z: the gyro turns by up to 859'),
+    (scaled(['a_z'], 1.0 / 9.81), 'a_z: the accelerometer has a median of z of 1, not 9.8'),
+    (scaled(['r'], 1e3), 'r: 1496 of 2000 ranges are beyond 40 m, up to'),
+    (scaled(['w_x', 'w_y', 'w_z'], 1e3, what='time'), 'w_x: its samples are 10 s apart'),
+    (scaled(['p_x'], 1e3, what='time'), 'p_x: its samples are 10 s apart'),
+    (scaled(['time'], 1e3, 'mocap'), 'mocap time: its samples are 10 s apart'),
+    (scaled(['x', 'y', 'z'], 1e6, 'mocap'), 'mocap: 1989 of 1989 steps are faster than')])
+def test_signals_in_another_unit_are_refused(log, text, tmp_path, capsys):
+    refuse(save(tmp_path / 'log.json', log), tmp_path, capsys, text)
+
+
+def test_a_gyro_whose_axes_never_meet_is_refused(tmp_path, capsys):
+    log = flight()
+    entry = log['drone']['ae483log.w_z']
+    entry['time'] = (np.array(entry['time']) + 100.0).tolist()
+    refuse(save(tmp_path / 'log.json', log), tmp_path, capsys,
+           'the three axes of the gyro are never within 0.05 s of each other')
+
+
 def test_an_existing_bag_is_never_overwritten(tmp_path, capsys):
     (tmp_path / 'out').mkdir()
     assert main([str(save(tmp_path / 'log.json')), str(tmp_path / 'out')]) == 2

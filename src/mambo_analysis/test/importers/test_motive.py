@@ -156,6 +156,37 @@ def test_impossible_poses_are_left_out(tmp_path):
     assert bag.metadata['import']['poses_impossible'] == '1'
 
 
+def test_frames_with_a_quaternion_of_zeros_are_left_out_and_counted(tmp_path, capsys):
+    def zeroed(frames):
+        def change(lines):
+            rows = [line.split(',') for line in lines[7:]]
+            return [*lines[:7], *(','.join(
+                [*row[:2], *(['0.0'] * 4 if k in frames else row[2:6]), *row[6:]])
+                for k, row in enumerate(rows))]
+        return change
+    counts, notes = import_motive(take(
+        tmp_path / 'take.csv', markers=False, change=zeroed({5, 7}), lost=(9,)), tmp_path / 'bag')
+    assert counts == {'/mambo/optitrack/pose': N - 3}
+    assert notes == [
+        "optitrack/pose: 3 of 60 frames have no pose of 'Rigid Body 1' and are left out",
+        'optitrack/pose: 2 of them have a quaternion of zeros, no attitude']
+    refuse(take(tmp_path / 'none.csv', change=zeroed(range(N))), tmp_path, capsys,
+           "'Rigid Body 1' is never seen: its quaternions are of zeros")
+
+
+def test_millimetres_that_are_called_metres_are_refused(tmp_path, capsys):
+    refuse(take(tmp_path / 'mm.csv', scale=1000.0), tmp_path, capsys,
+           'optitrack/pose: 59 of 59 steps are faster than 2005 deg/s or 30 m/s')
+
+
+def test_positions_beyond_a_hall_are_refused(tmp_path, capsys):
+    def change(lines):
+        rows = [line.split(',') for line in lines[7:]]
+        return [*lines[:7], *(','.join([*row[:6], '1e9', *row[7:]]) for row in rows)]
+    refuse(take(tmp_path / 'far.csv', change=change), tmp_path, capsys,
+           'a position is 1e+09 m from the origin, more than 10000 m')
+
+
 def test_a_sound_take_is_whole_and_nothing_is_said_about_its_poses(tmp_path):
     counts, notes = import_motive(take(tmp_path / 'take.csv', markers=False), tmp_path / 'bag')
     assert counts == {'/mambo/optitrack/pose': N} and not notes
@@ -251,6 +282,13 @@ def times(factor):
     (times(1.03), None),  # a nominal rate
     (swap('9.000000', 'nine'), None), (swap('1.000000', 'one'), 'what is no number'),
     (swap('1.000000', 'inf'), 'what is no number'),
+    (swap('1.000000', '1_0.5'), 'line 8 holds what is no number'),
+    (swap('1.000000', '\u0661\u0662'), 'line 8 holds what is no number'),
+    (lambda lines: [lines[0] + ',Length Units,Millimeters', *lines[1:]],
+     "line 1 gives 'Length Units' twice: leave the right one"),
+    (lambda lines: [lines[0] + ',Rotation Type,XYZ', *lines[1:]],
+     "line 1 gives 'Rotation Type' twice"),
+    (swap(',Y,', ',X,'), "rigid body 'Rigid Body 1' has the column Rotation X twice"),
     (swap('Rigid Body,', 'Bone,', 99), 'no rigid body; export with rigid bodies'),
     (swap('Rotation,', 'Turning,', 4), 'lacks the columns Rotation X')])
 def test_what_is_no_sound_take_is_named_in_one_line(tmp_path, capsys, change, text):

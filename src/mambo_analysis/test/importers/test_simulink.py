@@ -6,7 +6,6 @@ import math
 from mambo_analysis.compare.estimate import again, parameters
 from mambo_analysis.importers.mat_file import variables
 from mambo_analysis.importers.minidrone import import_minidrone, main
-from mambo_analysis.importers.simulink import tilt_of
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import read_bag
 from mambo_estimation.joint.joint_parameters import JointParams
@@ -222,14 +221,6 @@ def test_a_gyro_in_degrees_is_found_out_or_told(flight, tmp_path, capsys):
     (tmp_path / 'between').mkdir()
     between = refused(tmp_path / 'between', capsys, scopes(flight, gyro_unit=8.0))
     assert 'is not told by its integral' in between and 'give --gyro-unit' in between
-
-
-def test_the_integral_of_a_gyro_has_the_size_of_its_unit():
-    t = np.arange(0.0, 20.0, STEP)
-    tilt = np.column_stack([0.05 * np.sin(4.0 * t), 0.02 * t])  # rad; the second is a bias
-    rates = np.gradient(tilt, STEP, axis=0) + 3.0
-    assert tilt_of(t, rates) == pytest.approx(0.05 / 2.0, rel=0.15)
-    assert tilt_of(t, np.degrees(rates)) == pytest.approx(57.3 * tilt_of(t, rates), rel=1e-3)
 
 
 @pytest.mark.parametrize('change, wanted', [

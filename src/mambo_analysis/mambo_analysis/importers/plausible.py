@@ -1,0 +1,119 @@
+"""Whether numbers can be those of a small drone in these units: checks that importers share."""
+
+from __future__ import annotations
+
+from mambo_bags.mcap_reader import BagError
+from mambo_signals.outliers import FASTEST_TURN
+from mambo_signals.stamps import LONGEST_GAP
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+LONGEST_STEP = LONGEST_GAP  # [s] of most samples of a motion: what is slower shows no flight
+FASTEST_RATE = 4e4  # [Hz] on average; inertial sensors are read at 32 kHz at most
+WINDOW = 4.0  # [s] over which the integral of a gyro is taken
+TILTS = (0.25, 1.0)  # [rad] RMS that rad/s stays below and deg/s above
+IN_G = (0.8, 1.2)  # median of an acceleration in g
+NEVER = 5.0  # what it stays below in g, and passes in m/s^2 whenever the drone is upright
+QUARTER = 0.5 * np.pi + 0.01  # [rad] largest middle Euler angle, with rounding
+FARTHEST = 1e4  # [m] from the origin of a motion capture: a hall, or a field with cameras
+FARTHEST_RANGE = 40.0  # [m]; a range in mm that fits in 16 bits is below 32.8 m
+FEW = 0.01  # [-] share of values that may be damaged
+
+
+def refuse_pace(where: str, times: Floats) -> None:
+    """
+    Refuse times, (n,) s, ascending, between which no motion can be seen, or that nothing measures.
+
+    Raises
+    ------
+    BagError
+        If half of them are more than ``LONGEST_STEP`` apart, or their mean rate is above
+        ``FASTEST_RATE``.
+
+    """
+    if len(times) < 3:
+        return
+    usual, mean = float(np.median(np.diff(times))), float(np.ptp(times)) / (len(times) - 1)
+    if usual > LONGEST_STEP:
+        raise BagError(f'{where}: its samples are {usual:.3g} s apart, of a motion at most '
+                       f'{LONGEST_STEP:g} s: give its times in the right unit')
+    if mean * FASTEST_RATE < 1.0:
+        raise BagError(f'{where}: its samples are {mean:.3g} s apart, {1.0 / mean:.3g} in a '
+                       'second: give its times in the right unit')
+
+
+def refuse_far(where: str, position: Floats) -> None:
+    """Refuse positions of a motion capture, (n, 3) m, of which one is beyond ``FARTHEST``."""
+    largest = float(np.abs(position).max(initial=0.0))
+    if largest > FARTHEST:
+        raise BagError(f'{where}: a position is {largest:.3g} m from the origin, more than '
+                       f'{FARTHEST:g} m: check its unit and its cells')
+
+
+def beyond_quarter(middle: Floats) -> int | None:
+    """Return the index of the first middle Euler angle, (n,) rad, that cannot be; None without."""
+    wrong = np.flatnonzero(np.abs(middle) > QUARTER)
+    return int(wrong[0]) if len(wrong) else None
+
+
+def refuse_degrees(where: str, times: Floats, rates: Floats) -> None:
+    """
+    Refuse a gyro, (n, 3), in deg/s instead of rad/s.
+
+    It turns faster than any gyro of a small drone measures, which alone a crash or a damaged
+    value may show, and its integral is a tilt that no flight without flips has. Five real flights
+    have one of 0.03 to 0.05 rad.
+    """
+    if len(times) < 3:
+        return
+    fastest, tilt = float(np.abs(rates).max()), tilt_of(times, rates[:, :2])
+    if fastest > FASTEST_TURN and tilt > TILTS[1]:
+        raise BagError(f'{where}: the gyro turns by up to {fastest:.4g} rad/s, and its integral '
+                       f'is a tilt of {tilt:.3g} rad RMS: is it in deg/s? give it in rad/s')
+
+
+def refuse_g(where: str, upward: Floats) -> None:
+    """Refuse an acceleration along z, (n,), that is in g instead of m/s^2 throughout."""
+    if not len(upward):
+        return
+    usual, most = np.percentile(upward, [50.0, 99.0])
+    if IN_G[0] < usual < IN_G[1] and most < NEVER:
+        raise BagError(f'{where}: the accelerometer has a median of z of {usual:.3g}, not 9.8 '
+                       'm/s^2: is it in g? give it in m/s^2')
+
+
+def refuse_ranges(where: str, ranges: Floats) -> None:
+    """Refuse ranges, (n,), of which more than ``FEW`` are beyond ``FARTHEST_RANGE``."""
+    far = ranges > FARTHEST_RANGE
+    if far.sum() > FEW * len(ranges):
+        raise BagError(f'{where}: {int(far.sum())} of {len(ranges)} ranges are beyond '
+                       f'{FARTHEST_RANGE:g} m, up to {ranges.max():.4g} m: are they in mm? give '
+                       'them in m')
+
+
+def tilt_of(times: Floats, rates: Floats) -> float:
+    """
+    Return the integrated gyro about x and y, minus a line through each 4 s.
+
+    Parameters
+    ----------
+    times : (n,) s
+    rates : (n, 2)
+        In any unit.
+
+    Returns
+    -------
+    The largest RMS of a window, in the unit times s.
+
+    """
+    angle = np.cumsum(rates * np.gradient(times)[:, None], axis=0)
+    largest, begin = 0.0, float(times[0])
+    while begin < times[-1]:
+        part = (times >= begin) & (times < begin + WINDOW)
+        if part.sum() > 2:
+            line = np.column_stack([times[part] - begin, np.ones(int(part.sum()))])
+            left = angle[part] - line @ np.linalg.lstsq(line, angle[part], rcond=None)[0]
+            largest = max(largest, float(np.sqrt(np.mean(left**2))))
+        begin += 0.5 * WINDOW
+    return largest

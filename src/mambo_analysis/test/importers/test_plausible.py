@@ -1,0 +1,81 @@
+"""Numbers of a small drone pass in their units, and no others."""
+
+from mambo_analysis.importers import plausible
+from mambo_analysis.importers.plausible import tilt_of
+from mambo_bags.reader import BagError
+import numpy as np
+import pytest
+
+STEP = 0.005
+T = np.arange(0.0, 20.0, STEP)
+RATES = np.column_stack([0.4 * np.cos(4.0 * T), 0.8 * np.sin(3.0 * T), 0.1 * T])
+
+
+def test_the_integral_of_a_gyro_has_the_size_of_its_unit():
+    t = np.arange(0.0, 20.0, STEP)
+    tilt = np.column_stack([0.05 * np.sin(4.0 * t), 0.02 * t])  # rad; the second is a bias
+    rates = np.gradient(tilt, STEP, axis=0) + 3.0
+    assert tilt_of(t, rates) == pytest.approx(0.05 / 2.0, rel=0.15)
+    assert tilt_of(t, np.degrees(rates)) == pytest.approx(57.3 * tilt_of(t, rates), rel=1e-3)
+
+
+def test_a_gyro_in_degrees_is_refused_and_flips_in_radians_are_not():
+    plausible.refuse_degrees('log: gyro', T, RATES)
+    flips = np.where((T % 5.0 < 0.5)[:, None], [4.0 * np.pi, 0.0, 0.0], RATES)
+    plausible.refuse_degrees('log: gyro', T, flips)
+    crash = RATES.copy()
+    crash[100] = 60.0
+    plausible.refuse_degrees('log: gyro', T, crash)
+    plausible.refuse_degrees('log: gyro', T[:2], np.degrees(RATES[:2]))
+    with pytest.raises(BagError, match='^log: gyro: the gyro turns by up to 114.6 rad/s.*deg/s'):
+        plausible.refuse_degrees('log: gyro', T, np.degrees(RATES))
+
+
+def test_an_acceleration_in_g_is_refused_and_one_of_a_drone_on_its_side_is_not():
+    noise = 0.05 * np.sin(T)
+    plausible.refuse_g('log: a_z', 9.81 * (1.0 + noise))
+    plausible.refuse_g('log: a_z', np.empty(0))
+    plausible.refuse_g('log: a_z', np.where(T < 1.0, 9.81, 1.0))  # for the rest of the time
+    with pytest.raises(BagError, match='^log: a_z: .* not 9.8 m/s.2: is it in g?'):
+        plausible.refuse_g('log: a_z', 1.0 + noise)
+
+
+def test_ranges_in_millimetres_are_refused_and_the_largest_of_16_bits_are_not():
+    plausible.refuse_ranges('log: r', np.where(T < 15.0, 32.767, 0.5))
+    plausible.refuse_ranges('log: r', np.where(T < 0.1, 5e4, 0.5))
+    plausible.refuse_ranges('log: r', np.empty(0))
+    with pytest.raises(BagError, match='^log: r: 3000 of 4000 ranges .* up to 500 m: are they in'):
+        plausible.refuse_ranges('log: r', np.where(T < 15.0, 500.0, 20.0))
+
+
+@pytest.mark.parametrize('step', [1.0, 0.01, 1.0 / 32000.0])
+def test_every_pace_of_a_sensor_passes(step):
+    plausible.refuse_pace('log: t', step * np.arange(50))
+    plausible.refuse_pace('log: t', step * np.append(np.arange(50), 1e6))  # one gap
+
+
+@pytest.mark.parametrize('step', [10.0, 1.1, 1e-5])
+def test_a_pace_that_no_sensor_has_is_refused(step):
+    with pytest.raises(BagError, match=f'^log: t: its samples are {step:.3g} s apart'):
+        plausible.refuse_pace('log: t', step * np.arange(50))
+    plausible.refuse_pace('log: t', step * np.arange(2))  # too few to tell
+
+
+def test_stamps_in_bursts_have_the_pace_of_their_mean():
+    plausible.refuse_pace('log: t', np.repeat(0.05 * np.arange(20), 5) + np.tile(
+        1e-5 * np.arange(5), 20))
+
+
+def test_a_hall_is_not_ten_kilometres_wide():
+    position = np.zeros((9, 3))
+    plausible.refuse_far('log: p', position[:0])
+    position[4, 1] = -9e3
+    plausible.refuse_far('log: p', position)
+    position[4, 1] = -1.1e4
+    with pytest.raises(BagError, match='^log: p: a position is 1.1e[+]04 m from the origin'):
+        plausible.refuse_far('log: p', position)
+
+
+def test_a_middle_angle_beyond_a_quarter_turn_is_found():
+    assert plausible.beyond_quarter(np.array([0.0, 0.5 * np.pi, -1.58])) is None
+    assert plausible.beyond_quarter(np.array([0.0, -1.6, 90.0])) == 1
