@@ -54,6 +54,24 @@ def going_back(bag: Bag, topics: Collection[str] | None = None) -> list[str]:
     return out
 
 
+def repeated(bag: Bag, topics: Collection[str] | None = None) -> list[str]:
+    """
+    Return the topics with messages that have the stamp of another, one line each.
+
+    Of a motion only the first of them is used (:func:`mambo_signals.motion.read`). Parameters as
+    of :func:`below_zero`.
+
+    """
+    out = []
+    for messages in _chosen(bag, topics):
+        stamps = _of(messages)
+        again = len(stamps) - len(np.unique(stamps))
+        if again:
+            out.append(f'{messages.topic}: {again} of {len(stamps)} messages repeat the stamp of '
+                       'another: the first of each is used')
+    return out
+
+
 def wrong(bag: Bag, topics: Collection[str] | None = None) -> list[str]:
     """Return the lines of :func:`below_zero` and of :func:`going_back`."""
     return [*below_zero(bag, topics), *going_back(bag, topics)]

@@ -73,3 +73,10 @@ def test_a_bag_is_refused_for_the_topics_that_are_needed(tmp_path):
     stamps.refuse_wrong(bag, ['estimate/odom'])
     with pytest.raises(BagError, match=f'{bag.path}: /mambo/{IMU}: stamps go back, first from'):
         stamps.refuse_wrong(bag)
+
+
+def test_messages_that_repeat_a_stamp_are_counted(tmp_path):
+    bag = bag_of(tmp_path / 'bag', [0, 0, 1, 0, 1, 0])
+    assert stamps.repeated(bag) == [
+        f'/mambo/{IMU}: 2 of 6 messages repeat the stamp of another: the first of each is used']
+    assert stamps.repeated(bag, [TICK, 'estimate/odom']) == []

@@ -188,7 +188,8 @@ def compare(bag: Bag) -> dict[str, Any]:
 
     """
     check_types(bag)
-    parts, notes = phases(bag), [*refused_messages(bag), *stamps.doubtful(bag)]
+    parts, notes = phases(bag), [
+        *refused_messages(bag), *stamps.doubtful(bag), *stamps.repeated(bag, motion.MOTIONS)]
     errors = [pair.section(comparison['position'], comparison.title, parts)
               for comparison in pair.within(bag, parts, notes)]
     if 'onboard/odom' in bag and 'estimate/odom' in bag:
@@ -384,7 +385,8 @@ def compare_bags(
         tuple(quantities), parts)
     both = (('', a),) if other is a else (('A: ', a), ('B: ', other))
     notes = [*(f'{name}{line}' for name, bag in both
-               for line in (*refused_messages(bag), *stamps.doubtful(bag))),
+               for line in (*refused_messages(bag), *stamps.doubtful(bag),
+                            *stamps.repeated(bag, motion.MOTIONS))),
              alignment.text, _reference(a, other, alignment), *pair.left_out((ours, theirs)),
              *(f'no {name}: only compared where both tell it'
                for name in ('velocity', 'attitude') if name not in {q.name for q in quantities})]

@@ -110,9 +110,13 @@ def tilt_of(times: Floats, rates: Floats) -> float:
     angle = np.cumsum(rates * np.gradient(times)[:, None], axis=0)
     largest, begin = 0.0, float(times[0])
     while begin < times[-1]:
-        part = (times >= begin) & (times < begin + WINDOW)
-        if part.sum() > 2:
-            line = np.column_stack([times[part] - begin, np.ones(int(part.sum()))])
+        first, end = np.searchsorted(times, (begin, begin + WINDOW))
+        if first == end:  # a gap
+            begin += 0.5 * WINDOW * float((times[first] - begin) // (0.5 * WINDOW))
+            continue
+        part = slice(first, end)
+        if end - first > 2:
+            line = np.column_stack([times[part] - begin, np.ones(end - first)])
             left = angle[part] - line @ np.linalg.lstsq(line, angle[part], rcond=None)[0]
             largest = max(largest, float(np.sqrt(np.mean(left**2))))
         begin += 0.5 * WINDOW

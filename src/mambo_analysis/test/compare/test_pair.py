@@ -233,6 +233,20 @@ def test_a_path_too_small_to_tell_the_turn_gives_way_to_the_attitudes():
     assert '(by the paths, standard error ' in found.text
 
 
+def test_a_bag_of_which_every_message_is_doubled_is_remarked(flights, tmp_path):
+    maker = Maker(tmp_path / 'twice', ('estimate/odom',), attachments={})
+    for step in range(3600):
+        for _ in range(2):
+            maker.odometry('estimate/odom', step * STEP + 10**10, truth_position(step * 0.005),
+                           (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    maker.writer.close()
+    twice = read_bag(tmp_path / 'twice')
+    told = '/mambo/estimate/odom: 3600 of 7200 messages repeat the stamp of another'
+    assert any(note.startswith(f'A: {told}') for note in compare_bags(
+        twice, flights[1], what=())[0]['notes'])
+    assert not any('repeat' in note for note in compare_bags(*flights)[0]['notes'])
+
+
 class FramedMaker(Maker):
     """Names the frame of a motion capture otherwise than that of an estimate."""
 

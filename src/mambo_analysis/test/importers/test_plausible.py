@@ -19,6 +19,14 @@ def test_the_integral_of_a_gyro_has_the_size_of_its_unit():
     assert tilt_of(t, np.degrees(rates)) == pytest.approx(57.3 * tilt_of(t, rates), rel=1e-3)
 
 
+def test_the_tilt_of_a_gyro_with_a_gap_of_years_takes_no_time():
+    late = np.where(T < 10.0, T, T + 1e9)
+    calm = np.where((T < 10.0)[:, None], 0.0, RATES[:, :2])
+    # the rates at the gap are 0: it adds a constant alone
+    calm[(T > 9.9) & (T < 10.1)] = 0.0
+    assert tilt_of(late, calm) == pytest.approx(tilt_of(T, calm), rel=0.2)
+
+
 def test_a_gyro_in_degrees_is_refused_and_flips_in_radians_are_not():
     plausible.refuse_degrees('log: gyro', T, RATES)
     flips = np.where((T % 5.0 < 0.5)[:, None], [4.0 * np.pi, 0.0, 0.0], RATES)
