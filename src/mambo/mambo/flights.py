@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 import inspect
-import os
 from pathlib import Path
 import tempfile
 from typing import Any, TYPE_CHECKING
@@ -21,6 +20,7 @@ from mambo_flight.course import function_course
 from mambo_flight.scenario import override, Scenario
 from mambo_flight.sweep import monte_carlo
 from mambo_model.errors import InputError
+from mambo_model.whole_file import exists
 import numpy as np
 from numpy.typing import NDArray
 import pandas
@@ -104,7 +104,7 @@ class Flight:
         """
         path = given.path(path, 'path')
         try:
-            there = os.path.lexists(path)
+            there = exists(path)
         except OSError as error:  # too long
             raise InputError(f'path: {error}') from None
         if there:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 import difflib
 import json
-import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,6 +17,7 @@ from mambo_flight.world import formation, world_file
 from mambo_flight.world.world_file import Hall
 from mambo_model import schema
 from mambo_model.frames import flip_vector
+from mambo_model.whole_file import exists
 from mambo_ros import topics
 from mambo_ros.commands.client import check_namespace
 from mambo_ros.graph.wire import WireParams
@@ -75,7 +75,7 @@ def _recorder(bag: str, topics: str = '') -> list[tuple[str, str, dict[str, obje
     if not bag:
         return []
     path = Path(bag).expanduser().absolute()
-    if os.path.lexists(path):
+    if exists(path):
         raise FlightInputError(f'{path} exists: name another bag or remove it')
     parameters: dict[str, object] = {'bag': str(path)}
     return [(*RECORDER, {**parameters, 'topics': topics} if topics else parameters)]
@@ -176,7 +176,7 @@ def flight(arguments: Mapping[str, str]) -> Flight:
         world_file.check_cameras(drones.hall, drones.flights)
         hall, flown = drones.hall, dict(zip(drones.hall.places, drones.flights, strict=True))
     bag = Path(arguments['bag']).expanduser().absolute() if arguments['bag'] else None
-    if bag and os.path.lexists(bag):
+    if bag and exists(bag):
         raise FlightInputError(f'{bag} exists: name another bag or remove it')
     bags = {name: bag if hall is None else bag / name.strip('/') for name in flown} if bag else {}
     described = arguments['description'] == 'true'

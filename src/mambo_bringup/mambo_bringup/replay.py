@@ -9,7 +9,6 @@ faster than real time.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from mambo_analysis.compare.compare import compare_replay
@@ -18,6 +17,7 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight import recorded_changes, scenario as scenarios
+from mambo_model.whole_file import exists
 from mambo_ros import topics
 from mambo_signals import stamps
 
@@ -67,7 +67,7 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
         If the user ended it; carries the signal. The output is closed.
 
     """
-    if os.path.lexists(output):
+    if exists(output):
         raise FlightInputError(f'{output} exists: give another --output or remove it')
     recording = read_bag(bag, (*recorded_changes.RECORD, *_STEPS))  # refused here if damaged
     stamps.refuse_wrong(recording, [name for name in _STEPS if name in recording][:1])

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-import os
 from pathlib import Path
 import signal
 
@@ -22,6 +21,7 @@ from mambo_flight.world import formation, plot_separation, separation
 from mambo_flight.world.world_file import check_cameras, Hall
 from mambo_model import schema
 from mambo_model.motion.trajectory import COURSE
+from mambo_model.whole_file import exists
 from mambo_ros.topics import NAMESPACE
 from mambo_view import page as view
 from mambo_view.page import PORT
@@ -44,7 +44,7 @@ _SPEED = scenarios.LEAVES['sim_node.speed'].metadata
 def _free(folder: Path, name: str) -> Path:
     """Return folder/name, with a number appended if it exists."""
     path, number = folder / name, 2
-    while os.path.lexists(path):
+    while exists(path):
         path, number = folder / f'{name}_{number}', number + 1
     return path
 

@@ -18,6 +18,19 @@ def is_wrong_path(error: OSError) -> bool:
         PermissionError)) or error.errno in (errno.ENAMETOOLONG, errno.ELOOP, errno.EROFS)
 
 
+def exists(path: Path) -> bool:
+    """
+    Return whether a path has a file, a folder, or a link, also one that leads nowhere.
+
+    Raises
+    ------
+    OSError
+        If the path is too long, which ``os.path.lexists`` takes for a file that does not exist.
+
+    """
+    return path.exists() or path.is_symlink()
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """

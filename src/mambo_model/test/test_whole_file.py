@@ -22,6 +22,15 @@ def test_what_the_disk_does_not_take_leaves_the_old_file_and_nothing_else(tmp_pa
         assert os.listdir(tmp_path) == left and (tmp_path / 'old').read_text() == 'as it was'
 
 
+def test_a_link_that_leads_nowhere_exists_and_too_long_a_name_is_an_error(tmp_path):
+    link = tmp_path / 'link'
+    assert not whole_file.exists(link)
+    link.symlink_to(tmp_path / 'nothing')
+    assert whole_file.exists(link) and not whole_file.exists(tmp_path / 'nothing')
+    with pytest.raises(OSError):
+        whole_file.exists(tmp_path / ('n' * 300))
+
+
 def test_a_link_is_followed_and_a_device_is_written_to(tmp_path):
     (tmp_path / 'file').write_text('old')
     (tmp_path / 'link').symlink_to('file')

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from contextlib import ExitStack
-import os
 from pathlib import Path
 import signal
 
 from mambo_flight import scenario as scenarios
 from mambo_flight.world import world_file
 from mambo_flight.world.world_file import Hall
+from mambo_model.whole_file import exists
 
 from ..node_group import NodeGroup
 from ..processes import FlightInputError, NodeProcess, parameter
@@ -83,7 +83,7 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
 
     """
     for bag in bags.values():
-        if os.path.lexists(bag):
+        if exists(bag):
             raise FlightInputError(f'{bag} exists: give another --output or remove it')
     progress: dict[str, Progress] = {}
     started: dict[str, list[NodeProcess]] = {}
