@@ -125,8 +125,8 @@ def late(bag: Path, flight: scenarios.Scenario) -> tuple[str, bool]:
     """
     Return how many poses of a flight are missing before its first one, and whether that is bad.
 
-    It is where the estimator takes poses and the first one comes after the vehicle leaves the
-    floor, on which it aligns itself without them. What the cameras lose is not judged.
+    It is bad if the estimator takes poses and the first one comes after the vehicle has left the
+    floor, where it aligns itself without them. What the cameras lose is not judged.
 
     Returns
     -------
@@ -143,7 +143,8 @@ def late(bag: Path, flight: scenarios.Scenario) -> tuple[str, bool]:
     first = float(recording[poses].stamp[0]) * 1e-9
     if first <= _LATE:
         return '', False
-    leaves = flight.reference_node.plan.start_time
+    plan = flight.reference_node.plan
+    leaves = 0.0 if plan.takeoff == 'none' else plan.takeoff_time
     bad = flight.estimator_node.aided and first > leaves and (
         not flight.reference_node.commands.enabled)
     return (f'{bag}: the first pose came through NatNet at t = {first:.2f} s, about '

@@ -102,7 +102,9 @@ def test_a_flight_without_a_pose_says_so_and_why(tmp_path, posed, level, line):
 
 @pytest.mark.parametrize(('first', 'given', 'words', 'bad'), [
     (0.05, {}, '', False), (0.66, {}, 't = 0.66 s, about 79 are missing before it', False),
-    (5.5, {}, 'are missing before it; the vehicle leaves the floor at 5 s', True),
+    (1.5, {}, 'are missing before it; the vehicle leaves the floor at 1 s', True),
+    (1.5, {'reference_node.plan.takeoff_time': 2.0}, 'are missing before it', False),
+    (0.5, {'reference_node.plan.takeoff': 'none'}, 'leaves the floor at 0 s', True),
     (5.5, {'reference_node.commands.enabled': True}, 'about 660 are missing before it', False),
     (5.5, {'estimator_node.joint.pose.enabled': False}, 'about 660 are missing before it', False),
     (5.5, {'optitrack_node.optitrack.fault': 'lost'}, '', False)])
