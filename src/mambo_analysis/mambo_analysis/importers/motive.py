@@ -259,7 +259,7 @@ def _times(
 
 def _rotations(path: Path, frames: Floats, angles: Floats, kind: str) -> Floats:
     """
-    Return x y z w, (n, 4), NaN where an angle is or all are 0 of a quaternion.
+    Return x y z w, (n, 4); NaN where an angle is NaN or a quaternion is all zeros.
 
     Errors name the number of the frame.
     """

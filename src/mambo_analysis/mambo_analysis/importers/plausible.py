@@ -14,7 +14,7 @@ FASTEST_RATE = 4e4  # [Hz] on average; inertial sensors are read at 32 kHz at mo
 WINDOW = 4.0  # [s] over which the integral of a gyro is taken
 TILTS = (0.25, 1.0)  # [rad] RMS that rad/s stays below and deg/s above
 IN_G = (0.8, 1.2)  # median of an acceleration in g
-NEVER = 5.0  # what it stays below in g, and passes in m/s^2 whenever the drone is upright
+NEVER = 5.0  # an acceleration in g stays below it; one in m/s^2 is above it in any upright drone
 QUARTER = 0.5 * np.pi + 0.01  # [rad] largest middle Euler angle, with rounding
 FARTHEST = 1e4  # [m] from the origin of a motion capture: a hall, or a field with cameras
 FARTHEST_RANGE = 40.0  # [m]; a range in mm that fits in 16 bits is below 32.8 m
@@ -36,11 +36,11 @@ def refuse_pace(where: str, times: Floats) -> None:
         return
     usual, mean = float(np.median(np.diff(times))), float(np.ptp(times)) / (len(times) - 1)
     if usual > LONGEST_STEP:
-        raise BagError(f'{where}: its samples are {usual:.3g} s apart, of a motion at most '
-                       f'{LONGEST_STEP:g} s: give its times in the right unit')
+        raise BagError(f'{where}: its samples are {usual:.3g} s apart, too far for a motion (at '
+                       f'most {LONGEST_STEP:g} s): give its times in the right unit')
     if mean * FASTEST_RATE < 1.0:
-        raise BagError(f'{where}: its samples are {mean:.3g} s apart, {1.0 / mean:.3g} in a '
-                       'second: give its times in the right unit')
+        raise BagError(f'{where}: its samples are {mean:.3g} s apart, too near for any sensor '
+                       f'(at most {FASTEST_RATE:g} Hz): give its times in the right unit')
 
 
 def refuse_far(where: str, position: Floats) -> None:
