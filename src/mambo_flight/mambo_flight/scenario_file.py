@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import dataclasses
+import os
 from pathlib import Path
 import re
 from typing import Any, NamedTuple
@@ -171,7 +172,7 @@ def find(name: str) -> Path:
         return FOLDER / f'{name}.yaml'
     if Path(name).suffix in ('.yaml', '.yml'):
         return Path(name)
-    is_bag = Path(name).suffix == '.mcap' or (Path(name) / 'metadata.yaml').exists()
+    is_bag = Path(name).suffix == '.mcap' or os.path.isfile(os.path.join(name, 'metadata.yaml'))
     what = 'a bag' if is_bag else 'unknown'
     raise schema.ParameterError(
         f'scenario {schema.shown(name)} is {what}: give a file (.yaml) or one of '

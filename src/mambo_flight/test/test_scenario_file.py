@@ -111,6 +111,8 @@ def test_a_bag_is_no_scenario(tmp_path):
     for name in (bag, tmp_path / 'flight.mcap'):
         with pytest.raises(schema.ParameterError, match=f'scenario .{name}. is a bag: give'):
             load(str(name))
+    with pytest.raises(schema.ParameterError, match='is unknown: give a file'):
+        load('x' * 300)
 
 
 @pytest.mark.parametrize(('line', 'message'), [

@@ -25,10 +25,15 @@ LEAST_POSES = 10     # of which a share of jumps says something
 MAX_ASSIGNMENTS = 100  # a tracker has a few; in noise every pose would make another
 
 
-def _jumps(times: Floats, position: Floats, turns: Rotation) -> Ints:
-    """Return the indices of poses that a vehicle could not reach from the previous pose."""
-    steps = np.diff(times)
-    steps = np.maximum(steps, np.median(steps))  # stamps from a busy computer come in bursts
+def _jumps(times: Floats, position: Floats, turns: Rotation, apart: int = 1) -> Ints:
+    """
+    Return the indices of poses that a vehicle could not reach from the previous pose.
+
+    Stamps from a busy computer come in bursts: a step takes at least the usual time, the median
+    between poses that are some steps apart.
+    """
+    usual = np.median(times[apart:] - times[:-apart]) / apart
+    steps = np.maximum(np.diff(times), usual)
     turned = (turns[:-1].inv() * turns[1:]).magnitude()
     moved = np.linalg.norm(np.diff(position, axis=0), axis=1)
     return np.flatnonzero((turned > FASTEST_TURN * steps) | (moved > FASTEST * steps)) + 1
@@ -100,7 +105,8 @@ def refuse_most(where: str, times: Floats, position: Floats, orientation: Floats
     wrong = impossible(times, position, orientation)
     count = int(wrong.sum())
     if len(times) >= LEAST_POSES:
-        jumps = len(_jumps(times, position, Rotation.from_quat(orientation)))
+        jumps = len(_jumps(times, position, Rotation.from_quat(orientation),
+                           min(LEAST_POSES, len(times) - 1)))
         if jumps > MOST * (len(times) - 1):
             raise BagError(f'{where}: {jumps} of {len(times) - 1} steps are {_limits()}: wrong '
                            'times or units')

@@ -79,7 +79,9 @@ def test_the_sign_of_a_quaternion_is_no_jump():
 def test_stamps_in_bursts_are_no_jumps():
     """A busy machine stamps five frames at once; the vehicle moves 2 cm meanwhile."""
     bursts = np.repeat(T[::5], 5) + 1e-5 * np.tile(np.arange(5), 300)
-    assert not outliers.impossible(bursts, loop(T)[0], rocking(T).as_quat()).any()
+    poses = bursts, loop(T)[0], rocking(T).as_quat()
+    assert not outliers.impossible(*poses).any()
+    assert not outliers.refuse_most('a: b', *poses).any()
 
 
 @pytest.mark.parametrize('count', [0, 1, 2])

@@ -194,7 +194,7 @@ def read_log(source: Source) -> Log:
 
 def _check(path: Path, log: Log) -> None:
     """Raise BagError for signals of the drone that are not in the units of the course."""
-    for name in (*USED, *GYRO):
+    for name in (*USED, *(() if log.has('w_x', 'w_y', 'w_z') else GYRO)):
         if log.has(name):
             plausible.refuse_pace(f'{path}: {name}', log.drone[name][0])
     if log.has('w_x', 'w_y', 'w_z'):

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from mambo_bags.mcap_reader import BagError
 from mambo_signals.outliers import FASTEST_TURN
-from mambo_signals.stamps import LONGEST_GAP
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-LONGEST_STEP = LONGEST_GAP  # [s] of most samples of a motion: what is slower shows no flight
+LONGEST_STEP = 1.5  # [s] median step of a motion: 1 Hz passes, milliseconds read as s do not
 FASTEST_RATE = 4e4  # [Hz] on average; inertial sensors are read at 32 kHz at most
 WINDOW = 4.0  # [s] over which the integral of a gyro is taken
 TILTS = (0.25, 1.0)  # [rad] RMS that rad/s stays below and deg/s above

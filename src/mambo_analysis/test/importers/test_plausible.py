@@ -56,13 +56,13 @@ def test_ranges_in_millimetres_are_refused_and_the_largest_of_16_bits_are_not():
         plausible.refuse_ranges('log: r', np.where(T < 15.0, 500.0, 20.0))
 
 
-@pytest.mark.parametrize('step', [1.0, 0.01, 1.0 / 32000.0])
+@pytest.mark.parametrize('step', [1.001, 0.01, 1.0 / 32000.0])
 def test_every_pace_of_a_sensor_passes(step):
     plausible.refuse_pace('log: t', step * np.arange(50))
     plausible.refuse_pace('log: t', step * np.append(np.arange(50), 1e6))  # one gap
 
 
-@pytest.mark.parametrize('step', [10.0, 1.1, 1e-5])
+@pytest.mark.parametrize('step', [10.0, 1.6, 1e-5])
 def test_a_pace_that_no_sensor_has_is_refused(step):
     with pytest.raises(BagError, match=f'^log: t: its samples are {step:.3g} s apart'):
         plausible.refuse_pace('log: t', step * np.arange(50))
