@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sized
 import contextlib
 import difflib
 import errno
@@ -11,6 +11,7 @@ import os
 from pathlib import Path
 import re
 import shutil
+import signal
 import sys
 from typing import Any, TextIO
 import warnings
@@ -289,6 +290,36 @@ def refuse_unused(
         if getattr(options, name) != action.default:
             raise InputError(
                 f'{action.option_strings[-1]}: has no effect, as {reason}: leave it out')
+
+
+def interrupted(end: KeyboardInterrupt, kept: str) -> KeyboardInterrupt:
+    """Return an interrupt with the same signal, which also says what is kept."""
+    return KeyboardInterrupt(end.args[0] if end.args else signal.SIGINT, kept)
+
+
+@contextlib.contextmanager
+def counted(
+    done: Sized, total: int, what: str = 'flights', kept: str = 'none is kept',
+) -> Iterator[None]:
+    """
+    Let an interrupt of the work inside say how much of it was done.
+
+    Parameters
+    ----------
+    done
+        What the work fills, one entry for each item.
+    total
+        Number of items.
+    what
+        Name of the items, for the message.
+    kept
+        What becomes of those that are done, for the message.
+
+    """
+    try:
+        yield
+    except KeyboardInterrupt as end:
+        raise interrupted(end, f'{len(done)} of {total} {what} were done, {kept}') from None
 
 
 def refuse_existing(path: Path | None) -> None:

@@ -236,10 +236,10 @@ def _fly_and_report(
 
 def _without_poses(bag: Path, flight: scenarios.Scenario) -> list[str]:
     """Print which poses a flight through NatNet lacks; return it if that is a failure."""
-    lacking = natnet.lacking(bag)
-    line, bad = (lacking, True) if lacking else natnet.late(bag, flight)
-    print(line, end='\n' if line else '')
-    return [line] if bad else []
+    line, failed = natnet.missing(bag, flight)
+    if line:
+        print(line)
+    return [line] if failed else []
 
 
 def _print_separation(

@@ -104,8 +104,7 @@ def _option(name: str, value: Any) -> str:
 
 def timed(options: argparse.Namespace) -> bool:
     """Return whether the command line sets the duration of the flight."""
-    return options.duration is not None or any(
-        assignment.partition('=')[0].strip() == 'sim_node.duration' for assignment in options.set)
+    return options.duration is not None or _SETS['duration'] in overrides(options.set)
 
 
 def overrides(assignments: list[str]) -> dict[str, Any]:

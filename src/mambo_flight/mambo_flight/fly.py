@@ -15,7 +15,7 @@ import sys
 import time
 from typing import Any
 
-from mambo_bags.command import guard, Parser, refuse_existing
+from mambo_bags.command import guard, interrupted, Parser, refuse_existing
 from mambo_model import limits
 from mambo_model.errors import InputError, JobError
 from numba.core import event
@@ -24,7 +24,6 @@ import numpy as np
 from . import closed_loop, commanded, flight_options, recording_to_bag, scenario_file, supervised
 from .scenario import commented_yaml, Scenario
 from .sweep import monte_carlo
-from .sweep.table import interrupted
 from .world import formation, separation, together, world_file
 from .world.formation import Drones
 

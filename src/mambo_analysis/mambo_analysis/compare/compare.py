@@ -163,6 +163,11 @@ def _factor(bag: Bag) -> float | None:
     return None
 
 
+def _doubts(bag: Bag) -> list[str]:
+    """Return what a reader must know about the messages of a bag, one line each."""
+    return [*refused_messages(bag), *stamps.doubtful(bag), *stamps.repeated(bag, motion.MOTIONS)]
+
+
 def compare(bag: Bag) -> dict[str, Any]:
     """
     Return tracking errors, estimation errors and message losses of a flight.
@@ -188,8 +193,7 @@ def compare(bag: Bag) -> dict[str, Any]:
 
     """
     check_types(bag)
-    parts, notes = phases(bag), [
-        *refused_messages(bag), *stamps.doubtful(bag), *stamps.repeated(bag, motion.MOTIONS)]
+    parts, notes = phases(bag), _doubts(bag)
     errors = [pair.section(comparison['position'], comparison.title, parts)
               for comparison in pair.within(bag, parts, notes)]
     if 'onboard/odom' in bag and 'estimate/odom' in bag:
@@ -385,8 +389,7 @@ def compare_bags(
         tuple(quantities), parts)
     both = (('', a),) if other is a else (('A: ', a), ('B: ', other))
     notes = [*(f'{name}{line}' for name, bag in both
-               for line in (*refused_messages(bag), *stamps.doubtful(bag),
-                            *stamps.repeated(bag, motion.MOTIONS))),
+               for line in _doubts(bag)),
              alignment.text, _reference(a, other, alignment), *pair.left_out((ours, theirs)),
              *(f'no {name}: only compared where both tell it'
                for name in ('velocity', 'attitude') if name not in {q.name for q in quantities})]

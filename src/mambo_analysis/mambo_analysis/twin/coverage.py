@@ -17,9 +17,9 @@ import tempfile
 from typing import Any, NamedTuple
 
 from mambo_bags.cli.option_types import real
-from mambo_bags.command import guard, Parser
+from mambo_bags.command import counted, guard, Parser
 from mambo_flight import closed_loop, recording_to_bag
-from mambo_flight.accuracy.bound import add_seeds, counted, seeds_of
+from mambo_flight.accuracy.bound import add_seeds, seeds_of
 from mambo_flight.scenario import Scenario, scenario
 from mambo_model.errors import InputError
 from mambo_model.motion.trajectory import TRAJECTORIES

@@ -25,10 +25,10 @@ from typing import NoReturn
 import warnings
 
 from mambo_model.errors import JobError
+from mambo_ros.graph.ending_signals import SIGNALS
 
 from .parent_end import end_with
 
-_PASSED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _DELAY = 0.05  # s: the terminal sends Ctrl-C to the copy, too, which counts it within this time
 
 _DEAF = 10.0  # s that the copy may take to answer a signal
@@ -71,7 +71,7 @@ def _split(path: Path) -> None:
         with contextlib.suppress(OSError, AttributeError):
             stream.flush()  # or both would write it
     original = os.getpid()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _PASSED)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     with warnings.catch_warnings():
         warnings.simplefilter('ignore', DeprecationWarning)  # the copy needs no other thread
         child = os.fork()
@@ -103,7 +103,7 @@ def _status_of(
     # a signal may come to any thread, so it is read from a pipe that Python's handler writes
     read, write = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
     signal.set_wakeup_fd(write, warn_on_full_buffer=False)
-    for number in _PASSED:
+    for number in SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, lambda *_: None)
     signal.pthread_sigmask(signal.SIG_SETMASK, mask)
@@ -136,7 +136,7 @@ def _exit_as(code: int, path: Path) -> NoReturn:
     signal.set_wakeup_fd(-1)
     if _notes[_ENDED] and code >= 0:
         os._exit(code)
-    if -code in _PASSED:  # no handler for it, as if there were one process
+    if -code in SIGNALS:  # no handler for it, as if there were one process
         signal.signal(-code, signal.SIG_DFL)
         os.kill(os.getpid(), -code)
     how = (f'exit code {code}' if code >= 0 else

@@ -110,43 +110,33 @@ def write(file: Path, flight: scenarios.Scenario, port: int, namespace: str,
     return target
 
 
-def lacking(bag: Path) -> str:
-    """Return that no pose of a drone came through NatNet into its bag, one line; '' if any did."""
-    poses = topics.OPTITRACK.name
-    recording = read_bag(bag, (poses, *ENDINGS))
-    if poses in recording:
-        return ''
-    said = [status.message for _, status in statuses(recording)
-            if status.name.endswith(CLIENT[1]) and status.level > 0]
-    return ': '.join([f'{bag}: no {poses}: none came through NatNet', *said[-1:]])
-
-
-def late(bag: Path, flight: scenarios.Scenario) -> tuple[str, bool]:
+def missing(bag: Path, flight: scenarios.Scenario) -> tuple[str, bool]:
     """
-    Return how many poses of a flight are missing before its first one, and whether that is bad.
-
-    It is bad if the estimator takes poses and the first one comes after the vehicle has left the
-    floor, where it aligns itself without them. What the cameras lose is not judged.
+    Return which poses of a drone did not come through NatNet into its bag at the start.
 
     Returns
     -------
     line
-        Empty if there are none, or the first pose is in time.
-    bad
-        Whether the flight was not the one that was asked for.
+        Empty if the first pose is there in time, or if the cameras lose the drone at the start.
+    failed
+        Whether the flight is not the one that was asked for: no pose came, or the estimator takes
+        poses and the first one came after the vehicle had left the floor, where it aligns itself
+        without them.
 
     """
     capture, poses = flight.optitrack_node.optitrack, topics.OPTITRACK.name
-    recording = read_bag(bag, (poses,))
-    if poses not in recording or capture.fault == 'lost' and capture.fault_begin <= _LATE:
-        return '', False
+    recording = read_bag(bag, (poses, *ENDINGS))
+    if poses not in recording:
+        said = [status.message for _, status in statuses(recording)
+                if status.name.endswith(CLIENT[1]) and status.level > 0]
+        return ': '.join([f'{bag}: no {poses}: none came through NatNet', *said[-1:]]), True
     first = float(recording[poses].stamp[0]) * 1e-9
-    if first <= _LATE:
+    if first <= _LATE or capture.fault == 'lost' and capture.fault_begin <= _LATE:
         return '', False
     plan = flight.reference_node.plan
     leaves = 0.0 if plan.takeoff == 'none' else plan.takeoff_time
-    bad = flight.estimator_node.aided and first > leaves and (
+    failed = flight.estimator_node.aided and first > leaves and (
         not flight.reference_node.commands.enabled)
-    return (f'{bag}: the first pose came through NatNet at t = {first:.2f} s, about '
-            f'{first * capture.rate:.0f} are missing before it'
-            + (f'; the vehicle leaves the floor at {leaves:g} s' if bad else '')), bad
+    line = (f'{bag}: the first pose came through NatNet at t = {first:.2f} s, about '
+            f'{first * capture.rate:.0f} are missing before it')
+    return line + (f'; the vehicle leaves the floor at {leaves:g} s' if failed else ''), failed

@@ -97,7 +97,8 @@ def test_a_flight_without_a_pose_says_so_and_why(tmp_path, posed, level, line):
     if posed:
         writer.write('/mambo1/optitrack/pose', serialize_message(PoseStamped()), second)
     writer.close()
-    assert natnet.lacking(tmp_path / 'bag') == line.format(tmp_path / 'bag')
+    assert natnet.missing(tmp_path / 'bag', scenario()) == (
+        line.format(tmp_path / 'bag'), not posed)
 
 
 @pytest.mark.parametrize(('first', 'given', 'words', 'bad'), [
@@ -119,7 +120,7 @@ def test_poses_that_are_missing_at_the_start_are_said(tmp_path, first, given, wo
         pose.header.stamp.sec, pose.header.stamp.nanosec = int(t), round(t % 1.0 * 1e9)
         writer.write('/mambo/optitrack/pose', serialize_message(pose), round(t * 1e9))
     writer.close()
-    line, failed = natnet.late(tmp_path / 'bag', flight)
+    line, failed = natnet.missing(tmp_path / 'bag', flight)
     assert line.endswith(words) and bool(line) is bool(words) and failed is bad
 
 

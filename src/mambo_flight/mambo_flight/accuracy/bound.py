@@ -13,15 +13,13 @@ leaves out vibration, which adds some mm/s to an estimate at the time of a sampl
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator, Sized
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator
 import json
 from pathlib import Path
-import signal
 from typing import Any
 
 from mambo_bags.cli.option_types import SLOPE, whole
-from mambo_bags.command import guard, Parser, write_json
+from mambo_bags.command import counted, guard, Parser, write_json
 from mambo_model.errors import InputError
 from mambo_model.motion.trajectory import TRAJECTORIES
 from mambo_model.schema import ParameterError
@@ -74,33 +72,6 @@ def seeds_of(options: argparse.Namespace) -> range:
     if first > LAST + 1 - count:
         raise InputError(f'--first {first}: every seed must be within 0 to {LAST}')
     return range(first, first + count)
-
-
-@contextmanager
-def counted(
-    done: Sized, total: int, what: str = 'flights', kept: str = 'none is kept',
-) -> Iterator[None]:
-    """
-    Let an interrupt of the work inside say how much of it was done.
-
-    Parameters
-    ----------
-    done
-        What the work fills, an entry for each flight.
-    total
-        Flights of the work.
-    what
-        Is counted.
-    kept
-        What becomes of them.
-
-    """
-    try:
-        yield
-    except KeyboardInterrupt as end:
-        raise KeyboardInterrupt(
-            end.args[0] if end.args else signal.SIGINT,
-            f'{len(done)} of {total} {what} were done, {kept}') from None
 
 
 def flown_already(options: argparse.Namespace, *others: str) -> list[str]:

@@ -14,14 +14,14 @@ import json
 from pathlib import Path
 
 from mambo_bags.cli.option_types import whole, WORKERS
-from mambo_bags.command import guard, Parser
+from mambo_bags.command import guard, interrupted, Parser
 from mambo_model.compiled import source_digest
 from mambo_model.errors import InputError
 from mambo_model.whole_file import replacing, write_text
 
 from . import report
 from ..sweep.run import run
-from ..sweep.table import interrupted, Journal
+from ..sweep.table import Journal, KEPT
 from .comparison import (
     Comparison, CONDITIONS, COURSES, enter, Entrant, ENTRANTS, NAMES, SLOW, STATES,
     TRUE)
@@ -134,7 +134,7 @@ def _run(options: argparse.Namespace) -> None:
     try:
         race(options.output, *names, options.draws, states, options.workers, options.add)
     except KeyboardInterrupt as end:
-        raise interrupted(end) from None
+        raise interrupted(end, KEPT) from None
     print(f'page: {options.output / PAGE}')
 
 

@@ -11,11 +11,11 @@ import argparse
 import math
 from typing import NamedTuple
 
-from mambo_bags.command import guard, Parser
+from mambo_bags.command import counted, guard, Parser
 import numpy as np
 
 from .. import closed_loop, offline_replay
-from ..accuracy.bound import add_seeds, counted, flight_of, seeds_of
+from ..accuracy.bound import add_seeds, flight_of, seeds_of
 from ..accuracy.filter_error import evaluate_recording, with_unknowns
 from ..scenario import Scenario
 from .intervals import intervals, middle, Path, path_error, QUANTITIES

@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from mambo_bags.cli.option_types import FLIGHT, WORKERS
-from mambo_bags.command import guard, Parser, refuse_existing
+from mambo_bags.command import guard, interrupted, Parser, refuse_existing
 from mambo_model.errors import JobError
 import numpy as np
 
 from . import design, heat_map, monte_carlo, plot, table
 from .. import fly, recording_to_bag
 from .run import run
-from .table import interrupted, SweepError
+from .table import KEPT, SweepError
 
 SHOWN = ('tracking_rms', 'tracking_max', 'estimation_rms', 'estimation_final',
          'saturated_share', 'pwm_max')
@@ -134,7 +134,7 @@ def _run(options: argparse.Namespace) -> None:
     try:
         data = sweep(options.sweep, options.output, options.ideal, options.workers, options.dask)
     except KeyboardInterrupt as end:
-        raise interrupted(end) from None
+        raise interrupted(end, KEPT) from None
     print(f'{summary(data)}\ntable: {options.output}\nplots: {options.output.with_suffix(".png")}')
     if map_of(options.output).exists():
         print(f'heat map: {map_of(options.output)}; the bag of the flight of a cell: mambo sweep '

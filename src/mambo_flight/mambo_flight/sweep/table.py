@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 import hashlib
 import json
 from pathlib import Path
-import signal
 from typing import Any
 
 from mambo_model.compiled import source_digest
@@ -28,11 +27,6 @@ KEPT = 'finished flights are kept, the same command continues'
 
 class SweepEndedError(JobError):
     """A running sweep has ended early; finished flights are kept."""
-
-
-def interrupted(end: KeyboardInterrupt, kept: str = KEPT) -> KeyboardInterrupt:
-    """Return an interrupt with the same signal, which also says what is kept."""
-    return KeyboardInterrupt(end.args[0] if end.args else signal.SIGINT, kept)
 
 
 def parameters(sweep: Sweep, number: int) -> dict[str, Any]:

@@ -23,10 +23,10 @@ import json
 from pathlib import Path
 import tempfile
 
-from mambo_bags.command import guard, nearest, Parser, write_json
+from mambo_bags.command import counted, guard, nearest, Parser, write_json
 from mambo_flight.accuracy import crazyflie
 from mambo_flight.accuracy.beside import ESTIMATORS, FIRMWARE
-from mambo_flight.accuracy.bound import add_seeds, counted, seeds_of
+from mambo_flight.accuracy.bound import add_seeds, seeds_of
 from mambo_model.errors import InputError
 from tqdm import tqdm
 
