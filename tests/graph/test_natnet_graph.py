@@ -1,11 +1,13 @@
 """The simulated hall through a NatNet server and its client to the estimator and the bag."""
 
+import re
 import socket
 import subprocess
 import sys
 
 from mambo_bags.reader import read_bag
 from mambo_bringup.flight import natnet
+from mambo_bringup.flight.outcome import FlightEndedError
 from mambo_bringup.flight.runner import fly
 from mambo_flight.scenario import scenario
 import numpy as np
@@ -13,6 +15,10 @@ import pytest
 
 SECONDS = 8.0
 PERIOD = round(1e9 / 120.0)  # ns
+# Where the machine stops one process for longer than the failsafe waits, 0.1 s or 20 steps, the
+# motors are rightly shut down, which says nothing about NatNet: the flight is made again.
+LATE = 20
+ATTEMPTS = 3
 
 
 def free_port():
@@ -25,12 +31,18 @@ def free_port():
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
     """Return a flight in real time whose poses went over UDP."""
-    path = tmp_path_factory.mktemp('natnet') / 'bag'
     flight = natnet.scenario(scenario(
         estimator='joint', duration=SECONDS, seed=3, land=False, overrides={
             'controller_node.estimate': 'map', 'estimator_node.joint.pose.enabled': True}))
-    outcome = fly(flight, path, natnet=free_port())
-    assert not outcome.fault and outcome.closed
+    for _ in range(ATTEMPTS):
+        path = tmp_path_factory.mktemp('natnet') / 'bag'
+        try:
+            outcome = fly(flight, path, natnet=free_port())
+        except FlightEndedError as error:
+            outcome = error.outcomes[0]
+        if outcome.missed < LATE:
+            break
+    assert not outcome.fault and outcome.closed, outcome
     return read_bag(path)
 
 
@@ -74,12 +86,16 @@ def test_latency_and_counts_are_in_the_diagnostics(bag):
 @pytest.fixture(scope='module')
 def bags(tmp_path_factory):
     """Return the bags of two drones whose poses went through one server and one client."""
-    folder = tmp_path_factory.mktemp('natnet') / 'two'
-    done = subprocess.run(
-        [sys.executable, '-m', 'mambo_bringup.run', '--scenario', 'motion_capture', '--natnet',
-         str(free_port()), '--drones', '2', '--duration', str(SECONDS), '--no-landing',
-         '--no-report', '-o', str(folder)], text=True, capture_output=True, timeout=600,
-        check=False)
+    for _ in range(ATTEMPTS):
+        folder = tmp_path_factory.mktemp('natnet') / 'two'
+        done = subprocess.run(
+            [sys.executable, '-m', 'mambo_bringup.run', '--scenario', 'motion_capture',
+             '--natnet', str(free_port()), '--drones', '2', '--duration', str(SECONDS),
+             '--no-landing', '--no-report', '-o', str(folder)], text=True, capture_output=True,
+            timeout=600, check=False)
+        missed = re.findall(r'(\d+) steps without their motor command', done.stdout)
+        if all(int(steps) < LATE for steps in missed):
+            break
     assert done.returncode == 0, done.stdout + done.stderr
     return {space: read_bag(folder / space[1:]) for space in ('/mambo1', '/mambo2')}
 
