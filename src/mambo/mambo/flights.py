@@ -20,7 +20,7 @@ from mambo_flight.course import function_course
 from mambo_flight.scenario import override, Scenario
 from mambo_flight.sweep import monte_carlo
 from mambo_model.errors import InputError
-from mambo_model.whole_file import exists
+from mambo_model.whole_file import refuse_existing
 import numpy as np
 from numpy.typing import NDArray
 import pandas
@@ -103,12 +103,7 @@ class Flight:
 
         """
         path = given.path(path, 'path')
-        try:
-            there = exists(path)
-        except OSError as error:  # too long
-            raise InputError(f'path: {error}') from None
-        if there:
-            raise InputError(f'{path} exists: give another path or remove it')
+        refuse_existing(path, 'give another path')
         recording_to_bag.check(self.scenario)
         recording_to_bag.write(path, self.scenario, self.recording)
         return read_bag(path)
@@ -204,10 +199,9 @@ def fly(
         dict.fromkeys(values, 'parameters'),
         estimators=[chosen.estimator_node.estimator],
         controllers=[chosen.controller_node.controller])
-    if chosen.reference_node.commands.enabled:
-        unused.refuse_plan({
-            **{name: place.where for name, place in chosen_ones.items()},
-            **dict.fromkeys(values, 'parameters')})
+    unused.refuse_plan(chosen.reference_node, {
+        **{name: place.where for name, place in chosen_ones.items()},
+        **dict.fromkeys(values, 'parameters')})
     if not chosen.sim_node.duration > 0.0:
         raise InputError(f'{name}: sim_node.duration must be more than 0 s')
     recording, fault = supervised.fly(chosen, inner=True)

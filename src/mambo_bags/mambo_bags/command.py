@@ -17,7 +17,7 @@ from typing import Any, TextIO
 import warnings
 
 from mambo_model.errors import InputError, MamboError, visible
-from mambo_model.whole_file import check_writable, exists, is_wrong_path, write_text
+from mambo_model.whole_file import check_writable, is_wrong_path, write_text
 import numpy as np
 
 from .cli import drawing, supervisor
@@ -320,12 +320,6 @@ def counted(
         yield
     except KeyboardInterrupt as end:
         raise interrupted(end, f'{len(done)} of {total} {what} were done, {kept}') from None
-
-
-def refuse_existing(path: Path | None) -> None:
-    """Raise InputError if an output path exists, before any work is done."""
-    if path is not None and exists(path):
-        raise InputError(f'{path} exists: give another --output or remove it')
 
 
 def write_json(target: str, text: str) -> Path | None:

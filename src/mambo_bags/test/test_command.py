@@ -210,16 +210,6 @@ def test_an_option_without_effect_is_refused(line):
         command.refuse_unused(line, options, ('height', 'seed'), 'nothing flies')
 
 
-def test_a_path_to_make_must_be_new(tmp_path):
-    command.refuse_existing(None)
-    command.refuse_existing(tmp_path / 'new')
-    nowhere = tmp_path / 'nowhere'
-    nowhere.symlink_to('gone')
-    for path in (tmp_path, nowhere):
-        with pytest.raises(InputError, match='exists: give another --output'):
-            command.refuse_existing(path)
-
-
 def test_an_error_of_ours_is_not_hidden():
     with pytest.raises(KeyError):
         guard('tool', lambda: {}['x'])

@@ -17,7 +17,7 @@ from mambo_flight.world import formation, world_file
 from mambo_flight.world.world_file import Hall
 from mambo_model import schema
 from mambo_model.frames import flip_vector
-from mambo_model.whole_file import exists
+from mambo_model.whole_file import refuse_existing
 from mambo_ros import topics
 from mambo_ros.commands.client import check_namespace
 from mambo_ros.graph.wire import WireParams
@@ -28,12 +28,8 @@ from .flight.nodes import (
 from .processes import FlightInputError, parameter
 from .replay import ESTIMATOR, PLAYER, RECORDED
 
-MEANING = {
-    'estimator': ('estimator_node.estimator',), 'controller': ('controller_node.controller',),
-    'mode': ('sim_node.mode',), 'speed': ('sim_node.speed',),
-    'duration': ('sim_node.duration',),
-    'seed': ('sim_node.simulator.seed', 'optitrack_node.seed')}
-"""Parameters that each launch argument of a flight sets."""
+PARAMETERS = ('estimator', 'controller', 'mode', 'speed', 'duration', 'seed')
+"""Launch arguments of a flight that set a parameter."""
 
 
 class Plan(NamedTuple):
@@ -57,9 +53,9 @@ def almost(given: Iterable[str], known: Collection[str]) -> Iterator[str]:
 
 
 def choices(argument: str) -> tuple[str, ...]:
-    """Return the choices of an argument in ``MEANING``; empty: as in the parameter file."""
+    """Return the choices of an argument in ``PARAMETERS``; empty: as in the parameter file."""
     leaves = dict(schema.walk(scenarios.Scenario))
-    return ('', *leaves[MEANING[argument][0]].metadata['options'])
+    return ('', *leaves[scenario_file.SETS[argument][0]].metadata['options'])
 
 
 def _read(arguments: Mapping[str, str], name: str) -> Any:
@@ -75,8 +71,7 @@ def _recorder(bag: str, topics: str = '') -> list[tuple[str, str, dict[str, obje
     if not bag:
         return []
     path = Path(bag).expanduser().absolute()
-    if exists(path):
-        raise FlightInputError(f'{path} exists: name another bag or remove it')
+    refuse_existing(path, 'name another bag', FlightInputError)
     parameters: dict[str, object] = {'bag': str(path)}
     return [(*RECORDER, {**parameters, 'topics': topics} if topics else parameters)]
 
@@ -109,7 +104,8 @@ def _scenario(arguments: Mapping[str, str]) -> scenarios.Scenario:
     """Return the scenario of a flight of one drone; errors as :func:`flight`."""
     given = {
         name: _read(arguments, argument)
-        for argument, names in MEANING.items() if arguments[argument] for name in names}
+        for argument in PARAMETERS if arguments[argument]
+        for name in scenario_file.SETS[argument]}
     sources = [f'{name}:={arguments[name]}' for name in ('scenario', 'params_file')
                if arguments[name]]
     if len(sources) > 1 or arguments['params_file'] and arguments['vehicle']:
@@ -127,8 +123,8 @@ def _scenario(arguments: Mapping[str, str]) -> scenarios.Scenario:
                   for name, value in course_file.plan(trajectory, room=ROOM).items()}
     if arguments['params_file']:
         written = scenarios.load(Path(arguments['params_file']).expanduser())
-        if trajectory and written.reference_node.commands.enabled:
-            unused.refuse_plan({'trajectory': 'trajectory:='})
+        if trajectory:
+            unused.refuse_plan(written.reference_node, {'trajectory': 'trajectory:='})
         return scenarios.override(written, given)
     flight = scenarios.override(scenarios.scenario(
         duration=0.0, vehicle=arguments['vehicle'] or 'identified'), given)
@@ -176,8 +172,7 @@ def flight(arguments: Mapping[str, str]) -> Flight:
         world_file.check_cameras(drones.hall, drones.flights)
         hall, flown = drones.hall, dict(zip(drones.hall.places, drones.flights, strict=True))
     bag = Path(arguments['bag']).expanduser().absolute() if arguments['bag'] else None
-    if bag and exists(bag):
-        raise FlightInputError(f'{bag} exists: name another bag or remove it')
+    refuse_existing(bag, 'name another bag', FlightInputError)
     bags = {name: bag if hall is None else bag / name.strip('/') for name in flown} if bag else {}
     described = arguments['description'] == 'true'
     own_clock = hall is not None or arguments['own_clock'] == 'true'

@@ -17,10 +17,10 @@ from importlib import import_module
 from typing import Any
 from xml.etree import ElementTree
 
-from mambo_bags.command import guard, Parser, refuse_existing
+from mambo_bags.command import guard, Parser
 from mambo_flight.flight_options import DRONES
 from mambo_flight.world.formation import namespaces
-from mambo_model.whole_file import write_text
+from mambo_model.whole_file import refuse_existing, write_text
 from mambo_ros import topics
 
 from .flight.natnet import CLIENT, SERVER

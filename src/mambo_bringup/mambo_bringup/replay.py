@@ -17,7 +17,7 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight import recorded_changes, scenario as scenarios
-from mambo_model.whole_file import exists
+from mambo_model.whole_file import refuse_existing
 from mambo_ros import topics
 from mambo_signals import stamps
 
@@ -67,8 +67,7 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
         If the user ended it; carries the signal. The output is closed.
 
     """
-    if exists(output):
-        raise FlightInputError(f'{output} exists: give another --output or remove it')
+    refuse_existing(output, error=FlightInputError)
     recording = read_bag(bag, (*recorded_changes.RECORD, *_STEPS))  # refused here if damaged
     stamps.refuse_wrong(recording, [name for name in _STEPS if name in recording][:1])
     if estimator_file is not None and not estimator_file.is_file():

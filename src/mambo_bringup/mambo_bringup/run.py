@@ -13,7 +13,7 @@ import signal
 
 from mambo_analysis.compare.ending import ended_early, ENDINGS
 from mambo_bags.cli.option_types import real, whole
-from mambo_bags.command import guard, Parser, program, refuse_existing
+from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import read_bag
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
 from mambo_flight import flight_options, scenario as scenarios, scenario_file
@@ -21,7 +21,7 @@ from mambo_flight.world import formation, plot_separation, separation
 from mambo_flight.world.world_file import check_cameras, Hall
 from mambo_model import schema
 from mambo_model.motion.trajectory import COURSE
-from mambo_model.whole_file import exists
+from mambo_model.whole_file import exists, refuse_existing
 from mambo_ros.topics import NAMESPACE
 from mambo_view import page as view
 from mambo_view.page import PORT

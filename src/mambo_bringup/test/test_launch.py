@@ -13,7 +13,7 @@ from mambo_bags.writer import BagWriter
 from mambo_bringup import launching
 from mambo_bringup.flight.nodes import (
     COMPOSED, FLIGHT_NODES, HALL_CAPTURE, RECORDER, SIMULATOR)
-from mambo_bringup.launching import choices, MEANING, replay_plan
+from mambo_bringup.launching import choices, PARAMETERS, replay_plan
 from mambo_bringup.processes import FlightError
 from mambo_bringup.replay import RECORDED
 from mambo_flight import scenario_file
@@ -298,9 +298,9 @@ def test_a_bag_is_named_from_where_the_user_is(tmp_path, monkeypatch):
 
 def test_choices_are_those_of_the_nodes_and_to_leave_it_open():
     assert choices('mode') == ('', 'realtime', 'lockstep')
-    for argument, names in MEANING.items():
+    for argument in PARAMETERS:
         assert argument in declared(FILES[0])
-        for name in names:
+        for name in scenario_file.SETS[argument]:
             assert name in dict(schema.walk(Scenario))
 
 

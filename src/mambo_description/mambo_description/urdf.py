@@ -11,12 +11,12 @@ import argparse
 from collections.abc import Sequence
 from xml.etree import ElementTree
 
-from mambo_bags.command import guard, Parser, refuse_existing
+from mambo_bags.command import guard, Parser
 from mambo_model import schema
 from mambo_model.motion.vector import Vec3
 from mambo_model.vehicle import parameters
 from mambo_model.vehicle.parameters import PRESETS, Vehicle
-from mambo_model.whole_file import write_text
+from mambo_model.whole_file import refuse_existing, write_text
 
 from . import meshes
 from .static_frames import BASE, Frame, static_frames

@@ -20,19 +20,12 @@ from mambo_sim.world import MOST, WorldParams
 from . import changes, commanded, scenario as scenarios, unused
 from .course import course_file, feasibility
 from .scenario import Scenario
-from .scenario_file import build_world, FIELDS, load_world, long_enough, Place
+from .scenario_file import build_world, FIELDS, load_world, long_enough, Place, SETS
 
 
 DRONES = whole(1, MOST)
 """Type of an option for the number of drones in one hall."""
 _WORLD = 'world.'
-_SETS = {
-    'trajectory': 'reference_node.plan.trajectory', 'estimator': 'estimator_node.estimator',
-    'controller': 'controller_node.controller', 'duration': 'sim_node.duration',
-    'seed': 'sim_node.simulator.seed', 'noise': 'sim_node.simulator.noise',
-    'landing': 'reference_node.plan.landing_time', 'drones': 'world.drones',
-    'mode': 'sim_node.mode', 'speed': 'sim_node.speed', 'paused': 'sim_node.paused',
-    'commanded': 'reference_node.commands.enabled'}  # by option; None: not given
 
 
 def add(out: Parser, trajectory: str = '', controller: str = '') -> None:
@@ -104,7 +97,7 @@ def _option(name: str, value: Any) -> str:
 
 def timed(options: argparse.Namespace) -> bool:
     """Return whether the command line sets the duration of the flight."""
-    return options.duration is not None or _SETS['duration'] in overrides(options.set)
+    return options.duration is not None or SETS['duration'][0] in overrides(options.set)
 
 
 def overrides(assignments: list[str]) -> dict[str, Any]:
@@ -135,7 +128,7 @@ def overrides(assignments: list[str]) -> dict[str, Any]:
 def _changed(options: argparse.Namespace) -> dict[str, Any]:
     """Return the values of ``--set``; ParameterError for one that contradicts an option."""
     out = overrides(options.set)
-    for name, full in _SETS.items():
+    for name, (full, *_) in SETS.items():
         value = getattr(options, name, None)
         if value is not None and full in out and out[full] != value:
             given = _option(name, value) + ('' if isinstance(value, bool) else f' {value}')
@@ -186,11 +179,10 @@ def applied(flight: Scenario, options: argparse.Namespace) -> Scenario:
     unused.refuse(
         dict.fromkeys(changed, '--set'), estimators=[flight.estimator_node.estimator],
         controllers=[flight.controller_node.controller])
-    if flight.reference_node.commands.enabled:
-        unused.refuse_plan({
-            **{name: place.where for name, place in given(options).items()},
-            **({} if options.stretch is None else {'stretch': '--stretch'}),
-            **dict.fromkeys(changed, '--set')})
+    unused.refuse_plan(flight.reference_node, {
+        **{name: place.where for name, place in given(options).items()},
+        **({} if options.stretch is None else {'stretch': '--stretch'}),
+        **dict.fromkeys(changed, '--set')})
     if options.stretch is None:
         return flight
     plan = flight.reference_node.plan

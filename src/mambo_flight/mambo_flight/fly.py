@@ -15,9 +15,10 @@ import sys
 import time
 from typing import Any
 
-from mambo_bags.command import guard, interrupted, Parser, refuse_existing
+from mambo_bags.command import guard, interrupted, Parser
 from mambo_model import limits
 from mambo_model.errors import InputError, JobError
+from mambo_model.whole_file import refuse_existing
 from numba.core import event
 import numpy as np
 

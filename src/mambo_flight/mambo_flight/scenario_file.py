@@ -68,6 +68,14 @@ class Settings:
         course_file.check_name(self.trajectory)
 
 
+SETS = {
+    'trajectory': ('reference_node.plan.trajectory',),
+    'estimator': ('estimator_node.estimator',), 'controller': ('controller_node.controller',),
+    'duration': ('sim_node.duration',), 'seed': scenarios.SEEDS,
+    'noise': ('sim_node.simulator.noise',), 'landing': ('reference_node.plan.landing_time',),
+    'drones': ('world.drones',), 'mode': ('sim_node.mode',), 'speed': ('sim_node.speed',),
+    'paused': ('sim_node.paused',), 'commanded': ('reference_node.commands.enabled',)}
+"""Parameters that a setting, an option or a launch argument of this name gives its value."""
 FIELDS = {field.name: field for field in dataclasses.fields(Settings)}
 WORLD = {f'world.{name}': field for name, field in schema.walk(WorldParams)}
 
@@ -242,7 +250,7 @@ def _refuse_plans(layers: Mapping[str, _Layer], built: Mapping[str, scenarios.Sc
     commanded = [name for name, flight in built.items() if flight.reference_node.commands.enabled]
     planned = {place for name in {*places}.difference(commanded) for place in places[name].items()}
     for name in commanded:
-        unused.refuse_plan(dict(
+        unused.refuse_plan(built[name].reference_node, dict(
             place for place in places[name].items() if place not in planned))
 
 
@@ -272,8 +280,9 @@ def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scena
         known = ', '.join(filter(None, found.flights)) or 'one without a name'
         raise schema.ParameterError(
             f'{experiment}: no flight {schema.shown(flight)}; known: {known}')
-    if found.flights[flight].reference_node.commands.enabled:
-        unused.refuse_plan({key: place.where for key, place in (over or {}).items()})
+    unused.refuse_plan(
+        found.flights[flight].reference_node,
+        {key: place.where for key, place in (over or {}).items()})
     return '_'.join(filter(None, (found.name, flight))), found.flights[flight]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from mambo_control.controllers import REGISTRY as CONTROLLERS
+from mambo_control.parameters import ReferenceNodeParams
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
 from mambo_model import schema
 from mambo_sim.world import WorldParams
@@ -98,11 +99,13 @@ def refuse_trajectory(where: str, trajectory: str, world: WorldParams) -> None:
             'another world.formation')
 
 
-def refuse_plan(places: Mapping[str, str]) -> None:
-    """Refuse what sets a flight plan, {name: where}, of a flight that is made by commands."""
+def refuse_plan(reference: ReferenceNodeParams, places: Mapping[str, str]) -> None:
+    """Refuse what sets a flight plan, {name: where}, if the flight is made by commands."""
+    if not reference.commands.enabled:
+        return
     for name, where in places.items():
         if name in _PLANNED or name.startswith(_PLAN):
-            what = where if where.strip('-:=').removeprefix('no-') == name else f'{where}: {name}'
+            what = where if name in where else f'{where}: {name}'
             raise schema.ParameterError(
                 f'{what}: has no effect, as the flight is made by commands: leave it out, or fly '
                 'without them')

@@ -8,7 +8,7 @@ import errno
 import os
 from pathlib import Path
 
-from .errors import InputError, JobError
+from .errors import InputError, JobError, MamboError
 
 
 def is_wrong_path(error: OSError) -> bool:
@@ -29,6 +29,35 @@ def exists(path: Path) -> bool:
 
     """
     return path.exists() or path.is_symlink()
+
+
+def refuse_existing(
+        path: Path | None, instead: str = 'give another --output',
+        error: type[MamboError] = InputError) -> None:
+    """
+    Refuse an output that :func:`exists`, before any work is done.
+
+    Parameters
+    ----------
+    path
+        None: there is no output.
+    instead
+        What the user can do besides removing it.
+    error
+        Its type.
+
+    Raises
+    ------
+    mambo_model.errors.MamboError
+        If it exists, or its name is too long for the file system.
+
+    """
+    try:
+        there = path is not None and exists(path)
+    except OSError as reason:
+        raise error(f'{path}: {os.strerror(reason.errno)}') from None
+    if there:
+        raise error(f'{path} exists: {instead} or remove it')
 
 
 @contextmanager

@@ -96,3 +96,17 @@ def test_a_full_disk_is_a_failed_job(tmp_path, monkeypatch):
     with pytest.raises(JobError, match='cannot be written .No space left'):
         whole_file.check_writable(tmp_path / 'a/new')
     assert os.listdir(tmp_path) == []
+
+
+def test_an_output_must_be_new(tmp_path):
+    whole_file.refuse_existing(None)
+    whole_file.refuse_existing(tmp_path / 'new')
+    nowhere = tmp_path / 'nowhere'
+    nowhere.symlink_to('gone')
+    for path in (tmp_path, nowhere):
+        with pytest.raises(InputError, match='exists: give another --output or remove it$'):
+            whole_file.refuse_existing(path)
+    with pytest.raises(JobError, match='exists: name another or remove it$'):
+        whole_file.refuse_existing(nowhere, 'name another', JobError)
+    with pytest.raises(InputError, match='xx: File name too long$'):
+        whole_file.refuse_existing(tmp_path / ('x' * 300))

@@ -18,13 +18,14 @@ import time
 from typing import NamedTuple
 
 from mambo_bags import columns
-from mambo_bags.command import guard, Parser, refuse_existing
+from mambo_bags.command import guard, Parser
 from mambo_bags.reader import Bag, BagError, Batch, Messages, read_bag
 from mambo_bags.writer import BagWriter
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_flight import (
     changes, offline_replay, recorded_changes, recording_to_bag, scenario)
 from mambo_flight.smooth import recorded as smoothing
+from mambo_model.whole_file import refuse_existing
 from mambo_ros import topics
 from mambo_signals import stamps
 import numpy as np

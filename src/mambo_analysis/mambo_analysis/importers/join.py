@@ -24,7 +24,7 @@ from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag, bag_files, read_bag
 from mambo_bags.recover import declare, extras, in_order, OWN_RECORD
 from mambo_bags.writer import BagWriter, BagWriterError
-from mambo_model.whole_file import exists
+from mambo_model.whole_file import refuse_existing
 from mambo_ros import cdr
 from mambo_signals import gyro_check, motion
 from mambo_signals.derivative import body_rates
@@ -278,8 +278,7 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -
         If the target exists.
 
     """
-    if exists(target):
-        raise BagWriterError(f'{target} exists: give another --output or remove it')
+    refuse_existing(target, error=BagWriterError)
     bag, other = read_bag(flight), read_bag(mocap, [POSE])
     poses = other.messages(POSE)
     if POSE in bag:

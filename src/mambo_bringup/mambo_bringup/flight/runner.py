@@ -14,7 +14,7 @@ import signal
 from mambo_flight import scenario as scenarios
 from mambo_flight.world import world_file
 from mambo_flight.world.world_file import Hall
-from mambo_model.whole_file import exists
+from mambo_model.whole_file import refuse_existing
 
 from ..node_group import NodeGroup
 from ..processes import FlightInputError, NodeProcess, parameter
@@ -83,8 +83,7 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
 
     """
     for bag in bags.values():
-        if exists(bag):
-            raise FlightInputError(f'{bag} exists: give another --output or remove it')
+        refuse_existing(bag, error=FlightInputError)
     progress: dict[str, Progress] = {}
     started: dict[str, list[NodeProcess]] = {}
     silences: dict[str, Silence] = {}

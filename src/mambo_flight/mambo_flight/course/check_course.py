@@ -16,12 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from mambo_bags.cli.option_types import declared, real
-from mambo_bags.command import guard, Parser, refuse_existing, write_json
+from mambo_bags.command import guard, Parser, write_json
 from mambo_model import schema
 from mambo_model.errors import InputError, JobError
 from mambo_model.motion.polynomial import Array, Course, raised, resized, stretched
 from mambo_model.motion.uav_trajectories import FARTHEST, LONGEST
 from mambo_model.vehicle.parameters import find, PRESETS, Vehicle
+from mambo_model.whole_file import refuse_existing
 
 from . import course_file, feasibility, function_course
 from .waypoints import Settings

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import argparse
 
-from mambo_bags.command import guard, Parser, refuse_existing
+from mambo_bags.command import guard, Parser
 from mambo_model.motion.uav_trajectories import to_text
+from mambo_model.whole_file import refuse_existing
 
 from . import feasibility
 from .check_course import add_course, chosen

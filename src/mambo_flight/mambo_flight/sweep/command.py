@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from mambo_bags.cli.option_types import FLIGHT, WORKERS
-from mambo_bags.command import guard, interrupted, Parser, refuse_existing
+from mambo_bags.command import guard, interrupted, Parser
 from mambo_model.errors import JobError
+from mambo_model.whole_file import refuse_existing
 import numpy as np
 
 from . import design, heat_map, monte_carlo, plot, table

@@ -38,11 +38,9 @@ import yaml
 from .. import scenario as scenarios, scenario_file, unused
 from ..course import course_file
 from ..scenario import ParameterReader, Place
-from ..scenario_file import FIELDS, Settings
+from ..scenario_file import FIELDS, SETS, Settings
 
 DISTRIBUTIONS = ('normal', 'range', 'uniform')
-COMPONENTS = (('estimator', 'estimator_node.estimator'),
-              ('controller', 'controller_node.controller'))
 MOST = 10_000_000  # flights of a sweep at most
 
 
@@ -242,8 +240,8 @@ def read(path: Path) -> Sweep:
     if head.design == 'random' and 'samples' not in settings:
         raise schema.ParameterError(f'{path}: samples: missing; a random design needs it')
     estimators, controllers = (
-        [value for axis in axes if axis.name in both for value in axis.values] or [chosen]
-        for both, chosen in zip(COMPONENTS, usual, strict=True))
+        [value for axis in axes if axis.name in (kind, *SETS[kind]) for value in axis.values]
+        or [chosen] for kind, chosen in zip(('estimator', 'controller'), usual, strict=True))
     unused.refuse(
         {axis.name: axis.where for axis in axes}, estimators=estimators, controllers=controllers)
     for axis in axes:

@@ -13,12 +13,13 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mambo_bags.command import guard, Parser, refuse_existing, write_json
+from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.reader import Bag, read_bag
 from mambo_model import schema
 from mambo_model.errors import InputError, JobError
 from mambo_model.frames import flip_vector
 from mambo_model.motion.vector import Vec3
+from mambo_model.whole_file import refuse_existing
 from mambo_sim.world import MOST
 import numpy as np
 from numpy.typing import NDArray
