@@ -491,7 +491,7 @@ def _registration(a: Floats, b: Floats, yaw: float, sigma: float) -> Registratio
     return Registration(yaw, translation, rms, sigma)
 
 
-def registration(a: ArrayLike, b: ArrayLike) -> Registration:
+def registration(a: ArrayLike, b: ArrayLike, worst: float = WORST_YAW) -> Registration:
     """
     Return the least-squares yaw and translation that map positions b to positions a.
 
@@ -500,12 +500,14 @@ def registration(a: ArrayLike, b: ArrayLike) -> Registration:
     a, b : (n, 3) m
         Positions at the same instants, z up, in the order of time; rows that are not finite are
         left out.
+    worst : rad
+        Largest standard error of the yaw.
 
     Raises
     ------
     AlignError
         If there are fewer than two common positions, if the correlation of the paths is below
-        ``LEAST_QUALITY``, or if the standard error of the yaw exceeds ``WORST_YAW``.
+        ``LEAST_QUALITY``, or if the standard error of the yaw exceeds ``worst``.
 
     """
     a, b = np.asarray(a, float), np.asarray(b, float)
@@ -525,7 +527,7 @@ def registration(a: ArrayLike, b: ArrayLike) -> Registration:
     variance = max(independent, _long_run_variance(scores, 1))
     sigma = math.sqrt(variance) / power if power > 0.0 else math.inf
     correlation = power / math.sqrt(spread * float((pa * pa).sum()) or math.inf)
-    if correlation < LEAST_QUALITY or sigma > WORST_YAW:
+    if correlation < LEAST_QUALITY or sigma > worst:
         raise AlignError(
             'the paths are too small or too different to determine a yaw; give the yaw, or '
             'equalise at an instant')

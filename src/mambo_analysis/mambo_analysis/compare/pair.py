@@ -17,6 +17,8 @@ import numpy as np
 XYZ = ('x', 'y', 'z')
 GRID = 10_000_000  # [ns] sample period for the search of a delay
 LEAST = 10  # samples for statistics: the RMS of so few is known to 1 / sqrt(2 n), 22 %
+ROUGH_YAW = 0.1  # [rad] largest standard error of a yaw by the paths where no attitude is measured
+ROUNDING = 1e-6  # [-] of the components of a quaternion whose axes were turned
 
 
 WHAT = ('time', 'position', 'yaw')
@@ -47,7 +49,7 @@ def aligned(
     a, b
     what
         Of ``WHAT``: ``time`` by correlation, ``yaw`` by the paths, or by the attitudes where the
-        paths are too small; ``position`` by the mean shift.
+        paths are too small and both attitudes are measured; ``position`` by the mean shift.
     equal_at : s
         On B's clock: the positions are made equal there and not on average (section 5.4).
 
@@ -165,17 +167,38 @@ def _metres(shift: Floats) -> str:
 def _turn(a: Motion, b: Motion) -> tuple[float, str]:
     """Return the yaw rotation [rad] from A to B at its stamps, and how it was found."""
     try:
-        found = time_offset.registration(b.position, a.position)
-        return found.yaw, ('by the paths, standard error '
-                           f'{math.degrees(found.sigma_yaw):.2f} deg')
-    except time_offset.AlignError as error:
-        difference = np.radians(
-            motion.angles(b.quaternion)[:, 2] - motion.angles(a.quaternion)[:, 2])
-        difference = difference[np.isfinite(difference)]
-        if not len(difference):
-            raise BagError(f'no yaw found: {error}; take yaw out of --align') from None
-        return float(np.angle(np.exp(1j * difference).mean())), (
-            'by the attitudes, as the paths are too small or too different to tell it')
+        return _turn_by_paths(a, b, time_offset.WORST_YAW)
+    except time_offset.AlignError:
+        without = [f'{m.name} of {side}' for side, m in (('A', a), ('B', b))
+                   if not _has_attitude(m)]
+    if without:
+        missing = f'{" and ".join(without)} measured no attitude'
+        try:
+            turn, how = _turn_by_paths(a, b, ROUGH_YAW)
+        except time_offset.AlignError as error:
+            raise BagError(f'no yaw found: {error}; {missing}; take yaw out of --align') from None
+        return turn, f'{how}; {missing} that could tell it better'
+    difference = np.radians(
+        motion.angles(b.quaternion)[:, 2] - motion.angles(a.quaternion)[:, 2])
+    difference = difference[np.isfinite(difference)]
+    if not len(difference):
+        raise BagError(f'no yaw found: the paths do not determine it, and {a.name} of A and '
+                       f'{b.name} of B have no attitudes at the same time; take yaw out of '
+                       '--align')
+    return float(np.angle(np.exp(1j * difference).mean())), (
+        'by the attitudes, as the paths are too small or too different to tell it; right only if '
+        'both attitudes are of the same body axes')
+
+
+def _turn_by_paths(a: Motion, b: Motion, worst: float) -> tuple[float, str]:
+    found = time_offset.registration(b.position, a.position, worst)
+    return found.yaw, f'by the paths, standard error {math.degrees(found.sigma_yaw):.2f} deg'
+
+
+def _has_attitude(m: Motion) -> bool:
+    """Return whether attitudes were measured: trackers of points alone publish the identity."""
+    q = m.quaternion[np.isfinite(m.quaternion).all(axis=1)]
+    return bool((np.abs(q[:, :3]) > ROUNDING).any())
 
 
 def _apart(a: Motion, b: Motion) -> str:

@@ -215,22 +215,42 @@ def test_a_turn_that_neither_path_nor_attitude_tells_is_said():
         pair.aligned(still, still, ('yaw',))
 
 
+T = np.arange(1000) * 0.005
+
+
+def moving(path, yaw=None, name='a'):
+    """Return a motion along a path, (1000, 3), with one yaw; None: without attitude."""
+    q = (np.full(4, np.nan) if yaw is None else Rotation.from_euler('z', yaw).as_quat())
+    return motion.Motion(name, np.arange(1000) * STEP, path, np.tile(q, (1000, 1)))
+
+
+SMALL = 0.01 * np.column_stack([np.sin(T), np.cos(2.0 * T), 0.0 * T])
+OTHER = 0.01 * np.column_stack([np.sin(T + 0.3), np.cos(2.0 * T + 0.5), 0.0 * T])
+# an error of 0.5 cm leaves a standard error of 3.3 deg
+NEAR = Rotation.from_euler('z', 0.7).apply(SMALL + 0.005 * np.column_stack(
+    [np.sin(5.0 * T), np.cos(6.3 * T), 0.0 * T]))
+
+
 def test_a_path_too_small_to_tell_the_turn_gives_way_to_the_attitudes():
-    stamps = np.arange(1000) * STEP
-    t = stamps * 1e-9
-    small = 0.01 * np.column_stack([np.sin(t), np.cos(2.0 * t), 0.0 * t])
-    other = 0.01 * np.column_stack([np.sin(t + 0.3), np.cos(2.0 * t + 0.5), 0.0 * t])
-    ahead, left = (np.tile(Rotation.from_euler('z', yaw).as_quat(), (1000, 1))
-                   for yaw in (0.0, 0.2))
-    a, b = motion.Motion('a', stamps, small, ahead), motion.Motion('b', stamps, other, left)
-    found = pair.aligned(a, b, ('yaw',))
+    found = pair.aligned(moving(SMALL, 0.1), moving(OTHER, 0.3, 'b'), ('yaw',))
     assert found.turn == pytest.approx(0.2, abs=1e-9)
     assert 'turned by +11.46 deg (by the attitudes, as the paths are too small' in found.text
-    far = motion.Motion('b', stamps, Rotation.from_euler('z', 0.7).apply(small) + 0.1 * other,
-                        left)
-    found = pair.aligned(a, far, ('yaw',))
+    assert 'right only if both attitudes are of the same body axes)' in found.text
+    far = Rotation.from_euler('z', 0.7).apply(SMALL) + 0.1 * OTHER
+    found = pair.aligned(moving(SMALL, 0.1), moving(far, 0.3, 'b'), ('yaw',))
     assert found.turn == pytest.approx(0.7, abs=0.1)
-    assert '(by the paths, standard error ' in found.text
+    assert '(by the paths, standard error ' in found.text and 'attitude' not in found.text
+
+
+@pytest.mark.parametrize('nothing', [None, 0.0])
+def test_the_identity_and_no_attitude_tell_no_turn(nothing):
+    found = pair.aligned(moving(SMALL, nothing), moving(NEAR, 0.3, 'b'), ('yaw',))
+    sigma = float(found.text.partition('standard error ')[2].partition(' deg')[0])
+    assert sigma == pytest.approx(3.3, abs=0.1)
+    assert found.turn == pytest.approx(0.7, abs=3.0 * np.radians(sigma))
+    assert 'deg; a of A measured no attitude that could tell it better)' in found.text
+    with pytest.raises(BagError, match='^no yaw found: .*; b of B measured no attitude; take yaw'):
+        pair.aligned(moving(SMALL, 0.1), moving(OTHER, nothing, 'b'), ('yaw',))
 
 
 def test_a_bag_of_which_every_message_is_doubled_is_remarked(flights, tmp_path):
@@ -300,8 +320,9 @@ def resting(path, seed):
     rng = np.random.default_rng(seed)
     maker = Maker(path, ('optitrack/pose',), attachments={})
     wander = np.cumsum(rng.normal(size=(2000, 3)), axis=0) * 1e-5
+    turns = Rotation.from_rotvec(1e-3 * rng.normal(size=(2000, 3))).as_quat()
     for step, p in enumerate(wander + 1e-4 * rng.normal(size=(2000, 3))):
-        maker.write('optitrack/pose', step * 2 * STEP, pose=maker.pose(p))
+        maker.write('optitrack/pose', step * 2 * STEP, pose=maker.pose(p, turns[step]))
     maker.writer.close()
     return read_bag(path)
 
