@@ -116,6 +116,8 @@ class Log:
         How many rows those were.
     ignored
         Names of the signals that nothing is made of.
+    steep
+        {name: values beyond a quarter turn that were left out}, of the pitches that had some.
 
     """
 
@@ -124,6 +126,7 @@ class Log:
     lost: int
     impossible: int
     ignored: list[str]
+    steep: dict[str, int]
 
     def has(self, *names: str) -> bool:
         """Return whether all signals are present."""
@@ -182,9 +185,15 @@ def read_log(source: Source) -> Log:
         if good.any():
             group, _, short = name.partition('.')
             drone[short if group == 'ae483log' else name] = t[good], v[good]
-    mocap, lost, impossible = _mocap(path, found.get('mocap') or {})
+    mocap, lost, impossible, pitches = _mocap(path, found.get('mocap') or {})
+    steep = {'mocap pitch': pitches}
+    if 'theta' in drone:
+        wrong = _steep(path, 'theta', *drone['theta'])
+        steep['theta'] = int(wrong.sum())
+        drone['theta'] = drone['theta'][0][~wrong], drone['theta'][1][~wrong]
     known = {*USED, *(() if 'w_x' in drone else GYRO)}
-    log = Log(drone, mocap, lost, impossible, [name for name in drone if name not in known])
+    log = Log(drone, mocap, lost, impossible, [name for name in drone if name not in known],
+              {name: count for name, count in steep.items() if count})
     if not (log.has('w_x', 'w_y', 'w_z') or log.has('gyro.x', 'gyro.y', 'gyro.z')):
         raise BagError(f'{path}: no gyro (ae483log.w_x, w_y, w_z or gyro.x, y, z) with finite '
                        f'values; it has {", ".join(found["drone"]) or "no signals"}')
@@ -206,35 +215,47 @@ def _check(path: Path, log: Log) -> None:
         plausible.refuse_g(f'{path}: a_z', log.drone['a_z'][1])
     if log.has('r'):
         plausible.refuse_ranges(f'{path}: r', log.drone['r'][1])
-    if log.has('theta'):
-        _refuse_steep(path, 'theta', *log.drone['theta'])
 
 
-def _refuse_steep(path: Path, name: str, times: Floats, pitch: Floats) -> None:
-    """Raise BagError for a pitch, (n,) rad, that is beyond a quarter turn."""
-    wrong = plausible.beyond_quarter(pitch)
-    if wrong is not None:
-        raise BagError(f'{path}: {name} is {pitch[wrong]:.4g} rad at {times[wrong]:.3f} s, beyond '
-                       'a quarter turn: give yaw, pitch and roll in rad, in this order')
+def _steep(path: Path, name: str, times: Floats, pitch: Floats) -> NDArray[np.bool_]:
+    """
+    Return which of the pitches, (n,) rad, are beyond a quarter turn, and damaged therefore.
+
+    Raises
+    ------
+    BagError
+        If more than ``plausible.FEW`` of them are. In degrees it would be 1.8 % or more of the
+        pitches of five real flights.
+
+    """
+    wrong = np.abs(pitch) > plausible.QUARTER
+    if wrong.sum() > plausible.FEW * len(pitch):
+        first = np.flatnonzero(wrong)[0]
+        raise BagError(f'{path}: {name} is {pitch[first]:.4g} at {times[first]:.3f} s, and '
+                       f'{int(wrong.sum())} of {len(pitch)} values are beyond a quarter turn: is '
+                       'it in deg, or another angle? give yaw, pitch and roll in rad, in this '
+                       'order')
+    return wrong
 
 
-def _mocap(path: Path, found: Any) -> tuple[Floats, int, int]:
-    """Return the poses, the number of lost ones and the number of impossible ones."""
+def _mocap(path: Path, found: Any) -> tuple[Floats, int, int, int]:
+    """Return the poses, and how many were lost, were impossible, had an impossible pitch."""
     if not isinstance(found, dict) or (found and not {'time', *MOCAP} <= set(found)):
         raise BagError(f'{path}: mocap is not built as {{time, {", ".join(MOCAP)}}}')
     if not found or not found['time']:
-        return np.empty((0, 7)), 0, 0
+        return np.empty((0, 7)), 0, 0, 0
     columns = [_series(path, f'mocap {name}', found['time'], found[name]) for name in MOCAP]
     table = np.column_stack([columns[0][0], *(v for _, v in columns)])
     seen = np.isfinite(table).all(axis=1)
     poses = table[seen]
     plausible.refuse_pace(f'{path}: mocap time', poses[:, 0])
-    _refuse_steep(path, 'mocap pitch', poses[:, 0], poses[:, 5])
+    steep = _steep(path, 'mocap pitch', poses[:, 0], poses[:, 5])
+    poses = poses[~steep]
     wrong = outliers.refuse_most(
         f'{path}: mocap', poses[:, 0], poses[:, 1:4],
         np.array(_attitude(poses[:, 4:])).reshape(-1, 4))
     plausible.refuse_far(f'{path}: mocap', poses[~wrong, 1:4])
-    return poses[~wrong], int((~seen).sum()), int(wrong.sum())
+    return poses[~wrong], int((~seen).sum()), int(wrong.sum()), int(steep.sum())
 
 
 def mocap_offset(log: Log) -> Offset:
@@ -472,6 +493,12 @@ def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, 
         'mocap_offset_correlation': found.quality, **details}
 
 
+def _left_out(log: Log) -> list[str]:
+    """Return a line for each pitch of which values beyond a quarter turn are left out."""
+    return [f'{name}: {count} value{"s" * (count != 1)} beyond a quarter turn left out'
+            for name, count in log.steep.items()]
+
+
 def _parameters(counts_per_radian: float) -> dict[str, str]:
     """Return the estimator's parameter file, which takes a radian for ``DATA_SHEET`` counts."""
     factor = min(max(counts_per_radian / DATA_SHEET, 0.1), 10.0)  # range of the parameter
@@ -522,7 +549,8 @@ def import_crazyflie(
         'flow_rotation': 'not compensated', 'horizontal_acceleration': '0' if level else 'NaN',
         'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535',
         'mocap_frames_lost': log.lost, 'mocap_poses_impossible': log.impossible,
-        'ignored': ', '.join(log.ignored) or 'nothing', **details})
+        'ignored': ', '.join(log.ignored) or 'nothing', **details,
+        **({'beyond_quarter_turn': '; '.join(_left_out(log))} if log.steep else {})})
     with BagWriter(target, _parameters(counts_per_radian), record) as writer:
         out = Publisher(writer, TOPICS)
         _publish_imu(log, out, level)
@@ -569,6 +597,8 @@ def main(arguments: list[str] | None = None) -> int:
             options.log, options.output, options.counts_per_radian, options.mocap_offset,
             options.level, options.repeated_flow)
         notes = [f'{key}: {details[key]}' for key in details if key.startswith(('mocap', 'range'))]
+        if steep := details.get('beyond_quarter_turn'):
+            notes += steep.split('; ')
         ignored = [] if details['ignored'] == 'nothing' else details['ignored'].split(', ')
         impossible = int(details['mocap_poses_impossible'])
         if impossible:

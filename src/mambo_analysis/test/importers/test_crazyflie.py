@@ -364,13 +364,22 @@ def scaled(names, factor, part='drone', what='data'):
     return log
 
 
+def calm_in_degrees():
+    """Return a flight that leans by more than 1.58 deg for 2 % of its time."""
+    log = flight()
+    log['drone']['ae483log.theta']['data'] = [2.0 * (row % 50 == 0) for row in range(2000)]
+    return log
+
+
 DEGREES = np.degrees(1.0)
 
 
 @pytest.mark.parametrize('log, text', [
     (scaled(['yaw', 'pitch', 'roll'], DEGREES, 'mocap'),
-     'mocap pitch is 11.46 rad at 1000.000 s, beyond a quarter turn'),
-    (scaled(['psi', 'theta', 'phi'], DEGREES), 'theta is 11.46 rad at 10.000 s, beyond'),
+     'mocap pitch is 11.46 at 1000.000 s, and 1990 of 1990 values are beyond a quarter turn'),
+    (scaled(['psi', 'theta', 'phi'], DEGREES),
+     'theta is 11.46 at 10.000 s, and 2000 of 2000 values are beyond a quarter turn: is it in d'),
+    (calm_in_degrees(), 'theta is 2 at 10.000 s, and 40 of 2000 values are beyond a quarter turn'),
     (scaled(['w_x', 'w_y', 'w_z'], DEGREES), 'w_x, w_y, w_z: the gyro turns by up to 859'),
     (scaled(['a_z'], 1.0 / 9.81), 'a_z: the accelerometer has a median of z of 1, not 9.8'),
     (scaled(['r'], 1e3), 'r: 1496 of 2000 ranges are beyond 40 m, up to'),
@@ -380,6 +389,24 @@ DEGREES = np.degrees(1.0)
     (scaled(['x', 'y', 'z'], 1e6, 'mocap'), 'mocap: 1989 of 1989 steps are faster than')])
 def test_signals_in_another_unit_are_refused(log, text, tmp_path, capsys):
     refuse(save(tmp_path / 'log.json', log), tmp_path, capsys, text)
+
+
+def test_a_few_pitches_beyond_a_quarter_turn_are_left_out_and_counted(made, tmp_path, capsys):
+    log = flight()
+    log['drone']['ae483log.theta']['data'][500] = 7.0
+    for row in (300, 301):
+        log['mocap']['pitch'][row] = -2.0
+    source = save(tmp_path / 'log.json', log)
+    assert main([str(source), str(tmp_path / 'bag')]) == 0
+    out = capsys.readouterr().out
+    assert 'theta: 1 value beyond a quarter turn left out\n' in out
+    assert 'mocap pitch: 2 values beyond a quarter turn left out\n' in out
+    bag = read_bag(tmp_path / 'bag')
+    assert len(made['optitrack/pose']) - len(bag['optitrack/pose']) == 2
+    odom = bag['onboard/odom']  # of a lost packet: interpolated
+    assert len(odom) == len(made['onboard/odom'])
+    pitch = Rotation.from_quat(odom.orientation).as_euler('ZYX')[:, 1]
+    np.testing.assert_allclose(pitch, 0.2, atol=1e-9)
 
 
 def test_a_gyro_whose_axes_never_meet_is_refused(tmp_path, capsys):
