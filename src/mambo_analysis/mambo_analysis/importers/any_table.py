@@ -213,6 +213,7 @@ class _Rows:
         wrong = outliers.refuse_most(
             f'{self.path}: optitrack/pose', self.times['optitrack/pose'][rows], position[rows],
             turn[rows])
+        plausible.refuse_far(f'{self.path}: optitrack/pose', position[rows[~wrong]])
         if wrong.any():
             usable[rows[wrong]] = False
             self.notes.append(outliers.describe('optitrack/pose', int(wrong.sum())))
@@ -251,6 +252,12 @@ class _Rows:
         body = BODY[topic.body]
         rates, force = (body.apply(found[key]) if key in found else unknown
                         for key in ('angular_velocity', 'acceleration'))
+        where, remedy = f'{self.path}: imu/data_raw', 'give its unit in the mapping'
+        if 'angular_velocity' in found:
+            plausible.refuse_degrees(
+                where, self.times['imu/data_raw'][usable], rates[usable], remedy)
+        if 'acceleration' in found:
+            plausible.refuse_g(where, force[usable, 2], remedy)
         return lambda row: out.imu(rates[row].tolist(), force[row].tolist())
 
     def _sonar_range(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:

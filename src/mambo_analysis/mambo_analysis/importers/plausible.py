@@ -56,30 +56,47 @@ def beyond_quarter(middle: Floats) -> int | None:
     return int(wrong[0]) if len(wrong) else None
 
 
-def refuse_degrees(where: str, times: Floats, rates: Floats) -> None:
+def refuse_degrees(
+    where: str, times: Floats, rates: Floats, remedy: str = 'give it in rad/s',
+) -> None:
     """
     Refuse a gyro, (n, 3), in deg/s instead of rad/s.
 
-    It turns faster than any gyro of a small drone measures, which alone a crash or a damaged
-    value may show, and its integral is a tilt that no flight without flips has. Five real flights
-    have one of 0.03 to 0.05 rad.
+    Two things must hold. Its fastest rate is above the full scale of the gyros of small drones;
+    a crash or a damaged value can do that alone. And the tilt that follows from its integral
+    (:func:`tilt_of`) is larger than in any flight without flips; of five real flights it is 0.03
+    to 0.05 rad.
+
+    Raises
+    ------
+    BagError
+        In one line that ends with the remedy.
+
     """
     if len(times) < 3:
         return
     fastest, tilt = float(np.abs(rates).max()), tilt_of(times, rates[:, :2])
     if fastest > FASTEST_TURN and tilt > TILTS[1]:
         raise BagError(f'{where}: the gyro turns by up to {fastest:.4g} rad/s, and its integral '
-                       f'is a tilt of {tilt:.3g} rad RMS: is it in deg/s? give it in rad/s')
+                       f'is a tilt of {tilt:.3g} rad RMS: is it in deg/s? {remedy}')
 
 
-def refuse_g(where: str, upward: Floats) -> None:
-    """Refuse an acceleration along z, (n,), that is in g instead of m/s^2 throughout."""
+def refuse_g(where: str, upward: Floats, remedy: str = 'give it in m/s^2') -> None:
+    """
+    Refuse an acceleration along z, (n,), that is in g instead of m/s^2 throughout.
+
+    Raises
+    ------
+    BagError
+        In one line that ends with the remedy.
+
+    """
     if not len(upward):
         return
     usual, most = np.percentile(upward, [50.0, 99.0])
     if IN_G[0] < usual < IN_G[1] and most < NEVER:
         raise BagError(f'{where}: the accelerometer has a median of z of {usual:.3g}, not 9.8 '
-                       'm/s^2: is it in g? give it in m/s^2')
+                       f'm/s^2: is it in g? {remedy}')
 
 
 def refuse_ranges(where: str, ranges: Floats) -> None:

@@ -435,6 +435,23 @@ def test_millimetres_that_are_mapped_as_metres_are_refused(tmp_path, capsys):
     assert 'optitrack/pose: 49 of 49 steps are faster' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize('old, new, change, text', [
+    ('', '', lambda data: data.assign(z=data['z'] + 2e6),  # cm
+     'optitrack/pose: a position is 2e+04 m from the origin'),
+    ('[p, q, r], unit: deg/s', '[p, q, r]', lambda data: data.assign(p=40.0 * data['p']),
+     'imu/data_raw: the gyro turns by up to 1352 rad/s, and its integral is a tilt of'),
+    ('unit: g', 'unit: m/s^2', lambda data: data,
+     'imu/data_raw: the accelerometer has a median of z of 1, not 9.8 m/s^2: is it in g? give '
+     'its unit in the mapping')])
+def test_a_position_a_rate_or_an_acceleration_of_another_unit_is_refused(
+        tmp_path, capsys, old, new, change, text):
+    source, mapping = files(tmp_path, change(frame()), text=MAP.replace(old, new))
+    assert main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)]) == 2
+    said = capsys.readouterr().err
+    assert text in said and said.count('\n') == 1
+    assert not (tmp_path / 'bag').exists()
+
+
 @pytest.mark.parametrize('columns, value, why', [
     (['qw', 'qx', 'qy', 'qz'], 0.0, '50 of 50 rows have a quaternion of zeros'),
     (['x'], np.nan, '50 of 50 rows lack a value in x')])
