@@ -8,7 +8,8 @@ import re
 import tempfile
 from typing import Any
 
-from mambo_flight.sweep import command
+from mambo_flight.course import course_file
+from mambo_flight.sweep import command, design
 from mambo_model.errors import InputError
 import pandas
 import yaml
@@ -26,7 +27,8 @@ def sweep(
     Parameters
     ----------
     what
-        A sweep file, or its content as a mapping.
+        A sweep file, or its content as a mapping, whose relative paths start at the current
+        directory.
     ideal
         Whether to fly without sensors, on the true state.
     workers
@@ -50,13 +52,27 @@ def sweep(
         try:
             return pandas.DataFrame(command.sweep(file, out, ideal, workers))
         except InputError as error:  # the user has not written this file
-            text = re.sub(rf'{re.escape(str(file))}(:\d+)?', 'sweep', str(error))
-            raise type(error)(text.replace(f'{folder}/', '')) from None
+            raise type(error)(
+                re.sub(rf'{re.escape(str(file))}(:\d+)?', 'sweep', str(error))) from None
 
 
 def _text(what: Mapping[str, Any]) -> str:
-    """Return a sweep file with the content of a mapping."""
+    """Return a sweep file with the content of a mapping, in which paths are absolute."""
+    content = given.plain(what)
+    if isinstance(name := content.get('scenario'), str):
+        content['scenario'] = design.scenario_in(name, Path.cwd())
+    if 'vary' in content:
+        content['vary'] = _absolute(content['vary'])
     try:
-        return yaml.safe_dump(given.plain(what), sort_keys=False)
+        return yaml.safe_dump(content, sort_keys=False)
     except yaml.YAMLError as error:
         raise InputError(f'sweep: {" ".join(map(str, error.args))}') from None
+
+
+def _absolute(value: Any) -> Any:
+    """Return values in which files of vehicles, courses and components have absolute paths."""
+    if isinstance(value, Mapping):
+        return {key: _absolute(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return type(value)(map(_absolute, value))
+    return course_file.absolute(value, Path.cwd()) if isinstance(value, str) else value

@@ -30,10 +30,28 @@ def test_a_file_and_its_content_are_the_same_sweep(tmp_path):
     ({'scenario': 'fig_5_10', 'vary': {'sede': [1]}}, 'sede'), ({'vray': {'seed': [1]}}, 'vray'),
     ({}, 'sweep: is empty: give vary, what differs'),
     ({'vary': {'seed': [1, 1]}}, 'sweep: seed: 1 is there 2 times'),
-    ({'scenario': 'no.yaml', 'vary': {'seed': [1]}}, 'no.yaml: No such file'),
     ('no/such.yaml', 'no/such.yaml')])
 def test_wrong_input_is_one_line(what, message):
     with pytest.raises(mambo.InputError) as error:
         mambo.sweep(what)
     assert message in str(error.value) and '\n' not in str(error.value)
     assert 'mambo_' not in str(error.value)
+
+
+def test_a_file_that_is_missing_is_named_where_it_was_looked_for(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(mambo.InputError) as error:
+        mambo.sweep({'scenario': 'no.yaml', 'vary': {'seed': [1]}})
+    assert str(error.value) == f'{tmp_path}/no.yaml: No such file or directory'
+
+
+def test_files_of_a_mapping_are_those_of_the_current_directory(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'mine.yaml').write_text(
+        'title: Hover\ntrajectory: hover\nduration: 2\nlanding: false\n')
+    (tmp_path / 'heavy.yaml').write_text(
+        'description: heavy\nbase: identified\nmass: {value: 0.08, unit: kg, source: a test}\n')
+    table = mambo.sweep({'scenario': 'mine.yaml', 'vary': {
+        'vehicle': ['toolbox', 'heavy.yaml']}}, ideal=True, workers=1)
+    assert table['vehicle'].tolist() == ['toolbox', f'{tmp_path}/heavy.yaml']
+    assert table['pwm_max'][0] != table['pwm_max'][1]

@@ -214,7 +214,7 @@ def read(path: Path) -> Sweep:
     if 'scenario' in keys and isinstance(keys['scenario'][1], yaml.ScalarNode):
         base = _base(Path(path), keys['scenario'][1].value, {})
         if name := keys['scenario'][1].value:
-            scenario_file.refuse_several(_file(Path(path), name))
+            scenario_file.refuse_several(scenario_in(name, Path(path).parent))
         reader.learn(root, schema.flatten(base))
         usual = base.estimator_node.estimator, base.controller_node.controller
     else:
@@ -269,12 +269,12 @@ def _base(
     """Return the scenario of a sweep file, with settings applied."""
     if not name:
         return scenario_file.from_settings(settings)
-    return scenario_file.load(_file(path, name), settings)[1]
+    return scenario_file.load(scenario_in(name, path.parent), settings)[1]
 
 
-def _file(path: Path, name: str) -> str:
-    """Return the name of a scenario, whose file starts at the folder of the sweep file."""
-    return str(path.parent / name) if '.yaml' in name or '.yml' in name else name
+def scenario_in(name: str, folder: Path) -> str:
+    """Return the name of a scenario; if it names a file, with the folder where that starts."""
+    return str(folder / name) if '.yaml' in name or '.yml' in name else name
 
 
 class Flights:
