@@ -113,8 +113,8 @@ def _scenario(arguments: Mapping[str, str]) -> scenarios.Scenario:
             f'{sources[0]} cannot be combined with '
             f'{[*sources, "vehicle:=" + arguments["vehicle"]][1]}: leave one out')
     if arguments['scenario']:
-        settings = {name: Place(arguments[name], f'{name}:=') for name in ('trajectory', 'vehicle')
-                    if arguments[name]}
+        settings = {name: Place(value, f'{name}:={value}') for name in ('trajectory', 'vehicle')
+                    if (value := arguments[name])}
         _, flight = scenario_file.load(arguments['scenario'], settings)
         return scenarios.override(flight, given)
     if trajectory := arguments['trajectory']:
@@ -124,7 +124,8 @@ def _scenario(arguments: Mapping[str, str]) -> scenarios.Scenario:
     if arguments['params_file']:
         written = scenarios.load(Path(arguments['params_file']).expanduser())
         if trajectory:
-            unused.refuse_plan(written.reference_node, {'trajectory': 'trajectory:='})
+            unused.refuse_plan(
+                written.reference_node, {'trajectory': f'trajectory:={trajectory}'})
         return scenarios.override(written, given)
     flight = scenarios.override(scenarios.scenario(
         duration=0.0, vehicle=arguments['vehicle'] or 'identified'), given)

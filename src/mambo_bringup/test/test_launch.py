@@ -270,8 +270,11 @@ def test_a_trajectory_that_commands_do_not_fly_is_refused(tmp_path):
     file = tmp_path / 'commanded.yaml'
     file.write_text('/mambo/reference_node:\n  ros__parameters:\n    commands: {enabled: true}\n')
     assert flown(params_file=str(file)).reference_node.commands.enabled
-    with pytest.raises(schema.ParameterError, match='^trajectory:=: has no effect, as the fl'):
+    with pytest.raises(schema.ParameterError, match='^trajectory:=circle: has no effect'):
         flown(params_file=str(file), trajectory='circle')
+    file.write_text('title: up\ncommands: [{time: 1, takeoff: {height: 1.0}}]\n')
+    with pytest.raises(schema.ParameterError, match='^trajectory:=circle: has no effect'):
+        flown(scenario=str(file), trajectory='circle')
 
 
 def test_the_simulator_is_last_and_waits_for_every_other_node(tmp_path):

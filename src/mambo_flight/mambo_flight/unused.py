@@ -94,9 +94,10 @@ def refuse_world(names: Iterable[str], world: WorldParams) -> None:
 def refuse_trajectory(where: str, trajectory: str, world: WorldParams) -> None:
     """Refuse a trajectory, set at ``where``, that the drones of an exchange do not fly."""
     if world.formation == 'exchange' and trajectory != 'hover':
+        what = where if ':=' in where else f'{where}: {trajectory}'
         raise schema.ParameterError(
-            f'{where}: {trajectory} has no effect, as the formation is exchange: choose hover, or '
-            'another world.formation')
+            f'{what} has no effect, as the formation is exchange: choose hover, or another '
+            'world.formation')
 
 
 def refuse_plan(reference: ReferenceNodeParams, places: Mapping[str, str]) -> None:
