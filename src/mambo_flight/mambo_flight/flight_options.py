@@ -131,7 +131,8 @@ def _changed(options: argparse.Namespace) -> dict[str, Any]:
     for name, (full, *_) in SETS.items():
         value = getattr(options, name, None)
         if value is not None and full in out and out[full] != value:
-            given = _option(name, value) + ('' if isinstance(value, bool) else f' {value}')
+            shown = f'{value:.15g}' if isinstance(value, float) else value
+            given = _option(name, value) + ('' if isinstance(value, bool) else f' {shown}')
             asked = next(one for one in options.set if one.partition('=')[0].strip() == full)
             raise schema.ParameterError(f'--set {asked} contradicts {given}: leave one out')
     return out

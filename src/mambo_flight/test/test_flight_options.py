@@ -52,14 +52,18 @@ def test_a_parameter_that_is_set_twice_is_refused():
 
 @pytest.mark.parametrize(('words', 'line'), [
     (['--duration', '1', '--set', 'sim_node.duration=3'],
-     '--set sim_node.duration=3 contradicts --duration 1.0'),
-    (['--seed', '2', '--set', 'sim_node.simulator.seed=3'], 'contradicts --seed 2'),
-    (['--estimator', 'kalman', '--set', 'estimator_node.estimator=joint'], '--estimator kalman'),
-    (['--controller', 'indi', '--set', 'controller_node.controller=cascaded'], 'contradicts --c'),
+     '--set sim_node.duration=3 contradicts --duration 1:'),
+    (['--duration', '1.25', '--set', 'sim_node.duration=3'], 'contradicts --duration 1.25:'),
+    (['--seed', '2', '--set', 'sim_node.simulator.seed=3'], 'contradicts --seed 2:'),
+    (['--estimator', 'kalman', '--set', 'estimator_node.estimator=joint'],
+     'contradicts --estimator kalman:'),
+    (['--controller', 'indi', '--set', 'controller_node.controller=cascaded'],
+     '--set controller_node.controller=cascaded contradicts --controller indi:'),
     (['--no-noise', '--set', 'sim_node.simulator.noise=true'],
      '--set sim_node.simulator.noise=true contradicts --no-noise:'),
-    (['--no-landing', '--set', 'reference_node.plan.landing_time=20'], 'contradicts --no-landing'),
-    (['--drones', '2', '--set', 'world.drones=3'], 'contradicts --drones 2')])
+    (['--no-landing', '--set', 'reference_node.plan.landing_time=20'],
+     'contradicts --no-landing:'),
+    (['--drones', '2', '--set', 'world.drones=3'], 'contradicts --drones 2:')])
 def test_an_option_and_a_parameter_that_contradict_are_refused(capsys, words, line):
     assert fly.main(['--trajectory', 'circle', *words, '--print-scenario']) == 2
     out, err = capsys.readouterr()
