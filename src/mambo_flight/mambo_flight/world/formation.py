@@ -178,7 +178,7 @@ def remarks(drones: Drones) -> Iterator[str]:
     course, vehicle = flight.reference_node.plan.flown_course(), flight.reference_node.vehicle
     if failure := feasibility.check(course, vehicle):
         yield (f'warning: {name} cannot fly its half turn in world.turn_time = '
-               f'{params.turn_time:g} s: {failure}; lengthen it')
+               f'{params.turn_time:g} s: {failure}; lengthen the turn')
 
 
 @jit

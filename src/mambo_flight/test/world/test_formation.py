@@ -152,6 +152,7 @@ def test_an_exchange_too_fast_for_the_vehicle_is_told():
     assert told() == []
     line, = told(spacing=50.0, turn_time=8.0)
     assert 'cannot fly its half turn in world.turn_time = 8 s: ' in line and '\n' not in line
+    assert line.endswith('; lengthen the turn')
     assert told(spacing=50.0, turn_time=60.0) == []
 
 
