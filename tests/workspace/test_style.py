@@ -2,6 +2,7 @@
 
 import ast
 from pathlib import Path
+import re
 import shutil
 import subprocess
 import sys
@@ -71,6 +72,16 @@ def functions(file):
 def test_a_function_fits_on_a_screen(file):
     assert not [f'{node.name} (line {node.lineno}): {node.end_lineno - first + 1} lines'
                 for node, first in functions(file) if node.end_lineno - first + 1 >= 60]
+
+
+def test_every_option_that_replaces_a_file_says_so_in_the_same_words():
+    told, wrong = 0, []
+    for file in SOURCES:
+        text = re.sub(r"'\n +'", '', file.read_text())  # texts over several lines
+        told += text.count('; an older file is replaced') + text.count('; older files are repl')
+        wrong += [short(file)] * len(re.findall('over (?:an )?older|older ones? (?:is|are) repl',
+                                                text))
+    assert told >= 11 and not wrong, wrong
 
 
 @pytest.mark.parametrize('file', FILES, ids=short)

@@ -167,8 +167,8 @@ class Parser(argparse.ArgumentParser):
     def add_json(self) -> None:
         """Add ``--json [FILE]``; see :func:`write_json`."""
         self.add_argument('--json', type=_json_file, nargs='?', const='-', metavar='FILE',
-                          help='write the numbers as JSON, over an older FILE.json; without FILE '
-                          'or with -: print them, and nothing else')
+                          help='write the numbers as JSON; an older file is replaced; without '
+                          'FILE or with -: print them, and nothing else')
 
     def parse_args(  # type: ignore[override]
         self, args: list[str] | None = None, namespace: argparse.Namespace | None = None,

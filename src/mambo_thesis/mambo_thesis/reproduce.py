@@ -108,7 +108,7 @@ def parser() -> Parser:
     out.add_argument(
         '--mutations', action='store_true',
         help='report which claims notice a mutated drone: other drag, flow, motors, ...')
-    out.add_output('DIR', 'folder to write into, over an older page (default: reproduction)',
+    out.add_output('DIR', 'folder to write into; older files are replaced (default: reproduction)',
                    Path('reproduction'))
     return out
 

@@ -431,12 +431,12 @@ def parser() -> Parser:
         'the folder that holds the bags of several drones in one hall')
     add('other', type=Path, metavar='B', nargs='?', help='the bag to compare with')
     add('--html', type=Path, metavar='FILE', help='write a report with plots and the flight, one '
-        'file that needs no network; an older one is replaced')
-    add('--csv', type=Path, metavar='FILE', help='write the numbers, one a line, over an older '
-        'file')
+        'file that needs no network; an older file is replaced')
+    add('--csv', type=Path, metavar='FILE', help='write the numbers, one a line; an older '
+        'file is replaced')
     out.add_json()
     out.add_output('DIR', 'write this report as index.html, and flight.png with the plots of A on '
-                          'one sheet, into this directory; older ones are replaced')
+                          'one sheet, into this directory; older files are replaced')
     add('--a-topic', metavar='TOPIC', help='of A, an Odometry or a PoseStamped (default: the '
         'best that both have of ground_truth/odom, optitrack/pose, estimate/odom, onboard/odom)')
     add('--b-topic', metavar='TOPIC', help='of B, or of A without B')

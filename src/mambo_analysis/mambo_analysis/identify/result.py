@@ -40,8 +40,8 @@ class Report(NamedTuple):
 def parser(name: str, description: str) -> Parser:
     """Return the parser of a command with the common options."""
     out = Parser(name, description)
-    out.add_output('DIR', 'write NAME.json, NAME.png and NAME.yaml, a vehicle, into it, over '
-                   'older ones')
+    out.add_output('DIR', 'write NAME.json, NAME.png and NAME.yaml, a vehicle, into it; older '
+                   'files are replaced')
     out.add_json()
     out.add_argument('--base', default='identified', metavar='VEHICLE',
                      help=f'vehicle that the new one starts from: {", ".join(PRESETS)}, or a '

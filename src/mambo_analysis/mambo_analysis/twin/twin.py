@@ -175,7 +175,7 @@ def parser() -> Parser:
                      help='before a window, in which accelerometer and gyro correct the model; 0: '
                           'not at all (default: %(default)g)')
     out.add_argument('--html', type=Path, metavar='FILE',
-                     help='write a page for a browser, over an older file')
+                     help='write a page for a browser; an older file is replaced')
     out.add_json()
     return out
 

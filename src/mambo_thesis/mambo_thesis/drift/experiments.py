@@ -183,7 +183,7 @@ def parser() -> Parser:
     """Return the command line."""
     out = Parser('drift_experiments',
                  'Predict the drift of each mechanism and fly the experiments that separate them.')
-    out.add_output('DIR', 'folder to write into, over older results (default: drift)',
+    out.add_output('DIR', 'folder to write into; older files are replaced (default: drift)',
                    Path('drift'))
     out.add_argument('--write', type=Path, metavar='FILE',
                      help='replace the tables of this document')

@@ -236,7 +236,8 @@ def parser() -> Parser:
                      default=MIN_HEIGHT, metavar='M',
                      help='leave out samples below this height (default: %(default)s)')
     out.add_argument('--figure', type=Path, metavar='PNG',
-                     help='draw the probabilities and the apparent factor, over an older file')
+                     help='draw the probabilities and the apparent factor; an older file is '
+                          'replaced')
     out.add_json()
     out.add_argument('--namespace', help='namespace of the drone, if a bag holds several')
     return out

@@ -117,7 +117,7 @@ def parser() -> Parser:
     out = Parser('identify_sensors', __doc__.split('\n\n')[0])
     out.add_argument('files', type=Path, nargs='+', metavar='FILE',
                      help='bag, minidrone log (rt_yout) or noisedata.mat')
-    out.add_output('DIR', 'write a figure of each file here, over older ones')
+    out.add_output('DIR', 'write a figure of each file here; older files are replaced')
     out.add_json()
     out.add_argument('--namespace', help='of the drone, if a bag holds several')
     return out
