@@ -102,12 +102,16 @@ def number(text: str) -> float:
     Raises
     ------
     ValueError
-        If it is none; so are what Python alone reads, 1_000 and digits that are not ASCII.
+        Quoting the cell, if it is not a number. Python would also read 1_000 and digits of other
+        scripts; a table means something else by them.
 
     """
-    if '_' in text or not text.isascii():
-        raise ValueError(f'{quoted(text)} is not a number')
-    return float(text)
+    try:
+        if '_' in text or not text.isascii():
+            raise ValueError
+        return float(text)
+    except ValueError:
+        raise ValueError(f'{quoted(text)} is not a number') from None
 
 
 def unused(names: Sequence[str]) -> list[str]:

@@ -120,7 +120,7 @@ def _about(path: Path, row: list[str]) -> dict[str, str]:
             'with header information)')
     twice = [key for key in KEYS if cells[::2].count(key) > 1]
     if twice:
-        raise BagError(f'{path}: line 1 gives {quoted(twice[0])} twice: leave the right one')
+        raise BagError(f'{path}: line 1 gives {quoted(twice[0])} twice: keep only the right one')
     about = dict(zip(cells[::2], cells[1::2]))
     version = about['Format Version'] if 'Format Version' in about else ''
     if not re.fullmatch(r'1\.2\d?', version):
@@ -184,18 +184,19 @@ def _choose(path: Path, bodies: dict[str, dict[str, int]], body: str | None) -> 
 def _numbers(path: Path, rows: list[list[str]], line: int, columns: list[int]) -> Floats:
     """Return cells as (n, k), empty ones as NaN."""
     width, out = len(rows[line]), []
-    for count, row in enumerate(rows[line + 1:], line + 2):
+    for at, row in enumerate(rows[line + 1:], line + 2):
         if not any(cell.strip() for cell in row):
             continue
         if len(row) < width or any(cell.strip() for cell in row[width:]):
-            raise BagError(f'{path}: line {count} has {len(row)} cells, not {width}: the file '
+            raise BagError(f'{path}: line {at} has {len(row)} cells, not {width}: the file '
                            'is cut off or damaged')
         try:
             out.append([number(row[c]) if row[c].strip() else math.nan for c in columns])
-        except ValueError:
-            raise BagError(f'{path}: line {count} holds what is no number') from None
-        if any(abs(value) >= LARGEST for value in out[-1]):
-            raise BagError(f'{path}: line {count} holds what is no number')
+        except ValueError as error:
+            raise BagError(f'{path}: line {at}: {error}') from None
+        absurd = [value for value in out[-1] if abs(value) >= LARGEST]
+        if absurd:
+            raise BagError(f'{path}: line {at}: {absurd[0]:g} is absurdly large')
     if not out:
         raise BagError(f'{path}: no frames, only a header')
     return np.array(out)
@@ -236,9 +237,11 @@ def _times(
     path: Path, label: str, frames: Floats, times: Floats, about: dict[str, str],
 ) -> Floats:
     """Return exact times, (n,) s, checked against their label, the frames and the frame rate."""
-    if not (np.isfinite(frames).all() and np.isfinite(times).all() and times[0] >= 0.0
-            and times.max() <= LONGEST):
-        raise BagError(f'{path}: a frame has no number or no time, or one that is absurd')
+    sound = np.isfinite(frames) & (times <= LONGEST)
+    sound[0] &= times[0] >= 0.0
+    if not sound.all():
+        raise BagError(f'{path}: row {int(np.argmin(sound)) + 1} of the frames has no frame '
+                       f'number, or no time from 0 to {LONGEST:g} s')
     for values, what in ((frames, 'frame numbers'), (times, 'times')):
         back = np.flatnonzero(np.diff(values) <= 0.0)
         if len(back):
@@ -306,7 +309,7 @@ def read_take(source: Source, body: str | None = None) -> Take:
         raise BagError(f'{path}: rigid body {quoted(name)} lacks the columns {", ".join(missing)}')
     table = _numbers(path, rows, line, [0, 1, *(bodies[name][column] for column in wanted)])
     times = _times(path, rows[line][1], table[:, 0], table[:, 1], about)
-    zeros = turn == 'Quaternion' and int((table[:, 2:-3] == 0.0).all(axis=1).sum())
+    zeros = (table[:, 2:-3] == 0.0).all(axis=1).sum() if turn == 'Quaternion' else 0
     take = Take(times, UNITS[about['Length Units'].lower()] * table[:, -3:],
                 _rotations(path, table[:, 0], table[:, 2:-3], turn), name, about,
                 _others(rows, line, name), int(zeros))
