@@ -20,8 +20,8 @@ FASTEST_TURN = 35.0  # rad/s, 2000 deg/s: the full scale of the gyros of small d
 FASTEST = 30.0       # m/s
 SAME_TURN = 0.5      # rad, tolerance for one assignment: true rotation during the jumps
 SAME_SHIFT = 0.3     # m, tolerance for one assignment: true motion during the jumps
-MOST = 0.5           # [-] share of jumps or impossible poses, of which the rest is no true motion
-LEAST_POSES = 10     # of which a share of jumps says something
+MOST = 0.5           # [-] share of jumps or impossible poses above which a recording is unusable
+LEAST_POSES = 10     # in a recording whose share of jumps is judged
 MAX_ASSIGNMENTS = 100  # a tracker has a few; in noise every pose would make another
 
 
@@ -85,9 +85,10 @@ def impossible(times: Floats, position: Floats, orientation: Floats) -> Bools:
 
 def refuse_most(where: str, times: Floats, position: Floats, orientation: Floats) -> Bools:
     """
-    Return :func:`impossible`, but refuse a recording that is not usable because of it.
+    Return which poses are impossible, and refuse a recording of which most is.
 
-    Poses that all jump a little are all of one assignment, and none of them is impossible alone.
+    Jumps are counted, too. With a wrong unit of time every step is a jump, but a small one: then
+    all poses count as one assignment of the markers, and :func:`impossible` finds none.
 
     Parameters
     ----------

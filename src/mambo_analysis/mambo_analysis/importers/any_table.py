@@ -335,10 +335,11 @@ def import_table(
             raise BagError(f'{source}: no row has a value of any topic of the mapping')
         for name in wanted.topics:
             if not writer.counts[f'{NAMESPACE}/{name}']:
-                why = '; '.join(note for note in rows.notes if note.startswith(f'{name}: '))
-                raise BagError(f'{source}: no row makes a message of {name}: take it out of the '
-                               f'mapping, or mend its columns{" (" * bool(why)}{why}'
-                               f'{")" * bool(why)}')
+                reasons = [note.removeprefix(f'{name}: ') for note in rows.notes
+                           if note.startswith(f'{name}: ')]
+                why = f' ({"; ".join(reasons)})' if reasons else ''
+                raise BagError(f'{source}: no row makes a message of {name}{why}: mend its '
+                               'columns, or take it out of the mapping')
         return writer.counts, [*rows.notes, *unused(others)]
 
 

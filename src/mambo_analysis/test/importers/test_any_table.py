@@ -461,8 +461,9 @@ def test_a_topic_without_a_message_is_refused(tmp_path, capsys, columns, value, 
     source, mapping = files(tmp_path, data)
     assert main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)]) == 2
     said = capsys.readouterr().err
-    assert 'no row makes a message of optitrack/pose: take it out of the mapping' in said
-    assert why in said and said.count('\n') == 1
+    assert f'no row makes a message of optitrack/pose ({why}' in said
+    assert said.endswith('): mend its columns, or take it out of the mapping\n')
+    assert said.count('\n') == 1
     assert not (tmp_path / 'bag').exists()
 
 

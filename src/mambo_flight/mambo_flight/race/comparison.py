@@ -48,9 +48,9 @@ ENTRANTS = {
     'predictive': Entrant('predictive', {}, 'Mueller 2013, solved by OSQP'),
 }
 SLOW = ('predictive',)
-"""Entrants that are not compiled: in a race only if they are named."""
+"""Entrants that are not compiled, and slow: a race has them only if they are named."""
 NAMES = (*ENTRANTS, *(name for name in REGISTRY.names if name not in ENTRANTS))
-"""Controllers that a race has of its own."""
+"""Names that ``--controllers`` takes: the entrants, then the other built-in controllers."""
 
 
 def enter(names: Sequence[str]) -> dict[str, Entrant]:
