@@ -35,6 +35,11 @@ def test_the_workflow_runs_what_integration_runs():
         assert job['timeout-minutes'] <= 90
 
 
+@pytest.mark.parametrize('path', ['CONTRIBUTING.md', '.github/pull_request_template.md'])
+def test_a_change_and_a_release_need_what_integration_runs(path):
+    assert '`./test` and `./test --sweeps` pass' in (ROOT / path).read_text()
+
+
 @pytest.mark.parametrize('sweeps, tests, expected', [(0, 0, 0), (3, 0, 3), (0, 2, 2), (3, 2, 2)])
 def test_integration_runs_sweeps_and_tests_and_fails_if_either_does(
         tmp_path, sweeps, tests, expected):
