@@ -1,7 +1,7 @@
 """
 Summarise the results of a test run, and list tests without a result; the end of ``./test``.
 
-usage: count_tests.py all|chosen|files TESTS_XML [STAGE ...]
+usage: count_tests.py all|chosen|files TESTS_XML[:TESTS_XML] [STAGE ...]
 
 ``all``: every Python package and tests/ must have run something; ``chosen``: options chose tests,
 so that one package may have none; ``files``: only TESTS_XML was written. STAGE names what ended
@@ -135,7 +135,7 @@ def main() -> int:
         for setup in sorted(Path('src').glob('*/setup.py')):
             package = setup.parent.name
             rows[package] = count(Path('build') / package / 'pytest.xml')
-    rows['tests'] = count(Path(tests))
+    rows['tests'] = add(*(count(Path(file)) for file in tests.split(':')))
     run = os.environ.get('MAMBO_TEST_RUN')
     lines, total = summarise(rows, kind, stages, end_leftovers(run) if run else [])
     print('', *lines, sep='\n')

@@ -35,6 +35,17 @@ def test_a_file_that_is_missing_or_cut_off_is_a_failure(tmp_path, text):
     assert summary.count(file) == Count(failed=1)
 
 
+def test_the_tests_across_packages_are_counted_from_every_file(tmp_path, monkeypatch, capsys):
+    (tmp_path / 'one').mkdir()
+    files = [junit(tmp_path / 'one', tests=10, skipped=3), junit(tmp_path, tests=2, failures=0)]
+    monkeypatch.delenv('MAMBO_TEST_RUN', raising=False)
+    for gone, total in (('', 'total: 9 passed, 0 failed, 3 skipped'),
+                        (':gone.xml', 'total: 9 passed, 1 failed, 3 skipped')):
+        monkeypatch.setattr(sys, 'argv', ['count', 'files', ':'.join(map(str, files)) + gone])
+        assert summary.main() == (1 if gone else 0)
+        assert capsys.readouterr().out.splitlines()[-1] == total
+
+
 def test_the_last_line_counts():
     lines, total = summary.summarise(PASSED, 'all', [], [])
     assert lines[-1] == 'total: 6 passed, 0 failed, 1 skipped'

@@ -20,7 +20,9 @@ PYTHON = RECORD.format(name='pytest').replace(
 COUNT = """import sys
 open('calls', 'a').write('count ' + ' '.join(sys.argv[1:]) + '\\n')
 """
-JUNIT = '--junit-xml=.cache/test-results/tests.xml'
+RESULTS = '.cache/test-results'
+JUNIT = f'--junit-xml={RESULTS}/tests.xml'
+FLIGHTS = ['tests/flights', 'tests/nodes']
 
 
 class Checkout:
@@ -41,7 +43,7 @@ class Checkout:
             (root / 'bin' / file).chmod(0o755)
 
     def test(self, *arguments):
-        """Return what pytest, both lanes of colcon and the count got, by name."""
+        """Return what pytest, the lanes of colcon and the count got, by name."""
         (self.root / 'calls').write_text('')
         done = subprocess.run(
             [self.root / 'test', *arguments], text=True, capture_output=True, timeout=30,
@@ -55,6 +57,8 @@ class Checkout:
             if name == 'colcon':
                 name = words[words.index('--log-base') + 1].removeprefix('log/')
                 words = words[words.index('--pytest-args') + 1:]
+            if name == 'pytest' and f'--junit-xml={RESULTS}/flights.xml' in words:
+                name = 'flights'
             assert name not in calls
             calls[name] = words
         return calls
@@ -72,12 +76,14 @@ def checkout(tmp_path):
     (['--sweeps'], ['-m', 'sweep'], 'chosen'),
     (['-k', 'a or b'], ['-m', 'not sweep', '-k', 'a or b'], 'chosen'),
     (['--fast', '-k', 'a', '-x'], ['-m', 'not slow and not sweep', '-k', 'a', '-x'], 'chosen')])
-def test_without_files_the_options_go_to_both_lanes_and_to_pytest(
+def test_without_files_the_options_go_to_every_lane_and_to_pytest(
         checkout, arguments, given, kind):
     colcon = [f' {word}' if word.startswith('-') else word for word in given]
     assert checkout.test(*arguments) == {
-        'first': colcon, 'second': colcon, 'pytest': [JUNIT, *given],
-        'count': [kind, '.cache/test-results/tests.xml']}
+        'first': colcon, 'second': colcon, 'third': colcon,
+        'pytest': [JUNIT, *given, 'tests', *(f'--ignore={folder}' for folder in FLIGHTS)],
+        'flights': [f'--junit-xml={RESULTS}/flights.xml', *given, *FLIGHTS],
+        'count': [kind, f'{RESULTS}/tests.xml:{RESULTS}/flights.xml']}
 
 
 @pytest.mark.parametrize('arguments, given', [
@@ -101,4 +107,4 @@ def test_no_chosen_test_is_no_failed_stage_and_a_failure_is_one(checkout, code, 
 
 def test_a_lane_in_which_pytest_fails_is_named(checkout):
     (checkout.root / 'answer').write_text('1')
-    assert checkout.test()['count'][2:] == ['the', 'second', 'lane']
+    assert checkout.test()['count'][2:] == ['the', 'second', 'lane', 'the', 'third', 'lane']
