@@ -154,7 +154,7 @@ def test_set_can_be_repeated_and_comes_last():
     (['--commanded', '--stretch', '2'], '--stretch: has no effect, as the flight is made by'),
     (['--commanded', '--no-landing'], '--no-landing: has no effect'),
     (['--mode', 'realtime', '--set', 'sim_node.mode=lockstep'], 'contradicts --mode realtime'),
-    (['--mode', 'realtime', '--speed', '2', '--set', 'sim_node.speed=3'], '--speed 2.0'),
+    (['--mode', 'realtime', '--speed', '2', '--set', 'sim_node.speed=3'], '--speed 2:'),
     (['--paused', '--set', 'sim_node.paused=false'], 'contradicts --paused'),
     (['--commanded', '--set', 'reference_node.commands.enabled=false'],
      'contradicts --commanded')])
