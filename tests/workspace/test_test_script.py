@@ -22,7 +22,7 @@ open('calls', 'a').write('count ' + ' '.join(sys.argv[1:]) + '\\n')
 """
 RESULTS = '.cache/test-results'
 JUNIT = f'--junit-xml={RESULTS}/tests.xml'
-FLIGHTS = ['tests/flights', 'tests/nodes']
+WAITING = ['tests/graph', 'tests/workspace/test_chaos_a.py']
 
 
 class Checkout:
@@ -30,13 +30,13 @@ class Checkout:
 
     def __init__(self, root):
         self.root = root
-        for folder in ('tools', 'bin', '.cache', 'build', 'tests', 'src'):
+        for folder in ('tools', 'bin', '.cache', 'build', 'tests/workspace', 'src'):
             (root / folder).mkdir(parents=True)
         for file in ('test', 'tools/lanes.py'):
             shutil.copy(ROOT / file, root / file)
         for file, text in (
                 ('env.bash', ''), ('tools/docs.py', ''), ('tools/count_tests.py', COUNT),
-                ('tests/test_a b.py', ''), ('answer', '0'), ('bin/colcon', COLCON),
+                ('tests/test_a b.py', ''), (WAITING[1], ''), ('answer', '0'), ('bin/colcon', COLCON),
                 ('bin/python3', PYTHON.replace('REAL', shlex.quote(shutil.which('python3'))))):
             (root / file).write_text(text)
         for file in ('colcon', 'python3'):
@@ -57,8 +57,8 @@ class Checkout:
             if name == 'colcon':
                 name = words[words.index('--log-base') + 1].removeprefix('log/')
                 words = words[words.index('--pytest-args') + 1:]
-            if name == 'pytest' and f'--junit-xml={RESULTS}/flights.xml' in words:
-                name = 'flights'
+            if name == 'pytest' and f'--junit-xml={RESULTS}/graph.xml' in words:
+                name = 'graph'
             assert name not in calls
             calls[name] = words
         return calls
@@ -81,9 +81,9 @@ def test_without_files_the_options_go_to_every_lane_and_to_pytest(
     colcon = [f' {word}' if word.startswith('-') else word for word in given]
     assert checkout.test(*arguments) == {
         'first': colcon, 'second': colcon, 'third': colcon,
-        'pytest': [JUNIT, *given, 'tests', *(f'--ignore={folder}' for folder in FLIGHTS)],
-        'flights': [f'--junit-xml={RESULTS}/flights.xml', *given, *FLIGHTS],
-        'count': [kind, f'{RESULTS}/tests.xml:{RESULTS}/flights.xml']}
+        'pytest': [JUNIT, *given, 'tests', *(f'--ignore={one}' for one in WAITING)],
+        'graph': [f'--junit-xml={RESULTS}/graph.xml', *given, *WAITING],
+        'count': [kind, f'{RESULTS}/tests.xml:{RESULTS}/graph.xml']}
 
 
 @pytest.mark.parametrize('arguments, given', [

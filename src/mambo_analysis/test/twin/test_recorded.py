@@ -78,7 +78,6 @@ ACCELEROMETER, GYRO = ('ax', 'ay', 'az'), ('p', 'q', 'r')
 
 
 @pytest.mark.parametrize('change, reason', [
-    (scaled(*ACCELEROMETER, factor=1.0 / GRAVITY), 'shows 0.994 m/s.2 upwards .* is it in g'),
     (scaled(*ACCELEROMETER, factor=GRAVITY), 'was it in m/s.2 and imported as g'),
     (scaled('ay', 'az'), 'shows -9.7. m/s.2 upwards .* those of FRD'),
     (lambda data: data.assign(az=data['az'] + 2.3), 'upwards in the mean'),
@@ -101,6 +100,12 @@ def test_what_contradicts_itself_is_refused(tmp_path, change, reason):
     with pytest.raises(IdentifyError, match=reason) as error:
         read_flight(bag(tmp_path, change, noise=0.05))
     assert '\n' not in str(error.value)
+
+
+def test_an_accelerometer_in_g_of_a_bag_that_was_not_imported_is_named():
+    with pytest.raises(IdentifyError, match='shows 0.994 m/s.2 upwards .* is it in g'):
+        contradictions.refuse_upward(Path('bag'), 0.994, GRAVITY)
+    contradictions.refuse_upward(Path('bag'), 9.7, GRAVITY)
 
 
 def test_an_axis_that_rests_in_a_flight_without_noise_is_not_dead(tmp_path):
