@@ -36,7 +36,8 @@ class Checkout:
             shutil.copy(ROOT / file, root / file)
         for file, text in (
                 ('env.bash', ''), ('tools/docs.py', ''), ('tools/count_tests.py', COUNT),
-                ('tests/test_a b.py', ''), (WAITING[1], ''), ('answer', '0'), ('bin/colcon', COLCON),
+                ('tests/test_a b.py', ''), (WAITING[1], ''), ('answer', '0'),
+                ('bin/colcon', COLCON),
                 ('bin/python3', PYTHON.replace('REAL', shlex.quote(shutil.which('python3'))))):
             (root / file).write_text(text)
         for file in ('colcon', 'python3'):
