@@ -100,8 +100,25 @@ def _numbers(path: Path, name: str, value: Any) -> Floats:
     return np.asarray(value, float)
 
 
-def _columns(path: Path, name: str, values: Any, count: int) -> Floats:
-    """Return values, a row for each time; Simulink logs matrices with the times last."""
+def columns(path: Path, name: str, values: Any, count: int) -> Floats:
+    """
+    Return the values of a signal, (count, k), a row for each time.
+
+    Parameters
+    ----------
+    path, name
+        Of file and signal, for errors.
+    values
+        (count,), (count, k), or with the times last, as Simulink logs matrices.
+    count
+        Number of times.
+
+    Raises
+    ------
+    BagError
+        If they are no numbers, or have another shape.
+
+    """
     table = _numbers(path, name, values)
     if table.ndim > 1 and len(table) != count and table.shape[-1] == count:
         table = np.moveaxis(table, -1, 0).reshape(count, -1)
@@ -154,11 +171,11 @@ def logged(path: Path, found: dict[str, Any]) -> tuple[dict[str, Signal], list[s
         if isinstance(value, dict) and {'time', 'signals'} <= set(value):
             times = _numbers(path, f'{name}.time', value['time']).reshape(-1)
             for label, values in _entries(name, value['signals']):
-                signals[label] = Signal(label, times, _columns(path, label, values, len(times)))
+                signals[label] = Signal(label, times, columns(path, label, values, len(times)))
         elif (isinstance(tout, np.ndarray) and isinstance(value, np.ndarray) and tout.ndim == 1
                 and len(tout) > 1 and value.ndim in (1, 2) and len(value) == len(tout)):
             signals[name] = Signal(name, _numbers(path, 'rt_tout', tout),
-                                   _columns(path, name, value, len(tout)))
+                                   columns(path, name, value, len(tout)))
         else:
             shape = np.shape(value) if isinstance(value, np.ndarray) else ()
             others.append(f'{name} {shape}' if shape else name)

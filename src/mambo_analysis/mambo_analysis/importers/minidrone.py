@@ -80,7 +80,7 @@ from numpy.typing import NDArray
 from .common import (
     estimator_parameters, importer_parser, is_sound, new_samples, provenance, Publisher,
     read_source, refuse_options, report, shortened, Source, unused)
-from .mat_file import variables
+from .mat_file import columns, variables
 from .simulink import is_package_log, PackageLog, publish, read_package_log
 
 Array = NDArray[np.float64]
@@ -150,7 +150,7 @@ def _checked(path: Path, found: dict[str, Any]) -> tuple[dict[str, Array], list[
     try:
         time = np.asarray(found['time'], float).reshape(-1)
         entries = found['signals'] if isinstance(found['signals'], list) else [found['signals']]
-        values = {str(e['blockName']).split('/')[-1]: np.asarray(e['values']) for e in entries}
+        values = {str(e['blockName']).split('/')[-1]: e['values'] for e in entries}
     except (TypeError, ValueError, KeyError, IndexError):
         raise BagError(f'{path}: rt_yout is not built as a minidrone log: time, and signals with '
                        'blockName and values') from None
@@ -161,17 +161,14 @@ def _checked(path: Path, found: dict[str, Any]) -> tuple[dict[str, Array], list[
         if name not in values:
             raise BagError(
                 f'{path}: signal {name} is missing; it has {shortened(list(values), 40)}')
-        shape = (len(time),) if width == 1 else (len(time), width)
-        try:
-            signal = np.ascontiguousarray(values[name].astype(float).reshape(shape))
-        except (TypeError, ValueError):
-            raise BagError(
-                f'{path}: signal {name} has the shape {values[name].shape}, '
-                f'expected {shape}') from None
+        signal = columns(path, f'signal {name}', values[name], len(time))
+        if signal.shape[1] != width:
+            raise BagError(f'{path}: signal {name} has the shape {signal.shape}, '
+                           f'expected ({len(time)}, {width})')
         if not is_sound(signal):
             raise BagError(
                 f'{path}: signal {name} has values that are not finite or absurdly large')
-        signals[name] = signal
+        signals[name] = np.ascontiguousarray(signal if width > 1 else signal[:, 0])
     if (signals['motors_refout'] * MOTOR_SIGNS < 0.0).any():
         raise BagError(f'{path}: signal motors_refout has not the signs + - + - of a minidrone')
     return signals, [name for name in values if name not in SIGNALS]

@@ -122,6 +122,16 @@ def test_the_bag_says_where_it_came_from(made):
     assert record['flow_scale_rad_per_s'] == '20'
 
 
+@pytest.mark.parametrize('last', [lambda v: v.T, lambda v: v.T[:, None, :]])
+def test_vectors_logged_with_the_times_last_are_those_with_the_times_first(
+        made, tmp_path, last):
+    values = {name: last(value) if value.ndim > 1 else value for name, value in signals().items()}
+    import_minidrone(save(tmp_path / 'log.mat', values), tmp_path / 'bag')
+    bag = read_bag(tmp_path / 'bag')
+    for topic in ('motor_pwm', 'optical_flow', 'onboard/reference', 'battery'):
+        assert bag[topic].raw == made[topic].raw
+
+
 def test_two_imports_are_the_same_bytes(tmp_path):
     source = save(tmp_path / 'log.mat')
     for folder in ('a', 'b'):
