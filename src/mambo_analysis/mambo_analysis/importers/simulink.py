@@ -23,7 +23,8 @@ out.
 
 Clocks
     Each structure has its own time. Parts of one vector that differ are brought to the times of
-    its first part, linearly or, of held sensors, by the value before. A signal that begins or
+    its first part, linearly or, of held sensors, by the value before. Rows outside of the time of
+    a part, or in a gap of it, are left out and counted. A signal that begins or
     ends more than a second outside of the inertial sensors' time is on another clock: refused.
 
 Held sensors
@@ -69,6 +70,7 @@ Floats = NDArray[np.float64]
 STEP = 0.005  # [s]
 MOTOR_SIGNS = (1.0, -1.0, 1.0, -1.0)
 NO_FLOW = -99.0  # where there is none
+GAP = 3.5  # usual steps; samples that are further apart have a gap between them
 OUTSIDE = 1.0  # [s] by which a signal may be outside of the inertial sensors' time
 STANDARD_GRAVITY = (7.0, 13.0)  # [m/s^2] median length of a specific force
 TOPICS = {
@@ -142,6 +144,19 @@ def _at(column: Column, times: Floats, held: bool) -> Floats:
     return np.interp(times, t, v)
 
 
+def _covered(t: Floats, times: Floats) -> NDArray[np.bool_]:
+    """
+    Return at which times, (n,), a signal sampled at t is known.
+
+    There a sample is at most one usual step away, or the samples around have no gap between them.
+    """
+    usual = float(np.median(np.diff(t))) + 1e-6
+    after = np.searchsorted(t, times)
+    padded = np.concatenate([[-np.inf], t, [np.inf]])
+    since, until = times - padded[after], padded[after + 1] - times
+    return (np.minimum(since, until) <= usual) | (since + until <= GAP * usual)
+
+
 class _Reader:
     """Converts the columns of a log, and notes its decisions."""
 
@@ -153,6 +168,7 @@ class _Reader:
         self.notes: list[str] = []
         self.used: set[tuple[str, int]] = set()
         self.gyro_factor = 1.0
+        self.imu_times: Floats | None = None  # also those that were left out
 
     def group(self, name: str, names: tuple[str, ...]) -> tuple[Floats, Floats] | None:
         """Return times and values of a vector, None if it is not complete."""
@@ -160,6 +176,7 @@ class _Reader:
         if len(columns) < len(names):
             return None
         times = columns[0].signal.times
+        known, lacking = np.ones(len(times), bool), []
         for column in columns:
             _sound(self.path, column)
             self.used.add((column.signal.name, column.index))
@@ -168,10 +185,28 @@ class _Reader:
                 self._same_clock(column, columns[0].signal.name, times)
                 self.notes.append(f'{column.signal.name} was brought to the times of '
                                   f'{columns[0].signal.name}')
-        if 'imu' in self.parts:
-            self._same_clock(columns[0], 'the inertial sensors', self.parts['imu'][0])
+                covered = _covered(t, times)
+                known &= covered
+                lacking += [] if covered.all() else [column.signal.name]
+        if self.imu_times is not None:
+            self._same_clock(columns[0], 'the inertial sensors', self.imu_times)
+        if name == 'imu':
+            self.imu_times = times
+        if lacking:
+            self._left_out(name, known, list(dict.fromkeys(lacking)))
         self.notes = list(dict.fromkeys(self.notes))
-        return times, np.stack([_at(column, times, name in HELD) for column in columns], axis=1)
+        values = np.stack([_at(column, times, name in HELD) for column in columns], axis=1)
+        return times[known], values[known]
+
+    def _left_out(self, name: str, known: NDArray[np.bool_], lacking: list[str]) -> None:
+        """Note the rows of a vector that lack parts; BagError if too few are left."""
+        topic = TOPICS[name][0] if name in TOPICS else name
+        rows = f'{int((~known).sum())} of {len(known)} rows lie outside of the times of ' \
+            f'{shortened(lacking)} or in their gaps'
+        if known.sum() < 2:
+            raise BagError(f'{self.path}: {topic}: {rows}: log its parts together, or leave it '
+                           'out with --map (NAME: none)')
+        self.notes.append(f'{topic}: {rows}: left out')
 
     def _same_clock(self, column: Column, whose: str, times: Floats) -> None:
         t = column.signal.times
@@ -200,8 +235,8 @@ class _Reader:
         usual = float(np.median(steps))
         if abs(usual - STEP) > 1e-6:
             self.notes.append(f'the inertial sensors have a step of {1e3 * usual:.3g} ms, not 5')
-        if (steps > 3.5 * usual).any():
-            self.notes.append(f'the inertial sensors have {int((steps > 3.5 * usual).sum())} '
+        if (steps > GAP * usual).any():
+            self.notes.append(f'the inertial sensors have {int((steps > GAP * usual).sum())} '
                               f'gaps, up to {steps.max():.3g} s')
 
     def _incomplete(self, missing: list[str]) -> None:
@@ -285,6 +320,7 @@ class _Reader:
         if NO_FLOW in values or kinds == {0.0, 1.0}:
             self.used.add((flag.signal.name, flag.index))
             passed = (values != NO_FLOW) if NO_FLOW in values else values == 1.0
+            passed &= _covered(flag.signal.times, times)
             self.notes.append(f'{flag.signal.name}[{flag.index}] refuses the flow at '
                               f'{int((~passed).sum())} of {len(times)} steps')
             return passed

@@ -253,6 +253,47 @@ def test_clocks_of_other_rates_are_brought_together_and_told(flight, tmp_path, c
     assert_flown_again(flight, bag)
 
 
+@pytest.mark.parametrize('names, kept', [
+    (('rt_p', 'rt_q', 'rt_r'), lambda t: t > 14.9),  # the last 5 s, as a limited buffer logs
+    (('rt_a_y',), lambda t: t < 3.0),
+    (('rt_p', 'rt_q', 'rt_r'), lambda t: (t < 6.0) | (t > 14.0))])
+def test_rows_without_a_sample_of_every_part_are_left_out(flight, tmp_path, capsys, names, kept):
+    found, times = scopes(flight), np.arange(4001) * STEP
+    known = kept(times)
+    for name in names:
+        found[name] = block(found[name]['signals']['values'][known], times[known])
+    bag, output = imported(tmp_path, capsys, found)
+    got = read_bag(bag)
+    stamps = got['imu/data_raw'].stamp * 1e-9
+    # one step beside a sample is still known
+    expected = np.convolve(known, np.ones(3), 'same') > 0.0
+    np.testing.assert_allclose(stamps, times[expected])
+    left = int((~expected).sum())
+    assert (f'imu/data_raw: {left} of 4001 rows lie outside of the times of {", ".join(names)} '
+            'or in their gaps: left out') in output
+    inside = np.isin(np.rint(stamps / STEP), np.flatnonzero(known))
+    np.testing.assert_array_equal(
+        got['imu/data_raw'].angular_velocity[inside, 0], flight.imu[known, 0])
+    assert got['sonar/range'].t[-1] > 19.0  # on the same clock, though the gyro ends early
+
+
+def test_a_vector_whose_parts_share_no_time_is_refused(flight, tmp_path, capsys):
+    found, times = scopes(flight), np.arange(4001) * STEP
+    for name, part in (('rt_p', times < 9.0), ('rt_q', times > 10.0)):
+        found[name] = block(found[name]['signals']['values'][part], times[part])
+    error = refused(tmp_path, capsys, found)
+    assert 'imu/data_raw: 4001 of 4001 rows lie outside of the times of rt_p, rt_q' in error
+
+
+def test_flow_where_its_flag_was_not_logged_is_left_out(flight, tmp_path, capsys):
+    found, times = scopes(flight), np.arange(4001) * STEP
+    flag = (times > 0.5).astype(float)
+    found['rt_w'] = block(flag[times < 8.0], times[times < 8.0])
+    bag, _ = imported(tmp_path, capsys, found)
+    flow = read_bag(bag)['optical_flow'].t
+    assert len(flow) > 50 and flow.max() < 8.1
+
+
 def test_the_ten_columns_of_the_class_template(flight, tmp_path, capsys):
     bag, output = imported(tmp_path, capsys, template(flight))
     assert_flown_again(flight, bag)
