@@ -63,7 +63,8 @@ def simulink(path, compressed):
     """Write a log with a signal for each scope."""
     rng, names = np.random.default_rng(1), ('a_x', 'a_y', 'a_z', 'p', 'q', 'r', 'pressure')
     scipy.io.savemat(path, {f'rt_{name}': block(
-        rng.normal(size=200) - 9.8 * (name == 'a_z')) for name in names},
+        rng.normal(size=200) - 9.8 * (name == 'a_z') + 1e5 * (name == 'pressure'))
+        for name in names},
         do_compression=compressed)
 
 

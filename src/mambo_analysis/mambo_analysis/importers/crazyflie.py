@@ -188,7 +188,7 @@ def read_log(source: Source) -> Log:
     mocap, lost, impossible, pitches = _mocap(path, found.get('mocap') or {})
     steep = {'mocap pitch': pitches}
     if 'theta' in drone:
-        wrong = _steep(path, 'theta', *drone['theta'])
+        wrong = plausible.refuse_steep(f'{path}: theta', *drone['theta'])
         steep['theta'] = int(wrong.sum())
         drone['theta'] = drone['theta'][0][~wrong], drone['theta'][1][~wrong]
     known = {*USED, *(() if 'w_x' in drone else GYRO)}
@@ -217,27 +217,6 @@ def _check(path: Path, log: Log) -> None:
         plausible.refuse_ranges(f'{path}: r', log.drone['r'][1])
 
 
-def _steep(path: Path, name: str, times: Floats, pitch: Floats) -> NDArray[np.bool_]:
-    """
-    Return which of the pitches, (n,) rad, are beyond a quarter turn, and damaged therefore.
-
-    Raises
-    ------
-    BagError
-        If more than ``plausible.FEW`` of them are. In degrees it would be 1.8 % or more of the
-        pitches of five real flights.
-
-    """
-    wrong = np.abs(pitch) > plausible.QUARTER
-    if wrong.sum() > plausible.FEW * len(pitch):
-        first = np.flatnonzero(wrong)[0]
-        raise BagError(f'{path}: {name} is {pitch[first]:.4g} at {times[first]:.3f} s, and '
-                       f'{int(wrong.sum())} of {len(pitch)} values are beyond a quarter turn: is '
-                       'it in deg, or another angle? give yaw, pitch and roll in rad, in this '
-                       'order')
-    return wrong
-
-
 def _mocap(path: Path, found: Any) -> tuple[Floats, int, int, int]:
     """Return the poses, and how many were lost, were impossible, had an impossible pitch."""
     if not isinstance(found, dict) or (found and not {'time', *MOCAP} <= set(found)):
@@ -249,7 +228,7 @@ def _mocap(path: Path, found: Any) -> tuple[Floats, int, int, int]:
     seen = np.isfinite(table).all(axis=1)
     poses = table[seen]
     plausible.refuse_pace(f'{path}: mocap time', poses[:, 0])
-    steep = _steep(path, 'mocap pitch', poses[:, 0], poses[:, 5])
+    steep = plausible.refuse_steep(f'{path}: mocap pitch', poses[:, 0], poses[:, 5])
     poses = poses[~steep]
     wrong = outliers.refuse_most(
         f'{path}: mocap', poses[:, 0], poses[:, 1:4],

@@ -17,6 +17,7 @@ NEVER = 5.0  # an acceleration in g stays below it; one in m/s^2 is above it in 
 QUARTER = 0.5 * np.pi + 0.01  # [rad] largest middle Euler angle, with rounding
 FARTHEST = 1e4  # [m] from the origin of a motion capture: a hall, or a field with cameras
 FARTHEST_RANGE = 40.0  # [m]; a range in mm that fits in 16 bits is below 32.8 m
+PRESSURES = (3e4, 1.2e5)  # [Pa] from above all mountains to below the sea
 FEW = 0.01  # [-] share of values that may be damaged
 
 
@@ -106,6 +107,37 @@ def refuse_ranges(where: str, ranges: Floats) -> None:
         raise BagError(f'{where}: {int(far.sum())} of {len(ranges)} ranges are beyond '
                        f'{FARTHEST_RANGE:g} m, up to {ranges.max():.4g} m: are they in mm? give '
                        'them in m')
+
+
+def refuse_pressure(where: str, pressure: Floats) -> None:
+    """Refuse pressures of the air, (n,) Pa, whose median is not within ``PRESSURES``."""
+    if not len(pressure):
+        return
+    usual, (least, most) = float(np.median(pressure)), PRESSURES
+    if not least <= usual <= most:
+        raise BagError(f'{where}: the pressure has a median of {usual:.4g}, not of {least:g} to '
+                       f'{most:g} Pa: is it in hPa? give it in Pa')
+
+
+def refuse_steep(where: str, times: Floats, pitch: Floats) -> NDArray[np.bool_]:
+    """
+    Return which of the pitches, (n,) rad, are beyond a quarter turn, and damaged therefore.
+
+    Raises
+    ------
+    BagError
+        If more than ``FEW`` of them are. In degrees it would be 1.8 % or more of the pitches of
+        five real flights.
+
+    """
+    wrong = np.abs(pitch) > QUARTER
+    if wrong.sum() > FEW * len(pitch):
+        first = np.flatnonzero(wrong)[0]
+        raise BagError(f'{where} is {pitch[first]:.4g} at {times[first]:.3f} s, and '
+                       f'{int(wrong.sum())} of {len(pitch)} values are beyond a quarter turn: is '
+                       'it in deg, or another angle? give yaw, pitch and roll in rad, in this '
+                       'order')
+    return wrong
 
 
 def tilt_of(times: Floats, rates: Floats) -> float:

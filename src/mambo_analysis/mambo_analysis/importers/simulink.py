@@ -40,7 +40,11 @@ Units and signs
     0.03 to 0.14 rad in eight public flights in rad/s (deg/s would make it 2 to 8), below 0.01 in
     four at rest or on a bench. From 0.25 to 1 it is not told, and must be given.
 
-    Sonar: NED, negative upwards, in some logs. The sign of most values is taken.
+    Sonar: NED, negative upwards, in some logs. The sign of most values is taken. Ranges in mm and
+    pressures in hPa are refused.
+
+    Angles: rad. Pitches beyond a quarter turn are left out and counted, and refused where they
+    are many.
 
     Flow: ``rt_optical`` is in units of the educational toolbox, 20 rad/s each; the later package
     has moved that factor into the sensor. A flag is believed where it is -99 or 0 and 1; -99 and
@@ -63,7 +67,7 @@ from numpy.typing import NDArray
 
 from .common import is_sound, LONGEST, new_samples, Publisher, shortened, stamps_ns
 from .mat_file import logged, Signal
-from .plausible import tilt_of, TILTS
+from .plausible import refuse_pressure, refuse_ranges, refuse_steep, tilt_of, TILTS
 from .simulink_names import by_map, by_name, Column, LAYOUTS, near, QUANTITIES, TOOLBOX_FLOW
 
 Floats = NDArray[np.float64]
@@ -292,6 +296,7 @@ class _Reader:
             self.notes.append('sonar is negative upwards: its sign was turned')
             values = -values
         new = new_samples(values)
+        refuse_ranges(f'{self.path}: {self._whose("sonar")}', values[new, 0])
         self.parts['sonar'] = times[new], values[new] + 0.0
 
     def flow(self) -> None:
@@ -341,7 +346,27 @@ class _Reader:
             new = new_samples(values)
             new = np.r_[0, new] if name == 'battery' else new
             times, values = times[new], values[new]
+        if name == 'pressure':
+            refuse_pressure(f'{self.path}: {self._whose("pressure")}', values[:, 0])
+        if name == 'reference':
+            times, values = self._upright(name, 'ref_pitch', times, values)
         self.parts[name] = times, values
+
+    def _whose(self, part: str) -> str:
+        """Return the name of the signal that holds a part."""
+        column = self.columns[part]
+        return column.signal.name if column else part
+
+    def _upright(
+        self, name: str, part: str, times: Floats, values: Floats,
+    ) -> tuple[Floats, Floats]:
+        """Leave out the few rows of a vector whose pitch cannot be; BagError for many."""
+        wrong = refuse_steep(f'{self.path}: {part} in {self._whose(part)}', times,
+                             values[:, GROUPS[name].index(part)])
+        if wrong.any():
+            self.notes.append(f'{TOPICS[name][0]}: {int(wrong.sum())} of {len(wrong)} rows have a '
+                              'pitch beyond a quarter turn: left out')
+        return times[~wrong], values[~wrong]
 
     def onboard(self) -> None:
         """Take the onboard estimate if it has a pose; NaN where velocity or rates are missing."""
@@ -355,7 +380,7 @@ class _Reader:
         times, some = found
         values = np.full((len(times), 12), math.nan)
         values[:, [GROUPS['onboard'].index(part) for part in (*pose, *there)]] = some
-        self.parts['onboard'] = times, values
+        self.parts['onboard'] = self._upright('onboard', 'pitch', times, values)
 
     def calibration(self) -> Floats | None:
         """Return the biases of accelerometer and gyro that the log gives, (6,)."""

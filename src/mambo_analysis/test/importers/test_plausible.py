@@ -87,3 +87,24 @@ def test_a_hall_is_not_ten_kilometres_wide():
 def test_a_middle_angle_beyond_a_quarter_turn_is_found():
     assert plausible.beyond_quarter(np.array([0.0, 0.5 * np.pi, -1.58])) is None
     assert plausible.beyond_quarter(np.array([0.0, -1.6, 90.0])) == 1
+
+
+def test_pressures_of_the_air_pass_in_pascal_alone():
+    air = 1.013e5 + 30.0 * np.sin(T)
+    plausible.refuse_pressure('log: p', np.empty(0))
+    plausible.refuse_pressure('log: p', np.where(T < 5.0, 0.0, air))  # nothing measured at first
+    plausible.refuse_pressure('log: p', 0.35 * air)
+    for factor, usual in ((0.01, '1013'), (0.001, '101.3'), (10.0, '1.013e.06')):
+        with pytest.raises(BagError, match=f'^log: p: .* a median of {usual}, .* in Pa$'):
+            plausible.refuse_pressure('log: p', factor * air)
+
+
+def test_few_pitches_beyond_a_quarter_turn_are_told_and_many_refused():
+    pitch = 0.3 * np.sin(T)
+    assert not plausible.refuse_steep('log: theta', T, pitch).any()
+    pitch[:40] = -1.6
+    assert np.flatnonzero(plausible.refuse_steep('log: theta', T, pitch)).tolist() == list(
+        range(40))
+    pitch[40] = -1.6
+    with pytest.raises(BagError, match='^log: theta is -1.6 at 0.000 s, and 41 of 4000 values'):
+        plausible.refuse_steep('log: theta', T, pitch)

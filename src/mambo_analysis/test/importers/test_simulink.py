@@ -236,6 +236,15 @@ def test_a_gyro_in_degrees_is_found_out_or_told(flight, tmp_path, capsys):
      'rt_pressure (1000.000 to 1008.000 s) is on another clock than the inertial sensors'),
     (lambda f: {'rt_q': block(np.ones(9), 50.0 + np.arange(9.0))},
      'rt_q (50.000 to 58.000 s) is on another clock than rt_a_x (0.000 to 20.000 s)'),
+    (lambda f: {'rt_pressure': block(0.01 * f['rt_pressure']['signals']['values'])},
+     'rt_pressure: the pressure has a median of 1013, not of 30000 to 120000 Pa: is it in hPa?'),
+    (lambda f: {'rt_z_ultrasonic': block(1e3 * f['rt_z_ultrasonic']['signals']['values'])},
+     'ranges are beyond 40 m'),
+    (lambda f: {'rt_estim': block(np.tile([0.0, 0.0, -1.0, 90.0, 20.0, 15.0] + [0.0] * 6,
+                                          (4001, 1)))},
+     'pitch in rt_estim is 20 at 0.000 s, and 4001 of 4001 values are beyond a quarter turn'),
+    (lambda f: {'rt_ref': block(np.tile([0.0, 0.0, -1.0, 0.0, -20.0, 0.0], (4001, 1)))},
+     'ref_pitch in rt_ref is -20 at 0.000 s, and 4001 of 4001 values are beyond a quarter turn'),
     (lambda f: {'rt_motor_speeds': block(np.tile([1.0, 1.0, -1.0, 1.0], (4001, 1)))},
      'have not the signs + - + -')])
 def test_what_is_malformed_or_in_other_units_is_one_line(flight, tmp_path, capsys, change, wanted):
@@ -334,6 +343,15 @@ def test_a_workspace_with_an_onboard_estimate_alone(flight, tmp_path, capsys, na
         name: estim, 'Out_Pos_rt': block(flight.truth[:, :3]), 'Kp': 3.0})
     assert list(read_bag(bag).topics) == ['/mambo/onboard/odom']
     assert 'not used: Out_Pos_rt (4001, 3), Kp' in output
+
+
+def test_few_pitches_beyond_a_quarter_turn_are_left_out_and_counted(flight, tmp_path, capsys):
+    found = template(flight)
+    found['rt_estim']['signals']['values'][100:104, 4] = 1.7
+    bag, output = imported(tmp_path, capsys, found)
+    assert 'onboard/odom: 4 of 4001 rows have a pitch beyond a quarter turn: left out' in output
+    stamps = np.rint(read_bag(bag)['onboard/odom'].stamp * 1e-9 / STEP)
+    assert len(stamps) == 3997 and not np.isin([100, 101, 102, 103], stamps).any()
 
 
 def test_the_estimate_of_scopes_is_one_where_it_has_a_pose(flight, tmp_path, capsys):
