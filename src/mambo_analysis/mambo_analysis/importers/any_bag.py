@@ -7,7 +7,8 @@ their possible names. Headers, values and log times are copied; messages are wri
 definitions installed here, fields that the source lacks are 0. A pose can be taken from
 PoseStamped, PoseWithCovarianceStamped, TransformStamped or Odometry. Poses with a value that is
 not finite or an orientation of length 0, as trackers give for a lost body, are left out and
-counted.
+counted; so are poses that no vehicle can reach (:mod:`mambo_signals.outliers`). A topic of several
+bodies or frames, and values that cannot be in the units of their type, are refused.
 
 Times
     The stamp in the header is when something was measured, the log time when it was recorded. A
@@ -36,11 +37,13 @@ from mambo_bags.reader import Messages, read_bag, read_listing
 from mambo_bags.writer import BagWriter
 from mambo_model.errors import InputError
 from mambo_ros import cdr
+from mambo_signals import outliers
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
-from .common import NAMESPACE, provenance, report, SECOND, unused
+from . import plausible
+from .common import NAMESPACE, provenance, quoted, report, SECOND, shortened, unused
 from .sqlite_bag import read_sqlite
 
 Ints = NDArray[np.int64]
@@ -61,6 +64,19 @@ POSES = {
                                                     'pose.pose.orientation'),
     'geometry_msgs/msg/TransformStamped': ('transform.translation', 'transform.rotation')}
 """Types that hold a pose, with its field."""
+NUMBERS = {
+    **{kind: (*(f'{position}.{axis}' for axis in 'xyz'), *(f'{turn}.{axis}' for axis in 'xyzw'))
+       for kind, (position, turn) in POSES.items()},
+    'sensor_msgs/msg/Imu': (*(f'angular_velocity.{axis}' for axis in 'xyz'),
+                            'linear_acceleration.z'),
+    'sensor_msgs/msg/Range': ('range',), 'sensor_msgs/msg/FluidPressure': ('fluid_pressure',)}
+"""Fields that tell whether a message of ours is in the right unit."""
+CAPTURED = ('optitrack/pose', 'ground_truth/odom')
+"""Topics of measured or true poses: those of an estimate may drift far."""
+MOVING = (*CAPTURED, 'estimate/odom', 'onboard/odom', 'imu/data_raw')
+"""Topics whose pace tells whether the unit of time is right."""
+NOTED = ('lost', 'unstamped', 'backwards', 'repeated', 'impossible')
+"""Counts of messages, by topic, that a summary gives."""
 LOOSE_NORM = 0.1  # [-] how far from 1 an orientation may be
 ONE_CLOCK = 10 * SECOND  # [ns] by which stamps of one clock may be apart: no message is that late
 
@@ -272,12 +288,33 @@ class Converted(NamedTuple):
     log_time: list[int]  # ns
     stamps: list[int]  # ns, 0 without
     data: list[bytes]
+    numbers: list[tuple[float, ...]]  # values of the fields of NUMBERS
     lost: int  # left out
 
+    def only(self, use: NDArray[np.bool_]) -> Converted:
+        """Return those messages, (n,), that are to be used."""
+        rows = np.flatnonzero(use).tolist()
+        lists = ([column[row] for row in rows]
+                 for column in (self.log_time, self.stamps, self.data, self.numbers))
+        return Converted(*lists, self.lost)
 
-def _converted(store: Typestore, messages: Messages, wanted: str) -> Converted:
+
+def _one_of(where: str, names: Mapping[str, set[str]]) -> None:
+    """Refuse messages of several bodies or in several frames, {field: its values}."""
+    for field, what in (('child_frame_id', 'bodies'), ('frame_id', 'frames')):
+        found = sorted(names[field])
+        if len(found) > 1:
+            raise BagError(f'{where}: its messages are of {len(found)} {what}, {field} '
+                           f'{shortened([quoted(name) for name in found])}: give each a topic of '
+                           'its own')
+
+
+def _converted(
+    store: Typestore, source: Path, messages: Messages, wanted: str,
+) -> Converted:
     """Return the messages of a topic, converted to our type."""
-    kind, out = messages.type_name, Converted([], [], [], 0)
+    kind, out = messages.type_name, Converted([], [], [], [], 0)
+    names: dict[str, set[str]] = {'child_frame_id': set(), 'frame_id': set()}
     for log_time, message in zip(messages.log_time.tolist(), messages.objects()):
         if _is_lost(kind, message):
             out = out._replace(lost=out.lost + 1)
@@ -291,7 +328,56 @@ def _converted(store: Typestore, messages: Messages, wanted: str) -> Converted:
         out.log_time.append(log_time)
         out.stamps.append(stamp)
         out.data.append(bytes(store.serialize_cdr(ours, wanted)))
+        out.numbers.append(tuple(_inner(ours, path) for path in NUMBERS.get(wanted, ())))
+        names['frame_id'].add(ours.header.frame_id)
+        names['child_frame_id'].add(getattr(message, 'child_frame_id', ''))
+    _one_of(f'{source}: {messages.topic}', names)
     return out
+
+
+def _possible(where: str, ours: str, stamps: list[int], found: Converted) -> NDArray[np.bool_]:
+    """
+    Return which messages of a topic can be.
+
+    Parameters
+    ----------
+    where
+        File and their topic, for errors.
+    ours
+        Our topic.
+    stamps
+        ns, of each message.
+    found
+        Its messages.
+
+    Raises
+    ------
+    BagError
+        If their times or values cannot be in the units of their type.
+
+    """
+    given = np.array(stamps, np.int64)
+    each, first = np.unique(given, return_index=True)  # ascending
+    values = np.array(found.numbers, float).reshape(len(stamps), -1)[first]
+    times, kind = (each - each[0]) / SECOND, TARGETS[ours]
+    if ours in MOVING:
+        plausible.refuse_pace(f'{where}: its stamps', times)
+    if kind == 'sensor_msgs/msg/Imu':
+        known = np.isfinite(values).all(axis=1)
+        upward = values[known, 3]
+        plausible.refuse_degrees(where, times[known], values[known, :3])
+        plausible.refuse_g(where, upward if np.sum(upward) > 0.0 else -upward)
+    elif kind in ('sensor_msgs/msg/Range', 'sensor_msgs/msg/FluidPressure'):
+        known = values[np.isfinite(values[:, 0]), 0]  # a range without an echo is infinite
+        (plausible.refuse_ranges if kind.endswith('Range') else plausible.refuse_pressure)(
+            where, known)
+    elif kind in POSES and ours != 'onboard/reference':
+        wrong = outliers.refuse_most(where, times, values[:, :3], values[:, 3:])
+        if ours in CAPTURED:
+            plausible.refuse_far(where, values[~wrong, :3])
+        if ours == 'optitrack/pose':
+            return ~np.isin(given, each[wrong])
+    return np.ones(len(stamps), bool)
 
 
 def _apart(lag: int) -> str:
@@ -379,7 +465,8 @@ def _details(
         details[f'map {ours}'] = f'{theirs} ({bag.topics[theirs]})'
         row = np.array(stamps[theirs], np.int64)
         counts = {'lost': ready[theirs].lost, 'unstamped': ready[theirs].stamps.count(0),
-                  'backwards': int((row < np.maximum.accumulate(row)).sum())}
+                  'backwards': int((row < np.maximum.accumulate(row)).sum()),
+                  'repeated': int((np.diff(row) == 0).sum())}
         details |= {f'{what} {ours}': count for what, count in counts.items() if count}
     return details
 
@@ -409,8 +496,8 @@ def import_bag(
     Raises
     ------
     BagError
-        If the bag cannot be read, the map does not fit it or its stamps are on two clocks;
-        nothing is written then.
+        If the bag cannot be read, the map does not fit it, its stamps are on two clocks, a topic
+        has several bodies or frames, or its values are in other units; nothing is written then.
     mambo_bags.writer.BagWriterError
         If the target exists.
 
@@ -420,11 +507,17 @@ def import_bag(
     store = columns.load_types({TARGETS[ours] for ours in topics.values()})
     ready = {}
     for theirs, ours in topics.items():
-        ready[theirs] = _converted(store, bag.messages[theirs], TARGETS[ours])
+        ready[theirs] = _converted(store, source, bag.messages[theirs], TARGETS[ours])
         if not ready[theirs].data:
             raise BagError(f'{source}: {theirs} holds no pose, the body is lost throughout')
     stamps = _stamps(source, ready, time)
     details = _details(bag, topics, ready, stamps)
+    for theirs, ours in topics.items():
+        possible = _possible(f'{source}: {theirs}', ours, stamps[theirs], ready[theirs])
+        if not possible.all():
+            details[f'impossible {ours}'] = int((~possible).sum())
+            ready[theirs] = ready[theirs].only(possible)
+            stamps[theirs] = np.array(stamps[theirs], np.int64)[possible].tolist()
     details['time'] = time or 'header'
     details['ignored'] = ', '.join(sorted(set(bag.topics) - set(topics))) or 'nothing'
     record = provenance(source.name, bag.sha256, 'import_bag', 'rosbag2', details)
@@ -482,9 +575,8 @@ def main(arguments: list[str] | None = None) -> int:
         counts, details = import_bag(
             options.bag, options.output, dict(options.map), options.time)
         ignored = [] if details['ignored'] == 'nothing' else details['ignored'].split(', ')
-        report(options.bag, options.output, counts, *(
-            f'{key}: {value}' for key, value in details.items()
-            if key.startswith(('lost', 'unstamped', 'backwards'))), *unused(ignored))
+        notes = [f'{key}: {value}' for key, value in details.items() if key.startswith(NOTED)]
+        report(options.bag, options.output, counts, *notes, *unused(ignored))
 
     return guard('import_bag', work)
 

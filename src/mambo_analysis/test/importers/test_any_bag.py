@@ -266,11 +266,12 @@ def test_a_definition_that_only_the_bag_has_is_the_one_it_is_read_by(tmp_path):
         database.execute("INSERT INTO message_definitions VALUES (1, ?, 'ros2msg', ?, '')",
                          (name, text))
         for i in range(N):
-            out = columns.zero(theirs, name, header=header(i), range=0.5 + i)
+            out = columns.zero(theirs, name, header=header(i), range=0.5 + 0.5 * i)
             database.execute('UPDATE messages SET data = ? WHERE id = ?',
                              (bytes(theirs.serialize_cdr(out, name)), i + 1))
     import_bag(source, tmp_path / 'bag', {'/range': 'sonar/range'})
-    assert read_bag(tmp_path / 'bag')['sonar/range'].range.tolist() == [0.5 + i for i in range(N)]
+    ours = read_bag(tmp_path / 'bag')['sonar/range']
+    assert ours.range.tolist() == [0.5 + 0.5 * i for i in range(N)]
 
 
 def own_bag(path, name='mambo_interfaces/msg/MotorPwm'):
@@ -486,6 +487,88 @@ def test_a_recorder_that_ran_slower_or_paused_is_no_second_clock(tmp_path):
     source = foreign(tmp_path / 'slow', TWO, step=SECOND)  # of a bag played at a hundredth
     counts, _ = import_bag(source, tmp_path / 'bag', dict(entry.split(':=') for entry in MAPS))
     assert set(counts.values()) == {N}
+
+
+def moved(i, out):
+    """Move slowly, and turn the tracked body over in five messages."""
+    out.pose.position.x, out.pose.position.y = 0.01 * i, 0.0
+    if 20 <= i < 25:
+        out.pose.orientation.x, out.pose.orientation.z = 1.0, 0.0
+        out.pose.orientation.w = 0.0
+
+
+def millimetres(i, out):
+    out.pose.position.x, out.pose.position.y = 1e3 * out.pose.position.x, 0.0
+
+
+def of_two_bodies(i, out):
+    out.child_frame_id = f'drone{i % 2}'
+
+
+def in_two_frames(i, out):
+    out.header.frame_id = 'map' if i % 2 else 'odom'
+
+
+def slow(i, out):
+    out.header.stamp = make('builtin_interfaces/msg/Time', sec=1000 + 2 * i, nanosec=0)
+
+
+def turning(i, out):
+    turn = 500.0 * np.cos(0.3 * i)  # deg/s; as rad/s it tilts by 17 rad
+    out.angular_velocity = make('geometry_msgs/msg/Vector3', x=turn, y=0.0, z=0.0)
+
+
+def in_g(i, out):
+    out.linear_acceleration.z = -1.0
+
+
+@pytest.mark.parametrize('theirs, change, ours, text', [
+    ('/vrpn/mambo/pose', millimetres, 'optitrack/pose', '49 of 49 steps are faster than'),
+    ('/vicon/mambo', of_two_bodies, 'optitrack/pose',
+     "/vicon/mambo: its messages are of 2 bodies, child_frame_id 'drone0', 'drone1': give each"),
+    ('/odom', of_two_bodies, 'onboard/odom', 'its messages are of 2 bodies, child_frame_id'),
+    ('/vrpn/mambo/pose', in_two_frames, 'optitrack/pose',
+     "its messages are of 2 frames, frame_id 'map', 'odom': give each"),
+    ('/vrpn/mambo/pose', slow, 'optitrack/pose', 'its stamps: its samples are 2 s apart'),
+    ('/imu', turning, 'imu/data_raw', 'is it in deg/s? give it in rad/s'),
+    ('/imu', in_g, 'imu/data_raw', 'is it in g? give it in m/s^2'),
+    ('/range', lambda i, out: setattr(out, 'range', 1500.0), 'sonar/range',
+     '50 of 50 ranges are beyond 40 m'),
+    ('/pressure', lambda i, out: setattr(out, 'fluid_pressure', 1013.0 + 0.1 * i),
+     'barometer/pressure', 'is it in hPa? give it in Pa')])
+def test_what_cannot_be_one_vehicle_in_these_units_is_refused(
+        tmp_path, capsys, theirs, change, ours, text):
+    source = foreign(tmp_path / 'theirs', {theirs: TYPES[theirs]}, change)
+    refuse(source, tmp_path, capsys, text, f'{theirs}:={ours}')
+
+
+def test_impossible_poses_are_left_out_and_counted(tmp_path, capsys):
+    source = foreign(tmp_path / 'theirs', {'/p': TYPES['/vrpn/mambo/pose']}, moved)
+    assert main([str(source), str(tmp_path / 'bag'), '--map', '/p:=optitrack/pose']) == 0
+    assert 'impossible optitrack/pose: 5' in capsys.readouterr().out
+    ours = read_bag(tmp_path / 'bag')['optitrack/pose']
+    i = np.delete(np.arange(N), range(20, 25))
+    np.testing.assert_array_equal(ours.stamp, EPOCH + 10_000_000 * i)
+    np.testing.assert_allclose(ours.position[:, 0], 0.01 * i)
+
+
+def test_repeated_stamps_are_counted(tmp_path, capsys):
+    def change(i, out):
+        out.header.stamp = header(i // 10 * 10).stamp
+
+    source = foreign(tmp_path / 'theirs', {'/p': TYPES['/vrpn/mambo/pose']}, change)
+    assert main([str(source), str(tmp_path / 'bag'), '--map', '/p:=optitrack/pose']) == 0
+    assert 'repeated optitrack/pose: 45' in capsys.readouterr().out
+    assert len(read_bag(tmp_path / 'bag')['optitrack/pose']) == N
+
+
+def test_an_echo_that_never_came_back_is_no_wrong_unit(tmp_path):
+    def change(i, out):
+        out.range = float('inf') if i % 2 else 1.5
+
+    source = foreign(tmp_path / 'theirs', {'/range': TYPES['/range']}, change)
+    counts, _ = import_bag(source, tmp_path / 'bag', {'/range': 'sonar/range'})
+    assert counts == {'/mambo/sonar/range': N}
 
 
 def test_topics_that_are_not_mapped_are_named(bag, tmp_path, capsys):
