@@ -69,8 +69,14 @@ NUMBERS = {
        for kind, (position, turn) in POSES.items()},
     'sensor_msgs/msg/Imu': (*(f'angular_velocity.{axis}' for axis in 'xyz'),
                             'linear_acceleration.z'),
-    'sensor_msgs/msg/Range': ('range',), 'sensor_msgs/msg/FluidPressure': ('fluid_pressure',)}
+    'sensor_msgs/msg/Range': ('range',), 'sensor_msgs/msg/FluidPressure': ('fluid_pressure',),
+    'sensor_msgs/msg/BatteryState': ('voltage',)}
 """Fields that tell whether a message of ours is in the right unit."""
+SINGLE = {
+    'sensor_msgs/msg/Range': plausible.refuse_ranges,
+    'sensor_msgs/msg/FluidPressure': plausible.refuse_pressure,
+    'sensor_msgs/msg/BatteryState': plausible.refuse_voltage}
+"""Checks of types with one number."""
 CAPTURED = ('optitrack/pose', 'ground_truth/odom')
 """Topics of measured or true poses: those of an estimate may drift far."""
 MOVING = (*CAPTURED, 'estimate/odom', 'onboard/odom', 'imu/data_raw')
@@ -367,10 +373,8 @@ def _possible(where: str, ours: str, stamps: list[int], found: Converted) -> NDA
         upward = values[known, 3]
         plausible.refuse_degrees(where, times[known], values[known, :3])
         plausible.refuse_g(where, upward if np.sum(upward) > 0.0 else -upward)
-    elif kind in ('sensor_msgs/msg/Range', 'sensor_msgs/msg/FluidPressure'):
-        known = values[np.isfinite(values[:, 0]), 0]  # a range without an echo is infinite
-        (plausible.refuse_ranges if kind.endswith('Range') else plausible.refuse_pressure)(
-            where, known)
+    elif kind in SINGLE:  # a range without an echo is infinite, a voltage may be unknown
+        SINGLE[kind](where, values[np.isfinite(values[:, 0]), 0])
     elif kind in POSES and ours != 'onboard/reference':
         wrong = outliers.refuse_most(where, times, values[:, :3], values[:, 3:])
         if ours in CAPTURED:

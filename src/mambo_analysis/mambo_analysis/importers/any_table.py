@@ -261,6 +261,7 @@ class _Rows:
         return lambda row: out.imu(rates[row].tolist(), force[row].tolist())
 
     def _sonar_range(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
+        plausible.refuse_ranges(f'{self.path}: sonar/range', found['range'][usable, 0])
         return lambda row: {'radiation_type': 1, 'min_range': RANGE_LIMITS[0],
                             'max_range': RANGE_LIMITS[1], 'range': float(found['range'][row, 0])}
 
@@ -272,12 +273,16 @@ class _Rows:
                             'quality': FULL_QUALITY}
 
     def _barometer_pressure(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
+        plausible.refuse_pressure(f'{self.path}: barometer/pressure',
+                                  found['pressure'][usable, 0])
         return lambda row: {'fluid_pressure': float(found['pressure'][row, 0])}
 
     def _motor_pwm(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
+        plausible.refuse_commands(f'{self.path}: motor_pwm', found['pwm'][usable])
         return lambda row: {'pwm': found['pwm'][row]}
 
     def _battery(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
+        plausible.refuse_voltage(f'{self.path}: battery', found['voltage'][usable, 0])
         return lambda row: out.battery(float(found['voltage'][row, 0]), float('nan'))
 
 

@@ -18,6 +18,8 @@ QUARTER = 0.5 * np.pi + 0.01  # [rad] largest middle Euler angle, with rounding
 FARTHEST = 1e4  # [m] from the origin of a motion capture: a hall, or a field with cameras
 FARTHEST_RANGE = 40.0  # [m]; a range in mm that fits in 16 bits is below 32.8 m
 PRESSURES = (3e4, 1.2e5)  # [Pa] from above all mountains to below the sea
+MOST_VOLTS = 100.0  # of a battery; one in mV has thousands
+LARGEST_PWM = 65535.0  # of 16 bits
 FEW = 0.01  # [-] share of values that may be damaged
 
 
@@ -101,12 +103,25 @@ def refuse_g(where: str, upward: Floats, remedy: str = 'give it in m/s^2') -> No
 
 
 def refuse_ranges(where: str, ranges: Floats) -> None:
-    """Refuse ranges, (n,), of which more than ``FEW`` are beyond ``FARTHEST_RANGE``."""
-    far = ranges > FARTHEST_RANGE
+    """
+    Refuse ranges, (n,) m, that no range finder measures.
+
+    A few may be, and a few negative ones are placeholders of missing echoes.
+
+    Raises
+    ------
+    BagError
+        If more than ``FEW`` are beyond ``FARTHEST_RANGE``, or most are negative.
+
+    """
+    far, below = ranges > FARTHEST_RANGE, ranges < 0.0
     if far.sum() > FEW * len(ranges):
         raise BagError(f'{where}: {int(far.sum())} of {len(ranges)} ranges are beyond '
                        f'{FARTHEST_RANGE:g} m, up to {ranges.max():.4g} m: are they in mm? give '
                        'them in m')
+    if below.sum() > 0.5 * len(ranges):
+        raise BagError(f'{where}: {int(below.sum())} of {len(ranges)} ranges are negative, down '
+                       f'to {ranges.min():.4g} m: turn their sign')
 
 
 def refuse_pressure(where: str, pressure: Floats) -> None:
@@ -117,6 +132,23 @@ def refuse_pressure(where: str, pressure: Floats) -> None:
     if not least <= usual <= most:
         raise BagError(f'{where}: the pressure has a median of {usual:.4g}, not of {least:g} to '
                        f'{most:g} Pa: is it in hPa? give it in Pa')
+
+
+def refuse_voltage(where: str, voltage: Floats) -> None:
+    """Refuse voltages of a battery, (n,) V, whose median is negative or above ``MOST_VOLTS``."""
+    usual = float(np.median(voltage)) if len(voltage) else 0.0
+    if not 0.0 <= usual <= MOST_VOLTS:
+        raise BagError(f'{where}: the battery has a median of {usual:.4g} V, not of 0 to '
+                       f'{MOST_VOLTS:g}: is it in mV? give it in V')
+
+
+def refuse_commands(where: str, pwm: Floats) -> None:
+    """Refuse motor commands, (n, k), of which more than ``FEW`` are outside of 16 bits."""
+    wrong = (pwm < 0.0) | (pwm > LARGEST_PWM)
+    if wrong.sum() > FEW * pwm.size:
+        raise BagError(f'{where}: {int(wrong.sum())} of {pwm.size} motor commands are outside of '
+                       f'0 to {LARGEST_PWM:g}, such as {pwm[wrong][0]:.4g}: give commands of '
+                       'motors that push')
 
 
 def refuse_steep(where: str, times: Floats, pitch: Floats) -> NDArray[np.bool_]:

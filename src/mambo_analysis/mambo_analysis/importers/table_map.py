@@ -17,9 +17,9 @@ Mapping file of a table: the quantity, unit, frame and clock of each column.
         voltage: [vbat]
         time: {column: t, offset: -0.02}
 
-A quantity is a list of columns in SI units, or a mapping with ``columns`` and ``unit``. An
-attitude is a ``quaternion`` with its ``order``, or ``euler`` angles about the axes of the moving
-body in the ``order`` of their columns (``ZYX``: yaw, pitch, roll). The ``velocity`` of
+A quantity is a list of different columns in SI units, or a mapping with ``columns`` and ``unit``.
+An attitude is a ``quaternion`` with its ``order``, or ``euler`` angles about the axes of the
+moving body in the ``order`` of their columns (``ZYX``: yaw, pitch, roll). The ``velocity`` of
 ``onboard/odom`` is in the axes of the world, or with ``velocity_axes: body`` in those of the
 body. A topic may name a ``time`` and a ``body`` of its own. ``only_changes: true`` publishes a
 value only when it is new, for a column that holds the last one.
@@ -248,5 +248,8 @@ def _quantity(reader: Reader, name: str, node: Node, count: int, dimension: str)
         reader.fail(node, name, f'needs an order: {", ".join(ORDERS[name])}')
     if not isinstance(columns, SequenceNode) or len(columns.value) != count:
         reader.fail(columns, name, f'must name {count} column{"s" * (count > 1)}: [...]')
-    return Quantity(
-        tuple(reader.text(element, name) for element in columns.value), factor, order)
+    names = [reader.text(element, name) for element in columns.value]
+    again = next((one for one in names if names.count(one) > 1), None)
+    if again is not None:
+        reader.fail(columns, name, f'names column {again} twice')
+    return Quantity(tuple(names), factor, order)

@@ -67,7 +67,7 @@ def message(name, i):
         fields['linear_acceleration'] = make('geometry_msgs/msg/Vector3', x=0.1, y=0.2, z=9.7)
     elif name.endswith('Range'):
         fields.update(range=1.5, min_range=0.25, max_range=4.0)
-    else:
+    elif name.endswith('FluidPressure'):
         fields['fluid_pressure'] = 1e5 + i
     return make(name, **fields)
 
@@ -535,10 +535,13 @@ def in_g(i, out):
     ('/range', lambda i, out: setattr(out, 'range', 1500.0), 'sonar/range',
      '50 of 50 ranges are beyond 40 m'),
     ('/pressure', lambda i, out: setattr(out, 'fluid_pressure', 1013.0 + 0.1 * i),
-     'barometer/pressure', 'is it in hPa? give it in Pa')])
+     'barometer/pressure', 'is it in hPa? give it in Pa'),
+    ('/battery', lambda i, out: setattr(out, 'voltage', 3700.0), 'battery',
+     'the battery has a median of 3700 V')])
 def test_what_cannot_be_one_vehicle_in_these_units_is_refused(
         tmp_path, capsys, theirs, change, ours, text):
-    source = foreign(tmp_path / 'theirs', {theirs: TYPES[theirs]}, change)
+    types = TYPES | {'/battery': 'sensor_msgs/msg/BatteryState'}
+    source = foreign(tmp_path / 'theirs', {theirs: types[theirs]}, change)
     refuse(source, tmp_path, capsys, text, f'{theirs}:={ours}')
 
 

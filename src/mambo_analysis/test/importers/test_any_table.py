@@ -452,6 +452,25 @@ def test_a_position_a_rate_or_an_acceleration_of_another_unit_is_refused(
     assert not (tmp_path / 'bag').exists()
 
 
+@pytest.mark.parametrize('old, new, change, text', [
+    ('unit: cm', 'unit: m', lambda data: data, 'sonar/range: 50 of 50 ranges are beyond 40 m'),
+    ('', '', lambda data: data.assign(range=-data['range']),
+     'sonar/range: 50 of 50 ranges are negative, down to -1.49 m: turn their sign'),
+    ('unit: hPa', 'unit: Pa', lambda data: data,
+     'barometer/pressure: the pressure has a median of 1024, not of 30000 to 120000 Pa: is it in'),
+    ('', '', lambda data: data.assign(m2=-data['m2']),
+     'motor_pwm: 50 of 200 motor commands are outside of 0 to 65535, such as -2: give'),
+    ('', '', lambda data: data.assign(m2=7e4), 'are outside of 0 to 65535, such as 7e+04'),
+    ('  sonar', '  battery: {{voltage: [v]}}\n  sonar', lambda data: data.assign(v=3700.0),
+     'battery: the battery has a median of 3700 V, not of 0 to 100: is it in mV? give it in V')])
+def test_other_sensors_in_other_units_are_refused(tmp_path, capsys, old, new, change, text):
+    source, mapping = files(tmp_path, change(sensors()), text=SENSORS.replace(old, new, 1))
+    assert main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)]) == 2
+    said = capsys.readouterr().err
+    assert text in said and said.count('\n') == 1
+    assert not (tmp_path / 'bag').exists()
+
+
 @pytest.mark.parametrize('columns, value, why', [
     (['qw', 'qx', 'qy', 'qz'], 0.0, '50 of 50 rows have a quaternion of zeros'),
     (['x'], np.nan, '50 of 50 rows lack a value in x')])

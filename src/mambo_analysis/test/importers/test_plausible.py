@@ -108,3 +108,27 @@ def test_few_pitches_beyond_a_quarter_turn_are_told_and_many_refused():
     pitch[40] = -1.6
     with pytest.raises(BagError, match='^log: theta is -1.6 at 0.000 s, and 41 of 4000 values'):
         plausible.refuse_steep('log: theta', T, pitch)
+
+
+def test_ranges_that_are_mostly_negative_are_refused_and_placeholders_are_not():
+    plausible.refuse_ranges('log: r', np.where(T < 9.0, -1.0, 0.5))
+    with pytest.raises(BagError, match='^log: r: 2200 of 4000 ranges are negative, down to -1 m'):
+        plausible.refuse_ranges('log: r', np.where(T < 11.0, -1.0, 0.5))
+
+
+def test_a_battery_in_millivolts_is_refused():
+    plausible.refuse_voltage('log: v', np.empty(0))
+    plausible.refuse_voltage('log: v', np.where(T < 5.0, 0.0, 50.0))
+    for usual in (3700.0, -3.7):
+        with pytest.raises(BagError, match=f'^log: v: the battery has a median of {usual:g} V'):
+            plausible.refuse_voltage('log: v', np.full(9, usual))
+
+
+def test_motor_commands_are_those_of_motors_that_push():
+    pwm = np.tile([0.0, 0.5, 500.0, 65535.0], (100, 1))
+    pwm[:4, 0] = -1.0
+    plausible.refuse_commands('log: m', pwm)
+    plausible.refuse_commands('log: m', pwm[:0])
+    pwm[4, 3] = 65536.0
+    with pytest.raises(BagError, match='^log: m: 5 of 400 motor commands .* such as -1:'):
+        plausible.refuse_commands('log: m', pwm)

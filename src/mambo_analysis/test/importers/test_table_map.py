@@ -50,6 +50,8 @@ def test_what_is_shipped_can_be_read(name):
     ('z_down', 'ned', 2, "world: 'ned' is not one of z_up, z_down, y_up"),
     ('body: frd', 'bodies: frd', 3, 'bodies: unknown; did you mean body?'),
     ('optitrack/pose', 'optitrack', 5, 'no topic of an import; did you mean optitrack/pose?'),
+    ('[x, y, z]', '[x, y, y]', 6, 'position: names column y twice'),
+    ('[yaw, pitch, roll]', '[yaw, pitch, yaw]', 7, 'euler: names column yaw twice'),
     ('[x, y, z]', '[x, y]', 6, 'position: must name 3 columns'),
     ('position:', 'positions:', 6, 'positions: unknown; did you mean position?'),
     ('order: ZYX', 'order: zyx', 7, "order: 'zyx' is not one of ZYX"),
@@ -79,9 +81,9 @@ def test_each_clock_has_the_columns_that_are_wanted_at_its_times(tmp_path):
 time: {column: t, unit: us}
 topics:
   battery: {voltage: [v], time: {column: slow}}
-  motor_pwm: {pwm: [a, b, a, c]}
+  motor_pwm: {pwm: [a, b, c, d]}
   sonar/range: {range: [v], time: {column: slow}}
 """)
     wanted = read_map(path)
-    assert wanted.clocks() == {'t': ['a', 'b', 'c'], 'slow': ['v']}
-    assert set(wanted.columns()) == {'t', 'slow', 'a', 'b', 'c', 'v'}
+    assert wanted.clocks() == {'t': ['a', 'b', 'c', 'd'], 'slow': ['v']}
+    assert set(wanted.columns()) == {'t', 'slow', 'a', 'b', 'c', 'd', 'v'}
