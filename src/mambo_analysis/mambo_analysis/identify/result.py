@@ -130,6 +130,21 @@ def drawn_force(
     return draw
 
 
+def vehicle_text(report: Report, base: str) -> str:
+    """
+    Return the vehicle file of a report; empty without values of one.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        If a value is none that a vehicle can have.
+
+    """
+    if not report.vehicle:
+        return ''
+    return vehicle_file.to_text(report.title, *_based(base, report.vehicle), Vehicle)
+
+
 def write(name: str, report: Report, folder: Path, base: str) -> list[Path]:
     """
     Write a report into a folder, which is created; return the files.
@@ -143,9 +158,8 @@ def write(name: str, report: Report, folder: Path, base: str) -> list[Path]:
 
     """
     texts = {f'{name}.json': as_json(report) + '\n', **report.files}
-    if report.vehicle:
-        texts[f'{name}.yaml'] = vehicle_file.to_text(
-            report.title, *_based(base, report.vehicle), Vehicle)
+    if vehicle := vehicle_text(report, base):
+        texts[f'{name}.yaml'] = vehicle
     for file, text in texts.items():
         write_text(folder / file, text)
     figure = Figure(figsize=(9.0, 6.0), layout='constrained')
@@ -165,6 +179,7 @@ def run(name: str, options: argparse.Namespace, work: Callable[[], Report]) -> i
                 'a FILE.yaml')
         options.base = _checked(options.base)
         report = work()
+        vehicle_text(report, options.base)  # refuses values of no vehicle, also without --output
         if options.json != '-':
             print(table(report))
         if options.json and (path := write_json(options.json, as_json(report))):

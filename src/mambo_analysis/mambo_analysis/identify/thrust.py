@@ -16,6 +16,7 @@ from typing import NamedTuple
 from mambo_bags.cli.option_types import real, whole
 from mambo_bags.command import Parser, refuse_unused
 from mambo_model import palette
+from mambo_model.schema import ParameterError
 from mambo_model.vehicle.parameters import find
 from matplotlib.figure import Figure
 import numpy as np
@@ -157,10 +158,18 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
     if not LIFT[0] < lift < LIFT[1]:
         notes.append(f'four such motors lift {lift:.3g} times the weight of {options.base}: check '
                      '--unit, --motors and --base')
-    return result.Report(
+    report = result.Report(
         f'motor map of {options.file.name}',
         {'linear gain': found.gain, 'a': found.a, 'b': found.b}, facts, notes, changed,
         _draw(pwm, thrust, found), method=METHOD)
+    try:
+        result.vehicle_text(report, options.base)
+    except ParameterError as error:
+        raise IdentifyError(
+            f'{options.file}: no motor map of a vehicle: {error}: the thrust of one motor must '
+            'rise with its command; check --command, --thrust, --unit, --motors and the zero of '
+            'the scale') from None
+    return report
 
 
 def parser() -> Parser:

@@ -92,6 +92,16 @@ def test_a_command_prints_its_table_and_names_its_files(tmp_path, capsys):
     assert str(tmp_path / 'drag.json') in output and str(tmp_path / 'drag.png') in output
 
 
+@pytest.mark.parametrize('options', [[], ['--json', '-'], ['--output', 'out']])
+def test_a_value_no_vehicle_can_have_is_refused_before_the_table(
+        tmp_path, capsys, monkeypatch, options):
+    monkeypatch.chdir(tmp_path)
+    assert run(options, lambda: report(vehicle={'mass': (-1.0, 'a scale')})[0]) == 2
+    output = capsys.readouterr()
+    assert not output.out and not (tmp_path / 'out').exists()
+    assert 'vehicle.mass = -1' in output.err and output.err.count('\n') == 1
+
+
 def test_json_to_stdout_is_json_alone(capsys):
     found, _ = report()
     assert run(['--json', '-'], lambda: found) == 0

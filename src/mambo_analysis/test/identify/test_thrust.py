@@ -112,11 +112,28 @@ def test_the_bench_of_the_rolling_spider_gives_the_constant_of_its_toolbox(tmp_p
 
 
 @pytest.mark.parametrize('unit, factor, noted', [
-    ('N', 1.0, False), ('N', 1000.0 / 9.81, True), ('g', 1.0, True), ('g', 1000.0 / 9.81, False)])
+    ('N', 1.0, False), ('N', 9.5, True), ('g', 1.0, True), ('g', 1000.0 / 9.81, False)])
 def test_a_scale_in_another_unit_is_noted(tmp_path, capsys, unit, factor, noted):
-    """Of grams taken for newtons four motors would lift the vehicle hundreds of times."""
+    """Of ten motors at once four would lift the vehicle some twenty times."""
     file = tmp_path / 'bench.csv'
     np.savetxt(file, np.stack([COMMANDS, factor * bench(0)], axis=1), header='pwm,thrust',
                delimiter=',', comments='')
     assert main([str(file), '--unit', unit]) == 0
     assert ('check --unit, --motors and --base' in capsys.readouterr().out) == noted
+
+
+@pytest.mark.parametrize('output', [False, True])
+@pytest.mark.parametrize('X, T, said', [
+    (COMMANDS, 1000.0 / 9.81 * bench(0), 'linear_gain = '),  # grams taken for newtons
+    (COMMANDS, bench(0)[::-1], 'power_a = '),         # the thrust falls
+    (1000.0 + 2.0 * COMMANDS, bench(0), 'power_a = '),  # commands in microseconds
+    (COMMANDS, bench(0) + 0.5, 'power_a = ')])          # the scale was not tared
+def test_a_map_that_no_vehicle_has_is_refused_with_and_without_a_folder(
+        tmp_path, capsys, X, T, said, output):
+    file = tmp_path / 'bench.csv'
+    np.savetxt(file, np.stack([X, T], axis=1), header='pwm,thrust', delimiter=',', comments='')
+    assert main([str(file), *(['-o', str(tmp_path / 'out')] if output else [])]) == 2
+    out, error = capsys.readouterr()
+    assert not out and error.count('\n') == 1 and not (tmp_path / 'out').exists()
+    assert f'bench.csv: no motor map of a vehicle: vehicle.{said}' in error
+    assert 'must rise with its command; check --command' in error
