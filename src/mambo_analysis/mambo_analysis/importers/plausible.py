@@ -15,6 +15,7 @@ TILTS = (0.25, 1.0)  # [rad] RMS that rad/s stays below and deg/s above
 IN_G = (0.8, 1.2)  # median of an acceleration in g
 NEVER = 5.0  # an acceleration in g stays below it; one in m/s^2 is above it in any upright drone
 QUARTER = 0.5 * np.pi + 0.01  # [rad] largest middle Euler angle, with rounding
+HALF = np.pi + 0.01  # [rad] largest outer one
 FARTHEST = 1e4  # [m] from the origin of a motion capture: a hall, or a field with cameras
 FARTHEST_RANGE = 40.0  # [m]; a range in mm that fits in 16 bits is below 32.8 m
 PRESSURES = (3e4, 1.2e5)  # [Pa] from above all mountains to below the sea
@@ -151,9 +152,19 @@ def refuse_commands(where: str, pwm: Floats) -> None:
                        'motors that push')
 
 
-def refuse_steep(where: str, times: Floats, pitch: Floats) -> NDArray[np.bool_]:
+def refuse_steep(
+    where: str, times: Floats, angle: Floats, most: float = QUARTER,
+) -> NDArray[np.bool_]:
     """
-    Return which of the pitches, (n,) rad, are beyond a quarter turn, and damaged therefore.
+    Return which of the pitches, or rolls, are impossible, and damaged therefore.
+
+    Parameters
+    ----------
+    where
+        File and name, for the error.
+    times, angle : (n,) s, rad
+    most
+        ``QUARTER`` of pitches, ``HALF`` of rolls.
 
     Raises
     ------
@@ -162,11 +173,12 @@ def refuse_steep(where: str, times: Floats, pitch: Floats) -> NDArray[np.bool_]:
         five real flights.
 
     """
-    wrong = np.abs(pitch) > QUARTER
-    if wrong.sum() > FEW * len(pitch):
+    wrong = np.abs(angle) > most
+    if wrong.sum() > FEW * len(angle):
         first = np.flatnonzero(wrong)[0]
-        raise BagError(f'{where} is {pitch[first]:.4g} at {times[first]:.3f} s, and '
-                       f'{int(wrong.sum())} of {len(pitch)} values are beyond a quarter turn: is '
+        turn = 'a quarter turn' if most == QUARTER else 'half a turn'
+        raise BagError(f'{where} is {angle[first]:.4g} at {times[first]:.3f} s, and '
+                       f'{int(wrong.sum())} of {len(angle)} values are beyond {turn}: is '
                        'it in deg, or another angle? give yaw, pitch and roll in rad, in this '
                        'order')
     return wrong

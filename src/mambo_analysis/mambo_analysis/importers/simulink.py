@@ -43,8 +43,8 @@ Units and signs
     Sonar: NED, negative upwards, in some logs. The sign of most values is taken. Ranges in mm and
     pressures in hPa are refused.
 
-    Angles: rad. Pitches beyond a quarter turn are left out and counted, and refused where they
-    are many.
+    Angles: rad. Pitches beyond a quarter turn and rolls beyond half a turn are left out and
+    counted, and refused where they are many.
 
     Flow: ``rt_optical`` is in units of the educational toolbox, 20 rad/s each; the later package
     has moved that factor into the sensor. A flag is believed where it is -99 or 0 and 1; -99 and
@@ -67,7 +67,8 @@ from numpy.typing import NDArray
 
 from .common import is_sound, LONGEST, new_samples, Publisher, shortened, stamps_ns
 from .mat_file import logged, Signal
-from .plausible import refuse_pressure, refuse_ranges, refuse_steep, tilt_of, TILTS
+from .plausible import (
+    HALF, QUARTER, refuse_pressure, refuse_ranges, refuse_steep, tilt_of, TILTS)
 from .simulink_names import by_map, by_name, Column, LAYOUTS, near, QUANTITIES, TOOLBOX_FLOW
 
 Floats = NDArray[np.float64]
@@ -349,7 +350,7 @@ class _Reader:
         if name == 'pressure':
             refuse_pressure(f'{self.path}: {self._whose("pressure")}', values[:, 0])
         if name == 'reference':
-            times, values = self._upright(name, 'ref_pitch', times, values)
+            times, values = self._upright(name, 'ref_', times, values)
         self.parts[name] = times, values
 
     def _whose(self, part: str) -> str:
@@ -357,15 +358,17 @@ class _Reader:
         column = self.columns[part]
         return column.signal.name if column else part
 
-    def _upright(
-        self, name: str, part: str, times: Floats, values: Floats,
-    ) -> tuple[Floats, Floats]:
-        """Leave out the few rows of a vector whose pitch cannot be; BagError for many."""
-        wrong = refuse_steep(f'{self.path}: {part} in {self._whose(part)}', times,
-                             values[:, GROUPS[name].index(part)])
+    def _upright(self, name: str, prefix: str, times: Floats,
+                 values: Floats) -> tuple[Floats, Floats]:
+        """Leave out the few rows of a vector whose angles cannot be; BagError for many."""
+        wrong = np.zeros(len(times), bool)
+        for angle, most in (('pitch', QUARTER), ('roll', HALF)):
+            part = f'{prefix}{angle}'
+            wrong |= refuse_steep(f'{self.path}: {part} in {self._whose(part)}', times,
+                                  values[:, GROUPS[name].index(part)], most)
         if wrong.any():
             self.notes.append(f'{TOPICS[name][0]}: {int(wrong.sum())} of {len(wrong)} rows have a '
-                              'pitch beyond a quarter turn: left out')
+                              'pitch beyond a quarter turn or a roll beyond half a turn: left out')
         return times[~wrong], values[~wrong]
 
     def onboard(self) -> None:
@@ -380,7 +383,7 @@ class _Reader:
         times, some = found
         values = np.full((len(times), 12), math.nan)
         values[:, [GROUPS['onboard'].index(part) for part in (*pose, *there)]] = some
-        self.parts['onboard'] = self._upright('onboard', 'pitch', times, values)
+        self.parts['onboard'] = self._upright('onboard', '', times, values)
 
     def calibration(self) -> Floats | None:
         """Return the biases of accelerometer and gyro that the log gives, (6,)."""

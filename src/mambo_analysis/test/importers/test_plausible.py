@@ -105,6 +105,8 @@ def test_few_pitches_beyond_a_quarter_turn_are_told_and_many_refused():
     pitch[:40] = -1.6
     assert np.flatnonzero(plausible.refuse_steep('log: theta', T, pitch)).tolist() == list(
         range(40))
+    assert not plausible.refuse_steep('log: phi', T, 2.0 * pitch, plausible.HALF)[40:].any()
+    assert not plausible.refuse_steep('log: phi', T, 1.9 * pitch, plausible.HALF).any()
     pitch[40] = -1.6
     with pytest.raises(BagError, match='^log: theta is -1.6 at 0.000 s, and 41 of 4000 values'):
         plausible.refuse_steep('log: theta', T, pitch)

@@ -243,6 +243,9 @@ def test_a_gyro_in_degrees_is_found_out_or_told(flight, tmp_path, capsys):
     (lambda f: {'rt_estim': block(np.tile([0.0, 0.0, -1.0, 90.0, 20.0, 15.0] + [0.0] * 6,
                                           (4001, 1)))},
      'pitch in rt_estim is 20 at 0.000 s, and 4001 of 4001 values are beyond a quarter turn'),
+    (lambda f: {'rt_estim': block(np.tile([0.0, 0.0, -1.0, 90.0, 0.0, -5.0] + [0.0] * 6,
+                                          (4001, 1)))},
+     'roll in rt_estim is -5 at 0.000 s, and 4001 of 4001 values are beyond half a turn'),
     (lambda f: {'rt_ref': block(np.tile([0.0, 0.0, -1.0, 0.0, -20.0, 0.0], (4001, 1)))},
      'ref_pitch in rt_ref is -20 at 0.000 s, and 4001 of 4001 values are beyond a quarter turn'),
     (lambda f: {'rt_motor_speeds': block(np.tile([1.0, 1.0, -1.0, 1.0], (4001, 1)))},
@@ -345,11 +348,12 @@ def test_a_workspace_with_an_onboard_estimate_alone(flight, tmp_path, capsys, na
     assert 'not used: Out_Pos_rt (4001, 3), Kp' in output
 
 
-def test_few_pitches_beyond_a_quarter_turn_are_left_out_and_counted(flight, tmp_path, capsys):
+def test_few_angles_that_cannot_be_are_left_out_and_counted(flight, tmp_path, capsys):
     found = template(flight)
-    found['rt_estim']['signals']['values'][100:104, 4] = 1.7
+    found['rt_estim']['signals']['values'][100:103, 4] = 1.7
+    found['rt_estim']['signals']['values'][103, 5] = 4.0
     bag, output = imported(tmp_path, capsys, found)
-    assert 'onboard/odom: 4 of 4001 rows have a pitch beyond a quarter turn: left out' in output
+    assert 'onboard/odom: 4 of 4001 rows have a pitch beyond a quarter turn or a roll' in output
     stamps = np.rint(read_bag(bag)['onboard/odom'].stamp * 1e-9 / STEP)
     assert len(stamps) == 3997 and not np.isin([100, 101, 102, 103], stamps).any()
 
