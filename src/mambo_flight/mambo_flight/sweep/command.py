@@ -94,7 +94,11 @@ def summary(data: Mapping[str, Sequence[Any]]) -> str:
         if len(good):
             shown = (*np.percentile(good, (5, 50, 95)), good.max())
             lines.append(f'{name:<18}' + ''.join(f' {x:>9.3g}' for x in shown))
-    lines.append(f'{sum(data["shutdown"])} of {len(data["flight"])} flights were shut down')
+    flights = len(data['flight'])
+    lines.append(f'{sum(data["shutdown"])} of {flights} flights were shut down')
+    rows = zip(*(values for name, values in data.items() if name != 'flight'), strict=True)
+    if repeats := flights - len(set(map(repr, rows))):  # NaN equals NaN there
+        lines.append(f'{repeats} of {flights} flights repeat another one, with all its values')
     return '\n'.join(lines)
 
 

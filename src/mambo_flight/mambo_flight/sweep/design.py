@@ -19,7 +19,9 @@ node, each with one value, a list, ``range: [first, last]`` of whole numbers or 
 [first, last, count]``, ``uniform: [low, high]`` or ``normal: [mean, standard deviation]``. A grid
 crosses lists and ranges and draws distributions ``samples`` times at each of its points; a random
 design has ``samples`` flights and draws everything. Draws depend on ``seed``, the name of the
-parameter and the number of the draw alone.
+parameter and the number of the draw alone. Seeds of flights are drawn without replacement from a
+list or a range: each is drawn once before any is drawn again. ``samples`` and ``seed`` are refused
+where nothing is drawn.
 """
 
 from __future__ import annotations
@@ -162,10 +164,24 @@ class _Reader(ParameterReader):
             raise schema.ParameterError(f'{where}: {error}') from None
 
 
+def _is_seed(axis: Axis) -> bool:
+    """Return whether a parameter is a seed of the flights."""
+    return axis.name == 'seed' or axis.name in scenarios.SEEDS
+
+
+def _is_drawn(axis: Axis, head: _Head) -> bool:
+    """Return whether the values of a parameter are drawn."""
+    return head.design == 'random' or axis.kind != 'values'
+
+
 def _draw(axis: Axis, seed: int, count: int) -> list[Any]:
     """Draw ``count`` values of a parameter; the first ones do not depend on ``count``."""
     sequence = np.random.SeedSequence(seed, spawn_key=tuple(axis.name.encode()))
     rng = np.random.Generator(np.random.PCG64(sequence))
+    if axis.kind == 'values' and _is_seed(axis):
+        size = len(axis.values)
+        rounds = rng.random((-(-count // size), size)).argsort(axis=1, kind='stable')
+        return [axis.values[i] for i in rounds.ravel()[:count].tolist()]
     if axis.kind == 'values':
         return [axis.values[int(u * len(axis.values))] for u in rng.random(count)]
     shape = (count, *np.shape(axis.first))
@@ -180,7 +196,7 @@ def _draw(axis: Axis, seed: int, count: int) -> list[Any]:
 
 def _table(axes: tuple[Axis, ...], head: _Head, reader: _Reader) -> list[tuple[Any, ...]]:
     """Return the values of each flight."""
-    drawn = [axis for axis in axes if head.design == 'random' or axis.kind != 'values']
+    drawn = [axis for axis in axes if _is_drawn(axis, head)]
     crossed = [axis for axis in axes if axis not in drawn]
     repeats = head.samples if drawn else 1
     count = repeats
@@ -239,19 +255,43 @@ def read(path: Path) -> Sweep:
     head = _Head(**settings)
     if head.design == 'random' and 'samples' not in settings:
         raise schema.ParameterError(f'{path}: samples: missing; a random design needs it')
+    for name in ('samples', 'seed'):
+        if name in settings and not any(_is_drawn(axis, head) for axis in axes):
+            raise schema.ParameterError(
+                f'{reader.where(keys[name][0])}: {name}: has no effect, as nothing is drawn: '
+                'vary something by uniform or normal, or in design: random, or leave it out')
     estimators, controllers = (
         [value for axis in axes if axis.name in (kind, *SETS[kind]) for value in axis.values]
         or [chosen] for kind, chosen in zip(('estimator', 'controller'), usual, strict=True))
     unused.refuse(
         {axis.name: axis.where for axis in axes}, estimators=estimators, controllers=controllers)
     for axis in axes:
-        if axis.name == 'seed' or axis.name in scenarios.SEEDS:
+        if _is_seed(axis):
             _refuse_repeats(axis)
     seed = next((axis for axis in axes if axis.name in scenarios.SEEDS), None)
     if seed and 'seed' in names:
         raise schema.ParameterError(
             f'{seed.where}: {seed.name}: the key seed sets it as well: leave one out')
-    return Sweep(Path(path), head, axes, _table(axes, head, reader))
+    rows = _table(axes, head, reader)
+    if 'samples' in settings:
+        _refuse_one_sample(axes, rows, reader.where(keys['samples'][0]))
+    return Sweep(Path(path), head, axes, rows)
+
+
+def _refuse_one_sample(axes: tuple[Axis, ...], rows: list[tuple[Any, ...]], where: str) -> None:
+    """
+    Raise ParameterError if drawn flights repeat and nothing but their seeds varies.
+
+    Where something else varies, the summary of the result counts the flights that repeat.
+    """
+    different = len(set(rows))
+    varied = [axis for axis, column in zip(axes, zip(*rows), strict=True) if len(set(column)) > 1]
+    if different == len(rows) or not all(map(_is_seed, varied)):
+        return
+    why = (f'nothing but the seed varies: give fewer samples or more seeds, seed: {{range: [1, '
+           f'{len(rows)}]}} for instance' if varied else 'nothing varies: vary something')
+    raise schema.ParameterError(
+        f'{where}: samples: of {len(rows)} flights {different} would be different, as {why}')
 
 
 def _refuse_repeats(axis: Axis) -> None:

@@ -14,7 +14,6 @@ import pytest
 TEXT = """
 title: Two masses
 design: grid
-samples: 1
 vary:
   duration: 2.5
   sim_node.simulator.vehicle.mass: [0.063, 0.068]
@@ -73,7 +72,7 @@ def test_a_result_that_is_there_is_not_flown_again(file, tmp_path, flown):
 
 def test_a_flight_that_contradicts_itself_is_refused_before_any_is_flown(file, tmp_path, flown):
     file.write_text(TEXT.replace('duration: 2.5', 'duration: [2.5, 0.0]'))
-    with pytest.raises(ParameterError, match='sweep.yaml:6: .*duration = 0.0 s is outside'):
+    with pytest.raises(ParameterError, match='sweep.yaml:5: .*duration = 0.0 s is outside'):
         sweep(file, tmp_path / 'a.parquet')
     assert not flown
 
@@ -108,6 +107,14 @@ def test_a_summary_has_percentiles_of_what_is_finite_and_counts_shutdowns():
     assert row.split()[1:] == ['5', '50', '95', '100']
     assert not any(line.startswith('pwm_max') for line in lines)  # nothing to tell
     assert lines[-1] == '3 of 103 flights were shut down'
+
+
+def test_a_summary_counts_flights_that_repeat_another_one():
+    data = {name: [0.5, math.nan, 0.5, float('nan'), 0.5] for name in command.SHOWN}
+    data |= {'flight': list(range(5)), 'shutdown': [False] * 5, 'seed': [1, 2, 1, 2, 3]}
+    assert summary(data).splitlines()[-1] == (
+        '2 of 5 flights repeat another one, with all its values')
+    assert 'repeat' not in summary(data | {'seed': [1, 2, 3, 4, 5]})
 
 
 def test_one_flight_of_a_sweep_is_flown_as_it_stands_in_the_table(

@@ -79,6 +79,20 @@ def test_a_random_design_takes_each_value_of_a_list_about_as_often(sweep):
     assert stats.chisquare(counts).pvalue > 1e-3
 
 
+def test_seeds_are_drawn_once_each_before_any_is_drawn_again(sweep):
+    def seeds(samples, seed=0):
+        return column(sweep(
+            f'vary: {{seed: {{range: [1, 50]}}, {MASS}: {{uniform: [0.06, 0.09]}}}}',
+            f'design: random\nsamples: {samples}\nseed: {seed}'), 'seed')
+
+    known = seeds(120)
+    assert sorted(known[:50]) == sorted(known[50:100]) == list(range(1, 51))
+    assert known[:50] != known[50:100] and len(set(known[100:])) == 20
+    assert seeds(30) == known[:30] != seeds(30, 1)
+    assert len(set(column(sweep('vary: {seed: {range: [1, 40]}}', 'design: random\nsamples: 40'),
+                          'seed'))) == 40
+
+
 @pytest.mark.parametrize(('spread', 'values'), [
     ('range: [1, 4]', [1, 2, 3, 4]), ('range: [2, 10, 3]', [2, 6, 10]), ('[7, 2]', [7, 2]),
     ('range: [5, 5]', [5])])
@@ -128,6 +142,16 @@ def test_vectors_are_listed_and_drawn_by_component(sweep):
      '45005000 flights are more than 10000000'),
     ('design: random', 'samples: missing; a random design needs it'),
     ('samples: 0', ':2: samples = 0 flights is outside'),
+    ('vary: {seed: [1, 2]}\nsamples: 50', ':3: samples: has no effect, as nothing is drawn'),
+    ('vary: {seed: [1, 2]}\ndesign: grid\nseed: 3', ':4: seed: has no effect, as nothing is dr'),
+    ('samples: 20', ':2: samples: has no effect, as nothing is drawn'),
+    ('samples: 20\ndesign: random', ':2: samples: has no effect, as nothing is drawn'),
+    ('vary: {seed: {range: [1, 5]}}\ndesign: random\nsamples: 6',
+     ':4: samples: of 6 flights 5 would be different, as nothing but the seed varies: give fewer'),
+    ('vary: {sim_node.simulator.seed: {uniform: [1, 5]}, vehicle: toolbox}\nsamples: 40',
+     ':3: samples: of 40 flights 5 would be different, as nothing but the seed varies'),
+    ('vary: {trajectory: hover}\ndesign: random\nsamples: 7',
+     ':4: samples: of 7 flights 1 would be different, as nothing varies: vary some'),
     ('desing: grid', ':2: desing: unknown parameter; did you mean design')])
 def test_what_is_wrong_is_named_by_file_line_and_key(sweep, tmp_path, text, message):
     with pytest.raises(schema.ParameterError, match=re.escape(message)) as refused:
