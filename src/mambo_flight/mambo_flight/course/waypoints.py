@@ -149,7 +149,13 @@ class _Reader(Reader):
         if not isinstance(node, yaml.SequenceNode):
             self.fail(key, 'waypoints', 'must be a list')
         settings = self.settings(keys, Settings, '')
-        return [self.row(one) for one in node.value], schema.build(Settings, settings)
+        points = [self.row(one) for one in node.value]
+        if points and isinstance(first := node.value[0], yaml.MappingNode):
+            for name, (below, _) in self.mapping(first, 'waypoint').items():
+                if name in ('box', 'tube'):
+                    self.fail(below, name, 'is of the leg to a waypoint, and no leg goes to the '
+                              'first one: leave it out, or give it to the next')
+        return points, schema.build(Settings, settings)
 
     def settings(
         self, keys: Mapping[str, tuple[yaml.Node, yaml.Node]], kind: type, prefix: str,
@@ -271,7 +277,13 @@ def _yaw(where: str, points: list[Row]) -> np.ndarray:
 
 def _times(where: str, points: list[Row], at: np.ndarray, settings: Settings) -> np.ndarray:
     """Return the time of each waypoint, (n,) s, the first at 0."""
-    start = points[0].values.get('t', 0.0)
+    first = points[0]
+    start = first.values.get('t', 0.0)
+    if 't' in first.values and 'speed' in first.values:
+        fail(where, first.line, 't and speed: give one of them')
+    for name, unit in (('speed', 'm/s'), ('tube', 'm')):  # 0: at rest, no leg
+        if first.values.get(name, 0.0) < 0.0:
+            fail(where, first.line, f'{name} = {first.values[name]:g} {unit} must be above 0')
     out = np.zeros(len(points))
     for i, row in enumerate(points[1:], 1):
         speed = row.values.get('speed', settings.speed)
@@ -313,10 +325,10 @@ def _corridors(
         ends = fixed[leg:leg + 2, :3, 0]
         if tube <= 0.0:
             fail(where, row.line, f'tube = {tube:g} m must be above 0')
-        if 'tube' in row.values and np.isnan(ends).any():
-            fail(where, row.line, 'a tube needs x, y and z of both ends of its leg')
-        if not np.isnan(ends).any():
-            nothing.tube[leg] = tube
+        if not np.isnan(tube) and np.isnan(ends).any():
+            whose = '' if 'tube' in row.values else ', and the setting tube is for every leg'
+            fail(where, row.line, f'a tube needs x, y and z of both ends of its leg{whose}')
+        nothing.tube[leg] = tube
         if row.box is None:
             continue
         nothing.box[leg] = row.box

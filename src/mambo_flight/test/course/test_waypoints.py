@@ -49,6 +49,12 @@ def test_speeds_are_means_from_the_waypoint_before(file):
     assert same.duration.tolist() == [2.5]
 
 
+@pytest.mark.parametrize('first', ['', '0', '2', '0.5'])
+def test_a_table_may_have_a_speed_in_its_first_row(file, first):
+    course = wp.read(file(f'x,y,height,speed\n0,0,1,{first}\n3,4,1,2\n3,4,2,0.5\n'))
+    assert course.duration.tolist() == [2.5, 2.0]
+
+
 def test_time_begins_at_the_first_waypoint(file):
     assert wp.read(file('t,x,y,z\n10,0,0,-1\n12,1,0,-1\n')).duration.tolist() == [2.0]
 
@@ -122,6 +128,9 @@ def test_files_are_told_by_their_first_column(file):
     ('t,x,y,z,yaw,yaw_deg\n0,0,0,-1,1,1\n1,1,1,-1,0,0\n', 'w.csv:2: yaw and yaw_deg: give one'),
     ('t,x,y,z,tube\n0,0,0,-1,\n1,1,1,-1,-0.1\n', 'w.csv:3: tube = -0.1 m must be above 0'),
     ('t,x,y,z,tube\n0,0,0,-1,\n1,1,,-1,0.1\n2,2,2,-1,\n', 'w.csv:3: a tube needs x, y and z of'),
+    ('x,y,height,speed\n0,0,1.2,-7\n0.8,0.5,1.4,0.8\n', 'w.csv:2: speed = -7 m/s must be above'),
+    ('t,x,y,z,tube\n0,0,0,-1,-2\n1,1,1,-1,0.1\n', 'w.csv:2: tube = -2 m must be above 0'),
+    ('t,speed,x,y,z\n0,1,0,0,-1\n1,,1,1,-1\n', 'w.csv:2: t and speed: give one of them'),
     (HEAD + ''.join(f'{i},0,0,-1,0\n' for i in range(1001)), 'w.csv: 1001 waypoints; a course ha'),
     (HEAD + '0,0,0,-1,0\n' * 1000000, r'w.csv: longer than \d+ characters; a course has at most'),
 ], ids=lambda value: value[:30] if value else 'empty')
@@ -147,6 +156,13 @@ LEG = 'waypoints:\n- {t: 0, x: 0, y: 0, height: 1}\n- {t: 2, x: 1, y: 0, height:
     (LEG + ', box: {height: [1.2, 2]}}\n', 'w.yaml:3: the box excludes the waypoint of line 2'),
     (LEG + ', box: {x: [2, -1]}}\n', r'w.yaml:3: x: \[2, -1\] must be the lowest and the highest'),
     (LEG + ', box: {width: [0, 1]}}\n', 'w.yaml:3: width: a box has x, y and z or height'),
+    (LEG.replace('1}', '1, box: {x: [5, 6]}}') + '}\n', 'w.yaml:2: box: is of the leg to a way'),
+    (LEG.replace('1}', '1, tube: 0.1}') + '}\n', 'w.yaml:2: tube: is of the leg to a waypoint'),
+    (LEG.replace('1}', '1, speed: -1}') + '}\n', 'w.yaml:2: t and speed: give one of them'),
+    (LEG.replace('t: 0', 'speed: -1') + '}\n', 'w.yaml:2: speed = -1 m/s must be above 0'),
+    ('tube: 0.05\n' + LEG.replace(', height: 1', '', 2).replace('y: 0}', 'y: 0, height: 1}') +
+     '}\n- {t: 4, x: 2, y: 0, height: 1}\n', 'w.yaml:4: a tube needs x, y and z of both ends of '
+     'its leg, and the setting tube is for every leg'),
     (LEG + '}\nlimits: {speed: 0.4}\n', 'w.yaml:3: the leg takes 0.5 m/s on average, more than '
      'the limit speed = 0.4 m/s: give it more time'),
     (LEG + ', vx: 3}\nlimits: {speed: 2}\n', 'w.yaml:3: the velocity of 3 m/s is above the limit'),
