@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 import inspect
+import math
 from pathlib import Path
 import tempfile
 from typing import Any, TYPE_CHECKING
@@ -60,8 +61,9 @@ class Flight:
     def __repr__(self) -> str:
         m = self.metrics
         ending = f', motors stopped ({m["shutdown_reason"]})' if m['shutdown'] else ''
-        return (f'<Flight {self.name}: {self.t[-1]:g} s, tracking RMS {m["tracking_rms"]:.4g} m, '
-                f'estimation RMS {m["estimation_rms"]:.4g} m{ending}>'
+        errors = 'never took off' if math.isnan(m['tracking_rms']) else (
+            f'tracking RMS {m["tracking_rms"]:.4g} m, estimation RMS {m["estimation_rms"]:.4g} m')
+        return (f'<Flight {self.name}: {self.t[-1]:g} s, {errors}{ending}>'
                 + (f' {self.fault}' if self.fault else ''))
 
     @property

@@ -43,6 +43,11 @@ def test_metrics_are_those_of_the_arrays(flight):
     assert repr(flight).startswith('<Flight hover_joint: 2 s, tracking RMS 0.')
 
 
+def test_a_flight_that_never_took_off_says_so():
+    grounded = mambo.fly(trajectory='hover', estimator='ground_truth', duration=1.0)
+    assert repr(grounded) == '<Flight hover_ground_truth: 1 s, never took off>'
+
+
 def test_a_saved_bag_is_that_of_the_command(tmp_path, capsys):
     file = tmp_path / 'flight.yaml'
     flight = mambo.fly('fig_5_11', parameters={'sim_node.duration': 2.0})

@@ -207,7 +207,7 @@ def applied(flight: Scenario, options: argparse.Namespace) -> Scenario:
 
 def remarks(flight: Scenario, stretch: str | None = None) -> Iterator[str]:
     """
-    Yield warnings about a flight, one line each: slow code, courses that cannot be flown.
+    Yield warnings about a flight, one line each: slow code, and what the vehicle cannot fly.
 
     Parameters
     ----------
@@ -223,6 +223,9 @@ def remarks(flight: Scenario, stretch: str | None = None) -> Iterator[str]:
     yield from component_remarks(flight)
     yield from changes.late(flight)
     yield from commanded.late(flight)
+    simulator = flight.sim_node.simulator
+    if not simulator.hand.enabled and (heavy := feasibility.too_heavy(simulator.vehicle)):
+        yield f'warning: {heavy}'
     plan = flight.reference_node.plan
     if plan.trajectory != COURSE:
         return

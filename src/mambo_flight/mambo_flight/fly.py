@@ -81,7 +81,7 @@ def _errors(metrics: Mapping[str, Any]) -> str:
     """Return the errors of a flight in a few words."""
     ending = f'; motors stopped ({metrics["shutdown_reason"]})' if metrics['shutdown'] else ''
     if math.isnan(metrics['tracking_rms']):
-        return f'no errors to tell: it was never in flight{ending}'
+        return f'no errors in flight, as it never took off{ending}'
     return (f'tracking error in flight {metrics["tracking_rms"]:.3g} m RMS, '
             f'{metrics["tracking_max"]:.3g} m at most; '
             f'estimation error {metrics["estimation_rms"]:.3g} m RMS{ending}')

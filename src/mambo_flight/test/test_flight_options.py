@@ -160,3 +160,18 @@ def test_what_cannot_be_stretched_is_refused(capsys, text, wanted):
 def test_what_was_stretched_is_said():
     line, = flight_options.remarks(Scenario(), 'auto')
     assert line.startswith('stretched: flown at 1.0000 of its speed')
+
+
+def test_a_vehicle_that_cannot_lift_its_weight_is_told_before_the_flight():
+    mass, battery = 'sim_node.simulator.vehicle.mass', 'sim_node.simulator.vehicle.battery'
+    line, = flight_options.remarks(override(Scenario(), {mass: 0.2}))
+    # 4 * 4.29e-5 * 500 ** 1.47 = 1.59 and 0.2 * 9.81 = 1.96
+    assert line == ('warning: the vehicle cannot lift its weight: its most thrust is 1.59 N, its '
+                    'weight 1.96 N')
+    assert not list(flight_options.remarks(override(Scenario(), {mass: 0.16})))
+    assert list(flight_options.remarks(override(Scenario(), {mass: 0.165})))
+    full = {f'{battery}.enabled': True, f'{battery}.full_voltage': 4.2,
+            f'{battery}.reference_voltage': 3.7}  # a full battery gives more thrust
+    assert not list(flight_options.remarks(override(Scenario(), {mass: 0.165, **full})))
+    carried = {mass: 0.2, 'sim_node.simulator.hand.enabled': True}
+    assert not list(flight_options.remarks(override(Scenario(), carried)))

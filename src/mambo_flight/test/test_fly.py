@@ -76,7 +76,7 @@ def test_a_flight_that_stays_on_the_floor_has_no_errors(
         'tracking_rms': math.nan, 'shutdown': False})
     assert fly.main([file, '-o', str(tmp_path / 'bag')]) == 0
     output = capsys.readouterr().out.splitlines()
-    assert output[-3].endswith(': no errors to tell: it was never in flight')
+    assert output[-3].endswith(': no errors in flight, as it never took off')
 
 
 def test_a_recorded_flight_is_flown_again_with_its_commands(tmp_path, flown, file, monkeypatch,

@@ -14,6 +14,7 @@ from .motion import Motion
 BLEND = 3.0  # [s] assumed duration of the blend to the trajectory, if the bag does not hold it
 LEVEL = 0.1  # [m/s] largest vertical speed of a vehicle that keeps its height
 SETTLED = 0.5  # [s] time for which it must keep its height
+LIFTED = 0.01  # [m] height above the floor from which a vehicle has taken off
 EVEN = 0.05  # [s] step of the time grid
 
 
@@ -54,6 +55,13 @@ def _plan(content: Any) -> dict[str, float]:
     return {}
 
 
+def _stood(bag: Bag) -> bool:
+    """Return whether the true position in a bag stays on the floor, rho_z = 0."""
+    if 'ground_truth/odom' not in bag:
+        return False
+    return bool((np.abs(bag['ground_truth/odom'].position[:, 2]) <= LIFTED).all())
+
+
 def phases(bag: Bag) -> Phases:
     """Return end of the take-off and start of the landing from the phases of the reference."""
     if 'reference' not in bag:
@@ -67,6 +75,8 @@ def phases(bag: Bag) -> Phases:
     landing_start = int(stamps[landing][0]) if landing.any() else None
     climbing = phase == reference.constant('PHASE_TAKEOFF')
     liftoff = int(stamps[climbing][0]) if climbing.any() else None
+    if liftoff is not None and _stood(bag):
+        return Phases(None, None, 'the vehicle never took off: it stayed on the floor')
     if not track.any():
         return Phases(None, landing_start, 'the trajectory is never reached', liftoff)
     begin = int(stamps[track][0])

@@ -56,6 +56,20 @@ def test_a_blend_missing_in_the_bag_is_assumed_and_reported(tmp_path):
     assert 'assumed: the bag does not hold it' in phases(bag).text
 
 
+@pytest.mark.parametrize(('height', 'stood'), [(0.0, True), (0.009, True), (0.02, False)])
+def test_a_vehicle_that_stays_on_the_floor_never_took_off(tmp_path, height, stood):
+    maker = Maker(tmp_path / 'b', ['reference', 'ground_truth/odom', 'estimate/odom'],
+                  attachments={'scenario.yaml': SCENARIO})
+    for k, phase in enumerate((GROUND, TAKEOFF, TRACK, TRACK)):
+        maker.write('reference', k * SECOND, phase=phase)
+        maker.odometry('ground_truth/odom', k * SECOND, (0.1 * k, 0.0, -height * (k == 2)))
+        maker.odometry('estimate/odom', k * SECOND, (0.0, 0.0, -float(k)))
+    maker.writer.close()
+    seen = phases(read_bag(tmp_path / 'b'))
+    assert (seen.text == 'the vehicle never took off: it stayed on the floor') is stood
+    assert (len(seen.parts()) == 1) is stood
+
+
 @pytest.mark.parametrize(('steps', 'want', 'words'), [
     ([(GROUND, 1.0), (TAKEOFF, 3.0)], (None, None, 1.0), 'never reached'),
     ([(TRACK, 3.0), (LAND, 5.0)], (0.0, 3.0, None), 'no take-off: on the trajectory'),

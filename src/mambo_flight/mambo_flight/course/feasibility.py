@@ -10,13 +10,14 @@ from mambo_control.commanded import demand as demands
 from mambo_control.commanded.demand import demand, Failure, Limit, QUANTITIES
 from mambo_model.errors import InputError, JobError
 from mambo_model.motion.polynomial import Array, Course, ends, stretched
+from mambo_model.vehicle.motor_mixer import thrust_from_pwm
 from mambo_model.vehicle.parameters import Vehicle
 from mambo_sim.sensors.imu import ImuParams
 import numpy as np
 
 __all__ = [
     'check', 'demand', 'factor', 'Failure', 'failure', 'far', 'Limit', 'limits', 'QUANTITIES',
-    'remedy', 'stretch']
+    'remedy', 'stretch', 'too_heavy']
 
 LONGEST = 100.0     # largest factor of time, tried or given by an option
 PRECISION = 1e-4    # relative precision of the stretch
@@ -36,6 +37,16 @@ def failure(t: Array, columns: Array, vehicle: Vehicle) -> Failure | None:
 def check(course: Course, vehicle: Vehicle) -> Failure | None:
     """Return the first point of a course that a vehicle cannot fly, else None."""
     return failure(*demand(course, vehicle), vehicle)
+
+
+def too_heavy(vehicle: Vehicle) -> str:
+    """Return in words that a vehicle cannot lift its weight, '' if it can, with a full battery."""
+    vv, battery = vehicle.values(), vehicle.battery
+    sag = battery.full_voltage / battery.reference_voltage if battery.enabled else 1.0
+    most, weight = 4.0 * thrust_from_pwm(sag * vv.pwm_max, vv), vv.mass * vv.gravity
+    return '' if most > weight else (
+        f'the vehicle cannot lift its weight: its most thrust is {most:.3g} N, its weight '
+        f'{weight:.3g} N')
 
 
 def far(course: Course) -> str:

@@ -95,6 +95,8 @@ def summary(data: Mapping[str, Sequence[Any]]) -> str:
             shown = (*np.percentile(good, (5, 50, 95)), good.max())
             lines.append(f'{name:<18}' + ''.join(f' {x:>9.3g}' for x in shown))
     flights = len(data['flight'])
+    if grounded := int(np.isnan(np.asarray(data['tracking_rms'], dtype=float)).sum()):
+        lines.append(f'{grounded} of {flights} flights never took off: no errors')
     lines.append(f'{sum(data["shutdown"])} of {flights} flights were shut down')
     rows = zip(*(values for name, values in data.items() if name != 'flight'), strict=True)
     if repeats := flights - len(set(map(repr, rows))):  # NaN equals NaN there

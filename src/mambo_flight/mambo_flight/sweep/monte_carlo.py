@@ -46,10 +46,13 @@ class Tally(NamedTuple):
     effort: float  # N^1.5, thrust of each motor to the power 1.5, by the controller's motor map
     stopped_at: float  # s, time of the shutdown; NaN: none
     reason: int  # of the shutdown, safety.REASON_*
+    top: float  # m, largest true height
 
 
 START = Tally(
-    0, (0.0, 0.0, 0.0), 0.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0, 0, 0.0, 0.0, math.nan, 0)
+    0, (0.0, 0.0, 0.0), 0.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0, 0, 0.0, 0.0, math.nan, 0,
+    -math.inf)
+LIFTED = 0.01  # m, height above the floor from which a vehicle has taken off
 
 
 @jit
@@ -89,34 +92,57 @@ def count(
         at = t
     runs = int(highest > 0.0)
     cut = int(highest > 0.0 and (highest >= vv.pwm_max or lowest <= vv.pwm_min))
+    top = max(a.top, -truth[2])
     if not failsafe.in_flight(phase):
         return Tally(
             a.steps, a.tracking, a.tracking_max, track, a.estimation, a.estimation_max, drift,
             a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
-            reason if stopped else a.reason)
+            reason if stopped else a.reason, top)
     return Tally(
         a.steps + 1, add(a.tracking, mul(off, off)), max(a.tracking_max, track), track,
         add(a.estimation, mul(wrong, wrong)), max(a.estimation_max, drift), drift,
         a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
-        reason if stopped else a.reason)
+        reason if stopped else a.reason, top)
 
 
-def metrics(a: Tally, vehicle: Vehicle) -> dict[str, Any]:
+def _standing(flight: Scenario) -> bool:
+    """Return whether the vehicle of a flight begins on the floor."""
+    p = flight.sim_node.simulator.plant
+    return p.ground and p.initial_position[2] == 0.0
+
+
+def metrics(a: Tally, vehicle: Vehicle, standing: bool = False) -> dict[str, Any]:
     """
-    Return the metrics of a flight by name; ``vehicle`` is the model of the controller.
+    Return the metrics of a flight by name.
 
-    ``tracking`` is truth minus reference, ``estimation`` estimate minus truth, in m: ``rms`` over
-    the steps in flight, total and along x, y, z (NED), ``max`` the largest length in flight,
-    ``final`` the length at the end. ``energy`` in J is the ideal power of the rotors at the
-    commanded thrusts over the efficiency of the drive, integrated. NaN if nothing was flown.
+    Parameters
+    ----------
+    a
+        Tally of the flight.
+    vehicle
+        Model of the controller.
+    standing
+        Whether the vehicle begins on the floor: unless it rises above LIFTED, it has not flown.
+
+    Returns
+    -------
+    metrics
+
+        ``tracking`` is truth minus reference, ``estimation`` estimate minus truth, in m: ``rms``
+        over the steps in flight, total and along x, y, z (NED), ``max`` the largest length in
+        flight, ``final`` the length at the end. ``energy`` in J is the ideal power of the rotors
+        at the commanded thrusts over the efficiency of the drive, integrated. NaN in place of
+        ``rms`` and ``max`` if nothing was flown, or the vehicle never took off.
+
     """
+    steps = 0 if standing and not a.top > LIFTED else a.steps
     out: dict[str, Any] = {}
     for name in ('tracking', 'estimation'):
-        squares = np.array(getattr(a, name)) / a.steps if a.steps else np.full(3, np.nan)
+        squares = np.array(getattr(a, name)) / steps if steps else np.full(3, np.nan)
         out[f'{name}_rms'] = math.sqrt(squares.sum())
         for axis, square in zip('xyz', squares.tolist()):
             out[f'{name}_rms_{axis}'] = math.sqrt(square)
-        out[f'{name}_max'] = getattr(a, f'{name}_max') if a.steps else math.nan
+        out[f'{name}_max'] = getattr(a, f'{name}_max') if steps else math.nan
         out[f'{name}_final'] = getattr(a, f'{name}_last')
     out['saturated_share'] = a.saturated / a.running if a.running else math.nan
     out['pwm_max'] = a.pwm_max
@@ -148,7 +174,8 @@ def measure(flight: Scenario, r: closed_loop.Recording) -> dict[str, Any]:
     """Return the :func:`metrics` of a flight that was flown."""
     return metrics(_count_all(
         r.t, r.truth, r.estimate, r.reference, r.phase, r.pwm, r.stopped, r.reason,
-        flight.controller_node.vehicle.values()), flight.controller_node.vehicle)
+        flight.controller_node.vehicle.values()), flight.controller_node.vehicle,
+        _standing(flight))
 
 
 class _Ideal(NamedTuple):
@@ -212,7 +239,7 @@ def fly_many(flights: Iterable[Scenario]) -> Iterator[dict[str, Any]]:
         yield metrics(_fly_ideal(
             plant.initial(sim.plant), wind.initial(sim.wind),
             simulator.generators(sim.seed)[simulator.WIND], failsafe.begin(p.gains),
-            closed_loop.step_count(flight), p), controller.vehicle)
+            closed_loop.step_count(flight), p), controller.vehicle, _standing(flight))
 
 
 class Speed(NamedTuple):

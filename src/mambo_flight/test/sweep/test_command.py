@@ -106,7 +106,8 @@ def test_a_summary_has_percentiles_of_what_is_finite_and_counts_shutdowns():
     row = next(line for line in lines if line.startswith('tracking_rms'))
     assert row.split()[1:] == ['5', '50', '95', '100']
     assert not any(line.startswith('pwm_max') for line in lines)  # nothing to tell
-    assert lines[-1] == '3 of 103 flights were shut down'
+    assert lines[-2:] == ['1 of 103 flights never took off: no errors',
+                          '3 of 103 flights were shut down']
 
 
 def test_a_summary_counts_flights_that_repeat_another_one():

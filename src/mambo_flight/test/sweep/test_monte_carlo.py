@@ -4,7 +4,7 @@ import math
 
 from hypothesis import given, settings, strategies as st
 from mambo_flight import closed_loop
-from mambo_flight.scenario import scenario
+from mambo_flight.scenario import replaced, scenario
 from mambo_flight.sweep import monte_carlo
 from mambo_model.motion.trajectory import GROUND, LANDED
 from mambo_model.vehicle.battery import electric_power
@@ -80,6 +80,20 @@ def test_what_is_not_in_flight_counts_for_the_end_alone():
     assert math.isnan(nothing['tracking_rms']) and math.isnan(nothing['saturated_share'])
     low = count(monte_carlo.START, 0.0, 0.0, pwm=(10.0, 200.0, 200.0, 200.0))
     assert monte_carlo.metrics(low, Vehicle())['saturated_share'] == 1.0
+
+
+@pytest.mark.parametrize('given', [
+    {'duration': 1.0}, {'duration': 6.0, 'overrides': {'sim_node.simulator.vehicle.mass': 0.2}}])
+def test_a_flight_that_never_took_off_has_no_errors_in_flight(given):
+    flight = scenario(estimator='ground_truth', land=False, **given)
+    (row,) = monte_carlo.fly_many([flight])
+    assert repr(row) == repr(monte_carlo.fly_with_sensors(flight))
+    for name in ('tracking', 'estimation'):
+        assert all(math.isnan(row[f'{name}_{kind}']) for kind in ('rms', 'rms_z', 'max'))
+        assert math.isfinite(row[f'{name}_final'])
+    begun = replaced(flight, {'sim_node.simulator.plant.initial_position': (0.0, 0.0, -0.5)})
+    (row,) = monte_carlo.fly_many([begun])  # it begins in the air
+    assert math.isfinite(row['tracking_rms'])
 
 
 def test_a_scenario_without_an_end_is_refused():
