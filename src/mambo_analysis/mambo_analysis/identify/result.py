@@ -13,6 +13,7 @@ from mambo_bags.reader import Bag, BagError, read_bag
 from mambo_model import palette
 from mambo_model.schema import ParameterError
 from mambo_model.vehicle import vehicle_file
+from mambo_model.vehicle.mass_properties import impossible
 from mambo_model.vehicle.parameters import PRESETS, Vehicle
 from mambo_model.whole_file import replacing, write_text
 from mambo_signals import stamps
@@ -61,6 +62,8 @@ def table(report: Report) -> str:
         f'{name}: an interval without width: its samples do not scatter beyond the resolution of '
         'the file, so it says nothing of the error'
         for name, v in report.values.items() if v.low == v.high)]
+    if 'inertia' in report.vehicle and (why := impossible(report.vehicle['inertia'][0])):
+        notes.append(f'no vehicle can be flown with this inertia yet: {why}, and give all three')
     return '\n'.join([*lines, '', *(f'note: {note}' for note in notes), report.method])
 
 

@@ -43,6 +43,13 @@ def test_an_interval_without_width_is_explained_and_a_narrow_one_shown():
     assert not any(line.startswith('note: k') for line in lines)
 
 
+@pytest.mark.parametrize(('largest', 'noted'), [(2.1e-4, False), (2.5e-4, True)])
+def test_an_inertia_that_no_body_has_is_noted(largest, noted):
+    found, _ = report(vehicle={'inertia': ((largest, 1e-4, 1e-4), 'a pendulum')})
+    assert ('note: no vehicle can be flown with this inertia yet: the largest moment, 0.00025 kg '
+            'm^2, exceeds the sum of the others by 25 %' in result.table(found)) is noted
+
+
 def test_json_holds_the_same_and_no_nan():
     content = json.loads(result.as_json(report()[0]))
     assert content['values']['drag'] == {

@@ -12,6 +12,22 @@ Point = tuple[float, Vec3]
 
 Matrix = tuple[Vec3, Vec3, Vec3]
 
+MAX_EXCESS = 0.1
+"""Share by which a measured moment may exceed the sum of the others; the thesis's own has 2 %."""
+
+
+def impossible(inertia: Vec3) -> str:
+    """
+    Return in words why no body has the principal moments (3,) kg m^2; '' if one may.
+
+    The largest is at most the sum of the others, as each is the integral of two squared distances.
+    """
+    largest = max(inertia)
+    excess = largest / (math.fsum(inertia) - largest) - 1.0
+    return '' if excess <= MAX_EXCESS else (
+        f'the largest moment, {largest:.4g} kg m^2, exceeds the sum of the others by '
+        f'{100.0 * excess:.0f} %, which no body can: check the axes and the unit')
+
 
 def _steiner(mass: float, at: Vec3) -> Matrix:
     """Return the inertia of a point mass about the origin, (3, 3) kg m^2: m (|r|^2 I - r r^T)."""

@@ -16,7 +16,7 @@ from . import vehicle_file
 from ..motion.vector import Vec3
 from ..schema import choice, group, ParameterError, quantity, shown
 from ..values import Parameters, values, values_type
-from .mass_properties import Point, with_points
+from .mass_properties import impossible, Point, with_points
 from .vehicle_options import (
     BatteryParams, DragParams, FadeParams, GroundEffectParams, RotorParams)
 
@@ -157,8 +157,8 @@ def load(path: str | Path) -> Vehicle:
     Raises
     ------
     ParameterError
-        If something is missing, unknown, in another unit or out of range; the message names file,
-        line and key.
+        If something is missing, unknown, in another unit or out of range, or if no body has such
+        an inertia; the message names file, line and key.
 
     """
     return _load(Path(path), ())
@@ -175,6 +175,8 @@ def _load(path: Path, before: tuple[Path, ...]) -> Vehicle:
         if content.base.value not in PRESETS:
             raise ParameterError(f'{content.base.where}: {_unknown(content.base.value)}')
         start = _load(base, (*before, path))
+    if 'inertia' in content.values and (why := impossible(content.values['inertia'])):
+        raise ParameterError(f'{content.places["inertia"]}: inertia: {why}')
     try:
         out = vehicle_file.replace(start, content.values)
         return with_markers(out, content.markers) if content.markers else out

@@ -35,10 +35,15 @@ class Content(NamedTuple):
     base: Text | None
     values: dict[str, Any]  # by dotted name
     markers: list[Point]
+    places: dict[str, str]  # file and line by dotted name
 
 
 class _Reader(Reader):
-    """Reads values with their unit and source."""
+    """Reads values with their unit and source; ``places`` has file and line of each by name."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self.places: dict[str, str] = {}
 
     def entry(self, name: str, key: yaml.Node, node: yaml.Node, unit: str | None) -> yaml.Node:
         """Return the node of the value of ``name: {value, unit, source}``."""
@@ -58,6 +63,7 @@ class _Reader(Reader):
     def value(self, name: str, field: dataclasses.Field, key: yaml.Node, node: yaml.Node) -> Any:
         """Return the checked value of a schema field."""
         at = self.entry(name, key, node, field.metadata.get('unit'))
+        self.places[name] = self.where(at)
         return self.leaf('.'.join(['vehicle', *name.split('.')[:-1]]), name, field, at)
 
     def section(
@@ -126,7 +132,8 @@ def read(path: Path, params_type: type) -> Content:
         markers = [reader.marker(marker) for marker in node.value]
     root.value = [pair for pair in root.value if pair[0].value not in (
         'description', 'base', 'markers')]
-    return Content(base, reader.section(root, '', dict(walk(params_type))), markers)
+    values = reader.section(root, '', dict(walk(params_type)))
+    return Content(base, values, markers, reader.places)
 
 
 def replace(params: P, values: dict[str, Any]) -> P:

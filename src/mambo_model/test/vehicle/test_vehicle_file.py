@@ -43,6 +43,11 @@ def test_without_a_base_the_rest_is_that_of_the_defaults(file):
     assert parameters.load(file('description: x\n' + MASS)) == parameters.Vehicle(mass=0.07)
 
 
+def test_an_inertia_may_exceed_the_limit_of_a_body_by_its_error(file):
+    text = 'inertia: {value: [1e-4, 1e-4, 2.19e-4], unit: kg m^2, source: x}\n'
+    assert parameters.load(file(HEAD + text)).inertia[2] == 2.19e-4
+
+
 def test_markers_are_added_to_the_mass_that_the_file_gives(file):
     marker = '  - mass: {value: 1e-4, unit: kg, source: x}\n' \
         '    position: {value: [0, 0, -0.02], unit: m, source: x}\n'
@@ -70,6 +75,10 @@ def test_markers_are_added_to_the_mass_that_the_file_gives(file):
     ('inertia:\n  value: [1e-4, 1e-4]\n  unit: kg m^2\n  source: x\n', 5,
      'inertia: must be 3 numbers'),
     ('inertia: {value: 1e-4, unit: kg m^2, source: x}\n', 4, 'inertia: must be 3 numbers'),
+    ('inertia: {value: [1e-5, 1e-5, 9e-4], unit: kg m^2, source: x}\n', 4,
+     'inertia: the largest moment, 0.0009 kg m.2, exceeds the sum of the others by 4400 %'),
+    ('inertia:\n  value: [2.3e-4, 1e-4, 1e-4]\n  unit: kg m^2\n  source: x\n', 5,
+     'exceeds the sum of the others by 15 %, which no body can: check the axes and the unit'),
     ('thrust_map: {value: cubic, source: x}\n', 4,
      "vehicle.thrust_map = 'cubic' is not one of linear, power"),
     ('thrust_map: {value: power, unit: "1", source: x}\n', 4, "thrust_map: has 'unit'"),
@@ -137,7 +146,7 @@ def test_files_that_start_from_each_other_are_refused(file, tmp_path, monkeypatc
 
 def test_a_written_file_reads_back_to_the_bit(file):
     third = dataclasses.replace(
-        parameters.preset('toolbox'), mass=0.1 / 3.0, inertia=(1e-4 / 3.0, 7e-5, 1.5e-4),
+        parameters.preset('toolbox'), mass=0.1 / 3.0, inertia=(1e-4 / 3.0, 7e-5, 1e-4),
         thrust_map='power', vertical_drag_coefficient=2.0 ** -30,
         drag=dataclasses.replace(parameters.Vehicle().drag, induced=True, profile='linear'),
         battery=dataclasses.replace(parameters.Vehicle().battery, capacity=0.55))
