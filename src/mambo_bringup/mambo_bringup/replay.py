@@ -9,6 +9,7 @@ faster than real time.
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 from mambo_analysis.compare.compare import compare_replay
@@ -32,6 +33,7 @@ PLAYER = ('mambo_bags', 'replay_node')
 RECORDED = (
     '/clock,imu/data_raw,sonar/range,optical_flow,barometer/pressure,sensor_tick,estimate/odom,'
     'estimator/state,/tf,/diagnostics')
+SLOWEST = 0.01  # of the recorded speed: a minute takes 100
 
 _STEPS = (topics.SENSOR_TICK.name, topics.IMU.name)  # the first that is there must be answered
 
@@ -72,6 +74,8 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
     stamps.refuse_wrong(recording, [name for name in _STEPS if name in recording][:1])
     if estimator_file is not None and not estimator_file.is_file():
         raise FlightInputError(f'{estimator_file}: there is no such parameter file')
+    if estimator_file is not None:
+        scenarios.load(estimator_file, 'estimator_node')
     with NodeGroup(RECORDER[1]) as group:
         file = estimator_file or _recorded_parameters(recording, group.folder)
         parameters = ['--params-file', str(file)] if file else []
@@ -108,13 +112,23 @@ def _recorded_parameters(bag: Bag, folder: Path) -> Path | None:
     return file
 
 
+def _rate(text: str) -> float:
+    """Return the value of ``--rate``; ArgumentTypeError if it is not valid."""
+    value = real(0.0, 1000.0)(text)
+    if 0.0 < value < SLOWEST:
+        raise argparse.ArgumentTypeError(
+            f'{text} must be within {SLOWEST:g} to 1000, or 0: as fast as possible')
+    return value
+
+
 def parser() -> Parser:
     """Return the command line."""
     out = Parser('replay', __doc__.split('\n\n')[0])
     out.add_argument('bag', type=Path, help='rosbag2 directory or .mcap file')
     out.add_output('NEW_BAG', 'bag to create (default: BAG_replay)')
-    out.add_argument('--rate', type=real(0.0, 1000.0), default=0.0, metavar='X',
-                     help='ratio of recorded time to wall time, 0: as fast as possible (default)')
+    out.add_argument('--rate', type=_rate, default=0.0, metavar='X',
+                     help=f'ratio of recorded time to wall time, at least {SLOWEST:g}; 0: as fast '
+                          'as possible (default)')
     out.add_argument('--parameters', type=Path, metavar='FILE',
                      help='ROS 2 parameter file of the estimator (default: that of the bag)')
     return out

@@ -3,6 +3,7 @@
 from mambo_bags.reader import BagError
 from mambo_bags.writer import BagWriter
 from mambo_bringup import processes, replay
+from mambo_model.schema import ParameterError
 from mambo_ros import messages, topics
 import pytest
 
@@ -45,3 +46,24 @@ def test_steps_that_could_not_be_answered_are_refused_before_any_node_waits(
     told = f'/mambo/{wrong.name}: stamps go back, first from 2.000 to' if refused else 'are start'
     with pytest.raises(BagError if refused else LookupError, match=told):
         replay.replay(tmp_path / 'bag', tmp_path / 'out')
+
+
+@pytest.mark.parametrize('rate', ['1e-9', '0.009', '-1', '1001', 'fast'])
+def test_a_rate_that_would_take_for_ever_is_refused(rate, capsys):
+    with pytest.raises(SystemExit) as end:
+        replay.parser().parse_args(['bag', f'--rate={rate}'])
+    error = capsys.readouterr().err
+    assert end.value.code == 2 and '--rate: ' in error and error.count('\n') == 1
+    for good in (0.0, 0.01, 1000.0):
+        assert replay.parser().parse_args(['bag', f'--rate={good}']).rate == good
+
+
+def test_a_parameter_file_without_the_estimator_is_refused_before_any_node(tmp_path, monkeypatch):
+    with BagWriter(tmp_path / 'bag') as bag:
+        bag.add_topic('/clock', 'rosgraph_msgs/msg/Clock')
+        bag.write('/clock', messages.clock(0), 0)
+    file = tmp_path / 'file.yaml'
+    file.write_text('/mambo/controller_node: {ros__parameters: {controller: indi}}')
+    monkeypatch.setattr(replay, 'NodeGroup', None)  # nothing is started
+    with pytest.raises(ParameterError, match='file.yaml: holds no parameters of estimator_node'):
+        replay.replay(tmp_path / 'bag', tmp_path / 'out', estimator_file=file)

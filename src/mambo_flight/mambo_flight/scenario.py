@@ -444,9 +444,12 @@ def from_yaml(text: str, where: str = 'scenario') -> Scenario:
     return from_parameters(where, reader.ros_parameters(reader.mapping(root, 'file')))
 
 
-def load(path: Path) -> Scenario:
-    """Read a ROS 2 parameter file; see :func:`from_yaml`."""
+def load(path: Path, node: str = '') -> Scenario:
+    """Read a ROS 2 parameter file, which must set one of ``node``'s; see :func:`from_yaml`."""
     reader = ParameterReader(path)
     root = reader.root()
     reader.learn(root)
-    return from_parameters(path, reader.ros_parameters(reader.mapping(root, 'file')))
+    parameters = reader.ros_parameters(reader.mapping(root, 'file'))
+    if node and not any(name.startswith(f'{node}.') for name in parameters):
+        raise schema.ParameterError(f'{path}: holds no parameters of {node}')
+    return from_parameters(path, parameters)

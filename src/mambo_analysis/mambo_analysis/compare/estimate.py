@@ -62,7 +62,7 @@ def parameters(bag: Bag, file: Path | None = None) -> EstimatorNodeParams:
 def _chosen(bag: Bag, file: Path | None) -> tuple[EstimatorNodeParams, str]:
     """Return the parameters, and where they come from."""
     if file is not None:
-        node = scenario.load(file).estimator_node
+        node = scenario.load(file, 'estimator_node').estimator_node
         if node.estimator == 'ground_truth':
             raise BagError(f'{file}: estimator ground_truth estimates nothing; name another')
         return node, str(file)

@@ -117,6 +117,8 @@ def test_it_says_whose_parameters_were_used(tmp_path):
     (['--parameters', 'nowhere.yaml'], '', 'nowhere.yaml: No such file'),
     (['--parameters', 'FILE'], to_yaml(scenario(estimator='ground_truth')), 'ground_truth'),
     (['--parameters', 'FILE'], '][', 'FILE:1: not valid YAML'),
+    (['--parameters', 'FILE'], '/mambo/controller_node: {ros__parameters: {controller: indi}}',
+     'FILE: holds no parameters of estimator_node'),
     (['--namespace', 'other'], '', 'nothing in the namespace /other')])
 def test_careless_arguments_get_one_line(tmp_path, monkeypatch, capsys, options, text, output):
     monkeypatch.chdir(tmp_path)
