@@ -308,7 +308,7 @@ class Converted(NamedTuple):
 def _one_of(where: str, names: Mapping[str, set[str]]) -> None:
     """Refuse messages of several bodies or in several frames, {field: its values}."""
     for field, what in (('child_frame_id', 'bodies'), ('frame_id', 'frames')):
-        found = sorted(names[field])
+        found = sorted(names[field] - {''})  # some publishers leave it out at times
         if len(found) > 1:
             raise BagError(f'{where}: its messages are of {len(found)} {what}, {field} '
                            f'{shortened([quoted(name) for name in found])}: give each a topic of '

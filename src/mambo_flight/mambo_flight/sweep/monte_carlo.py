@@ -20,6 +20,7 @@ from mambo_model.motion.trajectory import PlanValues
 from mambo_model.motion.vector import add, dot, mul, sub, Vec3
 from mambo_model.vehicle.motor_mixer import thrust_from_pwm
 from mambo_model.vehicle.parameters import OptionValues, Vehicle, VehicleValues
+from mambo_signals.flight_phases import LIFTED
 from mambo_sim import plant, simulator, wind
 from mambo_sim.parameters import STEP_NS
 import numpy as np
@@ -52,7 +53,6 @@ class Tally(NamedTuple):
 START = Tally(
     0, (0.0, 0.0, 0.0), 0.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0, 0, 0.0, 0.0, math.nan, 0,
     -math.inf)
-LIFTED = 0.01  # m, height above the floor from which a vehicle has taken off
 
 
 @jit
