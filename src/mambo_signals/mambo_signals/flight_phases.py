@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from mambo_bags.reader import Bag
+from mambo_model.motion.rigid_body import LIFTED
 import numpy as np
 
 from . import time_offset
@@ -14,7 +15,6 @@ from .motion import Motion
 BLEND = 3.0  # [s] assumed duration of the blend to the trajectory, if the bag does not hold it
 LEVEL = 0.1  # [m/s] largest vertical speed of a vehicle that keeps its height
 SETTLED = 0.5  # [s] time for which it must keep its height
-LIFTED = 0.01  # [m] height above the floor from which a vehicle has taken off
 EVEN = 0.05  # [s] step of the time grid
 
 

@@ -16,11 +16,11 @@ from typing import Any, NamedTuple
 from mambo_control import controllers, failsafe
 from mambo_control.commanded.evaluation import CommandedValues, reference_step
 from mambo_model.compiled import jit
+from mambo_model.motion.rigid_body import LIFTED
 from mambo_model.motion.trajectory import PlanValues
 from mambo_model.motion.vector import add, dot, mul, sub, Vec3
 from mambo_model.vehicle.motor_mixer import thrust_from_pwm
 from mambo_model.vehicle.parameters import OptionValues, Vehicle, VehicleValues
-from mambo_signals.flight_phases import LIFTED
 from mambo_sim import plant, simulator, wind
 from mambo_sim.parameters import STEP_NS
 import numpy as np

@@ -11,6 +11,7 @@ from .quaternion import (
     derivative as quaternion_derivative, norm_control, normalise, Quat, rotate, rotate_inverse)
 from .vector import add, cross, mul, scale, sub, Vec3
 
+LIFTED = 0.01  # m, height above the floor from which a vehicle has taken off (judgement)
 NORM_LIMIT = 1.39  # h k up to which (2.16) is stable under the classical Runge-Kutta method
 
 
