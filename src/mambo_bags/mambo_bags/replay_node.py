@@ -3,9 +3,7 @@ Replay: publishes the recorded sensors of a bag, with ``/clock``.
 
 It runs at a chosen rate or as fast as the estimator answers; no message is lost in either case.
 The watermark of the sensors (``sensor_tick``) comes from the bag, or from the samples themselves
-if the bag has none (real hardware), so that a replayed estimate is the same at every rate. An
-estimator learns from the samples after it that one was lost: where an answer is missing, the
-replay goes on for a moment of the flight without it.
+if the bag has none (real hardware), so that a replayed estimate is the same at every rate.
 """
 
 from __future__ import annotations
@@ -21,7 +19,7 @@ from mambo_ros.endpoints import RawPublisher
 from mambo_ros.graph import links
 from mambo_ros.loop import Loop
 
-from .playback import bag_files, Hesitation, not_in_bag, recorded
+from .playback import bag_files, recorded
 
 _SENSORS = (topics.IMU, topics.SONAR, topics.OPTICAL_FLOW, topics.BAROMETER)
 
@@ -86,8 +84,6 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
             self._topics[name] = (topic, self.advertise(topic))
         self._clock_output = self.advertise(topics.CLOCK)
         self._t = -1  # of the newest step, ns
-        self._hesitation = Hesitation()
-        self._tick: bytes | None = None  # newest watermark
         self._estimates = self.accept(
             topics.ESTIMATE, _decode_stamp, _nothing, now=lambda: self._t)
         self.links = links.Links(self, p.wait_for)
@@ -95,7 +91,7 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
     def steps(self) -> Iterator[int]:
         """Publish the bag step by step; yield the stamp in ns after each."""
         missing = [tick for tick in (topics.SENSOR_TICK, topics.CAPTURE_TICK) if self._lacks(tick)]
-        counts = self._counts = dict.fromkeys((*_SENSORS, topics.OPTITRACK), 0)
+        counts = dict.fromkeys((*_SENSORS, topics.OPTITRACK), 0)
         held: list[tuple] = []  # messages of the step that is not yet complete
         now = -1
         for name, kind, data in recorded(self._path, set(self._topics)):
@@ -129,8 +125,6 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
         for topic, publish, data in held:
             if topic in counts:
                 counts[topic] += 1
-            elif topic is topics.SENSOR_TICK:
-                self._tick = data
             publish(data)
         if topics.CAPTURE_TICK in missing:
             self._output(topics.CAPTURE_TICK)(messages.capture_tick(t, counts[topics.OPTITRACK]))
@@ -139,22 +133,17 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
                 messages.sensor_tick(t, *(counts[topic] for topic in _SENSORS)))
         return t
 
-    def wait_for_answer(self, loop: Loop, t: int, last: bool = False) -> bool:
-        """Serve the graph until the estimate of ``t`` has arrived, not long but for the last."""
+    def wait_for_answer(self, loop: Loop, t: int) -> bool:
+        """Serve the graph until the estimate of ``t`` has arrived."""
         began = time.monotonic()
         while self._estimates.last < t:
-            loop.once(0.0 if not last and self._hesitation.over(self._estimates.last) else 0.02)
+            loop.once(0.02)
             if loop.stopping:
                 return False
-            newest, waited = self._estimates.last, time.monotonic() - began
-            if newest < t and not last and self._hesitation.goes_on(newest, waited):
-                break
-            if newest < t and waited > self.params.patience:
-                why = '' if self._tick is None else not_in_bag(
-                    self._tick, [self._counts[topic] for topic in _SENSORS])
+            if time.monotonic() - began > self.params.patience and self._estimates.last < t:
                 self.get_logger().error(
                     f'no estimate/odom for t = {t * 1e-9:.3f} s within '
-                    f'{self.params.patience:g} s{why}')
+                    f'{self.params.patience:g} s')
                 return False
         return True
 
@@ -184,8 +173,8 @@ def replay(player: ReplayNode, loop: Loop) -> int:
     if not count:
         log.error(f'{p.bag}: no sensor messages under {p.source_namespace}')
         return 1
-    if (p.wait_for or not p.rate) and not player.wait_for_answer(loop, t, last=True):
-        return 0 if loop.stopping else 1
+    if p.wait_for and not player.wait_for_answer(loop, t):
+        return 1
     took, span = time.monotonic() - began, (t - first) * 1e-9
     log.info(f'replayed {span:.3f} s, {count} steps, in {took:.3f} s of wall time')
     return 0

@@ -1,10 +1,8 @@
 """Messages of a bag in the order in which they were recorded; what is no bag is one line."""
 
 from mambo_bags import playback
-from mambo_bags.playback import Hesitation, not_in_bag
 from mambo_bags.reader import read_bag
 from mambo_model.schema import ParameterError
-from mambo_ros import messages
 import pytest
 from synthetic import make_flight
 
@@ -64,27 +62,3 @@ def test_a_file_cut_short_is_told_and_recover_is_named(flight, tmp_path, share):
     file.write_bytes(content[:round(share * len(content))])
     with pytest.raises(ParameterError, match='cut.mcap: not a readable MCAP file .*try recover'):
         list(playback.recorded(file, TOPICS))
-
-
-def test_samples_that_a_watermark_announces_beside_those_played_are_named():
-    tick = messages.sensor_tick(0, 9, 8, 7, 6)
-    assert not_in_bag(tick, [9, 8, 7, 6]) == ''
-    assert not_in_bag(tick, [10, 8, 8, 6]) == ''
-    assert not_in_bag(tick, [9, 5, 7, 4]) == (
-        '; not in the bag: 3 samples of sonar/range, 2 samples of barometer/pressure')
-
-
-def test_a_replay_hesitates_once_for_a_missing_answer_and_goes_on_for_a_while():
-    one = Hesitation()
-    assert not one.over(100) and not one.goes_on(100, Hesitation.WAIT)
-    assert one.goes_on(100, Hesitation.WAIT + 0.01)
-    for _ in range(Hesitation.BEHIND - 1):
-        assert one.over(100) and one.goes_on(100, 0.0)
-    assert not one.over(100) and not one.goes_on(100, 60.0)
-
-
-def test_each_missing_answer_is_hesitated_for():
-    one = Hesitation()
-    for newest in (100, 200, 100):
-        assert not one.over(newest) and not one.goes_on(newest, 0.0)
-        assert one.goes_on(newest, 1.0) and one.over(newest)

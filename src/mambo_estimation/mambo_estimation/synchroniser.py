@@ -5,10 +5,6 @@ DDS keeps the order within a topic only. The watermark (``SensorTick``) states h
 each topic were published up to its stamp; a step is released when all of them have arrived, and
 uses no others. The result of the filter therefore depends on stamped data alone: in a live graph,
 in a replay and offline, even if samples are late, repeated or out of order.
-
-A sample that was lost on the way never arrives. It is not waited for any longer once a sample of
-its topic has arrived that is newer than the watermark: what was published before that one is lost
-or here. From then on as many samples less are due.
 """
 
 from __future__ import annotations
@@ -38,7 +34,7 @@ class Step(NamedTuple):
 
 
 _LATENCY = 50_000_000  # ns, by which a sample of a driver without watermark may be late
-AHEAD = 100_000_000  # ns, by which a sample may be ahead of the step it arrives with
+_AHEAD = 100_000_000  # ns, by which a sample may be ahead of the step it arrives with
 
 
 class Synchroniser:
@@ -53,8 +49,8 @@ class Synchroniser:
 
     A sample is dropped if it is late (older than the previous step), not newer than an earlier
     sample of its stream, overtaken within one step, or more than 0.1 s ahead of the step it
-    arrives with. A sample that is less ahead waits for its own step. With watermarks, it also says
-    that the samples of its stream that are still missing at this step were lost.
+    arrives with. A sample that is less ahead waits for its own step: if a sample was lost on the
+    way, the ones after it complete the counts of the watermark.
 
     """
 
@@ -66,7 +62,7 @@ class Synchroniser:
         self._received = [0, 0, 0, 0]
         self._dropped = [0, 0, 0, 0]
         self._ticks: deque[tuple[int, tuple[int, int, int, int]]] = deque()
-        self._offset: list[int] | None = None  # samples of each stream that never arrive
+        self._offset: tuple[int, ...] | None = None
         self._last_t: int | None = None
 
     def add_imu(self, t: int, gyro: Vec3, accel: Vec3) -> list[Step]:
@@ -93,8 +89,8 @@ class Synchroniser:
         as complete.
         """
         if self._offset is None:
-            self._offset = [0] * 4 if counts[0] <= 1 else [
-                count - received for count, received in zip(counts, self._received, strict=True)]
+            self._offset = (0, 0, 0, 0) if counts[0] <= 1 else tuple(
+                count - received for count, received in zip(counts, self._received, strict=True))
         self._ticks.append((t, counts))
         return self._completed()
 
@@ -121,38 +117,24 @@ class Synchroniser:
         while self._ticks:
             t, counts = self._ticks[0]
             due = [count - offset for count, offset in zip(counts, self._offset, strict=True)]
-            if any(self._received[k] < due[k] and not self._has_later(k, t) for k in range(4)):
+            if any(received < count for received, count in zip(self._received, due, strict=True)):
                 break
-            out += self._release(t, due)
             self._ticks.popleft()
+            out += self._release(t, due)
         return out
-
-    def _is_later(self, t: int, now: int) -> bool:
-        """Return whether a sample was published after the watermark of ``now``."""
-        return now < t <= self._ticks[-1][0] + AHEAD  # else its stamp is wrong
-
-    def _has_later(self, stream: int, now: int) -> bool:
-        """Return whether a sample of a stream has arrived after all up to ``now``."""
-        return any(self._is_later(t, now) for t, _ in self._arrived[stream])
 
     def _admit(self, stream: int, due: int, now: int) -> None:
         """Make the first ``due`` samples of a stream ready; drop those that come too late."""
         arrived, last = self._arrived[stream], self._last_t
         if last is not None and not self._watermark and stream:
             last -= _LATENCY
-        for missing in range(due - self._received[stream] + len(arrived), 0, -1):
-            if self._watermark and self._is_later(arrived[0][0], now):
-                self._offset[stream] += missing
-                return
+        for _ in range(due - self._received[stream] + len(arrived)):
             t, sample = arrived.popleft()
-            if t > now + AHEAD:
+            if t > now + _AHEAD:
                 self._dropped[stream] += 1
                 continue
             if t <= self._newest[stream] or last is not None and t <= last:
                 self._dropped[stream] += 1
-                if self._watermark and last is not None and 0 <= t <= last:
-                    # it was on its way and not lost: from now on it is due again
-                    self._offset[stream] = max(self._offset[stream] - 1, 0)
             else:
                 self._ready[stream].append((t, sample))
             self._newest[stream] = max(self._newest[stream], t)

@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from mambo_bags.reader import Bag
-from mambo_estimation.capture.pose_queue import PoseQueue
 from mambo_model import frames
 from mambo_ros import topics
 import numpy as np
@@ -24,13 +23,6 @@ class Poses(NamedTuple):
 
     age: NDArray[np.float64]   # (n,) s, age of the stamp
     pose: NDArray[np.float64]  # (n, 7) position m, quaternion w x y z; map, NED and FRD
-
-
-class _Row(NamedTuple):
-    """A step, as the queue of poses takes it."""
-
-    t: int  # ns
-    k: int  # its row
 
 
 def none(steps: int) -> Poses:
@@ -54,43 +46,6 @@ def _announced(bag: Bag, t: NDArray[np.int64], logged: NDArray[np.int64]) -> NDA
     return np.searchsorted(logged, nexts[np.minimum(at, len(nexts) - 1)], 'left')
 
 
-def _has_lost(bag: Bag, t: NDArray[np.int64], due: NDArray[np.int64]) -> bool:
-    """Return whether a watermark announces a pose that is not in the bag, or is newer than it."""
-    stamp, ticks = bag[topics.OPTITRACK.name].stamp, bag[topics.CAPTURE_TICK.name].stamp
-    if (due > len(stamp)).any():
-        return True
-    rows = np.flatnonzero(due > 0)
-    return bool((stamp[due[rows] - 1] > ticks[np.searchsorted(ticks, t[rows], 'left')]).any())
-
-
-def _queued(
-    bag: Bag, t: NDArray[np.int64],
-) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
-    """
-    Return rows of steps, the pose of each, and the complete steps, as the live queue finds them.
-
-    Poses and watermarks arrive in the order of the log, a step with the first watermark that is
-    not older.
-    """
-    seen, ticks = bag[topics.OPTITRACK.name], bag[topics.CAPTURE_TICK.name]
-    counts = ticks['poses'].tolist()
-    logged = np.searchsorted(seen.log_time, ticks.log_time, 'right').tolist()
-    ready = np.searchsorted(t, ticks.stamp, 'right').tolist()
-    queue, found, pose, step = PoseQueue(), [], 0, 0
-    for stamp, count, last, end in zip(
-            ticks.stamp.tolist(), counts, logged, ready, strict=True):
-        for k in range(pose, last):
-            found += queue.add_pose(int(seen.stamp[k]), k, None)
-        found += queue.add_steps([_Row(int(t[k]), k) for k in range(step, end)])
-        found += queue.add_tick(stamp, count)
-        pose, step = max(pose, last), max(step, end)
-    for k in range(pose, len(seen.stamp)):
-        found += queue.add_pose(int(seen.stamp[k]), k, None)
-    pairs = [(row.k, pose.rho) for row, pose in found if pose is not None]
-    rows, which = np.array(pairs, np.int64).reshape(-1, 2).T
-    return rows, which, len(found)
-
-
 def poses(bag: Bag, t: NDArray[np.int64]) -> tuple[Poses, int]:
     """
     Return the pose of each step of a bag, and the number of steps whose poses are complete.
@@ -108,13 +63,10 @@ def poses(bag: Bag, t: NDArray[np.int64]) -> tuple[Poses, int]:
         return out, len(t)
     seen = bag[topics.OPTITRACK.name]
     due = _announced(bag, t, seen.log_time)
-    if topics.CAPTURE_TICK.name in bag and _has_lost(bag, t, due):
-        rows, which, whole = _queued(bag, t)
-    else:
-        late = np.flatnonzero(due < 0)
-        whole = int(late[0]) if len(late) else len(t)
-        rows = np.flatnonzero(np.diff(due[:whole], prepend=0) > 0)
-        which = due[rows] - 1
+    lost = np.flatnonzero((due < 0) | (due > len(seen.stamp)))
+    whole = int(lost[0]) if len(lost) else len(t)
+    rows = np.flatnonzero(np.diff(due[:whole], prepend=0) > 0)
+    which = due[rows] - 1
     out.age[rows] = (t[rows] - seen.stamp[which]) * 1e-9
     out.pose[rows, :3] = np.stack(
         frames.flip_vector(tuple(seen.position[which].T)), axis=1)

@@ -110,38 +110,17 @@ def _stream(bag: Bag, topic: topics.Topic) -> _Stream:
         raise BagError(f'{bag.path}: {error.args[0]}') from None
 
 
-def _recorded_ticks(bag: Bag, streams: list[_Stream]) -> tuple[Ints, Ints, Ints]:
-    """
-    Return the stamp (n,) ns and the sample counts (n, 4) of each watermark of a bag.
-
-    The third array, (n, 4), has how many samples were logged before it.
-    """
+def _recorded_ticks(bag: Bag, streams: list[_Stream]) -> tuple[Ints, Ints]:
+    """Return the stamp (n,) ns and the sample counts (n, 4) of each watermark of a bag."""
     ticks = _read(bag, topics.SENSOR_TICK)
-    logged = np.stack([
-        np.searchsorted(s.log_time, ticks.log_time, 'right') for s in streams], axis=1)
     due = np.stack([ticks[field] for field in ('imu', 'sonar', 'optical_flow', 'barometer')],
                    axis=1).astype(np.int64)
     if due[0, 0] > 1:  # the recording began in flight: count from its first watermark
-        due += logged[0] - due[0]
-    return ticks.stamp, due, logged
+        due += [np.searchsorted(s.log_time, ticks.log_time[0], 'right') for s in streams] - due[0]
+    return ticks.stamp, due
 
 
-def missing(bag: Bag) -> dict[str, tuple[int, int]]:
-    """
-    Return the samples that the last watermark announces and that are not in a bag.
-
-    By topic, how many they are and of how many; only of topics that lack some.
-    """
-    if topics.SENSOR_TICK.name not in bag or topics.IMU.name not in bag:
-        return {}
-    streams = [_stream(bag, topic) for topic in SENSORS]
-    _, due, _ = _recorded_ticks(bag, streams)
-    return {topic.name: (int(n) - len(stream.t), int(n))
-            for topic, stream, n in zip(SENSORS, streams, due.max(axis=0), strict=True)
-            if n > len(stream.t)}
-
-
-def _ticks_from_log(streams: list[_Stream]) -> tuple[Ints, Ints, Ints]:
+def _ticks_from_log(streams: list[_Stream]) -> tuple[Ints, Ints]:
     """
     Return the same as :func:`_recorded_ticks` for a bag without watermarks, e.g. of real hardware.
 
@@ -154,8 +133,7 @@ def _ticks_from_log(streams: list[_Stream]) -> tuple[Ints, Ints, Ints]:
     due = [np.append(nexts, len(imu.t))] + [
         np.append(np.searchsorted(s.log_time, imu.log_time[nexts], 'left'), len(s.t))
         for s in aiding]
-    counts = np.stack(due, axis=1)[:len(new)]
-    return imu.t[new], counts, counts
+    return imu.t[new], np.stack(due, axis=1)[:len(new)]
 
 
 def _without_samples(t: Ints) -> Steps:
@@ -173,10 +151,12 @@ def _in_order(streams: list[_Stream], t: Ints, due: Ints) -> Steps | None:
 
     In order means: each watermark announces at most one new sample of a sensor. The stamp of the
     sample lies after the previous watermark and not after this one; that of the inertial sample
-    equals the watermark's.
+    equals the watermark's. A watermark that announces a sample that is not in the bag ends the
+    steps, as the live estimator would wait for it for ever.
     """
-    if (due > [len(stream.t) for stream in streams]).any():
-        return None
+    whole = (due <= [len(stream.t) for stream in streams]).all(axis=1)
+    whole = np.logical_and.accumulate(whole)
+    t, due = t[whole], due[whole]
     out, periods = _without_samples(t), np.diff(t, prepend=-1)
     if (periods <= 0).any():
         return None
@@ -194,7 +174,7 @@ def _in_order(streams: list[_Stream], t: Ints, due: Ints) -> Steps | None:
     return out
 
 
-def _synchronised(streams: list[_Stream], t: Ints, due: Ints, logged: Ints) -> Steps:
+def _synchronised(streams: list[_Stream], t: Ints, due: Ints) -> Steps:
     """Return the steps of any flight, found by the synchroniser of the node."""
     sync = Synchroniser()
     queues = [
@@ -203,15 +183,12 @@ def _synchronised(streams: list[_Stream], t: Ints, due: Ints, logged: Ints) -> S
             (sync.add_imu, sync.add_sonar, sync.add_flow, sync.add_pressure), streams,
             strict=True)]
     found = []
-    new = np.diff(np.maximum.accumulate(logged), axis=0, prepend=0)
-    for stamp, counts, more in zip(t.tolist(), due.tolist(), new.tolist()):
+    new = np.diff(np.maximum.accumulate(due), axis=0, prepend=0)
+    for stamp, counts, more in zip(t.tolist(), due.tolist(), np.maximum(new, 0).tolist()):
         for (add, samples), count in zip(queues, more, strict=True):
             for sample in islice(samples, count):
                 found += add(*sample)
         found += sync.add_tick(stamp, counts)
-    for add, samples in queues:
-        for sample in samples:
-            found += add(*sample)
     out = _without_samples(np.array([step.t for step in found], np.int64))
     for name, column in zip(Steps._fields, zip(*found)):
         getattr(out, name)[:] = column
@@ -230,10 +207,10 @@ def steps(bag: Bag) -> Steps:
     """
     bag.messages(topics.IMU.name)
     streams = [_stream(bag, topic) for topic in SENSORS]
-    t, due, logged = (_recorded_ticks(bag, streams) if topics.SENSOR_TICK.name in bag
-                      else _ticks_from_log(streams))
+    t, due = (_recorded_ticks(bag, streams) if topics.SENSOR_TICK.name in bag
+              else _ticks_from_log(streams))
     found = _in_order(streams, t, due)
-    return _synchronised(streams, t, due, logged) if found is None else found
+    return _synchronised(streams, t, due) if found is None else found
 
 
 @jit

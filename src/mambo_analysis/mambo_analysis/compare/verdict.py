@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from mambo_bags.reader import Bag
 from mambo_estimation import health
-from mambo_flight.offline_replay import missing, SENSORS
+from mambo_flight.offline_replay import SENSORS
 from mambo_ros import topics
 from mambo_signals import resample
 import numpy as np
@@ -66,19 +66,6 @@ def _sensors(bag: Bag, state: Bag) -> list[str]:
     return lines
 
 
-def _losses(bag: Bag, state: Bag) -> list[str]:
-    """Return a line for each topic that lacks samples, and one if the estimate ends for it."""
-    lost = missing(bag)
-    lines = [f'  {name}: {few} of {all_} samples that were published are not in the bag'
-             for name, (few, all_) in lost.items()]
-    if lost:
-        early = bag[topics.SENSOR_TICK.name].stamp[-1] - state[topics.ESTIMATE.name].stamp[-1]
-        if early > 0:
-            lines.append(f'  the estimate ends {early * 1e-9:.2f} s before the recording, where '
-                         'it waits for them')
-    return lines
-
-
 def divergence(state: Bag) -> list[str]:
     """Return the faults of the estimate itself, one line each."""
     inner, odometry = state[topics.ESTIMATOR_STATE.name], state[topics.ESTIMATE.name]
@@ -119,4 +106,4 @@ def verdict(bag: Bag, state: Bag) -> str:
     if against:
         head += f'{";" if wrong else ", but is"} contradicted: {"; ".join(against)}'
     head = f'verdict: {head}'
-    return '\n'.join((head, *_sensors(bag, state), *_losses(bag, state)))
+    return '\n'.join((head, *_sensors(bag, state)))

@@ -30,29 +30,6 @@ def rest(path, **options):
     return path
 
 
-@pytest.mark.parametrize('gone, short', [((60,), False), (range(80, 100), True)])
-def test_samples_that_are_not_in_the_bag_are_told_and_so_is_an_early_end(
-        tmp_path, capsys, gone, short):
-    source = tmp_path / 'source'
-    with BagWriter(source) as bag:
-        for topic in (topics.IMU, topics.BAROMETER, topics.SENSOR_TICK):
-            bag.add_topic(f'/mambo/{topic.name}', topic.type_name)
-        for k in range(100):
-            t = k * STEP
-            bag.write(f'/mambo/{topics.IMU.name}', messages.imu(
-                t, (1e-4, 0.0, 0.0), (0.0, 0.0, -9.81), (0.0,) * 3, (0.0,) * 3), t)
-            if k not in gone:
-                bag.write(f'/mambo/{topics.BAROMETER.name}', messages.pressure(t, 1e5, 1.0), t)
-            bag.write(f'/mambo/{topics.SENSOR_TICK.name}',
-                      messages.sensor_tick(t, k + 1, 0, 0, k + 1), t)
-    assert estimate.main([str(source)]) == 0
-    output = capsys.readouterr().out
-    lost = len(gone)
-    assert f'  barometer/pressure: {lost} of 100 samples that were published are not in' in output
-    assert 'imu/data_raw: ' not in output.partition('verdict')[2]
-    assert ('  the estimate ends 0.10 s before the recording' in output) is short
-
-
 def flown(**choices):
     return {'attachments': {'scenario.yaml': to_yaml(scenario(**choices))}}
 

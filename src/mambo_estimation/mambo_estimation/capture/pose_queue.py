@@ -4,7 +4,7 @@ Poses of the motion capture for the steps of the filter, whatever the order of a
 The watermark of the motion capture says how many poses have been published up to its stamp. A
 step waits for the first watermark that is not older, and gets the newest pose that this one
 announces. So what the filter computes is a function of stamped data, as of
-:mod:`mambo_estimation.synchroniser`, and a lost pose is waited for no longer than there.
+:mod:`mambo_estimation.synchroniser`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import NamedTuple
 from mambo_model.motion.quaternion import Quat
 from mambo_model.motion.vector import Vec3
 
-from ..synchroniser import AHEAD, Step
+from ..synchroniser import Step
 
 
 class SeenPose(NamedTuple):
@@ -95,18 +95,11 @@ class PoseQueue:
         if not self._ticks or self._ticks[0][0] < t:
             return None
         due = self._ticks[0][1] - (self._offset or 0)
-        return due if self._received >= due or any(map(self._is_later, self._poses)) else None
-
-    def _is_later(self, pose: SeenPose | None) -> bool:
-        """Return whether a pose was published after the watermark of the next step."""
-        return pose is not None and self._ticks[0][0] < pose.t <= self._ticks[-1][0] + AHEAD
+        return due if self._received >= due else None
 
     def _newest(self, due: int) -> SeenPose | None:
         """Return the newest of the poses up to one, and forget these."""
         found = None
-        for missing in range(due - self._received + len(self._poses), 0, -1):
-            if self._watermark and self._is_later(self._poses[0]):
-                self._offset += missing  # as many were lost
-                break
+        for _ in range(due - self._received + len(self._poses)):
             found = self._poses.popleft() or found
         return found
