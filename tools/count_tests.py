@@ -1,5 +1,5 @@
 """
-Summarise the results of a test run, and list tests without a result; the end of ``./test``.
+Summarise the results of a test run and name the tests that failed; the end of ``./test``.
 
 usage: count_tests.py all|chosen|files TESTS_XML[:TESTS_XML] [STAGE ...]
 
@@ -17,6 +17,9 @@ import sys
 import time
 from typing import NamedTuple
 import xml.etree.ElementTree as ElementTree
+
+MAX_LINE = 300  # characters of the line for a failed test
+MAX_NAMED = 100  # failed tests that are named
 
 
 class Count(NamedTuple):
@@ -55,6 +58,21 @@ def count(file: Path) -> Count:
         passed = number['tests'] - failed - number['skipped']
         counts.append(Count(max(passed, 0), failed, number['skipped']))
     return add(*counts)
+
+
+def failures(file: Path) -> list[str]:
+    """Return a line for each failed test of a JUnit file: its name and what it says first."""
+    try:
+        cases = list(ElementTree.parse(file).getroot().iter('testcase'))
+    except (OSError, ElementTree.ParseError):
+        return [f'{file}: missing or incomplete']
+    lines = []
+    for case in cases:
+        for found in (*case.findall('failure'), *case.findall('error')):
+            said = (found.get('message') or '').strip().splitlines()[:1]
+            name = f'{case.get("classname")}::{case.get("name")}'
+            lines.append(': '.join([name, *said])[:MAX_LINE])
+    return lines
 
 
 def leftovers(run: str) -> dict[int, str]:
@@ -130,15 +148,17 @@ def summarise(rows: dict[str, Count], kind: str, stages: list[str],
 def main() -> int:
     """Print the summary; return 1 if anything failed."""
     kind, tests, *stages = sys.argv[1:]
-    rows = {}
+    files = {'tests': [Path(file) for file in tests.split(':')]}
     if kind != 'files':
-        for setup in sorted(Path('src').glob('*/setup.py')):
-            package = setup.parent.name
-            rows[package] = count(Path('build') / package / 'pytest.xml')
-    rows['tests'] = add(*(count(Path(file)) for file in tests.split(':')))
+        packages = sorted(setup.parent.name for setup in Path('src').glob('*/setup.py'))
+        files = {name: [Path('build') / name / 'pytest.xml'] for name in packages} | files
+    rows = {name: add(*map(count, written)) for name, written in files.items()}
     run = os.environ.get('MAMBO_TEST_RUN')
     lines, total = summarise(rows, kind, stages, end_leftovers(run) if run else [])
-    print('', *lines, sep='\n')
+    failed = [f'FAILED {name}: {line}' for name, written in files.items()
+              for file in written for line in failures(file)]
+    more = [f'and {len(failed) - MAX_NAMED} more'] if len(failed) > MAX_NAMED else []
+    print('', *failed[:MAX_NAMED], *more, *lines, sep='\n')
     return 1 if total.failed else 0
 
 

@@ -8,5 +8,5 @@ here = os.path.dirname(os.path.realpath(__file__))
 sys.path[:] = [path for path in sys.path if os.path.realpath(path) != here]
 
 if __name__ == '__main__':
-    from mambo_bringup.starting import main
-    sys.exit(main(sys.argv.pop(1)))
+    from mambo_bringup.starting import run
+    sys.exit(run(sys.argv.pop(1)))

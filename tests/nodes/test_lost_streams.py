@@ -13,6 +13,7 @@ from mambo_model.motion.flatness import from_flat_output
 from mambo_model.motion.rigid_body import State
 from mambo_model.vehicle.parameters import Vehicle
 from mambo_ros import cdr, messages, topics
+from mambo_ros.graph import publisher_guard
 from mambo_sim import lockstep, sim_node
 from mambo_sim.sim_node import SimNode
 import pytest
@@ -272,6 +273,40 @@ def test_a_controller_is_not_silenced_by_stamps_of_the_future(controller):
     assert set(controller.node.refused().values()) == {2}
 
 
+def test_before_the_clock_has_begun_only_the_first_step_is_answered(controller):
+    controller.publish = {'estimate/odom', 'reference', '/clock'}
+    for k in range(100):
+        controller.reference(k)
+    assert controller.stamps == []
+    controller.estimate(0)
+    assert controller.stamps == [0]
+    controller.hear(topics.CLOCK, messages.clock(STEP))
+    controller.estimate(1)
+    assert controller.stamps == [0, 1]
+
+
+@pytest.mark.parametrize('begun', [False, True])
+def test_a_reference_from_before_the_flight_is_forgotten_with_its_publisher(
+        controller, monkeypatch, begun):
+    monkeypatch.setattr(publisher_guard, 'ABSENT', -1.0)
+    (guard,) = [entry.take for entry in controller.node.inputs if entry.topic is topics.REFERENCE]
+    guard.publishers = set
+    if begun:
+        controller.hear(topics.CLOCK, messages.clock(300 * STEP))
+    for k in range(100, 200):
+        guard(messages.reference(k * STEP, POINT, trajectory.TRACK), b'a stranger')
+    assert controller.stamps == list(range(100, 180))  # for these the patience is over
+    assert controller.node.stage == failsafe.DESCENDING_BLIND
+    assert not guard.is_deserted(0)
+    controller.answers.clear()
+    for k in range(3):
+        controller.hear(topics.CLOCK, messages.clock(k * STEP))
+        controller.estimate(k)
+        controller.reference(k)
+    assert controller.stamps == ([] if begun else [0, 1, 2])
+    assert controller.node.stage == (failsafe.DESCENDING_BLIND if begun else failsafe.FLYING)
+
+
 class TestEstimator:
     """An estimator whose sensors send what cannot be used."""
 
@@ -310,6 +345,11 @@ class TestEstimator:
                 else:
                     hear(topics.IMU, self.imu(future))
             assert estimates == [0, 1, 2]
+            assert set(node.refused().values()) == {2}  # the last one may yet be continued from
+            hear(topics.IMU, self.imu(3 * STEP))
+            if ticks:
+                hear(topics.SENSOR_TICK, messages.sensor_tick(3 * STEP, 4, 0, 0, 0))
+            assert estimates == [0, 1, 2, 3]
             assert set(node.refused().values()) == {3}
             node.destroy_node()
 

@@ -46,6 +46,29 @@ def test_the_tests_across_packages_are_counted_from_every_file(tmp_path, monkeyp
         assert capsys.readouterr().out.splitlines()[-1] == total
 
 
+def test_failed_tests_are_named_before_the_counts(tmp_path, monkeypatch, capsys):
+    cases = ''.join(
+        f'<testcase classname="test.test_a" name="test_{number}"><{kind} message="{said}"/>'
+        '</testcase>' for number, (kind, said) in enumerate([
+            ('failure', 'assert 1 == 2&#10; +  where'), ('error', 'no fixture'), ('skipped', '')]))
+    file = tmp_path / 'results.xml'
+    file.write_text('<testsuites><testsuite tests="4" failures="1" errors="1" skipped="1">'
+                    f'<testcase classname="test.test_a" name="good"/>{cases}'
+                    '</testsuite></testsuites>')
+    monkeypatch.delenv('MAMBO_TEST_RUN', raising=False)
+    monkeypatch.setattr(sys, 'argv', ['count', 'files', f'{file}:{tmp_path}/gone.xml', 'pytest'])
+    assert summary.main() == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1:4] == [
+        'FAILED tests: test.test_a::test_0: assert 1 == 2',
+        'FAILED tests: test.test_a::test_1: no fixture',
+        f'FAILED tests: {tmp_path}/gone.xml: missing or incomplete']
+    assert lines[-1] == 'total: 1 passed, 3 failed, 1 skipped'
+    monkeypatch.setattr(summary, 'MAX_NAMED', 1)
+    assert summary.main() == 1
+    assert capsys.readouterr().out.splitlines()[2] == 'and 2 more'
+
+
 def test_the_last_line_counts():
     lines, total = summary.summarise(PASSED, 'all', [], [])
     assert lines[-1] == 'total: 6 passed, 0 failed, 1 skipped'

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from mambo_bags.reader import Bag
 from mambo_flight import commanded
 from mambo_flight.scenario import Scenario
 
@@ -45,7 +46,7 @@ def command(name: str, drone: str = '/mambo', **arguments: Any) -> str:
     return commanded.send(name, drone, **given.plain(arguments))
 
 
-def recorded_commands(bag: Path | str) -> Scenario:
+def recorded_commands(bag: Bag | Path | str) -> Scenario:
     """
     Return the scenario of a recorded commanded flight, with the recorded commands as its script.
 
@@ -57,4 +58,4 @@ def recorded_commands(bag: Path | str) -> Scenario:
         If the bag is not one of a commanded flight.
 
     """
-    return commanded.scenario_of(given.path(bag, 'bag'))
+    return commanded.scenario_of(bag.path if isinstance(bag, Bag) else given.path(bag, 'bag'))

@@ -19,6 +19,7 @@ from mambo_flight import recording_to_bag, scenario_file, supervised, unused
 from mambo_flight.closed_loop import Recording
 from mambo_flight.course import function_course
 from mambo_flight.scenario import override, Scenario
+from mambo_flight.scenario_file import Place
 from mambo_flight.sweep import monte_carlo
 from mambo_model.errors import InputError
 from mambo_model.whole_file import refuse_existing
@@ -121,6 +122,15 @@ class Flight:
         return figures.overview(self.bag, self.name)
 
 
+def _refuse_two(chosen: Mapping[str, Place], values: Mapping[str, Any]) -> None:
+    """Raise InputError for a parameter that contradicts an argument, as the command does."""
+    settings = {name: place.value for name, place in chosen.items()}
+    if (found := scenario_file.contradicted(settings, values)) is not None:
+        name, full = found
+        raise InputError(f'parameters: {full} = {values[full]!r} contradicts {name} = '
+                         f'{settings[name]!r}: leave one out')
+
+
 def _named(what: str, thing: Any, offer: Callable[[Any], str]) -> str | None:
     """Return the name of what is flown: itself, or one under which an object is offered."""
     if thing is None or isinstance(thing, str):
@@ -182,7 +192,7 @@ def fly(
         'controller': _named('controller', controller, CONTROLLERS.offer),
         'duration': duration, 'seed': seed, 'vehicle': vehicle, 'believed': believed,
         'noise': noise, 'landing': landing}
-    chosen_ones = {name: scenario_file.Place(given.plain(value), name)
+    chosen_ones = {name: Place(given.plain(value), name)
                    for name, value in choices.items() if value is not None}
     values = given.parameters(parameters)
     if isinstance(scenario, Scenario):
@@ -196,6 +206,7 @@ def fly(
             choices['trajectory'] or 'circle', chosen.estimator_node.estimator))
     else:
         name, chosen = scenario_file.load_alone(str(given.path(scenario, 'scenario')), chosen_ones)
+    _refuse_two(chosen_ones, values)
     chosen = override(chosen, values)
     unused.refuse(
         dict.fromkeys(values, 'parameters'),

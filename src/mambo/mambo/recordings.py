@@ -11,10 +11,10 @@ from typing import Any
 from mambo_analysis.compare import (
     compare as comparing, estimate as estimating, report, tables)
 from mambo_analysis.compare.pair import WHAT
-from mambo_bags.command import is_part_of_a_bag
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight import offline_replay, scenario, unused
 from mambo_model.errors import InputError
+from mambo_model.whole_file import PAGE, refuse_other_kind
 import pandas
 
 from . import given
@@ -79,12 +79,11 @@ class Comparison(dict):
         Raises
         ------
         InputError, JobError
-            If the file cannot be written, or is part of a bag.
+            If the file cannot be written, exists and is not a page, or is named as part of a bag.
 
         """
         target = given.path(path, 'path')
-        if is_part_of_a_bag(target):
-            raise InputError(f'{target} is part of a bag, which is never written over')
+        refuse_other_kind(target, PAGE)  # before the page is made
         return report.write(target, self._page())
 
     def to_pandas(self) -> pandas.DataFrame:

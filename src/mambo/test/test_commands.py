@@ -1,5 +1,7 @@
 """Commands from a script: what is sent, what is raised, and a recorded flight flown again."""
 
+from pathlib import Path
+
 import mambo
 from mambo_ros.commands import client
 import pytest
@@ -25,3 +27,12 @@ def test_what_cannot_be_sent_is_one_line():
 def test_another_bag_is_refused(tmp_path):
     with pytest.raises(mambo.InputError):
         mambo.recorded_commands(tmp_path / 'none')
+
+
+def test_an_open_bag_is_as_good_as_its_path():
+    path, said = Path(__file__).parents[3] / 'bags/circle_short', []
+    for bag in (path, mambo.open_bag(path)):
+        with pytest.raises(mambo.InputError, match='circle_short') as error:
+            mambo.recorded_commands(bag)
+        said.append(str(error.value))
+    assert said[0] == said[1]

@@ -77,6 +77,26 @@ def test_wrong_input_is_one_line(arguments, what):
     assert what in str(error.value) and '\n' not in str(error.value)
 
 
+@pytest.mark.parametrize('arguments, what', [
+    ({'trajectory': lambda t: (0.0, 0.0, -1.0), 'duration': 8.0},
+     'duration: lambda: the flight leaves no time for it'),
+    ({'vehicle': 'nothing'}, "vehicle: vehicle 'nothing' is unknown"),
+    ({'believed': 'none.yaml'}, 'believed: ')])
+def test_an_argument_is_named_once(arguments, what):
+    with pytest.raises(mambo.InputError) as error:
+        mambo.fly(**arguments)
+    assert str(error.value).startswith(what) and str(error.value).count(f'{what.split()[0]} ') == 1
+
+
+@pytest.mark.parametrize('function, what', [
+    (lambda t: 1.0 / t, 'ZeroDivisionError'), (lambda t: 'far', 'could not convert'),
+    (lambda t: (0.0, t), 'returns an array of shape (2,)')])
+def test_the_fault_of_a_function_is_told_before_the_time_that_it_lacks(function, what):
+    with pytest.raises(mambo.InputError) as error:
+        mambo.fly(trajectory=function, duration=8.0)
+    assert what in str(error.value) and 'leaves no time' not in str(error.value)
+
+
 def test_what_commands_leave_without_effect_is_refused(tmp_path):
     file = tmp_path / 'up.yaml'
     file.write_text('title: up\ncommands: [{time: 1, takeoff: {height: 1.0}}]\n')
@@ -181,7 +201,11 @@ def test_flights_are_equal_to_themselves_alone(flight):
     ({'controller': print}, 'print> is not written in Python'),
     ({'trajectory': max}, 'max> is not written in Python'),
     ({'trajectory': np.sin}, "<ufunc 'sin'> is not written in Python"),
-    ({'scenario': ''}, 'scenario: is empty')])
+    ({'scenario': ''}, 'scenario: is empty'),
+    ({'parameters': {'sim_node.duration': 3.0}},
+     'parameters: sim_node.duration = 3.0 contradicts duration = 20.0: leave one out'),
+    ({'controller': 'indi', 'parameters': {'controller_node.controller': 'geometric'}},
+     "parameters: controller_node.controller = 'geometric' contradicts controller = 'indi'")])
 def test_what_is_no_component_is_refused_in_one_line(arguments, what):
     with pytest.raises(mambo.InputError) as error:
         mambo.fly(**{'duration': 20.0} | arguments)

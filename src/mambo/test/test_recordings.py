@@ -65,6 +65,22 @@ def test_a_page_is_never_written_over_a_bag(tmp_path):
         assert (copy / name).read_bytes() == before
 
 
+def test_a_page_is_never_written_over_what_is_no_page(tmp_path, monkeypatch, capsys):
+    from mambo_analysis.compare import compare as command
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'pf').write_text('mass: 1.0')
+    with pytest.raises(mambo.InputError, match='^pf exists and is not a page: choose another'):
+        mambo.compare(CIRCLE).to_html('pf')
+    assert command.main([str(CIRCLE), '--html', 'page.htm', '--csv', 'a.csv']) == 0
+    assert capsys.readouterr().out.endswith('numbers: a.csv\n\npage: page.htm\n')
+    assert command.main([str(CIRCLE), '--html', 'page.htm', '--csv', 'a.csv']) == 0
+    (tmp_path / 'out').mkdir()
+    (tmp_path / 'out' / 'index.html').write_text('mass: 1.0')
+    assert command.main([str(CIRCLE), '-o', 'out']) == 2
+    assert (tmp_path / 'pf').read_text() == 'mass: 1.0'
+    assert (tmp_path / 'out' / 'index.html').read_text() == 'mass: 1.0'
+
+
 def test_two_flights_are_compared(bag):
     flight = mambo.fly(duration=12.0, seed=2, landing=False)
     result = mambo.compare(flight, bag)

@@ -12,18 +12,21 @@ from pathlib import Path
 import re
 import shutil
 import signal
+import stat
 import sys
 from typing import Any, TextIO
 import warnings
 
 from mambo_model.errors import InputError, MamboError, visible
-from mambo_model.whole_file import check_writable, is_wrong_path, write_text
+from mambo_model.whole_file import (
+    check_writable, COMPARISON, is_named_as_of_a_bag, is_wrong_path, JSON, PAGE, PICTURE,
+    refuse_other_kind, write_text)
 import numpy as np
 
 from .cli import drawing, supervisor
 
 _WRITTEN = ('output', 'json', 'html', 'csv', 'figure', 'write')  # options naming a file to write
-_OF_A_BAG = ('*.mcap', '*.db3', '*.zstd', 'metadata.yaml')  # never written over
+_KINDS = {'json': JSON, 'html': PAGE, 'csv': COMPARISON, 'figure': PICTURE}  # which replace a file
 _NEGATIVE = re.compile(r'-(\d+\.?\d*(e[-+]?\d+)?|\.\d+(e[-+]?\d+)?|inf|nan)$', re.IGNORECASE)
 _LITTLE = 1 << 20  # bytes left on a disk that is full for most purposes
 _LONGEST = 2000  # longest error, characters, so that a huge name does not fill the screen
@@ -99,10 +102,10 @@ def _is_file(name: str | Path) -> bool:
         return False
 
 
-def is_part_of_a_bag(path: Path) -> bool:
-    """Return whether a path is an existing file of a bag, which is never written over."""
-    place = Path(os.path.realpath(path))
-    return _is_file(path) and any(place.match(end) for end in _OF_A_BAG)
+def _is_part_of_a_bag(path: Path) -> bool:
+    """Return whether a path is a file of a bag, or one that would seem to be in its folder."""
+    return is_named_as_of_a_bag(path) and (
+        _is_file(path) or _is_file(Path(os.path.realpath(path)).parent / 'metadata.yaml'))
 
 
 def _json_file(text: str) -> str:
@@ -191,9 +194,25 @@ class Parser(argparse.ArgumentParser):
             self.error(f'{word}: unknown {what}{nearest(word.partition("=")[0], known)}')
         if self._needs_output and options.output is None:
             self.error('-o/--output is missing')
+        self._refuse_wrong_kind(vars(options))
         self._refuse_overwriting(vars(options))
         self._refuse_unwritable(vars(options))
         return options
+
+    def _refuse_wrong_kind(self, options: dict[str, Any]) -> None:
+        """Exit with code 2 if there is a folder or a pipe where a file is to be written, or so."""
+        folders = {action.dest for action in self._actions if action.metavar == 'DIR'}
+        for name in _WRITTEN:
+            path = options.get(name)
+            if path is None or path == '-' or '\0' in str(path):
+                continue
+            if name in folders:
+                if os.path.exists(path) and not os.path.isdir(path):
+                    self.error(f'--{name}: {path} is not a folder: give another')
+            elif name != 'output' and os.path.isdir(path):
+                self.error(f'--{name}: {path} is a folder: give the name of a file')
+            if os.path.exists(os.path.realpath(path)) and stat.S_ISFIFO(os.stat(path).st_mode):
+                self.error(f'--{name}: {path} is a named pipe: give the name of a file')
 
     def _refuse_overwriting(self, options: dict[str, Any]) -> None:
         """Exit with code 2 if a file to write is an input, another output or part of a bag."""
@@ -210,8 +229,13 @@ class Parser(argparse.ArgumentParser):
             place = os.path.realpath(path)
             if place in taken:
                 self.error(f'--{name}: {path} is {taken[place]}: give another')
-            if is_part_of_a_bag(path):
+            if _is_part_of_a_bag(path):
                 self.error(f'--{name}: {path} is part of a bag, which is never written over')
+            if name in _KINDS:
+                try:
+                    refuse_other_kind(Path(path), _KINDS[name])
+                except InputError as error:
+                    self.error(f'--{name}: {error}')
             taken[place] = f'also that of --{name}'
 
     def _refuse_unwritable(self, options: dict[str, Any]) -> None:
@@ -327,7 +351,7 @@ def write_json(target: str, text: str) -> Path | None:
     if target == '-':
         print(text)
         return None
-    return write_text(Path(target), f'{text}\n')
+    return write_text(Path(target), f'{text}\n', JSON)
 
 
 def guard(name: str, work: Callable[[], None]) -> int:

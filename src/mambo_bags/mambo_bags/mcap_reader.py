@@ -115,6 +115,10 @@ class Contents:
         {channel id: batches in the order of the file}, of the wanted topics.
     count
         Messages of all topics.
+    counts
+        {channel id: messages}, of all topics.
+    begin
+        Earliest log time of its chunks, ns; None without chunks.
     attachments, metadata
         In the order of the file.
     complete
@@ -130,6 +134,8 @@ class Contents:
     channels: dict[int, Channel] = dataclasses.field(default_factory=dict)
     messages: dict[int, list[Batch]] = dataclasses.field(default_factory=dict)
     count: int = 0
+    counts: dict[int, int] = dataclasses.field(default_factory=dict)
+    begin: int | None = None
     attachments: list[Attachment] = dataclasses.field(default_factory=list)
     metadata: list[Metadata] = dataclasses.field(default_factory=list)
     complete: bool = False
@@ -242,6 +248,9 @@ class _Scanner:
                 {number: channel.topic for number, channel in self.contents.channels.items()})
         elif not self.contents.lost:
             self.contents.lost.append('the file was never closed')
+        self.contents.counts = self.account.counts
+        self.contents.begin = min(
+            (first for first, _ in self.account.spans.values()), default=None)
         self.contents.complete = closed and not self.contents.damage
 
     def _after(self, end: int) -> None:

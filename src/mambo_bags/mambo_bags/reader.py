@@ -315,6 +315,8 @@ class Bag:
         Files inside the bag by name; text where it is UTF-8.
     custom_data : dict[str, str]
         Entries of metadata.yaml about the run, such as the real-time factor.
+    notes : list[str]
+        What a reader must know of the files, one line each: metadata.yaml of another bag.
 
     """
 
@@ -325,6 +327,7 @@ class Bag:
         self.metadata: dict[str, dict[str, str]] = {}
         self.attachments: dict[str, str | bytes] = {}
         self.custom_data: dict[str, str] = {}
+        self.notes: list[str] = []
         self._messages: dict[str, Messages] = {}
 
     def add(self, messages: Messages) -> None:
@@ -597,6 +600,7 @@ def _assemble(
     bag = Bag(path)
     bag.custom_data = {
         str(key): str(value) for key, value in (listing.get('custom_data') or {}).items()}
+    bag.notes = _contradictions(listing, [content for _, content in parts])
     gathered: dict[str, list[Batch]] = {}
     schemas: dict[str, tuple[mcap_reader.Schema | None, str]] = {}
     for file, content in parts:
@@ -621,6 +625,43 @@ def _assemble(
             bag.add(Messages(
                 topic, bag.topics[topic], _types(*schemas[topic], f'{path}: {topic}'), batches))
     return bag
+
+
+def _contradictions(
+    listing: dict[str, Any], contents: Collection[mcap_reader.Contents],
+) -> list[str]:
+    """
+    Return a line if metadata.yaml states other numbers of messages than the files have.
+
+    None for a recording by the clock that lacks messages alone and begins as stated: it was cut.
+    """
+    found: dict[str, int] = {}
+    for content in contents:
+        for number, channel in content.channels.items():
+            found[channel.topic] = found.get(channel.topic, 0) + content.counts.get(number, 0)
+    stated = _stated(listing.get('topics_with_message_count'))
+    wrong = [name for name in stated if stated[name] != found.get(name, 0)]
+    start = listing.get('starting_time')
+    begin = start.get('nanoseconds_since_epoch') if isinstance(start, dict) else None
+    if not wrong or (begin and begin in [content.begin for content in contents] and all(
+            found.get(name, 0) < stated[name] for name in wrong)):
+        return []
+    first = max(wrong, key=lambda name: abs(stated[name] - found.get(name, 0)))
+    more = f' (and {len(wrong) - 1} more topics differ)' if len(wrong) > 1 else ''
+    has = 'file has' if len(contents) == 1 else 'files have'
+    return [f'metadata.yaml says {stated[first]} messages of {first}, the {has} '
+            f'{found.get(first, 0)}{more}: the {has.split()[0]} may be of another bag']
+
+
+def _stated(entries: Any) -> dict[str, int]:
+    """Return the number of messages of each topic that metadata.yaml states well."""
+    out = {}
+    for entry in entries if isinstance(entries, list) else ():
+        topic = entry.get('topic_metadata') if isinstance(entry, dict) else None
+        name = topic.get('name') if isinstance(topic, dict) else None
+        if isinstance(name, str) and type(count := entry.get('message_count')) is int:
+            out[name] = count
+    return out
 
 
 def _text(data: bytes) -> str | bytes:

@@ -3,7 +3,9 @@ Replay: publishes the recorded sensors of a bag, with ``/clock``.
 
 It runs at a chosen rate or as fast as the estimator answers; no message is lost in either case.
 The watermark of the sensors (``sensor_tick``) comes from the bag, or from the samples themselves
-if the bag has none (real hardware), so that a replayed estimate is the same at every rate.
+if the bag has none (real hardware), so that a replayed estimate is the same at every rate. An
+estimator learns from the samples after it that one was lost: where an answer is missing, the
+replay goes on for a moment of the flight without it.
 """
 
 from __future__ import annotations
@@ -14,14 +16,16 @@ from pathlib import Path
 import time
 
 from mambo_model import schema
+from mambo_model.errors import InputError
 from mambo_ros import cdr, messages, node, process, topics
 from mambo_ros.endpoints import RawPublisher
 from mambo_ros.graph import links
 from mambo_ros.loop import Loop
 
-from .playback import bag_files, recorded
-
-_SENSORS = (topics.IMU, topics.SONAR, topics.OPTICAL_FLOW, topics.BAROMETER)
+from .playback import (
+    bag_files, before, COUNTED, counted_from, COUNTS, Hesitation, Losses, recorded, SENSORS, steps,
+    uncounted, Watermarks)
+from .reader import read_bag
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,7 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
     """Publishes the recorded sensors of a bag with ``/clock``; subscribes ``estimate/odom``."""
 
     publishes = (
-        *_SENSORS, topics.SENSOR_TICK, topics.OPTITRACK, topics.CAPTURE_TICK, topics.CLOCK,
+        *SENSORS, topics.SENSOR_TICK, topics.OPTITRACK, topics.CAPTURE_TICK, topics.CLOCK,
         topics.DIAGNOSTICS)
     subscribes = (topics.ESTIMATE,)
     example = '--ros-args -p bag:=my_flight -p wait_for:=estimator_node'
@@ -75,75 +79,84 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
                 f"ReplayNodeParams.also: unknown topic {unknown[0]}; known: {', '.join(known)}")
         self._path = Path(p.bag)
         bag_files(self._path)
-        self._topics = {}
-        root = p.source_namespace.rstrip('/')
+        self._topics: dict[str, topics.Topic] = {}
+        self._outputs: dict[topics.Topic, RawPublisher] = {}
+        self._root = f"{p.source_namespace.rstrip('/')}/"
         capture = (topics.OPTITRACK, topics.CAPTURE_TICK) if p.capture else ()
         for topic in dict.fromkeys(
-                (*_SENSORS, topics.SENSOR_TICK, *capture, *(known[n] for n in extra))):
-            name = topic.name if topic.name.startswith('/') else f'{root}/{topic.name}'
-            self._topics[name] = (topic, self.advertise(topic))
+                (*SENSORS, topics.SENSOR_TICK, *capture, *(known[n] for n in extra))):
+            name = topic.name if topic.name.startswith('/') else f'{self._root}{topic.name}'
+            self._topics[name], self._outputs[topic] = topic, self.advertise(topic)
         self._clock_output = self.advertise(topics.CLOCK)
         self._t = -1  # of the newest step, ns
+        self._due = -1  # of the newest step that has an answer, ns
+        self._hesitation = Hesitation()
         self._estimates = self.accept(
             topics.ESTIMATE, _decode_stamp, _nothing, now=lambda: self._t)
         self.links = links.Links(self, p.wait_for)
 
     def steps(self) -> Iterator[int]:
         """Publish the bag step by step; yield the stamp in ns after each."""
-        missing = [tick for tick in (topics.SENSOR_TICK, topics.CAPTURE_TICK) if self._lacks(tick)]
-        counts = dict.fromkeys((*_SENSORS, topics.OPTITRACK), 0)
-        held: list[tuple] = []  # messages of the step that is not yet complete
-        now = -1
-        for name, kind, data in recorded(self._path, set(self._topics)):
-            topic, publish = self._topics[name]
+        bag = read_bag(self._path, set(self._topics))
+        there = {topic for name, topic in self._topics.items() if name in bag}
+        missing = [tick for tick in COUNTS if tick in self._outputs and (
+            tick not in there or not there.intersection(COUNTS[tick]))]
+        left_out, first = uncounted(bag, self._root), before(bag, self._root)
+        self._losses = Losses(topics.CAPTURE_TICK in there.difference(missing))
+        del bag
+        marks = Watermarks(len(COUNTED))
+        for now, held in steps(self._recorded(missing, first), left_out):
+            yield self._publish_step(now, held, marks, missing)
+
+    def _recorded(
+        self, missing: list[topics.Topic], first: dict[topics.Topic, int],
+    ) -> Iterator[tuple[topics.Topic, bytes]]:
+        """Yield the messages to play; ParameterError if one has another type."""
+        names = {name for name, topic in self._topics.items() if topic not in missing}
+        for name, kind, data in recorded(self._path, names):
+            topic = self._topics[name]
             if kind != topic.type_name:
                 raise schema.ParameterError(
                     f'{self._path}: {name} has type {kind}, expected {topic.type_name}')
-            t = cdr.stamp_ns(data)
-            if topic is topics.IMU and t > now:
-                if now >= 0:
-                    yield self._publish_step(now, held, counts, missing)
-                    held = []
-                now = t
-            held.append((topic, publish, data))
-        if now >= 0:
-            yield self._publish_step(now, held, counts, missing)
-
-    def _lacks(self, tick: topics.Topic) -> bool:
-        """Return whether a watermark is to be published that is not in the bag."""
-        names = {name for name, (entry, _) in self._topics.items() if entry is tick}
-        return bool(names) and not any(True for _ in recorded(self._path, names))
-
-    def _output(self, topic: topics.Topic) -> RawPublisher:
-        return next(output for entry, output in self._topics.values() if entry is topic)
+            shifted = topic in COUNTS and any(first[one] for one in COUNTS[topic])
+            yield topic, counted_from(data, topic, first) if shifted else data
 
     def _publish_step(
-        self, t: int, held: list[tuple], counts: dict, missing: list[topics.Topic],
+        self, t: int, held: list[tuple[topics.Topic, bytes]], marks: Watermarks,
+        missing: list[topics.Topic],
     ) -> int:
         self._t = t
+        if self._hesitation.ends_gap(held, self._estimates.last):
+            time.sleep(Hesitation.WAIT)  # topics overtake each other on the way
         self._clock_output(messages.clock(t))
-        for topic, publish, data in held:
-            if topic in counts:
-                counts[topic] += 1
-            publish(data)
+        for topic, data in held:
+            if missing and topic in COUNTED:
+                marks.add(COUNTED.index(topic), cdr.stamp_ns(data))
+            self._losses.play(topic, data)
+            self._outputs[topic](data)
+        *samples, poses = marks.announced(t)
         if topics.CAPTURE_TICK in missing:
-            self._output(topics.CAPTURE_TICK)(messages.capture_tick(t, counts[topics.OPTITRACK]))
+            self._outputs[topics.CAPTURE_TICK](messages.capture_tick(t, poses))
         if topics.SENSOR_TICK in missing:
-            self._output(topics.SENSOR_TICK)(
-                messages.sensor_tick(t, *(counts[topic] for topic in _SENSORS)))
+            self._outputs[topics.SENSOR_TICK](messages.sensor_tick(t, *samples))
+        if self._losses.answered(t) or topics.SENSOR_TICK in missing:
+            self._due = t
         return t
 
-    def wait_for_answer(self, loop: Loop, t: int) -> bool:
-        """Serve the graph until the estimate of ``t`` has arrived."""
-        began = time.monotonic()
+    def wait_for_answer(self, loop: Loop, last: bool = False) -> bool:
+        """Serve the graph until the estimate that is due is here, not long but for the last."""
+        began, t = time.monotonic(), self._due
         while self._estimates.last < t:
-            loop.once(0.02)
+            loop.once(0.0 if not last and self._hesitation.over(self._estimates.last) else 0.02)
             if loop.stopping:
                 return False
-            if time.monotonic() - began > self.params.patience and self._estimates.last < t:
+            newest, waited = self._estimates.last, time.monotonic() - began
+            if newest < t and not last and self._hesitation.goes_on(newest, waited):
+                break
+            if newest < t and waited > self.params.patience:
                 self.get_logger().error(
                     f'no estimate/odom for t = {t * 1e-9:.3f} s within '
-                    f'{self.params.patience:g} s')
+                    f'{self.params.patience:g} s{self._losses}')
                 return False
         return True
 
@@ -165,16 +178,16 @@ def replay(player: ReplayNode, loop: Loop) -> int:
                     loop.once(left)
                     if loop.stopping:
                         return 0
-            elif not player.wait_for_answer(loop, t):
+            elif not player.wait_for_answer(loop):
                 return 0 if loop.stopping else 1
-    except schema.ParameterError as error:
+    except InputError as error:
         log.error(str(error))
         return 1
     if not count:
         log.error(f'{p.bag}: no sensor messages under {p.source_namespace}')
         return 1
-    if p.wait_for and not player.wait_for_answer(loop, t):
-        return 1
+    if (p.wait_for or not p.rate) and not player.wait_for_answer(loop, last=True):
+        return 0 if loop.stopping else 1
     took, span = time.monotonic() - began, (t - first) * 1e-9
     log.info(f'replayed {span:.3f} s, {count} steps, in {took:.3f} s of wall time')
     return 0

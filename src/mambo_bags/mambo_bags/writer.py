@@ -234,7 +234,11 @@ class BagWriter:
         self.file = self.path / f'{self.path.name}_0.mcap'
         try:
             self.path.mkdir(parents=True)
-            return self.file.open('xb')
+            try:
+                return self.file.open('xb')
+            except OSError:
+                self.path.rmdir()
+                raise
         except OSError as error:
             kind = BagWriterError if is_wrong_path(error) else BagDiskError
             raise kind(f'cannot create the bag {self.path}: {error.strerror}') from error

@@ -21,6 +21,7 @@ TYPES = {
     'estimator/state': 'mambo_interfaces/msg/EstimatorState',
     'reference': 'mambo_interfaces/msg/Reference', 'motor_pwm': 'mambo_interfaces/msg/MotorPwm',
     'onboard/odom': 'nav_msgs/msg/Odometry'}
+CAPTURE = {'optitrack/tick': 'mambo_interfaces/msg/CaptureTick'}
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 SIMULATED = tuple(name for name in TYPES if not name.startswith('onboard'))
 START, BLEND, LANDING = 5.0, 3.0, 16.0  # s
@@ -52,10 +53,10 @@ class Maker:
     """Writes stamped messages of one bag."""
 
     def __init__(self, path, topics, **options):
-        self.store = columns.load_types([*TYPES.values(), DIAGNOSTICS])
+        self.store = columns.load_types([*TYPES.values(), *CAPTURE.values(), DIAGNOSTICS])
         self.writer = BagWriter(path, **options)
         for topic in topics:
-            self.writer.add_topic(f'/mambo/{topic}', TYPES[topic])
+            self.writer.add_topic(f'/mambo/{topic}', {**TYPES, **CAPTURE}[topic])
 
     def __getattr__(self, name):
         return lambda *values: self.store.types[f'geometry_msgs/msg/{name}'](*map(float, values))
@@ -63,7 +64,7 @@ class Maker:
     def message(self, topic, ns, frame='odom', **fields):
         stamp = self.store.types['builtin_interfaces/msg/Time'](*map(int, divmod(ns, 10**9)))
         header = self.store.types['std_msgs/msg/Header'](stamp, frame)
-        name = TYPES.get(topic, topic)
+        name = {**TYPES, **CAPTURE}.get(topic, topic)
         message = columns.zero(self.store, name, header=header, **fields)
         return bytes(self.store.serialize_cdr(message, name))
 

@@ -270,3 +270,25 @@ def test_a_sign_that_the_font_lacks_is_no_word_on_the_screen(tmp_path, recwarn):
         figure.savefig(tmp_path / 'sheet.png')
     assert guard('tool', work) == 0
     assert [str(warning.message) for warning in recwarn] == []
+
+
+def test_a_folder_or_a_pipe_is_no_file_to_write_and_a_file_no_folder(tmp_path, capsys):
+    (tmp_path / 'folder').mkdir()
+    (tmp_path / 'file').touch()
+    os.mkfifo(tmp_path / 'pipe')
+    parser = command.Parser('tool', 'Writes.')
+    parser.add_output('DIR', 'to write into')
+    parser.add_json()
+    parser.add_argument('--html', type=Path)
+    for option, name, text in (
+            ('--json', 'folder', 'is a folder: give the name of a file'),
+            ('--html', 'folder', 'is a folder: give the name of a file'),
+            ('--html', 'pipe', 'is a named pipe: give the name of a file'),
+            ('-o', 'pipe', 'is not a folder: give another'),
+            ('-o', 'file', 'is not a folder: give another'), ('-o', '/dev/null', 'is not a fol')):
+        with pytest.raises(SystemExit) as end:
+            parser.parse_args([option, str(tmp_path / name)])
+        error = capsys.readouterr().err
+        assert end.value.code == 2 and text in error and error.count('\n') == 1
+    given = ['-o', str(tmp_path / 'folder'), '--html', '/dev/null']
+    assert parser.parse_args(given).html == Path('/dev/null')

@@ -58,3 +58,27 @@ def test_a_full_disk_is_exit_code_1(line, tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit) as end:
         line.parse_args(['1', '--json', str(tmp_path / 'new')])
     assert end.value.code == 1 and 'No space left on device' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('option, kind', [
+    ('html', 'page'), ('csv', 'CSV file of a comparison'), ('figure', 'PNG picture'),
+    ('json', 'JSON file')])
+def test_a_file_of_another_kind_is_kept(line, option, kind, tmp_path, capsys):
+    for name in ('take.csv', 'vehicle.yaml', 'pf', f'own.{option}'):
+        file = tmp_path / name
+        file.write_text('t,x,y\n')
+        with pytest.raises(SystemExit) as end:
+            line.parse_args(['1', f'--{option}', str(file)])
+        error = capsys.readouterr().err
+        assert end.value.code == 2 and error.count('\n') == 1 and f'{file} exists and is' in error
+        assert option == 'json' or f'not a {kind}: choose another name' in error
+
+
+@pytest.mark.parametrize('option', OPTIONS)
+def test_nothing_is_named_as_if_it_were_of_the_bag_in_its_folder(line, option, tmp_path, capsys):
+    (tmp_path / 'metadata.yaml').touch()
+    with pytest.raises(SystemExit) as end:
+        line.parse_args(['1', f'--{option}', str(tmp_path / 'new_0.mcap')])
+    assert end.value.code == 2 and 'new_0.mcap is part of a bag' in capsys.readouterr().err
+    assert line.parse_args(['1', '--output', str(tmp_path / 'bags/new.mcap')])
+    assert line.parse_args(['1', '--html', str(tmp_path / 'index.html')])

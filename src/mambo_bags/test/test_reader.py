@@ -339,3 +339,40 @@ def test_a_type_that_holds_itself_is_refused(tmp_path):
         bag.write('/a', b'\0\1\0\0' + bytes(100), 0)
     with pytest.raises(BagError):
         read_bag(tmp_path / 'bag')['/a']['x']
+
+
+def swapped(tmp_path, start, stated, kept):
+    """Return the notes of a bag whose metadata.yaml is of another one, by numbers of messages."""
+    bags = [tmp_path / f'{start}_{n}' for n in (stated, kept)]
+    for bag, n in zip(bags, (stated, kept)):
+        with BagWriter(bag) as writer:
+            for name in ('/a', '/tf'):
+                writer.add_topic(name, 'std_msgs/msg/Empty', [])
+            for name in ('/a', '/tf'):
+                for k in range(n if name == '/tf' else 3):
+                    writer.write(name, bytes(4), start + k, start + k)
+            writer.close()
+        assert read_bag(bag).notes == []
+    theirs, ours = (next(bag.glob('*.mcap')) for bag in bags)
+    theirs.write_bytes(ours.read_bytes())
+    return read_bag(bags[0], ()).notes
+
+
+def test_metadata_of_another_bag_is_noted(tmp_path):
+    assert swapped(tmp_path, 0, 5, 15) == [
+        'metadata.yaml says 5 messages of /tf, the file has 15: the file may be of another bag']
+    assert 'says 16 messages of /tf, the file has 6' in swapped(tmp_path, 0, 16, 6)[0]
+    assert 'says 7 messages of /tf, the file has 17' in swapped(tmp_path, 10**18, 7, 17)[0]
+    assert swapped(tmp_path, 10**18, 18, 8) == []  # by the clock, from the same moment on: cut
+
+
+@needs_data
+def test_recordings_of_rosbag2_have_no_note():
+    bags = [file.parent for file in DATA.rglob('metadata.yaml')]
+    read = []
+    for bag in bags:
+        try:
+            read.append(read_bag(bag, ()).notes)
+        except BagError:  # of another storage, or damaged on purpose
+            continue
+    assert read and not any(read)

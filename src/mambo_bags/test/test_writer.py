@@ -429,7 +429,8 @@ def test_a_disk_too_small_for_the_beginning_of_a_bag_keeps_nothing(tmp_path, sma
 
 def test_a_place_that_cannot_be_is_wrong_input(tmp_path):
     (tmp_path / 'file').touch()
-    for folder in ('file/bag', 'x' * 300):
+    for folder in ('file/bag', 'x' * 300, 'x' * 252):
         with pytest.raises(BagWriterError, match='cannot create the bag') as refused:
             BagWriter(tmp_path / folder)
         assert refused.value.exit_code == 2
+    assert [path.name for path in tmp_path.iterdir()] == ['file']

@@ -83,10 +83,10 @@ class NodeGroup:
         self._spectators.append(child)
         self._watchdog.keep(f'+{child.pid}')
 
-    def watch(self, begun: Callable[[], bool] = lambda: True, limit: float = math.inf,
+    def watch(self, late: Callable[[float], str] = lambda _: '', limit: float = math.inf,
               hung: Callable[[], str] = str) -> None:
         """Wait until the flight is over, a node fails or the user stops it; see ``watch``."""
-        self.fault = watch(self.children, self.interrupts, self._owners, begun, limit, hung)
+        self.fault = watch(self.children, self.interrupts, self._owners, late, limit, hung)
 
     def _end(self) -> None:
         """End all nodes."""

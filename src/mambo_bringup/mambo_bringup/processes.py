@@ -354,7 +354,7 @@ class Interrupts:
 
 
 def watch(children: Sequence[NodeProcess], interrupts: Interrupts, owners: int = 1,
-          begun: Callable[[], bool] = lambda: True, limit: float = math.inf,
+          late: Callable[[float], str] = lambda _: '', limit: float = math.inf,
           hung: Callable[[], str] = str) -> str:
     """
     Wait until the last children, which own time, end, any child fails, or the user stops.
@@ -367,10 +367,11 @@ def watch(children: Sequence[NodeProcess], interrupts: Interrupts, owners: int =
         Signals of the user.
     owners
         How many own time.
-    begun
-        Returns whether time has begun.
+    late
+        Returns the label of a process whose time has not begun, '' if all have; gets the wall
+        time since the start in s.
     limit : s
-        Wall time until it must have.
+        Wall time until none may be late.
     hung
         Returns which process does nothing any more, and has killed it; '' if none.
 
@@ -392,8 +393,9 @@ def watch(children: Sequence[NodeProcess], interrupts: Interrupts, owners: int =
             return ''
         if trouble := hung():
             return trouble
-        if time.monotonic() - started > limit and not begun():
-            return f'{last[0].label} did not begin within {limit:g} s'
+        seconds = time.monotonic() - started
+        if (waiting := late(seconds)) and seconds > limit:
+            return f'{waiting} did not begin within {limit:g} s'
         time.sleep(0.02)
     return ''
 

@@ -71,7 +71,8 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
     """
     refuse_existing(output, error=FlightInputError)
     recording = read_bag(bag, (*recorded_changes.RECORD, *_STEPS))  # refused here if damaged
-    stamps.refuse_wrong(recording, [name for name in _STEPS if name in recording][:1])
+    for name in [name for name in _STEPS if name in recording][:1]:
+        stamps.refuse_mostly_wrong(recording, name)
     if estimator_file is not None and not estimator_file.is_file():
         raise FlightInputError(f'{estimator_file}: there is no such parameter file')
     if estimator_file is not None:

@@ -9,6 +9,7 @@ nothing slow.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 from importlib import import_module
 import os
@@ -23,6 +24,30 @@ from mambo_ros.graph.ending_signals import ending
 from .stopping import leave_at_once, stoppable
 
 _THREADS = 5.0  # s that threads of a user's code may take to end after the command
+
+
+def run(module: str) -> int:
+    """
+    Return what :func:`main` returns, and end the process before Python takes itself down.
+
+    With a compiler loaded that takes half a second, in which a signal would be lost. What is
+    registered with :mod:`atexit` runs.
+    """
+    codes: list[int] = []
+    atexit.register(_leave, codes)  # the first that is registered runs last
+    codes.append(main(module))
+    return codes[0]
+
+
+def _leave(codes: list[int]) -> None:
+    """End the process with the code, if there is one and all output can be written."""
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except (OSError, ValueError, AttributeError):
+        return
+    if codes:
+        os._exit(codes[0])
 
 
 def main(module: str) -> int:
@@ -70,4 +95,4 @@ def _end_threads(module: str, code: int) -> None:
 
 if __name__ == '__main__':
     chosen = sys.argv.pop(1)
-    sys.exit(main(chosen))
+    sys.exit(run(chosen))

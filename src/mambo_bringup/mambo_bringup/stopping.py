@@ -76,7 +76,10 @@ def stoppable(name: str, work: Callable[[], int]) -> int:
     try:
         for number, _ in before:
             signal.signal(number, stop)
-        return work()
+        code = work()
+        if received and not code:  # a library dropped the interrupt at the very end
+            raise KeyboardInterrupt(signal.Signals(received[0]))
+        return code
     except (KeyboardInterrupt, Exception) as end:
         if not isinstance(end, KeyboardInterrupt) and not received:
             raise

@@ -1,9 +1,13 @@
 """
-What becomes of a flight in which compiled code of the user never ends.
+What becomes of a flight in which a process stands still.
 
-A process of one node is ended as every node is. Nodes that are composed stand still together, the
-recorder among them: their process is killed once it has been silent for longer than the simulator
-waits for an answer, and what the recorder had written becomes a closed bag.
+Compiled code of the user may never end. A process of one node is ended as every node is. Nodes
+that are composed stand still together, the recorder among them: their process is killed once it
+has been silent for longer than the simulator waits for an answer, and what the recorder had
+written becomes a closed bag.
+
+The middleware may come to a standstill in a process that starts: its flight never begins, and it
+is killed too.
 """
 
 from __future__ import annotations
@@ -14,17 +18,19 @@ import signal
 import tempfile
 import time
 
-from mambo_bags.reader import BagError
 from mambo_bags.recover import recover
 from mambo_bags.writer import RECORDING
 from mambo_flight.scenario import Scenario
 from mambo_flight.supervised import own_compiled
 from mambo_model.components import own_components, where
+from mambo_model.errors import MamboError
 
 from .flight.nodes import COMPOSED
 from .processes import NodeProcess
 
 SLACK = 10.0  # s of silence beyond the simulator's patience
+ASLEEP = 60.0  # s without a line: a simulator that waits for the others prints one every 5 s
+AWAKE = 3.0  # s of CPU in these; a process that loads or compiles takes more on a busy machine
 LARGEST = 200_000_000  # bytes of a bag that is closed in some 10 s, before the flight's last line
 
 
@@ -52,12 +58,13 @@ def stuck(flight: Scenario, killed: Iterable[str]) -> str:
 
 class Silence:
     """
-    Kills a process of composed nodes whose flight stands still for too long.
+    Kills a process with a simulator that stands still for too long.
 
     Parameters
     ----------
     flight
-        What it flies; without compiled code of the user it is left alone.
+        What it flies; in flight a process is watched if all nodes are composed in it, with
+        compiled code of the user.
     child
         The process.
 
@@ -67,26 +74,31 @@ class Silence:
         self._child, self._seen = child, -1
         self._limit = flight.sim_node.patience + SLACK
         self._watched = child.name == COMPOSED[1] and bool(own_compiled(flight))
-        self._since = time.monotonic()
+        self._since, self._worked = time.monotonic(), 0.0
 
-    def kill(self, flying: bool, count: int) -> str:
+    def kill(self, begun: bool, ended: bool, count: int) -> str:
         """
-        Kill the process if it flies and has been silent; return why, '' if it has not.
+        Kill the process if it has been silent; return why, '' if it has not.
 
         Parameters
         ----------
-        flying
-            Whether the flight has begun and not ended.
+        begun, ended
+            Whether the flight has.
         count
             Of the lines that it has printed: its simulator prints one every few seconds.
 
         """
-        if not flying or count != self._seen:
-            self._seen, self._since = count, time.monotonic()
-        if not self._watched or time.monotonic() - self._since <= self._limit:
+        now = time.monotonic()
+        if ended or count != self._seen:
+            self._seen, self._since, self._worked = count, now, self._child.cpu()
+        limit = self._limit if begun else ASLEEP
+        if begun and not self._watched or now - self._since <= limit:
+            return ''
+        if not begun and (worked := self._child.cpu()) - self._worked > AWAKE:
+            self._since, self._worked = now, worked
             return ''
         self._child.send(signal.SIGKILL)
-        return f'{self._child.label} did nothing for {self._limit:g} s'
+        return f'{self._child.label} did nothing for {limit:g} s'
 
 
 def is_closed(bag: Path) -> bool:
@@ -106,7 +118,7 @@ def closed_again(bag: Path) -> bool:
         whole = Path(folder) / bag.name
         try:
             recover(bag, whole)
-        except (BagError, OSError):
+        except (MamboError, OSError):  # also of a full disk
             return False
         bag.rename(Path(folder) / 'unclosed')
         whole.rename(bag)

@@ -313,12 +313,12 @@ with NodeGroup('recorder') as group:
 def test_a_flight_that_does_not_begin_ends_with_one_line(start):
     owner = start('import time; time.sleep(60)', name='sim_node')
     began = time.monotonic()
-    assert watch([owner], Interrupts(), begun=lambda: False, limit=0.3) == (
+    assert watch([owner], Interrupts(), late=lambda _: 'sim_node', limit=0.3) == (
         'sim_node did not begin within 0.3 s')
     assert time.monotonic() - began < PATIENCE
     timer = threading.Timer(0.6, owner.send, [signal.SIGKILL])
     timer.start()
-    assert watch([owner], Interrupts(), begun=lambda: True, limit=0.3) == (
+    assert watch([owner], Interrupts(), late=lambda _: '', limit=0.3) == (
         'sim_node was ended by SIGKILL')
 
 

@@ -1,5 +1,6 @@
 """A signal is one line while Python loads a command and after the command has ended, too."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -70,6 +71,52 @@ starting.import_module = lambda *_: SimpleNamespace(main=lambda: 7)
 sys.exit(starting.main('run'))
 """)
     assert (done.returncode, done.stderr) == (7, '')
+
+
+def test_python_is_not_taken_down_but_exit_handlers_run():
+    done = run("""
+class Loaded:
+    def __del__(self):
+        print('taken down')
+
+
+import atexit
+loaded = Loaded()
+starting.import_module = lambda *_: SimpleNamespace(
+    main=lambda: (atexit.register(print, 'handled'), 3)[1])
+sys.exit(starting.run('mambo'))
+""")
+    assert (done.returncode, done.stdout, done.stderr) == (3, 'handled\n', '')
+
+
+def test_a_signal_in_code_from_a_text_is_no_other_signal_at_the_end(tmp_path):
+    """Python ends ``-m`` by SIGINT after a KeyboardInterrupt in exec(), even if it was caught."""
+    (tmp_path / 'text.py').write_text(BEGIN.replace('{signal}', 'SIGTERM') + """
+starting.import_module = lambda *_: SimpleNamespace(main=lambda: exec('strike()'))
+sys.exit(starting.run('mambo'))
+""")
+    path = os.pathsep.join([str(tmp_path), os.environ.get('PYTHONPATH', '')])
+    done = subprocess.run([sys.executable, '-m', 'text'], capture_output=True, text=True,
+                          timeout=60, env={**os.environ, 'PYTHONPATH': path})
+    assert (done.returncode, done.stderr) == (143, 'mambo: ended by SIGTERM\n')
+
+
+def test_an_error_in_a_command_ends_python_as_always():
+    done = run("""
+starting.import_module = lambda *_: SimpleNamespace(main=lambda: 1 / 0)
+sys.exit(starting.run('mambo'))
+""")
+    assert done.returncode == 1 and 'ZeroDivisionError' in done.stderr
+
+
+@pytest.mark.skipif(not os.path.exists('/dev/full'), reason='no /dev/full')
+def test_output_that_cannot_be_written_at_the_end_is_no_success():
+    with open('/dev/full', 'w') as full:
+        done = subprocess.run([sys.executable, '-c', BEGIN.replace('{signal}', 'SIGINT') + """
+starting.import_module = lambda *_: SimpleNamespace(main=lambda: print('text') or 0)
+sys.exit(starting.run('mambo'))
+"""], stdout=full, timeout=60)
+    assert done.returncode != 0
 
 
 def test_libraries_that_are_not_found_are_one_line_with_the_remedy():

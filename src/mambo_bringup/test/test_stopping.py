@@ -58,6 +58,29 @@ sys.exit(stoppable('tool', work))
     assert (done.returncode, done.stderr) == (130, 'tool: ended by SIGINT\n')
 
 
+@pytest.mark.parametrize('code', [0, 4])
+def test_an_interrupt_that_was_dropped_as_the_work_ended_is_no_success(code):
+    """Python drops an error in ``__del__``; the work then ends before it is interrupted again."""
+    done = run(f"""
+class Dropping:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGTERM)
+        sum(range(10))
+
+
+def work():
+    Dropping()
+    return {code}
+
+
+code = stoppable('tool', work)
+sys.stderr.flush()
+os._exit(code)
+""")
+    line = '' if code else 'tool: ended by SIGTERM\n'
+    assert (done.returncode, done.stderr) == (code or 143, line)
+
+
 def test_a_copy_that_works_for_the_tool_is_ended_as_ever():
     done = run("""
 def work():

@@ -1,4 +1,4 @@
-"""A process with a compiled step that never ends: named, killed, its bag closed."""
+"""A process that never goes on: named, killed, its bag closed."""
 
 from pathlib import Path
 import shutil
@@ -53,7 +53,10 @@ class Child:
     label = name = 'composed_node'
 
     def __init__(self):
-        self.signals = []
+        self.signals, self.worked = [], 0.0
+
+    def cpu(self):
+        return self.worked
 
     def send(self, number):
         self.signals.append(number)
@@ -73,26 +76,43 @@ def test_composed_nodes_that_stand_still_are_killed(clock):
     silence, limit = stuck.Silence(Scenario(), child), 40.0  # 30 s of patience, and 10
     for lines in (1, 2, 3):
         clock[0] += 0.9 * limit
-        assert silence.kill(True, lines) == ''  # each line counts anew
+        assert silence.kill(True, False, lines) == ''  # each line counts anew
     clock[0] += 1.1 * limit
-    assert silence.kill(True, 3) == 'composed_node did nothing for 40 s'
+    assert silence.kill(True, False, 3) == 'composed_node did nothing for 40 s'
     assert child.signals == [signal.SIGKILL]
 
 
 def test_a_process_that_loads_or_closes_its_bag_is_left_alone(clock):
     child = Child()
     silence = stuck.Silence(Scenario(), child)
-    clock[0] += 1000.0
-    assert silence.kill(False, 5) == ''
+    for _ in range(20):
+        clock[0] += 1.1 * stuck.ASLEEP
+        child.worked += 1.1 * stuck.AWAKE
+        assert silence.kill(False, False, 5) == ''
     clock[0] += 1.0
-    assert silence.kill(True, 5) == '' and not child.signals
+    assert silence.kill(True, False, 6) == ''
+    clock[0] += 1000.0
+    assert silence.kill(True, True, 6) == '' and not child.signals
+
+
+def test_a_process_that_neither_begins_nor_works_is_killed(clock, monkeypatch):
+    monkeypatch.setattr(stuck, 'own_compiled', lambda flight: [])
+    child = Child()
+    silence = stuck.Silence(Scenario(), child)
+    for count in range(3):  # it waits for others
+        clock[0] += 0.9 * stuck.ASLEEP
+        assert silence.kill(False, False, count) == ''
+    clock[0] += 1.1 * stuck.ASLEEP
+    child.worked = 0.9 * stuck.AWAKE  # what threads of the middleware take
+    assert silence.kill(False, False, 2) == 'composed_node did nothing for 60 s'
+    assert child.signals == [signal.SIGKILL]
 
 
 def test_built_in_nodes_are_left_alone(clock, monkeypatch):
     monkeypatch.setattr(stuck, 'own_compiled', lambda flight: [])
     silence = stuck.Silence(Scenario(), Child())
     clock[0] += 1000.0
-    assert silence.kill(True, 0) == ''
+    assert silence.kill(True, False, 0) == ''
 
 
 def test_the_bag_of_a_killed_recorder_is_closed_in_its_place(tmp_path):
@@ -105,6 +125,14 @@ def test_the_bag_of_a_killed_recorder_is_closed_in_its_place(tmp_path):
     assert stuck.closed_again(bag) and stuck.is_closed(bag)
     assert len(read_bag(bag)['motor_pwm']) > 100
     assert list(tmp_path.iterdir()) == [bag]
+
+
+def test_a_bag_on_a_full_disk_is_left_as_it_is(tmp_path, small_disk):
+    bag = tmp_path / 'bag'
+    shutil.copytree(Path(__file__).parents[3] / 'bags/circle_short', bag)
+    small_disk(10_000)
+    assert not stuck.closed_again(bag)
+    assert list(tmp_path.iterdir()) == [bag] and len(list(bag.glob('*.mcap'))) == 1
 
 
 def test_an_empty_bag_is_not_closed(tmp_path):

@@ -7,6 +7,7 @@ from mambo_model.compiled import Held, hold, jit, set_values
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.rigid_body import State
 from mambo_ros import diagnostics, input_guard, messages, node, process, topics
+from mambo_ros.graph.publisher_guard import PublisherGuard
 from rclpy.clock import Clock, ClockType
 
 from . import failsafe
@@ -76,15 +77,15 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self._inner = self.advertise(topics.CONTROLLER_STATE)
         self._diagnostics = self.advertise(topics.DIAGNOSTICS)
         self.allow_changes(self._next)
-        clock = self.accept(topics.CLOCK, messages.decode_clock, _nothing, prompt=False)
-        bounds = {'now': clock, 'ahead': round(p.period * 1e9), 'tolerant': True}
-        self.accept(
-            topics.REFERENCE, messages.decode_reference, self._on_reference,
-            check=_check_reference, **bounds)
+        self._time = self.accept(topics.CLOCK, messages.decode_clock, _nothing, prompt=False)
+        bounds = {'now': self._time, 'ahead': round(p.period * 1e9), 'tolerant': True}
         self._estimate = topics.LOCATED if p.estimate == 'map' else topics.ESTIMATE
-        self.accept(
-            self._estimate, messages.decode_estimate, self._on_estimate,
-            check=_check_estimate, **bounds)
+        for guard in (
+                self.accept(topics.REFERENCE, messages.decode_reference, self._on_reference,
+                            check=_check_reference, **bounds),
+                self.accept(self._estimate, messages.decode_estimate, self._on_estimate,
+                            check=_check_estimate, **bounds)):
+            guard.forgotten = self._forget
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # goes on when the wall clock is set back
         self.create_timer(_LOOK_EVERY, self._look, clock=steady)
 
@@ -116,7 +117,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
 
     def _pair(self, t: int, mine: dict, value: tuple, other: dict, gone: bool) -> None:
         """Keep a message until its partner of the same stamp is there or overdue; answer."""
-        if t <= self._last:
+        if t <= self._last or self._is_early(t):
             return
         mine[t] = value
         if t in other:
@@ -125,6 +126,19 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
             overdue = t if gone else t - self._patience
             for stamp in sorted(s for s in mine if s <= overdue):
                 self._answer(stamp)
+
+    def _is_early(self, t: int) -> bool:
+        """Return whether a stamp is of no flight: somebody has a clock that has not begun."""
+        return (self._time.last < 0 and t > round(self.params.period * 1e9)
+                and self.count_publishers(self._time.topic) > 0)
+
+    def _forget(self, guard: PublisherGuard) -> None:
+        """Begin again if a publisher has left before the flight began."""
+        if self._time.last < 0:
+            self._last, self.stage, self._told = -1, failsafe.FLYING, failsafe.FLYING
+            self._estimates.clear()
+            self._references.clear()
+            self.held = self._begin()
 
     def _look(self) -> None:
         """See who still publishes, and answer what waits for a stream that nobody does."""

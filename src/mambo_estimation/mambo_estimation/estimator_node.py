@@ -87,7 +87,8 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
             return
         self._subscribe_sensor(topics.IMU, messages.decode_imu, sync.add_imu)
         # the last message of a step, which completes it
-        self.accept(topics.SENSOR_TICK, messages.decode_sensor_tick, self._adder(sync.add_tick))
+        sync.pull = self.accept(
+            topics.SENSOR_TICK, messages.decode_sensor_tick, self._adder(sync.add_tick)).newest
 
     @staticmethod
     def compile(p: EstimatorNodeParams) -> None:
@@ -127,8 +128,9 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
             topics.OPTITRACK, messages.decode_pose, self._taker(poses.add_pose), prompt=False,
             reliable=self._reliable, timed=False, lost=self._taker(poses.skip))
         if watermark:
-            self.accept(
-                topics.CAPTURE_TICK, messages.decode_capture_tick, self._taker(poses.add_tick))
+            poses.pull = self.accept(
+                topics.CAPTURE_TICK, messages.decode_capture_tick,
+                self._taker(poses.add_tick)).newest
         return poses
 
     def _on_truth(self, t: int, state: State) -> None:

@@ -5,13 +5,20 @@ DDS keeps the order within a topic only. The watermark (``SensorTick``) states h
 each topic were published up to its stamp; a step is released when all of them have arrived, and
 uses no others. The result of the filter therefore depends on stamped data alone: in a live graph,
 in a replay and offline, even if samples are late, repeated or out of order.
+
+A sample that was lost on the way never arrives. It is not waited for any longer once a sample of
+its topic has arrived that is newer than the watermark: what was published before that one is lost
+or here. From then on as many samples less are due.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from mambo_model.limits import AHEAD_NS
 
 Vec3 = tuple[float, float, float]
 NAN = math.nan
@@ -33,8 +40,11 @@ class Step(NamedTuple):
     dropped: tuple[int, int, int, int]  # samples left out since start: IMU, sonar, flow, pressure
 
 
+def _nothing() -> None:
+    """Do nothing."""
+
+
 _LATENCY = 50_000_000  # ns, by which a sample of a driver without watermark may be late
-_AHEAD = 100_000_000  # ns, by which a sample may be ahead of the step it arrives with
 
 
 class Synchroniser:
@@ -49,8 +59,14 @@ class Synchroniser:
 
     A sample is dropped if it is late (older than the previous step), not newer than an earlier
     sample of its stream, overtaken within one step, or more than 0.1 s ahead of the step it
-    arrives with. A sample that is less ahead waits for its own step: if a sample was lost on the
-    way, the ones after it complete the counts of the watermark.
+    arrives with. A sample that is less ahead waits for its own step. With watermarks, it also says
+    that the samples of its stream that are still missing at this step were lost.
+
+    Attributes
+    ----------
+    pull
+        Called when a sample is ahead of all watermarks by more than 0.1 s, to handle those that
+        have arrived: after a gap they tell it from one with a wrong stamp.
 
     """
 
@@ -62,8 +78,12 @@ class Synchroniser:
         self._received = [0, 0, 0, 0]
         self._dropped = [0, 0, 0, 0]
         self._ticks: deque[tuple[int, tuple[int, int, int, int]]] = deque()
-        self._offset: tuple[int, ...] | None = None
+        self._missed: list[int] | None = None  # samples from before the first watermark
+        self._joined = -1  # ns, stamp of the first watermark
+        self._lost = [0, 0, 0, 0]  # samples since then that were taken for lost
         self._last_t: int | None = None
+        self._bound = -1  # ns, above which a sample is ahead of the newest watermark
+        self.pull: Callable[[], Any] = _nothing
 
     def add_imu(self, t: int, gyro: Vec3, accel: Vec3) -> list[Step]:
         """Queue an IMU sample (ns, rad/s, m/s^2, body FRD)."""
@@ -88,10 +108,12 @@ class Synchroniser:
         A consumer that joins a running flight treats the samples received by its first watermark
         as complete.
         """
-        if self._offset is None:
-            self._offset = (0, 0, 0, 0) if counts[0] <= 1 else tuple(
-                count - received for count, received in zip(counts, self._received, strict=True))
+        if self._missed is None:
+            self._joined = t
+            self._missed = [0] * 4 if counts[0] <= 1 else [
+                count - received for count, received in zip(counts, self._received, strict=True)]
         self._ticks.append((t, counts))
+        self._bound = t + AHEAD_NS
         return self._completed()
 
     def skip(self, stream: int) -> list[Step]:
@@ -105,6 +127,8 @@ class Synchroniser:
             self._received[stream] = 0
 
     def _add(self, stream: int, t: int, sample: object) -> list[Step]:
+        if t > self._bound:
+            self.pull()
         self._received[stream] += 1
         self._arrived[stream].append((t, sample))
         if self._watermark:
@@ -116,28 +140,51 @@ class Synchroniser:
         out: list[Step] = []
         while self._ticks:
             t, counts = self._ticks[0]
-            due = [count - offset for count, offset in zip(counts, self._offset, strict=True)]
-            if any(received < count for received, count in zip(self._received, due, strict=True)):
+            due = [count - missed - lost for count, missed, lost in zip(
+                counts, self._missed, self._lost, strict=True)]
+            if any(self._received[k] < due[k] and not self._has_later(k, t) for k in range(4)):
                 break
-            self._ticks.popleft()
             out += self._release(t, due)
+            self._ticks.popleft()
         return out
+
+    def _is_later(self, t: int, now: int) -> bool:
+        """Return whether a sample was published after the watermark of ``now``."""
+        return now < t <= self._bound  # else its stamp is wrong
+
+    def _has_later(self, stream: int, now: int) -> bool:
+        """Return whether a sample of a stream has arrived after all up to ``now``."""
+        return any(self._is_later(t, now) for t, _ in self._arrived[stream])
 
     def _admit(self, stream: int, due: int, now: int) -> None:
         """Make the first ``due`` samples of a stream ready; drop those that come too late."""
         arrived, last = self._arrived[stream], self._last_t
         if last is not None and not self._watermark and stream:
             last -= _LATENCY
-        for _ in range(due - self._received[stream] + len(arrived)):
+        left = due - self._received[stream] + len(arrived)
+        while left > 0:
+            if self._watermark and self._is_later(arrived[0][0], now):
+                self._lost[stream] += left
+                return
             t, sample = arrived.popleft()
-            if t > now + _AHEAD:
+            left -= 1
+            if t > now + AHEAD_NS:
                 self._dropped[stream] += 1
                 continue
             if t <= self._newest[stream] or last is not None and t <= last:
                 self._dropped[stream] += 1
+                if last is not None and 0 <= t <= last:
+                    self._admit_late(stream, t)
             else:
                 self._ready[stream].append((t, sample))
             self._newest[stream] = max(self._newest[stream], t)
+
+    def _admit_late(self, stream: int, t: int) -> None:
+        """Count on a sample again that was on its way when it was not waited for."""
+        if self._missed is not None and t <= self._joined and self._missed[stream]:
+            self._missed[stream] -= 1
+        elif self._lost[stream]:
+            self._lost[stream] -= 1
 
     def _take(self, stream: int, t: int):
         """Return the newest sample of an aiding stream up to ``t``; drop those it overtakes."""

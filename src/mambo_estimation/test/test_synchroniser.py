@@ -6,6 +6,7 @@ import random
 from mambo_estimation.synchroniser import Synchroniser
 
 MS = 1_000_000
+NAMES = ('imu', 'sonar', 'flow', 'pressure')
 G, A = (0.1, 0.2, 0.3), (0.0, 0.0, -9.81)
 
 
@@ -57,6 +58,43 @@ def test_any_interleaving_gives_the_same_steps():
         random.Random(seed).shuffle(order)
         got, sync = play(order, streams)
         assert same(got, want) and got[-1].dropped == (0, 0, 0, 0)
+
+
+def bad_flight(seed):
+    """Return the same calls with late, repeated, swapped and lost samples, all of them counted."""
+    draw, streams, counts = random.Random(seed), flight(), dict.fromkeys(NAMES, 0)
+    sent, ticks = {name: [] for name in NAMES}, []
+    for k, (_, now, _) in enumerate(streams['tick']):
+        for name in NAMES:
+            for call in streams[name]:
+                due, late = call[1], draw.choice((0, 0, 0, 0, 5 * MS, 20 * MS)) * (k > 0)
+                if due == now:
+                    sent[name].append((now + late, call))
+                    if k > 0 and draw.random() < 0.1:
+                        sent[name].append((now + late, call))
+            out = [call for when, call in sent[name] if when <= now]
+            sent[name] = [one for one in sent[name] if one[0] > now]
+            draw.shuffle(out)
+            counts[name] += len(out)
+            out = [call for call in out if draw.random() > 0.05]
+            streams[f'{name} out'] = streams.get(f'{name} out', []) + out
+        ticks.append(('add_tick', now, tuple(counts.values())))
+    return {**{name: streams[f'{name} out'] for name in NAMES}, 'tick': ticks}
+
+
+def test_any_interleaving_of_bad_samples_gives_the_same_steps():
+    dropped = [0] * 4
+    for seed in range(40):
+        streams = bad_flight(seed)
+        want, sync = play(in_sequence(streams), streams)
+        assert len(want) > 5
+        for shuffled in range(15):
+            order = in_sequence(streams)
+            random.Random(shuffled).shuffle(order)
+            got, _ = play(order, streams)
+            assert same(got, want), (seed, shuffled)
+        dropped = [n + m for n, m in zip(dropped, want[-1].dropped)]
+    assert min(dropped) > 10
 
 
 def test_a_step_waits_for_the_sample_that_the_watermark_announces():
@@ -199,9 +237,106 @@ def test_samples_that_follow_a_lost_one_wait_for_their_own_step():
         if k != 5:
             steps += sync.add_imu(5 * MS * k, (float(k), 0.0, 0.0), A)
         steps += sync.add_tick(5 * MS * k, (k + 1, 0, 0, 0))
-    assert [step.t for step in steps] == [5 * MS * k for k in range(39)]  # the last one waits
+    assert [step.t for step in steps] == [5 * MS * k for k in range(40)]
     assert [k for k, step in enumerate(steps) if step.gyro[0] != k] == [5]
     assert steps[-1].dropped == (0, 0, 0, 0)
+
+
+def without(streams, lost):
+    """Return the streams without the samples {name: places} that were lost on the way."""
+    return {name: [call for k, call in enumerate(calls) if k not in lost.get(name, ())]
+            for name, calls in streams.items()}
+
+
+def test_lost_samples_cost_no_other_ones_in_any_interleaving():
+    streams = flight()
+    whole, _ = play(in_sequence(streams), streams)
+    lost = {'imu': (3, 4, 9, 15), 'sonar': (1,), 'flow': (0, 2), 'pressure': (1, 2, 4)}
+    gone = {name: {streams[name][k][1] for k in places} for name, places in lost.items()}
+    some = without(streams, lost)
+    want, sync = play(in_sequence(some), some)
+    for seed in range(50):
+        order = in_sequence(some)
+        random.Random(seed).shuffle(order)
+        got, _ = play(order, some)
+        assert same(got, want)
+    # the last sonar and flow are of 90 and 80 ms: whether those of 45 and 5 ms are lost is known
+    assert [step.t for step in want] == [step.t for step in whole]
+    for one, before in zip(want, whole):
+        assert same(one, before._replace(
+            gyro=(math.nan,) * 3 if one.t in gone['imu'] else before.gyro,
+            accel=(math.nan,) * 3 if one.t in gone['imu'] else before.accel,
+            sonar=math.nan if one.t in gone['sonar'] else before.sonar,
+            flow=(math.nan,) * 2 if one.t in gone['flow'] else before.flow,
+            flow_quality=0 if one.t in gone['flow'] else before.flow_quality,
+            pressure=math.nan if one.t in gone['pressure'] else before.pressure))
+
+
+def test_hundreds_of_lost_samples_silence_no_sensor():
+    sync, steps, draw = Synchroniser(), [], random.Random(1)
+    used = 0
+    for k in range(4000):
+        if draw.random() > 0.2:
+            steps += sync.add_imu(5 * MS * k, (float(k), 0.0, 0.0), A)
+            used += 1
+        steps += sync.add_tick(5 * MS * k, (k + 1, 0, 0, 0))
+    steps += sync.add_imu(5 * MS * 4000, G, A)
+    assert [step.t for step in steps] == [5 * MS * k for k in range(4000)]
+    assert sum(not math.isnan(step.gyro[0]) for step in steps) == used
+    assert steps[-1].dropped == (0, 0, 0, 0)
+
+
+def test_after_a_gap_in_all_streams_the_steps_go_on():
+    sync, steps = Synchroniser(), []
+    for k in (*range(10), *range(700, 720)):
+        steps += sync.add_imu(5 * MS * k, G, A)
+        steps += sync.add_tick(5 * MS * k, (k + 1, 0, 0, 0))
+    assert [step.t for step in steps] == [5 * MS * k for k in (*range(10), *range(700, 720))]
+    assert not any(math.isnan(step.gyro[0]) for step in steps)
+
+
+def test_after_a_gap_of_one_sensor_samples_look_for_the_watermarks_that_have_arrived():
+    """The first sample after a gap of 1 s overtakes its watermarks at the middleware."""
+    sync, steps, arrived = Synchroniser(), [], []
+
+    def pull():
+        while arrived:
+            steps.extend(sync.add_tick(*arrived.pop(0)))
+    sync.pull = pull
+    for k in range(400):
+        if not 100 <= k < 300:
+            steps += sync.add_imu(5 * MS * k, (float(k), 0.0, 0.0), A)
+        arrived.append((5 * MS * k, (k + 1, 0, 0, 0)))
+        if not 90 <= k < 300:
+            pull()
+    assert [step.t for step in steps] == [5 * MS * k for k in range(400)]
+    bridged = [k for k, step in enumerate(steps) if math.isnan(step.gyro[0])]
+    assert bridged == list(range(100, 300)) and steps[-1].dropped == (0,) * 4
+
+
+def test_a_sample_that_was_taken_for_lost_is_due_again():
+    sync, steps = Synchroniser(), []
+    for k in range(30):
+        t = 5 * MS * k
+        if k == 10:  # overtaken by the next sample
+            steps += sync.add_tick(t, (k + 1, 0, 0, 0)) + sync.add_imu(t + 5 * MS, G, A)
+            steps += sync.add_imu(t, G, A)
+        elif k == 11:
+            steps += sync.add_tick(t, (k + 1, 0, 0, 0))
+        else:  # the sample after its watermark: a step must wait for it
+            steps += sync.add_tick(t, (k + 1, 0, 0, 0)) + sync.add_imu(t, G, A)
+    assert [step.t for step in steps] == [5 * MS * k for k in range(30)]
+    empty = [k for k, step in enumerate(steps) if math.isnan(step.gyro[0])]
+    assert empty == [10, 12]  # the overtaken one, and one until it is noticed
+    assert steps[-1].dropped[0] == len(empty)
+
+
+def test_one_who_joins_before_the_sample_of_its_first_watermark_has_all_later_ones():
+    sync, steps = Synchroniser(), []
+    for k in range(100, 120):
+        steps += sync.add_tick(5 * MS * k, (k + 1, 0, 0, 0))
+        steps += sync.add_imu(5 * MS * k, G, A)
+    assert [math.isnan(step.gyro[0]) for step in steps] == [True, True, *[False] * 18]
 
 
 def test_an_inertial_sample_of_the_far_future_is_dropped_alone():

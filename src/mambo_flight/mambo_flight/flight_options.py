@@ -20,7 +20,8 @@ from mambo_sim.world import MOST, WorldParams
 from . import changes, commanded, scenario as scenarios, unused
 from .course import course_file, feasibility
 from .scenario import Scenario
-from .scenario_file import build_world, FIELDS, load_world, long_enough, Place, SETS
+from .scenario_file import (
+    build_world, contradicted, FIELDS, load_world, long_enough, Place, SETS)
 
 
 DRONES = whole(1, MOST)
@@ -128,13 +129,13 @@ def overrides(assignments: list[str]) -> dict[str, Any]:
 def _changed(options: argparse.Namespace) -> dict[str, Any]:
     """Return the values of ``--set``; ParameterError for one that contradicts an option."""
     out = overrides(options.set)
-    for name, (full, *_) in SETS.items():
-        value = getattr(options, name, None)
-        if value is not None and full in out and out[full] != value:
-            shown = f'{value:.15g}' if isinstance(value, float) else value
-            given = _option(name, value) + ('' if isinstance(value, bool) else f' {shown}')
-            asked = next(one for one in options.set if one.partition('=')[0].strip() == full)
-            raise schema.ParameterError(f'--set {asked} contradicts {given}: leave one out')
+    if (found := contradicted(vars(options), out)) is not None:
+        name, full = found
+        value = getattr(options, name)
+        shown = f'{value:.15g}' if isinstance(value, float) else value
+        given = _option(name, value) + ('' if isinstance(value, bool) else f' {shown}')
+        asked = next(one for one in options.set if one.partition('=')[0].strip() == full)
+        raise schema.ParameterError(f'--set {asked} contradicts {given}: leave one out')
     return out
 
 

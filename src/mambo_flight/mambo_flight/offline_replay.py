@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from itertools import islice
 from typing import Any, NamedTuple
 
+from mambo_bags import playback
 from mambo_bags.reader import Bag, BagError, Messages
 from mambo_estimation import filters
 from mambo_estimation.capture.pose_parameters import AidedValues
@@ -24,7 +25,7 @@ from mambo_ros import topics
 import numpy as np
 from numpy.typing import NDArray
 
-from .aided_replay import Poses, poses
+from .aided_replay import Poses, poses, poses_announced
 from .capture_columns import store_located, WIDTH
 from .closed_loop import Recording, store_estimate, store_state
 
@@ -110,30 +111,50 @@ def _stream(bag: Bag, topic: topics.Topic) -> _Stream:
         raise BagError(f'{bag.path}: {error.args[0]}') from None
 
 
-def _recorded_ticks(bag: Bag, streams: list[_Stream]) -> tuple[Ints, Ints]:
-    """Return the stamp (n,) ns and the sample counts (n, 4) of each watermark of a bag."""
-    ticks = _read(bag, topics.SENSOR_TICK)
-    due = np.stack([ticks[field] for field in ('imu', 'sonar', 'optical_flow', 'barometer')],
-                   axis=1).astype(np.int64)
-    if due[0, 0] > 1:  # the recording began in flight: count from its first watermark
-        due += [np.searchsorted(s.log_time, ticks.log_time[0], 'right') for s in streams] - due[0]
-    return ticks.stamp, due
+def _counted(bag: Bag) -> tuple[list[_Stream], playback.Marks]:
+    """Return the streams of a bag without uncounted repeats, and its watermarks for them."""
+    streams = [_stream(bag, topic) for topic in SENSORS]
+    marks = playback.watermarks(bag, topics.SENSOR_TICK)
+    for k, topic in enumerate(SENSORS):
+        if topic.name in bag and (kept := playback.kept(bag[topic.name], marks, k)) is not None:
+            streams[k] = _Stream(*(column[kept] for column in streams[k][:2]),
+                                 tuple(values[kept] for values in streams[k].values))
+    return streams, marks
 
 
-def _ticks_from_log(streams: list[_Stream]) -> tuple[Ints, Ints]:
+def missing(bag: Bag) -> dict[str, tuple[int, int]]:
     """
-    Return the same as :func:`_recorded_ticks` for a bag without watermarks, e.g. of real hardware.
+    Return the samples that the last watermark announces and that are not in a bag.
+
+    By topic, how many they are and of how many; only of topics that lack some.
+    """
+    if topics.SENSOR_TICK.name not in bag or topics.IMU.name not in bag:
+        return {}
+    streams, marks = _counted(bag)
+    counts = {topic.name: (int(n), len(stream.t))
+              for topic, stream, n in zip(SENSORS, streams, marks.due.max(axis=0), strict=True)}
+    if topics.CAPTURE_TICK.name in bag:
+        counts[topics.OPTITRACK.name] = poses_announced(bag)
+    return {name: (n - there, n) for name, (n, there) in counts.items() if n > there}
+
+
+def _ticks_from_log(streams: list[_Stream]) -> playback.Marks:
+    """
+    Return :class:`playback.Marks` for a bag without watermarks, e.g. of real hardware.
 
     Like ``replay_node``, it counts a sample at an inertial sample if it was logged before the next
     inertial sample.
     """
     imu, *aiding = streams
-    new = np.flatnonzero(imu.t > np.maximum.accumulate(np.append(-1, imu.t))[:-1])
+    new = np.flatnonzero(playback.newer(imu.t))
     nexts = new[1:]
     due = [np.append(nexts, len(imu.t))] + [
         np.append(np.searchsorted(s.log_time, imu.log_time[nexts], 'left'), len(s.t))
         for s in aiding]
-    return imu.t[new], np.stack(due, axis=1)[:len(new)]
+    t, logged = imu.t[new], np.stack(due, axis=1)[:len(new)]
+    return playback.Marks(
+        t, playback.announced(t, logged, [stream.t for stream in streams]), logged,
+        np.zeros(len(streams), np.int64))
 
 
 def _without_samples(t: Ints) -> Steps:
@@ -151,12 +172,10 @@ def _in_order(streams: list[_Stream], t: Ints, due: Ints) -> Steps | None:
 
     In order means: each watermark announces at most one new sample of a sensor. The stamp of the
     sample lies after the previous watermark and not after this one; that of the inertial sample
-    equals the watermark's. A watermark that announces a sample that is not in the bag ends the
-    steps, as the live estimator would wait for it for ever.
+    equals the watermark's.
     """
-    whole = (due <= [len(stream.t) for stream in streams]).all(axis=1)
-    whole = np.logical_and.accumulate(whole)
-    t, due = t[whole], due[whole]
+    if (due > [len(stream.t) for stream in streams]).any():
+        return None
     out, periods = _without_samples(t), np.diff(t, prepend=-1)
     if (periods <= 0).any():
         return None
@@ -174,7 +193,7 @@ def _in_order(streams: list[_Stream], t: Ints, due: Ints) -> Steps | None:
     return out
 
 
-def _synchronised(streams: list[_Stream], t: Ints, due: Ints) -> Steps:
+def _synchronised(streams: list[_Stream], marks: playback.Marks) -> Steps:
     """Return the steps of any flight, found by the synchroniser of the node."""
     sync = Synchroniser()
     queues = [
@@ -183,12 +202,15 @@ def _synchronised(streams: list[_Stream], t: Ints, due: Ints) -> Steps:
             (sync.add_imu, sync.add_sonar, sync.add_flow, sync.add_pressure), streams,
             strict=True)]
     found = []
-    new = np.diff(np.maximum.accumulate(due), axis=0, prepend=0)
-    for stamp, counts, more in zip(t.tolist(), due.tolist(), np.maximum(new, 0).tolist()):
+    new = np.diff(np.maximum.accumulate(marks.logged), axis=0, prepend=0)
+    for stamp, counts, more in zip(marks.t.tolist(), marks.due.tolist(), new.tolist()):
         for (add, samples), count in zip(queues, more, strict=True):
             for sample in islice(samples, count):
                 found += add(*sample)
         found += sync.add_tick(stamp, counts)
+    for add, samples in queues:
+        for sample in samples:
+            found += add(*sample)
     out = _without_samples(np.array([step.t for step in found], np.int64))
     for name, column in zip(Steps._fields, zip(*found)):
         getattr(out, name)[:] = column
@@ -206,11 +228,13 @@ def steps(bag: Bag) -> Steps:
 
     """
     bag.messages(topics.IMU.name)
-    streams = [_stream(bag, topic) for topic in SENSORS]
-    t, due = (_recorded_ticks(bag, streams) if topics.SENSOR_TICK.name in bag
-              else _ticks_from_log(streams))
-    found = _in_order(streams, t, due)
-    return _synchronised(streams, t, due) if found is None else found
+    if topics.SENSOR_TICK.name in bag:
+        streams, marks = _counted(bag)
+    else:
+        streams = [_stream(bag, topic) for topic in SENSORS]
+        marks = _ticks_from_log(streams)
+    found = _in_order(streams, marks.t, marks.due)
+    return _synchronised(streams, marks) if found is None else found
 
 
 @jit

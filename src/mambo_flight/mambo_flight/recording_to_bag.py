@@ -279,10 +279,12 @@ def recorded(flight: Scenario) -> tuple[topics.Topic, ...]:
 def check(flight: Scenario) -> None:
     """Raise :class:`BagWriterError` for a flight that :func:`write` refuses."""
     later = (one.params for one in changes.taken(flight) if one.node == 'sim_node')
-    if any(node.simulator.faults.present() for node in (flight.sim_node, *later)):
-        raise BagWriterError(
-            'sim_node.simulator.faults: late, lost or repeated samples need the graph; '
-            'fly it with ./run')
+    for node in (flight.sim_node, *later):
+        for sensor in node.simulator.faults.present():
+            kind = getattr(node.simulator.faults, sensor).kind
+            raise BagWriterError(
+                f'sim_node.simulator.faults.{sensor}.kind = {kind}: a bag of a flight with sensor '
+                'faults needs the graph; fly it with ./run')
 
 
 def write(path: Path, flight: Scenario, recording: Recording, namespace: str = topics.NAMESPACE,

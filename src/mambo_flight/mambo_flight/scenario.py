@@ -422,7 +422,8 @@ def located(
         if name in begun or key in words or (
                 isinstance(place.value, str) and place.value and place.value in text):
             text = text.removeprefix(f'{name}: ').removeprefix(f'{key}: ')
-            named = place.where.startswith('--') or text.startswith((f'{name} = ', f'{key} = '))
+            named = place.where == name or place.where.startswith('--') or text.startswith(
+                (f'{name} = ', f'{key} = '))
             return schema.ParameterError(f'{place.where}: {"" if named else f"{name}: "}{text}')
     return schema.ParameterError(f'{path}: {text}')
 

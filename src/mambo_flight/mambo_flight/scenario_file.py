@@ -80,6 +80,18 @@ FIELDS = {field.name: field for field in dataclasses.fields(Settings)}
 WORLD = {f'world.{name}': field for name, field in schema.walk(WorldParams)}
 
 
+def contradicted(
+    settings: Mapping[str, Any], parameters: Mapping[str, Any],
+) -> tuple[str, str] | None:
+    """Return the first setting, and the parameter that gives it another value; None: all agree."""
+    for name, (full, *_) in SETS.items():
+        value = settings.get(name)
+        # True asks for the default of a number, such as the time of landing
+        if value is not None and value is not True and parameters.get(full, value) != value:
+            return name, full
+    return None
+
+
 class Experiment(NamedTuple):
     """A scenario file: its flights by name, in order; a single flight has the name ''."""
 

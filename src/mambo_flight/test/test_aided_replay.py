@@ -1,6 +1,8 @@
 """Poses of the motion capture paired with filter steps: by watermarks, and by times of the log."""
 
 from hypothesis import given, strategies as st
+from mambo_estimation.capture.pose_queue import PoseQueue
+from mambo_estimation.synchroniser import Step
 from mambo_flight import aided_replay
 from mambo_ros import topics
 import numpy as np
@@ -13,8 +15,10 @@ class Topic(dict):
     def __init__(self, stamp, log_time, **columns):
         super().__init__({name: np.array(values) for name, values in columns.items()})
         self.stamp, self.log_time = np.array(stamp), np.array(log_time)
-        self.position = self.get('position')
-        self.orientation = self.get('orientation')
+        self.position = self.get('position', np.zeros((len(self.stamp), 3)))
+        self.orientation = self.get('orientation', np.zeros((len(self.stamp), 4)))
+        self.topic, self.type_name = 'the topic', topics.CAPTURE_TICK.type_name
+        self.raw = [b'%d' % k for k in range(len(self.stamp))]
 
 
 def ticks(stamp, poses, log_time=None):
@@ -29,8 +33,11 @@ def capture(stamp, log_time):
         orientation=[[0.0, 0.0, 0.0, 1.0]] * n)}
 
 
-def announced(bag, t, logged=()):
-    return aided_replay._announced(bag, np.array(t), np.array(logged)).tolist()
+def announced(bag, t, logged=(), stamp=None):
+    """Return the poses that each step has at most; their stamps are old unless given."""
+    seen = Topic(np.zeros(len(logged)) if stamp is None else stamp, logged)
+    bag = {topics.OPTITRACK.name: seen, **bag}
+    return aided_replay._announced(bag, *aided_replay._read(bag), np.array(t)).tolist()
 
 
 def test_a_step_waits_for_the_first_watermark_that_is_not_older():
@@ -62,6 +69,11 @@ def test_without_watermarks_a_repeated_inertial_sample_takes_no_pose():
     assert announced(bag, [0, 5, 10], logged=[2, 8, 12]) == [1, 2, 3]
 
 
+def test_without_watermarks_a_pose_that_is_ahead_belongs_to_the_step_of_its_stamp():
+    bag = {topics.IMU.name: Topic([0, 5, 10], [1, 6, 11])}
+    assert announced(bag, [0, 5, 10], logged=[2, 3, 7], stamp=[0, 7, 6]) == [1, 1, 3]
+
+
 def test_the_newest_pose_of_a_step_is_taken_with_its_age():
     bag = {**ticks([0, 10, 20], [0, 2, 2]), **capture([3, 8], [4, 9])}
     poses, whole = aided_replay.poses(bag, np.array([0, 10, 20]))
@@ -75,6 +87,64 @@ def test_the_newest_pose_of_a_step_is_taken_with_its_age():
 def test_steps_whose_poses_are_not_in_the_bag_are_not_complete(counts, whole):
     bag = {**ticks([0, 10, 20], counts), **capture([0, 8], [1, 9])}
     assert aided_replay.poses(bag, np.array([0, 10, 20]))[1] == whole
+
+
+def live(t, stamps, logged, ticked, counts):
+    """Return what a live node pairs, message by message as logged: the pose of each step."""
+    queue, out, step = PoseQueue(), [], 0
+    events = sorted([(at, 0, k) for k, at in enumerate(logged)]
+                    + [(at, 1, k) for k, at in enumerate(ticked)])
+    for _, is_tick, k in events:
+        if is_tick:
+            while step < len(t) and t[step] <= ticked[k]:
+                out += queue.add_steps([Step(t[step], *[None] * 9)])
+                step += 1
+            out += queue.add_tick(ticked[k], counts[k])
+        else:
+            out += queue.add_pose(stamps[k], (float(k),) * 3, (1.0, 0.0, 0.0, 0.0))
+    return [None if pose is None else int(pose.rho[0]) for _, pose in out]
+
+
+@given(lost=st.sets(st.integers(0, 39)), latency=st.integers(0, 12), period=st.integers(4, 9))
+def test_poses_that_are_lost_cost_no_other_ones(lost, latency, period):
+    """Steps of 5 ms; exposures of another period, published after a latency."""
+    t = [5_000_000 * k for k in range(60)]
+    exposed = [1_000_000 * period * k for k in range(40)]
+    published = [stamp + 1_000_000 * latency for stamp in exposed]
+    counts = [sum(at <= now for at in published) for now in t]
+    kept = [k for k in range(40) if k not in lost]
+    stamps, logged = [exposed[k] for k in kept], [published[k] for k in kept]
+    want = live(t, stamps, logged, t, counts)
+    bag = {**ticks(t, counts), **capture(stamps, logged)}
+    poses, whole = aided_replay.poses(bag, np.array(t))
+    assert whole == len(want)
+    assert [None if np.isnan(x) else int(x) for x in poses.pose[:whole, 0]] == want
+    assert not (poses.age[:whole] < 0.0).any()  # none is from after its step
+
+
+def test_a_lost_pose_costs_no_other_one():
+    t = list(range(0, 200, 5))
+    kept = [k for k in range(40) if k not in (7, 8, 20)]
+    bag = {**ticks(t, [k + 1 for k in range(40)]),
+           **capture([5 * k for k in kept], [5 * k for k in kept])}
+    poses, whole = aided_replay.poses(bag, np.array(t))
+    assert whole == 40
+    assert np.flatnonzero(np.isnan(poses.age)).tolist() == [7, 8, 20]
+    assert np.nanmax(np.abs(poses.age)) == 0.0
+
+
+def test_repeated_poses_that_no_watermark_counts_are_left_out():
+    t = list(range(0, 200, 5))
+    rows = sorted([*range(40), 7, 8, 8, 20])
+    bag = {**ticks(t, [k + 1 for k in range(40)]), **capture([5 * k for k in rows],
+                                                             [5 * k for k in rows])}
+    bag[topics.OPTITRACK.name].raw = [b'%d' % k for k in rows]
+    poses, whole = aided_replay.poses(bag, np.array(t))
+    assert whole == 40 and not poses.age.any()
+    assert aided_replay.poses_announced(bag) == (40, 40)
+    counted = {**bag, **ticks(t, [sum(row <= k for row in rows) for k in range(40)])}
+    assert not aided_replay.poses(counted, np.array(t))[0].age.any()
+    assert aided_replay.poses_announced(counted) == (44, 44)
 
 
 def test_a_bag_without_motion_capture_has_no_pose_and_every_step():

@@ -93,6 +93,7 @@ class NatNetServerNodeParams:
             if not name or len(name.encode()) > 255:
                 raise schema.ParameterError('body: a name has 1 to 255 bytes')
         places(self.places, len(self.topics))
+        optitrack.check_fault(self.fault, self.fault_begin, self.fault_end)
         if self.seed + len(self.topics) > 2**31:
             raise schema.ParameterError(
                 f'seed {self.seed} leaves no seeds for {len(self.topics)} bodies')

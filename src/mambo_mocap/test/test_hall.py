@@ -184,7 +184,7 @@ def test_a_frame_has_all_bodies_and_markers_where_they_are_in_the_hall():
 
 
 def test_markers_of_bodies_that_are_not_found_are_numbered_through():
-    params = NatNetServerNodeParams(**TWO, fault='flip')
+    params = NatNetServerNodeParams(**TWO, fault='flip', fault_end=9.0)
     views = [view._replace(track=view.track._replace(tracked=False))
              for view in frames_of(params)[0]]
     frame = content(views, params, Times(0.0))

@@ -140,6 +140,8 @@ def _make_cache() -> str:
 
 
 os.environ['NUMBA_CACHE_DIR'] = _make_cache()
+# numba prepares the colours of messages for each function that it tries in a call, fitting or not
+os.environ.setdefault('NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING', '1')
 
 import llvmlite.binding  # noqa: E402 (whose options count from the first compilation)
 import numba  # noqa: E402 (reads NUMBA_CACHE_DIR while it is imported; all others import it here)
@@ -151,7 +153,9 @@ from numba.experimental import structref  # noqa: E402
 from numba.extending import overload  # noqa: E402
 from numba.typed import List  # noqa: E402
 
-from .compilation.bitcode import InsideCache, InsideCompiler  # noqa: E402
+from .compilation import references  # noqa: E402
+from .compilation.bitcode import (  # noqa: E402
+    ApartCompiler, InsideCache, InsideCompiler, PythonCompiler)
 from .compilation.checked_file import CheckedFile  # noqa: E402
 
 numba.config.CACHE_DIR = os.environ['NUMBA_CACHE_DIR']  # of a script that imported numba before
@@ -161,6 +165,10 @@ numba.config.CACHE_DIR = os.environ['NUMBA_CACHE_DIR']  # of a script that impor
 # loop. The default of 100 copies puts it off for few values.
 llvmlite.binding.set_option('mambo', '-late-remat-update-threshold=3')
 
+# Loops over matrices of a filter are short and their columns lie apart: vectors of their numbers
+# gain nothing and take a tenth of the time to compile a flight with the joint filter.
+numba.config.LOOP_VECTORIZE = 0
+references.NRTContext.get_meminfos = references.get_meminfos
 
 caching.IndexDataCacheFile = CheckedFile
 
@@ -209,7 +217,9 @@ class _Compiled(CPUDispatcher):
     def for_python(self) -> CPUDispatcher:
         """The same function for calls from Python."""
         with own_cache(self.cache):
-            return numba.njit(cache=True, error_model='numpy')(self.py_func)
+            return numba.njit(
+                cache=True, error_model='numpy', no_cfunc_wrapper=True,
+                pipeline_class=PythonCompiler)(self.py_func)
 
 
 # of functions that only compiled code calls
@@ -218,7 +228,7 @@ _INSIDE = {'no_cpython_wrapper': True, 'no_cfunc_wrapper': True, 'pipeline_class
 
 def _compiled(function: Callable, **options: Any) -> Any:
     """Return a compiled function; the function itself with compilation switched off."""
-    made = numba.njit(error_model='numpy', **_INSIDE, **options)(function)
+    made = numba.njit(error_model='numpy', **_INSIDE | options)(function)
     if isinstance(made, CPUDispatcher):
         made.__class__ = _Compiled
         made.cache = numba.config.CACHE_DIR
@@ -252,12 +262,25 @@ def jit_inside(function: F) -> F:
     """
     Compile as :func:`jit`, and make the machine code part of that of every compiled caller.
 
+    numba passes this on to all that is first compiled for such a function, but for what is
+    compiled by :func:`jit_apart`.
+
     For functions that take or return the memory or the parameters of a whole filter: a call copies
     each of their numbers to the stack and back. With calls the closed loop had 0.41 of its speed,
     and without sensors 0.64. Only for functions with one or two callers, as each of these
     compiles the code anew; not for what is rarely reached, such as the alignment at rest.
     """
     return _compiled(function, forceinline=True)
+
+
+def jit_apart(function: F) -> F:
+    """
+    Compile as :func:`jit`, as one function that all its callers call.
+
+    For what is called in many places and rarely reached, or takes much longer than a call: it
+    would be copied into each of them.
+    """
+    return _compiled(function, forceinline=False, pipeline_class=ApartCompiler)
 
 
 def jit_beside_python(function: F) -> F:

@@ -1,4 +1,8 @@
-"""Limits on resources for reading a file and for a flight; environment variables raise them."""
+"""
+Limits on resources for reading a file and for a flight; environment variables raise them.
+
+Beside them, by how much the stamp of a message may be ahead.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,10 @@ from .schema import ParameterError
 
 RATIO = 20
 """Unpacked over packed that every file may have: a flight packs to a third, rest to a tenth."""
+
+
+AHEAD_NS = 100_000_000
+"""Time in ns by which a sample may be stamped after the filter step that it arrives with."""
 
 
 class Limit(NamedTuple):

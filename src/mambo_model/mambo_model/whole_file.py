@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 import errno
 import os
 from pathlib import Path
+from typing import NamedTuple
 
 from .errors import InputError, JobError, MamboError
 
@@ -60,8 +61,59 @@ def refuse_existing(
         raise error(f'{path} exists: {instead} or remove it')
 
 
+class Kind(NamedTuple):
+    """A kind of output that replaces an older file: of this kind, and no other file."""
+
+    name: str
+    endings: tuple[str, ...]  # of its name
+    marks: tuple[bytes, ...]  # one of which it begins with, in lower case
+
+
+PAGE = Kind('page', ('.html', '.htm'), (b'<!doctype html',))
+PICTURE = Kind('PNG picture', ('.png',), (b'\x89png\r\n\x1a\n',))
+COMPARISON = Kind('CSV file of a comparison', ('.csv',), (b'comparison,quantity,',))
+JSON = Kind('JSON file', ('.json',), (b'{', b'['))
+_OF_A_BAG = ('*.mcap', '*.db3', '*.zstd', 'metadata.yaml')
+_SPACE = b'\xef\xbb\xbf \t\r\n'  # with the byte order mark
+
+
+def is_named_as_of_a_bag(path: Path) -> bool:
+    """Return whether the file at a path, links followed, has a name that parts of bags have."""
+    place = Path(os.path.realpath(path))
+    return any(place.match(end) for end in _OF_A_BAG)
+
+
+def refuse_other_kind(path: Path, kind: Kind) -> None:
+    """
+    Refuse an output that would replace a file of another kind, or that is named as part of a bag.
+
+    An empty file and what is no regular file, such as a device, may be written to.
+
+    Raises
+    ------
+    InputError
+        If it is one of these, or the file that exists cannot be read.
+
+    """
+    place = Path(os.path.realpath(path))
+    if is_named_as_of_a_bag(place):
+        raise InputError(f'{path} is part of a bag, which is never written over'
+                         if os.path.isfile(place) else
+                         f'{path} is a name of parts of a bag: choose another name')
+    if not os.path.isfile(place):
+        return
+    try:
+        with place.open('rb') as file:
+            head = file.read(512)
+    except OSError as error:
+        raise _error(path, error) from None
+    if head and not (place.suffix.lower() in kind.endings
+                     and head.lstrip(_SPACE).lower().startswith(kind.marks)):
+        raise InputError(f'{path} exists and is not a {kind.name}: choose another name')
+
+
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, kind: Kind | None = None) -> Iterator[Path]:
     """
     Yield a temporary path to write to; at the end it is renamed to the given path in one step.
 
@@ -72,15 +124,19 @@ def replacing(path: Path) -> Iterator[Path]:
     ----------
     path
         Path of the file; an older file is replaced, a link is followed.
+    kind
+        Of the file, see :func:`refuse_other_kind`; None: whatever is there is replaced.
 
     Raises
     ------
     InputError
-        If the path cannot be a file.
+        If the path cannot be a file, or has one of another kind.
     JobError
         If writing fails, for example because the disk is full. An older file is then unchanged.
 
     """
+    if kind is not None:
+        refuse_other_kind(path, kind)
     target = Path(os.path.realpath(path))
     is_plain = os.path.isfile(target) or not os.path.lexists(target)
     part = target.with_name(f'.{os.getpid()}.part') if is_plain else target
@@ -131,12 +187,12 @@ def _error(path: Path, error: OSError) -> InputError | JobError:
         f'{path}: cannot be written ({reason})')
 
 
-def write_text(path: Path, text: str) -> Path:
+def write_text(path: Path, text: str, kind: Kind | None = None) -> Path:
     """
     Write a text file atomically, see :func:`replacing`; return its path.
 
     Characters that UTF-8 cannot encode, as in some file names, are escaped.
     """
-    with replacing(path) as part:
+    with replacing(path, kind) as part:
         part.write_text(text, encoding='utf-8', errors='backslashreplace')
     return path

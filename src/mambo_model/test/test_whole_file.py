@@ -110,3 +110,36 @@ def test_an_output_must_be_new(tmp_path):
         whole_file.refuse_existing(nowhere, 'name another', JobError)
     with pytest.raises(InputError, match='xx: File name too long$'):
         whole_file.refuse_existing(tmp_path / ('x' * 300))
+
+
+OLD = {
+    whole_file.PAGE: ('page.htm', b'\xef\xbb\xbf\n<!DOCTYPE HTML>\n'),
+    whole_file.PICTURE: ('a.PNG', b'\x89PNG\r\n\x1a\n...'),
+    whole_file.COMPARISON: ('a.csv', b'comparison,quantity,unit\n'),
+    whole_file.JSON: ('a.json', b'{}')}
+
+
+@pytest.mark.parametrize('kind', OLD)
+def test_a_file_of_the_same_kind_is_replaced_and_no_other(kind, tmp_path):
+    name, content = OLD[kind]
+    (tmp_path / name).write_bytes(content)
+    whole_file.write_text(tmp_path / name, 'new', kind)
+    assert (tmp_path / name).read_text() == 'new'
+    (tmp_path / 'link').symlink_to(name)
+    for other in (name, 'notes.txt', 'link'):  # now it begins as none of them
+        (tmp_path / 'notes.txt').write_bytes(content)
+        with pytest.raises(InputError, match=f'{other} exists and is not a {kind.name}: choose'):
+            whole_file.write_text(tmp_path / other, 'x', kind)
+    assert (tmp_path / name).read_text() == 'new'
+    assert (tmp_path / 'notes.txt').read_bytes() == content
+    (tmp_path / 'empty').touch()
+    for free in ('empty', 'new', '/dev/null'):
+        whole_file.refuse_other_kind(tmp_path / free, kind)
+
+
+def test_an_output_has_no_name_of_a_part_of_a_bag(tmp_path):
+    (tmp_path / 'a_0.mcap').write_text('it')
+    for name in ('a_0.mcap', 'b.mcap', 'b.db3', 'b.mcap.zstd', 'metadata.yaml'):
+        with pytest.raises(InputError, match=f'{name} is .*part.* of a bag|parts of bags'):
+            whole_file.write_text(tmp_path / name, 'x', whole_file.PAGE)
+    assert os.listdir(tmp_path) == ['a_0.mcap'] and (tmp_path / 'a_0.mcap').read_text() == 'it'

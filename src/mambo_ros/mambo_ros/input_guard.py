@@ -11,9 +11,11 @@ overtake the clock message that caused it. If that clock is an input of the same
 of the accepted publisher that is further ahead, by ``LEAP`` at most, waits until the clock moves:
 a message of the clock may be late, and in lockstep there is no other to wait for. If the input
 itself is the clock of its node, it may run ahead of the last accepted message by ``LEAP``. A
-longer leap is accepted when ``CONFIRMATIONS`` consecutive messages continue from it.
+longer leap is accepted when ``CONFIRMATIONS`` consecutive messages continue from it; those before
+the last of them are kept until then and used with it.
 
-**Publisher.** The first publisher of a usable message is accepted (``graph.publisher_guard``).
+**Publisher.** The first publisher of a usable message is accepted (``graph.publisher_guard``). One
+that leaves before the flight leaves no stamp behind.
 """
 
 from __future__ import annotations
@@ -109,6 +111,7 @@ class InputGuard(PublisherGuard):
         self._held: tuple[bytes, bytes] | None = None  # message and publisher, ahead of the clock
         self._waiting: list[InputGuard] = []  # inputs that hold a message, if this is the clock
         self._there, self._run = -1, 0  # stamp of the last leap, messages that continued from it
+        self._leapt: list[tuple[bytes, bytes]] = []  # these messages, and their publisher
 
     def __call__(self, data: bytes, publisher: bytes = b'') -> None:
         """
@@ -137,12 +140,20 @@ class InputGuard(PublisherGuard):
             now = self._now() if self._clock is None else self._clock.last
             if self.last < t <= now + self._ahead:
                 self._run = 0
+                if self._leapt:
+                    self._end_leap(False)
             elif wrong := self._mistimed(t):
                 if wrong == AHEAD and publisher == self._first and self._awaits_clock(t):
                     self._hold(data, publisher)
+                elif wrong == AHEAD and publisher == self._first and self._now is None:
+                    if self._run == 1:
+                        self._end_leap(False)
+                    self._leapt.append((data, publisher))
                 else:
                     self._refuse(wrong, publisher)
                 return
+            elif self._leapt:
+                self._end_leap(True)
         elif t < 0:
             self._refuse(NEGATIVE, publisher)
             return
@@ -181,6 +192,12 @@ class InputGuard(PublisherGuard):
         if held is not None:
             self(*held)
 
+    def _forget(self) -> None:
+        """Let another publisher come, with stamps from 0 if the flight has not begun."""
+        if self._now is not None and self._now() < 0:
+            self.last, self._held = -1, None
+        super()._forget()
+
     def _awaits_clock(self, t: int) -> bool:
         """Return whether the message of the clock that belongs to a stamp may just be late."""
         return self._clock not in (None, self) and t <= self._clock.last + LEAP
@@ -192,6 +209,16 @@ class InputGuard(PublisherGuard):
         self._held = data, publisher
         if self not in self._clock._waiting:
             self._clock._waiting.append(self)
+
+    def _end_leap(self, confirmed: bool) -> None:
+        """Use the messages of a leap, or refuse them as nothing continued from it."""
+        leapt, self._leapt = self._leapt, []
+        for data, publisher in leapt:
+            if confirmed:
+                self.last = self._decode(data)[0] - 1
+                self(data, publisher)
+            else:
+                self._refuse(AHEAD, publisher)
 
     def _refuse(self, reason: str, publisher: bytes) -> None:
         """Count a refused message; of a publisher that is not accepted nothing is lost."""

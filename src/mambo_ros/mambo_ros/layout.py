@@ -124,7 +124,7 @@ class Layout:
             at least.
 
         """
-        count = max(np.size(number) for number in numbers)
+        count = max(np.size(number) for number in numbers if np.ndim(number))
         width = self.nbytes + len(self._filling)
         out = np.zeros((count, width), dtype=np.uint8)
         if not count:

@@ -32,7 +32,7 @@ from .input_guard import InputGuard
 P = TypeVar('P')
 
 FLUSH = 2.0  # s to wait for readers to acknowledge what an ending process has published
-_LOCAL = 2**32 - 1  # number of publishers of a topic that the same process publishes
+LOCAL = 2**32 - 1  # number of publishers of a topic that the same process publishes
 
 
 class MamboNode(diagnostics.Faulty, Live, Node, Generic[P]):
@@ -182,7 +182,7 @@ class MamboNode(diagnostics.Faulty, Live, Node, Generic[P]):
         """Publish which links of this node are matched, when that has changed."""
         matched = [output.matched for output in self.outputs] + [
             live(entry.take, self._sources[entry.name].get_publisher_count())
-            if entry.name in self._sources else _LOCAL for entry in self.inputs]
+            if entry.name in self._sources else LOCAL for entry in self.inputs]
         if matched == self._matched:
             return
         self._matched = matched

@@ -163,7 +163,19 @@ class TestClock:
     def test_a_leap_is_accepted_when_enough_messages_continue_from_it(self, clock):
         for k in range(input_guard.CONFIRMATIONS + 1):
             clock.send(10_000 + k)
-        assert clock.steps == [0, 10_009, 10_010]
+            if k < input_guard.CONFIRMATIONS - 1:
+                assert clock.steps == [0]
+        assert clock.steps == [0, *range(10_000, 10_011)] and not clock.refused
+
+    def test_messages_of_a_leap_that_ends_are_refused_and_do_not_confirm_another(self, clock):
+        for k in range(input_guard.CONFIRMATIONS - 1):
+            clock.send(10_000 + k)
+        for k in range(input_guard.CONFIRMATIONS - 1):
+            clock.send(50_000 + k)
+        assert clock.steps == [0]
+        clock.send(1)
+        assert clock.steps == [0, 1]
+        assert clock.refused == {input_guard.AHEAD: 2 * input_guard.CONFIRMATIONS - 2}
 
     def test_a_leap_that_the_flight_contradicts_is_never_accepted(self, clock):
         for k in range(1, 4 * input_guard.CONFIRMATIONS):

@@ -130,3 +130,5 @@ def test_no_message_at_once_is_no_row():
     count = len(numbers(layout, np.random.default_rng(1)))
     rows = layout.rows(*[np.empty(0)] * count)
     assert rows.shape == (0, len(layout.rows(*[np.zeros(2)] * count)[0]))
+    assert layout.rows(np.empty(0), *[1.0] * (count - 1)).shape == rows.shape
+    assert layout.stamped(np.empty(0, np.int64), *[1.0] * (count - 2)).shape == rows.shape

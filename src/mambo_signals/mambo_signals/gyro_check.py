@@ -26,6 +26,7 @@ SEARCH = 1.0        # s, lateness that is looked for: more than a period of most
 STEP = 0.01         # s, of the search: below it nothing depends on the clock
 LEAST_SAMPLES = 50  # of both, to compare them
 GAP = 0.1           # s, over which samples are connected
+ALIKE = 0.6         # correlation of three axes together; of real flights 0.75 to 0.99
 RIVAL = 1.3         # [-] unexplained variance without lateness over that with it, at least
 
 
@@ -118,6 +119,22 @@ def differs(r: float, ratio: float, factor: float) -> bool:
     return not (r * ratio < factor and ratio / r > 1.0 / factor)
 
 
+def other_unit(found: Turning | None) -> float | None:
+    """
+    Return how many times a gyro turns as much as the tracked attitude, if it is in another unit.
+
+    However slow the turning is: both must show the same, in all axes together. None for a gyro in
+    the unit of the attitude, or if they do not show the same.
+    """
+    if found is None:
+        return None
+    gyro, tracked = (float(np.linalg.norm(x)) for x in (found.gyro, found.tracked))
+    r = float(found.correlation @ (found.gyro * found.tracked)) / max(gyro * tracked, 1e-12)
+    if r < ALIKE or not differs(r, gyro / tracked, UNIT):
+        return None
+    return r * gyro / tracked
+
+
 def refuse(found: Turning | None) -> None:
     """
     Refuse a gyro that contradicts the tracked attitude.
@@ -147,3 +164,8 @@ def refuse(found: Turning | None) -> None:
         if tracked > TURNING and differs(r, ratio, FACTOR):
             raise AlignError(f'{text}: more than {FACTOR:g} times apart: check unit and range of '
                              'the gyro')
+    gain = other_unit(found)
+    if gain is not None:
+        raise AlignError(
+            f'the gyro shows the turning of the tracked attitude {gain:.3g} times: one of them is '
+            'not in SI units: import it with the right ones')

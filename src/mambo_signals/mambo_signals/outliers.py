@@ -25,6 +25,12 @@ LEAST_POSES = 10     # in a recording whose share of jumps is judged
 MAX_ASSIGNMENTS = 100  # a tracker has a few; in noise every pose would make another
 
 
+def step_sizes(position: Floats, turns: Rotation) -> tuple[Floats, Floats]:
+    """Return how far a body moves and turns between n poses, (n - 1,) m and (n - 1,) rad."""
+    return (np.linalg.norm(np.diff(position, axis=0), axis=1),
+            (turns[:-1].inv() * turns[1:]).magnitude())
+
+
 def _jumps(times: Floats, position: Floats, turns: Rotation, apart: int = 1) -> Ints:
     """
     Return the indices of poses that a vehicle could not reach from the previous pose.
@@ -34,8 +40,7 @@ def _jumps(times: Floats, position: Floats, turns: Rotation, apart: int = 1) -> 
     """
     usual = np.median(times[apart:] - times[:-apart]) / apart
     steps = np.maximum(np.diff(times), usual)
-    turned = (turns[:-1].inv() * turns[1:]).magnitude()
-    moved = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    moved, turned = step_sizes(position, turns)
     return np.flatnonzero((turned > FASTEST_TURN * steps) | (moved > FASTEST * steps)) + 1
 
 

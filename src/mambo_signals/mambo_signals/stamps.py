@@ -77,6 +77,18 @@ def wrong(bag: Bag, topics: Collection[str] | None = None) -> list[str]:
     return [*below_zero(bag, topics), *going_back(bag, topics)]
 
 
+def refuse_mostly_wrong(bag: Bag, topic: str) -> None:
+    """
+    Refuse a bag for a topic with a stamp below zero, or half of whose stamps are not newer.
+
+    For what leaves out the others. Errors as of :func:`refuse_wrong`.
+    """
+    stamps = _of(bag[topic])
+    older = (stamps < np.maximum.accumulate(stamps)).sum() if len(stamps) else 0
+    for line in (wrong if 2 * older >= len(stamps) else below_zero)(bag, [topic]):
+        raise BagError(f'{bag.path}: {line}')
+
+
 def refuse_wrong(bag: Bag, topics: Collection[str] | None = None) -> None:
     """
     Refuse a bag with :func:`wrong` stamps of ``topics``.

@@ -123,3 +123,24 @@ def test_a_gain_beyond_the_factor_is_another_unit(gain, other):
 
 def test_noise_leaves_room_for_the_gain():
     assert gyro_check.differs(0.99, 1.6, 1.5) and not gyro_check.differs(0.9, 1.6, 1.5)
+
+
+@pytest.mark.parametrize('gain', [np.pi / 180.0, 180.0 / np.pi])
+def test_another_unit_is_told_in_a_calm_flight(gain):
+    """Each axis turns by less than what is compared by itself."""
+    t, gyro, times, q = turning(size=0.012)
+    assert (gyro_check.compare(t, gyro, times, q).tracked < gyro_check.TURNING).all()
+    assert gyro_check.other_unit(gyro_check.compare(t, gyro, times, q)) is None
+    found = gyro_check.compare(t, gain * gyro, times, q)
+    assert gyro_check.other_unit(found) == pytest.approx(gain, rel=0.1)
+    with pytest.raises(AlignError, match='not in SI units'):
+        gyro_check.refuse(found)
+
+
+def test_a_gyro_without_the_noise_of_the_attitude_is_in_no_other_unit():
+    """At rest a good gyro shows nothing, a tracked attitude its noise."""
+    for seed in range(5):
+        t, gyro, times, q = turning(seed, size=1e-6)
+        rest = gyro_check.compare(t, 1e-3 * gyro, times, q)
+        assert gyro_check.other_unit(rest) is None
+    assert gyro_check.other_unit(None) is None

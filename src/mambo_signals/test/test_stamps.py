@@ -80,3 +80,16 @@ def test_messages_that_repeat_a_stamp_are_counted(tmp_path):
     assert stamps.repeated(bag) == [
         f'/mambo/{IMU}: 2 of 6 messages repeat the stamp of another: the first of each is used']
     assert stamps.repeated(bag, [TICK, 'estimate/odom']) == []
+
+
+def test_some_stamps_that_go_back_are_left_to_who_leaves_them_out(tmp_path):
+    for name, offsets, refused in (
+            ('some', [0, 0, 0, -2, 0], False), ('most', [0, 3, 0, 0], True)):
+        bag = bag_of(tmp_path / name, offsets)
+        if refused:
+            with pytest.raises(BagError, match='stamps go back, first from'):
+                stamps.refuse_mostly_wrong(bag, IMU)
+        else:
+            stamps.refuse_mostly_wrong(bag, IMU)
+            with pytest.raises(BagError, match='stamps go back'):
+                stamps.refuse_wrong(bag, [IMU])

@@ -112,10 +112,10 @@ class FaultsParams(Parameters):
         """Return the values for compiled code; None without faults."""
         return super().values() if self.changeable or self.present() else None
 
-    def present(self) -> bool:
-        """Return whether any sensor has a fault."""
-        return any(getattr(self, one).kind != KINDS[NONE] for one in (
-            'gyro', 'accel', 'imu', 'sonar', 'optical_flow', 'barometer'))
+    def present(self) -> list[str]:
+        """Return the sensors that have a fault."""
+        return [one for one in ('gyro', 'accel', 'imu', 'sonar', 'optical_flow', 'barometer')
+                if getattr(self, one).kind != KINDS[NONE]]
 
 
 FaultsValues = values_type(FaultsParams, without=('changeable',))

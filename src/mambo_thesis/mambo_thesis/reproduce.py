@@ -14,7 +14,7 @@ from pathlib import Path
 
 from mambo_bags.command import guard, Parser
 from mambo_model.errors import JobError, MamboError
-from mambo_model.whole_file import write_text
+from mambo_model.whole_file import PAGE, refuse_other_kind, write_text
 from tqdm import tqdm
 
 from .figures import (  # noqa: F401 (each module registers its figures)
@@ -67,7 +67,7 @@ def write(examined: list[Examined], folder: Path) -> Path:
             picture(each.result.figure, folder / f'fig_{_file(each.claim.number)}.png')
     write_text(folder / 'reproduction.md', markdown(examined))
     write_text(folder / 'reproduction.json', json.dumps(data(examined), indent=1) + '\n')
-    return write_text(folder / 'index.html', page(examined))
+    return write_text(folder / 'index.html', page(examined), PAGE)
 
 
 def _file(number: str) -> str:
@@ -76,12 +76,11 @@ def _file(number: str) -> str:
 
 def _run(options: argparse.Namespace) -> None:
     claims = select_figures(options.figures)
-    if options.output.exists() and not options.output.is_dir():
-        raise ReproductionError(f'{options.output} is not a folder: give another --output')
     options.output.mkdir(parents=True, exist_ok=True)  # fails before anything is flown
     if options.mutations:
         _run_matrix(claims, options.output)
         return
+    refuse_other_kind(options.output / 'index.html', PAGE)
     examined = examine(claims)
     print('\n'.join(map(line, examined)))
     print(f'\n{summary(examined)}\npage: {write(examined, options.output)}')

@@ -74,9 +74,11 @@ def test_a_file_in_place_of_the_folder_is_refused_before_anything_is_flown(
         claims, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(reproduce, 'examine', lambda _: pytest.fail('flown'))
     (tmp_path / 'out').write_text('')
-    assert reproduce.main(['5.3', '-o', str(tmp_path / 'out')]) != 0
-    assert capsys.readouterr().err == (
-        f'reproduce: {tmp_path / "out"} is not a folder: give another --output\n')
+    with pytest.raises(SystemExit) as end:
+        reproduce.main(['5.3', '-o', str(tmp_path / 'out')])
+    assert end.value.code == 2 and capsys.readouterr().err == (
+        f'reproduce: --output: {tmp_path / "out"} is not a folder: give another; '
+        'reproduce --help says more\n')
     with pytest.raises(SystemExit) as end:
         reproduce.main(['5.3', '-o', str(tmp_path / 'out' / 'below')])
     assert end.value.code == 2 and capsys.readouterr().err == (

@@ -165,7 +165,8 @@ def _factor(bag: Bag) -> float | None:
 
 def _doubts(bag: Bag) -> list[str]:
     """Return what a reader must know about the messages of a bag, one line each."""
-    return [*refused_messages(bag), *stamps.doubtful(bag), *stamps.repeated(bag, motion.MOTIONS)]
+    return [*bag.notes, *refused_messages(bag), *stamps.doubtful(bag),
+            *stamps.repeated(bag, motion.MOTIONS)]
 
 
 def compare(bag: Bag) -> dict[str, Any]:
@@ -235,6 +236,14 @@ def _identical(recorded: Messages, replayed: Messages) -> list[str]:
     return lines
 
 
+def _lacking(origin: Bag) -> list[str]:
+    """Return the topics without samples that the estimator waits for: IMU and what is counted."""
+    ticks = origin['sensor_tick'] if 'sensor_tick' in origin else None
+    return [name for name, field in COUNTED.items()
+            if not (name in origin and len(origin[name]))
+            and (name == 'imu/data_raw' or ticks is not None and ticks[field].any())]
+
+
 def compare_replay(origin: Bag, answer: Bag) -> str:
     """
     Compare a replayed estimate with the recorded one.
@@ -260,9 +269,12 @@ def compare_replay(origin: Bag, answer: Bag) -> str:
     for bag in (origin, answer):
         check_types(bag)
     if 'estimate/odom' not in answer:
-        raise BagError(f'{answer.path}: no estimate/odom, the estimator did not answer')
+        lacking = _lacking(origin)
+        why = (f'as {origin.path} has no samples of {" and ".join(lacking)}'
+               if lacking else 'the estimator did not answer')
+        raise BagError(f'{answer.path}: no estimate/odom, {why}')
     estimate, parts, lines = answer['estimate/odom'], phases(origin), []
-    notes = stamps.doubtful(origin)
+    notes = [*origin.notes, *stamps.doubtful(origin)]
     sections = []
     if 'estimate/odom' in origin:
         lines += _identical(origin['estimate/odom'], estimate)
@@ -482,20 +494,20 @@ def _work(options: argparse.Namespace) -> None:
         print(table(result))
     written = []
     if options.json:
-        written.append(write_json(
-            options.json, json.dumps(_plain(result), indent=2, allow_nan=False)))
+        written.append(('numbers', write_json(
+            options.json, json.dumps(_plain(result), indent=2, allow_nan=False))))
     if options.csv:
-        written.append(tables.write_csv(result, options.csv))
+        written.append(('numbers', tables.write_csv(result, options.csv)))
     if options.html or options.output:
         from . import figures, report
         page = report.of_two(bag, other, *found) if is_pair else report.of_one(bag, result)
-        written += [report.write(path, page) for path in (
+        written += [('page', report.write(path, page)) for path in (
             options.html, options.output and options.output / 'index.html') if path]
         if options.output:
             figures.write_overview(bag, options.output / 'flight.png', bag.path.name)
     if options.json != '-':
-        for path in written:
-            print(f'\n{"page" if path.suffix == ".html" else "numbers"}: {path}')
+        for what, path in written:
+            print(f'\n{what}: {path}')
 
 
 def main(arguments: list[str] | None = None) -> int:

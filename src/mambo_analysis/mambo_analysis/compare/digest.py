@@ -7,7 +7,7 @@ import hashlib
 from pathlib import Path
 import struct
 
-from mambo_model.whole_file import replacing
+from mambo_model.whole_file import PICTURE, replacing
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -55,7 +55,7 @@ def of_text(*texts: str) -> str:
 
 def save(figure: Figure, path: Path, dpi: float, shows: str = '') -> None:
     """Save a figure as PNG with a digest of its content."""
-    with replacing(path) as part:
+    with replacing(path, PICTURE) as part:
         figure.savefig(part, format='png', dpi=dpi,
                        metadata={'Software': None, KEY: shows or digest(figure)})
 

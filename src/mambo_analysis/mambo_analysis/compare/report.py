@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 from mambo_bags.reader import Bag, BagError
 from mambo_model import palette
-from mambo_model.whole_file import write_text
+from mambo_model.whole_file import PAGE, write_text
 from mambo_signals import metrics, motion
 from mambo_signals.every_signal import signals
 from mambo_signals.flight_phases import Phases, phases
@@ -487,7 +487,7 @@ def write(path: Path, report: Report) -> Path:
     Raises
     ------
     InputError, JobError
-        If the file cannot be written.
+        If the file cannot be written, or exists and is not a page.
 
     """
-    return write_text(path, html(report))
+    return write_text(path, html(report), PAGE)

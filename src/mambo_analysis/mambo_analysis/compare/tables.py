@@ -7,7 +7,7 @@ import csv
 from pathlib import Path
 from typing import Any
 
-from mambo_model.whole_file import replacing
+from mambo_model.whole_file import COMPARISON, replacing
 
 SHOWN = 12  # largest number of differing parameters in a text
 
@@ -117,10 +117,10 @@ def write_csv(result: Mapping[str, Any], path: Path) -> Path:
     Raises
     ------
     InputError, JobError
-        If the file cannot be written.
+        If the file cannot be written, or exists and is not that of a comparison.
 
     """
-    with replacing(path) as part, part.open('w', newline='', encoding='utf-8') as file:
+    with replacing(path, COMPARISON) as part, part.open('w', newline='', encoding='utf-8') as file:
         out = csv.writer(file)
         out.writerow(['comparison', 'quantity', 'unit', 'part', 'axis', 'samples', 'rms',
                       'maximum', 'final_drift', 'delay_s'])

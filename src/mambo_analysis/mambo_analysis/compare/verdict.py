@@ -7,9 +7,10 @@ about the flight, not a failure of the command that found it: exit codes do not 
 
 from __future__ import annotations
 
+from mambo_bags import playback
 from mambo_bags.reader import Bag
 from mambo_estimation import health
-from mambo_flight.offline_replay import SENSORS
+from mambo_flight.offline_replay import missing, SENSORS
 from mambo_ros import topics
 from mambo_signals import resample
 import numpy as np
@@ -52,17 +53,36 @@ def _sensors(bag: Bag, state: Bag) -> list[str]:
     lines = [f'  {name}: unhealthy for {unhealthy[k]:.1%} of the time'
              for k, name in enumerate(health.NAMES[:health.SONAR])]
     for k, (topic, refused) in enumerate(AIDING, health.SONAR):
-        count = 0
+        all_ = count = 0
         if topic.name in bag:
             values = SENSORS[topic][1](bag[topic.name])[0]
-            count = int(np.isfinite(values.reshape(len(values), -1)).all(axis=1).sum())
+            all_ = len(values)
+            count = int(np.isfinite(values.reshape(all_, -1)).all(axis=1).sum())
         if not count:
-            lines.append(f'  {health.NAMES[k]}: absent')
+            lines.append(f'  {health.NAMES[k]}: ' + (
+                f'none of {all_} samples is a number within its limits: check its unit'
+                if all_ else 'absent'))
             continue
         share = min(1.0, int(inner[refused][-1]) / count)
         lines.append(
             f'  {health.NAMES[k]}: {count} samples, {share:.1%} refused; unhealthy for '
             f'{unhealthy[k]:.1%} of the time, out of reach for {reach[k]:.1%}')
+    return lines
+
+
+def _losses(bag: Bag, state: Bag) -> list[str]:
+    """Return a line for each topic with too few or too many samples, and one if that ends it."""
+    lost = missing(bag)
+    lines = [f'  {topic.name}: {len(places)} samples that only repeat the one before, and that no '
+             'watermark counts, were left out'
+             for topic, places in playback.uncounted(bag, '').items() if places]
+    lines += [f'  {name}: {few} of {all_} samples that were published are not in the bag'
+             for name, (few, all_) in lost.items()]
+    if lost:
+        early = bag[topics.SENSOR_TICK.name].stamp[-1] - state[topics.ESTIMATE.name].stamp[-1]
+        if early > 0:
+            lines.append(f'  the estimate ends {early * 1e-9:.2f} s before the recording, where '
+                         'it waits for them')
     return lines
 
 
@@ -106,4 +126,4 @@ def verdict(bag: Bag, state: Bag) -> str:
     if against:
         head += f'{";" if wrong else ", but is"} contradicted: {"; ".join(against)}'
     head = f'verdict: {head}'
-    return '\n'.join((head, *_sensors(bag, state)))
+    return '\n'.join((head, *_sensors(bag, state), *_losses(bag, state)))

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..importers import bounded, mat_file
+from ..importers import bounded, mat_file, plausible
 from .regression import IdentifyError
 
 Floats = NDArray[np.float64]
 Table = dict[str, tuple[Floats | None, Floats]]  # name: (its own times or None, values)
+_TIMES = ('t', 'time', 'times', 'timestamp', 'seconds')  # usual names of columns of times
 
 
 def read(path: Path) -> Table:
@@ -145,18 +146,33 @@ def times(
     Raises
     ------
     IdentifyError
-        If there are neither times nor a rate, or both.
+        If there are neither times nor a rate, or both; naming the row if times do not rise.
+    mambo_bags.mcap_reader.BagError
+        If the times cannot be in s.
 
     """
+    there = name if name in table else next(
+        (one for one in table if one.rpartition('.')[2].lower() in _TIMES), '')
+    named = '' if there == name else f' and give --time {there}'
     if rate > 0.0:
-        if own is not None or name in table:
+        if own is not None or there:
             raise IdentifyError(
                 f'--rate: {path} has times'
-                f'{"" if own is not None else f" in its column {name}"}: leave it out')
+                f'{"" if own is not None else f" in its column {there}"}: leave it out'
+                f'{"" if own is not None else named}')
         return np.arange(count) / rate
     if own is None:
         if name not in table:
-            raise IdentifyError(
-                f'{path}: no times; name their column with --time or give --rate')
+            raise IdentifyError(f'{path}: no column {name}; give --time {there}' if there else (
+                f'{path}: no times; name their column with --time or give --rate'))
         own = table[name][1]
+    where = f'{path}: {f"column {name}" if name in table else "times"}'
+    back = np.flatnonzero(np.diff(own) <= 0.0)
+    if len(back):
+        row = int(back[0]) + 1
+        first = 1 + (path.suffix.lower() == '.csv')  # below the names
+        raise IdentifyError(
+            f'{where}: the time goes from {own[row - 1]:.6g} to {own[row]:.6g} s in row '
+            f'{row + first}: give times that rise, one recording in a file')
+    plausible.refuse_pace(where, own)
     return own - own[0] if len(own) else own

@@ -27,7 +27,7 @@ from typing import NamedTuple
 from mambo_bags.cli.option_types import real, TIME
 from mambo_bags.command import Parser
 from mambo_flight import closed_loop
-from mambo_flight.scenario import from_yaml, load, override, Scenario
+from mambo_flight.scenario import load, override, Scenario
 from mambo_model import palette
 from mambo_model.frames import flip_vector
 from mambo_signals import resample
@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from . import from_flight, regression, result
+from .base import based, choose, flown
 from .placement import effects, LATEST, place, Placement, seen, without
 from .regression import IdentifyError, LEVEL, Value
 
@@ -332,8 +333,7 @@ def read(
     """
     bag = result.open_bag(path, ('optitrack/pose',), namespace)
     if file is None:
-        text = bag.attachments.get('scenario.yaml')
-        flight = from_yaml(text, f'{path}: scenario.yaml') if isinstance(text, str) else None
+        flight = flown(bag)
     else:
         flight = load(file)
     pose = bag['optitrack/pose']
@@ -380,6 +380,7 @@ def main(arguments: list[str] | None = None) -> int:
             options.bag, options.scenario, options.shift, options.namespace)
         if flight is None:
             return _unknown_flight(options)
+        base = choose(options.base, flight)
         if options.mass is not None:
             raise IdentifyError('--mass: the scenario of the flight says the mass')
         found = fit_drag(track, flight, options.part, options.start, options.end)
@@ -387,7 +388,7 @@ def main(arguments: list[str] | None = None) -> int:
         source = (f'identify_drag, {options.bag.name}, 95 %: {value.low:.4g} to {value.high:.4g}; '
                   f'reading {flight.sim_node.simulator.vehicle.drag_reading}')
         reading = flight.sim_node.simulator.vehicle.drag_reading
-        return result.Report(
+        return based(result.Report(
             f'{options.part} drag of {options.bag.name}', {part.symbol: value},
             {'rms residual [m]': found.fit.rms, 'rms without it [m]': found.without,
              'motion capture turned by [deg]': math.degrees(found.place.turn),
@@ -401,7 +402,7 @@ def main(arguments: list[str] | None = None) -> int:
              'known'],
             {'drag_reading': (reading, 'as the scenario of the flight'),
              part.name: (value.value, source)},
-            _draw(found, part), method=METHOD)
+            _draw(found, part), method=METHOD), base)
     return result.run('identify_drag', options, work)
 
 

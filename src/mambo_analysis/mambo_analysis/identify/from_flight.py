@@ -4,7 +4,7 @@ Drag, motor map and motor lag from a flight of which nothing is known but its re
 ``identify drag``, ``identify thrust`` and ``identify motor`` take a bag that holds no scenario:
 the accelerometer shows the specific force, whatever was flown
 (:mod:`mambo_analysis.twin.force`). What the recording cannot know comes from the command line: the
-vehicle that all else is taken from (``--base``), and its mass (``--mass``).
+vehicle that all else is taken from (:mod:`.base`), and its mass (``--mass``).
 """
 
 from __future__ import annotations
@@ -20,19 +20,30 @@ import numpy as np
 from . import result
 from ..twin import identify_flight
 from ..twin.force import Found
-from ..twin.identify_flight import drag_parameters, late_note, METHOD
+from ..twin.identify_flight import drag_parameters, METHOD, reading_notes
 from ..twin.recorded import GRAVITY, Recorded
+from .base import Base, based
 from .regression import IdentifyError, Value
 
 AXES = {'horizontal': 'xy', 'vertical': 'z'}
 
 
 class Flight(NamedTuple):
-    """A recorded flight, its force model, and the vehicle that all else is taken from."""
+    """A recorded flight, its force model, and the base that all else is taken from."""
 
     recorded: Recorded
     found: Found
-    vehicle: Vehicle
+    base: Base
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """Return the vehicle that all else is taken from."""
+        return self.base.vehicle
+
+    @property
+    def unknown(self) -> str:
+        """Return the beginning of a note on a flight of which only the recording is known."""
+        return '' if self.base.simulated else 'no scenario in the bag: '
 
     @property
     def name(self) -> str:
@@ -59,10 +70,10 @@ class Flight(NamedTuple):
 def add_options(out: argparse.ArgumentParser) -> None:
     """Add the option with the fact that a recording does not hold."""
     out.add_argument('--mass', type=real(0.0, 1000.0, 'kg', above=True), metavar='KG',
-                     help='of the vehicle, if the bag holds no scenario (default: of the base)')
+                     help='of the vehicle (default: of the base)')
 
 
-def read(path: Path, base: str, mass: float | None, namespace: str | None) -> Flight:
+def read(path: Path, base: str | None, mass: float | None, namespace: str | None) -> Flight:
     """Read a flight; arguments and errors as of :func:`..twin.identify_flight.read`."""
     return Flight(*identify_flight.read(path, base, mass, namespace))
 
@@ -84,12 +95,12 @@ def drag_report(flight: Flight, part: str) -> result.Report:
     if not mean > 0.0:
         raise IdentifyError(f'{flight.name}: a drag of {mean:.3g} 1/s drives the vehicle: check '
                             'axes and signs of velocity and accelerometer')
-    return result.Report(
+    return based(result.Report(
         f'{part} drag of {flight.name}', values, flight.facts(),
-        ['no scenario in the bag: the drag is that of the accelerometer against the velocity of '
-         'the motion capture, per mass', *late_note(flight.recorded)],
+        [f'{flight.unknown}the drag is that of the accelerometer against the velocity of '
+         'the motion capture, per mass', *reading_notes(flight.recorded)],
         drag_parameters(flight.found, f'identify_drag, {flight.name}'),
-        _draw(flight, AXES[part]), method=METHOD)
+        _draw(flight, AXES[part]), method=METHOD), flight.base)
 
 
 def thrust_report(flight: Flight) -> result.Report:
@@ -100,27 +111,27 @@ def thrust_report(flight: Flight) -> result.Report:
     a = mass * model.thrust / model.command ** model.exponent
     hover = identify_flight.hover_command(flight.found).value
     source = _source('identify_thrust', flight, b)
-    return result.Report(
+    return based(result.Report(
         f'motor map of {flight.name}', {'thrust at the mean command': thrust, 'b': b},
         {**flight.facts(), 'a [N]': f'{a:.6g}', 'hover command': hover},
-        ['no scenario in the bag: thrust is mass times specific force, over the command and the '
+        [f'{flight.unknown}thrust is mass times specific force, over the command and the '
          'voltage of the battery; a holds at the mean voltage and belongs to b',
-         *late_note(flight.recorded)],
+         *reading_notes(flight.recorded)],
         {'mass': (mass, 'as given, or of the base'), 'thrust_map': ('power', source),
          'power_a': (a, source), 'power_b': (model.exponent, source),
          'linear_gain': (hover / (mass * GRAVITY / 4.0), f'{source}; through the hover')},
-        _draw(flight, 'z'), method=METHOD)
+        _draw(flight, 'z'), method=METHOD), flight.base)
 
 
 def motor_report(flight: Flight) -> result.Report:
     """Return the lag of the motors, with the motor map of the flight itself."""
     lag = flight.value('motor lag')
-    return result.Report(
+    return based(result.Report(
         f'lag of the motors of {flight.name}',
         {'time constant': lag},
         {**flight.facts(), 'exponent of the map': flight.found.model.exponent},
-        ['no scenario in the bag: the motor map is that of this flight, with its battery',
+        [f'{flight.unknown}the motor map is that of this flight, with its battery',
          'a delay of the commands counts as lag, late stamps of theirs as less',
-         *late_note(flight.recorded)],
+         *reading_notes(flight.recorded)],
         {'motor_time_constant': (lag.value, _source('identify_motor', flight, lag))},
-        _draw(flight, 'z'), method=METHOD)
+        _draw(flight, 'z'), method=METHOD), flight.base)

@@ -15,12 +15,12 @@ from mambo_bags.cli.option_types import real, TIME
 from mambo_bags.command import Parser, refuse_unused
 from mambo_model import palette
 from mambo_model.vehicle import bifilar
-from mambo_model.vehicle.parameters import preset
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 
 from . import columns, regression, result
+from .base import Base, based, choose, of_bag
 from .regression import IdentifyError, Value
 
 Floats = NDArray[np.float64]
@@ -226,6 +226,7 @@ def _report(options: argparse.Namespace, t: Floats, rate: Floats, found: Inertia
         'rms residual [rad/s]': found.fit.rms, 'samples': len(t),
         'order of the residual': found.fit.order[0]}
     changed: dict = {}
+    base: Base | None = None
     notes = []
     if found.fit.rms > COHERENT * float(np.std(rate)) and found.fit.order[0]:
         notes.append('what is left swings too: (4.2) is not all that acts on this rig')
@@ -238,18 +239,22 @@ def _report(options: argparse.Namespace, t: Floats, rate: Floats, found: Inertia
             notes.append('whatever the distance of the axis, J is at most m (g/omega_0^2)^2/4')
     else:
         values = {name: found.J, 'K_D': found.K_D, 'C': found.C, **values}
-        moments = list(preset(options.base).inertia)
+        bag = result.is_bag(options.file)
+        base = (of_bag(options.base, options.file, options.namespace) if bag
+                else choose(options.base, None)._replace(notes=()))
+        moments = list(base.vehicle.inertia)
         moments[AXES.index(options.axis)] = found.J.value
         source = (f'{name} by {options.rig} pendulum, {options.file.name}, 95 %: '
-                  f'{found.J.low:.4g} to {found.J.high:.4g}; others as {options.base}')
+                  f'{found.J.low:.4g} to {found.J.high:.4g}; others as {base.name}')
         changed = {'inertia': (tuple(moments), source)}
         if not (options.separation_error or options.length_error or options.mass_error):
             notes.append(
                 'the interval holds no error of the geometry: 1 % of D is 2 % of J, 1 % of h or '
                 'mass 1 % (--separation-error, --length-error, --mass-error)')
-    return result.Report(
+    report = result.Report(
         f'swing about body {options.axis} of {options.file.name}', values, facts, notes, changed,
         _draw(t, rate, found))
+    return report if base is None else based(report, base)
 
 
 def _data(options: argparse.Namespace) -> tuple[Floats, Floats]:

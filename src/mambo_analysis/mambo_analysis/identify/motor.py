@@ -33,7 +33,7 @@ from mambo_model import palette
 from mambo_model.compiled import jit
 from mambo_model.frames import flip_vector
 from mambo_model.vehicle.motor_mixer import limit_pwm, thrust_from_pwm
-from mambo_model.vehicle.parameters import find, Vehicle, VehicleValues
+from mambo_model.vehicle.parameters import Vehicle, VehicleValues
 from mambo_signals import metrics, motion
 from mambo_signals.resample import longest_run
 from matplotlib.figure import Figure
@@ -41,6 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import from_flight, regression, result
+from .base import based, flown, of_bag
 from .regression import IdentifyError, Value
 
 Floats = NDArray[np.float64]
@@ -49,6 +50,8 @@ BLOCK = 10        # control steps from mean to mean
 LEAST = 800       # control steps
 LONGEST = 0.5     # s
 STILL = 0.02      # m/s^2, rms of the predicted thrust over mass: below, nothing is asked of motors
+FLOOR = 3.0       # s at both ends of a flight in which the floor may carry a part of the weight
+STRAY = 6.0       # of the robust deviation of the residual in between: more is the floor's force
 LANDED = 0.5      # of the weight: commands below are no flight
 GUESS = 0.03      # s
 NAMES = 'lag', 'thrust over that of the map'
@@ -66,6 +69,7 @@ class Motor(NamedTuple):
     t: Floats             # (m,) s, of the means that were compared
     measured: Floats      # (m,) m/s^2
     fit: regression.Fit
+    samples: int          # control steps that were compared
 
 
 @jit
@@ -144,7 +148,28 @@ def fit_motor(t: Floats, pwm: Floats, acceleration: Floats, vehicle: Vehicle) ->
     offset = float(np.mean(measured - found.residual[:, 0] - model(found.theta)[:, 0]))
     rest = measured - means(found.theta[1] * predicted(0.0)) - offset
     return Motor(
-        value, found.value(1, '1'), offset, float(np.std(rest)), means(t), measured, found)
+        value, found.value(1, '1'), offset, float(np.std(rest)), means(t), measured, found,
+        len(t))
+
+
+def fit_flight(t: Floats, pwm: Floats, acceleration: Floats, vehicle: Vehicle) -> Motor:
+    """
+    Fit as :func:`fit_motor`, without what the floor does at both ends of a flight.
+
+    A vehicle that touches down is carried by the floor while its motors still run, and a floor
+    within a rotor's diameter adds thrust: the accelerometer then shows what no command explains.
+    """
+    found = fit_motor(t, pwm, acceleration, vehicle)
+    at, residual = found.t, found.fit.residual[:, 0]
+    first, last = at < at[0] + FLOOR, at > at[-1] - FLOOR
+    between = residual[~first & ~last]
+    if not len(between):
+        return found
+    middle = np.median(between)
+    stray = np.abs(residual - middle) > STRAY * 1.4826 * np.median(np.abs(between - middle))
+    begin, end = at[first & stray].max(initial=t[0]), at[last & stray].min(initial=t[-1])
+    kept = (t >= begin) & (t <= end)
+    return found if kept.all() else fit_motor(t[kept], pwm[kept], acceleration[kept], vehicle)
 
 
 def means(x: Floats) -> Floats:
@@ -238,7 +263,15 @@ def read(path: Path, vehicle: Vehicle, namespace: str | None) -> tuple[Floats, F
     t = imu.stamp[here] * 1e-9
     pwm = np.ascontiguousarray(motors['pwm'][there], float)
     down = np.array([flip_vector(tuple(a))[2] for a in imu.acceleration[here].tolist()])
+    if np.median(pwm.max(axis=1)) > vehicle.pwm_max:
+        raise IdentifyError(
+            f'{path}: motor_pwm has commands up to {pwm.max():g}, beyond the range of the base, '
+            f'{vehicle.pwm_min:g} to {vehicle.pwm_max:g}: give the vehicle by --base')
     air = in_flight(t, pwm, vehicle)
+    if not air.any():
+        raise IdentifyError(
+            f'{path}: with the motor map of the base, commands up to {pwm.max():g} lift nothing: '
+            'give the vehicle by --base')
     return t[air], pwm[air], down[air]
 
 
@@ -260,7 +293,7 @@ def _map_of_flight(options: argparse.Namespace) -> bool:
     if options.map is not None:
         return bool(options.map == 'flight')
     bag = read_bag(options.bag, motion.TRUTH, options.namespace)
-    return 'scenario.yaml' not in bag.attachments and any(
+    return flown(bag) is None and any(
         topic in bag and len(bag[topic]) for topic in motion.TRUTH)
 
 
@@ -273,22 +306,23 @@ def main(arguments: list[str] | None = None) -> int:
         if _map_of_flight(options):
             return from_flight.motor_report(from_flight.read(
                 options.bag, options.base, options.mass, options.namespace))
-        vehicle = find(options.base)
+        base = of_bag(options.base, options.bag, options.namespace)
+        vehicle = base.vehicle
         if options.mass is not None:
             vehicle = dataclasses.replace(vehicle, mass=options.mass)  # checks its range
         t, pwm, acceleration = read(options.bag, vehicle, options.namespace)
-        found = fit_motor(t, pwm, acceleration, vehicle)
+        found = fit_flight(t, pwm, acceleration, vehicle)
         value = found.time_constant
         source = (f'identify_motor, {options.bag.name}, 95 %: {value.low:.4g} to '
                   f'{value.high:.4g}')
-        return result.Report(
+        return based(result.Report(
             f'lag of the motors of {options.bag.name}',
             {'time constant': value, 'thrust over that of the map': found.gain},
             {'accelerometer offset [m/s^2]': found.offset,
              'rms residual [m/s^2]': found.fit.rms, 'rms without lag [m/s^2]': found.without,
-             'samples': len(t), 'order of the residual': found.fit.order[0]},
+             'samples': found.samples, 'order of the residual': found.fit.order[0]},
             ['a delay of the commands counts as lag, late stamps of theirs as less'],
-            {'motor_time_constant': (value.value, source)}, _draw(found))
+            {'motor_time_constant': (value.value, source)}, _draw(found)), base)
     return result.run('identify_motor', options, work)
 
 

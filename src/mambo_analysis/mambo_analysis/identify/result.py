@@ -15,14 +15,16 @@ from mambo_model.schema import ParameterError
 from mambo_model.vehicle import vehicle_file
 from mambo_model.vehicle.mass_properties import impossible
 from mambo_model.vehicle.parameters import PRESETS, Vehicle
-from mambo_model.whole_file import replacing, write_text
+from mambo_model.whole_file import PICTURE, replacing, write_text
 from mambo_signals import stamps
 from matplotlib.figure import Figure
 
-from .regression import LEVEL, Value
+from .regression import IdentifyError, LEVEL, Value
 
 METHOD = ('intervals of 95 %: least squares on residuals whitened by an autoregressive model '
           '(order by BIC), Gauss-Newton covariance, Student t')
+
+DEFAULT = 'identified'  # the base of what nobody knows more of
 
 
 class Report(NamedTuple):
@@ -36,6 +38,7 @@ class Report(NamedTuple):
     draw: Callable[[Figure], None]
     files: dict[str, str] = {}         # {name: text} written besides, never changed
     method: str = METHOD               # of the intervals
+    base: str = ''                     # that a vehicle file starts from; empty: --base
 
 
 def parser(name: str, description: str) -> Parser:
@@ -44,9 +47,10 @@ def parser(name: str, description: str) -> Parser:
     out.add_output('DIR', 'write NAME.json, NAME.png and NAME.yaml, a vehicle, into it; older '
                    'files are replaced')
     out.add_json()
-    out.add_argument('--base', default='identified', metavar='VEHICLE',
+    out.add_argument('--base', metavar='VEHICLE',
                      help=f'vehicle that the new one starts from: {", ".join(PRESETS)}, or a '
-                          'FILE.yaml')
+                          'FILE.yaml (default: that of the scenario in the bag; without one '
+                          f'{DEFAULT})')
     return out
 
 
@@ -167,7 +171,7 @@ def write(name: str, report: Report, folder: Path, base: str) -> list[Path]:
         write_text(folder / file, text)
     figure = Figure(figsize=(9.0, 6.0), layout='constrained')
     report.draw(figure)
-    with replacing(folder / f'{name}.png') as part:
+    with replacing(folder / f'{name}.png', PICTURE) as part:
         figure.savefig(part, format='png', dpi=120)
     return [folder / file for file in (*texts, f'{name}.png')]
 
@@ -176,22 +180,35 @@ def run(name: str, options: argparse.Namespace, work: Callable[[], Report]) -> i
     """Do the work of a command, print and write its report; return the exit code."""
     def whole() -> None:
         """Check the base; work, print and write."""
-        if not options.base.endswith('.yaml') and options.base not in PRESETS:
-            raise ParameterError(
-                f'--base: vehicle {options.base!r} is unknown; known: {", ".join(PRESETS)}, or '
-                'a FILE.yaml')
-        options.base = _checked(options.base)
-        report = work()
-        vehicle_text(report, options.base)  # refuses values of no vehicle, also without --output
+        if options.base is not None:
+            if not options.base.endswith('.yaml') and options.base not in PRESETS:
+                raise ParameterError(
+                    f'--base: vehicle {options.base!r} is unknown; known: {", ".join(PRESETS)}, '
+                    'or a FILE.yaml')
+            options.base = _checked(options.base)
+        report = _named(options, work)
+        base = report.base or options.base or DEFAULT
+        vehicle_text(report, base)  # refuses values of no vehicle, also without --output
         if options.json != '-':
             print(table(report))
         if options.json and (path := write_json(options.json, as_json(report))):
             print(f'wrote {path}')
         if options.output:
-            for file in write(name, report, options.output, options.base):
+            for file in write(name, report, options.output, base):
                 if options.json != '-':
                     print(f'wrote {file}')
     return guard(name, whole)
+
+
+def _named(options: argparse.Namespace, work: Callable[[], Report]) -> Report:
+    """Return the report of a command; an error about the data names their file or bag."""
+    source: Path | None = getattr(options, 'file', None) or getattr(options, 'bag', None)
+    try:
+        return work()
+    except IdentifyError as error:
+        if source is None or source.name in str(error) or str(error).startswith('--'):
+            raise
+        raise type(error)(f'{source}: {error}') from None
 
 
 def is_bag(path: Path) -> bool:

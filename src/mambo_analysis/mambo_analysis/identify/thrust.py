@@ -153,23 +153,39 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
         'b minus that of the thesis': found.b.value - THESIS[1],
         f'thrust over that of the thesis at {middle:.0f}': share}
     notes = ['a and b belong together: neither is known as well as their map']
-    vehicle = find(options.base)
+    for left, why in ((pwm <= 0.0, 'a command of 0 or below: the motor stands'),
+                      (pwm > options.max_pwm, f'a command above --max-pwm {options.max_pwm:g}')):
+        notes += [f'{left.sum()} of {len(pwm)} readings are left out, as they have {why}'
+                  ] if left.any() else []
+    base = options.base or result.DEFAULT
+    vehicle = find(base)
     lift = 4.0 * float(thrust[found.used].max()) / (vehicle.mass * vehicle.gravity)
     if not LIFT[0] < lift < LIFT[1]:
-        notes.append(f'four such motors lift {lift:.3g} times the weight of {options.base}: check '
+        notes.append(f'four such motors lift {lift:.3g} times the weight of {base}: check '
                      '--unit, --motors and --base')
     report = result.Report(
         f'motor map of {options.file.name}',
         {'linear gain': found.gain, 'a': found.a, 'b': found.b}, facts, notes, changed,
         _draw(pwm, thrust, found), method=METHOD)
     try:
-        result.vehicle_text(report, options.base)
+        result.vehicle_text(report, base)
     except ParameterError as error:
         raise IdentifyError(
             f'{options.file}: no motor map of a vehicle: {error}: the thrust of one motor must '
             'rise with its command; check --command, --thrust, --unit, --motors and the zero of '
             'the scale') from None
     return report
+
+
+def _refuse_copies(pwm: Floats, thrust: Floats, path: Path) -> None:
+    """Raise IdentifyError if every reading, (n,), stands there equally often, more than once."""
+    if len(pwm) != len(thrust):
+        return  # said where they are fitted
+    _, counts = np.unique(np.stack([pwm, thrust]), axis=1, return_counts=True)
+    if len(counts) and counts.min() == counts.max() > 1:
+        raise IdentifyError(
+            f'{path}: every reading stands there {counts[0]} times, which is no new measurement: '
+            'leave the copies out')
 
 
 def parser() -> Parser:
@@ -211,6 +227,7 @@ def main(arguments: list[str] | None = None) -> int:
         table = columns.read(options.file)
         _, pwm = columns.column(table, options.command, options.file)
         _, thrust = columns.column(table, options.thrust, options.file)
+        _refuse_copies(pwm, thrust, options.file)
         factor = options.gravity / 1000.0 if options.unit == 'g' else 1.0
         return _report(options, pwm, factor / options.motors * thrust)
     return result.run('identify_thrust', options, work)

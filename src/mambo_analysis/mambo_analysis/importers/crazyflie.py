@@ -47,6 +47,15 @@ Motion capture
     the gyro instead, as does a log without a usable range. Signals that give different clocks
     (:func:`mambo_signals.time_offset.most_precise`) are refused. NaN is marker loss: no pose; nor
     is there one where the tracker flips the body (:mod:`mambo_signals.outliers`).
+
+Contradictions
+    A gyro that turns as the drone's own attitude says, but five times as much or more, or less, is
+    refused; so is a motion capture that turns otherwise than the gyro
+    (:mod:`mambo_signals.gyro_check`), whose height is along another axis than z by the range, or
+    whose path is the mirror image of the drone's. With ``--mocap-offset SECONDS`` such a motion
+    capture is taken as it is, with a line that says so. A scale of it that is wrong by a few
+    percent does not show: the range changes by 0.990 to 1.014 m for a metre of height in five
+    real flights. Beyond 5 % a line says so.
 """
 
 from __future__ import annotations
@@ -62,7 +71,7 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
-from mambo_signals import outliers
+from mambo_signals import gyro_check, outliers
 from mambo_signals.derivative import body_rates
 from mambo_signals.resample import interpolate
 from mambo_signals.time_offset import (
@@ -85,10 +94,17 @@ FULL_QUALITY = 255
 RANGE_LIMITS = (0.01, 4.0)  # [m] VL53L1x
 RANGE = 'range against z'
 NEAR = 0.08  # [s] how far the gyro's offset may be from the range's
+SCALE = 1.05  # [-] of the range over the height of the motion capture; 0.990 to 1.014 were seen
 GAP = 0.05  # [s] over which the parts of one instant are interpolated
 MOTORS = ('m_4', 'm_1', 'm_2', 'm_3')
 """In the order of (3.2): front left, front right, rear right, rear left."""
 GYRO = ('gyro.x', 'gyro.y', 'gyro.z')
+SAME_TURNING = (
+    ((('w_x', 'w_y', 'w_z'), math.degrees(1.0)), (('psi', 'theta', 'phi'), (1.0, 1.0, 1.0))),
+    ((GYRO, 1.0), (('stateEstimate.yaw', 'stateEstimate.pitch', 'stateEstimate.roll'),
+                   np.radians([1.0, -1.0, 1.0]))))
+"""A gyro and its unit [deg/s], the attitude that goes with it and its factors [rad]: the pitch of
+the firmware is positive with the nose up (``estimator_kalman``, legacy coordinates)."""
 USED = ('w_x', 'w_y', 'w_z', 'a_z', 'r', 'n_x', 'n_y', *MOTORS, 'p_x', 'p_y', 'p_z', 'psi',
         'theta', 'phi', 'v_x', 'v_y', 'v_z', 'p_x_des', 'p_y_des', 'p_z_des')
 MOCAP = ('x', 'y', 'z', 'yaw', 'pitch', 'roll')
@@ -211,10 +227,29 @@ def _check(path: Path, log: Log) -> None:
         rates = log.at(times, 'w_x', 'w_y', 'w_z')
         known = np.isfinite(rates).all(axis=1)
         plausible.refuse_degrees(f'{path}: w_x, w_y, w_z', times[known], rates[known])
+    _check_unit(path, log)
     if log.has('a_z'):
         plausible.refuse_g(f'{path}: a_z', log.drone['a_z'][1])
     if log.has('r'):
         plausible.refuse_ranges(f'{path}: r', log.drone['r'][1])
+
+
+def _check_unit(path: Path, log: Log) -> None:
+    """Raise BagError for a gyro in another unit than the drone's own attitude shows."""
+    (gyro, unit), (attitude, scale) = next(
+        pair for pair in SAME_TURNING if log.has(*pair[0][0]))
+    if not log.has(*attitude):
+        return
+    times, t = log.drone[gyro[0]][0], log.drone[attitude[0]][0]
+    rates, angles = math.radians(unit) * log.at(times, *gyro), log.at(t, *attitude) * scale
+    known = np.isfinite(angles).all(axis=1)
+    gain = gyro_check.other_unit(gyro_check.compare(
+        times, rates, t[known], np.array(_attitude(angles[known])).reshape(-1, 4)))
+    if gain is not None:
+        names = 'rad/s, and these in rad' if unit != 1.0 else 'deg/s, and these in deg'
+        raise BagError(
+            f'{path}: {", ".join(gyro)}: the gyro shows {gain:.3g} times the turning of the '
+            f'attitude {", ".join(attitude)}: give it in {names}')
 
 
 def _mocap(path: Path, found: Any) -> tuple[Floats, int, int, int]:
@@ -405,16 +440,16 @@ def _publish_mocap(log: Log, out: Publisher, offset: float) -> None:
         out.publish('optitrack/pose', stamp, 'map', pose=out.pose(row[1:4], q))
 
 
-def _range_offset(log: Log) -> Offset | None:
-    """Return the offset by the range; None if only the gyro is usable, else AlignError."""
+def _range_offset(log: Log) -> tuple[Offset | None, str]:
+    """Return the offset by the range; None and why if only the gyro is usable, else AlignError."""
     if not log.has('r'):
-        return None
+        return None, 'there is none'
     try:
-        return mocap_offset(log)
-    except AlignError:
+        return mocap_offset(log), ''
+    except AlignError as error:
         if not _gyro_offsets(log)[0]:
             raise
-        return None
+        return None, str(error)
 
 
 def _check_offset(path: Path, log: Log, offset: float) -> None:
@@ -442,6 +477,42 @@ def _refuse_unused(
             refuse_options(path, given, f'the log has no {what}')
 
 
+def _contradictions(log: Log, offset: float) -> list[str]:
+    """Return what of the drone contradicts its motion capture with an offset, in words."""
+    times, out = log.mocap[:, 0] + offset, []
+    if log.has('r'):
+        t, r = log.drone['r']
+        position = interpolate(t, times, log.mocap[:, 1:4], 2.0 * GAP)
+        both = np.isfinite(position).all(axis=1) & (r > 0.0)
+        out.append(plausible.other_height(r[both], position[both]))
+    if log.has('p_x', 'p_y'):
+        t = log.drone['p_x'][0]
+        rows = np.hstack([log.at(t, 'p_x', 'p_y'),
+                          interpolate(t, times, log.mocap[:, 1:3], 2.0 * GAP)])
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        out.append(plausible.mirrored(rows[:, :2], rows[:, 2:]))
+    if log.has('w_x', 'w_y', 'w_z'):
+        t = log.drone['w_x'][0]
+        run = _motors_run(log)
+        t = t[(t >= run[0]) & (t <= run[1])]
+        try:
+            gyro_check.refuse(gyro_check.compare(
+                t, log.at(t, 'w_x', 'w_y', 'w_z'), times, np.array(_attitude(log.mocap[:, 4:]))))
+        except AlignError as error:
+            out.append(str(error))
+    return [text for text in out if text]
+
+
+def _motors_run(log: Log) -> tuple[float, float]:
+    """Return from when to when the motors run, s; a vehicle that is carried away is hidden."""
+    if log.has(*MOTORS):
+        t = log.drone[MOTORS[0]][0]
+        on = t[(np.nan_to_num(log.at(t, *MOTORS)) > 0.0).any(axis=1)]
+        if len(on):
+            return float(on[0]), float(on[-1])
+    return -math.inf, math.inf
+
+
 def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, Any]]:
     """Return the offset of the motion capture, None to leave it out, with a remark."""
     if asked == 'none' or not len(log.mocap):
@@ -451,19 +522,22 @@ def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, 
         return float(asked), {'mocap_offset_s': float(asked), 'mocap_offset_from': 'given'}
     details: dict[str, Any] = {'mocap_offset_from': 'gyro'}
     try:
-        by_range = _range_offset(log)
+        by_range, reason = _range_offset(log)
         if by_range is not None:
             found = by_range
             most_precise({RANGE: found, **_gyro_offsets(log)[0]}, {RANGE: RANGE_LATE})
             height = float(np.median(log.mocap[:, 3]))
             details['range_minus_mocap_z_m'] = found.bias + (found.factor - 1.0) * height
+            if not 1.0 / SCALE < found.factor < SCALE:
+                details['range_over_mocap_z'] = (
+                    f'{found.factor:.3f}, not 1: check the scale of the motion capture')
             if asked == 'gyro':
                 found = gyro_offset(log, found.offset)
             else:
                 found = found._replace(sigma=math.hypot(found.sigma, RANGE_LATE))
                 details['mocap_offset_from'] = RANGE
         else:
-            found = gyro_offset(log)
+            found, details['range_not_used'] = gyro_offset(log), reason
     except AlignError as error:
         raise BagError(f'{path}: the motion capture cannot be aligned: {error}; give '
                        '--mocap-offset SECONDS, or none to leave it out') from None
@@ -523,6 +597,14 @@ def import_crazyflie(
     log = read_log(file)
     _refuse_unused(source, log, counts_per_radian, mocap, level, repeated_flow)
     offset, details = _aligned(source, log, mocap)
+    doubts = [] if offset is None else _contradictions(log, offset)
+    if doubts and mocap in ('auto', 'gyro'):
+        raise BagError(f'{source}: {doubts[0]}; or give --mocap-offset {offset:.3f} to take the '
+                       'motion capture as it is, or none to leave it out')
+    if doubts:
+        details['mocap_taken_as_it_is'] = '; '.join(doubts)
+    if log.has('a_z') and (unusual := plausible.unusual('a_z', 'accel', log.drone['a_z'][1])):
+        details['accelerometer'] = unusual[0]
     record = provenance(source.name, file.sha256, 'import_crazyflie', 'Crazyflie JSON log', {
         'counts_per_radian': counts_per_radian, 'flow_period_s': FLOW_PERIOD,
         'flow_rotation': 'not compensated', 'horizontal_acceleration': '0' if level else 'NaN',
@@ -575,7 +657,8 @@ def main(arguments: list[str] | None = None) -> int:
         counts, details = import_crazyflie(
             options.log, options.output, options.counts_per_radian, options.mocap_offset,
             options.level, options.repeated_flow)
-        notes = [f'{key}: {details[key]}' for key in details if key.startswith(('mocap', 'range'))]
+        notes = [f'{key}: {details[key]}' for key in details if key.startswith(
+            ('mocap', 'range', 'accelerometer'))]
         if steep := details.get('beyond_quarter_turn'):
             notes += steep.split('; ')
         ignored = [] if details['ignored'] == 'nothing' else details['ignored'].split(', ')

@@ -6,8 +6,8 @@ Export: CSV): a line of keys and values about the take, then the type, name and 
 column belongs to (and its parent, from 1.25), then Rotation or Position, then the axes. A column
 without a name of its own (marker error, time code) is skipped. The columns of one rigid body
 become ``optitrack/pose``; where its markers were lost the cells are empty, and there is no pose;
-likewise where the quaternion is of zeros. Impossible poses are left out
-(:mod:`mambo_signals.outliers`). All are counted.
+likewise where the quaternion is of zeros. Frozen and impossible poses are left out
+(:mod:`mambo_signals.frozen`, :mod:`mambo_signals.outliers`). All are counted.
 
 Axes
     The file does not say which axis is up. Motive's own is y, with x to the right and z towards
@@ -41,7 +41,7 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
-from mambo_signals import outliers
+from mambo_signals import frozen, outliers
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -374,6 +374,8 @@ def import_motive(
     file = read_source(source)
     take = read_take(file, body)
     times, position, attitude = poses(take, up, nose)
+    still = frozen.frozen(times, position, attitude)
+    times, position, attitude = times[~still], position[~still], attitude[~still]
     wrong = outliers.refuse_most(f'{source}: {TOPIC}', times, position, attitude)
     plausible.refuse_far(f'{source}: {TOPIC}', position[~wrong])
     frames, lost, impossible = len(take.times), int((~take.seen).sum()), int(wrong.sum())
@@ -382,10 +384,12 @@ def import_motive(
              'left out'] if lost else []
     notes += [f'{TOPIC}: {take.zeros} of them have a quaternion of zeros, no attitude'
               ] if take.zeros else []
+    notes += [frozen.describe(TOPIC, int(still.sum()))] if still.any() else []
     notes += [outliers.describe(TOPIC, impossible)] if impossible else []
     details: dict[str, Any] = {
-        'body': take.body, 'up': up, 'nose_rad': nose, 'frames': frames,
-        'frames_lost': lost, 'poses_impossible': impossible}
+        'body': take.body, 'up': up, 'nose_rad': nose, 'frames': frames, 'frames_lost': lost,
+        **({'poses_frozen': int(still.sum())} if still.any() else {}),
+        'poses_impossible': impossible}
     details |= {f'motive_{key.lower().replace(" ", "_")}': value
                 for key, value in take.about.items() if key}
     record = provenance(source.name, file.sha256, 'import_motive', 'Motive CSV export', details)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from mambo_bags.mcap_reader import BagError
+from mambo_signals.gyro_check import differs
 from mambo_signals.outliers import FASTEST_TURN
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +25,20 @@ PRESSURES = (3e4, 1.2e5)  # [Pa] from above all mountains to below the sea
 MOST_VOLTS = 100.0  # of a battery; one in mV has thousands
 LARGEST_PWM = 65535.0  # of 16 bits
 FEW = 0.01  # [-] share of values that may be damaged
+MINIDRONE = {
+    'accel': (7.0, 13.0, 'm/s^2'), 'sonar': (0.2, 4.0, 'm'), 'pressure': (*PRESSURES, 'Pa'),
+    'battery': (2.5, 5.0, 'V'), 'percent': (0.0, 100.0, '%'), 'motors': (0.0, 1000.0, 'PWM'),
+    'flow': (0.0, 12.0, 'rad/s')}
+"""Least and largest usual value of the sensors of a minidrone, and their unit. In twelve flights:
+accelerometer 9.3 to 10.2, sonar 0.44 to 1.2, battery of one cell 3.5 to 4.2, commands up to 500
+and flow up to 4.5 (99 %)."""
+NOISY = ('sonar', 'pressure')  # which never rest
+SAME_RATE = (0.6, 3.0)  # correlation of gyro and onboard rate, and their factor
+LEAST_ROWS = 50  # of two recordings that are compared
+LEAST_CHANGE = 0.1  # [m] standard deviation of a height or a path that can be compared
+FOLLOWS = 0.95  # correlation of a range with the axis that is up; five real flights: 0.999
+OTHER = 0.9  # correlation below which a range does not follow an axis; the others have up to 0.78
+MIRRORED = (0.8, 0.3)  # explained shares of a path, by its mirror image and by itself
 
 
 def refuse_pace(where: str, times: Floats) -> None:
@@ -213,3 +230,128 @@ def tilt_of(times: Floats, rates: Floats) -> float:
             largest = max(largest, float(np.sqrt(np.mean(left**2))))
         begin += 0.5 * WINDOW
     return largest
+
+
+def other_height(ranges: Floats, position: Floats) -> str | None:
+    """
+    Return in words which axis of a motion capture is up, if it is not z.
+
+    A range that follows no axis, over steps or beyond its reach, says nothing.
+
+    Parameters
+    ----------
+    ranges : (n,) m
+    position : (n, 3) m
+        At the same times.
+
+    """
+    if len(ranges) < LEAST_ROWS or ranges.std() < LEAST_CHANGE:
+        return None
+    spread = position.std(axis=0)
+    if not np.ptp(position[:, 2]) > 0.0:
+        return (f'z of the motion capture is {position[0, 2]:.4g} m throughout, while the range '
+                f'changes by {np.ptp(ranges):.3g} m: it must have z up')
+    r = (ranges - ranges.mean()) @ (position - position.mean(axis=0)) / (
+        len(ranges) * ranges.std() * np.maximum(spread, 1e-12))
+    if r[2] > OTHER:
+        return None
+    axis = int(np.abs(r).argmax())
+    if abs(r[axis]) < FOLLOWS:
+        return None
+    return (f'the range follows {"-" * bool(r[axis] < 0.0)}{"xyz"[axis]} of the motion capture '
+            f'(correlation {abs(r[axis]):.2f}), z does not ({r[2]:.2f}): it must have z up')
+
+
+def mirrored(path: Floats, position: Floats) -> str | None:
+    """
+    Return in words that a motion capture shows the mirror image of the drone's own path.
+
+    Two axes are swapped then, or one has the wrong sign. A path that drifts, or a straight one,
+    says nothing.
+
+    Parameters
+    ----------
+    path : (n, 2) m
+        Horizontal, x and y, as the drone estimates it.
+    position : (n, 2) m
+        That of the motion capture at the same times.
+
+    """
+    if len(path) < LEAST_ROWS:
+        return None
+    ours, theirs = ((x - x.mean(axis=0)) @ [1.0, 1.0j] for x in (path, position))
+    if np.abs(ours).std() < 1e-9 or np.sqrt(np.mean(np.abs(theirs) ** 2)) < LEAST_CHANGE:
+        return None
+    image, itself = (
+        1.0 - float(np.sum(np.abs(theirs - turn * x) ** 2) / np.sum(np.abs(theirs) ** 2))
+        for x in (ours.conj(), ours) for turn in [_unit(np.vdot(x, theirs))])
+    if image < MIRRORED[0] or itself > MIRRORED[1]:
+        return None
+    return ('the motion capture shows the mirror image of the path that the drone estimates: two '
+            'of its axes are swapped, or one has the wrong sign')
+
+
+def _unit(number: complex) -> complex:
+    """Return a complex number of the same direction and the length 1; 1 for 0."""
+    return number / abs(number) if number else 1.0
+
+
+def unusual(name: str, kind: str, values: Floats) -> list[str]:
+    """
+    Return a line about a sensor of a minidrone that gives one value, or those of another scale.
+
+    Parameters
+    ----------
+    name
+        Of the signal in the log.
+    kind
+        Of ``MINIDRONE``.
+    values : (n,)
+        In its unit. The median of those that are not 0 counts, of a flow the 99th percentile.
+
+    """
+    least, most, unit = MINIDRONE[kind]
+    if not len(values):
+        return []
+    if not values.any() or kind in NOISY and np.ptp(values) == 0.0:
+        return [constant(name, float(values[0]))]
+    usual = float(np.percentile(np.abs(values[values != 0.0]), 99.0 if kind == 'flow' else 50.0))
+    if least <= usual <= most:
+        return []
+    what = 'is up to' if kind == 'flow' else 'has a median of'
+    return [f'{name} {what} {usual:.4g} {unit}, usual are {least:g} to {most:g}: check its unit '
+            'and scale before you use it']
+
+
+def constant(name: str, value: float) -> str:
+    """Return a line about a signal of one value."""
+    return (f'{name} is {value:.4g} throughout: it was not measured, or not logged: do not use '
+            'it, or log it again')
+
+
+def unusual_gyro(names: Sequence[str], rates: Floats, onboard: Floats) -> list[str]:
+    """
+    Return a line about each axis of a gyro that is many times the rate that the drone estimates.
+
+    Parameters
+    ----------
+    names
+        Of the three signals.
+    rates, onboard : (n, 3) rad/s
+        Gyro and the drone's own estimate at the same times; NaN where that is unknown.
+
+    """
+    known = np.isfinite(onboard).all(axis=1)
+    if known.sum() < LEAST_ROWS:
+        return []
+    out = []
+    for name, x, y in zip(names, (rates[known] - rates[known].mean(axis=0)).T,
+                          (onboard[known] - onboard[known].mean(axis=0)).T):
+        r = float(x @ y) / max(float(np.sqrt((x @ x) * (y @ y))), 1e-12)
+        if r <= SAME_RATE[0]:
+            continue
+        ratio = float(np.sqrt((x @ x) / (y @ y)))
+        if differs(r, ratio, SAME_RATE[1]):
+            out.append(f'{name} is {ratio:.3g} times the rate that the drone estimates: check its '
+                       'unit and scale before you use it')
+    return out

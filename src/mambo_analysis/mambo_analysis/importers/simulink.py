@@ -68,7 +68,8 @@ from numpy.typing import NDArray
 from .common import is_sound, LONGEST, new_samples, Publisher, shortened, stamps_ns
 from .mat_file import logged, Signal
 from .plausible import (
-    HALF, QUARTER, refuse_pressure, refuse_ranges, refuse_steep, tilt_of, TILTS)
+    constant, HALF, QUARTER, refuse_pressure, refuse_ranges, refuse_steep, tilt_of, TILTS, unusual,
+    unusual_gyro)
 from .simulink_names import by_map, by_name, Column, LAYOUTS, near, QUANTITIES, TOOLBOX_FLOW
 
 Floats = NDArray[np.float64]
@@ -233,6 +234,8 @@ class _Reader:
             return
         times, values = found
         self._check_force(values[:, :3])
+        self.notes += [constant(f'{part} in {self._whose(part)}', 0.0)
+                       for part, x in zip(parts, values.T) if not x.any()]
         self.gyro_factor = self._gyro_factor(times, values[:, 3:5])
         values[:, 3:] *= self.gyro_factor
         self.parts['imu'] = times, values
@@ -298,6 +301,8 @@ class _Reader:
             values = -values
         new = new_samples(values)
         refuse_ranges(f'{self.path}: {self._whose("sonar")}', values[new, 0])
+        self.notes += unusual(
+            f'sonar in {self._whose("sonar")}', 'sonar', values[:, 0])
         self.parts['sonar'] = times[new], values[new] + 0.0
 
     def flow(self) -> None:
@@ -314,6 +319,9 @@ class _Reader:
         scale = self.flow_scale or (20.0 if toolbox else 1.0)
         given = 'given' if self.flow_scale else 'by the name of the signal, --flow-scale sets it'
         self.notes.append(f'flow of 1 taken for {scale:g} rad/s ({given})')
+        self.notes += unusual(
+            f'flow in {self._whose("flow_x")}', 'flow',
+            scale * np.linalg.norm(np.where(valid[:, None], values, 0.0), axis=1))
         new = new_samples(values)
         new = new[valid[new]]
         self.parts['flow'] = times[new], scale * values[new]
@@ -343,6 +351,10 @@ class _Reader:
             if (signs < 0.0).any() and (values < 0.0).any():
                 raise BagError(
                     f'{self.path}: the motor commands have not the signs + - + - of a minidrone')
+        kinds = {'motors': ('motors',), 'pressure': ('pressure',),
+                 'battery': ('battery', 'percent')}.get(name, ())
+        for kind, part, x in zip(kinds, GROUPS[name], [values] if name == 'motors' else values.T):
+            self.notes += unusual(f'{part} in {self._whose(part)}', kind, x.ravel())
         if name in HELD:
             new = new_samples(values)
             new = np.r_[0, new] if name == 'battery' else new
@@ -384,6 +396,10 @@ class _Reader:
         values = np.full((len(times), 12), math.nan)
         values[:, [GROUPS['onboard'].index(part) for part in (*pose, *there)]] = some
         self.parts['onboard'] = self._upright('onboard', '', times, values)
+        if 'imu' in self.parts and len(times) > 1:
+            t, imu = self.parts['imu']
+            rates = [np.interp(t, times, x, math.nan, math.nan) for x in values[:, 9:].T]
+            self.notes += unusual_gyro(QUANTITIES['gyro'], imu[:, 3:], np.stack(rates, axis=1))
 
     def calibration(self) -> Floats | None:
         """Return the biases of accelerometer and gyro that the log gives, (6,)."""

@@ -21,6 +21,7 @@ from . import bounded
 from .common import LARGEST, quoted, shortened
 
 PARQUET = ('.parquet', '.pq')
+ARROW = ('.arrow', '.feather', '.ipc')
 WITHOUT_LINES = (*PARQUET, '.ulg', '.mat', '.gz', '.bz2', '.zip', '.xz', '.zst', '.tar')
 DELIMITERS = (',', ';', '\t', '|', ' ')
 Read = tuple[dict[str, Any], list[str]]  # wanted columns that there are; names of all
@@ -143,6 +144,9 @@ def read_table(path: Path, wanted: list[str], delimiter: str) -> tuple[dict[str,
         If it is no table, lacks a column, has it twice, or holds something else than numbers.
 
     """
+    if path.suffix.lower() in ARROW:
+        raise BagError(f'{path}: Arrow files are not read: save the table as Parquet or CSV')
+
     def read(file: Path) -> Read:
         """Read it, in a process of its own."""
         if file.suffix.lower() in PARQUET:
@@ -168,6 +172,9 @@ def read_table(path: Path, wanted: list[str], delimiter: str) -> tuple[dict[str,
 
 def numbers(path: Path, name: str, found: Any, delimiter: str = ',') -> NDArray[np.float64]:
     """Return a column as numbers, (n,); BagError naming the line of what is none."""
+    if found.dtype.kind in 'mM':
+        raise BagError(f'{path}: column {name} holds times of the type {found.dtype}, not '
+                       'numbers: save it as a number of seconds')
     if found.dtype.kind in 'iufb':
         values = found.astype(float)
     else:

@@ -16,11 +16,12 @@ from typing import Any
 
 from mambo_bags.cli.option_types import real
 from mambo_bags.command import Parser
-from mambo_model.vehicle.parameters import find, Vehicle
+from mambo_model.vehicle.parameters import Vehicle
 import numpy as np
 from scipy import stats
 
 from ..identify import result
+from ..identify.base import Base, based, of_bag
 from ..identify.regression import LEVEL, Value
 from .force import BLOCKS, fit_force, Found
 from .moments import fit_moments, Moment
@@ -103,12 +104,17 @@ def _vehicle(
     return out | drag_parameters(found, source)
 
 
-def late_note(flight: Recorded) -> list[str]:
-    """Return that the poses of a flight were moved, one line or none."""
-    if not flight.late:
-        return []
-    return [f'{flight.name}: the poses are {abs(flight.late):.2f} s '
-            f'{"late" if flight.late > 0.0 else "early"} against the gyro, and were moved by it']
+def reading_notes(flight: Recorded) -> list[str]:
+    """Return how a flight was read where it is not as usual, one line each."""
+    lines = []
+    if flight.late:
+        lines.append(
+            f'{flight.name}: the poses are {abs(flight.late):.2f} s '
+            f'{"late" if flight.late > 0.0 else "early"} against the gyro, and were moved by it')
+    if not flight.has_ground:
+        lines.append(f'{flight.name}: it begins and ends in the air: all of it is taken as '
+                     'flight, also where it is near the floor')
+    return lines
 
 
 def known_lag(given: float | None, base: Vehicle, found: Found) -> tuple[float, str]:
@@ -121,17 +127,17 @@ def known_lag(given: float | None, base: Vehicle, found: Found) -> tuple[float, 
 
 
 def read(
-    path: Path, base: str, mass: float | None, namespace: str | None,
-) -> tuple[Recorded, Found, Vehicle]:
+    path: Path, base: str | None, mass: float | None, namespace: str | None,
+) -> tuple[Recorded, Found, Base]:
     """
-    Read a flight, fit its specific force, and return the vehicle that all else is taken from.
+    Read a flight, fit its specific force, and return the base that all else is taken from.
 
     Parameters
     ----------
     path
         Bag with ``imu/data_raw``, ``motor_pwm`` and a motion (capture or truth).
     base
-        Name or file of a vehicle.
+        Name or file of a vehicle; None: that of the scenario in the bag, or the default.
     mass : kg
         None: that of the base.
     namespace
@@ -143,15 +149,16 @@ def read(
         In one line.
 
     """
-    vehicle = find(base)
-    if mass is not None:
-        vehicle = dataclasses.replace(vehicle, mass=mass)  # checks its range
+    start = of_bag(base, path, namespace)
+    if mass is not None:  # dataclasses.replace checks its range
+        start = start._replace(vehicle=dataclasses.replace(start.vehicle, mass=mass))
     recorded = read_flight(path, namespace)
-    return recorded, fit_force(recorded), vehicle
+    return recorded, fit_force(recorded), start
 
 
 def identify(
-    path: Path, base: str, mass: float | None, namespace: str | None, lag: float | None = None,
+    path: Path, base: str | None, mass: float | None, namespace: str | None,
+    lag: float | None = None,
 ) -> result.Report:
     """
     Identify a vehicle from a flight and return the report.
@@ -164,7 +171,8 @@ def identify(
         Of the motors, for the moments of inertia. None: of the base.
 
     """
-    flight, found, start = read(path, base, mass, namespace)
+    flight, found, whole = read(path, base, mass, namespace)
+    start = whole.vehicle
     hover = hover_command(found)
     motors, whence = known_lag(lag, start, found)
     moments = fit_moments(flight, found, start, motors)
@@ -183,7 +191,7 @@ def identify(
         notes.append('it has optical flow: mambo identify flow gives its factor')
     notes.append(f'per mass; thrust and tilt hold at {found.model.voltage:.2f} V'
                  if np.isfinite(found.model.voltage) else 'no battery voltage in the recording')
-    notes += late_note(flight)
+    notes += reading_notes(flight)
     angles = np.degrees(flight.mounting[:2])
     facts = {'time in the air [s]': float(flight.t[flight.air][-1] - flight.t[flight.air][0]),
              'mass [kg], not identified': start.mass,
@@ -192,11 +200,11 @@ def identify(
              'accelerometer bias z [m/s^2]': flight.bias,
              **{f'R^2 of the gyro {axis}': one.share for axis, one in moments.items()},
              'rms residual [m/s^2]': found.fit.rms}
-    return result.Report(
+    return based(result.Report(
         f'what {path.name} tells of its vehicle', values, facts, notes,
         _vehicle(found, start, start.mass, hover.value, f'mambo identify flight, {path.name}',
                  moments),
-        result.drawn_force(found.t, found.measured, found.fit.residual), method=METHOD)
+        result.drawn_force(found.t, found.measured, found.fit.residual), method=METHOD), whole)
 
 
 def parser() -> Parser:

@@ -41,6 +41,7 @@ STRETCH = 0.5          # s, over which force and change of velocity are compared
 GRAVITY = 9.80665      # m/s^2
 LEAST_FLIGHT = 5.0     # s in the air
 FLYING = 0.3           # [-] of the usual command in flight: below, no motor flies
+STEADY = 0.8           # [-] of the usual command: a vehicle in the air never commands less
 CLEAR = 0.2            # m above the start: below, the floor acts
 EDGE = 0.3             # s of the flight left out at both ends, while it still jumps
 LATE = 0.03            # s: below, poses move no drag by as much as its interval
@@ -100,6 +101,8 @@ class Recorded(NamedTuple):
         Of the accelerometer along z, m/s^2, which is taken out of ``force``.
     late
         Of the poses against the gyro, s, which is taken out of their stamps.
+    has_ground
+        Whether the recording shows the vehicle on the ground.
 
     """
 
@@ -119,6 +122,7 @@ class Recorded(NamedTuple):
     onboard: Onboard | None = None
     bias: float = 0.0
     late: float = 0.0
+    has_ground: bool = True
 
     @property
     def turn(self) -> Rotation:
@@ -247,8 +251,27 @@ def _grid(bag: Bag, path: motion.Motion) -> dict[str, Floats]:
             'command': at(pwm.t, pwm.pwm.astype(float)), 'voltage': voltage}
 
 
-def _rows(path: Path, found: dict[str, Floats]) -> tuple[slice, slice]:
-    """Return the rows in the air, the longest stretch without a gap, and those at rest."""
+def _has_ground(found: dict[str, Floats], known: NDArray[np.bool_]) -> bool:
+    """
+    Return whether the vehicle may be on the ground somewhere in the known rows.
+
+    It is in the air throughout if it moves and its motors never get weak for half a second.
+    """
+    count = round(STRETCH / STEP)
+    mean = found['command'].mean(axis=1)[known]
+    if len(mean) < count:
+        return True
+    weakest = np.convolve(mean, np.full(count, 1.0 / count), 'valid').min()
+    speed = np.median(np.linalg.norm(found['velocity'][known], axis=1))
+    return bool(weakest < STEADY * np.median(mean) or speed < STILL_SPEED)
+
+
+def _rows(path: Path, found: dict[str, Floats]) -> tuple[slice, slice, bool]:
+    """
+    Return the rows in the air, the longest stretch without a gap, and those at rest.
+
+    The third value is whether the recording shows the ground.
+    """
     mean = found['command'].mean(axis=1)
     on = mean > FLYING * np.nanmedian(mean[mean > 0.0]) if (mean > 0.0).any() else mean > 0.0
     if not on.any():
@@ -256,7 +279,8 @@ def _rows(path: Path, found: dict[str, Floats]) -> tuple[slice, slice]:
     known = np.all([np.isfinite(found[name]).reshape(len(mean), -1).all(axis=1) for name in (
         'position', 'velocity', 'attitude', 'force', 'gyro', 'command')], axis=0)
     height = found['position'][:, 2]
-    floor = np.nanmin(height)
+    has_ground = _has_ground(found, known)
+    floor = np.nanmin(height) if has_ground else -np.inf
     air = resample.longest_run(known & on & (found['command'].min(axis=1) > 0.0)
                                & (height > floor + CLEAR))
     edge = round(EDGE / STEP)
@@ -264,14 +288,17 @@ def _rows(path: Path, found: dict[str, Floats]) -> tuple[slice, slice]:
     if (air.stop - air.start) * STEP < LEAST_FLIGHT:
         raise IdentifyError(
             f'{path}: {max((air.stop - air.start) * STEP, 0.0):.1f} s in the air with all '
-            f'signals, {LEAST_FLIGHT:g} s are needed')
+            f'signals, {LEAST_FLIGHT:g} s are needed; the lowest pose is taken as that on the '
+            'ground: keep a second before take-off or after landing')
     first = int(np.flatnonzero(on)[0])
     still = np.isfinite(found['force']).all(axis=1) & np.isfinite(found['gyro']).all(axis=1)
     still &= found['command'].max(axis=1) <= 0.0
     still &= np.linalg.norm(found['velocity'], axis=1) < STILL_SPEED  # not where it is not known
     still &= np.linalg.norm(found['gyro'], axis=1) < STILL_RATE
     rest = resample.longest_run(still[:first])
-    return air, rest if (rest.stop - rest.start) * STEP >= LEAST_REST else slice(0, 0)
+    if (rest.stop - rest.start) * STEP < LEAST_REST:
+        rest = slice(0, 0)
+    return air, rest, has_ground
 
 
 def _late(bag: Bag, track: motion.Motion, air: Floats) -> float:
@@ -323,12 +350,12 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
         raise IdentifyError(f'{path}: imu/data_raw lacks an acceleration on some axis')
     track = _motion(bag)
     found = _grid(bag, track)
-    air, rest = _rows(path, found)
+    air, rest, has_ground = _rows(path, found)
     late = _late(bag, track, found['t'][air])
     if abs(late) > LATE:
         track = dataclasses.replace(track, stamps=track.stamps - round(late * 1e9))
         found = _grid(bag, track)
-        air, rest = _rows(path, found)
+        air, rest, has_ground = _rows(path, found)
     if not contradictions.silent(found['force'][air], found['gyro'][air], STEP):
         for name, sensor, unit in (('force', 'accelerometer', 'm/s^2'),
                                    ('gyro', 'gyro', 'rad/s')):
@@ -341,4 +368,4 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
                                 * Rotation.from_rotvec(mounting)).as_quat()
     return Recorded(path.name, **found, air=air, rest=rest, mounting=mounting,
                     has_flow='optical_flow' in bag, onboard=_onboard(bag, found['t']), bias=bias,
-                    late=late if abs(late) > LATE else 0.0)
+                    late=late if abs(late) > LATE else 0.0, has_ground=has_ground)

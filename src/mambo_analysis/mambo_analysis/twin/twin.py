@@ -27,7 +27,7 @@ import numpy as np
 
 from . import agreement, beside, loop, motors
 from .force import fit_force
-from .identify_flight import late_note
+from .identify_flight import reading_notes
 from .motors import MotorWindows, predict_all
 from .recorded import read_flight, Recorded
 from .torque import fit_torque
@@ -190,7 +190,7 @@ def _work(options: argparse.Namespace) -> None:
     more = _tables(rows, options.horizon)
     if options.agree:
         more.append(agreement.table(agreement.identified([row.flight for row in rows])))
-    notes = [line for row in rows for line in late_note(row.flight)]
+    notes = [line for row in rows for line in reading_notes(row.flight)]
     if options.json != '-':
         print('\n\n'.join([table(rows, options.horizon), *map(as_text, more)]))
         print(''.join(f'note: {line}\n' for line in notes), end='')

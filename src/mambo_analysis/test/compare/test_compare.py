@@ -209,7 +209,17 @@ def test_a_replay_of_an_imported_flight_is_compared_with_its_own_estimate(tmp_pa
     assert 'position, estimate/odom minus onboard/odom' in text
     silent = make_flight(tmp_path / 'silent', 1.0, leave_out=('estimate/odom',))
     with pytest.raises(BagError, match='the estimator did not answer'):
-        compare_replay(bag, read_bag(silent))
+        compare_replay(read_bag(make_flight(tmp_path / 'whole', 1.0)), read_bag(silent))
+
+
+@pytest.mark.parametrize('lacking', [
+    ('imu/data_raw',), ('sonar/range',), ('sonar/range', 'optical_flow')])
+def test_a_replay_without_an_estimate_says_which_samples_its_recording_lacks(tmp_path, lacking):
+    """The estimator waits for all that the watermarks count."""
+    origin = read_bag(make_flight(tmp_path / 'origin', 1.0, leave_out=lacking))
+    silent = make_flight(tmp_path / 'silent', 1.0, leave_out=('estimate/odom',))
+    with pytest.raises(BagError, match=f' has no samples of {" and ".join(lacking)}$'):
+        compare_replay(origin, read_bag(silent))
 
 
 def test_a_topic_of_another_type_is_named(tmp_path, capsys):
@@ -228,11 +238,21 @@ def test_wrong_use_ends_in_one_line(tmp_path, flight, capsys):
     for arguments, text in (
             ([tmp_path / 'none'], 'no such bag'),
             ([flight, '--namespace', '/other'], 'nothing in the namespace /other'),
-            ([flight, '--no-align'], '--no-align and --equal-at need two bags'),
-            ([flight, '--out', tmp_path / 'file'], 'cannot be written')):
+            ([flight, '--no-align'], '--no-align and --equal-at need two bags')):
         assert main([str(a) for a in arguments]) == 2
         error = capsys.readouterr().err
         assert error.startswith('compare: ') and text in error and error.count('\n') == 1
-    with pytest.raises(SystemExit) as usage:
-        main([])
-    assert usage.value.code == 2
+    for words, text in (([], 'required: A'),
+                        ([flight, '--out', tmp_path / 'file'], 'file is not a folder')):
+        with pytest.raises(SystemExit) as usage:
+            main([str(word) for word in words])
+        error = capsys.readouterr().err
+        assert usage.value.code == 2 and text in error and error.count('\n') == 1
+
+
+def test_metadata_of_another_bag_is_noted(flight):
+    bag = read_bag(flight)
+    assert not any('another bag' in note for note in compare(bag)['notes'])
+    bag.notes = ['metadata.yaml: the file may be of another bag']
+    assert compare(bag)['notes'][0] == bag.notes[0]
+    assert f'note: {bag.notes[0]}' in compare_replay(bag, bag)

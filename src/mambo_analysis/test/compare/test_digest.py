@@ -1,6 +1,7 @@
 """The digest of a figure changes with what it shows, and with nothing else."""
 
 from mambo_analysis.compare import digest
+from mambo_model.errors import InputError
 from matplotlib.figure import Figure
 import numpy as np
 import pytest
@@ -58,6 +59,10 @@ def test_a_saved_figure_carries_its_digest_and_two_are_the_same_bytes(tmp_path):
     assert (tmp_path / 'a').read_bytes() == (tmp_path / 'b').read_bytes()
     digest.save(drawn(), tmp_path / 'c', 50.0, 'of its source')
     assert digest.saved(tmp_path / 'c') == 'of its source'
+    (tmp_path / 'take.csv').write_text('t,x\n')
+    with pytest.raises(InputError, match='take.csv exists and is not a PNG picture'):
+        digest.save(drawn(), tmp_path / 'take.csv', 50.0)
+    assert (tmp_path / 'take.csv').read_text() == 't,x\n'
 
 
 @pytest.mark.parametrize('keep', [0, 7, 8, 20, 60])

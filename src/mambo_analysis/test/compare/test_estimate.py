@@ -30,6 +30,39 @@ def rest(path, **options):
     return path
 
 
+def counted(source, gone=(), again=()):
+    """Write half a second on the floor with watermarks, samples of the barometer gone or twice."""
+    with BagWriter(source) as bag:
+        for topic in (topics.IMU, topics.BAROMETER, topics.SENSOR_TICK):
+            bag.add_topic(f'/mambo/{topic.name}', topic.type_name)
+        for k in range(100):
+            t = k * STEP
+            bag.write(f'/mambo/{topics.IMU.name}', messages.imu(
+                t, (1e-4, 0.0, 0.0), (0.0, 0.0, -9.81), (0.0,) * 3, (0.0,) * 3), t)
+            for _ in range((k not in gone) + (k in again)):
+                bag.write(f'/mambo/{topics.BAROMETER.name}', messages.pressure(t, 1e5, 1.0), t)
+            bag.write(f'/mambo/{topics.SENSOR_TICK.name}',
+                      messages.sensor_tick(t, k + 1, 0, 0, k + 1), t)
+    return str(source)
+
+
+@pytest.mark.parametrize('gone, short', [((60,), False), (range(80, 100), True)])
+def test_samples_that_are_not_in_the_bag_are_told_and_so_is_an_early_end(
+        tmp_path, capsys, gone, short):
+    assert estimate.main([counted(tmp_path / 'source', gone)]) == 0
+    output = capsys.readouterr().out
+    lost = len(gone)
+    assert f'  barometer/pressure: {lost} of 100 samples that were published are not in' in output
+    assert 'imu/data_raw: ' not in output.partition('verdict')[2]
+    assert ('  the estimate ends 0.10 s before the recording' in output) is short
+
+
+def test_repeated_samples_that_no_watermark_counts_are_told(tmp_path, capsys):
+    assert estimate.main([counted(tmp_path / 'source', again=(7, 8, 50))]) == 0
+    assert ('\n  barometer/pressure: 3 samples that only repeat the one before, and that no '
+            'watermark counts, were left out\n') in capsys.readouterr().out + '\n'
+
+
 def flown(**choices):
     return {'attachments': {'scenario.yaml': to_yaml(scenario(**choices))}}
 

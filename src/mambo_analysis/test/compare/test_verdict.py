@@ -120,6 +120,12 @@ def test_each_sensor_is_told_by_its_own_health(flight, monkeypatch):
         f'  {health.NAMES[health.SONAR]}: 60 samples, 50.0% refused; unhealthy for 20.0% of the '
         'time, out of reach for 5.0%')
     assert lines[health.SONAR + 1] == f'  {health.NAMES[health.SONAR + 1]}: absent'
+    flight['range/none'] = flight['sonar/range']
+    flight['sonar/range'] = Messages(stamp=stamps()[:100], values=np.full((100, 1), np.nan))
+    assert verdict(flight, flight).splitlines()[1 + health.SONAR] == (
+        f'  {health.NAMES[health.SONAR]}: none of 100 samples is a number within its limits: '
+        'check its unit')
+    flight['sonar/range'] = flight.pop('range/none')
     inner['sonar_refused'][-1] = 10**6  # of samples that the bag lacks: all of those it has
     assert '100.0% refused' in verdict(flight, flight)
 

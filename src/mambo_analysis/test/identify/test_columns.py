@@ -111,6 +111,18 @@ def test_times_are_those_of_the_column_then_of_the_file_then_of_a_rate():
             times(found, table, 't', 200.0, 3, FILE)
     np.testing.assert_array_equal(times(own, table, 't', 0.0, 3, FILE), [0.0, 0.5, 1.5])
     np.testing.assert_array_equal(times(None, table, 't', 0.0, 3, FILE), [0.0, 1.0, 3.0])
-    with pytest.raises(IdentifyError, match=r'no times; name their column with --time or give'):
+    with pytest.raises(IdentifyError, match='bench.csv: no column seconds; give --time t$'):
         times(None, table, 'seconds', 0.0, 3, FILE)
+    with pytest.raises(IdentifyError, match=r'no times; name their column with --time or give'):
+        times(None, {'x': table['t']}, 'seconds', 0.0, 3, FILE)
     assert not len(times(np.array([]), table, 't', 0.0, 0, FILE))
+
+
+def test_times_in_a_column_of_another_name_are_named(tmp_path):
+    table = read(written(tmp_path / 'a.csv', 'Time,x\n0,1\n0.005,2\n'))
+    for rate, says in (
+            (100.0, '^--rate: a.csv has times in its column Time: leave it out and give --time '
+             'Time$'), (0.0, '^a.csv: no column t; give --time Time$')):
+        with pytest.raises(IdentifyError, match=says):
+            times(None, table, 't', rate, 2, Path('a.csv'))
+    np.testing.assert_array_equal(times(None, table, 'Time', 0.0, 2, FILE), [0.0, 0.005])

@@ -111,7 +111,7 @@ def test_the_command_writes_a_vehicle_ready_to_fly(tmp_path, capsys):
 @pytest.mark.parametrize('options, message', [
     ([], 'is the gyro in deg/s'),
     (['--column', 'w'], 'no column w; it has t, gyro.y'),
-    (['--time', 'when'], 'no times; name their column with --time or give --rate'),
+    (['--time', 'when'], 'no column when; give --time t'),
     (['--unit', 'deg/s', '--separation', '0.1'], 'needs --length'),
     (['--unit', 'deg/s', '--separation', '0.1', '--length', '0.5'], 'needs --mass'),
     (['--unit', 'deg/s', '--rate', '50'], 'has times in its column t: leave it out'),
@@ -127,6 +127,22 @@ def test_wrong_use_is_one_line(tmp_path, capsys, options, message):
     assert main([str(file), '--axis', 'y', *options]) == 2
     error = capsys.readouterr().err
     assert message in error and error.startswith('identify_inertia: ') and error.count('\n') == 1
+    assert 'swing.csv' in error or error.startswith('identify_inertia: --')
+
+
+@pytest.mark.parametrize('change, message', [
+    (lambda t: t[::-1], 'column t: the time goes from 19.99 to 19.98 s in row 3: give times that'),
+    (lambda t: np.roll(t, 700), 'column t: the time goes from 19.99 to 0 s in row 702'),
+    (lambda t: 1e3 * t, 'column t: its samples are 10 s apart, too far for a motion'),
+    (lambda t: 1e-6 * t, 'column t: its samples are 1e-08 s apart, too near')])
+def test_times_that_cannot_be_name_file_column_and_row(tmp_path, capsys, change, message):
+    """The rows before a step back were left out without a word."""
+    file = tmp_path / 'swing.csv'
+    np.savetxt(file, np.stack([change(T), swing(8.1e-5)], axis=1), header='t,gyro.z',
+               delimiter=',', comments='')
+    assert main([str(file)]) == 2
+    error = capsys.readouterr().err
+    assert f'identify_inertia: {file}: {message}' in error and error.count('\n') == 1
 
 
 @pytest.mark.parametrize('options', [

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from interval_checks import assert_covers
-from mambo_analysis.identify.motor import fit_motor, from_recording, in_flight, main
+from mambo_analysis.identify.motor import fit_flight, fit_motor, from_recording, in_flight, main
 from mambo_analysis.identify.regression import IdentifyError
 from mambo_flight import closed_loop
 from mambo_flight.scenario import scenario
@@ -136,3 +136,28 @@ def test_the_command_reads_a_bag_and_writes_a_vehicle(tmp_path, capsys):
     assert (tmp_path / 'identify_motor.png').stat().st_size > 10000
     assert main([str(BAG), '--namespace', 'x']) == 2
     assert capsys.readouterr().err.startswith('identify_motor: ')
+
+
+def test_commands_that_are_not_those_of_the_base_say_so(tmp_path, capsys):
+    weak = tmp_path / 'weak.yaml'
+    weak.write_text('description: weak\nbase: identified\n'
+                    'pwm_max: {value: 200, unit: PWM, source: made up}\n')
+    for base, line in ((weak, 'beyond the range of the base, 10 to 200'),
+                       ('crazyflie', 'with the motor map of the base, commands up to')):
+        assert main([str(BAG), '--base', str(base)]) == 2
+        error = capsys.readouterr().err
+        assert line in error and 'give the vehicle by --base' in error and error.count('\n') == 1
+
+
+@pytest.mark.parametrize('lag', [0.03, 0.06])
+def test_the_floor_under_a_landing_vehicle_counts_as_no_thrust(lag):
+    """It is carried by the floor while its motors still run, in a flight with gentle commands."""
+    flown = closed_loop.fly(scenario(
+        'circle', duration=20.0, land=True, seed=4,
+        overrides={'sim_node.simulator.vehicle.motor_time_constant': lag}))
+    found = fit_flight(*from_recording(flown, MAMBO), MAMBO)
+    assert found.time_constant.low <= lag <= found.time_constant.high
+    assert found.time_constant.value == pytest.approx(lag, rel=0.05)
+    assert found.gain.value == pytest.approx(1.0, abs=0.01)
+    with_floor = fit_motor(*from_recording(flown, MAMBO), MAMBO)
+    assert with_floor.time_constant.value > 1.1 * lag

@@ -1,6 +1,7 @@
 """What every identification command writes: table, JSON, picture and vehicle file."""
 
 import json
+from pathlib import Path
 
 from mambo_analysis.identify import result
 from mambo_analysis.identify.regression import IdentifyError, Value
@@ -127,6 +128,19 @@ def test_data_that_cannot_answer_ends_in_one_line(capsys):
         raise IdentifyError('a.csv: too short')
     assert run([], work) == 2
     assert capsys.readouterr().err == 'drag: a.csv: too short\n'
+
+
+@pytest.mark.parametrize('text, said', [
+    ('too short', 'bench/a.csv: too short'), ('a.csv: too short', 'a.csv: too short'),
+    ('--mass must be above 0', '--mass must be above 0')])
+@pytest.mark.parametrize('name', ['file', 'bag'])
+def test_an_error_about_the_data_names_their_file(capsys, text, said, name):
+    def work():
+        raise IdentifyError(text)
+    options = result.parser('drag', 'Measures drag.').parse_args([])
+    setattr(options, name, Path('bench/a.csv'))
+    assert result.run('drag', options, work) == 2
+    assert capsys.readouterr().err == f'drag: {said}\n'
 
 
 def test_bags_are_folders_and_mcap_files(tmp_path):

@@ -67,6 +67,17 @@ def test_what_is_no_bench_is_refused(X, T, message):
         fit_thrust(np.array(X), np.array(T))
 
 
+def test_copies_of_all_readings_are_no_measurements(tmp_path, capsys):
+    pwm = np.linspace(40.0, 160.0, 15)
+    rows = [f'{x:g},{1e-5 * x ** 2:.6g}' for x in pwm]
+    for times, code in ((1, 0), (50, 2)):
+        file = tmp_path / f'{times}.csv'
+        file.write_text('\n'.join(['pwm,thrust', *(times * rows)]) + '\n')
+        assert main([str(file), '--unit', 'N', '--max-pwm', '160']) == code, capsys.readouterr()
+    error = capsys.readouterr().err
+    assert 'every reading stands there 50 times' in error and error.count('\n') == 1
+
+
 def test_grams_of_four_motors_are_newtons_of_one(tmp_path):
     file = tmp_path / 'bench.csv'
     grams = 4000.0 / 9.81 * bench(1)
@@ -102,13 +113,30 @@ def test_options_of_a_bench_are_refused_for_a_flight(capsys, options):
 def test_the_bench_of_the_rolling_spider_gives_the_constant_of_its_toolbox(tmp_path, capsys):
     assert main([str(BENCH), '--command', 'data[0]', '--thrust', 'data[3]', '--base',
                  'rolling_spider', '--out', str(tmp_path)]) == 0
-    assert '12 of 13' in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert '12 of 13' in out and '1 of 13 readings are left out, as they have a comm' in out
     got = parameters.load(tmp_path / 'identify_thrust.yaml')
     assert got.linear_gain == pytest.approx(1530.72681, rel=1e-3)
     assert (got.power_a, got.power_b) == pytest.approx((7.14e-4, 0.987), rel=1e-3)  # by polyfit
     assert got.thrust_map == 'linear'  # 1 is within the interval of the exponent
     assert main([str(BENCH)]) == 2
     assert 'no column pwm; it has thrust_recdata.' in capsys.readouterr().err
+
+
+def test_readings_that_are_left_out_are_counted_with_the_reason(tmp_path, capsys):
+    file = tmp_path / 'bench.csv'
+    readings = np.stack([COMMANDS, bench(0)], axis=1)
+    stand = np.column_stack([np.zeros(700), np.linspace(0.0, 1e-3, 700)])
+    np.savetxt(file, np.concatenate([stand, readings]), header='pwm,thrust', delimiter=',',
+               comments='')
+    above = int((COMMANDS > 350.0).sum())
+    assert main([str(file), '--max-pwm', '350']) == 0
+    out = capsys.readouterr().out
+    count = 700 + len(COMMANDS)
+    assert f'700 of {count} readings are left out, as they have a command of 0 or below' in out
+    assert f'{above} of {count} readings are left out, as they have a command above' in out
+    assert main([str(file)]) == 0
+    assert 'above --max-pwm' not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize('unit, factor, noted', [

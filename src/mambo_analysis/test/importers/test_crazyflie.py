@@ -1,5 +1,6 @@
 """The Crazyflie importer on a made flight, on the real ones, and on what is none."""
 
+import functools
 import hashlib
 import json
 from pathlib import Path
@@ -28,8 +29,29 @@ def height(t):
     return 0.02 + up + 0.06 * up * np.sin(2.0 * t)
 
 
+def attitude(s):
+    """Return yaw, pitch and roll, (n, 3) rad, each 10 ms, that turn as the gyro of the flight."""
+    middle = s[:-1] + 0.005
+    turns = Rotation.from_rotvec(0.01 * np.column_stack(
+        [np.sin(middle), np.cos(middle), 0.5 * middle]))
+    out = [Rotation.from_euler('ZYX', [0.3, 0.2, 0.1])]
+    for turn in turns:
+        out.append(out[-1] * turn)
+    return Rotation.concatenate(out).as_euler('ZYX')
+
+
+@functools.cache
+def flight_text():
+    """Return the log of :func:`flight` as JSON."""
+    return json.dumps(made_flight())
+
+
 def flight():
     """Return a log of 20 s; the packets of an instant come 2 ms apart."""
+    return json.loads(flight_text())
+
+
+def made_flight():
     t = 10.0 + 0.01 * np.arange(2000)
     held = t[np.arange(2000) // 4 * 4]
     groups = (
@@ -47,7 +69,7 @@ def flight():
              for k, group in enumerate(groups) for name, values in group.items()}
     s = 10.0 + 0.01 * np.arange(1990)
     mocap = {'time': s - OFFSET, 'x': 0.1 * s, 'y': -0.1 * s, 'z': height(s) + ABOVE,
-             'yaw': 0.3 + 0.0 * s, 'pitch': 0.2 + 0.0 * s, 'roll': 0.1 + 0.0 * s}
+             **dict(zip(('yaw', 'pitch', 'roll'), attitude(s).T))}
     return {'drone': drone, 'mocap': {name: values.tolist() for name, values in mocap.items()}}
 
 
@@ -236,6 +258,8 @@ def turning():
     t = np.array(log['mocap']['time']) + OFFSET
     yaw = 0.4 * np.sin(2.0 * t) * np.exp(-0.5 * (t - 20.0) ** 2 / 16.0)  # no two turns alike
     log['mocap'].update(yaw=yaw.tolist(), pitch=[0.0] * len(t), roll=[0.0] * len(t))
+    for name in ('w_x', 'w_y'):
+        log['drone'][f'ae483log.{name}']['data'] = [0.0] * 2000
     entry = log['drone']['ae483log.w_z']
     entry['data'] = np.interp(entry['time'], t, np.gradient(yaw, t)).tolist()
     return log
@@ -260,8 +284,101 @@ def test_a_range_that_determines_nothing_leaves_it_to_the_gyro(tmp_path):
     log['drone']['ae483log.r']['data'] = [0.5] * len(log['drone']['ae483log.r']['time'])
     import_crazyflie(save(tmp_path / 'log.json', log), tmp_path / 'bag')
     record = read_bag(tmp_path / 'bag').metadata['import']
-    assert record['mocap_offset_from'] == 'gyro'
+    assert record['mocap_offset_from'] == 'gyro' and 'signal' in record['range_not_used']
     assert float(record['mocap_offset_s']) == pytest.approx(OFFSET, abs=0.001)
+
+
+SWAPS = {'y and z': ('y', 'z'), 'x and z': ('x', 'z'), 'x and y': ('x', 'y')}
+
+
+def round_flight():
+    """Return a flight on a horizontal circle, which the drone estimates with a small drift."""
+    log = flight()
+    s = np.array(log['mocap']['time']) + OFFSET
+    log['mocap'].update(x=(0.4 * np.cos(0.7 * s)).tolist(), y=(0.4 * np.sin(0.7 * s)).tolist())
+    t = np.array(log['drone']['ae483log.p_x']['time'])
+    for name, values in (('p_x', np.sin(0.7 * t)), ('p_y', -np.cos(0.7 * t))):  # it is turned
+        log['drone'][f'ae483log.{name}']['data'] = (0.4 * values + 0.01 * (t - 10.0)).tolist()
+    return log
+
+
+@pytest.mark.parametrize('swap, text', [
+    ('y and z', 'the range follows y of the motion capture (correlation 1.00), z does not'),
+    ('x and z', 'the range follows x of the motion capture (correlation 1.00), z does not'),
+    ('x and y', 'shows the mirror image of the path that the drone estimates')])
+def test_swapped_axes_of_the_motion_capture_are_refused(tmp_path, capsys, swap, text):
+    log, (one, other) = round_flight(), SWAPS[swap]
+    assert main([str(save(tmp_path / 'right.json', log)), str(tmp_path / 'right')]) == 0
+    capsys.readouterr()
+    log['mocap'].update({one: log['mocap'][other], other: log['mocap'][one]})
+    source = save(tmp_path / 'log.json', log)
+    refuse(source, tmp_path, capsys, text)
+    assert main([str(source), str(tmp_path / 'bag'), '--mocap-offset', str(OFFSET)]) == 0
+    out = capsys.readouterr().out
+    assert 'mocap_taken_as_it_is: the ' in out and text in out
+
+
+def test_a_motion_capture_that_turns_otherwise_than_the_gyro_is_refused(tmp_path, capsys):
+    log = flight()
+    t = np.array(log['mocap']['time']) + OFFSET
+    log['mocap'].update({name: (0.3 * np.sin(rate * t)).tolist() for name, rate in (
+        ('yaw', 1.7), ('pitch', 2.3), ('roll', 3.1))})
+    refuse(save(tmp_path / 'log.json', log), tmp_path, capsys, 'roll rate: ')
+
+
+@pytest.mark.parametrize('gain', [np.pi / 180.0, 20.0])
+@pytest.mark.parametrize('captured', [True, False])
+def test_a_gyro_in_another_unit_than_the_attitude_is_refused(tmp_path, capsys, gain, captured):
+    """By the motion capture, and without one by the drone's own attitude."""
+    log = turning()
+    if not captured:
+        yaw = np.interp(log['drone']['ae483log.psi']['time'],
+                        np.array(log['mocap']['time']) + OFFSET, log['mocap']['yaw'])
+        log['drone']['ae483log.psi']['data'] = yaw.tolist()
+        for name in ('theta', 'phi'):
+            log['drone'][f'ae483log.{name}']['data'] = [0.0] * 2000
+        del log['mocap']
+    entry = log['drone']['ae483log.w_z']
+    entry['data'] = (gain * np.array(entry['data'])).tolist()
+    text = 'yaw rate: the gyro turns by' if captured else 'times the turning of the attitude psi'
+    refuse(save(tmp_path / 'log.json', log), tmp_path, capsys, text)
+
+
+@pytest.mark.parametrize('unit, wrong', [(1.0, False), (57.3, True), (1.0 / 57.3, True)])
+def test_the_gyro_of_the_firmware_is_held_to_its_attitude(tmp_path, capsys, unit, wrong):
+    """Both in deg, and the pitch is positive with the nose up."""
+    t = np.arange(0.0, 20.0, 0.01)
+    angles = 0.2 * np.column_stack([np.sin(0.8 * t), np.sin(1.3 * t), np.sin(2.1 * t)])
+    turns = Rotation.from_euler('ZYX', angles)
+    rates = np.degrees((turns[:-1].inv() * turns[1:]).as_rotvec() / 0.01)
+    named = {f'gyro.{axis}': (t[:-1] + 0.005, unit * x) for axis, x in zip('xyz', rates.T)}
+    named |= {f'stateEstimate.{name}': (t, sign * np.degrees(x)) for name, sign, x in zip(
+        ('yaw', 'pitch', 'roll'), (1.0, -1.0, 1.0), angles.T)}
+    source = save(tmp_path / 'log.json', {'drone': {
+        name: {'time': at.tolist(), 'data': x.tolist()} for name, (at, x) in named.items()}})
+    if wrong:
+        refuse(source, tmp_path, capsys, 'give it in deg/s, and these in deg')
+    else:
+        assert main([str(source), str(tmp_path / 'bag')]) == 0
+
+
+@pytest.mark.parametrize('scale, text', [
+    (10.0, 'a_z has a median of 98.1 m/s^2, usual are 7 to 13: check'),
+    (0.0, 'a_z is 0 throughout: it was not measured')])
+def test_an_accelerometer_that_does_not_carry_the_weight_is_told(tmp_path, capsys, scale, text):
+    source = save(tmp_path / 'log.json', scaled(['a_z'], scale))
+    assert main([str(source), str(tmp_path / 'bag')]) == 0
+    assert f'accelerometer: {text}' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('scale, told', [(1.02, False), (1.08, True)])
+def test_a_height_of_another_scale_is_told(tmp_path, capsys, scale, told):
+    """A range is right to some percent only: 2 % does not show."""
+    log = flight()
+    for name in 'xyz':
+        log['mocap'][name] = (scale * np.array(log['mocap'][name])).tolist()
+    assert main([str(save(tmp_path / 'log.json', log)), str(tmp_path / 'bag')]) == 0
+    assert ('range_over_mocap_z: 0.9' in capsys.readouterr().out) == told
 
 
 def test_range_and_gyro_must_tell_the_same_clock(tmp_path, capsys):
@@ -349,6 +466,11 @@ def test_malformed_signals_are_named(tmp_path, capsys):
     refuse(save(tmp_path / 'bad.json', log), tmp_path, capsys, 'mocap is not built as')
     log = flight()
     log['mocap']['z'] = [1.0] * len(log['mocap']['z'])
+    refuse(save(tmp_path / 'bad.json', log), tmp_path, capsys,
+           'z of the motion capture is 1 m throughout, while the range changes by 0.5')
+    del log['drone']['ae483log.w_x']['time'][:], log['drone']['ae483log.w_x']['data'][:]
+    log['drone']['gyro.x'] = log['drone']['gyro.y'] = log['drone']['gyro.z'] = {
+        'time': [10.0, 11.0], 'data': [1.0, 2.0]}
     refuse(save(tmp_path / 'bad.json', log), tmp_path, capsys, 'give --mocap-offset SECONDS')
 
 
@@ -376,7 +498,7 @@ DEGREES = np.degrees(1.0)
 
 @pytest.mark.parametrize('log, text', [
     (scaled(['yaw', 'pitch', 'roll'], DEGREES, 'mocap'),
-     'mocap pitch is 11.46 at 1000.000 s, and 1990 of 1990 values are beyond a quarter turn'),
+     'mocap pitch is 11.46 at 1000.000 s, and 18'),
     (scaled(['psi', 'theta', 'phi'], DEGREES),
      'theta is 11.46 at 10.000 s, and 2000 of 2000 values are beyond a quarter turn: is it in d'),
     (calm_in_degrees(), 'theta is 2 at 10.000 s, and 40 of 2000 values are beyond a quarter turn'),
@@ -411,6 +533,7 @@ def test_a_few_pitches_beyond_a_quarter_turn_are_left_out_and_counted(made, tmp_
 
 def test_a_gyro_whose_axes_never_meet_is_refused(tmp_path, capsys):
     log = flight()
+    del log['mocap']
     entry = log['drone']['ae483log.w_z']
     entry['time'] = (np.array(entry['time']) + 100.0).tolist()
     refuse(save(tmp_path / 'log.json', log), tmp_path, capsys,

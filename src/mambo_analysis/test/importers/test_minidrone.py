@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 from mambo_analysis.importers.common import read_source
 from mambo_analysis.importers.mat_file import variables
 from mambo_analysis.importers.minidrone import (
-    import_minidrone, main, MOTOR_SIGNS, new_samples, read_log, SIGNALS)
+    import_minidrone, main, MOTOR_SIGNS, new_samples, read_log, sensor_doubts, SIGNALS)
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriterError
@@ -395,6 +395,76 @@ def test_the_other_names_of_the_package_s_blocks(tmp_path):
         rt_References=None, rt_motor=motors, rt_estim=block(np.ones((N, 12))))
     counts, _ = import_minidrone(source, tmp_path / 'bag')
     assert counts == {'/mambo/motor_pwm': N, '/mambo/onboard/odom': N}
+
+
+def doubts(notes):
+    return [note for note in notes if 'before you use it' in note or 'do not use it' in note]
+
+
+def flown():
+    """Return signals as of a flight, in usual ranges: the gyro turns as the drone estimates."""
+    out, t = signals(), np.arange(N) * 0.005
+    for k, (gyro, rate) in enumerate(zip(('pa', 'qa', 'ra'), ('pb', 'qb', 'rb'))):
+        out[gyro] = 0.3 * np.sin((4.0 + k) * t) + 0.02
+        out[rate] = out[gyro] - 0.02
+    out['opticalFlow_datout'][:, :2] *= 0.1
+    return out
+
+
+@pytest.mark.parametrize('change, lines', [
+    ({}, []),
+    ({'altitude_sonarb': 10.0}, [
+        'altitude_sonarb has a median of 12.45 m, usual are 0.2 to 4: ']),
+    ({'altitude_sonarb': 0.1}, ['altitude_sonarb has a median of 0.1245 m']),
+    ({'altitude_sonarb': 0.0}, ['altitude_sonarb is 0 throughout: it was not measured']),
+    ({'prsb': 10.0}, ['prsb has a median of 9.9']), ({'prsb': 0.0}, ['prsb is 0 throughout']),
+    ({'ddxb': 10.0, 'ddyb': 10.0, 'ddzb': 10.0}, [
+        'the length of ddxb, ddyb, ddzb has a median of 97']),
+    ({'ddxb': 0.0, 'ddyb': 0.0, 'ddzb': 0.0}, ['the length of ddxb, ddyb, ddzb is 0 throughout']),
+    ({'ddyb': 0.0}, ['ddyb is 0 throughout']),
+    ({'qa': 10.0}, ['qa is 10 times the rate that the drone estimates: check its unit']),
+    ({'pa': 0.1}, ['pa is 0.1 times the rate that the drone estimates']),
+    ({'ra': 0.0}, ['ra is 0 throughout']),
+    ({'opticalFlow_datout': 10.0}, ['opticalFlow_datout is up to 2']),
+    ({'opticalFlow_datout': 0.0}, ['opticalFlow_datout is 0 throughout']),
+    ({'motors_refout': 10.0}, ['motors_refout has a median of 2250 PWM']),
+    ({'batteryStatus_datout': 10.0}, ['batteryStatus_datout[0] has a median of 39 V',
+                                      'batteryStatus_datout[1] has a median of 800 %'])])
+def test_sensors_of_another_scale_and_without_values_are_told(tmp_path, change, lines):
+    values = flown()
+    for name, factor in change.items():
+        values[name] = factor * values[name]
+    _, notes = import_minidrone(save(tmp_path / 'log.mat', values), tmp_path / 'bag')
+    found = doubts(notes)
+    assert len(found) == len(lines)
+    assert all(note.startswith(line) for note, line in zip(found, lines)), found
+
+
+@needs_data
+@pytest.mark.parametrize('path', FLIGHTS, ids=lambda path: path.stem)
+def test_nothing_is_said_about_the_sensors_of_the_real_flights(path):
+    log = toolbox_log(path)
+    assert not sensor_doubts(log, 20.0)
+
+
+@pytest.mark.parametrize('sonar, gyro, lines', [
+    (1.0, 1.0, []), (10.0, 1.0, ['sonar in rt_sensor has a median of 12.45 m']),
+    (0.0, 1.0, ['sonar in rt_sensor is 0 throughout']),
+    (1.0, 5.0, ['gyro_x is 5 times the rate']), (1.0, 0.0, ['gyro_x in rt_sensor is 0 throu'])])
+def test_sensors_of_a_simulink_log_are_told_likewise(tmp_path, sonar, gyro, lines):
+    values, (_, block) = flown(), package(tmp_path / 'unused.mat')
+    sensor = np.column_stack([values[name] for name in (
+        'ddxb', 'ddyb', 'ddzb', 'pa', 'qa', 'ra', 'altitude_sonarb', 'prsb')]
+        + [values['batteryStatus_datout']])
+    estimate = np.tile(np.arange(1.0, 18.0) / 10.0, (N, 1))
+    estimate[:, 9:12] = sensor[:, 3:6] - 0.02
+    sensor[:, 6] *= sonar
+    sensor[:, 3] *= gyro
+    source, _ = package(tmp_path / 'RSdata.mat', rt_sensor=block(sensor),
+                        rt_estimatedStates=block(estimate))
+    _, notes = import_minidrone(source, tmp_path / 'bag', gyro_unit='rad/s')
+    found = doubts(notes)
+    assert len(found) == len(lines) and all(map(str.startswith, found, lines)), found
 
 
 def test_malformed_simulink_logs_are_named(tmp_path, capsys):

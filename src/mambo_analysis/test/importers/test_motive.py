@@ -156,6 +156,25 @@ def test_impossible_poses_are_left_out(tmp_path):
     assert bag.metadata['import']['poses_impossible'] == '1'
 
 
+def test_frozen_poses_are_left_out_and_the_good_ones_beside_them_stay(tmp_path, capsys):
+    """The body moves by 0.4 m in 0.25 s while it is lost: in one step, that would be 48 m/s."""
+    def change(lines):
+        rows = [line.split(',') for line in lines[7:]]
+        for row in rows[20:50]:
+            row[2:] = rows[20][2:]
+        for row in rows[50:]:
+            row[6] = f'{float(row[6]) + 0.4:.6f}'
+        return [*lines[:7], *(','.join(row) for row in rows)]
+    source = take(tmp_path / 'take.csv', markers=False, change=change)
+    assert main([str(source), str(tmp_path / 'bag')]) == 0
+    assert ('optitrack/pose: 29 frozen poses left out, equal to the one before in all numbers'
+            in capsys.readouterr().out)
+    bag = read_bag(tmp_path / 'bag')
+    frames = np.rint(bag['optitrack/pose'].t * RATE).astype(int)
+    assert frames.tolist() == [*range(21), *range(50, N)]
+    assert bag.metadata['import']['poses_frozen'] == '29'
+
+
 def test_frames_with_a_quaternion_of_zeros_are_left_out_and_counted(tmp_path, capsys):
     def zeroed(frames):
         def change(lines):

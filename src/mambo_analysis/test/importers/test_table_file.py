@@ -95,3 +95,18 @@ def test_of_a_small_file_of_huge_columns_the_wanted_are_read_if_allowed(tmp_path
 def test_a_compressed_bomb_names_what_raises_the_limit(tmp_path, monkeypatch):
     monkeypatch.setenv('MAMBO_MAX_UNPACKED_MB', '20')
     refused(tmp_path / 'a.csv.gz', gzip.compress(b',' * 20_000_000), 'MAMBO_MAX_UNPACKED_MB')
+
+
+@pytest.mark.parametrize('unit', ['ms', 'us', 'ns'])
+@pytest.mark.parametrize('kind', ['timedelta64', 'datetime64'])
+def test_typed_times_are_no_numbers_of_an_unknown_unit(tmp_path, kind, unit):
+    t = np.arange(9).astype(f'{kind}[{unit}]')
+    path = written(tmp_path / 'a.parquet', pandas.DataFrame({'t': t, 'x': 1.0}))
+    with pytest.raises(BagError, match=rf'column t holds times of the type {kind}\[..\]'):
+        read_table(path, ['t', 'x'], ',')
+
+
+def test_an_arrow_file_is_no_csv_file(tmp_path):
+    for suffix in ('.arrow', '.feather'):
+        with pytest.raises(BagError, match='Arrow files are not read: save the table as Parquet'):
+            read_table(tmp_path / f'a{suffix}', ['t'], ',')

@@ -6,7 +6,7 @@ from flown import bag, flight, MAP, MOUNTING
 from mambo_analysis.identify.regression import IdentifyError
 from mambo_analysis.twin import contradictions
 from mambo_analysis.twin.force import fit_force
-from mambo_analysis.twin.identify_flight import late_note
+from mambo_analysis.twin.identify_flight import reading_notes
 from mambo_analysis.twin.recorded import bias_doubt, GRAVITY, read_flight
 import numpy as np
 import pytest
@@ -44,6 +44,31 @@ def test_a_missing_signal_is_named(tmp_path, text, reason):
 def test_what_is_no_flight(tmp_path, change, reason):
     with pytest.raises(IdentifyError, match=reason):
         read_flight(bag(tmp_path, change))
+
+
+def test_a_recording_cut_to_the_flight_is_all_flight(tmp_path):
+    for place in ('whole', 'cut'):
+        (tmp_path / place).mkdir()
+    whole = read_flight(bag(tmp_path / 'whole'))
+    cut = read_flight(bag(
+        tmp_path / 'cut', lambda data: data[(data.t > whole.t[whole.air][0])
+                                            & (data.t < whole.t[whole.air][-1])]))
+    assert whole.has_ground and not cut.has_ground
+    ends = 0.7  # s, left out once more
+    assert np.ptp(cut.t[cut.air]) == pytest.approx(np.ptp(whole.t[whole.air]) - ends, abs=0.1)
+    assert cut.mounting == pytest.approx(MOUNTING, abs=2e-3)
+    assert 'it begins and ends in the air' in reading_notes(cut)[0] and not reading_notes(whole)
+
+
+def test_running_motors_on_a_bench_are_no_flight(tmp_path):
+    """The motors pull as in flight, but nothing moves."""
+    def held(data):
+        data = data[(data.t > 6.0) & (data.t < 14.0)].copy()
+        for name in POSE:
+            data[name] = data[name].iloc[0]
+        return data
+    with pytest.raises(IdentifyError, match='keep a second before take-off'):
+        read_flight(bag(tmp_path, held))
 
 
 def scaled(*columns, factor=-1.0):
@@ -140,7 +165,7 @@ def test_poses_that_are_late_are_moved(tmp_path, rows):
     assert np.abs(found.position[found.air, 0] - there).max() < 0.02  # m, of 0.1 m as stamped
     drag, same = (fit_force(one, blocks=0).shown['drag z'] for one in (found, plain))
     assert drag.value == pytest.approx(same.value, abs=same.half)
-    assert 'and were moved by it' in late_note(found)[0] and not late_note(plain)
+    assert 'and were moved by it' in reading_notes(found)[0] and not reading_notes(plain)
 
 
 def test_what_is_no_bag(tmp_path):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 import re
 import signal
+import sys
 
 from tqdm import tqdm
 
@@ -23,6 +24,7 @@ _COLLIDED = re.compile(r'/\S+ and /\S+ collided at t = [\d.]+ s: [\d.]+ m apart'
 _PACED = re.compile(r'flying in realtime mode$')
 _WAITS = re.compile(r'waiting for .*')
 _TIME = re.compile(r't = ([\d.]+) s$')
+_QUIET = 10.0  # s without a word where no progress bar is seen; each further wait is twice as long
 
 
 @dataclass
@@ -72,9 +74,9 @@ class Progress:
         self.begun = self.ended = False
         self.lines = 0
         self.collisions: list[str] = []
+        self._doing, self._said = 'starting (compiles once)', _QUIET
         self._bar = tqdm(
-            total=duration, desc='starting (compiles once)', leave=False,
-            disable=None if shown else True,
+            total=duration, desc=self._doing, leave=False, disable=None if shown else True,
             bar_format='{desc} {bar} {n:.1f}/{total:.0f} s of flight, {elapsed} elapsed')
 
     def line(self, text: str) -> None:
@@ -89,11 +91,19 @@ class Progress:
         elif found := _DELAY.search(text):
             self.delay = found[0]
         elif found := _WAITS.search(text):
+            self._doing = found[0]
             self._bar.set_description_str(found[0])
         elif found := _TIME.search(text):
             self.flown = float(found[1])
             self._bar.set_description_str('flying', refresh=False)
             self._bar.update(float(found[1]) - self._bar.n)
+
+    def waits(self, seconds: float) -> bool:
+        """Return whether time has not begun after some s; say so where no bar is seen."""
+        if not self.begun and self._bar.disable and seconds >= self._said:
+            self._said *= 2.0
+            tqdm.write(f'{self._doing}: {seconds:.0f} s so far', file=sys.stderr)
+        return not self.begun
 
     def close(self) -> None:
         """Remove the bar."""

@@ -124,10 +124,11 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
             print(_invitation(without, flights, group.domain), flush=True)
         patience = max(flight.sim_node.start_patience for flight in flights.values())
         group.watch(  # the nodes' patience begins when they are loaded
-            lambda: all(each.begun for each in progress.values()),
+            lambda seconds: next((started[space][-1].label for space, bar in progress.items()
+                                  if bar.waits(seconds)), ''),
             patience + max(patience, _LOADING),
             lambda: next(filter(None, (
-                silences[space].kill(bar.begun and not bar.ended, bar.lines)
+                silences[space].kill(bar.begun, bar.ended, bar.lines)
                 for space, bar in progress.items())), ''))
     for line in group.spectators_lost:
         print(f'the view ended before the flight: {line}')

@@ -108,7 +108,8 @@ def test_a_flight_without_a_pose_says_so_and_why(tmp_path, posed, level, line):
     (0.5, {'reference_node.plan.takeoff': 'none'}, 'leaves the floor at 0 s', True),
     (5.5, {'reference_node.commands.enabled': True}, 'about 660 are missing before it', False),
     (5.5, {'estimator_node.joint.pose.enabled': False}, 'about 660 are missing before it', False),
-    (5.5, {'optitrack_node.optitrack.fault': 'lost'}, '', False)])
+    (5.5, {'optitrack_node.optitrack.fault': 'lost',
+           'optitrack_node.optitrack.fault_end': 5.5}, '', False)])
 def test_poses_that_are_missing_at_the_start_are_said(tmp_path, first, given, words, bad):
     flight = override(scenario(), {
         'optitrack_node.optitrack.rate': 120.0, 'estimator_node.joint.pose.enabled': True,

@@ -1,7 +1,11 @@
 """Outcome of a flight: what is read from the lines of stand-in nodes."""
 
-from mambo_bringup import processes, run
+from mambo_bringup import processes, run, stuck
+from mambo_bringup.flight import runner
+from mambo_bringup.flight.outcome import Progress
 from mambo_bringup.flight.runner import fly
+from mambo_flight.scenario import override
+import pytest
 from stand_in_nodes import FLEW, NODES, QUIET, short
 
 
@@ -44,3 +48,31 @@ def test_when_time_is_real_all_but_the_recorder_go_before_others(graph, tmp_path
     graph(sim_node="print('[INFO] [1.0] [mambo.sim_node]: flying in realtime mode')" + FLEW)
     fly(short(), tmp_path / 'second')
     assert sorted(hurried) == sorted(set(NODES) - {'recorder_node'})
+
+
+def test_a_flight_that_does_not_begin_says_what_it_waits_for_where_no_bar_is_seen(capsys):
+    one = Progress(3.0)
+    assert all(one.waits(seconds) for seconds in (0.0, 9.9, 10.0, 12.0))
+    one.line('[WARN] [1.0] [mambo.sim_node]: waiting for node /mambo/estimator_node')
+    assert all(one.waits(seconds) for seconds in (19.0, 20.0, 39.0))
+    assert capsys.readouterr().err.splitlines() == [
+        'starting (compiles once): 10 s so far',
+        'waiting for node /mambo/estimator_node: 20 s so far']
+    one.line('[INFO] [1.0] [mambo.sim_node]: flying in lockstep mode')
+    assert not one.waits(1000.0)
+    assert capsys.readouterr().err == ''
+
+
+def test_the_drone_that_does_not_begin_is_named(graph, tmp_path, monkeypatch):
+    graph(sim_node=QUIET)
+    monkeypatch.setattr(runner, '_LOADING', 0.5)
+    flight = override(short(), {'sim_node.start_patience': 1.0})
+    with pytest.raises(processes.FlightError, match='sim_node did not begin within 2 s'):
+        fly(flight, tmp_path / 'bag')
+
+
+def test_a_simulator_that_stands_still_before_the_flight_is_killed(graph, tmp_path, monkeypatch):
+    graph(sim_node=QUIET)
+    monkeypatch.setattr(stuck, 'ASLEEP', 1.0)
+    with pytest.raises(processes.FlightError, match='sim_node did nothing for 1 s'):
+        fly(short(), tmp_path / 'bag')

@@ -4,18 +4,24 @@ Poses of the motion capture for the steps of the filter, whatever the order of a
 The watermark of the motion capture says how many poses have been published up to its stamp. A
 step waits for the first watermark that is not older, and gets the newest pose that this one
 announces. So what the filter computes is a function of stamped data, as of
-:mod:`mambo_estimation.synchroniser`.
+:mod:`mambo_estimation.synchroniser`, and a lost pose is waited for no longer than there.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
+from mambo_model.limits import AHEAD_NS
 from mambo_model.motion.quaternion import Quat
 from mambo_model.motion.vector import Vec3
 
 from ..synchroniser import Step
+
+
+def _nothing() -> None:
+    """Do nothing."""
 
 
 class SeenPose(NamedTuple):
@@ -36,6 +42,11 @@ class PoseQueue:
         True: a step waits for the watermark. False (a driver that sends none): a step has the
         newest pose that has arrived.
 
+    Attributes
+    ----------
+    pull
+        As of :class:`mambo_estimation.synchroniser.Synchroniser`.
+
     """
 
     def __init__(self, watermark: bool = True) -> None:
@@ -45,6 +56,8 @@ class PoseQueue:
         self._ticks: deque[tuple[int, int]] = deque()
         self._received = 0
         self._offset: int | None = None
+        self._bound = -1  # ns, above which a pose is ahead of the newest watermark
+        self.pull: Callable[[], Any] = _nothing
 
     def add_steps(self, steps: list[Step]) -> list[tuple[Step, SeenPose | None]]:
         """Queue steps; return those that are complete."""
@@ -69,9 +82,12 @@ class PoseQueue:
         if self._offset is None:
             self._offset = 0 if count <= 1 else count - self._received
         self._ticks.append((t, count))
+        self._bound = t + AHEAD_NS
         return self._completed()
 
     def _add(self, pose: SeenPose | None) -> list[tuple[Step, SeenPose | None]]:
+        if pose is not None and pose.t > self._bound:
+            self.pull()
         self._received += 1
         self._poses.append(pose)
         return self._completed()
@@ -95,11 +111,21 @@ class PoseQueue:
         if not self._ticks or self._ticks[0][0] < t:
             return None
         due = self._ticks[0][1] - (self._offset or 0)
-        return due if self._received >= due else None
+        return due if self._received >= due or any(map(self._is_later, self._poses)) else None
+
+    def _is_later(self, pose: SeenPose | None) -> bool:
+        """Return whether a pose was published after the watermark of the next step."""
+        return pose is not None and self._ticks[0][0] < pose.t <= self._bound
 
     def _newest(self, due: int) -> SeenPose | None:
         """Return the newest of the poses up to one, and forget these."""
         found = None
-        for _ in range(due - self._received + len(self._poses)):
-            found = self._poses.popleft() or found
+        for missing in range(due - self._received + len(self._poses), 0, -1):
+            if self._watermark and self._is_later(self._poses[0]):
+                self._offset += missing  # as many were lost
+                break
+            pose = self._poses.popleft()
+            if pose is not None and not (
+                    self._watermark and pose.t > self._ticks[0][0] + AHEAD_NS):
+                found = pose
         return found

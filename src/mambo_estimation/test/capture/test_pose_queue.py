@@ -97,3 +97,34 @@ def test_without_watermark_a_step_has_what_has_arrived():
     (_, pose), = queue.add_steps([step(5 * MS)])
     assert pose.t == 1 * MS
     assert [pose for _, pose in queue.add_steps([step(10 * MS)])] == [None]
+
+
+def test_after_a_gap_a_pose_looks_for_the_watermarks_that_have_arrived():
+    """The first pose after a gap of 1 s overtakes its watermarks at the middleware."""
+    queue, pairs, arrived = PoseQueue(), [], []
+
+    def pull():
+        while arrived:
+            pairs.extend(queue.add_tick(*arrived.pop(0)))
+    queue.pull = pull
+    for k in range(400):
+        pairs += queue.add_steps([step(5 * MS * k)])
+        if not 100 <= k < 300:
+            pairs += queue.add_pose(5 * MS * k, (float(k), 0.0, 0.0), Q)
+        arrived.append((5 * MS * k, k + 1))
+        if not 90 <= k < 300:
+            pull()
+    assert [s.t for s, _ in pairs] == [5 * MS * k for k in range(400)]
+    assert [k for k, (_, pose) in enumerate(pairs) if pose is None] == list(range(100, 300))
+    assert all(pose is None or pose.t == s.t for s, pose in pairs)
+
+
+def test_a_pose_with_a_stamp_of_the_future_is_not_used():
+    for ahead in (200 * MS, 3_000 * MS, 10**18):
+        queue, pairs = PoseQueue(), []
+        for k in range(1000):
+            t = 5 * MS * k
+            pairs += queue.add_steps([step(t)]) + queue.add_tick(t, k + 1)
+            pairs += queue.add_pose(t + ahead * (k in (50, 51, 600)), (0.0, 0.0, 0.0), Q)
+            assert len(pairs) == k + 1
+        assert [k for k, (_, pose) in enumerate(pairs) if pose is None] == [50, 51, 600]

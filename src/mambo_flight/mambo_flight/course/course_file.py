@@ -131,6 +131,7 @@ def _function(trajectory: str, folder: Path, room: float) -> tuple[Course, str]:
         source = function_course.load(trajectory, folder)
         duration = room if source.duration is None else source.duration
         if math.isnan(duration) or duration <= 0.0:
+            function_course.check(source)
             raise InputError(
                 f'{source.name}: the flight leaves no time for it: give a longer duration, or '
                 f'state that of the path, duration = 12.0 (s), in the file')

@@ -192,6 +192,12 @@ def _values(source: Source, t: float) -> Array:
     return rows
 
 
+def check(source: Source) -> None:
+    """Raise InputError if a function fails at 0 s or returns no position there."""
+    with bounded(source.path):
+        _values(source, 0.0)
+
+
 def _sample(source: Source, times: Array) -> Array:
     """Return x, y, z and yaw at times, (n, 4); InputError for any other value."""
     out = np.zeros((len(times), len(AXES)))

@@ -12,7 +12,7 @@ import argparse
 
 from mambo_bags.command import guard, Parser
 from mambo_model.motion.uav_trajectories import to_text
-from mambo_model.whole_file import refuse_existing
+from mambo_model.whole_file import refuse_existing, write_text
 
 from . import feasibility
 from .check_course import add_course, chosen
@@ -21,8 +21,7 @@ from .check_course import add_course, chosen
 def _run(options: argparse.Namespace) -> None:
     refuse_existing(options.output)
     course, vehicle, factor = chosen(options)
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    options.output.write_text(to_text(course), encoding='utf-8')
+    write_text(options.output, to_text(course))
     print(f'{options.output}: {course.total:.3f} s, {len(course.duration)} polynomials' + (
         f', stretched {factor:.4f} times' if factor != 1.0 else ''))
     if far := feasibility.far(course):

@@ -7,6 +7,7 @@ from typing import Any
 
 from mambo_model import palette
 from mambo_model.motion.polynomial import Array, Course, state_at
+from mambo_model.whole_file import replacing
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 import numpy as np
@@ -51,7 +52,8 @@ def draw(
     for row, names in enumerate(PANELS):
         for column, name in enumerate(names):
             _panel(figure.add_subplot(grid[row, column + 1]), t, columns, limits, name)
-    figure.savefig(path)
+    with replacing(path) as part:
+        figure.savefig(part, format=path.suffix[1:].lower())
 
 
 def _panel(axes: Any, t: Array, columns: Array, limits: dict[str, Limit], name: str) -> None:

@@ -17,7 +17,7 @@ from mambo_bags.cli.option_types import whole, WORKERS
 from mambo_bags.command import guard, interrupted, Parser
 from mambo_model.compiled import source_digest
 from mambo_model.errors import InputError
-from mambo_model.whole_file import replacing, write_text
+from mambo_model.whole_file import PICTURE, replacing, write_text
 
 from . import report
 from ..sweep.run import run
@@ -104,7 +104,7 @@ def _write(
     """Write plots, page and numbers, each completely or not at all."""
     conditions = list(dict.fromkeys(r.condition for r in found))
     for condition in conditions:
-        with replacing(folder / _picture(condition)) as part:
+        with replacing(folder / _picture(condition), PICTURE) as part:
             report.draw(part, found, condition)
     write_text(folder / PAGE, report.markdown(found, steps, list(map(_picture, conditions))))
     write_text(folder / NUMBERS, json.dumps(
@@ -142,8 +142,7 @@ def parser() -> Parser:
     """Return the command line."""
     out = Parser('race', __doc__)
     add = out.add_argument
-    add('-o', '--output', type=Path, metavar='FOLDER', required=True,
-        help='folder for the page, the numbers and the plots')
+    out.add_output('DIR', 'folder for the page, the numbers and the plots', required=True)
     add('--draws', type=whole(1, MOST), default=1000, metavar='N',
         help='flights of each controller, course and condition (default: 1000)')
     add('--controller', default=[], action='append', metavar='NAME',

@@ -17,7 +17,7 @@ from typing import Any
 from mambo_bags.cli.option_types import FLIGHT, WORKERS
 from mambo_bags.command import guard, interrupted, Parser
 from mambo_model.errors import JobError
-from mambo_model.whole_file import refuse_existing
+from mambo_model.whole_file import PICTURE, refuse_existing, refuse_other_kind
 import numpy as np
 
 from . import design, heat_map, monte_carlo, plot, table
@@ -56,12 +56,15 @@ def sweep(
     mambo_model.schema.ParameterError
         For a wrong file, naming file, line and key.
     mambo_model.errors.InputError
-        If the result exists, or the unfinished rows belong to another sweep.
+        If the result exists, its plots would replace a file of another kind, or the unfinished
+        rows belong to another sweep.
     SweepEndedError
         If it was interrupted; the finished rows are kept.
 
     """
     refuse_existing(out)
+    for picture in (out.with_suffix('.png'), map_of(out)):
+        refuse_other_kind(picture, PICTURE)
     flights = design.Flights(design.read(path))
     for number in range(len(flights.sweep.rows)):  # refuse wrong input before anything is flown
         flights[number]

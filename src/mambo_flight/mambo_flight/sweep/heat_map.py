@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mambo_model import palette
-from mambo_model.whole_file import replacing
+from mambo_model.whole_file import PICTURE, replacing
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 import numpy as np
@@ -96,7 +96,7 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
         _map(axes, found, np.asarray(data[name], dtype=float), label, numbered)
     note = '; in each cell the number of its middle flight' if numbered else ''
     figure.suptitle(palette.in_figure(f'{title}: median{note}'))
-    with replacing(path) as part:
+    with replacing(path, PICTURE) as part:
         figure.savefig(part, format='png', dpi=110, metadata={'Software': None})
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from mambo_model import palette
-from mambo_model.whole_file import replacing
+from mambo_model.whole_file import PICTURE, replacing
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 import numpy as np
@@ -113,5 +113,5 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
         axes.grid(alpha=0.3)
         axes.set_ylim(bottom=0.0)
     figure.suptitle(palette.in_figure(title))
-    with replacing(path) as part:
+    with replacing(path, PICTURE) as part:
         figure.savefig(part, format='png', dpi=110, metadata={'Software': None})

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mambo_model import palette
+from mambo_model.whole_file import replacing
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -37,4 +38,5 @@ def draw(path: Path, found: Sequence[Pair], limit: float) -> None:
                  label='collision')
     axes.set_ylim(bottom=0.0)
     axes.legend(loc='best')
-    figure.savefig(path)
+    with replacing(path) as part:
+        figure.savefig(part, format=path.suffix[1:].lower())

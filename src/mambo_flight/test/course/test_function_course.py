@@ -162,6 +162,9 @@ def test_any_smooth_path_is_followed_to_a_micrometre(speed, size, phase):
 
 @pytest.mark.parametrize('value', [None, 'far', (1.0, 'north', 0.0), [[[0.0, 0.0, 0.0]]], ()])
 def test_values_that_are_no_position_are_one_line(value):
-    with pytest.raises(InputError, match='the function: ') as refused:
-        function_course.fit(lambda t: value, 2.0)
-    assert '\n' not in str(refused.value)
+    source = function_course.Source(lambda t: value, 'the function', None, '', None)
+    for examine in (lambda: function_course.fit(source, 2.0),
+                    lambda: function_course.check(source)):
+        with pytest.raises(InputError, match='the function: ') as refused:
+            examine()
+        assert '\n' not in str(refused.value)

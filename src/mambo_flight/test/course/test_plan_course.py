@@ -26,6 +26,15 @@ def test_a_plan_is_a_file_that_is_flown_as_planned(fast, tmp_path, capsys):
         f'trajectory plan: {plan} exists: give another --output or remove it']
 
 
+def test_a_plan_that_the_disk_does_not_take_is_named_and_leaves_no_file(
+        fast, tmp_path, capsys, small_disk):
+    small_disk(100)
+    assert plan_course.main([fast, '-o', str(tmp_path / 'plan.csv')]) == 1
+    assert lines(capsys)[1] == [
+        f'trajectory plan: {tmp_path}/plan.csv: cannot be written (File too large)']
+    assert not (tmp_path / 'plan.csv').exists()
+
+
 def test_a_plan_that_cannot_be_flown_is_written_with_a_warning(fast, tmp_path, capsys):
     assert plan_course.main([fast, '-o', str(tmp_path / 'plan.csv')]) == 0
     out, _ = lines(capsys)

@@ -111,8 +111,10 @@ def test_a_page_is_not_written_over(tmp_path, capsys, name):
 
 
 def test_a_page_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
-    for name in (race.PAGE, race.NUMBERS, 'controllers_known.png'):
-        (tmp_path / name).write_text('old')
+    old = {race.PAGE: b'old', race.NUMBERS: b'old',
+           'controllers_known.png': b'\x89PNG\r\n\x1a\nold'}
+    for name, data in old.items():
+        (tmp_path / name).write_bytes(data)
     result = race.report.Result(
         'indi', 'circle', 'known', 'true', 1, 1.0, 0.1, 0.1, 0.1, 0.1, 0.0, 1.0)
 
@@ -122,8 +124,7 @@ def test_a_page_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch)
     monkeypatch.setattr(race.report, 'draw', fail)
     with pytest.raises(ZeroDivisionError):
         race._write(tmp_path, [result], {'indi': ('', 1.0)})
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == dict.fromkeys(
-        (race.PAGE, race.NUMBERS, 'controllers_known.png'), 'old')
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == old
 
 
 def test_a_race_adds_to_a_page(tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ from numba.np.random.generator_core import next_uint64
 import numpy as np
 from numpy.random import BitGenerator, Generator
 
-from ..compiled import jit, jit_inside, overload
+from ..compiled import jit, jit_apart, jit_inside, overload
 from .exponential import exp, log1p
 
 
@@ -29,7 +29,7 @@ def _uniform(source: BitGenerator) -> float:
     return (_raw(source) >> np.uint64(11)) * 2.0 ** -53
 
 
-@jit
+@jit_apart
 def _at_edge(
     source: BitGenerator, cell: int, whole: int, x: float,
 ) -> tuple[bool, float]:

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from ..compiled import jit
+from ..compiled import jit, jit_apart
 from .double_double import arctangent, DIGITS, pi, split, two_product, two_sum
 
 LARGEST_ANGLE = 6.0e9  # rad, up to which the reduction below is exact enough
@@ -118,7 +118,7 @@ def _arc(y: float, x: float, low: float) -> tuple[float, float]:
     return high, a + (_ARCTANGENTS[cell, 1] + t_low + series)
 
 
-@jit
+@jit_apart
 def _arc_of_sum(y: float, x: float, low: float) -> float:
     """Return the angle of (x + low, y) in rad, y >= 0, in [0, pi]."""
     short = abs(x)

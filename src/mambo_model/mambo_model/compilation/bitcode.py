@@ -3,7 +3,8 @@ Compile functions that only compiled code calls as far as their callers need the
 
 numba ends every function in machine code, and makes that of a caller from LLVM's bitcode of all
 that it calls. The machine code of a function that Python never calls is thrown away. Such
-functions end in bitcode here, which leaves a seventh less to compile for a flight.
+functions end in bitcode here, which leaves a seventh less to compile for a flight. Some of them
+are kept out of their callers, and calls from Python are not optimized.
 
 numba has no public way to do this. What is used beyond ``pipeline_class`` are the libraries of
 ``numba.core.codegen`` and the cache of ``numba.core.caching``.
@@ -11,6 +12,9 @@ numba has no public way to do this. What is used beyond ``pipeline_class`` are t
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+import contextlib
+import gc
 from typing import Any
 
 from llvmlite.ir import GlobalVariable
@@ -19,6 +23,8 @@ from numba.core.cgutils import voidptr_t
 from numba.core.codegen import JITCodeLibrary, ll
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.compiler_machinery import PassManager
+
+_SELDOM = (100_000, 50, 50)  # new objects, younger and middle collections between collections
 
 
 class BitcodeLibrary(JITCodeLibrary):
@@ -56,14 +62,82 @@ class BitcodeLibrary(JITCodeLibrary):
         return self.name, self._get_module_for_linking().as_bitcode()
 
 
+class ApartLibrary(BitcodeLibrary):
+    """The same of a function that LLVM does not copy into its callers."""
+
+    def add_ir_module(self, ir_module: Any) -> None:
+        """Take the code of the function, with an attribute that keeps it whole."""
+        for function in ir_module.functions:
+            if not function.is_declaration and 'alwaysinline' not in function.attributes:
+                function.attributes.add('noinline')
+        super().add_ir_module(ir_module)
+
+
+class PythonLibrary(JITCodeLibrary):
+    """
+    Machine code of a function that Python calls.
+
+    Code that takes a call from Python apart, number by number, is not optimized: it runs once for
+    a whole flight, and is a fifth of what is compiled for one.
+    """
+
+    def add_ir_module(self, ir_module: Any) -> None:
+        """Take the code of the function, or that of the calls from Python."""
+        for function in ir_module.functions:
+            if not function.is_declaration and function.name.startswith('_ZN7cpython'):
+                function.attributes.add('noinline')  # optnone asks for it
+                function.attributes.add('optnone')
+        super().add_ir_module(ir_module)
+
+
 class InsideCompiler(Compiler):
     """numba's compiler, into a :class:`BitcodeLibrary`: for functions inside compiled code."""
+
+    library = BitcodeLibrary
 
     def define_pipelines(self) -> list[PassManager]:
         """Return numba's passes; blocks of Python inside a function end in machine code."""
         if not self.state.flags.force_pyobject:
-            self.state.library = BitcodeLibrary(
+            self.state.library = self.library(
                 self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        return super().define_pipelines()
+
+
+class ApartCompiler(InsideCompiler):
+    """The same, into an :class:`ApartLibrary`."""
+
+    library = ApartLibrary
+
+
+@contextlib.contextmanager
+def seldom_collected() -> Iterator[None]:
+    """
+    Let Python's garbage collector look less often.
+
+    A tenth of the time to compile a flight goes into it otherwise, as numba makes millions of
+    objects, and keeps most of them until it is done.
+    """
+    before = gc.get_threshold()
+    gc.set_threshold(*_SELDOM)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+
+
+class PythonCompiler(Compiler):
+    """numba's compiler, into a :class:`PythonLibrary`: for functions that Python calls."""
+
+    def compile_extra(self, func: Callable) -> CompileResult:
+        """Compile a function, and all that it calls."""
+        with seldom_collected():
+            return super().compile_extra(func)
+
+    def define_pipelines(self) -> list[PassManager]:
+        """Return numba's passes."""
+        self.state.library = PythonLibrary(
+            self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        self.state.library.enable_object_caching()
         return super().define_pipelines()
 
 

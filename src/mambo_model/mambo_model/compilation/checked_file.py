@@ -38,8 +38,12 @@ class CheckedFile(IndexDataCacheFile):
             file.write(whole.getvalue() + self._checksum(whole.getvalue()))
 
     def _load_index(self) -> dict:
-        """Return the names of what is compiled; nothing if the file is damaged."""
-        with contextlib.suppress(FileNotFoundError):
+        """
+        Return the names of what is compiled.
+
+        Nothing if the file is damaged, or names types of a user's module that is not here.
+        """
+        with contextlib.suppress(FileNotFoundError, ImportError, AttributeError):
             self._read(self._index_path)
             return super()._load_index()
         return {}

@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 from mambo_model.compilation.bitcode import BitcodeLibrary
-from mambo_model.compiled import jit, jit_inside
+from mambo_model.compiled import jit, jit_apart, jit_inside
 import numba
 from numba.core.registry import cpu_target
 
@@ -86,6 +86,48 @@ def test_of_functions_inside_there_is_no_machine_code():
         assert not engine_has(function)
     assert engine_has(of_numba)
     assert not all_of_them.overloads and all_of_them.for_python.overloads
+
+
+@jit_apart
+def halved(x):
+    return 0.5 * x
+
+
+@jit
+def quartered(x):
+    return 0.25 * x
+
+
+@jit_inside
+def parts(x):
+    return halved(x) + quartered(x)
+
+
+@jit
+def all_parts(x):
+    return parts(x) + halved(x)
+
+
+def test_a_function_apart_is_called_and_what_is_compiled_for_one_inside_is_copied():
+    assert all_parts(4.0) == 5.0
+    (result,) = all_parts.for_python.overloads.values()
+    code = result.library.get_llvm_str()
+    (name,) = {result.fndesc.llvm_func_name for result in halved.overloads.values()}
+    assert code.count(f'@{name}(') == 3  # defined once and called twice
+    for function in (parts, quartered):
+        (inside,) = function.overloads.values()
+        assert f'@{inside.fndesc.llvm_func_name}(' not in code
+
+
+def test_calls_from_python_are_not_optimized_and_the_function_is():
+    assert all_parts(2.0) == 2.5
+    (result,) = all_parts.for_python.overloads.values()
+    code = result.library.get_llvm_str()
+    lines = code.splitlines()
+    (unoptimized,) = (line.split()[1] for line in lines
+                      if line.startswith('attributes #') and 'optnone' in line)
+    (wrapper,) = (line for line in lines if f' {unoptimized} ' in line and 'define' in line)
+    assert f'@{result.fndesc.llvm_cpython_wrapper_name}(' in wrapper
 
 
 def test_what_they_print_raise_and_ask_python_for_reaches_it_also_from_the_cache(tmp_path):

@@ -74,9 +74,11 @@ class Live:
             return SetParametersResult(successful=False, reason=(
                 f'more than {MOST} changes within a second: set the parameters together, by '
                 'set_parameters_atomically'))
+        if not parameter_list:
+            return SetParametersResult(successful=True, reason='nothing to set')
         known = schema.flatten(self.params)
-        if parameter_list and all(p.name not in known and self.has_parameter(p.name)
-                                  for p in parameter_list):  # ROS's own, such as use_sim_time
+        if all(p.name not in known and self.has_parameter(p.name)
+               for p in parameter_list):  # ROS's own, such as use_sim_time
             return super().set_parameters_atomically(parameter_list)
         values = {p.name: list(p.value) if isinstance(p.value, (array, list)) else p.value
                   for p in parameter_list}

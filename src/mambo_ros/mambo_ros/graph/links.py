@@ -79,12 +79,19 @@ class Links:
                         'end the other flight, or set another ROS_DOMAIN_ID')
         shared = {self._owner.resolve_topic_name(topic.name)
                   for topic in (topics.TF, topics.DIAGNOSTICS, topics.LINKS)}
-        members = (self._heard.known.get(name) for name in (mine, *self._expected))
-        for topic in sorted({topic for links in (*filter(None, members), *self._foreign)
-                             for topic in links.published} - shared):
+        members = [links for name in (mine, *self._expected)
+                   if (links := self._heard.known.get(name)) is not None]
+        writers = Counter(topic for links in (*members, *self._foreign)
+                          for topic in links.published if topic not in shared)
+        for topic in sorted(writers):
             if self._owner.count_publishers(topic) > 1:
                 infos = self._owner.get_publishers_info_by_topic(topic)
                 return f'{peers.crowd(topic, infos)}: end the others'
+        for links in members:  # which may have found a publisher that the owner has not
+            for topic, matched in zip(links.subscribed, links.matched[len(links.published):]):
+                if 0 < writers[topic] < matched < node.LOCAL:
+                    return (f'{topic}: {matched} publishers at {links.node}, expected '
+                            f'{writers[topic]}: end the others')
         return ''
 
     def look(self) -> str:

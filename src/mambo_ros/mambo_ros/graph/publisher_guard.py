@@ -154,10 +154,9 @@ class PublisherGuard:
     def _is_foreign(self, publisher: bytes) -> bool:
         """Return whether a message is to be refused for its publisher; count it if so."""
         now = time.monotonic()
-        left = bool(self._first) and self._has_left(now)
-        if left:
-            self.forgotten(self)
-        if left or not self._first:
+        if self._first and self._has_left(now):
+            self._forget()
+        if not self._first:
             if publisher in self._known:
                 self.incomplete(self, REPLACED)
             return False
@@ -209,9 +208,13 @@ class PublisherGuard:
         if self._absent_since == math.inf or not self.replaceable(self._absent_since):
             return False
         if now - self._absent_since > ABSENT:
-            self._first = b''
-            self.forgotten(self)
+            self._forget()
         return bool(self._first)
+
+    def _forget(self) -> None:
+        """Let another publisher come, as the accepted one has left."""
+        self._first = b''
+        self.forgotten(self)
 
 
 def live(take: Callable[..., Any], publishers: int) -> int:

@@ -97,6 +97,12 @@ def test_all_are_set_or_none(node):
     assert node.params == Params() and not node.records
 
 
+def test_a_request_for_nothing_changes_and_records_nothing(node):
+    assert ask(node) == SetParametersResult(successful=True, reason='nothing to set')
+    node.step(0)
+    assert node.params == Params() and not node.records
+
+
 @pytest.mark.parametrize(('values', 'words'), [
     ({'gian': 1.0}, 'gian: unknown parameter; did you mean gain'),
     ({'gain': 9.0}, 'gain = 9.0 1/s is outside [0, 5]'), ({'gain': 'x'}, 'must be a number'),

@@ -1,7 +1,9 @@
-"""A process that floods an input is ignored by the middleware, and only that process."""
+"""A process that floods an input is ignored, one that floods a service holds up no node."""
 
 from contextlib import contextmanager
 from dataclasses import dataclass
+import subprocess
+import sys
 
 from mambo_model.motion.rigid_body import State
 from mambo_ros import messages, topics
@@ -92,3 +94,57 @@ def test_a_process_whose_other_topic_is_accepted_is_not_ignored(monkeypatch):
               lambda: publish(second, 10, loop))
         assert len(guard.publishers()) == 2
     loop.close()
+
+
+SERVED = """
+import dataclasses
+import time
+import rclpy
+from mambo_ros.graph import loopback
+from mambo_ros.loop import Loop
+from mambo_ros.node import MamboNode
+NoParams = dataclasses.make_dataclass('NoParams', [], frozen=True)
+loopback.configure()
+rclpy.init()
+loop, longest = Loop(MamboNode('asked', NoParams)), 0.0
+print('served', flush=True)
+end = time.monotonic() + 6.0
+while time.monotonic() < end:
+    began = time.thread_time(), time.monotonic()
+    loop.turn()
+    # what a turn waits, without what it computes or the machine takes from it
+    longest = max(longest, time.monotonic() - began[1] - (time.thread_time() - began[0]))
+    time.sleep(0.01)
+print(longest)
+"""
+ASKING = """
+import time
+import rclpy
+from rcl_interfaces.srv import ListParameters
+from rclpy.node import Node
+from mambo_ros.graph import loopback
+loopback.configure()
+rclpy.init()
+client = Node('asks').create_client(ListParameters, '/mambo/asked/list_parameters')
+assert client.wait_for_service(5.0)
+end, asked = time.monotonic() + 4.0, 0
+while time.monotonic() < end:
+    client.call_async(ListParameters.Request())  # and takes no answer
+    asked += 1
+    time.sleep(0.001)
+assert asked > 500
+"""
+
+
+@pytest.mark.slow
+def test_a_client_that_takes_no_answers_holds_up_no_node():
+    node = subprocess.Popen(
+        [sys.executable, '-c', SERVED], stdout=subprocess.PIPE, text=True)
+    try:
+        assert node.stdout.readline() == 'served\n'
+        subprocess.run([sys.executable, '-c', ASKING], timeout=60, check=True)
+        longest = float(node.communicate(timeout=60)[0])
+    finally:
+        node.kill()
+    # the middleware waits 0.1 s for a reader of an answer unless told otherwise; half of it
+    assert longest < 0.05

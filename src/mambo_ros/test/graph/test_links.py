@@ -361,6 +361,19 @@ def test_a_second_node_of_a_name_or_publisher_of_a_topic_is_no_flight(monkeypatc
     other.destroy_node()
 
 
+def test_a_publisher_that_only_another_node_has_found_is_one_too_many(monkeypatch):
+    monkeypatch.setattr('mambo_ros.graph.links._CROWDED', 0.5)
+    sim = node('sim', [topics.IMU])
+    links, loop, (_, publisher) = Links(sim, 'estimator'), Loop(sim), announcer('estimator')
+    until(publisher.get_subscription_count, 'the link', loop.turn)
+    said = said_by(monkeypatch, sim, 'error')
+    publisher.publish(announced('/mambo/estimator', subscribed={IMU: 2}))
+    assert links.wait(loop, PATIENCE) is False
+    assert said == [f'the flight does not begin: {IMU}: 2 publishers at /mambo/estimator, '
+                    'expected 1: end the others']
+    loop.close()
+
+
 def test_a_publisher_that_left_before_the_flight_is_forgotten_before_it_begins():
     sim, reader = node('sim', [topics.CLOCK], namespace='left'), node('reader', namespace='left')
     stranger = node('stranger', [topics.CLOCK], namespace='left')

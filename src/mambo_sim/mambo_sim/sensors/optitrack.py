@@ -23,7 +23,7 @@ from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion.quaternion import exp_map, multiply, normalise, Quat
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import add, scale, sub, Vec3
-from mambo_model.schema import choice, flag, group, quantity
+from mambo_model.schema import choice, flag, group, ParameterError, quantity
 from mambo_model.values import derived, Parameters, values, values_type
 import numpy as np
 from numpy.random import Generator
@@ -86,6 +86,14 @@ START = OptitrackMemory(
     tracker.Track(False, 0, _NOWHERE.rho, _NOWHERE.q, (0.0, 0.0, 0.0)))
 
 
+def check_fault(fault: str, begin: float, end: float) -> None:
+    """Raise ParameterError for a fault of the cameras that is over, in s, when it begins."""
+    if fault != 'none' and not begin < end:
+        raise ParameterError(
+            f'fault = {fault} lasts from fault_begin = {begin:g} s to fault_end = {end:g} s: '
+            'give a later fault_end')
+
+
 @dataclass(frozen=True)
 class OptitrackParams(Parameters):
     """
@@ -120,6 +128,10 @@ class OptitrackParams(Parameters):
         1.0, 'm', 0.0, 100.0, 'to the other body, northwards: room for two drones')
     noise: bool = flag(True, 'design choice: false switches every random part off')
     markers: marker_occlusion.MarkerParams = group(marker_occlusion.MarkerParams)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_fault(self.fault, self.fault_begin, self.fault_end)
 
     @derived('ns', 'rate')
     def period(self) -> int:

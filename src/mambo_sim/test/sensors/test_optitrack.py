@@ -49,6 +49,13 @@ def shoot(params, first, n, rng):
     return out, memory
 
 
+@pytest.mark.parametrize('times', [{}, {'fault_begin': 5.0, 'fault_end': 1.0}])
+def test_a_fault_that_is_over_when_it_begins_is_refused(times):
+    with pytest.raises(ParameterError, match='fault = lost lasts from .*: give a later fault_end'):
+        OptitrackParams(fault='lost', **times)
+    OptitrackParams(**times)
+
+
 @pytest.mark.parametrize('rate', [30.0, 99.7, 120.0, 200.0])
 def test_frames_come_at_the_rate_of_the_camera(rate):
     stamps = [stamp for _, stamp, _ in film(dataclasses.replace(IDEAL, rate=rate), n=2000)]

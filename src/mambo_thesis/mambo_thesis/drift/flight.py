@@ -174,7 +174,10 @@ def assemble(
         If fewer than ``MIN_SAMPLES`` samples of the flow have a pose or are above min_height.
 
     """
-    grid = smoothed(poses)
+    try:
+        grid = smoothed(poses)
+    except BagError as error:
+        raise BagError(f'{name}: {error}') from None
     valid = np.isfinite(flow.values).all(axis=1)
     t, values = flow.t[valid] - lag, flow.values[valid]
     heights = np.column_stack([grid.t, -grid.position[:, 2]])[grid.known]

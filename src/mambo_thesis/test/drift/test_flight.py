@@ -72,6 +72,8 @@ def test_a_gap_of_the_poses_has_no_velocity():
 def test_too_few_poses_are_refused(poses, wanted):
     with pytest.raises(BagError, match=wanted):
         drift_flight.smoothed(poses)
+    with pytest.raises(BagError, match=f'^flight_1: {wanted}'):
+        drift_flight.assemble('flight_1', poses, sensed(TIMES)[1])
 
 
 def test_the_white_noise_of_rates_is_separated_from_motion():

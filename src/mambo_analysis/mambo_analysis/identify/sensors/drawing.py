@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mambo_model import palette
-from mambo_model.whole_file import replacing
+from mambo_model.whole_file import PICTURE, replacing
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
@@ -70,6 +70,6 @@ def draw(recording: Recording, curves: dict[str, Any], file: Path) -> bool:
     figure.suptitle(palette.in_figure(recording.name))
     for axis, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels):
         panel(axis)
-    with replacing(file) as part:
+    with replacing(file, PICTURE) as part:
         figure.savefig(part, format='png', dpi=110)
     return True

@@ -16,6 +16,7 @@ from .table import entry, Measured, timing
 AXES = 'xyz'
 LEAST = 40  # samples
 SLOWEST_VIBRATION = 60.0  # Hz, of the samples: four times the lowest frequency of a vibration
+HELD = 0.4  # share of samples that only hold the one before: a sensor has noise on six axes
 
 
 def _at_rest(recording: Recording, rest: slice) -> tuple[list[Measured], dict[str, Allan]]:
@@ -49,7 +50,8 @@ def _no_vibration(recording: Recording, stream: Stream) -> str:
     if recording.pwm is None or recording.sonar is None:
         lacking = 'motor_pwm' if recording.pwm is None else 'sonar/range'
         return f'without {lacking}, when it flies is not known'
-    return 'less than 1 s in the air' if airborne(recording, stream.t).sum() < rate else ''
+    return ('less than 1 s in the air, by motor_pwm and a sonar above 0.5 m'
+            if airborne(recording, stream.t).sum() < rate else '')
 
 
 def _in_flight(recording: Recording) -> list[Measured]:
@@ -78,6 +80,13 @@ def _check(recording: Recording) -> None:
             raise BagError(
                 f'{recording.name}: imu/data_raw: {sensor} {axes} has one value throughout, as of '
                 'a dead or unfilled sensor: leave the topic out')
+    both = np.concatenate([recording.gyro.values, recording.accel.values], axis=1) if len(
+        recording.gyro.t) == len(recording.accel.t) else recording.gyro.values
+    held = float((np.diff(both, axis=0) == 0.0).all(axis=1).mean())
+    if held > HELD:
+        raise BagError(
+            f'{recording.name}: imu/data_raw: {100.0 * held:.0f} % of the samples repeat the one '
+            'before, as of a log that is faster than its sensor: leave these out')
     force = float(np.median(np.linalg.norm(recording.accel.values, axis=1)))
     if not WEIGHT[0] < force < WEIGHT[1]:  # also in flight, where thrust carries the weight
         raise BagError(

@@ -17,6 +17,9 @@ WEIGHT = (7.8, 11.8)
 """Mean specific force that can be gravity's [m/s^2]: by 20 %, four times the error of scale and
 bias of the worst accelerometer known (9.29 m/s^2 of a Rolling Spider on a bench)."""
 LOWEST = 0.5           # m, above which the sonar of these drones measures
+COMMAND = (180.0, 350.0)  # PWM, mean of the motors of a Mambo or Rolling Spider in flight
+MAMBO = (10.0, 520.0)  # PWM, largest command of a recording in their unit
+SHARE = (0.7, 1.4)     # [-] the same over the median of the running motors, in another unit
 NEIGHBOURS = 9         # sonar samples, 0.36 s, whose median an outlier leaves
 
 
@@ -50,8 +53,22 @@ def heights(sonar: Stream, at: Array) -> Array:
 
 
 def airborne(recording: Recording, at: Array) -> NDArray[np.bool_]:
-    """Return a mask of the times in flight: mean PWM from 180 to 350, sonar above 0.5 m."""
+    """
+    Return a mask of the times in flight: usual motor commands, and the sonar above 0.5 m.
+
+    Usual is a mean PWM from 180 to 350, as of a Mambo. Commands of another vehicle, told by the
+    largest, are from 0.7 to 1.4 of the median of those that run the motors above 0.5 m.
+    """
     if recording.pwm is None or recording.sonar is None or len(recording.pwm.t) == 0:
         return np.zeros(len(at), bool)
-    command = np.interp(at, recording.pwm.t, np.abs(recording.pwm.values).mean(axis=1))
-    return (command > 180.0) & (command < 350.0) & (heights(recording.sonar, at) > LOWEST)
+    mean = np.abs(recording.pwm.values).mean(axis=1)
+    high = heights(recording.sonar, recording.pwm.t) > LOWEST
+    limits = np.array(COMMAND)
+    if not MAMBO[0] <= np.abs(recording.pwm.values).max() <= MAMBO[1]:
+        flown = mean[high & (mean > 0.0)]
+        if not len(flown):
+            return np.zeros(len(at), bool)
+        limits = np.median(flown) * np.array(SHARE)
+    command = np.interp(at, recording.pwm.t, mean)
+    return ((command > limits[0]) & (command < limits[1])
+            & (heights(recording.sonar, at) > LOWEST))

@@ -101,6 +101,19 @@ def test_an_imu_that_cannot_be_one_is_refused(change, says):
         measure(spoilt)
 
 
+def test_samples_that_hold_the_one_before_are_no_samples():
+    whole = resting()
+    for times, refused in ((1, False), (2, True), (5, True)):
+        t = whole.gyro.t[0] + np.arange(times * len(whole.gyro.t)) * 0.005
+        held = Recording('r', *(Stream(t, np.repeat(stream.values, times, axis=0))
+                                for stream in (whole.gyro, whole.accel)))
+        if refused:
+            with pytest.raises(BagError, match='% of the samples repeat the one before, as of a'):
+                measure(held)
+        else:
+            measure(held)
+
+
 def test_vibration_is_what_is_above_15_hz():
     found = lines(flying())
     left = np.sqrt((RATE / 2.0 - 15.0) / (RATE / 2.0))  # of white noise
@@ -138,7 +151,7 @@ def test_what_is_not_measured_is_said_with_the_reason():
             ({'sonar': None}, 'without sonar/range, when it flies is not known'),
             ({'pwm': None}, 'without motor_pwm, when it flies is not known'),
             ({'pwm': whole.pwm._replace(values=0.0 * whole.pwm.values)},
-             'less than 1 s in the air')):
+             'less than 1 s in the air, by motor_pwm and a sonar above 0.5 m')):
         assert not_measured(replace(whole, **change))[1:] == [f'vibration in flight: {says}']
     assert not_measured(flying(rate=50.0))[1:] == [
         'vibration in flight: the IMU has 50 Hz, less than 60']

@@ -1,5 +1,7 @@
 """At rest and in the air: both from thresholds on what the sensors say."""
 
+from dataclasses import replace
+
 from mambo_analysis.identify.recording import Recording, Stream
 from mambo_analysis.identify.sensors.phases import airborne, heights, stretch_at_rest
 import numpy as np
@@ -96,3 +98,16 @@ def test_without_motors_or_sonar_nothing_flies():
     assert not airborne(Recording('r', pwm=whole.pwm), at).any()
     empty = Stream(np.array([]), np.zeros((0, 4)))
     assert not airborne(Recording('r', sonar=whole.sonar, pwm=empty), at).any()
+
+
+@pytest.mark.parametrize('unit', [0.001, 150.0])
+def test_commands_in_another_unit_are_judged_by_those_in_flight(unit):
+    """Motors idle on the floor, the vehicle rises, flies and lands."""
+    t = np.arange(400) * 0.04
+    command, height = np.full(400, 250.0), np.full(400, 1.0)
+    command[:50], command[50:100], command[350:], height[:100], height[350:] = 0, 60, 100, 0.1, 0.1
+    recording = Recording('r', sonar=Stream(t, height), pwm=Stream(
+        t, np.tile(unit * command[:, None], 4)))
+    assert airborne(recording, t).tolist() == [100 <= k < 350 for k in range(400)]
+    on_floor = replace(recording, sonar=Stream(t, 0.0 * t + 0.1))
+    assert not airborne(on_floor, t).any()
