@@ -85,9 +85,11 @@ def contradicted(
 ) -> tuple[str, str] | None:
     """Return the first setting, and the parameter that gives it another value; None: all agree."""
     for name, (full, *_) in SETS.items():
-        value = settings.get(name)
+        value, given = settings.get(name), parameters.get(full)
+        if value is None or given is None or given == value:
+            continue
         # True asks for the default of a number, such as the time of landing
-        if value is not None and value is not True and parameters.get(full, value) != value:
+        if value is not True or isinstance(given, bool):
             return name, full
     return None
 

@@ -193,3 +193,17 @@ def test_a_file_of_several_drones_is_refused_where_one_is_flown(file):
     with pytest.raises(schema.ParameterError, match=f'^{name}: world.drones = 3: only one drone'):
         scenario_file.load_alone(name)
     assert scenario_file.load_alone(str(file('title: one\n')))[1] == scenario()
+
+
+@pytest.mark.parametrize('settings, parameters, found', [
+    ({'seed': 2}, {}, None),
+    ({'seed': None, 'speed': 2.0}, {'sim_node.speed': 2.0}, None),
+    ({'speed': 2.0}, {'sim_node.speed': 3.0}, ('speed', 'sim_node.speed')),
+    ({'paused': True}, {'sim_node.paused': False}, ('paused', 'sim_node.paused')),
+    ({'paused': True}, {'sim_node.paused': True}, None),
+    ({'landing': True}, {'reference_node.plan.landing_time': 20.0}, None),
+    ({'landing': False}, {'reference_node.plan.landing_time': 20.0},
+     ('landing', 'reference_node.plan.landing_time'))])
+def test_a_parameter_contradicts_a_setting_that_gives_it_another_value(
+        settings, parameters, found):
+    assert scenario_file.contradicted(settings, parameters) == found
