@@ -22,6 +22,10 @@ from typing import Any, TypeVar
 F = TypeVar('F', bound=Callable)
 OWN_MODULES = 'mambo_own_'  # begins the names of modules made of users' files
 ENTRY_POINTS = ('mambo.controllers', 'mambo.estimators')
+NUMBA_VARIABLES = {  # of numba that are followed; it has about 90
+    f'NUMBA_{name}' for name in (
+        'CACHE_DIR', 'CPU_NAME', 'CPU_FEATURES', 'DISABLE_JIT', 'NUM_THREADS', 'THREADING_LAYER',
+        'DISABLE_ERROR_MESSAGE_HIGHLIGHTING', 'DISABLE_PERFORMANCE_WARNINGS')}
 
 
 class _Forgotten(importlib.abc.MetaPathFinder, importlib.abc.Loader):
@@ -139,6 +143,24 @@ def _make_cache() -> str:
     return made
 
 
+def _leave_out_variables() -> None:
+    """
+    Remove variables of numba that would have every flight compiled in another way, and say so.
+
+    They are for functions of one's own. Left set, those for debugging let a flight compile for
+    minutes, and one with a value that cannot be read gives a warning with a traceback. A script
+    that imported numba before has chosen for itself.
+    """
+    ignored = sorted(name for name in os.environ if name.startswith('NUMBA_')
+                     and name not in NUMBA_VARIABLES)
+    if ignored and 'numba' not in sys.modules:
+        for name in ignored:
+            del os.environ[name]
+        sys.stderr.write(f'mambo: ignored from the environment: {", ".join(ignored)} '
+                         '(every flight is compiled alike)\n')
+
+
+_leave_out_variables()
 os.environ['NUMBA_CACHE_DIR'] = _make_cache()
 # numba prepares the colours of messages for each function that it tries in a call, fitting or not
 os.environ.setdefault('NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING', '1')

@@ -248,6 +248,23 @@ def test_a_folder_that_cannot_be_written_is_said_and_another_one_is_used(variabl
     assert list(tmp_path.iterdir()) == []  # it goes with its process
 
 
+def test_variables_that_change_how_flights_are_compiled_are_ignored_in_one_line(tmp_path):
+    environment = {name: value for name, value in os.environ.items()
+                   if not name.startswith('NUMBA_')}
+    environment |= {'MAMBO_CACHE_DIR': str(tmp_path), 'NUMBA_OPT': 'x', 'NUMBA_DEBUGINFO': '1',
+                    'NUMBA_NUM_THREADS': '1'}
+    code = 'import os, mambo_model.compiled as c\n' \
+        'print(c.numba.config.DEBUGINFO_DEFAULT, int(c.numba.config.OPT), *sorted(' \
+        'n for n in os.environ if n.startswith("NUMBA_")))'
+    done = subprocess.run([sys.executable, '-c', code], env=environment, capture_output=True,
+                          text=True, timeout=120)
+    assert done.stdout.split() == [
+        '0', '3', 'NUMBA_CACHE_DIR', 'NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING',
+        'NUMBA_NUM_THREADS']
+    assert done.stderr == 'mambo: ignored from the environment: NUMBA_DEBUGINFO, NUMBA_OPT ' \
+        '(every flight is compiled alike)\n'
+
+
 @jit
 def product(held):
     """Return the memory times the parameter."""

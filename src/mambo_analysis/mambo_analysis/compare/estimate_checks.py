@@ -10,7 +10,7 @@ from __future__ import annotations
 from mambo_bags.reader import Bag
 from mambo_estimation import gate, health
 from mambo_ros import topics
-from mambo_signals import motion, resample
+from mambo_signals import gyro_check, motion, resample, time_offset
 import numpy as np
 from numpy.typing import NDArray
 
@@ -170,6 +170,34 @@ def from_capture(bag: Bag, state: Bag) -> list[str]:
             f'states a standard deviation of {sigma[k]:.2g} m']
 
 
+def turning(bag: Bag) -> list[str]:
+    """
+    Return a line if the gyro and the attitude of the motion capture turn differently in flight.
+
+    A filter whose gyro has its axes swapped need not be far off: flow and sonar hold it. What a
+    vehicle that has crashed shows on the floor is no contradiction.
+    """
+    if any(topic.name not in bag or not len(bag[topic.name])
+           for topic in (topics.IMU, topics.OPTITRACK)):
+        return []
+    tracked, imu = motion.read(bag, topics.OPTITRACK.name), bag[topics.IMU.name]
+    if not pair.has_attitude(tracked):
+        return []
+    try:
+        flown = time_offset.flight_by_height(tracked.t, tracked.position[:, 2])
+    except time_offset.AlignError:  # it never flew
+        return []
+    part = slice(*np.searchsorted(tracked.t, [
+        tracked.t[0] if flown.takeoff is None else flown.takeoff,
+        tracked.t[-1] if flown.landing is None else flown.landing]))
+    try:
+        gyro_check.refuse(gyro_check.compare(
+            imu.t, imu['angular_velocity'], tracked.t[part], tracked.quaternion[part]))
+    except time_offset.AlignError as error:
+        return [str(error)]
+    return []
+
+
 def contradictions(bag: Bag, state: Bag) -> list[str]:
     """
     Return what contradicts an estimate, one line each; empty if nothing does.
@@ -200,4 +228,4 @@ def contradictions(bag: Bag, state: Bag) -> list[str]:
         measured[3:5] = 'horizontal_acceleration' not in bag.metadata.get('import', {})
         gyro, accel = (imu[name][order] for name in ('angular_velocity', 'linear_acceleration'))
         out += dead_axes((imu.stamp[order] - inner.stamp[0]) * 1e-9, gyro, accel, measured)
-    return out + from_capture(bag, state)
+    return out + turning(bag) + from_capture(bag, state)

@@ -170,7 +170,7 @@ def _turn(a: Motion, b: Motion) -> tuple[float, str]:
         return _turn_by_paths(a, b, time_offset.WORST_YAW)
     except time_offset.AlignError:
         without = [f'{m.name} of {side}' for side, m in (('A', a), ('B', b))
-                   if not _has_attitude(m)]
+                   if not has_attitude(m)]
     if without:
         missing = f'{" and ".join(without)} measured no attitude'
         try:
@@ -195,7 +195,7 @@ def _turn_by_paths(a: Motion, b: Motion, worst: float) -> tuple[float, str]:
     return found.yaw, f'by the paths, standard error {math.degrees(found.sigma_yaw):.2f} deg'
 
 
-def _has_attitude(m: Motion) -> bool:
+def has_attitude(m: Motion) -> bool:
     """Return whether attitudes were measured: trackers of points alone publish the identity."""
     q = m.quaternion[np.isfinite(m.quaternion).all(axis=1)]
     return bool((np.abs(q[:, :3]) > ROUNDING).any())

@@ -1,6 +1,7 @@
 """What contradicts an estimate, at and beside each limit, and in a flight with a wrong sensor."""
 
 from pathlib import Path
+import re
 
 from mambo_analysis.compare import estimate_checks as judge
 from mambo_analysis.compare import estimate
@@ -97,6 +98,36 @@ def test_a_flight_with_a_wrong_sensor_is_contradicted(topic, field, change, said
     first = estimate.answer(bag, estimate.parameters(bag)).verdict.splitlines()[0]
     assert said in first
     assert (first == 'verdict: the estimate did not diverge') == (not said)
+
+
+def swap(bag):
+    """Swap the axes x and y of the inertial sensors."""
+    for field in ('angular_velocity', 'linear_acceleration'):
+        bag[topics.IMU.name]._cache[field] = bag[topics.IMU.name][field][:, [1, 0, 2]]
+
+
+def test_a_gyro_that_turns_otherwise_than_the_motion_capture_is_named():
+    bag = read_bag(BAG, estimate.READ)
+    assert judge.turning(bag) == []
+    swap(bag)
+    line, = judge.turning(bag)
+    assert re.match(r'(roll|pitch) rate: gyro and tracked attitude turn differently', line)
+    assert line in estimate.answer(bag, estimate.parameters(bag)).verdict
+
+
+def test_what_a_gyro_shows_on_the_floor_or_beside_points_is_no_contradiction():
+    bag = read_bag(BAG, estimate.READ)
+    imu, poses = bag[topics.IMU.name], bag[topics.OPTITRACK.name]
+    gyro = imu['angular_velocity'].copy()
+    on_floor = imu.t < poses.t[np.flatnonzero(poses['pose.position'][:, 2] > 0.01)[0]] - 0.5
+    assert on_floor.sum() > 100
+    gyro[on_floor] = 10.0 * np.sin(imu.t[on_floor])[:, None]  # rad/s
+    imu._cache['angular_velocity'] = gyro
+    assert judge.turning(bag) == []
+    swap(bag)
+    assert len(judge.turning(bag)) == 1
+    poses._cache['pose.orientation'] = np.tile([0.0, 0.0, 0.0, 1.0], (len(poses), 1))
+    assert judge.turning(bag) == []
 
 
 def test_an_estimator_without_a_covariance_is_not_held_to_it():
