@@ -138,6 +138,14 @@ def missing(bag: Bag) -> dict[str, tuple[int, int]]:
     return {name: (n - there, n) for name, (n, there) in counts.items() if n > there}
 
 
+def nothing_complete(bag: Bag) -> BagError:
+    """Return the error of a bag without any step: what its watermarks announce and it lacks."""
+    lost = '; '.join(f'{few} of {all_} samples of {name} that were published are not in the bag'
+                     for name, (few, all_) in missing(bag).items())
+    return BagError(f'{bag.path}: no step of the sensors is complete, nothing to estimate'
+                    + f' ({lost})' * bool(lost))
+
+
 def _ticks_from_log(streams: list[_Stream]) -> playback.Marks:
     """
     Return :class:`playback.Marks` for a bag without watermarks, e.g. of real hardware.

@@ -194,7 +194,7 @@ def of_bag(bag: Bag, p: JointParams) -> tuple[float, list[Line]]:
     """
     steps, posed = offline_replay.steps(bag), bag[topics.OPTITRACK.name].stamp
     if not len(steps.t):
-        raise BagError(f'{bag.path}: no step of the sensors is complete')
+        raise offline_replay.nothing_complete(bag)
     if len(posed) < 2 or int(posed.max()) - int(posed.min()) > SPAN * 1e9:
         raise BagError(f'{bag.path}: {topics.OPTITRACK.name} has fewer than 2 poses, or lasts '
                        f'longer than {SPAN:g} s')

@@ -152,7 +152,7 @@ def answer(bag: Bag, node: EstimatorNodeParams) -> Answer:
         raise BagError(f'{bag.path}: {line}')
     found = offline_replay.estimate(bag, node.filter, changes.values_later(node))
     if not len(found.t):
-        raise BagError(f'{bag.path}: no step of the sensors is complete, nothing to estimate')
+        raise offline_replay.nothing_complete(bag)
     ours = answered(bag, found)
     return Answer(found, ours, compare_replay(bag, ours), verdict(bag, ours))
 

@@ -82,7 +82,7 @@ def read(path: Path) -> tuple[Scenario, Samples]:
                        'only a simulated flight has it')
     flight, s = from_yaml(own, f'{path}: scenario.yaml'), offline_replay.steps(bag)
     if not len(s.t):
-        raise BagError(f'{path}: no step of the sensors is complete')
+        raise offline_replay.nothing_complete(bag)
     seen = ~np.isnan(s.flow[:, :1])
     flow = np.where(seen, np.column_stack([s.flow, s.flow_quality]), np.nan)
     return flight, Samples(

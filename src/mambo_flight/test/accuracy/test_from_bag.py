@@ -1,11 +1,13 @@
 """A simulated flight read from its bag: the same as flown."""
 
 from pathlib import Path
+import re
 
 from mambo_bags.reader import BagError, read_bag
-from mambo_flight import closed_loop
+from mambo_flight import closed_loop, offline_replay
 from mambo_flight.accuracy import from_bag
 from mambo_flight.offline_replay import Steps, steps_of
+from mambo_ros import topics
 import numpy as np
 import pytest
 
@@ -31,6 +33,16 @@ def test_a_bag_without_a_complete_step_is_one_line(monkeypatch):
         *(values[:0] for values in whole)))
     with pytest.raises(BagError, match='circle_short: no step of the sensors is complete'):
         from_bag.read(BAG)
+
+
+def test_what_a_bag_without_a_complete_step_lacks_is_named():
+    bag = read_bag(BAG, [topic.name for topic in (
+        topics.IMU, topics.OPTICAL_FLOW, topics.BAROMETER, topics.SENSOR_TICK)])
+    assert not len(offline_replay.steps(bag).t)
+    said = str(offline_replay.nothing_complete(bag))
+    assert re.fullmatch(r'.*circle_short: no step of the sensors is complete, nothing to estimate '
+                        r'\((\d+) of \1 samples of sonar/range that were published are not in the bag\)',
+                        said)
 
 
 @pytest.mark.parametrize(('field', 'value'), [
