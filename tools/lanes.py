@@ -1,12 +1,12 @@
 """
-Run several commands side by side and show what they print, line by line; the middle of ``./test``.
+Run jobs, some of them side by side, and show what they print, line by line; part of ``./test``.
 
-usage: lanes.py NAME COMMAND [NAME COMMAND ...]
+usage: lanes.py AT_ONCE NAME COMMAND [NAME COMMAND ...]
 
-Each line of a COMMAND, a script of bash, is printed as soon as it is complete, behind the NAME of
-its lane. The last line of a lane says how long it took. An interrupt (Ctrl-C, SIGTERM)
-ends all of them. The exit code is 0 if all ended with 0, 128 plus the signal behind an interrupt,
-else the sum of 1 for the first, 2 for the second, 4 for the third that did not.
+The jobs begin in the order given, each as soon as fewer than AT_ONCE run. Each line of a COMMAND,
+a script of bash, is printed as soon as it is complete, behind the NAME of its job. The last line
+of a job says how long it took. An interrupt (Ctrl-C, SIGTERM) ends all of them. The exit code is
+0 if all ended with 0, 128 plus the signal behind an interrupt, else 1.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import time
 PATIENCE = 30.0  # s from an interrupt until what has not ended is killed
 
 
-class Lane:
+class Job:
     """
     A command that runs beside others.
 
@@ -54,7 +54,7 @@ class Lane:
                     f'{time.monotonic() - self._began:.0f} s')
 
     def _print(self, line: str) -> None:
-        """Print a line in one call: lines of two lanes never mix."""
+        """Print a line in one call: lines of two jobs never mix."""
         sys.stdout.write(f'{self.name:{self._width}} | {line}\n')
         sys.stdout.flush()
 
@@ -80,28 +80,29 @@ class Lane:
         self._process.wait()
 
 
-def run(commands: dict[str, str]) -> int:
-    """Run commands, by the names of their lanes; return the exit code of the module."""
+def run(at_once: int, commands: dict[str, str]) -> int:
+    """Run commands, by the names of their jobs; return the exit code of the module."""
     signals: list[int] = []
     before = {number: signal.signal(number, lambda got, _: signals.append(got))
               for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        width, failed = max(map(len, commands)), 0
-        lanes = [Lane(name, command, width) for name, command in commands.items()]
-        for k, lane in enumerate(lanes):
-            while not lane.ended(0.1) and not signals:
-                pass
-            if signals:
-                break
-            failed += 2**k if lane.code() else 0
-        else:
-            return failed
-        for lane in lanes:
-            lane.interrupt()
+        width, failed = max(map(len, commands)), False
+        waiting, running = list(commands.items()), []
+        while (waiting or running) and not signals:
+            while waiting and len(running) < at_once:
+                running.append(Job(*waiting.pop(0), width))
+            running[0].ended(0.1)
+            for job in [job for job in running if job.ended(0.0)]:
+                running.remove(job)
+                failed |= job.code() != 0
+        if not signals:
+            return int(failed)
+        for job in running:
+            job.interrupt()
         limit = time.monotonic() + PATIENCE
-        for lane in lanes:
-            if not lane.ended(limit - time.monotonic()):
-                lane.kill()
+        for job in running:
+            if not job.ended(limit - time.monotonic()):
+                job.kill()
         return 128 + signals[0]
     finally:
         for number, handler in before.items():
@@ -109,4 +110,4 @@ def run(commands: dict[str, str]) -> int:
 
 
 if __name__ == '__main__':
-    sys.exit(run(dict(zip(sys.argv[1::2], sys.argv[2::2], strict=True))))
+    sys.exit(run(int(sys.argv[1]), dict(zip(sys.argv[2::2], sys.argv[3::2], strict=True))))

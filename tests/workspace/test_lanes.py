@@ -1,4 +1,4 @@
-"""tools/lanes.py: two commands at once, each line whole and named, and nothing left of them."""
+"""tools/lanes.py: jobs side by side, each line whole and named, and nothing left of them."""
 
 import importlib.util
 import os
@@ -15,9 +15,9 @@ LANES = Path(__file__).parents[2] / 'tools/lanes.py'
 SLEEPER = 'trap "exit 3" INT; echo up; while true; do sleep 0.1; done'
 
 
-def lanes(*words):
+def lanes(*words, at_once=3):
     return subprocess.Popen(
-        [sys.executable, LANES, *words], stdout=subprocess.PIPE, text=True)
+        [sys.executable, LANES, str(at_once), *words], stdout=subprocess.PIPE, text=True)
 
 
 def bash(text):
@@ -39,11 +39,22 @@ def test_lines_are_whole_and_named_and_come_as_they_are_printed():
     assert lines[texts.index('one    | c')][1] - lines[texts.index('one    | ab')][1] > 1.0
 
 
-@pytest.mark.parametrize(('codes', 'found'), [((0, 0), 0), ((4, 0), 1), ((0, 5), 2), ((1, 1), 3)])
-def test_the_exit_code_says_which_lane_failed(codes, found):
+@pytest.mark.parametrize(('codes', 'found'), [((0, 0), 0), ((4, 0), 1), ((0, 5), 1), ((1, 1), 1)])
+def test_the_exit_code_says_whether_a_job_failed(codes, found):
     run = lanes(*(word for k, code in enumerate(codes) for word in (f'{k}', bash(f'exit {code}'))))
     assert 'exit code' in run.communicate()[0]
     assert run.returncode == found
+
+
+def test_the_next_job_begins_when_one_of_those_that_run_ends():
+    run = lanes('a', bash('echo begins; sleep 1.5; echo ends'), 'b', bash('echo short'),
+                'c', bash('echo begins; sleep 0.2'), 'd', bash('echo last; exit 3'), at_once=2)
+    out = [line for line in run.communicate()[0].splitlines() if 'exit code' not in line]
+    assert {*out[:2]} == {'a | begins', 'b | short'}
+    assert out[2:] == ['c | begins', 'd | last', 'a | ends'] and run.returncode == 1
+    run = lanes('a', bash('sleep 1; echo a'), 'b', bash('echo b'), at_once=1)
+    out = [line for line in run.communicate()[0].splitlines() if 'exit code' not in line]
+    assert out == ['a | a', 'b | b'] and run.returncode == 0
 
 
 def test_words_are_passed_on_as_they_are_quoted(tmp_path):
@@ -52,12 +63,12 @@ def test_words_are_passed_on_as_they_are_quoted(tmp_path):
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_ends_every_lane_once(number):
-    run = lanes('a', bash(SLEEPER), 'b', bash(SLEEPER))
+def test_an_interrupt_ends_every_job_once_and_begins_none(number):
+    run = lanes('a', bash(SLEEPER), 'b', bash(SLEEPER), 'c', bash('echo c'), at_once=2)
     assert [run.stdout.readline() for _ in 'ab'] and run.poll() is None
     run.send_signal(number)
-    assert run.wait(20.0) == 128 + number
-    run.stdout.close()
+    out, _ = run.communicate(timeout=20.0)
+    assert run.returncode == 128 + number and 'c | ' not in out
 
 
 def test_a_command_can_be_interrupted_itself():
@@ -71,7 +82,7 @@ def test_one_that_does_not_end_is_killed(tmp_path):
                     'while true; do sleep 0.1; done')
     run = subprocess.Popen(
         [sys.executable, '-c', f'import sys; sys.path.insert(0, "{LANES.parent}"); import lanes; '
-         f'lanes.PATIENCE = 0.5; sys.exit(lanes.run({{"a": {stubborn!r}}}))'],
+         f'lanes.PATIENCE = 0.5; sys.exit(lanes.run(1, {{"a": {stubborn!r}}}))'],
         stdout=subprocess.PIPE, text=True)
     assert run.stdout.readline() == 'a | up\n'
     run.send_signal(signal.SIGINT)

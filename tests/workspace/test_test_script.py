@@ -21,7 +21,6 @@ COUNT = """import sys
 open('calls', 'a').write('count ' + ' '.join(sys.argv[1:]) + '\\n')
 """
 RESULTS = '.cache/test-results'
-JUNIT = f'--junit-xml={RESULTS}/tests.xml'
 WAITING = ['tests/graph', 'tests/workspace/test_chaos_a.py']
 
 
@@ -44,7 +43,7 @@ class Checkout:
             (root / 'bin' / file).chmod(0o755)
 
     def test(self, *arguments):
-        """Return what pytest, the lanes of colcon and the count got, by name."""
+        """Return what colcon, each pytest (by the name of its results) and the count got."""
         (self.root / 'calls').write_text('')
         done = subprocess.run(
             [self.root / 'test', *arguments], text=True, capture_output=True, timeout=30,
@@ -58,8 +57,8 @@ class Checkout:
             if name == 'colcon':
                 name = words[words.index('--log-base') + 1].removeprefix('log/')
                 words = words[words.index('--pytest-args') + 1:]
-            if name == 'pytest' and f'--junit-xml={RESULTS}/graph.xml' in words:
-                name = 'graph'
+            if name == 'pytest':
+                name = words.pop(0).removeprefix(f'--junit-xml={RESULTS}/')
             assert name not in calls
             calls[name] = words
         return calls
@@ -77,14 +76,16 @@ def checkout(tmp_path):
     (['--sweeps'], ['-m', 'sweep'], 'chosen'),
     (['-k', 'a or b'], ['-m', 'not sweep', '-k', 'a or b'], 'chosen'),
     (['--fast', '-k', 'a', '-x'], ['-m', 'not slow and not sweep', '-k', 'a', '-x'], 'chosen')])
-def test_without_files_the_options_go_to_every_lane_and_to_pytest(
+def test_without_files_the_options_go_to_every_colcon_and_pytest(
         checkout, arguments, given, kind):
     colcon = [f' {word}' if word.startswith('-') else word for word in given]
     assert checkout.test(*arguments) == {
-        'first': colcon, 'second': colcon, 'third': colcon,
-        'pytest': [JUNIT, *given, 'tests', *(f'--ignore={one}' for one in WAITING)],
-        'graph': [f'--junit-xml={RESULTS}/graph.xml', *given, *WAITING],
-        'count': [kind, f'{RESULTS}/tests.xml:{RESULTS}/graph.xml']}
+        **dict.fromkeys(('graph', 'analysis', 'steps', 'flight', 'drawing'), colcon),
+        'graph.xml': [*given, *WAITING],
+        'workspace.xml': [*given, 'tests/workspace', *(f'--ignore={one}' for one in WAITING)],
+        'flights.xml': [*given, 'tests', '--ignore=tests/workspace', '--ignore=tests/graph'],
+        'count': [kind, ':'.join(
+            f'{RESULTS}/{one}.xml' for one in ('graph', 'workspace', 'flights'))]}
 
 
 @pytest.mark.parametrize('arguments, given', [
@@ -97,7 +98,7 @@ def test_without_files_the_options_go_to_every_lane_and_to_pytest(
 def test_files_go_to_one_pytest_with_their_sweeps_unless_options_choose(
         checkout, arguments, given):
     assert checkout.test(*arguments) == {
-        'pytest': [JUNIT, *given], 'count': ['files', '.cache/test-results/tests.xml']}
+        'tests.xml': given, 'count': ['files', '.cache/test-results/tests.xml']}
 
 
 @pytest.mark.parametrize('code, stages', [('5', []), ('1', ['pytest'])])
@@ -106,6 +107,22 @@ def test_no_chosen_test_is_no_failed_stage_and_a_failure_is_one(checkout, code, 
     assert checkout.test('tests')['count'] == ['files', '.cache/test-results/tests.xml', *stages]
 
 
-def test_a_lane_in_which_pytest_fails_is_named(checkout):
+def test_a_job_in_which_pytest_fails_is_said(checkout):
     (checkout.root / 'answer').write_text('1')
-    assert checkout.test()['count'][2:] == ['the', 'second', 'lane', 'the', 'third', 'lane']
+    assert checkout.test()['count'][2:] == ['a', 'job']
+
+
+def test_every_package_and_test_belongs_to_one_job(checkout):
+    checkout.test()
+    selected, skipped = [], set()
+    for line in (checkout.root / 'calls').read_text().splitlines():
+        words = shlex.split(line)
+        if words[0] == 'colcon' and 'test' in words:
+            names = words[words.index('sequential') + 3:words.index('--pytest-args')]
+            if names[0] == '--packages-skip':
+                skipped = {*names[1:]}
+            else:
+                assert names[0] == '--packages-select'
+                selected += names[1:]
+    assert sorted(selected) == sorted(skipped) and skipped
+    assert skipped < {setup.parent.name for setup in (ROOT / 'src').glob('*/setup.py')}

@@ -50,8 +50,8 @@ def test_every_node_is_tested():
         *NODES, 'mambo_bringup.composed_node', 'mambo_bringup.hall_capture_node'}
 
 
-@pytest.mark.parametrize('module', NODES)
-@pytest.mark.parametrize('word', ['-h', '--help'])
+@pytest.mark.parametrize('module, word', [
+    *((name, '--help') for name in NODES), ('mambo_sim.sim_node', '-h')])
 def test_help_names_purpose_topics_parameters_and_an_example(module, word):
     done = run(module, word)
     assert (done.returncode, done.stderr) == (0, '')

@@ -66,6 +66,7 @@ ROWS = {  # sensor, factor of the estimator, drift on each path
 }
 
 
+@functools.cache
 def tracked(path, t, rate=1.0):
     """Return inertial velocity, attitude matrix and true state on a path, thrust along g - a."""
     offset, c, s = (np.array(a, float) for a in PATHS[path])
@@ -85,7 +86,8 @@ def tracked(path, t, rate=1.0):
         omega = np.array([-b_dot[1], b_dot[0], 0.0])
     x, y, z, w = R.as_quat().tolist()
     nu = R.inv().apply(v)
-    return v, R, State(tuple(p.tolist()), tuple(nu.tolist()), (w, x, y, z), tuple(omega.tolist()))
+    return v, R.as_matrix(), State(
+        tuple(p.tolist()), tuple(nu.tolist()), (w, x, y, z), tuple(omega.tolist()))
 
 
 def drift(path, sensor, Q0, rate=1.0):
@@ -98,8 +100,8 @@ def drift(path, sensor, Q0, rate=1.0):
     for k in range(-21, n):  # 0.1 s for the delay
         v, R, body = tracked(path, k * dt, rate)
         memory, sample = optical_flow.step(memory, k, body, rng, False, p)
-        Z = -body.rho[2] / R.as_matrix()[2, 2]
-        estimate = R.apply([Z * Q0 * sample.rate[0], Z * Q0 * sample.rate[1], body.nu[2]])
+        Z = -body.rho[2] / R[2, 2]
+        estimate = R @ (Z * Q0 * sample.rate[0], Z * Q0 * sample.rate[1], body.nu[2])
         if k >= 0:
             total += dt * (estimate - v)[:2]
     return total
