@@ -40,9 +40,9 @@ def test_what_a_bag_without_a_complete_step_lacks_is_named():
         topics.IMU, topics.OPTICAL_FLOW, topics.BAROMETER, topics.SENSOR_TICK)])
     assert not len(offline_replay.steps(bag).t)
     said = str(offline_replay.nothing_complete(bag))
-    assert re.fullmatch(r'.*circle_short: no step of the sensors is complete, nothing to estimate '
-                        r'\((\d+) of \1 samples of sonar/range that were published are not in the bag\)',
-                        said)
+    assert re.fullmatch(
+        r'.*circle_short: no step of the sensors is complete, nothing to estimate '
+        r'\((\d+) of \1 samples of sonar/range that were published are not in the bag\)', said)
 
 
 @pytest.mark.parametrize(('field', 'value'), [
