@@ -153,7 +153,9 @@ def scenario(
                 for sensor in ('imu', 'sonar', 'optical_flow', 'barometer')}
     if land:
         sections['reference_node']['plan']['landing_time'] = landing_time(duration)
-    flight = override(schema.build(Scenario, sections), overrides or {})
+    flight = schema.build(Scenario, sections)
+    if overrides:
+        flight = override(flight, overrides)
     return by_hand(flight) if carried else flight
 
 
@@ -183,7 +185,8 @@ def override(flight: Scenario, values: Mapping[str, Any]) -> Scenario:
     for name in values:
         if name not in known:
             raise schema.ParameterError(schema.unknown(name, known))
-    kept = {name: value for name, value in flat.items() if name in known}
+    kept = {name: value for name, value in flat.items()  # nearly all are defaults, to the sign of 0
+            if name in known and repr(value) != repr(known[name].default)}
     return schema.build(Scenario, {**kept, **values})
 
 

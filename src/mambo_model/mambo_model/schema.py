@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 from .errors import InputError
 
 P = TypeVar('P')
+_fields = functools.cache(dataclasses.fields)  # of a type of parameters
 _FEW = 30  # names that a message lists one by one
 
 
@@ -168,14 +169,19 @@ def check(params: Any) -> None:
         If a value is wrong; the message names the field, its value, unit and range.
 
     """
-    for field in dataclasses.fields(params):
-        if 'group' not in field.metadata:
-            check_field('', field, getattr(params, field.name))
+    for field in _fields(type(params)):
+        if 'group' in field.metadata:
+            continue
+        value = getattr(params, field.name)
+        if type(value) is type(field.default) is float and math.isfinite(value) and (
+                field.metadata['low'] <= value <= field.metadata['high']):
+            continue  # as nearly all are: sweeps build thousands of scenarios
+        check_field('', field, value)
 
 
 def walk(params_type: type, prefix: str = '') -> Iterator[tuple[str, dataclasses.Field]]:
     """Yield (dotted name, field) of every leaf parameter of a dataclass type."""
-    for field in dataclasses.fields(params_type):
+    for field in _fields(params_type):
         if 'group' in field.metadata:
             yield from walk(field.metadata['group'], f'{prefix}{field.name}.')
         else:
@@ -185,7 +191,7 @@ def walk(params_type: type, prefix: str = '') -> Iterator[tuple[str, dataclasses
 def flatten(params: Any, prefix: str = '') -> dict[str, Any]:
     """Return {dotted name: value} of every leaf parameter."""
     out: dict[str, Any] = {}
-    for field in dataclasses.fields(params):
+    for field in _fields(type(params)):
         value = getattr(params, field.name)
         if 'group' in field.metadata:
             out.update(flatten(value, f'{prefix}{field.name}.'))
@@ -212,7 +218,7 @@ def extended(params_type: type[P], given: Mapping[str, Any]) -> type[P]:
 
     """
     groups = {}
-    for field in dataclasses.fields(params_type):
+    for field in _fields(params_type):
         value = given.get(field.name, field.default)
         if 'component' in field.metadata and isinstance(value, str) and (
                 field.metadata['component'].is_own(value)):
@@ -221,7 +227,7 @@ def extended(params_type: type[P], given: Mapping[str, Any]) -> type[P]:
             except ParameterError as error:
                 raise ParameterError(f'{field.name}: {error}') from None
             groups[found.name] = found.params
-    known = {field.name for field in dataclasses.fields(params_type)}
+    known = {field.name for field in _fields(params_type)}
     return _with_groups(params_type, tuple(
         (name, kind) for name, kind in groups.items() if name not in known))
 
@@ -239,7 +245,7 @@ def _with_groups(params_type: type, groups: tuple[tuple[str, type], ...]) -> typ
 
 def component_fields(params: Any) -> Iterator[tuple[dataclasses.Field, str]]:
     """Yield field and value of every parameter that selects a component, at any depth."""
-    for field in dataclasses.fields(params):
+    for field in _fields(type(params)):
         value = getattr(params, field.name)
         if 'group' in field.metadata:
             yield from component_fields(value)
@@ -269,17 +275,20 @@ def build(params_type: type[P], values: Mapping[str, Any], where: str = '') -> P
     nested: dict[str, Any] = {}
     for key, value in values.items():
         head, _, tail = str(key).partition('.')
-        new, old = {tail: value} if tail else value, nested.get(head, {})
-        if head in nested and not (isinstance(new, Mapping) and isinstance(old, Mapping)):
-            section = new if isinstance(old, Mapping) else old
+        new = {tail: value} if tail else value
+        if head not in nested:
+            nested[head] = {**new} if isinstance(new, Mapping) else new
+        elif isinstance(new, Mapping) and isinstance(nested[head], Mapping):
+            nested[head].update(new)
+        else:
+            section = new if isinstance(nested[head], Mapping) else nested[head]
             raise ParameterError(
                 f'{where}{head} = {shown(section)} must be a section of parameters')
-        nested[head] = {**old, **new} if isinstance(new, Mapping) else new
     try:
         params_type = extended(params_type, nested)
     except ParameterError as error:
         raise ParameterError(f'{where}{error}') from None
-    fields = {field.name: field for field in dataclasses.fields(params_type)}
+    fields = {field.name: field for field in _fields(params_type)}
     filled: dict[str, Any] = {}
     for key, value in nested.items():
         name = f'{where}{key}'
