@@ -51,7 +51,8 @@ class Turning(NamedTuple):
     gyro: Floats
 
 
-def compare(t: Floats, gyro: Floats, times: Floats, q: Floats) -> Turning | None:
+def compare(t: Floats, gyro: Floats, times: Floats, q: Floats,
+            search: float = SEARCH) -> Turning | None:
     """
     Return how a gyro and a tracked attitude turn; None if they do not overlap.
 
@@ -63,6 +64,8 @@ def compare(t: Floats, gyro: Floats, times: Floats, q: Floats) -> Turning | None
         Of the attitudes.
     q : (m, 4)
         Tracked attitude, x y z w, body FLU to inertial.
+    search : s
+        Largest lateness that is tried.
 
     """
     t, first = np.unique(t, return_index=True)
@@ -77,7 +80,7 @@ def compare(t: Floats, gyro: Floats, times: Floats, q: Floats) -> Turning | None
     _, smooth = local_fit(t, np.concatenate([np.zeros((1, 3)), np.cumsum(half, axis=0)]), t,
                           WINDOW)
     kept = np.isfinite(smooth).all(axis=1)
-    found = [one for late in STEP * np.arange(-round(SEARCH / STEP), round(SEARCH / STEP) + 1)
+    found = [one for late in STEP * np.arange(-round(search / STEP), round(search / STEP) + 1)
              if (one := _beside(float(late), at, rates, t[kept], smooth[kept]))]
     if not found:
         return None
