@@ -206,7 +206,10 @@ class McapWriter:
         if self._span is None:
             return
         data = b''.join(self._chunk)
-        compressed = zstandard.compress(data)
+        try:
+            compressed = zstandard.compress(data)
+        except zstandard.ZstdError as error:  # its only reason here
+            raise MemoryError(str(error)) from None
         first, last = self._span
         offset = self._stream.tell()
         length = self._put(Chunk(

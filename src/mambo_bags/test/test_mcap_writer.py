@@ -8,6 +8,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 import numpy as np
 import pytest
+import zstandard
 
 CHUNK = 4000
 
@@ -135,3 +136,11 @@ def test_an_hour_of_chunks_takes_little_memory(tmp_path):
         writer.finish()
     # its record in the index of chunks has 10 bytes for each channel, and 78; grown by eighths
     assert held < 300 * chunks
+
+
+def test_a_chunk_for_which_there_is_no_memory_is_a_memory_error(monkeypatch):
+    def compress(data):
+        raise zstandard.ZstdError('cannot compress: Allocation error : not enough memory')
+    monkeypatch.setattr(mcap_writer.zstandard, 'compress', compress)
+    with pytest.raises(MemoryError, match='not enough memory'):
+        written(ours, flight())

@@ -185,8 +185,9 @@ def override(flight: Scenario, values: Mapping[str, Any]) -> Scenario:
     for name in values:
         if name not in known:
             raise schema.ParameterError(schema.unknown(name, known))
-    kept = {name: value for name, value in flat.items()  # nearly all are defaults, to the sign of 0
-            if name in known and repr(value) != repr(known[name].default)}
+    kept = {  # nearly all are defaults, to the sign of 0
+        name: value for name, value in flat.items()
+        if name in known and repr(value) != repr(known[name].default)}
     return schema.build(Scenario, {**kept, **values})
 
 

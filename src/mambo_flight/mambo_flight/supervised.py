@@ -8,7 +8,8 @@ copy is killed, and the rows flown until then remain. Other flights are flown in
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+import contextlib
 import mmap
 import os
 import pickle
@@ -55,7 +56,8 @@ def fly(flight: Scenario, inner: bool = False) -> tuple[Recording, str]:
     slots.latest_fault()  # forget faults of earlier flights
     own = own_compiled(flight)
     if not own:
-        return closed_loop.fly(flight, inner), slots.latest_fault()
+        with _staying():
+            return closed_loop.fly(flight, inner), slots.latest_fault()
     out = _each(closed_loop.blank(flight, inner), _shared)
     out.reason.fill(_NEVER)
     closed_loop.run(flight, _each(out, lambda column: column[:0]))  # compile before the fork
@@ -71,6 +73,17 @@ def fly(flight: Scenario, inner: bool = False) -> tuple[Recording, str]:
     if not rows:
         raise JobError(text)
     return _each(out, lambda column: column[:rows]), text
+
+
+@contextlib.contextmanager
+def _staying() -> Iterator[None]:
+    """Be where one was afterwards, whatever code of the user does: outputs have relative paths."""
+    here = os.open(os.curdir, os.O_PATH | os.O_DIRECTORY)
+    try:
+        yield
+    finally:
+        os.fchdir(here)
+        os.close(here)
 
 
 def own_compiled(flight: Scenario) -> list[Component]:

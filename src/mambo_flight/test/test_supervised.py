@@ -38,6 +38,14 @@ def test_a_fault_of_an_earlier_flight_is_not_of_this_one(monkeypatch):
     assert supervised.fly(flight('cascaded')) == ('what was flown', '')
 
 
+def test_a_component_that_goes_to_another_folder_does_not_take_the_command_there(
+        monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(supervised.closed_loop, 'fly', lambda flight, inner: os.chdir('/'))
+    supervised.fly(flight('cascaded'))
+    assert Path.cwd() == tmp_path
+
+
 @pytest.mark.slow
 def test_a_step_that_never_ends_leaves_what_was_flown_in_a_closed_bag(
         faulty, tmp_path, capsys, monkeypatch):

@@ -178,7 +178,7 @@ from numba.typed import List  # noqa: E402
 from .compilation import references  # noqa: E402
 from .compilation.bitcode import (  # noqa: E402
     ApartCompiler, InsideCache, InsideCompiler, PythonCompiler)
-from .compilation.checked_file import CheckedFile  # noqa: E402
+from .compilation.checked_file import CheckedFile, without_space  # noqa: E402
 
 numba.config.CACHE_DIR = os.environ['NUMBA_CACHE_DIR']  # of a script that imported numba before
 
@@ -193,6 +193,7 @@ numba.config.LOOP_VECTORIZE = 0
 references.NRTContext.get_meminfos = references.get_meminfos
 
 caching.IndexDataCacheFile = CheckedFile
+caching.Cache._guard_against_spurious_io_errors = lambda self: without_space()
 
 
 def _load_arrays() -> None:

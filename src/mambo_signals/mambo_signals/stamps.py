@@ -8,6 +8,8 @@ from mambo_bags.reader import Bag, BagError, FieldError, Messages
 import numpy as np
 from numpy.typing import NDArray
 
+AHEAD = 0.15  # s before the inertial samples around them: a sample can only be late
+LATE = 1.0    # s; later than any sensor of a small drone
 LONGEST_GAP = 1.0  # s without an inertial sample, of which an estimator loses its state
 
 
@@ -54,6 +56,33 @@ def going_back(bag: Bag, topics: Collection[str] | None = None) -> list[str]:
     return out
 
 
+def other_clock(bag: Bag, topics: Collection[str]) -> list[str]:
+    """
+    Return the topics whose stamps are of another clock than the inertial samples, one line each.
+
+    Half of the messages, at least, are stamped ``AHEAD`` of the inertial sample that was recorded
+    last before them, or ``LATE`` behind it. Parameters as of :func:`below_zero`.
+
+    """
+    if 'imu/data_raw' not in bag or not len(_of(bag['imu/data_raw'])):
+        return []
+    imu, out = bag['imu/data_raw'], []
+    order = np.argsort(imu.log_time, kind='stable')
+    logged, newest = imu.log_time[order], np.maximum.accumulate(_of(imu)[order])
+    for messages in _chosen(bag, topics):
+        stamps = _of(messages)
+        before = np.searchsorted(logged, messages.log_time, 'right') - 1
+        if not len(stamps) or not (before >= 0).any():
+            continue
+        known = before >= 0
+        apart = float(np.median(stamps[known] - newest[before[known]])) * 1e-9
+        if apart > AHEAD or apart < -LATE:
+            out.append(f'{messages.topic}: stamped {abs(apart):.3g} s '
+                       f'{"ahead of" if apart > 0.0 else "behind"} the inertial samples that were '
+                       'recorded with it: it has another clock')
+    return out
+
+
 def repeated(bag: Bag, topics: Collection[str] | None = None) -> list[str]:
     """
     Return the topics with messages that have the stamp of another, one line each.
@@ -70,6 +99,34 @@ def repeated(bag: Bag, topics: Collection[str] | None = None) -> list[str]:
             out.append(f'{messages.topic}: {again} of {len(stamps)} messages repeat the stamp of '
                        'another: the first of each is used')
     return out
+
+
+def refuse_mixed(bag: Bag) -> None:
+    """
+    Refuse a bag most of whose inertial samples have the stamp of another with other numbers.
+
+    They are of two flights, or of two publishers. What was recorded twice has the same numbers.
+
+    Raises
+    ------
+    mambo_bags.reader.BagError
+        In one line.
+
+    """
+    if 'imu/data_raw' not in bag:
+        return
+    messages = bag['imu/data_raw']
+    stamps = _of(messages)
+    order = np.argsort(stamps, kind='stable')
+    again = np.flatnonzero(np.diff(stamps[order]) == 0)
+    if 4 * len(again) < len(stamps) or not len(again):
+        return
+    gyro = messages['angular_velocity'][order]
+    other = int((gyro[again] != gyro[again + 1]).any(axis=1).sum())
+    if 4 * other >= len(stamps):
+        raise BagError(
+            f'{bag.path}: {other} of the {len(stamps)} samples of {messages.topic} have the stamp '
+            'of another and other numbers: two flights, or two publishers, in one recording')
 
 
 def wrong(bag: Bag, topics: Collection[str] | None = None) -> list[str]:

@@ -93,3 +93,41 @@ def test_some_stamps_that_go_back_are_left_to_who_leaves_them_out(tmp_path):
             stamps.refuse_mostly_wrong(bag, IMU)
             with pytest.raises(BagError, match='stamps go back'):
                 stamps.refuse_wrong(bag, [IMU])
+
+
+def streams(path, ahead):
+    """Return a bag whose estimate is stamped ahead of the inertial samples around it, in steps."""
+    maker = Maker(path, [IMU, 'estimate/odom'])
+    for k in range(400):
+        for topic, later in ((IMU, 0), ('estimate/odom', ahead)):
+            data = maker.message(TYPES[topic], (k + later + 500) * STEP, 'base_link')
+            maker.writer.write(f'/mambo/{topic}', data, (k + 500) * STEP)
+    maker.writer.close()
+    return read_bag(path)
+
+
+@pytest.mark.parametrize(('ahead', 'said'), [
+    (0, None), (20, None), (-20, None), (-190, None), (40, '0.2 s ahead of'),
+    (720_000, '3.6e+03 s ahead of'), (-400, '2 s behind')])
+def test_a_topic_of_another_clock_is_told(tmp_path, ahead, said):
+    found = stamps.other_clock(streams(tmp_path / 'bag', ahead), ['estimate/odom', TICK])
+    assert len(found) == bool(said)
+    if said:
+        assert found[0] == (f'/mambo/estimate/odom: stamped {said} the inertial samples that were '
+                            'recorded with it: it has another clock')
+
+
+@pytest.mark.parametrize('every, differ, refused', [
+    (1, True, True), (1, False, False), (10, True, False)])
+def test_two_flights_in_one_recording_are_refused(tmp_path, every, differ, refused):
+    maker = Maker(tmp_path / 'bag', [IMU])
+    for k in range(200):
+        for copy in range(2 if k % every == 0 else 1):
+            rate = maker.Vector3(0.0, 0.5 * copy * differ, 0.0)
+            maker.write(IMU, k * STEP, angular_velocity=rate)
+    maker.writer.close()
+    bag = read_bag(tmp_path / 'bag')
+    if not refused:
+        return stamps.refuse_mixed(bag)
+    with pytest.raises(BagError, match='200 of the 400 samples of /mambo/imu/data_raw have'):
+        stamps.refuse_mixed(bag)

@@ -150,6 +150,7 @@ def answer(bag: Bag, node: EstimatorNodeParams) -> Answer:
     """
     for line in stamps.below_zero(bag, [topic.name for topic in offline_replay.SENSORS]):
         raise BagError(f'{bag.path}: {line}')
+    stamps.refuse_mixed(bag)
     found = offline_replay.estimate(bag, node.filter, changes.values_later(node))
     if not len(found.t):
         raise offline_replay.nothing_complete(bag)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from mambo_bags.reader import Bag
 from mambo_estimation import gate, health
 from mambo_ros import topics
-from mambo_signals import gyro_check, motion, resample, time_offset
+from mambo_signals import gyro_check, height_check, motion, resample, stamps, time_offset
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +19,7 @@ from . import pair
 Floats = NDArray[np.float64]
 UNUSED_TIME = 3.0  # s: unhealthy after 1 s without a used sample, and recovery takes as long again
 ALIGNING = 0  # EstimatorState.STATUS_ALIGNING
+SENSORS = (topics.SONAR, topics.OPTICAL_FLOW, topics.BAROMETER)
 FAULTS = {health.NOT_FINITE: 'not finite', health.IMPLAUSIBLE: 'refused', health.STUCK: 'stuck'}
 WINDOW = 5.0  # s, several times the recovery time of a gate
 SHARE = 0.5 * (1.0 + gate.MAJORITY)
@@ -220,7 +221,8 @@ def contradictions(bag: Bag, state: Bag) -> list[str]:
     """
     inner = state[topics.ESTIMATOR_STATE.name]
     t = (inner.stamp - inner.stamp[0]) * 1e-9
-    out = unused(t, inner['health'])
+    out = stamps.other_clock(bag, [topic.name for topic in SENSORS])
+    out += unused(t, inner['health'])
     if (inner['status'] == ALIGNING).all():
         return out
     for name, field in zip(health.NAMES[health.SONAR:], ('sonar', 'flow', 'barometer'),
@@ -234,4 +236,4 @@ def contradictions(bag: Bag, state: Bag) -> list[str]:
         measured[3:5] = 'horizontal_acceleration' not in bag.metadata.get('import', {})
         gyro, accel = (imu[name][order] for name in ('angular_velocity', 'linear_acceleration'))
         out += dead_axes((imu.stamp[order] - inner.stamp[0]) * 1e-9, gyro, accel, measured)
-    return out + turning(bag) + from_capture(bag, state)
+    return out + height_check.of_bag(bag) + turning(bag) + from_capture(bag, state)

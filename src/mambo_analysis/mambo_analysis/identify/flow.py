@@ -19,10 +19,11 @@ from typing import NamedTuple
 
 from mambo_bags.cli.option_types import real, TIME
 from mambo_bags.command import Parser
+from mambo_bags.reader import read_bag
 from mambo_flight.closed_loop import Recording
 from mambo_model import palette
 from mambo_model.frames import body_quaternion, flip_vector
-from mambo_signals import motion, outliers
+from mambo_signals import height_check, motion, outliers
 from mambo_signals.derivative import body_rates, local_fit
 from matplotlib.figure import Figure
 import numpy as np
@@ -332,6 +333,8 @@ def read(
 ) -> Samples:
     """Return the samples of a bag with ``optical_flow`` and ``optitrack/pose``; shift in s."""
     bag = result.open_bag(path, ('optical_flow', 'optitrack/pose'), namespace)
+    for line in height_check.of_bag(read_bag(path, ('sonar/range', 'optitrack/pose'), namespace)):
+        raise IdentifyError(f'{path}: {line}')
     flow, pose = bag['optical_flow'], motion.read(bag, 'optitrack/pose')
     seen = np.isfinite(pose.quaternion).all(axis=1)
     begin = min(pose.t[0], flow.t[0])

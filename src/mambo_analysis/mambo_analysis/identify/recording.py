@@ -112,6 +112,7 @@ def _bag(path: Path, namespace: str | None) -> Recording:
     """Return the sensor samples and commands of a bag, in FRD."""
     bag = read_bag(path, TOPICS, namespace)
     stamps.refuse_wrong(bag, TOPICS)
+    stamps.refuse_mixed(bag)
 
     def flow(m):
         rates = np.stack([m.rate_x, -m.rate_y], axis=1).astype(float)

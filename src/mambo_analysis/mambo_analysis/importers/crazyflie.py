@@ -71,7 +71,7 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
-from mambo_signals import gyro_check, outliers
+from mambo_signals import gyro_check, height_check, outliers
 from mambo_signals.derivative import body_rates
 from mambo_signals.resample import interpolate
 from mambo_signals.time_offset import (
@@ -484,7 +484,7 @@ def _contradictions(log: Log, offset: float) -> list[str]:
         t, r = log.drone['r']
         position = interpolate(t, times, log.mocap[:, 1:4], 2.0 * GAP)
         both = np.isfinite(position).all(axis=1) & (r > 0.0)
-        out.append(plausible.other_height(r[both], position[both]))
+        out.append(height_check.other_axis(r[both], position[both]))
     if log.has('p_x', 'p_y'):
         t = log.drone['p_x'][0]
         rows = np.hstack([log.at(t, 'p_x', 'p_y'),

@@ -36,8 +36,6 @@ NOISY = ('sonar', 'pressure')  # which never rest
 SAME_RATE = (0.6, 3.0)  # correlation of gyro and onboard rate, and their factor
 LEAST_ROWS = 50  # of two recordings that are compared
 LEAST_CHANGE = 0.1  # [m] standard deviation of a height or a path that can be compared
-FOLLOWS = 0.95  # correlation of a range with the axis that is up; five real flights: 0.999
-OTHER = 0.9  # correlation below which a range does not follow an axis; the others have up to 0.78
 MIRRORED = (0.8, 0.3)  # explained shares of a path, by its mirror image and by itself
 
 
@@ -230,36 +228,6 @@ def tilt_of(times: Floats, rates: Floats) -> float:
             largest = max(largest, float(np.sqrt(np.mean(left**2))))
         begin += 0.5 * WINDOW
     return largest
-
-
-def other_height(ranges: Floats, position: Floats) -> str | None:
-    """
-    Return in words which axis of a motion capture is up, if it is not z.
-
-    A range that follows no axis, over steps or beyond its reach, says nothing.
-
-    Parameters
-    ----------
-    ranges : (n,) m
-    position : (n, 3) m
-        At the same times.
-
-    """
-    if len(ranges) < LEAST_ROWS or ranges.std() < LEAST_CHANGE:
-        return None
-    spread = position.std(axis=0)
-    if not np.ptp(position[:, 2]) > 0.0:
-        return (f'z of the motion capture is {position[0, 2]:.4g} m throughout, while the range '
-                f'changes by {np.ptp(ranges):.3g} m: it must have z up')
-    r = (ranges - ranges.mean()) @ (position - position.mean(axis=0)) / (
-        len(ranges) * ranges.std() * np.maximum(spread, 1e-12))
-    if r[2] > OTHER:
-        return None
-    axis = int(np.abs(r).argmax())
-    if abs(r[axis]) < FOLLOWS:
-        return None
-    return (f'the range follows {"-" * bool(r[axis] < 0.0)}{"xyz"[axis]} of the motion capture '
-            f'(correlation {abs(r[axis]):.2f}), z does not ({r[2]:.2f}): it must have z up')
 
 
 def mirrored(path: Floats, position: Floats) -> str | None:

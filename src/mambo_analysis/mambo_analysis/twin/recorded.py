@@ -346,6 +346,7 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
         if topic not in bag or not len(bag[topic]):
             raise IdentifyError(f'{path}: no {topic} in the bag')
     stamps.refuse_wrong(bag, _READ)
+    stamps.refuse_mixed(bag)
     if not np.isfinite(bag['imu/data_raw'].acceleration).all(axis=1).any():
         raise IdentifyError(f'{path}: imu/data_raw lacks an acceleration on some axis')
     track = _motion(bag)

@@ -1,11 +1,12 @@
 """What contradicts an estimate, at and beside each limit, and in a flight with a wrong sensor."""
 
+import dataclasses
 from pathlib import Path
 import re
 
 from mambo_analysis.compare import estimate_checks as judge
 from mambo_analysis.compare import estimate
-from mambo_bags.reader import read_bag
+from mambo_bags.reader import BagError, read_bag
 from mambo_estimation import health
 from mambo_ros import topics
 import numpy as np
@@ -129,6 +130,33 @@ def test_what_a_gyro_shows_on_the_floor_or_beside_points_is_no_contradiction():
     assert len(judge.turning(bag)) == 1
     poses._cache['pose.orientation'] = np.tile([0.0, 0.0, 0.0, 1.0], (len(poses), 1))
     assert judge.turning(bag) == []
+
+
+@pytest.mark.parametrize('topic', judge.SENSORS)
+def test_a_sensor_with_another_clock_is_named_although_it_is_only_unused(topic):
+    bag = read_bag(BAG, estimate.READ)
+    bag[topic.name]._cache['header.stamp.sec'] = bag[topic.name]['header.stamp.sec'] + 1
+    head = estimate.answer(bag, estimate.parameters(bag)).verdict.splitlines()[0]
+    assert f'{topic.name}: stamped 1 s ahead of the inertial samples' in head
+
+
+def test_a_motion_capture_with_z_down_is_named_of_any_estimator():
+    bag = read_bag(BAG, estimate.READ)
+    poses = bag[topics.OPTITRACK.name]
+    poses._cache['pose.position'] = poses['pose.position'] * [1.0, 1.0, -1.0]
+    node = estimate.parameters(bag)
+    head = estimate.answer(bag, dataclasses.replace(
+        node, estimator='toolbox')).verdict.splitlines()[0]
+    assert 'the range follows -z of the motion capture' in head
+
+
+def test_two_flights_in_one_recording_are_not_estimated(monkeypatch):
+    def refuse(bag):
+        raise BagError('two flights')
+    monkeypatch.setattr(estimate.stamps, 'refuse_mixed', refuse)
+    bag = read_bag(BAG, estimate.READ)
+    with pytest.raises(BagError, match='two flights'):
+        estimate.answer(bag, estimate.parameters(bag))
 
 
 def test_an_estimator_without_a_covariance_is_not_held_to_it():

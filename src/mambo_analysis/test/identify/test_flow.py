@@ -258,3 +258,10 @@ def test_axes_of_a_sensor_that_is_mounted_nearly_right_are_its_own(matrix):
 def test_axes_of_another_frame_are_told(matrix, message):
     with pytest.raises(IdentifyError, match=message):
         flow.check_axes(axes(matrix), leak=False)
+
+
+def test_a_height_that_contradicts_the_range_is_refused(monkeypatch):
+    monkeypatch.setattr(flow.height_check, 'of_bag', lambda bag: ['in feet'] * (
+        'sonar/range' in bag and 'optitrack/pose' in bag))
+    with pytest.raises(IdentifyError, match='circle_short: in feet'):
+        flow.read(BAG, 0.0, -np.inf, np.inf, 0.0, None)

@@ -1,9 +1,13 @@
 """Sensors of a recording in body FRD: axes, units, held values, and what is no recording."""
 
+from pathlib import Path
+
 from hypothesis import given, settings, strategies as st
+from mambo_analysis.identify import recording
 from mambo_analysis.identify.recording import read_sensors
 from mambo_analysis.importers.common import provenance
 from mambo_analysis.importers.minidrone import FLOW_SCALE, MOTOR_SIGNS, SIGNALS
+from mambo_analysis.twin import recorded
 from mambo_bags.mcap_reader import BagError
 import numpy as np
 import pytest
@@ -136,3 +140,10 @@ def test_every_vector_survives_from_flu_to_frd_with_its_length_and_hand(tmp_path
         np.cross(wire[:, :3], wire[:, 3:]), atol=1e-9)
 
 
+@pytest.mark.parametrize('reader', [recording.read_sensors, recorded.read_flight])
+def test_two_flights_in_one_bag_are_refused(reader, monkeypatch):
+    def refuse(bag):
+        raise BagError('two flights')
+    monkeypatch.setattr(recording.stamps, 'refuse_mixed', refuse)
+    with pytest.raises(BagError, match='two flights'):
+        reader(Path(__file__).parents[4] / 'bags/circle_short')

@@ -136,27 +136,6 @@ def test_motor_commands_are_those_of_motors_that_push():
         plausible.refuse_commands('log: m', pwm)
 
 
-HEIGHT = 0.5 + 0.4 * np.sin(0.5 * T)
-PLACE = np.column_stack([np.cos(0.7 * T), np.sin(0.7 * T), HEIGHT])
-
-
-@pytest.mark.parametrize('order, signs, text', [
-    ((0, 2, 1), (1, 1, 1), 'follows y '), ((2, 1, 0), (1, 1, 1), 'follows x '),
-    ((0, 1, 2), (1, 1, -1), 'follows -z '), ((0, 2, 1), (1, -1, 1), 'follows -y '),
-    ((0, 1, 2), (1, 1, 0), 'z of the motion capture is 0 m throughout, while the range')])
-def test_the_axis_that_is_up_is_told_by_a_range(order, signs, text):
-    assert text in plausible.other_height(HEIGHT, PLACE[:, order] * signs)
-
-
-def test_a_range_that_tells_no_other_axis_says_nothing():
-    steps = HEIGHT + np.where(T % 3.0 < 1.5, 0.8, 0.0)  # over boxes
-    for ranges, position in (
-            (HEIGHT, PLACE), (steps, PLACE), (0.0 * T + 0.5, PLACE), (HEIGHT[:20], PLACE[:20]),
-            (HEIGHT[:0], PLACE[:0]), (HEIGHT, PLACE * [0.0, 0.0, 1.0]),
-            (HEIGHT, PLACE + 0.1 * np.sin(9.0 * T)[:, None])):
-        assert plausible.other_height(ranges, position) is None
-
-
 def turned(path, angle):
     return path @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
 

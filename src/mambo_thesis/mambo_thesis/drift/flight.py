@@ -24,7 +24,7 @@ from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight.closed_loop import Recording
 from mambo_model.frames import flip_vector
-from mambo_signals import motion
+from mambo_signals import height_check, motion
 from mambo_signals.derivative import body_rates, local_fit
 from mambo_signals.resample import columns_at, inside_gaps
 import numpy as np
@@ -389,8 +389,11 @@ def read(paths: Sequence[Path], namespace: str | None = None, lag: float | None 
         If flow or Optitrack is missing, too short, or of another motion (:func:`check`).
 
     """
-    topics = ('optitrack/pose', *([estimate] if estimate else []))
+    topics = ('optitrack/pose', 'sonar/range', *([estimate] if estimate else []))
     bags = [read_bag(path, topics, namespace) for path in paths]
+    for bag in bags:
+        for line in height_check.of_bag(bag):
+            raise BagError(f'{bag.path}: {line}')
     sources = [_source(path, namespace, height, bag)
                for path, bag in zip(paths, bags, strict=True)]
     if lag is None:

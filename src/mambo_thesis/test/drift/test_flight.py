@@ -1,5 +1,6 @@
 """A flight as evidence: motion by Optitrack at each sample of the flow, gaps left out."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 from drift_flights import experiments_of, flown, TRUE, write
@@ -248,3 +249,10 @@ def test_a_flow_later_than_the_search_is_refused_and_a_slow_one_is_not(tmp_path)
     with pytest.raises(BagError, match='bag: the flow lags by 150 ms or more, the end of the sea'):
         read([bag])
     assert read([bag], lag=0.25)[1] == 0.25
+
+
+def test_a_height_that_contradicts_the_range_is_refused(monkeypatch):
+    monkeypatch.setattr(drift_flight.height_check, 'of_bag', lambda bag: ['in feet'] * (
+        'sonar/range' in bag and 'optitrack/pose' in bag))
+    with pytest.raises(BagError, match='circle_short: in feet'):
+        read([Path(__file__).parents[4] / 'bags/circle_short'])

@@ -1,0 +1,94 @@
+"""
+Whether a tracked height and the range to the floor show the same: the axis that is up, the unit.
+
+A range over steps, or beyond its reach, follows no height and says nothing.
+"""
+
+from __future__ import annotations
+
+from mambo_bags.reader import Bag, BagError
+import numpy as np
+
+from . import motion
+from .gyro_check import differs
+from .resample import Floats, interpolate
+
+LEAST_ROWS = 50     # of two signals that are compared
+LEAST_CHANGE = 0.1  # m, standard deviation of a range that can be compared
+FOLLOWS = 0.95      # correlation of a range with the axis that is up; five real flights: 0.999
+OTHER = 0.9  # correlation below which a range does not follow an axis; the others have up to 0.78
+FACTOR = 1.5  # of the height by the range: five real flights 0.987 to 1.011, feet 3.3
+WITHIN = 1.2  # [-] times the shortest range, which a range repeats on the floor
+GAP = 0.1     # s, over which poses are connected
+
+
+def other_axis(ranges: Floats, position: Floats) -> str | None:
+    """
+    Return in words which axis of a motion capture is up, if it is not z.
+
+    A range that follows no axis, over steps or beyond its reach, says nothing.
+
+    Parameters
+    ----------
+    ranges : (n,) m
+    position : (n, 3) m
+        At the same times.
+
+    """
+    if len(ranges) < LEAST_ROWS or ranges.std() < LEAST_CHANGE:
+        return None
+    spread = position.std(axis=0)
+    if not np.ptp(position[:, 2]) > 0.0:
+        return (f'z of the motion capture is {position[0, 2]:.4g} m throughout, while the range '
+                f'changes by {np.ptp(ranges):.3g} m: it must have z up')
+    r = (ranges - ranges.mean()) @ (position - position.mean(axis=0)) / (
+        len(ranges) * ranges.std() * np.maximum(spread, 1e-12))
+    if r[2] > OTHER:
+        return None
+    axis = int(np.abs(r).argmax())
+    if abs(r[axis]) < FOLLOWS:
+        return None
+    return (f'the range follows {"-" * bool(r[axis] < 0.0)}{"xyz"[axis]} of the motion capture '
+            f'(correlation {abs(r[axis]):.2f}), z does not ({r[2]:.2f}): it must have z up')
+
+
+def other_scale(ranges: Floats, height: Floats) -> str | None:
+    """
+    Return in words that a tracked height changes by much more than the range, or much less.
+
+    Parameters
+    ----------
+    ranges, height : (n,) m
+        At the same times.
+
+    """
+    if len(ranges) < LEAST_ROWS or ranges.std() < LEAST_CHANGE or not np.ptp(height) > 0.0:
+        return None
+    r = float(np.corrcoef(ranges, height)[0, 1])
+    ratio = float(height.std() / ranges.std())
+    if r < FOLLOWS or not differs(r, ratio, FACTOR):
+        return None
+    return (f'the height of the motion capture changes {ratio:.3g} times as much as the range: '
+            'one of them is not in m')
+
+
+def of_bag(bag: Bag) -> list[str]:
+    """
+    Return what of the range contradicts the motion capture of a recording, one line at most.
+
+    Nothing without both, or if their samples cannot be read: what needs them says so.
+    """
+    if any(name not in bag or not len(bag[name]) for name in ('sonar/range', 'optitrack/pose')):
+        return []
+    sonar = bag['sonar/range']
+    try:
+        tracked = motion.read(bag, 'optitrack/pose')
+        low, high, ranges = (
+            np.asarray(sonar[name], float) for name in ('min_range', 'max_range', 'range'))
+    except (BagError, KeyError):
+        return []
+    position = interpolate(sonar.t, tracked.t, tracked.position, GAP)
+    known = (WITHIN * low < ranges) & (ranges < high) & np.isfinite(position).all(axis=1)
+    ranges, position = ranges[known], position[known]
+    found = other_axis(ranges, position) or other_scale(ranges, position[:, 2])
+    return [found] if found else []
