@@ -115,6 +115,11 @@ def _json_file(text: str) -> str:
     return text
 
 
+def _plain(text: str) -> str:
+    """Return a docstring without its markup: roles such as :mod:`x`, and quotes of code."""
+    return re.sub(r':\w+:`~?([^`]+)`', r'\1', text).replace('``', '')
+
+
 class Parser(argparse.ArgumentParser):
     """
     Command line of a command: errors are one line with a suggestion, and exit code 2.
@@ -131,8 +136,8 @@ class Parser(argparse.ArgumentParser):
     """
 
     def __init__(self, name: str, description: str, epilog: str | None = None) -> None:
-        super().__init__(prog=program(name), description=description.strip(), epilog=epilog,
-                         formatter_class=argparse.RawDescriptionHelpFormatter)
+        super().__init__(prog=program(name), description=_plain(description.strip()),
+                         epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter)
         self._needs_output, self._takes_last = False, False
         self._negative_number_matcher = _NEGATIVE  # argparse takes -1e-3 for an option
 

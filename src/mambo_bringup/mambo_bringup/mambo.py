@@ -42,7 +42,7 @@ class Command(NamedTuple):
 GROUPS: dict[str, dict[str, Command]] = {
     'Fly': {
         'run': Command('mambo_bringup.run', 'fly a scenario in the ROS graph, record, report'),
-        'fly': Command('mambo_flight.fly', 'fly a scenario in one process, hundreds of times '
+        'fly': Command('mambo_flight.fly', 'fly a scenario in one process without ROS, many times '
         'faster than real time'),
         'sweep': Command('mambo_flight.sweep.command', 'fly a scenario many times over seeds, '
                          'vehicles, wind, gains'),
@@ -52,12 +52,12 @@ GROUPS: dict[str, dict[str, Command]] = {
                                    'snap through waypoints'),
         'check-node': Command('mambo_bringup.checking.check', 'whether a node of yours keeps the '
                               'contract of the graph'),
-        'bound': Command('mambo_analysis.capture.recorded_bound', 'the joint filter beside the '
-                         'lower bound of any estimator (Cramer-Rao)'),
-        'consistency': Command('mambo_flight.accuracy.consistency', 'whether the joint filter '
-                               'states its errors as large as they are'),
-        'estimators': Command('mambo_thesis.estimators.estimators', 'the joint filter beside the '
-                              'default estimator, row by row'),
+        'bound': Command('mambo_analysis.capture.recorded_bound', 'compare the joint filter '
+                         'with the Cramer-Rao lower bound'),
+        'consistency': Command('mambo_flight.accuracy.consistency', 'whether the covariance of '
+                               'the joint filter matches its errors (NEES, NIS)'),
+        'estimators': Command('mambo_thesis.estimators.estimators', 'compare the joint filter, '
+                              'the default, with the Kalman filters of the thesis'),
         'coverage': Command('mambo_flight.smooth.coverage', 'smooth many flights: how often the '
                             'intervals hold the true values'),
         'race': Command('mambo_flight.race.race', 'fly every controller over the same courses '
@@ -70,7 +70,8 @@ GROUPS: dict[str, dict[str, Command]] = {
         'stop': Command('mambo_bringup.commanding.halt', 'come to rest and hover'),
         'land': Command('mambo_bringup.commanding.land', 'stop, descend, motors off'),
         'pause': Command('mambo_bringup.commanding.pause', 'pause the simulation'),
-        'step': Command('mambo_bringup.commanding.single_step', 'make single steps while paused'),
+        'step': Command('mambo_bringup.commanding.single_step', 'advance by single steps while '
+                        'paused'),
         'resume': Command('mambo_bringup.commanding.resume', 'go on after a pause'),
         'set': Command('mambo_bringup.commanding.set_parameters', 'change gains, noise, wind, '
                        'faults or speed'),
@@ -82,10 +83,11 @@ GROUPS: dict[str, dict[str, Command]] = {
     'Bags': {
         'compare': Command('mambo_analysis.compare.compare', 'errors of a flight, or of flight A '
                            'against flight B; report'),
-        'separation': Command('mambo_flight.world.separation', 'distance of the drones of a '
-                              'flight over time'),
-        'replay': Command('mambo_bringup.replay', "a bag's sensors through a live estimator"),
-        'estimate': Command('mambo_analysis.compare.estimate', 'the same offline'),
+        'separation': Command('mambo_flight.world.separation', 'distances between the '
+                              'drones of a flight'),
+        'replay': Command('mambo_bringup.replay', "play a bag's sensors to a live estimator"),
+        'estimate': Command('mambo_analysis.compare.estimate', 'run an estimator '
+                            'over a bag, offline and without ROS'),
         'recover': Command('mambo_bags.recover', 'save what is readable of a damaged bag'),
         'digest': Command('mambo_bags.cli.digest', 'whether two bags hold the same messages'),
         'join': Command('mambo_analysis.importers.join', "a drone's log and its motion capture "

@@ -29,7 +29,7 @@ DRONES = whole(1, MOST)
 _WORLD = 'world.'
 
 
-def add(out: Parser, trajectory: str = '', controller: str = '') -> None:
+def add(out: Parser, trajectory: str = '', controller: str = 'cascaded') -> None:
     """
     Add the options to a parser.
 
@@ -67,8 +67,8 @@ def add(out: Parser, trajectory: str = '', controller: str = '') -> None:
     add('--no-landing', dest='landing', action='store_false', default=None,
         help='stay on the trajectory to the end')
     add('--stretch', metavar='FACTOR',
-        help='fly the trajectory in FACTOR times its time; auto: a course in the least in which '
-        'the vehicle can, as the controller knows it')
+        help='fly the trajectory in FACTOR times its time; auto: a course in the shortest time '
+        'in which the vehicle, as the controller knows it, can fly it')
     add('--set', action='append', default=[], metavar='NODE.PARAMETER=VALUE',
         help='set any parameter of any node; repeatable')
     add('--drones', type=DRONES, metavar='N',

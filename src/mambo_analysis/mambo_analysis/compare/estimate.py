@@ -5,7 +5,7 @@ It runs offline, without ROS, hundreds of times faster than real time. The estim
 a live estimator in ``mambo replay``, to the last bit. The verdict at the end names absent and
 refused sensors, whether and when the estimate diverged, and what contradicts it: a sensor that is
 stuck or refused for long, a bias that no sensor has, the motion capture. The exit code does not
-depend on it. Of a flight over which the joint filter diverges, nothing smoothed is given.
+depend on it. If the joint filter diverges, no smoothed result is given.
 """
 
 from __future__ import annotations

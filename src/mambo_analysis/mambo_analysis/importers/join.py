@@ -1,13 +1,13 @@
 """
-A drone's log and the motion capture of the same flight as one bag: ``join FLIGHT MOCAP OUT``.
+A drone's log and the motion capture of the same flight as one bag.
 
-Both recorded the same motion on two clocks. The offset of the clocks is found by
-correlation (:mod:`mambo_signals.time_offset`): the body rates of the tracked attitude
-with the gyro, the tracked height with the sonar, the tracked pose with the drone's own. The signal
-with the smallest standard error gives the offset, if the others that determine one agree with it;
-what determines none is named. One offset must hold for the whole flight: it is found again in
-windows, and clocks that jump or run at different rates are refused.
-All of the flight is copied, ``optitrack/pose`` of the other is added on the flight's clock.
+Both recorded the same motion on two clocks. The offset of the clocks is found by correlation: the
+body rates of the tracked attitude with the gyro, the tracked height with the sonar, the tracked
+pose with the drone's own. The signal with the smallest standard error gives the offset, if the
+others that determine one agree with it; signals that cannot determine it are listed. One offset
+must hold for the whole flight: it is found again in windows, and clocks that jump or run at
+different rates are refused. All of the flight is copied, and ``optitrack/pose`` of the other is
+added on the flight's clock.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@ Compare the joint filter, the default, with the three filters of ``kalman``, row
 
 Simulated flights are flown on the joint filter, once for each seed, and ``kalman`` gets the same
 samples; where a sensor fails, each flies by itself, and a row is the largest distance after the
-begin of the fault. With DATA, the folder of ``mambo recordings``, both also get the samples of
+fault begins. With DATA, the folder of ``mambo recordings``, both also get the samples of
 real flights. Sections: thesis, slopes, flow_deck, run, faults; crazyflie, rolling_spider.
 
 A row has the root mean square over the seeds, the posterior Cramer-Rao bound beside it, and the

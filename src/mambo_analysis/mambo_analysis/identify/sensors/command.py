@@ -1,5 +1,5 @@
 """
-Rates, noise, limits, outliers and delay of every sensor: ``identify_sensors FILES...``.
+Rates, noise, limits, outliers and delay of every sensor.
 
 Reads bags, Parrot minidrone logs (``RSdata*.mat``) and ``noisedata.mat``. Each value comes with a
 95 % interval:
