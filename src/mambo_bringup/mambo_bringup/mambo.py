@@ -144,7 +144,7 @@ COMMANDS = {name: entry for group in GROUPS.values() for name, entry in group.it
 def overview(first: str = '') -> str:
     """Return the help: every command by use, a line each; or those of one first word."""
     width = max(map(len, COMMANDS)) + 2
-    lines = ['usage: mambo COMMAND [options]', '',
+    lines = [f'usage: mambo {f"{first} " * bool(first)}COMMAND [options]', '',
              'The ROS 2 twin of the Parrot Mambo minidrone. mambo COMMAND --help explains one.']
     for title, group in GROUPS.items():
         shown = [f'  {name:<{width}}{entry.summary}' for name, entry in group.items()
@@ -172,7 +172,7 @@ def find(words: list[str]) -> tuple[str, list[str]]:
     kinds = [name for name in COMMANDS if name.split()[0] == words[0]]
     if kinds:
         given = f'{words[1]} is none' if len(words) > 1 else 'say which'
-        hint = command.nearest(' '.join(words[:2]), kinds)
+        hint = command.nearest(' '.join(words[:2]), kinds) if len(words) > 1 else ''
         raise LookupError(f"{words[0]}: {given} of {', '.join(kinds)}{hint}")
     hint = command.nearest(words[0], {part for name in COMMANDS for part in (
         name, name.split()[0])})
