@@ -22,7 +22,7 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.reader import Bag, BagError, Messages, read_bag
 from mambo_flight.world import separation
-from mambo_signals import metrics, motion, resample, stamps
+from mambo_signals import height_check, metrics, motion, resample, stamps
 from mambo_signals.flight_phases import detect_phases, Phases, phases
 from mambo_signals.resample import continuous_quaternions, Floats, Ints
 import numpy as np
@@ -166,7 +166,7 @@ def _factor(bag: Bag) -> float | None:
 def _doubts(bag: Bag) -> list[str]:
     """Return what a reader must know about the messages of a bag, one line each."""
     return [*bag.notes, *refused_messages(bag), *stamps.doubtful(bag),
-            *stamps.repeated(bag, motion.MOTIONS)]
+            *stamps.repeated(bag, motion.MOTIONS), *height_check.of_bag(bag)]
 
 
 def compare(bag: Bag) -> dict[str, Any]:

@@ -256,3 +256,11 @@ def test_metadata_of_another_bag_is_noted(flight):
     bag.notes = ['metadata.yaml: the file may be of another bag']
     assert compare(bag)['notes'][0] == bag.notes[0]
     assert f'note: {bag.notes[0]}' in compare_replay(bag, bag)
+
+
+def test_a_height_that_contradicts_the_range_is_noted(flight):
+    bag = read_bag(flight)
+    poses = bag['optitrack/pose']
+    assert not any('range' in note for note in compare(bag)['notes'])
+    poses._cache['pose.position'] = poses['pose.position'] * [1.0, 1.0, 3.28]
+    assert any('times as much as the range' in note for note in compare(bag)['notes'])
