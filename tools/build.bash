@@ -64,4 +64,4 @@ colcon build --event-handlers console_direct- console_cohesion+ >"$log" 2>&1 || 
     exit 1
 }
 mend_interpreters
-echo "mambo: built in $SECONDS s; what flies first is compiled once, for about a minute" >&2
+echo "mambo: built in $SECONDS s; the first flight compiles for about a minute" >&2
