@@ -1,9 +1,12 @@
-"""Every file and function that the pages name exists."""
+"""Every file, function and command that the pages name exists."""
 
 import ast
+import importlib
 from pathlib import Path
 import re
+import shlex
 
+from mambo_bringup import mambo
 import pytest
 
 ROOT = Path(__file__).parents[2]
@@ -64,3 +67,37 @@ def test_an_equation_is_in_the_function_that_the_page_names(row):
             assert any(function in defined(file) for file in MODULES[module]), name
         else:
             assert module == '' or name.startswith(('plant.', 'src')), name
+
+
+PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').rglob('*.md'))]
+COMMAND = re.compile(r'(?:\./)?mambo [a-z].*')
+BLOCK = re.compile(r'^```bash[^\n]*\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+
+
+def commands(text):
+    """Return the command lines of a page, in the text and in blocks, without what follows them."""
+    found = re.findall(r'`((?:\./)?mambo [a-z][^`\n]*)`', text)
+    indented = '\n'.join(line.strip() for line in text.splitlines() if line.startswith('    '))
+    for block in (*BLOCK.findall(text), indented):
+        found += [line for line in block.replace('\\\n', ' ').splitlines()
+                  if COMMAND.fullmatch(line)]
+    return [re.split(r' (?:#|\||&&|>|--(?= )) ?|;', line)[0] for line in found]
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_a_command_of_a_page_is_one_with_options_that_it_has(page, capsys):
+    for line in commands(page.read_text()):
+        name, rest = mambo.find(shlex.split(line)[1:])  # LookupError: no such command
+        entry = mambo.COMMANDS[name]
+        if not rest or mambo.is_script(entry):
+            continue  # the name alone
+        try:
+            importlib.import_module(entry.module).parser().parse_args(rest)
+        except SystemExit as end:
+            assert not end.code, f'{line}: {capsys.readouterr().err}'
+
+
+def test_commands_are_found_in_text_and_blocks():
+    text = ('call `mambo fly x -o y`:\n\n    mambo run  # now\n\n```bash\nmambo a \\\n  b > c\n'
+            'ls mambo\n```\n')
+    assert commands(text) == ['mambo fly x -o y', 'mambo a    b', 'mambo run ']
