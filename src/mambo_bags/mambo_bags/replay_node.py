@@ -97,7 +97,7 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
 
     def steps(self) -> Iterator[int]:
         """Publish the bag step by step; yield the stamp in ns after each."""
-        bag = read_bag(self._path, set(self._topics))
+        bag = read_bag(self._path, set(self._topics), self._root.rstrip('/'))
         there = {topic for name, topic in self._topics.items() if name in bag}
         missing = [tick for tick in COUNTS if tick in self._outputs and (
             tick not in there or not there.intersection(COUNTS[tick]))]

@@ -39,7 +39,7 @@ _STEPS = (topics.SENSOR_TICK.name, topics.IMU.name)  # the first that is there m
 
 
 def replay(bag: Path, output: Path, rate: float = 0.0,
-           estimator_file: Path | None = None) -> dict[str, str]:
+           estimator_file: Path | None = None, namespace: str | None = None) -> dict[str, str]:
     """
     Play the sensors of a bag to a live estimator and record its estimate.
 
@@ -53,6 +53,8 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
         Ratio of recorded time to wall time; 0: as fast as the estimator answers.
     estimator_file
         ROS 2 parameter file of the estimator; default: the one inside the bag, if any.
+    namespace
+        Of the drone, if the bag has several.
 
     Returns
     -------
@@ -70,9 +72,11 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
 
     """
     refuse_existing(output, error=FlightInputError)
-    recording = read_bag(bag, (*recorded_changes.RECORD, *_STEPS))  # refused here if damaged
+    recording = read_bag(  # refused here if damaged
+        bag, (*recorded_changes.RECORD, *_STEPS, topics.IMU.name), namespace)
     for name in [name for name in _STEPS if name in recording][:1]:
         stamps.refuse_mostly_wrong(recording, name)
+    stamps.refuse_mixed(recording)
     if estimator_file is not None and not estimator_file.is_file():
         raise FlightInputError(f'{estimator_file}: there is no such parameter file')
     if estimator_file is not None:
@@ -132,6 +136,7 @@ def parser() -> Parser:
                           'as possible (default)')
     out.add_argument('--parameters', type=Path, metavar='FILE',
                      help='ROS 2 parameter file of the estimator (default: that of the bag)')
+    out.add_argument('--namespace', help='of the drone, if the bag has several')
     return out
 
 
@@ -144,9 +149,10 @@ def main(arguments: list[str] | None = None) -> int:
         """Replay, compare, and print both."""
         load('.'.join(node) for node in (RECORDER, ESTIMATOR, PLAYER))
         print_refused(replay(
-            options.bag.absolute(), output.absolute(), options.rate, options.parameters))
+            options.bag.absolute(), output.absolute(), options.rate, options.parameters,
+            options.namespace))
         print(f'bag: {output}')
-        recorded, ours = read_bag(options.bag), read_bag(output)
+        recorded, ours = read_bag(options.bag, namespace=options.namespace), read_bag(output)
         print(compare_replay(recorded, ours))
         print(verdict(recorded, ours))
     return stoppable(program('replay'), lambda: guard('replay', work))

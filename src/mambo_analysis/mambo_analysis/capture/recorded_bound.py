@@ -233,25 +233,26 @@ def table(name: str, duration: float, lines: list[Line]) -> str:
     return '\n'.join(out)
 
 
-def is_recording(name: str) -> bool:
+def is_recording(name: str, namespace: str | None = None) -> bool:
     """Return whether a name is that of a bag with motion capture and without ground truth."""
     if not from_bag.is_bag(name):
         return False
-    bag = read_bag(Path(name))
+    bag = read_bag(Path(name), namespace=namespace)
     return topics.GROUND_TRUTH.name not in bag and topics.OPTITRACK.name in bag
 
 
 def _run(options: argparse.Namespace) -> None:
-    if not is_recording(options.scenario):
-        if options.parameters is not None:
-            raise InputError(f'{options.scenario}: --parameters is for a real recording with '
-                             'motion capture; a scenario has its own')
+    if not is_recording(options.scenario, options.namespace):
+        for name in ('parameters', 'namespace'):
+            if getattr(options, name) is not None:
+                raise InputError(f'{options.scenario}: --{name} is for a real recording with '
+                                 'motion capture; a scenario has its own')
         bound.compare(options)
         return
     if given := bound.flown_already(options, 'beside'):
         raise InputError(f'{options.scenario}: a recording has been flown: leave out '
                          f'{", ".join(given)}')
-    bag = read_bag(Path(options.scenario))
+    bag = read_bag(Path(options.scenario), namespace=options.namespace)
     duration, lines = of_bag(bag, parameters(bag, options.parameters).joint)
     if options.json:
         write_json(options.json, json.dumps(
@@ -267,6 +268,7 @@ def parser() -> Parser:
     out.add_argument('--parameters', type=Path, metavar='FILE',
                      help='scenario file with noise and priors of the sensors of a recording '
                           '(default: that of the bag)')
+    out.add_argument('--namespace', help='of the drone, if a recording has several')
     return out
 
 

@@ -252,7 +252,8 @@ def _refuse_jump(t: Floats, offset: Floats) -> None:
                     f'{t[after]:.1f} s on: cut the recordings between; or give --offset SECONDS')
 
 
-def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -> str:
+def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
+         namespace: str | None = None) -> str:
     """
     Write a bag of a flight with the motion capture of another one.
 
@@ -264,6 +265,8 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -
         Directory to make.
     offset : s
         To add to the stamps of the motion capture; default: found.
+    namespace
+        Of the drone, if the bag of the flight has several.
 
     Returns
     -------
@@ -279,7 +282,7 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None) -
 
     """
     refuse_existing(target, error=BagWriterError)
-    bag, other = read_bag(flight), read_bag(mocap, [POSE])
+    bag, other = read_bag(flight, namespace=namespace), read_bag(mocap, [POSE])
     poses = other.messages(POSE)
     if POSE in bag:
         raise BagError(f'{flight}: has {bag.name(POSE)} already')
@@ -326,6 +329,7 @@ def parser() -> Parser:
     out.add_output('BAG', 'bag to create', required=True, positional=True)
     out.add_argument('--offset', type=real(-LONGEST, LONGEST, 's'), metavar='SECONDS',
                      help="to add to the motion capture's clock; default: by correlation")
+    out.add_argument('--namespace', help='of the drone, if FLIGHT has several')
     return out
 
 
@@ -334,7 +338,8 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
 
     def work() -> None:
-        print(join(options.flight, options.mocap, options.output, options.offset))
+        print(join(options.flight, options.mocap, options.output, options.offset,
+                   options.namespace))
     return guard('join', work)
 
 

@@ -181,7 +181,7 @@ def test_only_a_bag_with_motion_capture_and_without_truth_is_a_recording(tmp_pat
     make_capture(tmp_path / 'b')
     assert recorded_bound.is_recording(str(tmp_path / 'b'))
     assert not recorded_bound.is_recording('circle')
-    monkeypatch.setattr(recorded_bound, 'read_bag', lambda path: {
+    monkeypatch.setattr(recorded_bound, 'read_bag', lambda path, namespace: {
         'ground_truth/odom': None, 'optitrack/pose': None})
     assert not recorded_bound.is_recording(str(tmp_path / 'b'))
 
