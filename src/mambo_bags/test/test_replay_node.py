@@ -69,6 +69,17 @@ def test_a_step_is_the_clock_its_samples_and_a_watermark(tmp_path):
         '/clock', 'imu/data_raw', 'optical_flow', 'sensor_tick']
 
 
+def test_one_drone_of_several_is_played(tmp_path):
+    maker = Maker(tmp_path / 'bag', ['imu/data_raw'])
+    maker.writer.add_topic('/other/imu/data_raw', topics.IMU.type_name)
+    for k in range(3):
+        data = maker.message('imu/data_raw', k * STEP)
+        maker.writer.write('/other/imu/data_raw', data, k * STEP)
+    maker.write('imu/data_raw', 9 * STEP)
+    maker.writer.close()
+    assert list(Player(tmp_path / 'bag', '/other').steps()) == [k * STEP for k in range(3)]
+
+
 def test_the_clock_is_the_stamp_of_the_step(tmp_path):
     player, stamps = played(bag(tmp_path / 'bag'))
     clocks = [struct.unpack_from('<iI', data, 4) for name, data in player.published

@@ -67,3 +67,18 @@ def test_a_parameter_file_without_the_estimator_is_refused_before_any_node(tmp_p
     monkeypatch.setattr(replay, 'NodeGroup', None)  # nothing is started
     with pytest.raises(ParameterError, match='file.yaml: holds no parameters of estimator_node'):
         replay.replay(tmp_path / 'bag', tmp_path / 'out', estimator_file=file)
+
+
+def test_one_drone_of_several_is_chosen(tmp_path, monkeypatch):
+    with BagWriter(tmp_path / 'bag') as bag:
+        names = [f'/mambo{k}/imu/data_raw' for k in (1, 2)]
+        for name in names:
+            bag.add_topic(name, topics.IMU.type_name)
+        for name in names:
+            bag.write(name, messages.imu(0, *[(0.0,) * 3] * 4), 0)
+    monkeypatch.setattr(replay, 'NodeGroup', None)  # nothing is started
+    with pytest.raises(BagError, match='/mambo1, /mambo2; choose one .* --namespace'):
+        replay.replay(tmp_path / 'bag', tmp_path / 'out')
+    with pytest.raises(TypeError):  # where nodes would start
+        replay.replay(tmp_path / 'bag', tmp_path / 'out', namespace='/mambo2')
+    assert replay.parser().parse_args(['bag', '--namespace', '/mambo2']).namespace == '/mambo2'
