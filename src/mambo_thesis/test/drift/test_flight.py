@@ -142,6 +142,7 @@ def read_made(tmp_path, monkeypatch, quaternion=True, sonar=None, odom=None, **o
     motions = {'optitrack/pose': pose, 'estimate/odom': odom}
     sensors = SimpleNamespace(flow=sensed(TIMES)[1], gyro=None, sonar=sonar)
     monkeypatch.setattr(drift_flight, 'read_bag', lambda path, topics, namespace: set(topics))
+    monkeypatch.setattr(drift_flight.height_check, 'of_bag', lambda bag: [])
     monkeypatch.setattr(drift_flight, 'read_sensors', lambda path, namespace: sensors)
     monkeypatch.setattr(drift_flight.motion, 'read', lambda bag, topic: motions[topic])
     return read([tmp_path / 'bag'], lag=0.0, **options)
