@@ -40,18 +40,25 @@ def add(*counts: Count) -> Count:
     return Count(*map(sum, zip(*counts))) if counts else Count()
 
 
+def _read(file: Path) -> ElementTree.Element | None:
+    """Return a JUnit file; None if it is missing or broken."""
+    try:
+        return ElementTree.parse(file).getroot()
+    except (OSError, ElementTree.ParseError):
+        return None
+
+
 def count(file: Path) -> Count:
     """
     Return the counts of one JUnit file.
 
     A missing or broken file counts as one failure: whoever should have written it did not.
     """
-    try:
-        suites = list(ElementTree.parse(file).getroot().iter('testsuite'))
-    except (OSError, ElementTree.ParseError):
+    root = _read(file)
+    if root is None:
         return Count(failed=1)
     counts = []
-    for suite in suites:
+    for suite in root.iter('testsuite'):
         number = {key: int(suite.get(key, 0))
                   for key in ('tests', 'failures', 'errors', 'skipped')}
         failed = number['failures'] + number['errors']
@@ -62,12 +69,11 @@ def count(file: Path) -> Count:
 
 def failures(file: Path) -> list[str]:
     """Return a line for each failed test of a JUnit file: its name and what it says first."""
-    try:
-        cases = list(ElementTree.parse(file).getroot().iter('testcase'))
-    except (OSError, ElementTree.ParseError):
+    root = _read(file)
+    if root is None:
         return [f'{file}: missing or incomplete']
     lines = []
-    for case in cases:
+    for case in root.iter('testcase'):
         for found in (*case.findall('failure'), *case.findall('error')):
             said = (found.get('message') or '').strip().splitlines()[:1]
             name = f'{case.get("classname")}::{case.get("name")}'

@@ -14,7 +14,7 @@ from .gyro_check import differs
 from .resample import Floats, interpolate
 
 LEAST_ROWS = 50     # of two signals that are compared
-LEAST_CHANGE = 0.1  # m, standard deviation of a range that can be compared
+LEAST_CHANGE = 0.1  # m, standard deviation of a range or a path that can be compared
 FOLLOWS = 0.95      # correlation of a range with the axis that is up; five real flights: 0.999
 OTHER = 0.9  # correlation below which a range does not follow an axis; the others have up to 0.78
 FACTOR = 1.5  # of the height by the range: five real flights 0.987 to 1.011, feet 3.3

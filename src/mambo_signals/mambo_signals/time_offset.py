@@ -575,6 +575,11 @@ class Flight(NamedTuple):
     landing: float | None
     source: str  # the signal in which they were detected
 
+    def within(self, begin: float, end: float) -> tuple[float, float]:
+        """Return take-off and landing; the begin or end of the recording if one is missing."""
+        return (begin if self.takeoff is None else self.takeoff,
+                end if self.landing is None else self.landing)
+
 
 def _ends(t: Floats, high: NDArray[np.bool_], hold: float) -> tuple[int, int]:
     """Return the first and last sample of the runs of ``high`` that last at least ``hold`` s."""

@@ -7,6 +7,7 @@ covariance does not show that. Each finding is one line that names what, when an
 
 from __future__ import annotations
 
+from mambo_bags import playback
 from mambo_bags.reader import Bag
 from mambo_estimation import gate, health
 from mambo_ros import topics
@@ -19,7 +20,7 @@ from . import pair
 Floats = NDArray[np.float64]
 UNUSED_TIME = 3.0  # s: unhealthy after 1 s without a used sample, and recovery takes as long again
 ALIGNING = 0  # EstimatorState.STATUS_ALIGNING
-SENSORS = (topics.SONAR, topics.OPTICAL_FLOW, topics.BAROMETER)
+SENSORS = playback.SENSORS[1:]  # all but the inertial one
 FAULTS = {health.NOT_FINITE: 'not finite', health.IMPLAUSIBLE: 'refused', health.STUCK: 'stuck'}
 WINDOW = 5.0  # s, several times the recovery time of a gate
 SHARE = 0.5 * (1.0 + gate.MAJORITY)
@@ -189,9 +190,7 @@ def turning(bag: Bag) -> list[str]:
         flown = time_offset.flight_by_height(tracked.t, tracked.position[:, 2])
     except time_offset.AlignError:  # it never flew
         return []
-    part = slice(*np.searchsorted(tracked.t, [
-        tracked.t[0] if flown.takeoff is None else flown.takeoff,
-        tracked.t[-1] if flown.landing is None else flown.landing]))
+    part = slice(*np.searchsorted(tracked.t, flown.within(tracked.t[0], tracked.t[-1])))
     gyro = imu['angular_velocity']
     columns = (imu.t, np.where(np.abs(gyro) <= LARGEST_RATE, gyro, np.nan),
                tracked.t[part], tracked.quaternion[part])

@@ -19,7 +19,6 @@ from typing import NamedTuple
 
 from mambo_bags.cli.option_types import real, TIME
 from mambo_bags.command import Parser
-from mambo_bags.reader import read_bag
 from mambo_flight.closed_loop import Recording
 from mambo_model import palette
 from mambo_model.frames import body_quaternion, flip_vector
@@ -332,8 +331,9 @@ def read(
     lowest: float = LOWEST,
 ) -> Samples:
     """Return the samples of a bag with ``optical_flow`` and ``optitrack/pose``; shift in s."""
-    bag = result.open_bag(path, ('optical_flow', 'optitrack/pose'), namespace)
-    for line in height_check.of_bag(read_bag(path, ('sonar/range', 'optitrack/pose'), namespace)):
+    bag = result.open_bag(
+        path, ('optical_flow', 'optitrack/pose'), namespace, also=('sonar/range',))
+    for line in height_check.of_bag(bag):
         raise IdentifyError(f'{path}: {line}')
     flow, pose = bag['optical_flow'], motion.read(bag, 'optitrack/pose')
     seen = np.isfinite(pose.quaternion).all(axis=1)

@@ -216,9 +216,10 @@ def is_bag(path: Path) -> bool:
     return path.is_dir() or path.suffix == '.mcap'
 
 
-def open_bag(path: Path, topics: tuple[str, ...], namespace: str | None = None) -> Bag:
+def open_bag(path: Path, topics: tuple[str, ...], namespace: str | None = None,
+             also: tuple[str, ...] = ()) -> Bag:
     """
-    Read a bag that must have topics.
+    Read a bag that must have topics, and may have others.
 
     Raises
     ------
@@ -226,7 +227,7 @@ def open_bag(path: Path, topics: tuple[str, ...], namespace: str | None = None) 
         If it cannot be read, lacks one or its messages, or has stamps that go back.
 
     """
-    bag = read_bag(path, topics, namespace)
+    bag = read_bag(path, (*topics, *also), namespace)
     for topic in topics:
         if not len(bag.messages(topic)):  # which says which there are, if not this one
             raise BagError(f'{path}: {bag.name(topic)} has no messages')

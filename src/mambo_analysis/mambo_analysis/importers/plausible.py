@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from mambo_bags.mcap_reader import BagError
 from mambo_signals.gyro_check import differs
+from mambo_signals.height_check import LEAST_CHANGE, LEAST_ROWS
 from mambo_signals.outliers import FASTEST_TURN
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +35,6 @@ accelerometer 9.3 to 10.2, sonar 0.44 to 1.2, battery of one cell 3.5 to 4.2, co
 and flow up to 4.5 (99 %)."""
 NOISY = ('sonar', 'pressure')  # which never rest
 SAME_RATE = (0.6, 3.0)  # correlation of gyro and onboard rate, and their factor
-LEAST_ROWS = 50  # of two recordings that are compared
-LEAST_CHANGE = 0.1  # [m] standard deviation of a height or a path that can be compared
 MIRRORED = (0.8, 0.3)  # explained shares of a path, by its mirror image and by itself
 
 

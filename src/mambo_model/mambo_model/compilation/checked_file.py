@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import contextlib
 import errno
+import functools
 import hashlib
 import io
 import pickle
@@ -15,7 +16,11 @@ import zlib
 from numba.core.caching import IndexDataCacheFile
 
 
-_told: set[str] = set()  # that there is no space, once in a process
+@functools.cache
+def _say_full() -> None:
+    """Say, once in a process, that there is no space."""
+    sys.stderr.write('mambo: no space to keep compiled code, so that it is compiled again each '
+                     'time: set MAMBO_CACHE_DIR to a folder with space\n')
 
 
 @contextlib.contextmanager
@@ -26,10 +31,7 @@ def without_space() -> Iterator[None]:
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
-        if not _told:
-            sys.stderr.write('mambo: no space to keep compiled code, so that it is compiled again '
-                             'each time: set MAMBO_CACHE_DIR to a folder with space\n')
-        _told.add('')
+        _say_full()
 
 
 def _digest(key: Any) -> bytes:
