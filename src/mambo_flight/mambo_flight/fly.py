@@ -18,6 +18,7 @@ from typing import Any
 from mambo_bags.command import guard, interrupted, Parser
 from mambo_model import limits
 from mambo_model.errors import InputError, JobError
+from mambo_model.motion.fallen import fallen
 from mambo_model.whole_file import refuse_existing
 from numba.core import event
 import numpy as np
@@ -41,7 +42,7 @@ def _scenario(options: argparse.Namespace) -> tuple[str, Scenario]:
         name, flight = options.again.stem, commanded.scenario_of(options.again)
     elif options.scenario:
         name, flight = scenario_file.load(options.scenario, given)
-    elif given:
+    elif given or options.print_scenario:
         name = Path(options.trajectory or 'flight').stem
         flight = scenario_file.from_settings(given)
     else:
@@ -87,12 +88,14 @@ def _errors(metrics: Mapping[str, Any]) -> str:
             f'estimation error {metrics["estimation_rms"]:.3g} m RMS{ending}')
 
 
-def _stopped(flight: Scenario, metrics: Mapping[str, Any]) -> str:
-    """Return why the failsafe ended a flight, empty if it did not; by hand nothing is flown."""
-    if not metrics['shutdown'] or flight.sim_node.simulator.hand.enabled:
+def _ended(flight: Scenario, r: closed_loop.Recording, metrics: Mapping[str, Any]) -> str:
+    """Return why a flight ended early, or an empty string; by hand nothing is flown."""
+    if flight.sim_node.simulator.hand.enabled:
         return ''
-    return (f'motors stopped at {metrics["shutdown_time"]:.3f} s: '
-            f'{metrics["shutdown_reason"]}')
+    if metrics['shutdown']:
+        return (f'motors stopped at {metrics["shutdown_time"]:.3f} s: '
+                f'{metrics["shutdown_reason"]}')
+    return fallen(r.t * 1e-9, -r.truth[:, 2], -r.reference[:, 2], r.phase)  # NED
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -149,7 +152,8 @@ def write_flight(name: str, flight: Scenario, output: Path) -> None:
     Raises
     ------
     mambo_model.errors.JobError
-        If a component failed in flight, or the failsafe ended it; the bag is written.
+        If a component failed in flight, the failsafe ended it, or the vehicle came down or never
+        took off; the bag is written.
 
     """
     began = time.monotonic()
@@ -165,7 +169,7 @@ def write_flight(name: str, flight: Scenario, output: Path) -> None:
     print(f'{name}: {seconds:.2f} s flown in {flown - began:.2f} s, bag written in '
           f'{end - flown:.2f} s: {seconds / (end - began):.3g} times real time\n'
           f'bag: {output}')
-    if reason := fault or _stopped(flight, metrics):
+    if reason := fault or _ended(flight, recording, metrics):
         raise JobError(f'{name}: {reason}')
 
 
@@ -187,7 +191,7 @@ def _run_together(name: str, drones: Drones, output: Path) -> None:
                 end, f'{written} of {world.drones} bags are written to {output}') from None
         metrics = monte_carlo.measure(own, recording)
         print(f'{space}: {_errors(metrics)}')
-        if reason := _stopped(own, metrics):
+        if reason := _ended(own, recording, metrics):
             lines.append(f'{space}: {reason}')
         tracks[space] = separation.Track(recording.t, recording.truth[:, :3] + np.array(place))
     end = time.monotonic()

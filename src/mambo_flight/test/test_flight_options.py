@@ -128,6 +128,13 @@ def printed(capsys, *arguments):
             nodes['/mambo/sim_node']['ros__parameters']['duration'])
 
 
+def test_without_any_choice_the_scenario_of_no_choice_is_printed(capsys):
+    plan, duration = printed(capsys)
+    flight = from_settings({})
+    assert plan['trajectory'] == flight.reference_node.plan.trajectory
+    assert duration == flight.sim_node.duration > 0.0
+
+
 def test_a_course_is_stretched_until_it_can_be_flown_and_its_flight_with_it(tmp_path, capsys):
     file = tmp_path / 'fast.csv'
     file.write_text(FAST)

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 from mambo_flight import fly
 from mambo_flight.scenario import scenario
+from mambo_model.motion import trajectory
 from numba.core import event
 import numpy as np
 import pytest
@@ -24,6 +25,15 @@ METRICS = {'tracking_rms': 0.0123, 'tracking_max': 0.1, 'estimation_rms': 0.2, '
 CRASHED = METRICS | {'shutdown': True, 'shutdown_time': 2.5, 'shutdown_reason': 'crash'}
 
 
+def recording(seconds, inner=True, phase=trajectory.GROUND):
+    """Return what a flight on the floor records; its reference is 1.5 m high in the end."""
+    reference = np.zeros((2, 13))
+    reference[1, 2] = -1.5
+    return SimpleNamespace(inner=inner, t=np.array([0, round(seconds * 1e9)]),
+                           truth=np.zeros((2, 13)), reference=reference,
+                           phase=np.array([trajectory.GROUND, phase]))
+
+
 @pytest.fixture
 def flown(monkeypatch):
     """Return the flights that would be flown; nothing is, and no bag is written."""
@@ -31,8 +41,7 @@ def flown(monkeypatch):
 
     def record(flight, inner):
         flights.append(flight)
-        end = round(flight.sim_node.duration * 1e9)
-        return SimpleNamespace(inner=inner, t=[0, end]), ''
+        return recording(flight.sim_node.duration, inner), ''
     monkeypatch.setattr(fly.supervised, 'fly', record)
     monkeypatch.setattr(fly.monte_carlo, 'measure', lambda flight, recording: METRICS)
     monkeypatch.setattr(fly.recording_to_bag, 'write', lambda path, *_: path.mkdir())
@@ -70,13 +79,22 @@ def test_a_flight_that_the_failsafe_ended_has_its_bag_and_has_failed(
     assert fly.main([file, *carried]) == 0
 
 
-def test_a_flight_that_stays_on_the_floor_has_no_errors(
-        file, tmp_path, monkeypatch, capsys, flown):
+@pytest.mark.parametrize(('phase', 'code', 'reason'), [
+    (trajectory.GROUND, 0, ''),
+    (trajectory.TRACK, 1, ': the vehicle never took off: on the floor at 3.00 s, 1.50 m below '
+                          'its reference\n')])
+def test_a_flight_that_stays_on_the_floor_has_no_errors_and_failed_if_it_was_to_fly(
+        file, tmp_path, monkeypatch, capsys, flown, phase, code, reason):
     monkeypatch.setattr(fly.monte_carlo, 'measure', lambda flight, recording: METRICS | {
         'tracking_rms': math.nan, 'shutdown': False})
-    assert fly.main([file, '-o', str(tmp_path / 'bag')]) == 0
-    output = capsys.readouterr().out.splitlines()
-    assert output[-3].endswith(': no errors in flight, as it never took off')
+    monkeypatch.setattr(
+        fly.supervised, 'fly', lambda flight, inner: (recording(3.0, phase=phase), ''))
+    assert fly.main([file, '-o', str(tmp_path / 'bag')]) == code
+    out, err = capsys.readouterr()
+    assert out.splitlines()[-3].endswith(': no errors in flight, as it never took off')
+    assert err.endswith(reason) and bool(err) == bool(reason)
+    carried = ['--set', 'sim_node.simulator.hand.enabled=true', '-o', str(tmp_path / 'carried')]
+    assert fly.main([file, *carried]) == 0
 
 
 def test_a_recorded_flight_is_flown_again_with_its_commands(tmp_path, flown, file, monkeypatch,
@@ -125,7 +143,7 @@ def test_a_flight_of_no_time_is_refused(tmp_path, capsys, flown):
 def test_a_fault_of_a_component_of_yours_is_told_after_the_bag(file, tmp_path, capsys, flown,
                                                               monkeypatch):
     monkeypatch.setattr(fly.supervised, 'fly', lambda flight, inner: (
-        SimpleNamespace(t=[0, 3_000_000_000]), 'your controller: division by zero at 1.005 s'))
+        recording(3.0), 'your controller: division by zero at 1.005 s'))
     assert fly.main([file, '-o', str(tmp_path / 'bag')]) == 1
     error = capsys.readouterr().err
     assert error.endswith('your controller: division by zero at 1.005 s\n')
@@ -178,7 +196,7 @@ def test_the_time_of_the_compiler_is_not_that_of_the_flight(file, tmp_path, caps
     def compiles(*_, **__):
         with event.trigger_event('numba:compile'):
             time.sleep(1.2)
-        return SimpleNamespace(t=[0, 3_000_000_000]), ''
+        return recording(3.0), ''
     monkeypatch.setattr(fly.supervised, 'fly', compiles)
     assert fly.main([file, '-o', str(tmp_path / 'bag')]) == 0
     out, err = capsys.readouterr()
@@ -211,8 +229,7 @@ def test_an_interruption_says_how_many_bags_of_a_hall_are_written(tmp_path, monk
         written.append(path)
         if len(written) == 3:
             raise KeyboardInterrupt(signal.SIGTERM)
-    flights = SimpleNamespace(recordings=[SimpleNamespace(t=np.zeros(1), truth=np.zeros((1, 13)))
-                                          for _ in range(4)])
+    flights = SimpleNamespace(recordings=[recording(1.0)] * 4)
     monkeypatch.setattr(fly.together, 'fly', lambda *_: flights)
     monkeypatch.setattr(fly.monte_carlo, 'measure', lambda flight, recording: METRICS | {
         'shutdown': False})

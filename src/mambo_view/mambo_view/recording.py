@@ -62,6 +62,8 @@ class Recording:
     ----------
     path : Path
         rosbag2 directory or MCAP file.
+    namespace : str, optional
+        Of the drone, if the bag has several.
 
     Attributes
     ----------
@@ -75,8 +77,8 @@ class Recording:
 
     """
 
-    def __init__(self, path: Path) -> None:
-        bag = read_bag(path)
+    def __init__(self, path: Path, namespace: str | None = None) -> None:
+        bag = read_bag(path, namespace=namespace)
         self._poses: dict[str, _Track] = {}
         for role, topics in POSES.items():
             found = next((topic for topic in topics if topic in bag), None)

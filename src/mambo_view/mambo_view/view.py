@@ -17,6 +17,7 @@ import time
 
 from mambo_bags.cli.option_types import whole
 from mambo_bags.command import guard, Parser
+from mambo_model.errors import InputError
 import numpy as np
 
 from .dispatcher import FOLDERS
@@ -40,12 +41,14 @@ class Player:
         Bags, one for each drone.
     port : int
         Of the page.
+    namespace : str, optional
+        Of the drone to show of each bag, if it has several.
 
     """
 
-    def __init__(self, paths: Sequence[Path], port: int) -> None:
+    def __init__(self, paths: Sequence[Path], port: int, namespace: str | None = None) -> None:
         check(port)
-        self._recordings = [Recording(path) for path in paths]
+        self._recordings = [Recording(path, namespace) for path in paths]
         self.start = min(one.start for one in self._recordings)
         self.end = max(one.end for one in self._recordings)
         names = [f'/{number + 1} {path.stem}' if len(paths) > 1 else '/drone'
@@ -89,6 +92,8 @@ class Player:
 
 def _run(options: argparse.Namespace) -> None:
     if not options.bags:
+        if options.namespace is not None:
+            raise InputError('--namespace is for a BAG; a running flight has --drones')
         check(options.port)
         from . import view_node
         view_node.main(['--ros-args', '-p', f'port:={options.port}', '-p',
@@ -96,7 +101,7 @@ def _run(options: argparse.Namespace) -> None:
                         f'commands:={str(not options.no_commands).lower()}', '-p',
                         f'trajectories:={json.dumps(options.trajectories)}'])
         return
-    player = Player(options.bags, options.port)
+    player = Player(options.bags, options.port, options.namespace)
     print(f'{player.page.address} (Ctrl-C ends it)', flush=True)
     try:
         player.play()
@@ -109,6 +114,7 @@ def parser() -> Parser:
     out = Parser('view', __doc__)
     out.add_argument('bags', nargs='*', type=Path, metavar='BAG',
                      help='recording to play; several: one for each drone')
+    out.add_argument('--namespace', help='of the drone, if a BAG has several')
     out.add_argument('--drones', default='/mambo', metavar='NAMESPACES',
                      help='of a running flight, separated by commas (default: /mambo)')
     out.add_argument('--no-commands', action='store_true',

@@ -4,8 +4,10 @@ from pathlib import Path
 import shutil
 
 from free_port import free_port
+from mambo_bags.writer import BagWriter
+from mambo_ros import messages
 from mambo_view import view, view_node
-from mambo_view.drone_state import TRUTH
+from mambo_view.drone_state import MEASURED, TRUTH
 import pytest
 
 BAG = Path(__file__).parents[3] / 'bags/circle_short'
@@ -57,8 +59,26 @@ def test_several_bags_are_several_drones(tmp_path):
     player.page.close()
 
 
+def test_of_a_bag_with_several_drones_one_is_chosen(tmp_path, capsys):
+    writer = BagWriter(tmp_path / 'both')
+    heights = {'/a/optitrack/pose': 1.0, '/b/optitrack/pose': 2.0}
+    for name in heights:
+        writer.add_topic(name, 'geometry_msgs/msg/PoseStamped')
+    for name, height in heights.items():
+        writer.write(name, messages.optitrack(0, (0.0, 0.0, -height), (1.0, 0.0, 0.0, 0.0)), 0)
+    writer.close()
+    path = tmp_path / 'both'
+    assert view.main([str(path)]) == 2
+    assert '/a, /b; choose one (namespace=..., on the command line --namespace)' in (
+        capsys.readouterr().err)
+    player = view.Player([path], free_port(), 'b')
+    assert player._recordings[0].state(0.0).position(MEASURED)[2] == 2.0
+    player.page.close()
+
+
 def test_wrong_input_is_one_line_and_ctrl_c_the_way_out(capsys, monkeypatch, tmp_path):
-    for words in (['--port', '0'], [str(tmp_path / 'none')], ['--port', 'x']):
+    for words in (['--port', '0'], [str(tmp_path / 'none')], ['--port', 'x'],
+                  ['--namespace', 'b'], [str(BAG), '--namespace', 'b']):
         try:
             code = view.main(words)
         except SystemExit as end:

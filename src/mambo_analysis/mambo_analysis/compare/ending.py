@@ -7,8 +7,10 @@ from typing import Any
 
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
+from mambo_model.motion.fallen import fallen
+import numpy as np
 
-ENDINGS = ('/clock', 'clock', '/diagnostics', 'diagnostics')
+ENDINGS = ('/clock', 'clock', '/diagnostics', 'diagnostics', 'reference', 'ground_truth/odom')
 """Topics that show how a flight ended."""
 _STEP = 0.005  # s
 _ERROR = 2
@@ -34,10 +36,19 @@ def _planned(bag: Bag) -> float:
         return 0.0
 
 
-def _finals(bag: Bag) -> tuple[str, ...]:
-    """Return the nodes whose first ERROR ends the flight; a carried flight needs no controller."""
-    carried = _simulator(bag, 'simulator', 'hand', 'enabled') is True
-    return ('sim_node',) if carried else ('sim_node', 'controller_node')
+def _carried(bag: Bag) -> bool:
+    """Return whether a hand carries the vehicle, which then needs no controller."""
+    return _simulator(bag, 'simulator', 'hand', 'enabled') is True
+
+
+def _fallen(bag: Bag) -> str:
+    """Return that the vehicle lies on the floor below its reference, see :func:`fallen`."""
+    if _carried(bag) or 'ground_truth/odom' not in bag or 'reference' not in bag:
+        return ''
+    reference, truth = bag['reference'], bag['ground_truth/odom']
+    _, asked, true = np.intersect1d(reference.stamp, truth.stamp, return_indices=True)
+    return fallen(reference.t[asked], truth.position[true, 2], reference.position[asked, 2],
+                  reference.phase[asked])
 
 
 def statuses(bag: Bag) -> Iterator[tuple[float, Any]]:
@@ -74,15 +85,18 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
 
     Returns
     -------
-    Lines: a failsafe that ended the flight, motors stopped by their watchdog, and less flown than
-    the scenario in the bag asks for.
+    Lines: a failsafe that ended the flight, motors stopped by their watchdog, a vehicle that came
+    down or never took off without either, and less flown than the scenario in the bag asks for.
 
     """
-    lines, first, finals = [], set(), _finals(bag)
+    lines, first = [], set()
+    finals = ('sim_node',) if _carried(bag) else ('sim_node', 'controller_node')
     for t, status in statuses(bag):
         if status.name in finals and status.level == _ERROR and status.name not in first:
             first.add(status.name)
             lines.append(f'{status.name} at {t:.3f} s: {status.message}')
+    if not lines and (reason := _fallen(bag)):
+        lines.append(reason)
     clock = next((name for name in ('/clock', 'clock') if name in bag), None)
     planned = _planned(bag)
     if clock and planned and not is_told:

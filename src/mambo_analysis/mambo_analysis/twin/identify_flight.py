@@ -114,6 +114,11 @@ def reading_notes(flight: Recorded) -> list[str]:
     if not flight.has_ground:
         lines.append(f'{flight.name}: it begins and ends in the air: all of it is taken as '
                      'flight, also where it is near the floor')
+    if flight.unused:
+        begin, end = flight.t[flight.air][[0, -1]]
+        lines.append(
+            f'{flight.name}: only the longest stretch in the air is used, {begin:.1f} to '
+            f'{end:.1f} s; {flight.unused:.0f} s of others are not: give each in a bag of its own')
     return lines
 
 

@@ -103,6 +103,8 @@ class Recorded(NamedTuple):
         Of the poses against the gyro, s, which is taken out of their stamps.
     has_ground
         Whether the recording shows the vehicle on the ground.
+    unused
+        Time in the air outside of ``air``, s: in other stretches, long enough to be a flight.
 
     """
 
@@ -123,6 +125,7 @@ class Recorded(NamedTuple):
     bias: float = 0.0
     late: float = 0.0
     has_ground: bool = True
+    unused: float = 0.0
 
     @property
     def turn(self) -> Rotation:
@@ -266,12 +269,17 @@ def _has_ground(found: dict[str, Floats], known: NDArray[np.bool_]) -> bool:
     return bool(weakest < STEADY * np.median(mean) or speed < STILL_SPEED)
 
 
-def _rows(path: Path, found: dict[str, Floats]) -> tuple[slice, slice, bool]:
-    """
-    Return the rows in the air, the longest stretch without a gap, and those at rest.
+class _Rows(NamedTuple):
+    """Which rows of the grid are used; each value is described in :class:`Recorded`."""
 
-    The third value is whether the recording shows the ground.
-    """
+    air: slice
+    rest: slice
+    has_ground: bool
+    unused: float
+
+
+def _rows(path: Path, found: dict[str, Floats]) -> _Rows:
+    """Return the rows in the air, the longest stretch without a gap, and those at rest."""
     mean = found['command'].mean(axis=1)
     on = mean > FLYING * np.nanmedian(mean[mean > 0.0]) if (mean > 0.0).any() else mean > 0.0
     if not on.any():
@@ -281,8 +289,10 @@ def _rows(path: Path, found: dict[str, Floats]) -> tuple[slice, slice, bool]:
     height = found['position'][:, 2]
     has_ground = _has_ground(found, known)
     floor = np.nanmin(height) if has_ground else -np.inf
-    air = resample.longest_run(known & on & (found['command'].min(axis=1) > 0.0)
-                               & (height > floor + CLEAR))
+    flying = known & on & (found['command'].min(axis=1) > 0.0) & (height > floor + CLEAR)
+    air = resample.longest_run(flying)
+    runs = np.diff(resample.runs(flying))[:, 0] * STEP
+    unused = float(runs[runs >= LEAST_FLIGHT].sum()) - (air.stop - air.start) * STEP
     edge = round(EDGE / STEP)
     air = slice(air.start + edge, air.stop - edge)
     if (air.stop - air.start) * STEP < LEAST_FLIGHT:
@@ -298,7 +308,7 @@ def _rows(path: Path, found: dict[str, Floats]) -> tuple[slice, slice, bool]:
     rest = resample.longest_run(still[:first])
     if (rest.stop - rest.start) * STEP < LEAST_REST:
         rest = slice(0, 0)
-    return air, rest, has_ground
+    return _Rows(air, rest, has_ground, unused)
 
 
 def _late(bag: Bag, track: motion.Motion, air: Floats) -> float:
@@ -351,12 +361,13 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
         raise IdentifyError(f'{path}: imu/data_raw lacks an acceleration on some axis')
     track = _motion(bag)
     found = _grid(bag, track)
-    air, rest, has_ground = _rows(path, found)
-    late = _late(bag, track, found['t'][air])
+    rows = _rows(path, found)
+    late = _late(bag, track, found['t'][rows.air])
     if abs(late) > LATE:
         track = dataclasses.replace(track, stamps=track.stamps - round(late * 1e9))
         found = _grid(bag, track)
-        air, rest, has_ground = _rows(path, found)
+        rows = _rows(path, found)
+    air = rows.air
     if not contradictions.silent(found['force'][air], found['gyro'][air], STEP):
         for name, sensor, unit in (('force', 'accelerometer', 'm/s^2'),
                                    ('gyro', 'gyro', 'rad/s')):
@@ -367,6 +378,6 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
     known = np.isfinite(found['attitude']).all(axis=1)
     found['attitude'][known] = (Rotation.from_quat(found['attitude'][known])
                                 * Rotation.from_rotvec(mounting)).as_quat()
-    return Recorded(path.name, **found, air=air, rest=rest, mounting=mounting,
+    return Recorded(path.name, **found, **rows._asdict(), mounting=mounting,
                     has_flow='optical_flow' in bag, onboard=_onboard(bag, found['t']), bias=bias,
-                    late=late if abs(late) > LATE else 0.0, has_ground=has_ground)
+                    late=late if abs(late) > LATE else 0.0)

@@ -3,27 +3,43 @@
 from mambo_analysis.compare.ending import ended_early
 from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriter
+from mambo_model.motion.flatness import Reference
+from mambo_model.motion.rigid_body import State
+from mambo_model.motion.trajectory import TRACK
 from mambo_ros import diagnostics, messages
 import pytest
 import yaml
 
 SECOND = 1_000_000_000  # ns
+ZERO, LEVEL = (0.0,) * 3, (1.0, 0.0, 0.0, 0.0)
+HIGH = Reference((0.0, 0.0, -1.0), ZERO, ZERO, ZERO, ZERO, LEVEL, ZERO, ZERO, 1.0, ZERO)
 LINE = 'motors shut down: estimator not aligned'
 
 
-def bag(path, name, level, hand=False, seconds=3, motors=False):
-    """Return a bag of so many s of a flight of 3 s, in which a node says a line at 1 s."""
+def bag(path, name, level, hand=False, seconds=3, motors=False, height=None):
+    """
+    Return a bag of so many s of a flight of 3 s, in which a node says a line at 1 s.
+
+    With a height in m, the vehicle is there, and its reference 1 m high, from 1 s on.
+    """
     scenario = {'/mambo/sim_node': {'ros__parameters': {
         'duration': 3.0, 'simulator': {'hand': {'enabled': hand}}}}}
     writer = BagWriter(path, attachments={'scenario.yaml': yaml.safe_dump(scenario)})
     writer.add_topic('/clock', 'rosgraph_msgs/msg/Clock')
     writer.add_topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray')
     writer.add_topic('/mambo/motor_pwm', 'mambo_interfaces/msg/MotorPwm')
+    if height is not None:
+        writer.add_topic('/mambo/reference', 'mambo_interfaces/msg/Reference')
+        writer.add_topic('/mambo/ground_truth/odom', 'nav_msgs/msg/Odometry')
     for second in range(seconds + 1):
         t = second * SECOND
         writer.write('/clock', messages.clock(t), t)
         writer.write('/mambo/motor_pwm', messages.motor_pwm(
             t, (200.0 if motors else 0.0,) * 4, False, 0), t)
+        if second and height is not None:
+            writer.write('/mambo/reference', messages.reference(t, HIGH, TRACK), t)
+            writer.write('/mambo/ground_truth/odom', messages.ground_truth(
+                t, State((0.0, 0.0, -height), ZERO, LEVEL, ZERO)), t)
         if second:
             writer.write('/diagnostics', diagnostics.report(t, name, level, LINE, {}), t)
     writer.close()
@@ -47,6 +63,16 @@ def test_warnings_and_other_nodes_end_nothing(tmp_path, name, level):
 def test_a_controller_that_gives_up_does_not_end_a_flight_by_hand(tmp_path):
     assert ended_early(bag(tmp_path / 'a', 'controller_node', diagnostics.ERROR, hand=True)) == []
     assert ended_early(bag(tmp_path / 'b', 'sim_node', diagnostics.ERROR, hand=True))
+
+
+def test_a_vehicle_on_the_floor_below_its_reference_has_not_flown_to_the_end(tmp_path):
+    line = 'the vehicle never took off: on the floor at 3.00 s, 1.00 m below its reference'
+    for name, height, said in (('a', 0.005, [line]), ('b', 0.02, [])):
+        assert ended_early(bag(tmp_path / name, 'sim_node', diagnostics.OK, height=height)) == said
+    carried = bag(tmp_path / 'c', 'sim_node', diagnostics.OK, hand=True, height=0.0)
+    assert ended_early(carried) == []
+    told = bag(tmp_path / 'd', 'controller_node', diagnostics.ERROR, height=0.0)
+    assert ended_early(told) == [f'controller_node at 1.000 s: {LINE}']  # of the cause alone
 
 
 def test_less_than_the_scenario_asks_for_is_a_line_unless_it_is_known(tmp_path):

@@ -9,6 +9,7 @@ from mambo_analysis.twin.force import fit_force
 from mambo_analysis.twin.identify_flight import reading_notes
 from mambo_analysis.twin.recorded import bias_doubt, GRAVITY, read_flight
 import numpy as np
+import pandas
 import pytest
 
 def test_air_rest_and_mounting(tmp_path):
@@ -58,6 +59,19 @@ def test_a_recording_cut_to_the_flight_is_all_flight(tmp_path):
     assert np.ptp(cut.t[cut.air]) == pytest.approx(np.ptp(whole.t[whole.air]) - ends, abs=0.1)
     assert cut.mounting == pytest.approx(MOUNTING, abs=2e-3)
     assert 'it begins and ends in the air' in reading_notes(cut)[0] and not reading_notes(whole)
+
+
+def test_a_second_flight_in_the_bag_is_said_to_be_unused(tmp_path):
+    def again(data):
+        short = data[(data.t < 12.0)].copy()
+        short.t += data.t.iloc[-1] + 10.0
+        return pandas.concat([data, short])
+    found = read_flight(bag(tmp_path, again))
+    assert found.t[found.air][0] == pytest.approx(4.3, abs=0.2)
+    assert found.t[found.air][-1] == pytest.approx(15.6, abs=0.2)
+    assert found.unused == pytest.approx(8.0, abs=0.5)
+    line, = reading_notes(found)
+    assert 'only the longest stretch in the air is used, 4.' in line and '8 s of others' in line
 
 
 def test_running_motors_on_a_bench_are_no_flight(tmp_path):

@@ -152,17 +152,18 @@ def identify(key: str, data_set: str) -> Identification:
 
 def _run(options: argparse.Namespace) -> None:
     perfect = table.table()
-    if options.write:
+    tables = [report.perfect_table(perfect), report.sources_table()]
+    if options.write:  # refused before anything is flown
         limits.check_regular(options.write)
+        report.replace_tables(tables, options.write.read_text(), options.write)
     flown = {name: experiment(name) for name in tqdm(
         EXPERIMENTS, desc='flying (compiles once)', disable=None, leave=False)}
     cases = [(key, data_set) for key in TRUTHS for data_set in DATA_SETS]
     found = [identify(*case) for case in tqdm(
         cases, desc='identifying mechanisms', disable=None, leave=False)]
     shown = observations.observed_by_mechanism()
-    tables = [
-        report.perfect_table(perfect), report.sources_table(), report.observed_table(shown),
-        report.flown_table(flown), report.identification_table(
+    tables += [
+        report.observed_table(shown), report.flown_table(flown), report.identification_table(
             found, {key: truth.value for key, truth in TRUTHS.items()})]
     print('\n'.join(tables))
     write_text(options.output / 'drift.md', '\n'.join(tables))
