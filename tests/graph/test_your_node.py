@@ -59,7 +59,7 @@ def check_flight(path, out):
 
 def test_a_controller_of_yours_flies_in_real_time(tmp_path, started_when_invited, capsys):
     children = started_when_invited(PD)
-    for speed in (1.0, 0.5, 0.25):
+    for speed in (1.0, 0.5, 0.25, 0.1):
         bag = tmp_path / str(speed)
         code = fly(bag, '--mode', 'realtime', '--set', f'sim_node.speed={speed}')
         out = capsys.readouterr()
