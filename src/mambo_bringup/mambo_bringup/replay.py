@@ -16,8 +16,8 @@ from mambo_analysis.compare.compare import compare_replay
 from mambo_analysis.compare.verdict import verdict
 from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, program
-from mambo_bags.reader import Bag, read_bag
-from mambo_flight import recorded_changes, scenario as scenarios
+from mambo_bags.reader import Bag, BagError, read_bag
+from mambo_flight import offline_replay, recorded_changes, scenario as scenarios
 from mambo_model.whole_file import refuse_existing
 from mambo_ros import topics
 from mambo_signals import stamps
@@ -35,6 +35,7 @@ RECORDED = (
     'estimator/state,/tf,/diagnostics')
 SLOWEST = 0.01  # of the recorded speed: a minute takes 100
 
+_SENSORS = tuple(topic.name for topic in offline_replay.SENSORS)
 _STEPS = (topics.SENSOR_TICK.name, topics.IMU.name)  # the first that is there must be answered
 
 
@@ -73,7 +74,9 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
     """
     refuse_existing(output, error=FlightInputError)
     recording = read_bag(  # refused here if damaged
-        bag, (*recorded_changes.RECORD, *_STEPS, topics.IMU.name), namespace)
+        bag, (*recorded_changes.RECORD, *_STEPS, *_SENSORS), namespace)
+    for line in stamps.below_zero(recording, _SENSORS):
+        raise BagError(f'{bag}: {line}')
     for name in [name for name in _STEPS if name in recording][:1]:
         stamps.refuse_mostly_wrong(recording, name)
     stamps.refuse_mixed(recording)
@@ -99,7 +102,9 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
     if group.interrupts.first:
         raise KeyboardInterrupt(group.interrupts.first)
     if group.fault:
-        raise FlightError(group.fault)
+        doubts = [*stamps.going_back(recording, _SENSORS),
+                  *stamps.other_clock(recording, _SENSORS)]
+        raise FlightError('; '.join([group.fault, *doubts]))
     return refused(group.children)
 
 

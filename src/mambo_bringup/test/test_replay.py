@@ -1,5 +1,8 @@
 """The command ``mambo replay``: what it refuses before any node is started."""
 
+from types import SimpleNamespace
+from unittest.mock import MagicMock
+
 from mambo_bags.reader import BagError
 from mambo_bags.writer import BagWriter
 from mambo_bringup import processes, replay
@@ -8,6 +11,7 @@ from mambo_ros import messages, topics
 import pytest
 
 TICK = topics.SENSOR_TICK
+STILL = ((0.0, 0.0, 0.0),) * 4
 
 
 def test_a_damaged_bag_is_not_replayed(tmp_path, monkeypatch):
@@ -29,7 +33,6 @@ def test_a_damaged_bag_is_not_replayed(tmp_path, monkeypatch):
 def test_steps_that_could_not_be_answered_are_refused_before_any_node_waits(
         tmp_path, monkeypatch, wrong, there, refused):
     """Late inertial samples are left out where the ticks say which step is meant."""
-    still = ((0.0, 0.0, 0.0),) * 4
     stamps = {wrong: (0, 2, 1, 1), there: (0, 1, 2, 3)}
     with BagWriter(tmp_path / 'bag') as bag:
         for topic in filter(None, stamps):
@@ -38,13 +41,46 @@ def test_steps_that_could_not_be_answered_are_refused_before_any_node_waits(
             for topic in filter(None, stamps):
                 t = stamps[topic][k] * 10**9
                 bag.write(f'/mambo/{topic.name}', messages.sensor_tick(
-                    t, k, 0, 0, 0) if topic is TICK else messages.imu(t, *still), k)
+                    t, k, 0, 0, 0) if topic is TICK else messages.imu(t, *STILL), k)
 
     def start(*_):
         raise LookupError('nodes are started')
     monkeypatch.setattr(replay, 'NodeGroup', start)
     told = f'/mambo/{wrong.name}: stamps go back, first from 2.000 to' if refused else 'are start'
     with pytest.raises(BagError if refused else LookupError, match=told):
+        replay.replay(tmp_path / 'bag', tmp_path / 'out')
+
+
+def test_stamps_below_zero_are_refused_before_any_node_waits(tmp_path, monkeypatch):
+    monkeypatch.setattr(replay, 'NodeGroup', lambda *_: pytest.fail('nodes are started'))
+    with BagWriter(tmp_path / 'bag') as bag:
+        for topic in (topics.IMU, topics.BAROMETER):
+            bag.add_topic(f'/mambo/{topic.name}', topic.type_name)
+        for k in range(4):
+            bag.write(f'/mambo/{topics.IMU.name}', messages.imu(k * 10**9, *STILL), k * 10**9)
+            bag.write(f'/mambo/{topics.BAROMETER.name}', messages.pressure(
+                (k - 3) * 10**9, 1e5, 1.0), k * 10**9)
+    with pytest.raises(BagError, match='barometer/pressure: 3 of 4 stamps are below 0'):
+        replay.replay(tmp_path / 'bag', tmp_path / 'out')
+
+
+def test_a_replay_that_fails_says_what_is_odd_about_the_stamps(tmp_path, monkeypatch):
+    class Failed(MagicMock):
+        fault, children = 'no estimate/odom for t = 3604.000 s', []
+        interrupts = SimpleNamespace(first=None)
+
+        def __enter__(self):
+            return self
+    monkeypatch.setattr(replay, 'NodeGroup', lambda *_: Failed(folder=tmp_path))
+    with BagWriter(tmp_path / 'bag') as bag:
+        for topic in (topics.SENSOR_TICK, topics.IMU):
+            bag.add_topic(f'/mambo/{topic.name}', topic.type_name)
+        for k, t in enumerate((0, 3600, 2, 3)):
+            bag.write(f'/mambo/{topics.SENSOR_TICK.name}', messages.sensor_tick(
+                k * 10**9, k, 0, 0, 0), k * 10**9)
+            bag.write(f'/mambo/{topics.IMU.name}', messages.imu(t * 10**9, *STILL), k * 10**9)
+    with pytest.raises(processes.FlightError, match=(
+            'for t = 3604.000 s; /mambo/imu/data_raw: stamps go back, first from 3600.000')):
         replay.replay(tmp_path / 'bag', tmp_path / 'out')
 
 

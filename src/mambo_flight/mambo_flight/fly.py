@@ -152,8 +152,8 @@ def write_flight(name: str, flight: Scenario, output: Path) -> None:
     Raises
     ------
     mambo_model.errors.JobError
-        If a component failed in flight, the failsafe ended it, or the vehicle came down or never
-        took off; the bag is written.
+        If a component failed in flight, the failsafe ended it, or the vehicle lay on the floor
+        below its reference; the bag is written.
 
     """
     began = time.monotonic()

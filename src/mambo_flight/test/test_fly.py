@@ -26,12 +26,12 @@ CRASHED = METRICS | {'shutdown': True, 'shutdown_time': 2.5, 'shutdown_reason': 
 
 
 def recording(seconds, inner=True, phase=trajectory.GROUND):
-    """Return what a flight on the floor records; its reference is 1.5 m high in the end."""
-    reference = np.zeros((2, 13))
-    reference[1, 2] = -1.5
-    return SimpleNamespace(inner=inner, t=np.array([0, round(seconds * 1e9)]),
-                           truth=np.zeros((2, 13)), reference=reference,
-                           phase=np.array([trajectory.GROUND, phase]))
+    """Return what a flight on the floor records; its reference is 1.5 m high from half on."""
+    reference = np.zeros((3, 13))
+    reference[1:, 2] = -1.5
+    return SimpleNamespace(inner=inner, t=np.array([0, 500_000_000, 1_000_000_000]) * seconds,
+                           truth=np.zeros((3, 13)), reference=reference,
+                           phase=np.array([trajectory.GROUND, phase, phase]))
 
 
 @pytest.fixture
@@ -81,8 +81,8 @@ def test_a_flight_that_the_failsafe_ended_has_its_bag_and_has_failed(
 
 @pytest.mark.parametrize(('phase', 'code', 'reason'), [
     (trajectory.GROUND, 0, ''),
-    (trajectory.TRACK, 1, ': the vehicle never took off: on the floor at 3.00 s, 1.50 m below '
-                          'its reference\n')])
+    (trajectory.TRACK, 1, ': the vehicle never took off: on the floor from 1.50 to 3.00 s, up to '
+                          '1.50 m below its reference\n')])
 def test_a_flight_that_stays_on_the_floor_has_no_errors_and_failed_if_it_was_to_fly(
         file, tmp_path, monkeypatch, capsys, flown, phase, code, reason):
     monkeypatch.setattr(fly.monte_carlo, 'measure', lambda flight, recording: METRICS | {

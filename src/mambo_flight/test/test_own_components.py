@@ -7,10 +7,12 @@ import re
 
 from mambo_bags.reader import read_bag
 from mambo_control.failsafe import REASONS
-from mambo_control.safety import REASON_CONTROLLER
+from mambo_control.safety import REASON_CONTROLLER, UNIT_TOLERANCE
+from mambo_estimation import filters
 from mambo_flight import closed_loop, fly, scenario as scenarios, scenario_file
 from mambo_flight.sweep import design
 from mambo_model import schema, slots
+from mambo_model.motion import rigid_body
 import numpy as np
 import pytest
 
@@ -158,6 +160,21 @@ def test_a_wrong_one_is_refused_before_anything_flies(plain, old, new, output):
     with pytest.raises(schema.ParameterError, match=output) as error:
         flight(plain(old, new))
     assert '\n' not in str(error.value)
+
+
+@pytest.mark.parametrize(('answer', 'said'), [
+    ('estimate._replace(state=estimate.state._replace(q=(2.0, 0.0, 0.0, 0.0)))',
+     'attitude = .* a quaternion of length 2 instead of 1'),
+    ("estimate._replace(state=estimate.state._replace(rho=('1', '2', '3')))",
+     'a field of the estimate has another type or shape'),
+    ('estimate._replace(status=99)', 'step answers status = 99')])
+def test_an_estimate_that_is_none_is_refused(answer, said):
+    estimate = filters._LOST._replace(state=rigid_body.State(
+        (0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3))
+    assert filters.read(estimate) == estimate or np.isnan(estimate.accel).any()
+    with pytest.raises(slots.UnusableError, match=said):
+        filters.read(eval(answer, {'estimate': estimate}))
+    assert filters.UNIT_TOLERANCE == UNIT_TOLERANCE  # what flies refuses what a controller does
 
 
 def test_an_estimator_of_a_file_flies_and_is_lost_when_it_fails(tmp_path):

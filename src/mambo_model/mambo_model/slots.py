@@ -211,6 +211,8 @@ def typed(value: Any, like: Any) -> Any:
 
     """
     if not isinstance(like, tuple):
+        if isinstance(value, (str, bytes)):
+            raise TypeError('a text is no number')
         return type(like)(value)
     parts = [typed(x, part) for x, part in zip(value, like, strict=True)]
     return type(like)(*parts) if hasattr(like, '_fields') else tuple(parts)

@@ -85,8 +85,9 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
 
     Returns
     -------
-    Lines: a failsafe that ended the flight, motors stopped by their watchdog, a vehicle that came
-    down or never took off without either, and less flown than the scenario in the bag asks for.
+    Lines: a failsafe that ended the flight, motors stopped by their watchdog, a vehicle that lay
+    on the floor below its reference without either, and less flown than the scenario in the bag
+    asks for.
 
     """
     lines, first = [], set()

@@ -25,6 +25,8 @@ from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_flight import (
     changes, offline_replay, recorded_changes, recording_to_bag, scenario)
 from mambo_flight.smooth import recorded as smoothing
+from mambo_model import slots
+from mambo_model.errors import JobError
 from mambo_model.whole_file import refuse_existing
 from mambo_ros import topics
 from mambo_signals import stamps
@@ -136,6 +138,7 @@ class Answer(NamedTuple):
     bag: Bag  # the same as messages, in memory
     comparison: str  # differences from the recorded estimate
     verdict: str  # absent or rejected sensors, and divergence
+    fault: str  # of an estimator of the user, one line with file and line; empty: none
 
 
 def answer(bag: Bag, node: EstimatorNodeParams) -> Answer:
@@ -146,27 +149,36 @@ def answer(bag: Bag, node: EstimatorNodeParams) -> Answer:
     ------
     BagError
         If it has nothing to estimate from, or samples with stamps below 0.
+    JobError
+        If an estimator of the user failed before it gave two estimates.
 
     """
     for line in stamps.below_zero(bag, [topic.name for topic in offline_replay.SENSORS]):
         raise BagError(f'{bag.path}: {line}')
     stamps.refuse_mixed(bag)
+    slots.latest_fault()  # forget faults of earlier flights
     found = offline_replay.estimate(bag, node.filter, changes.values_later(node))
+    fault = slots.latest_fault()
     if not len(found.t):
         raise offline_replay.nothing_complete(bag)
     ours = answered(bag, found)
-    return Answer(found, ours, compare_replay(bag, ours), verdict(bag, ours))
+    if not fault:
+        return Answer(found, ours, compare_replay(bag, ours), verdict(bag, ours), fault)
+    if np.isfinite(found.state).all(axis=1).sum() < 2:
+        raise JobError(f'{bag.path}: {fault}')
+    return Answer(found, ours, compare_replay(bag, ours),
+                  f'verdict: the estimator failed: {fault}', fault)
 
 
 def again(
     path: Path, file: Path | None = None, namespace: str | None = None,
-) -> tuple[Bag, offline_replay.Estimates, str]:
+) -> tuple[Bag, Answer, str]:
     """
     Read a bag, estimate, compare; see the command's options for the arguments.
 
     Returns
     -------
-    The bag (topics of ``READ``), the estimates, how they differ from what it holds and a verdict.
+    The bag (topics of ``READ``), the estimates, how they differ from what it holds with a verdict.
 
     Raises
     ------
@@ -177,7 +189,7 @@ def again(
     bag = read_bag(path, READ, namespace)
     node, origin = _chosen(bag, file)
     ours = answer(bag, node)
-    return bag, ours.found, (
+    return bag, ours, (
         f'estimator: {node.estimator}, parameters of {origin}\n'
         f'{ours.comparison}\n{ours.verdict}')
 
@@ -214,8 +226,8 @@ def _smoothed(
 def _work(options: argparse.Namespace) -> None:
     refuse_existing(options.output)
     began = time.perf_counter()
-    bag, found, text = again(options.bag, options.parameters, options.namespace)
-    took = time.perf_counter() - began
+    bag, ours, text = again(options.bag, options.parameters, options.namespace)
+    took, found = time.perf_counter() - began, ours.found
     seconds = (found.t[-1] - found.t[0]) * 1e-9
     print(f'{seconds:.2f} s of flight estimated and compared in {took:.2f} s: '
           f'{seconds / took:.0f} times real time\n{text}')
@@ -225,6 +237,8 @@ def _work(options: argparse.Namespace) -> None:
     if options.output:
         write(options.output, bag, found, more)
         print(f'\nbag: {options.output}')
+    if ours.fault:
+        raise JobError(f'{bag.path}: {ours.fault}')
 
 
 def parser() -> Parser:

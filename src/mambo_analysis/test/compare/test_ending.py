@@ -66,7 +66,8 @@ def test_a_controller_that_gives_up_does_not_end_a_flight_by_hand(tmp_path):
 
 
 def test_a_vehicle_on_the_floor_below_its_reference_has_not_flown_to_the_end(tmp_path):
-    line = 'the vehicle never took off: on the floor at 3.00 s, 1.00 m below its reference'
+    line = ('the vehicle never took off: on the floor from 1.00 to 3.00 s, up to 1.00 m below its '
+            'reference')
     for name, height, said in (('a', 0.005, [line]), ('b', 0.02, [])):
         assert ended_early(bag(tmp_path / name, 'sim_node', diagnostics.OK, height=height)) == said
     carried = bag(tmp_path / 'c', 'sim_node', diagnostics.OK, hand=True, height=0.0)

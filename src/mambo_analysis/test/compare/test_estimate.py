@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 STEP = 5_000_000  # ns
+HEIGHT = Path(__file__).parents[4] / 'examples/alpha_beta_filter.py'
 
 
 def rest(path, **options):
@@ -67,13 +68,37 @@ def flown(**choices):
     return {'attachments': {'scenario.yaml': to_yaml(scenario(**choices))}}
 
 
+@pytest.mark.parametrize(('when', 'output'), [('since > 0.2', True), ('gyro[0] > 0.0', False)])
+def test_an_estimator_of_ones_own_that_fails_is_named_behind_what_it_gave(
+        tmp_path, capsys, when, output):
+    file = tmp_path / 'broken.py'
+    file.write_text(HEIGHT.read_text().replace(
+        'rest, height, climb, since = memory',
+        'rest, height, climb, since = memory\n'
+        f"    if {when}:  # not in the trial\n        raise ValueError('lost my way')", 1))
+    place = f'{file}:{file.read_text()[:file.read_text().index("raise Val")].count(chr(10)) + 1}'
+    (tmp_path / 'own.yaml').write_text(
+        f'/mambo/estimator_node:\n  ros__parameters:\n    estimator: {HEIGHT}\n')
+    words = [str(rest(tmp_path / 'bag')), '--parameters', str(tmp_path / 'own.yaml')]
+    assert estimate.main(words) == 0 and 'lost my way' not in capsys.readouterr().out
+    (tmp_path / 'own.yaml').write_text((tmp_path / 'own.yaml').read_text().replace(
+        str(HEIGHT), str(file)))
+    out = tmp_path / 'out'
+    assert estimate.main([*words, '-o', str(out)]) == 1
+    said = capsys.readouterr()
+    told = f'verdict: the estimator failed: {place}: ValueError: lost my way'
+    assert (told in said.out) == output
+    assert said.err == f'estimate: {tmp_path / "bag"}: {place}: ValueError: lost my way\n'
+    assert out.exists() == output
+
+
 def test_it_tells_errors_and_writes_the_estimates(tmp_path, capsys):
     source, out = rest(tmp_path / 'source'), tmp_path / 'out'
     assert estimate.main([str(source), '--out', str(out)]) == 0
     output = capsys.readouterr().out
     assert 'times real time' in output
     assert 'replayed estimate/odom minus ground_truth/odom' in output
-    bag, (_, found, _) = read_bag(out), estimate.again(source)
+    bag, (_, (found, *_), _) = read_bag(out), estimate.again(source)
     for topic, table in estimate.messages(found).items():
         assert b''.join(bag[topic.name].raw) == table.tobytes() and len(table) == 100
     assert compare([str(out), str(source), '--a-topic', 'estimate/odom', '--b-topic',

@@ -1,4 +1,4 @@
-"""Whether a vehicle ended its flight on the floor, below a reference in the air."""
+"""Whether a vehicle lay on the floor in its flight, below a reference in the air."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .rigid_body import LIFTED
-from .trajectory import TAKEOFF, TRACK
+from .trajectory import LANDING, TAKEOFF, TRACK
 
 ABOVE = 0.3  # m, height of a reference that a vehicle on the floor does not follow (judgement)
+LONG = 0.3  # s, so long a vehicle follows no reference that leaps up; sound flights: 0.1 s at most
 
 
 def fallen(
@@ -16,9 +17,9 @@ def fallen(
     phase: NDArray[np.int64],
 ) -> str:
     """
-    Return why a flight was not flown to its end, or an empty string.
+    Return why a flight was not flown as asked, or an empty string.
 
-    The reason is that the vehicle fell to the floor and stayed there, or that it never took off.
+    The reason is that the vehicle fell to the floor, or rose late or never.
 
     Parameters
     ----------
@@ -32,12 +33,13 @@ def fallen(
         Of the reference, GROUND ... LANDED of :mod:`mambo_model.motion.trajectory`.
 
     """
-    asked = np.flatnonzero(((phase == TAKEOFF) | (phase == TRACK)) & (wanted > ABOVE))
-    if not len(asked) or not height[asked[-1]] <= LIFTED:
+    down = np.isin(phase, (TAKEOFF, TRACK, LANDING)) & (wanted > ABOVE) & (height <= LIFTED)
+    edges = np.flatnonzero(np.diff(down, prepend=False, append=False)).reshape(-1, 2)
+    begin, end = t[edges[:, 0]], t[edges[:, 1] - 1]
+    if not (end - begin >= LONG).any():
         return ''
-    last = asked[-1]
-    where = f'on the floor at {t[last]:.2f} s, {wanted[last]:.2f} m below its reference'
-    lifted = np.flatnonzero(height[:last] > LIFTED)
-    if not len(lifted):
-        return f'the vehicle never took off: {where}'
-    return f'the vehicle came down at {t[lifted[-1] + 1]:.2f} s: {where}'
+    k = int(np.argmax(end - begin))
+    below = wanted[edges[k, 0]:edges[k, 1]].max()
+    rose = 'the vehicle was' if (height > LIFTED).any() else 'the vehicle never took off:'
+    return (f'{rose} on the floor from {begin[k]:.2f} to {end[k]:.2f} s, up to {below:.2f} m '
+            'below its reference')

@@ -1,6 +1,6 @@
-"""A vehicle that lies on the floor while its reference flies has not flown to the end."""
+"""A vehicle that lies on the floor while its reference flies has not flown as asked."""
 
-from mambo_model.motion.fallen import ABOVE, fallen
+from mambo_model.motion.fallen import ABOVE, fallen, LONG
 from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
 import numpy as np
 import pytest
@@ -12,18 +12,27 @@ UP = (0.0, 0.5, 1.0, 1.0, 1.0, 1.0)
 
 @pytest.mark.parametrize(('height', 'wanted', 'phase', 'said'), [
     (UP, UP, FLIGHT, ''),
-    ((0.0,) * 6, UP, FLIGHT,
-     'the vehicle never took off: on the floor at 5.00 s, 1.00 m below its reference'),
+    ((0.0,) * 6, UP, FLIGHT, 'the vehicle never took off: on the floor from 1.00 to 5.00 s, up to '
+                             '1.00 m below its reference'),
     ((0.0, 0.5, 1.0, 0.4, 0.009, -0.001), UP, FLIGHT,
-     'the vehicle came down at 4.00 s: on the floor at 5.00 s, 1.00 m below its reference'),
-    ((0.0, 0.5, 0.0, 0.5, 1.0, 1.0), UP, FLIGHT, ''),  # it has touched the floor and flies again
-    ((0.0, 0.5, 1.0, 0.0, 0.0, 0.0), (0.0, 0.5, 1.0, 1.0, 0.5, 0.0),
-     (GROUND, TAKEOFF, TRACK, TRACK, LANDING, LANDED),
-     'the vehicle came down at 3.00 s: on the floor at 3.00 s, 1.00 m below its reference'),
+     'the vehicle was on the floor from 4.00 to 5.00 s, up to 1.00 m below its reference'),
+    ((0.0, 0.5, 0.0, 0.0, 1.0, 1.0), UP, FLIGHT,  # and flies again
+     'the vehicle was on the floor from 2.00 to 3.00 s, up to 1.00 m below its reference'),
+    ((0.0, 0.5, 1.0, 1.0, 0.0, 0.0), (0.0, 0.5, 1.0, 1.0, 0.9, 0.5),
+     (GROUND, TAKEOFF, TRACK, LANDING, LANDING, LANDING),  # the motors stopped as it landed
+     'the vehicle was on the floor from 4.00 to 5.00 s, up to 0.90 m below its reference'),
     ((0.0, 0.5, 1.0, 0.5, 0.0, 0.0), (0.0, 0.5, 1.0, 0.5, 0.0, 0.0),
      (GROUND, TAKEOFF, TRACK, LANDING, LANDED, LANDED), ''),
     ((0.0,) * 6, (ABOVE,) * 6, FLIGHT, ''),  # too low to tell
     ((0.0,) * 6, (0.0,) * 6, (GROUND,) * 6, ''),  # nobody asked it to fly
-    ((0.0, 0.5, 1.0, 1.0, 1.0, np.nan), UP, FLIGHT, '')])
+    ((np.nan,) * 6, UP, FLIGHT, '')])
 def test_who_lies_below_a_flying_reference_is_named(height, wanted, phase, said):
     assert fallen(T, *map(np.array, (height, wanted, phase))) == said
+
+
+def test_a_step_of_the_reference_needs_time():
+    t = np.arange(100) * 0.005
+    for steps, told in ((60, False), (62, True)):
+        height = np.where(np.arange(100) < steps, 0.0, 1.0)
+        assert bool(fallen(t, height, np.ones(100), np.full(100, TRACK))) == told
+    assert 59 * 0.005 < LONG < 61 * 0.005
