@@ -308,7 +308,11 @@ class NodeProcess:
         signals = [found[1] for line in self.lines if (found := _ENDED.fullmatch(line))]
         if signals:
             return f'{self.label} was ended by {signals[-1]}'
-        return '' if owner else f'{self.label} ended before the flight was over'
+        return '' if owner else self.early_end()
+
+    def early_end(self) -> str:
+        """Return the line for an end without a reason."""
+        return f'{self.label} ended before the flight was over'
 
     def last_error(self) -> str:
         """Return the last printed line that describes the error."""

@@ -22,7 +22,7 @@ from mambo_bags.recover import recover
 from mambo_bags.writer import RECORDING
 from mambo_flight.scenario import Scenario
 from mambo_flight.supervised import own_compiled
-from mambo_model.components import own_components, where
+from mambo_model.components import Component, own_components, where
 from mambo_model.errors import MamboError
 
 from .flight.nodes import COMPOSED
@@ -46,14 +46,33 @@ def stuck(flight: Scenario, killed: Iterable[str]) -> str:
         Names of the nodes that were ended by SIGKILL, as neither SIGINT nor SIGTERM ended them.
 
     """
-    said = []
-    for name in killed:
-        params = flight if name == COMPOSED[1] else getattr(flight, name, None)
-        for component in own_components(params) if params is not None else ():
-            if component.compiled:
-                said.append(f'{name} had to be killed: the compiled step of '
-                            f'{where(component.path, component.step)} may never end')
-    return '; '.join(said)
+    return '; '.join(
+        f'{name} had to be killed: the compiled step of '
+        f'{where(component.path, component.step)} may never end'
+        for name in killed for component in _own(flight, name) if component.compiled)
+
+
+def guests(flight: Scenario, ended: Iterable[str]) -> str:
+    """
+    Return which files of the user may have ended processes, '' if none ran in them.
+
+    Parameters
+    ----------
+    flight
+        What was flown.
+    ended
+        Names of the nodes whose processes ended without a reason.
+
+    """
+    return '; '.join(
+        f'{component.path}, or code that it calls, may have ended {name}'
+        for name in ended for component in _own(flight, name))
+
+
+def _own(flight: Scenario, name: str) -> Iterable[Component]:
+    """Return the components of the user that run in the process of a node."""
+    params = flight if name == COMPOSED[1] else getattr(flight, name, None)
+    return () if params is None else own_components(params)
 
 
 class Silence:

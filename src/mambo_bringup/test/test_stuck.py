@@ -47,6 +47,14 @@ def test_composed_nodes_stand_for_all_of_them(monkeypatch, tmp_path):
         Scenario(), ['composed_node'])
 
 
+@pytest.mark.parametrize('compiled', [False, True])
+def test_who_runs_in_a_process_that_ended_without_a_reason_is_named(component, compiled):
+    path = component(compiled)
+    assert stuck.guests(Scenario(), ['controller_node', 'sim_node', 'recorder_node']) == (
+        f'{path}, or code that it calls, may have ended controller_node')
+    assert stuck.guests(Scenario(), ['sim_node']) == ''
+
+
 class Child:
     """A process that takes signals."""
 

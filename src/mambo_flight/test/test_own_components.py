@@ -1,9 +1,11 @@
 """Controllers and estimators from files in the closed loop: the same numbers, and their faults."""
 
+from contextlib import nullcontext
 import dataclasses
 from pathlib import Path
 import pickle
 import re
+import signal
 
 from mambo_bags.reader import read_bag
 from mambo_control.failsafe import REASONS
@@ -12,6 +14,7 @@ from mambo_estimation import filters
 from mambo_flight import closed_loop, fly, scenario as scenarios, scenario_file
 from mambo_flight.sweep import design
 from mambo_model import schema, slots
+from mambo_model.components import Component
 from mambo_model.motion import rigid_body
 import numpy as np
 import pytest
@@ -137,6 +140,22 @@ def test_one_that_fails_in_flight_is_landed_and_its_line_told(plain, old, new, o
     assert abs(out.truth[-1, 2]) < 0.05 and not out.pwm[-1].any()  # it has landed
     assert np.abs(np.diff(out.truth[bad:, 2])).max() < 0.01  # m in 5 ms: it did not fall
     assert REASONS[REASON_CONTROLLER] == 'controller failed'
+
+
+@pytest.mark.parametrize(('arguments', 'handler', 'ends'), [
+    ('()', lambda number, frame: None, False), ('(2)', lambda number, frame: None, True),
+    ('()', signal.default_int_handler, True)])
+def test_an_interrupt_that_no_signal_raised_is_a_fault_of_the_code(
+        plain, arguments, handler, ends):
+    slot = slots.open_slot(Component('plain', object, lambda _: None, lambda *_: exec(
+        f'raise KeyboardInterrupt{arguments}'), False, path=Path(plain())), None)
+    before = signal.signal(signal.SIGINT, handler)
+    try:
+        with pytest.raises(KeyboardInterrupt) if ends else nullcontext():
+            assert slots.call(slot, slot, (), lambda answer: answer) is None
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert ('KeyboardInterrupt' in slots.latest_fault()) is not ends
 
 
 def test_a_compiled_one_that_fails_is_landed_and_its_line_told(faulty):

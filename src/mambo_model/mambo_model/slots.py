@@ -15,6 +15,7 @@ import dataclasses
 import itertools
 from pathlib import Path
 import re
+import signal
 from typing import Any, NamedTuple
 
 from .compiled import NumbaError, typeof
@@ -240,11 +241,17 @@ def _guarded(slot: Slot, work: Callable[[], Any], limit: float = LONGEST_STEP) -
     try:
         with time_limit(limit):
             return work()
-    except KeyboardInterrupt:  # of the user at the keyboard, for all that one can tell
-        raise
     except BaseException as error:  # whatever a user's code raises, sys.exit() included
+        if isinstance(error, KeyboardInterrupt) and _may_be_a_signal(error):
+            raise
         slot.fault = f'{_place(slot.component, error)}: {_reason(error)}'
         return None
+
+
+def _may_be_a_signal(end: KeyboardInterrupt) -> bool:
+    """Tell whether the user may have ended the command; code can raise the same."""
+    # the commands' handler names the signal, Python's own does not
+    return bool(end.args) or signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def _place(component: Component, error: BaseException) -> str:

@@ -18,7 +18,7 @@ from mambo_model.whole_file import refuse_existing
 
 from ..node_group import NodeGroup
 from ..processes import FlightInputError, NodeProcess, parameter
-from ..stuck import closed_again, is_closed, Silence, stuck
+from ..stuck import closed_again, guests, is_closed, Silence, stuck
 from .natnet import write as write_natnet
 from .nodes import (
     COMPOSED, HALL_CAPTURE, label, NAMESPACE, RECORDER, recorder_topics, REPLACEABLE,
@@ -182,10 +182,12 @@ def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess],
     closed, step = is_closed(bag), stuck(flight, killed)
     # a user's code may end the process of all nodes, with exit code 0 too
     silent = not (progress.ended or group.fault or group.interrupts.first)
-    early = f'{nodes[-1].label} ended before the flight was over' if silent else ''
+    early = nodes[-1].early_end() if silent else ''
     if not closed and not group.interrupts.first:
         closed = bag.exists() and closed_again(bag)
     fault = '; '.join(filter(None, (group.fault, step, early)))
+    own = guests(flight, [node.name for node in nodes if node.early_end() in fault])
+    fault = '; '.join(filter(None, (fault, own)))
     if fault and progress.flown:
         least = '' if progress.ended else 'at least '  # of what it said before it was killed
         fault = f'flew {least}{progress.flown:.2f} of {asked:g} s: {fault}'

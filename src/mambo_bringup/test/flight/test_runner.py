@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 
+from mambo_bringup.flight import runner
 from mambo_bringup.flight.runner import fly
 from mambo_bringup.processes import FlightError
 from mambo_flight.scenario import from_yaml, override
@@ -39,6 +40,16 @@ def test_a_simulator_that_ends_without_a_word_has_not_flown(graph, tmp_path):
     assert not outcome.whole and not outcome.closed
 
 
+def test_the_users_code_in_a_process_that_ends_without_a_word_is_named(
+        graph, tmp_path, monkeypatch):
+    monkeypatch.setattr(runner, 'guests', lambda flight, names: f'mine.py may have ended {names}')
+    graph(estimator_node='import os; os._exit(0)')
+    with pytest.raises(FlightError) as error:
+        fly(short(), tmp_path / 'bag')
+    assert str(error.value) == ("estimator_node ended before the flight was over; mine.py may "
+                                "have ended ['estimator_node']")
+
+
 def test_a_missing_node_ends_the_flight_before_it_begins(tmp_path, monkeypatch):
     monkeypatch.delenv('ROS_DOMAIN_ID', raising=False)
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
@@ -58,6 +69,7 @@ def test_an_interrupt_of_the_runner_ends_every_node_in_order(graph, tmp_path):
     runner = subprocess.Popen([sys.executable, '-c', f"""
 import pathlib
 from mambo_bringup import processes
+from mambo_bringup.flight import runner
 from mambo_bringup.flight.runner import fly
 from mambo_flight.scenario import scenario
 folder = pathlib.Path({str(tmp_path)!r})
