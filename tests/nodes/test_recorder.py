@@ -67,6 +67,16 @@ def fly(take, steps, first=1):
         take[topics.MOTOR_PWM](pwm(k * STEP))
 
 
+def test_a_publisher_that_leaves_without_a_message_held_back_is_not_counted(start):
+    node, take = start()
+    commands = take[topics.MOTOR_PWM]
+    node._forget(commands)
+    assert not commands.refused
+    commands(pwm(FAR), b'one')
+    node._forget(commands)
+    assert commands.refused == {publisher_guard.SECOND_PUBLISHER: 1}
+
+
 def test_nobody_takes_over_from_the_nodes_of_a_flight_that_is_over(start, tmp_path, monkeypatch):
     wall = [0.0]
     monkeypatch.setattr(publisher_guard, 'time', SimpleNamespace(monotonic=lambda: wall[0]))

@@ -159,7 +159,8 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
 
     def _forget(self, guard: PublisherGuard) -> None:
         """Refuse what is held back of a publisher that has left before any flight."""
-        guard.refused[SECOND_PUBLISHER] += self._early.forget(guard.topic)
+        if count := self._early.forget(guard.topic):
+            guard.refused[SECOND_PUBLISHER] += count
 
     def _miss(self, guard: PublisherGuard, reason: str) -> None:
         """End with exit code 1, but only after the flight: its bag is not whole."""
