@@ -270,6 +270,8 @@ def _print_outcome(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
         print(f'{what} at least {outcome.flown:.2f} s')
     if outcome.delay:
         print(outcome.delay)
+    if line := outcome.overloaded():
+        print(line)
     if outcome.used and outcome.took:
         print(outcome.spent())
     print_refused(outcome.refused)

@@ -9,6 +9,7 @@ import re
 import signal
 import sys
 
+from mambo_sim.parameters import STEP_NS
 from tqdm import tqdm
 
 from ..processes import FlightError, NodeProcess
@@ -24,6 +25,7 @@ _COLLIDED = re.compile(r'/\S+ and /\S+ collided at t = [\d.]+ s: [\d.]+ m apart'
 _PACED = re.compile(r'flying in realtime mode$')
 _WAITS = re.compile(r'waiting for .*')
 _TIME = re.compile(r't = ([\d.]+) s$')
+MANY = 0.05  # [-] of the steps without a motor command, from which the flight is another one
 _QUIET = 10.0  # s without a word where no progress bar is seen; each further wait is twice as long
 
 
@@ -48,6 +50,14 @@ class Outcome:
     def real_time_factor(self) -> float:
         """Return flight time over wall time."""
         return self.flown / self.took if self.took else float('nan')
+
+    def overloaded(self) -> str:
+        """Return what to do about many steps without a motor command in time, or ''."""
+        share = self.missed * STEP_NS * 1e-9 / self.flown if self.flown else 0.0
+        if share <= MANY:
+            return ''
+        return (f'warning: {min(share, 1.0):.0%} of the steps had no motor command in time: the '
+                'controller or the machine is too slow: fly with a lower --speed, or in lockstep')
 
     def spent(self) -> str:
         """Return the CPU time and memory of the nodes as one line, the largest first."""

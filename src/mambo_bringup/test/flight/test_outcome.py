@@ -18,6 +18,18 @@ def test_what_the_simulator_says_is_the_outcome(graph, tmp_path):
     assert outcome.delay == 'IMU sample to motor command: p50 1.00 ms'
 
 
+def test_many_steps_without_a_command_in_time_are_told_with_what_to_do(graph, tmp_path, capsys):
+    graph(sim_node=FLEW)  # 3 s, 600 steps
+    outcome = fly(short(), tmp_path / 'bag')
+    for missed, told in ((29, ''), (60, 'warning: 10% of the steps had no motor command in time'),
+                         (601, 'warning: 100% of the steps')):
+        outcome.missed = missed
+        run._print_outcome(outcome, tmp_path / 'bag', no_report=True)
+        lines = [line for line in capsys.readouterr().out.splitlines() if 'in time' in line]
+        assert bool(lines) == bool(told) and ''.join(lines).startswith(told)
+    assert '--speed' in lines[0]
+
+
 def test_what_nodes_used_is_told_in_cores_the_greediest_first(graph, tmp_path):
     graph(sim_node=FLEW + "print('used 0.60 s of CPU and 120 MB')",
           estimator_node="signal.signal(signal.SIGINT, lambda *_: sys.exit(print("
