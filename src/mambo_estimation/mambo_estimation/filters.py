@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from mambo_model import slots
 from mambo_model.compiled import by_type, jit, jit_inside, objmode, typeof
 from mambo_model.components import Component, Registry
-from mambo_model.motion.quaternion import Quat
+from mambo_model.motion.quaternion import norm, Quat
 from mambo_model.motion.rigid_body import State
 from mambo_model.slots import PlainMemory, PlainValues, UnusableError
 from mambo_model.values import values
@@ -109,7 +109,7 @@ def read(answer: Any) -> Estimate:
             raise UnusableError(f'step answers {name} = {numbers}')
     if not _is_unit(out.state.q):
         raise UnusableError(f'step answers attitude = {out.state.q}, a quaternion of length '
-                            f'{math.hypot(*out.state.q):.3g} instead of 1')
+                            f'{norm(out.state.q):.3g} instead of 1')
     if not 0 <= out.status < len(STATUS):
         raise UnusableError(f'step answers status = {out.status}')
     return out
