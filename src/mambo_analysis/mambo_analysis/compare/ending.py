@@ -10,7 +10,9 @@ from mambo_bags.reader import Bag
 from mambo_model.motion.fallen import fallen
 import numpy as np
 
-ENDINGS = ('/clock', 'clock', '/diagnostics', 'diagnostics', 'reference', 'ground_truth/odom')
+REPORTS = ('/diagnostics', 'diagnostics')
+"""Topics of diagnostic reports."""
+ENDINGS = ('/clock', 'clock', *REPORTS, 'reference', 'ground_truth/odom')
 """Topics that show how a flight ended."""
 _STEP = 0.005  # s
 _ERROR = 2
@@ -53,7 +55,7 @@ def _fallen(bag: Bag) -> str:
 
 def statuses(bag: Bag) -> Iterator[tuple[float, Any]]:
     """Yield every diagnostic status of a bag with the stamp of its report, s."""
-    for topic in ('/diagnostics', 'diagnostics'):
+    for topic in REPORTS:
         try:
             reports = list(bag[topic].objects()) if topic in bag else []
         except BagError:  # ignore foreign diagnostics that cannot be read

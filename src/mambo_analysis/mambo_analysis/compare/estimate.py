@@ -162,12 +162,10 @@ def answer(bag: Bag, node: EstimatorNodeParams) -> Answer:
     if not len(found.t):
         raise offline_replay.nothing_complete(bag)
     ours = answered(bag, found)
-    if not fault:
-        return Answer(found, ours, compare_replay(bag, ours), verdict(bag, ours), fault)
-    if np.isfinite(found.state).all(axis=1).sum() < 2:
+    if fault and np.isfinite(found.state).all(axis=1).sum() < 2:
         raise JobError(f'{bag.path}: {fault}')
-    return Answer(found, ours, compare_replay(bag, ours),
-                  f'verdict: the estimator failed: {fault}', fault)
+    said = f'verdict: the estimator failed: {fault}' if fault else verdict(bag, ours)
+    return Answer(found, ours, compare_replay(bag, ours), said, fault)
 
 
 def again(

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 import socket
 
-from mambo_analysis.compare.ending import ENDINGS, statuses
+from mambo_analysis.compare.ending import REPORTS, statuses
 from mambo_bags.reader import read_bag
 from mambo_flight import scenario as scenarios
 from mambo_flight.world.world_file import Hall
@@ -125,7 +125,7 @@ def missing(bag: Path, flight: scenarios.Scenario) -> tuple[str, bool]:
 
     """
     capture, poses = flight.optitrack_node.optitrack, topics.OPTITRACK.name
-    recording = read_bag(bag, (poses, *ENDINGS))
+    recording = read_bag(bag, (poses, *REPORTS))
     if poses not in recording:
         said = [status.message for _, status in statuses(recording)
                 if status.name.endswith(CLIENT[1]) and status.level > 0]

@@ -69,7 +69,6 @@ def test_an_interrupt_of_the_runner_ends_every_node_in_order(graph, tmp_path):
     runner = subprocess.Popen([sys.executable, '-c', f"""
 import pathlib
 from mambo_bringup import processes
-from mambo_bringup.flight import runner
 from mambo_bringup.flight.runner import fly
 from mambo_flight.scenario import scenario
 folder = pathlib.Path({str(tmp_path)!r})
