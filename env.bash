@@ -51,8 +51,9 @@ _mambo_enter() {
             COLCON_PREFIX_PATH PKG_CONFIG_PATH; do
             _mambo_forget "$variable" "$MAMBO_ROOT"
         done
+        [[ ${PYTHONPYCACHEPREFIX:-} != "$MAMBO_ROOT"/* ]] || export PYTHONDONTWRITEBYTECODE=1
         for variable in MAMBO_CACHE_DIR COLCON_DEFAULTS_FILE MPLCONFIGDIR ROS_LOG_DIR \
-            FASTRTPS_DEFAULT_PROFILES_FILE; do
+            FASTRTPS_DEFAULT_PROFILES_FILE PYTHONPYCACHEPREFIX; do
             [[ ${!variable:-} != "$MAMBO_ROOT"/* ]] || unset "$variable"
         done
         [[ ${MAMBO_ROS:-} != wheels ]] || unset ROS_DISTRO ROS_VERSION ROS_PYTHON_VERSION
@@ -76,6 +77,12 @@ _mambo_enter() {
         }
     fi
     export MAMBO_CACHE_DIR=${MAMBO_CACHE_DIR:-$cache}
+    # Containers often forbid bytecode beside its sources. Without any, every command compiles
+    # numpy, pandas and all else that it imports again: it goes to the cache then.
+    if [[ -n ${PYTHONDONTWRITEBYTECODE:-} ]]; then
+        export PYTHONPYCACHEPREFIX=${PYTHONPYCACHEPREFIX:-$cache/bytecode}
+        unset PYTHONDONTWRITEBYTECODE
+    fi
     export MPLCONFIGDIR=${MPLCONFIGDIR:-$cache/matplotlib}
     export ROS_LOG_DIR=${ROS_LOG_DIR:-$cache/ros-log}
     export COLCON_DEFAULTS_FILE=${COLCON_DEFAULTS_FILE:-$root/tools/colcon-defaults.yaml}
