@@ -21,6 +21,7 @@ from mambo_flight.course import function_course
 from mambo_flight.scenario import override, Scenario
 from mambo_flight.scenario_file import Place
 from mambo_flight.sweep import monte_carlo
+from mambo_model.components import look_again
 from mambo_model.errors import InputError
 from mambo_model.whole_file import refuse_existing
 import numpy as np
@@ -186,6 +187,7 @@ def fly(
         answer as it must, in one line.
 
     """
+    look_again()
     choices = {
         'trajectory': _named('trajectory', trajectory, function_course.offer),
         'estimator': _named('estimator', estimator, ESTIMATORS.offer),

@@ -13,6 +13,7 @@ from mambo_analysis.compare import (
 from mambo_analysis.compare.pair import WHAT
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight import offline_replay, scenario, unused
+from mambo_model.components import look_again
 from mambo_model.errors import InputError
 from mambo_model.whole_file import PAGE, refuse_other_kind
 import pandas
@@ -198,6 +199,7 @@ def estimate(
         If the bag has no sensors, or for an unknown name or value.
 
     """
+    look_again()
     bag = _bag(source)
     node = estimating.parameters(bag)
     values = {name.removeprefix('estimator_node.'): value

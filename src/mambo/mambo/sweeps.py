@@ -10,6 +10,7 @@ from typing import Any
 
 from mambo_flight.course import course_file
 from mambo_flight.sweep import command, design
+from mambo_model.components import look_again
 from mambo_model.errors import InputError
 import pandas
 import yaml
@@ -42,6 +43,7 @@ def sweep(
         For a wrong file or mapping, naming line and key, or if the output exists.
 
     """
+    look_again()
     with tempfile.TemporaryDirectory(prefix='mambo_') as folder:
         out = Path(folder) / 'sweep.parquet' if output is None else given.path(output, 'output')
         if not isinstance(what, Mapping):

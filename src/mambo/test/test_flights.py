@@ -130,6 +130,40 @@ def test_a_controller_that_fails_in_flight_is_told_with_its_line(flight, tmp_pat
     assert failed.fault in repr(failed) and not flight.fault
 
 
+def test_a_file_that_is_edited_in_a_session_flies_as_it_is_now(tmp_path):
+    mine, helper = tmp_path / 'mine.py', tmp_path / 'helper.py'
+    found = []
+    for share, helps in ((2.5, 1.0), (0.0, 1.0), (2.5, 0.0)):
+        helper.write_text(f'HELPS = {helps}\n')
+        mine.write_text(WEIGHT.format(share=share))
+        found.append(mambo.fly(
+            controller=mine, estimator='ground_truth', duration=3.0).recording.thrust.max())
+    assert found[0] > 0.5 and found[1] == found[2] < 0.1
+
+
+WEIGHT = """
+from dataclasses import dataclass
+
+from helper import HELPS
+from mambo_control.command import thrust_and_torque
+from mambo_model.values import Parameters
+
+
+@dataclass(frozen=True)
+class Params(Parameters):
+    pass
+
+
+def initial(values):
+    return ()
+
+
+def step(memory, state, reference, dt, gains, vehicle):
+    thrust = HELPS * {share} * vehicle.mass * vehicle.gravity
+    return memory, thrust_and_torque(thrust, (0.0, 0.0, 0.0), state, reference, vehicle)
+"""
+
+
 def spiral(t):
     """Return a spiral, with its velocity."""
     return [(0.1 * t * math.cos(t), 0.1 * t * math.sin(t), -1.0 - 0.05 * t),

@@ -95,6 +95,15 @@ def test_an_estimate_answers_what_was_recorded_bit_for_bit(bag):
     assert 'bit for bit' in repr(found) and 'did not diverge' in found.verdict
 
 
+def test_an_estimator_that_is_edited_in_a_session_is_the_one_of_now(bag, tmp_path):
+    ours = Path(__file__).parents[3] / 'examples/alpha_beta_filter.py'
+    mine, found = tmp_path / 'mine.py', []
+    for alpha in (0.3, 0.9):
+        mine.write_text(ours.read_text().replace('quantity(0.3,', f'quantity({alpha},'))
+        found.append(mambo.estimate(bag, str(mine)).to_pandas())
+    assert not found[0].equals(found[1])
+
+
 def test_another_parameter_gives_another_estimate(bag):
     other = mambo.estimate(bag, parameters={'kalman.optical_flow.constant': 1.5})
     assert not np.array_equal(other.bag['estimate/odom'].position, bag['estimate/odom'].position)

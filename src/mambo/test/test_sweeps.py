@@ -1,5 +1,7 @@
 """Sweeps from a script."""
 
+from pathlib import Path
+
 import mambo
 from mambo_flight.sweep import command
 import pandas
@@ -24,6 +26,19 @@ def test_a_file_and_its_content_are_the_same_sweep(tmp_path):
     file.write_text(yaml.safe_dump(WHAT))
     theirs = pandas.DataFrame(command.sweep(file, tmp_path / 'o.parquet', True, 1))
     pandas.testing.assert_frame_equal(mambo.sweep(WHAT, ideal=True, workers=1), theirs)
+
+
+def test_a_sweep_flies_a_file_as_it_is_now(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    ours = Path(__file__).parents[3] / 'examples/alpha_beta_filter.py'
+    what = {'scenario': 'fig_5_10', 'vary': {
+        'estimator_node.estimator': ['mine.py'], 'sim_node.duration': [4.0]}}
+    found = []
+    for alpha in (0.3, 0.9):
+        text = ours.read_text().replace('quantity(0.3,', f'quantity({alpha},')
+        (tmp_path / 'mine.py').write_text(text)
+        found += list(mambo.sweep(what, workers=1)['estimation_rms'])
+    assert found[0] != found[1]
 
 
 @pytest.mark.parametrize('what, message', [

@@ -53,7 +53,7 @@ from typing import NamedTuple
 from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion import trajectory
 from mambo_model.motion.flatness import from_flat_output_yaw, Reference
-from mambo_model.motion.quaternion import IDENTITY, rotate, rotate_inverse, to_euler
+from mambo_model.motion.quaternion import IDENTITY, is_unit, rotate, rotate_inverse, to_euler
 from mambo_model.motion.rigid_body import rk4_step, State
 from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
 from mambo_model.schema import quantity
@@ -64,7 +64,7 @@ from mambo_model.vehicle.parameters import VehicleValues
 from . import controllers
 from .command import Command
 from .safety import (
-    is_attitude, LARGEST, REASON_ALIGNMENT, REASON_CONTROLLER, REASON_CRASH, REASON_ESTIMATE,
+    LARGEST, REASON_ALIGNMENT, REASON_CONTROLLER, REASON_CRASH, REASON_ESTIMATE,
     REASON_NONE, REASON_REFERENCE, usable, usable_reference)
 
 FLYING, HOLDING, LANDING, DESCENDING_BLIND, STOPPED = range(5)
@@ -225,7 +225,7 @@ def in_flight(phase: int) -> bool:
 @jit
 def known(state: State, spread: Spread, aloft: bool, p: FailsafeValues) -> Known:
     """Tell what of an estimate can be used; variances count in flight only."""
-    attitude = is_attitude(state.q) and usable(state.omega)
+    attitude = is_unit(state.q) and usable(state.omega)
     if aloft:
         attitude = (attitude and spread.tilt <= p.tilt_std * p.tilt_std
                     and spread.rate <= p.rate_std * p.rate_std)

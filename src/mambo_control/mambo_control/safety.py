@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mambo_model.compiled import jit
 from mambo_model.motion.flatness import Reference
-from mambo_model.motion.quaternion import Quat
+from mambo_model.motion.quaternion import is_unit, Quat
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.trajectory import GROUND, LANDED
 from mambo_model.motion.vector import Vec3
@@ -22,7 +22,6 @@ REASON_ALIGNMENT = 6
 REASON_CONTROLLER = 7
 
 LARGEST = 1e6  # of any component in SI units; keeps every product of the controller finite
-UNIT_TOLERANCE = 1e-3  # of |q|^2
 
 
 @jit
@@ -32,16 +31,9 @@ def usable(v: Vec3) -> bool:
 
 
 @jit
-def is_attitude(q: Quat) -> bool:
-    """Tell whether q (4,) is a unit quaternion up to rounding on the way here."""
-    n = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
-    return abs(n - 1.0) <= UNIT_TOLERANCE
-
-
-@jit
 def usable_state(state: State) -> bool:
     """Tell whether a rigid_body.State can be controlled."""
-    return (usable(state.rho) and usable(state.nu) and is_attitude(state.q)
+    return (usable(state.rho) and usable(state.nu) and is_unit(state.q)
             and usable(state.omega))
 
 
@@ -49,7 +41,7 @@ def usable_state(state: State) -> bool:
 def usable_reference(ref: Reference) -> bool:
     """Tell whether every field of a flatness.Reference is a number of sensible size."""
     return (usable(ref.rho) and usable(ref.v) and usable(ref.a) and usable(ref.j)
-            and usable(ref.s) and is_attitude(ref.q) and usable(ref.omega)
+            and usable(ref.s) and is_unit(ref.q) and usable(ref.omega)
             and usable(ref.omega_dot) and abs(ref.f) <= LARGEST and usable(ref.tau))
 
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from mambo_model import slots
 from mambo_model.compiled import by_type, jit, jit_inside, objmode, typeof
 from mambo_model.components import Component, Registry
-from mambo_model.motion.quaternion import norm, Quat
+from mambo_model.motion.quaternion import is_unit, norm
 from mambo_model.motion.rigid_body import State
 from mambo_model.slots import PlainMemory, PlainValues, UnusableError
 from mambo_model.values import values
@@ -43,7 +43,6 @@ Memory = Any  # of any of them
 Values = Any  # of its parameters
 Params = Any  # a dataclass with such values
 
-UNIT_TOLERANCE = 1e-3  # of |q|^2 of a user's estimate, as mambo_control.safety takes it
 _NAN3, _NAN4 = (math.nan, math.nan, math.nan), (math.nan, math.nan, math.nan, math.nan)
 _LOST = of_state(
     State(_NAN3, _NAN3, _NAN4, _NAN3), STATUS_DEAD_RECKONING, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -79,13 +78,6 @@ class OwnParams:
         return OwnValues(own if self.component.compiled else PlainValues(slot), slot)
 
 
-@jit
-def _is_unit(q: Quat) -> bool:
-    """Tell whether q (4,) is a unit quaternion up to rounding."""
-    n = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
-    return abs(n - 1.0) <= UNIT_TOLERANCE
-
-
 def read(answer: Any) -> Estimate:
     """
     Return the estimate of a custom estimator, converted to the types of compiled code.
@@ -107,7 +99,7 @@ def read(answer: Any) -> Estimate:
     for name, numbers in zip(('position', 'velocity', 'attitude', 'body rate'), out.state):
         if not all(map(math.isfinite, numbers)):
             raise UnusableError(f'step answers {name} = {numbers}')
-    if not _is_unit(out.state.q):
+    if not is_unit(out.state.q):
         raise UnusableError(f'step answers attitude = {out.state.q}, a quaternion of length '
                             f'{norm(out.state.q):.3g} instead of 1')
     if not 0 <= out.status < len(STATUS):
@@ -160,7 +152,7 @@ def _sound(e: Estimate) -> bool:
     s = e.state
     total = s.rho[0] + s.rho[1] + s.rho[2] + s.nu[0] + s.nu[1] + s.nu[2]
     total += s.q[0] + s.q[1] + s.q[2] + s.q[3] + s.omega[0] + s.omega[1] + s.omega[2]
-    return math.isfinite(total) and _is_unit(s.q)
+    return math.isfinite(total) and is_unit(s.q)
 
 
 _STEPS: dict[type, Any] = {}  # of compiled ones from outside, by the type of their values

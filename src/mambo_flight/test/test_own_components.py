@@ -9,7 +9,7 @@ import signal
 
 from mambo_bags.reader import read_bag
 from mambo_control.failsafe import REASONS
-from mambo_control.safety import REASON_CONTROLLER, UNIT_TOLERANCE
+from mambo_control.safety import REASON_CONTROLLER
 from mambo_estimation import filters
 from mambo_flight import closed_loop, fly, scenario as scenarios, scenario_file
 from mambo_flight.sweep import design
@@ -193,7 +193,6 @@ def test_an_estimate_that_is_none_is_refused(answer, said):
     assert filters.read(estimate) == estimate or np.isnan(estimate.accel).any()
     with pytest.raises(slots.UnusableError, match=said):
         filters.read(eval(answer, {'estimate': estimate}))
-    assert filters.UNIT_TOLERANCE == UNIT_TOLERANCE  # what flies refuses what a controller does
 
 
 def test_an_estimator_of_a_file_flies_and_is_lost_when_it_fails(tmp_path):

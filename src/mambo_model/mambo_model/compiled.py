@@ -74,6 +74,15 @@ def _stand_in(owner: Any, name: str) -> type:
 sys.meta_path.insert(0, _Forgotten())
 
 
+def _package(module: str) -> list[Path]:
+    """Return the files of the package that a module belongs to, without importing it."""
+    spec = importlib.util.find_spec(module.partition('.')[0])
+    if spec is None or spec.origin is None or not spec.origin.endswith('.py'):
+        return []
+    path = Path(spec.origin)
+    return sorted(path.parent.rglob('*.py')) if path.name == '__init__.py' else [path]
+
+
 def source_digest() -> str:
     """
     Return a short digest of the numerical sources of every installed ``mambo_*`` package.
@@ -89,6 +98,8 @@ def source_digest() -> str:
                 group=group)), key=lambda entry: (entry.group, entry.name)):
         version = entry.dist.version if entry.dist else ''
         digest.update(f'{entry.group} {entry.name} {entry.value} {version}'.encode())
+        for path in _package(entry.module):  # its source may change without its version
+            digest.update(path.read_bytes())
     for name in ('mambo_model', 'mambo_sim', 'mambo_estimation', 'mambo_control',
                  'mambo_flight', 'mambo_analysis'):
         spec = importlib.util.find_spec(name)

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 import copy
 import dataclasses
+import hashlib
 import importlib.metadata
 import inspect
 import keyword
@@ -101,6 +102,20 @@ def absolute(name: str, folder: Path = Path()) -> str:
     return f'{path}:{found[2]}' if found[2] else str(path)
 
 
+_REGISTRIES: list[Registry] = []
+
+
+def look_again() -> None:
+    """
+    Load every user's file anew when it is used next.
+
+    For a session that flies more than once, such as a notebook: files are edited between flights.
+    """
+    own_file.forget()
+    for registry in _REGISTRIES:
+        registry.forget()
+
+
 class Registry:
     """
     The components of one kind.
@@ -133,6 +148,7 @@ class Registry:
             for name, (params, module) in built_in.items()}
         self.trial: Callable[[Component], None] = lambda component: None
         self._found: dict[str, Component] = {}
+        _REGISTRIES.append(self)
 
     @property
     def group(self) -> str:
@@ -182,6 +198,11 @@ class Registry:
                 place = fault_place(Path(found[0]), error) if found else name
                 raise ParameterError(f'{place}: {describe(error)}') from None
         return self._found[name]
+
+    def forget(self) -> None:
+        """Forget the components of files, which may have changed."""
+        for name in filter(is_file, list(self._found)):
+            del self._found[name]
 
     def offer(self, thing: Any) -> str:
         """
@@ -281,7 +302,8 @@ class Registry:
         except Exception as error:
             raise ParameterError(f'{place}: the defaults are refused: {describe(error)}') from None
         if c.compiled:
-            name_apart(values_type(c.params), c.sha256)
+            version = f'{c.sha256} {python(c.step).__module__}'  # the values that it keeps, too
+            name_apart(values_type(c.params), hashlib.sha256(version.encode()).hexdigest())
 
 
 def _article(kind: str) -> str:

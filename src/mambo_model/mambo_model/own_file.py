@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import ast
+import builtins
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import hashlib
+import importlib.abc
+from importlib.machinery import PathFinder
 import importlib.util
 from pathlib import Path
 import signal
@@ -15,6 +18,7 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 from . import limits
+from .compilation.constants import kept
 from .compiled import own_cache, OWN_MODULES
 from .errors import MamboError
 from .schema import ParameterError
@@ -113,31 +117,41 @@ def _named_tuples(holder: Any, module: str) -> Iterator[type]:
                 yield from _named_tuples(value, module)
 
 
-def _siblings(path: Path, known: set[Path]) -> set[Path]:
-    """Return a file and the files in its folder that it imports, directly or indirectly."""
-    if path in known or not path.is_file():
-        return known
-    known.add(path)
+def _imports(file: Path) -> Iterator[str]:
+    """Yield the first names of the modules that a source imports; nothing if it has an error."""
     try:
-        tree = ast.parse(path.read_bytes())
+        tree = ast.parse(file.read_bytes())
     except (SyntaxError, ValueError):
-        return known
+        return
     for node in ast.walk(tree):
-        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else (
-            [node.module or ''] if isinstance(node, ast.ImportFrom) else [])
-        for name in names:
-            _siblings(path.with_name(f'{name.partition(".")[0]}.py'), known)
-    return known
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition('.')[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            yield str(node.module).partition('.')[0]
+
+
+def _own_files(path: Path) -> set[Path]:
+    """Return a file, and the files and packages in its folder that it imports, however far."""
+    found: set[Path] = set()
+    new = [path]
+    while new:
+        file = new.pop()
+        if file in found or not file.is_file():
+            continue
+        found.add(file)
+        for name in _imports(file):
+            new += [path.with_name(f'{name}.py'), *path.with_name(name).rglob('*.py')]
+    return found
 
 
 def digest(path: Path) -> str:
-    """Return the sha256 of a source file and of the files in its folder that it imports."""
-    files = sorted(_siblings(path, set()))
+    """Return the sha256 of a source file and of what it imports from its folder."""
+    files = sorted(_own_files(path))
     if files == [path]:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     out = hashlib.sha256()
     for file in files:
-        out.update(file.name.encode() + b'\0' + file.read_bytes())
+        out.update(file.relative_to(path.parent).as_posix().encode() + b'\0' + file.read_bytes())
     return out.hexdigest()
 
 
@@ -151,45 +165,183 @@ def fault_place(path: Path | None, error: BaseException) -> str:
     return at or str(path)
 
 
-def load_file(path: Path) -> ModuleType:
+def _is_library(name: str) -> bool:
+    """Return whether a module is one of Python, of this workspace or of an installed package."""
+    if name in sys.stdlib_module_names:
+        return True
+    loaded = sys.modules.get(name)
+    if loaded is None:
+        return False
+    parts = Path(getattr(loaded, '__file__', None) or 'site-packages').parts
+    return name.startswith('mambo') or not {'site-packages', 'dist-packages'}.isdisjoint(parts)
+
+
+class _FromSource(importlib.abc.Loader):
     """
-    Return the module of a file, loaded once for each content.
+    Runs a source as a module of another name than the one that it is imported by.
 
-    Its name holds the hash of the source, so that what was compiled for another version of the
-    file is not taken for it.
+    Never from bytecode: that counts as current if the source has its size and is of its second.
+    """
 
-    Raises
-    ------
-    ParameterError
-        If the file is not there or fails while it is loaded, with its line; also if that takes
-        more than ``MAMBO_MAX_READING_S`` (default 120 s).
+    def __init__(self, path: Path, name: str, beside: _Beside) -> None:
+        self.path, self.name, self.beside = path, name, beside
+
+    def create_module(self, spec: Any) -> ModuleType:
+        """Return the empty module."""
+        return ModuleType(self.name)
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Fill the module."""
+        sys.modules[self.name] = module  # so that numba finds its types again
+        # the statement import calls this function, now and in functions that are called later
+        vars(module)['__builtins__'] = {**vars(builtins), '__import__': self.beside.importing}
+        exec(compile(self.path.read_bytes(), self.path, 'exec', dont_inherit=True), vars(module))
+
+
+class _Beside(importlib.abc.MetaPathFinder):
+    """
+    Imports what stands in the folder of a user's file, for this file alone.
+
+    Two folders may both have a ``gains.py``, and one may have another content at the next flight.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    name
+        Of its module; begins the names of the modules beside it.
 
     """
-    limits.check_regular(path)
-    if not path.is_file():
-        raise ParameterError(f'{path}: No such file or directory')
-    name = f'{OWN_MODULES}{path.stem}_{digest(path)[:16]}'
-    if getattr(sys.modules.get(name), '__file__', None):
-        return sys.modules[name]
-    before_loading(path)
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None  # of a .py file
+
+    def __init__(self, path: Path, name: str) -> None:
+        self.folder, self.name = path.parent, name
+        tops = {file.relative_to(self.folder).parts[0] for file in _own_files(path)}
+        self.tops = {top for top in (top.removesuffix('.py') for top in tops)
+                     if not _is_library(top)}
+        self.loaded: dict[str, ModuleType] = {}
+        importlib.invalidate_caches()
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> Any:
+        """Return the specification of a module beside the file, None for any other."""
+        if name.partition('.')[0] not in self.tops:
+            return None
+        found = PathFinder.find_spec(name, [str(self.folder)] if path is None else path)
+        if found is None or found.origin is None or not found.origin.endswith('.py'):
+            return found
+        own = f'{self.name}__{name.replace(".", "__")}'
+        return importlib.util.spec_from_file_location(
+            name, found.origin, loader=_FromSource(Path(found.origin), own, self),
+            submodule_search_locations=found.submodule_search_locations)
+
+    @contextmanager
+    def found(self) -> Iterator[None]:
+        """Let imports find what stands beside the file."""
+        before = self._take_out()
+        sys.modules.update(self.loaded)
+        sys.meta_path.insert(0, self)
+        sys.path.insert(0, str(self.folder))
+        try:
+            yield
+        finally:
+            sys.path.remove(str(self.folder))
+            sys.meta_path.remove(self)
+            self.loaded = self._take_out()
+            sys.modules.update(before)
+
+    def _take_out(self) -> dict[str, ModuleType]:
+        """Remove the modules of these names from those of Python, and return them."""
+        names = [name for name in sys.modules if name.partition('.')[0] in self.tops]
+        return {name: sys.modules.pop(name) for name in names}
+
+    def importing(
+        self, name: str, globals: Any = None, locals: Any = None, fromlist: Any = (),
+        level: int = 0,
+    ) -> Any:
+        """Import as Python does, from beside the file too."""
+        whole = str((globals or {}).get('__package__')) if level else name
+        if whole.partition('.')[0] not in self.tops or self in sys.meta_path:
+            return builtins.__import__(name, globals, locals, fromlist, level)
+        with self.found():
+            return builtins.__import__(name, globals, locals, fromlist, level)
+
+
+def _run(path: Path, version: str) -> ModuleType:
+    """Return a new module of a file; its name ends with a version of what it depends on."""
+    name = f'{OWN_MODULES}{path.stem}_{version[:16]}'
+    beside = _Beside(path, name)
+    spec = importlib.util.spec_from_file_location(
+        name, path, loader=_FromSource(path, name, beside))
+    assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    sys.path.insert(0, str(path.parent))  # for files beside it
     try:
-        with own_cache(name), bounded(path):  # what is compiled goes with this content
+        # what is compiled goes with this version
+        with own_cache(name), bounded(path), beside.found():
             spec.loader.exec_module(module)
-        for kind in _named_tuples(module, name):
-            name_apart(kind, digest(path))
+        for part in _modules(name):
+            for kind in _named_tuples(sys.modules[part], part):
+                name_apart(kind, version)
     except BaseException as error:
-        del sys.modules[name]
+        _drop(name)
         if isinstance(error, KeyboardInterrupt | TooLongError):
             raise
         if isinstance(error, SyntaxError):
             at = f'{error.filename}:{error.lineno}' if error.filename else path
             raise ParameterError(f'{at}: {error.msg}') from None
         raise ParameterError(f'{fault_place(path, error)}: {describe(error)}') from None
-    finally:
-        sys.path.remove(str(path.parent))
+    return module
+
+
+def _modules(name: str) -> list[str]:
+    """Return the names of a user's module and of what it has imported from beside it."""
+    return [key for key in sys.modules if key == name or key.startswith(f'{name}__')]
+
+
+def _drop(name: str) -> None:
+    for key in _modules(name):
+        del sys.modules[key]
+
+
+_loaded: dict[tuple[Path, str], ModuleType] = {}
+
+
+def forget() -> None:
+    """Let every file be loaded anew: it, or what it reads, may have changed."""
+    _loaded.clear()
+
+
+def load_file(path: Path) -> ModuleType:
+    """
+    Return the module of a file, loaded once for each content until :func:`forget`.
+
+    Its name holds a hash of the source, of what it imports from its folder, and of the values
+    that compiled code keeps. So nothing that was compiled for another version is taken for it.
+
+    Raises
+    ------
+    ParameterError
+        If the file is not there or fails while it is loaded, with its line; also if that takes
+        more than ``MAMBO_MAX_READING_S`` (default 120 s), or if a value that compiled code keeps
+        is another one each time.
+
+    """
+    limits.check_regular(path)
+    if not path.is_file():
+        raise ParameterError(f'{path}: No such file or directory')
+    sha256 = digest(path)
+    if (path, sha256) in _loaded:
+        return _loaded[path, sha256]
+    before_loading(path)
+    module = _run(path, sha256)
+    if values := kept(module, module.__name__):
+        _drop(module.__name__)
+        version = hashlib.sha256(f'{sha256} {sorted(values.items())}'.encode()).hexdigest()
+        known = sys.modules.get(f'{OWN_MODULES}{path.stem}_{version[:16]}')
+        module = known if getattr(known, '__file__', None) else _run(path, version)
+        again = kept(module, module.__name__)
+        if changing := sorted(name for name in values if again.get(name) != values[name]):
+            _drop(module.__name__)
+            raise ParameterError(
+                f'{path.parent / changing[0]} has another value each time the file is loaded, and '
+                'compiled code keeps one: make it a parameter, or leave out @jit')
+    _loaded[path, sha256] = module
     return module

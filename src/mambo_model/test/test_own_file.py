@@ -1,10 +1,13 @@
 """A user's file as a module: one for each content, with the helpers beside it; errors by line."""
 
+import os
+import random
 import signal
 import sys
 import time
+from types import ModuleType
 
-from mambo_model.own_file import describe, digest, fault_place, load_file
+from mambo_model.own_file import describe, digest, fault_place, forget, load_file
 from mambo_model.schema import ParameterError
 import pytest
 
@@ -101,4 +104,119 @@ def test_a_fault_is_at_the_innermost_line_of_the_users_folder(write):
     except IndexError as error:
         assert fault_place(path, error) == f'{path.parent / "own_helper.py"}:2'
         assert fault_place(None, error) == 'None'
-    sys.modules.pop('own_helper', None)
+
+
+def test_a_changed_file_is_not_taken_from_bytecode_of_its_second(write, monkeypatch):
+    monkeypatch.setattr(sys, 'dont_write_bytecode', False)
+    monkeypatch.setattr(sys, 'pycache_prefix', None)
+    for size in (1, 2):  # as long, and of the same time
+        os.utime(write(f'SIZE = {size}\n', 'helper.py'), (1e9, 1e9))
+        path = write(f'from helper import SIZE\nanswer = {size}\n')
+        os.utime(path, (1e9, 1e9))
+        assert (load_file(path).answer, load_file(path).SIZE) == (size, size)
+    assert sorted(file.name for file in path.parent.iterdir()) == ['helper.py', 'mine.py']
+
+
+def test_a_helper_that_changes_in_a_session_counts(write):
+    write('SIZE = 1\n', 'helper.py')
+    path = write('import helper\n')
+    first = load_file(path)
+    write('SIZE = 2\n', 'helper.py')
+    assert (load_file(path).helper.SIZE, first.helper.SIZE) == (2, 1)
+    assert 'helper' not in sys.modules
+
+
+def test_helpers_of_one_name_in_two_folders_are_told_apart(tmp_path):
+    found = []
+    for size in (1, 2):
+        folder = tmp_path / str(size)
+        folder.mkdir()
+        (folder / 'helper.py').write_text(f'SIZE = {size}\n')
+        (folder / 'mine.py').write_text('from helper import SIZE\n')
+        found.append(load_file(folder / 'mine.py').SIZE)
+    assert found == [1, 2]
+
+
+def test_a_package_beside_a_file_belongs_to_it(write, tmp_path):
+    (tmp_path / 'net' / 'deep').mkdir(parents=True)
+    write('from .deep.weights import SCALE\n', 'net/__init__.py')
+    write('import base\nSCALE = base.ONE\n', 'net/deep/weights.py')
+    path = write('import net\nfrom net.deep import weights\nscale = net.SCALE\n')
+    for one in (1, 2):
+        write(f'ONE = {one}\n', 'base.py')
+        module = load_file(path)
+        assert (module.scale, module.weights.SCALE) == (one, one)
+    assert not {'net', 'net.deep', 'base'} & set(sys.modules)
+
+
+def test_what_is_imported_in_a_function_is_found_beside_the_file_too(write):
+    write('TIMES = [0]\n', 'helper.py')
+    path = write('import helper\n\n\ndef count():\n    import helper\n    import late\n'
+                 '    helper.TIMES[0] += late.ONE\n    return helper.TIMES[0]\n')
+    write('ONE = 1\n', 'late.py')
+    module = load_file(path)
+    assert [module.count(), module.count(), module.helper.TIMES] == [1, 2, [2]]
+
+
+def test_a_session_keeps_its_own_module_of_a_helpers_name(write, monkeypatch):
+    mine = ModuleType('helper')
+    mine.__file__ = '/elsewhere/helper.py'
+    monkeypatch.setitem(sys.modules, 'helper', mine)
+    write('SIZE = 3\n', 'helper.py')
+    assert load_file(write('from helper import SIZE\n')).SIZE == 3
+    assert sys.modules['helper'] is mine
+
+
+def test_a_file_beside_does_not_take_the_place_of_pythons_own(write):
+    write('broken = True\n', 'random.py')
+    assert load_file(write('import random\n')).random is random
+
+
+def test_it_is_python_of_its_own(write):
+    assert load_file(write('def f(x: 1):\n    pass\n')).f.__annotations__ == {'x': 1}
+
+
+def test_after_forget_a_file_is_loaded_anew(write, tmp_path):
+    (tmp_path / 'gain.txt').write_text('1')
+    path = write('from pathlib import Path\n'
+                 "GAIN = float(Path(__file__).with_name('gain.txt').read_text())\n")
+    assert load_file(path).GAIN == 1.0
+    (tmp_path / 'gain.txt').write_text('2')
+    assert load_file(path).GAIN == 1.0
+    forget()
+    assert load_file(path).GAIN == 2.0
+
+
+COMPILED = """
+from pathlib import Path
+from mambo_model.compiled import jit
+GAIN = float(Path(__file__).with_name('gain.txt').read_text())
+UNUSED = object()
+
+@jit
+def step(x):
+    return GAIN * x
+"""
+
+
+def test_compiled_code_is_that_of_the_values_that_it_keeps(write, tmp_path):
+    path = write(COMPILED)
+    found = []
+    for gain in ('1', '2', '1'):
+        (tmp_path / 'gain.txt').write_text(gain)
+        forget()
+        found.append(load_file(path))
+    assert [module.step(3.0) for module in found] == [3.0, 6.0, 3.0]
+    assert found[2] is found[0] and found[1].__name__ != found[0].__name__
+    assert len([name for name in sys.modules if name.startswith('mambo_own_mine_') and getattr(
+        sys.modules[name], '__file__', None) == str(path)]) == 2
+
+
+def test_a_value_that_differs_each_time_is_no_constant_of_compiled_code(write, tmp_path):
+    (tmp_path / 'gain.txt').write_text('1')
+    path = write(COMPILED.replace(
+        'float(', '__import__("time").monotonic() + float('))
+    with pytest.raises(ParameterError, match=(
+            r'/mine.py: GAIN has another value each time the file is loaded, and compiled code '
+            'keeps one: make it a parameter, or leave out @jit$')):
+        load_file(path)

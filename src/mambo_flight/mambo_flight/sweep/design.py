@@ -272,6 +272,11 @@ def read(path: Path) -> Sweep:
     if seed and 'seed' in names:
         raise schema.ParameterError(
             f'{seed.where}: {seed.name}: the key seed sets it as well: leave one out')
+    for axis in axes:
+        if axis.name in scenarios.COMPONENTS and axis.name.rpartition('.')[2] in names:
+            raise schema.ParameterError(
+                f'{axis.where}: {axis.name}: the key {axis.name.rpartition(".")[2]} sets it as '
+                'well: leave one out')
     rows = _table(axes, head, reader)
     if 'samples' in settings:
         _refuse_one_sample(axes, rows, reader.where(keys['samples'][0]))
@@ -347,10 +352,10 @@ class Flights:
         for axis, value in zip(self.sweep.axes, self.sweep.rows[number]):
             if axis.name == 'seed':
                 parameters.update(dict.fromkeys(scenarios.SEEDS, value))
-            elif axis.name in FIELDS:
+            elif axis.name in FIELDS or axis.name in scenarios.COMPONENTS:
                 if isinstance(value, str):
                     value = course_file.absolute(value, self.sweep.path.parent)
-                settings[axis.name] = Place(value, axis.where)
+                settings[axis.name.rpartition('.')[2]] = Place(value, axis.where)
             else:
                 parameters[axis.name] = value
         try:

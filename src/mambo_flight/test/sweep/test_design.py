@@ -1,5 +1,6 @@
 """Sweep files: each point of a grid once, draws of the distributions asked for, refusals."""
 
+from pathlib import Path
 import re
 
 from mambo_flight.sweep import design
@@ -118,7 +119,18 @@ def test_vectors_are_listed_and_drawn_by_component(sweep):
     assert np.std(np.array(drawn)[:, 1]) == pytest.approx(0.5, rel=0.15)
 
 
+@pytest.mark.parametrize('name', ['estimator', 'estimator_node.estimator'])
+def test_a_component_of_ones_own_is_varied_by_both_names(sweep, tmp_path, name):
+    ours = Path(__file__).parents[4] / 'examples/alpha_beta_filter.py'
+    (tmp_path / 'mine.py').write_text(ours.read_text())
+    flights = design.Flights(sweep(f'vary: {{{name}: [mine.py, kalman]}}'))
+    assert flights[0].estimator_node.mine.alpha == 0.3
+    assert flights[1].estimator_node.estimator == 'kalman'
+
+
 @pytest.mark.parametrize(('text', 'message'), [
+    ('vary: {controller: [indi], controller_node.controller: [indi]}',
+     ':2: controller_node.controller: the key controller sets it as well: leave one out'),
     ('vary: {sead: 1}', ':2: sead: unknown parameter; did you mean seed'),
     ('vary: {sim_node.sped: 1}', ':2: sim_node.sped: unknown parameter; did you mean'),
     ('vary: {seed: []}', ':2: seed: is an empty list'),

@@ -19,6 +19,14 @@ Matrix3 = tuple[Vec3, Vec3, Vec3]
 Matrix4 = tuple[Quat, Quat, Quat, Quat]
 
 IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
+UNIT_TOLERANCE = 1e-3  # of |q|^2: far above rounding, far below a wrong quaternion
+
+
+@jit
+def is_unit(q: Quat) -> bool:
+    """Tell whether q (4,) has length 1 up to UNIT_TOLERANCE of its square; NaN has not."""
+    n = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    return abs(n - 1.0) <= UNIT_TOLERANCE
 
 
 @jit

@@ -24,6 +24,14 @@ def random_vector(seed):
     return tuple(np.random.default_rng(seed).normal(size=3).tolist())
 
 
+@pytest.mark.parametrize(('length', 'unit'), [
+    (1.0, True), (1.0004, True), (0.9996, True), (1.0006, False), (0.9994, False), (0.0, False),
+    (2.0, False), (math.nan, False), (math.inf, False)])
+def test_only_a_quaternion_of_length_one_is_a_unit_quaternion(length, unit):
+    q, _ = random_attitude(1)
+    assert quat.is_unit(tuple(length * part for part in q)) is unit
+
+
 def product_matrix(p):
     """Return Q(p) of (2.10): multiply(p, q) = Q(p) q."""
     w, x, y, z = p

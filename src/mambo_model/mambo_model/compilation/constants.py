@@ -1,0 +1,109 @@
+"""Values that compiled code of a user's file keeps: they may come from outside of its source."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import enum
+import hashlib
+from types import CodeType, ModuleType
+from typing import Any
+
+import numpy as np
+
+_PLAIN = (bool, int, float, complex, str, bytes, type(None), np.generic, enum.Enum)
+
+
+def kept(module: ModuleType, within: str) -> dict[str, str]:
+    """
+    Return a digest of each value that the compiled functions of a module read from outside.
+
+    numba takes a global, a variable of an enclosing function or a default as a constant. What is
+    compiled and cached on disk belongs to these values, too, not to the source alone: a file of
+    weights may have changed.
+
+    Parameters
+    ----------
+    module
+        With compiled functions, in classes too.
+    within
+        Begins the names of the modules whose functions are followed.
+
+    Returns
+    -------
+    dict
+        {file and name: digest}; empty without compiled functions.
+
+    """
+    found: dict[str, str] = {}
+    seen: set[int] = set()
+    for function in _compiled_functions(module, module.__name__):
+        _follow(function, within, seen, found)
+    return found
+
+
+def _compiled_functions(holder: Any, module: str) -> Iterator[Any]:
+    """Yield the compiled functions of a module or class, and of the classes inside."""
+    for value in list(vars(holder).values()):
+        value = getattr(value, '__func__', value)  # of a staticmethod
+        if hasattr(value, 'py_func'):
+            yield value
+        elif isinstance(value, type) and value.__module__ == module:
+            yield from _compiled_functions(value, module)
+
+
+def _names(code: CodeType) -> set[str]:
+    """Return every name that code reads, that of functions inside it too."""
+    names = set(code.co_names)
+    for part in code.co_consts:
+        if isinstance(part, CodeType):
+            names |= _names(part)
+    return names
+
+
+def _follow(function: Any, within: str, seen: set[int], found: dict[str, str]) -> None:
+    """Add the values that a function, and what it calls, reads."""
+    function = getattr(function, 'py_func', function)
+    if id(function) in seen or not (function.__module__ or '').startswith(within):
+        return
+    seen.add(id(function))
+    code = function.__code__
+    file = code.co_filename.rpartition('/')[2]
+    names = _names(code)
+    values = {name: function.__globals__[name] for name in names & function.__globals__.keys()}
+    for name, cell in zip(code.co_freevars, function.__closure__ or ()):
+        try:
+            values[f'{function.__qualname__}.{name}'] = cell.cell_contents
+        except ValueError:  # has none yet
+            continue
+    for i, value in enumerate(function.__defaults__ or ()):
+        values[f'{function.__qualname__}, default {i}'] = value
+    for name, value in sorted(values.items()):
+        if isinstance(value, ModuleType):  # numba reads its attributes as globals
+            for inner in sorted(names & vars(value).keys()):
+                _add(f'{file}: {name}.{inner}', vars(value)[inner], within, seen, found)
+        else:
+            _add(f'{file}: {name}', value, within, seen, found)
+
+
+def _add(
+    place: str, value: Any, within: str, seen: set[int], found: dict[str, str],
+) -> None:
+    """Add a value under its place, or follow it if it is a function."""
+    if hasattr(value, 'py_func') or hasattr(value, '__code__'):
+        _follow(value, within, seen, found)
+    elif (text := _content(value)) is not None:
+        found[place] = hashlib.sha256(text).hexdigest()
+
+
+def _content(value: Any, depth: int = 0) -> bytes | None:
+    """Return a value as bytes; None for what compiled code does not keep."""
+    if isinstance(value, _PLAIN):
+        return f'{type(value).__name__} {value!r}'.encode()
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        return f'{value.dtype.str} {value.shape} '.encode() + value.tobytes()
+    if isinstance(value, dict):
+        value = tuple(value.items())
+    if isinstance(value, tuple | list) and depth < 20:
+        parts = [_content(part, depth + 1) for part in value]
+        return b'(' + b', '.join(b'?' if part is None else part for part in parts) + b')'
+    return None

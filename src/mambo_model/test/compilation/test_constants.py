@@ -1,0 +1,102 @@
+"""Values that compiled functions keep are found, wherever they stand; nothing else is."""
+
+from types import ModuleType
+
+from mambo_model.compilation.constants import kept
+import numpy as np
+import pytest
+
+TEXT = """
+import enum
+import math
+from typing import NamedTuple
+import numba
+import numpy as np
+import inner
+
+class Mode(enum.IntEnum):
+    HOVER = {number}
+
+class Pair(NamedTuple):
+    a: float
+    b: tuple
+
+ONE = {number}
+TABLE = np.array([{number}.0, 2.0])
+PAIR = Pair(1.0, (2.0, {number}))
+ROWS = [1.0, {number}]
+NAMES = {{'a': {number}}}
+OTHER = object()
+UNREAD = {number}
+MODE = Mode.HOVER
+
+def factory(gain):
+    @numba.njit
+    def made(x):
+        return gain * x
+    return made
+
+made = factory({number})
+
+@numba.njit
+def by_default(x, gain={number}):
+    return gain * x
+
+@numba.njit
+def helper(x):
+    return x + ONE
+
+class Controller:
+    @staticmethod
+    @numba.njit
+    def step(x):
+        return {body}
+"""
+
+
+def load(body, number=1):
+    """Return the module of a text in which the body of a step is this."""
+    inner = ModuleType('own_inner')
+    inner.GAIN, inner.UNREAD = number, number
+    module = ModuleType('own_mine')
+    text = TEXT.format(body=body, number=number).replace('import inner\n', '')
+    vars(module)['inner'] = inner
+    exec(compile(text, '/there/mine.py', 'exec'), vars(module))
+    return module
+
+
+@pytest.mark.parametrize(('body', 'name'), [
+    ('x + ONE', 'ONE'), ('TABLE[0]', 'TABLE'), ('PAIR.b[1]', 'PAIR'), ('ROWS[1]', 'ROWS'),
+    ('len(NAMES)', 'NAMES'), ('MODE + x', 'MODE'), ('inner.GAIN', 'inner.GAIN'),
+    ('[ONE for _ in range(3)][0]', 'ONE'), ('helper(x)', 'ONE'),
+    ('made(x)', 'factory.<locals>.made.gain'), ('by_default(x)', 'by_default, default 0')])
+def test_a_value_that_is_read_is_kept_and_another_one_shows(body, name):
+    place = f'mine.py: {name}'
+    one, same, two = (kept(load(body, number), 'own_') for number in (1, 1, 2))
+    assert place in one and one[place] == same[place] != two[place]
+    assert not any('UNREAD' in key or 'OTHER' in key for key in one)
+
+
+def test_what_python_and_libraries_hold_is_followed_no_further():
+    found = kept(load('math.pi * x + np.float64(OTHER is None)'), 'own_')
+    assert 'mine.py: math.pi' in found and not any('OTHER' in name for name in found)
+    assert kept(load('helper(x)'), 'another_') == {}
+    plain = ModuleType('own_plain')
+    exec('def f(x):\n    return x + 1\n\n\nLIST = [1]', vars(plain))
+    assert kept(plain, 'own_') == {}
+
+
+def test_an_array_differs_in_type_and_shape():
+    parts = [np.zeros(4), np.zeros((2, 2)), np.zeros(4, np.int64), np.zeros(8, np.float32)]
+    found = []
+    for part in parts:
+        module = load('TABLE[0]')
+        module.TABLE = part
+        found.append(kept(module, 'own_')['mine.py: TABLE'])
+    assert len(set(found)) == len(parts)
+
+
+def test_a_list_that_holds_itself_has_an_end():
+    module = load('ROWS[1]')
+    module.ROWS.append(module.ROWS)
+    assert 'mine.py: ROWS' in kept(module, 'own_')
