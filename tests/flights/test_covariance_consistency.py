@@ -54,7 +54,7 @@ BOUNDS = {
 
 
 @pytest.mark.parametrize('path', ['hover', 'circle', 'vertical_circle'])
-@pytest.mark.sweep
+@pytest.mark.long
 def test_stated_covariances_are_neither_too_small_nor_too_large(path):
     found = [nees(fly(sloping(path, seed), inner=True)) for seed in range(1, SEEDS + 1)]
     for name, (low, high) in BOUNDS.items():

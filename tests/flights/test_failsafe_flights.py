@@ -73,6 +73,7 @@ def test_a_wrong_belief_still_comes_down_blind():
     assert lost.height[-1] <= 0.0 and lost.shutdown[-1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('what', ['reference', 'estimate', 'height', 'velocity'])
 def test_a_loss_of_a_tenth_of_a_second_is_flown_through(what):
     whole = fly(flight())
@@ -83,6 +84,7 @@ def test_a_loss_of_a_tenth_of_a_second_is_flown_through(what):
     np.testing.assert_array_equal(lost.rho[lost.t < CIRCLING], whole.rho[whole.t < CIRCLING])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('choices', [
     {}, {'controller': 'toolbox', 'estimator': 'toolbox', 'believed': 'toolbox'}])
 def test_without_loss_it_is_the_flight_of_the_closed_loop(choices):

@@ -40,6 +40,7 @@ def test_the_height_stays_with_the_sonar(log, tmp_path):
     assert 'height diverged' not in verdict(bag, answered(bag, found))
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not LOGS, reason='real recordings are not beside the checkout')
 @pytest.mark.parametrize('log', LOGS, ids=lambda log: log.stem)
 def test_the_joint_filter_is_within_0_3_m_of_the_sonar(log, tmp_path):

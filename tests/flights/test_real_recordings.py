@@ -57,6 +57,7 @@ def test_poses_that_the_import_left_out_are_a_table(tmp_path):
     assert validate.rejected_poses({'whole': bags['whole']}) == []
 
 
+@pytest.mark.long
 @recorded
 @pytest.mark.parametrize('section', validate.SECTIONS)
 def test_a_section_of_the_document_is_measured_again(section):

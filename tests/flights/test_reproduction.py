@@ -22,6 +22,7 @@ def examined():
     return reproduce.examine(reproduce.select_figures([]))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_document_is_what_the_command_says(examined):
     written, made = DOCUMENT.read_text().splitlines(), markdown(examined).splitlines()

@@ -25,6 +25,7 @@ def broken(findings):
     return {one.rule: one.seen for one in findings if one.verdict == 'broken'}
 
 
+@pytest.mark.long
 def test_the_example_keeps_every_rule_in_lockstep_and_real_time(capsys, tmp_path, monkeypatch):
     out = tmp_path / 'found.json'
     monkeypatch.setattr(check, 'LEAVE', BUSY)
@@ -44,20 +45,22 @@ def test_the_example_keeps_every_rule_in_lockstep_and_real_time(capsys, tmp_path
     (['stamps', 'start'], {
         'stamps': 'are not those of its inputs, the first is .* the wall clock',
         'start': 'messages before the flight begins, wanted none'}),
-    (['values', 'answers', 'one publisher', 'ready', 'real time', 'SIGINT'], {
+    pytest.param(['values', 'answers', 'one publisher', 'ready', 'real time', 'SIGINT'], {
         'values': 'pwm = .*nan.*, wanted finite', 'answers': 'have several',
         'one publisher': '/mambo/other, wanted one|/mambo/my_controller, wanted one',
         'ready': 'before /mambo/reference of it was published',
-        'real time': 'later than 5 ms; ', 'SIGINT': 'still there after 1 s'}),
-    (['order', 'backlog'], {
-        'order': 'stamps are not after', 'backlog': 'steps at once have no answer'}),
+        'real time': 'later than 5 ms; ', 'SIGINT': 'still there after 1 s'},
+        marks=pytest.mark.long),
+    pytest.param(['order', 'backlog'], {
+        'order': 'stamps are not after', 'backlog': 'steps at once have no answer'},
+        marks=pytest.mark.long),
     # without a backlog, whose losses leave this controller with more than one input missing
-    (['no timers', 'missing input'], {
+    pytest.param(['no timers', 'missing input'], {
         'no timers': 'in which time stood still, wanted none',
-        'missing input': 'of the next 20 steps have no answer'}),
-    (['qos', 'subscribes'], {
+        'missing input': 'of the next 20 steps have no answer'}, marks=pytest.mark.long),
+    pytest.param(['qos', 'subscribes'], {
         'qos': 'offers reliability best_effort', 'subscribes': '/mambo/reference is not subscr',
-        'answers': '40 of 40 steps have none'}),
+        'answers': '40 of 40 steps have none'}, marks=pytest.mark.long),
     (['type'], {'type': 'std_msgs/msg/String, wanted mambo_interfaces/msg/MotorPwm'}),
     (['publishes'], {'publishes': 'nobody publishes /mambo/motor_pwm; /mambo/pwm has its type'}),
 ], ids=lambda one: '-'.join(one) if isinstance(one, list) else '')

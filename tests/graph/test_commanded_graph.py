@@ -125,6 +125,7 @@ def test_the_graph_flies_the_recorded_commands_again_to_the_last_bit(bag, tmp_pa
     assert len(read_bag(tmp_path / 'graph')[f'/mambo/{topics.COMMAND.name}'].raw) >= 4
 
 
+@pytest.mark.long
 def test_a_command_after_a_shutdown_is_refused(tmp_path):
     process = start(tmp_path / 'bag', '--set', 'controller_node.cascaded.height_max=0.5')
     try:

@@ -109,6 +109,7 @@ def test_nodes_composed_in_one_process_record_the_same_file(bag, tmp_path):
     assert digest(composed) == digest(bag)
 
 
+@pytest.mark.long
 def test_a_recorder_outside_hears_all_that_composed_nodes_say(bag, tmp_path):
     inside, outside, file = (tmp_path / name for name in ('inside', 'outside', 'scenario.yaml'))
     names = [*(name for _, name in (*FLIGHT_NODES, RECORDER)), 'stranger']
@@ -183,7 +184,10 @@ def test_offline_replay_gives_the_recorded_estimate_to_the_bit(bag, package_bag,
 
 
 @pytest.mark.parametrize(
-    'choices', [{}, PACKAGE, {'estimator': 'ground_truth'}], ids=['default', 'package', 'truth'])
+    'choices', [
+        pytest.param({}, id='default'),
+        pytest.param(PACKAGE, id='package', marks=pytest.mark.long),
+        pytest.param({'estimator': 'ground_truth'}, id='truth', marks=pytest.mark.long)])
 def test_the_closed_loop_in_one_process_is_the_graph_to_the_bit(
         bag, package_bag, tmp_path, choices):
     if choices == PACKAGE:
@@ -214,6 +218,7 @@ def test_the_closed_loop_in_one_process_is_the_graph_to_the_bit(
     assert digest(same) == digest(bag)
 
 
+@pytest.mark.long
 def test_bad_samples_really_travel_and_the_bag_keeps_their_order(faulty_bag):
     def stamps(topic):
         return np.array([cdr.stamp_ns(data) for data in payloads(faulty_bag, topic)])
@@ -228,6 +233,7 @@ def test_bad_samples_really_travel_and_the_bag_keeps_their_order(faulty_bag):
     assert tick[6_595_000_000] - tick[5_595_000_000] == 27  # 25, and the first two in time again
 
 
+@pytest.mark.long
 def test_with_bad_samples_closed_loop_and_replays_are_the_graph_to_the_bit(faulty_bag, tmp_path):
     alone = closed_loop.fly(flight(more=FAULTS))
     estimates = payloads(faulty_bag, topics.ESTIMATE)
@@ -259,6 +265,7 @@ def test_diagnostics_name_the_bad_sensor(faulty_bag):
     assert 'optical flow: ' in logged[6][1] and 'barometer: ' in logged[4][1]
 
 
+@pytest.mark.long
 def test_cameras_that_lose_the_body_say_so_and_publish_no_pose(tmp_path):
     bag = tmp_path / 'flight'
     cameras = {'frame_loss': 0.05, 'markers.layout': 'symmetric', 'markers.occlusion': 0.5}
@@ -352,6 +359,7 @@ def test_a_flight_that_a_failsafe_ended_is_told_and_no_success(tmp_path, how):
         assert logged.removeprefix('run: ') in (bag / 'index.html').read_text()
 
 
+@pytest.mark.long
 def test_a_node_ended_in_flight_is_told_on_the_table_and_the_page(tmp_path):
     bag = tmp_path / 'ended'
     run = start('--duration', 600, '--mode', 'realtime', '--output', bag)
@@ -402,6 +410,7 @@ def test_careless_arguments_get_one_clear_line(capsys, arguments, complaint):
     assert 'Traceback' not in err
 
 
+@pytest.mark.long
 def test_an_existing_output_is_not_touched(tmp_path):
     keep = tmp_path / 'keep'
     keep.write_text('mine')
@@ -461,6 +470,7 @@ class Loss:
         return codes
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('mode', ['realtime', 'lockstep'])
 def test_a_node_that_is_gone_in_flight_lands_the_vehicle(tmp_path, mode):
     flights, codes = [], []

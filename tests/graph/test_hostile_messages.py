@@ -37,7 +37,7 @@ def stranger(rounds, flood=0.0):
         process.communicate()
 
 
-@pytest.mark.parametrize('mode', ['lockstep', 'realtime'])
+@pytest.mark.parametrize('mode', ['lockstep', pytest.param('realtime', marks=pytest.mark.long)])
 def test_a_stranger_on_every_input_changes_nothing(tmp_path, mode):
     seconds, rounds = (80.0, 40) if mode == 'lockstep' else (9.0, 60)
     names = ','.join(name for _, name in (*FLIGHT_NODES, RECORDER))
@@ -82,6 +82,7 @@ def test_a_stranger_on_every_input_changes_nothing(tmp_path, mode):
     assert bool(flooded) == (mode == 'lockstep')
 
 
+@pytest.mark.long
 def test_a_stranger_on_every_input_changes_nothing_in_a_replay(tmp_path, monkeypatch):
     with Domain() as domain:
         monkeypatch.setenv('ROS_DOMAIN_ID', str(domain.number))

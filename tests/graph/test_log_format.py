@@ -4,7 +4,10 @@ import os
 import subprocess
 import sys
 
+import pytest
 
+
+@pytest.mark.long
 def test_a_log_format_of_the_users_own_does_not_blind_the_runner(tmp_path):
     done = subprocess.run(
         [sys.executable, '-m', 'mambo_bringup.run', '--duration', '1', '--no-landing',

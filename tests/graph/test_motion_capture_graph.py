@@ -40,6 +40,7 @@ def digest(bag):
     return [hashlib.sha256(file.read_bytes()).hexdigest() for file in sorted(bag.glob('*.mcap'))]
 
 
+@pytest.mark.long
 def test_two_flights_with_one_seed_have_identical_bags(bag, tmp_path):
     again = tmp_path / 'again'
     fly(flight(), again, composed=True)  # one process: no message goes the same way

@@ -46,6 +46,7 @@ def bag(tmp_path_factory):
     return read_bag(path)
 
 
+@pytest.mark.long
 def test_every_frame_arrives_with_the_time_of_its_exposure(bag):
     stamps = bag['/mambo/optitrack/pose'].stamp
     frames = np.round(stamps / PERIOD)

@@ -47,6 +47,7 @@ CASES = [
         ('old-late', 'composed', 'lockstep'), ('negative-late', 'separate', 'realtime')]]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('kind, how, mode', CASES)
 def test_a_flight_whose_only_controller_publishes_garbage_ends(
         tmp_path, prefix, monkeypatch, capsys, kind, how, mode):
@@ -73,6 +74,7 @@ def test_a_flight_whose_only_controller_publishes_garbage_ends(
     assert stopped.startswith('motors stopped at t = ')
 
 
+@pytest.mark.long
 def test_a_node_that_fails_at_the_start_is_named_and_not_the_empty_bag(
         tmp_path, prefix, monkeypatch, capsys):
     monkeypatch.setenv('MAMBO_GARBAGE', 'unknown')  # its constructor raises

@@ -45,6 +45,7 @@ def test_a_sweep_varies_the_four_of_ones_own():
     assert last.sim_node.simulator.vehicle.mass == 0.074
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('composed', [False, True])
 def test_one_that_raises_is_landed_and_ends_the_flight_with_its_line(tmp_path, composed):
     broken = tmp_path / 'broken.py'

@@ -8,6 +8,7 @@ import urllib.request
 from free_port import free_port
 from mambo_bringup.flight import runner
 from mambo_bringup.run import main
+import pytest
 
 
 def fly(bag, *words):
@@ -15,6 +16,7 @@ def fly(bag, *words):
     return [hashlib.sha256(file.read_bytes()).hexdigest() for file in sorted(bag.glob('*.mcap'))]
 
 
+@pytest.mark.long
 def test_the_bag_is_the_same_with_a_view_without_and_with_one_that_fails(
         tmp_path, monkeypatch, capsys):
     alone = fly(tmp_path / 'alone', '--duration', '4')

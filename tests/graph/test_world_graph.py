@@ -24,7 +24,8 @@ def hall():
                  overrides={'sim_node.mode': 'lockstep'}), PARAMS)
 
 
-@pytest.fixture(scope='module', params=[True, False], ids=['composed', 'processes'])
+@pytest.fixture(scope='module', params=[True, pytest.param(False, marks=pytest.mark.long)],
+                ids=['composed', 'processes'])
 def flown(request, tmp_path_factory):
     """Return outcomes and bags by namespace."""
     drones, folder = hall(), tmp_path_factory.mktemp('world')
@@ -57,6 +58,7 @@ def test_the_graph_flies_what_one_process_flies(flown, tmp_path):
     assert limit == 0.2 and len(separation.pairs(tracks)[0].t) == 801
 
 
+@pytest.mark.long
 def test_each_drone_replays_to_the_bit(flown, tmp_path):
     path = flown[1]['/mambo2']
     replay(path, tmp_path / 'again')

@@ -57,6 +57,7 @@ def check_flight(path, out):
     return bag
 
 
+@pytest.mark.long
 def test_a_controller_of_yours_flies_in_real_time(tmp_path, started_when_invited, capsys):
     children = started_when_invited(PD)
     for speed in (1.0, 0.5, 0.25, 0.1):
@@ -85,6 +86,7 @@ def test_a_controller_of_yours_flies_in_lockstep_twice_the_same(
     assert files[0] == files[1]
 
 
+@pytest.mark.long
 def test_a_controller_that_never_comes_is_named(tmp_path, capsys):
     code = fly(tmp_path / 'bag', '--set', 'sim_node.start_patience=10.0')  # the others need 3 s
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith('run: ')]

@@ -29,6 +29,7 @@ def measured(*contenders, repetitions=3):
     return measure.measure(contenders, repetitions, lambda line: None)
 
 
+@pytest.mark.long
 @needs_gcc
 def test_the_c_reference_flies_the_path_of_the_plant(tmp_path):
     gains, vv = geometric.Gains(), Vehicle().values()
@@ -56,6 +57,7 @@ def test_without_a_compiler_one_line_says_what_to_install(tmp_path):
         in_c.build(tmp_path, 'such-cc')
 
 
+@pytest.mark.long
 def test_without_a_network_rotorpy_is_a_gap(tmp_path, monkeypatch):
     monkeypatch.setenv('PIP_NO_INDEX', '1')
     with pytest.raises(measure.Gap, match='RotorPy cannot be installed .*is there a network'):

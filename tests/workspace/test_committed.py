@@ -23,6 +23,7 @@ def test_the_committed_bag_is_the_flight_of_today(tmp_path):
         'stale: run tools/remake.py bags/circle_short'
 
 
+@pytest.mark.long
 def test_the_figure_of_the_readme_is_the_flight_of_today(tmp_path):
     assert digest.saved(ROOT / 'docs/images/circle.png') == digest.digest(
         remake.circle_figure(tmp_path)), 'stale: run tools/remake.py docs/images/circle.png'

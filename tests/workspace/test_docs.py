@@ -50,6 +50,7 @@ def site(tmp_path_factory):
     return folder
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @needs_mkdocs
 def test_the_site_builds_without_a_warning(site):
@@ -139,6 +140,7 @@ def numbers(text):
     return [float(value) for value in pattern.findall(text)], pattern.sub('#', text)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name', ['circle', 'graph'])
 def test_the_pictures_are_those_of_today(name):
     drawn = (animation if name == 'circle' else graph).svg()
@@ -173,6 +175,7 @@ def blocks(page):
     return BLOCK.findall(page.read_text(encoding='utf-8'))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize('page', TUTORIALS, ids=lambda page: page.stem)
 def test_what_a_tutorial_says_works(page, tmp_path):

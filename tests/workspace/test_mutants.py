@@ -157,6 +157,7 @@ def frames(monkeypatch, tmp_path):
     return command
 
 
+@pytest.mark.long
 def test_a_survivor_is_named_and_makes_the_command_fail(frames, capsys):
     assert frames(0) == 0
     assert '10 of 10 killed, 0 survived' in capsys.readouterr().out
@@ -165,6 +166,7 @@ def test_a_survivor_is_named_and_makes_the_command_fail(frames, capsys):
     assert 'vectors: y kept: SURVIVED' in shown and '9 of 10 killed, 1 survived' in shown
 
 
+@pytest.mark.long
 def test_the_report_keeps_the_tables_of_other_files(frames):
     other = '## mambo_model/vehicle/motor_mixer.py: 10 of 10\n\n| error | killed by |\n|---|---|\n'
     mutants.REPORT.write_text('Of old.\n\n' + other)

@@ -89,6 +89,7 @@ def test_run_of_a_package_alone_says_what_there_is(prefix):
     assert ros2('run', 'nowhere') == (1, '', "Package 'nowhere' not found\n")
 
 
+@pytest.mark.long
 def test_run_of_a_package_of_ours_alone_has_a_line_for_each_executable():
     code, _, error = ros2('run', 'mambo_analysis')
     lines = dict(line.split(maxsplit=1) for line in error.splitlines()[1:])

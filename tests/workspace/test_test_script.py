@@ -71,11 +71,11 @@ def checkout(tmp_path):
 
 
 @pytest.mark.parametrize('arguments, given, kind', [
-    ([], ['-m', 'not sweep'], 'all'),
-    (['--fast'], ['-m', 'not slow and not sweep'], 'chosen'),
-    (['--sweeps'], ['-m', 'sweep'], 'chosen'),
-    (['-k', 'a or b'], ['-m', 'not sweep', '-k', 'a or b'], 'chosen'),
-    (['--fast', '-k', 'a', '-x'], ['-m', 'not slow and not sweep', '-k', 'a', '-x'], 'chosen')])
+    ([], ['-m', 'not long'], 'all'),
+    (['--fast'], ['-m', 'not slow and not long'], 'chosen'),
+    (['--long'], ['-m', 'long'], 'chosen'),
+    (['-k', 'a or b'], ['-m', 'not long', '-k', 'a or b'], 'chosen'),
+    (['--fast', '-k', 'a', '-x'], ['-m', 'not slow and not long', '-k', 'a', '-x'], 'chosen')])
 def test_without_files_the_options_go_to_every_colcon_and_pytest(
         checkout, arguments, given, kind):
     colcon = [f' {word}' if word.startswith('-') else word for word in given]
@@ -93,9 +93,9 @@ def test_without_files_the_options_go_to_every_colcon_and_pytest(
     (['tests', 'src', '-x'], ['tests', 'src', '-x']),
     (['tests/test_a b.py::test_one'], ['tests/test_a b.py::test_one']),
     (['tests', '-k', 'a'], ['tests', '-k', 'a']),
-    (['--fast', 'tests'], ['-m', 'not slow and not sweep', 'tests']),
-    (['tests', '--sweeps'], ['-m', 'sweep', 'tests'])])
-def test_files_go_to_one_pytest_with_their_sweeps_unless_options_choose(
+    (['--fast', 'tests'], ['-m', 'not slow and not long', 'tests']),
+    (['tests', '--long'], ['-m', 'long', 'tests'])])
+def test_files_go_to_one_pytest_with_their_long_ones_unless_options_choose(
         checkout, arguments, given):
     assert checkout.test(*arguments) == {
         'tests.xml': given, 'count': ['files', '.cache/test-results/tests.xml']}

@@ -6,6 +6,7 @@ import sys
 import gymnasium
 import mambo.gym
 import numpy as np
+import pytest
 
 
 def test_the_ids_are_registered_and_make_both_kinds():
@@ -18,6 +19,7 @@ def test_the_ids_are_registered_and_make_both_kinds():
         np.testing.assert_array_equal(many.reset(seed=1)[0][0], one.reset(seed=1)[0])
 
 
+@pytest.mark.long
 def test_without_gymnasium_one_line_says_what_to_install():
     code = 'import sys; sys.modules["gymnasium"] = None; import mambo, mambo.gym'
     done = subprocess.run([sys.executable, '-c', code], text=True, capture_output=True)

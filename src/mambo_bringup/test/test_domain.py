@@ -121,6 +121,7 @@ def test_an_error_names_that_all_domains_are_taken(monkeypatch):
     assert str(refusal.value) == 'no free ROS domain: other flights use all of them'
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('module, name', [
     ('mambo_bringup.run', 'run'), ('mambo_sim.sim_node', 'sim_node'),
     ('mambo_bringup.composed_node', 'recorder_node')])

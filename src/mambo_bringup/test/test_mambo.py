@@ -163,13 +163,15 @@ SWEEP = 'title: t\nscenario: short.yaml\nvary: {seed: [1, 2]}\n'
 
 @pytest.mark.slow
 @pytest.mark.parametrize('line, size', [
-    ('fly short.yaml -o OUT', 150_000), ('recover BAG OUT', 150_000),
+    pytest.param('fly short.yaml -o OUT', 150_000, marks=pytest.mark.long),
+    ('recover BAG OUT', 150_000),
     ('estimate BAG -o OUT', 150_000),
     ('import bag BAG OUT --map /mambo/imu/data_raw:=imu/data_raw', 60_000),
     ('compare BAG --html OUT', 150_000), ('compare BAG -o OUT', 9_000),
     ('compare BAG --csv OUT', 600), ('compare BAG --json OUT', 600),
     ('identify motor BAG -o OUT', 100), ('identify sensors BAG -o OUT', 9_000),
-    ('sweep sweep.yaml -o OUT --workers 1', 1_000), ('reproduce 3.3 -o OUT', 9_000)])
+    ('sweep sweep.yaml -o OUT --workers 1', 1_000),
+    pytest.param('reproduce 3.3 -o OUT', 9_000, marks=pytest.mark.long)])
 def test_a_full_disk_is_one_line_and_no_half_file(
         line, size, tmp_path, monkeypatch, capsys, small_disk):
     monkeypatch.chdir(tmp_path)

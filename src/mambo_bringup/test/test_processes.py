@@ -270,6 +270,7 @@ def test_a_second_signal_ends_hanging_nodes_at_once(run_group):
     assert ended.fault == 'other did not exit when interrupted, ended by SIGKILL'
 
 
+@pytest.mark.long
 def test_a_suspended_runner_is_told_to_end(tmp_path):
     script(tmp_path / 'node', COOPERATIVE)
     runner = subprocess.Popen([sys.executable, '-c', f"""

@@ -85,6 +85,7 @@ def test_q_and_minus_q_give_the_same_bits(seed):
         assert (a.pwm, a.attitude_error) == (b.pwm, b.attitude_error)
 
 
+@pytest.mark.long
 def test_printed_attitude_term_diverges():
     printed = flight(start(), 3000, 1e-3, setup(printed=True))
     corrected = flight(start(), 3000, 1e-3, setup())

@@ -63,6 +63,7 @@ def errors(t, y, case):
         P, p, out.rho_e + turn(back, P), out.nu_e + turn(back, p), out.q_e, out.omega_e])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('yaw', [0.0, 1.0])
 def test_error_dynamics_alone_match_vehicle_and_controller(yaw):
     case, times = setup(yaw_amplitude=yaw), np.linspace(0.0, 8.0, 81)

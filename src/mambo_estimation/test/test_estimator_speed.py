@@ -7,6 +7,7 @@ from mambo_estimation import kalman
 from mambo_estimation.kalman import EstimatorParams
 from mambo_estimation.measurements.barometer import BarometerParams
 import numpy as np
+import pytest
 
 PARAMS = EstimatorParams(barometer=BarometerParams(enabled=True))
 TRUTH = fly(circle(), 12.0)
@@ -32,6 +33,7 @@ def alone(samples, params):
     return m, out
 
 
+@pytest.mark.long
 def test_same_bits_alone_and_in_a_compiled_loop():
     loop = estimate(SAMPLES, PARAMS)
     memory, estimates = alone(SAMPLES, PARAMS)

@@ -213,6 +213,7 @@ def total_covariance(f):
     return matrix(f.P) + sum(np.outer(stack(s), stack(s)) for s in (f.scale, f.slope, f.yaw))
 
 
+@pytest.mark.long
 def test_errors_are_as_large_as_the_filter_says_with_factor_and_yaw_wrong_too():
     seeds, yaw_std, nees, naive = 60, 0.02, 0.0, 0.0
     for seed in range(seeds):

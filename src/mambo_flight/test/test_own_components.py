@@ -49,6 +49,7 @@ def flown(controller, **more):
     return closed_loop.fly(flight(controller, **more), inner=True)  # as the command flies
 
 
+@pytest.mark.long
 def test_a_compiled_and_a_plain_one_fly_the_same_numbers(plain):
     one, two = flown(PD), flown(plain())
     assert not slots.latest_fault()
@@ -60,6 +61,7 @@ def test_a_compiled_and_a_plain_one_fly_the_same_numbers(plain):
     assert not one.stopped.any()
 
 
+@pytest.mark.long
 def test_two_compiled_ones_with_classes_of_equal_names_are_told_apart(tmp_path, faulty):
     text = PD.read_text().replace(STEP, f'thrust *= 0.9\n    {STEP}')
     (tmp_path / 'other.py').write_text(text)

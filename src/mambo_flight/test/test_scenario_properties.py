@@ -38,6 +38,7 @@ def test_any_flight_reads_back_equal(flight, write):
     assert from_yaml(write(flight)) == flight
 
 
+@pytest.mark.long
 @settings(max_examples=25)
 @given(flights())
 def test_both_ways_to_print_say_the_same(flight):

@@ -138,6 +138,7 @@ def test_each_of_several_bodies_is_that_of_a_hall_of_its_own_to_the_bit():
             view for k in range(60) for view, in alone.look(k * STEP, [approaching(k)[number]])]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('swap', [0.0, 0.5])
 def test_what_drones_do_to_each_other_is_that_of_the_mock_to_the_bit(swap):
     shared = HallCaptureParams(

@@ -175,6 +175,7 @@ def cache_folder(packages, cache, before=''):
         text=True).stdout.strip()
 
 
+@pytest.mark.long
 def test_compiled_code_is_kept_where_asked_and_a_changed_source_starts_afresh(tmp_path):
     source = Path(compiled.__file__).parent
     for copy in ('same', 'again', 'changed'):

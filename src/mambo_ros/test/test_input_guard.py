@@ -417,6 +417,7 @@ def test_no_node_hides_what_rclpy_keeps_in_one(ros, file):
     assert theirs.isdisjoint(assigned(ast.parse(file.read_text())))
 
 
+@pytest.mark.long
 def test_use_sim_time_can_be_set_on_a_node(ros):
     from mambo_sim.sim_node import SimNode
     node = SimNode()

@@ -189,6 +189,7 @@ def test_messages_that_have_arrived_are_handled_before_the_loop_stops(ros):
     loop.close()
 
 
+@pytest.mark.long
 def test_a_flood_starves_neither_timers_nor_other_topics_nor_the_stop(ros):
     flood, others, turns = [], [], []
     node = MamboNode('node', NoParams)

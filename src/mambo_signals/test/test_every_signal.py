@@ -13,6 +13,7 @@ def bag(tmp_path_factory):
         ('node', 2, 1.0, 'a text')]))
 
 
+@pytest.mark.long
 def test_signals_are_interpolated_at_the_instants(bag):
     instants = np.arange(1001, 5000, 7) * 1_000_000
     found = dict(signals(bag, instants, 500))

@@ -27,6 +27,7 @@ def referenced(path, steps, scenario=SCENARIO):
     return read_bag(path)
 
 
+@pytest.mark.long
 def test_a_flight_has_three_parts_that_share_their_ends(tmp_path):
     bag = read_bag(make_flight(tmp_path / 'b'))
     seen = phases(bag)

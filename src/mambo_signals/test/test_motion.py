@@ -161,6 +161,7 @@ def test_the_velocity_of_a_reference_is_inertial(tmp_path):
     assert same_attitude(found.quaternion, turn)
 
 
+@pytest.mark.long
 def test_the_best_topic_is_chosen_and_another_one_beside_it(tmp_path):
     bag = read_bag(make_flight(tmp_path / 'a', 1.0))
     few = read_bag(make_flight(tmp_path / 'b', 1.0, leave_out=('ground_truth/odom',)))

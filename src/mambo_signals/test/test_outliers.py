@@ -116,6 +116,7 @@ def test_rejected_poses_are_reported_in_one_line(count, words):
     assert '2005 deg/s or 30 m/s' in message
 
 
+@pytest.mark.long
 def test_poses_that_all_jump_are_sorted_in_bounded_time():
     rng = np.random.default_rng(0)
     count = 20_000

@@ -47,7 +47,7 @@ def test_a_known_offset_is_recovered_to_2_ms(rates, seed):
     assert found.bias == pytest.approx(-0.3, abs=0.02)  # of a against b: their zeros differ
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_the_standard_error_is_that_of_many_trials():
     z = []
     for seed in range(60):
@@ -194,6 +194,7 @@ def test_a_slow_wander_of_a_hover_gives_no_yaw(seed):
         registration(a, b)
 
 
+@pytest.mark.long
 def test_the_standard_error_of_a_yaw_is_that_of_errors_that_last():
     """Errors of 2 cm that last 0.25 s beside a path of 1 m: 40 yaws scatter as is said."""
     t = motion(0)[0][::20]

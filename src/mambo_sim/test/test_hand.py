@@ -13,6 +13,7 @@ CARRIED = SimulatorParams(
     hand=HandParams(enabled=True, plan=PLAN), noise=False, imu=ImuParams(accel_resolution=0.0))
 
 
+@pytest.mark.long
 def test_it_is_where_the_hand_is_whatever_the_motors_do():
     values, rngs, state = CARRIED.values(), generators(1), initial_state(CARRIED)
     for tick in range(2400):

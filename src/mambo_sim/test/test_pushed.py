@@ -34,6 +34,7 @@ def test_a_constant_push_is_integrated_exactly():
     assert driven.rho[2] - free.rho[2] == pytest.approx(0.5 * a * t * t, rel=1e-9)
 
 
+@pytest.mark.long
 def test_no_push_is_the_plain_step():
     plain = simulator.advance(in_air(), STILL, True, VALUES)
     assert pushed.advance_as(in_air(), STILL, True, VALUES, None).plant == plain.plant

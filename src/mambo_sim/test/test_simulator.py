@@ -76,6 +76,7 @@ def python_loop(params, ticks, seed=None, commands=command):
     return out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('params', [
     SimulatorParams(seed=3), SimulatorParams(noise=False),
     SimulatorParams(vehicle=Vehicle(motor_time_constant=0.03)), SimulatorParams(vehicle=OPTIONS),

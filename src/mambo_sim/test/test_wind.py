@@ -34,6 +34,7 @@ def drifting(yaw, seconds, **options):
     return state, out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('yaw', [0.0, 1.0])
 def test_a_hovering_vehicle_drifts_off_with_the_wind_as_its_drag_says(yaw):
     _, bodies = drifting(yaw, 4.0)

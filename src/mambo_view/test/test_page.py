@@ -101,6 +101,7 @@ def test_texts_of_strangers_are_no_markup(shown):
     assert '&lt;b&gt;t' in shown._status.content
 
 
+@pytest.mark.long
 def test_garbage_of_a_stranger_fills_no_terminal(shown, caplog):
     port = shown.server.get_port()
     hello = (b'GET / HTTP/1.1\r\nHost: localhost\r\nOrigin: http://localhost\r\n'

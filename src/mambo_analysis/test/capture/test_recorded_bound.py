@@ -40,6 +40,7 @@ def hover(n):
     return state, np.arange(n) * DT
 
 
+@pytest.mark.long
 def test_the_bound_of_a_recorded_path_is_that_of_the_same_simulated_flight():
     flight = override(flight_of('circle_rising'), {'sim_node.duration': 25.0})
     r = closed_loop.fly(flight)

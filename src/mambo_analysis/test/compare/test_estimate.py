@@ -47,6 +47,7 @@ def counted(source, gone=(), again=()):
     return str(source)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('gone, short', [((60,), False), (range(80, 100), True)])
 def test_samples_that_are_not_in_the_bag_are_told_and_so_is_an_early_end(
         tmp_path, capsys, gone, short):
@@ -68,6 +69,7 @@ def flown(**choices):
     return {'attachments': {'scenario.yaml': to_yaml(scenario(**choices))}}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(('when', 'output'), [('since > 0.2', True), ('gyro[0] > 0.0', False)])
 def test_an_estimator_of_ones_own_that_fails_is_named_behind_what_it_gave(
         tmp_path, capsys, when, output):
@@ -105,6 +107,7 @@ def test_it_tells_errors_and_writes_the_estimates(tmp_path, capsys):
                     'ground_truth/odom', '--no-align']) == 0
 
 
+@pytest.mark.long
 def test_a_simulated_flight_is_judged_by_its_optitrack(capsys):
     bag = Path(__file__).parents[4] / 'bags/circle_short'
     assert estimate.main([str(bag)]) == 0
@@ -135,6 +138,7 @@ def test_the_estimator_is_that_of_the_bag_or_of_a_file(tmp_path):
         assert estimate.parameters(bag) == scenario().estimator_node
 
 
+@pytest.mark.long
 def test_it_says_whose_parameters_were_used(tmp_path):
     file = tmp_path / 'own.yaml'
     file.write_text('/mambo/estimator_node: {ros__parameters: {joint: {sonar: {noise: 0.1}}}}')

@@ -168,6 +168,7 @@ def test_an_estimator_without_a_covariance_is_not_held_to_it():
     assert judge.from_capture(bag, estimate.answered(bag, found)) == []
 
 
+@pytest.mark.long
 def test_the_intervals_of_a_contradicted_flight_are_qualified(monkeypatch, capsys):
     bag = read_bag(BAG, estimate.READ)
     node = estimate.parameters(bag)

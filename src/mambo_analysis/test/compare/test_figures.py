@@ -269,6 +269,7 @@ def test_take_off_and_landing_are_shaded_where_they_are():
     assert figures.shade(Phases(None, None, ''), 0, 1) == []
 
 
+@pytest.mark.long
 def test_the_sheet_has_every_figure_with_its_curves(flight, tmp_path):
     sheet = figures.overview(flight, 'a flight')
     assert sheet.get_suptitle() == 'a flight'

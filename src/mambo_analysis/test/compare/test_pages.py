@@ -64,6 +64,7 @@ class Elements(HTMLParser):
         return [attrs for tag, attrs in self.found if tag in tags]
 
 
+@pytest.mark.long
 def test_a_page_has_what_a_screen_reader_needs(text):
     page = Elements(text)
     assert page.all('html')[0]['lang'] == 'en' and len(page.all('title')) == 1
@@ -150,6 +151,7 @@ def ended(tmp_path_factory):
                                 diagnostics=DIAGNOSTICS))
 
 
+@pytest.mark.long
 def test_every_page_says_what_ended_a_flight_early_and_what_was_refused(flights, ended):
     result = compare(ended)
     against, comparison, alignment = compare_bags(flights[0], ended)

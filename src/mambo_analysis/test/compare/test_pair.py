@@ -140,6 +140,7 @@ def test_topics_are_the_ones_asked_for_or_the_best_of_both(tmp_path):
         'estimate/odom', 'optitrack/pose']
 
 
+@pytest.mark.long
 def test_two_simulated_flights_share_clock_and_frame(tmp_path):
     a, b = (read_bag(make_flight(tmp_path / name, 9.0)) for name in 'ab')
     result, _, alignment = compare_bags(a, b)

@@ -90,6 +90,7 @@ def attach(monkeypatch):
     return attach
 
 
+@pytest.mark.long
 def test_commands_take_the_vehicle_of_the_bag(tmp_path, attach, capsys, monkeypatch):
     path = bag(tmp_path, noise=0.05)
     attach(as_yaml(of_vehicle('crazyflie', mass=0.031)))

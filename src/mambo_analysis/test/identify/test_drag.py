@@ -66,7 +66,7 @@ def test_a_sine_in_height_shows_the_vertical_drag():
 
 
 @pytest.mark.slow
-@pytest.mark.sweep
+@pytest.mark.long
 def test_intervals_cover_over_20_seeds():
     # a fit flies 15 s many times over: 20 still tell intervals that are half or twice as wide
     found = [fit_drag(flown(flight(seed=seed)), blind(seed=seed)) for seed in range(1, 21)]
@@ -91,6 +91,7 @@ def test_a_hover_is_refused():
         fit_drag(flown(flight()), blind(), start=9.0, end=8.0)
 
 
+@pytest.mark.long
 def test_the_command_reads_a_bag_and_writes_a_vehicle(tmp_path, capsys):
     assert main([str(BAG), '--out', str(tmp_path)]) == 0
     assert 'k_c' in capsys.readouterr().out

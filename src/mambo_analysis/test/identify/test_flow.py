@@ -96,7 +96,7 @@ def test_rotation_left_in_the_flow_is_told_from_the_motion():
     assert fit_factor(data).leak is None
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_intervals_cover_over_60_seeds():
     data = [measured('linear', seed) for seed in range(60)]
     found = [fit_factor(one, 'linear') for one in data]

@@ -23,6 +23,7 @@ def numbers(command, path, folder, *options):
         folder / f'{name}.yaml')
 
 
+@pytest.mark.long
 def test_a_flight_without_scenario_gives_drag_map_and_lag(tmp_path):
     path, mass = bag(tmp_path, noise=0.05), ['--mass', '0.03']
     found, vehicle = numbers(drag, path, tmp_path / 'drag', *mass)
@@ -42,6 +43,7 @@ def test_a_flight_without_scenario_gives_drag_map_and_lag(tmp_path):
     assert vehicle.motor_time_constant == found['time constant']['value']
 
 
+@pytest.mark.long
 def test_the_mass_scales_the_motor_map_alone(tmp_path):
     path = bag(tmp_path)
     light, heavy = (numbers(thrust, path, tmp_path / mass, '--mass', mass)[1]
@@ -61,6 +63,7 @@ def test_wrong_use_is_one_line(tmp_path, capsys, command, arguments, said):
     assert said in error and '\n' not in error
 
 
+@pytest.mark.long
 def test_what_the_flight_does_not_show_is_refused_with_the_reason(tmp_path, capsys):
     path = bag(tmp_path, radius=0.02)
     assert drag.main([str(path)]) == 2
@@ -87,6 +90,7 @@ def test_the_map_of_the_base_can_be_asked_for(tmp_path, capsys):
     assert motor.main([str(BAG), '--map', 'base']) == 0
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not NANOBENCH.is_dir(), reason='no recordings beside the checkout')
 def test_a_real_flight_imported_through_its_mapping_gives_the_numbers(tmp_path):
     """Drags as published for this drone, 0.38 and 0.40 1/s; a lag near the bench's 0.065 s."""
@@ -118,6 +122,7 @@ def test_a_value_is_that_of_the_fit_or_the_reason_why_there_is_none(tmp_path):
     assert facts['mean voltage [V]'] == pytest.approx(3.6, abs=0.1)
 
 
+@pytest.mark.long
 def test_a_flight_without_battery_says_so(tmp_path):
     flight = from_flight.read(bag(tmp_path, text=MAP.partition('  battery')[0]), 'crazyflie',
                               None, None)

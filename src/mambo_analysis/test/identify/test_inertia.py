@@ -41,7 +41,7 @@ def test_the_axes_of_the_mambo_come_back(J, theta):
     assert found.fit.order == (0,)
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_intervals_cover_over_60_seeds():
     J, (w, d, c) = 7.75e-5, (None, K_D, C)
     w = np.sqrt(RIG.mass * RIG.gravity * RIG.separation ** 2 / (4.0 * J * RIG.length))

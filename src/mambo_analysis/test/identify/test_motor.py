@@ -58,7 +58,7 @@ def test_a_heavier_vehicle_has_less_acceleration_but_the_same_lag():
     assert found.time_constant.value == pytest.approx(0.03, rel=0.05)
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_intervals_cover_over_60_seeds():
     found = []
     for seed in range(60):

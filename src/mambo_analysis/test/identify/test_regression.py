@@ -93,14 +93,14 @@ def coloured(rng, a=0.9):
     return signal.lfilter([1.0], [1.0, -a], rng.standard_normal(N + 500))[500:, None]
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_intervals_hold_under_coloured_noise():
     found = [fit_line(line([2.0, 0.3]) + 0.1 * coloured(np.random.default_rng(seed)))
              for seed in range(200)]
     assert_covers(2.0, [one.value(0, '1') for one in found])
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_intervals_that_take_coloured_noise_for_white_would_not_hold(monkeypatch):
     monkeypatch.setattr(
         'mambo_analysis.identify.regression.autoregression', lambda x: np.empty(0))

@@ -77,7 +77,7 @@ def measured(seed):
     ('sonar', 'noise', NOISE), ('sonar', 'outliers', STRAY), ('sonar', 'dropouts', LOST),
     ('flow', 'latency', 1e3 * LATENCY), ('barometer', 'noise from value to value', PRESSURE),
     ('gyro x', 'vibration in flight', None), ('accel z', 'vibration in flight', None)])
-@pytest.mark.sweep
+@pytest.mark.long
 def test_intervals_cover_the_truth(sensor, quantity, truth):
     if truth is None:  # white noise above 15 Hz: what is left of it to the Nyquist frequency
         truth = {'gyro x': 0.01, 'accel z': 0.5}[sensor] * np.sqrt(85.0 / 100.0)
@@ -87,6 +87,7 @@ def test_intervals_cover_the_truth(sensor, quantity, truth):
     assert np.median([line.value for line in lines]) == pytest.approx(truth, rel=0.1)
 
 
+@pytest.mark.long
 def test_latency_is_found_to_some_milliseconds():
     lines = [found(measured(seed), 'flow', 'latency') for seed in range(SEEDS)]
     assert np.median([line.high - line.low for line in lines]) < 15.0

@@ -37,7 +37,7 @@ def test_the_line_comes_back_within_1_percent():
     assert found.better == 'linear'
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_intervals_cover_over_400_seeds():
     found = [fit_thrust(COMMANDS, bench(seed)) for seed in range(400)]
     assert_covers(A, [one.a for one in found])

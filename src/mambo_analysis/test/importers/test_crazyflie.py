@@ -157,6 +157,7 @@ def test_after_a_lost_packet_a_count_weighs_what_is_new_on_average(tmp_path):
     np.testing.assert_allclose(rate[known], np.where(new, x, 0.0)[known], atol=1e-5)
 
 
+@pytest.mark.long
 def test_a_rate_whose_force_was_lost_is_published(tmp_path):
     log = flight()
     lost = log['drone']['ae483log.a_z']
@@ -212,6 +213,7 @@ def test_the_bag_says_where_it_came_from(made):
     assert record['horizontal_acceleration'] == 'NaN'
 
 
+@pytest.mark.long
 def test_options(tmp_path, made):
     source = save(tmp_path / 'log.json')
     assert main([str(source), str(tmp_path / 'a'), '--mocap-offset', '-980.5', '--level',
@@ -265,6 +267,7 @@ def turning():
     return log
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('ranged', [True, False])
 def test_the_gyro_can_give_the_clock(tmp_path, ranged):
     log = turning()
@@ -279,6 +282,7 @@ def test_the_gyro_can_give_the_clock(tmp_path, ranged):
     assert float(record['mocap_offset_s']) == pytest.approx(OFFSET, abs=0.001)
 
 
+@pytest.mark.long
 def test_a_range_that_determines_nothing_leaves_it_to_the_gyro(tmp_path):
     log = turning()
     log['drone']['ae483log.r']['data'] = [0.5] * len(log['drone']['ae483log.r']['time'])
@@ -302,6 +306,7 @@ def round_flight():
     return log
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('swap, text', [
     ('y and z', 'the range follows y of the motion capture (correlation 1.00), z does not'),
     ('x and z', 'the range follows x of the motion capture (correlation 1.00), z does not'),
@@ -362,6 +367,7 @@ def test_the_gyro_of_the_firmware_is_held_to_its_attitude(tmp_path, capsys, unit
         assert main([str(source), str(tmp_path / 'bag')]) == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('scale, text', [
     (10.0, 'a_z has a median of 98.1 m/s^2, usual are 7 to 13: check'),
     (0.0, 'a_z is 0 throughout: it was not measured')])
@@ -371,6 +377,7 @@ def test_an_accelerometer_that_does_not_carry_the_weight_is_told(tmp_path, capsy
     assert f'accelerometer: {text}' in capsys.readouterr().out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('scale, told', [(1.02, False), (1.08, True)])
 def test_a_height_of_another_scale_is_told(tmp_path, capsys, scale, told):
     """A range is right to some percent only: 2 % does not show."""
@@ -607,6 +614,7 @@ def test_left_motors_roll_the_real_drone_to_the_right(tmp_path):
         assert np.corrcoef(pwm @ signs, angular)[0, 1] > 0.2, axis
 
 
+@pytest.mark.long
 @settings(max_examples=4)  # imports, each of 2000 random poses
 @given(seed=st.integers(0, 2**31), offset=st.floats(-990.0, -989.95))
 def test_every_pose_of_the_drone_and_of_the_hall_survives(tmp_path_factory, seed, offset):

@@ -18,6 +18,7 @@ KINDS = {
     'motive': (import_motive.main, '.csv', motive, reworded, [])}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('kind', KINDS)
 def test_a_damaged_file_gives_one_line_or_a_bag(kind, tmp_path, capfd):
     main, suffix, make, change, options = KINDS[kind]

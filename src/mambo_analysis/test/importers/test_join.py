@@ -176,7 +176,7 @@ def recorded_apart(seed, offset, seconds=20.0):
     return bag, poses
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_the_clock_is_as_sure_as_it_says_and_no_surer():
     """Over seeded flights: within 1.96 standard errors near 95 %, and the errors no smaller."""
     offsets = np.random.default_rng(0).uniform(-50.0, 50.0, 25)

@@ -206,6 +206,7 @@ def test_what_a_map_says_is_none_is_left_out(flight, tmp_path, capsys):
     assert 'rt_pressure (4001, 1), rt_z_ultrasonic (4001, 1)' in output
 
 
+@pytest.mark.long
 def test_a_gyro_in_degrees_is_found_out_or_told(flight, tmp_path, capsys):
     degrees = scopes(flight, gyro_unit=math.degrees(1.0))
     bag, output = imported(tmp_path, capsys, degrees)
@@ -329,6 +330,7 @@ def test_six_columns_import_and_leave_the_height_open(flight, tmp_path, capsys):
         '/mambo/imu/data_raw', '/mambo/motor_pwm', '/mambo/onboard/odom']
 
 
+@pytest.mark.long
 def test_a_vector_of_flow_with_its_flag(flight, tmp_path, capsys):
     found = scopes(flight)
     flow = np.column_stack([found.pop(f'rt_{name}')['signals']['values'] for name in 'uvw'])
@@ -348,6 +350,7 @@ def test_a_workspace_with_an_onboard_estimate_alone(flight, tmp_path, capsys, na
     assert 'not used: Out_Pos_rt (4001, 3), Kp' in output
 
 
+@pytest.mark.long
 def test_few_angles_that_cannot_be_are_left_out_and_counted(flight, tmp_path, capsys):
     found = template(flight)
     found['rt_estim']['signals']['values'][100:103, 4] = 1.7
@@ -358,6 +361,7 @@ def test_few_angles_that_cannot_be_are_left_out_and_counted(flight, tmp_path, ca
     assert len(stamps) == 3997 and not np.isin([100, 101, 102, 103], stamps).any()
 
 
+@pytest.mark.long
 def test_the_estimate_of_scopes_is_one_where_it_has_a_pose(flight, tmp_path, capsys):
     found = scopes(flight)
     truth = flight.truth
@@ -403,6 +407,7 @@ def test_a_log_cut_off_in_the_middle_is_one_line(flight, tmp_path, capsys):
         assert 'not a readable mat file' in error and error.count('\n') == 1
 
 
+@pytest.mark.long
 def test_a_small_file_of_large_variables_is_refused(tmp_path, monkeypatch):
     monkeypatch.setenv('MAMBO_MAX_UNPACKED_MB', '10')
     scipy.io.savemat(tmp_path / 'zeros.mat', {'rt_a_x': np.zeros(12 << 20)}, do_compression=True)

@@ -17,7 +17,7 @@ def flown():
     return [trial(seed) for seed in (1, 2, 3)]
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_intervals_hold_in_simulated_flights(flown):
     """Of 24 intervals of 95 % one may miss; 5 have a chance of 0.6 %."""
     rows = [row for one in flown for row in one.values.values()]
@@ -25,7 +25,7 @@ def test_intervals_hold_in_simulated_flights(flown):
     assert sum(low <= true <= high for _, low, high, true in rows) >= len(rows) - 4
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_every_kind_of_parameter_is_shown(flown):
     shown = {name for one in flown for name in one.values}
     assert shown >= {'drag x', 'drag y', 'drag z', 'exponent', 'thrust', 'hover command',
@@ -33,7 +33,7 @@ def test_every_kind_of_parameter_is_shown(flown):
     assert 'inertia z' not in shown  # nothing turns it about z
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_intervals_are_narrow_enough_to_tell_something(flown):
     widest = {'drag x': 0.1, 'drag y': 0.1, 'exponent': 0.1, 'thrust': 0.005,
               'hover command': 0.005, 'inertia x': 0.15, 'inertia y': 0.15}
@@ -44,6 +44,7 @@ def test_intervals_are_narrow_enough_to_tell_something(flown):
             assert abs(value - true) < 2.0 * share * true, name
 
 
+@pytest.mark.long
 def test_the_truth_of_the_hover_is_where_the_thrust_is_the_weight(flown):
     true = flown[0].values['hover command'][3]
     assert 4.0 * FLIE.power_a * true ** FLIE.power_b == pytest.approx(
@@ -166,6 +167,7 @@ def test_a_flight_too_short_to_show_anything_is_said(monkeypatch, capsys):
     assert 'seed 1: seed_1: 3.0 s in the air' in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_a_flight_that_stays_on_its_path_is_the_same_every_time(flown):
     again = trial(2)
     assert again == flown[1]

@@ -23,7 +23,7 @@ def test_without_noise_the_model_is_found_exactly():
     assert not found.hidden
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_intervals_cover_and_are_no_wider_than_the_spread():
     """Of 25 flights 95 % intervals miss a parameter once; 6 misses have a chance of 0.1 %."""
     found = [fit_force(flight(seed)) for seed in range(25)]
@@ -38,6 +38,7 @@ def test_intervals_cover_and_are_no_wider_than_the_spread():
         assert 0.7 < half / (1.96 * spread) < 2.2, name
 
 
+@pytest.mark.long
 def test_a_drag_that_changes_within_the_flight_widens_its_interval():
     """Of a drag that grows by half in the middle, the interval reaches both values."""
     steady, later = flight(0, 30.0), flight(1, 30.0, TRUE._replace(drag=(0.6, 0.35, 0.25)))

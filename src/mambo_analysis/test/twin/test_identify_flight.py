@@ -59,6 +59,7 @@ def test_a_bag_without_rest_says_so(tmp_path, capsys):
     assert 'no second of rest' in out and 'gyro bias' not in out
 
 
+@pytest.mark.long
 def test_what_a_flight_does_not_show_stays_as_in_the_base(tmp_path, capsys):
     """A vehicle that hardly moves shows no drag: the file has none of its own."""
     path = bag(tmp_path, radius=0.02)
@@ -80,6 +81,7 @@ def turned(folder):
                     folder, mounting=STRAIGHT)
 
 
+@pytest.mark.long
 def test_a_flight_that_turns_shows_its_inertia(tmp_path, capsys):
     path, flie = turned(tmp_path), preset('crazyflie')
     assert main([str(path), '-o', str(tmp_path / 'out'), '--base', 'crazyflie',
@@ -95,6 +97,7 @@ def test_a_flight_that_turns_shows_its_inertia(tmp_path, capsys):
     assert 'inertia is for a motor lag of 0.05 s, as given' in out
 
 
+@pytest.mark.long
 def test_a_flight_that_its_motors_do_not_turn_keeps_the_inertia_of_the_base(tmp_path, capsys):
     path = bag(tmp_path, noise=0.05)
     assert main([str(path), '-o', str(tmp_path / 'out'), '--base', 'crazyflie']) == 0

@@ -104,6 +104,7 @@ def test_a_weak_battery_is_made_up_for_by_the_command():
     assert abs(tired[-1] - flown[-1]) < 0.5 * np.abs(tired - flown).max()
 
 
+@pytest.mark.long
 def test_a_battery_that_is_not_known_is_that_of_the_model():
     one = recording([0.0, 0.0, 1.0])
     unknown = one._replace(voltage=np.full(len(one.t), np.nan))

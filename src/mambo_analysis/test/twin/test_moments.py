@@ -39,7 +39,7 @@ def test_the_prediction_is_the_recursion_that_is_written():
     np.testing.assert_allclose(predicted(theta, u, v, rate), out, atol=1e-12)
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_moments_come_back_from_disturbed_flights_in_closed_loop():
     """Of 12 intervals of 95 % one may miss; 4 have a chance of 0.2 %."""
     inside = 0
@@ -58,6 +58,7 @@ def test_a_motor_lag_that_is_too_long_gives_a_smaller_moment():
     assert 0.5 < long / short < 0.95
 
 
+@pytest.mark.long
 def test_what_turns_without_its_motors_shows_no_moment():
     """Equal commands turn nothing; a gyro that only hisses shows nothing either."""
     one, rng = flight(0), np.random.default_rng(0)
@@ -67,6 +68,7 @@ def test_what_turns_without_its_motors_shows_no_moment():
         assert moment.value is None and 'little but its noise: R^2' in moment.hidden
 
 
+@pytest.mark.long
 def test_commands_that_explain_too_little_are_refused_with_the_number():
     """The gyro of another flight: these commands did not turn it."""
     other = noisy(3)
@@ -75,6 +77,7 @@ def test_commands_that_explain_too_little_are_refused_with_the_number():
     assert 'with a thrust map known to' in found['x'].hidden and '1/m' in found['x'].hidden
 
 
+@pytest.mark.long
 def test_the_error_of_the_thrust_map_is_in_the_interval():
     one = noisy(0)
     found = fit_force(one)

@@ -47,6 +47,7 @@ def test_what_is_no_flight(tmp_path, change, reason):
         read_flight(bag(tmp_path, change))
 
 
+@pytest.mark.long
 def test_a_recording_cut_to_the_flight_is_all_flight(tmp_path):
     for place in ('whole', 'cut'):
         (tmp_path / place).mkdir()
@@ -250,6 +251,7 @@ def test_without_a_reference_nothing_is_known_on_board(tmp_path):
     assert read_flight(bag(tmp_path)).onboard is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('bias', [-0.4, 0.0, 0.3])
 def test_a_bias_along_z_is_taken_out_of_the_force(tmp_path, bias):
     def biased(data):

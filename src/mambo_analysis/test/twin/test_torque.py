@@ -32,6 +32,7 @@ def test_the_true_model_predicts_to_the_last_digits():
         assert max(errors(prepare(steered(), TRUE, 0.5, past), SPIN)) < 1e-9
 
 
+@pytest.mark.long
 def test_the_fit_finds_the_model_on_other_flights():
     found = fit_torque([steered(1), steered(2)], TRUE, 0.5, 1.0)
     assert found.gain == pytest.approx(SPIN.gain, rel=0.02)

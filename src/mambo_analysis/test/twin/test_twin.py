@@ -65,6 +65,7 @@ def test_a_flight_that_is_given_twice_is_refused_also_as_a_copy(tmp_path, capsys
     assert f'{copy}: the same flight as {first}' in capsys.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not NANOBENCH.is_dir(), reason='the recordings of NanoBench are not at hand')
 def test_real_flights_of_a_crazyflie(tmp_path):
     """
@@ -88,6 +89,7 @@ def test_real_flights_of_a_crazyflie(tmp_path):
         assert own['horizontal'] < 0.67 * true['horizontal'] < 0.1
 
 
+@pytest.mark.long
 def test_motors_loop_and_page(tmp_path, capsys):
     """All three comparisons of bags with a reference, and the page that shows them."""
     names = [folder_bag(tmp_path, seed) for seed in range(2)]
@@ -105,6 +107,7 @@ def test_motors_loop_and_page(tmp_path, capsys):
     assert 'from the motors alone' in text and 'model x' in text
 
 
+@pytest.mark.long
 def test_a_loop_needs_a_reference(tmp_path, capsys):
     assert main([*bags(tmp_path), '--loop']) == 2
     assert 'no reference (onboard/reference) in' in capsys.readouterr().err

@@ -117,6 +117,7 @@ def hovering(gains, seconds=10.0):
     return np.array(errors)
 
 
+@pytest.mark.long
 def test_a_wrong_mass_leaves_an_error_without_integral_action_and_none_with_it():
     plain, integral = hovering(GAINS), hovering(FlatnessDragParams(k_i=20.0).values())
     # k_x e = 0.2 g, by the true mass over the believed one

@@ -43,6 +43,7 @@ def found(samples, params=PARAMS):
     return memory.x, np.sqrt(np.diag(memory.P))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('path', [circle(), vertical_circle()])
 def test_position_velocity_and_tilt_are_known_though_the_scale_is_not(path):
     truth = fly(path, 60.0, drag=K_DRAG)
@@ -269,6 +270,7 @@ def test_a_sonar_that_jumps_does_not_move_the_horizontal_position():
     assert jumps.max() < 0.01
 
 
+@pytest.mark.long
 def test_memory_is_not_changed_by_a_step():
     params = PARAMS
     m = joint.initial(params.values())
@@ -306,6 +308,7 @@ def held_step(held, dt, gyro, accel, sonar, flow, quality, pressure):
     return estimate
 
 
+@pytest.mark.long
 def test_same_bits_where_the_node_keeps_the_memory():
     truth = fly(circle(), 6.0)
     s = sense(truth, TYPICAL, seed=17)

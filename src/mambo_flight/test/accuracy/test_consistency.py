@@ -75,6 +75,7 @@ def test_what_is_not_honest_is_marked(capsys):
     assert 'of 22 outside' in text and '100 flights' in text
 
 
+@pytest.mark.long
 def test_command_prints_json(capsys):
     assert consistency.main(['hover', '--slopes', '0.1', '--seeds', '1', '--workers', '1',
                              '--json']) == 0

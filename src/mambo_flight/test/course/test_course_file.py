@@ -76,6 +76,7 @@ def test_a_hand_carries_along_a_course(line):
     np.testing.assert_allclose(out.truth[on, :3], out.reference[on, :3], rtol=0.0, atol=1e-13)
 
 
+@pytest.mark.long
 def test_a_sweep_varies_the_course_and_its_speed(line):
     path = line.with_name('sweep.yaml')
     path.write_text('title: lines\nvary:\n'

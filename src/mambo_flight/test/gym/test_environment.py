@@ -39,7 +39,8 @@ def state(row):
     return State(tuple(x[0:3]), tuple(x[3:6]), tuple(x[6:10]), tuple(x[10:13]))
 
 
-@pytest.mark.parametrize('observation', ['truth', 'estimate'])
+@pytest.mark.parametrize('observation', [
+    'truth', pytest.param('estimate', marks=pytest.mark.long)])
 @pytest.mark.parametrize('action', ['pwm', 'attitude_thrust', 'setpoint'])
 def test_gymnasiums_checker_passes(observation, action):
     env = make(observation=observation, action=action, handover=0.1, episode=0.5)

@@ -90,6 +90,7 @@ def test_the_page_has_both_states_in_their_order():
     assert '![' not in text and text.startswith('# Controllers compared\n')
 
 
+@pytest.mark.long
 def test_a_picture_has_a_panel_for_each_state_and_a_curve_for_each_entrant(tmp_path, monkeypatch):
     figures = []
 

@@ -17,7 +17,7 @@ def trials():
     return [coverage.trial(with_unknowns(flight, seed, True)) for seed in range(1, 1 + FLIGHTS)]
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_intervals_hold_as_often_as_they_say(trials):
     held = [sum(one.held[i] for one in trials) for i in range(len(QUANTITIES))]
     # an interval of 95 % misses 3 or more of 6 in 1 of 500 cases, of 11 quantities in 1 of 45
@@ -25,7 +25,7 @@ def test_intervals_hold_as_often_as_they_say(trials):
     assert sum(held) >= 0.85 * FLIGHTS * len(QUANTITIES)
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_a_smoothed_path_is_nearer_to_the_truth(trials):
     assert sum(one.smoothed.rms for one in trials) < sum(one.filtered.rms for one in trials)
 

@@ -143,6 +143,7 @@ def smoothed(flight):
     return smooth(steps_of(recording), made.estimator_node.joint)
 
 
+@pytest.mark.long
 def test_the_velocity_is_nearer_to_the_truth_than_that_of_the_filter(flight, smoothed):
     truth, s = flight[1].truth, smoothed
     on = slice(s.start, None)

@@ -43,6 +43,7 @@ def hangs(monkeypatch):
     monkeypatch.setattr(supervised, 'fly', alone)
 
 
+@pytest.mark.long
 def test_flights_of_a_compiled_component_have_the_numbers_of_the_loop():
     row, = guarded.fly([flight(PD)], False)
     assert row.pop('fault') == ''
@@ -84,6 +85,7 @@ def test_a_sweep_writes_its_table_and_names_the_fault(tmp_path, capsys, monkeypa
     assert parquet.read_table(out)['fault'].to_pylist() == ['', FAULT, FAULT]
 
 
+@pytest.mark.long
 def test_a_plain_component_that_raises_is_named_in_its_row(tmp_path):
     step = '    v = rotate(state.q, state.nu)\n'
     path = tmp_path / 'plain.py'

@@ -348,6 +348,7 @@ def test_a_killed_worker_names_the_files_whose_code_it_ran(tmp_path):
         run_module._result(gone, [scenario(duration=1.0)])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_killed_worker_and_ctrl_c_cost_one_line_and_no_finished_flight(tmp_path):
     path, out = file(tmp_path, LONG), tmp_path / 'r.parquet'
@@ -364,6 +365,7 @@ def test_a_killed_worker_and_ctrl_c_cost_one_line_and_no_finished_flight(tmp_pat
     assert not out.exists()
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_dask_cluster_gives_the_same_file_although_a_worker_dies(tmp_path):
     pytest.importorskip('distributed', reason='Dask is not installed: requirements/dask.txt')

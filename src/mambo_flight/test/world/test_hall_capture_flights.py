@@ -9,6 +9,7 @@ from mambo_flight.world import together
 from mambo_sim.sensors.hall_capture import HallCaptureParams
 from mambo_sim.world import WorldParams
 import numpy as np
+import pytest
 
 ON = {'estimator_node.joint.pose.enabled': True, 'controller_node.estimate': 'map'}
 PLACES = [(0.0, 0.0, 0.0), (-1.2, 0.0, 0.0)]
@@ -34,6 +35,7 @@ def errors(recording):
     return np.linalg.norm(recording.located[:, :3] - recording.truth[:, :3], axis=1)
 
 
+@pytest.mark.long
 def test_drones_that_nobody_hides_or_mistakes_fly_as_if_alone():
     """The cameras look at both; nothing else is different, to the bit."""
     known = [scenario.scenario(name, estimator='ground_truth', duration=6.0, land=False)

@@ -49,6 +49,7 @@ def stacked():
         together.fly(flights, params, [(0.0, 0.0, 0.0), (0.2, 0.0, 0.0)]) for _ in range(2)]
 
 
+@pytest.mark.long
 def test_downwash_pushes_the_lower_drone_down_and_leaves_the_upper_alone(stacked):
     flights, (result, _) = stacked
     lower, upper = result.recordings
@@ -87,6 +88,7 @@ def test_drones_of_unlike_durations_are_refused():
         together.fly([hover(), longer], WorldParams(drones=2), [(0.0,) * 3, (0.0, 2.0, 0.0)])
 
 
+@pytest.mark.long
 def test_unlike_drones_share_a_hall():
     """Each keeps its estimator, controller, vehicle and wind, as if it were alone."""
     flights = [

@@ -48,6 +48,7 @@ def same(a, b):
     return a == b or (isinstance(a, float) and math.isnan(a) and math.isnan(b))
 
 
+@pytest.mark.long
 @given(samples.frame, st.sampled_from(samples.VERSIONS))
 @settings(max_examples=150, deadline=None)
 def test_what_is_written_is_read_again(frame, version):
@@ -63,6 +64,7 @@ def test_what_is_written_is_read_again(frame, version):
         assert same(found, wanted)
 
 
+@pytest.mark.long
 @given(samples.frame, st.sampled_from(samples.VERSIONS), st.data())
 @settings(max_examples=150, deadline=None)
 def test_a_cut_or_changed_packet_is_a_frame_or_one_error(frame, version, data):

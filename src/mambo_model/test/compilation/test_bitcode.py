@@ -9,6 +9,7 @@ from mambo_model.compilation.bitcode import BitcodeLibrary
 from mambo_model.compiled import jit, jit_apart, jit_inside
 import numba
 from numba.core.registry import cpu_target
+import pytest
 
 SCRIPT = """
 import numba
@@ -130,6 +131,7 @@ def test_calls_from_python_are_not_optimized_and_the_function_is():
     assert f'@{result.fndesc.llvm_cpython_wrapper_name}(' in wrapper
 
 
+@pytest.mark.long
 def test_what_they_print_raise_and_ask_python_for_reaches_it_also_from_the_cache(tmp_path):
     script = tmp_path / 'script.py'
     script.write_text(SCRIPT)

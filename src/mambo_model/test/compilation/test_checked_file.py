@@ -22,7 +22,9 @@ def changed(data):
 
 @pytest.mark.slow
 @pytest.mark.parametrize('kind, damage', [
-    ('nbi', cut), ('nbi', zeroed), ('nbc', cut), ('nbc', changed)])
+    pytest.param('nbi', cut, marks=pytest.mark.long),
+    pytest.param('nbi', zeroed, marks=pytest.mark.long),
+    pytest.param('nbc', cut, marks=pytest.mark.long), ('nbc', changed)])
 def test_compiled_code_that_is_damaged_is_compiled_again(kind, damage, tmp_path):
     environment = {**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)}
     sine = [sys.executable, '-c', 'from mambo_model.arithmetic.trigonometry import sin\n'
@@ -42,6 +44,7 @@ def test_compiled_code_that_is_damaged_is_compiled_again(kind, damage, tmp_path)
     assert run() == [value, '1']
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_code_that_was_compiled_for_other_types_is_compiled_again(tmp_path):
     """As where two commands compile at once: one wrote the index, the other the code."""
@@ -88,6 +91,7 @@ def test_on_a_full_disk_code_is_compiled_and_used_with_one_line(error, goes_on, 
         assert done.stderr.startswith('mambo: no space to keep compiled code')
 
 
+@pytest.mark.long
 def test_types_of_a_module_that_is_gone_keep_nothing_from_being_compiled(tmp_path):
     environment = {**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)}
     (tmp_path / 'theirs.py').write_text(

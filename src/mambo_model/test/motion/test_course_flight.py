@@ -37,6 +37,7 @@ def params(**others):
     return tr.FlightPlanParams(trajectory='course', course=TEXT, **others)
 
 
+@pytest.mark.long
 def test_after_the_approach_the_course_is_flown_to_the_bit():
     values = params(landing_time=20.0).values()
     for t in np.linspace(0.0, COURSE.total, 41)[:-1].tolist():

@@ -172,6 +172,7 @@ def test_a_body_that_hides_at_times_is_found_turned_only_if_its_layout_is_symmet
         assert 0.3 < np.mean(turned) < 0.9 and 20 < changes < 0.2 * len(turned)
 
 
+@pytest.mark.long
 def test_lost_poses_come_in_rows_of_the_length_asked_for():
     got, memory = shoot(LOSSY, 0, 40_000, np.random.default_rng(2))
     counts, period = memory.counts, round(1e9 / 120.0)

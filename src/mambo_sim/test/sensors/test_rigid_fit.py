@@ -107,6 +107,7 @@ def test_a_narrow_body_is_one_down_to_a_twentieth_of_its_length(wide, found):
     assert fit(tuples(body), tuples(body), ALL).found is found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('used', [ALL, (0, 1, 2, 3), (0, 1, 4)])
 def test_noise_of_the_pose_is_that_of_the_textbook(used):
     # first order: attitude in body axes s^2 (sum |a|^2 I - a a^T)^-1, centroid s^2 / n

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize('letter', TRUE)
-@pytest.mark.sweep
+@pytest.mark.long
 def test_every_mechanism_is_recovered_from_the_experiments(letter):
     fits = Evidence(experiments_of(TRUE[letter])).compare()
     assert fits[0].model == (letter,)
@@ -32,7 +32,7 @@ def test_a_perfect_flow_needs_no_mechanism():
 
 
 @pytest.mark.parametrize('letter', ['A', 'C2', 'D'])
-@pytest.mark.sweep
+@pytest.mark.long
 def test_drift_on_the_paths_of_the_thesis_does_not_separate_three_mechanisms(letter):
     fits = Evidence(thesis_of(TRUE[letter], drag=0.0), 2 * math.pi).compare()
     left = {f.model for f in credible_models(fits)}
@@ -41,6 +41,7 @@ def test_drift_on_the_paths_of_the_thesis_does_not_separate_three_mechanisms(let
     assert () not in left
 
 
+@pytest.mark.long
 def test_the_tilt_of_drag_separates_the_factor_from_the_other_two_but_not_these():
     of_a = Evidence(thesis_of(TRUE['A'], DRAG_RATE), 2 * math.pi).compare()
     assert inclusion(of_a)['C2'] + inclusion(of_a)['D'] < 0.1
@@ -58,7 +59,7 @@ def test_the_experiment_that_separates_the_factor_from_rotation_is_another_speed
     assert max(odds.values()) > 5.0
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_probabilities_come_true_as_often_as_they_say():
     """Mechanism and value from the prior, a short and noisy flight: often undecided."""
     rng, predicted, hits, trials = np.random.default_rng(7), 0.0, 0, 60
@@ -77,7 +78,7 @@ def test_probabilities_come_true_as_often_as_they_say():
     assert abs(hits - predicted) < 3.0 * math.sqrt(spread)
 
 
-@pytest.mark.sweep
+@pytest.mark.long
 def test_intervals_cover_the_truth_as_often_as_they_say():
     inside, trials = 0, 60
     for seed in range(trials):

@@ -38,7 +38,7 @@ def test_an_equation_predicts_the_drift_along_the_motion_flown(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize('key', experiments.TRUTHS)
-@pytest.mark.sweep
+@pytest.mark.long
 def test_the_flown_experiments_name_what_was_wrong(key):
     found = experiments.identify(key, 'all five, every sample')
     assert found.included > 0.99

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+@pytest.mark.long
 def test_poses_upside_down_are_counted_and_change_nothing(tmp_path, capsys):
     bags = [write(tmp_path / name, {'slope': 0.07}, flipped=where)
             for name, where in (('whole', ()), ('flipped', range(900, 912)))]

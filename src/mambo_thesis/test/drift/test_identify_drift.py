@@ -15,6 +15,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
+@pytest.mark.long
 def test_the_command_finds_a_mechanism_in_a_bag(tmp_path, capsys):
     bag = write(tmp_path / 'bag', {'slope': 0.07, 'scale': 1.03})
     _, lag = read([bag])

@@ -52,6 +52,7 @@ def test_a_table_counts_what_is_shown():
     assert len(report.sources_table().splitlines()) == 12
 
 
+@pytest.mark.long
 def test_the_document_has_the_observations_of_today():
     lines = DOCUMENT.read_text().splitlines()
     observed = report.observed_table(observations.observed_by_mechanism())
@@ -64,6 +65,7 @@ def observed(name):
     return {o.name: o.shown(ROWS[name]) for o in OBSERVATIONS}
 
 
+@pytest.mark.long
 def test_a_row_is_shown_by_the_observations_of_the_document():
     cells = observations.observed_by_mechanism()
     assert list(cells) == list(ROWS)

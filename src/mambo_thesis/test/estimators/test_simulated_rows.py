@@ -47,6 +47,7 @@ def test_both_estimators_stand_beside_the_bound(rows):
     assert math.sqrt(tilt.joint.mean()) < 0.05
 
 
+@pytest.mark.long
 def test_a_stuck_accelerometer_does_not_lead_either_estimator_astray():
     for estimator in ('kalman', 'joint'):
         off, away = simulated_rows.after_fault('accel', 'stuck', 2.0, estimator, 2)

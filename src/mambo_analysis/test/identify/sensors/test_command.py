@@ -81,6 +81,7 @@ def test_a_value_that_cannot_be_told_is_null(bench, tmp_path, monkeypatch):
     assert measured['value'] is measured['low'] is None and measured['samples'] == 9
 
 
+@pytest.mark.long
 def test_figures_are_numbered_so_that_files_of_one_name_both_stay(bench, tmp_path, capsys):
     file = str(bench / 'quiet.mat')
     assert main([file, file, '--output', str(tmp_path / 'a' / 'b')]) == 0
