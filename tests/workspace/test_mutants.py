@@ -100,10 +100,10 @@ def test_a_mutant_of_a_function_that_nothing_calls_is_refused(dead):
 def test_every_function_is_called_but_those_that_are_offered(dead):
     """What users and tests of recordings call by name, and no program does."""
     # decode_connect: the request of a client, which the server answers without its content;
-    # unserialize_library: called by numba; look_again: by the package mambo, which is for scripts
+    # unserialize_library: called by numba
     assert {definition.name for definition in dead} == {
         '_ipython_key_completions_', 'decode_connect', 'find_flight', 'flight_by_acceleration',
-        'flight_by_thrust', 'look_again', 'reference_at', 'unserialize_library'}
+        'flight_by_thrust', 'reference_at', 'unserialize_library'}
 
 
 def test_calls_are_followed_through_functions_classes_and_tables(tmp_path):

@@ -9,6 +9,7 @@ from typing import Any
 
 from mambo_estimation.filters import DEFAULT
 from mambo_model import schema
+from mambo_model.components import look_again
 from mambo_model.errors import InputError
 import numpy as np
 
@@ -211,6 +212,7 @@ def configure(
         that an agent cannot fly.
 
     """
+    look_again()
     _one_of('observation', observation, OBSERVATIONS)
     _one_of('action', action, ACTIONS)
     numbers = schema.build(

@@ -167,3 +167,13 @@ def test_everything_that_is_drawn_is_within_its_ends():
     assert 0.27 < np.abs(shifts).max() <= 0.3
     assert len({one.seed for one in rows}) == 100
     assert all(one.optitrack_node.seed == one.seed for one in rows)
+
+
+def test_a_function_of_a_file_that_is_edited_in_a_session_is_the_one_of_now(tmp_path):
+    file, plans = tmp_path / 'mine.py', []
+    for speed in (0.1, 0.2):
+        (tmp_path / 'helper.py').write_text(f'SPEED = {speed}\n')
+        file.write_text('from helper import SPEED\n\nduration = 8.0\n\n\n'
+                        'def trajectory(t):\n    return SPEED * t, 0.0, -1.0\n')
+        plans.append(configure('track', trajectory=str(file)).scenario.reference_node.plan)
+    assert plans[0] != plans[1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import enum
 import hashlib
+from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
 
@@ -19,7 +20,7 @@ def kept(module: ModuleType, within: str) -> dict[str, str]:
 
     numba takes a global, a variable of an enclosing function or a default as a constant. What is
     compiled and cached on disk belongs to these values, too, not to the source alone: a file of
-    weights may have changed.
+    weights may have changed, or a compiled function of a package.
 
     Parameters
     ----------
@@ -61,12 +62,15 @@ def _names(code: CodeType) -> set[str]:
 
 
 def _follow(function: Any, within: str, seen: set[int], found: dict[str, str]) -> None:
-    """Add the values that a function, and what it calls, reads."""
-    function = getattr(function, 'py_func', function)
-    if id(function) in seen or not (function.__module__ or '').startswith(within):
-        return
+    """Add the values that a function, and what it calls, reads; a package's with its source."""
+    compiled, function = hasattr(function, 'py_func'), getattr(function, 'py_func', function)
+    module, code = function.__module__ or '', function.__code__
+    own = module.startswith(within)
+    if id(function) in seen or not own and (not compiled or module.startswith('mambo_')):
+        return  # the workspace's own source names the folder of what is compiled
     seen.add(id(function))
-    code = function.__code__
+    if not own and (source := Path(code.co_filename)).is_file():
+        found[str(source)] = hashlib.sha256(source.read_bytes()).hexdigest()
     file = code.co_filename.rpartition('/')[2]
     names = _names(code)
     values = {name: function.__globals__[name] for name in names & function.__globals__.keys()}

@@ -80,10 +80,29 @@ def test_a_value_that_is_read_is_kept_and_another_one_shows(body, name):
 def test_what_python_and_libraries_hold_is_followed_no_further():
     found = kept(load('math.pi * x + np.float64(OTHER is None)'), 'own_')
     assert 'mine.py: math.pi' in found and not any('OTHER' in name for name in found)
-    assert kept(load('helper(x)'), 'another_') == {}
+    ours = load('helper(x)')
+    ours.helper.py_func.__module__ = 'mambo_model.frames'
+    assert 'mine.py: ONE' not in kept(ours, 'own_')
     plain = ModuleType('own_plain')
     exec('def f(x):\n    return x + 1\n\n\nLIST = [1]', vars(plain))
     assert kept(plain, 'own_') == {}
+
+
+def test_a_compiled_function_of_a_package_counts_with_its_source(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    source = tmp_path / 'lab_functions.py'
+    source.write_text('import numba\nGAIN = 2.0\n\n\n@numba.njit\ndef gained(x):\n'
+                      '    return GAIN * x\n\n\ndef plain(x):\n    return GAIN * x\n')
+    import lab_functions
+    module = load('gained(x)')
+    module.gained = lab_functions.gained
+    before = kept(module, 'own_')
+    assert {str(source), 'lab_functions.py: GAIN'} <= set(before)
+    source.write_text(source.read_text().replace('GAIN * x', '-GAIN * x'))
+    after = kept(module, 'own_')
+    assert {name for name in before if after[name] != before[name]} == {str(source)}
+    module.gained = lab_functions.plain
+    assert str(source) not in kept(module, 'own_')
 
 
 def test_an_array_differs_in_type_and_shape():
