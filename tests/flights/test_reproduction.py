@@ -23,7 +23,6 @@ def examined():
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_the_document_is_what_the_command_says(examined):
     written, made = DOCUMENT.read_text().splitlines(), markdown(examined).splitlines()
     assert len(written) == len(made), 'write it anew: mambo reproduce'

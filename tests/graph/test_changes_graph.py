@@ -14,6 +14,8 @@ from mambo_model.errors import JobError
 from mambo_ros.commands import client
 import pytest
 
+pytestmark = pytest.mark.long
+
 BUSY = 240.0  # s that the start may take on a loaded machine
 GAIN = 'controller_node.cascaded.k_p'
 NOISE = 'estimator_node.kalman.sonar.noise'
@@ -92,7 +94,6 @@ def disturbed(tmp_path_factory):
     return path
 
 
-@pytest.mark.long
 def test_the_changes_are_recorded_with_their_steps(bag):
     flight = commanded.scenario_of(bag)
     k, node, values, _ = changes.taken(flight)[0]
@@ -112,14 +113,12 @@ def test_the_estimator_answers_its_samples_again_to_the_last_bit(bag):
     assert 'messages answered bit for bit' in estimate.again(bag)[2]
 
 
-@pytest.mark.long
 def test_wind_and_faults_that_begin_in_flight_are_flown_again(disturbed, tmp_path):
     assert_the_graph_gives(disturbed, tmp_path)
     flown = read_bag(disturbed)
     assert flown['sonar/range'].t[-1] < 4.5 < 5.9 < flown['optical_flow'].t[-1]
 
 
-@pytest.mark.long
 def test_a_live_replay_changes_the_estimator_at_the_same_step(disturbed, tmp_path):
     replay(disturbed, tmp_path / 'live', 0.0)
     live, flown = read_bag(tmp_path / 'live'), read_bag(disturbed)

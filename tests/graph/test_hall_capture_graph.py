@@ -11,6 +11,8 @@ from mambo_sim.sensors.hall_capture import HallCaptureParams
 from mambo_sim.world import WorldParams
 import pytest
 
+pytestmark = pytest.mark.long
+
 SECONDS = 6.0
 PARAMS = WorldParams(
     drones=2, spacing=0.8, capture=HallCaptureParams(
@@ -34,8 +36,7 @@ def alone():
     return together.fly(flights, PARAMS, list(place.places.values()))
 
 
-@pytest.fixture(scope='module', params=[True, pytest.param(False, marks=pytest.mark.long)],
-                ids=['composed', 'processes'])
+@pytest.fixture(scope='module', params=[True, False], ids=['composed', 'processes'])
 def flown(request, tmp_path_factory):
     """Return outcomes and bags by namespace."""
     (flights, place), folder = hall(), tmp_path_factory.mktemp('hall')
@@ -48,7 +49,6 @@ def payloads(path, topic, namespace):
     return list(map(bytes, read_bag(path)[topics.full_name(topic, namespace)].raw))
 
 
-@pytest.mark.long
 def test_the_flight_is_one_in_which_markers_are_hidden_and_drones_mistaken(alone):
     assert [one.pair for one in alone.exchanges] == [(0, 1)]
     for recording in alone.recordings:
@@ -68,7 +68,6 @@ def test_the_graph_flies_what_one_process_flies(flown, alone, tmp_path):
                 space, topic.name)
 
 
-@pytest.mark.long
 def test_each_drone_replays_to_the_bit(flown, tmp_path):
     for space, path in flown[1].items():
         again = tmp_path / space[1:]

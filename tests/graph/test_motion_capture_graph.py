@@ -50,6 +50,7 @@ def test_two_flights_with_one_seed_have_identical_bags(bag, tmp_path):
     assert digest(bag) == digest(again)
 
 
+@pytest.mark.long
 def test_the_closed_loop_says_what_the_graph_says(bag, tmp_path):
     alone = tmp_path / 'alone'
     recording_to_bag.write(alone, flight(), closed_loop.fly(flight(), inner=True))

@@ -101,6 +101,7 @@ def bags(tmp_path_factory):
     return {space: read_bag(folder / space[1:]) for space in ('/mambo1', '/mambo2')}
 
 
+@pytest.mark.long
 def test_one_server_brings_each_drone_its_own_poses(bags):
     for space, bag in bags.items():
         poses, truth = bag[f'{space}/optitrack/pose'], bag[f'{space}/ground_truth/odom']

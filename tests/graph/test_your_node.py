@@ -72,6 +72,7 @@ def test_a_controller_of_yours_flies_in_real_time(tmp_path, started_when_invited
     check_flight(bag, out)
 
 
+@pytest.mark.long
 def test_a_controller_of_yours_flies_in_lockstep_twice_the_same(
         tmp_path, started_when_invited, capsys):
     children, files = started_when_invited(PD), []

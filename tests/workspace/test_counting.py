@@ -93,6 +93,7 @@ def test_a_stage_that_failed_counts_once_and_only_if_no_test_says_so():
     assert summary.summarise(rows, 'all', ['colcon test'], [])[1].failed == 2
 
 
+@pytest.mark.long
 def test_what_is_left_running_is_ended_and_counts(monkeypatch):
     monkeypatch.setenv('MAMBO_TEST_RUN', 'of this test')
     sleeper = 'import signal, time; signal.signal(signal.SIGINT, signal.SIG_IGN); '\

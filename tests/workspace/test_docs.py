@@ -51,14 +51,13 @@ def site(tmp_path_factory):
 
 
 @pytest.mark.long
-@pytest.mark.slow
 @needs_mkdocs
 def test_the_site_builds_without_a_warning(site):
     assert len(list(site.rglob('*.html'))) > 50
     assert not [page for page in site.rglob('*.html') if '<!-- generated' in page.read_text()]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @needs_mkdocs
 def test_no_page_asks_another_host_for_anything(site):
     for page in site.rglob('*.html'):
@@ -69,7 +68,7 @@ def test_no_page_asks_another_host_for_anything(site):
     assert not [style for style in site.rglob('*.css') if foreign.search(style.read_text())]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @needs_mkdocs
 def test_the_site_has_a_page_for_every_folder_of_code(site):
     wanted = [folder for package in source.packages() for folder in source.folders(package)]
@@ -80,7 +79,7 @@ def test_the_site_has_a_page_for_every_folder_of_code(site):
         assert not [name for name in source.folders(package)[folder] if f'id="{name}"' not in page]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @needs_mkdocs
 def test_fields_of_compiled_parameters_are_a_table(site):
     page = (site / 'reference/api/mambo_estimation.html').read_text(encoding='utf-8')
@@ -161,7 +160,7 @@ def has(output, shown):
     return False
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_default_flight_is_the_one_that_is_shown(tmp_path):
     output = table(compare(remake.circle(tmp_path)))
     tutorial = (ROOT / 'docs/tutorials/first-flight.md').read_text(encoding='utf-8')
@@ -176,7 +175,6 @@ def blocks(page):
 
 
 @pytest.mark.long
-@pytest.mark.slow
 @pytest.mark.parametrize('page', TUTORIALS, ids=lambda page: page.stem)
 def test_what_a_tutorial_says_works(page, tmp_path):
     (tmp_path / 'examples').symlink_to(ROOT / 'examples')
@@ -221,6 +219,7 @@ def test_the_links_of_the_readme_lead_somewhere():
             assert anchor in [title.lower().replace(' ', '-') for title in titles], path
 
 
+@pytest.mark.long
 def test_without_a_network_one_line_says_so(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(docs, 'REQUIREMENTS', tmp_path / 'docs.txt')
     docs.REQUIREMENTS.write_text('mkdocs==0.0.0\n')

@@ -121,6 +121,7 @@ def test_only_nodes_import_ros(package):
                 for name in imported(file) & forbidden(file, package)]
 
 
+@pytest.mark.long
 def test_what_runs_in_the_graph_is_short():
     """One concern a file: every node, and what cannot be imported without rclpy."""
     long = {}

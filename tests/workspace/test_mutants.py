@@ -83,6 +83,7 @@ def dead():
     return called.uncalled(*called.read())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('target', TARGETS, ids=lambda target: target.name)
 def test_a_program_of_the_product_calls_what_a_mutant_breaks(target, dead):
     mutants.refuse_dead(target, target.source.read_text(), dead)

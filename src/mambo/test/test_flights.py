@@ -43,6 +43,7 @@ def test_metrics_are_those_of_the_arrays(flight):
     assert repr(flight).startswith('<Flight hover_joint: 2 s, tracking RMS 0.')
 
 
+@pytest.mark.long
 def test_a_flight_that_never_took_off_says_so():
     grounded = mambo.fly(trajectory='hover', estimator='ground_truth', duration=1.0)
     assert repr(grounded) == '<Flight hover_ground_truth: 1 s, never took off>'
@@ -111,6 +112,7 @@ def test_a_bag_that_exists_is_not_overwritten(flight, tmp_path):
         flight.save(tmp_path / 'bag')
 
 
+@pytest.mark.long
 def test_the_figure_shows_the_flight(flight, tmp_path):
     flight.plot().savefig(tmp_path / 'flight.png')
     assert (tmp_path / 'flight.png').stat().st_size > 20_000
@@ -196,6 +198,7 @@ def weight(state, reference, dt, vehicle):
         vehicle.mass * vehicle.gravity, (0.0,) * 3, state, reference, vehicle)
 
 
+@pytest.mark.long
 def test_a_function_is_flown_as_a_trajectory():
     flight = mambo.fly(trajectory=spiral, controller='flatness_drag', estimator='ground_truth')
     plan = flight.scenario.reference_node.plan

@@ -43,6 +43,7 @@ def test_a_comparison_prints_as_the_command_and_is_a_table(bag, capsys):
     assert '<pre>' in result._repr_html_()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('other', [(), (CIRCLE,)])
 def test_a_comparison_writes_the_page_of_the_command(other, tmp_path):
     from mambo_analysis.compare import compare as command
@@ -65,6 +66,7 @@ def test_a_page_is_never_written_over_a_bag(tmp_path):
         assert (copy / name).read_bytes() == before
 
 
+@pytest.mark.long
 def test_a_page_is_never_written_over_what_is_no_page(tmp_path, monkeypatch, capsys):
     from mambo_analysis.compare import compare as command
     monkeypatch.chdir(tmp_path)
@@ -81,6 +83,7 @@ def test_a_page_is_never_written_over_what_is_no_page(tmp_path, monkeypatch, cap
     assert (tmp_path / 'out' / 'index.html').read_text() == 'mass: 1.0'
 
 
+@pytest.mark.long
 def test_two_flights_are_compared(bag):
     flight = mambo.fly(duration=12.0, seed=2, landing=False)
     result = mambo.compare(flight, bag)
@@ -95,6 +98,7 @@ def test_an_estimate_answers_what_was_recorded_bit_for_bit(bag):
     assert 'bit for bit' in repr(found) and 'did not diverge' in found.verdict
 
 
+@pytest.mark.long
 def test_an_estimator_that_is_edited_in_a_session_is_the_one_of_now(bag, tmp_path):
     ours = Path(__file__).parents[3] / 'examples/alpha_beta_filter.py'
     mine, found = tmp_path / 'mine.py', []

@@ -119,6 +119,7 @@ def test_records_count_up_and_hold_the_payload():
     assert struct.unpack('<BQHIQQ2B', out[1].tobytes()) == (5, 24, 3, 5, 20, 20, 3, 4)
 
 
+@pytest.mark.long
 def test_an_hour_of_chunks_takes_little_memory(tmp_path):
     chunks, channels = 1000, np.arange(1, 16)
     with open(tmp_path / 'bag.mcap', 'wb') as stream:

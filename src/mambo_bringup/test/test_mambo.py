@@ -144,6 +144,7 @@ def test_a_table_is_imported_without_a_word_for_its_kind():
     assert mambo.find(words) == ('import table', words[1:])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('line, wanted', [
     ('mambo rec', {'recover', 'recordings'}), ('mambo identify th', {'thrust '}),
     ('mambo compare --ht', {'--html '}), ('mambo run --estimator k', {'kalman '})])

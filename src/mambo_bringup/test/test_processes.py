@@ -292,6 +292,7 @@ print(group.interrupts.first.name)
     assert not Path(folder).exists()
 
 
+@pytest.mark.long
 def test_after_a_killed_runner_neither_nodes_nor_its_folder_remain(tmp_path):
     script(tmp_path / 'node', COOPERATIVE)
     runner = subprocess.Popen([sys.executable, '-c', f"""
@@ -381,6 +382,7 @@ def test_signals_mean_afterwards_what_they_meant_before():
     assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
 
 
+@pytest.mark.long
 def test_children_end_in_order_when_their_parent_is_killed(tmp_path):
     log = tmp_path / 'log'
     script(tmp_path / 'node', COOPERATIVE.replace(
@@ -457,6 +459,7 @@ def copies(folder, before=''):
         [sys.executable, folder / 'run.py'], text=True, capture_output=True, timeout=PATIENCE)
 
 
+@pytest.mark.long
 def test_a_node_that_is_loaded_begins_as_a_copy_and_ends_like_any_other(tmp_path):
     done = copies(tmp_path)
     assert done.stdout.splitlines() == [
@@ -475,6 +478,7 @@ def test_a_failed_fork_restores_the_signal_handlers(monkeypatch):
     assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == before
 
 
+@pytest.mark.long
 def test_a_process_that_has_ros_is_not_copied(tmp_path):
     done = copies(tmp_path, 'import rclpy')
     assert done.returncode == 1

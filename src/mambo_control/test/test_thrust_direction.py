@@ -56,6 +56,7 @@ def test_desired_attitude_is_the_matrix_of_the_thesis(f_d):
     np.testing.assert_allclose(Rotation([*v, w]).apply([0, 0, 1]), f_d, atol=1e-15)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('yaw', [0.0, 1.0])
 def test_derivatives_are_exact_along_figure_3_3(yaw):
     case, times = setup(yaw_amplitude=yaw), np.linspace(0.0, 8.0, 41)

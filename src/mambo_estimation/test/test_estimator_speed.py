@@ -48,6 +48,7 @@ def test_same_bits_alone_and_in_a_compiled_loop():
         np.testing.assert_array_equal(e.flow_innovation, last.flow_innovation[k])
 
 
+@pytest.mark.long
 def test_two_runs_give_the_same_bits():
     np.testing.assert_array_equal(estimate(SAMPLES).rows, estimate(SAMPLES).rows)
 

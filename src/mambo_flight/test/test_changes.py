@@ -12,6 +12,8 @@ from mambo_model.schema import ParameterError
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.long
+
 FILE = """
 title: softer, then noisy
 duration: 3.0
@@ -40,7 +42,6 @@ def bag(flown, tmp_path_factory):
     return path
 
 
-@pytest.mark.long
 def test_a_change_counts_from_its_step_and_no_earlier(flown):
     flight, r = flown
     plain = closed_loop.fly(override(flight, {  # compiled already, and nothing changes
@@ -99,7 +100,6 @@ assert not aside[:501].any() and aside[501] > 0.0 and aside[-1] > 0.01, aside[[5
 """
 
 
-@pytest.mark.long
 def test_wind_that_rises_carries_the_vehicle_along_from_its_step_on():
     done = subprocess.run(  # not worth compiling
         [sys.executable, '-c', WINDY], env={**os.environ, 'NUMBA_DISABLE_JIT': '1'},

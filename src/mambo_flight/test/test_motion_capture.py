@@ -13,6 +13,8 @@ from mambo_ros import topics
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.long
+
 ON = {'estimator_node.joint.pose.enabled': True, 'controller_node.estimate': 'map'}
 AIRBORNE = (4.0, 31.0)  # s
 BEGIN, END = 15.0, 18.0  # s, of what is wrong with the cameras
@@ -51,7 +53,6 @@ def lost():
     return flown(fault='lost')
 
 
-@pytest.mark.long
 @pytest.mark.parametrize('latency', [0.0, 0.02, 0.05])
 def test_a_vehicle_that_is_seen_is_known_to_a_centimetre(latency):
     recording = flown(latency=latency)
@@ -120,7 +121,6 @@ def test_cameras_that_were_moved_are_followed_within_the_declared_bound():
     assert jumps(near.estimate, t, BEGIN, END).max() < 0.002
 
 
-@pytest.mark.long
 def test_the_estimate_of_a_bag_is_that_of_the_flight_to_the_bit(lost, tmp_path):
     flight = scenario(estimator='joint', overrides={
         **ON, 'optitrack_node.optitrack.fault': 'lost',

@@ -113,6 +113,7 @@ def test_a_sweep_varies_a_component_and_its_parameters(plain, tmp_path):
 STEP = 'return Memory(memory.steps + 1), thrust'
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(('old', 'new', 'output'), [
     (STEP, f"if memory.steps > 1000:\n        raise RuntimeError('lost my way')\n    {STEP}",
      r'plain.py:\d+: RuntimeError: lost my way'),
@@ -160,6 +161,7 @@ def test_an_interrupt_that_no_signal_raised_is_a_fault_of_the_code(
     assert ('KeyboardInterrupt' in slots.latest_fault()) is not ends
 
 
+@pytest.mark.long
 def test_a_compiled_one_that_fails_is_landed_and_its_line_told(faulty):
     out = flown(faulty, duration=12.0, overrides={'controller_node.faulty.raises': 1000})
     lines = faulty.read_text().splitlines()
@@ -197,6 +199,7 @@ def test_an_estimate_that_is_none_is_refused(answer, said):
         filters.read(eval(answer, {'estimate': estimate}))
 
 
+@pytest.mark.long
 def test_an_estimator_of_a_file_flies_and_is_lost_when_it_fails(tmp_path):
     base = scenarios.scenario(duration=14.0, land=False, estimator=str(HEIGHT))
     slots.latest_fault()

@@ -32,6 +32,7 @@ def flights(draw):
             values.popitem()
 
 
+@pytest.mark.long
 @settings(max_examples=25)
 @given(flights(), st.sampled_from([to_yaml, commented_yaml]))
 def test_any_flight_reads_back_equal(flight, write):
@@ -59,6 +60,7 @@ def file(tmp_path_factory):
     return tmp_path_factory.mktemp('scenarios') / 'mine.yaml'
 
 
+@pytest.mark.long
 @settings(max_examples=25)
 @given(choices=SETTINGS, title=WORDS)
 def test_a_scenario_file_does_what_its_choices_do(file, choices, title):
@@ -82,6 +84,7 @@ def test_a_scenario_file_does_what_its_choices_do(file, choices, title):
 TEXTS = {name: scenario_file.find(name).read_text() for name in scenario_file.names()}
 
 
+@pytest.mark.long
 @settings(max_examples=120)
 @given(name=st.sampled_from(sorted(TEXTS)), start=st.integers(0, 10_000),
        length=st.integers(0, 40),

@@ -46,7 +46,7 @@ def test_a_component_that_goes_to_another_folder_does_not_take_the_command_there
     assert Path.cwd() == tmp_path
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_step_that_never_ends_leaves_what_was_flown_in_a_closed_bag(
         faulty, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(supervised, 'HUNG', 5.0)  # more than a busy machine lets it wait
@@ -128,6 +128,7 @@ def test_progress_keeps_a_copy_alive(monkeypatch):
     assert time.monotonic() - began >= 1.6 and len(calls) > 3
 
 
+@pytest.mark.long
 def test_slow_python_code_is_not_taken_for_a_step_that_hangs(monkeypatch):
     monkeypatch.setattr(supervised, 'HUNG', 2.0)
     assert supervised.in_copy(lambda give: time.sleep(3.0) or give('done')) == (['done'], True)

@@ -80,6 +80,7 @@ def test_work_that_never_ends_does_not_hold_up_an_error():
     assert time.monotonic() - began < 60.0 and not is_running(number)
 
 
+@pytest.mark.long
 def test_a_worker_whose_thread_never_ends_is_killed(monkeypatch):
     monkeypatch.setattr(pools, '_EXIT', 0.5)
     with worker_pool(1) as pool:

@@ -231,6 +231,7 @@ def test_a_type_without_a_function_is_said_by_name():
         twice(State((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('variable', ['NUMBA_CACHE_DIR', 'MAMBO_CACHE_DIR'])
 def test_a_folder_that_cannot_be_written_is_said_and_another_one_is_used(variable, tmp_path):
     """Without it, numba writes beside the sources and crashes, see ``compiled._make_cache``."""
@@ -249,6 +250,7 @@ def test_a_folder_that_cannot_be_written_is_said_and_another_one_is_used(variabl
     assert list(tmp_path.iterdir()) == []  # it goes with its process
 
 
+@pytest.mark.long
 def test_variables_that_change_how_flights_are_compiled_are_ignored_in_one_line(tmp_path):
     environment = {name: value for name, value in os.environ.items()
                    if not name.startswith('NUMBA_')}

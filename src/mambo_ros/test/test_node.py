@@ -364,6 +364,7 @@ def test_a_signal_ends_a_node_in_order(ros, tmp_path, number):
     assert out.splitlines()[-3:-1] == [f'ended by {number.name}', 'finished with 300']
 
 
+@pytest.mark.long
 def test_an_ending_node_waits_until_its_messages_are_acknowledged(ros, tmp_path):
     """Fast DDS alone would ask for acknowledgement after 3 s; a node needs a quarter of that."""
     file = tmp_path / 'talker.py'
@@ -381,6 +382,7 @@ def test_an_ending_node_waits_until_its_messages_are_acknowledged(ros, tmp_path)
     assert 0.3 <= float(used[1]) < PATIENCE and 20 < int(used[2]) < 1000
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_while_a_node_loads_is_no_error(tmp_path, number):
     process = start(tmp_path, '-p', 'loading:=60.0')
@@ -403,6 +405,7 @@ process.compose([made.__next__], [])
 """
 
 
+@pytest.mark.long
 def test_a_signal_between_the_constructor_of_a_node_and_its_start_lets_it_finish(tmp_path):
     file = tmp_path / 'probe.py'
     file.write_text(PROGRAM.replace('process.main(Probe, sys.argv)', BETWEEN))
@@ -412,6 +415,7 @@ def test_a_signal_between_the_constructor_of_a_node_and_its_start_lets_it_finish
     assert done.stdout.splitlines() == ['loading', 'ended by SIGINT', 'finished with 0']
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('broken', ['closed', 'full'])
 def test_a_closed_output_does_not_keep_a_node_from_finishing(tmp_path, broken):
     file, trace = tmp_path / 'probe.py', tmp_path / 'finished'
@@ -431,6 +435,7 @@ def test_a_closed_output_does_not_keep_a_node_from_finishing(tmp_path, broken):
     assert (process.returncode, err) == (0, b'') and trace.exists()
 
 
+@pytest.mark.long
 def test_every_node_finishes_even_if_another_fails(tmp_path):
     file = tmp_path / 'probe.py'
     file.write_text(PROGRAM.replace('process.main(Probe, sys.argv)', """
@@ -449,6 +454,7 @@ process.compose([Worse, Probe], [], lambda *_: 0)
     assert 'finished with 0' in done.stdout
 
 
+@pytest.mark.long
 def test_a_loop_that_cannot_be_created_is_one_line(tmp_path):
     file = tmp_path / 'probe.py'
     file.write_text(PROGRAM.replace('process.main(Probe, sys.argv)', """
@@ -464,6 +470,7 @@ process.main(Probe, [])
     assert 'finished with 0' in done.stdout
 
 
+@pytest.mark.long
 def test_a_node_exits_on_a_system_without_timers(tmp_path):
     file = tmp_path / 'probe.py'
     file.write_text(PROGRAM.replace('process.main(Probe, sys.argv)', """
@@ -476,6 +483,7 @@ process.main(Probe, [], lambda *_: 0)
     assert (done.returncode, done.stderr) == (0, '')
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('code', [0, 3])
 def test_a_process_exits_although_the_middleware_hangs(tmp_path, code):
     file = tmp_path / 'talker.py'  # as Fast DDS does, with the lock of Python
@@ -509,6 +517,7 @@ def test_a_wrong_parameter_ends_a_node_with_one_line(tmp_path, arguments, compla
     assert out == ''
 
 
+@pytest.mark.long
 def test_an_error_in_a_node_is_not_reported_as_a_wrong_parameter(tmp_path):
     process = start(tmp_path)
     process.kill()

@@ -50,6 +50,7 @@ def test_every_node_is_tested():
         *NODES, 'mambo_bringup.composed_node', 'mambo_bringup.hall_capture_node'}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('module, word', [
     *((name, '--help') for name in NODES), ('mambo_sim.sim_node', '-h')])
 def test_help_names_purpose_topics_parameters_and_an_example(module, word):
@@ -66,6 +67,7 @@ def test_help_names_purpose_topics_parameters_and_an_example(module, word):
     assert done.stdout.splitlines()[-1].startswith(f'  ros2 run {package} {executable} --ros-args')
 
 
+@pytest.mark.long
 def test_help_of_a_parameter_has_default_unit_range_and_source():
     text = run('mambo_bags.replay_node', '--help').stdout
     assert ('  patience = 30.0 s (range 1 to 3600)\n'
@@ -73,6 +75,7 @@ def test_help_of_a_parameter_has_default_unit_range_and_source():
     assert "  bag = ''\n      rosbag2 directory or .mcap file\n" in text
 
 
+@pytest.mark.long
 def test_help_of_the_composed_nodes_has_a_section_for_each():
     done = run('mambo_bringup.composed_node', '--help')
     assert (done.returncode, done.stderr) == (0, '')
@@ -85,6 +88,7 @@ def test_help_after_ros_args_is_not_handled_here():
     assert not usage.asked(['--ros-args', '-p', '--help'])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('module', [
     name for name in NODES if not name.startswith(('mambo_bags', 'mambo_view'))])
 def test_a_node_has_the_topics_that_its_help_names(ros, module):

@@ -145,6 +145,7 @@ def test_a_grid_of_whole_periods_lies_within_the_signal():
     assert grid.shape == (0,) and out.shape == (0, 3)
 
 
+@pytest.mark.long
 def test_a_signal_that_ends_years_later_has_no_rows():
     stamps = np.array([0, 10, 2**31 * 10**9])
     grid, out = resample.resampled(stamps, np.ones((3, 2)), 5_000_000, 20)

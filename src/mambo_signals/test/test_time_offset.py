@@ -270,6 +270,7 @@ def test_take_off_and_landing_by_thrust_and_by_acceleration():
         flight_by_thrust(t, np.zeros(len(t)))
 
 
+@pytest.mark.long
 def test_a_flight_is_detected_in_the_best_signal_of_a_bag(tmp_path):
     left = ('reference', 'estimator/state', 'sensor_tick', 'optical_flow', 'barometer/pressure')
     bag = read_bag(make_flight(tmp_path / 'a', 21.0, leave_out=left))

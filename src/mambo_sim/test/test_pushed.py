@@ -43,6 +43,7 @@ def test_no_push_is_the_plain_step():
     assert same.accel == samples.accel and same.gyro == samples.gyro
 
 
+@pytest.mark.long
 def test_the_accelerometer_feels_the_push_and_the_vehicle_keeps_its_jolt():
     def accel(push):
         state, samples = pushed.sense_pushed(

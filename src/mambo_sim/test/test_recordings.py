@@ -269,6 +269,7 @@ def rows_of_lost_poses(stamps, period):
     return missing[missing > 0]
 
 
+@pytest.mark.long
 def test_poses_are_lost_as_often_as_in_a_hall():
     stamps, _ = hall()
     rows = rows_of_lost_poses(stamps, np.median(np.diff(stamps)))

@@ -88,6 +88,7 @@ def test_compiled_alone_equals_compiled_in_a_loop_to_the_bit(params):
     assert alone[-1, 15] < -0.5 and (alone[:, 11] == 255).any()  # it flew, it saw
 
 
+@pytest.mark.long
 def test_options_of_the_vehicle_reach_motors_and_accelerometer():
     lagging = Vehicle(motor_time_constant=OPTIONS.motor_time_constant)
     base, other = (

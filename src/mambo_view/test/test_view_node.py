@@ -135,6 +135,7 @@ def test_the_commands_can_be_left_out(ros):
     shown.finish()
 
 
+@pytest.mark.long
 def test_a_trajectory_is_sent_as_mambo_follow_sends_it():
     path = Path(__file__).parents[3] / 'examples/figure_eight.csv'
     assert read_course(path).startswith('duration,x^0')

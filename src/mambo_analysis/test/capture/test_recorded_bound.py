@@ -19,6 +19,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from synthetic import make_capture
 
+pytestmark = pytest.mark.long
+
 DT = recorded_bound.DT
 FLIP = np.array([1.0, -1.0, -1.0])
 
@@ -40,7 +42,6 @@ def hover(n):
     return state, np.arange(n) * DT
 
 
-@pytest.mark.long
 def test_the_bound_of_a_recorded_path_is_that_of_the_same_simulated_flight():
     flight = override(flight_of('circle_rising'), {'sim_node.duration': 25.0})
     r = closed_loop.fly(flight)

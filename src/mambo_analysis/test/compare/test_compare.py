@@ -29,6 +29,7 @@ def section(result, beginning):
     return found, {row['part']: row for row in found['rows']}
 
 
+@pytest.mark.long
 def test_tracking_error_is_truth_minus_reference_before_and_after_the_blend(result):
     found, rows = section(result, 'tracking error: ground_truth/odom minus reference')
     assert (found['unit'], found['axes']) == ('m', ['x', 'y', 'z'])
@@ -194,6 +195,7 @@ def test_an_imported_flight_without_estimate_says_how_to_get_one(tmp_path):
     assert result['errors'] == [] and 'replay' in result['notes'][0]
 
 
+@pytest.mark.long
 def test_a_replay_that_answers_bit_for_bit_is_told_from_one_that_does_not(tmp_path, flight):
     text = compare_replay(read_bag(flight), read_bag(flight))
     assert 'estimate/odom: 3597 of 3597 recorded messages answered bit for bit' in text

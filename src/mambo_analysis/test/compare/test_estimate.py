@@ -59,6 +59,7 @@ def test_samples_that_are_not_in_the_bag_are_told_and_so_is_an_early_end(
     assert ('  the estimate ends 0.10 s before the recording' in output) is short
 
 
+@pytest.mark.long
 def test_repeated_samples_that_no_watermark_counts_are_told(tmp_path, capsys):
     assert estimate.main([counted(tmp_path / 'source', again=(7, 8, 50))]) == 0
     assert ('\n  barometer/pressure: 3 samples that only repeat the one before, and that no '

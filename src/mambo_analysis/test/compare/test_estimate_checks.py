@@ -140,6 +140,7 @@ def test_a_sensor_with_another_clock_is_named_although_it_is_only_unused(topic):
     assert f'{topic.name}: stamped 1 s ahead of the inertial samples' in head
 
 
+@pytest.mark.long
 def test_a_motion_capture_with_z_down_is_named_of_any_estimator():
     bag = read_bag(BAG, estimate.READ)
     poses = bag[topics.OPTITRACK.name]

@@ -65,6 +65,7 @@ def test_a_thinned_curve_keeps_its_peaks_and_dots_their_rows():
     assert len(Line('', t[:9], t[:9], 'ink', 'dots').thinned().x) == 9
 
 
+@pytest.mark.long
 def test_tracks_come_in_one_order_and_only_with_a_known_position(flight, tmp_path):
     assert [topic for topic, _, _ in figures.tracks(flight)] == [
         'reference', 'ground_truth/odom', 'optitrack/pose', 'estimate/odom']

@@ -165,6 +165,7 @@ def test_every_page_says_what_ended_a_flight_early_and_what_was_refused(flights,
         assert '>A: sim_node' not in shown and 'refused messages: 1 ' not in shown
 
 
+@pytest.mark.long
 def test_every_page_says_that_a_part_has_too_few_samples(flights):
     made = report.of_one(flights[0], compare(flights[0]))
     assert '1 sample: too few for statistics' in report.html(made._replace(sections=[

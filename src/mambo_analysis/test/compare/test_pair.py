@@ -45,6 +45,7 @@ def flights(tmp_path_factory):
             flown(folder / 'b'))
 
 
+@pytest.mark.long
 def test_clock_turn_and_shift_of_a_second_recording_are_taken_out(flights):
     result, _, alignment = compare_bags(*flights)
     assert alignment.offset * 1e-9 == pytest.approx(3.2, abs=2e-3)
@@ -70,6 +71,7 @@ def test_positions_are_made_equal_some_time_after_take_off(flights):
     assert rows(result, 'position')['after take-off']['rms_total'] > 0.3
 
 
+@pytest.mark.long
 def test_the_delay_of_one_signal_behind_another_is_found_on_each_axis(tmp_path):
     a, b = flown(tmp_path / 'a', late=0.137), flown(tmp_path / 'b')
     result, _, _ = compare_bags(a, b, what=())

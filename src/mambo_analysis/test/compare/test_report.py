@@ -152,6 +152,7 @@ def test_one_bag_and_two_have_the_same_figures_of_each_bag(one, two):
     assert names.index('bag-B-height') == names.index('bag-A-height') + 1  # side by side
 
 
+@pytest.mark.long
 def test_figures_and_events_of_a_bag_whose_clock_is_off_are_on_the_clock_of_the_other(
         flights, ended):
     result, comparison, alignment = compare_bags(ended, flights[1])

@@ -11,6 +11,8 @@ from mambo_flight.world import separation
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope='module')
 def flown(tmp_path_factory):
@@ -61,7 +63,6 @@ def test_the_smallest_distance_is_of_the_pairs_that_have_a_stamp():
     assert t.tolist() == [0, 10, 20, 30] and least.tolist() == [3.0, 1.0, 1.5, 9.0]
 
 
-@pytest.mark.long
 def test_a_collision_is_named_on_the_page(tmp_path):
     out = tmp_path / 'near'
     assert fly.main([
@@ -118,7 +119,6 @@ def test_a_folder_without_all_drones_of_its_hall_is_refused(flown, tmp_path, cap
     assert not page.exists()
 
 
-@pytest.mark.long
 def test_a_folder_of_other_bags_is_refused(flown, tmp_path, capsys):
     folder = tmp_path / 'others'
     assert fly.main(['--trajectory', 'hover', '--duration', '0.1', '--no-landing', '-o',

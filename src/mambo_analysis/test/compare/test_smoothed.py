@@ -10,6 +10,8 @@ from mambo_ros import messages, topics
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):

@@ -71,6 +71,7 @@ def test_white_density_covers_the_truth():
     assert np.mean([f.high / f.low for f in found]) < 1.35
 
 
+@pytest.mark.long
 def test_random_walk_covers_the_truth_below_and_above_the_noise():
     for K in (0.001, 0.01):
         found = [allan.random_walk(white(seed, 4000, 0.02) + walk(seed + 999, 4000, K), RATE)

@@ -140,6 +140,7 @@ def test_the_other_moments_of_a_pendulum_are_those_of_the_base(tmp_path, attach,
     assert found.inertia[:2] == preset('crazyflie').inertia[:2] and found.mass == 0.028
 
 
+@pytest.mark.long
 def test_a_bag_with_parameters_of_an_estimator_is_a_flight_that_nobody_knows(
         tmp_path, attach, capsys):
     path = bag(tmp_path, noise=0.05)

@@ -43,12 +43,14 @@ def test_k_c_comes_back_whatever_the_scenario_believes(truth):
         assert found.without > 5.0 * found.fit.rms
 
 
+@pytest.mark.long
 def test_without_noise_it_is_exact():
     quiet = scenario('circle', duration=15.0, land=False, noise=False)
     found = fit_drag(flown(quiet), blind(seed=5))
     assert found.coefficient.value == pytest.approx(K_C, rel=1e-3)  # interpolation of 120 Hz
 
 
+@pytest.mark.long
 def test_offset_and_drift_of_the_axes_do_not_matter():
     track = flown(flight())
     moved = track._replace(position=track.position + [0.3, -0.2, 0.1]
@@ -58,6 +60,7 @@ def test_offset_and_drift_of_the_axes_do_not_matter():
     assert theirs.coefficient.value == pytest.approx(ours.coefficient.value, abs=1e-3)
 
 
+@pytest.mark.long
 def test_a_sine_in_height_shows_the_vertical_drag():
     truth = flight('z_sine', duration=20.0, **{f'{VEHICLE}.vertical_drag_coefficient': K_Z})
     found = fit_drag(flown(truth), flight('z_sine', duration=20.0), 'vertical')
@@ -108,6 +111,7 @@ def turned(track, degrees):
     return track._replace(position=track.position @ [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('degrees, late', [(2.0, 0.0), (5.0, 0.0), (0.0, 0.1), (-40.0, -0.05)])
 def test_a_motion_capture_that_is_turned_or_late_gives_the_same_drag(degrees, late):
     track = flown(flight('y_sine'))
@@ -119,6 +123,7 @@ def test_a_motion_capture_that_is_turned_or_late_gives_the_same_drag(degrees, la
     assert found.place.late == pytest.approx(late, abs=5e-3)
 
 
+@pytest.mark.long
 def test_a_turned_circle_has_the_drag_of_one_that_is_not():
     track = turned(flown(flight()), 5.0)
     found = fit_drag(track, blind())
@@ -126,6 +131,7 @@ def test_a_turned_circle_has_the_drag_of_one_that_is_not():
     assert found.fit.rms < 0.01  # m: 0.034 m were left with the turn in it
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('change, message', [
     (lambda t: t._replace(position=0.5 * t.position), r'0\.5\d+ times as large'),
     (lambda t: t._replace(position=1000.0 * t.position), 'times as large as that'),

@@ -80,6 +80,7 @@ def test_a_known_mass_belongs_to_flights_that_nobody_knows(tmp_path, capsys):
     assert 'is a bench, not the bag of a flight' in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_the_map_of_the_base_can_be_asked_for(tmp_path, capsys):
     path = bag(tmp_path)
     assert motor.main([str(path), '--base', 'crazyflie']) == 0

@@ -78,6 +78,7 @@ def test_what_is_no_swing_is_refused_in_one_line(change, message):
     assert '\n' not in str(error.value)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('theta, factor, message', [
     (0.03, 180.0 / np.pi, 'is the gyro in deg/s? then give --unit deg/s'),
     (0.5, np.pi / 180.0, 'is the gyro in rad/s? then give no --unit')])

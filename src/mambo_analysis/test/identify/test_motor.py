@@ -67,6 +67,7 @@ def test_intervals_cover_over_60_seeds():
     assert_covers(0.03, [one.time_constant for one in found])
 
 
+@pytest.mark.long
 def test_shaking_propellers_make_intervals_cautious_but_true():
     found = []
     for seed in range(60):

@@ -235,6 +235,7 @@ def test_names_of_mappings(capsys, tmp_path):
     assert 'did you mean nanobench?' in capsys.readouterr().err
 
 
+@pytest.mark.long
 @settings(max_examples=12)  # each is a table written, read and imported
 @given(seed=st.integers(0, 2**31), world=st.sampled_from(sorted(UP)),
        length=st.sampled_from(sorted(UNITS['length'])),

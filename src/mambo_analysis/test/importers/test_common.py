@@ -42,6 +42,7 @@ def test_sound_numbers_fit_single_precision(values, sound):
     assert common.is_sound(np.array(values)) == sound
 
 
+@pytest.mark.long
 @given(st.lists(st.text(max_size=200), max_size=40))
 def test_names_in_an_error_are_few_and_short(names):
     text = common.shortened(names)

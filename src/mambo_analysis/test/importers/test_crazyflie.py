@@ -117,6 +117,7 @@ def test_counts_become_rates_by_the_firmware_s_constants(made):
     assert (np.diff(pairs, axis=0) != 0.0).any(axis=1).all()  # held pairs are not repeated
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('counts, factor', [
     (409.0, 1.0), (488.0, 488.0 / 409.0), (1e5, 10.0)])  # 10: the largest that it may be
 def test_the_estimator_knows_the_counts_of_a_radian(counts, factor, tmp_path):
@@ -238,6 +239,7 @@ def test_an_offset_that_leaves_no_pose_in_the_flight_is_refused(tmp_path, capsys
     assert not (tmp_path / 'bag').exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('options, without', [
     (['--counts-per-radian', '409'], ('ae483log.n_x',)),
     (['--repeated-flow', 'zero'], ('ae483log.n_y',)), (['--level'], ('ae483log.a_z',)),
@@ -397,6 +399,7 @@ def test_range_and_gyro_must_tell_the_same_clock(tmp_path, capsys):
            'the signals give different clock offsets')
 
 
+@pytest.mark.long
 def test_poses_that_a_tracker_flips_are_counted_and_left_out(tmp_path, capsys):
     log = turning()
     for name, add in (('roll', np.pi), ('x', 0.2)):
@@ -451,6 +454,7 @@ def test_what_is_no_log_is_named_in_one_line(tmp_path, capsys):
     refuse(save(tmp_path / 'odd.json', {'drone': {}, 'mocap': {}}), tmp_path, capsys, 'no gyro')
 
 
+@pytest.mark.long
 def test_malformed_signals_are_named(tmp_path, capsys):
     def change(name, what, values):
         log = flight()

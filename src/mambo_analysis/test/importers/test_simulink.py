@@ -136,6 +136,7 @@ def assert_flown_again(flight, bag):
     assert height < 0.02 and tilt < 0.5 and distance < 0.1
 
 
+@pytest.mark.long
 def test_scopes_named_per_signal_give_the_flight_again(flight, tmp_path, capsys):
     bag, output = imported(tmp_path, capsys, scopes(flight))
     assert_flown_again(flight, bag)
@@ -153,6 +154,7 @@ def test_scopes_named_per_signal_give_the_flight_again(flight, tmp_path, capsys)
     assert 'gain_99' in got.metadata['import']['ignored']
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('prefix', ['rt_rt_', 'MyModel_'])
 def test_other_prefixes_are_known(flight, tmp_path, capsys, prefix):
     bag, _ = imported(tmp_path, capsys, scopes(flight, prefix))
@@ -390,6 +392,7 @@ def test_a_scope_of_several_signals_and_matrices_of_simulink(flight, tmp_path, c
     np.testing.assert_array_equal(got.angular_velocity, gyro * [1.0, -1.0, -1.0])
 
 
+@pytest.mark.long
 def test_two_imports_are_the_same_bytes(flight, tmp_path):
     source = save(tmp_path / 'log.mat', template(flight))
     for folder in ('a', 'b'):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 
+@pytest.mark.long
 def test_a_flight_becomes_a_vehicle(tmp_path, capsys):
     path = bag(tmp_path, noise=0.05)
     assert main([str(path), '-o', str(tmp_path / 'out'), '--base', 'crazyflie',
@@ -52,6 +53,7 @@ def test_wrong_input_is_one_line(tmp_path, capsys, arguments, said):
     assert said in error and '\n' not in error
 
 
+@pytest.mark.long
 def test_a_bag_without_rest_says_so(tmp_path, capsys):
     path = bag(tmp_path, lambda data: data.iloc[250:])
     assert main([str(path)]) == 0

@@ -18,12 +18,14 @@ def recording(reference, wrong=(0.0, 0.0, 0.0), seconds=12.0):
         wanted, one.position + wrong, one.velocity, one.attitude))
 
 
+@pytest.mark.long
 def test_it_arrives_at_a_constant_reference():
     end = fly(recording([0.4, -0.3, 1.2]), STRAIGHT, False).position[-1]
     assert end[:2] == pytest.approx([0.4, -0.3], abs=0.01)
     assert end[2] == pytest.approx(1.2, abs=0.05)  # the integral of the height is slow
 
 
+@pytest.mark.long
 def test_behind_a_moving_reference_it_stays_by_the_position_gain():
     """Velocity is asked for by the position error alone: v / (2 1/s), and the drag a little."""
     t = steered().t
@@ -35,12 +37,14 @@ def test_behind_a_moving_reference_it_stays_by_the_position_gain():
     assert moving[-1, 0] - quick == pytest.approx(0.1, rel=0.15)
 
 
+@pytest.mark.long
 def test_it_obeys_its_estimate():
     one = recording([0.0, 0.0, 1.0], wrong=(0.1, -0.05, 0.0))
     true, own = (fly(one, STRAIGHT, mistaken).position[-1] for mistaken in (False, True))
     assert own - true == pytest.approx([-0.1, 0.05, 0.0], abs=0.01)
 
 
+@pytest.mark.long
 def test_it_begins_at_the_recorded_state_with_the_integrals_of_the_flight():
     one = recording([0.0, 0.0, 1.0])
     later = one._replace(air=slice(400, len(one.t)))
@@ -68,6 +72,7 @@ def test_rms_is_horizontal_vertical_and_total():
         [one.name, '5.0', '12.0', '13.0', '-', '-', '-']]
 
 
+@pytest.mark.long
 def test_what_is_missing_or_elsewhere_is_named():
     one = recording([0.0, 0.0, 1.0])
     with pytest.raises(IdentifyError, match='no reference'):
@@ -95,6 +100,7 @@ def test_a_tilt_is_answered_by_its_rate_and_the_integral_grows():
     assert law.rates((0.1, -0.2), (0.0, 0.0)) == pytest.approx([0.606, -1.212])
 
 
+@pytest.mark.long
 def test_a_weak_battery_is_made_up_for_by_the_command():
     """With 3 % less voltage than the model knows it sags, and comes back."""
     one = recording([0.0, 0.0, 1.0])

@@ -52,6 +52,7 @@ def test_moments_come_back_from_disturbed_flights_in_closed_loop():
     assert inside >= 9
 
 
+@pytest.mark.long
 def test_a_motor_lag_that_is_too_long_gives_a_smaller_moment():
     one = noisy(1)
     short, long = (found_in(one, lag)['x'].value.value for lag in (TRUE.lag, 2.0 * TRUE.lag))
@@ -86,6 +87,7 @@ def test_the_error_of_the_thrust_map_is_in_the_interval():
     assert unsure is None or unsure.half > 1.1 * sure.half
 
 
+@pytest.mark.long
 def test_a_gain_at_the_end_of_its_range_shows_no_moment(monkeypatch):
     monkeypatch.setattr(moments, 'HIGH', (20.0, *moments.HIGH[1:]))  # 30 1/m is true
     monkeypatch.setattr(moments, 'START', (10.0, *moments.START[1:]))

@@ -15,12 +15,14 @@ def test_the_true_model_is_far_better_than_none():
     assert found.constant_velocity.mean() > 3.0 * found.mae[1]
 
 
+@pytest.mark.long
 def test_half_the_gain_is_seen():
     half = SPIN._replace(gain=tuple(0.5 * x for x in SPIN.gain))
     one = steered()
     assert predict_all(one, TRUE, half).mae[2] > 0.05 > predict_all(one, TRUE, SPIN).mae[2]
 
 
+@pytest.mark.long
 def test_what_stands_without_a_model():
     one = steered()
     found = predict_all(one, TRUE, SPIN, past=0.0)

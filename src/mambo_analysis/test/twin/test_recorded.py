@@ -12,6 +12,7 @@ import numpy as np
 import pandas
 import pytest
 
+@pytest.mark.long
 def test_air_rest_and_mounting(tmp_path):
     found = read_flight(bag(tmp_path))
     assert found.mounting == pytest.approx(MOUNTING, abs=1e-3)
@@ -27,6 +28,7 @@ def test_air_rest_and_mounting(tmp_path):
     assert found.voltage[found.air] == pytest.approx(3.6, abs=0.11)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('text, reason', [
     (MAP.replace('  motor_pwm: {pwm: [m1, m2, m3, m4]}\n', ''), 'no motor_pwm in the bag'),
     (MAP.replace(', acceleration: [ax, ay, az]', ''), 'lacks an acceleration'),
@@ -62,6 +64,7 @@ def test_a_recording_cut_to_the_flight_is_all_flight(tmp_path):
     assert 'it begins and ends in the air' in reading_notes(cut)[0] and not reading_notes(whole)
 
 
+@pytest.mark.long
 def test_a_second_flight_in_the_bag_is_said_to_be_unused(tmp_path):
     def again(data):
         short = data[(data.t < 12.0)].copy()
@@ -169,6 +172,7 @@ def test_the_axes_of_the_accelerometer_are_those_of_the_tracked_body():
     contradictions.refuse_swapped('bag', one.force[:, :2], one.body_velocity[:, :2])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('rows', [10, -8])
 def test_poses_that_are_late_are_moved(tmp_path, rows):
     found = read_flight(bag(tmp_path, moved(POSE, rows), noise=0.05))
@@ -238,6 +242,7 @@ def test_a_reference_is_held_until_the_next_one(tmp_path):
     assert np.isnan(known.position).all() and np.isnan(known.attitude).all()
 
 
+@pytest.mark.long
 def test_the_estimate_of_the_drone_is_on_the_same_grid(tmp_path):
     known = own(tmp_path, True)
     found = read_flight(tmp_path / 'bag')

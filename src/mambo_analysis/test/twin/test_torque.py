@@ -41,6 +41,7 @@ def test_the_fit_finds_the_model_on_other_flights():
     assert max(errors(prepare(steered(3), TRUE, 0.5, 1.0), found)) < 0.01
 
 
+@pytest.mark.long
 def test_offsets_are_seen_in_the_past_or_fitted_without_one():
     leaning = steered(1, torque=LEANING)
     before = prepare(leaning, TRUE, 0.5, 1.0)

@@ -38,6 +38,7 @@ def bags(tmp_path, count=2):
             for seed, folder in enumerate(folders)]
 
 
+@pytest.mark.long
 def test_leaves_each_out(tmp_path, capsys):
     assert main([*bags(tmp_path), '--json', str(tmp_path / 'twin.json')]) == 0
     found = json.loads((tmp_path / 'twin.json').read_text())
@@ -145,6 +146,7 @@ def test_json_holds_the_same_numbers():
     assert (found['horizon_s'], found['past_s']) == (0.5, 1.0)
 
 
+@pytest.mark.long
 def test_without_the_second_before_there_are_more_windows(tmp_path):
     paths = [Path(path) for path in bags(tmp_path)]
     plain, trimmed = (leave_one_out(paths, 0.5, past) for past in (0.0, 1.0))

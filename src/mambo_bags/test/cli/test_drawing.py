@@ -16,6 +16,7 @@ print(matplotlib.get_backend().lower(), matplotlib.rcParams['lines.linewidth'])
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('wrong', [
     {'MPLBACKEND': 'nonsense'}, {'MATPLOTLIBRC': '/dev/zero'}, {'MATPLOTLIBRC': '/'},
     {'MATPLOTLIBRC': 'mine'}, {'MPLCONFIGDIR': '/proc/none'},
@@ -25,6 +26,7 @@ def test_settings_of_the_environment_are_not_used(wrong, tmp_path):
     check(tmp_path, wrong)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('make', [
     lambda path: path.symlink_to('/dev/zero'), os.mkfifo,
     lambda path: path.write_text('lines.linewidth: 77\nbackend: nonsense\n')])

@@ -43,6 +43,7 @@ def start(folder, code, tool=TOOL):
                             start_new_session=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('code, how', [
     ('import os; os._exit(0)', 'exit code 0'),
     ('import os\ndef work(): os._exit(7)', 'exit code 7'),
@@ -59,6 +60,7 @@ def test_code_that_ends_the_process_is_one_line(code, how, tmp_path):
     assert not list(tmp_path.glob('kept_*'))  # what the command had begun is cleared away
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('code, status, out, err', [
     ('def work(): return 5', 0, 'before\n5\n', ''),
     ('def work(): open("none")', 2, 'before\n', 'tool: none: No such file or directory\n')])
@@ -99,6 +101,7 @@ def test_code_that_answers_no_signal_is_ended(stuck, signals, tmp_path):
     assert not list(tmp_path.glob('kept_*'))
 
 
+@pytest.mark.long
 def test_the_command_ends_with_the_process_above_it(tmp_path):
     tool = start(tmp_path, WAITS.replace(
         '.touch()', '.write_text(str(__import__("os").getpid()))'))

@@ -12,6 +12,8 @@ def graph(tmp_path, monkeypatch):
     monkeypatch.delenv('ROS_DOMAIN_ID', raising=False)
 
     def replace(**programs):
+        for told in (*tmp_path.glob('*.up'), *tmp_path.glob('*.quiet')):
+            told.unlink()  # by those of the flight before, for which nobody waits any more
         for name in NODES:
             (tmp_path / name).write_text(STAND_IN + programs.get(name, QUIET))
             (tmp_path / name).chmod(0o755)

@@ -115,6 +115,7 @@ def test_what_is_believed_of_a_reading_becomes_the_same_drag():
             rtol=1e-12)
 
 
+@pytest.mark.long
 def test_nothing_is_learnt_near_the_floor_nor_at_the_first_step():
     low = on(circle(0.0))._replace(rho=(0.0, 0.0, -0.2))
     ref = circle(0.0)

@@ -39,6 +39,7 @@ def fly(push, twist, count=400, target=None, gains=GAINS):
     return memory, state, command
 
 
+@pytest.mark.long
 def test_a_push_and_a_twist_are_measured_and_leave_no_error():
     push, twist = (0.8, -0.5, 1.5), (2e-4, -3e-4, 1e-4)
     memory, state, _ = fly(push, twist, count=800)
@@ -71,11 +72,13 @@ def farthest(believed_lag, lag, mass, seconds=6.0):
     return np.max(off[-round(2.0 / DT):])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(('lag', 'mass'), [(0.035, 0.8), (0.04, 0.8), (0.05, 0.8), (0.05, 1.2)])
 def test_a_lag_that_is_believed_is_borne_with_a_wrong_mass(lag, mass):
     assert farthest(lag, lag, mass) < 0.002
 
 
+@pytest.mark.long
 def test_a_lag_that_nobody_tells_is_borne_to_30_ms():
     assert farthest(0.0, 0.03, 0.8) < 0.002
     assert not farthest(0.0, 0.04, 0.8) < 0.5  # what believing in it is good for

@@ -84,6 +84,7 @@ def test_with_bounds_the_jerks_are_those_of_scipy():
             assert accelerations(w).min() == pytest.approx(low[0], abs=1e-3)
 
 
+@pytest.mark.long
 @needs_osqp
 def test_a_circle_with_a_push_is_followed():
     ref, memory = circle, initial(GAINS)
@@ -118,6 +119,7 @@ def test_bounds_are_those_of_thrust_and_tilt():
     assert n[1] == pytest.approx(0.2 * VV.gravity)
 
 
+@pytest.mark.long
 def test_without_the_solver_one_line_says_what_to_install():
     code = ('import sys; sys.modules["osqp"] = None\n'
             'from mambo_model.errors import InputError\n'

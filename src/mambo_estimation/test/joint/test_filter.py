@@ -58,6 +58,7 @@ def test_position_velocity_and_tilt_are_known_though_the_scale_is_not(path):
     assert rms(run.rho[on, 2] - truth.p[on, 2]) < 0.005
 
 
+@pytest.mark.long
 def test_level_circle_calibrates_the_scale():
     truth = fly(circle(), 66.0, drag=K_DRAG)
     errors = []

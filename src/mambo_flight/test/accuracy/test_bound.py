@@ -39,6 +39,7 @@ def test_unknowns_stay_in_their_ranges_and_are_those_of_the_seed():
         -0.07)
 
 
+@pytest.mark.long
 def test_command_prints_a_table_or_json(capsys):
     assert command.main(['hover', '--seeds', '1', '--slope', '0.1']) == 0
     text = capsys.readouterr().out

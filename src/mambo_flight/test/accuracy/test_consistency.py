@@ -19,7 +19,7 @@ def report():
     return summary([consistency.one(PATH, SLOPE, seed) for seed in SEEDS])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_errors_are_as_large_as_they_are_stated(report):
     for line in report.lines:
         # nine at once: 99.9 % limits, about twice as far from 1 as those of 95 %

@@ -26,6 +26,7 @@ def made():
     return filter_run.run(still(), JointParams())
 
 
+@pytest.mark.long
 def test_every_step_has_a_row_and_they_are_those_of_the_filter(made):
     """The last row, against the filter stepped by hand."""
     assert made.x.shape == (N, 24) and made.P.shape == (N, SIZE, SIZE)

@@ -11,10 +11,11 @@ from mambo_ros import topics
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.long
+
 BAG = Path(__file__).parents[4] / 'bags/circle_short'
 
 
-@pytest.mark.long
 def test_samples_and_truth_are_those_of_the_flight_to_the_bit():
     flight, found = from_bag.read(BAG)
     flown = closed_loop.fly(flight, inner=True)

@@ -67,6 +67,7 @@ def test_a_scenario_file_names_a_course_beside_it_and_may_change_it(line):
     assert again == flight == scenarios.from_yaml(scenarios.to_yaml(flight))
 
 
+@pytest.mark.long
 def test_a_hand_carries_along_a_course(line):
     flight = settings(trajectory=str(line), carried=True, estimator='ground_truth')
     assert flight.sim_node.simulator.hand.plan == flight.reference_node.plan

@@ -114,6 +114,7 @@ class Problem:
                             for k in range(n)])
 
 
+@pytest.mark.long
 def test_backward_pass_is_the_whole_flight_solved_at_once(monkeypatch):
     problem = Problem()
     monkeypatch.setattr(smoother.forward_pass, 'run', lambda found, params: problem.forward())

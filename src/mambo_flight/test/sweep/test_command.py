@@ -139,6 +139,7 @@ def test_one_flight_of_a_sweep_is_flown_as_it_stands_in_the_table(
     assert len(flown) == 1
 
 
+@pytest.mark.long
 def test_a_map_lies_beside_the_result_and_is_told(file, tmp_path, flown, monkeypatch, capsys):
     monkeypatch.setitem(ROW, 'fault', '')
     file.write_text(TEXT + '  sim_node.simulator.vehicle.drag_coefficient: [0.2, 0.3]\n')

@@ -50,6 +50,7 @@ def test_flights_of_a_compiled_component_have_the_numbers_of_the_loop():
     assert repr(row) == repr(monte_carlo.fly_with_sensors(flight(PD)))
 
 
+@pytest.mark.long
 def test_a_built_in_flight_is_flown_in_this_process(monkeypatch):
     monkeypatch.setattr(supervised, 'in_copy', None)
     row, = guarded.fly([flight('cascaded')], True)

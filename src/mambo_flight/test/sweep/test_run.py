@@ -349,7 +349,6 @@ def test_a_killed_worker_names_the_files_whose_code_it_ran(tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_a_killed_worker_and_ctrl_c_cost_one_line_and_no_finished_flight(tmp_path):
     path, out = file(tmp_path, LONG), tmp_path / 'r.parquet'
     run = start(path, out, '--workers', '2')
@@ -366,7 +365,6 @@ def test_a_killed_worker_and_ctrl_c_cost_one_line_and_no_finished_flight(tmp_pat
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_a_dask_cluster_gives_the_same_file_although_a_worker_dies(tmp_path):
     pytest.importorskip('distributed', reason='Dask is not installed: requirements/dask.txt')
     from distributed import Client, LocalCluster

@@ -72,6 +72,7 @@ def test_drones_that_are_taken_for_each_other_are_refused_and_found_again():
         assert errors(one)[t > end + 2e8].max() < 0.01
 
 
+@pytest.mark.long
 def test_hidden_markers_cost_poses_and_no_accuracy():
     """Two cameras, one beyond each drone: while the drones are in line there is no pose."""
     params = WorldParams(drones=2, capture=HallCaptureParams(
@@ -88,6 +89,7 @@ def test_hidden_markers_cost_poses_and_no_accuracy():
         assert 0 <= frames - poses - lost <= 3  # some are under way at the end
 
 
+@pytest.mark.long
 def test_a_flight_is_the_same_again():
     again = together.fly(flights(), WorldParams(drones=2, capture=HallCaptureParams(
         swap_distance=0.5)), PLACES)

@@ -8,6 +8,8 @@ from mambo_sim.world import WorldParams
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.long
+
 SECONDS = 6.0
 BLOWING = DownwashParams(enabled=True)
 
@@ -49,7 +51,6 @@ def stacked():
         together.fly(flights, params, [(0.0, 0.0, 0.0), (0.2, 0.0, 0.0)]) for _ in range(2)]
 
 
-@pytest.mark.long
 def test_downwash_pushes_the_lower_drone_down_and_leaves_the_upper_alone(stacked):
     flights, (result, _) = stacked
     lower, upper = result.recordings
@@ -88,7 +89,6 @@ def test_drones_of_unlike_durations_are_refused():
         together.fly([hover(), longer], WorldParams(drones=2), [(0.0,) * 3, (0.0, 2.0, 0.0)])
 
 
-@pytest.mark.long
 def test_unlike_drones_share_a_hall():
     """Each keeps its estimator, controller, vehicle and wind, as if it were alone."""
     flights = [

@@ -45,7 +45,6 @@ def test_compiled_code_that_is_damaged_is_compiled_again(kind, damage, tmp_path)
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_code_that_was_compiled_for_other_types_is_compiled_again(tmp_path):
     """As where two commands compile at once: one wrote the index, the other the code."""
     environment = {**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)}
@@ -79,6 +78,7 @@ print(sin(0.0), cos(0.0))
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('error, goes_on', [
     ('errno.ENOSPC', True), ('errno.EDQUOT', True), ('errno.EIO', False)])
 def test_on_a_full_disk_code_is_compiled_and_used_with_one_line(error, goes_on, tmp_path):

@@ -146,7 +146,6 @@ assert asked > 500
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_a_client_that_takes_no_answers_holds_up_no_node():
     node = subprocess.Popen(
         [sys.executable, '-c', SERVED], stdout=subprocess.PIPE, text=True)

@@ -31,16 +31,19 @@ def test_what_the_machine_is_out_of_is_one_line(tmp_path, error, line):
     assert start(tmp_path, error) == (1, f'one_node: {line}\n')
 
 
+@pytest.mark.long
 def test_a_missing_file_is_wrong_input(tmp_path):
     code, line = start(tmp_path, "FileNotFoundError(2, 'No such file or directory', 'a')")
     assert (code, line) == (2, "one_node: [Errno 2] No such file or directory: 'a'\n")
 
 
+@pytest.mark.long
 def test_any_other_error_keeps_its_traceback(tmp_path):
     code, text = start(tmp_path, "ValueError('x')")
     assert code == 1 and text.startswith('Traceback') and text.endswith('ValueError: x\n')
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('folder', ['/proc', '/proc/none'])
 def test_a_folder_for_logs_that_cannot_be_written_is_named(tmp_path, folder):
     code, line = start(tmp_path, 'AssertionError', ROS_LOG_DIR=folder)

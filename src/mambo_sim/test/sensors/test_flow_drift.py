@@ -127,6 +127,7 @@ def test_drift_of_the_factor_is_pi_A_B_slope_over_Q():
     assert level[0] == pytest.approx(math.pi * 1.0 * 1.0 * slope / Q, rel=0.01)
 
 
+@pytest.mark.long
 def test_factor_drifts_alike_at_any_speed_and_leakage_with_its_square():
     for rate in (0.5, 1.0, 2.0):
         assert drift('level C.4', {'rate': 200.0}, 1.06, rate)[0] == pytest.approx(

@@ -150,6 +150,7 @@ def film(views_of, swap, n=60):
     return [np.array(poses) for poses in out]
 
 
+@pytest.mark.long
 def test_poses_of_a_shared_motion_capture_are_those_of_each_alone_to_the_bit():
     alone = film(lambda hall, t, states: None, 0.0)
     shared = film(lambda hall, t, states: hall.step(t, states), 0.0)

@@ -149,6 +149,7 @@ def test_a_log_with_a_repeated_stamp_and_no_attitude_yet_is_read(tmp_path):
     assert any('onboard/odom: 3 of ' in note and 'quaternion of zeros' in note for note in notes)
 
 
+@pytest.mark.long
 def test_a_log_that_is_cut_off_or_damaged_is_one_line_or_what_is_left(tmp_path, capsys):
     content = log(flight_log(flown.steered(seconds=2.0)))
     rng = np.random.default_rng(5)
