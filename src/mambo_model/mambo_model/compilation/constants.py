@@ -6,10 +6,12 @@ from collections.abc import Iterator
 import enum
 import hashlib
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import CodeType, ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
+
+from ..compiled import CPUDispatcher
 
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), np.generic, enum.Enum)
 
@@ -43,13 +45,18 @@ def kept(module: ModuleType, within: str) -> dict[str, str]:
 
 
 def _compiled_functions(holder: Any, module: str) -> Iterator[Any]:
-    """Yield the compiled functions of a module or class, and of the classes inside."""
+    """Yield the compiled functions of a module, and of its classes and objects inside."""
     for value in list(vars(holder).values()):
-        value = getattr(value, '__func__', value)  # of a staticmethod
-        if hasattr(value, 'py_func'):
+        if isinstance(value, staticmethod):
+            value = value.__func__
+        if isinstance(value, CPUDispatcher):
             yield value
-        elif isinstance(value, type) and value.__module__ == module:
-            yield from _compiled_functions(value, module)
+        elif isinstance(value, type):
+            if value.__module__ == module:
+                yield from _compiled_functions(value, module)
+        elif isinstance(value, SimpleNamespace) or type(value).__module__ == module:
+            yield from (part for part in getattr(value, '__dict__', {}).values()
+                        if isinstance(part, CPUDispatcher))
 
 
 def _names(code: CodeType) -> set[str]:

@@ -115,6 +115,19 @@ def test_an_array_differs_in_type_and_shape():
     assert len(set(found)) == len(parts)
 
 
+@pytest.mark.parametrize('holder', ['SimpleNamespace(step=make(3))', 'Holder(make(3))'])
+def test_functions_that_an_object_holds_are_looked_at(holder):
+    found = []
+    for gain in (3, 4):
+        module = ModuleType('own_mine')
+        exec('from types import SimpleNamespace\nimport numba\n\n\ndef make(gain):\n'
+             '    @numba.njit\n    def step(x):\n        return gain * x\n    return step\n\n\n'
+             'class Holder:\n    def __init__(self, step):\n        self.step = step\n\n\n'
+             f'mine = {holder.replace("3", str(gain))}\n', vars(module))
+        found.append(kept(module, 'own_'))
+    assert found[0].keys() == found[1].keys() and found[0] and found[0] != found[1]
+
+
 def test_a_list_that_holds_itself_has_an_end():
     module = load('ROWS[1]')
     module.ROWS.append(module.ROWS)
