@@ -9,19 +9,61 @@ finds the step that does not end, and the others go on in a new copy.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+import pickle
 from typing import Any
 
 from mambo_control import failsafe
 from mambo_control.safety import REASON_CONTROLLER, REASON_ESTIMATE
 from mambo_model import slots
-from mambo_model.components import own_components
-from mambo_model.errors import JobError
+from mambo_model.components import look_again, own_components
+from mambo_model.errors import InputError, JobError
 
 from . import monte_carlo
 from .. import closed_loop, supervised
 from ..scenario import replaced, Scenario
 
 Row = dict[str, Any]
+_sweep = ''  # the last one of which this process got flights
+
+
+def packed(flights: Sequence[Scenario]) -> bytes:
+    """Return flights for :func:`fly_packed`, with the hashes of the user's components."""
+    return pickle.dumps((_sources(flights), list(flights)))
+
+
+def _sources(flights: Sequence[Scenario]) -> dict[str, str]:
+    return {str(c.path): c.sha256 for flight in flights for c in own_components(flight)}
+
+
+def fly_packed(sweep: str, batch: bytes, ideal: bool) -> list[Row]:
+    """
+    Return the rows of a batch in a worker, which may have flown for an earlier sweep.
+
+    Parameters
+    ----------
+    sweep
+        Unique for each sweep: at the first batch of one, the user's files are looked at again.
+    batch
+        Of :func:`packed`.
+    ideal
+        See :func:`fly`.
+
+    Raises
+    ------
+    InputError
+        If a file of the user is another one here than where the batch was packed.
+
+    """
+    global _sweep
+    if sweep != _sweep:
+        look_again()
+        _sweep = sweep
+    there, flights = pickle.loads(batch)
+    for path, sha256 in _sources(flights).items():
+        if there[path] != sha256:
+            raise InputError(f'{path}: is not the file that the sweep began with: keep it as it '
+                             'is while a sweep lasts, and the same for every worker')
+    return fly(flights, ideal)
 
 
 def fly(flights: Sequence[Scenario], ideal: bool) -> list[Row]:

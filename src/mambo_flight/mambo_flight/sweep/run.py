@@ -8,13 +8,14 @@ from concurrent.futures.process import BrokenProcessPool
 import contextlib
 import os
 from typing import Any, Protocol
+import uuid
 
 from mambo_model.components import own_components
 from tqdm import tqdm
 
 from ..scenario import Scenario
 from ..worker_pool import worker_pool
-from .guarded import fly
+from .guarded import fly, fly_packed, packed
 from .table import batches, Journal, KEPT, SweepEndedError, SweepError
 
 BATCH = 16  # largest number of flights in a batch for a worker
@@ -107,12 +108,13 @@ def _spread(flights: Numbered, left: Sequence[int], ideal: bool, executor: Execu
             keep: Any) -> None:
     """Fly the numbers ``left`` on an executor, with at most AHEAD batches per worker."""
     size = max(1, min(BATCH, len(left) // (4 * count)))
-    todo, under_way = batches(left, size), {}
+    todo, under_way, sweep = batches(left, size), {}, uuid.uuid4().hex
     try:
         while True:
             while len(under_way) < AHEAD * count and (numbers := next(todo, None)):
                 scenarios = [flights[number] for number in numbers]
-                under_way[executor.submit(fly, scenarios, ideal)] = (numbers, scenarios)
+                future = executor.submit(fly_packed, sweep, packed(scenarios), ideal)
+                under_way[future] = (numbers, scenarios)
             if not under_way:
                 return
             done, _ = wait(under_way, return_when=FIRST_COMPLETED)

@@ -5,7 +5,8 @@ import re
 
 from mambo_flight import closed_loop, scenario as scenarios, supervised
 from mambo_flight.sweep import command, guarded, monte_carlo, run
-from mambo_model.errors import JobError
+from mambo_model import components
+from mambo_model.errors import InputError, JobError
 import pyarrow.parquet as parquet
 import pytest
 
@@ -48,6 +49,33 @@ def test_flights_of_a_compiled_component_have_the_numbers_of_the_loop():
     row, = guarded.fly([flight(PD)], False)
     assert row.pop('fault') == ''
     assert repr(row) == repr(monte_carlo.fly_with_sensors(flight(PD)))
+
+
+def test_a_worker_looks_at_files_again_for_each_sweep_and_refuses_another_file(tmp_path):
+    mine = tmp_path / 'mine.py'
+
+    def write(share):
+        text = PD.read_text().replace('@jit\n', '').replace('thrust_and_torque(', (
+            f'thrust_and_torque({share} * '))
+        mine.write_text(text)
+
+    def send():
+        components.look_again()  # where the sweep begins
+        return guarded.packed([flight(mine)])
+
+    def largest(sweep, batch):
+        row, = guarded.fly_packed(sweep, batch, True)
+        assert not row['fault']
+        return row['tracking_max']
+    write(1.0)
+    first = send()
+    found = [largest('first', first)]
+    write(1.1)
+    assert largest('first', first) == found[0]  # loaded already
+    with pytest.raises(InputError, match='mine.py: is not the file that the sweep began with'):
+        largest('second', first)
+    found.append(largest('third', send()))
+    assert found[1] > 1.5 * found[0] > 0.0
 
 
 @pytest.mark.long
