@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 import dataclasses
+from functools import cache
+import os
 import struct
 from typing import Any
 
@@ -192,12 +194,21 @@ def load_types(type_names: Iterable[str]) -> Typestore:
     """
     Return the installed definitions of message types, to serialise and to build them.
 
+    They are the same object for the same types, as parsing them takes longer than most of what
+    they serialise: register no further types there.
+
     Raises
     ------
     mambo_bags.message_definition.DefinitionError
         If a type is not installed.
 
     """
+    return _loaded(tuple(sorted(set(type_names))), os.environ.get('AMENT_PREFIX_PATH', ''))
+
+
+@cache
+def _loaded(type_names: tuple[str, ...], prefixes: str) -> Typestore:
+    """Return the definitions of types as they are in some ament prefixes."""
     store = get_typestore(Stores.EMPTY)
     for name in type_names:
         store.register(get_types_from_msg(message_definition.full_text(name), name))
