@@ -71,6 +71,21 @@ def test_what_another_checkout_left_is_taken_back():
 
 
 @only_wheels
+def test_where_bytecode_is_forbidden_beside_sources_it_goes_to_the_cache():
+    forbidden = variables('source "$ROOT/env.bash"', PYTHONDONTWRITEBYTECODE='1')
+    assert 'PYTHONDONTWRITEBYTECODE' not in forbidden
+    assert forbidden['PYTHONPYCACHEPREFIX'] == f'{ROOT}/.cache/bytecode'
+    usual = variables('source "$ROOT/env.bash"')
+    assert not {'PYTHONDONTWRITEBYTECODE', 'PYTHONPYCACHEPREFIX'} & usual.keys()
+    other = variables('export MAMBO_ROOT=/other PYTHONPYCACHEPREFIX=/other/.cache/bytecode; '
+                      'source "$ROOT/env.bash"')  # of another checkout, in a shell with the ban
+    assert other['PYTHONPYCACHEPREFIX'] == f'{ROOT}/.cache/bytecode'
+    chosen = variables('source "$ROOT/env.bash"', PYTHONDONTWRITEBYTECODE='1',
+                       PYTHONPYCACHEPREFIX='/mine')
+    assert chosen['PYTHONPYCACHEPREFIX'] == '/mine'
+
+
+@only_wheels
 def test_a_strict_shell_stays_strict_and_alive():
     done = bash('set -euo pipefail; source "$ROOT/env.bash"; echo "$-"; echo "$SHELLOPTS"')
     assert done.returncode == 0, done.stderr
