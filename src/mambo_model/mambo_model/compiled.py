@@ -38,7 +38,7 @@ class _Forgotten(importlib.abc.MetaPathFinder, importlib.abc.Loader):
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> Any:
         """Return the specification of such a module, None for any other."""
-        if name.startswith(OWN_MODULES):
+        if name.startswith(OWN_MODULES) and '.' not in name:  # those of a package have none
             return importlib.machinery.ModuleSpec(name, self)
         return None
 

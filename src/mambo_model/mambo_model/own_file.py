@@ -5,9 +5,10 @@ from __future__ import annotations
 import ast
 import builtins
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 import hashlib
 import importlib.abc
+import importlib.machinery
 from importlib.machinery import PathFinder
 import importlib.util
 from pathlib import Path
@@ -18,7 +19,7 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 from . import limits
-from .compilation.constants import kept
+from .compilation.constants import kept, same
 from .compiled import own_cache, OWN_MODULES
 from .errors import MamboError
 from .schema import ParameterError
@@ -107,14 +108,15 @@ def name_apart(kind: type, sha256: str) -> None:
         kind.__name__ = f'{kind.__name__}_{sha256[:12]}'
 
 
-def _named_tuples(holder: Any, module: str) -> Iterator[type]:
+def _named_tuples(holder: Any, module: str, seen: set[type]) -> Iterator[type]:
     """Yield the NamedTuples that a module defines, including those nested in its classes."""
     for value in list(vars(holder).values()):
-        if isinstance(value, type) and value.__module__ == module:
+        if isinstance(value, type) and value.__module__ == module and value not in seen:
+            seen.add(value)
             if issubclass(value, tuple):
                 yield value
             else:
-                yield from _named_tuples(value, module)
+                yield from _named_tuples(value, module, seen)
 
 
 def _imports(file: Path) -> Iterator[str]:
@@ -133,13 +135,15 @@ def _imports(file: Path) -> Iterator[str]:
 def _own_files(path: Path) -> set[Path]:
     """Return a file, and the files and packages in its folder that it imports, however far."""
     found: set[Path] = set()
+    followed = set(sys.stdlib_module_names)
     new = [path]
     while new:
         file = new.pop()
         if file in found or not file.is_file():
             continue
         found.add(file)
-        for name in _imports(file):
+        for name in set(_imports(file)) - followed:
+            followed.add(name)
             new += [path.with_name(f'{name}.py'), *path.with_name(name).rglob('*.py')]
     return found
 
@@ -198,6 +202,24 @@ class _FromSource(importlib.abc.Loader):
         exec(compile(self.path.read_bytes(), self.path, 'exec', dont_inherit=True), vars(module))
 
 
+class _Loaded(importlib.abc.Loader):
+    """Gives a module that is loaded already, under one more name."""
+
+    def __init__(self, module: ModuleType) -> None:
+        self.module, self.spec = module, module.__spec__
+
+    def create_module(self, spec: Any) -> ModuleType:
+        """Return the module."""
+        return self.module
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Leave the module as it is."""
+        module.__spec__ = self.spec
+
+
+_LOCK = threading.RLock()  # one file at a time has its own modules among those of Python
+
+
 class _Beside(importlib.abc.MetaPathFinder):
     """
     Imports what stands in the folder of a user's file, for this file alone.
@@ -219,38 +241,57 @@ class _Beside(importlib.abc.MetaPathFinder):
         self.tops = {top for top in (top.removesuffix('.py') for top in tops)
                      if not _is_library(top)}
         self.loaded: dict[str, ModuleType] = {}
+        self.names: dict[str, str] = {}  # by which modules are imported, by their own names
         importlib.invalidate_caches()
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> Any:
         """Return the specification of a module beside the file, None for any other."""
+        package, _, last = name.rpartition('.')
+        if package in self.names:  # "from package import module" asks by the package's own name
+            return self._in_package(f'{self.names[package]}.{last}', name)
         if name.partition('.')[0] not in self.tops:
             return None
         found = PathFinder.find_spec(name, [str(self.folder)] if path is None else path)
         if found is None or found.origin is None or not found.origin.endswith('.py'):
             return found
         own = f'{self.name}__{name.replace(".", "__")}'
+        self.names[own] = name
         return importlib.util.spec_from_file_location(
             name, found.origin, loader=_FromSource(Path(found.origin), own, self),
             submodule_search_locations=found.submodule_search_locations)
 
+    @staticmethod
+    def _in_package(whole: str, name: str) -> Any:
+        """Return the specification of a module of a package, which it is imported by twice."""
+        try:
+            module = importlib.import_module(whole)
+        except ModuleNotFoundError as error:
+            if error.name != whole:
+                raise
+            raise ModuleNotFoundError(f'No module named {whole!r}', name=name) from None
+        return importlib.machinery.ModuleSpec(name, _Loaded(module))
+
     @contextmanager
     def found(self) -> Iterator[None]:
         """Let imports find what stands beside the file."""
-        before = self._take_out()
-        sys.modules.update(self.loaded)
-        sys.meta_path.insert(0, self)
-        sys.path.insert(0, str(self.folder))
-        try:
-            yield
-        finally:
-            sys.path.remove(str(self.folder))
-            sys.meta_path.remove(self)
-            self.loaded = self._take_out()
-            sys.modules.update(before)
+        with _LOCK:
+            before = self._take_out()
+            sys.modules.update(self.loaded)
+            sys.meta_path.insert(0, self)
+            sys.path.insert(0, str(self.folder))
+            try:
+                yield
+            finally:
+                with suppress(ValueError):  # the file has taken it out
+                    sys.path.remove(str(self.folder))
+                with suppress(ValueError):
+                    sys.meta_path.remove(self)
+                self.loaded = self._take_out()
+                sys.modules.update(before)
 
     def _take_out(self) -> dict[str, ModuleType]:
         """Remove the modules of these names from those of Python, and return them."""
-        names = [name for name in sys.modules if name.partition('.')[0] in self.tops]
+        names = [name for name in list(sys.modules) if name.partition('.')[0] in self.tops]
         return {name: sys.modules.pop(name) for name in names}
 
     def importing(
@@ -278,13 +319,13 @@ def _run(path: Path, version: str) -> ModuleType:
         with own_cache(name), bounded(path), beside.found():
             spec.loader.exec_module(module)
         for part in _modules(name):
-            for kind in _named_tuples(sys.modules[part], part):
+            for kind in _named_tuples(sys.modules[part], part, set()):
                 name_apart(kind, version)
     except BaseException as error:
         _drop(name)
         if isinstance(error, KeyboardInterrupt | TooLongError):
             raise
-        if isinstance(error, SyntaxError):
+        if isinstance(error, SyntaxError) and error.filename != '<unknown>':  # of ast
             at = f'{error.filename}:{error.lineno}' if error.filename else path
             raise ParameterError(f'{at}: {error.msg}') from None
         raise ParameterError(f'{fault_place(path, error)}: {describe(error)}') from None
@@ -293,7 +334,7 @@ def _run(path: Path, version: str) -> ModuleType:
 
 def _modules(name: str) -> list[str]:
     """Return the names of a user's module and of what it has imported from beside it."""
-    return [key for key in sys.modules if key == name or key.startswith(f'{name}__')]
+    return [key for key in list(sys.modules) if key == name or key.startswith(f'{name}__')]
 
 
 def _drop(name: str) -> None:
@@ -331,17 +372,26 @@ def load_file(path: Path) -> ModuleType:
     if (path, sha256) in _loaded:
         return _loaded[path, sha256]
     before_loading(path)
+    with _LOCK:
+        module = _load(path, sha256)
+    _loaded[path, sha256] = module
+    return module
+
+
+def _load(path: Path, sha256: str) -> ModuleType:
+    """Return a new module of a file, or the one of before if it holds nothing else."""
     module = _run(path, sha256)
     if values := kept(module, module.__name__):
         _drop(module.__name__)
         version = hashlib.sha256(f'{sha256} {sorted(values.items())}'.encode()).hexdigest()
         known = sys.modules.get(f'{OWN_MODULES}{path.stem}_{version[:16]}')
-        module = known if getattr(known, '__file__', None) else _run(path, version)
+        if known is not None and getattr(known, '__file__', None) and same(known, module):
+            return known  # with what it has compiled
+        module = _run(path, version)
         again = kept(module, module.__name__)
         if changing := sorted(name for name in values if again.get(name) != values[name]):
             _drop(module.__name__)
             raise ParameterError(
                 f'{path.parent / changing[0]} has another value each time the file is loaded, and '
                 'compiled code keeps one: make it a parameter, or leave out @jit')
-    _loaded[path, sha256] = module
     return module

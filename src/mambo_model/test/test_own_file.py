@@ -4,6 +4,7 @@ import os
 import random
 import signal
 import sys
+import threading
 import time
 from types import ModuleType
 
@@ -191,7 +192,7 @@ COMPILED = """
 from pathlib import Path
 from mambo_model.compiled import jit
 GAIN = float(Path(__file__).with_name('gain.txt').read_text())
-UNUSED = object()
+UNUSED = (1, "two")
 
 @jit
 def step(x):
@@ -220,3 +221,80 @@ def test_a_value_that_differs_each_time_is_no_constant_of_compiled_code(write, t
             r'/mine.py: GAIN has another value each time the file is loaded, and compiled code '
             'keeps one: make it a parameter, or leave out @jit$')):
         load_file(path)
+
+
+def test_other_values_than_those_of_compiled_code_are_new_too(write, tmp_path):
+    path = write(COMPILED.replace('GAIN = float', 'ONE = 1.0\nGAIN = float').replace(
+        'return GAIN * x', 'return ONE * x'))
+    found = []
+    for gain in ('1', '2', '2'):
+        (tmp_path / 'gain.txt').write_text(gain)
+        forget()
+        found.append(load_file(path))
+    assert [module.GAIN for module in found] == [1.0, 2.0, 2.0]
+    assert found[2] is found[1] and [module.step(3.0) for module in found] == [3.0] * 3
+
+
+@pytest.mark.parametrize('text', [
+    'from pkg import gains\nanswer = gains.ONE\n', 'from pkg import *\nanswer = gains.ONE\n',
+    'import pkg\nanswer = pkg.gains.ONE\n', 'from pkg.gains import ONE as answer\n',
+    'def late():\n    from pkg import gains\n    return gains.ONE\n\n\nimport pkg\n'
+    'answer = late()\n',
+    'try:\n    from pkg import nothing\nexcept ImportError:\n    from pkg import gains\n'
+    'answer = gains.ONE\n'])
+def test_a_module_is_imported_from_its_package(write, tmp_path, text):
+    (tmp_path / 'pkg').mkdir()
+    write('from . import gains\n__all__ = ["gains"]\n' if 'import pkg' in text
+          else '__all__ = ["gains"]\n', 'pkg/__init__.py')
+    for one in (1, 2):
+        write(f'ONE = {one}\n', 'pkg/gains.py')
+        module = load_file(write(text))
+        assert module.answer == one
+        if 'late' in text:
+            assert module.late() == one
+    assert not {'pkg', 'pkg.gains'} & set(sys.modules)
+
+
+def test_a_module_that_a_package_lacks_is_an_import_error(write, tmp_path):
+    (tmp_path / 'pkg').mkdir()
+    write('', 'pkg/__init__.py')
+    with pytest.raises(ParameterError, match=r"mine.py:1: ImportError: cannot import name 'none'"):
+        load_file(write('from pkg import none\n'))
+    write('1 / 0\n', 'pkg/none.py')
+    with pytest.raises(ParameterError, match=r'mine.py:1: ZeroDivisionError'):
+        load_file(write('from pkg import none\n'))
+
+
+def test_a_class_that_holds_itself_is_none_of_our_business(write):
+    assert load_file(write('class Node:\n    pass\n\n\nNode.child = Node\n')).Node
+
+
+def test_a_file_that_takes_its_folder_out_of_the_path_leaves_nothing(write):
+    write('ONE = 1\n', 'helper.py')
+    before = list(sys.meta_path)
+    load_file(write('import sys\nsys.path = [p for p in sys.path if p != __file__[:-8]]\n'
+                    'import helper\n'))
+    assert sys.meta_path == before and 'helper' not in sys.modules
+
+
+def test_threads_load_one_after_the_other(tmp_path):
+    found, threads = {}, []
+    for name in ('a', 'b'):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / 'helper.py').write_text(f'import time\ntime.sleep(0.01)\nX = {name!r}\n')
+        (folder / 'mine.py').write_text('import helper\n\n\ndef late():\n    import helper\n'
+                                        '    return helper.X\n')
+
+        def work(name=name, path=folder / 'mine.py'):
+            for _ in range(10):
+                module = load_file(path)
+                found.setdefault(name, set()).update({module.helper.X, module.late()})
+                if name == 'a':
+                    forget()
+        threads.append(threading.Thread(target=work))
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+    assert found == {'a': {'a'}, 'b': {'b'}}

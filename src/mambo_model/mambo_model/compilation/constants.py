@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import enum
 import hashlib
 from pathlib import Path
-from types import CodeType, ModuleType, SimpleNamespace
+from types import CodeType, FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -39,12 +39,49 @@ def kept(module: ModuleType, within: str) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     seen: set[int] = set()
-    for function in _compiled_functions(module, module.__name__):
+    for function in _compiled_functions(module, module.__name__, set()):
         _follow(function, within, seen, found)
     return found
 
 
-def _compiled_functions(holder: Any, module: str) -> Iterator[Any]:
+def same(one: ModuleType, two: ModuleType) -> bool:
+    """Return whether two modules of one source hold the same values, as far as that is known."""
+    contents = [_contents(module, module.__name__, set()) for module in (one, two)]
+    return contents[0] is not None and contents[0] == contents[1]
+
+
+def _contents(holder: Any, module: str, seen: set[int]) -> list[tuple[str, Any]] | None:
+    """Return the values of a module or class by name; None if one of them cannot be compared."""
+    seen.add(id(holder))
+    out: list[tuple[str, Any]] = []
+    for name, value in list(vars(holder).items()):
+        if name.startswith('__') and name not in ('__version__', '__dataclass_fields__'):
+            continue
+        if isinstance(value, staticmethod):
+            value = value.__func__
+        function = getattr(value, 'py_func', value)
+        if isinstance(value, type):
+            inner = [] if value.__module__ != module or id(value) in seen else _contents(
+                value, module, seen)
+            if inner is None:
+                return None
+            out.append((name, inner))
+        elif isinstance(function, FunctionType):
+            if function.__closure__ or function.__defaults__:
+                return None
+        elif name == '__dataclass_fields__':
+            defaults = [_content(field.default) for field in value.values()]
+            if None in defaults:
+                return None
+            out.append((name, defaults))
+        elif not isinstance(value, ModuleType):
+            if (content := _content(value)) is None or b'?' in content:
+                return None
+            out.append((name, content))
+    return out
+
+
+def _compiled_functions(holder: Any, module: str, seen: set[int]) -> Iterator[Any]:
     """Yield the compiled functions of a module, and of its classes and objects inside."""
     for value in list(vars(holder).values()):
         if isinstance(value, staticmethod):
@@ -52,8 +89,9 @@ def _compiled_functions(holder: Any, module: str) -> Iterator[Any]:
         if isinstance(value, CPUDispatcher):
             yield value
         elif isinstance(value, type):
-            if value.__module__ == module:
-                yield from _compiled_functions(value, module)
+            if value.__module__ == module and id(value) not in seen:
+                seen.add(id(value))
+                yield from _compiled_functions(value, module, seen)
         elif isinstance(value, SimpleNamespace) or type(value).__module__ == module:
             yield from (part for part in getattr(value, '__dict__', {}).values()
                         if isinstance(part, CPUDispatcher))
@@ -89,18 +127,23 @@ def _follow(function: Any, within: str, seen: set[int], found: dict[str, str]) -
     for i, value in enumerate(function.__defaults__ or ()):
         values[f'{function.__qualname__}, default {i}'] = value
     for name, value in sorted(values.items()):
-        if isinstance(value, ModuleType):  # numba reads its attributes as globals
-            for inner in sorted(names & vars(value).keys()):
-                _add(f'{file}: {name}.{inner}', vars(value)[inner], within, seen, found)
-        else:
-            _add(f'{file}: {name}', value, within, seen, found)
+        _add(f'{file}: {name}', value, names, within, seen, found)
 
 
 def _add(
-    place: str, value: Any, within: str, seen: set[int], found: dict[str, str],
+    place: str, value: Any, names: set[str], within: str, seen: set[int], found: dict[str, str],
 ) -> None:
-    """Add a value under its place, or follow it if it is a function."""
-    if hasattr(value, 'py_func') or hasattr(value, '__code__'):
+    """Add a value under its place, or follow it if it is a function or holds some."""
+    if isinstance(value, ModuleType):  # numba reads its attributes as globals
+        for inner in sorted(names & vars(value).keys()):
+            if vars(value)[inner] is not value and place.count('.') < 9:
+                _add(f'{place}.{inner}', vars(value)[inner], names, within, seen, found)
+    elif isinstance(value, type) and issubclass(value, enum.Enum):
+        found[place] = hashlib.sha256(repr(list(value)).encode()).hexdigest()
+    elif isinstance(value, tuple) and any(isinstance(part, CPUDispatcher) for part in value):
+        for i, part in enumerate(value):
+            _add(f'{place}[{i}]', part, names, within, seen, found)
+    elif hasattr(value, 'py_func') or hasattr(value, '__code__'):
         _follow(value, within, seen, found)
     elif (text := _content(value)) is not None:
         found[place] = hashlib.sha256(text).hexdigest()
