@@ -76,7 +76,10 @@ sys.meta_path.insert(0, _Forgotten())
 
 def _package(module: str) -> list[Path]:
     """Return the files of the package that a module belongs to, without importing it."""
-    spec = importlib.util.find_spec(module.partition('.')[0])
+    try:
+        spec = importlib.util.find_spec(module.partition('.')[0])
+    except (ImportError, ValueError):  # of an entry that names no module
+        return []
     if spec is None or spec.origin is None or not spec.origin.endswith('.py'):
         return []
     path = Path(spec.origin)
@@ -98,14 +101,12 @@ def source_digest() -> str:
                 group=group)), key=lambda entry: (entry.group, entry.name)):
         version = entry.dist.version if entry.dist else ''
         digest.update(f'{entry.group} {entry.name} {entry.value} {version}'.encode())
-        for path in _package(entry.module):  # its source may change without its version
+        # its source may change without its version
+        for path in _package(entry.value.partition(':')[0].strip()):
             digest.update(path.read_bytes())
     for name in ('mambo_model', 'mambo_sim', 'mambo_estimation', 'mambo_control',
                  'mambo_flight', 'mambo_analysis'):
-        spec = importlib.util.find_spec(name)
-        if spec is None or spec.origin is None:
-            continue
-        for path in sorted(Path(spec.origin).parent.rglob('*.py')):
+        for path in _package(name):
             source = path.read_bytes()
             if not path.stem.endswith('_node') and (
                     name not in ('mambo_flight', 'mambo_analysis') or b'@jit' in source):

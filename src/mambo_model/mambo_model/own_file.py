@@ -150,11 +150,14 @@ def _own_files(path: Path) -> set[Path]:
 
 def digest(path: Path) -> str:
     """Return the sha256 of a source file and of what it imports from its folder."""
-    files = sorted(_own_files(path))
-    if files == [path]:
+    return _digest(path, _own_files(path))
+
+
+def _digest(path: Path, files: set[Path]) -> str:
+    if files == {path}:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     out = hashlib.sha256()
-    for file in files:
+    for file in sorted(files):
         out.update(file.relative_to(path.parent).as_posix().encode() + b'\0' + file.read_bytes())
     return out.hexdigest()
 
@@ -232,12 +235,14 @@ class _Beside(importlib.abc.MetaPathFinder):
         Of the file.
     name
         Of its module; begins the names of the modules beside it.
+    files
+        The file, and what it imports from its folder.
 
     """
 
-    def __init__(self, path: Path, name: str) -> None:
+    def __init__(self, path: Path, name: str, files: set[Path]) -> None:
         self.folder, self.name = path.parent, name
-        tops = {file.relative_to(self.folder).parts[0] for file in _own_files(path)}
+        tops = {file.relative_to(self.folder).parts[0] for file in files}
         self.tops = {top for top in (top.removesuffix('.py') for top in tops)
                      if not _is_library(top)}
         self.loaded: dict[str, ModuleType] = {}
@@ -306,10 +311,10 @@ class _Beside(importlib.abc.MetaPathFinder):
             return builtins.__import__(name, globals, locals, fromlist, level)
 
 
-def _run(path: Path, version: str) -> ModuleType:
+def _run(path: Path, files: set[Path], version: str) -> ModuleType:
     """Return a new module of a file; its name ends with a version of what it depends on."""
     name = f'{OWN_MODULES}{path.stem}_{version[:16]}'
-    beside = _Beside(path, name)
+    beside = _Beside(path, name, files)
     spec = importlib.util.spec_from_file_location(
         name, path, loader=_FromSource(path, name, beside))
     assert spec is not None and spec.loader is not None
@@ -335,6 +340,11 @@ def _run(path: Path, version: str) -> ModuleType:
 def _modules(name: str) -> list[str]:
     """Return the names of a user's module and of what it has imported from beside it."""
     return [key for key in list(sys.modules) if key == name or key.startswith(f'{name}__')]
+
+
+def _parts(name: str) -> dict[str, ModuleType]:
+    """Return the modules of :func:`_modules` by what their names have behind the first."""
+    return {key.removeprefix(name): sys.modules[key] for key in _modules(name)}
 
 
 def _drop(name: str) -> None:
@@ -368,26 +378,28 @@ def load_file(path: Path) -> ModuleType:
     limits.check_regular(path)
     if not path.is_file():
         raise ParameterError(f'{path}: No such file or directory')
-    sha256 = digest(path)
+    files = _own_files(path)
+    sha256 = _digest(path, files)
     if (path, sha256) in _loaded:
         return _loaded[path, sha256]
     before_loading(path)
     with _LOCK:
-        module = _load(path, sha256)
+        module = _load(path, files, sha256)
     _loaded[path, sha256] = module
     return module
 
 
-def _load(path: Path, sha256: str) -> ModuleType:
+def _load(path: Path, files: set[Path], sha256: str) -> ModuleType:
     """Return a new module of a file, or the one of before if it holds nothing else."""
-    module = _run(path, sha256)
+    module = _run(path, files, sha256)
     if values := kept(module, module.__name__):
+        new = _parts(module.__name__)
         _drop(module.__name__)
         version = hashlib.sha256(f'{sha256} {sorted(values.items())}'.encode()).hexdigest()
-        known = sys.modules.get(f'{OWN_MODULES}{path.stem}_{version[:16]}')
-        if known is not None and getattr(known, '__file__', None) and same(known, module):
-            return known  # with what it has compiled
-        module = _run(path, version)
+        old = _parts(f'{OWN_MODULES}{path.stem}_{version[:16]}')
+        if old.keys() == new.keys() and all(same(old[part], new[part]) for part in new):
+            return old['']  # with what it has compiled
+        module = _run(path, files, version)
         again = kept(module, module.__name__)
         if changing := sorted(name for name in values if again.get(name) != values[name]):
             _drop(module.__name__)

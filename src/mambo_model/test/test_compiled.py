@@ -1,5 +1,6 @@
 """One function, one result, called alone or inside a compiled loop; a cache that follows."""
 
+import importlib.metadata
 import os
 from pathlib import Path
 import re
@@ -279,3 +280,21 @@ def test_other_parameters_leave_the_memory_as_it_is():
     assert product(held) == 6.0
     set_values(held, (0.1,))
     assert product(held) == 3.0 * 0.1 and memory_of(held) == 3.0
+
+
+@pytest.mark.parametrize(('value', 'counts'), [
+    ('lab_package.control:Mine', True), ('lab_single', True), ('no_such_package:Mine', False),
+    ('', False), ('.:x', False), ('not a module', False)])
+def test_the_source_of_an_installed_component_counts(tmp_path, monkeypatch, value, counts):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / 'lab_package').mkdir()
+    files = [tmp_path / name for name in ('lab_package/__init__.py', 'lab_package/control.py',
+                                          'lab_single.py')]
+    entry = importlib.metadata.EntryPoint('mine', value, 'mambo.controllers')
+    monkeypatch.setattr(importlib.metadata, 'entry_points', lambda group: [entry])
+    found = set()
+    for gain in (1, 2):
+        for file in files:
+            file.write_text(f'GAIN = {gain}\n')
+        found.add(compiled.source_digest())
+    assert len(found) == 1 + counts

@@ -235,6 +235,19 @@ def test_other_values_than_those_of_compiled_code_are_new_too(write, tmp_path):
     assert found[2] is found[1] and [module.step(3.0) for module in found] == [3.0] * 3
 
 
+def test_what_a_helper_reads_is_new_too(write, tmp_path):
+    write('from pathlib import Path\n'
+          "GAIN = float(Path(__file__).with_name('gain.txt').read_text())\n", 'helper.py')
+    path = write('import helper\nfrom mambo_model.compiled import jit\nONE = 1.0\n\n\n@jit\n'
+                 'def step(x):\n    return ONE * x\n\n\ndef gain():\n    return helper.GAIN\n')
+    found = []
+    for gain in ('1', '2', '2'):
+        (tmp_path / 'gain.txt').write_text(gain)
+        forget()
+        found.append(load_file(path))
+    assert [module.gain() for module in found] == [1.0, 2.0, 2.0] and found[2] is found[1]
+
+
 @pytest.mark.parametrize('text', [
     'from pkg import gains\nanswer = gains.ONE\n', 'from pkg import *\nanswer = gains.ONE\n',
     'import pkg\nanswer = pkg.gains.ONE\n', 'from pkg.gains import ONE as answer\n',

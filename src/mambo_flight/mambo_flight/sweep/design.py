@@ -268,15 +268,11 @@ def read(path: Path) -> Sweep:
     for axis in axes:
         if _is_seed(axis):
             _refuse_repeats(axis)
-    seed = next((axis for axis in axes if axis.name in scenarios.SEEDS), None)
-    if seed and 'seed' in names:
-        raise schema.ParameterError(
-            f'{seed.where}: {seed.name}: the key seed sets it as well: leave one out')
-    for axis in axes:
-        if axis.name in scenarios.COMPONENTS and axis.name.rpartition('.')[2] in names:
+    for key in ('seed', 'estimator', 'controller'):
+        twice = next((axis for axis in axes if axis.name in SETS[key]), None)
+        if twice and key in names:
             raise schema.ParameterError(
-                f'{axis.where}: {axis.name}: the key {axis.name.rpartition(".")[2]} sets it as '
-                'well: leave one out')
+                f'{twice.where}: {twice.name}: the key {key} sets it as well: leave one out')
     rows = _table(axes, head, reader)
     if 'samples' in settings:
         _refuse_one_sample(axes, rows, reader.where(keys['samples'][0]))

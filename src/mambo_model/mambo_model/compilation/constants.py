@@ -14,6 +14,7 @@ import numpy as np
 from ..compiled import CPUDispatcher
 
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), np.generic, enum.Enum)
+_UNKNOWN = b'\0unknown\0'  # a part of a value that cannot be compared
 
 
 def kept(module: ModuleType, within: str) -> dict[str, str]:
@@ -75,7 +76,7 @@ def _contents(holder: Any, module: str, seen: set[int]) -> list[tuple[str, Any]]
                 return None
             out.append((name, defaults))
         elif not isinstance(value, ModuleType):
-            if (content := _content(value)) is None or b'?' in content:
+            if (content := _content(value)) is None or _UNKNOWN in content:
                 return None
             out.append((name, content))
     return out
@@ -159,5 +160,5 @@ def _content(value: Any, depth: int = 0) -> bytes | None:
         value = tuple(value.items())
     if isinstance(value, tuple | list) and depth < 20:
         parts = [_content(part, depth + 1) for part in value]
-        return b'(' + b', '.join(b'?' if part is None else part for part in parts) + b')'
+        return b'(' + b', '.join(_UNKNOWN if part is None else part for part in parts) + b')'
     return None
