@@ -62,7 +62,6 @@ _mambo_enter() {
     unset PYTHONHOME
 
     _mambo_choose || return
-    "$root/tools/install.bash" "$MAMBO_ROS" || return
     export MAMBO_ROOT=$root
     local cache=$root/.cache
     mkdir -p -- "$cache" 2>/dev/null
@@ -83,6 +82,7 @@ _mambo_enter() {
         export PYTHONPYCACHEPREFIX=${PYTHONPYCACHEPREFIX:-$cache/bytecode}
         unset PYTHONDONTWRITEBYTECODE
     fi
+    "$root/tools/install.bash" "$MAMBO_ROS" || return
     export MPLCONFIGDIR=${MPLCONFIGDIR:-$cache/matplotlib}
     export ROS_LOG_DIR=${ROS_LOG_DIR:-$cache/ros-log}
     export COLCON_DEFAULTS_FILE=${COLCON_DEFAULTS_FILE:-$root/tools/colcon-defaults.yaml}

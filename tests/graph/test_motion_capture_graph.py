@@ -60,6 +60,7 @@ def test_the_closed_loop_says_what_the_graph_says(bag, tmp_path):
         assert len(payloads(bag, topic)) == STEPS
 
 
+@pytest.mark.long
 def test_replays_live_and_offline_give_the_recorded_estimate_to_the_bit(bag, tmp_path):
     output = tmp_path / 'replayed'
     replay(bag, output)

@@ -57,6 +57,7 @@ def test_every_frame_arrives_with_the_time_of_its_exposure(bag):
     assert len(frames) >= flown / PERIOD - 10
 
 
+@pytest.mark.long
 def test_the_poses_are_those_of_the_vehicle(bag):
     poses, truth = bag['/mambo/optitrack/pose'], bag['/mambo/ground_truth/odom']
     at = np.stack([np.interp(poses.stamp, truth.stamp, truth.position[:, axis])
@@ -114,6 +115,7 @@ def test_one_server_brings_each_drone_its_own_poses(bags):
         assert np.abs(at - poses.position).max() < 2e-3
 
 
+@pytest.mark.long
 def test_the_estimator_of_each_drone_uses_them(bags):
     for space, bag in bags.items():
         estimate, truth = bag[f'{space}/estimate/map'], bag[f'{space}/ground_truth/odom']

@@ -17,6 +17,7 @@ PD = EXAMPLES / 'pd_controller.py'
 LOCKSTEP = {'sim_node.mode': 'lockstep'}
 
 
+@pytest.mark.long
 def test_the_four_of_ones_own_are_the_closed_loop_to_the_bit(tmp_path):
     """A compiled controller, a plain estimator, a course and a vehicle, from files."""
     short = {'duration': Place(9.0, 'test'), 'landing': Place(False, 'test')}

@@ -38,6 +38,7 @@ def payloads(path, topic, namespace):
     return list(map(bytes, read_bag(path)[topics.full_name(topic, namespace)].raw))
 
 
+@pytest.mark.long
 def test_the_graph_flies_what_one_process_flies(flown, tmp_path):
     outcomes, bags = flown
     assert [(o.flown, o.missed, o.fault) for o in outcomes] == [(SECONDS, 0, '')] * 2

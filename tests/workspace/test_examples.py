@@ -14,16 +14,14 @@ SAYS = {'plot_a_bag': 'picture: circle_short.png', 'compare_two_bags': 'report: 
         'sweep_and_look': 'picture: flights.png'}
 ARGUMENTS = {'train_hover': ['6'],  # iterations, of 100
              'sweep_and_look': ['8']}  # flights, of 24
-QUICK = {'alpha_beta_filter', 'pd_controller', 'plot_a_bag'}
 RISES = {'train_hover': (r'mean return +(\S+),', 3.0)}  # -4.0 to 1.2; a policy that falls has -4
 FINDS = {'import_and_compare': (r'began (\S+) s into', 2.5, 0.02),  # the estimate lags by 9, 22 ms
          'identify_and_fly': (r'identify_thrust.yaml: (\S+) m below', 0.0, 0.01),
          'tune_the_estimator': (r'factor = constant: (\S+) m', 0.0153, 5e-5)}  # as recorded
 
 
-@pytest.mark.parametrize('script', [
-    pytest.param(path, marks=[] if path.stem in QUICK else [pytest.mark.long])
-    for path in EXAMPLES], ids=lambda path: path.stem)
+@pytest.mark.long
+@pytest.mark.parametrize('script', EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_runs_and_writes_what_it_says(script, tmp_path):
     done = subprocess.run(
         [sys.executable, script, *ARGUMENTS.get(script.stem, [])], cwd=tmp_path, text=True,

@@ -174,6 +174,7 @@ def test_executables_go_where_ros2_run_looks(package):
     assert settings['develop']['script_dir'] == settings['install']['install_scripts'] == folder
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('blocked', [ROS, ROS | ROS_MESSAGES], ids=['graph', 'messages'])
 def test_everything_but_the_nodes_imports_without_ros(blocked):
     names = ['.'.join(file.relative_to(SRC / package).with_suffix('').parts)

@@ -31,9 +31,8 @@ def test_there_is_one_for_each_use():
         'fly_and_look', 'your_controller', 'your_estimator', 'sweep'}
 
 
-@pytest.mark.parametrize('file', [
-    pytest.param(path, marks=[pytest.mark.long] if 'your' in path.stem else [])
-    for path in NOTEBOOKS], ids=lambda path: path.stem)
+@pytest.mark.long
+@pytest.mark.parametrize('file', NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs(file, tmp_path):
     done = subprocess.run(
         [sys.executable, '-c', RUN, file], cwd=file.parent, text=True, capture_output=True,

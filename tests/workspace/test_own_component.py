@@ -25,6 +25,7 @@ def test_the_page_has_commands():
     assert len(COMMANDS) == 5 and all(line.startswith('./') for line in COMMANDS)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize('command', COMMANDS)
 def test_a_command_of_the_page_works(command, here, capsys):

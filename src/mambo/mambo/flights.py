@@ -63,6 +63,8 @@ class Flight:
     def __repr__(self) -> str:
         m = self.metrics
         ending = f', motors stopped ({m["shutdown_reason"]})' if m['shutdown'] else ''
+        if m['fallen']:
+            ending += ', lay on the floor below its reference'
         errors = 'never took off' if math.isnan(m['tracking_rms']) else (
             f'tracking RMS {m["tracking_rms"]:.4g} m, estimation RMS {m["estimation_rms"]:.4g} m')
         return (f'<Flight {self.name}: {self.t[-1]:g} s, {errors}{ending}>'
@@ -75,7 +77,7 @@ class Flight:
 
     @cached_property
     def metrics(self) -> dict[str, Any]:
-        """Return tracking and estimation errors [m], saturation and shutdown by name."""
+        """Return tracking and estimation errors [m], saturation and endings by name."""
         return monte_carlo.measure(self.scenario, self.recording)
 
     def to_pandas(self) -> pandas.DataFrame:

@@ -28,6 +28,7 @@ def test_a_file_and_its_content_are_the_same_sweep(tmp_path):
     pandas.testing.assert_frame_equal(mambo.sweep(WHAT, ideal=True, workers=1), theirs)
 
 
+@pytest.mark.long
 def test_a_sweep_flies_a_file_as_it_is_now(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     ours = Path(__file__).parents[3] / 'examples/alpha_beta_filter.py'

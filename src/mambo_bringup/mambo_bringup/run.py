@@ -173,7 +173,7 @@ def _run(options: argparse.Namespace) -> None:
         _list_scenarios()
         return
     name, flight = _scenario(options)
-    if options.print_scenario:
+    if flight_options.only_prints(options):
         print(scenarios.commented_yaml(flight), end='')
         return
     for line in flight_options.remarks(flight, options.stretch):

@@ -57,6 +57,7 @@ def opened(package, name, words, bag):
         rclpy.try_shutdown()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(('package', 'name'), policy.NODES[:-1], ids=lambda one: one)
 def test_each_node_opens_what_its_policy_allows_and_no_less(package, name, tmp_path):
     found = [set(), set(), set()]

@@ -110,6 +110,8 @@ def test_scenarios_are_listed_with_their_flights(capsys):
 
 
 def test_a_printed_scenario_can_be_flown(capsys, tmp_path):
+    assert command.main(['--print-scenario', '-o', str(tmp_path / 'bag')]) == 2
+    assert 'leave out -o/--output' in capsys.readouterr().err
     assert command.main(['--scenario', 'fig_5_11', '--seed', '8', '--print-scenario']) == 0
     file = tmp_path / 'printed.yaml'
     file.write_text(capsys.readouterr().out)

@@ -96,6 +96,13 @@ def _option(name: str, value: Any) -> str:
     return f'--no-{name}' if value is False else f'--{name}'
 
 
+def only_prints(options: argparse.Namespace) -> bool:
+    """Return whether the flight is printed and not flown; InputError if a bag is asked for too."""
+    if options.print_scenario and options.output:
+        raise InputError('--print-scenario prints and flies nothing: leave out -o/--output')
+    return options.print_scenario
+
+
 def timed(options: argparse.Namespace) -> bool:
     """Return whether the command line sets the duration of the flight."""
     return options.duration is not None or SETS['duration'][0] in overrides(options.set)

@@ -18,7 +18,7 @@ from typing import Any
 from mambo_bags.command import guard, interrupted, Parser
 from mambo_model import limits
 from mambo_model.errors import InputError, JobError
-from mambo_model.motion.fallen import fallen
+from mambo_model.motion.height_check import height_fault
 from mambo_model.whole_file import refuse_existing
 from numba.core import event
 import numpy as np
@@ -95,12 +95,12 @@ def _ended(flight: Scenario, r: closed_loop.Recording, metrics: Mapping[str, Any
     if metrics['shutdown']:
         return (f'motors stopped at {metrics["shutdown_time"]:.3f} s: '
                 f'{metrics["shutdown_reason"]}')
-    return fallen(r.t * 1e-9, -r.truth[:, 2], -r.reference[:, 2], r.phase)  # NED
+    return height_fault(r.t * 1e-9, -r.truth[:, 2], -r.reference[:, 2], r.phase)  # NED
 
 
 def _run(options: argparse.Namespace) -> None:
     timed = flight_options.timed(options)
-    if options.print_scenario:
+    if flight_options.only_prints(options):
         flight, world = _scenario(options)[1], flight_options.world(options)
         print(commented_yaml(flight) if world.drones == 1 else world_file.to_text(
             formation.hall(flight, world, timed).hall), end='')
@@ -152,8 +152,8 @@ def write_flight(name: str, flight: Scenario, output: Path) -> None:
     Raises
     ------
     mambo_model.errors.JobError
-        If a component failed in flight, the failsafe ended it, or the vehicle lay on the floor
-        below its reference; the bag is written.
+        If a component failed in flight, the failsafe ended it, or the vehicle was far from
+        the height of its reference; the bag is written.
 
     """
     began = time.monotonic()

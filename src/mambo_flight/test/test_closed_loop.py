@@ -166,6 +166,7 @@ def test_states_are_consistent(flight):
         np.testing.assert_allclose(v, differences, atol=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('constant', [0.8, 1.06, 1.3])
 def test_a_wrong_factor_of_the_flow_makes_the_world_as_much_too_large(constant):
     recording = fly(override(scenario(estimator='kalman', noise=False, land=False), {

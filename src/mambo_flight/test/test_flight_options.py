@@ -113,6 +113,9 @@ def test_the_command_prints_what_it_would_fly(tmp_path, capsys):
     assert plan['scale_rate'] == 0.5 and plan['course'].startswith('# slow.py:line, sha256 ')
     sim = printed['/mambo/sim_node']['ros__parameters']
     assert sim['duration'] == 30.0 and sim['simulator']['vehicle']['mass'] == 0.063
+    assert fly.main(['--trajectory', 'circle', '--print-scenario', '-o', 'bag']) == 2
+    assert capsys.readouterr() == (
+        '', 'fly: --print-scenario prints and flies nothing: leave out -o/--output\n')
     assert fly.main(['--trajectory', 'circle']) == 2
     assert capsys.readouterr().err == 'fly: -o/--output is missing\n'
 

@@ -204,6 +204,7 @@ def test_the_time_of_the_compiler_is_not_that_of_the_flight(file, tmp_path, caps
     assert float(re.search(r'flown in ([\d.]+) s', out)[1]) < 0.6 and err == ''
 
 
+@pytest.mark.long
 def test_so_it_is_for_several_drones(tmp_path, capsys, monkeypatch):
     fly_together, took = fly.together.fly, []
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
-from mambo_model.motion.fallen import fallen
+from mambo_model.motion.height_check import height_fault
 import numpy as np
 
 REPORTS = ('/diagnostics', 'diagnostics')
@@ -43,14 +43,14 @@ def _carried(bag: Bag) -> bool:
     return _simulator(bag, 'simulator', 'hand', 'enabled') is True
 
 
-def _fallen(bag: Bag) -> str:
-    """Return that the vehicle lies on the floor below its reference, see :func:`fallen`."""
+def _height_fault(bag: Bag) -> str:
+    """Return how the vehicle did not follow the height of its reference, or an empty string."""
     if _carried(bag) or 'ground_truth/odom' not in bag or 'reference' not in bag:
         return ''
     reference, truth = bag['reference'], bag['ground_truth/odom']
     _, asked, true = np.intersect1d(reference.stamp, truth.stamp, return_indices=True)
-    return fallen(reference.t[asked], truth.position[true, 2], reference.position[asked, 2],
-                  reference.phase[asked])
+    return height_fault(reference.t[asked], truth.position[true, 2],
+                        reference.position[asked, 2], reference.phase[asked])
 
 
 def statuses(bag: Bag) -> Iterator[tuple[float, Any]]:
@@ -87,8 +87,8 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
 
     Returns
     -------
-    Lines: a failsafe that ended the flight, motors stopped by their watchdog, a vehicle that lay
-    on the floor below its reference without either, and less flown than the scenario in the bag
+    Lines: a failsafe that ended the flight, motors stopped by their watchdog, without either
+    a vehicle far from the height of its reference, and less flown than the scenario in the bag
     asks for.
 
     """
@@ -98,7 +98,7 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
         if status.name in finals and status.level == _ERROR and status.name not in first:
             first.add(status.name)
             lines.append(f'{status.name} at {t:.3f} s: {status.message}')
-    if not lines and (reason := _fallen(bag)):
+    if not lines and (reason := _height_fault(bag)):
         lines.append(reason)
     clock = next((name for name in ('/clock', 'clock') if name in bag), None)
     planned = _planned(bag)

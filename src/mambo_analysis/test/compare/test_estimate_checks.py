@@ -87,6 +87,7 @@ def column(bag, topic, field, change):
     messages._cache[field] = values
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('topic, field, change, said', [
     (topics.SONAR, 'range', lambda x: np.full_like(x, 2.5), 'sonar stuck from'),
     (topics.IMU, 'angular_velocity', lambda x: x * [0.0, 1.0, 1.0], 'gyro x repeats 0 from 3.0'),

@@ -31,6 +31,7 @@ def blind(**options):
     return flight(**options, **{f'{VEHICLE}.drag_coefficient': 0.6})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('truth', [0.0, 0.1, K_C, 0.5])
 def test_k_c_comes_back_whatever_the_scenario_believes(truth):
     track = flown(flight(**{f'{VEHICLE}.drag_coefficient': truth}))

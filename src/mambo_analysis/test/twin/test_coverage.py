@@ -159,6 +159,7 @@ def test_the_flights_have_the_parameters_that_are_asked_for():
     assert simulator.imu.accel_bias[0] > 0.0  # biases are those of the simulator
 
 
+@pytest.mark.long
 def test_a_flight_too_short_to_show_anything_is_said(monkeypatch, capsys):
     def short(path, namespace=None):
         raise coverage.IdentifyError(f'{path.name}: 3.0 s in the air')

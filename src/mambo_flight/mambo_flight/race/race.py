@@ -21,7 +21,7 @@ from mambo_model.whole_file import PICTURE, replacing, write_text
 
 from . import report
 from ..sweep.run import run
-from ..sweep.table import Journal, KEPT
+from ..sweep.table import Journal, KEPT, report_faults
 from .comparison import (
     Comparison, CONDITIONS, COURSES, enter, Entrant, ENTRANTS, NAMES, SLOW, STATES,
     TRUE)
@@ -35,9 +35,9 @@ def race(
     folder: Path, entrants: Mapping[str, Entrant], courses: Sequence[str],
     conditions: Sequence[str], draws: int, states: Sequence[str], workers: int | None = None,
     add: bool = False,
-) -> list[report.Result]:
+) -> list[tuple[str, str]]:
     """
-    Fly a comparison and write its page.
+    Fly a comparison and write its page; return each flight and its fault, empty for none.
 
     Parameters
     ----------
@@ -71,7 +71,8 @@ def race(
     steps, before = report.load(folder / NUMBERS) if add else ({}, [])
     folder.mkdir(parents=True, exist_ok=True)
     found: list[report.Result] = []
-    journals = []
+    journals: list[Journal] = []
+    faults: list[tuple[str, str]] = []
     for state in states:
         flights = Comparison(entrants, courses, conditions, draws, state)
         digest = hashlib.sha256(
@@ -83,14 +84,17 @@ def race(
             for journal in journals:
                 journal.close()
             raise
-        found += report.results(flights.starts, journals[-1].rows, state)
+        rows = journals[-1].rows
+        found += report.results(flights.starts, rows, state)
+        faults += [('/'.join(map(str, (*start, state))), rows[number]['fault'])
+                   for number, start in enumerate(flights.starts)]
     for name, entrant in entrants.items():
         flight = Comparison({name: entrant}, courses[:1], ['known'], 1, TRUE)[0]
         steps[name] = entrant.title, step_time(flight)
     _write(folder, report.merged(before, found), steps)
     for journal in journals:
         journal.remove()
-    return found
+    return faults
 
 
 def _picture(condition: str) -> str:
@@ -132,10 +136,12 @@ def _run(options: argparse.Namespace) -> None:
              _names(options.conditions, list(CONDITIONS), '--conditions'))
     states = _names(options.state, list(STATES), '--state')
     try:
-        race(options.output, *names, options.draws, states, options.workers, options.add)
+        faults = race(
+            options.output, *names, options.draws, states, options.workers, options.add)
     except KeyboardInterrupt as end:
         raise interrupted(end, KEPT) from None
     print(f'page: {options.output / PAGE}')
+    report_faults(faults)
 
 
 def parser() -> Parser:

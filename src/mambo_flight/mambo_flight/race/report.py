@@ -28,8 +28,8 @@ _STATES = {'true': 'true state', 'estimated': 'estimates',
 
 
 def survived(row: Mapping[str, Any]) -> bool:
-    """Return whether a flight was not shut down and stayed within LOST."""
-    return not row['shutdown'] and row['tracking_max'] < LOST
+    """Return whether a flight was not shut down, did not fall and stayed within LOST."""
+    return not (row['shutdown'] or row['fallen']) and row['tracking_max'] < LOST
 
 
 def results(
@@ -152,9 +152,9 @@ def markdown(
            f'flights of 30 s. Draws of each kind: {draws}; one if nothing is random. The '
            'estimates are those of `joint`.', '',
            'Numbers are the median of the RMS position error of a flight in mm, take-off '
-           'included. A flight survives if it is neither shut down nor 2 m off. Saturated: share '
-           'of the control steps with a motor at a limit. Energy: that of the commanded '
-           'thrusts.', '', *goals.lines(found)]
+           'included. A flight survives if it is neither shut down nor 2 m off, nor on the floor '
+           'below its reference. Saturated: share of the control steps with a motor at a limit. '
+           'Energy: that of the commanded thrusts.', '', *goals.lines(found)]
     for condition in dict.fromkeys(r.condition for r in found):
         for state in dict.fromkeys(r.state for r in found if r.condition == condition):
             out += [f'## {TITLES[condition][0].upper()}{TITLES[condition][1:]}: '

@@ -16,7 +16,6 @@ from typing import Any
 
 from mambo_bags.cli.option_types import FLIGHT, WORKERS
 from mambo_bags.command import guard, interrupted, Parser
-from mambo_model.errors import JobError
 from mambo_model.whole_file import PICTURE, refuse_existing, refuse_other_kind
 import numpy as np
 
@@ -101,6 +100,8 @@ def summary(data: Mapping[str, Sequence[Any]]) -> str:
     if grounded := int(np.isnan(np.asarray(data['tracking_rms'], dtype=float)).sum()):
         lines.append(f'{grounded} of {flights} flights never took off: no errors')
     lines.append(f'{sum(data["shutdown"])} of {flights} flights were shut down')
+    if fallen := sum(data['fallen']):
+        lines.append(f'{fallen} of {flights} flights lay on the floor below their reference')
     rows = zip(*(values for name, values in data.items() if name != 'flight'), strict=True)
     if repeats := flights - len(set(map(repr, rows))):  # NaN equals NaN there
         lines.append(f'{repeats} of {flights} flights repeat another one, with all its values')
@@ -149,11 +150,7 @@ def _run(options: argparse.Namespace) -> None:
     if map_of(options.output).exists():
         print(f'heat map: {map_of(options.output)}; the bag of the flight of a cell: mambo sweep '
               f'{options.sweep} --flight N -o BAG')
-    faults = {number: fault for number, fault in enumerate(data['fault']) if fault}
-    if faults:
-        number, fault = next(iter(faults.items()))
-        raise JobError(f'a component failed in {len(faults)} of {len(data["fault"])} flights, the '
-                       f'first is flight {number}: {fault}')
+    table.report_faults([(f'flight {k}', fault) for k, fault in enumerate(data['fault'])])
 
 
 def parser() -> Parser:

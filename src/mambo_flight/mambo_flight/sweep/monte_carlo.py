@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from mambo_control import controllers, failsafe
 from mambo_control.commanded.evaluation import CommandedValues, reference_step
 from mambo_model.compiled import jit
+from mambo_model.motion.height_check import lies_below, LONG
 from mambo_model.motion.rigid_body import LIFTED
 from mambo_model.motion.trajectory import PlanValues
 from mambo_model.motion.vector import add, dot, mul, sub, Vec3
@@ -48,11 +49,13 @@ class Tally(NamedTuple):
     stopped_at: float  # s, time of the shutdown; NaN: none
     reason: int  # of the shutdown, safety.REASON_*
     top: float  # m, largest true height
+    down_since: float  # s, from when it lies on the floor below its reference; NaN: it does not
+    fallen: bool  # whether it lay there for LONG or more
 
 
 START = Tally(
     0, (0.0, 0.0, 0.0), 0.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0, 0, 0.0, 0.0, math.nan, 0,
-    -math.inf)
+    -math.inf, math.nan, False)
 
 
 @jit
@@ -92,17 +95,20 @@ def count(
         at = t
     runs = int(highest > 0.0)
     cut = int(highest > 0.0 and (highest >= vv.pwm_max or lowest <= vv.pwm_min))
-    top = max(a.top, -truth[2])
+    top, since = max(a.top, -truth[2]), math.nan
+    if lies_below(-truth[2], -reference[2], phase):
+        since = t if math.isnan(a.down_since) else a.down_since
+    fell = a.fallen or t - since >= LONG  # false for NaN
     if not failsafe.in_flight(phase):
         return Tally(
             a.steps, a.tracking, a.tracking_max, track, a.estimation, a.estimation_max, drift,
             a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
-            reason if stopped else a.reason, top)
+            reason if stopped else a.reason, top, since, fell)
     return Tally(
         a.steps + 1, add(a.tracking, mul(off, off)), max(a.tracking_max, track), track,
         add(a.estimation, mul(wrong, wrong)), max(a.estimation_max, drift), drift,
         a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
-        reason if stopped else a.reason, top)
+        reason if stopped else a.reason, top, since, fell)
 
 
 def _standing(flight: Scenario) -> bool:
@@ -132,7 +138,9 @@ def metrics(a: Tally, vehicle: Vehicle, standing: bool = False) -> dict[str, Any
         over the steps in flight, total and along x, y, z (NED), ``max`` the largest length in
         flight, ``final`` the length at the end. ``energy`` in J is the ideal power of the rotors
         at the commanded thrusts over the efficiency of the drive, integrated. NaN in place of
-        ``rms`` and ``max`` if nothing was flown, or the vehicle never took off.
+        ``rms`` and ``max`` if nothing was flown, or the vehicle never took off. ``fallen`` tells
+        whether it lay on the floor below its reference, see
+        :mod:`mambo_model.motion.height_check`.
 
     """
     steps = 0 if standing and not a.top > LIFTED else a.steps
@@ -150,6 +158,7 @@ def metrics(a: Tally, vehicle: Vehicle, standing: bool = False) -> dict[str, Any
     out['energy'] = STEP * ideal / vehicle.battery.efficiency
     out['shutdown'], out['shutdown_time'] = not math.isnan(a.stopped_at), a.stopped_at
     out['shutdown_reason'] = failsafe.REASONS[a.reason]
+    out['fallen'] = a.fallen
     return out
 
 

@@ -136,6 +136,22 @@ class Journal:
         self.path.unlink()
 
 
+def report_faults(faults: Sequence[tuple[str, str]]) -> None:
+    """
+    Raise JobError if a component of the user failed in a flight.
+
+    Parameters
+    ----------
+    faults
+        Of each flight, what it is called and its fault, empty for none.
+
+    """
+    if failed := [(name, fault) for name, fault in faults if fault]:
+        name, fault = failed[0]
+        raise JobError(f'a component failed in {len(failed)} of {len(faults)} flights, the first '
+                       f'is {name}: {fault}')
+
+
 def columns(sweep: Sweep, rows: Mapping[int, Mapping[str, Any]]) -> dict[str, list[Any]]:
     """Return the table: a row for each flight, parameters first, then metrics."""
     out: dict[str, list[Any]] = {'flight': list(range(len(sweep.rows)))}

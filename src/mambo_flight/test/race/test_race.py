@@ -11,7 +11,7 @@ from mambo_flight.sweep import table
 import pytest
 
 ROW = {'tracking_rms': 0.01, 'tracking_max': 0.1, 'tracking_final': 0.02, 'saturated_share': 0.0,
-       'energy': 50.0, 'shutdown': False}
+       'energy': 50.0, 'shutdown': False, 'fallen': False, 'fault': ''}
 
 
 @pytest.mark.parametrize('options, message', [
@@ -97,6 +97,20 @@ def test_a_controller_of_ones_own_races_beside_the_others(tmp_path, monkeypatch)
     page = (tmp_path / 'out/controllers.md').read_text()
     assert '| `pd_controller` | 10 |' in page
     assert re.search(r'\| `pd_controller` \| pd_controller .*sha256 [0-9a-f]{64} \| 0.50 \|', page)
+
+
+def test_a_race_with_a_controller_that_failed_says_so(tmp_path, monkeypatch, capsys):
+    rows = iter(('', 'mine.py:3: ValueError: no'))
+    monkeypatch.setattr('mambo_flight.sweep.run.fly', lambda flights, ideal: [
+        {**ROW, 'fault': next(rows)} for _ in flights])
+    monkeypatch.setattr(race, 'step_time', lambda flight: 0.5)
+    assert race.main([
+        '-o', str(tmp_path), '--controllers', 'indi,geometric', '--courses', 'circle',
+        '--conditions', 'known', '--state', 'true', '--workers', '1']) == 1
+    assert capsys.readouterr() == (
+        f'page: {tmp_path / "controllers.md"}\n',
+        'race: a component failed in 1 of 2 flights, the first is geometric/circle/known/0/true: '
+        'mine.py:3: ValueError: no\n')
 
 
 @pytest.mark.parametrize('name', [

@@ -10,7 +10,8 @@ import pytest
 
 def row(rms, largest=0.1, shutdown=False):
     return {'tracking_rms': rms, 'tracking_max': largest, 'tracking_final': 2.0 * rms,
-            'saturated_share': 0.25, 'energy': 100.0 * rms, 'shutdown': shutdown}
+            'saturated_share': 0.25, 'energy': 100.0 * rms, 'shutdown': shutdown,
+            'fallen': False}
 
 
 STARTS = [Start('indi', 'circle', 'known', draw) for draw in range(4)]
@@ -49,9 +50,10 @@ def test_a_picture_is_drawn(tmp_path):
 
 
 @pytest.mark.parametrize(('changed', 'alive'), [
-    ({}, True), ({'shutdown': True}, False), ({'tracking_max': 2.0}, False),
+    ({}, True), ({'shutdown': True}, False), ({'fallen': True}, False),
+    ({'tracking_max': 2.0}, False),
     ({'tracking_max': 1.999}, True), ({'tracking_max': float('nan')}, False)])
-def test_a_flight_survives_if_it_is_neither_shut_down_nor_two_metres_off(changed, alive):
+def test_a_flight_that_is_not_shut_down_nor_off_nor_on_the_floor_survives(changed, alive):
     assert report.survived({**row(0.01), **changed}) is alive
 
 

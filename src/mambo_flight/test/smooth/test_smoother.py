@@ -157,6 +157,7 @@ def test_the_velocity_is_nearer_to_the_truth_than_that_of_the_filter(flight, smo
     assert off(s.x, v, 3) < 0.8 * off(s.filtered.x, v, 3)
 
 
+@pytest.mark.long
 def test_it_ends_as_the_filter_does_and_is_never_less_sure(smoothed):
     s = smoothed
     np.testing.assert_array_equal(s.x[-1], s.filtered.x[-1])

@@ -51,6 +51,7 @@ def test_flights_of_a_compiled_component_have_the_numbers_of_the_loop():
     assert repr(row) == repr(monte_carlo.fly_with_sensors(flight(PD)))
 
 
+@pytest.mark.long
 def test_a_worker_looks_at_files_again_for_each_sweep_and_refuses_another_file(tmp_path):
     mine = tmp_path / 'mine.py'
 

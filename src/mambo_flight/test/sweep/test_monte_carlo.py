@@ -6,6 +6,7 @@ from hypothesis import given, settings, strategies as st
 from mambo_flight import closed_loop
 from mambo_flight.scenario import replaced, scenario
 from mambo_flight.sweep import monte_carlo
+from mambo_model.motion.height_check import height_fault
 from mambo_model.motion.trajectory import GROUND, LANDED
 from mambo_model.vehicle.battery import electric_power
 from mambo_model.vehicle.parameters import Vehicle
@@ -69,6 +70,15 @@ def test_a_shutdown_is_told_with_its_first_instant_and_its_reason():
     assert row['tracking_rms'] == pytest.approx(math.sqrt(19.0 / 3.0), rel=1e-15)
     assert row['estimation_rms_z'] == 2.0 and row['estimation_rms_x'] == 0.0
     assert row['saturated_share'] == 0.0
+
+
+def test_a_flight_on_the_floor_below_its_reference_has_fallen():
+    heavy = scenario(estimator='ground_truth', land=False, duration=6.0, overrides={
+        'sim_node.simulator.vehicle.mass': 0.2})
+    (row,) = monte_carlo.fly_many([heavy])
+    assert row['fallen'] and not row['shutdown']
+    assert monte_carlo.fly_with_sensors(heavy)['fallen']
+    assert not monte_carlo.fly_with_sensors(TRUTH)['fallen']
 
 
 def test_what_is_not_in_flight_counts_for_the_end_alone():
@@ -135,6 +145,21 @@ def test_any_flight_has_the_metrics_of_its_arrays(steps):
     assert row['shutdown'] == stopped.any()
     if stopped.any():
         assert row['shutdown_time'] == 0.005 * np.argmax(stopped)
+
+
+@given(runs=st.lists(st.tuples(
+    st.sampled_from([0.0, 0.5]), st.sampled_from([0.2, 1.0]), st.integers(0, 4),
+    st.integers(1, 80)), min_size=1, max_size=6))
+@settings(max_examples=60, deadline=None)
+def test_a_fall_is_counted_as_it_is_judged_in_a_bag(runs):
+    height, wanted, phase = (np.repeat(part, [run[3] for run in runs]) for part in zip(
+        *[run[:3] for run in runs]))
+    t, tally, zero = 0.005 * np.arange(len(phase)), monte_carlo.START, (0.0,) * 4
+    for now, z, asked, part in zip(t, -height, -wanted, phase):
+        truth = 0.0, 0.0, z
+        tally = monte_carlo.count(
+            tally, now, truth, truth, (0.0, 0.0, asked), part, zero, False, 0, Vehicle().values())
+    assert tally.fallen == bool(height_fault(t, height, wanted, phase))
 
 
 def test_the_speed_is_the_median_without_the_flight_that_compiles(monkeypatch):

@@ -48,6 +48,7 @@ def test_drones_that_nobody_hides_or_mistakes_fly_as_if_alone():
             np.testing.assert_array_equal(getattr(recording, name), getattr(alone, name))
 
 
+@pytest.mark.long
 def test_drones_that_are_taken_for_each_other_are_refused_and_found_again():
     result = flown(swap_distance=0.5)
     (begin, pair), (end, _) = result.exchanges

@@ -1,6 +1,6 @@
 """A vehicle that lies on the floor while its reference flies has not flown as asked."""
 
-from mambo_model.motion.fallen import ABOVE, fallen, LONG
+from mambo_model.motion.height_check import ABOVE, height_fault, LONG
 from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
 import numpy as np
 import pytest
@@ -25,14 +25,20 @@ UP = (0.0, 0.5, 1.0, 1.0, 1.0, 1.0)
      (GROUND, TAKEOFF, TRACK, LANDING, LANDED, LANDED), ''),
     ((0.0,) * 6, (ABOVE,) * 6, FLIGHT, ''),  # too low to tell
     ((0.0,) * 6, (0.0,) * 6, (GROUND,) * 6, ''),  # nobody asked it to fly
+    ((0.0, 5.0, 100.0, 300.0, 600.0, 900.0), UP, FLIGHT,  # from 2 s on more than 5 m too high
+     'the vehicle was up to 899.00 m above its reference, from 2.00 to 5.00 s'),
+    ((0.0, 0.5, 1.0, -6.0, -9.0, -9.0), (0.0, 0.5, 0.2, 0.2, 0.2, 0.2), FLIGHT,  # no floor there
+     'the vehicle was up to 9.20 m below its reference, from 3.00 to 5.00 s'),
+    ((0.0, 0.5, 1.0, 7.0, 7.0, 1.0), UP, FLIGHT, ''),  # for 1 s
+    ((0.0,) + (9.0,) * 5, (0.0,) * 6, (GROUND,) * 6, ''),  # carried about before the flight
     ((np.nan,) * 6, UP, FLIGHT, '')])
 def test_who_lies_below_a_flying_reference_is_named(height, wanted, phase, said):
-    assert fallen(T, *map(np.array, (height, wanted, phase))) == said
+    assert height_fault(T, *map(np.array, (height, wanted, phase))) == said
 
 
 def test_a_step_of_the_reference_needs_time():
     t = np.arange(100) * 0.005
     for steps, told in ((60, False), (62, True)):
         height = np.where(np.arange(100) < steps, 0.0, 1.0)
-        assert bool(fallen(t, height, np.ones(100), np.full(100, TRACK))) == told
+        assert bool(height_fault(t, height, np.ones(100), np.full(100, TRACK))) == told
     assert 59 * 0.005 < LONG < 61 * 0.005

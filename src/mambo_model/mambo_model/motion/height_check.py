@@ -1,0 +1,81 @@
+"""Whether a vehicle lay on the floor below a reference in the air, or was far from its height."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiled import jit
+from .rigid_body import LIFTED
+from .trajectory import LANDING, TAKEOFF
+
+ABOVE = 0.3  # m, height of a reference that a vehicle on the floor does not follow (judgement)
+LONG = 0.3  # s, so long a vehicle follows no reference that leaps up; sound flights: 0.1 s at most
+FAR = 5.0  # m, distance in height at which a vehicle does not follow its reference (judgement)
+AWAY = 2.0  # s, so long it needs for a leap of 10 m with an acceleration of 1 g (judgement)
+
+
+@jit
+def lies_below(height: float, wanted: float, phase: int) -> bool:
+    """
+    Return whether a vehicle lies on the floor below a reference in the air, at one instant.
+
+    Parameters
+    ----------
+    height, wanted : m
+        True height above the point of take-off, and that of the reference.
+    phase
+        Of the reference, GROUND ... LANDED of :mod:`mambo_model.motion.trajectory`.
+
+    """
+    return (phase >= TAKEOFF) & (phase <= LANDING) & (wanted > ABOVE) & (height <= LIFTED)
+
+
+def height_fault(
+    t: NDArray[np.float64], height: NDArray[np.float64], wanted: NDArray[np.float64],
+    phase: NDArray[np.int64],
+) -> str:
+    """
+    Return why a flight was not flown as asked, or an empty string.
+
+    The reason is that the vehicle fell to the floor, rose late or never, or was far from the
+    height of its reference.
+
+    Parameters
+    ----------
+    t : (n,) s
+        Flight time.
+    height : (n,) m
+        True height above the point of take-off.
+    wanted : (n,) m
+        Height of the reference at the same times.
+    phase : (n,)
+        Of the reference, GROUND ... LANDED of :mod:`mambo_model.motion.trajectory`.
+
+    """
+    down = getattr(lies_below, 'py_func', lies_below)(height, wanted, phase)  # of arrays
+    if found := _longest(t, down, LONG):
+        begin, end, part = found
+        rose = 'the vehicle was' if (height > LIFTED).any() else 'the vehicle never took off:'
+        return (f'{rose} on the floor from {begin:.2f} to {end:.2f} s, up to '
+                f'{wanted[part].max():.2f} m below its reference')
+    off = height - wanted
+    away = (phase >= TAKEOFF) & (phase <= LANDING) & (np.abs(off) > FAR)
+    if found := _longest(t, away, AWAY):
+        begin, end, part = found
+        most = off[part][np.abs(off[part]).argmax()]
+        return (f'the vehicle was up to {abs(most):.2f} m {"above" if most > 0.0 else "below"} '
+                f'its reference, from {begin:.2f} to {end:.2f} s')
+    return ''
+
+
+def _longest(
+    t: NDArray[np.float64], which: NDArray[np.bool_], least: float,
+) -> tuple[float, float, slice] | None:
+    """Return begin, end and samples of the longest time of what is true; None: below least."""
+    edges = np.flatnonzero(np.diff(which, prepend=False, append=False)).reshape(-1, 2)
+    begin, end = t[edges[:, 0]], t[edges[:, 1] - 1]
+    if not (end - begin >= least).any():
+        return None
+    k = int(np.argmax(end - begin))
+    return float(begin[k]), float(end[k]), slice(*edges[k])
