@@ -40,6 +40,7 @@ def test_every_scenario_of_the_thesis_is_looked_at(examined):
     assert {name for name in scenario_file.names() if name.startswith('fig_')} <= looked_at
 
 
+@pytest.mark.long
 def test_what_does_not_hold_says_why(examined):
     for each in examined:
         if each.verdict == BY_CONSTRUCTION:
@@ -63,6 +64,7 @@ def rows_of(page):
             for line in page.read_text().splitlines() if line.startswith('| ')]
 
 
+@pytest.mark.long
 def test_the_matrix_has_every_claim_with_its_verdict_and_what_breaks_it(examined):
     rows = rows_of(MATRIX)
     for each in examined:
@@ -74,6 +76,7 @@ def test_the_matrix_has_every_claim_with_its_verdict_and_what_breaks_it(examined
         assert set(each.claim.broken_by) <= set(says[3].split(', ')), each.claim.title
 
 
+@pytest.mark.long
 def test_every_tolerance_has_its_reason(examined):
     for each in examined:
         for m in each.result.measured:
@@ -92,6 +95,7 @@ def test_an_unknown_figure_is_refused_with_the_known_ones(capsys):
         "reproduce: no figure '7.1': choose one of 2.1; Table 2.1; 3.1")
 
 
+@pytest.mark.long
 def test_the_report_is_written_whole(examined, tmp_path):
     page = reproduce.write([each for each in examined if each.claim.number in ('3.1', '5.12')],
                            tmp_path / 'deep' / 'report')

@@ -13,6 +13,8 @@ from mambo_flight.scenario import scenario
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.long
+
 SECONDS = 8.0
 PERIOD = round(1e9 / 120.0)  # ns
 # Where the machine stops one process for longer than the failsafe waits, 0.1 s or 20 steps, the
@@ -46,7 +48,6 @@ def bag(tmp_path_factory):
     return read_bag(path)
 
 
-@pytest.mark.long
 def test_every_frame_arrives_with_the_time_of_its_exposure(bag):
     stamps = bag['/mambo/optitrack/pose'].stamp
     frames = np.round(stamps / PERIOD)
@@ -57,7 +58,6 @@ def test_every_frame_arrives_with_the_time_of_its_exposure(bag):
     assert len(frames) >= flown / PERIOD - 10
 
 
-@pytest.mark.long
 def test_the_poses_are_those_of_the_vehicle(bag):
     poses, truth = bag['/mambo/optitrack/pose'], bag['/mambo/ground_truth/odom']
     at = np.stack([np.interp(poses.stamp, truth.stamp, truth.position[:, axis])
@@ -102,7 +102,6 @@ def bags(tmp_path_factory):
     return {space: read_bag(folder / space[1:]) for space in ('/mambo1', '/mambo2')}
 
 
-@pytest.mark.long
 def test_one_server_brings_each_drone_its_own_poses(bags):
     for space, bag in bags.items():
         poses, truth = bag[f'{space}/optitrack/pose'], bag[f'{space}/ground_truth/odom']
@@ -115,7 +114,6 @@ def test_one_server_brings_each_drone_its_own_poses(bags):
         assert np.abs(at - poses.position).max() < 2e-3
 
 
-@pytest.mark.long
 def test_the_estimator_of_each_drone_uses_them(bags):
     for space, bag in bags.items():
         estimate, truth = bag[f'{space}/estimate/map'], bag[f'{space}/ground_truth/odom']

@@ -25,7 +25,7 @@ def too_few(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def section(entry: Mapping[str, Any]) -> list[str]:
-    """Return the lines of a section: RMS by part, the drift at the end, the delay."""
+    """Return the lines of a section: RMS by part, the error at the end, the delay."""
     axes, unit = entry['axes'], entry['unit']
     width = max(9, *(len(axis) + 1 for axis in axes))
     head = ''.join(f'{axis:>{width}}' for axis in (*axes, 'total'))
@@ -43,7 +43,7 @@ def section(entry: Mapping[str, Any]) -> list[str]:
     if last['count']:
         numbers = ''.join(
             _cell(value, width) for value in (*last['drift'], last['drift_total']))
-        lines.append(f'  {"final drift":<16}{numbers}')
+        lines.append(f'  {f"at the end [{unit}]":<16}{numbers}')
     if any(value is not None for value in main['delay']):
         lines.append(f'  {"delay [s]":<16}' + ''.join(
             f'{"-":>{width}}' if value is None else _cell(value, width)
@@ -105,6 +105,8 @@ def table(result: Mapping[str, Any]) -> str:
         rate = '-' if entry['rate'] is None else f'{entry["rate"]:.1f}'
         lost = '-' if entry['lost'] is None else str(entry['lost'])
         lines.append(f'{entry["topic"]:<{width}}{entry["messages"]:>10}{rate:>9}{lost:>7}')
+    if any(entry['lost'] is None for entry in result['topics']):
+        lines.append('lost "-": nothing counts the messages of this topic')
     if result['notes']:
         lines += ['', *(f'note: {note}' for note in result['notes'])]
     return '\n'.join(lines)

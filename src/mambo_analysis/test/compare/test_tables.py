@@ -34,7 +34,7 @@ def test_large_numbers_never_run_together(scale):
     assert len(whole.split()) == len('whole flight'.split()) + 5 + 1
     assert [float(x) for x in whole.split()[2:5]] == pytest.approx(
         [0.1 * scale, 0.2 * scale, 0.3 * scale], rel=0.06)
-    assert len(drift.split()) == len('final drift'.split()) + 4
+    assert len(drift.split()) == len('at the end [m]'.split()) + 4
 
 
 def test_the_row_that_says_most_is_that_after_take_off():
@@ -52,7 +52,7 @@ def test_a_section_has_rms_maximum_and_samples_of_each_part_below_their_headings
                              '100']
     assert after.split()[2:] == ['0.2000', '0.4000', '0.6000', '0.8000', '8.0000', '80']
     # of the whole flight, the first row: where it ends
-    assert drift.split() == ['final', 'drift', '-0.0100', '0.0200', '-0.0300', '0.0500']
+    assert drift.split() == ['at', 'the', 'end', '[m]', '-0.0100', '0.0200', '-0.0300', '0.0500']
     for name, value in (('x', '0.1000'), ('total', '0.4000'), ('samples', '100')):
         assert head.index(name) + len(name) == whole.rindex(value) + len(value)
 
@@ -103,6 +103,8 @@ def test_a_flight_is_headed_by_its_bag_and_ends_with_its_topics_and_notes():
     assert [line.split() for line in lines[at:at + 3]] == [
         ['topic', 'messages', 'Hz', 'lost'], ['a', '1', '-', '-'],
         ['optitrack/pose', '900', '120.0', '12']]
+    assert lines[at + 3] == 'lost "-": nothing counts the messages of this topic'
+    assert 'lost "-"' not in tables.table(result())
     assert lines[-1] == 'note: the clock jumps'
     assert tables.table(result()).startswith('circle: 18.50 s\n')
 

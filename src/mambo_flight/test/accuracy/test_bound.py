@@ -63,7 +63,8 @@ def test_command_prints_a_table_or_json(capsys):
     ([BAG, '--vary'], f'{BAG}: a bag has been flown: leave out --vary'),
     ([BAG, '--seeds', '20', '--slope', '0'], f'{BAG}: a bag has been flown: leave out --seeds, -'),
     ([BAG, '--first', '0'], f'{BAG}: a bag has been flown: leave out --first'),
-    ([BAG], f'{BAG}: the flight must last more than 10 s after take-off')])
+    pytest.param([BAG], f'{BAG}: the flight must last more than 10 s after take-off',
+                 marks=pytest.mark.long)])
 def test_wrong_input_is_one_line(arguments, message, capsys):
     with pytest.raises(SystemExit) as end:
         raise SystemExit(command.main(arguments))

@@ -168,6 +168,7 @@ def test_it_ends_as_the_filter_does_and_is_never_less_sure(smoothed):
     np.testing.assert_array_equal(s.x[:s.start], s.filtered.x[:s.start])
 
 
+@pytest.mark.long
 def test_before_take_off_and_without_steps_in_flight_there_is_nothing_to_smooth():
     made = scenario(estimator='joint', duration=0.5, land=False)
     s = smooth(steps_of(closed_loop.fly(made)), made.estimator_node.joint)

@@ -11,6 +11,8 @@ from mambo_sim.world import WorldParams
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.long
+
 ON = {'estimator_node.joint.pose.enabled': True, 'controller_node.estimate': 'map'}
 PLACES = [(0.0, 0.0, 0.0), (-1.2, 0.0, 0.0)]
 """A drone that hovers, and one on a circle of 0.8 m that comes within 0.4 m of it."""
@@ -35,7 +37,6 @@ def errors(recording):
     return np.linalg.norm(recording.located[:, :3] - recording.truth[:, :3], axis=1)
 
 
-@pytest.mark.long
 def test_drones_that_nobody_hides_or_mistakes_fly_as_if_alone():
     """The cameras look at both; nothing else is different, to the bit."""
     known = [scenario.scenario(name, estimator='ground_truth', duration=6.0, land=False)
@@ -48,7 +49,6 @@ def test_drones_that_nobody_hides_or_mistakes_fly_as_if_alone():
             np.testing.assert_array_equal(getattr(recording, name), getattr(alone, name))
 
 
-@pytest.mark.long
 def test_drones_that_are_taken_for_each_other_are_refused_and_found_again():
     result = flown(swap_distance=0.5)
     (begin, pair), (end, _) = result.exchanges
@@ -73,7 +73,6 @@ def test_drones_that_are_taken_for_each_other_are_refused_and_found_again():
         assert errors(one)[t > end + 2e8].max() < 0.01
 
 
-@pytest.mark.long
 def test_hidden_markers_cost_poses_and_no_accuracy():
     """Two cameras, one beyond each drone: while the drones are in line there is no pose."""
     params = WorldParams(drones=2, capture=HallCaptureParams(
@@ -90,7 +89,6 @@ def test_hidden_markers_cost_poses_and_no_accuracy():
         assert 0 <= frames - poses - lost <= 3  # some are under way at the end
 
 
-@pytest.mark.long
 def test_a_flight_is_the_same_again():
     again = together.fly(flights(), WorldParams(drones=2, capture=HallCaptureParams(
         swap_distance=0.5)), PLACES)

@@ -46,6 +46,8 @@ def by_default(x, gain={number}):
 def helper(x):
     return x + ONE
 
+LAWS = helper, made
+
 class Controller:
     @staticmethod
     @numba.njit
@@ -58,6 +60,8 @@ def load(body, number=1):
     """Return the module of a text in which the body of a step is this."""
     inner = ModuleType('own_inner')
     inner.GAIN, inner.UNREAD = number, number
+    inner.deeper = ModuleType('own_inner.deeper')
+    inner.deeper.LIMIT = number
     module = ModuleType('own_mine')
     text = TEXT.format(body=body, number=number).replace('import inner\n', '')
     vars(module)['inner'] = inner
@@ -67,7 +71,9 @@ def load(body, number=1):
 
 @pytest.mark.parametrize(('body', 'name'), [
     ('x + ONE', 'ONE'), ('TABLE[0]', 'TABLE'), ('PAIR.b[1]', 'PAIR'), ('ROWS[1]', 'ROWS'),
-    ('len(NAMES)', 'NAMES'), ('MODE + x', 'MODE'), ('inner.GAIN', 'inner.GAIN'),
+    ('len(NAMES)', 'NAMES'), ('MODE + x', 'MODE'), ('Mode.HOVER + x', 'Mode'),
+    ('inner.GAIN', 'inner.GAIN'), ('inner.deeper.LIMIT', 'inner.deeper.LIMIT'),
+    ('LAWS[0](x)', 'ONE'), ('LAWS[1](x)', 'factory.<locals>.made.gain'),
     ('[ONE for _ in range(3)][0]', 'ONE'), ('helper(x)', 'ONE'),
     ('made(x)', 'factory.<locals>.made.gain'), ('by_default(x)', 'by_default, default 0')])
 def test_a_value_that_is_read_is_kept_and_another_one_shows(body, name):

@@ -29,6 +29,7 @@ def test_the_drift_of_a_flight_is_that_of_the_table():
     assert experiments.drift(f, f.flow, 1.0) == pytest.approx(0.233, abs=0.002)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name', EXPERIMENTS)
 def test_an_equation_predicts_the_drift_along_the_motion_flown(name):
     for key, found in experiments.experiment(name).items():
