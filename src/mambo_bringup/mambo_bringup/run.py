@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+import os
 from pathlib import Path
 import signal
 
@@ -20,8 +21,10 @@ from mambo_flight import flight_options, scenario as scenarios, scenario_file
 from mambo_flight.world import formation, plot_separation, separation
 from mambo_flight.world.world_file import check_cameras, Hall
 from mambo_model import schema
+from mambo_model.errors import InputError
 from mambo_model.motion.trajectory import COURSE
 from mambo_model.whole_file import exists, refuse_existing
+from mambo_ros.graph import loopback
 from mambo_ros.topics import NAMESPACE
 from mambo_view import page as view
 from mambo_view.page import PORT
@@ -207,6 +210,9 @@ def _fly_and_report(
         *((natnet.SERVER, natnet.CLIENT) if options.natnet else ())))
     spaces = list(flights)
     composed = _composed(options, flights[spaces[0]].sim_node.mode)
+    if os.environ.get(loopback.RANGE) == 'OFF' and not composed:
+        raise InputError(f'{loopback.RANGE}=OFF keeps nodes from finding each other: unset it, or '
+                         'fly with --composed')
     if copies and composed:
         from .compiling import compile_ahead  # imports all nodes, as `load` has
         compile_ahead(flights[spaces[0]])

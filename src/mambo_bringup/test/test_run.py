@@ -109,6 +109,12 @@ def test_scenarios_are_listed_with_their_flights(capsys):
     assert 'fig_6_1/simulation' in text and 'rises and falls' in text
 
 
+def test_nodes_that_may_not_find_each_other_are_refused(monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF')
+    assert command.main(['--processes', '-o', str(tmp_path / 'bag')]) == 2
+    assert 'ROS_AUTOMATIC_DISCOVERY_RANGE=OFF keeps nodes' in capsys.readouterr().err
+
+
 def test_a_printed_scenario_can_be_flown(capsys, tmp_path):
     assert command.main(['--print-scenario', '-o', str(tmp_path / 'bag')]) == 2
     assert 'leave out -o/--output' in capsys.readouterr().err

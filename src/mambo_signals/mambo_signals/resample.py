@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 GAP_PERIODS = 3.5  # [-] samples more median periods apart than this are not connected
-MOST = 10_000_000  # periods of a signal that is resampled: 14 hours at 200 Hz
+MOST = 2_000_000  # periods of a signal that is resampled: 2.7 hours at 200 Hz
 
 
 def median_period(stamps: Ints) -> float:
@@ -31,6 +31,13 @@ def longest_step(stamps: Ints) -> int:
     """Return the largest time [ns] between connected samples; 0 for fewer than two samples."""
     period = median_period(stamps)
     return 0 if np.isnan(period) else round(GAP_PERIODS * period)
+
+
+def longest_gap(t: Floats) -> str:
+    """Return where times (n,) s jump most, and what to do about it, for a message."""
+    i = int(np.diff(t).argmax())
+    return (f'with a gap of {t[i + 1] - t[i]:.0f} s after {t[i]:.3f} s: a jump of the clock? cut '
+            'the recording to the flight')
 
 
 def gaps(times: Floats, periods: float = GAP_PERIODS) -> Bools:
@@ -143,7 +150,7 @@ def resampled(stamps: Ints, values: Floats, period: int, gap: int) -> tuple[Ints
     """
     Interpolate a signal at whole multiples of a period [ns], see :func:`interpolate`.
 
-    One that lasts longer than ten million periods, as with a stamp of years ahead, has no rows.
+    One that lasts longer than ``MOST`` periods, as with a stamp of years ahead, has no rows.
     """
     empty = np.empty(0, np.int64), np.empty((0, np.shape(values)[1]))
     if not len(stamps):

@@ -32,10 +32,11 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from .derivative import local_fit, POSITION
-from .resample import inside_gaps, runs
+from .resample import inside_gaps, longest_gap, runs
 
 Floats = NDArray[np.float64]
 GRID = (1e-3, 0.02)  # [s] finest and coarsest step of the common grid
+MOST = 2_000_000  # points of that grid; with the coarsest step they last 11 hours
 GAP = 5.0  # [-] periods that are bridged: a sonar misses several echoes in a row
 LEAST_QUALITY = 0.6  # [-] smallest correlation of two signals of the same motion
 RIVAL = 1.3  # [-] unexplained variance of the second best lag over that of the best, at least
@@ -298,7 +299,7 @@ def time_offset(
     AlignError
         If the signals do not determine it: too few samples, no motion, no correlation, several
         offsets that fit equally well, the best one at a limit, or a standard error above
-        ``worst``.
+        ``worst``; or if a recording is longer than ``MOST`` of the coarsest steps.
     NotExcited
         If the range of one of them is below ``swing``.
 
@@ -309,7 +310,11 @@ def time_offset(
     if least < swing:
         raise NotExcited(f'it changes by {least:.3f}; {swing:g} are needed')
     periods = [float(np.median(np.diff(t))) for t in (ta, tb)]
-    step = float(np.clip(min(periods), *GRID))
+    spans = [float(t[-1] - t[0]) for t in (ta, tb)]
+    if max(spans) > MOST * GRID[1]:
+        t, name = (ta, 'first') if spans[0] >= spans[1] else (tb, 'second')
+        raise AlignError(f'the {name} signal lasts {max(spans):.0f} s, {longest_gap(t)}')
+    step = float(np.clip(max(min(periods), max(spans) / MOST), *GRID))
     smooth = max(step, *periods)
     grid_a, grid_b = _on_grid(ta, va, step, smooth), _on_grid(tb, vb, step, smooth)
     least = max(overlap * min(grid_a.there.sum(), grid_b.there.sum()), 8.0)

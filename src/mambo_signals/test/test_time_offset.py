@@ -415,3 +415,13 @@ def test_repeated_times_count_once():
 def test_the_public_names_are_documented():
     for name in ('time_offset', 'pose_offset', 'registration', 'equalised', 'find_flight'):
         assert 'Raises' in getattr(align, name).__doc__
+
+
+@pytest.mark.parametrize('first', [True, False])
+def test_a_jump_of_the_clock_is_refused_before_it_fills_the_memory(first):
+    ta, a, tb, b, _ = pair(1)
+    late = ta if first else tb
+    late[len(late) // 2:] += 7 * 86400.0
+    with pytest.raises(AlignError, match=('first' if first else 'second') + (
+            r' signal lasts 6048\d\d s, with a gap of 604800 s after .* jump of the clock')):
+        time_offset(ta, a, tb, b)

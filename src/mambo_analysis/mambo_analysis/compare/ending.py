@@ -8,11 +8,12 @@ from typing import Any
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
 from mambo_model.motion.height_check import height_fault
+from mambo_model.motion.trajectory import LANDING, TAKEOFF
 import numpy as np
 
 REPORTS = ('/diagnostics', 'diagnostics')
 """Topics of diagnostic reports."""
-ENDINGS = ('/clock', 'clock', *REPORTS, 'reference', 'ground_truth/odom')
+ENDINGS = ('/clock', 'clock', *REPORTS, 'reference', 'ground_truth/odom', 'motor_pwm')
 """Topics that show how a flight ended."""
 _STEP = 0.005  # s
 _ERROR = 2
@@ -50,7 +51,21 @@ def _height_fault(bag: Bag) -> str:
     reference, truth = bag['reference'], bag['ground_truth/odom']
     _, asked, true = np.intersect1d(reference.stamp, truth.stamp, return_indices=True)
     return height_fault(reference.t[asked], truth.position[true, 2],
-                        reference.position[asked, 2], reference.phase[asked])
+                        reference.position[asked, 2], reference.phase[asked],
+                        _simulator(bag, 'simulator', 'plant', 'ground') is not False)
+
+
+def _shut_down(bag: Bag) -> str:
+    """Return when a controller that reports nothing shut the motors down in flight, or ''."""
+    if _carried(bag) or 'motor_pwm' not in bag or 'reference' not in bag:
+        return ''
+    motors, reference = bag['motor_pwm'], bag['reference']
+    _, at, asked = np.intersect1d(motors.stamp, reference.stamp, return_indices=True)
+    phase = reference.phase[asked]
+    down = motors['shutdown'][at].astype(bool) & (phase >= TAKEOFF) & (phase <= LANDING)
+    if not down.any():
+        return ''
+    return f'the controller shut the motors down at {motors.t[at[down.argmax()]]:.3f} s'
 
 
 def statuses(bag: Bag) -> Iterator[tuple[float, Any]]:
@@ -87,9 +102,9 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
 
     Returns
     -------
-    Lines: a failsafe that ended the flight, motors stopped by their watchdog, without either
-    a vehicle far from the height of its reference, and less flown than the scenario in the bag
-    asks for.
+    Lines: a failsafe that ended the flight, and motors stopped by their watchdog; without either,
+    motors that a controller shut down in flight, or a vehicle far from the height of its
+    reference; less flown than the scenario in the bag asks for.
 
     """
     lines, first = [], set()
@@ -98,7 +113,7 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
         if status.name in finals and status.level == _ERROR and status.name not in first:
             first.add(status.name)
             lines.append(f'{status.name} at {t:.3f} s: {status.message}')
-    if not lines and (reason := _height_fault(bag)):
+    if not lines and (reason := _shut_down(bag) or _height_fault(bag)):
         lines.append(reason)
     clock = next((name for name in ('/clock', 'clock') if name in bag), None)
     planned = _planned(bag)

@@ -403,10 +403,14 @@ def within(bag: Bag, parts: Phases, notes: list[str]) -> list[Comparison]:
         notes.append('no tracking error: it needs reference and ground_truth/odom or '
                      'optitrack/pose')
     if 'estimate/odom' not in bag:
-        notes.append(
-            'an imported flight without estimate/odom: let the estimator fly it with '
-            f'mambo replay {bag.path}' if imported
-            else 'no estimate/odom in the bag')
+        if imported and measured is not None:
+            out.append(_between(
+                bag, 'onboard/odom', measured, 'error of the onboard estimate', parts, notes))
+        if not imported:
+            notes.append('no estimate/odom in the bag')
+        elif 'imu/data_raw' in bag:
+            notes.append('an imported flight without estimate/odom: let the estimator fly it with '
+                         f'mambo replay {bag.path}')
     elif measured is not None:
         out.append(_between(bag, 'estimate/odom', measured, 'estimation error', parts, notes))
     elif not imported:

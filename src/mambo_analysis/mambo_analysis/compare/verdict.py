@@ -60,7 +60,8 @@ def _sensors(bag: Bag, state: Bag) -> list[str]:
             count = int(np.isfinite(values.reshape(all_, -1)).all(axis=1).sum())
         if not count:
             lines.append(f'  {health.NAMES[k]}: ' + (
-                f'none of {all_} samples is a number within its limits: check its unit'
+                f'none of {all_} samples is valid and within its limits: check its unit, '
+                'and whether the vehicle flew'
                 if all_ else 'absent'))
             continue
         share = min(1.0, int(inner[refused][-1]) / count)

@@ -194,10 +194,16 @@ def read_log(source: Source, found: dict[str, Any]) -> Log:
     Raises
     ------
     BagError
-        If it is no such log, or a signal is missing or malformed.
+        If it is no such log, a signal is missing or malformed, or the attitude is not in rad or
+        the ranges not in m.
 
     """
     signals, others = _checked(source.path, _toolbox(source.path, found))
+    times = STEP_NS * 1e-9 * np.arange(len(signals['X']))
+    for name, most in (('pitch', plausible.QUARTER), ('roll', plausible.HALF)):
+        plausible.refuse_steep(f'{source.path}: {name}', times, signals[name], most)
+    sonar = signals['altitude_sonarb']
+    plausible.refuse_ranges(f'{source.path}: altitude_sonarb', sonar[np.isfinite(sonar)])
     others += [name for name in found if name not in ('rt_yout', 'rt_tout')]
     return Log(signals, source.path.name, source.sha256, others)
 

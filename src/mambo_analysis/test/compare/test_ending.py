@@ -16,7 +16,7 @@ HIGH = Reference((0.0, 0.0, -1.0), ZERO, ZERO, ZERO, ZERO, LEVEL, ZERO, ZERO, 1.
 LINE = 'motors shut down: estimator not aligned'
 
 
-def bag(path, name, level, hand=False, seconds=3, motors=False, height=None):
+def bag(path, name, level, hand=False, seconds=3, motors=False, height=None, down=False):
     """
     Return a bag of so many s of a flight of 3 s, in which a node says a line at 1 s.
 
@@ -35,7 +35,7 @@ def bag(path, name, level, hand=False, seconds=3, motors=False, height=None):
         t = second * SECOND
         writer.write('/clock', messages.clock(t), t)
         writer.write('/mambo/motor_pwm', messages.motor_pwm(
-            t, (200.0 if motors else 0.0,) * 4, False, 0), t)
+            t, (200.0 if motors else 0.0,) * 4, down and second == 2, 0), t)
         if second and height is not None:
             writer.write('/mambo/reference', messages.reference(t, HIGH, TRACK), t)
             writer.write('/mambo/ground_truth/odom', messages.ground_truth(
@@ -80,3 +80,12 @@ def test_less_than_the_scenario_asks_for_is_a_line_unless_it_is_known(tmp_path):
     flight = bag(tmp_path / 'bag', 'sim_node', diagnostics.OK, seconds=2)
     assert ended_early(flight) == ['flew 2.00 of 3 s']
     assert ended_early(flight, is_told=True) == []
+
+
+def test_motors_that_a_controller_shut_down_without_a_report_are_told(tmp_path):
+    flight = bag(tmp_path / 'a', 'sim_node', diagnostics.OK, height=1.0, down=True)
+    assert ended_early(flight) == ['the controller shut the motors down at 2.000 s']
+    reported = bag(tmp_path / 'b', 'controller_node', diagnostics.ERROR, height=1.0, down=True)
+    assert ended_early(reported) == [f'controller_node at 1.000 s: {LINE}']
+    carried = bag(tmp_path / 'c', 'sim_node', diagnostics.OK, height=1.0, down=True, hand=True)
+    assert ended_early(carried) == []

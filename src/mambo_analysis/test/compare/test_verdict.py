@@ -123,8 +123,8 @@ def test_each_sensor_is_told_by_its_own_health(flight, monkeypatch):
     flight['range/none'] = flight['sonar/range']
     flight['sonar/range'] = Messages(stamp=stamps()[:100], values=np.full((100, 1), np.nan))
     assert verdict(flight, flight).splitlines()[1 + health.SONAR] == (
-        f'  {health.NAMES[health.SONAR]}: none of 100 samples is a number within its limits: '
-        'check its unit')
+        f'  {health.NAMES[health.SONAR]}: none of 100 samples is valid and within its limits: '
+        'check its unit, and whether the vehicle flew')
     flight['sonar/range'] = flight.pop('range/none')
     inner['sonar_refused'][-1] = 10**6  # of samples that the bag lacks: all of those it has
     assert '100.0% refused' in verdict(flight, flight)

@@ -440,6 +440,18 @@ def test_sensors_of_another_scale_and_without_values_are_told(tmp_path, change, 
     assert all(note.startswith(line) for note, line in zip(found, lines)), found
 
 
+@pytest.mark.parametrize('name, values, said', [
+    ('pitch', np.full(N, 17.0), 'pitch is 17 at 0.000 s'), ('roll', np.full(N, -20.0), 'roll'),
+    ('altitude_sonarb', np.full(N, -1.2), 'ranges are negative'),
+    ('altitude_sonarb', np.full(N, 1200.0), 'are they in mm')])
+def test_an_attitude_in_degrees_and_ranges_that_cannot_be_are_refused(
+        tmp_path, capsys, name, values, said):
+    log = save(tmp_path / 'log.mat', flown() | {name: values})
+    assert main([str(log), str(tmp_path / 'bag')]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count('\n') == 1 and not (tmp_path / 'bag').exists()
+
+
 @needs_data
 @pytest.mark.parametrize('path', FLIGHTS, ids=lambda path: path.stem)
 def test_nothing_is_said_about_the_sensors_of_the_real_flights(path):

@@ -29,7 +29,7 @@ def _outside(points: Array, low: float, p: CommandParams) -> str:
         far = float(value[np.argmax(np.abs(value))])
         if not abs(far) <= limit + _ROUNDING:
             return f'the path leaves the volume: {name} = {far:.3g} m, limit {limit:g} m'
-    high, deep = float(-points[:, 2].min()), float(-points[:, 2].max())
+    high, deep = float(-points[:, 2].min()), float(-points[:, 2].max()) + 0.0
     if not high <= p.ceiling + _ROUNDING:
         return f'the path is {high:.3g} m high, ceiling {p.ceiling:g} m'
     if not deep >= low - _ROUNDING:
@@ -39,6 +39,7 @@ def _outside(points: Array, low: float, p: CommandParams) -> str:
 
 def beyond(
     segments: list[Segment], end: Array, height: float, p: CommandParams, vehicle: Vehicle,
+    hovers: bool = False,
 ) -> str:
     """
     Return which limit a path exceeds, in one line; empty: none.
@@ -55,6 +56,8 @@ def beyond(
         Volume, speed, acceleration, yaw rate.
     vehicle
         As the controller knows it.
+    hovers
+        Whether the end is a hover at a height that was asked for, not one where the path stops.
 
     """
     segments = [one for one in segments if one.coefficients.shape[1] > 1]  # the others rest
@@ -64,6 +67,7 @@ def beyond(
     for segment in (*segments, Segment(0.0, end[:, None], TRACK)):
         landing = segment.phase in (TAKEOFF, LANDING) or segment.duration == 0.0
         low = 0.0 if landing else min(p.lowest, height)
+        low = p.lowest if hovers and segment.duration == 0.0 else low
         if wrong := _outside(_samples(segment, segment.coefficients[:3]), low, p):
             return wrong
     if not segments:

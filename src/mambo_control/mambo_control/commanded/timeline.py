@@ -192,13 +192,14 @@ def _plan(
     for _ in range(tries):
         way, end = build(longer)
         longer *= _LONGER
-        reason = beyond(way, end, -state[2, 0], p, vehicle)
+        reason = beyond(way, end, -state[2, 0], p, vehicle, c.kind in _HOVERS)
         if not reason:
             return [*before, *way], end
         first = first or reason
     raise Refused(first)
 
 
+_HOVERS = (fc.GO_TO, fc.FOLLOW)
 Builder = tuple[Callable[[float], Way], int]  # by a factor of time; how many factors are tried
 
 

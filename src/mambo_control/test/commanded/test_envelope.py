@@ -43,6 +43,12 @@ def test_a_path_may_begin_low_but_not_sink_further():
     assert 'comes down' in beyond(*path((0, 0, -0.1), (1, 0, -0.05), 6.0), 0.1, P, V)
 
 
+def test_a_hover_that_is_asked_for_is_not_below_the_lowest_flight():
+    low = path((0, 0, -0.01), (2, 0, -0.01), 6.0)
+    assert beyond(*low, 0.01, P, V) == '' and 'comes down' in beyond(*low, 0.01, P, V, True)
+    assert beyond(*path((0, 0, -0.01), (1, 0, -1), 6.0), 0.01, P, V, True) == ''
+
+
 def test_a_fast_turn_and_a_weak_vehicle_are_named():
     turn = np.array([0.0, 0.0, -1.0, 3.0])
     still = at_rest(np.array([0.0, 0.0, -1.0, 0.0]))

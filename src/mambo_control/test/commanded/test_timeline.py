@@ -213,6 +213,8 @@ def test_commands_that_do_not_fit_the_moment_are_refused():
     assert 'earlier' in refused(line, FlightCommand(5 * S, fc.STOP))
     assert 'being carried out' in refused(
         flown(UP), FlightCommand(2 * S, fc.VELOCITY, duration=0.5))
+    assert 'comes down to 0 m' in refused(flown(UP), FlightCommand(
+        UP.t + S // 50, fc.GO_TO, position=(2.0, 0.0, 0.0)))  # it has hardly begun to rise
     low = round((line.until - 0.2) * S)
     assert 'comes down' in refused(line, FlightCommand(
         low, fc.GO_TO, position=(0.0, 0.0, -0.0)))

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from mambo_control import controllers, failsafe
 from mambo_control.commanded.evaluation import CommandedValues, reference_step
 from mambo_model.compiled import jit
-from mambo_model.motion.height_check import lies_below, LONG
+from mambo_model.motion.height_check import lies_below, LONG, LOW
 from mambo_model.motion.rigid_body import LIFTED
 from mambo_model.motion.trajectory import PlanValues
 from mambo_model.motion.vector import add, dot, mul, sub, Vec3
@@ -51,11 +51,13 @@ class Tally(NamedTuple):
     top: float  # m, largest true height
     down_since: float  # s, from when it lies on the floor below its reference; NaN: it does not
     fallen: bool  # whether it lay there for LONG or more
+    asked_from: float  # s, from when to when the reference in flight was above LOW; NaN: never
+    asked_until: float  # s
 
 
 START = Tally(
     0, (0.0, 0.0, 0.0), 0.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0, 0, 0.0, 0.0, math.nan, 0,
-    -math.inf, math.nan, False)
+    -math.inf, math.nan, False, math.nan, math.nan)
 
 
 @jit
@@ -99,16 +101,19 @@ def count(
     if lies_below(-truth[2], -reference[2], phase):
         since = t if math.isnan(a.down_since) else a.down_since
     fell = a.fallen or t - since >= LONG  # false for NaN
+    begun, ended = a.asked_from, a.asked_until
+    if failsafe.in_flight(phase) and -reference[2] > LOW:
+        begun, ended = t if math.isnan(begun) else begun, t
     if not failsafe.in_flight(phase):
         return Tally(
             a.steps, a.tracking, a.tracking_max, track, a.estimation, a.estimation_max, drift,
             a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
-            reason if stopped else a.reason, top, since, fell)
+            reason if stopped else a.reason, top, since, fell, begun, ended)
     return Tally(
         a.steps + 1, add(a.tracking, mul(off, off)), max(a.tracking_max, track), track,
         add(a.estimation, mul(wrong, wrong)), max(a.estimation_max, drift), drift,
         a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
-        reason if stopped else a.reason, top, since, fell)
+        reason if stopped else a.reason, top, since, fell, begun, ended)
 
 
 def _standing(flight: Scenario) -> bool:
@@ -117,7 +122,9 @@ def _standing(flight: Scenario) -> bool:
     return p.ground and p.initial_position[2] == 0.0
 
 
-def metrics(a: Tally, vehicle: Vehicle, standing: bool = False) -> dict[str, Any]:
+def metrics(
+    a: Tally, vehicle: Vehicle, standing: bool = False, floor: bool = True,
+) -> dict[str, Any]:
     """
     Return the metrics of a flight by name.
 
@@ -129,6 +136,8 @@ def metrics(a: Tally, vehicle: Vehicle, standing: bool = False) -> dict[str, Any
         Model of the controller.
     standing
         Whether the vehicle begins on the floor: unless it rises above LIFTED, it has not flown.
+    floor
+        Whether there is one.
 
     Returns
     -------
@@ -158,7 +167,8 @@ def metrics(a: Tally, vehicle: Vehicle, standing: bool = False) -> dict[str, Any
     out['energy'] = STEP * ideal / vehicle.battery.efficiency
     out['shutdown'], out['shutdown_time'] = not math.isnan(a.stopped_at), a.stopped_at
     out['shutdown_reason'] = failsafe.REASONS[a.reason]
-    out['fallen'] = a.fallen
+    never = standing and not a.top > LIFTED and a.asked_until - a.asked_from >= LONG
+    out['fallen'] = floor and (a.fallen or never)
     return out
 
 
@@ -184,7 +194,7 @@ def measure(flight: Scenario, r: closed_loop.Recording) -> dict[str, Any]:
     return metrics(_count_all(
         r.t, r.truth, r.estimate, r.reference, r.phase, r.pwm, r.stopped, r.reason,
         flight.controller_node.vehicle.values()), flight.controller_node.vehicle,
-        _standing(flight))
+        _standing(flight), flight.sim_node.simulator.plant.ground)
 
 
 class _Ideal(NamedTuple):
@@ -248,7 +258,8 @@ def fly_many(flights: Iterable[Scenario]) -> Iterator[dict[str, Any]]:
         yield metrics(_fly_ideal(
             plant.initial(sim.plant), wind.initial(sim.wind),
             simulator.generators(sim.seed)[simulator.WIND], failsafe.begin(p.gains),
-            closed_loop.step_count(flight), p), controller.vehicle, _standing(flight))
+            closed_loop.step_count(flight), p), controller.vehicle, _standing(flight),
+            sim.plant.ground)
 
 
 class Speed(NamedTuple):

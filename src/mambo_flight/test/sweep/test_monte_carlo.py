@@ -148,7 +148,7 @@ def test_any_flight_has_the_metrics_of_its_arrays(steps):
 
 
 @given(runs=st.lists(st.tuples(
-    st.sampled_from([0.0, 0.5]), st.sampled_from([0.2, 1.0]), st.integers(0, 4),
+    st.sampled_from([0.0, 0.5]), st.sampled_from([0.0, 0.1, 1.0]), st.integers(0, 4),
     st.integers(1, 80)), min_size=1, max_size=6))
 @settings(max_examples=60, deadline=None)
 def test_a_fall_is_counted_as_it_is_judged_in_a_bag(runs):
@@ -159,7 +159,9 @@ def test_a_fall_is_counted_as_it_is_judged_in_a_bag(runs):
         truth = 0.0, 0.0, z
         tally = monte_carlo.count(
             tally, now, truth, truth, (0.0, 0.0, asked), part, zero, False, 0, Vehicle().values())
-    assert tally.fallen == bool(height_fault(t, height, wanted, phase))
+    row = monte_carlo.metrics(tally, Vehicle(), standing=True)
+    assert row['fallen'] == bool(height_fault(t, height, wanted, phase))
+    assert not monte_carlo.metrics(tally, Vehicle(), floor=False)['fallen']
 
 
 def test_the_speed_is_the_median_without_the_flight_that_compiles(monkeypatch):

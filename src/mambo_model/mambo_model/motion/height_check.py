@@ -9,9 +9,11 @@ from ..compiled import jit
 from .rigid_body import LIFTED
 from .trajectory import LANDING, TAKEOFF
 
-ABOVE = 0.3  # m, height of a reference that a vehicle on the floor does not follow (judgement)
+ABOVE = 0.2  # m, height of a reference that a vehicle on the floor does not follow (judgement)
+LOW = 0.05  # m, the same of a vehicle that never rose in its flight
 LONG = 0.3  # s, so long a vehicle follows no reference that leaps up; sound flights: 0.1 s at most
 FAR = 5.0  # m, distance in height at which a vehicle does not follow its reference (judgement)
+HIGH = 1.0  # m, the same above a reference on the floor, which may slope
 AWAY = 2.0  # s, so long it needs for a leap of 10 m with an acceleration of 1 g (judgement)
 
 
@@ -33,7 +35,7 @@ def lies_below(height: float, wanted: float, phase: int) -> bool:
 
 def height_fault(
     t: NDArray[np.float64], height: NDArray[np.float64], wanted: NDArray[np.float64],
-    phase: NDArray[np.int64],
+    phase: NDArray[np.int64], floor: bool = True,
 ) -> str:
     """
     Return why a flight was not flown as asked, or an empty string.
@@ -51,17 +53,23 @@ def height_fault(
         Height of the reference at the same times.
     phase : (n,)
         Of the reference, GROUND ... LANDED of :mod:`mambo_model.motion.trajectory`.
+    floor
+        Whether there is a floor.
 
     """
-    down = getattr(lies_below, 'py_func', lies_below)(height, wanted, phase)  # of arrays
-    if found := _longest(t, down, LONG):
-        begin, end, part = found
-        rose = 'the vehicle was' if (height > LIFTED).any() else 'the vehicle never took off:'
-        return (f'{rose} on the floor from {begin:.2f} to {end:.2f} s, up to '
-                f'{wanted[part].max():.2f} m below its reference')
+    flown = (phase >= TAKEOFF) & (phase <= LANDING)
+    if floor:
+        asked = np.flatnonzero(flown & (wanted > LOW))
+        if len(asked) and t[asked[-1]] - t[asked[0]] >= LONG and (height <= LIFTED).all():
+            return (f'the vehicle never took off: on the floor from {t[asked[0]]:.2f} to '
+                    f'{t[asked[-1]]:.2f} s, up to {wanted[asked].max():.2f} m below its reference')
+        down = getattr(lies_below, 'py_func', lies_below)(height, wanted, phase)  # of arrays
+        if found := _longest(t, down, LONG):
+            begin, end, part = found
+            return (f'the vehicle was on the floor from {begin:.2f} to {end:.2f} s, up to '
+                    f'{wanted[part].max():.2f} m below its reference')
     off = height - wanted
-    away = (phase >= TAKEOFF) & (phase <= LANDING) & (np.abs(off) > FAR)
-    if found := _longest(t, away, AWAY):
+    if found := _longest(t, np.where(flown, np.abs(off) > FAR, off > HIGH), AWAY):
         begin, end, part = found
         most = off[part][np.abs(off[part]).argmax()]
         return (f'the vehicle was up to {abs(most):.2f} m {"above" if most > 0.0 else "below"} '

@@ -1,6 +1,6 @@
 """A vehicle that lies on the floor while its reference flies has not flown as asked."""
 
-from mambo_model.motion.height_check import ABOVE, height_fault, LONG
+from mambo_model.motion.height_check import ABOVE, height_fault, LONG, LOW
 from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
 import numpy as np
 import pytest
@@ -23,14 +23,21 @@ UP = (0.0, 0.5, 1.0, 1.0, 1.0, 1.0)
      'the vehicle was on the floor from 4.00 to 5.00 s, up to 0.90 m below its reference'),
     ((0.0, 0.5, 1.0, 0.5, 0.0, 0.0), (0.0, 0.5, 1.0, 0.5, 0.0, 0.0),
      (GROUND, TAKEOFF, TRACK, LANDING, LANDED, LANDED), ''),
-    ((0.0,) * 6, (ABOVE,) * 6, FLIGHT, ''),  # too low to tell
+    ((0.0,) * 6, (LOW,) * 6, FLIGHT, ''),  # too low to tell
+    ((0.0,) * 6, (2 * LOW,) * 6, FLIGHT,
+     'the vehicle never took off: on the floor from 1.00 to 5.00 s, up to 0.10 m below its '
+     'reference'),
+    ((0.0, 0.02, 0.0, 0.0, 0.0, 0.0), (ABOVE,) * 6, FLIGHT, ''),
     ((0.0,) * 6, (0.0,) * 6, (GROUND,) * 6, ''),  # nobody asked it to fly
     ((0.0, 5.0, 100.0, 300.0, 600.0, 900.0), UP, FLIGHT,  # from 2 s on more than 5 m too high
      'the vehicle was up to 899.00 m above its reference, from 2.00 to 5.00 s'),
     ((0.0, 0.5, 1.0, -6.0, -9.0, -9.0), (0.0, 0.5, 0.2, 0.2, 0.2, 0.2), FLIGHT,  # no floor there
      'the vehicle was up to 9.20 m below its reference, from 3.00 to 5.00 s'),
     ((0.0, 0.5, 1.0, 7.0, 7.0, 1.0), UP, FLIGHT, ''),  # for 1 s
-    ((0.0,) + (9.0,) * 5, (0.0,) * 6, (GROUND,) * 6, ''),  # carried about before the flight
+    ((0.0, 0.5, 0.0, 3.0, 9.0, 32.0), (0.0, 0.5, 0.0, 0.0, 0.0, 0.0),
+     (GROUND, LANDING, LANDED, LANDED, LANDED, LANDED),  # it rises after the landing
+     'the vehicle was up to 32.00 m above its reference, from 3.00 to 5.00 s'),
+    ((0.0,) + (0.9,) * 5, (0.0,) * 6, (GROUND,) * 6, ''),
     ((np.nan,) * 6, UP, FLIGHT, '')])
 def test_who_lies_below_a_flying_reference_is_named(height, wanted, phase, said):
     assert height_fault(T, *map(np.array, (height, wanted, phase))) == said
@@ -42,3 +49,9 @@ def test_a_step_of_the_reference_needs_time():
         height = np.where(np.arange(100) < steps, 0.0, 1.0)
         assert bool(height_fault(t, height, np.ones(100), np.full(100, TRACK))) == told
     assert 59 * 0.005 < LONG < 61 * 0.005
+
+
+def test_without_a_floor_nothing_lies_on_it():
+    low, wanted, phase = np.full(6, -0.5), np.ones(6), np.full(6, TRACK)
+    assert height_fault(T, low, wanted, phase) and not height_fault(T, low, wanted, phase, False)
+    assert 'below its reference' in height_fault(T, low - 5.0, wanted, phase, False)

@@ -9,6 +9,7 @@ import socket
 from mambo_model.errors import JobError
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'        # LOCALHOST, SUBNET, OFF or SYSTEM_DEFAULT
+SECURITY = 'ROS_SECURITY_ENABLE'               # of DDS: true or false
 PEERS = 'ROS_STATIC_PEERS'                     # addresses of machines that a user has named
 PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'    # Fast DDS reads it, at the first participant
 OPEN, CLOSED = (str(Path(__file__).parents[1] / name)
@@ -34,14 +35,18 @@ def configure() -> None:
 
 def check() -> None:
     """
-    Refuse to start nodes that could not find each other.
+    Refuse to start nodes that could not find each other, or not be secured as asked.
 
     Raises
     ------
     mambo_model.errors.JobError
-        If discovery is to stay on this machine and its loopback interface is down.
+        If security is on and this ROS has none, or discovery is to stay on this machine and its
+        loopback interface is down.
 
     """
+    if os.environ.get(SECURITY) == 'true' and os.environ.get('MAMBO_ROS') == 'wheels':
+        raise JobError(f'{SECURITY}=true, but the wheels of ROS have no security: unset it, or '
+                       'use an installed ROS 2 Jazzy (docs/how-to/network.md)')
     if os.environ.get(RANGE) not in ('', None, 'LOCALHOST'):
         return
     try:

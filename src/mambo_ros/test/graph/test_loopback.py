@@ -1,5 +1,6 @@
 """Nodes that could not find each other are refused with the remedy; nobody else finds them."""
 
+import contextlib
 import os
 import socket
 import subprocess
@@ -85,3 +86,12 @@ def test_discovery_over_the_network_does_not_need_it(monkeypatch):
     monkeypatch.setenv(RANGE, 'SUBNET')
     monkeypatch.setattr(socket.socket, 'sendto', deaf)
     loopback.check()
+
+
+@pytest.mark.parametrize('ros, enabled, refused', [
+    ('wheels', 'true', True), ('wheels', 'false', False), ('system', 'true', False)])
+def test_security_that_the_wheels_lack_is_refused(monkeypatch, ros, enabled, refused):
+    monkeypatch.setenv('MAMBO_ROS', ros)
+    monkeypatch.setenv('ROS_SECURITY_ENABLE', enabled)
+    with pytest.raises(JobError, match='no security') if refused else contextlib.nullcontext():
+        loopback.check()
