@@ -411,6 +411,9 @@ def within(bag: Bag, parts: Phases, notes: list[str]) -> list[Comparison]:
         elif 'imu/data_raw' in bag:
             notes.append('an imported flight without estimate/odom: let the estimator fly it with '
                          f'mambo replay {bag.path}')
+        else:
+            notes.append('an imported flight without estimate/odom, and without imu/data_raw for '
+                         'mambo replay to make one')
     elif measured is not None:
         out.append(_between(bag, 'estimate/odom', measured, 'estimation error', parts, notes))
     elif not imported:

@@ -62,7 +62,7 @@ def times(result: Mapping[str, Any]) -> list[str]:
     lines = []
     if result['takeoff_end'] is not None:
         lines.append(f'take-off ends at {result["takeoff_end"]:.2f} s: {result["takeoff"]}')
-    elif result['takeoff']:
+    elif result['takeoff'] and not any('never took off' in line for line in result['ending']):
         lines.append(result['takeoff'])
     if result['landing_start'] is not None:
         lines.append(f'landing begins at {result["landing_start"]:.2f} s')

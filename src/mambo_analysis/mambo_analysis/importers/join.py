@@ -26,12 +26,14 @@ from mambo_bags.recover import declare, extras, in_order, OWN_RECORD
 from mambo_bags.writer import BagWriter, BagWriterError
 from mambo_model.whole_file import refuse_existing
 from mambo_ros import cdr
-from mambo_signals import gyro_check, motion
+from mambo_signals import gyro_check, motion, resample
 from mambo_signals.derivative import body_rates
 from mambo_signals.time_offset import (
     AlignError, Floats, LEAST_SWING, most_precise, Offset, offsets, pose_offset, Poses, RANGE_LATE,
     time_offset, unclipped_ranges)
 import numpy as np
+
+from . import plausible
 
 POSE = 'optitrack/pose'
 LONGEST = 2e9  # [s] of an offset: log times since boot and since 1970
@@ -252,6 +254,16 @@ def _refuse_jump(t: Floats, offset: Floats) -> None:
                     f'{t[after]:.1f} s on: cut the recordings between; or give --offset SECONDS')
 
 
+def _refuse_mirrored(path: Path, own: motion.Motion, tracked: motion.Motion, shift: int) -> None:
+    """Raise BagError if a capture, so many ns late, shows the drone's own path mirrored."""
+    there = resample.interpolate(
+        own.stamps, tracked.stamps + shift, tracked.position,
+        resample.longest_step(tracked.stamps))
+    both = np.isfinite(there).all(axis=1) & np.isfinite(own.position).all(axis=1)
+    if said := plausible.mirrored(own.position[both, :2], there[both, :2]):
+        raise BagError(f'{path}: {said}: import it with the right axes')
+
+
 def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
          namespace: str | None = None) -> str:
     """
@@ -275,8 +287,9 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
     Raises
     ------
     BagError
-        If a bag cannot be read, the flight has its motion capture already, or the clocks cannot
-        be aligned; nothing is written then.
+        If a bag cannot be read, the flight has its motion capture already, the clocks cannot be
+        aligned, or the capture shows the mirror image of the path that the drone estimates;
+        nothing is written then.
     mambo_bags.writer.BagWriterError
         If the target exists.
 
@@ -286,9 +299,11 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
     poses = other.messages(POSE)
     if POSE in bag:
         raise BagError(f'{flight}: has {bag.name(POSE)} already')
-    clock = Clock(offset, math.nan, 'given') if offset is not None else find_clock(
-        bag, motion.read(other, POSE))
+    tracked = motion.read(other, POSE)
+    clock = Clock(offset, math.nan, 'given') if offset is not None else find_clock(bag, tracked)
     shift = round(clock.offset * 1e9)
+    if OWN[0] in bag:
+        _refuse_mirrored(mocap, motion.read(bag, OWN[0]), tracked, shift)
     parts = [mcap_reader.scan(file) for file in bag_files(flight)[0]]
     copied = [message for part in parts for message in in_order(part)]
     end = max(log_time for _, log_time, _, _ in copied)

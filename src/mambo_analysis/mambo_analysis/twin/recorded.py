@@ -46,6 +46,7 @@ CLEAR = 0.2            # m above the start: below, the floor acts
 EDGE = 0.3             # s of the flight left out at both ends, while it still jumps
 LATE = 0.03            # s: below, poses move no drag by as much as its interval
 LATEST = 0.3           # s: cameras and network take 0.1 s, more is another clock
+WIDEST = 60.0          # s, gap of the inertial samples: a flight has none that is nearly as long
 LONGEST = 7200.0       # s, of a recording: batteries of such vehicles last a quarter of that
 
 
@@ -237,6 +238,9 @@ def _grid(bag: Bag, path: motion.Motion) -> dict[str, Floats]:
             f'{max(end - start, 0.0):.1f} s, {LEAST_FLIGHT:g} s are needed')
     if end - start > LONGEST:
         raise IdentifyError(f'{bag.path}: {_jump(imu.t, pwm.t, path.t)}')
+    inside = np.sort(imu.t[(imu.t >= start) & (imu.t <= end)])
+    if len(inside) > 1 and np.diff(inside).max() > WIDEST:
+        raise IdentifyError(f'{bag.path}: imu/data_raw, {resample.longest_gap(inside)}')
     t = np.arange(round(start / STEP) + 1, int(end / STEP)) * STEP
 
     def at(times: Floats, values: Floats) -> Floats:

@@ -192,7 +192,22 @@ def test_an_imported_flight_without_estimate_says_how_to_get_one(tmp_path):
         maker.odometry('onboard/odom', step * STEP, (0.0, 0.0, 0.0))
     maker.writer.close()
     result = compare(read_bag(tmp_path / 'b'))
-    assert result['errors'] == [] and 'replay' in result['notes'][0]
+    assert result['errors'] == [] and 'replay to make one' in result['notes'][0]
+
+
+def test_a_joined_recording_has_the_error_of_the_onboard_estimate(tmp_path):
+    maker = Maker(tmp_path / 'b', ('onboard/odom', 'optitrack/pose', 'imu/data_raw'))
+    for step in range(400):
+        t, x = step * STEP, np.sin(0.02 * step)
+        maker.odometry('onboard/odom', t, (x, 0.0, 1.0))
+        maker.write('optitrack/pose', t, pose=maker.pose((x, 0.1 * (step > 300), 1.0)))
+        maker.write('imu/data_raw', t)
+    maker.writer.close()
+    result = compare(read_bag(tmp_path / 'b'))
+    error, = [entry for entry in result['errors'] if entry['quantity'] == 'position']
+    assert error['title'] == 'error of the onboard estimate: onboard/odom minus optitrack/pose'
+    assert error['rows'][0]['drift'][1] == pytest.approx(-0.1, abs=0.01)
+    assert any('mambo replay' in note for note in result['notes'])
 
 
 @pytest.mark.long

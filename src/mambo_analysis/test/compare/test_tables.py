@@ -89,6 +89,8 @@ def test_take_off_and_landing_are_told_if_they_are_known():
     assert tables.times(known) == [
         'take-off ends at 7.95 s: by the reference', 'landing begins at 16.00 s']
     assert tables.times(result(takeoff='no take-off seen')) == ['no take-off seen']
+    assert tables.times(result(takeoff='it stayed on the floor', ending=[
+        'the vehicle never took off: on the floor from 2.00 to 6.00 s'])) == []
 
 
 def test_a_flight_is_headed_by_its_bag_and_ends_with_its_topics_and_notes():

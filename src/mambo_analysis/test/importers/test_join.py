@@ -1,5 +1,6 @@
 """A flight and its motion capture, recorded apart, become one bag on one clock."""
 
+import dataclasses
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -340,3 +341,16 @@ def test_a_window_that_met_a_jump_counts_to_neither_side():
     offset = np.array([0.5, 0.5, 0.5, 0.61, 0.7, 0.7]) + 1e-4 * np.arange(6)
     with pytest.raises(AlignError, match=r'until t = 30.0 s .* from 50.0 s on'):
         join._refuse_jump(T_WINDOWS, offset)
+
+
+@pytest.mark.parametrize('change', [[1.0, -1.0, 1.0], [-1.0, 1.0, 1.0], None])
+def test_a_mirrored_capture_is_refused(change):
+    t = np.arange(0.0, 12.0, 0.01)
+    stamps = np.round(t * 1e9).astype(np.int64)
+    path = np.stack([0.5 * np.cos(t) + 0.05 * t, 0.5 * np.sin(t), 1.0 + 0.0 * t], axis=1)
+    own = motion.Motion('onboard/odom', stamps, path + [3.0, 1.0, 0.0], None)
+    seen = motion.Motion('optitrack/pose', stamps - 5_000_000_000, path, None)
+    join._refuse_mirrored(Path('take'), own, seen, 5_000_000_000)
+    seen = dataclasses.replace(seen, position=path * change if change else path[:, [1, 0, 2]])
+    with pytest.raises(BagError, match='take: the motion capture shows the mirror image .* axes'):
+        join._refuse_mirrored(Path('take'), own, seen, 5_000_000_000)

@@ -61,7 +61,7 @@ class SonarParams(Parameters):
         'design choice; outliers of any kind (identify_sensors): 0.011 and 0.021 in the best two '
         'of 8 free flights, 0.12 of all their values, up to 0.25')
     multipath_probability: float = quantity(
-        0.0, '1', 0.0, 1.0, 'design choice; 0.71 of the outliers are late (identify_sensors)')
+        0.0, '1', 0.0, 1.0, 'design choice; 0.72 of the outliers are late (identify_sensors)')
     multipath_excess: float = quantity(
         0.75, '1', 0.0, 5.0, 'median of late outliers in 10 recordings (identify_sensors)')
     dropout_probability: float = quantity(
