@@ -16,6 +16,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+pytestmark = pytest.mark.long
+
 SEEDS = (1, 2, 3)
 LATE = 12.0  # s
 

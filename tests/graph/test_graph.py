@@ -151,6 +151,7 @@ def test_drones_side_by_side_fly_as_if_alone(bag, pair):
         assert len(two) and (two != one or topic in alike), name
 
 
+@pytest.mark.long
 def test_another_seed_is_another_flight(bag, pair):
     other = pair[1]['/mambo2']
     assert payloads(bag, topics.IMU) != payloads(other, topics.IMU, '/mambo2')

@@ -118,6 +118,7 @@ def test_the_figure_shows_the_flight(flight, tmp_path):
     assert (tmp_path / 'flight.png').stat().st_size > 20_000
 
 
+@pytest.mark.long
 def test_a_controller_that_fails_in_flight_is_told_with_its_line(flight, tmp_path):
     pd = Path(__file__).parents[3] / 'examples/pd_controller.py'
     text = pd.read_text().replace('@jit\n', '').replace(

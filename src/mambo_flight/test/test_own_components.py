@@ -220,6 +220,7 @@ def test_an_estimator_of_a_file_flies_and_is_lost_when_it_fails(tmp_path):
     assert abs(out.truth[-1, 2]) < 0.1 and not out.pwm[-1].any()
 
 
+@pytest.mark.long
 def test_the_command_closes_the_bag_and_tells_of_the_fault(plain, tmp_path, capsys):
     mine = plain(STEP, f"if memory.steps > 300:\n        raise RuntimeError('lost')\n    {STEP}")
     bag, file = tmp_path / 'bag', tmp_path / 'short.yaml'

@@ -49,6 +49,7 @@ def test_a_sensor_whose_noise_is_misjudged_is_marked():
     assert '1.010, 1.140*, nan' in consistency.table({('hover', 0.0): report})
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_no_bound_is_computed_that_nobody_asked_for(report):
     assert all(math.isnan(line.bound) for line in report.lines)

@@ -33,6 +33,7 @@ def run(sensed, values, P, truth=HOVER):
     return out
 
 
+@pytest.mark.long
 def test_dead_reckoning_by_flow_alone_is_the_closed_form():
     # inertial noise so large that the flow alone tells the velocity: h sigma sqrt(interval T)
     values = params(**{

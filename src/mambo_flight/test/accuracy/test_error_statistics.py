@@ -27,6 +27,7 @@ def line(report, name):
     return next(one for one in report.lines if one.name == name)
 
 
+@pytest.mark.long
 def test_errors_are_near_the_bound(report):
     # over six flights a ratio of deviations scatters by a quarter
     assert line(report, 'drift at the end').ratio < 2.0

@@ -15,6 +15,8 @@ from mambo_model.motion.trajectory import reference_at
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.long
+
 register()
 HOVER = np.full(4, 276.66)  # PWM
 
@@ -50,7 +52,6 @@ def test_gymnasiums_checker_passes(observation, action):
         check_env(env, skip_render_check=True)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize('observation', ['truth', 'estimate'])
 def test_the_built_in_controller_through_the_environment_flies_the_closed_loop(observation):
     """From the floor to the circle: what it is told as PWM from outside gives the same bits."""
@@ -88,7 +89,6 @@ def test_a_setpoint_that_is_not_moved_is_the_closed_loop(observation):
         rows[:, 13:16], known.reference[1000:, :3] - rows[:, :3], rtol=0.0, atol=1e-15)
 
 
-@pytest.mark.long
 def test_one_seed_is_one_flight_and_another_is_another():
     env = make(observation='estimate', randomise={'sim_node.simulator.vehicle.mass': (0.06, 0.07)})
     first, again, other = (flown(env, seed, lambda *_: HOVER, 50)[0] for seed in (1, 1, 2))

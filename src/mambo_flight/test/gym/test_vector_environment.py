@@ -11,6 +11,8 @@ from mambo_model.errors import InputError
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.long
+
 register()
 DRONES = 5
 SHORT = {'observation': 'estimate', 'handover': 0.1, 'episode': 0.2, 'target_spread': 1.9,

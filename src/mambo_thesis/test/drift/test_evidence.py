@@ -142,6 +142,7 @@ def test_known_white_noise_is_no_part_of_the_process():
     assert evidence._autoregression([noisy], [np.zeros_like(r)]).coefficients[0] < 0.4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(('key', 'letter'), [('d2', 'D'), ('f', 'F')])
 def test_a_noisy_gyro_does_not_lead_astray(key, letter):
     """A closed loop whose rotation of 0.05 rad/s is measured with vibration of 0.013 rad/s."""

@@ -19,6 +19,7 @@ def test_the_document_has_the_table_of_mechanisms():
     assert lines[begin:begin + len(made)] == made
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name', ['drift_hand_loop', 'drift_w_2'])
 def test_the_document_has_what_was_flown(name):
     lines = DOCUMENT.read_text().splitlines()
