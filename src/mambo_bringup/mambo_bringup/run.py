@@ -199,6 +199,11 @@ def _fly_and_report(
 ) -> None:
     """Fly one drone, or several in a hall; print the result of each, and of all."""
     refuse_existing(options.output)
+    spaces = list(flights)
+    composed = _composed(options, flights[spaces[0]].sim_node.mode)
+    if os.environ.get(loopback.RANGE) == 'OFF' and not composed:
+        raise InputError(f'{loopback.RANGE}=OFF keeps nodes from finding each other: unset it, or '
+                         'fly with --composed')
     bag = options.output or _free(Path('bags'), name)
     if options.natnet:
         natnet.check_ports(options.natnet)
@@ -208,11 +213,6 @@ def _fly_and_report(
     copies = load('.'.join(node) for node in (
         COMPOSED, *FLIGHT_NODES, HALL_CAPTURE, RECORDER, SIMULATOR,
         *((natnet.SERVER, natnet.CLIENT) if options.natnet else ())))
-    spaces = list(flights)
-    composed = _composed(options, flights[spaces[0]].sim_node.mode)
-    if os.environ.get(loopback.RANGE) == 'OFF' and not composed:
-        raise InputError(f'{loopback.RANGE}=OFF keeps nodes from finding each other: unset it, or '
-                         'fly with --composed')
     if copies and composed:
         from .compiling import compile_ahead  # imports all nodes, as `load` has
         compile_ahead(flights[spaces[0]])

@@ -217,12 +217,6 @@ def describe(stage: int, reason: int) -> str:
 
 
 @jit
-def in_flight(phase: int) -> bool:
-    """Tell whether the motors turn in a phase of the flight plan."""
-    return trajectory.GROUND < phase < trajectory.LANDED
-
-
-@jit
 def known(state: State, spread: Spread, aloft: bool, p: FailsafeValues) -> Known:
     """Tell what of an estimate can be used; variances count in flight only."""
     attitude = is_unit(state.q) and usable(state.omega)
@@ -503,7 +497,7 @@ def step(
     if (phase == trajectory.TAKEOFF and memory.phase == trajectory.GROUND
             and spread.tilt > p.takeoff_tilt_std * p.takeoff_tilt_std):
         return _stop(memory, REASON_ALIGNMENT)
-    aloft = in_flight(phase) or memory.stage > HOLDING
+    aloft = trajectory.in_flight(phase) or memory.stage > HOLDING
     have = known(state, spread, aloft, p)
     complete = have.attitude and have.vertical and have.horizontal
     estimate_lost = 0.0 if complete else memory.estimate_lost + dt

@@ -33,7 +33,7 @@ def longest_step(stamps: Ints) -> int:
     return 0 if np.isnan(period) else round(GAP_PERIODS * period)
 
 
-def longest_gap(t: Floats) -> str:
+def describe_gap(t: Floats) -> str:
     """Return where times (n,) s jump most, and what to do about it, for a message."""
     i = int(np.diff(t).argmax())
     return (f'with a gap of {t[i + 1] - t[i]:.0f} s after {t[i]:.3f} s: a jump of the clock? cut '

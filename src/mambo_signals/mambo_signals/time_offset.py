@@ -32,7 +32,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from .derivative import local_fit, POSITION
-from .resample import inside_gaps, longest_gap, runs
+from .resample import describe_gap, inside_gaps, runs
 
 Floats = NDArray[np.float64]
 GRID = (1e-3, 0.02)  # [s] finest and coarsest step of the common grid
@@ -313,7 +313,7 @@ def time_offset(
     spans = [float(t[-1] - t[0]) for t in (ta, tb)]
     if max(spans) > MOST * GRID[1]:
         t, name = (ta, 'first') if spans[0] >= spans[1] else (tb, 'second')
-        raise AlignError(f'the {name} signal lasts {max(spans):.0f} s, {longest_gap(t)}')
+        raise AlignError(f'the {name} signal lasts {max(spans):.0f} s, {describe_gap(t)}')
     step = float(np.clip(max(min(periods), max(spans) / MOST), *GRID))
     smooth = max(step, *periods)
     grid_a, grid_b = _on_grid(ta, va, step, smooth), _on_grid(tb, vb, step, smooth)

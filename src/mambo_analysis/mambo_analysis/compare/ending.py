@@ -8,7 +8,9 @@ from typing import Any
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
 from mambo_model.motion.height_check import height_fault
-from mambo_model.motion.trajectory import LANDING, TAKEOFF
+from mambo_model.motion.trajectory import in_flight
+from mambo_model.script import python
+from mambo_signals.resample import Ints
 import numpy as np
 
 REPORTS = ('/diagnostics', 'diagnostics')
@@ -44,12 +46,19 @@ def _carried(bag: Bag) -> bool:
     return _simulator(bag, 'simulator', 'hand', 'enabled') is True
 
 
+def _beside_reference(bag: Bag, topic: str) -> tuple[Ints, Ints] | None:
+    """Return the rows of a topic and of the reference with the same stamps; None without both."""
+    if topic not in bag or 'reference' not in bag:
+        return None
+    _, rows, asked = np.intersect1d(bag[topic].stamp, bag['reference'].stamp, return_indices=True)
+    return rows, asked
+
+
 def _height_fault(bag: Bag) -> str:
     """Return how the vehicle did not follow the height of its reference, or an empty string."""
-    if _carried(bag) or 'ground_truth/odom' not in bag or 'reference' not in bag:
+    if (rows := _beside_reference(bag, 'ground_truth/odom')) is None:
         return ''
-    reference, truth = bag['reference'], bag['ground_truth/odom']
-    _, asked, true = np.intersect1d(reference.stamp, truth.stamp, return_indices=True)
+    (true, asked), truth, reference = rows, bag['ground_truth/odom'], bag['reference']
     return height_fault(reference.t[asked], truth.position[true, 2],
                         reference.position[asked, 2], reference.phase[asked],
                         _simulator(bag, 'simulator', 'plant', 'ground') is not False)
@@ -57,12 +66,10 @@ def _height_fault(bag: Bag) -> str:
 
 def _shut_down(bag: Bag) -> str:
     """Return when a controller that reports nothing shut the motors down in flight, or ''."""
-    if _carried(bag) or 'motor_pwm' not in bag or 'reference' not in bag:
+    if (rows := _beside_reference(bag, 'motor_pwm')) is None:
         return ''
-    motors, reference = bag['motor_pwm'], bag['reference']
-    _, at, asked = np.intersect1d(motors.stamp, reference.stamp, return_indices=True)
-    phase = reference.phase[asked]
-    down = motors['shutdown'][at].astype(bool) & (phase >= TAKEOFF) & (phase <= LANDING)
+    (at, asked), motors = rows, bag['motor_pwm']
+    down = motors['shutdown'][at].astype(bool) & python(in_flight)(bag['reference'].phase[asked])
     if not down.any():
         return ''
     return f'the controller shut the motors down at {motors.t[at[down.argmax()]]:.3f} s'
@@ -108,12 +115,13 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
 
     """
     lines, first = [], set()
-    finals = ('sim_node',) if _carried(bag) else ('sim_node', 'controller_node')
+    carried = _carried(bag)
+    finals = ('sim_node',) if carried else ('sim_node', 'controller_node')
     for t, status in statuses(bag):
         if status.name in finals and status.level == _ERROR and status.name not in first:
             first.add(status.name)
             lines.append(f'{status.name} at {t:.3f} s: {status.message}')
-    if not lines and (reason := _shut_down(bag) or _height_fault(bag)):
+    if not lines and not carried and (reason := _shut_down(bag) or _height_fault(bag)):
         lines.append(reason)
     clock = next((name for name in ('/clock', 'clock') if name in bag), None)
     planned = _planned(bag)

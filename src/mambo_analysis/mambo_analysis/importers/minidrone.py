@@ -202,8 +202,7 @@ def read_log(source: Source, found: dict[str, Any]) -> Log:
     times = STEP_NS * 1e-9 * np.arange(len(signals['X']))
     for name, most in (('pitch', plausible.QUARTER), ('roll', plausible.HALF)):
         plausible.refuse_steep(f'{source.path}: {name}', times, signals[name], most)
-    sonar = signals['altitude_sonarb']
-    plausible.refuse_ranges(f'{source.path}: altitude_sonarb', sonar[np.isfinite(sonar)])
+    plausible.refuse_ranges(f'{source.path}: altitude_sonarb', signals['altitude_sonarb'])
     others += [name for name in found if name not in ('rt_yout', 'rt_tout')]
     return Log(signals, source.path.name, source.sha256, others)
 

@@ -224,7 +224,7 @@ def _jump(*times: Floats) -> str:
     k = int(np.argmax([np.diff(t).max() for t in times]))
     t, name = times[k], ('imu/data_raw', 'motor_pwm', 'the motion')[k]
     return (f'{name} lasts {t[-1] - t[0]:.0f} s, {LONGEST:g} s are allowed, '
-            f'{resample.longest_gap(t)}')
+            f'{resample.describe_gap(t)}')
 
 
 def _grid(bag: Bag, path: motion.Motion) -> dict[str, Floats]:
@@ -240,7 +240,7 @@ def _grid(bag: Bag, path: motion.Motion) -> dict[str, Floats]:
         raise IdentifyError(f'{bag.path}: {_jump(imu.t, pwm.t, path.t)}')
     inside = np.sort(imu.t[(imu.t >= start) & (imu.t <= end)])
     if len(inside) > 1 and np.diff(inside).max() > WIDEST:
-        raise IdentifyError(f'{bag.path}: imu/data_raw, {resample.longest_gap(inside)}')
+        raise IdentifyError(f'{bag.path}: imu/data_raw, {resample.describe_gap(inside)}')
     t = np.arange(round(start / STEP) + 1, int(end / STEP)) * STEP
 
     def at(times: Floats, values: Floats) -> Floats:

@@ -18,7 +18,7 @@ from mambo_control.commanded.evaluation import CommandedValues, reference_step
 from mambo_model.compiled import jit
 from mambo_model.motion.height_check import lies_below, LONG, LOW
 from mambo_model.motion.rigid_body import LIFTED
-from mambo_model.motion.trajectory import PlanValues
+from mambo_model.motion.trajectory import in_flight, PlanValues
 from mambo_model.motion.vector import add, dot, mul, sub, Vec3
 from mambo_model.vehicle.motor_mixer import thrust_from_pwm
 from mambo_model.vehicle.parameters import OptionValues, Vehicle, VehicleValues
@@ -97,14 +97,14 @@ def count(
         at = t
     runs = int(highest > 0.0)
     cut = int(highest > 0.0 and (highest >= vv.pwm_max or lowest <= vv.pwm_min))
-    top, since = max(a.top, -truth[2]), math.nan
-    if lies_below(-truth[2], -reference[2], phase):
+    flown, top, since = in_flight(phase), max(a.top, -truth[2]), math.nan
+    if flown and lies_below(-truth[2], -reference[2]):
         since = t if math.isnan(a.down_since) else a.down_since
     fell = a.fallen or t - since >= LONG  # false for NaN
     begun, ended = a.asked_from, a.asked_until
-    if failsafe.in_flight(phase) and -reference[2] > LOW:
+    if flown and -reference[2] > LOW:
         begun, ended = t if math.isnan(begun) else begun, t
-    if not failsafe.in_flight(phase):
+    if not flown:
         return Tally(
             a.steps, a.tracking, a.tracking_max, track, a.estimation, a.estimation_max, drift,
             a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
@@ -152,7 +152,8 @@ def metrics(
         :mod:`mambo_model.motion.height_check`.
 
     """
-    steps = 0 if standing and not a.top > LIFTED else a.steps
+    grounded = standing and not a.top > LIFTED
+    steps = 0 if grounded else a.steps
     out: dict[str, Any] = {}
     for name in ('tracking', 'estimation'):
         squares = np.array(getattr(a, name)) / steps if steps else np.full(3, np.nan)
@@ -167,8 +168,8 @@ def metrics(
     out['energy'] = STEP * ideal / vehicle.battery.efficiency
     out['shutdown'], out['shutdown_time'] = not math.isnan(a.stopped_at), a.stopped_at
     out['shutdown_reason'] = failsafe.REASONS[a.reason]
-    never = standing and not a.top > LIFTED and a.asked_until - a.asked_from >= LONG
-    out['fallen'] = floor and (a.fallen or never)
+    never_rose = grounded and a.asked_until - a.asked_from >= LONG
+    out['fallen'] = floor and (a.fallen or never_rose)
     return out
 
 

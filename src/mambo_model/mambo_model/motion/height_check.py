@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled import jit
+from ..script import python
 from .rigid_body import LIFTED
-from .trajectory import LANDING, TAKEOFF
+from .trajectory import in_flight
 
 ABOVE = 0.2  # m, height of a reference that a vehicle on the floor does not follow (judgement)
 LOW = 0.05  # m, the same of a vehicle that never rose in its flight
@@ -18,7 +19,7 @@ AWAY = 2.0  # s, so long it needs for a leap of 10 m with an acceleration of 1 g
 
 
 @jit
-def lies_below(height: float, wanted: float, phase: int) -> bool:
+def lies_below(height: float, wanted: float) -> bool:
     """
     Return whether a vehicle lies on the floor below a reference in the air, at one instant.
 
@@ -26,11 +27,9 @@ def lies_below(height: float, wanted: float, phase: int) -> bool:
     ----------
     height, wanted : m
         True height above the point of take-off, and that of the reference.
-    phase
-        Of the reference, GROUND ... LANDED of :mod:`mambo_model.motion.trajectory`.
 
     """
-    return (phase >= TAKEOFF) & (phase <= LANDING) & (wanted > ABOVE) & (height <= LIFTED)
+    return (wanted > ABOVE) & (height <= LIFTED)
 
 
 def height_fault(
@@ -57,14 +56,13 @@ def height_fault(
         Whether there is a floor.
 
     """
-    flown = (phase >= TAKEOFF) & (phase <= LANDING)
+    flown = python(in_flight)(phase)
     if floor:
         asked = np.flatnonzero(flown & (wanted > LOW))
         if len(asked) and t[asked[-1]] - t[asked[0]] >= LONG and (height <= LIFTED).all():
             return (f'the vehicle never took off: on the floor from {t[asked[0]]:.2f} to '
                     f'{t[asked[-1]]:.2f} s, up to {wanted[asked].max():.2f} m below its reference')
-        down = getattr(lies_below, 'py_func', lies_below)(height, wanted, phase)  # of arrays
-        if found := _longest(t, down, LONG):
+        if found := _longest(t, flown & python(lies_below)(height, wanted), LONG):
             begin, end, part = found
             return (f'the vehicle was on the floor from {begin:.2f} to {end:.2f} s, up to '
                     f'{wanted[part].max():.2f} m below its reference')

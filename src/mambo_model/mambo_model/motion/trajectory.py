@@ -27,6 +27,13 @@ from .vector import add, scale, Vec3
 
 GROUND, TAKEOFF, TRACK, LANDING, LANDED = range(5)  # PHASE_* of mambo_interfaces/Reference
 
+
+@jit
+def in_flight(phase: int) -> bool:
+    """Return whether the motors turn in a phase of the flight plan."""
+    return (phase > GROUND) & (phase < LANDED)
+
+
 _ONE: Jet = (1.0, 0.0, 0.0, 0.0, 0.0)
 _ZERO: Jet = (0.0, 0.0, 0.0, 0.0, 0.0)
 _ORIGIN: Vec3 = (0.0, 0.0, 0.0)
