@@ -52,8 +52,8 @@ def test_every_file_with_an_equation_has_mutants():
         'double_double', 'exponential', 'normal', 'trigonometry',
         '__init__', 'bitcode', 'checked_file', 'compiled', 'components', 'constants', 'errors',
         'flight_command', 'height_check', 'limits', 'own_file', 'palette', 'parameter_change',
-        'parameters', 'references', 'schema', 'script', 'slots', 'uav_trajectories', 'values',
-        'vector', 'vehicle_file', 'vehicle_options', 'whole_file', 'yaml_nodes'}
+        'parameters', 'references', 'schema', 'script', 'slots', 'twins', 'uav_trajectories',
+        'values', 'vector', 'vehicle_file', 'vehicle_options', 'whole_file', 'yaml_nodes'}
     model = {path.stem for path in (ROOT / 'src/mambo_model/mambo_model').rglob('*.py')}
     assert {Path(target.path).stem for target in TARGETS
             if target.package == 'mambo_model'} == model - rest

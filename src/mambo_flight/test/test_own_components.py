@@ -13,7 +13,7 @@ from mambo_control.safety import REASON_CONTROLLER
 from mambo_estimation import filters
 from mambo_flight import closed_loop, fly, scenario as scenarios, scenario_file
 from mambo_flight.sweep import design
-from mambo_model import schema, slots
+from mambo_model import components, schema, slots
 from mambo_model.components import Component
 from mambo_model.motion import rigid_body
 import numpy as np
@@ -71,6 +71,14 @@ def test_two_compiled_ones_with_classes_of_equal_names_are_told_apart(tmp_path, 
     assert not slots.latest_fault()
     assert not np.array_equal(one.thrust, two.thrust)
     np.testing.assert_array_equal(two.thrust, three.thrust)
+
+
+@pytest.mark.long
+def test_a_file_that_is_looked_at_again_flies_what_is_compiled_later():
+    given = closed_loop.fly(flight(PD))
+    components.look_again()  # as a session does before each flight
+    again = closed_loop.fly(flight(PD), inner=True)  # compiled with other columns
+    np.testing.assert_array_equal(given.truth, again.truth)
 
 
 def test_its_parameters_are_those_of_the_scenario(plain):

@@ -11,6 +11,7 @@ import importlib.abc
 import importlib.machinery
 from importlib.machinery import PathFinder
 import importlib.util
+import itertools
 from pathlib import Path
 import signal
 import sys
@@ -19,7 +20,8 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 from . import limits
-from .compilation.constants import kept, same
+from .compilation.constants import compiled_functions, kept
+from .compilation.twins import twins
 from .compiled import own_cache, OWN_MODULES
 from .errors import MamboError
 from .schema import ParameterError
@@ -313,7 +315,7 @@ class _Beside(importlib.abc.MetaPathFinder):
 
 def _run(path: Path, files: set[Path], version: str) -> ModuleType:
     """Return a new module of a file; its name ends with a version of what it depends on."""
-    name = f'{OWN_MODULES}{path.stem}_{version[:16]}'
+    name = _name(path, version)
     beside = _Beside(path, name, files)
     spec = importlib.util.spec_from_file_location(
         name, path, loader=_FromSource(path, name, beside))
@@ -335,6 +337,10 @@ def _run(path: Path, files: set[Path], version: str) -> ModuleType:
             raise ParameterError(f'{at}: {error.msg}') from None
         raise ParameterError(f'{fault_place(path, error)}: {describe(error)}') from None
     return module
+
+
+def _name(path: Path, version: str) -> str:
+    return f'{OWN_MODULES}{path.stem}_{version[:16]}'
 
 
 def _modules(name: str) -> list[str]:
@@ -390,20 +396,34 @@ def load_file(path: Path) -> ModuleType:
 
 
 def _load(path: Path, files: set[Path], sha256: str) -> ModuleType:
-    """Return a new module of a file, or the one of before if it holds nothing else."""
+    """
+    Return a new module of a file, or a former one with compiled functions that holds the same.
+
+    numba takes two NamedTuples of one name for the same type in some places and not in others, so
+    two modules with compiled functions never have the same name.
+    """
     module = _run(path, files, sha256)
-    if values := kept(module, module.__name__):
-        new = _parts(module.__name__)
+    if next(compiled_functions(module, module.__name__), None) is None:
+        return module
+    values = kept(module, module.__name__)
+    new = _parts(module.__name__)
+    _drop(module.__name__)
+    for number in itertools.count():
+        content = f'{sha256} {sorted(values.items())} {number}'
+        version = hashlib.sha256(content.encode()).hexdigest()
+        old = _parts(_name(path, version))
+        file = getattr(old.get(''), '__file__', None)
+        if file is None:  # there is none, or an empty one that stands for it in an index
+            break
+        if file == module.__file__ and old.keys() == new.keys():
+            with bounded(path):
+                if all(twins(old[part], new[part]) for part in new):
+                    return old['']  # with what it has compiled
+    module = _run(path, files, version)
+    again = kept(module, module.__name__)
+    if changing := sorted(name for name in values if again.get(name) != values[name]):
         _drop(module.__name__)
-        version = hashlib.sha256(f'{sha256} {sorted(values.items())}'.encode()).hexdigest()
-        old = _parts(f'{OWN_MODULES}{path.stem}_{version[:16]}')
-        if old.keys() == new.keys() and all(same(old[part], new[part]) for part in new):
-            return old['']  # with what it has compiled
-        module = _run(path, files, version)
-        again = kept(module, module.__name__)
-        if changing := sorted(name for name in values if again.get(name) != values[name]):
-            _drop(module.__name__)
-            raise ParameterError(
-                f'{path.parent / changing[0]} has another value each time the file is loaded, and '
-                'compiled code keeps one: make it a parameter, or leave out @jit')
+        raise ParameterError(
+            f'{path.parent / changing[0]} has another value each time the file is loaded, and '
+            'compiled code keeps one: make it a parameter, or leave out @jit')
     return module

@@ -213,6 +213,23 @@ def test_compiled_code_is_that_of_the_values_that_it_keeps(write, tmp_path):
         sys.modules[name], '__file__', None) == str(path)]) == 2
 
 
+def test_modules_with_compiled_functions_never_share_a_name(write, tmp_path):
+    text = ('from typing import NamedTuple\nfrom mambo_model.compiled import jit\n\n\n'
+            'class Pair(NamedTuple):\n    x: float\n\n\n@jit\ndef step(x):\n    return Pair(x)\n')
+    found = [load_file(write(text))]
+    forget()
+    assert load_file(write(text)) is found[0]  # it has not changed
+    (tmp_path / 'beside').mkdir()
+    found.append(load_file(write(text, 'beside/mine.py')))
+    odd = f'{text}\nimport threading\nLOCK = threading.Lock()\n'  # that cannot be compared
+    for _ in range(2):
+        forget()
+        found.append(load_file(write(odd)))
+    assert len({module.__name__ for module in found}) == len(found) == 4
+    assert all(type(module.step(1.0)) is module.Pair for module in found)
+    assert len({module.Pair.__name__ for module in found}) == 4
+
+
 def test_a_value_that_differs_each_time_is_no_constant_of_compiled_code(write, tmp_path):
     (tmp_path / 'gain.txt').write_text('1')
     path = write(COMPILED.replace(

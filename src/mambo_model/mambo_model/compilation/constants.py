@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import enum
 import hashlib
 from pathlib import Path
-from types import CodeType, FunctionType, ModuleType, SimpleNamespace
+from types import CodeType, ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from ..compiled import CPUDispatcher
 
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), np.generic, enum.Enum)
-_UNKNOWN = b'\0unknown\0'  # a part of a value that cannot be compared
+_UNKNOWN = b'\0unknown\0'  # a part of a value that compiled code does not keep
 
 
 def kept(module: ModuleType, within: str) -> dict[str, str]:
@@ -40,60 +40,38 @@ def kept(module: ModuleType, within: str) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     seen: set[int] = set()
-    for function in _compiled_functions(module, module.__name__, set()):
+    for function in compiled_functions(module, module.__name__):
         _follow(function, within, seen, found)
     return found
 
 
-def same(one: ModuleType, two: ModuleType) -> bool:
-    """Return whether two modules of one source hold the same values, as far as that is known."""
-    contents = [_contents(module, module.__name__, set()) for module in (one, two)]
-    return contents[0] is not None and contents[0] == contents[1]
+def compiled_functions(
+    holder: Any, module: str, seen: set[int] | None = None,
+) -> Iterator[Any]:
+    """
+    Yield the compiled functions of a module, and of its classes and objects inside.
 
+    Parameters
+    ----------
+    holder
+        The module, or a class in it.
+    module
+        Name of the module; those of modules beside it begin with it.
+    seen
+        Classes by their ids that are not looked at again.
 
-def _contents(holder: Any, module: str, seen: set[int]) -> list[tuple[str, Any]] | None:
-    """Return the values of a module or class by name; None if one of them cannot be compared."""
-    seen.add(id(holder))
-    out: list[tuple[str, Any]] = []
-    for name, value in list(vars(holder).items()):
-        if name.startswith('__') and name not in ('__version__', '__dataclass_fields__'):
-            continue
-        if isinstance(value, staticmethod):
-            value = value.__func__
-        function = getattr(value, 'py_func', value)
-        if isinstance(value, type):
-            inner = [] if value.__module__ != module or id(value) in seen else _contents(
-                value, module, seen)
-            if inner is None:
-                return None
-            out.append((name, inner))
-        elif isinstance(function, FunctionType):
-            if function.__closure__ or function.__defaults__:
-                return None
-        elif name == '__dataclass_fields__':
-            defaults = [_content(field.default) for field in value.values()]
-            if None in defaults:
-                return None
-            out.append((name, defaults))
-        elif not isinstance(value, ModuleType):
-            if (content := _content(value)) is None or _UNKNOWN in content:
-                return None
-            out.append((name, content))
-    return out
-
-
-def _compiled_functions(holder: Any, module: str, seen: set[int]) -> Iterator[Any]:
-    """Yield the compiled functions of a module, and of its classes and objects inside."""
+    """
+    seen = set() if seen is None else seen
     for value in list(vars(holder).values()):
         if isinstance(value, staticmethod):
             value = value.__func__
         if isinstance(value, CPUDispatcher):
             yield value
         elif isinstance(value, type):
-            if value.__module__ == module and id(value) not in seen:
+            if value.__module__.startswith(module) and id(value) not in seen:
                 seen.add(id(value))
-                yield from _compiled_functions(value, module, seen)
-        elif isinstance(value, SimpleNamespace) or type(value).__module__ == module:
+                yield from compiled_functions(value, module, seen)
+        elif isinstance(value, SimpleNamespace) or type(value).__module__.startswith(module):
             yield from (part for part in getattr(value, '__dict__', {}).values()
                         if isinstance(part, CPUDispatcher))
 
