@@ -278,6 +278,8 @@ def _print_outcome(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
         print(outcome.delay)
     if line := outcome.overloaded():
         print(line)
+    for line in outcome.remarks:
+        print(f'warning: {line}')
     if outcome.used and outcome.took:
         print(outcome.spent())
     print_refused(outcome.refused)

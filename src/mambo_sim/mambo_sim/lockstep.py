@@ -16,6 +16,7 @@ from .parameters import STEP_NS
 
 _ASK_AGAIN = 5.0  # s of wall time between log lines that name the missing motor command
 MOST_STEPS = 1_000_000  # of one request, while paused
+LATE = 0.05  # [-] of the wall time that a flight in real time takes longer than asked for
 
 
 class Pause:
@@ -69,6 +70,30 @@ class Pause:
             return True
         self._steps -= bool(going := self._steps > 0)
         return going
+
+
+class Limit:
+    """
+    Logs the first motor command that is above the limit of the vehicle.
+
+    Parameters
+    ----------
+    sim
+        Node of the simulator.
+
+    """
+
+    def __init__(self, sim: Any) -> None:
+        self._sim, self._told = sim, False
+
+    def look(self, t: int, pwm: tuple) -> None:
+        """Look at a motor command, (4,) PWM, with the stamp t in ns."""
+        limit = self._sim.params.simulator.vehicle.pwm_max
+        if max(pwm) > limit and not self._told:
+            self._told = True
+            self._sim.get_logger().warning(
+                f'motor_pwm of t = {t * 1e-9:.3f} s is {max(pwm):g}, above pwm_max of the '
+                f'vehicle: it and later ones are limited to {limit:g}')
 
 
 def status(missed: int, starved: int, limit: float) -> tuple[int, str]:
@@ -183,6 +208,10 @@ def run(sim: Any, loop: Any) -> int:
             break
         sim.advance()
     took = time.monotonic() - began
+    late = took - (sim.t + STEP_NS) * 1e-9 / speed
+    if not lockstep and late > LATE * took:
+        log.warning(f'fell {late:.2f} s behind the wall clock: the controller or the machine is '
+                    f'too slow for speed {speed:g}')
     log.info(f'flew {sim.t * 1e-9:.3f} s in {took:.3f} s of wall time, '
              f'{sim.missed} steps without their motor command')
     if sim.delays.count:

@@ -50,6 +50,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._tick, self._sensed_t, self.missed = 0, -STEP_NS, 0
         self._pwm, self._shutdown, self._answered = _STILL, False, -1
         self._last_command = time.monotonic()  # s of wall time
+        self._limit = lockstep.Limit(self)
         self.sensed, self.delays = 0.0, Delays()  # s, newest IMU sample; from it to the command
         self.starved = -1  # ns, when the watchdog stopped the motors; -1: it has not
         self._starved_after = 0.0  # s of wall time without a motor command
@@ -96,6 +97,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
     def _on_pwm(self, t: int, pwm: tuple, shutdown: bool) -> None:
         self._answered, self._pwm, self._shutdown = t, _STILL if shutdown else pwm, shutdown
         self._last_command = time.monotonic()
+        self._limit.look(t, self._pwm)
         if t == self.t and self.sensed:  # not a command from before the first sample
             self.delays.add(self._last_command - self.sensed)
 

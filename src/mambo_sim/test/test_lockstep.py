@@ -175,6 +175,24 @@ def test_a_step_that_began_late_leaves_its_period_for_the_answer(clock):
     assert clock.now - 100.0 == pytest.approx(0.105, abs=1e-6)  # and the delay is made up for
 
 
+@pytest.mark.parametrize(('mode', 'speed', 'busy', 'said'), [
+    ('realtime', 2.0, 0.01, 'fell 0.39 s behind the wall clock: the controller or the machine '
+     'is too slow for speed 2'), ('realtime', 1.0, 0.002, ''), ('lockstep', 1.0, 0.01, '')])
+def test_a_flight_in_real_time_says_how_far_it_fell_behind(
+        clock, caplog, mode, speed, busy, said):
+    sim = Sim(mode=mode, duration=0.2, speed=speed)
+    sense = sim.sense
+
+    def work():
+        clock.now += busy
+        sense()
+
+    sim.sense = work
+    assert lockstep.run(sim, Loop(sim, clock, lambda t: 0.002)) == 0
+    warnings = [record.message for record in caplog.records if record.levelname == 'WARNING']
+    assert warnings == ([said] if said else []) and sim.missed == 0
+
+
 def test_a_graph_that_is_silent_in_real_time_is_given_up_at_the_end(clock):
     sim = Sim(mode='realtime', duration=5.0, patience=1.0)
     assert lockstep.run(sim, Loop(sim, clock, lambda t: None)) == 1

@@ -5,8 +5,10 @@ from types import SimpleNamespace
 
 from mambo_sim import sim_node
 from mambo_sim.delays import Delays
+from mambo_sim.lockstep import Limit
 from mambo_sim.parameters import STEP_NS
 from mambo_sim.sim_node import SimNode
+from mambo_sim.simulator import SimulatorParams
 import pytest
 
 TURNING, STILL = (200.0,) * 4, (0.0,) * 4
@@ -25,11 +27,12 @@ def sim(wall):
     class Bare(SimNode):
         def __init__(self):
             self._tick, self._answered, self._last_command = 0, -1, wall.now
-            self._pwm, self._shutdown = TURNING, False
+            self._pwm, self._shutdown, self._limit = TURNING, False, Limit(self)
             self.starved, self._starved_after, self.missed = -1, 0.0, 0
             self.sensed, self.delays, self.reports = wall.now, Delays(), []
 
-        params = SimpleNamespace(motor_timeout=0.2, patience=5.0, mode='realtime')
+        params = SimpleNamespace(motor_timeout=0.2, patience=5.0, mode='realtime',
+                                 simulator=SimulatorParams())
         commands = SimpleNamespace(refused={'stale': 2})
 
         def get_logger(self):
@@ -93,6 +96,17 @@ def test_a_late_answer_moves_the_motors_but_is_not_that_of_the_step(sim, wall):
 def test_a_shutdown_is_no_thrust(sim):
     sim._on_pwm(0, TURNING, True)
     assert sim._pwm == STILL and sim._shutdown
+
+
+def test_the_first_command_above_the_largest_pwm_is_told(sim, caplog):
+    sim._on_pwm(0, (500.0,) * 4, False)
+    sim._on_pwm(STEP_NS, (900.0,) * 4, True)  # shut down
+    assert not caplog.records
+    for k in (2, 3):
+        sim._on_pwm(k * STEP_NS, (1.0, 2.0, 65535.0, 501.0), False)
+    assert [record.message for record in caplog.records] == [
+        'motor_pwm of t = 0.010 s is 65535, above pwm_max of the vehicle: it and later ones are '
+        'limited to 500']
 
 
 def test_giving_up_stops_the_motors_and_says_what_was_refused(sim, caplog):

@@ -254,14 +254,24 @@ def _refuse_jump(t: Floats, offset: Floats) -> None:
                     f'{t[after]:.1f} s on: cut the recordings between; or give --offset SECONDS')
 
 
-def _refuse_mirrored(path: Path, own: motion.Motion, tracked: motion.Motion, shift: int) -> None:
-    """Raise BagError if a capture, so many ns late, shows the drone's own path mirrored."""
+def _check_path(path: Path, own: motion.Motion, tracked: motion.Motion, shift: int) -> str:
+    """
+    Return a line, or '', on a capture, so many ns late, with another scale than the drone's path.
+
+    Raises
+    ------
+    BagError
+        If the capture shows the path mirrored.
+
+    """
     there = resample.interpolate(
         own.stamps, tracked.stamps + shift, tracked.position,
         resample.longest_step(tracked.stamps))
     both = np.isfinite(there).all(axis=1) & np.isfinite(own.position).all(axis=1)
     if said := plausible.mirrored(own.position[both, :2], there[both, :2]):
         raise BagError(f'{path}: {said}: import it with the right axes')
+    said = plausible.other_scale(own.position[both, :2], there[both, :2])
+    return f'warning: {path}: {said}\n' if said else ''
 
 
 def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
@@ -302,8 +312,8 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
     tracked = motion.read(other, POSE)
     clock = Clock(offset, math.nan, 'given') if offset is not None else find_clock(bag, tracked)
     shift = round(clock.offset * 1e9)
-    if OWN[0] in bag:
-        _refuse_mirrored(mocap, motion.read(bag, OWN[0]), tracked, shift)
+    note = _check_path(
+        mocap, motion.read(bag, OWN[0]), tracked, shift) if OWN[0] in bag else ''
     parts = [mcap_reader.scan(file) for file in bag_files(flight)[0]]
     copied = [message for part in parts for message in in_order(part)]
     end = max(log_time for _, log_time, _, _ in copied)
@@ -332,8 +342,8 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
     error = '' if offset is not None else f' +- {1.96e3 * clock.sigma:.1f} ms (95 %)'
     unused = ''.join(f'not used, {reason}\n' for reason in clock.unused)
     return (f'clock of the motion capture moved by {clock.offset:+.4f} s{error}, by '
-            f'{clock.source}\n{unused}{len(added)} poses added, {int((~inside).sum())} outside of '
-            f'the flight left out\nbag: {target}')
+            f'{clock.source}\n{unused}{note}{len(added)} poses added, {int((~inside).sum())} '
+            f'outside of the flight left out\nbag: {target}')
 
 
 def parser() -> Parser:

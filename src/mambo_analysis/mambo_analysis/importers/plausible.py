@@ -36,6 +36,7 @@ and flow up to 4.5 (99 %)."""
 NOISY = ('sonar', 'pressure')  # which never rest
 SAME_RATE = (0.6, 3.0)  # correlation of gyro and onboard rate, and their factor
 MIRRORED = (0.8, 0.3)  # explained shares of a path, by its mirror image and by itself
+SAME_SCALE = (0.8, 1.25, 0.8)  # factor of two paths, and the explained share from which it counts
 
 
 def refuse_pace(where: str, times: Floats) -> None:
@@ -244,18 +245,47 @@ def mirrored(path: Floats, position: Floats) -> str | None:
         That of the motion capture at the same times.
 
     """
+    if (paths := _moving(path, position)) is None:
+        return None
+    ours, theirs = paths
+    image, itself = (_explained(theirs, _unit(np.vdot(x, theirs)) * x)
+                     for x in (ours.conj(), ours))
+    if image < MIRRORED[0] or itself > MIRRORED[1]:
+        return None
+    return ('the motion capture shows the mirror image of the path that the drone estimates: two '
+            'of its axes are swapped, or one has the wrong sign')
+
+
+def other_scale(path: Floats, position: Floats) -> str | None:
+    """
+    Return in words that a motion capture shows the drone's own path larger or smaller.
+
+    Parameters as of :func:`mirrored`.
+    """
+    if (paths := _moving(path, position)) is None:
+        return None
+    ours, theirs = paths
+    factor = np.vdot(ours, theirs) / np.vdot(ours, ours)
+    low, high, least = SAME_SCALE
+    if low <= abs(factor) <= high or _explained(theirs, factor * ours) < least:
+        return None
+    return (f'the path in the motion capture is {abs(factor):.3g} times as large as the one that '
+            'the drone estimates: its unit, or the scale of the optical flow, is wrong')
+
+
+def _moving(path: Floats, position: Floats) -> tuple[Floats, Floats] | None:
+    """Return two horizontal paths about their means as complex numbers; None: too little."""
     if len(path) < LEAST_ROWS:
         return None
     ours, theirs = ((x - x.mean(axis=0)) @ [1.0, 1.0j] for x in (path, position))
     if np.abs(ours).std() < 1e-9 or np.sqrt(np.mean(np.abs(theirs) ** 2)) < LEAST_CHANGE:
         return None
-    image, itself = (
-        1.0 - float(np.sum(np.abs(theirs - turn * x) ** 2) / np.sum(np.abs(theirs) ** 2))
-        for x in (ours.conj(), ours) for turn in [_unit(np.vdot(x, theirs))])
-    if image < MIRRORED[0] or itself > MIRRORED[1]:
-        return None
-    return ('the motion capture shows the mirror image of the path that the drone estimates: two '
-            'of its axes are swapped, or one has the wrong sign')
+    return ours, theirs
+
+
+def _explained(path: Floats, model: Floats) -> float:
+    """Return the share of a complex path's variance that a model explains."""
+    return 1.0 - float(np.sum(np.abs(path - model) ** 2) / np.sum(np.abs(path) ** 2))
 
 
 def _unit(number: complex) -> complex:

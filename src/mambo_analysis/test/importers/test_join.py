@@ -350,7 +350,11 @@ def test_a_mirrored_capture_is_refused(change):
     path = np.stack([0.5 * np.cos(t) + 0.05 * t, 0.5 * np.sin(t), 1.0 + 0.0 * t], axis=1)
     own = motion.Motion('onboard/odom', stamps, path + [3.0, 1.0, 0.0], None)
     seen = motion.Motion('optitrack/pose', stamps - 5_000_000_000, path, None)
-    join._refuse_mirrored(Path('take'), own, seen, 5_000_000_000)
+    assert join._check_path(Path('take'), own, seen, 5_000_000_000) == ''
+    larger = dataclasses.replace(seen, position=1.5 * path)
+    assert join._check_path(Path('take'), own, larger, 5_000_000_000) == (
+        'warning: take: the path in the motion capture is 1.5 times as large as the one that the '
+        'drone estimates: its unit, or the scale of the optical flow, is wrong\n')
     seen = dataclasses.replace(seen, position=path * change if change else path[:, [1, 0, 2]])
     with pytest.raises(BagError, match='take: the motion capture shows the mirror image .* axes'):
-        join._refuse_mirrored(Path('take'), own, seen, 5_000_000_000)
+        join._check_path(Path('take'), own, seen, 5_000_000_000)

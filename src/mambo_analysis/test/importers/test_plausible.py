@@ -155,3 +155,14 @@ def test_a_path_that_tells_nothing_is_no_mirror_image():
     for own, seen in ((line, line[:, ::-1]), (drift, path[:, ::-1]), (path, 0.01 * path[:, ::-1]),
                       (0.0 * path, path), (path[:20], path[:20, ::-1]), (path[:0], path[:0])):
         assert plausible.mirrored(own, seen) is None
+        assert plausible.other_scale(own, seen) is None
+
+
+@pytest.mark.parametrize(('factor', 'text'), [
+    (0.7, '0.7 times'), (0.85, None), (1.0, None), (1.2, None), (1.4, '1.4 times'),
+    (1000.0, '1e+03 times')])
+def test_another_scale_of_the_path_is_told(factor, text):
+    path = np.column_stack([np.cos(0.7 * T), np.sin(0.7 * T)])
+    said = plausible.other_scale(path, factor * turned(path, 2.0))
+    assert text in said if text else said is None
+    assert plausible.other_scale(path, factor * path[:, ::-1]) is None  # another path

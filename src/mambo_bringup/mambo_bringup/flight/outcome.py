@@ -24,6 +24,8 @@ _BEGUN = re.compile(r'flying in \w+ mode$')
 _COLLIDED = re.compile(r'/\S+ and /\S+ collided at t = [\d.]+ s: [\d.]+ m apart')
 _PACED = re.compile(r'flying in realtime mode$')
 _WAITS = re.compile(r'waiting for .*')
+_REMARK = re.compile(
+    r'motor_pwm of t = .* are limited to .*|fell [\d.]+ s behind the wall clock.*')
 _TIME = re.compile(r't = ([\d.]+) s$')
 MANY = 0.05  # [-] of the steps without a motor command, from which the flight is another one
 _QUIET = 10.0  # s without a word where no progress bar is seen; each further wait is twice as long
@@ -45,6 +47,7 @@ class Outcome:
     fault: str = ''  # why the flight ended early, one line
     whole: bool = False  # whether the full duration was flown
     collisions: list[str] = field(default_factory=list)  # in the hall, one line each
+    remarks: list[str] = field(default_factory=list)  # of the simulator, one line each
 
     @property
     def real_time_factor(self) -> float:
@@ -84,6 +87,7 @@ class Progress:
         self.begun = self.ended = False
         self.lines = 0
         self.collisions: list[str] = []
+        self.remarks: list[str] = []
         self._doing, self._said = 'starting (compiles once)', _QUIET
         self._bar = tqdm(
             total=duration, desc=self._doing, leave=False, disable=None if shown else True,
@@ -98,6 +102,8 @@ class Progress:
             self.ended = True
         elif found := _COLLIDED.search(text):
             self.collisions.append(found[0])
+        elif found := _REMARK.search(text):
+            self.remarks.append(found[0])
         elif found := _DELAY.search(text):
             self.delay = found[0]
         elif found := _WAITS.search(text):

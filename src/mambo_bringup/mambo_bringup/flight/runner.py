@@ -194,4 +194,4 @@ def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess],
     return Outcome(
         bag, progress.flown, progress.took, progress.missed, progress.delay,
         group.interrupts.first, used(nodes), refused(nodes), closed, fault,
-        whole=progress.flown >= asked, collisions=progress.collisions)
+        whole=progress.flown >= asked, collisions=progress.collisions, remarks=progress.remarks)

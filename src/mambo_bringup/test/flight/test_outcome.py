@@ -50,6 +50,19 @@ def test_what_nodes_refused_is_of_the_outcome_the_last_count_of_each(graph, tmp_
             in capsys.readouterr().out.splitlines())
 
 
+def test_what_the_simulator_remarks_is_printed(graph, tmp_path, capsys):
+    pwm = 'motor_pwm of t = 1.000 s is 900, above pwm_max of the vehicle: it and later ones are '
+    lines = [f'{pwm}limited to 500', 'fell 2.34 s behind the wall clock: the controller or the '
+             'machine is too slow for speed 1']
+    graph(sim_node=''.join(
+        f"print('[WARN] [1.0] [mambo.sim_node]: {line}')\n" for line in lines) + FLEW)
+    outcome = fly(short(), tmp_path / 'bag')
+    assert outcome.remarks == lines
+    run._print_outcome(outcome, tmp_path / 'bag', no_report=True)
+    assert [f'warning: {line}' for line in lines] == [
+        line for line in capsys.readouterr().out.splitlines() if line.startswith('warning')]
+
+
 def test_when_time_is_real_all_but_the_recorder_go_before_others(graph, tmp_path, monkeypatch):
     hurried = []
     monkeypatch.setattr(

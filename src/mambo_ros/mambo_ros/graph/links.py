@@ -18,6 +18,7 @@ _ASK_AGAIN = 5.0  # s of wall time after which a waiting node says what it waits
 _GUESTS = 5.0  # s of wall time for which the links of nodes that nobody expects are waited for
 _CROWDED = 10.0  # s of wall time that a second publisher or a namesake has to leave
 _CLEARED = 0.3  # s of wall time for the nodes to notice that it has
+_DISCOVERY = 1.0  # s of wall time to find another flight, for an owner that expects nobody
 
 
 class Links:
@@ -32,7 +33,8 @@ class Links:
 
     Anybody may announce anything (``announcements``). Nodes that nobody expects
     hold up the start by ``_GUESTS`` at most, and a topic with a second publisher or a second node
-    of one name by ``_CROWDED``: the flight then does not begin.
+    of one name by ``_CROWDED``: the flight then does not begin. An owner that expects nobody looks
+    for another flight for ``_DISCOVERY``.
 
     Parameters
     ----------
@@ -193,7 +195,8 @@ class Links:
             since['crowd'] = since['crowd'] if self._crowd else now
             since['guests'] = since['guests'] if missing and not self.missing(False) else now
             stranded = missing and now - since['guests'] > _GUESTS
-            if now - crowded > _CLEARED and (not missing or stranded):
+            looked = self._expected or now - began > _DISCOVERY
+            if looked and now - crowded > _CLEARED and (not missing or stranded):
                 self._crowd = self._too_many(self._heard.look())  # now, not a moment ago
                 if not self._crowd and stranded:
                     self._owner.get_logger().warning(f'begins without {missing}')

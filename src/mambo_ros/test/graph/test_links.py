@@ -189,6 +189,21 @@ def test_an_owner_of_time_stops_waiting_when_it_is_not_alone(monkeypatch):
     other.destroy_node()
 
 
+def test_an_owner_of_time_that_expects_nobody_finds_a_flight_that_it_discovers_late(monkeypatch):
+    monkeypatch.setattr('mambo_ros.graph.links._CROWDED', 0.3)
+    sim, others, logged = node('sim', [topics.CLOCK]), [], []
+    monkeypatch.setattr(type(sim.get_logger()), 'error', lambda self, text: logged.append(text))
+    links, loop = Links(sim, ''), Loop(sim)
+    timer = threading.Timer(0.5, lambda: others.append(
+        node('sim', [topics.CLOCK], namespace='two')))
+    timer.start()
+    assert links.wait(loop, PATIENCE) is False
+    timer.join()
+    loop.close()
+    assert len(logged) == 1 and 'the flight does not begin: /clock: 2 publishers' in logged[0]
+    others[0].destroy_node()
+
+
 def test_the_log_names_what_is_missing_when_patience_ends(monkeypatch):
     sim, estimator = flight('sim', 'estimator')
     links, loop, logged = Links(sim, 'estimator,controller'), Loop(sim), []

@@ -88,6 +88,16 @@ def test_discovery_over_the_network_does_not_need_it(monkeypatch):
     loopback.check()
 
 
+@pytest.mark.parametrize(('name', 'value', 'text'), [
+    (RANGE, 'localhost', "= 'localhost' is not one of LOCALHOST, SUBNET, OFF, SYSTEM_DEFAULT"),
+    (RANGE, 'LOCAL', "= 'LOCAL' is not one of"),
+    (PROFILES, '/nowhere/fast.xml', ': /nowhere/fast.xml cannot be read: name the file')])
+def test_a_setting_that_the_middleware_would_pass_over_is_refused(monkeypatch, name, value, text):
+    monkeypatch.setenv(name, value)
+    with pytest.raises(JobError, match=f'^{name}.*{text}'):
+        loopback.check()
+
+
 @pytest.mark.parametrize('ros, enabled, refused', [
     ('wheels', 'true', True), ('wheels', 'false', False), ('system', 'true', False)])
 def test_security_that_the_wheels_lack_is_refused(monkeypatch, ros, enabled, refused):
